@@ -1,0 +1,177 @@
+"""The seam between USD and the core: a scene as frozen data and numpy arrays. Knows neither USD nor Embree.
+
+Matrices are 4x4 float64 in column-vector convention, named right to left (`world_from_object`). Lengths are scene
+units. Colours are linear in the rendering colour space (Rec.709 primaries, D65). The package `usd` makes a SceneDescription; `scene_upload` hands it to the core.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float32]
+Doubles = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """UsdPreviewSurface's constant inputs, or a Lambert surface of `diffuse_color` (exactly albedo / pi).
+
+    `thin`: what is not opaque lets light straight through (else it refracts by `ior`; needs closed geometry).
+    """
+
+    path: str  # the material's prim path, "" for one made from displayColor
+    lambert: bool = False
+    diffuse_color: tuple[float, float, float] = (0.18, 0.18, 0.18)
+    emissive_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    use_specular_workflow: bool = False
+    specular_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    metallic: float = 0.0
+    roughness: float = 0.5
+    clearcoat: float = 0.0
+    clearcoat_roughness: float = 0.01
+    opacity: float = 1.0
+    presence: bool = False  # opacityMode "presence": opacity scales everything, else it scales the diffuse part only
+    ior: float = 1.5
+    thin: bool = False
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles in object space; cross(p1 - p0, p2 - p0) points outwards (left-handed input is already flipped)."""
+
+    path: str
+    points: Floats  # (N, 3)
+    triangles: Ints  # (T, 3), indices into points, all in range
+    normals: Floats | None  # None: flat; (N, 3): per point; (3T, 3): per triangle corner. Unit length, outwards.
+    colors: Floats | None  # None: the surface's own; (T, 3), (N, 3) or (3T, 3): multiplies diffuse_color (made white)
+    surface: int | Ints  # index into SceneDescription.surfaces, or (T,) of them
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """An exact sphere about the object-space origin."""
+
+    path: str
+    radius: float
+    surface: int
+
+
+Shape = Mesh | Sphere
+
+
+@dataclass(frozen=True)
+class Placed:
+    """One shape with its matrix: to the world when static, to the prototype's space inside a Prototype."""
+
+    shape: int
+    matrix: Doubles  # (4, 4)
+
+
+@dataclass(frozen=True)
+class Prototype:
+    """Geometry stored once and placed many times; flat (nested instancing is flattened by translation)."""
+
+    path: str
+    shapes: tuple[Placed, ...]
+
+
+@dataclass(frozen=True)
+class Placement:
+    prototype: int
+    world_from_prototype: Doubles  # (K, 3, 4): the upper three rows
+
+
+class LightType(Enum):
+    DISTANT = "distant"
+    POINT = "point"
+    SPHERE = "sphere"
+    DISK = "disk"
+    RECT = "rect"
+    CYLINDER = "cylinder"
+    DOME = "dome"
+
+
+@dataclass(frozen=True)
+class TextureFile:
+    path: str  # resolved by Ar: a file, or "package.usdz[member]"
+    color_space: str  # "auto", "raw", "sRGB" or a colour space's name
+
+
+@dataclass(frozen=True)
+class Light:
+    """One UsdLux light, already reduced to what it emits.
+
+    Local frames as in UsdLux: rect, disk in the XY plane emitting along -Z; cylinder along X; distant emits along -Z;
+    dome's pole +Y, image centre +Z, left edge of the image at +Z rotated by pi, s = 0.5 - atan2(x, z) / 2 pi.
+    `emission`: DISTANT with angle 0: irradiance at normal incidence; POINT: radiant intensity per steradian, in scene units squared;
+    all others: radiance (for a dome the factor of its texture).
+    """
+
+    path: str
+    type: LightType
+    world_from_light: Doubles  # (4, 4), with all scaling
+    emission: tuple[float, float, float]
+    width: float = 1.0
+    height: float = 1.0
+    radius: float = 0.5
+    length: float = 1.0
+    angle_deg: float = 0.0  # full angle of a distant light
+    diffuse: float = 1.0
+    specular: float = 1.0
+    texture: TextureFile | None = None  # dome
+
+
+class Projection(Enum):
+    PERSPECTIVE = "perspective"
+    ORTHOGRAPHIC = "orthographic"
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Looks along -Z of its frame, +Y up. `window` = (left, right, bottom, top) at unit distance (perspective) or in
+    scene units (orthographic), already conformed to the image's aspect ratio."""
+
+    path: str  # "" for the automatic one
+    world_from_camera: Doubles  # (4, 4), rigid
+    projection: Projection
+    window: tuple[float, float, float, float]
+    clipping_range: tuple[float, float]
+    lens_radius: float = 0.0  # scene units; 0: pinhole
+    focus_distance: float = 0.0  # scene units, along -Z
+    exposure_scale: float = 1.0  # multiplies the image
+
+    def project(self, points: npt.ArrayLike, resolution: tuple[int, int]) -> Doubles:
+        """Pixel positions (N, 2), x right and y down from the upper left corner, of world `points` (N, 3).
+
+        Points behind a perspective camera give NaN.
+        """
+        p = np.atleast_2d(np.asarray(points, np.float64))
+        camera_from_world = np.linalg.inv(self.world_from_camera)
+        q = p @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
+        xy = q[:, :2].copy()
+        if self.projection is Projection.PERSPECTIVE:
+            depth = np.where(q[:, 2] < 0, -q[:, 2], np.nan)
+            xy /= depth[:, None]
+        left, right, bottom, top = self.window
+        width, height = resolution
+        return np.stack([(xy[:, 0] - left) / (right - left) * width, (top - xy[:, 1]) / (top - bottom) * height], axis=1)
+
+
+@dataclass(frozen=True)
+class SceneDescription:
+    shapes: tuple[Shape, ...]
+    surfaces: tuple[Surface, ...]
+    static: tuple[Placed, ...]  # shapes used once, world_from_object
+    prototypes: tuple[Prototype, ...]
+    placements: tuple[Placement, ...]
+    lights: tuple[Light, ...]
+    camera: Camera
+    resolution: tuple[int, int]  # width, height
+    up_axis: str
+    meters_per_unit: float
+    time_code: float | None  # None: USD's default time

@@ -1,0 +1,70 @@
+"""The errors primray raises: one tree, each with a stable code, a sentence to act on, and a place.
+
+    PrimrayError
+      SceneError             the input is at fault: StageOpenError, AssetError, InvalidSceneError, UnsupportedError
+      SettingsError          the request is at fault: unknown camera, impossible resolution
+      LimitError             a stated limit was reached: memory, triangles, texture size
+      RenderCancelled        asked for, not a fault
+      InternalError          ours: a failed core invariant, an unexpected Embree code
+"""
+
+from __future__ import annotations
+
+
+class PrimrayError(Exception):
+    """Base of all; `code` is stable, `where` is a prim path, an asset or a layer ("" when the whole request is meant)."""
+
+    code = "error"
+    exit_code = 1
+
+    def __init__(self, message: str, *, where: str = "", code: str | None = None) -> None:
+        super().__init__(message)
+        self.message = message
+        self.where = where
+        if code is not None:
+            self.code = code
+
+    def __str__(self) -> str:
+        place = f" [{self.where}]" if self.where else ""
+        return f"{self.code}: {self.message}{place}"
+
+
+class SceneError(PrimrayError):
+    code = "scene-error"
+    exit_code = 3
+
+
+class StageOpenError(SceneError):
+    code = "stage-open"
+
+
+class AssetError(SceneError):
+    code = "asset-error"
+
+
+class InvalidSceneError(SceneError):
+    code = "invalid-scene"
+
+
+class UnsupportedError(SceneError):
+    code = "unsupported"
+
+
+class SettingsError(PrimrayError):
+    code = "settings-error"
+    exit_code = 2
+
+
+class LimitError(PrimrayError):
+    code = "limit"
+    exit_code = 4
+
+
+class RenderCancelled(PrimrayError):
+    code = "cancelled"
+    exit_code = 130
+
+
+class InternalError(PrimrayError):
+    code = "internal"
+    exit_code = 1
