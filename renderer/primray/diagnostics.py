@@ -36,7 +36,10 @@ class Code:
 
 
 # code -> severity and what it means; add a row here before using a new code.
-CODES: dict[str, Code] = {}
+CODES: dict[str, Code] = {
+    "texture-bad-texels": Code(Severity.WARNING, "Texels of a texture that are negative or not finite are read as 0."),
+    "texture-unreadable": Code(Severity.ERROR, "A light whose texture cannot be read is left out."),
+}
 
 
 class Diagnostics:
