@@ -13,7 +13,7 @@ PYTHON_SOURCES := $(wildcard renderer/primray service tests)
 SHOWCASE ?= $(firstword $(wildcard scenes/showcase/*/*.usda))
 DEMO = $(basename $(notdir $(SHOWCASE)))
 
-.PHONY: help setup demo test test-long check format bench wheel clean
+.PHONY: help setup demo test test-long check format docs bench wheel clean
 
 help:  ## list the commands
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -43,6 +43,9 @@ format: setup  ## format Python and C++
 	$(BIN)/ruff format $(PYTHON_SOURCES)
 	$(BIN)/ruff check --fix-only $(PYTHON_SOURCES)
 	$(if $(CORE_FORMATTED),$(BIN)/clang-format -i $(CORE_FORMATTED))
+
+docs: setup  ## bring the generated parts of README.md up to date
+	$(BIN)/python -m tests.docs.supported
 
 bench: setup  ## run the benchmarks of tests/bench
 	$(BIN)/python -m tests.bench

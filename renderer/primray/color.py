@@ -27,7 +27,7 @@ def _load_config(source: str) -> Any:
 
     try:
         return ocio.Config.CreateFromFile(source)
-    except ocio.Exception as error:
+    except (ocio.Exception, ocio.ExceptionMissingFile) as error:
         raise SettingsError(f"the OCIO configuration cannot be read: {error}", where=source, code="ocio-config") from error
 
 
