@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 
@@ -51,6 +51,10 @@ class Diagnostics:
     def add(self, code: str, prim_path: str, message: str) -> None:
         """Record one; KeyError if the code is not in `CODES`."""
         self._seen.setdefault(Diagnostic(CODES[code].severity, code, prim_path, message))
+
+    def extend(self, others: Iterable[Diagnostic]) -> None:
+        for diagnostic in others:
+            self._seen.setdefault(diagnostic)
 
     def __iter__(self) -> Iterator[Diagnostic]:
         return iter(self._seen)

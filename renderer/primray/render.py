@@ -27,7 +27,7 @@ OnInterrupt = Literal["raise", "partial"]
 
 
 def render(
-    stage: Any,
+    stage: str | os.PathLike[str] | Any,
     settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
     *,
     progress: Progress | None = None,
@@ -42,7 +42,7 @@ def render(
 
 
 def render_frames(
-    stage: Any,
+    stage: str | os.PathLike[str] | Any,
     frames: Iterable[RenderSettings],
     *,
     progress: Progress | None = None,
@@ -50,26 +50,35 @@ def render_frames(
 ) -> Iterator[Image]:
     """Render one stage several times, opening it once (the first report has the time of that)."""
     from . import usd
+    from .diagnostics import Diagnostics
     from .report import Costs
 
     costs = Costs()
-    if isinstance(stage, str | os.PathLike):
-        with costs.stage("open"):
-            stage = usd.open_stage(os.fspath(stage))
+    opening = Diagnostics()
+    with costs.stage("open"):
+        stage = usd.open_stage(stage, opening)
     for settings in frames:
-        yield _render_one(stage, settings, costs, progress, on_interrupt)
+        with costs.stage("translate"):
+            description, translating = usd.translate(stage, settings)
+        diagnostics = Diagnostics()
+        diagnostics.extend([*opening, *translating])
+        yield _render_one(description, diagnostics, settings, costs, progress, on_interrupt)
         costs = Costs()
 
 
 def _render_one(
-    stage: Any, settings: RenderSettings, costs: Costs, progress: Progress | None, on_interrupt: OnInterrupt
+    description: SceneDescription,
+    diagnostics: Diagnostics,
+    settings: RenderSettings,
+    costs: Costs,
+    progress: Progress | None,
+    on_interrupt: OnInterrupt,
 ) -> Image:
     from . import core, usd
     from .image import Image, pixels_sha256
     from .report import header_of, make_report, resolve_settings
 
-    with costs.stage("translate"):
-        description, diagnostics = usd.translate(stage, settings)
+    with costs.stage("translate"):  # of its textures
         description, textures = load_textures(description, diagnostics, usd.read_asset)
         if settings.strict:
             diagnostics.raise_if_strict()

@@ -36,17 +36,20 @@ class FakePipeline:
     """What the stand-ins return, and what they were called with."""
 
     description: SceneDescription = field(default_factory=make_description)
-    diagnostics: list[tuple[str, str, str]] = field(default_factory=list)
+    opening: list[tuple[str, str, str]] = field(default_factory=list)  # what opening says
+    diagnostics: list[tuple[str, str, str]] = field(default_factory=list)  # what translating says
     memory_bytes: int = 2**20
     interrupt: bool = False
     calls: list[str] = field(default_factory=list)
     textures: dict[str, Any] = field(default_factory=dict)
 
-    def open_stage(self, path: str) -> str:
-        self.calls.append(f"open {path}")
-        if path.startswith("missing"):
-            raise StageOpenError("there is no such file", where=path)
-        return path
+    def open_stage(self, stage: Any, diagnostics: Diagnostics) -> Any:
+        self.calls.append(f"open {stage}")
+        if stage == "missing.usda":
+            raise StageOpenError("there is no such file", where=stage)
+        for code, path, message in self.opening:
+            diagnostics.add(code, path, message)
+        return stage
 
     def translate(self, stage: Any, settings: primray.RenderSettings) -> tuple[SceneDescription, Diagnostics]:
         self.calls.append(f"translate {settings.time_code}")

@@ -43,9 +43,11 @@ def test_a_path_is_opened_translated_built_and_rendered(pipeline: FakePipeline) 
     assert image.camera is not None
 
 
-def test_a_stage_in_memory_is_not_opened(pipeline: FakePipeline) -> None:
-    render(object())
-    assert pipeline.calls[0] == "translate None"
+def test_what_opening_says_is_in_every_frames_report(pipeline: FakePipeline) -> None:
+    pipeline.opening = [("texture-bad-texels", "/a", "opening")]
+    pipeline.diagnostics = [("texture-bad-texels", "/b", "translating")]
+    for image in render_frames("a.usda", [RenderSettings(), RenderSettings()]):
+        assert [d["message"] for d in image.report["diagnostics"]] == ["opening", "translating"]
 
 
 def test_the_report(pipeline: FakePipeline) -> None:

@@ -31,6 +31,7 @@ def inspect(
 ) -> None:
     """Print what would be rendered: cameras, lights, counts, memory, diagnostics."""
     from .. import usd
+    from ..diagnostics import Diagnostics
     from ..summary import summary
     from .json_lines import print_line
 
@@ -44,8 +45,10 @@ def inspect(
         default_light=not no_default_light,
         purposes=options.purposes_of(purposes),
     )
-    stage = usd.open_stage(scene)
-    description, diagnostics = usd.translate(stage, settings)
+    diagnostics = Diagnostics()
+    stage = usd.open_stage(scene, diagnostics)
+    description, translating = usd.translate(stage, settings)
+    diagnostics.extend(translating)
     facts = {
         "type": "scene",
         "scene": scene,
