@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, field, replace
 from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
+from . import __version__
 from .settings import DEFAULT_FILTER_WIDTH, RenderSettings
 
 if TYPE_CHECKING:
@@ -79,13 +80,12 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
 def package_versions() -> dict[str, str]:
     """Versions of what takes part in a picture, without importing any of it."""
     packages = {
-        "primray": "primray",
         "usd": "usd-core",
         "embree": "embreex",
         "openimageio": "OpenImageIO",
         "ocio": "opencolorio",
     }
-    versions = {"python": sys.version.split()[0]}
+    versions = {"primray": __version__, "python": sys.version.split()[0]}
     for name, package in packages.items():
         try:
             versions[name] = metadata.version(package)
