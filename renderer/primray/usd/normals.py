@@ -12,6 +12,7 @@ from .read import value
 from .resolve import ResolvedPrim
 from .seam_mesh import Values
 from .triangulate import Triangles
+from .vectors import cross
 
 
 def read_normals(prim: ResolvedPrim, sizes: Sizes, ctx: Context) -> Primvar | None:
@@ -41,7 +42,7 @@ def shading_normals(normals: Primvar, points: Floats, triangles: Triangles) -> V
         at = triangles.points.ravel()
         values, length, good = values[at], length[at], good[at]
     p = points.astype(np.float64)[triangles.points]
-    face = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    face = cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
     face /= np.linalg.norm(face, axis=1)[:, None]
     unit = np.where(good[:, None], values / np.where(good, length, 1.0)[:, None], np.repeat(face, 3, axis=0))
     return Values(unit.astype(np.float32), "corner")

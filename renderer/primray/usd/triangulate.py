@@ -12,30 +12,39 @@ import numpy.typing as npt
 
 from ..description import Doubles, Ints
 from .ear_clip import ear_clip
+from .vectors import cross
 
 Mask = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Triangles:
     points: Ints  # (T, 3) indices of points
     corners: Ints  # (T, 3) indices into the mesh's faceVertexIndices, for values per corner
-    faces: Ints  # (T,) indices of faces, for values per face
+    faces: Ints  # (T,) indices of faces, for values per face, in order
 
 
 def triangulate(points: npt.NDArray[np.floating], counts: Ints, indices: Ints, keep: Mask | None = None) -> Triangles:
-    """Triangles of the faces that `keep` marks (all if None); topology must be valid: counts sum to the indices' number,
-    indices are in range, counts of kept faces are at least 3. Triangles without area are left out."""
+    """Triangles of the faces that `keep` marks (all if None); those without area are left out.
+
+    The topology must be valid: counts sum to the indices' number; kept faces have 3 vertices or more, all in range.
+    """
     starts = np.zeros(len(counts), np.int64)
     np.cumsum(counts[:-1], out=starts[1:])
     faces = np.arange(len(counts)) if keep is None else np.flatnonzero(keep)
+    if len(faces) == 0:
+        return Triangles(np.zeros((0, 3), np.int32), np.zeros((0, 3), np.int32), np.zeros(0, np.int32))
+    in_double = points.astype(np.float64)
     sizes = counts[faces]
-    if len(faces) and sizes.max() == 3:
-        corners = starts[faces][:, None] + np.arange(3)
-        of_face = faces
+    if sizes.min() == sizes.max():
+        corners, owners = _of_size(in_double, indices, starts, faces, int(sizes[0]))
     else:
-        corners, of_face = _fans(points, indices, starts, faces, sizes)
-    return _with_area(points, indices, corners, of_face)
+        parts = [_of_size(in_double, indices, starts, faces[sizes == n], int(n)) for n in np.unique(sizes)]
+        owners = np.concatenate([owner for _, owner in parts])
+        order = np.argsort(owners, kind="stable")
+        corners, owners = np.concatenate([corner for corner, _ in parts])[order], owners[order]
+    return _with_area(in_double, indices, corners, owners)
 
 
 def flipped(triangles: Triangles) -> Triangles:
@@ -44,78 +53,53 @@ def flipped(triangles: Triangles) -> Triangles:
     return Triangles(triangles.points[:, order], triangles.corners[:, order], triangles.faces)
 
 
-def _with_area(points: npt.NDArray[np.floating], indices: Ints, corners: npt.NDArray[np.int64], faces: Ints) -> Triangles:
+def _with_area(points: Doubles, indices: Ints, corners: Indices, faces: Indices) -> Triangles:
     """Without the triangles whose area is zero in double."""
     triangles = indices[corners]
-    p = points.astype(np.float64)[triangles]
-    solid = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]).any(axis=1)
+    p = points[triangles]
+    solid = cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]).any(axis=1)
     if not solid.all():
         triangles, corners, faces = triangles[solid], corners[solid], faces[solid]
     return Triangles(triangles.astype(np.int32, copy=False), corners.astype(np.int32), faces.astype(np.int32))
 
 
-def _fans(
-    points: npt.NDArray[np.floating], indices: Ints, starts: npt.NDArray[np.int64], faces: Ints, sizes: Ints
-) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Corners (T, 3) and faces (T,): fans from each polygon's first vertex, or from the reflex one of a quad; ears for the rest."""
-    first = starts[faces]
-    total = int(sizes.sum())
-    offsets = np.zeros(len(sizes), np.int64)
-    np.cumsum(sizes[:-1], out=offsets[1:])
-    owner = np.repeat(np.arange(len(sizes)), sizes)
-    local = np.arange(total) - offsets[owner]
-    turn = _turns(points, indices, first, sizes, offsets, owner, local)
-    flat_or_reflex = turn <= 0
-    flat_or_reflex[sizes[owner] == 3] = False
-    pivot = np.zeros(len(sizes), np.int64)
-    is_concave = np.zeros(len(sizes), bool)
-    if flat_or_reflex.any():
-        where = np.flatnonzero(flat_or_reflex)
-        number = np.bincount(owner[where], minlength=len(sizes))
-        pivot[owner[where]] = local[where]
-        is_concave = (number > 0) & ((sizes > 4) | (number > 1))
-        pivot[is_concave] = 0
-    # Fans: triangle j of a polygon is (pivot, pivot + j + 1, pivot + j + 2).
-    fan = np.flatnonzero(~is_concave)
-    number = sizes[fan] - 2
-    fan_owner = np.repeat(fan, number)
-    begin = np.zeros(len(fan), np.int64)
-    np.cumsum(number[:-1], out=begin[1:])
-    j = np.arange(len(fan_owner)) - np.repeat(begin, number)
-    steps = np.stack([np.zeros_like(j), j + 1, j + 2], axis=1) + pivot[fan_owner][:, None]
-    corners = first[fan_owner][:, None] + steps % sizes[fan_owner][:, None]
-    of_face = faces[fan_owner]
-    concave = np.flatnonzero(is_concave)
-    if len(concave) == 0:
-        return corners, of_face
-    pieces, owners = [corners], [of_face]
-    for polygon in concave:
-        at = first[polygon] + np.arange(sizes[polygon])
-        ears = ear_clip(points[indices[at]].astype(np.float64))
-        pieces.append(first[polygon] + ears)
-        owners.append(np.full(len(ears), faces[polygon]))
-    order = np.argsort(np.concatenate(owners), kind="stable")
-    return np.concatenate(pieces)[order], np.concatenate(owners)[order]
+def _of_size(points: Doubles, indices: Ints, starts: Indices, faces: Indices, n: int) -> tuple[Indices, Indices]:
+    """Corners (T, 3) and faces (T,) of polygons that all have n vertices."""
+    corners = starts[faces][:, None] + np.arange(n)
+    if n == 3:
+        return corners, faces
+    bent = _turns(points[indices[corners]]) <= 0
+    if not bent.any():
+        return _fans(corners), np.repeat(faces, n - 2)
+    number = bent.sum(axis=1)
+    if n == 4:  # a quad's fan from its one reflex vertex is right
+        one = number == 1
+        pivot = np.where(one, bent.argmax(axis=1), 0)
+        corners = np.take_along_axis(corners, (pivot[:, None] + np.arange(4)) % 4, axis=1)
+        number = np.where(one, 0, number)
+    triangles = _fans(corners).reshape(len(faces), n - 2, 3)
+    for f in np.flatnonzero(number):
+        triangles[f] = corners[f][ear_clip(points[indices[corners[f]]])]
+    return triangles.reshape(-1, 3), np.repeat(faces, n - 2)
 
 
-def _turns(
-    points: npt.NDArray[np.floating],
-    indices: Ints,
-    first: npt.NDArray[np.int64],
-    sizes: Ints,
-    offsets: npt.NDArray[np.int64],
-    owner: npt.NDArray[np.int64],
-    local: npt.NDArray[np.int64],
-) -> Doubles:
-    """Per corner: how it turns about the polygon's normal (Newell's: the sum of cross products); <= 0 is reflex or flat."""
-    size, base = sizes[owner], first[owner]
-    p = points[indices[base + local]].astype(np.float64)
-    after = points[indices[base + (local + 1) % size]].astype(np.float64)
-    before = points[indices[base + (local - 1) % size]].astype(np.float64)
-    origin = p[offsets][owner]
-    normal = np.add.reduceat(np.cross(p - origin, after - origin), offsets, axis=0)[owner]
-    cross = np.cross(p - before, after - p)
-    turn = np.einsum("ij,ij->i", cross, normal)
-    scale = np.einsum("ij,ij->i", normal, normal)
-    turn[turn <= 1e-12 * scale] = np.minimum(turn[turn <= 1e-12 * scale], 0.0)
-    return np.asarray(turn)
+def _fans(corners: Indices) -> Indices:
+    """(F * (n - 2), 3): triangles (0, j, j + 1) of each polygon."""
+    count, n = corners.shape
+    fan = np.empty((count, n - 2, 3), np.int64)
+    fan[:, :, 0] = corners[:, :1]
+    fan[:, :, 1] = corners[:, 1:-1]
+    fan[:, :, 2] = corners[:, 2:]
+    return fan.reshape(-1, 3)
+
+
+def _turns(p: Doubles) -> Doubles:
+    """(F, n) from vertices (F, n, 3): how each corner turns about its polygon's Newell normal; <= 0 is reflex or flat."""
+    n = p.shape[1]
+    edge = p[:, np.arange(1, n + 1) % n] - p
+    before = edge[:, np.arange(-1, n - 1)]
+    spoke = p - p[:, :1]
+    normal = cross(spoke[:, 1:-1], spoke[:, 2:]).sum(axis=1)
+    turn = np.einsum("fnk,fk->fn", cross(before, edge), normal)
+    flat = 1e-12 * np.einsum("fk,fk->f", normal, normal)[:, None]  # rounding of points in float cannot tell these from 0
+    return np.where(turn <= flat, np.minimum(turn, 0.0), turn)
