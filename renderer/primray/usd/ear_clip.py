@@ -67,5 +67,5 @@ def _project(polygon: Doubles) -> Doubles:
     normal = np.cross(p, np.roll(p, -1, axis=0)).sum(axis=0)
     axis = int(np.argmax(np.abs(normal)))
     u, v = (axis + 1) % 3, (axis + 2) % 3
-    plane = p[:, [u, v]]
+    plane: Doubles = p[:, [u, v]]
     return plane if normal[axis] >= 0 else plane[:, ::-1]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from ..description import Camera, Projection
+from ..description import Camera, Doubles, Projection
 from .adapters.camera import Aperture, conform, window_of
 from .adapters.render_settings import StageSettings
 from .read import When
@@ -36,7 +36,7 @@ def framing_camera(stage: Usd.Stage, when: When, resolution: tuple[int, int], st
     return Camera("", world_from_camera, Projection.PERSPECTIVE, window_of(aperture, 1 / FOCAL_LENGTH), (0.0, 3e38))
 
 
-def _bounds(stage: Usd.Stage, when: When, purposes: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+def _bounds(stage: Usd.Stage, when: When, purposes: tuple[str, ...]) -> tuple[Doubles, Doubles]:
     """Centre and size of the world's box; a unit box where the stage is empty or its bounds are not finite."""
     time = Usd.TimeCode.EarliestTime() if when.careful else when.time
     cache = UsdGeom.BBoxCache(time, list(purposes), useExtentsHint=True)

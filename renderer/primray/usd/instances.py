@@ -80,9 +80,7 @@ def _order(groups: list[Group[Leaf]]) -> tuple[list[int], set[tuple[int, int]]]:
     return done[::-1], cyclic
 
 
-def _check_limit(
-    groups: list[Group[Leaf]], order: list[int], cyclic: set[tuple[int, int]], max_bytes: int | None
-) -> None:
+def _check_limit(groups: list[Group[Leaf]], order: list[int], cyclic: set[tuple[int, int]], max_bytes: int | None) -> None:
     counts = dict.fromkeys(order, 0)
     counts[0] = 1
     for g in order:

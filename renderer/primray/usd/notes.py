@@ -13,11 +13,11 @@ from .context import Context
 from .read import read
 from .resolve import ResolvedPrim
 
-UNSUPPORTED = frozenset(
-    "BasisCurves NurbsCurves HermiteCurves Points NurbsPatch TetMesh Volume ParticleField ParticleField3DGaussianSplat "
-    "GenerativeProcedural".split()
-)
-UNSUPPORTED_LIGHTS = frozenset("PortalLight GeometryLight PluginLight LightFilter PluginLightFilter".split())
+_GEOMETRY = """BasisCurves NurbsCurves HermiteCurves Points NurbsPatch TetMesh Volume ParticleField
+    ParticleField3DGaussianSplat GenerativeProcedural"""
+UNSUPPORTED = frozenset(_GEOMETRY.split())
+_LIGHTS = "PortalLight GeometryLight PluginLight LightFilter PluginLightFilter"
+UNSUPPORTED_LIGHTS = frozenset(_LIGHTS.split())
 
 # Applied schemas (without their instance name) that could change the picture, and what is done instead.
 IGNORED_SCHEMAS = {

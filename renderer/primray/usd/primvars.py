@@ -37,7 +37,7 @@ class Sizes:
 
 
 def read_primvar(attribute: Usd.Attribute, sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
-    """A primvar of three columns, checked against the mesh; None with a diagnostic when it does not fit, None if it has no value."""
+    """A primvar of three columns, checked against the mesh; None, noted, when it does not fit; None if it has no value."""
     primvar = UsdGeom.Primvar(attribute)
     raw = value(attribute, ctx.when)
     if raw is None:

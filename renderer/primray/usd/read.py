@@ -79,9 +79,7 @@ def number(prim: Usd.Prim, name: str, when: When, default: float, diagnostics: D
     return default
 
 
-def vector(
-    prim: Usd.Prim, name: str, when: When, default: tuple[float, ...], diagnostics: Diagnostics
-) -> tuple[float, ...]:
+def vector(prim: Usd.Prim, name: str, when: When, default: tuple[float, ...], diagnostics: Diagnostics) -> tuple[float, ...]:
     """As many finite numbers as `default` has."""
     raw = read(prim, name, when)
     if raw is None:
@@ -92,7 +90,9 @@ def vector(
         values = ()
     if len(values) == len(default) and all(map(math.isfinite, values)):
         return values
-    diagnostics.add("wrong-type", str(prim.GetPath()), f"{name} = {raw!r} is not {len(default)} finite numbers; {default} is used.")
+    diagnostics.add(
+        "wrong-type", str(prim.GetPath()), f"{name} = {raw!r} is not {len(default)} finite numbers; {default} is used."
+    )
     return default
 
 

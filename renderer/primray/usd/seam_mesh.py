@@ -30,7 +30,9 @@ def seam_mesh(
         triangles = np.arange(len(order), dtype=np.int32).reshape(-1, 3)
     if colors and len(points) == len(triangles):
         colors = _to_corners(colors, triangles)
-    return Mesh(path, points, triangles, normals and normals.array, colors and colors.array, surface)
+    array_of_normals = None if normals is None else normals.array
+    array_of_colors = None if colors is None else colors.array
+    return Mesh(path, points, triangles, array_of_normals, array_of_colors, surface)
 
 
 def keep_triangles(values: Values | None, keep: npt.NDArray[np.bool_]) -> Values | None:

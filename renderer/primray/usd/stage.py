@@ -16,17 +16,17 @@ from ..diagnostics import Diagnostics
 from ..errors import StageOpenError
 
 
-def error_text(read: Callable[[], Any]) -> str:
-    """The text that `read` gives, with bytes that are not UTF-8 replaced."""
+def error_text(message: Any, field: str = "") -> str:
+    """The text of one of USD's messages or of its `field`, with bytes that are not UTF-8 replaced."""
     try:
-        return str(read())
+        return str(getattr(message, field) if field else message)
     except UnicodeDecodeError as error:
         return error.object.decode("utf-8", "replace")
 
 
 def tf_message(error: Tf.ErrorException) -> str:
     """What went wrong, without USD's source locations."""
-    texts = [error_text(lambda e=part: e.commentary) if hasattr(part, "commentary") else str(part) for part in error.args]
+    texts = [error_text(part, "commentary" if hasattr(type(part), "commentary") else "") for part in error.args]
     return "; ".join(dict.fromkeys(text.strip() for text in texts)) or "unknown USD error"
 
 
@@ -38,7 +38,7 @@ def usd_messages(diagnostics: Diagnostics, known: Callable[[str], bool] = lambda
         yield
     finally:
         for message in delegate.TakeUncoalescedDiagnostics():
-            text = error_text(lambda m=message: m.commentary).strip()
+            text = error_text(message, "commentary").strip()
             if text and not known(text):
                 diagnostics.add("usd-message", "", text)
         del delegate
@@ -50,7 +50,7 @@ def open_stage(source: str | os.PathLike[str] | Usd.Stage, diagnostics: Diagnost
     with usd_messages(diagnostics, lambda text: any(line in text for line in composed)):
         stage = source if isinstance(source, Usd.Stage) else _open(os.fspath(source))
         for error in stage.GetCompositionErrors():
-            text = error_text(lambda e=error: e)
+            text = error_text(error)
             composed.append(text)
             diagnostics.add("composition-error", _site(error), text)
     return stage

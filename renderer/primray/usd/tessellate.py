@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from ..description import Doubles, Floats, Ints
 
@@ -121,7 +122,6 @@ def revolve(bands: list[_Band], axis: str) -> Tessellated:
     )
 
 
-def _normals(circle: Doubles, normal: tuple[float, float], around: Ints) -> Doubles:
+def _normals(circle: Doubles, normal: tuple[float, float], around: npt.NDArray[np.integer]) -> Doubles:
     length = math.hypot(*normal) or 1.0
     return np.column_stack([circle[around] * (normal[0] / length), np.full(len(around), normal[1] / length)])
-

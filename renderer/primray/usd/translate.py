@@ -87,7 +87,9 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     groups = walk(ctx, kinds, point_instances)
     world, cyclic = flatten(groups, settings.max_memory_bytes or _physical_memory() // 2)
     for parent, child in cyclic:
-        diagnostics.add("invalid-instancer", groups[child].path, f"A prototype that contains itself, through {groups[parent].path}.")
+        diagnostics.add(
+            "invalid-instancer", groups[child].path, f"A prototype that contains itself, through {groups[parent].path}."
+        )
     ctx.shares = _shared_paths(groups)
     scene = _Scene()
     for group, placed in zip(groups, world, strict=True):
@@ -132,7 +134,11 @@ def _valid(world: Doubles, group: Group[ResolvedPrim], ctx: Context) -> Doubles:
     finite = np.isfinite(world).all(axis=(1, 2))
     if finite.all():
         return world
-    ctx.warn("invalid-transform", group.path, f"{int((~finite).sum())} of {len(world)} instances have transforms that are not finite.")
+    ctx.warn(
+        "invalid-transform",
+        group.path,
+        f"{int((~finite).sum())} of {len(world)} instances have transforms that are not finite.",
+    )
     return world[finite]
 
 

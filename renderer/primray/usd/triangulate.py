@@ -100,6 +100,6 @@ def _turns(p: Doubles) -> Doubles:
     before = edge[:, np.arange(-1, n - 1)]
     spoke = p - p[:, :1]
     normal = cross(spoke[:, 1:-1], spoke[:, 2:]).sum(axis=1)
-    turn = np.einsum("fnk,fk->fn", cross(before, edge), normal)
+    turn: Doubles = np.einsum("fnk,fk->fn", cross(before, edge), normal)
     flat = 1e-12 * np.einsum("fk,fk->f", normal, normal)[:, None]  # rounding of points in float cannot tell these from 0
     return np.where(turn <= flat, np.minimum(turn, 0.0), turn)

@@ -159,10 +159,8 @@ def _bind_leaves(state: _Walk) -> None:
         for i, leaf in enumerate(group.leaves):
             if leaf.path in seen:
                 outer = leaf.inherited.outer
-                owned = tuple(
-                    replace(s, material=_material(bindings[seen[s.path]], outer)) for s in subsets.get(leaf.path, ())
-                )
-                group.leaves[i] = replace(leaf, material=_material(bindings[seen[leaf.path]], outer), subsets=owned)
+                own = tuple(replace(s, material=_material(bindings[seen[s.path]], outer)) for s in subsets.get(leaf.path, ()))
+                group.leaves[i] = replace(leaf, material=_material(bindings[seen[leaf.path]], outer), subsets=own)
 
 
 def _material(inner: Binding | None, outer: Binding | None) -> Usd.Prim | None:

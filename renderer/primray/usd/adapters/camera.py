@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from pxr import Gf, Usd, UsdGeom
 
-from ...description import Camera, Projection
+from ...description import Camera, Doubles, Projection
 from ...diagnostics import Diagnostics
 from ..convert import matrix
 from ..read import When, number, read, token, vector
@@ -126,20 +127,24 @@ def _exposure_scale(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> flo
     if f_stop == 0:
         diagnostics.add("camera-input", str(prim.GetPath()), "exposure:fStop = 0 would be infinitely bright: 1 is used.")
         f_stop = 1.0
-    return responsivity * time * iso / 100.0 * 2.0 ** min(get("exposure", 0.0), 1000.0) / f_stop**2
+    return responsivity * time * iso / 100.0 * math.pow(2.0, min(get("exposure", 0.0), 1000.0)) / f_stop**2
 
 
-def _world_from_camera(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> np.ndarray:
+def _world_from_camera(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Doubles:
     """Rigid, as GfFrustum makes it: scale and shear are removed."""
     gf = _world_matrix(prim, when)
     if not np.isfinite(np.array(gf)).all():
-        diagnostics.add("invalid-transform", str(prim.GetPath()), "The camera's transform is not finite: it is placed at the origin.")
+        diagnostics.add(
+            "invalid-transform", str(prim.GetPath()), "The camera's transform is not finite: it is placed at the origin."
+        )
         return np.eye(4)
     rigid = gf.RemoveScaleShear()
     rigid.Orthonormalize()
     before, after = matrix(gf), matrix(rigid)
     if not np.allclose(before[:3, :3], after[:3, :3], atol=1e-4):
-        diagnostics.add("camera-scaled", str(prim.GetPath()), "Scale and shear are removed from its transform, as USD's GfFrustum does.")
+        diagnostics.add(
+            "camera-scaled", str(prim.GetPath()), "Scale and shear are removed from its transform, as USD's GfFrustum does."
+        )
     return after
 
 

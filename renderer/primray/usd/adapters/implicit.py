@@ -12,7 +12,7 @@ from ..read import number, token
 from ..resolve import ResolvedPrim
 from ..seam_mesh import Values, seam_mesh
 from ..tessellate import Tessellated
-from .surface import appearance_of, is_hidden, surface_of
+from .surface import Appearance, appearance_of, is_hidden, surface_of
 
 
 def sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
@@ -41,7 +41,7 @@ def tessellated(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     return mesh
 
 
-def _appearance(prim: ResolvedPrim, ctx: Context):  # type: ignore[no-untyped-def]
+def _appearance(prim: ResolvedPrim, ctx: Context) -> Appearance:
     return appearance_of(prim, prim.material, ctx)
 
 

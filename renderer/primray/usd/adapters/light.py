@@ -36,7 +36,7 @@ def _radiance(prim: ResolvedPrim, ctx: Context) -> Color:
 
 
 def _exp2(exposure: float) -> float:
-    return 2.0 ** min(exposure, 1000.0)
+    return math.pow(2.0, min(exposure, 1000.0))
 
 
 def _sized(prim: ResolvedPrim, radiance: Color, area: float, ctx: Context) -> Color | None:
@@ -122,7 +122,9 @@ def _texture(prim: ResolvedPrim, ctx: Context) -> TextureFile | None:
         return None
     layout = token(prim.prim, "inputs:texture:format", ctx.when, "automatic")
     if layout not in ("automatic", "latlong"):
-        ctx.warn("light-input", prim.path, f"texture:format = {layout} is not supported: the dome is rendered without its texture.")
+        ctx.warn(
+            "light-input", prim.path, f"texture:format = {layout} is not supported: the dome is rendered without its texture."
+        )
         return None
     if not asset.resolvedPath:
         ctx.warn("asset-missing", prim.path, f"{asset.path} cannot be found: the dome is rendered without its texture.")

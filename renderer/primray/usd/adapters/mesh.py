@@ -11,7 +11,7 @@ from ...description import Floats, Ints, Mesh
 from ..context import Context
 from ..normals import read_normals, shading_normals
 from ..primvars import Sizes, is_per_point, per_corner, read_primvar
-from ..read import array, flag, read, token
+from ..read import array, read, token
 from ..resolve import ResolvedPrim
 from ..seam_mesh import Values, keep_triangles, seam_mesh
 from ..triangulate import Triangles, flipped, triangulate
@@ -168,7 +168,8 @@ def _with_subsets(prim: ResolvedPrim, geometry: Geometry, rest: Appearance, ctx:
         faces[indices] = len(parts)
         parts.append(appearance_of(prim, subset.material, ctx))
     of_triangle = faces[geometry.triangles.faces]
-    visible = ~np.array([is_hidden(part) for part in parts])[of_triangle]
+    hidden: npt.NDArray[np.bool_] = np.array([is_hidden(part) for part in parts])
+    visible = ~hidden[of_triangle]
     if not visible.any():
         return None
     closed = is_closed(geometry.points, geometry.triangles.points)

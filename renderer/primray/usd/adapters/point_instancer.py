@@ -30,7 +30,9 @@ def point_instances(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, Doubles
     matrices = _matrices(prim, positions, ctx)
     bad = keep & ~np.isfinite(matrices).all(axis=(1, 2))
     if bad.any():
-        ctx.warn("invalid-transform", prim.path, f"{int(bad.sum())} of {len(proto)} instances have transforms that are not finite.")
+        ctx.warn(
+            "invalid-transform", prim.path, f"{int(bad.sum())} of {len(proto)} instances have transforms that are not finite."
+        )
         keep &= ~bad
     _note_ignored(prim, ctx)
     placed = []

@@ -40,7 +40,9 @@ def render_settings(stage: Usd.Stage, candidates: list[Usd.Prim], diagnostics: D
         aspect = 1.0
     policy = _inherited(prim, product, "aspectRatioConformPolicy")
     if policy not in POLICIES:
-        diagnostics.add("render-settings-input", path, f"aspectRatioConformPolicy = {policy!r} is unknown: expandAperture is used.")
+        diagnostics.add(
+            "render-settings-input", path, f"aspectRatioConformPolicy = {policy!r} is unknown: expandAperture is used."
+        )
         policy = "expandAperture"
     _note_ignored(prim, product, diagnostics)
     return StageSettings(
@@ -63,7 +65,9 @@ def _choose(stage: Usd.Stage, candidates: list[Usd.Prim], diagnostics: Diagnosti
         diagnostics.add("render-settings-input", str(named), "renderSettingsPrimPath leads to no RenderSettings prim.")
     if len(candidates) > 1:
         names = ", ".join(str(p.GetPath()) for p in candidates)
-        diagnostics.add("render-settings-input", "", f"None of several RenderSettings is named by the stage, so none is used: {names}.")
+        diagnostics.add(
+            "render-settings-input", "", f"None of several RenderSettings is named by the stage, so none is used: {names}."
+        )
     return candidates[0] if len(candidates) == 1 else None
 
 
@@ -74,7 +78,9 @@ def _product(stage: Usd.Stage, settings: Usd.Prim, diagnostics: Diagnostics) -> 
     if not products:
         return None
     if len(products) > 1:
-        diagnostics.add("render-settings-input", str(settings.GetPath()), f"Only the first product, {products[0].GetPath()}, is rendered.")
+        diagnostics.add(
+            "render-settings-input", str(settings.GetPath()), f"Only the first product, {products[0].GetPath()}, is rendered."
+        )
     kind = products[0].GetAttribute("productType").Get()
     if kind != "raster":
         diagnostics.add("render-settings-input", str(products[0].GetPath()), f"productType = {kind} is rendered as raster.")
@@ -110,7 +116,9 @@ def _note_ignored(settings: Usd.Prim, product: Usd.Prim | None, diagnostics: Dia
     path = str(settings.GetPath())
     window = _inherited(settings, product, "dataWindowNDC")
     if window is not None and tuple(window) != (0.0, 0.0, 1.0, 1.0):
-        diagnostics.add("render-settings-input", path, f"dataWindowNDC = {tuple(window)} is ignored: the whole frame is rendered.")
+        diagnostics.add(
+            "render-settings-input", path, f"dataWindowNDC = {tuple(window)} is ignored: the whole frame is rendered."
+        )
     space = settings.GetAttribute("renderingColorSpace").Get()
     if space and space not in ("lin_rec709_scene", "lin_rec709"):
         diagnostics.add("render-settings-input", path, f"renderingColorSpace = {space} is ignored: linear Rec.709 is used.")
