@@ -20,7 +20,8 @@ from .resolve import Binding, Inherited, ResolvedPrim, Subset, bind_materials, d
 PointInstances = list[tuple[str, Doubles]]  # (prototype root, (K, 3, 4) instancer_from_prototype)
 
 # Inside prototypes of point instancers `over` ancestors are common: they keep prototypes from being drawn by themselves.
-_CHILDREN = Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier & ~Usd.PrimIsAbstract
+_IN_PROTOTYPE = Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier
+_IN_WORLD = _IN_PROTOTYPE & ~Usd.PrimIsAbstract
 # Nothing below these is drawn by itself.
 _CLOSED = frozenset({"Material", "Shader", "NodeGraph", "GeomSubset", "PointInstancer", "Camera"})
 
@@ -66,7 +67,8 @@ def walk(
 def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inherited: Inherited) -> None:
     native: list[ResolvedPrim] = []
     is_namespace_root = root.IsPseudoRoot() or root.IsPrototype()
-    prims = root.GetFilteredChildren(_CHILDREN) if is_namespace_root else [root]
+    drawn = _IN_WORLD if is_namespace_root else _IN_PROTOTYPE
+    prims = root.GetFilteredChildren(drawn) if is_namespace_root else [root]
     stack = [(prim, Gf.Matrix4d(1.0), inherited) for prim in reversed(prims)]
     while stack:
         prim, parent_matrix, handed = stack.pop()
@@ -82,15 +84,15 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
         kind = state.leaf_types.get(type_name, "")
         resolved = ResolvedPrim(prim, str(prim.GetPath()), type_name, names, to_group, mine)
         note_prim(resolved, kind, state.ctx)
+        if type_name == "PointInstancer":
+            _expand_points(state, group, resolved)
+            continue
+        if kind and mine.purpose in state.ctx.purposes:  # also an instance may itself be a shape
+            group.leaves.append(resolved)
         if prim.IsInstance():
             native.append(resolved)
-        elif type_name == "PointInstancer":
-            _expand_points(state, group, resolved)
-        else:
-            if kind and mine.purpose in state.ctx.purposes:
-                group.leaves.append(resolved)
-            if type_name not in _CLOSED:
-                stack += [(child, to_group, mine) for child in reversed(prim.GetFilteredChildren(_CHILDREN))]
+        elif type_name not in _CLOSED:
+            stack += [(child, to_group, mine) for child in reversed(prim.GetFilteredChildren(drawn))]
     _expand_native(state, group, native)
 
 
@@ -171,7 +173,7 @@ def _material(inner: Binding | None, outer: Binding | None) -> Usd.Prim | None:
 def _subsets(mesh: Usd.Prim, ctx: Context) -> list[Subset]:
     """The mesh's subsets of the family materialBind; others that bind a material are reported."""
     found = []
-    for child in mesh.GetFilteredChildren(_CHILDREN):
+    for child in mesh.GetFilteredChildren(Usd.TraverseInstanceProxies(_IN_PROTOTYPE)):
         if child.GetTypeName() != "GeomSubset":
             continue
         path = str(child.GetPath())
