@@ -8,11 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdShade
 
 from ..description import Doubles
 from .convert import matrix
-from .read import When, read, time_of
+from .read import When, array, read, time_of, value
 
 _IDENTITY = Gf.Matrix4d(1.0)
 
@@ -31,9 +32,8 @@ class Inherited:
 
     purpose: str = "default"
     outer: Binding | None = None
-    color: Usd.Attribute | None = None  # the nearest constant primvars:displayColor above
-    opacity: Usd.Attribute | None = None
-    purpose_visibility: tuple[str, ...] = ()  # purposes hidden by VisibilityAPI
+    color: tuple[float, float, float] | None = None  # the nearest constant primvars:displayColor, the prim's own included
+    opacity: float | None = None  # likewise primvars:displayOpacity
 
 
 @dataclass(frozen=True)
@@ -87,17 +87,29 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], when: When
         if purpose.HasAuthoredValue():
             mine = replace(mine, purpose=str(purpose.Get()))
     if "primvars:displayColor" in names:
-        mine = replace(mine, color=_if_constant(prim, "primvars:displayColor", mine.color))
+        color = _constant(prim, "primvars:displayColor", 3, when)
+        mine = mine if color is None else replace(mine, color=(color[0], color[1], color[2]))
     if "primvars:displayOpacity" in names:
-        mine = replace(mine, opacity=_if_constant(prim, "primvars:displayOpacity", mine.opacity))
+        opacity = _constant(prim, "primvars:displayOpacity", 1, when)
+        mine = mine if opacity is None else replace(mine, opacity=opacity[0])
     return mine
 
 
-def _if_constant(prim: Usd.Prim, name: str, otherwise: Usd.Attribute | None) -> Usd.Attribute | None:
-    """Only constant primvars are inherited (UsdGeomPrimvarsAPI)."""
-    attribute = prim.GetAttribute(name)
-    constant = UsdGeom.Primvar(attribute).GetInterpolation() == UsdGeom.Tokens.constant
-    return attribute if constant and attribute.HasAuthoredValue() else otherwise
+def _constant(prim: Usd.Prim, name: str, columns: int, when: When) -> list[float] | None:
+    """A constant primvar's value: only constant ones are inherited (UsdGeomPrimvarsAPI). None where it has none to use."""
+    primvar = UsdGeom.Primvar(prim.GetAttribute(name))
+    if primvar.GetInterpolation() != UsdGeom.Tokens.constant:
+        return None
+    values = array(value(primvar.GetAttr(), when), columns, "f")
+    if values is None or len(values) == 0:
+        return None
+    at = 0
+    if primvar.IsIndexed():
+        indices = array(value(primvar.GetIndicesAttr(), when), 1, "i")
+        at = int(indices[0]) if indices is not None and len(indices) else 0
+    if not 0 <= at < len(values) or not np.isfinite(values[at]).all():
+        return None
+    return [float(x) for x in np.atleast_1d(values[at])]
 
 
 def bind_materials(prims: list[Usd.Prim], purposes: tuple[str, ...]) -> list[Binding | None]:

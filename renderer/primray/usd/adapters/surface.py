@@ -9,7 +9,7 @@ from pxr import Usd, UsdGeom
 
 from ...description import Surface
 from ..context import Context
-from ..read import array, value
+from ..read import array, read
 from ..resolve import ResolvedPrim
 from .material import Material, material
 
@@ -54,30 +54,22 @@ def is_hidden(appearance: Appearance) -> bool:
 
 
 def _constant_color(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, float]:
-    attribute = prim.inherited.color
-    if attribute is None:
+    if prim.inherited.color is None:
+        if "primvars:displayColor" in prim.names and not _is_empty(prim, ctx):
+            ctx.warn("invalid-primvar", prim.path, "primvars:displayColor is not a usable colour: the fallback grey is used.")
         return FALLBACK_COLOR
-    raw = value(attribute, ctx.when)
-    indices = value(UsdGeom.Primvar(attribute).GetIndicesAttr(), ctx.when)
-    colors = array(raw, 3, "f")
-    if colors is None or len(colors) == 0:
-        if raw is not None and (colors is None or indices):
-            ctx.warn("invalid-primvar", str(attribute.GetPrim().GetPath()), "primvars:displayColor is not an array of colours.")
-        return FALLBACK_COLOR
-    at = int(indices[0]) if indices else 0
-    if not 0 <= at < len(colors):
-        ctx.warn("invalid-primvar", str(attribute.GetPrim().GetPath()), "primvars:displayColor has indices outside its values.")
-        return FALLBACK_COLOR
-    r, g, b = colors[at].tolist()
-    return (r, g, b)
+    return prim.inherited.color
+
+
+def _is_empty(prim: ResolvedPrim, ctx: Context) -> bool:
+    raw = read(prim.prim, "primvars:displayColor", ctx.when)
+    return raw is None or (hasattr(raw, "__len__") and len(raw) == 0)
 
 
 def _note_opacity(prim: ResolvedPrim, ctx: Context) -> None:
-    attribute = prim.inherited.opacity
+    least = prim.inherited.opacity
     if "primvars:displayOpacity" in prim.names:
-        attribute = prim.prim.GetAttribute("primvars:displayOpacity")
-    if attribute is None:
-        return
-    opacity = array(value(attribute, ctx.when), 1, "f")
-    if opacity is not None and len(opacity) and float(opacity.min()) < 1:
-        ctx.warn("display-opacity", prim.path, f"primvars:displayOpacity is {float(opacity.min()):g} at its least.")
+        values = array(read(prim.prim, "primvars:displayOpacity", ctx.when), 1, "f")
+        least = float(values.min()) if values is not None and len(values) else least
+    if least is not None and least < 1:
+        ctx.warn("display-opacity", prim.path, f"primvars:displayOpacity is {least:g} at its least.")
