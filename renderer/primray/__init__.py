@@ -1,3 +1,31 @@
-"""primray renders USD stages on CPUs and returns images with their error. `usd` translates, `render` runs the core."""
+"""primray renders USD stages on CPUs and returns images with their error. `usd` translates, `render` runs the core.
+
+What needs numpy is imported when it is first asked for, so that the command line starts quickly.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from .errors import PrimrayError
+from .render import render, render_frames
+from .settings import Filter, RenderSettings
+
+if TYPE_CHECKING:
+    from .description import Camera
+    from .image import Image
 
 __version__ = "0.1.0"
+__all__ = ["Camera", "Filter", "Image", "PrimrayError", "RenderSettings", "render", "render_frames"]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "Image":
+        from .image import Image
+
+        return Image
+    if name == "Camera":
+        from .description import Camera
+
+        return Camera
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

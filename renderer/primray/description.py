@@ -1,7 +1,8 @@
 """The seam between USD and the core: a scene as frozen data and numpy arrays. Knows neither USD nor Embree.
 
 Matrices are 4x4 float64 in column-vector convention, named right to left (`world_from_object`). Lengths are scene
-units. Colours are linear in the rendering colour space (Rec.709 primaries, D65). The package `usd` makes a SceneDescription; `scene_upload` hands it to the core.
+units. Colours are linear in the rendering colour space (Rec.709 primaries, D65). The package `usd` makes a
+SceneDescription; `scene_upload` hands it to the core.
 """
 
 from __future__ import annotations
@@ -108,8 +109,8 @@ class Light:
 
     Local frames as in UsdLux: rect, disk in the XY plane emitting along -Z; cylinder along X; distant emits along -Z;
     dome's pole +Y, image centre +Z, left edge of the image at +Z rotated by pi, s = 0.5 - atan2(x, z) / 2 pi.
-    `emission`: DISTANT with angle 0: irradiance at normal incidence; POINT: radiant intensity per steradian, in scene units squared;
-    all others: radiance (for a dome the factor of its texture).
+    `emission`: DISTANT with angle 0: irradiance at normal incidence; POINT: radiant intensity per steradian, in scene units
+    squared; all others: radiance (for a dome the factor of its texture).
     """
 
     path: str

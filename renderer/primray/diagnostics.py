@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 
@@ -92,6 +92,8 @@ CODES: dict[str, Code] = {
     "default-light": Code(
         Severity.INFO, "The stage has no light and nothing that emits: a white dome of radiance 1 lights it."
     ),
+    "texture-bad-texels": Code(Severity.WARNING, "Texels of a texture that are negative or not finite are read as 0."),
+    "texture-unreadable": Code(Severity.ERROR, "A light whose texture cannot be read is left out."),
 }
 
 
@@ -104,6 +106,10 @@ class Diagnostics:
     def add(self, code: str, prim_path: str, message: str) -> None:
         """Record one; KeyError if the code is not in `CODES`."""
         self._seen.setdefault(Diagnostic(CODES[code].severity, code, prim_path, message))
+
+    def extend(self, others: Iterable[Diagnostic]) -> None:
+        for diagnostic in others:
+            self._seen.setdefault(diagnostic)
 
     def __iter__(self) -> Iterator[Diagnostic]:
         return iter(self._seen)

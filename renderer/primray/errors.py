@@ -6,6 +6,8 @@
       LimitError             a stated limit was reached: memory, triangles, texture size
       RenderCancelled        asked for, not a fault
       InternalError          ours: a failed core invariant, an unexpected Embree code
+
+`exit_code` is what the command line ends with; README.md documents them.
 """
 
 from __future__ import annotations

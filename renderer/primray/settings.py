@@ -1,9 +1,12 @@
-"""What a user asks of a render. Values that the scene decides are None here and resolved by translation."""
+"""What a user asks of a render, checked when made. Values that the scene decides are None here and resolved by translation."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
+
+from .errors import LimitError, SettingsError
 
 
 class Filter(Enum):
@@ -14,6 +17,14 @@ class Filter(Enum):
 
 # Full widths in pixels: the box that is the exact pixel average, and the widths at which the others look alike.
 DEFAULT_FILTER_WIDTH = {Filter.BOX: 1.0, Filter.GAUSSIAN: 3.0, Filter.BLACKMAN_HARRIS: 3.0}
+
+
+PURPOSES = ("default", "render", "proxy", "guide")  # UsdGeomImageable's
+
+# Beyond these a request is a mistake or an attack, not a picture.
+MAX_RESOLUTION = 65536
+MAX_SPP = 2**24
+MAX_THREADS = 1024
 
 
 @dataclass(frozen=True)
@@ -31,3 +42,49 @@ class RenderSettings:
     purposes: tuple[str, ...] | None = None  # None: RenderSettings' includedPurposes, else default and render
     strict: bool = False
     max_memory_bytes: int | None = None
+
+    def __post_init__(self) -> None:
+        """SettingsError or LimitError if no render could follow these."""
+        if self.resolution is not None:
+            _check_resolution(*self.resolution)
+        _require(_is_whole(self.spp) and self.spp >= 1, f"samples per pixel must be a whole number from 1, not {self.spp}")
+        _limit(self.spp <= MAX_SPP, f"{self.spp} samples per pixel are more than the {MAX_SPP} that a pixel's sequence holds")
+        depth, width, threads = self.max_depth, self.filter_width, self.threads
+        _require(
+            depth is None or (_is_whole(depth) and depth >= 1), f"the depth must be 1 (direct light only) or more, not {depth}"
+        )
+        _require(
+            width is None or (math.isfinite(width) and width > 0),
+            f"the filter's width must be a number of pixels above 0, not {width}",
+        )
+        _require(threads is None or (_is_whole(threads) and threads >= 1), f"the threads must be 1 or more, not {threads}")
+        _limit(threads is None or threads <= MAX_THREADS, f"{threads} threads are more than the {MAX_THREADS} allowed")
+        _require(_is_whole(self.seed) and 0 <= self.seed < 2**32, f"the seed must be from 0 to 2^32 - 1, not {self.seed}")
+        _require(
+            self.time_code is None or math.isfinite(self.time_code), f"the time code must be a number, not {self.time_code}"
+        )
+        memory = self.max_memory_bytes
+        _require(memory is None or memory > 0, f"the memory limit must be above 0 bytes, not {memory}")
+        unknown = sorted(set(self.purposes or ()) - set(PURPOSES))
+        _require(not unknown, f"no purpose {', '.join(unknown)}; there are {', '.join(PURPOSES)}")
+        _require(self.purposes != (), "at least one purpose must be rendered")
+
+
+def _check_resolution(width: int, height: int) -> None:
+    whole = _is_whole(width) and _is_whole(height) and min(width, height) >= 0 and max(width, height) > 0
+    _require(whole, f"the resolution must be whole pixels above 0 (one of them 0: by the aspect), not {width} x {height}")
+    _limit(max(width, height) <= MAX_RESOLUTION, f"{width} x {height} pixels: {MAX_RESOLUTION} a side are allowed")
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def _require(holds: bool, sentence: str) -> None:
+    if not holds:
+        raise SettingsError(sentence)
+
+
+def _limit(holds: bool, sentence: str) -> None:
+    if not holds:
+        raise LimitError(sentence)

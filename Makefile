@@ -1,0 +1,72 @@
+# The project's commands; plain `make` lists them. Everything happens in .venv, build/ and out/.
+
+.DEFAULT_GOAL := help
+PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 /usr/bin/python3; do \
+  "$$p" -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))' 2>/dev/null && echo "$$p" && break; done)
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
+# Byte-compiling 200 MB of packages takes longer than installing them; Python compiles what it imports.
+INSTALL := $(PIP) install --no-compile
+CORE := $(shell find renderer/core -type f 2>/dev/null)
+CORE_FORMATTED = $(filter %.cpp %.hpp %.h,$(CORE))
+PYTHON_SOURCES := $(wildcard renderer/primray service tests)
+SHOWCASE ?= $(firstword $(wildcard scenes/showcase/*/*.usda))
+DEMO = $(basename $(notdir $(SHOWCASE)))
+
+.PHONY: help setup demo test test-long check format docs bench wheel clean
+
+help:  ## list the commands
+	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
+
+setup: .venv/.installed  ## make .venv and build; .venv/bin/primray is there afterwards
+
+demo: setup  ## render a showcase scene to out/, as EXR and PNG
+	@test -n "$(SHOWCASE)" || { echo "make demo: no scene in scenes/showcase" >&2; exit 1; }
+	@mkdir -p out
+	$(BIN)/primray render $(SHOWCASE) -o out/$(DEMO).exr -o out/$(DEMO).png
+	@echo "The picture: out/$(DEMO).png (to look at) and out/$(DEMO).exr (scene-linear float)"
+
+test: setup  ## run the tests
+	$(BIN)/python -m pytest
+
+test-long: setup  ## run all tests, the long ones too
+	$(BIN)/python -m pytest -m ""
+
+check: setup  ## what must pass: format, lint, types, tests
+	$(BIN)/ruff format --check $(PYTHON_SOURCES)
+	$(BIN)/ruff check $(PYTHON_SOURCES)
+	$(if $(CORE_FORMATTED),$(BIN)/clang-format --dry-run --Werror $(CORE_FORMATTED))
+	$(BIN)/mypy
+	$(BIN)/python -m pytest
+
+format: setup  ## format Python and C++
+	$(BIN)/ruff format $(PYTHON_SOURCES)
+	$(BIN)/ruff check --fix-only $(PYTHON_SOURCES)
+	$(if $(CORE_FORMATTED),$(BIN)/clang-format -i $(CORE_FORMATTED))
+
+docs: setup  ## bring the generated parts of README.md up to date
+	$(BIN)/python -m tests.docs.supported
+
+bench: setup  ## run the benchmarks of tests/bench
+	$(BIN)/python -m tests.bench
+
+wheel: setup  ## build a wheel into dist/
+	@rm -rf dist
+	$(PIP) wheel --no-deps --no-build-isolation --wheel-dir dist .
+	@ls dist/*.whl
+
+clean:  ## remove everything that was made
+	rm -rf .venv build dist out .mypy_cache .ruff_cache .pytest_cache
+	find renderer service tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# The two halves of setup. Editable and without build isolation, so that a C++ change rebuilds only what it touches.
+.venv/.locked: requirements-dev.lock
+	@test -n "$(PYTHON)" || { echo "make: no Python 3.11 to 3.14 with the venv module found; install one (Debian: python3-venv)," \
+	  "or name it: make PYTHON=/path/to/python3 ..." >&2; exit 1; }
+	$(PYTHON) -m venv --clear .venv
+	$(INSTALL) -r requirements-dev.lock
+	@touch $@
+
+.venv/.installed: .venv/.locked pyproject.toml renderer/primray/__init__.py $(CORE)
+	$(INSTALL) --no-deps --no-build-isolation --editable .
+	@touch $@

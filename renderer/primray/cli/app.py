@@ -1,0 +1,41 @@
+"""The commands of `primray`, put together."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from .doctor import doctor
+from .inspect import inspect
+from .render import render
+
+app = typer.Typer(
+    help="Render USD stages on CPUs.",
+    no_args_is_help=True,
+    add_completion=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        from ..report import package_versions
+
+        versions = package_versions()
+        print(f"primray {versions['primray']}")
+        print(f"embree {versions['embree']}, usd {versions['usd']}, python {versions['python']}")
+        raise typer.Exit
+
+
+@app.callback()
+def primray(
+    version: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print versions.")] = False,
+) -> None:
+    """Render USD stages on CPUs."""
+
+
+app.command()(render)
+app.command()(inspect)
+app.command()(doctor)

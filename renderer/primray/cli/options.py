@@ -1,0 +1,59 @@
+"""Options that commands share, and the plain-text values they take."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated
+
+import typer
+
+from ..errors import SettingsError
+
+Scene = Annotated[str, typer.Argument(metavar="SCENE", help="The USD stage: usda, usdc, usd or usdz.", show_default=False)]
+Camera = Annotated[
+    str | None,
+    typer.Option("--camera", "-c", "-cam", metavar="CAMERA", help="Prim path or name of a camera.", show_default=False),
+]
+Resolution = Annotated[
+    tuple[int, int] | None,
+    typer.Option("--res", "-r", metavar="W H", help="Pixels; one of them 0: by the camera's aspect.", show_default=False),
+]
+ImageWidth = Annotated[
+    int | None,
+    typer.Option("--imageWidth", "-w", metavar="W", help="Pixels; the height by the camera's aspect.", show_default=False),
+]
+NoDefaultLight = Annotated[bool, typer.Option("--no-default-light", help="Leave a stage without lights dark.")]
+Purposes = Annotated[
+    str | None, typer.Option("--purposes", metavar="LIST", help="Such as default,render,proxy.", show_default="the stage's")
+]
+Json = Annotated[bool, typer.Option("--json", help="JSON lines on stdout.")]
+Verbose = Annotated[bool, typer.Option("--verbose", "-V", help="Every diagnostic and prim; tracebacks of errors.")]
+
+_UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
+
+
+def camera_of(camera: str | None) -> str | None:
+    """`-c` is a complexity in usdrecord; say so instead of looking for a camera of that name."""
+    if camera in ("low", "medium", "high", "veryhigh"):
+        raise SettingsError(f"-c names a camera here; usdrecord's complexity {camera!r} has no counterpart", code="camera")
+    return camera
+
+
+def resolution_of(res: tuple[int, int] | None, image_width: int | None) -> tuple[int, int] | None:
+    if res is not None and image_width is not None:
+        raise SettingsError("--res and --imageWidth both say how wide the picture is; give one", code="resolution")
+    return res if image_width is None else (image_width, 0)
+
+
+def purposes_of(text: str | None) -> tuple[str, ...] | None:
+    return None if text is None else tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def bytes_of(text: str | None) -> int | None:
+    """ "4G", "500M", "1.5GiB" or plain bytes; units are powers of 1024."""
+    if text is None:
+        return None
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([KMGT]?)(?:i?B)?\s*", text, re.IGNORECASE)
+    if match is None:
+        raise SettingsError(f"{text!r} is no amount of memory; write one like 4G or 500M", code="max-memory")
+    return int(float(match[1]) * _UNITS[match[2].upper()])

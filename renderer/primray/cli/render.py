@@ -1,0 +1,178 @@
+"""`primray render`: a stage to picture files. Flags are usdrecord's and husk's where they have one."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ..errors import SettingsError
+from ..settings import Filter, RenderSettings
+from . import options
+from .frames import check_names, name_of_frame, parse_frames
+
+if TYPE_CHECKING:
+    from ..image import Image
+
+
+def render(
+    scene: options.Scene,
+    output: Annotated[str | None, typer.Argument(metavar="[OUTPUT]", help="As -o.", show_default=False)] = None,
+    outputs: Annotated[
+        list[str] | None,
+        typer.Option("--output", "-o", metavar="FILE", help="EXR, PNG or JPEG; may be repeated.", show_default="<scene>.exr"),
+    ] = None,
+    camera: options.Camera = None,
+    res: options.Resolution = None,
+    image_width: options.ImageWidth = None,
+    frames: Annotated[
+        str | None, typer.Option("--frames", "-f", metavar="LIST", help="1, 1:10, 1:10x2 or 1,5.", show_default="default time")
+    ] = None,
+    spp: Annotated[int, typer.Option("--spp", "--pixel-samples", "-p", metavar="N", help="Samples per pixel.")] = 64,
+    max_depth: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Surface scatterings, 1 = direct light only.", show_default="no limit"),
+    ] = None,
+    pixel_filter: Annotated[Filter, typer.Option("--filter", help="Pixel filter.")] = Filter.BLACKMAN_HARRIS,
+    filter_width: Annotated[
+        float | None, typer.Option(metavar="W", help="Full width in pixels.", show_default="box 1, else 3")
+    ] = None,
+    threads: Annotated[
+        int | None, typer.Option("--threads", "-j", metavar="N", help="Threads.", show_default="all cores")
+    ] = None,
+    seed: Annotated[int, typer.Option(metavar="N", help="Of the random numbers.")] = 0,
+    view: Annotated[
+        str | None, typer.Option(metavar="NAME", help="OCIO view of PNG and JPEG.", show_default="the display's default")
+    ] = None,
+    exposure: Annotated[float, typer.Option(metavar="STOPS", help="Of PNG and JPEG.")] = 0.0,
+    strict: Annotated[bool, typer.Option("--strict", help="Refuse a stage with warnings.")] = False,
+    max_memory: Annotated[
+        str | None, typer.Option(metavar="SIZE", help="Refuse larger scenes: 4G, 500M.", show_default="no limit")
+    ] = None,
+    report: Annotated[str | None, typer.Option(metavar="FILE", help="Write the report as JSON.", show_default=False)] = None,
+    json: options.Json = False,
+    no_default_light: options.NoDefaultLight = False,
+    purposes: options.Purposes = None,
+    verbose: options.Verbose = False,
+) -> None:
+    """Render a USD stage to EXR, PNG or JPEG."""
+    time_codes = None if frames is None else parse_frames(frames)
+    names = ([output] if output else []) + (outputs or [])
+    names = names or [_default_name(scene, time_codes)]
+    shots: list[float | None] = [*time_codes] if time_codes else [None]
+    settings = [
+        RenderSettings(
+            camera=options.camera_of(camera),
+            resolution=options.resolution_of(res, image_width),
+            time_code=time_code,
+            spp=spp,
+            max_depth=max_depth,
+            filter=pixel_filter,
+            filter_width=filter_width,
+            threads=threads,
+            seed=seed,
+            default_light=not no_default_light,
+            purposes=options.purposes_of(purposes),
+            strict=strict,
+            max_memory_bytes=options.bytes_of(max_memory),
+        )
+        for time_code in shots
+    ]
+    check_names(names + ([report] if report else []), time_codes)
+    _check_outputs(names, report, time_codes, view, exposure)
+    _render_frames(scene, settings, names, report, _Looks(view, exposure, json, verbose))
+
+
+class _Looks:
+    """How pictures and messages are to look."""
+
+    def __init__(self, view: str | None, exposure: float, as_json: bool, verbose: bool) -> None:
+        self.view = view
+        self.exposure = exposure
+        self.as_json = as_json
+        self.verbose = verbose
+
+
+def _default_name(scene: str, time_codes: list[float] | None) -> str:
+    many = time_codes is not None and len(time_codes) > 1
+    member = scene.rstrip("]").replace("[", "/")  # a usdz member gives its own name
+    return f"{Path(member).stem}{'.####' if many else ''}.exr"
+
+
+def _check_outputs(
+    names: list[str], report: str | None, time_codes: list[float] | None, view: str | None, exposure: float
+) -> None:
+    """Find out before rendering what cannot be written after it."""
+    import math
+
+    from ..color import check_view
+    from ..image import VIEW_EXTENSIONS, check_folder, check_output_path
+
+    first = time_codes[0] if time_codes else None
+    for name in names:
+        check_output_path(_name(name, first))
+    if report is not None:
+        check_folder(Path(_name(report, first)))
+    if view is not None or any(name.lower().endswith(VIEW_EXTENSIONS) for name in names):
+        check_view(view)
+    if not math.isfinite(exposure):
+        raise SettingsError(f"the exposure must be a number of stops, not {exposure}")
+
+
+def _name(name: str, time_code: float | None) -> str:
+    return name if time_code is None else name_of_frame(name, time_code)
+
+
+def _render_frames(scene: str, settings: list[RenderSettings], names: list[str], report: str | None, looks: _Looks) -> None:
+    from ..render import render_frames
+    from .progress import Show, showing
+
+    showing_now: list[Show] = []
+    images = render_frames(scene, settings, progress=lambda *now: showing_now[-1](*now), on_interrupt="partial")
+    for frame in settings:
+        files = [_name(name, frame.time_code) for name in names]
+        with showing(files[0], looks.as_json) as show:
+            showing_now.append(show)
+            image = next(images)
+        _write(image, files, _name(report, frame.time_code) if report else None, looks)
+        if image.report["interrupted"]:
+            print("interrupted: the picture so far was saved", file=sys.stderr)
+            raise typer.Exit(130)
+
+
+def _write(image: Image, files: list[str], report_file: str | None, looks: _Looks) -> None:
+    from ..image import write_text
+    from .json_lines import dumps, print_line
+
+    start = time.perf_counter()
+    for file in files:
+        image.save(file, view=looks.view, exposure=looks.exposure)
+    stages_s = {**image.report["stages_s"], "write": time.perf_counter() - start}
+    report = {**image.report, "outputs": files, "stages_s": stages_s}
+    if report_file is not None:
+        write_text(Path(report_file), dumps(report, indent=2) + "\n")
+    _print_diagnostics(report, looks)
+    if looks.as_json:
+        print_line({"type": "report", **report})
+    else:
+        print(_summary_line(image, report, files))
+
+
+def _print_diagnostics(report: dict[str, Any], looks: _Looks) -> None:
+    from .diagnostics_text import diagnostics_lines
+
+    for line in diagnostics_lines(report["diagnostics"], verbose=looks.verbose):
+        print(line, file=sys.stderr)
+
+
+def _summary_line(image: Image, report: dict[str, Any], files: list[str]) -> str:
+    width, height = image.resolution
+    low, high = report["samples_per_pixel"]
+    samples = f"{low}" if low == high else f"{low} to {high}"
+    return (
+        f"{', '.join(files)}: {width} x {height}, {samples} samples a pixel in {report['stages_s']['render']:.2f} s "
+        f"({report['rays_per_s'] / 1e6:.1f} Mrays/s, {sum(report['stages_s'].values()):.2f} s in all)"
+    )

@@ -1,0 +1,185 @@
+"""A rendered picture and its files: EXR is the record, PNG and JPEG are views of it through OpenColorIO."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from . import color
+from .description import Camera, Doubles, Floats, Projection
+from .errors import PrimrayError, SettingsError
+
+CHANNELS = ("R", "G", "B", "A")
+VIEW_EXTENSIONS = (".png", ".jpg", ".jpeg")
+EXTENSIONS = (".exr", *VIEW_EXTENSIONS)
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """Scene-linear premultiplied RGBA, alpha = coverage, with the report of its render."""
+
+    pixels: Floats  # (H, W, 4), read-only
+    report: Mapping[str, Any] = field(default_factory=dict)
+    metadata: Mapping[str, str | int | float] = field(default_factory=dict)  # goes into an EXR's header as primray:<name>
+    camera: Camera | None = None
+    channels: tuple[str, ...] = CHANNELS
+
+    def __post_init__(self) -> None:
+        pixels = np.array(self.pixels, np.float32, order="C")
+        if pixels.ndim != 3 or pixels.shape[2] != len(self.channels):
+            raise ValueError(f"pixels of shape {pixels.shape} do not hold the channels {self.channels}")
+        pixels.flags.writeable = False
+        object.__setattr__(self, "pixels", pixels)
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        return self.pixels.shape[1], self.pixels.shape[0]
+
+    def save(
+        self, path: str | os.PathLike[str], *, view: str | None = None, display: str | None = None, exposure: float = 0.0
+    ) -> Path:
+        """Write `path` whole or not at all; `view`, `display` and `exposure` (stops) are for PNG and JPEG."""
+        path = check_output_path(path)
+        with _replacing(path) as temporary:
+            if path.suffix.lower() == ".exr":
+                _write_exr(self, temporary)
+            else:
+                encoded = encode(self.pixels, view=view, display=display, exposure=exposure)
+                _write_view(encoded if path.suffix.lower() == ".png" else encoded[..., :3], temporary)
+        return path
+
+    def _repr_png_(self) -> bytes:
+        with tempfile.TemporaryDirectory() as folder:
+            return self.save(Path(folder, "picture.png")).read_bytes()
+
+
+def pixels_sha256(pixels: Floats) -> str:
+    """Of the decoded float channels: little-endian float32 RGBA, row by row from the top."""
+    return hashlib.sha256(np.ascontiguousarray(pixels, "<f4").tobytes()).hexdigest()
+
+
+def check_output_path(path: str | os.PathLike[str]) -> Path:
+    """The path, if its format is known and its folder can be written to; else SettingsError. Ask before rendering."""
+    path = Path(path)
+    if path.suffix.lower() not in EXTENSIONS:
+        known = ", ".join(EXTENSIONS)
+        raise SettingsError(f"the output's name must end in one of {known}", where=str(path), code="unknown-extension")
+    check_folder(path)
+    return path
+
+
+def check_folder(path: Path) -> None:
+    """SettingsError unless a file can be put at `path`."""
+    if not path.parent.is_dir():
+        raise SettingsError(f"the folder {path.parent} does not exist", where=str(path), code="output-folder")
+    if path.is_dir() or not os.access(path.parent, os.W_OK | os.X_OK):
+        raise SettingsError("a file cannot be written there", where=str(path), code="output-folder")
+
+
+def encode(
+    pixels: Floats, *, view: str | None = None, display: str | None = None, exposure: float = 0.0
+) -> np.ndarray[Any, Any]:
+    """8-bit display values: (H, W, 4) with straight alpha, or (H, W, 3) where the picture is opaque.
+
+    Light without coverage (a visible dome behind everything) has no straight-alpha form: such a picture is opaque,
+    composited over the black it was rendered on.
+    """
+    finite = np.where(np.isfinite(pixels), pixels, np.float32(0))
+    rgb, alpha = finite[..., :3], np.clip(finite[..., 3:], 0, 1)
+    background_shines = bool(np.any(rgb[alpha[..., 0] == 0] > 0))
+    opaque = background_shines or bool(np.all(alpha == 1))
+    if not opaque:
+        rgb = np.divide(rgb, alpha, out=np.zeros_like(rgb), where=alpha > 0)
+    shown = color.to_display(rgb, view, display, exposure)
+    if not opaque:
+        shown = np.concatenate([shown, alpha], axis=2)
+    return (np.clip(np.nan_to_num(shown), 0, 1) * 255 + 0.5).astype(np.uint8)
+
+
+@contextmanager
+def _replacing(path: Path) -> Iterator[str]:
+    """A temporary name beside `path` that takes its place when the block ends well."""
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}.{os.urandom(4).hex()}{path.suffix}")
+    try:
+        yield str(temporary)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise PrimrayError(f"the file cannot be written: {error.strerror}", where=str(path), code="write-failed") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file whole or not at all."""
+    with _replacing(path) as temporary:
+        Path(temporary).write_text(text, encoding="utf-8")
+
+
+def _write_exr(image: Image, path: str) -> None:
+    import OpenImageIO as oiio
+
+    width, height = image.resolution
+    spec = oiio.ImageSpec(width, height, len(image.channels), oiio.FLOAT)
+    spec.channelnames = image.channels
+    spec.attribute("compression", "zip")
+    spec.attribute("PixelAspectRatio", 1.0)
+    spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
+    for name, value in image.metadata.items():
+        fits = not isinstance(value, int) or -(2**31) <= value < 2**31
+        spec.attribute(f"primray:{name}", value if fits else str(value))
+    if image.camera is not None:
+        camera_matrix, ndc_matrix = exr_matrices(image.camera)
+        spec.attribute("worldtocamera", oiio.TypeMatrix, _row_vector_floats(camera_matrix))
+        spec.attribute("worldtoNDC", oiio.TypeMatrix, _row_vector_floats(ndc_matrix))
+    _write(path, spec, image.pixels)
+
+
+def exr_matrices(camera: Camera) -> tuple[Doubles, Doubles]:
+    """worldToCamera and worldToNDC as OpenEXR's ImfStandardAttributes.h defines them, here for column vectors.
+
+    Its camera space is left-handed (objects in front have positive z); its NDC has (0, 0) upper left, (1, 1) lower right.
+    """
+    camera_from_world = np.diag([1.0, 1.0, -1.0, 1.0]) @ np.linalg.inv(camera.world_from_camera)
+    left, right, bottom, top = camera.window
+    near, far = camera.clipping_range
+    depth = np.array([0.0, 0.0, far / (far - near), -far * near / (far - near)])
+    x, y = np.array([1.0, 0, 0, 0]), np.array([0, 1.0, 0, 0])
+    if camera.projection is Projection.PERSPECTIVE:
+        w = np.array([0.0, 0.0, 1.0, 0.0])
+    else:
+        w = np.array([0.0, 0.0, 0.0, 1.0])
+        depth = np.array([0.0, 0.0, 1.0, -near]) / (far - near)
+    ndc_from_camera = np.stack([(x - left * w) / (right - left), (top * w - y) / (top - bottom), depth, w])
+    return camera_from_world, ndc_from_camera @ camera_from_world
+
+
+def _row_vector_floats(matrix: Doubles) -> tuple[float, ...]:
+    return tuple(float(v) for v in matrix.T.ravel())
+
+
+def _write_view(encoded: np.ndarray[Any, Any], path: str) -> None:
+    import OpenImageIO as oiio
+
+    height, width, channels = encoded.shape
+    spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
+    spec.attribute("oiio:UnassociatedAlpha", 1)
+    spec.attribute("CompressionQuality", 95)
+    _write(path, spec, encoded)
+
+
+def _write(path: str, spec: Any, pixels: np.ndarray[Any, Any]) -> None:
+    import OpenImageIO as oiio
+
+    out = oiio.ImageOutput.create(path)
+    if out is None:
+        raise PrimrayError(f"the file cannot be written: {oiio.geterror().strip()}", where=path, code="write-failed")
+    if not out.open(path, spec) or not out.write_image(pixels) or not out.close():
+        raise PrimrayError(f"the file cannot be written: {out.geterror().strip()}", where=path, code="write-failed")

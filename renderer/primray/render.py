@@ -1,0 +1,149 @@
+"""A stage to an image: opens and translates it, loads textures, builds the scene and renders it, with a report of all that.
+
+What does the work is imported when a render starts; importing this module costs nothing.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal
+
+from .errors import AssetError, LimitError, RenderCancelled
+from .settings import RenderSettings
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from .description import SceneDescription
+    from .diagnostics import Diagnostics
+    from .image import Image
+    from .report import Costs
+
+# progress(fraction, samples_done, rays), some ten times a second; False stops the render.
+Progress = Callable[[float, int, int], bool | None]
+OnInterrupt = Literal["raise", "partial"]
+
+
+def render(
+    stage: str | os.PathLike[str] | Any,
+    settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
+    *,
+    progress: Progress | None = None,
+    on_interrupt: OnInterrupt = "raise",
+) -> Image:
+    """Render a stage, given as a Usd.Stage or as the path of one.
+
+    Ctrl-C raises KeyboardInterrupt and `progress` returning False raises RenderCancelled, unless `on_interrupt` is
+    "partial": then the picture made so far comes back, its report saying "interrupted".
+    """
+    return next(render_frames(stage, [settings], progress=progress, on_interrupt=on_interrupt))
+
+
+def render_frames(
+    stage: str | os.PathLike[str] | Any,
+    frames: Iterable[RenderSettings],
+    *,
+    progress: Progress | None = None,
+    on_interrupt: OnInterrupt = "raise",
+) -> Iterator[Image]:
+    """Render one stage several times, opening it once (the first report has the time of that)."""
+    from . import usd
+    from .diagnostics import Diagnostics
+    from .report import Costs
+
+    costs = Costs()
+    opening = Diagnostics()
+    with costs.stage("open"):
+        stage = usd.open_stage(stage, opening)
+    for settings in frames:
+        with costs.stage("translate"):
+            description, translating = usd.translate(stage, settings)
+        diagnostics = Diagnostics()
+        diagnostics.extend([*opening, *translating])
+        yield _render_one(description, diagnostics, settings, costs, progress, on_interrupt)
+        costs = Costs()
+
+
+def _render_one(
+    description: SceneDescription,
+    diagnostics: Diagnostics,
+    settings: RenderSettings,
+    costs: Costs,
+    progress: Progress | None,
+    on_interrupt: OnInterrupt,
+) -> Image:
+    from . import core, usd
+    from .image import Image, pixels_sha256
+    from .report import header_of, make_report, resolve_settings
+
+    with costs.stage("translate"):  # of its textures
+        description, textures = load_textures(description, diagnostics, usd.read_asset)
+        if settings.strict:
+            diagnostics.raise_if_strict()
+    check_memory(description, settings.max_memory_bytes)
+
+    settings = resolve_settings(settings, description)
+    with costs.stage("build"):
+        scene = core.build(description, textures, settings)
+    watched = _Watched(progress)
+    with costs.stage("render"):
+        film = core.render(scene, settings, watched)
+    if film.interrupted and on_interrupt == "raise":
+        if watched.stopped:
+            raise RenderCancelled("the render was stopped by its progress callback")
+        raise KeyboardInterrupt
+
+    core_says = {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": list(scene.features)}
+    as_json = [diagnostic.as_json() for diagnostic in diagnostics]
+    report = make_report(film, costs, settings, as_json, core_says, pixels_sha256(film.pixels))
+    return Image(film.pixels, report, header_of(report), description.camera)
+
+
+class _Watched:
+    """The caller's progress callback, and whether it asked to stop."""
+
+    def __init__(self, progress: Progress | None) -> None:
+        self.progress = progress
+        self.stopped = False
+
+    def __call__(self, fraction: float, samples: int, rays: int) -> bool:
+        if self.progress is not None and self.progress(fraction, samples, rays) is False:
+            self.stopped = True
+        return not self.stopped
+
+
+def load_textures(
+    description: SceneDescription, diagnostics: Diagnostics, read: Callable[[str], bytes] | None
+) -> tuple[SceneDescription, dict[str, np.ndarray[Any, Any]]]:
+    """Pixels by path, and the description without the lights whose texture cannot be read; each of those is a diagnostic."""
+    from .texture import load_texture
+
+    textures: dict[str, np.ndarray[Any, Any]] = {}
+    lights = []
+    for light in description.lights:
+        if light.texture is not None and light.texture.path not in textures:
+            try:
+                texture = load_texture(light.texture, read)
+            except AssetError as error:
+                diagnostics.add("texture-unreadable", light.path, f"the light is left out: {error.message} ({error.where})")
+                continue
+            textures[light.texture.path] = texture.pixels
+            if texture.bad_texels:
+                message = f"{texture.bad_texels} texels are negative or not finite, and read as 0 ({light.texture.path})"
+                diagnostics.add("texture-bad-texels", light.path, message)
+        lights.append(light)
+    return replace(description, lights=tuple(lights)), textures
+
+
+def check_memory(description: SceneDescription, limit_bytes: int | None) -> None:
+    """LimitError if the scene is estimated to need more than `limit_bytes`, before anything of it is built."""
+    if limit_bytes is None:
+        return
+    from .summary import summary
+
+    needed = summary(description).memory_bytes
+    if needed > limit_bytes:
+        sentence = f"the scene needs about {needed / 2**20:.0f} MiB, {limit_bytes / 2**20:.0f} MiB are allowed"
+        raise LimitError(sentence, code="memory-limit")

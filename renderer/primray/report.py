@@ -1,0 +1,143 @@
+"""The report of a render: what it cost, what it was made with, and what it left out; as JSON, and for an image's header."""
+
+from __future__ import annotations
+
+import os
+import resource
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, replace
+from importlib import metadata
+from typing import TYPE_CHECKING, Any
+
+from .settings import DEFAULT_FILTER_WIDTH, RenderSettings
+
+if TYPE_CHECKING:
+    from .description import SceneDescription
+
+STAGES = ("open", "translate", "build", "render", "write")
+
+
+@dataclass
+class Costs:
+    """Wall-clock seconds of each stage, and CPU seconds (user and system, all threads) of the render stage."""
+
+    stages_s: dict[str, float] = field(default_factory=lambda: dict.fromkeys(STAGES, 0.0))
+    render_cpu_s: float = 0.0
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        start, cpu = time.perf_counter(), cpu_seconds()
+        try:
+            yield
+        finally:
+            self.stages_s[name] += time.perf_counter() - start
+            if name == "render":
+                self.render_cpu_s += cpu_seconds() - cpu
+
+
+def cpu_seconds() -> float:
+    """User and system time of this process so far."""
+    times = os.times()
+    return times.user + times.system
+
+
+def peak_rss_bytes() -> int:
+    """The most memory this process has held; ru_maxrss counts KiB, on macOS bytes."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024
+
+
+def usable_threads() -> int:
+    """Cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def resolve_settings(settings: RenderSettings, description: SceneDescription) -> RenderSettings:
+    """The settings with what the scene and the machine decided filled in, so that the render can be repeated."""
+    width = settings.filter_width
+    return replace(
+        settings,
+        camera=description.camera.path or settings.camera,
+        resolution=description.resolution,
+        time_code=description.time_code,
+        filter_width=width if width is not None else DEFAULT_FILTER_WIDTH[settings.filter],
+        threads=settings.threads or usable_threads(),
+    )
+
+
+def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
+    values = asdict(settings)
+    values["filter"] = settings.filter.value
+    values["resolution"] = list(settings.resolution) if settings.resolution else None
+    values["purposes"] = list(settings.purposes) if settings.purposes else None
+    return values
+
+
+def package_versions() -> dict[str, str]:
+    """Versions of what takes part in a picture, without importing any of it."""
+    packages = {
+        "primray": "primray",
+        "usd": "usd-core",
+        "embree": "embreex",
+        "openimageio": "OpenImageIO",
+        "ocio": "opencolorio",
+    }
+    versions = {"python": sys.version.split()[0]}
+    for name, package in packages.items():
+        try:
+            versions[name] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            versions[name] = "not installed"
+    return versions
+
+
+def make_report(
+    film: Any, costs: Costs, settings: RenderSettings, diagnostics: list[dict[str, str]], core: Mapping[str, Any], sha256: str
+) -> dict[str, Any]:
+    """The report, `settings` being the resolved ones and `core` what the core says of itself and the scene."""
+    render_s = costs.stages_s["render"]
+    return {
+        "stages_s": costs.stages_s,
+        "samples": int(film.samples),
+        "samples_per_pixel": [int(n) for n in film.samples_per_pixel],
+        "rays": int(film.rays),
+        "rays_per_s": film.rays / render_s if render_s > 0 else 0.0,
+        "cpu_s": costs.render_cpu_s,
+        "cpu_total_s": cpu_seconds(),
+        "peak_rss_bytes": peak_rss_bytes(),
+        "interrupted": bool(film.interrupted),
+        "isa": core["isa"],
+        "lanes": core["lanes"],
+        "threads": settings.threads,
+        "pixels_sha256": sha256,
+        "features": core["features"],
+        "diagnostics": diagnostics,
+        "settings": settings_as_json(settings),
+        "versions": package_versions() | core["versions"],
+    }
+
+
+# What two renders of the same picture may differ in; the rest goes into the image's header.
+_COSTS = ("stages_s", "rays_per_s", "cpu_s", "cpu_total_s", "peak_rss_bytes", "pixels_sha256", "features", "diagnostics")
+
+
+def header_of(report: Mapping[str, Any]) -> dict[str, str | int | float]:
+    """The report without its costs as flat names and plain values ("settings.spp": 64)."""
+    return dict(_flatten("", {name: value for name, value in report.items() if name not in _COSTS}))
+
+
+def _flatten(prefix: str, value: Any) -> Iterator[tuple[str, str | int | float]]:
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield from _flatten(f"{prefix}.{name}" if prefix else name, inner)
+    elif isinstance(value, list | tuple):
+        yield prefix, " ".join(str(item) for item in value)
+    elif value is None:
+        yield prefix, "default"
+    elif isinstance(value, bool):
+        yield prefix, int(value)
+    else:
+        yield prefix, value if isinstance(value, str | int | float) else str(value)

@@ -1,0 +1,32 @@
+"""README.md's table of what is and isn't supported, from diagnostics.CODES. `python -m tests.docs.supported` rewrites it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from primray.diagnostics import CODES, Severity
+
+README = Path(__file__).resolve().parents[2] / "README.md"
+BEGIN = "<!-- generated from diagnostics.CODES by `make docs`: begin -->"
+END = "<!-- generated: end -->"
+
+
+def table() -> str:
+    """Markdown: one row for each code, what costs most first."""
+    rows = ["| code | severity | what it means |", "|---|---|---|"]
+    for severity in (Severity.ERROR, Severity.WARNING, Severity.INFO):
+        for name, code in sorted(CODES.items()):
+            if code.severity is severity:
+                rows.append(f"| `{name}` | {severity.value} | {code.meaning.replace('|', chr(92) + '|')} |")
+    return "\n".join(rows)
+
+
+def with_table(readme: str) -> str:
+    """The README with the table between its marks made new."""
+    before, _, rest = readme.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    return f"{before}{BEGIN}\n{table()}\n{END}{after}"
+
+
+if __name__ == "__main__":
+    README.write_text(with_table(README.read_text(encoding="utf-8")), encoding="utf-8")

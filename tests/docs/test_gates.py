@@ -1,0 +1,72 @@
+"""The layout's rules hold for every source file, and each of them can fail."""
+
+from __future__ import annotations
+
+from pathlib import Path, PurePosixPath
+
+import pytest
+
+from .gates import GATES
+
+ROOT = Path(__file__).resolve().parents[2]
+SUFFIXES = (".py", ".cpp", ".hpp", ".h")
+SOURCES = [
+    PurePosixPath(path.relative_to(ROOT).as_posix())
+    for folder in ("renderer", "service", "tests")
+    for path in sorted((ROOT / folder).rglob("*"))
+    if path.suffix in SUFFIXES and "__pycache__" not in path.parts
+]
+
+
+@pytest.mark.parametrize("gate", GATES, ids=lambda gate: gate.__name__)
+def test_gate(gate):
+    broken = [f"{path} {why}" for path in SOURCES for why in gate(path, (ROOT / path).read_text(encoding="utf-8"))]
+    assert not broken, "\n".join(broken)
+
+
+def test_the_sources_are_found():
+    assert PurePosixPath("renderer/primray/render.py") in SOURCES
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        ("renderer/primray/render.py", "from pxr import Usd\n"),
+        ("renderer/primray/cli/render.py", "def f():\n    import pxr.Usd\n"),
+        ("renderer/primray/usd/translate.py", "from .. import core\n"),
+        ("renderer/primray/usd/adapters/mesh.py", "from ... import core\n"),
+        ("renderer/primray/usd/translate.py", "from primray.core import build\n"),
+        ("renderer/primray/usd/translate.py", "from .._core_v3 import build\n"),
+        ("renderer/primray/render.py", "from . import _core_v3\n"),
+        ("renderer/primray/render.py", "import primray_service\n"),
+        ("service/primray_service/worker.py", "from fastapi import FastAPI\n"),
+        ("service/primray_service/routes.py", "import sqlalchemy\n"),
+        ("renderer/core/film/film.cpp", "// film\nrtcIntersect1(scene, &ray);\n"),
+        ("renderer/core/film/film.cpp", "// film\nRTCScene scene;\n"),
+        ("renderer/core/film/film.cpp", "// film\n#include <nanobind/nanobind.h>\n"),
+        ("renderer/core/film/film.cpp", '// film\n#include "pxr/usd/stage.h"\n'),
+        ("renderer/core/film/film.cpp", "// long\n" * 501),
+        ("renderer/primray/utils.py", '"""Things."""\n'),
+        ("renderer/core/common/math.hpp", "// maths\n"),
+        ("renderer/core/film/film.cpp", "#pragma once\n"),
+        ("renderer/primray/film.py", "import os\n"),
+    ],
+)
+def test_each_rule_can_fail(path, text):
+    if not path.endswith(("film.py", "film.cpp")) and path.endswith(".py") and not text.startswith('"""'):
+        text = f'"""A file."""\n{text}'
+    assert [why for gate in GATES for why in gate(PurePosixPath(path), text)]
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        ("renderer/primray/usd/stage.py", '"""Stage."""\nfrom pxr import Usd\nfrom ..errors import SceneError\n'),
+        ("renderer/primray/core.py", '"""The core."""\nfrom . import _core_v3\n'),
+        ("renderer/core/accel/embree.cpp", "// Embree\nrtcNewDevice(nullptr);\n"),
+        ("renderer/core/film/film.cpp", "// as rtcIntersect1 does\n"),
+        ("service/primray_service/worker.py", '"""Worker."""\nimport primray\n'),
+    ],
+)
+def test_what_is_allowed_passes(path, text):
+    assert not [why for gate in GATES for why in gate(PurePosixPath(path), text)]

@@ -1,0 +1,115 @@
+"""A stand-in for translation and the core, so that the front is tested without USD files and without rendering."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, field, replace
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import primray
+from primray.description import Camera, Light, LightType, Projection, SceneDescription, TextureFile
+from primray.diagnostics import Diagnostics
+from primray.errors import StageOpenError
+
+
+def make_camera(**changes: Any) -> Camera:
+    camera = Camera("/cam", np.eye(4), Projection.PERSPECTIVE, (-0.5, 0.5, -0.25, 0.25), (0.1, 100.0))
+    return replace(camera, **changes)
+
+
+def make_dome(texture: str | None = None, color_space: str = "auto") -> Light:
+    file = TextureFile(texture, color_space) if texture else None
+    return Light("/dome", LightType.DOME, np.eye(4), (1.0, 1.0, 1.0), texture=file)
+
+
+def make_description(**changes: Any) -> SceneDescription:
+    description = SceneDescription((), (), (), (), (), (make_dome(),), make_camera(), (8, 4), "Y", 0.01, None)
+    return replace(description, **changes)
+
+
+@dataclass
+class FakePipeline:
+    """What the stand-ins return, and what they were called with."""
+
+    description: SceneDescription = field(default_factory=make_description)
+    opening: list[tuple[str, str, str]] = field(default_factory=list)  # what opening says
+    diagnostics: list[tuple[str, str, str]] = field(default_factory=list)  # what translating says
+    memory_bytes: int = 2**20
+    interrupt: bool = False
+    calls: list[str] = field(default_factory=list)
+    textures: dict[str, Any] = field(default_factory=dict)
+
+    def open_stage(self, stage: Any, diagnostics: Diagnostics) -> Any:
+        self.calls.append(f"open {stage}")
+        if stage == "missing.usda":
+            raise StageOpenError("there is no such file", where=stage)
+        for code, path, message in self.opening:
+            diagnostics.add(code, path, message)
+        return stage
+
+    def translate(self, stage: Any, settings: primray.RenderSettings) -> tuple[SceneDescription, Diagnostics]:
+        self.calls.append(f"translate {settings.time_code}")
+        diagnostics = Diagnostics()
+        for code, path, message in self.diagnostics:
+            diagnostics.add(code, path, message)
+        resolution = settings.resolution or (8, 4)
+        resolution = (resolution[0], resolution[1] or resolution[0] // 2)
+        return replace(self.description, resolution=resolution, time_code=settings.time_code), diagnostics
+
+    def build(self, description: SceneDescription, textures: dict[str, Any], settings: primray.RenderSettings) -> Any:
+        self.calls.append("build")
+        self.textures = textures
+        return SimpleNamespace(features=[{"name": "dome", "why": "/dome"}], memory_bytes=1000, description=description)
+
+    def render(self, scene: Any, settings: primray.RenderSettings, progress: Any) -> Any:
+        self.calls.append("render")
+        width, height = scene.description.resolution
+        stopped = progress(0.5, 100, 300) is False
+        interrupted = self.interrupt or stopped
+        if not interrupted:
+            progress(1.0, 200, 600)
+        pixels = np.random.default_rng(settings.seed).random((height, width, 4), dtype=np.float32)
+        counts = (settings.spp // 2, settings.spp) if interrupted else (settings.spp, settings.spp)
+        return SimpleNamespace(
+            pixels=pixels, samples=width * height * settings.spp, rays=1000, interrupted=interrupted, samples_per_pixel=counts
+        )
+
+
+@pytest.fixture
+def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
+    """Replaces primray.usd, primray.core and primray.summary for one test."""
+    fake = FakePipeline()
+
+    def install(name: str, **functions: Any) -> None:
+        module = ModuleType(f"primray.{name}")
+        module.__dict__.update(functions)
+        monkeypatch.setitem(sys.modules, f"primray.{name}", module)
+        monkeypatch.setattr(primray, name, module, raising=False)
+
+    install(
+        "usd",
+        open_stage=fake.open_stage,
+        translate=fake.translate,
+        read_asset=lambda path: b"",
+        camera_paths=lambda stage: ["/cam", "/other"],
+    )
+    install(
+        "core",
+        build=fake.build,
+        render=fake.render,
+        isa=lambda: "v4",
+        lanes=lambda: 16,
+        versions=lambda: {"embree": "4.4.0"},
+    )
+    install("summary", summary=lambda description: _Summary(fake.memory_bytes))
+    return fake
+
+
+@dataclass(frozen=True)
+class _Summary:
+    memory_bytes: int
+    triangles: int = 12

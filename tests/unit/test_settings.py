@@ -1,0 +1,52 @@
+"""Requests that no render could follow are refused when they are made, with a sentence."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from primray import RenderSettings
+from primray.errors import LimitError, SettingsError
+
+
+def test_defaults_are_good() -> None:
+    assert RenderSettings().spp == 64
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("spp", 0),
+        ("spp", -1),
+        ("spp", 1.5),
+        ("resolution", (0, 0)),
+        ("resolution", (-1, 10)),
+        ("resolution", (10, 2.5)),
+        ("max_depth", 0),
+        ("filter_width", 0.0),
+        ("filter_width", float("nan")),
+        ("filter_width", float("inf")),
+        ("threads", 0),
+        ("seed", -1),
+        ("seed", 2**32),
+        ("time_code", float("nan")),
+        ("max_memory_bytes", 0),
+        ("purposes", ("render", "final")),
+        ("purposes", ()),
+    ],
+)
+def test_nonsense_is_refused(name: str, value: Any) -> None:
+    with pytest.raises(SettingsError, match=r"\w+ .*\w+"):
+        RenderSettings(**{name: value})
+
+
+@pytest.mark.parametrize(("name", "value"), [("spp", 2**25), ("resolution", (2_000_000, 2_000_000)), ("threads", 5000)])
+def test_limits(name: str, value: Any) -> None:
+    with pytest.raises(LimitError):
+        RenderSettings(**{name: value})
+
+
+def test_half_a_resolution_is_allowed() -> None:
+    assert RenderSettings(resolution=(640, 0)).resolution == (640, 0)
+    assert RenderSettings(resolution=(0, 480)).resolution == (0, 480)
