@@ -31,7 +31,7 @@ ISA_FLAGS = {
 DEFAULT_LANES = {"v4": 16, "v3": 8, "v2": 4}
 NO_DEPTH_LIMIT = 1 << 20
 
-Progress = Callable[[float, int], bool | None]
+Progress = Callable[[float, int, int], bool | None]  # fraction, samples, rays
 
 
 def _cpu_flags() -> set[str]:

@@ -29,7 +29,7 @@ std::unique_ptr<RenderResult> render_scene(const Scene& scene, int samples, int 
       return false;
     }
     if (progress.is_none()) return true;
-    const nb::object answer = progress(fraction, film.samples.load());
+    const nb::object answer = progress(fraction, film.samples.load(), film.camera_rays + film.scattered_rays + film.shadow_rays);
     return answer.is_none() || nb::cast<bool>(answer);
   };
   std::exception_ptr error;

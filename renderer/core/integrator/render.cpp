@@ -8,6 +8,7 @@
 #include <condition_variable>
 #include <mutex>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "scene/error.hpp"
@@ -85,8 +86,9 @@ RenderStatistics render(const Scene& scene, const IntegratorSettings& settings, 
       while (blocks_done[tile].load(std::memory_order_acquire) < i / schedule.tiles()) std::this_thread::yield();
       run_task(scene, settings, schedule.task(i, scene.camera), *worker, film, recorder);
       blocks_done[tile].fetch_add(1, std::memory_order_release);
+      film.camera_rays += std::exchange(worker->camera_rays, 0), film.scattered_rays += std::exchange(worker->scattered_rays, 0);
+      film.shadow_rays += std::exchange(worker->shadow_rays, 0);
     }
-    film.camera_rays += worker->camera_rays, film.scattered_rays += worker->scattered_rays, film.shadow_rays += worker->shadow_rays;
     busy += worker->busy_lanes, shaded += worker->shaded_lanes;
     const std::lock_guard lock(mutex);
     --running;

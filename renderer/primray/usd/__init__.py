@@ -5,7 +5,8 @@ of leaves and instances; `instances` flattens the groups with numpy; `adapters` 
 objects; `translate` holds the table of adapters and puts it all together. All matrices are double and column-vector.
 """
 
+from .asset import read_asset
 from .stage import open_stage
 from .translate import translate
 
-__all__ = ["open_stage", "translate"]
+__all__ = ["open_stage", "read_asset", "translate"]
