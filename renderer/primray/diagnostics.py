@@ -37,6 +37,61 @@ class Code:
 
 # code -> severity and what it means; add a row here before using a new code.
 CODES: dict[str, Code] = {
+    "composition-error": Code(
+        Severity.ERROR, "A layer, reference or payload could not be composed; what it would bring is missing."
+    ),
+    "usd-message": Code(Severity.WARNING, "USD itself complained while it opened or read the stage."),
+    "unsupported-prim": Code(Severity.ERROR, "Geometry of a kind that is not rendered: it is missing from the picture."),
+    "unknown-prim-type": Code(
+        Severity.WARNING, "A prim type that no loaded schema defines: the prim is ignored, its children are rendered."
+    ),
+    "api-schema": Code(Severity.WARNING, "An applied schema that could change the picture is ignored."),
+    "skinning": Code(Severity.WARNING, "Skeletal deformation is ignored: the undeformed pose is rendered."),
+    "draw-mode": Code(Severity.WARNING, "model:drawMode is ignored: the geometry itself is rendered."),
+    "motion": Code(Severity.WARNING, "Motion (shutter interval, velocities) is ignored: the scene is rendered at one instant."),
+    "color-space": Code(Severity.WARNING, "A colour space is authored and ignored: values are taken as linear Rec.709."),
+    "wrong-type": Code(
+        Severity.WARNING, "An attribute holds a value of the wrong type, or one that is not finite: its default is used."
+    ),
+    "invalid-mesh": Code(Severity.ERROR, "A mesh whose topology cannot be used: it is missing from the picture."),
+    "faces-dropped": Code(
+        Severity.ERROR, "Faces with invalid indices, too few vertices or points that are not finite are missing."
+    ),
+    "faces-degenerate": Code(Severity.INFO, "Faces without area were left out; the picture is the same without them."),
+    "invalid-primvar": Code(Severity.WARNING, "A primvar or normals with the wrong number of values or bad indices: ignored."),
+    "subdivision-cage": Code(Severity.WARNING, "Subdivision is not supported: the control cage is rendered, flat."),
+    "tessellated": Code(Severity.INFO, "An implicit shape is rendered as a fine mesh."),
+    "display-opacity": Code(Severity.WARNING, "primvars:displayOpacity is ignored: the shape is opaque."),
+    "subset-ignored": Code(
+        Severity.WARNING,
+        "A geometry subset binds a material but is not of the family materialBind, or its indices are bad: ignored.",
+    ),
+    "instance-primvar": Code(Severity.WARNING, "A primvar that varies per instance is ignored."),
+    "invalid-instancer": Code(
+        Severity.ERROR, "Instances that cannot be placed are missing: bad arrays, indices or prototypes."
+    ),
+    "invalid-transform": Code(Severity.ERROR, "What stands at a transform that is not finite is missing."),
+    "reset-xform-in-prototype": Code(
+        Severity.WARNING, "resetXformStack inside a prototype resets to the prototype, not to the world."
+    ),
+    "unsupported-light": Code(Severity.ERROR, "A light of a kind that is not supported: its light is missing."),
+    "light-input": Code(Severity.WARNING, "An input of a light, or an applied light schema, is ignored."),
+    "light-dark": Code(Severity.WARNING, "A light of no size without normalize emits nothing, as its formula says."),
+    "instanced-lights": Code(Severity.WARNING, "Too many instances of a light: only the first ones are lit."),
+    "asset-missing": Code(Severity.ERROR, "A file that the stage names cannot be found; its constant value is used instead."),
+    "texture-ignored": Code(
+        Severity.WARNING, "Textures on materials are not supported yet: the fallback or the input's default is used."
+    ),
+    "shader-ignored": Code(Severity.WARNING, "A shader that is not understood: a stand-in is used."),
+    "material-input": Code(Severity.WARNING, "An input of a material is ignored."),
+    "camera-chosen": Code(Severity.INFO, "No camera was asked for: the stage's first one is used."),
+    "camera-automatic": Code(Severity.INFO, "The stage has no camera: the one usdrecord would frame is used."),
+    "camera-scaled": Code(Severity.WARNING, "A camera's transform has scale or shear, which is removed."),
+    "camera-input": Code(Severity.WARNING, "An attribute of the camera is ignored or out of range."),
+    "render-settings-input": Code(Severity.WARNING, "Something in RenderSettings, its products or passes is ignored."),
+    "default-light": Code(
+        Severity.INFO, "The stage has no light and nothing that emits: a white dome of radiance 1 lights it."
+    ),
     "texture-bad-texels": Code(Severity.WARNING, "Texels of a texture that are negative or not finite are read as 0."),
     "texture-unreadable": Code(Severity.ERROR, "A light whose texture cannot be read is left out."),
 }

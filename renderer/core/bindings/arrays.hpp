@@ -1,0 +1,39 @@
+// Numpy arrays in and out, checked; the only other place than the bindings themselves that knows nanobind.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <span>
+#include <vector>
+
+#include "math/matrix.hpp"
+
+namespace primray {
+
+namespace nb = nanobind;
+
+template <class T>
+using InArray = nb::ndarray<const T, nb::c_contig, nb::device::cpu>;
+
+template <class T>
+std::span<const T> span_of(const InArray<T>& a) {
+  return {a.data(), a.size()};
+}
+
+// A (4, 4) or (3, 4) float64 matrix in column-vector convention.
+daffine affine_of(const InArray<double>& m);
+
+// A new numpy array that owns `data`.
+template <class T>
+nb::object to_numpy(std::vector<T> data, std::initializer_list<size_t> shape) {
+  auto* owned = new std::vector<T>(std::move(data));
+  nb::capsule owner(owned, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+  return nb::cast(nb::ndarray<nb::numpy, T>(owned->data(), shape, owner));
+}
+
+void bind_scene(nb::module_& m);
+void bind_render(nb::module_& m);
+void bind_testing(nb::module_& m);
+
+}  // namespace primray

@@ -1,0 +1,33 @@
+// The extension module: one for each ISA class, same contents.
+#include "accel/embree.hpp"
+#include "bindings/arrays.hpp"
+#include "scene/error.hpp"
+
+#include <nanobind/stl/string.h>
+
+using namespace primray;
+
+NB_MODULE(PRIMRAY_MODULE, m) {
+  m.doc() = "primray's C++ core for one class of CPUs; use it through primray.core.";
+  m.attr("ISA") = PRIMRAY_ISA;
+  m.attr("MAX_LANES") = PRIMRAY_MAX_LANES;
+  m.def("load_embree", &load_embree, nb::arg("path"), "Open the Embree library at this path; once is enough.");
+  m.def("embree_memory", [] {
+    const EmbreeMemory memory = embree_memory();
+    return nb::make_tuple(memory.now, memory.peak);
+  }, "Bytes that Embree holds now and held at most.");
+  // Core errors carry a code; Python makes them into the classes of primray.errors.
+  static PyObject* core_error = nb::exception<Error>(m, "CoreError").release().ptr();
+  nb::register_exception_translator([](const std::exception_ptr& p, void*) {
+    try {
+      std::rethrow_exception(p);
+    } catch (const Error& e) {
+      const nb::tuple args = nb::make_tuple(e.code, std::string(e.what()));
+      PyErr_SetObject(core_error, args.ptr());
+    }
+  });
+  bind_scene(m);
+  bind_render(m);
+  nb::module_ testing = m.def_submodule("testing", "Array versions of what the kernels call, for the tests.");
+  bind_testing(testing);
+}

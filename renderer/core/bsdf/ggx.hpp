@@ -1,0 +1,34 @@
+// The GGX microfacet distribution in a local frame (normal = +z): density, Smith shadowing, sampling of visible normals.
+#pragma once
+
+#include "math/transcendental.hpp"
+
+namespace primray {
+
+// D(h), Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces", eq. 33, written in h's components so that
+// a narrow peak keeps its digits.
+template <int W>
+PRIMRAY_INLINE vfloat<W> ggx_density(const vvec3<W>& h, vfloat<W> alpha) {
+  const vfloat<W> a2 = alpha * alpha, q = h.x * h.x + h.y * h.y + a2 * h.z * h.z;
+  return a2 / (kPi * q * q);
+}
+
+// Smith's Lambda; Heitz 2014, "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs", eq. 72.
+template <int W>
+PRIMRAY_INLINE vfloat<W> ggx_lambda(const vvec3<W>& w, vfloat<W> alpha) {
+  const vfloat<W> tan2 = (w.x * w.x + w.y * w.y) / max(w.z * w.z, 1e-18f);
+  return 0.5f * (sqrt(1.0f + alpha * alpha * tan2) - 1.0f);
+}
+
+// A normal seen from wo (wo.z > 0): Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps".
+template <int W>
+PRIMRAY_INLINE vvec3<W> ggx_sample_visible_normal(const vvec3<W>& wo, vfloat<W> alpha, vfloat<W> u, vfloat<W> v) {
+  const vvec3<W> std = normalize(vvec3<W>(wo.x * alpha, wo.y * alpha, wo.z));
+  const vfloat<W> z = (1.0f - v) * (1.0f + std.z) - std.z;
+  const vfloat<W> s = safe_sqrt(1.0f - z * z);
+  const SinCos<W> phi = sincos_turns(u);
+  const vvec3<W> h{s * phi.cos + std.x, s * phi.sin + std.y, z + std.z};
+  return normalize(vvec3<W>(h.x * alpha, h.y * alpha, h.z));
+}
+
+}  // namespace primray

@@ -1,0 +1,142 @@
+// Where a ray met the scene: point, normals, surface and colour of W hits, in world space.
+//
+// Points come from barycentrics, never from o + t d; `offset` bounds their rounding and Embree's, so that a ray started that far
+// off the surface does not meet it again.
+#pragma once
+
+#include "accel/trace.hpp"
+#include "scene/scene.hpp"
+
+namespace primray {
+
+template <int W>
+struct Interaction {
+  vvec3<W> p, ng, ns;  // ng outwards as authored, ns on its side
+  vfloat<W> offset;
+  vint<W> surface;
+  vvec3<W> color;      // multiplies the diffuse albedo
+};
+
+// Multiples of 2^-24 times the largest coordinate involved. 16: barycentric interpolation, the instance's transform and its inverse in Embree each
+// round a few times (found by lowering it until closed boxes leaked at 2, times 8).
+constexpr float kOffsetUlps = 16 * 0x1p-24f;
+
+template <int W>
+PRIMRAY_INLINE vvec3<W> gather_vec3(const float* base, vint<W> at) {
+  return {gather<W>(base, at), gather<W>(base + 1, at), gather<W>(base + 2, at)};
+}
+
+template <int W>
+struct InstanceLanes {
+  vvec3<W> x, y, z, o;
+  PRIMRAY_INLINE InstanceLanes(const float* base, vint<W> at)
+      : x(gather_vec3(base, at)), y(gather_vec3(base + 3, at)), z(gather_vec3(base + 6, at)), o(gather_vec3(base + 9, at)) {}
+  PRIMRAY_INLINE vvec3<W> vector(const vvec3<W>& v) const { return x * v.x + y * v.y + z * v.z; }
+  // Normals go by the cofactors: the inverse transpose times the determinant, whose sign counts (mirrored instances).
+  PRIMRAY_INLINE vvec3<W> normal(const vvec3<W>& n) const {
+    const vvec3<W> a = cross(y, z), b = cross(z, x), c = cross(x, y);
+    return (a * n.x + b * n.y + c * n.z) * copysign(vfloat<W>(1.0f), dot(a, x));
+  }
+};
+
+template <int W>
+PRIMRAY_INLINE void add_attributes(const Scene& scene, vbool<W> m, vint<W> mesh, vint<W> triangle, const vint<W> corner[3], const Hits<W>& h,
+                                   vvec3<W>& normal, vbool<W>& has_normal, vvec3<W>& color) {
+  const MeshTable& t = scene.meshes;
+  const vfloat<W> b0 = 1.0f - h.u - h.v;
+  const auto interpolate = [&](const float* data, vint<W> kind, vint<W> base, vbool<W> lanes) {
+    // Vertex values are counted within the mesh's vertices, triangle and corner values within its triangles.
+    const vint<W> local_triangle = triangle - gather<W>(t.triangle_base.data(), mesh), first_vertex = gather<W>(t.vertex_base.data(), mesh);
+    const vbool<W> by_vertex = kind == vint<W>(int(Attribute::kVertex)), by_corner = kind == vint<W>(int(Attribute::kCorner));
+    vvec3<W> value[3];
+    for (int k = 0; k < 3; ++k) {
+      const vint<W> i = select(by_vertex, corner[k] - first_vertex, select(by_corner, local_triangle * vint<W>(3) + vint<W>(k), local_triangle));
+      value[k] = gather_vec3<W>(data, select(lanes, base + i * vint<W>(3), vint<W>(0)));
+    }
+    return value[0] * b0 + value[1] * h.u + value[2] * h.v;
+  };
+  const vint<W> zero(0);
+  const vint<W> normal_kind = gather<W>(t.normals.data(), mesh), color_kind = gather<W>(t.colors.data(), mesh);
+  has_normal = m & (normal_kind != zero);
+  if (any(has_normal)) normal = interpolate(scene.normals.data(), normal_kind, gather<W>(t.normal_base.data(), mesh), has_normal);
+  const vbool<W> has_color = m & (color_kind != zero);
+  if (any(has_color)) {
+    const vvec3<W> c = interpolate(scene.colors.data(), color_kind, gather<W>(t.color_base.data(), mesh), has_color);
+    color = select(has_color, c, color);
+  }
+}
+
+template <int W>
+PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, const Hits<W>& h) {
+  const vint<W> zero(0);
+  Interaction<W> r;
+  r.color = vvec3<W>(vfloat<W>(1.0f));
+  r.surface = zero;
+  const vbool<W> instanced = scene.has_instances ? active & (h.inst != vint<W>(-1)) : vbool<W>(false);
+  const bool any_instanced = scene.has_instances && any(instanced);
+  vint<W> group = zero, instance = zero;
+  if (any_instanced) {
+    const vint<W> placement = select(instanced, h.inst - vint<W>(kFirstPlacement), zero);
+    group = select(instanced, gather<W>(scene.placement_group.data(), placement), zero);
+    instance = select(instanced, gather<W>(scene.placement_instance.data(), placement) + h.inst_prim, zero);
+  }
+  const auto group_base = [&](uint32_t Group::* base) {
+    if (!any_instanced) return vint<W>(int32_t(scene.groups[0].*base));
+    vint<W> b;
+    for (int i = 0; i < W; ++i) b.set(i, int32_t(scene.groups[group[i]].*base));
+    return b;
+  };
+  const vbool<W> is_triangle = active & (h.geom == vint<W>(int32_t(kTriangleGeometry)));
+  vvec3<W> e1(vfloat<W>(0.0f)), e2(vfloat<W>(0.0f)), normal(vfloat<W>(0.0f)), p(vfloat<W>(0.0f));
+  vvec3<W> sphere_normal(vfloat<W>(0.0f));
+  vbool<W> smooth(false);
+  if (any(is_triangle)) {
+    const vint<W> triangle = select(is_triangle, group_base(&Group::triangle_base) + h.prim, zero);
+    const vint<W> mesh = gather<W>(scene.triangle_mesh.data(), triangle);
+    r.surface = gather<W>(scene.meshes.surface.data(), mesh);
+    const vint<W> first = group_base(&Group::vertex_base);
+    vint<W> corner[3];
+    for (int k = 0; k < 3; ++k)
+      corner[k] = first + gather<W>(reinterpret_cast<const int32_t*>(scene.indices.data()) + k, triangle * vint<W>(3));
+    const float* positions = scene.positions.data();
+    const vvec3<W> p0 = gather_vec3<W>(positions, corner[0] * vint<W>(3));
+    e1 = gather_vec3<W>(positions, corner[1] * vint<W>(3)) - p0;
+    e2 = gather_vec3<W>(positions, corner[2] * vint<W>(3)) - p0;
+    p = p0 + e1 * h.u + e2 * h.v;
+    if (scene.has_attributes) add_attributes(scene, is_triangle, mesh, triangle, corner, h, normal, smooth, r.color);
+  }
+  const vbool<W> is_sphere = scene.has_spheres ? active & (h.geom == vint<W>(int32_t(kSphereGeometry))) : vbool<W>(false);
+  const bool any_sphere = scene.has_spheres && any(is_sphere);
+  if (any_sphere) {
+    const vint<W> sphere = select(is_sphere, group_base(&Group::sphere_base) + h.prim, zero);
+    r.surface = select(is_sphere, gather<W>(scene.sphere_surface.data(), sphere), r.surface);
+    const InstanceLanes<W> m(scene.spheres[0].group_from_object, sphere * vint<W>(int(sizeof(SphereRecord) / sizeof(float))));
+    p = select(is_sphere, m.vector(h.ng) + m.o, p);
+    sphere_normal = m.normal(h.ng);
+  }
+  vvec3<W> ng = cross(e1, e2);
+  vfloat<W> reach = max(max_component(abs(p)), max(max_component(abs(e1)), max_component(abs(e2))));
+  if (any_sphere) ng = select(is_sphere, sphere_normal, ng);
+  r.p = p;
+  if (any_instanced) {
+    const InstanceLanes<W> m(scene.world_from_group.data(), instance * vint<W>(12));
+    const vvec3<W> q = m.vector(p) + m.o;
+    r.p = select(instanced, q, p);
+    const vvec3<W> spread = abs(m.x * p.x) + abs(m.y * p.y) + abs(m.z * p.z) + abs(m.o);
+    const vvec3<W> edges = abs(m.vector(e1)) + abs(m.vector(e2));
+    reach = select(instanced, max(max_component(spread), max_component(edges)), reach);
+    ng = select(instanced, m.normal(ng), ng);
+    if (any(smooth)) normal = select(instanced, m.normal(normal), normal);
+  }
+  r.offset = reach * kOffsetUlps;
+  r.ng = normalize(ng);
+  r.ns = r.ng;
+  if (any(smooth)) {
+    const vvec3<W> n = normalize(normal);
+    const vfloat<W> side = dot(n, r.ng);
+    r.ns = select(smooth & (abs(side) > vfloat<W>(0.0f)), n * copysign(vfloat<W>(1.0f), side), r.ns);
+  }
+  return r;
+}
+
+}  // namespace primray

@@ -1,0 +1,82 @@
+// The distribution by which a dome's image is sampled.
+#include "light/dome.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace primray {
+namespace {
+
+// Mean luminance over each texel of the bilinearly read image: the tent's integral, weights 1/8 6/8 1/8 along each axis.
+std::vector<double> texel_means(const Dome& d) {
+  const int w = d.width, h = d.height;
+  const auto lum = [&](int x, int y) {
+    const float* t = &d.texels[3 * (size_t(y) * w + x)];
+    return double(luminance(vec3(t[0] * d.tint.x, t[1] * d.tint.y, t[2] * d.tint.z)));
+  };
+  std::vector<double> rows(size_t(w) * h), mean(size_t(w) * h);
+  for (int y = 0; y < h; ++y)
+    for (int x = 0; x < w; ++x) rows[size_t(y) * w + x] = 0.125 * (lum((x + w - 1) % w, y) + lum((x + 1) % w, y)) + 0.75 * lum(x, y);
+  for (int y = 0; y < h; ++y)
+    for (int x = 0; x < w; ++x)
+      mean[size_t(y) * w + x] =
+          0.125 * (rows[size_t(std::max(y - 1, 0)) * w + x] + rows[size_t(std::min(y + 1, h - 1)) * w + x]) + 0.75 * rows[size_t(y) * w + x];
+  return mean;
+}
+
+}  // namespace
+
+void build_dome_distribution(Dome& d, bool compensate) {
+  constexpr double pi = 3.14159265358979323846;
+  d.compensated = compensate;
+  if (d.width == 0) {
+    // The BSDF's rays alone are as good as it gets under a constant sky.
+    d.sampled = !compensate;
+    d.irradiance = pi * luminance(d.tint);
+    return;
+  }
+  const int w = d.width, h = d.height;
+  std::vector<double> weight = texel_means(d), solid_angle(h);
+  d.row_cos.resize(h + 1);
+  for (int y = 0; y <= h; ++y) d.row_cos[y] = float(std::cos(pi * y / h));
+  double total = 0;
+  for (int y = 0; y < h; ++y) {
+    solid_angle[y] = 2 * pi / w * (std::cos(pi * y / h) - std::cos(pi * (y + 1) / h));
+    for (int x = 0; x < w; ++x) total += weight[size_t(y) * w + x] * solid_angle[y];
+  }
+  if (compensate) {
+    const double mean = total / (4 * pi);
+    // A sky that is nearly even gains nothing from light samples either.
+    total = 0;
+    for (int y = 0; y < h; ++y)
+      for (int x = 0; x < w; ++x) {
+        double& v = weight[size_t(y) * w + x];
+        v = std::max(0.0, v - mean);
+        total += v * solid_angle[y];
+      }
+  }
+  d.sampled = total > 0;
+  d.irradiance = total;
+  if (!d.sampled) return;
+  d.row_cdf.assign(h + 1, 0);
+  d.column_cdf.assign(size_t(h) * (w + 1), 0);
+  d.density.assign(size_t(h) * w, 0);
+  double row_sum = 0;
+  for (int y = 0; y < h; ++y) {
+    const double* row = &weight[size_t(y) * w];
+    double sum = 0, run = 0;
+    for (int x = 0; x < w; ++x) sum += row[x];
+    float* columns = &d.column_cdf[size_t(y) * (w + 1)];
+    for (int x = 0; x < w; ++x) {
+      columns[x] = float(sum > 0 ? run / sum : double(x) / w);
+      run += row[x];
+      d.density[size_t(y) * w + x] = float(row[x] / total);
+    }
+    columns[w] = 1;
+    d.row_cdf[y] = float(row_sum / total);
+    row_sum += sum * solid_angle[y];
+  }
+  d.row_cdf[h] = 1;
+}
+
+}  // namespace primray

@@ -1,0 +1,187 @@
+// All lights: one table of floats, one dispatch by type and lane. A new light is a file beside rect.hpp and a branch here.
+//
+// Area lights live in a frame of their own without size (their size is in kSize0, kSize1), so that sampling by solid angle there
+// is sampling by solid angle here; only a sheared frame changes it, by the Jacobian |det A| / |A w|^3 of directions under A.
+// Lights are not geometry: they shadow nothing, and emit from their front alone.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "light/cylinder.hpp"
+#include "light/disk.hpp"
+#include "light/distant.hpp"
+#include "light/dome.hpp"
+#include "light/rect.hpp"
+#include "light/sphere.hpp"
+
+namespace primray {
+
+enum class LightType : int32_t { kPoint, kSphere, kDisk, kRect, kCylinder, kDistant, kDome };
+
+enum LightField : int {
+  kType,
+  kAxisX,                 // columns of world_from_light
+  kAxisY = kAxisX + 3,
+  kAxisZ = kAxisY + 3,
+  kOrigin = kAxisZ + 3,
+  kInverseX = kOrigin + 3,  // columns of light_from_world
+  kInverseY = kInverseX + 3,
+  kInverseZ = kInverseY + 3,
+  kInverseDet = kInverseZ + 3,  // |det light_from_world|; 1 unless sheared
+  kSize0,                 // half width, radius, or 1 - cos of a distant light's half-angle
+  kSize1,                 // half height, half length, or a dome's number
+  kRadiance,              // radiance; radiant intensity of a point; irradiance of a distant light of angle 0
+  kImportance = kRadiance + 3,  // luminance of what selection weighs
+  kDiffuseFactor,
+  kSpecularFactor,
+  kLightFlags,
+  kLightFields
+};
+enum LightFlag : int32_t {
+  kSheared = 1,
+  kSampledOnly = 2,  // its factors differ by lobe: BSDF rays do not see it, light samples count in full
+};
+
+struct DomeFactors {
+  float diffuse = 1, specular = 1;
+};
+
+struct LightTable {
+  std::vector<float> rows;  // of the lights that are sampled
+  int count = 0;
+  std::vector<Dome> domes;  // all of them, sampled or not
+  std::vector<int> dome_light;       // by dome: its row, or -1
+  std::vector<DomeFactors> dome_factors;
+  std::vector<float> power_cdf;      // count + 1; used where there are too many lights to weigh each
+  bool needs_hit_test = false;       // some light has area or a cone that BSDF rays can meet
+  bool camera_sees_area = false;
+  bool lobe_factors = false;         // some light's diffuse or specular factor is not 1
+  static constexpr int kWeighed = 16;  // at most so many are weighed at every vertex
+
+  const float* row(int light) const { return rows.data() + light * kLightFields; }
+};
+
+template <int W>
+struct LightSample {
+  vvec3<W> wi;       // unit
+  vfloat<W> t, pdf;  // distance, density per solid angle including the choice of the light; 0: nothing
+  vvec3<W> L;
+  vbool<W> is_delta;
+  vint<W> light;
+};
+
+// One lane's light each; reads the table once where all lanes chose the same.
+template <int W>
+struct LightRow {
+  const float* rows;
+  vint<W> offset;
+  int uniform;  // offset shared by all lanes, or -1
+
+  PRIMRAY_INLINE LightRow(const LightTable& table, vint<W> light) : rows(table.rows.data()), offset(light * vint<W>(kLightFields)) {
+    uniform = all(offset == vint<W>(offset[0])) ? offset[0] : -1;
+  }
+  PRIMRAY_INLINE vfloat<W> operator()(int field) const {
+    return uniform >= 0 ? vfloat<W>(rows[uniform + field]) : gather<W>(rows + field, offset);
+  }
+  PRIMRAY_INLINE vvec3<W> vector(int field) const { return {(*this)(field), (*this)(field + 1), (*this)(field + 2)}; }
+  PRIMRAY_INLINE vint<W> flags() const { return truncate((*this)(kLightFlags)); }
+  PRIMRAY_INLINE vint<W> type() const { return truncate((*this)(kType)); }
+  PRIMRAY_INLINE vvec3<W> to_light(const vvec3<W>& v) const {
+    return vector(kInverseX) * v.x + vector(kInverseY) * v.y + vector(kInverseZ) * v.z;
+  }
+  PRIMRAY_INLINE vvec3<W> to_world(const vvec3<W>& v) const { return vector(kAxisX) * v.x + vector(kAxisY) * v.y + vector(kAxisZ) * v.z; }
+};
+
+template <int W>
+PRIMRAY_INLINE vbool<W> is_type(vint<W> type, LightType t) {
+  return type == vint<W>(int32_t(t));
+}
+
+// A direction towards `light` from world point p. Its pdf leaves out the choice of the light.
+template <int W>
+PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> light, vbool<W> active, const vvec3<W>& p, vfloat<W> u, vfloat<W> v) {
+  const LightRow<W> row(table, light);
+  const vint<W> type = select(active, row.type(), vint<W>(-1));
+  const vfloat<W> size0 = row(kSize0), size1 = row(kSize1);
+  const vvec3<W> local = row.to_light(p - row.vector(kOrigin));
+  LocalSample<W> s{vvec3<W>(vfloat<W>(0.0f)), vfloat<W>(kInfinity), vfloat<W>(0.0f)};
+  const auto take = [&](LightType t, auto sample) {
+    const vbool<W> m = is_type(type, t);
+    if (!any(m)) return;
+    const LocalSample<W> n = sample();
+    s = {select(m, n.w, s.w), select(m, n.t, s.t), select(m, n.pdf, s.pdf)};
+  };
+  take(LightType::kSphere, [&] { return sphere_sample(local, size0, u, v); });
+  take(LightType::kDisk, [&] { return disk_sample(local, size0, u, v); });
+  take(LightType::kRect, [&] { return rect_sample(local, size0, size1, u, v); });
+  take(LightType::kCylinder, [&] { return cylinder_sample(local, size0, size1, u, v); });
+  take(LightType::kDistant, [&] { return distant_sample(size0, u, v); });
+  LightSample<W> r;
+  r.light = light;
+  r.wi = row.to_world(s.w), r.t = s.t, r.pdf = s.pdf;
+  r.L = row.vector(kRadiance);
+  const vbool<W> sheared = (row.flags() & vint<W>(kSheared)) != vint<W>(0);
+  if (any(sheared & active)) {
+    const vfloat<W> len = length(r.wi);
+    r.wi = select(sheared, r.wi * (1.0f / len), r.wi);
+    r.t = select(sheared, r.t * len, r.t);
+    r.pdf = select(sheared, r.pdf * row(kInverseDet) * len * len * len, r.pdf);
+  }
+  r.is_delta = is_type(type, LightType::kPoint) | (is_type(type, LightType::kDistant) & (size0 == vfloat<W>(0.0f)));
+  const vbool<W> point = is_type(type, LightType::kPoint);
+  if (any(point)) {
+    const vvec3<W> to = row.vector(kOrigin) - p;
+    const vfloat<W> d2 = dot(to, to), d = sqrt(d2);
+    r.wi = select(point, to * (1.0f / d), r.wi);
+    r.t = select(point, d, r.t);
+    r.pdf = select(point, select(d2 > vfloat<W>(0.0f), vfloat<W>(1.0f), vfloat<W>(0.0f)), r.pdf);
+    r.L = select(point, r.L * (1.0f / d2), r.L);
+  }
+  const vbool<W> dome = is_type(type, LightType::kDome);
+  if (any(dome)) {
+    for (int k = 0; k < int(table.domes.size()); ++k) {
+      const vbool<W> m = dome & (truncate(size1) == vint<W>(k));
+      if (!any(m)) continue;
+      const vvec3<W> w = dome_sample(table.domes[k], u, v);
+      vfloat<W> pdf;
+      const vvec3<W> L = dome_eval(table.domes[k], w, pdf);
+      r.wi = select(m, w, r.wi), r.pdf = select(m, pdf, r.pdf), r.L = select(m, L, r.L);
+    }
+  }
+  return r;
+}
+
+// Where the ray p + t wi (unit wi) meets `light`, for all light types that a ray can meet but domes; the pdf leaves out the choice.
+template <int W>
+PRIMRAY_INLINE LocalHit<W> light_hit(const float* row, const vvec3<W>& p, const vvec3<W>& wi) {
+  const auto vector = [&](int field) { return vvec3<W>(vfloat<W>(row[field]), vfloat<W>(row[field + 1]), vfloat<W>(row[field + 2])); };
+  const auto to_light = [&](const vvec3<W>& x) { return vector(kInverseX) * x.x + vector(kInverseY) * x.y + vector(kInverseZ) * x.z; };
+  const LightType type = LightType(int(row[kType]));
+  vvec3<W> w = to_light(wi);
+  vfloat<W> len(1.0f);
+  const bool sheared = int(row[kLightFlags]) & kSheared;
+  if (sheared) {
+    len = length(w);
+    w = w * (1.0f / len);
+  }
+  const vvec3<W> local = to_light(p - vector(kOrigin));
+  const vfloat<W> size0(row[kSize0]), size1(row[kSize1]);
+  LocalHit<W> h{vfloat<W>(kInfinity), vfloat<W>(0.0f)};
+  switch (type) {
+    case LightType::kSphere: h = sphere_hit(local, w, size0); break;
+    case LightType::kDisk: h = disk_hit(local, w, size0); break;
+    case LightType::kRect: h = rect_hit(local, w, size0, size1); break;
+    case LightType::kCylinder: h = cylinder_hit(local, w, size0, size1); break;
+    case LightType::kDistant: h = distant_hit(w, size0); break;
+    case LightType::kPoint:
+    case LightType::kDome: break;
+  }
+  if (sheared) {
+    h.t = h.t * (1.0f / len);
+    h.pdf = h.pdf * row[kInverseDet] / (len * len * len);
+  }
+  return h;
+}
+
+}  // namespace primray

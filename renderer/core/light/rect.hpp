@@ -1,0 +1,78 @@
+// A rectangle in its plane z = 0, |x| <= hx, |y| <= hy, emitting along -z: sampled by solid angle where it is near.
+//
+// Near: the spherical rectangle of Urena, Fajardo and King 2013, "An Area-Preserving Parametrization for Spherical
+// Rectangles". Far (its half-diagonal less than a quarter of the distance): by area, where both have nearly the same
+// variance and the solid angle of the first would lose digits.
+#pragma once
+
+#include "light/local_shape.hpp"
+
+namespace primray {
+
+template <int W>
+struct SphericalRect {
+  vfloat<W> x0, x1, y0, y1, z0;  // corners relative to the point, z0 < 0
+  vfloat<W> b0, b1, k, solid_angle;
+
+  // Solid angle as a sum of arc sines, which keeps its digits for a small rectangle straight ahead.
+  PRIMRAY_INLINE SphericalRect(const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy)
+      : x0(-hx - p.x), x1(hx - p.x), y0(-hy - p.y), y1(hy - p.y), z0(p.z) {
+    const vfloat<W> z2 = z0 * z0;
+    const vfloat<W> n0 = -y0 / sqrt(y0 * y0 + z2), n1 = x1 / sqrt(x1 * x1 + z2);
+    const vfloat<W> n2 = y1 / sqrt(y1 * y1 + z2), n3 = -x0 / sqrt(x0 * x0 + z2);
+    const vfloat<W> a0 = 0.5f * kPi - acos(n0 * n1), a1 = 0.5f * kPi - acos(n1 * n2);
+    const vfloat<W> a2 = 0.5f * kPi - acos(n2 * n3), a3 = 0.5f * kPi - acos(n3 * n0);
+    b0 = n0, b1 = n2;
+    k = kPi - a2 - a3;
+    solid_angle = a0 + a1 + a2 + a3;
+  }
+
+  PRIMRAY_INLINE vvec3<W> sample(vfloat<W> u, vfloat<W> v) const {
+    const vfloat<W> au = u * solid_angle + k;
+    const SinCos<W> a = sincos_turns(au * (0.5f * kInvPi));
+    const vfloat<W> fu = (a.cos * b0 - b1) / a.sin;
+    const vfloat<W> cu = clamp(copysign(1.0f / sqrt(fu * fu + b0 * b0), fu), -0.999999f, 0.999999f);
+    const vfloat<W> xu = min(max(-(cu * z0) / sqrt(1.0f - cu * cu), x0), x1);
+    const vfloat<W> d2 = xu * xu + z0 * z0;
+    const vfloat<W> h0 = y0 / sqrt(d2 + y0 * y0), h1 = y1 / sqrt(d2 + y1 * y1);
+    const vfloat<W> hv = h0 + v * (h1 - h0), hv2 = hv * hv;
+    const vfloat<W> yv = select(hv2 < vfloat<W>(0.999999f), hv * sqrt(d2 / max(1.0f - hv2, 1e-7f)), y1);
+    return {xu, min(max(yv, y0), y1), z0};
+  }
+};
+
+template <int W>
+PRIMRAY_INLINE vbool<W> rect_is_far(const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy) {
+  return dot(p, p) > 16.0f * (hx * hx + hy * hy);
+}
+
+template <int W>
+PRIMRAY_INLINE LocalSample<W> rect_sample(const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy, vfloat<W> u, vfloat<W> v) {
+  const vbool<W> front = p.z < vfloat<W>(0.0f), far = rect_is_far(p, hx, hy);
+  // Coordinates seen from the point: the plane lies at -p.z along +z.
+  vvec3<W> to{(2.0f * u - 1.0f) * hx - p.x, (2.0f * v - 1.0f) * hy - p.y, -p.z};
+  vfloat<W> near_pdf(0.0f);
+  if (any(front & !far)) {
+    const SphericalRect<W> sphere(p, hx, hy);
+    const vvec3<W> q = sphere.sample(u, v);
+    to = select(far, to, vvec3<W>(q.x, q.y, -q.z));
+    near_pdf = 1.0f / sphere.solid_angle;
+  }
+  const vfloat<W> d2 = dot(to, to), d = sqrt(d2);
+  const vfloat<W> far_pdf = d2 * d / (4.0f * hx * hy * -p.z);
+  const vfloat<W> pdf = select(far, far_pdf, near_pdf);
+  return {to * (1.0f / d), d, select(front & (pdf > vfloat<W>(0.0f)), pdf, vfloat<W>(0.0f))};
+}
+
+template <int W>
+PRIMRAY_INLINE LocalHit<W> rect_hit(const vvec3<W>& p, const vvec3<W>& w, vfloat<W> hx, vfloat<W> hy) {
+  const vfloat<W> t = -p.z / w.z;
+  const vbool<W> hit = (p.z < vfloat<W>(0.0f)) & (w.z > vfloat<W>(0.0f)) & (abs(p.x + w.x * t) <= hx) & (abs(p.y + w.y * t) <= hy);
+  if (!any(hit)) return {vfloat<W>(kInfinity), vfloat<W>(0.0f)};
+  const vbool<W> far = rect_is_far(p, hx, hy);
+  vfloat<W> pdf = t * t / (4.0f * hx * hy * w.z);
+  if (any(hit & !far)) pdf = select(far, pdf, 1.0f / SphericalRect<W>(p, hx, hy).solid_angle);
+  return {select(hit, t, vfloat<W>(kInfinity)), select(hit, pdf, vfloat<W>(0.0f))};
+}
+
+}  // namespace primray

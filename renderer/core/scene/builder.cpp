@@ -1,0 +1,197 @@
+// Filling the scene; what it needs to know of lights is in build_lights.cpp.
+#include "scene/builder.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <unordered_map>
+#include <utility>
+
+#include "accel/build.hpp"
+#include "scene/error.hpp"
+#include "scene/light_rows.hpp"
+
+namespace primray {
+namespace {
+
+constexpr size_t kMaxElements = size_t(1) << 31;  // gathers address elements by 32-bit signed numbers
+
+void put(std::vector<float>& v, const dvec3& p) { v.insert(v.end(), {float(p.x), float(p.y), float(p.z)}); }
+
+bool is_finite(const daffine& m) {
+  double s = 0;
+  for (const dvec3* c : {&m.x, &m.y, &m.z, &m.o}) s += c->x * 0 + c->y * 0 + c->z * 0;
+  return s == 0;
+}
+
+// Whether a map is invertible for our purposes: its determinant beyond rounding.
+bool is_regular(const daffine& m) {
+  const double size = length(m.x) * length(m.y) * length(m.z);
+  return is_finite(m) && size > 0 && std::fabs(m.determinant()) > 1e-14 * size;
+}
+
+}  // namespace
+
+SceneBuilder::SceneBuilder(dvec3 origin, double scale) : scene_(std::make_unique<Scene>()), group_origin_(origin), group_scale_(scale) {
+  scene_->origin = origin;
+  scene_->scale = scale;
+  scene_->groups.emplace_back();
+  prototype_from_group_.push_back({{1 / scale, 0, 0}, {0, 1 / scale, 0}, {0, 0, 1 / scale}, origin});
+}
+
+int SceneBuilder::begin_prototype(dvec3 center, double scale) {
+  group_origin_ = center, group_scale_ = scale;
+  Group g;
+  g.triangle_base = uint32_t(scene_->indices.size() / 3), g.vertex_base = uint32_t(scene_->positions.size() / 3);
+  g.sphere_base = uint32_t(scene_->spheres.size());
+  scene_->groups.push_back(std::move(g));
+  prototype_from_group_.push_back({{1 / scale, 0, 0}, {0, 1 / scale, 0}, {0, 0, 1 / scale}, center});
+  return int(scene_->groups.size()) - 1;
+}
+
+void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_object) {
+  Scene& s = *scene_;
+  Group& group = s.groups.back();
+  const size_t points = mesh.points.size() / 3, triangles = mesh.triangles.size() / 3;
+  if (s.positions.size() + 3 * points >= kMaxElements || s.indices.size() + 3 * triangles >= kMaxElements)
+    throw Error("too-large", "more than 715 million points or triangles");
+  const int32_t first_vertex = int32_t(s.positions.size() / 3), first_triangle = int32_t(s.indices.size() / 3);
+  for (size_t i = 0; i < points; ++i) {
+    const float* p = &mesh.points[3 * i];
+    put(s.positions, to_group(group_from_object.point({p[0], p[1], p[2]})));
+  }
+  // A mirrored mesh keeps its outside by turning its triangles around; attributes by corner turn with them.
+  const bool mirrored = group_from_object.determinant() < 0;
+  const int order[3] = {0, mirrored ? 2 : 1, mirrored ? 1 : 2};
+  const uint32_t base = uint32_t(first_vertex) - group.vertex_base;
+  for (size_t t = 0; t < triangles; ++t)
+    for (int k : order) s.indices.push_back(base + uint32_t(mesh.triangles[3 * t + k]));
+
+  MeshTable& table = s.meshes;
+  const auto add_vectors = [&](std::vector<float>& to, std::span<const float> from, Attribute kind, auto convert) {
+    const int32_t at = int32_t(to.size());
+    if (to.size() + from.size() >= kMaxElements) throw Error("too-large", "more than 715 million normals or colours");
+    for (size_t i = 0; i < from.size() / 3; ++i) {
+      const size_t j = kind == Attribute::kCorner ? i - i % 3 + order[i % 3] : i;
+      put(to, convert(dvec3{from[3 * j], from[3 * j + 1], from[3 * j + 2]}));
+    }
+    return at;
+  };
+  const dvec3 cx = cross(group_from_object.y, group_from_object.z), cy = cross(group_from_object.z, group_from_object.x),
+              cz = cross(group_from_object.x, group_from_object.y);
+  const double sign = mirrored ? -1 : 1;
+  const int32_t normals = add_vectors(s.normals, mesh.normals, mesh.normal_kind, [&](const dvec3& n) {
+    const dvec3 m = (cx * n.x + cy * n.y + cz * n.z) * sign;
+    const double len = length(m);
+    return len > 0 ? m * (1 / len) : n;
+  });
+  const int32_t colors = add_vectors(s.colors, mesh.colors, mesh.color_kind, [](const dvec3& c) { return c; });
+
+  // One row for each surface that the mesh wears; most wear one.
+  std::unordered_map<int32_t, int32_t> row_of_surface;
+  for (size_t t = 0; t < triangles; ++t) {
+    const int32_t surface = mesh.surfaces[mesh.surfaces.size() == 1 ? 0 : t];
+    if (t > 0 && mesh.surfaces.size() == 1) {
+      s.triangle_mesh.push_back(s.triangle_mesh.back());
+      continue;
+    }
+    const auto [row, is_new] = row_of_surface.try_emplace(surface, int32_t(table.surface.size()));
+    if (is_new) {
+      table.surface.push_back(surface);
+      table.normals.push_back(int32_t(mesh.normal_kind)), table.colors.push_back(int32_t(mesh.color_kind));
+      table.normal_base.push_back(normals), table.color_base.push_back(colors);
+      table.triangle_base.push_back(first_triangle), table.vertex_base.push_back(first_vertex);
+    }
+    s.triangle_mesh.push_back(row->second);
+  }
+  group.vertex_count += uint32_t(points), group.triangle_count += uint32_t(triangles);
+  s.has_attributes |= mesh.normal_kind != Attribute::kNone || mesh.color_kind != Attribute::kNone;
+}
+
+void SceneBuilder::add_sphere(double radius, int32_t surface, const daffine& group_from_object) {
+  const daffine group_from_prototype{{group_scale_, 0, 0}, {0, group_scale_, 0}, {0, 0, group_scale_}, group_origin_ * -group_scale_};
+  const daffine size{{radius, 0, 0}, {0, radius, 0}, {0, 0, radius}, dvec3(0.0)};
+  const daffine m = group_from_prototype * group_from_object * size;
+  if (!is_regular(m)) return;
+  const daffine inv = inverse(m);
+  SphereRecord r;
+  const dvec3 *columns[] = {&m.x, &m.y, &m.z, &m.o}, *inverse_columns[] = {&inv.x, &inv.y, &inv.z, &inv.o};
+  for (int k = 0; k < 4; ++k) {
+    r.group_from_object[3 * k] = float(columns[k]->x), r.group_from_object[3 * k + 1] = float(columns[k]->y), r.group_from_object[3 * k + 2] = float(columns[k]->z);
+    r.object_from_group[3 * k] = inverse_columns[k]->x, r.object_from_group[3 * k + 1] = inverse_columns[k]->y, r.object_from_group[3 * k + 2] = inverse_columns[k]->z;
+  }
+  scene_->spheres.push_back(r);
+  scene_->sphere_surface.push_back(surface);
+  scene_->groups.back().sphere_count++;
+  scene_->has_spheres = true;
+}
+
+int64_t SceneBuilder::add_placement(int prototype, std::span<const double> rows) {
+  Scene& s = *scene_;
+  const daffine undo = prototype_from_group_[prototype];
+  const daffine core_from_world{{s.scale, 0, 0}, {0, s.scale, 0}, {0, 0, s.scale}, s.origin * -s.scale};
+  const int32_t first = int32_t(s.world_from_group.size() / 12);
+  int64_t left_out = 0;
+  s.world_from_group.reserve(s.world_from_group.size() + rows.size());
+  for (size_t i = 0; i < rows.size(); i += 12) {
+    const daffine world_from_prototype = affine_from_rows(&rows[i]);
+    if (!is_regular(world_from_prototype)) {
+      ++left_out;
+      continue;
+    }
+    const daffine m = core_from_world * (world_from_prototype * undo);
+    for (const dvec3* c : {&m.x, &m.y, &m.z, &m.o}) put(s.world_from_group, *c);
+  }
+  if (s.world_from_group.size() >= kMaxElements) throw Error("too-large", "more than 178 million instances");
+  const Group& g = s.groups[prototype];
+  const bool empty = g.triangle_count == 0 && g.sphere_count == 0;
+  if (empty || int32_t(s.world_from_group.size() / 12) == first) {
+    s.world_from_group.resize(size_t(first) * 12);
+    return left_out;
+  }
+  s.placement_group.push_back(prototype);
+  s.placement_instance.push_back(first);
+  s.has_instances = true;
+  return left_out;
+}
+
+void SceneBuilder::add_light(const LightInput& light) { add_light_rows(light, scene_->origin, scene_->scale, scene_->lights); }
+
+void SceneBuilder::set_camera(const CameraInput& c) {
+  Scene& s = *scene_;
+  Camera& camera = s.camera;
+  const daffine& m = c.world_from_camera;
+  camera.width = c.width, camera.height = c.height, camera.orthographic = c.orthographic;
+  camera.world_from_camera = {vec3(m.x), vec3(m.y), vec3(m.z), vec3((m.o - s.origin) * s.scale)};
+  const double unit = c.orthographic ? s.scale : 1.0;
+  camera.left = float(c.window[0] * unit), camera.right = float(c.window[1] * unit);
+  camera.bottom = float(c.window[2] * unit), camera.top = float(c.window[3] * unit);
+  camera.near = float(c.near * s.scale), camera.far = float(c.far * s.scale);
+  camera.lens_radius = float(c.lens_radius * s.scale), camera.focus_distance = float(c.focus_distance * s.scale);
+  camera.filter.box_width = c.filter_width;
+  camera.filter.inverse_cdf.assign(c.filter_inverse_cdf.begin(), c.filter_inverse_cdf.end());
+}
+
+std::unique_ptr<Scene> SceneBuilder::finish() {
+  Scene& s = *scene_;
+  s.positions.insert(s.positions.end(), 4, 0.0f);  // Embree reads 16 bytes of the last vertex
+  for (size_t i = 0; i < s.surfaces.rows.size(); i += kSurfaceFields) {
+    const float* row = &s.surfaces.rows[i];
+    const int flags = int(row[kFlags]);
+    s.has_emission |= (flags & kEmits) != 0;
+    s.has_thin |= ((flags & kThin) && row[kTransmission] > 0) || row[kPresence] < 1;
+  }
+  finish_light_rows(s.lights);
+  s.rays_find_light = s.has_emission || s.lights.needs_hit_test || !s.lights.domes.empty();
+  build_accel(s);
+  return std::move(scene_);
+}
+
+int64_t Scene::memory_bytes() const {
+  const auto bytes = [](const auto& v) { return int64_t(v.capacity() * sizeof(v[0])); };
+  int64_t total = bytes(positions) + bytes(indices) + bytes(triangle_mesh) + bytes(normals) + bytes(colors) + bytes(spheres) +
+                  bytes(world_from_group);
+  for (const Dome& d : lights.domes) total += bytes(d.texels) + bytes(d.column_cdf) + bytes(d.density);
+  return total;
+}
+
+}  // namespace primray

@@ -1,0 +1,70 @@
+// From double-precision input in scene units to the Scene's flat float arrays, relative to an origin and scaled by a power of two.
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include "scene/scene.hpp"
+
+namespace primray {
+
+// One mesh's arrays as they come from outside; all indices have been checked to be in range.
+struct MeshInput {
+  std::span<const float> points;        // 3 N
+  std::span<const int32_t> triangles;   // 3 T
+  std::span<const float> normals;       // empty, 3 N or 9 T
+  std::span<const float> colors;        // empty, 3 T, 3 N or 9 T
+  Attribute normal_kind = Attribute::kNone, color_kind = Attribute::kNone;
+  std::span<const int32_t> surfaces;    // one, or one a triangle
+};
+
+struct LightInput {
+  LightType type = LightType::kPoint;
+  daffine world_from_light;
+  vec3 emission;
+  double width = 1, height = 1, radius = 0.5, length = 1, angle_deg = 0;
+  float diffuse = 1, specular = 1;
+  int texture_width = 0, texture_height = 0;
+  std::span<const float> texels;  // 3 (width) (height), first row at the pole
+};
+
+struct CameraInput {
+  daffine world_from_camera;
+  bool orthographic = false;
+  double window[4] = {-1, 1, -1, 1};  // left, right, bottom, top
+  double near = 0, far = 0, lens_radius = 0, focus_distance = 1;
+  int width = 1, height = 1;
+  float filter_width = 1;
+  std::span<const float> filter_inverse_cdf;  // empty: a box
+};
+
+class SceneBuilder {
+ public:
+  // world point -> (world - origin) * scale; scale is a power of two, so that nothing is rounded by it.
+  SceneBuilder(dvec3 origin, double scale);
+  SceneBuilder(const SceneBuilder&) = delete;
+
+  int32_t add_surface(const SurfaceInput& s) { return scene_->surfaces.add(s); }
+  // Until the next begin_prototype, shapes go to the current group: the static one at first.
+  // Prototype space is recentred and scaled as well; `center` and `scale` are in its own units.
+  int begin_prototype(dvec3 center, double scale);
+  void add_mesh(const MeshInput& mesh, const daffine& group_from_object);
+  void add_sphere(double radius, int32_t surface, const daffine& group_from_object);
+  // `rows`: 12 doubles an instance, world from prototype. A singular or non-finite one is left out; the result says how many were.
+  int64_t add_placement(int prototype, std::span<const double> rows);
+  void add_light(const LightInput& light);
+  void set_camera(const CameraInput& camera);
+  // Builds the acceleration structures; the builder is empty afterwards.
+  std::unique_ptr<Scene> finish();
+
+ private:
+  dvec3 to_group(const dvec3& p) const { return (p - group_origin_) * group_scale_; }
+
+  std::unique_ptr<Scene> scene_;
+  // Of the current group.
+  dvec3 group_origin_;
+  double group_scale_;
+  std::vector<daffine> prototype_from_group_;  // by group: undoes its recentring
+};
+
+}  // namespace primray

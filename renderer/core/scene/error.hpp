@@ -1,0 +1,14 @@
+// What the core throws while a scene is built; never while rendering.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+namespace primray {
+
+struct Error : std::runtime_error {
+  std::string code;
+  Error(std::string code_, const std::string& message) : std::runtime_error(message), code(std::move(code_)) {}
+};
+
+}  // namespace primray

@@ -1,0 +1,168 @@
+// Sizes go from the matrix into the light where its axes stay perpendicular, so that only a true shear is left to handle.
+#include "scene/light_rows.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace primray {
+namespace {
+
+constexpr double kPiDouble = 3.14159265358979323846;
+
+// A light's frame: perpendicular unit axes with sizes beside them, or the whole matrix where that cannot be.
+struct LightFrame {
+  daffine world_from_light;
+  dvec3 sizes{1.0, 1.0, 1.0};  // lengths of the axes, if they went out of the matrix
+  bool sheared = false;
+};
+
+bool perpendicular(const dvec3& a, const dvec3& b) { return std::fabs(dot(a, b)) <= 1e-6 * length(a) * length(b); }
+
+LightFrame light_frame(const LightInput& light) {
+  LightFrame f{light.world_from_light, {1.0, 1.0, 1.0}, false};
+  daffine& m = f.world_from_light;
+  const double x = length(m.x), y = length(m.y), z = length(m.z);
+  const auto same = [](double a, double b) { return std::fabs(a - b) <= 1e-6 * std::max(a, b); };
+  // Flat lights need no depth: any normal to their plane does, on the side where -z goes.
+  bool round = true;
+  switch (light.type) {
+    case LightType::kRect: round = perpendicular(m.x, m.y); break;
+    case LightType::kDisk: round = perpendicular(m.x, m.y) && same(x, y); break;
+    case LightType::kSphere: round = perpendicular(m.x, m.y) && perpendicular(m.y, m.z) && perpendicular(m.z, m.x) && same(x, y) && same(y, z); break;
+    case LightType::kCylinder: round = perpendicular(m.x, m.y) && perpendicular(m.y, m.z) && perpendicular(m.z, m.x) && same(y, z); break;
+    default: break;
+  }
+  if (light.type == LightType::kRect || light.type == LightType::kDisk) {
+    const dvec3 n = cross(m.x, m.y);
+    const double side = dot(n, m.z) < 0 ? -1 : 1, area = length(n);
+    if (area > 0) m.z = n * (side / area);
+  }
+  if (!round) {
+    f.sheared = true;
+    return f;
+  }
+  f.sizes = {x, y, z};
+  m.x = m.x * (1 / x), m.y = m.y * (1 / y);
+  if (light.type != LightType::kRect && light.type != LightType::kDisk) m.z = m.z * (1 / z);
+  return f;
+}
+
+void put(float* row, int field, const dvec3& v) { row[field] = float(v.x), row[field + 1] = float(v.y), row[field + 2] = float(v.z); }
+
+// Only directions matter of a distant light or a dome: an orthonormal frame about its z (distant) or all its axes (dome).
+Affine<float> rotation_of(const daffine& m) {
+  return {vec3(normalize(m.x)), vec3(normalize(m.y)), vec3(normalize(m.z)), vec3(0.0f)};
+}
+
+void add_dome(const LightInput& light, LightTable& table, float* row, bool& sampled) {
+  Dome d;
+  d.world_from_light = rotation_of(light.world_from_light);
+  d.tint = light.emission;
+  d.width = light.texture_width, d.height = light.texture_height;
+  d.texels.assign(light.texels.begin(), light.texels.end());
+  const bool plain = light.diffuse == 1 && light.specular == 1;
+  if (light.diffuse != 0 || light.specular != 0) build_dome_distribution(d, plain);
+  sampled = d.sampled;
+  row[kSize1] = float(table.domes.size());
+  row[kImportance] = float(d.irradiance);
+  table.dome_light.push_back(sampled ? table.count : -1);
+  table.dome_factors.push_back({light.diffuse, light.specular});
+  table.domes.push_back(std::move(d));
+}
+
+}  // namespace
+
+void add_light_rows(const LightInput& light, const dvec3& origin, double scale, LightTable& table) {
+  float row[kLightFields] = {};
+  const bool plain = light.diffuse == 1 && light.specular == 1;
+  row[kType] = float(int(light.type));
+  row[kDiffuseFactor] = light.diffuse, row[kSpecularFactor] = light.specular;
+  row[kInverseDet] = 1;
+  int flags = plain ? 0 : kSampledOnly;
+  dvec3 emission(light.emission);
+  bool sampled = true;
+  daffine m = light.world_from_light;
+  if (light.type == LightType::kDome) {
+    add_dome(light, table, row, sampled);
+    if (!sampled) return;
+  } else if (light.type == LightType::kDistant) {
+    const Frame<double> frame(normalize(m.z));
+    m = {frame.s, frame.t, frame.n, dvec3(0.0)};
+    const double half = std::min(std::max(light.angle_deg, 0.0), 360.0) * (kPiDouble / 360);
+    // 1 - cos t = 2 sin^2 (t / 2) keeps its digits for the smallest suns.
+    const double s = std::sin(0.5 * half), spread = 2 * s * s;
+    row[kSize0] = float(spread);
+    row[kImportance] = float(luminance(emission) * (spread > 0 ? 2 * kPiDouble * std::min(spread, 0.5) : 1.0));
+    table.needs_hit_test |= row[kSize0] > 0;
+  } else {
+    const LightFrame f = light_frame(light);
+    m = f.world_from_light;
+    const double unit = f.sheared ? 1.0 : scale;
+    switch (light.type) {
+      case LightType::kRect: row[kSize0] = float(0.5 * light.width * f.sizes.x * unit), row[kSize1] = float(0.5 * light.height * f.sizes.y * unit); break;
+      case LightType::kDisk:
+      case LightType::kSphere: row[kSize0] = float(light.radius * f.sizes.x * unit); break;
+      case LightType::kCylinder: row[kSize0] = float(light.radius * f.sizes.y * unit), row[kSize1] = float(0.5 * light.length * f.sizes.x * unit); break;
+      default: break;
+    }
+    if (f.sheared) {
+      // Lengths of the light's frame stay in its own units; the matrix carries them to the core's.
+      m.x = m.x * scale, m.y = m.y * scale, m.z = m.z * scale;
+      flags |= kSheared;
+    }
+    if (light.type == LightType::kPoint) {
+      m.x = {1, 0, 0}, m.y = {0, 1, 0}, m.z = {0, 0, 1};
+      emission = emission * (scale * scale);
+    } else {
+      table.needs_hit_test = true;
+    }
+    m.o = (light.world_from_light.o - origin) * scale;
+    row[kImportance] = float(luminance(emission));
+  }
+  put(row, kAxisX, m.x), put(row, kAxisY, m.y), put(row, kAxisZ, m.z), put(row, kOrigin, m.o);
+  const double det = m.determinant();
+  if (det == 0 && light.type != LightType::kDome) return;  // a light without size; translation has said so
+  if (light.type == LightType::kDome) m = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)};
+  const daffine inv = inverse(m);
+  put(row, kInverseX, inv.x), put(row, kInverseY, inv.y), put(row, kInverseZ, inv.z);
+  if (flags & kSheared) row[kInverseDet] = float(std::fabs(1 / det));
+  put(row, kRadiance, emission);
+  row[kLightFlags] = float(flags);
+  table.lobe_factors |= !plain;
+  table.rows.insert(table.rows.end(), row, row + kLightFields);
+  ++table.count;
+}
+
+void finish_light_rows(LightTable& table) {
+  if (table.count <= LightTable::kWeighed) return;
+  // By power; half of the choices for what is infinitely far, where there is any, since its power has no common measure with the rest.
+  std::vector<double> power(table.count, 0.0);
+  double near = 0, far = 0;
+  for (int i = 0; i < table.count; ++i) {
+    const float* row = table.row(i);
+    const double s0 = row[kSize0], s1 = row[kSize1], e = std::max(double(row[kImportance]), 1e-30);
+    bool infinite = false;
+    switch (LightType(int(row[kType]))) {
+      case LightType::kPoint: power[i] = 4 * kPiDouble * e; break;
+      case LightType::kSphere: power[i] = 4 * kPiDouble * s0 * s0 * kPiDouble * e; break;
+      case LightType::kDisk: power[i] = kPiDouble * s0 * s0 * kPiDouble * e; break;
+      case LightType::kRect: power[i] = 4 * s0 * s1 * kPiDouble * e; break;
+      case LightType::kCylinder: power[i] = 4 * kPiDouble * s0 * s1 * kPiDouble * e; break;
+      case LightType::kDistant:
+      case LightType::kDome: power[i] = e, infinite = true; break;
+    }
+    (infinite ? far : near) += power[i];
+  }
+  double run = 0;
+  table.power_cdf.assign(1, 0.0f);
+  for (int i = 0; i < table.count; ++i) {
+    const LightType type = LightType(int(table.row(i)[kType]));
+    const bool infinite = type == LightType::kDistant || type == LightType::kDome;
+    const double share = near > 0 && far > 0 ? 0.5 : 1.0;
+    run += share * power[i] / (infinite ? far : near);
+    table.power_cdf.push_back(float(run));
+  }
+  table.power_cdf.back() = 1.0f;
+}
+
+}  // namespace primray

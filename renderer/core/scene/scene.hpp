@@ -1,0 +1,84 @@
+// The scene as the core renders it: flat float arrays, relative to the camera and scaled, joined by indices. Knows no USD.
+//
+// Folder: scene.hpp the data; build.cpp fills it from double-precision input; camera.hpp the film's rays. accel/ makes Embree scenes of it,
+// light/ and bsdf/ read their tables, integrator/ walks paths through it. A `Group` is geometry with an Embree scene of its own:
+// group 0 is everything placed once, in world space; the others are prototypes in their own space, placed by instances.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "accel/embree.hpp"
+#include "light/light.hpp"
+#include "math/matrix.hpp"
+#include "scene/camera.hpp"
+#include "scene/surface.hpp"
+
+namespace primray {
+
+// Embree geometry numbers: in every group triangles and spheres, in the top scene the placements after them.
+constexpr uint32_t kTriangleGeometry = 0, kSphereGeometry = 1, kFirstPlacement = 2;
+
+enum class Attribute : int32_t { kNone = 0, kTriangle = 1, kVertex = 2, kCorner = 3 };
+
+// What the triangles of one mesh with one surface share; gathered by lane, hence one array a field.
+struct MeshTable {
+  std::vector<int32_t> surface, normals, colors;             // colours and normals: Attribute
+  std::vector<int32_t> normal_base, color_base;              // offsets in floats into Scene::normals, ::colors
+  std::vector<int32_t> triangle_base, vertex_base;           // this mesh's first triangle and vertex, counted over the scene
+};
+
+struct SphereRecord {
+  float group_from_object[12];  // columns x, y, z, origin; the object is the unit sphere
+  double object_from_group[12];
+};
+
+struct Group {
+  uint32_t triangle_base = 0, triangle_count = 0;
+  uint32_t vertex_base = 0, vertex_count = 0;
+  uint32_t sphere_base = 0, sphere_count = 0;
+  OwnedScene accel;
+};
+
+struct Scene {
+  Scene() = default;
+  Scene(const Scene&) = delete;
+
+  // Triangles of all groups; indices count from their group's first vertex.
+  std::vector<float> positions;  // x, y, z; a spare float at the end, which Embree may read
+  std::vector<uint32_t> indices;
+  std::vector<int32_t> triangle_mesh;
+  std::vector<float> normals, colors;
+  MeshTable meshes;
+
+  std::vector<SphereRecord> spheres;
+  std::vector<int32_t> sphere_surface;
+
+  std::vector<Group> groups;
+
+  // Instances, all placements one after the other.
+  std::vector<float> world_from_group;      // 12 floats an instance: columns x, y, z, origin
+  std::vector<int32_t> placement_group;     // by placement
+  std::vector<int32_t> placement_instance;  // first instance, by placement
+
+  SurfaceTable surfaces;
+  LightTable lights;
+  Camera camera;
+
+  // world = origin + p / scale, in scene units.
+  dvec3 origin{0.0, 0.0, 0.0};
+  double scale = 1.0;
+
+  // Facts of the scene that spare work where they are false.
+  bool has_instances = false;   // else no hit carries an instance
+  bool has_spheres = false;
+  bool has_attributes = false;  // smooth normals or varying colours
+  bool has_emission = false;
+  bool rays_find_light = false; // domes, areas or emission that a scattered ray could meet
+  bool has_thin = false;        // something lets light straight through: shadow rays must look at what they hit
+
+  rtc::Scene accel() const { return groups[0].accel.get(); }
+  int64_t memory_bytes() const;
+};
+
+}  // namespace primray

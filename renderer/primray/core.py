@@ -1,0 +1,184 @@
+"""The C++ core: which of its builds to use, a scene built in it, and a rendered film. The only module that imports `_core_*`.
+
+`PRIMRAY_ISA` (v2, v3, v4) and `PRIMRAY_LANES` (1, 4, 8, 16) override the choice by CPU.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.metadata
+import os
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from . import errors
+from .description import SceneDescription
+from .pixel_filter import inverse_cdf
+from .scene_upload import upload
+from .settings import DEFAULT_FILTER_WIDTH, RenderSettings
+
+# What each class needs, as the kernel names it (x86-64 psABI, section 3.1.1); newest first.
+ISA_FLAGS = {
+    "v4": {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"},
+    "v3": {"avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "abm", "movbe"},
+    "v2": {"cx16", "lahf_lm", "popcnt", "sse4_1", "sse4_2", "ssse3"},
+}
+DEFAULT_LANES = {"v4": 16, "v3": 8, "v2": 4}
+NO_DEPTH_LIMIT = 1 << 20
+
+Progress = Callable[[float, int, int], bool | None]  # fraction, samples, rays
+
+
+def _cpu_flags() -> set[str]:
+    for line in Path("/proc/cpuinfo").read_text().splitlines():
+        if line.startswith("flags"):
+            return set(line.split(":", 1)[1].split())
+    return set()
+
+
+@cache
+def isa() -> str:
+    """The ISA class in use: the newest that the CPU has, unless PRIMRAY_ISA names one."""
+    flags = _cpu_flags()
+    available = [name for name in ISA_FLAGS if all(f in flags for older in list(ISA_FLAGS)[list(ISA_FLAGS).index(name) :] for f in ISA_FLAGS[older])]
+    wanted = os.environ.get("PRIMRAY_ISA")
+    if wanted is None:
+        if not available:
+            raise errors.UnsupportedError("this CPU lacks SSE4.2 (x86-64-v2), the least that primray runs on", code="cpu")
+        return available[0]
+    if wanted not in ISA_FLAGS:
+        raise errors.SettingsError(f"PRIMRAY_ISA is {wanted!r}; it may be v2, v3 or v4")
+    if wanted not in available:
+        raise errors.SettingsError(f"PRIMRAY_ISA={wanted}, but this CPU offers {', '.join(available)}")
+    return wanted
+
+
+@cache
+def lanes() -> int:
+    """Paths that go through the kernel at a time."""
+    wanted = os.environ.get("PRIMRAY_LANES")
+    if wanted is None:
+        return DEFAULT_LANES[isa()]
+    if not wanted.isdigit() or not module().has_lanes(int(wanted)):
+        raise errors.SettingsError(f"PRIMRAY_LANES is {wanted!r}; the {isa()} build has 1, 4, 8 and 16 up to {module().MAX_LANES}")
+    return int(wanted)
+
+
+def _embree_path() -> Path:
+    for file in importlib.metadata.files("embreex") or []:
+        if file.name.startswith("libembree4"):
+            return Path(str(file.locate()))
+    raise errors.InternalError("the embreex package carries no Embree library for this platform", code="embree")
+
+
+@cache
+def module() -> Any:
+    """The extension module for `isa()`, with Embree loaded."""
+    core = importlib.import_module(f"primray._core_{isa()}")
+    core.load_embree(str(_embree_path()))
+    return core
+
+
+def versions() -> dict[str, str]:
+    return {"embree": "4.4.0", "embreex": importlib.metadata.version("embreex")}
+
+
+class CoreScene:
+    """A scene built in the core, ready to render."""
+
+    def __init__(self, scene: Any, exposure_scale: float, warnings: list[tuple[str, str, str]]) -> None:
+        self._scene = scene
+        self._exposure_scale = exposure_scale
+        self.warnings = warnings  # code, prim path, message
+
+    @property
+    def memory_bytes(self) -> int:
+        """Bytes of the core's arrays and of Embree's acceleration structures."""
+        return int(self._scene.memory_bytes) + int(module().embree_memory()[0])
+
+    @property
+    def features(self) -> list[dict[str, str]]:
+        """What is modelled beyond opaque faceted Lambert triangles, and why."""
+        s = self._scene
+        rows = [
+            (s.has_instances, "instances", "prototypes are placed more than once"),
+            (s.has_spheres, "exact spheres", "the scene has Sphere prims"),
+            (s.has_attributes, "vertex attributes", "meshes have normals or varying displayColor"),
+            (s.has_emission, "surface emission", "a surface has emissiveColor"),
+            (s.has_thin, "see-through shadows", "a surface lets light straight through"),
+            (s.has_lens, "thin lens", "the camera has an fStop and a focus distance"),
+            (s.domes > 0, "dome", "the scene has a DomeLight"),
+            (s.has_lobe_factors, "lobe factors", "a light's diffuse or specular multiplier is not 1"),
+            (s.sampled_lights > 0, f"light sampling ({s.sampled_lights})", "lights that are sampled at every vertex"),
+        ]
+        return [{"name": name, "why": why} for on, name, why in rows if on]
+
+
+class Film:
+    """What a render accumulated. `pixels` (H, W, 4) float32: mean R, G, B, coverage."""
+
+    def __init__(self, result: Any, exposure_scale: float) -> None:
+        self._result = result
+        self.pixels: npt.NDArray[np.float32] = result.pixels(exposure_scale)
+        self.samples = int(result.samples)
+        self.rays = int(result.camera_rays + result.scattered_rays + result.shadow_rays)
+        self.rays_by_kind = {"camera": result.camera_rays, "scattered": result.scattered_rays, "shadow": result.shadow_rays}
+        self.interrupted = bool(result.interrupted)
+        self.invalid_samples = int(result.invalid_samples)
+        self.lane_occupancy = float(result.lane_occupancy)
+        self.seconds = float(result.seconds)
+
+    @property
+    def replicates(self) -> npt.NDArray[np.float64]:
+        """Sums (R, H, W, 4) of each independent replicate, before exposure."""
+        return self._result.replicates
+
+    @property
+    def counts(self) -> npt.NDArray[np.uint32]:
+        """Samples (R, H, W) in each sum."""
+        return self._result.counts
+
+    @property
+    def samples_per_pixel(self) -> tuple[int, int]:
+        total = self.counts.sum(axis=0)
+        return int(total.min()), int(total.max())
+
+
+def _raise(error: Exception) -> None:
+    code, message = error.args
+    if code in ("out-of-memory", "too-large"):
+        raise errors.LimitError(message, code=code) from error
+    if code == "settings-error":
+        raise errors.SettingsError(message) from error
+    raise errors.InternalError(message, code=code) from error
+
+
+def build(description: SceneDescription, textures: Mapping[str, npt.NDArray[np.float32]], settings: RenderSettings) -> CoreScene:
+    """The core's scene with its acceleration structures; `textures` maps a TextureFile's path to (H, W, 3) float32, top row first."""
+    width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.filter]
+    try:
+        scene, warnings = upload(module(), description, textures, width, inverse_cdf(settings.filter, width))
+    except module().CoreError as error:
+        _raise(error)
+        raise
+    return CoreScene(scene, description.camera.exposure_scale, warnings)
+
+
+def threads(settings: RenderSettings) -> int:
+    return settings.threads or len(os.sched_getaffinity(0))
+
+
+def render(scene: CoreScene, settings: RenderSettings, progress: Progress | None = None) -> Film:
+    """Render until all samples are taken, `progress` answers False, or a KeyboardInterrupt: then the film is partial but valid."""
+    depth = NO_DEPTH_LIMIT if settings.max_depth is None else settings.max_depth
+    try:
+        result = module().render(scene._scene, settings.spp, depth, threads(settings), settings.seed & 0xFFFFFFFF, lanes(), progress)
+    except module().CoreError as error:
+        _raise(error)
+        raise
+    return Film(result, scene._exposure_scale)

@@ -1,0 +1,12 @@
+"""A USD stage becomes a SceneDescription: the only package that imports pxr, and it renders nothing.
+
+`stage` opens it; `walk` goes down it once per distinct prototype, carrying what prims inherit (`resolve`), into groups
+of leaves and instances; `instances` flattens the groups with numpy; `adapters` turn one resolved prim into description
+objects; `translate` holds the table of adapters and puts it all together. All matrices are double and column-vector.
+"""
+
+from .asset import read_asset
+from .stage import open_stage
+from .translate import translate
+
+__all__ = ["open_stage", "read_asset", "translate"]

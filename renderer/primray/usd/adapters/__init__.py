@@ -1,0 +1,1 @@
+"""One resolved prim in, description objects out. Adapters never look at parents or children and open no files."""

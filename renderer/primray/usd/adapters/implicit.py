@@ -1,0 +1,94 @@
+"""UsdGeom's implicit shapes: spheres exactly, the others as fine meshes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from ...description import Mesh, Shape, Sphere
+from .. import tessellate
+from ..context import Context
+from ..read import number, token
+from ..resolve import ResolvedPrim
+from ..seam_mesh import Values, seam_mesh
+from ..tessellate import Tessellated
+from .surface import Appearance, appearance_of, is_hidden, surface_of
+
+
+def sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
+    radius = abs(_number(prim, "radius", 1.0, ctx))
+    appearance = _appearance(prim, ctx)
+    if radius == 0 or is_hidden(appearance):
+        return None
+    return Sphere(prim.path, radius, surface_of(appearance, lambda: True, ctx))
+
+
+def tessellated(prim: ResolvedPrim, ctx: Context) -> Shape | None:
+    """A shape of any other kind."""
+    made = ctx.shared_geometry.get(prim.path) or _TESSELLATE[prim.type_name](prim, ctx)
+    if prim.path in ctx.shares:
+        ctx.shared_geometry[prim.path] = made
+    appearance = _appearance(prim, ctx)
+    if is_hidden(appearance):
+        return None
+    if not all(map(math.isfinite, made.points.ravel().tolist())) or not made.points.any():
+        return None
+    if prim.type_name not in ("Cube", "Plane"):
+        ctx.warn("tessellated", prim.path, f"{prim.type_name} is rendered with {tessellate.AROUND} segments around.")
+    normals = None if made.normals is None else Values(made.normals, "corner")
+    surface = surface_of(appearance, lambda: prim.type_name != "Plane", ctx)
+    mesh: Mesh = seam_mesh(prim.path, made.points, made.triangles, normals, None, surface)
+    return mesh
+
+
+def _appearance(prim: ResolvedPrim, ctx: Context) -> Appearance:
+    return appearance_of(prim, prim.material, ctx)
+
+
+def _cube(prim: ResolvedPrim, ctx: Context) -> Tessellated:
+    return tessellate.cube(abs(_number(prim, "size", 2.0, ctx)))
+
+
+def _plane(prim: ResolvedPrim, ctx: Context) -> Tessellated:
+    return tessellate.plane(_number(prim, "width", 2.0, ctx), _number(prim, "length", 2.0, ctx), _axis(prim, ctx))
+
+
+def _cone(prim: ResolvedPrim, ctx: Context) -> Tessellated:
+    return tessellate.cone(_number(prim, "radius", 1.0, ctx), _number(prim, "height", 2.0, ctx), _axis(prim, ctx))
+
+
+def _cylinder(prim: ResolvedPrim, ctx: Context) -> Tessellated:
+    bottom, top = _radii(prim, 1.0, ctx)
+    return tessellate.cylinder(bottom, top, _number(prim, "height", 2.0, ctx), _axis(prim, ctx))
+
+
+def _capsule(prim: ResolvedPrim, ctx: Context) -> Tessellated:
+    bottom, top = _radii(prim, 0.5, ctx)
+    return tessellate.capsule(bottom, top, _number(prim, "height", 1.0, ctx), _axis(prim, ctx))
+
+
+def _radii(prim: ResolvedPrim, default: float, ctx: Context) -> tuple[float, float]:
+    if prim.type_name.endswith("_1"):
+        return _number(prim, "radiusBottom", default, ctx), _number(prim, "radiusTop", default, ctx)
+    radius = _number(prim, "radius", default, ctx)
+    return radius, radius
+
+
+def _axis(prim: ResolvedPrim, ctx: Context) -> str:
+    axis = token(prim.prim, "axis", ctx.when, "Z")
+    return axis if axis in ("X", "Y", "Z") else "Z"
+
+
+def _number(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:
+    return number(prim.prim, name, ctx.when, default, ctx.diagnostics)
+
+
+_TESSELLATE: dict[str, Callable[[ResolvedPrim, Context], Tessellated]] = {
+    "Cube": _cube,
+    "Plane": _plane,
+    "Cone": _cone,
+    "Cylinder": _cylinder,
+    "Cylinder_1": _cylinder,
+    "Capsule": _capsule,
+    "Capsule_1": _capsule,
+}

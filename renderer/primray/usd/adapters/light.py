@@ -1,0 +1,178 @@
+"""UsdLux lights to what they emit: L = color * temperature * intensity * 2^exposure / sizeFactor (UsdLux LightAPI)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from pxr import Sdf, UsdGeom, UsdLux
+
+from ...description import Doubles, Light, LightType, TextureFile
+from ..context import Context
+from ..light_area import cylinder_area, disk_area, rect_area, sphere_area
+from ..read import flag, number, read, token, vector
+from ..resolve import ResolvedPrim
+from .light_notes import note_ignored_inputs
+
+Color = tuple[float, float, float]
+
+
+def light(prim: ResolvedPrim, world_from_light: Doubles, ctx: Context) -> Light | None:
+    """The light at this matrix; None where it emits nothing, with a diagnostic."""
+    note_ignored_inputs(prim, ctx)
+    return _BY_TYPE[prim.type_name](prim, world_from_light, ctx)
+
+
+def _radiance(prim: ResolvedPrim, ctx: Context) -> Color:
+    """Before division by the light's size."""
+    r, g, b = vector(prim.prim, "inputs:color", ctx.when, (1.0, 1.0, 1.0), ctx.diagnostics)
+    scale = _number(prim, "inputs:intensity", 1.0, ctx) * _exp2(_number(prim, "inputs:exposure", 0.0, ctx))
+    if flag(prim.prim, "inputs:enableColorTemperature", ctx.when, False):
+        kelvin = _number(prim, "inputs:colorTemperature", 6500.0, ctx)
+        tint = UsdLux.BlackbodyTemperatureAsRgb(kelvin)
+        r, g, b = r * tint[0], g * tint[1], b * tint[2]
+    return (r * scale, g * scale, b * scale)
+
+
+def _exp2(exposure: float) -> float:
+    return math.pow(2.0, min(exposure, 1000.0))
+
+
+def _sized(prim: ResolvedPrim, radiance: Color, area: float, ctx: Context) -> Color | None:
+    """`radiance` divided by the area if normalize is on; None, noted, where nothing is emitted."""
+    if area == 0 or not math.isfinite(area):
+        ctx.warn("light-dark", prim.path, f"The light's area is {area:g}: it emits nothing.")
+        return None
+    return _over(radiance, area) if _normalizes(prim, ctx) else radiance
+
+
+def _sphere(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
+    radius = abs(_number(prim, "inputs:radius", 0.5, ctx))
+    radiance = _radiance(prim, ctx)
+    area = sphere_area(matrix, radius)
+    if flag(prim.prim, "treatAsPoint", ctx.when, False) or area == 0:
+        # The limit of a sphere: I = L pi r^2, a quarter of its area (also an ellipsoid's mean, by Cauchy's formula).
+        if not _normalizes(prim, ctx) and area == 0:
+            ctx.warn("light-dark", prim.path, "A sphere light of radius 0 without normalize emits nothing.")
+            return None
+        intensity = _times(radiance, 0.25 if _normalizes(prim, ctx) else 0.25 * area)
+        return _light(prim, LightType.POINT, matrix, intensity, ctx)
+    emission = _sized(prim, radiance, area, ctx)
+    return emission and _light(prim, LightType.SPHERE, matrix, emission, ctx, radius=radius)
+
+
+def _disk(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
+    radius = abs(_number(prim, "inputs:radius", 0.5, ctx))
+    emission = _sized(prim, _radiance(prim, ctx), disk_area(matrix, radius), ctx)
+    return emission and _light(prim, LightType.DISK, matrix, emission, ctx, radius=radius)
+
+
+def _rect(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
+    width, height = abs(_number(prim, "inputs:width", 1.0, ctx)), abs(_number(prim, "inputs:height", 1.0, ctx))
+    emission = _sized(prim, _radiance(prim, ctx), rect_area(matrix, width, height), ctx)
+    return emission and _light(prim, LightType.RECT, matrix, emission, ctx, width=width, height=height)
+
+
+def _cylinder(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
+    length, radius = abs(_number(prim, "inputs:length", 1.0, ctx)), abs(_number(prim, "inputs:radius", 0.5, ctx))
+    emission = _sized(prim, _radiance(prim, ctx), cylinder_area(matrix, length, radius), ctx)
+    return emission and _light(prim, LightType.CYLINDER, matrix, emission, ctx, length=length, radius=radius)
+
+
+def _distant(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light:
+    angle_deg = min(max(_number(prim, "inputs:angle", 0.53, ctx), 0.0), 360.0)
+    radiance = _radiance(prim, ctx)
+    if _normalizes(prim, ctx):
+        radiance = _over(radiance, distant_size_factor(angle_deg))
+    return _light(prim, LightType.DISTANT, matrix, radiance, ctx, angle_deg=angle_deg)
+
+
+def distant_size_factor(angle_deg: float) -> float:
+    """UsdLux DistantLight: 1 at angle 0, pi sin^2 theta up to 180 degrees, pi (2 - sin^2 theta) beyond."""
+    theta = min(max(math.radians(angle_deg) / 2, 0.0), math.pi)
+    if theta == 0:
+        return 1.0
+    squared = math.sin(theta) ** 2
+    return math.pi * squared if theta <= math.pi / 2 else math.pi * (2.0 - squared)
+
+
+def _dome(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light:
+    """Normalize has no effect on domes (UsdLux LightAPI)."""
+    if prim.type_name == "DomeLight_1":
+        matrix = matrix @ _pole_rotation(prim, ctx)
+    return _light(prim, LightType.DOME, matrix, _radiance(prim, ctx), ctx, texture=_texture(prim, ctx))
+
+
+def _pole_rotation(prim: ResolvedPrim, ctx: Context) -> Doubles:
+    """DomeLight_1 with pole Z: latitude +pi/2 points to +Z and longitude 0 to -Y; longitude pi/2 stays at +X."""
+    axis = token(prim.prim, "poleAxis", ctx.when, "scene")
+    if axis == "scene":
+        axis = str(UsdGeom.GetStageUpAxis(ctx.stage))
+    turned = np.eye(4)
+    if axis == "Z":
+        turned[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
+    return turned
+
+
+def _texture(prim: ResolvedPrim, ctx: Context) -> TextureFile | None:
+    """The dome's image. One that is missing or in another layout is left out: the dome then emits its plain colour."""
+    asset = read(prim.prim, "inputs:texture:file", ctx.when)
+    if not isinstance(asset, Sdf.AssetPath) or not asset.path:
+        return None
+    layout = token(prim.prim, "inputs:texture:format", ctx.when, "automatic")
+    if layout not in ("automatic", "latlong"):
+        ctx.warn(
+            "light-input", prim.path, f"texture:format = {layout} is not supported: the dome is rendered without its texture."
+        )
+        return None
+    if not asset.resolvedPath:
+        ctx.warn("asset-missing", prim.path, f"{asset.path} cannot be found: the dome is rendered without its texture.")
+        return None
+    space = prim.prim.GetAttribute("inputs:texture:file").GetColorSpace()
+    return TextureFile(asset.resolvedPath, space or "auto")
+
+
+def _light(
+    prim: ResolvedPrim,
+    kind: LightType,
+    matrix: Doubles,
+    emission: Color,
+    ctx: Context,
+    *,
+    width: float = 1.0,
+    height: float = 1.0,
+    radius: float = 0.5,
+    length: float = 1.0,
+    angle_deg: float = 0.0,
+    texture: TextureFile | None = None,
+) -> Light:
+    diffuse, specular = _number(prim, "inputs:diffuse", 1.0, ctx), _number(prim, "inputs:specular", 1.0, ctx)
+    return Light(prim.path, kind, matrix, emission, width, height, radius, length, angle_deg, diffuse, specular, texture)
+
+
+def _number(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:
+    return number(prim.prim, name, ctx.when, default, ctx.diagnostics)
+
+
+def _normalizes(prim: ResolvedPrim, ctx: Context) -> bool:
+    return flag(prim.prim, "inputs:normalize", ctx.when, False)
+
+
+def _over(color: Color, divisor: float) -> Color:
+    return (color[0] / divisor, color[1] / divisor, color[2] / divisor)
+
+
+def _times(color: Color, factor: float) -> Color:
+    return (color[0] * factor, color[1] * factor, color[2] * factor)
+
+
+_BY_TYPE: dict[str, Callable[[ResolvedPrim, Doubles, Context], Light | None]] = {
+    "SphereLight": _sphere,
+    "DiskLight": _disk,
+    "RectLight": _rect,
+    "CylinderLight": _cylinder,
+    "DistantLight": _distant,
+    "DomeLight": _dome,
+    "DomeLight_1": _dome,
+}

@@ -1,0 +1,80 @@
+"""What a light asks for and does not get, as diagnostics: shaping, shadows, filters, linking, rectangle textures."""
+
+from __future__ import annotations
+
+from pxr import Sdf, Usd
+
+from ..context import Context
+from ..read import read
+from ..resolve import ResolvedPrim
+
+# UsdLux ShapingAPI and ShadowAPI: attribute -> the value that changes nothing.
+_NEUTRAL: dict[str, object] = {
+    "inputs:shaping:focus": 0.0,
+    "inputs:shadow:enable": True,
+    "inputs:shadow:color": (0.0, 0.0, 0.0),
+    "inputs:shadow:distance": -1.0,
+}
+_FILES = frozenset({"inputs:shaping:ies:file"})
+
+
+def note_ignored_inputs(prim: ResolvedPrim, ctx: Context) -> None:
+    ignored = [f"{name} = {raw}" for name, raw in _authored(prim, ctx) if _matters(name, raw)]
+    if _has_cone(prim, ctx):
+        ignored.append("shaping:cone (ShapingAPI)")
+    if ignored:
+        ctx.warn("light-input", prim.path, f"Ignored: {', '.join(sorted(ignored))}.")
+    if prim.type_name == "RectLight" and read(prim.prim, "inputs:texture:file", ctx.when):
+        ctx.warn("texture-ignored", prim.path, "The texture of a RectLight is ignored.")
+    if "light:filters" in prim.names and prim.prim.GetRelationship("light:filters").HasAuthoredTargets():
+        ctx.warn("light-input", prim.path, "Light filters are ignored.")
+    _note_linking(prim.prim, prim, ctx)
+
+
+def _authored(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, object]]:
+    wanted = [n for n in prim.names if n in _NEUTRAL or n in _FILES]
+    return [(name, read(prim.prim, name, ctx.when)) for name in wanted]
+
+
+def _matters(name: str, raw: object) -> bool:
+    if isinstance(raw, Sdf.AssetPath):
+        return bool(raw.path)
+    neutral = _NEUTRAL.get(name)
+    if raw is None or neutral is None:
+        return False
+    if isinstance(neutral, tuple):
+        return tuple(raw) != neutral  # type: ignore[arg-type]
+    if name == "inputs:shadow:distance":
+        return isinstance(raw, int | float) and raw >= 0
+    return bool(raw != neutral)
+
+
+def _has_cone(prim: ResolvedPrim, ctx: Context) -> bool:
+    """ShapingAPI cuts at 90 degrees by default, which leaves one-sided lights and domes as they are."""
+    if not any(str(schema) == "ShapingAPI" for schema in prim.prim.GetAppliedSchemas()):
+        return False
+    angle = read(prim.prim, "inputs:shaping:cone:angle", ctx.when)
+    if prim.type_name in ("DistantLight", "DomeLight", "DomeLight_1"):
+        return False
+    one_sided = prim.type_name in ("RectLight", "DiskLight")
+    limit = 90.0 if one_sided else 180.0
+    return isinstance(angle, int | float) and angle < limit or _soft(prim, ctx)
+
+
+def _soft(prim: ResolvedPrim, ctx: Context) -> bool:
+    softness = read(prim.prim, "inputs:shaping:cone:softness", ctx.when)
+    return isinstance(softness, int | float) and softness > 0
+
+
+def _note_linking(light: Usd.Prim, prim: ResolvedPrim, ctx: Context) -> None:
+    """Light and shadow linking: a collection that leaves something out (the default includes everything)."""
+    for name in ("lightLink", "shadowLink"):
+        collection = Usd.CollectionAPI(light, name)
+        authored = [n for n in prim.names if n.startswith(f"collection:{name}:")]
+        if not authored:
+            continue
+        root = collection.GetIncludeRootAttr().Get()
+        excludes = collection.GetExcludesRel().HasAuthoredTargets()
+        expression = any(n.endswith("membershipExpression") for n in authored)
+        if not root or excludes or expression:
+            ctx.warn("light-input", prim.path, f"{name} is ignored: the light reaches everything.")

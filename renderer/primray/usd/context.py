@@ -1,0 +1,34 @@
+"""What every adapter is given: the stage's time, the user's settings, and where results that are shared go."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from pxr import Usd
+
+from ..description import Surface
+from ..diagnostics import Diagnostics
+from ..settings import RenderSettings
+from .read import When
+
+
+@dataclass
+class Context:
+    stage: Usd.Stage
+    settings: RenderSettings
+    when: When
+    purposes: tuple[str, ...]
+    material_purposes: tuple[str, ...]
+    diagnostics: Diagnostics
+    surfaces: dict[Surface, int] = field(default_factory=dict)  # in order of their indices
+    materials: dict[str, Any] = field(default_factory=dict)  # material path -> what adapters.material made of it
+    shared_geometry: dict[str, Any] = field(default_factory=dict)  # prim path -> geometry, where prototypes share it
+    shares: frozenset[str] = frozenset()  # prim paths that more than one prototype holds
+
+    def surface_index(self, surface: Surface) -> int:
+        """The index of an equal surface, added if there is none."""
+        return self.surfaces.setdefault(surface, len(self.surfaces))
+
+    def warn(self, code: str, path: str, message: str) -> None:
+        self.diagnostics.add(code, path, message)

@@ -1,0 +1,76 @@
+"""What a prim carries that the picture will not show: one look at each prim the walk passes, as diagnostics.
+
+Only what any prim may carry is noted here; adapters note what is special to what they read.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+from pxr import Usd
+
+from .context import Context
+from .read import read
+from .resolve import ResolvedPrim
+
+_GEOMETRY = """BasisCurves NurbsCurves HermiteCurves Points NurbsPatch TetMesh Volume ParticleField
+    ParticleField3DGaussianSplat GenerativeProcedural"""
+UNSUPPORTED = frozenset(_GEOMETRY.split())
+_LIGHTS = "PortalLight GeometryLight PluginLight LightFilter PluginLightFilter"
+UNSUPPORTED_LIGHTS = frozenset(_LIGHTS.split())
+
+# Applied schemas (without their instance name) that could change the picture, and what is done instead.
+IGNORED_SCHEMAS = {
+    "LODRootAPI": "Every level of detail is rendered.",
+    "LODOverrideAPI": "Level-of-detail overrides have no effect.",
+    "BackPlateAPI": "Back plates are not rendered.",
+    "CoordSysAPI": "Coordinate systems are not read.",
+    "ColorSpaceAPI": "",
+    "ColorSpaceDefinitionAPI": "",
+    "VisibilityAPI": "Visibility by purpose is not read.",
+    "SkelBindingAPI": "",
+}
+_LIGHT_SCHEMAS = {"MeshLightAPI", "VolumeLightAPI"}
+
+
+def note_prim(prim: ResolvedPrim, kind: str, ctx: Context) -> None:
+    """Diagnostics for one prim; `kind` is "" for types that no adapter takes."""
+    schemas = [str(schema).split(":")[0] for schema in prim.prim.GetAppliedSchemas()]
+    if schemas:
+        _note_schemas(prim, schemas, kind, ctx)
+    if not kind and prim.type_name:
+        _note_type(prim, ctx)
+    if "model:drawMode" in prim.names and read(prim.prim, "model:drawMode", ctx.when) not in ("default", "inherited", None):
+        ctx.warn("draw-mode", prim.path, f"model:drawMode = {read(prim.prim, 'model:drawMode', ctx.when)}.")
+
+
+def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
+    if prim.type_name in UNSUPPORTED:
+        if prim.inherited.purpose in ctx.purposes:
+            ctx.warn("unsupported-prim", prim.path, f"{prim.type_name} is not rendered.")
+    elif prim.type_name in UNSUPPORTED_LIGHTS:
+        ctx.warn("unsupported-light", prim.path, f"{prim.type_name} is not supported.")
+    elif prim.type_name == "SkelRoot":
+        ctx.warn("skinning", prim.path, "Meshes below are rendered as they are authored, not deformed by their skeleton.")
+    elif not _is_known(prim.type_name):
+        ctx.warn("unknown-prim-type", prim.path, f"No schema of the name {prim.type_name} is known.")
+
+
+def _note_schemas(prim: ResolvedPrim, schemas: list[str], kind: str, ctx: Context) -> None:
+    for schema in schemas:
+        if schema in _LIGHT_SCHEMAS or (schema == "LightAPI" and kind != "light" and prim.type_name not in UNSUPPORTED_LIGHTS):
+            ctx.warn("unsupported-light", prim.path, f"{schema} makes this {prim.type_name} a light; it is rendered unlit.")
+        elif schema in ("ColorSpaceAPI", "ColorSpaceDefinitionAPI"):
+            ctx.warn("color-space", prim.path, f"{schema} is applied.")
+        elif schema == "VisibilityAPI":
+            if any(name.endswith("Visibility") for name in prim.names):
+                ctx.warn("api-schema", prim.path, IGNORED_SCHEMAS[schema])
+        elif IGNORED_SCHEMAS.get(schema):
+            ctx.warn("api-schema", prim.path, f"{schema}: {IGNORED_SCHEMAS[schema]}")
+        elif not _is_known(schema):
+            ctx.warn("api-schema", prim.path, f"{schema} is not known: what it means to the picture is ignored.")
+
+
+@cache
+def _is_known(schema: str) -> bool:
+    return bool(Usd.SchemaRegistry.GetTypeFromSchemaTypeName(schema))

@@ -1,0 +1,136 @@
+"""What a prim inherits: transform, visibility, purpose, bound material, constant primvars, in USD's own terms.
+
+`descend` takes what a parent hands down to a child; `bind_materials` asks USD for the bindings of many prims at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from pxr import Gf, Usd, UsdGeom, UsdShade
+
+from ..description import Doubles
+from .convert import matrix
+from .read import When, array, read, time_of, value
+
+_IDENTITY = Gf.Matrix4d(1.0)
+
+
+@dataclass(frozen=True)
+class Binding:
+    """A bound material; `stronger`: it overrides what descendants bind."""
+
+    material: Usd.Prim
+    stronger: bool = False
+
+
+@dataclass(frozen=True)
+class Inherited:
+    """What a prim hands down. `outer` is the binding of the instance whose prototype is being walked."""
+
+    purpose: str = "default"
+    outer: Binding | None = None
+    color: tuple[float, float, float] | None = None  # the nearest constant primvars:displayColor, the prim's own included
+    opacity: float | None = None  # likewise primvars:displayOpacity
+
+
+@dataclass(frozen=True)
+class Subset:
+    path: str
+    prim: Usd.Prim
+    material: Usd.Prim | None = None
+
+
+@dataclass(frozen=True)
+class ResolvedPrim:
+    """A prim and what it inherits; `group_from_prim` leads to the world, or to the prototype's space inside one."""
+
+    prim: Usd.Prim
+    path: str
+    type_name: str
+    names: frozenset[str]  # authored properties
+    gf_matrix: Gf.Matrix4d = field(compare=False)
+    inherited: Inherited = field(compare=False)
+    material: Usd.Prim | None = None
+    subsets: tuple[Subset, ...] = ()
+
+    @cached_property
+    def group_from_prim(self) -> Doubles:
+        return matrix(self.gf_matrix)
+
+
+def local_matrix(prim: Usd.Prim, names: frozenset[str], when: When, cache: UsdGeom.XformCache) -> tuple[Gf.Matrix4d, bool]:
+    """The prim's own transform and whether it resets the stack, with un-sampled defaults read at their earliest sample."""
+    if "xformOpOrder" not in names:
+        return _IDENTITY, False
+    if not when.careful:
+        local, resets = cache.GetLocalTransformation(prim)
+        return local, resets
+    xformable = UsdGeom.Xformable(prim)
+    if not xformable:
+        return _IDENTITY, False
+    local = Gf.Matrix4d(1.0)
+    for op in xformable.GetOrderedXformOps():  # least local first; row vectors: the most local multiplies from the left
+        local = op.GetOpTransform(time_of(op.GetAttr(), when)) * local
+    return local, xformable.GetResetXformStack()
+
+
+def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], when: When) -> Inherited | None:
+    """What `prim` hands down, None if it is invisible (and so is all below it)."""
+    if "visibility" in names and read(prim, "visibility", when) == "invisible":
+        return None
+    mine = parent
+    if "purpose" in names:
+        purpose = prim.GetAttribute("purpose")
+        if purpose.HasAuthoredValue():
+            mine = replace(mine, purpose=str(purpose.Get()))
+    if "primvars:displayColor" in names:
+        color = _constant(prim, "primvars:displayColor", 3, when)
+        mine = mine if color is None else replace(mine, color=(color[0], color[1], color[2]))
+    if "primvars:displayOpacity" in names:
+        opacity = _constant(prim, "primvars:displayOpacity", 1, when)
+        mine = mine if opacity is None else replace(mine, opacity=opacity[0])
+    return mine
+
+
+def _constant(prim: Usd.Prim, name: str, columns: int, when: When) -> list[float] | None:
+    """A constant primvar's value: only constant ones are inherited (UsdGeomPrimvarsAPI). None where it has none to use."""
+    primvar = UsdGeom.Primvar(prim.GetAttribute(name))
+    if primvar.GetInterpolation() != UsdGeom.Tokens.constant:
+        return None
+    values = array(value(primvar.GetAttr(), when), columns, "f")
+    if values is None or len(values) == 0:
+        return None
+    at = 0
+    if primvar.IsIndexed():
+        indices = array(value(primvar.GetIndicesAttr(), when), 1, "i")
+        at = int(indices[0]) if indices is not None and len(indices) else 0
+    if not 0 <= at < len(values) or not np.isfinite(values[at]).all():
+        return None
+    return [float(x) for x in np.atleast_1d(values[at])]
+
+
+def bind_materials(prims: list[Usd.Prim], purposes: tuple[str, ...]) -> list[Binding | None]:
+    """The material bound to each prim within its namespace: by the first purpose that gives one, last the general one."""
+    found: list[Binding | None] = [None] * len(prims)
+    for purpose in purposes:
+        missing = [i for i, binding in enumerate(found) if binding is None]
+        if not missing:
+            break
+        materials, rels = UsdShade.MaterialBindingAPI.ComputeBoundMaterials([prims[i] for i in missing], purpose)
+        for i, material, rel in zip(missing, materials, rels, strict=True):
+            if material:
+                found[i] = Binding(material.GetPrim(), _is_stronger(rel))
+    return found
+
+
+def _is_stronger(rel: Usd.Relationship) -> bool:
+    strength = UsdShade.MaterialBindingAPI.GetMaterialBindingStrength(rel)
+    return bool(strength == UsdShade.Tokens.strongerThanDescendants)
+
+
+def inner_or_outer(inner: Binding | None, outer: Binding | None) -> Binding | None:
+    """The binding inside a prototype, unless there is none or the instance's own is stronger than descendants'."""
+    return outer if outer is not None and (inner is None or outer.stronger) else inner

@@ -1,0 +1,203 @@
+"""From a stage to a SceneDescription: the table of adapters, and the order in which they are asked."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from ..description import (
+    Camera,
+    Doubles,
+    Light,
+    LightType,
+    Placed,
+    Placement,
+    Prototype,
+    SceneDescription,
+    Shape,
+)
+from ..diagnostics import Diagnostics
+from ..settings import RenderSettings
+from .adapters.implicit import sphere, tessellated
+from .adapters.light import light
+from .adapters.mesh import mesh
+from .adapters.point_instancer import point_instances
+from .adapters.render_settings import StageSettings, render_settings
+from .context import Context
+from .convert import square
+from .instances import Group, flatten
+from .read import when_of
+from .resolve import ResolvedPrim
+from .stage import usd_messages
+from .view import choose_camera
+from .walk import walk
+
+ShapeAdapter = Callable[[ResolvedPrim, Context], Shape | None]
+LightAdapter = Callable[[ResolvedPrim, Doubles, Context], Light | None]
+
+# The adapter table: prim type -> what turns it into description objects. Point instancers are expanded by the walk
+# (adapters.point_instancer); cameras and render settings are not found by place, but chosen (view.py).
+SHAPES: dict[str, ShapeAdapter] = {
+    "Mesh": mesh,
+    "Sphere": sphere,
+    "Cube": tessellated,
+    "Cone": tessellated,
+    "Cylinder": tessellated,
+    "Cylinder_1": tessellated,
+    "Capsule": tessellated,
+    "Capsule_1": tessellated,
+    "Plane": tessellated,
+}
+LIGHTS: dict[str, LightAdapter] = dict.fromkeys(
+    ("DistantLight", "SphereLight", "DiskLight", "RectLight", "CylinderLight", "DomeLight", "DomeLight_1"), light
+)
+
+DEFAULT_LIGHT = "primray:default-light"
+MAX_LIGHT_INSTANCES = 1000
+
+
+@dataclass
+class _Scene:
+    """What has been translated so far."""
+
+    shapes: list[Shape] = field(default_factory=list)
+    static: list[Placed] = field(default_factory=list)
+    prototypes: list[Prototype] = field(default_factory=list)
+    placements: list[Placement] = field(default_factory=list)
+    lights: list[Light] = field(default_factory=list)
+
+
+def translate(stage: Usd.Stage, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
+    """What `settings` asks to render of the stage, and everything that the picture will not show as authored."""
+    diagnostics = Diagnostics()
+    with usd_messages(diagnostics):
+        return _translate(stage, settings, diagnostics), diagnostics
+
+
+def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics) -> SceneDescription:
+    cameras, settings_prims = _find_by_type(stage, diagnostics)
+    stage_settings = render_settings(stage, settings_prims, diagnostics)
+    ctx = _context(stage, settings, stage_settings, diagnostics)
+    camera, resolution = choose_camera(stage, ctx, stage_settings, cameras)
+    kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
+    groups = walk(ctx, kinds, point_instances)
+    world, cyclic = flatten(groups, settings.max_memory_bytes or _physical_memory() // 2)
+    for parent, child in cyclic:
+        diagnostics.add(
+            "invalid-instancer", groups[child].path, f"A prototype that contains itself, through {groups[parent].path}."
+        )
+    ctx.shares = _shared_paths(groups)
+    scene = _Scene()
+    for group, placed in zip(groups, world, strict=True):
+        _add_group(scene, group, _valid(placed, group, ctx), ctx)
+    _add_default_light(scene, ctx)
+    return _describe(scene, ctx, camera, resolution)
+
+
+def _context(stage: Usd.Stage, settings: RenderSettings, wanted: StageSettings, diagnostics: Diagnostics) -> Context:
+    when = when_of(stage, settings.time_code)
+    purposes = settings.purposes if settings.purposes is not None else wanted.purposes
+    return Context(stage, settings, when, purposes, wanted.material_purposes, diagnostics)
+
+
+def _find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> tuple[list[Usd.Prim], list[Usd.Prim]]:
+    """The stage's cameras and its RenderSettings, wherever they are."""
+    cameras, settings = [], []
+    for prim in stage.Traverse():
+        name = prim.GetTypeName()
+        if name == "Camera":
+            cameras.append(prim)
+        elif name == "RenderSettings":
+            settings.append(prim)
+        elif name == "RenderPass":
+            diagnostics.add("render-settings-input", str(prim.GetPath()), "Render passes are ignored.")
+    return cameras, settings
+
+
+def _shared_paths(groups: list[Group[ResolvedPrim]]) -> frozenset[str]:
+    """Prims that several groups hold, because different things are handed down to their instances."""
+    seen: set[str] = set()
+    shared: set[str] = set()
+    for group in groups:
+        paths = {leaf.path for leaf in group.leaves}
+        shared |= seen & paths
+        seen |= paths
+    return frozenset(shared)
+
+
+def _valid(world: Doubles, group: Group[ResolvedPrim], ctx: Context) -> Doubles:
+    """Without instances whose composed transform is not finite."""
+    finite = np.isfinite(world).all(axis=(1, 2))
+    if finite.all():
+        return world
+    ctx.warn(
+        "invalid-transform",
+        group.path,
+        f"{int((~finite).sum())} of {len(world)} instances have transforms that are not finite.",
+    )
+    return world[finite]
+
+
+def _add_group(scene: _Scene, group: Group[ResolvedPrim], world: Doubles, ctx: Context) -> None:
+    """A group that stands once becomes static shapes, one that stands more often a prototype."""
+    if len(world) == 0:
+        return
+    once = square(world[0]) if len(world) == 1 else None
+    members: list[Placed] = []
+    for leaf in group.leaves:
+        if not np.isfinite(leaf.group_from_prim).all():
+            ctx.warn("invalid-transform", leaf.path, "Its transform is not finite.")
+        elif leaf.type_name in LIGHTS:
+            _add_lights(scene, leaf, world, ctx)
+        else:
+            shape = SHAPES[leaf.type_name](leaf, ctx)
+            if shape is not None:
+                members.append(Placed(len(scene.shapes), leaf.group_from_prim if once is None else once @ leaf.group_from_prim))
+                scene.shapes.append(shape)
+    if once is not None:
+        scene.static += members
+    elif members:
+        scene.placements.append(Placement(len(scene.prototypes), world))
+        scene.prototypes.append(Prototype(group.path, tuple(members)))
+
+
+def _add_lights(scene: _Scene, leaf: ResolvedPrim, world: Doubles, ctx: Context) -> None:
+    """One light for each place; a light's emission depends on its own size in the world."""
+    if len(world) > MAX_LIGHT_INSTANCES:
+        ctx.warn("instanced-lights", leaf.path, f"Only the first {MAX_LIGHT_INSTANCES} of its {len(world)} instances are lit.")
+    for matrix in world[:MAX_LIGHT_INSTANCES]:
+        made = LIGHTS[leaf.type_name](leaf, square(matrix) @ leaf.group_from_prim, ctx)
+        if made is not None:
+            scene.lights.append(made)
+
+
+def _add_default_light(scene: _Scene, ctx: Context) -> None:
+    """A white dome of radiance 1 where nothing else gives light."""
+    if scene.lights or not ctx.settings.default_light or any(any(s.emissive_color) for s in ctx.surfaces):
+        return
+    scene.lights.append(Light(DEFAULT_LIGHT, LightType.DOME, np.eye(4), (1.0, 1.0, 1.0)))
+    ctx.warn("default-light", "", "There is no light and nothing that emits: a white dome of radiance 1 is added.")
+
+
+def _describe(scene: _Scene, ctx: Context, camera: Camera, resolution: tuple[int, int]) -> SceneDescription:
+    return SceneDescription(
+        tuple(scene.shapes),
+        tuple(ctx.surfaces),
+        tuple(scene.static),
+        tuple(scene.prototypes),
+        tuple(scene.placements),
+        tuple(scene.lights),
+        camera,
+        resolution,
+        str(UsdGeom.GetStageUpAxis(ctx.stage)),
+        float(UsdGeom.GetStageMetersPerUnit(ctx.stage)),
+        ctx.settings.time_code,
+    )
+
+
+def _physical_memory() -> int:
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")

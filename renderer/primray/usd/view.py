@@ -1,0 +1,70 @@
+"""Which camera looks and how many pixels it fills: the user's choice, else the stage's, else what usdrecord would do."""
+
+from __future__ import annotations
+
+from pxr import Sdf, Usd
+
+from ..description import Camera
+from ..errors import SettingsError
+from .adapters.camera import Aperture, camera, read_aperture
+from .adapters.render_settings import StageSettings
+from .context import Context
+from .framing import APERTURE, framing_camera
+
+DEFAULT_WIDTH = 960  # usdrecord's
+
+
+def choose_camera(
+    stage: Usd.Stage, ctx: Context, stage_settings: StageSettings, cameras: list[Usd.Prim]
+) -> tuple[Camera, tuple[int, int]]:
+    """The camera, conformed to the image, and the image's width and height."""
+    prim = _choose(stage, ctx, stage_settings, cameras)
+    aperture = read_aperture(prim, ctx.when, ctx.diagnostics) if prim is not None else APERTURE
+    resolution = _resolution(ctx.settings.resolution, stage_settings, aperture)
+    if prim is not None:
+        return camera(prim, ctx.when, resolution, stage_settings, ctx.diagnostics), resolution
+    ctx.warn("camera-automatic", "", "The stage has no camera: it is framed as usdrecord would.")
+    return framing_camera(stage, ctx.when, resolution, stage_settings), resolution
+
+
+def _choose(stage: Usd.Stage, ctx: Context, stage_settings: StageSettings, cameras: list[Usd.Prim]) -> Usd.Prim | None:
+    if ctx.settings.camera is not None:
+        return _asked_for(stage, ctx.settings.camera, cameras)
+    if stage_settings.camera is not None:
+        prim = stage.GetPrimAtPath(stage_settings.camera)
+        if prim and prim.GetTypeName() == "Camera":
+            return prim
+        ctx.warn("render-settings-input", stage_settings.camera, "The camera that RenderSettings names does not exist.")
+    if len(cameras) > 1:
+        others = ", ".join(str(c.GetPath()) for c in cameras[1:6])
+        ctx.warn("camera-chosen", str(cameras[0].GetPath()), f"The first of {len(cameras)} cameras is used; others: {others}.")
+    elif cameras:
+        ctx.warn("camera-chosen", str(cameras[0].GetPath()), "The stage's only camera is used.")
+    return cameras[0] if cameras else None
+
+
+def _asked_for(stage: Usd.Stage, asked: str, cameras: list[Usd.Prim]) -> Usd.Prim:
+    """The camera of this path or, if only one has it, of this name."""
+    if Sdf.Path.IsValidPathString(asked) and Sdf.Path(asked).IsAbsolutePath():
+        prim = stage.GetPrimAtPath(asked)
+        if prim and prim.GetTypeName() == "Camera":
+            return prim
+    named = [c for c in cameras if c.GetName() == asked]
+    if len(named) == 1:
+        return named[0]
+    listed = ", ".join(str(c.GetPath()) for c in (named or cameras)[:20]) or "none"
+    problem = f"Several cameras are called {asked}" if named else f"There is no camera {asked}"
+    raise SettingsError(f"{problem}; the stage's cameras: {listed}.", where=asked, code="unknown-camera")
+
+
+def _resolution(asked: tuple[int, int] | None, stage_settings: StageSettings, aperture: Aperture) -> tuple[int, int]:
+    """A width or height of 0 follows from the other by the camera's aspect."""
+    width, height = asked or stage_settings.resolution or (DEFAULT_WIDTH, 0)
+    aspect = aperture.aspect / stage_settings.pixel_aspect_ratio
+    if width < 0 or height < 0 or (width == 0 and height == 0):
+        raise SettingsError(f"An image of {width} x {height} pixels cannot be made.", code="resolution")
+    if height == 0:
+        height = max(1, round(width / aspect))
+    elif width == 0:
+        width = max(1, round(height * aspect))
+    return width, height

@@ -1,0 +1,184 @@
+"""Going down the stage: prunes what is not rendered, expands instances into groups, and notes what is not supported.
+
+Each native prototype and each point instancer's prototype is walked once per distinct thing handed down to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+from pxr import Gf, Usd, UsdGeom, UsdShade
+
+from ..description import Doubles
+from .context import Context
+from .convert import matrix, rows
+from .instances import Group
+from .notes import note_prim
+from .resolve import Binding, Inherited, ResolvedPrim, Subset, bind_materials, descend, inner_or_outer, local_matrix
+
+PointInstances = list[tuple[str, Doubles]]  # (prototype root, (K, 3, 4) instancer_from_prototype)
+
+# Inside prototypes of point instancers `over` ancestors are common: they keep prototypes from being drawn by themselves.
+_IN_PROTOTYPE = Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier
+_IN_WORLD = _IN_PROTOTYPE & ~Usd.PrimIsAbstract
+# Nothing below these is drawn by itself.
+_CLOSED = frozenset({"Material", "Shader", "NodeGraph", "GeomSubset", "PointInstancer", "Camera"})
+
+
+@dataclass(frozen=True)
+class GroupKey:
+    root: str
+    inherited: Inherited
+
+
+@dataclass
+class _Walk:
+    ctx: Context
+    leaf_types: Mapping[str, str]
+    expand: Callable[[ResolvedPrim, Context], PointInstances]
+    cache: UsdGeom.XformCache
+    groups: list[Group[ResolvedPrim]] = field(default_factory=list)
+    index: dict[GroupKey, int] = field(default_factory=dict)
+    queue: list[tuple[int, Usd.Prim, Inherited]] = field(default_factory=list)
+
+    def group(self, root: Usd.Prim, inherited: Inherited) -> int:
+        """The group of this prototype under what is handed to it, queued for walking when new."""
+        key = GroupKey(str(root.GetPath()), inherited)
+        if key not in self.index:
+            self.index[key] = len(self.groups)
+            self.groups.append(Group(key.root))
+            self.queue.append((self.index[key], root, inherited))
+        return self.index[key]
+
+
+def walk(
+    ctx: Context, leaf_types: Mapping[str, str], expand: Callable[[ResolvedPrim, Context], PointInstances]
+) -> list[Group[ResolvedPrim]]:
+    """All groups, the world first. `leaf_types` names the prim types that adapters take; `expand` reads an instancer."""
+    state = _Walk(ctx, leaf_types, expand, UsdGeom.XformCache(ctx.when.time))
+    state.group(ctx.stage.GetPseudoRoot(), Inherited())
+    for index, root, inherited in state.queue:  # grows as instances are found
+        _walk_group(state, state.groups[index], root, inherited)
+    _bind_leaves(state)
+    return state.groups
+
+
+def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inherited: Inherited) -> None:
+    native: list[ResolvedPrim] = []
+    is_namespace_root = root.IsPseudoRoot() or root.IsPrototype()
+    drawn = _IN_WORLD if is_namespace_root else _IN_PROTOTYPE
+    prims = root.GetFilteredChildren(drawn) if is_namespace_root else [root]
+    stack = [(prim, Gf.Matrix4d(1.0), inherited) for prim in reversed(prims)]
+    while stack:
+        prim, parent_matrix, handed = stack.pop()
+        names = frozenset(prim.GetAuthoredPropertyNames())
+        mine = descend(handed, prim, names, state.ctx.when)
+        if mine is None:
+            continue
+        local, resets = local_matrix(prim, names, state.ctx.when, state.cache)
+        if resets and group is not state.groups[0]:
+            state.ctx.warn("reset-xform-in-prototype", str(prim.GetPath()), "The reset goes as far as the prototype's root.")
+        to_group = local if resets else local * parent_matrix
+        type_name = str(prim.GetTypeName())
+        kind = state.leaf_types.get(type_name, "")
+        resolved = ResolvedPrim(prim, str(prim.GetPath()), type_name, names, to_group, mine)
+        note_prim(resolved, kind, state.ctx)
+        if type_name == "PointInstancer":
+            _expand_points(state, group, resolved)
+            continue
+        if kind and mine.purpose in state.ctx.purposes:  # also an instance may itself be a shape
+            group.leaves.append(resolved)
+        if prim.IsInstance():
+            native.append(resolved)
+        elif type_name not in _CLOSED:
+            stack += [(child, to_group, mine) for child in reversed(prim.GetFilteredChildren(drawn))]
+    _expand_native(state, group, native)
+
+
+def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[ResolvedPrim]) -> None:
+    """Instances of one prototype that hand down the same become one array of matrices."""
+    bindings = bind_materials([instance.prim for instance in instances], state.ctx.material_purposes)
+    by_child: dict[int, list[Gf.Matrix4d]] = {}
+    for instance, inner in zip(instances, bindings, strict=True):
+        outer = inner_or_outer(inner, instance.inherited.outer)
+        child = state.group(instance.prim.GetPrototype(), replace(instance.inherited, outer=outer))
+        by_child.setdefault(child, []).append(instance.gf_matrix)
+    group.instances += [(child, rows(matrices)) for child, matrices in by_child.items()]
+
+
+def _expand_points(state: _Walk, group: Group[ResolvedPrim], instancer: ResolvedPrim) -> None:
+    ctx = state.ctx
+    to_group = matrix(instancer.gf_matrix)
+    for root_path, matrices in state.expand(instancer, ctx):
+        root = ctx.stage.GetPrimAtPath(root_path)
+        if not root or len(matrices) == 0:
+            continue
+        handed = _handed_to_prototype(instancer, root, ctx)
+        placed = to_group[:3, :3] @ matrices
+        placed[:, :, 3] += to_group[:3, 3]
+        if root.IsInstanceProxy():
+            root = root.GetPrimInPrototype()
+        group.instances.append((state.group(root, handed), placed))
+
+
+def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, ctx: Context) -> Inherited:
+    """A prototype inherits the instancer's purpose and colours, and what scopes between the two author.
+
+    Bindings follow namespace, so `outer` applies only where both stand in the same native prototype.
+    """
+    between = []
+    parent = root.GetParent()
+    while parent and parent != instancer.prim:
+        between.append(parent)
+        parent = parent.GetParent()
+    handed = instancer.inherited
+    if not parent:
+        return handed
+    for scope in reversed(between):
+        names = frozenset(scope.GetAuthoredPropertyNames()) - {"visibility"}
+        handed = descend(handed, scope, names, ctx.when) or handed
+    return handed
+
+
+def _bind_leaves(state: _Walk) -> None:
+    """Give every leaf its material and subsets, asking USD once for all of them."""
+    ctx = state.ctx
+    seen: dict[str, int] = {}
+    prims: list[Usd.Prim] = []
+    for group in state.groups:
+        for leaf in group.leaves:
+            if state.leaf_types[leaf.type_name] == "shape" and leaf.path not in seen:
+                seen[leaf.path] = len(prims)
+                prims.append(leaf.prim)
+    subsets = {path: _subsets(prims[i], ctx) for path, i in seen.items() if prims[i].GetTypeName() == "Mesh"}
+    for owned in subsets.values():
+        for subset in owned:
+            seen[subset.path] = len(prims)
+            prims.append(subset.prim)
+    bindings = bind_materials(prims, ctx.material_purposes) if prims else []
+    for group in state.groups:
+        for i, leaf in enumerate(group.leaves):
+            if leaf.path in seen:
+                outer = leaf.inherited.outer
+                own = tuple(replace(s, material=_material(bindings[seen[s.path]], outer)) for s in subsets.get(leaf.path, ()))
+                group.leaves[i] = replace(leaf, material=_material(bindings[seen[leaf.path]], outer), subsets=own)
+
+
+def _material(inner: Binding | None, outer: Binding | None) -> Usd.Prim | None:
+    binding = inner_or_outer(inner, outer)
+    return binding.material if binding else None
+
+
+def _subsets(mesh: Usd.Prim, ctx: Context) -> list[Subset]:
+    """The mesh's subsets of the family materialBind; others that bind a material are reported."""
+    found = []
+    for child in mesh.GetFilteredChildren(Usd.TraverseInstanceProxies(_IN_PROTOTYPE)):
+        if child.GetTypeName() != "GeomSubset":
+            continue
+        path = str(child.GetPath())
+        if child.GetAttribute("familyName").Get() == UsdShade.Tokens.materialBind:
+            found.append(Subset(path, child))
+        elif any(str(name).startswith("material:binding") for name in child.GetAuthoredPropertyNames()):
+            ctx.warn("subset-ignored", path, "It binds a material but its familyName is not materialBind.")
+    return found
