@@ -88,14 +88,14 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         module = ModuleType(f"primray.{name}")
         module.__dict__.update(functions)
         monkeypatch.setitem(sys.modules, f"primray.{name}", module)
-        monkeypatch.setattr(primray, name, module, raising=False)
+        if "." not in name:
+            monkeypatch.setattr(primray, name, module, raising=False)
 
     install(
         "usd",
         open_stage=fake.open_stage,
         translate=fake.translate,
         read_asset=lambda path: b"",
-        camera_paths=lambda stage: ["/cam", "/other"],
     )
     install(
         "core",
@@ -105,6 +105,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         lanes=lambda: 16,
         versions=lambda: {"embree": "4.4.0"},
     )
+    install("usd.cameras", camera_paths=lambda stage: ["/cam", "/other"])
     install("summary", summary=lambda description: _Summary(fake.memory_bytes))
     return fake
 

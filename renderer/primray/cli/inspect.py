@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -35,6 +35,7 @@ def inspect(
     from .. import usd
     from ..diagnostics import Diagnostics
     from ..summary import summary
+    from ..usd.cameras import camera_paths
     from .json_lines import print_line
 
     time_codes: list[float | None] = [None] if frame is None else [*parse_frames(frame)]
@@ -54,10 +55,10 @@ def inspect(
     facts = {
         "type": "scene",
         "scene": scene,
-        "cameras": usd.camera_paths(stage),
+        "cameras": camera_paths(stage),
         "camera": camera_facts(description),
         "lights": light_facts(description),
-        "counts": as_plain(summary(description)),
+        "counts": counts(summary(description)),
         "diagnostics": [diagnostic.as_json() for diagnostic in diagnostics],
     }
     if json:
@@ -93,8 +94,9 @@ def light_facts(description: SceneDescription) -> list[dict[str, Any]]:
     ]
 
 
-def as_plain(value: Any) -> Any:
-    return asdict(value) if is_dataclass(value) and not isinstance(value, type) else dict(value)
+def counts(summed: Any) -> dict[str, int]:
+    """The numbers of a Summary."""
+    return {name: value for name, value in asdict(summed).items() if isinstance(value, int)}
 
 
 def _print_table(facts: dict[str, Any], verbose: bool) -> None:
@@ -130,11 +132,11 @@ def _rest(things: list[Any], what: str, verbose: bool) -> list[tuple[str, str]]:
     return [] if verbose or len(things) <= _SHOWN else [("", f"and {len(things) - _SHOWN} more {what}")]
 
 
-def _count_rows(counts: dict[str, Any]) -> list[tuple[str, str]]:
+def _count_rows(counted: dict[str, int]) -> list[tuple[str, str]]:
     rows = []
-    for name, value in counts.items():
+    for name, value in counted.items():
         if name.endswith("_bytes"):
             rows.append((name.removesuffix("_bytes").replace("_", " "), f"{value / 2**20:.1f} MiB"))
         else:
-            rows.append((name.replace("_", " "), f"{value:,}" if isinstance(value, int) else str(value)))
+            rows.append((name.replace("_", " "), f"{value:,}"))
     return rows
