@@ -87,6 +87,10 @@ def _render_one(
     settings = resolve_settings(settings, description)
     with costs.stage("build"):
         scene = core.build(description, textures, settings)
+    for code, path, message in scene.warnings:
+        diagnostics.add(code, path, message)
+    if settings.strict:
+        diagnostics.raise_if_strict()
     watched = _Watched(progress)
     with costs.stage("render"):
         film = core.render(scene, settings, watched)

@@ -38,6 +38,7 @@ class FakePipeline:
     description: SceneDescription = field(default_factory=make_description)
     opening: list[tuple[str, str, str]] = field(default_factory=list)  # what opening says
     diagnostics: list[tuple[str, str, str]] = field(default_factory=list)  # what translating says
+    building: list[tuple[str, str, str]] = field(default_factory=list)  # what building says
     memory_bytes: int = 2**20
     interrupt: bool = False
     calls: list[str] = field(default_factory=list)
@@ -63,7 +64,9 @@ class FakePipeline:
     def build(self, description: SceneDescription, textures: dict[str, Any], settings: primray.RenderSettings) -> Any:
         self.calls.append("build")
         self.textures = textures
-        return SimpleNamespace(features=[{"name": "dome", "why": "/dome"}], memory_bytes=1000, description=description)
+        return SimpleNamespace(
+            warnings=self.building, features=[{"name": "dome", "why": "/dome"}], memory_bytes=1000, description=description
+        )
 
     def render(self, scene: Any, settings: primray.RenderSettings, progress: Any) -> Any:
         self.calls.append("render")

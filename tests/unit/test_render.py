@@ -95,6 +95,13 @@ def test_strict_refuses_before_building(pipeline: FakePipeline) -> None:
     assert "build" not in pipeline.calls
 
 
+def test_what_building_says_is_in_the_report(pipeline: FakePipeline) -> None:
+    pipeline.building = [("singular-transform", "/flat", "2 instances are left out")]
+    assert [d["code"] for d in render("a.usda").report["diagnostics"]] == ["singular-transform"]
+    with pytest.raises(UnsupportedError, match="singular-transform"):
+        render("a.usda", RenderSettings(strict=True))
+
+
 def test_memory_is_checked_before_building(pipeline: FakePipeline) -> None:
     pipeline.memory_bytes = 2**30
     with pytest.raises(LimitError, match="1024 MiB") as caught:
