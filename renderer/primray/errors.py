@@ -1,11 +1,11 @@
 """The errors primray raises: one tree, each with a stable code, a sentence to act on, and a place.
 
-    PrimrayError
-      SceneError             the input is at fault: StageOpenError, AssetError, InvalidSceneError, UnsupportedError
-      SettingsError          the request is at fault: unknown camera, impossible resolution
-      LimitError             a stated limit was reached: memory, triangles, texture size
-      RenderCancelled        asked for, not a fault
-      InternalError          ours: a failed core invariant, an unexpected Embree code
+PrimrayError
+  SceneError             the input is at fault: StageOpenError, AssetError, InvalidSceneError, UnsupportedError
+  SettingsError          the request is at fault: unknown camera, impossible resolution
+  LimitError             a stated limit was reached: memory, triangles, texture size
+  RenderCancelled        asked for, not a fault
+  InternalError          ours: a failed core invariant, an unexpected Embree code
 """
 
 from __future__ import annotations

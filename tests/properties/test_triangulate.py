@@ -85,7 +85,9 @@ def test_collinear_vertices_make_no_slivers_and_stay_vertices() -> None:
     p = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0], [2, 2, 0], [1, 2, 0], [0, 2, 0], [0, 1, 0]], float)
     made = triangulate(p, np.array([8], np.int32), np.arange(8, dtype=np.int32))
     assert set(made.points.ravel().tolist()) == set(range(8))
-    area = np.linalg.norm(np.cross(p[made.points[:, 1]] - p[made.points[:, 0]], p[made.points[:, 2]] - p[made.points[:, 0]]), axis=1)
+    area = np.linalg.norm(
+        np.cross(p[made.points[:, 1]] - p[made.points[:, 0]], p[made.points[:, 2]] - p[made.points[:, 0]]), axis=1
+    )
     assert len(area) == 6
     assert area.sum() / 2 == pytest.approx(4)
 
