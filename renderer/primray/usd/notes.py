@@ -35,7 +35,7 @@ _LIGHT_SCHEMAS = {"MeshLightAPI", "VolumeLightAPI"}
 
 def note_prim(prim: ResolvedPrim, kind: str, ctx: Context) -> None:
     """Diagnostics for one prim; `kind` is "" for types that no adapter takes."""
-    schemas = [str(schema).split(":")[0] for schema in prim.prim.GetAppliedSchemas()]
+    schemas = [str(schema).split(":")[0] for schema in prim.prim.GetPrimTypeInfo().GetAppliedAPISchemas()]
     if schemas:
         _note_schemas(prim, schemas, kind, ctx)
     if not kind and prim.type_name:
@@ -58,7 +58,7 @@ def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
 
 def _note_schemas(prim: ResolvedPrim, schemas: list[str], kind: str, ctx: Context) -> None:
     for schema in schemas:
-        if schema in _LIGHT_SCHEMAS or (schema == "LightAPI" and kind != "light" and prim.type_name not in UNSUPPORTED_LIGHTS):
+        if schema in _LIGHT_SCHEMAS or (schema == "LightAPI" and kind == "shape"):
             ctx.warn("unsupported-light", prim.path, f"{schema} makes this {prim.type_name} a light; it is rendered unlit.")
         elif schema in ("ColorSpaceAPI", "ColorSpaceDefinitionAPI"):
             ctx.warn("color-space", prim.path, f"{schema} is applied.")

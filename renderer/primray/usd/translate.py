@@ -29,11 +29,12 @@ from .adapters.point_instancer import point_instances
 from .adapters.render_settings import StageSettings, render_settings
 from .context import Context
 from .convert import square
+from .framing import Bounds, shape_bounds, stage_bounds
 from .instances import Group, flatten
 from .read import when_of
 from .resolve import ResolvedPrim
 from .stage import usd_messages
-from .view import choose_camera
+from .view import select_camera, view_through
 from .walk import walk
 
 ShapeAdapter = Callable[[ResolvedPrim, Context], Shape | None]
@@ -82,7 +83,7 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     cameras, settings_prims = _find_by_type(stage, diagnostics)
     stage_settings = render_settings(stage, settings_prims, diagnostics)
     ctx = _context(stage, settings, stage_settings, diagnostics)
-    camera, resolution = choose_camera(stage, ctx, stage_settings, cameras)
+    camera_prim = select_camera(stage, ctx, stage_settings, cameras)
     kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
     groups = walk(ctx, kinds, point_instances)
     world, cyclic = flatten(groups, settings.max_memory_bytes or _physical_memory() // 2)
@@ -95,6 +96,12 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     for group, placed in zip(groups, world, strict=True):
         _add_group(scene, group, _valid(placed, group, ctx), ctx)
     _add_default_light(scene, ctx)
+
+    def bounds() -> Bounds:
+        whole = None if cyclic else stage_bounds(stage, ctx.when, ctx.purposes)
+        return whole or shape_bounds(scene.shapes, scene.static, scene.prototypes, scene.placements)
+
+    camera, resolution = view_through(camera_prim, ctx, stage_settings, bounds)
     return _describe(scene, ctx, camera, resolution)
 
 

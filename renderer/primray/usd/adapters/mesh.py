@@ -44,6 +44,8 @@ def _shape(prim: ResolvedPrim, geometry: Geometry, appearance: Appearance, ctx: 
     if is_hidden(appearance):
         return None
     colors = _colors(prim, geometry, ctx) if appearance.varying_color else None
+    if appearance.varying_color and colors is None:
+        appearance = Appearance(None)
     index = surface_of(appearance, lambda: is_closed(geometry.points, geometry.triangles.points), ctx)
     return seam_mesh(prim.path, geometry.points, geometry.triangles.points, geometry.normals, colors, index)
 
@@ -69,7 +71,7 @@ def _geometry(prim: ResolvedPrim, ctx: Context) -> Geometry | None:
             f"faceVertexCounts sum to {int(counts.sum(dtype=np.int64))}, but there are {len(indices)} faceVertexIndices.",
         )
         return None
-    points = points.astype(np.float32, copy=False)
+    points = points.astype(np.float32)
     keep = _usable_faces(prim, points, counts, indices, ctx)
     triangles = triangulate(points, counts, indices, keep)
     sizes = Sizes(len(counts), len(points), len(indices))
@@ -91,6 +93,7 @@ def _usable_faces(
     if not finite.all() and len(points):
         bad_corner |= ~finite[np.clip(indices, 0, len(points) - 1)]
         reasons.append("points that are not finite")
+        points[~finite] = 0.0  # belongs to no face that is kept
     too_small = counts < 3
     if too_small.any():
         reasons.append("fewer than 3 vertices")
