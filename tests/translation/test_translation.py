@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from describe import describe
+
 from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
 from primray.usd import open_stage, translate

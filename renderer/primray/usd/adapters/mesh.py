@@ -89,7 +89,7 @@ def _usable_faces(
     """The faces that can be rendered; None for all of them."""
     bad_corner = (indices < 0) | (indices >= len(points))
     reasons = ["indices out of range"] if bad_corner.any() else []
-    finite = np.isfinite(points).all(axis=1)
+    finite: npt.NDArray[np.bool_] = np.isfinite(points).all(axis=1)
     if not finite.all() and len(points):
         bad_corner |= ~finite[np.clip(indices, 0, len(points) - 1)]
         reasons.append("points that are not finite")
@@ -171,8 +171,8 @@ def _with_subsets(prim: ResolvedPrim, geometry: Geometry, rest: Appearance, ctx:
         faces[indices] = len(parts)
         parts.append(appearance_of(prim, subset.material, ctx))
     of_triangle = faces[geometry.triangles.faces]
-    hidden: npt.NDArray[np.bool_] = np.array([is_hidden(part) for part in parts])
-    visible = ~hidden[of_triangle]
+    hidden = np.array([is_hidden(part) for part in parts])
+    visible = np.logical_not(np.take(hidden, of_triangle))
     if not visible.any():
         return None
     closed = is_closed(geometry.points, geometry.triangles.points)
