@@ -125,6 +125,11 @@ def _context(stage: Usd.Stage, settings: RenderSettings, wanted: StageSettings, 
     return Context(stage, settings, when, purposes, wanted.material_purposes, diagnostics)
 
 
+def camera_paths(stage: Usd.Stage) -> list[str]:
+    """The cameras that could be asked for."""
+    return [str(prim.GetPath()) for prim in stage.Traverse() if prim.GetTypeName() == "Camera"]
+
+
 def _find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> tuple[list[Usd.Prim], list[Usd.Prim]]:
     """The stage's cameras and its RenderSettings, wherever they are."""
     cameras, settings = [], []

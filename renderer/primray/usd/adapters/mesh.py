@@ -1,4 +1,7 @@
-"""UsdGeomMesh to triangles: topology checked face by face, normals and colours brought to triangles, surfaces assigned."""
+"""UsdGeomMesh to triangles: topology checked face by face, normals and colours brought to triangles, surfaces assigned.
+
+`doubleSided` has no effect: both sides of every surface shade, as in other path tracers.
+"""
 
 from __future__ import annotations
 
