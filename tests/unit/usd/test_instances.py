@@ -106,3 +106,35 @@ def test_camera_paths() -> None:
         "/a",
         "/x/b",
     ]
+
+
+def test_diagnostics_inside_prototypes_name_the_first_instance() -> None:
+    text = 'over "lib"\n{\n    def Sphere "s"\n    {\n        double radius = inf\n    }\n}\n'
+    text += "".join(f'def Xform "{n}" (\n    instanceable = true\n    references = </lib>\n)\n{{\n}}\n' for n in ("one", "two"))
+    assert ("wrong-type", "/one/s") in translate_text(text)[1]
+
+
+def test_scopes_between_an_instancer_and_its_prototypes_hand_down_all_but_visibility() -> None:
+    text = """def PointInstancer "p"
+{
+    rel prototypes = [</p/scope/a>, </p/scope/b>]
+    int[] protoIndices = [0, 1]
+    point3f[] positions = [(0, 0, 0), (1, 0, 0)]
+    def Scope "scope"
+    {
+        token visibility = "invisible"
+        uniform token purpose = "render"
+        color3f[] primvars:displayColor = [(1, 0, 0)]
+        def Sphere "a"
+        {
+        }
+        def Sphere "b"
+        {
+            uniform token purpose = "guide"
+        }
+    }
+}
+"""
+    description, _ = translate_text(text, RenderSettings(purposes=("render",)))
+    assert [s.path for s in description.shapes] == ["/p/scope/a"]
+    assert description.surfaces[0].diffuse_color == (1, 0, 0)
