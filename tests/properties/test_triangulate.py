@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+
 from primray.usd.ear_clip import ear_clip
 from primray.usd.triangulate import flipped, triangulate
 
@@ -12,7 +13,7 @@ def simple_polygon(rng: np.random.Generator, n: int, kind: str) -> np.ndarray:
     """(n, 2), counter-clockwise, without crossings."""
     angle = np.sort(rng.uniform(0, 2 * np.pi, n))
     if kind == "star":
-        return rng.uniform(0.1, 1, n)[:, None] * np.stack([np.cos(angle), np.sin(angle)], 1)
+        return np.asarray(rng.uniform(0.1, 1, n)[:, None] * np.stack([np.cos(angle), np.sin(angle)], 1))
     if kind == "comb":  # deep notches
         x = np.arange(n - 2, dtype=float)
         y = np.where(np.arange(n - 2) % 2 == 0, 1.0, rng.uniform(0.05, 0.2, n - 2))
@@ -59,7 +60,7 @@ def test_mixed_faces_keep_their_order_and_corners(seed: int) -> None:
     rng = np.random.default_rng(seed)
     counts = rng.integers(3, 9, 50).astype(np.int32)
     polygons = [simple_polygon(rng, int(c), "star") for c in counts]
-    points = np.concatenate([np.column_stack([p + [4.0 * i, 0], np.zeros(len(p))]) for i, p in enumerate(polygons)])
+    points = np.concatenate([np.column_stack([p + np.array([4.0 * i, 0.0]), np.zeros(len(p))]) for i, p in enumerate(polygons)])
     order = rng.permutation(len(points)).astype(np.int32)
     shuffled = np.empty_like(points)
     shuffled[order] = points

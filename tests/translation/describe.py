@@ -10,6 +10,7 @@ from enum import Enum
 from typing import Any
 
 import numpy as np
+
 from primray.description import SceneDescription
 from primray.diagnostics import Diagnostic
 

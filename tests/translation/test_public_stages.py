@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from primray.description import Mesh
 from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings

@@ -6,8 +6,9 @@ import os
 from pathlib import Path
 
 import pytest
-from describe import describe
-from primray.diagnostics import Diagnostics
+from .describe import describe
+
+from primray.diagnostics import Diagnostics, Severity
 from primray.settings import RenderSettings
 from primray.usd import open_stage, translate
 
@@ -36,3 +37,15 @@ def test_case(name: str) -> None:
         expected.parent.mkdir(exist_ok=True)
         expected.write_text(text)
     assert text == expected.read_text()
+
+
+OWN = sorted(ROOT.glob("scenes/**/*.usda"))
+ON_PURPOSE = {"normals": {"subdivision-cage"}}
+
+
+@pytest.mark.parametrize("path", OWN, ids=lambda p: str(p.relative_to(ROOT / "scenes")))
+def test_own_scenes_ask_for_nothing_unsupported(path: Path) -> None:
+    opening = Diagnostics()
+    _, diagnostics = translate(open_stage(path, opening), RenderSettings())
+    bad = {d.code for d in (*opening, *diagnostics) if d.severity is not Severity.INFO}
+    assert bad == ON_PURPOSE.get(path.parent.name, set())

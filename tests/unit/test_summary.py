@@ -1,9 +1,10 @@
 from __future__ import annotations
 
+from pxr import Usd
+
 from primray.settings import RenderSettings
 from primray.summary import summary
 from primray.usd import translate
-from pxr import Usd
 
 INSTANCED = """#usda 1.0
 def Cube "alone"

@@ -44,6 +44,16 @@ def note_prim(prim: ResolvedPrim, kind: str, ctx: Context) -> None:
         ctx.warn("draw-mode", prim.path, f"model:drawMode = {read(prim.prim, 'model:drawMode', ctx.when)}.")
 
 
+def note_velocities(prim: ResolvedPrim, positions: str, ctx: Context) -> None:
+    """Between two samples USD moves `positions` by their velocities; here they are interpolated or held."""
+    if "velocities" not in prim.names or ctx.when.time.IsDefault():
+        return
+    time = ctx.when.time.GetValue()
+    around = prim.prim.GetAttribute(positions).GetBracketingTimeSamples(time)
+    if len(around) == 2 and time not in around:
+        ctx.warn("motion", prim.path, "velocities are ignored between two samples of the positions.")
+
+
 def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
     if prim.type_name in UNSUPPORTED:
         if prim.inherited.purpose in ctx.purposes:

@@ -6,14 +6,15 @@ import math
 
 import numpy as np
 import pytest
-from conftest import stage_of, translate_text
+from pxr import Gf, UsdGeom
+from usd_text import stage_of, translate_text
+
 from primray.description import Camera, Projection
 from primray.diagnostics import Diagnostics
 from primray.errors import SettingsError
 from primray.settings import RenderSettings
 from primray.usd.adapters.camera import Aperture, conform
 from primray.usd.adapters.render_settings import StageSettings
-from pxr import Gf, UsdGeom
 
 TEXT = """def Xform "rig"
 {
@@ -53,7 +54,7 @@ def test_orthographic_width_is_a_tenth_of_the_aperture() -> None:
     camera = translate_text(TEXT.replace("PROJECTION", "orthographic"), RenderSettings(resolution=(300, 200)))[0].camera
     assert camera.projection is Projection.ORTHOGRAPHIC
     left, right, bottom, top = camera.window
-    assert (right - left, top - bottom) == (pytest.approx(3), pytest.approx(2))
+    assert (right - left, top - bottom) == pytest.approx((3, 2))
 
 
 WIDE, TALL = Aperture(40, 20), Aperture(10, 20)  # aspects 2 and 0.5, image aspect 1
@@ -87,10 +88,11 @@ def camera_of(body: str) -> tuple[Camera, list[str]]:
 
 def test_thin_lens_and_exposure() -> None:
     camera, _ = camera_of("float fStop = 2\nfloat focusDistance = 9\nfloat focalLength = 80")
-    assert (camera.lens_radius, camera.focus_distance) == (pytest.approx(2), 9)
+    assert (camera.lens_radius, camera.focus_distance) == pytest.approx((2, 9))
     assert camera_of("float fStop = 2")[0].lens_radius == 0
     assert camera_of("float focusDistance = 2")[0].lens_radius == 0
-    body = "float exposure = 3\nfloat exposure:iso = 50\nfloat exposure:time = 0.25\nfloat exposure:fStop = 4\nfloat exposure:responsivity = 2"
+    body = "float exposure = 3\nfloat exposure:iso = 50\nfloat exposure:time = 0.25\nfloat exposure:fStop = 4"
+    body += "\nfloat exposure:responsivity = 2"
     stage = stage_of(f'def Camera "camera"\n{{\n{body}\n}}\n')
     expected = UsdGeom.Camera(stage.GetPrimAtPath("/camera")).ComputeLinearExposureScale()
     assert camera_of(body)[0].exposure_scale == pytest.approx(expected)
@@ -102,7 +104,8 @@ def test_thin_lens_and_exposure() -> None:
 
 def test_scaled_and_mirrored_cameras_become_rigid() -> None:
     for scale in ("(3, 3, 3)", "(-1, 1, 1)", "(1, 2, 5)"):
-        op = f'float3 xformOp:scale = {scale}\ndouble xformOp:rotateY = 30\nuniform token[] xformOpOrder = ["xformOp:rotateY", "xformOp:scale"]'
+        op = f"float3 xformOp:scale = {scale}\ndouble xformOp:rotateY = 30\n"
+        op += 'uniform token[] xformOpOrder = ["xformOp:rotateY", "xformOp:scale"]'
         camera, codes = camera_of(op)
         linear = camera.world_from_camera[:3, :3]
         assert np.allclose(linear @ linear.T, np.eye(3), atol=1e-12)
@@ -151,7 +154,18 @@ def test_automatic_camera_without_anything_to_see() -> None:
     assert np.isfinite(camera.world_from_camera).all()
 
 
-TWO = 'def Camera "one"\n{\n}\ndef Xform "x"\n{\n    def Camera "two"\n    {\n        float horizontalAperture = 40\n        float verticalAperture = 20\n    }\n}\n'
+TWO = """def Camera "one"
+{
+}
+def Xform "x"
+{
+    def Camera "two"
+    {
+        float horizontalAperture = 40
+        float verticalAperture = 20
+    }
+}
+"""
 
 
 def test_choice_of_camera() -> None:
@@ -177,7 +191,7 @@ def test_resolution() -> None:
     description = translate_text(TWO + settings)[0]
     assert description.resolution == (64, 64)
     left, right, bottom, top = description.camera.window
-    assert (right - left, top - bottom) == (pytest.approx(0.8), pytest.approx(0.8))  # expanded upwards
+    assert (right - left, top - bottom) == pytest.approx((0.8, 0.8))  # expanded upwards
     product = 'def RenderProduct "p"\n{\n    uniform int2 resolution = (32, 16)\n}\n'
     described = TWO + settings.replace("rel camera", "rel products = </p>\n    rel camera") + product
     assert translate_text(described)[0].resolution == (32, 16)

@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from conftest import translate_text
+from pxr import UsdLux
+from usd_text import translate_text
+
 from primray.description import Light, LightType
 from primray.settings import RenderSettings
 from primray.usd.adapters.light import distant_size_factor
-from pxr import UsdLux
 
 
 def light(body: str, kind: str = "SphereLight") -> Light:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import translate_text
+from usd_text import translate_text
+
 from primray.description import Mesh, SceneDescription
 from primray.usd.adapters.mesh import is_closed
 
@@ -41,7 +42,8 @@ def test_triangles_and_winding() -> None:
 
 def test_left_handed_meshes_turn() -> None:
     shape, _, _ = mesh(
-        'uniform token orientation = "leftHanded"\n    normal3f[] normals = [(0, 0, -1), (0, 0, -1), (0, 0, -1), (0, 0, -1), (0, 0, 0)]'
+        'uniform token orientation = "leftHanded"\n'
+        "    normal3f[] normals = [(0, 0, -1), (0, 0, -1), (0, 0, -1), (0, 0, -1), (0, 0, 0)]"
     )
     assert (face_normals(shape)[:, 2] < 0).all()
     assert shape.normals is not None
@@ -50,8 +52,9 @@ def test_left_handed_meshes_turn() -> None:
 
 def test_primvars_normals_beat_normals() -> None:
     normals = "normal3f[] normals = [(1, 0, 0), (1, 0, 0), (1, 0, 0), (1, 0, 0), (1, 0, 0)]"
-    assert (mesh(normals)[0].normals == (1, 0, 0)).all()
-    indexed = 'normal3f[] primvars:normals = [(0, 2, 0), (0, 0, 3)] (\n        interpolation = "uniform"\n    )\n    int[] primvars:normals:indices = [1, 0]'
+    assert np.all(mesh(normals)[0].normals == (1, 0, 0))
+    indexed = 'normal3f[] primvars:normals = [(0, 2, 0), (0, 0, 3)] (\n        interpolation = "uniform"\n    )\n'
+    indexed += "    int[] primvars:normals:indices = [1, 0]"
     shape, _, _ = mesh(normals + "\n    " + indexed)
     assert shape.normals is not None
     assert shape.normals.tolist() == [[0, 0, 1]] * 6 + [[0, 1, 0]] * 3
@@ -244,3 +247,4 @@ def test_closedness() -> None:
     turned = faces.copy()
     turned[0] = turned[0][::-1]
     assert not is_closed(cube, turned)
+    assert not is_closed(cube, np.concatenate([faces, faces]))  # more than two faces at every edge

@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from pxr import Usd
+
 from primray.diagnostics import Diagnostics
 from primray.errors import StageOpenError, UnsupportedError
 from primray.settings import RenderSettings
 from primray.usd import open_stage, translate
-from pxr import Usd
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from conftest import translate_text
+from usd_text import translate_text
+
 from primray.description import SceneDescription
 from primray.settings import RenderSettings
 
@@ -160,6 +161,21 @@ def test_inactive_and_abstract_prims_are_out() -> None:
 
 
 def test_prototypes_under_a_class_are_drawn() -> None:
-    text = 'class "c"\n{\n    def Xform "x"\n    {\n        def Sphere "s"\n        {\n        }\n    }\n}\ndef PointInstancer "p"\n{\n    rel prototypes = </c/x>\n    int[] protoIndices = [0]\n    point3f[] positions = [(1, 2, 3)]\n}\n'
+    text = """class "c"
+{
+    def Xform "x"
+    {
+        def Sphere "s"
+        {
+        }
+    }
+}
+def PointInstancer "p"
+{
+    rel prototypes = </c/x>
+    int[] protoIndices = [0]
+    point3f[] positions = [(1, 2, 3)]
+}
+"""
     description, _ = translate_text(text)
     assert description.static[0].matrix[:3, 3].tolist() == [1, 2, 3]
