@@ -35,7 +35,7 @@ def inspect(
     from .. import usd
     from ..diagnostics import Diagnostics
     from ..summary import summary
-    from ..usd.cameras import camera_paths
+    from ..usd import camera_paths
     from .json_lines import print_line
 
     time_codes: list[float | None] = [None] if frame is None else [*parse_frames(frame)]
