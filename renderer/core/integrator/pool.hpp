@@ -4,54 +4,12 @@
 #include <memory>
 
 #include "accel/trace.hpp"
+#include "sampler/sampler.hpp"
 
 namespace primray {
 
 constexpr int kPool = 512;
 constexpr int kPadded = kPool + 16;  // whole vectors are stored at any position
-
-// One path between two vertices: its ray, and what it needs to go on.
-struct PathPool {
-  alignas(64) float ox[kPadded], oy[kPadded], oz[kPadded], dx[kPadded], dy[kPadded], dz[kPadded], tnear[kPadded], tfar[kPadded];
-  alignas(64) float beta_r[kPadded], beta_g[kPadded], beta_b[kPadded];
-  alignas(64) float bsdf_pdf[kPadded];          // density of the ray's direction; 0: camera or delta
-  alignas(64) int32_t slot[kPadded];            // where its radiance is summed
-  alignas(64) uint32_t reversed_index[kPadded], seed[kPadded];
-  alignas(64) int32_t depth[kPadded];           // scatterings so far
-  int count = 0;
-
-  // Hits of the current rays.
-  alignas(64) float t[kPadded], ngx[kPadded], ngy[kPadded], ngz[kPadded], u[kPadded], v[kPadded];
-  alignas(64) int32_t prim[kPadded], geom[kPadded], inst[kPadded], inst_prim[kPadded];
-
-  template <int W>
-  PRIMRAY_INLINE Rays<W> rays(int at) const {
-    return {{load<W>(ox + at), load<W>(oy + at), load<W>(oz + at)}, {load<W>(dx + at), load<W>(dy + at), load<W>(dz + at)}, load<W>(tnear + at), load<W>(tfar + at)};
-  }
-  template <int W>
-  PRIMRAY_INLINE Hits<W> hits(int at) const {
-    return {load<W>(t + at), {load<W>(ngx + at), load<W>(ngy + at), load<W>(ngz + at)}, load<W>(u + at), load<W>(v + at),
-            load<W>(prim + at), load<W>(geom + at), load<W>(inst + at), load<W>(inst_prim + at)};
-  }
-  template <int W>
-  PRIMRAY_INLINE void set_hits(int at, const Hits<W>& h) {
-    store(t + at, h.t), store(ngx + at, h.ng.x), store(ngy + at, h.ng.y), store(ngz + at, h.ng.z), store(u + at, h.u), store(v + at, h.v);
-    store(prim + at, h.prim), store(geom + at, h.geom), store(inst + at, h.inst), store(inst_prim + at, h.inst_prim);
-  }
-};
-
-// Shadow rays with what they carry if nothing blocks them.
-struct ShadowQueue {
-  alignas(64) float ox[kPadded], oy[kPadded], oz[kPadded], dx[kPadded], dy[kPadded], dz[kPadded], tfar[kPadded];
-  alignas(64) float r[kPadded], g[kPadded], b[kPadded];
-  alignas(64) int32_t slot[kPadded];
-  int count = 0;
-
-  template <int W>
-  PRIMRAY_INLINE Rays<W> rays(int at) const {
-    return {{load<W>(ox + at), load<W>(oy + at), load<W>(oz + at)}, {load<W>(dx + at), load<W>(dy + at), load<W>(dz + at)}, vfloat<W>(0.0f), load<W>(tfar + at)};
-  }
-};
 
 // Lanes of `m` in order, then others: for permute(); and their number.
 template <int W>
@@ -68,5 +26,108 @@ struct Compaction {
     store(p, permute(a, from));
   }
 };
+
+// W paths out of a pool: what each carries from one vertex to the next.
+template <int W>
+struct PathLanes {
+  Rays<W> ray;
+  vvec3<W> beta;          // throughput
+  vfloat<W> bsdf_pdf;     // density of the ray's direction; 0: camera or delta
+  vfloat<W> splits;       // paths among which the sample was split
+  vfloat<W> travelled;    // see PathPool
+  vvec3<W> share;
+  vint<W> slot, depth, vertex;
+  Sampler<W> sampler;
+};
+
+// One path between two vertices: its ray, and what it needs to go on.
+struct PathPool {
+  alignas(64) float ox[kPadded], oy[kPadded], oz[kPadded], dx[kPadded], dy[kPadded], dz[kPadded], tnear[kPadded], tfar[kPadded];
+  alignas(64) float beta_r[kPadded], beta_g[kPadded], beta_b[kPadded];
+  alignas(64) float bsdf_pdf[kPadded];          // density of the ray's direction; 0: camera or delta
+  alignas(64) int32_t slot[kPadded];            // where its radiance is summed
+  alignas(64) uint32_t reversed_index[kPadded], seed[kPadded];
+  alignas(64) int32_t depth[kPadded];           // scatterings so far; passing straight through is none
+  alignas(64) int32_t vertex[kPadded];          // surfaces met so far: whose sampler dimensions come next
+  alignas(64) float splits[kPadded];            // paths among which this one's sample was split
+  // Only where a surface lets light straight through: how far behind the ray's origin lies the vertex that `bsdf_pdf` is of.
+  alignas(64) float travelled[kPadded];
+  // Only where lights have lobe factors: the part of the last scattering's f_cos that was diffuse.
+  alignas(64) float share_r[kPadded], share_g[kPadded], share_b[kPadded];
+  int count = 0;
+
+  // Hits of the current rays.
+  alignas(64) float t[kPadded], ngx[kPadded], ngy[kPadded], ngz[kPadded], u[kPadded], v[kPadded];
+  alignas(64) int32_t prim[kPadded], geom[kPadded], inst[kPadded], inst_prim[kPadded];
+
+  template <int W>
+  PRIMRAY_INLINE Rays<W> rays(int at) const {
+    return {{load<W>(ox + at), load<W>(oy + at), load<W>(oz + at)}, {load<W>(dx + at), load<W>(dy + at), load<W>(dz + at)}, load<W>(tnear + at), load<W>(tfar + at)};
+  }
+  // `thin`, `shares`: whether the scene has see-through surfaces, lights with lobe factors.
+  template <int W>
+  PRIMRAY_INLINE PathLanes<W> paths(int at, bool thin, bool shares) const {
+    PathLanes<W> p;
+    p.ray = rays<W>(at);
+    p.beta = {load<W>(beta_r + at), load<W>(beta_g + at), load<W>(beta_b + at)};
+    p.bsdf_pdf = load<W>(bsdf_pdf + at), p.splits = load<W>(splits + at);
+    p.travelled = thin ? load<W>(travelled + at) : vfloat<W>(0.0f);
+    p.share = vvec3<W>(vfloat<W>(0.0f));
+    if (shares) p.share = {load<W>(share_r + at), load<W>(share_g + at), load<W>(share_b + at)};
+    p.slot = load<W>(slot + at), p.depth = load<W>(depth + at), p.vertex = load<W>(vertex + at);
+    p.sampler = {load<W>(reversed_index + at), load<W>(seed + at)};
+    return p;
+  }
+  // Adds the lanes that `c` holds.
+  template <int W>
+  PRIMRAY_INLINE void append(const Compaction<W>& c, const PathLanes<W>& p, bool thin, bool shares) {
+    const int at = count;
+    c.append(ox + at, p.ray.o.x), c.append(oy + at, p.ray.o.y), c.append(oz + at, p.ray.o.z);
+    c.append(dx + at, p.ray.d.x), c.append(dy + at, p.ray.d.y), c.append(dz + at, p.ray.d.z);
+    c.append(tnear + at, p.ray.tnear), c.append(tfar + at, p.ray.tfar);
+    c.append(beta_r + at, p.beta.x), c.append(beta_g + at, p.beta.y), c.append(beta_b + at, p.beta.z);
+    c.append(bsdf_pdf + at, p.bsdf_pdf), c.append(splits + at, p.splits);
+    if (thin) c.append(travelled + at, p.travelled);
+    if (shares) c.append(share_r + at, p.share.x), c.append(share_g + at, p.share.y), c.append(share_b + at, p.share.z);
+    c.append(slot + at, p.slot), c.append(depth + at, p.depth), c.append(vertex + at, p.vertex);
+    c.append(reversed_index + at, p.sampler.reversed_index), c.append(seed + at, p.sampler.seed);
+    count += c.count;
+  }
+  template <int W>
+  PRIMRAY_INLINE Hits<W> hits(int at) const {
+    return {load<W>(t + at), {load<W>(ngx + at), load<W>(ngy + at), load<W>(ngz + at)}, load<W>(u + at), load<W>(v + at),
+            load<W>(prim + at), load<W>(geom + at), load<W>(inst + at), load<W>(inst_prim + at)};
+  }
+  template <int W>
+  PRIMRAY_INLINE void set_hits(int at, const Hits<W>& h) {
+    store(t + at, h.t), store(ngx + at, h.ng.x), store(ngy + at, h.ng.y), store(ngz + at, h.ng.z), store(u + at, h.u), store(v + at, h.v);
+    store(prim + at, h.prim), store(geom + at, h.geom), store(inst + at, h.inst), store(inst_prim + at, h.inst_prim);
+  }
+};
+
+// Shadow rays with what they carry if nothing blocks them. A path sends at most two from a vertex: to a light, and to a dome in
+// place of its last scattered ray; a path that splits takes the pool's room of all its parts.
+struct ShadowQueue {
+  static constexpr int kSize = 2 * kPool + 16;
+  alignas(64) float ox[kSize], oy[kSize], oz[kSize], dx[kSize], dy[kSize], dz[kSize], tfar[kSize];
+  alignas(64) float r[kSize], g[kSize], b[kSize];
+  alignas(64) int32_t slot[kSize];
+  int count = 0;
+
+  template <int W>
+  PRIMRAY_INLINE Rays<W> rays(int at) const {
+    return {{load<W>(ox + at), load<W>(oy + at), load<W>(oz + at)}, {load<W>(dx + at), load<W>(dy + at), load<W>(dz + at)}, vfloat<W>(0.0f), load<W>(tfar + at)};
+  }
+  template <int W>
+  PRIMRAY_INLINE void append(vbool<W> m, const vvec3<W>& o, const vvec3<W>& d, vfloat<W> end, const vvec3<W>& carried, vint<W> to_slot) {
+    const Compaction<W> c(m);
+    const int at = count;
+    c.append(ox + at, o.x), c.append(oy + at, o.y), c.append(oz + at, o.z);
+    c.append(dx + at, d.x), c.append(dy + at, d.y), c.append(dz + at, d.z), c.append(tfar + at, end);
+    c.append(r + at, carried.x), c.append(g + at, carried.y), c.append(b + at, carried.z), c.append(slot + at, to_slot);
+    count += c.count;
+  }
+};
+
 
 }  // namespace primray

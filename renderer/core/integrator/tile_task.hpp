@@ -1,7 +1,7 @@
 // One task: all samples of one block, of both replicates, of one tile. Paths of W lanes at a time, in a pool kept full.
 //
 // A round takes every path of the pool one vertex further: refill with camera rays, trace, shade (which leaves the survivors packed
-// at the front and shadow rays in a queue), trace the shadow rays. What a path adds to its slot comes in the same order
+// in the other pool and shadow rays in a queue), trace the shadow rays. What a path adds to its slot comes in the same order
 // whatever W is, so W does not show in the image.
 #pragma once
 
@@ -23,7 +23,10 @@ struct TileBlock {
 
 // One thread's memory and measurements; lives as long as the thread.
 struct Worker {
-  PathPool pool;
+  // Paths of this round, and those that the round leaves for the next.
+  PathPool pools[2];
+  PathPool* pool = &pools[0];
+  PathPool* next = &pools[1];
   ShadowQueue shadows;
   static constexpr int kSlots = kTile * kTile * kBlock * kReplicates;
   alignas(64) float r[kSlots], g[kSlots], b[kSlots], a[kSlots];
