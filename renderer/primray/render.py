@@ -94,6 +94,8 @@ def _render_one(
     watched = _Watched(progress)
     with costs.stage("render"):
         film = core.render(scene, settings, watched)
+    if film.invalid_samples:
+        diagnostics.add("invalid-samples", "", f"{film.invalid_samples} of {film.samples} samples are left out")
     if film.interrupted and on_interrupt == "raise":
         if watched.stopped:
             raise RenderCancelled("the render was stopped by its progress callback")

@@ -41,6 +41,7 @@ class FakePipeline:
     building: list[tuple[str, str, str]] = field(default_factory=list)  # what building says
     memory_bytes: int = 2**20
     interrupt: bool = False
+    invalid_samples: int = 0
     calls: list[str] = field(default_factory=list)
     textures: dict[str, Any] = field(default_factory=dict)
 
@@ -78,7 +79,15 @@ class FakePipeline:
         pixels = np.random.default_rng(settings.seed).random((height, width, 4), dtype=np.float32)
         counts = (settings.spp // 2, settings.spp) if interrupted else (settings.spp, settings.spp)
         return SimpleNamespace(
-            pixels=pixels, samples=width * height * settings.spp, rays=1000, interrupted=interrupted, samples_per_pixel=counts
+            pixels=pixels,
+            samples=width * height * settings.spp,
+            rays=1000,
+            rays_by_kind={"camera": 600, "scattered": 300, "shadow": 100},
+            lane_occupancy=0.97,
+            splits=1,
+            invalid_samples=self.invalid_samples,
+            interrupted=interrupted,
+            samples_per_pixel=counts,
         )
 
 
@@ -99,6 +108,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         open_stage=fake.open_stage,
         translate=fake.translate,
         read_asset=lambda path: b"",
+        camera_paths=lambda stage: ["/cam", "/other"],
     )
     install(
         "core",
@@ -108,7 +118,6 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         lanes=lambda: 16,
         versions=lambda: {"embree": "4.4.0"},
     )
-    install("usd.cameras", camera_paths=lambda stage: ["/cam", "/other"])
     install("summary", summary=lambda description: _Summary(fake.memory_bytes))
     return fake
 

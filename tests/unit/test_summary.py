@@ -1,3 +1,5 @@
+"""Counts and memory of a description, for inspect."""
+
 from __future__ import annotations
 
 from pxr import Usd

@@ -10,7 +10,7 @@ struct IntegratorSettings {
   int max_depth = 1 << 20;     // surface scatterings; roulette ends paths long before
   int threads = 1;
   uint32_t seed = 0;
-  int splits = 1;              // paths that go on from the first surface that is no mirror, each with its part of the weight
+  int splits = 0;              // paths that go on from the first surface that is no mirror; 0: what a pilot finds best
 };
 
 // Independent randomised halves of every pixel's samples, so that the variance of the mean can be measured.

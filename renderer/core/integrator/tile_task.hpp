@@ -15,10 +15,13 @@
 
 namespace primray {
 
-// Samples [first, first + count) of every replicate, for one tile.
+// Samples [first, first + count) of every replicate, for one tile: the pixels (x0 + i stride_x, y0 + j stride_y) before (x1, y1), which
+// stand in the film from (film_x, film_y) on, side by side.
 struct TileBlock {
   int x0, y0, x1, y1;
-  int first[kReplicates], count[kReplicates];
+  int film_x, film_y;
+  int stride_x = 1, stride_y = 1;
+  int first[kReplicates] = {}, count[kReplicates] = {};
 };
 
 // One thread's memory and measurements; lives as long as the thread.

@@ -46,7 +46,7 @@ class TilePaths {
           for (int k = 0; k < Film::kChannels; ++k) sum[k] += double(c[k]);
           ++n;
         }
-        const size_t p = film.pixel(replicate, pixel_x(i), pixel_y(i));
+        const size_t p = film.pixel(replicate, block_.film_x + w_.pixel_x[i], block_.film_y + w_.pixel_y[i]);
         for (int k = 0; k < Film::kChannels; ++k) film.sums[p * Film::kChannels + k] += sum[k];
         film.counts[p] += n;
       }
@@ -67,12 +67,13 @@ class TilePaths {
     for (int m = 0; m < kTile * kTile; ++m) {
       int x = 0, y = 0;
       for (int b = 0; (1 << b) < kTile; ++b) x |= (m >> (2 * b) & 1) << b, y |= (m >> (2 * b + 1) & 1) << b;
-      if (block_.x0 + x < block_.x1 && block_.y0 + y < block_.y1) w_.pixel_x[pixels_] = uint8_t(x), w_.pixel_y[pixels_] = uint8_t(y), ++pixels_;
+      if (block_.x0 + x * block_.stride_x < block_.x1 && block_.y0 + y * block_.stride_y < block_.y1)
+        w_.pixel_x[pixels_] = uint8_t(x), w_.pixel_y[pixels_] = uint8_t(y), ++pixels_;
     }
   }
 
-  int pixel_x(int i) const { return block_.x0 + w_.pixel_x[i]; }
-  int pixel_y(int i) const { return block_.y0 + w_.pixel_y[i]; }
+  int pixel_x(int i) const { return block_.x0 + w_.pixel_x[i] * block_.stride_x; }
+  int pixel_y(int i) const { return block_.y0 + w_.pixel_y[i] * block_.stride_y; }
 
   void refill(int slots) {
     PathPool& pool = *w_.pool;

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from pxr import Gf, UsdGeom
-from usd_text import stage_of, translate_text
+from .usd_text import stage_of, translate_text
 
 from primray.description import Camera, Projection
 from primray.diagnostics import Diagnostics

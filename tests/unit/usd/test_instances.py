@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from usd_text import stage_of, translate_text
+from .usd_text import stage_of, translate_text
 
 from primray.errors import LimitError
 from primray.settings import RenderSettings

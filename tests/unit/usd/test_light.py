@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from pxr import UsdLux
-from usd_text import translate_text
+from .usd_text import translate_text
 
 from primray.description import Light, LightType
 from primray.settings import RenderSettings

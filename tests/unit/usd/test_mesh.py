@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from usd_text import translate_text
+from .usd_text import translate_text
 
 from primray.description import Mesh, SceneDescription
 from primray.usd.adapters.mesh import is_closed

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from usd_text import translate_text
+from .usd_text import translate_text
 
 from primray.description import SceneDescription
 from primray.settings import RenderSettings
