@@ -45,7 +45,8 @@ def core_module(isa: str | None = None) -> Any:
     return module
 
 
-def testing(isa: str | None = None) -> Any:
+def kernels(isa: str | None = None) -> Any:
+    """The array versions of what the kernels call."""
     return core_module(isa).testing
 
 
