@@ -84,7 +84,8 @@ class SphereCells:
         local = np.stack(np.broadcast_arrays(s * np.cos(phi), s * np.sin(phi), 1 - v), axis=-1)
         return local @ self.frame()
 
-    def count(self, w: npt.NDArray[np.floating]) -> Doubles:
+    def count(self, w: npt.NDArray[np.floating], weights: Doubles | None = None) -> Doubles:
+        """Directions in each cell, or the sum of their weights."""
         local = np.asarray(w, np.float64) @ self.frame().T
         sin2 = local[:, 0] ** 2 + local[:, 1] ** 2
         length = np.sqrt(sin2 + local[:, 2] ** 2)
@@ -93,7 +94,8 @@ class SphereCells:
         ring = np.searchsorted(self.edges(), v, side="right") - 1
         sector = np.floor((np.arctan2(local[:, 1], local[:, 0]) / (2 * np.pi) % 1.0) * self.sectors).astype(int) % self.sectors
         inside = ring < self.rings
-        return np.bincount((ring * self.sectors + sector)[inside], minlength=self.rings * self.sectors).reshape(self.rings, self.sectors)
+        number, some = (ring * self.sectors + sector)[inside], None if weights is None else weights[inside]
+        return np.bincount(number, some, minlength=self.rings * self.sectors).reshape(self.rings, self.sectors)
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,12 @@ def density_p_value(
     cells: SphereCells | SquareCells, density: Callable[[Doubles], npt.ArrayLike], samples: npt.NDArray[np.floating], total: int
 ) -> float:
     """The p-value of `samples`, out of `total` draws of which the rest was dropped, having this density."""
-    expected, observed = cells.integrate(density) * total, cells.count(samples)
+    return count_p_value(cells.integrate(density), cells.count(samples), total)
+
+
+def count_p_value(probability: Doubles, observed: Doubles, total: int) -> float:
+    """The p-value of counts in cells of these probabilities, the rest of `total` draws having been dropped."""
+    expected = probability * total
     left, dropped = total - float(expected.sum()), total - float(observed.sum())
     slack = QUADRATURE * total
     if left < -slack:
