@@ -107,22 +107,25 @@ def parameters(x: Light, p: Doubles) -> Doubles:
     return np.stack([q[:, 0] / x.length + 0.5, turn], axis=1)
 
 
-def irradiance(x: Light, p: npt.ArrayLike, n: npt.ArrayLike, steps: int = 400) -> float:
-    """At p on a plane with normal n, unoccluded, for radiance (or point intensity, or delta irradiance) 1."""
-    p, n = np.asarray(p, np.float64), np.asarray(n, np.float64)
+def irradiances(x: Light, points: Doubles, n: npt.ArrayLike, steps: int) -> Doubles:
+    """At points (N, 3) of a plane with normal n, unoccluded, for radiance (or point intensity, or delta irradiance) 1."""
+    n = np.asarray(n, np.float64)
     if x.type is LightType.POINT:
-        to = x.world_from_light[:3, 3] - p
-        return float(max(to @ n, 0) / np.linalg.norm(to) ** 3)
+        to = x.world_from_light[:3, 3] - points
+        return np.maximum(to @ n, 0) / np.linalg.norm(to, axis=1) ** 3
     if x.type is LightType.DISTANT:
-        return distant_irradiance(x, n, steps)
+        return np.full(len(points), distant_irradiance(x, n))
     s = patches(x, steps)
-    to = s.p - p
-    d2 = np.sum(to * to, axis=1)
-    w = to / np.sqrt(d2)[:, None]
-    return float(np.sum(np.maximum(w @ n, 0) * np.maximum(-np.sum(w * s.n, axis=1), 0) * s.area / d2))
+    result = []
+    for p in points:
+        to = s.p - p
+        d2 = np.einsum("ij,ij->i", to, to)
+        cosines = np.maximum(to @ n, 0) * np.maximum(-np.einsum("ij,ij->i", to, s.n), 0)
+        result.append(np.sum(cosines * s.area / (d2 * d2)))
+    return np.array(result)
 
 
-def distant_irradiance(x: Light, n: Doubles, steps: int) -> float:
+def distant_irradiance(x: Light, n: Doubles, steps: int = 1500) -> float:
     axis = x.world_from_light[:3, 2] / np.linalg.norm(x.world_from_light[:3, 2])
     if x.angle_deg == 0:
         return float(max(axis @ n, 0))
