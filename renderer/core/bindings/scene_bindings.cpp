@@ -3,6 +3,7 @@
 #include <nanobind/stl/unique_ptr.h>
 
 #include "bindings/arrays.hpp"
+#include "bindings/surface_input.hpp"
 #include "scene/builder.hpp"
 #include "scene/error.hpp"
 

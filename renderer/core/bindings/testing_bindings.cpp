@@ -1,4 +1,353 @@
+// Array versions of what the kernels call, for the tests: N rows in, N rows out, W at a time through the kernels' own templates.
+//
+// Points, distances and directions are in world space and scene units, as in a SceneDescription; local directions of BSDFs are in
+// the frame of the shading normal. `lanes` is 1 or 0, which stands for the most that this module has.
 #include "bindings/arrays.hpp"
+#include "bindings/surface_input.hpp"
+#include "bsdf/bsdf.hpp"
+#include "integrator/interaction.hpp"
+#include "light/selection.hpp"
+#include "sampler/sampler.hpp"
+#include "scene/error.hpp"
+
 namespace primray {
-void bind_testing(nb::module_&) {}
+namespace {
+
+// One output: N rows of `width` numbers.
+template <class T>
+class Column {
+ public:
+  explicit Column(size_t n, int width = 1) : n_(n), width_(width), data_(n * width) {}
+
+  template <int W>
+  void put(size_t first, Vector<T, W> a, int c = 0) {
+    for (int i = 0; i < W && first + i < n_; ++i) data_[(first + i) * width_ + c] = a[i];
+  }
+  template <int W>
+  void put(size_t first, const vvec3<W>& a) {
+    put(first, a.x, 0), put(first, a.y, 1), put(first, a.z, 2);
+  }
+  template <int W>
+  void put(size_t first, vbool<W> m) {
+    put(first, select(m, Vector<T, W>(T(1)), Vector<T, W>(T(0))));
+  }
+  nb::object array() {
+    if (width_ == 1) return to_numpy(std::move(data_), {n_});
+    return to_numpy(std::move(data_), {n_, size_t(width_)});
+  }
+
+ private:
+  size_t n_;
+  int width_;
+  std::vector<T> data_;
+};
+
+// Calls f.operator()<W>(first) for rows [first, first + W).
+template <class F>
+void for_rows(size_t n, int lanes, F&& f) {
+  constexpr int kMost = PRIMRAY_MAX_LANES;
+  if (lanes == 1) {
+    for (size_t i = 0; i < n; ++i) f.template operator()<1>(i);
+  } else {
+    for (size_t i = 0; i < n; i += kMost) f.template operator()<kMost>(i);
+  }
+}
+
+// One input, rows of `width` numbers; lanes past the last row read the last.
+template <class T>
+class Input {
+ public:
+  Input(const InArray<T>& a, size_t rows, int width) : data_(a.data()), n_(rows), width_(width) {
+    if (a.size() != rows * width) throw Error("internal", "an array of another shape was expected");
+  }
+  template <int W>
+  Vector<T, W> number(size_t first, int c = 0) const {
+    Vector<T, W> r;
+    for (int i = 0; i < W; ++i) r.set(i, data_[std::min(first + i, n_ - 1) * width_ + c]);
+    return r;
+  }
+  template <int W>
+    requires std::is_same_v<T, float>
+  vvec3<W> vector(size_t first) const {
+    return {number<W>(first, 0), number<W>(first, 1), number<W>(first, 2)};
+  }
+
+ private:
+  const T* data_;
+  size_t n_;
+  int width_;
+};
+
+using InFloats = InArray<float>;
+using InInts = InArray<int32_t>;
+
+// World points (N, 3) in the core's space.
+class CorePoints {
+ public:
+  CorePoints(const Scene& scene, const InArray<double>& p) : n(p.size() / 3), data_(p.size()) {
+    for (size_t i = 0; i < n; ++i) {
+      const dvec3 q = (dvec3{p.data()[3 * i], p.data()[3 * i + 1], p.data()[3 * i + 2]} - scene.origin) * scene.scale;
+      data_[3 * i] = float(q.x), data_[3 * i + 1] = float(q.y), data_[3 * i + 2] = float(q.z);
+    }
+  }
+  template <int W>
+  vvec3<W> vector(size_t first) const {
+    vvec3<W> r;
+    for (int i = 0; i < W; ++i) {
+      const float* p = &data_[3 * std::min(first + i, n - 1)];
+      r.x.set(i, p[0]), r.y.set(i, p[1]), r.z.set(i, p[2]);
+    }
+    return r;
+  }
+  const size_t n;
+
+ private:
+  std::vector<float> data_;
+};
+
+nb::tuple bsdf_eval(nb::handle surface, InFloats wo_, InFloats wi_, InInts front_, int lanes) {
+  SurfaceTable table;
+  table.add(surface_of(surface));
+  const size_t n = wo_.shape(0);
+  const Input<float> wo(wo_, n, 3), wi(wi_, n, 3);
+  const Input<int32_t> front(front_, n, 1);
+  Column<float> diffuse(n, 3), specular(n, 3), pdf(n);
+  for_rows(n, lanes, [&]<int W>(size_t at) {
+    const vvec3<W> o = wo.vector<W>(at);
+    const Bsdf<W> bsdf(table, vint<W>(0), vbool<W>(true), o, front.number<W>(at) != vint<W>(0));
+    const BsdfEval<W> e = bsdf.eval(o, wi.vector<W>(at));
+    diffuse.put(at, e.diffuse), specular.put(at, e.specular), pdf.put(at, e.pdf);
+  });
+  return nb::make_tuple(diffuse.array(), specular.array(), pdf.array());
+}
+
+nb::tuple bsdf_sample(nb::handle surface, InFloats wo_, InInts front_, InFloats u_, int lanes) {
+  SurfaceTable table;
+  table.add(surface_of(surface));
+  const size_t n = wo_.shape(0);
+  const Input<float> wo(wo_, n, 3), u(u_, n, 3);
+  const Input<int32_t> front(front_, n, 1);
+  Column<float> wi(n, 3), weight(n, 3), pdf(n);
+  Column<int32_t> is_delta(n), transmits(n);
+  for_rows(n, lanes, [&]<int W>(size_t at) {
+    const vvec3<W> o = wo.vector<W>(at), r = u.vector<W>(at);
+    const Bsdf<W> bsdf(table, vint<W>(0), vbool<W>(true), o, front.number<W>(at) != vint<W>(0));
+    const BsdfSample<W> s = bsdf.sample(o, r.x, r.y, r.z);
+    wi.put(at, s.wi), weight.put(at, s.weight), pdf.put(at, s.pdf), is_delta.put(at, s.is_delta), transmits.put(at, s.transmits);
+  });
+  return nb::make_tuple(wi.array(), weight.array(), pdf.array(), is_delta.array(), transmits.array());
+}
+
+// Chances of the lobes, the rest transmits; and what a straight shadow ray keeps.
+nb::tuple bsdf_lobes(nb::handle surface, InFloats wo_, InInts front_, int lanes) {
+  SurfaceTable table;
+  table.add(surface_of(surface));
+  const size_t n = wo_.shape(0);
+  const Input<float> wo(wo_, n, 3);
+  const Input<int32_t> front(front_, n, 1);
+  Column<float> chances(n, 4), straight(n, 3);
+  for_rows(n, lanes, [&]<int W>(size_t at) {
+    const vvec3<W> o = wo.vector<W>(at);
+    const Bsdf<W> b(table, vint<W>(0), vbool<W>(true), o, front.number<W>(at) != vint<W>(0));
+    const vfloat<W> zero(0.0f), one(1.0f);
+    chances.put(at, b.any_preview ? b.p_diffuse : one, 0), chances.put(at, b.any_preview ? b.p_specular : zero, 1);
+    chances.put(at, b.any_preview ? b.p_coat : zero, 2), chances.put(at, b.presence, 3);
+    straight.put(at, straight_transmittance(b));
+  });
+  return nb::make_tuple(chances.array(), straight.array());
+}
+
+// Numbers of the sampled light in the table: its order of addition, leaving out domes that are not sampled.
+void check_light(const Scene& scene, int light) {
+  if (light < 0 || light >= scene.lights.count) throw Error("internal", "no sampled light of this number");
+}
+
+nb::tuple light_sample_rows(const Scene& scene, int light, InArray<double> p_, InFloats u_, int lanes) {
+  check_light(scene, light);
+  const CorePoints p(scene, p_);
+  const Input<float> u(u_, p.n, 2);
+  Column<float> wi(p.n, 3), t(p.n), pdf(p.n), L(p.n, 3);
+  for_rows(p.n, lanes, [&]<int W>(size_t at) {
+    const LightSample<W> s =
+        light_sample(scene.lights, vint<W>(light), vbool<W>(true), p.vector<W>(at), u.number<W>(at, 0), u.number<W>(at, 1));
+    wi.put(at, s.wi), t.put(at, s.t * float(1 / scene.scale)), pdf.put(at, s.pdf), L.put(at, s.L);
+  });
+  return nb::make_tuple(wi.array(), t.array(), pdf.array(), L.array());
+}
+
+nb::tuple light_hit_rows(const Scene& scene, int light, InArray<double> p_, InFloats wi_, int lanes) {
+  check_light(scene, light);
+  const CorePoints p(scene, p_);
+  const Input<float> wi(wi_, p.n, 3);
+  Column<float> t(p.n), pdf(p.n);
+  for_rows(p.n, lanes, [&]<int W>(size_t at) {
+    const LocalHit<W> h = light_hit<W>(scene.lights.row(light), p.vector<W>(at), wi.vector<W>(at));
+    t.put(at, h.t * float(1 / scene.scale)), pdf.put(at, h.pdf);
+  });
+  return nb::make_tuple(t.array(), pdf.array());
+}
+
+nb::tuple dome_eval_rows(const Scene& scene, int dome, InFloats w_, int lanes) {
+  const size_t n = w_.shape(0);
+  const Input<float> w(w_, n, 3);
+  Column<float> pdf(n), L(n, 3);
+  for_rows(n, lanes, [&]<int W>(size_t at) {
+    vfloat<W> density;
+    L.put(at, dome_eval(scene.lights.domes.at(dome), w.vector<W>(at), density));
+    pdf.put(at, density);
+  });
+  return nb::make_tuple(pdf.array(), L.array());
+}
+
+// Probability of every sampled light at each point, (N, lights).
+nb::object light_probabilities(const Scene& scene, InArray<double> p_, int lanes) {
+  const CorePoints p(scene, p_);
+  Column<float> r(p.n, std::max(scene.lights.count, 1));
+  for_rows(p.n, lanes, [&]<int W>(size_t at) {
+    const vvec3<W> q = p.vector<W>(at);
+    const vfloat<W> total = total_importance(scene.lights, q);
+    for (int i = 0; i < scene.lights.count; ++i) r.put(at, light_probability(scene.lights, i, q, total), i);
+  });
+  return r.array();
+}
+
+nb::tuple choose_lights(const Scene& scene, InArray<double> p_, InFloats u_, int lanes) {
+  const CorePoints p(scene, p_);
+  const Input<float> u(u_, p.n, 1);
+  Column<int32_t> light(p.n);
+  Column<float> probability(p.n);
+  for_rows(p.n, lanes, [&]<int W>(size_t at) {
+    const LightChoice<W> c = choose_light(scene.lights, p.vector<W>(at), u.number<W>(at));
+    light.put(at, c.light), probability.put(at, c.probability);
+  });
+  return nb::make_tuple(light.array(), probability.array());
+}
+
+// Rows of `key`: pixel x, pixel y, replicate, index, bounce, purpose. Pairs (N, 2), and singles (N,).
+nb::tuple sampler_numbers(uint32_t seed, InInts key_, int lanes) {
+  const size_t n = key_.shape(0);
+  const Input<int32_t> key(key_, n, 6);
+  Column<float> pairs(n, 2), singles(n);
+  for_rows(n, lanes, [&]<int W>(size_t at) {
+    const auto number = [&](int c) { return key.number<W>(at, c); };
+    const Sampler<W> all{reverse_bits(bit_cast<vuint<W>>(number(3))),
+                         Sampler<W>::pixel_seed(seed, number(0), number(1), bit_cast<vuint<W>>(number(2)))};
+    // A purpose is the same for all lanes in the kernels: ask for each and keep what each lane wants.
+    for (uint32_t purpose = 0; purpose < uint32_t(Purpose::kCount); ++purpose) {
+      const Pair<W> pair = all.pair(number(4), Purpose(purpose));
+      const vfloat<W> single = all.single(number(4), Purpose(purpose));
+      for (int i = 0; i < W && at + i < n; ++i) {
+        if (key.number<1>(at + i, 5)[0] != int32_t(purpose)) continue;
+        pairs.put(at + i, vfloat<1>(pair.u[i]), 0), pairs.put(at + i, vfloat<1>(pair.v[i]), 1);
+        singles.put(at + i, vfloat<1>(single[i]));
+      }
+    }
+  });
+  return nb::make_tuple(pairs.array(), singles.array());
+}
+
+// Rays through pixels (N, 2) with film numbers (N, 2) and lens numbers (N, 2).
+nb::tuple camera_rays(const Scene& scene, InInts pixel_, InFloats film_, InFloats lens_, int lanes) {
+  const size_t n = pixel_.shape(0);
+  const Input<int32_t> pixel(pixel_, n, 2);
+  const Input<float> film(film_, n, 2), lens(lens_, n, 2);
+  Column<float> o(n, 3), d(n, 3), tnear(n), tfar(n);
+  const float unit = float(1 / scene.scale);
+  for_rows(n, lanes, [&]<int W>(size_t at) {
+    const CameraRay<W> r = scene.camera.ray<W>(pixel.number<W>(at, 0), pixel.number<W>(at, 1), film.number<W>(at, 0), film.number<W>(at, 1),
+                                               lens.number<W>(at, 0), lens.number<W>(at, 1));
+    o.put(at, r.o * vfloat<W>(unit)), d.put(at, r.d), tnear.put(at, r.tnear * unit), tfar.put(at, r.tfar * unit);
+  });
+  // Origins relative to Scene.origin, whose digits float32 could not hold.
+  return nb::make_tuple(o.array(), d.array(), tnear.array(), tfar.array());
+}
+
+nb::dict intersect(const Scene& scene, InArray<double> o_, InFloats d_, int lanes, bool packet) {
+  const CorePoints o(scene, o_);
+  const Input<float> d(d_, o.n, 3);
+  Column<float> t(o.n), ng(o.n, 3), ns(o.n, 3), p(o.n, 3), color(o.n, 3), uv(o.n, 2), offset(o.n);
+  Column<int32_t> geometry(o.n), primitive(o.n), instance(o.n), surface(o.n);
+  const float unit = float(1 / scene.scale);
+  for_rows(o.n, lanes, [&]<int W>(size_t at) {
+    const vbool<W> active = lane_numbers<W>() < vint<W>(int32_t(std::min<size_t>(o.n - at, W)));
+    const Rays<W> rays{o.vector<W>(at), d.vector<W>(at), vfloat<W>(0.0f), vfloat<W>(kInfinity)};
+    const Hits<W> h = packet ? intersect_packet(scene.accel(), active, rays) : intersect_single(scene.accel(), active, rays);
+    const vbool<W> hit = active & (h.geom != vint<W>(-1));
+    t.put(at, h.t * unit), uv.put(at, h.u, 0), uv.put(at, h.v, 1);
+    geometry.put(at, select(hit, h.geom, vint<W>(-1))), primitive.put(at, select(hit, h.prim, vint<W>(-1)));
+    instance.put(at, select(hit, h.inst, vint<W>(-1)));
+    if (!any(hit)) return;
+    const Interaction<W> it = interact(scene, hit, h);
+    ng.put(at, it.ng), ns.put(at, it.ns), p.put(at, it.p * vfloat<W>(unit)), color.put(at, it.color), surface.put(at, it.surface);
+    offset.put(at, it.offset * unit);
+  });
+  nb::dict r;
+  r["t"] = t.array(), r["uv"] = uv.array(), r["ng"] = ng.array(), r["ns"] = ns.array(), r["color"] = color.array();
+  r["p"] = p.array();  // relative to Scene.origin
+  r["offset"] = offset.array();
+  r["geometry"] = geometry.array(), r["primitive"] = primitive.array(), r["instance"] = instance.array(), r["surface"] = surface.array();
+  return r;
+}
+
+template <class F>
+nb::object map_pairs(const InFloats& xy_, int width, int lanes, F f) {
+  const size_t n = xy_.shape(0);
+  const Input<float> xy(xy_, n, 2);
+  Column<float> r(n, width);
+  for_rows(n, lanes, [&]<int W>(size_t at) { f(r, at, xy.number<W>(at, 0), xy.number<W>(at, 1)); });
+  return r.array();
+}
+
+void bind_math(nb::module_& m) {
+  m.def("sincos_turns", [](InFloats u, int lanes) {
+    return map_pairs(u, 2, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> x, vfloat<W>) {
+      const SinCos<W> a = sincos_turns(x);
+      r.put(at, a.sin, 0), r.put(at, a.cos, 1);
+    });
+  }, nb::arg("u"), nb::arg("lanes") = 0, "Of the first of each two numbers.");
+  m.def("acos", [](InFloats u, int lanes) {
+    return map_pairs(u, 1, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> x, vfloat<W>) { r.put(at, acos(x)); });
+  }, nb::arg("x"), nb::arg("lanes") = 0, "Of the first of each two numbers.");
+  m.def("atan2", [](InFloats yx, int lanes) {
+    return map_pairs(yx, 1, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> y, vfloat<W> x) { r.put(at, atan2(y, x)); });
+  }, nb::arg("yx"), nb::arg("lanes") = 0);
+  m.def("concentric_disk", [](InFloats u, int lanes) {
+    return map_pairs(u, 2, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> a, vfloat<W> b) {
+      vfloat<W> x, y;
+      concentric_disk(a, b, x, y);
+      r.put(at, x, 0), r.put(at, y, 1);
+    });
+  }, nb::arg("u"), nb::arg("lanes") = 0);
+  m.def("visible_normals", [](nb::handle wo, float alpha, InFloats u, int lanes) {
+    const vec3 w{nb::cast<float>(wo[0]), nb::cast<float>(wo[1]), nb::cast<float>(wo[2])};
+    return map_pairs(u, 3, lanes, [&]<int W>(Column<float>& r, size_t at, vfloat<W> a, vfloat<W> b) {
+      const vvec3<W> o(vfloat<W>(w.x), vfloat<W>(w.y), vfloat<W>(w.z));
+      r.put(at, ggx_sample_visible_normal(o, vfloat<W>(alpha), a, b));
+    });
+  }, nb::arg("wo"), nb::arg("alpha"), nb::arg("u"), nb::arg("lanes") = 0);
+  m.def("filter_offsets", [](const Scene& scene, InFloats u, int lanes) {
+    return map_pairs(u, 2, lanes, [&]<int W>(Column<float>& r, size_t at, vfloat<W> a, vfloat<W> b) {
+      r.put(at, scene.camera.filter.sample<W>(a), 0), r.put(at, scene.camera.filter.sample<W>(b), 1);
+    });
+  }, nb::arg("scene"), nb::arg("u"), nb::arg("lanes") = 0);
+}
+
+}  // namespace
+
+void bind_testing(nb::module_& m) {
+  const auto lanes = nb::arg("lanes") = 0;
+  m.def("bsdf_eval", &bsdf_eval, nb::arg("surface"), nb::arg("wo"), nb::arg("wi"), nb::arg("front"), lanes);
+  m.def("bsdf_sample", &bsdf_sample, nb::arg("surface"), nb::arg("wo"), nb::arg("front"), nb::arg("u"), lanes);
+  m.def("bsdf_lobes", &bsdf_lobes, nb::arg("surface"), nb::arg("wo"), nb::arg("front"), lanes);
+  m.def("light_sample", &light_sample_rows, nb::arg("scene"), nb::arg("light"), nb::arg("p"), nb::arg("u"), lanes);
+  m.def("light_hit", &light_hit_rows, nb::arg("scene"), nb::arg("light"), nb::arg("p"), nb::arg("wi"), lanes);
+  m.def("dome_eval", &dome_eval_rows, nb::arg("scene"), nb::arg("dome"), nb::arg("w"), lanes);
+  m.def("light_probabilities", &light_probabilities, nb::arg("scene"), nb::arg("p"), lanes);
+  m.def("choose_light", &choose_lights, nb::arg("scene"), nb::arg("p"), nb::arg("u"), lanes);
+  m.def("sampler_numbers", &sampler_numbers, nb::arg("seed"), nb::arg("key"), lanes);
+  m.def("camera_rays", &camera_rays, nb::arg("scene"), nb::arg("pixel"), nb::arg("film"), nb::arg("lens"), lanes);
+  m.def("intersect", &intersect, nb::arg("scene"), nb::arg("o"), nb::arg("d"), lanes, nb::arg("packet") = true);
+  bind_math(m);
+}
+
 }  // namespace primray

@@ -82,18 +82,20 @@ struct Bsdf {
     const vfloat<W> cos_out = wo.z;
     any_transmission = any(preview & (pass > vfloat<W>(0.0f)));
     eta = select(front, ior, 1.0f / ior);
-    const vbool<W> leaving = preview & !front & !thin & (pass > vfloat<W>(0.0f));
-    if (any(leaving)) {
-      // From inside, Schlick's term takes the outer angle, and all is reflected beyond the critical one.
-      const vfloat<W> sin2 = (1.0f - cos_out * cos_out) * ior * ior;
-      const vfloat<W> outer = safe_sqrt(1.0f - sin2), s = pow5(1.0f - outer);
-      const vbool<W> total = sin2 >= vfloat<W>(1.0f);
-      const vvec3<W> f = select(total, vvec3<W>(vfloat<W>(1.0f)), lerp(f0, f90, s));
-      f0 = select(leaving, f, f0), f90 = select(leaving, f, f90);
+    const vbool<W> to_rarer = preview & !thin & (pass > vfloat<W>(0.0f)) & (eta < vfloat<W>(1.0f));
+    vbool<W> reflects_all(false);
+    if (any(to_rarer)) {
+      // From the denser side, Schlick's term takes the angle on the other, and all is reflected beyond the critical one.
+      const vfloat<W> sin2 = (1.0f - cos_out * cos_out) / (eta * eta);
+      const vfloat<W> rarer = safe_sqrt(1.0f - sin2), s = pow5(1.0f - rarer);
+      reflects_all = to_rarer & (sin2 >= vfloat<W>(1.0f));
+      const vvec3<W> f = select(reflects_all, vvec3<W>(vfloat<W>(1.0f)), lerp(f0, f90, s));
+      f0 = select(to_rarer, f, f0), f90 = select(to_rarer, f, f90);
     }
     const vvec3<W> e = specular_albedo(cos_out);
     k_out = keep_diffuse(cos_out, e);
-    transmission = (vvec3<W>(vfloat<W>(1.0f)) - min(e, 1.0f)) * pass;
+    // A rough lobe's albedo stays below 1 even where all is reflected: nothing passes there all the same.
+    transmission = select(reflects_all, vvec3<W>(vfloat<W>(0.0f)), (vvec3<W>(vfloat<W>(1.0f)) - min(e, 1.0f)) * pass);
     coat = field(kClearcoat);
     any_coat = any(preview & (coat > vfloat<W>(0.0f)));
     coat_keep = vfloat<W>(1.0f);
@@ -193,7 +195,7 @@ struct Bsdf {
     wi = select(is_mirror, vvec3<W>(-wo.x, -wo.y, wo.z), wi);
     vbool<W> straight = gone;
     if (any_transmission) {
-      // Snell's law about +z; total reflection has no chance here since its transmission is 0.
+      // Snell's law about +z; where all is reflected, transmission is 0.
       const vfloat<W> ratio = 1.0f / eta;
       const vfloat<W> cos_in = safe_sqrt(1.0f - ratio * ratio * (1.0f - wo.z * wo.z));
       wi = select(passes, select(thin, -wo, vvec3<W>(-wo.x * ratio, -wo.y * ratio, -cos_in)), wi);

@@ -1,0 +1,11 @@
+// A description.Surface as the core's SurfaceInput; its definition is in scene_bindings.cpp.
+#pragma once
+
+#include "bindings/arrays.hpp"
+#include "scene/surface.hpp"
+
+namespace primray {
+
+SurfaceInput surface_of(nb::handle surface);
+
+}  // namespace primray

@@ -1,0 +1,196 @@
+"""Scenes for the core's tests, described directly in Python, and the core's modules to try them on."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from primray import core
+from primray.description import (
+    Camera,
+    Doubles,
+    Floats,
+    Light,
+    LightType,
+    Mesh,
+    Placed,
+    Placement,
+    Projection,
+    Prototype,
+    SceneDescription,
+    Shape,
+    Surface,
+    TextureFile,
+)
+from primray.pixel_filter import inverse_cdf
+from primray.scene_upload import upload
+from primray.settings import DEFAULT_FILTER_WIDTH, Filter
+
+ISAS = tuple(name for name in ("v2", "v3", "v4") if all(f in core._cpu_flags() for f in core.ISA_FLAGS[name]))
+
+
+@cache
+def core_module(isa: str | None = None) -> Any:
+    """One build of the core with Embree loaded: the default one, or that of an ISA class."""
+    if isa is None:
+        return core.module()
+    module = importlib.import_module(f"primray._core_{isa}")
+    module.load_embree(str(core._embree_path()))
+    return module
+
+
+def kernels(isa: str | None = None) -> Any:
+    """The array versions of what the kernels call."""
+    return core_module(isa).testing
+
+
+def translation(x: float, y: float, z: float) -> Doubles:
+    m = np.eye(4)
+    m[:3, 3] = x, y, z
+    return m
+
+
+def scaling(x: float, y: float, z: float) -> Doubles:
+    return np.diag([x, y, z, 1.0])
+
+
+def rotation(axis: Sequence[float], angle_deg: float) -> Doubles:
+    """Rodrigues' formula."""
+    x, y, z = np.asarray(axis, np.float64) / np.linalg.norm(axis)
+    k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    a = np.radians(angle_deg)
+    m = np.eye(4)
+    m[:3, :3] += np.sin(a) * k + (1 - np.cos(a)) * (k @ k)
+    return m
+
+
+def look_at(eye: Sequence[float], target: Sequence[float], up: Sequence[float] = (0, 1, 0)) -> Doubles:
+    """A camera's matrix: -z towards the target."""
+    z = np.subtract(eye, target) / np.linalg.norm(np.subtract(eye, target))
+    x = np.cross(up, z)
+    x /= np.linalg.norm(x)
+    m = np.eye(4)
+    m[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
+    m[:3, 3] = eye
+    return m
+
+
+def perspective(world_from_camera: Doubles, half: float, aspect: float = 1.0, **changes: Any) -> Camera:
+    """`half`: tangent of half the vertical field of view."""
+    window = (-half * aspect, half * aspect, -half, half)
+    return replace(Camera("/camera", world_from_camera, Projection.PERSPECTIVE, window, (1e-3, 1e6)), **changes)
+
+
+def orthographic(world_from_camera: Doubles, half: float, aspect: float = 1.0, **changes: Any) -> Camera:
+    return replace(perspective(world_from_camera, half, aspect), projection=Projection.ORTHOGRAPHIC, **changes)
+
+
+def lambert(albedo: float | tuple[float, float, float], emission: float = 0.0) -> Surface:
+    color = albedo if isinstance(albedo, tuple) else (albedo,) * 3
+    return Surface("", lambert=True, diffuse_color=color, emissive_color=(emission,) * 3)
+
+
+def mesh(points: npt.ArrayLike, triangles: npt.ArrayLike, surface: int = 0, normals: Any = None, colors: Any = None) -> Mesh:
+    def floats(values: Any) -> Floats | None:
+        return None if values is None else np.asarray(values, np.float32)
+
+    return Mesh(
+        "/mesh", np.asarray(points, np.float32), np.asarray(triangles, np.int32), floats(normals), floats(colors), surface
+    )
+
+
+def quad(corners: npt.ArrayLike, surface: int = 0) -> Mesh:
+    """Four corners, counter-clockwise seen from outside."""
+    return mesh(corners, [[0, 1, 2], [0, 2, 3]], surface)
+
+
+def ground(size: float = 1.0, surface: int = 0) -> Mesh:
+    """A square of half-width `size` in the plane y = 0, facing +y."""
+    s = size
+    return quad([[-s, 0, s], [s, 0, s], [s, 0, -s], [-s, 0, -s]], surface)
+
+
+def box(size: Sequence[float], surface: int = 0) -> Mesh:
+    """A box about the origin with these edges, facing outwards."""
+    x, y, z = np.asarray(size) / 2
+    points = [[sx * x, sy * y, sz * z] for sx in (-1, 1) for sy in (-1, 1) for sz in (-1, 1)]
+    faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    return mesh(points, [t for a, b, c, d in faces for t in ([a, b, c], [a, c, d])], surface)
+
+
+def light(kind: LightType, world_from_light: Doubles | None = None, emission: float | tuple[float, float, float] = 1.0, **more: Any) -> Light:
+    color = emission if isinstance(emission, tuple) else (emission,) * 3
+    return Light(f"/{kind.value}", kind, np.eye(4) if world_from_light is None else world_from_light, color, **more)
+
+
+@dataclass(frozen=True)
+class Described:
+    """A description with the texture of its dome, if it has one."""
+
+    description: SceneDescription
+    textures: Mapping[str, Floats]
+
+    def build(self, isa: str | None = None, filter: Filter = Filter.BOX) -> Any:
+        """The core's scene in the module for `isa`."""
+        width = DEFAULT_FILTER_WIDTH[filter]
+        scene, warnings = upload(core_module(isa), self.description, self.textures, width, inverse_cdf(filter, width))
+        assert warnings == []
+        return scene
+
+    def moved(self, matrix: Doubles) -> Described:
+        """The same scene elsewhere in the world."""
+        d = self.description
+        return replace(
+            self,
+            description=replace(
+                d,
+                static=tuple(replace(p, matrix=matrix @ p.matrix) for p in d.static),
+                placements=tuple(replace(p, world_from_prototype=(matrix @ square(p.world_from_prototype))[:, :3]) for p in d.placements),
+                lights=tuple(replace(x, world_from_light=matrix @ x.world_from_light) for x in d.lights),
+                camera=replace(d.camera, world_from_camera=matrix @ d.camera.world_from_camera),
+            ),
+        )
+
+
+def square(rows: Doubles) -> Doubles:
+    """(K, 3, 4) as (K, 4, 4)."""
+    last = np.broadcast_to([[[0.0, 0.0, 0.0, 1.0]]], (len(rows), 1, 4))
+    return np.concatenate([rows, last], axis=1)
+
+
+def describe(
+    shapes: Sequence[tuple[Shape, Doubles]] = (),
+    surfaces: Sequence[Surface] = (),
+    lights: Sequence[Light] = (),
+    camera: Camera | None = None,
+    resolution: tuple[int, int] = (8, 8),
+    prototypes: Sequence[Prototype] = (),
+    prototype_shapes: Sequence[Shape] = (),
+    placements: Sequence[Placement] = (),
+    dome_texture: npt.ArrayLike | None = None,
+) -> Described:
+    """Shapes with their matrices; prototypes count `prototype_shapes` from len(shapes)."""
+    if dome_texture is not None:
+        lights = [replace(x, texture=TextureFile("dome", "raw")) if x.type is LightType.DOME else x for x in lights]
+    description = SceneDescription(
+        (*(s for s, _ in shapes), *prototype_shapes), tuple(surfaces), tuple(Placed(i, m) for i, (_, m) in enumerate(shapes)),
+        tuple(prototypes), tuple(placements), tuple(lights), camera or perspective(np.eye(4), 1.0), resolution, "Y", 1.0, None,
+    )  # fmt: skip
+    return Described(description, {} if dome_texture is None else {"dome": np.asarray(dome_texture, np.float32)})
+
+
+def render(scene: Any, spp: int, *, isa: str | None = None, max_depth: int = core.NO_DEPTH_LIMIT, threads: int = 1, seed: int = 0, lanes: int = 0, progress: Any = None) -> Any:
+    """The core's RenderResult."""
+    module = core_module(isa)
+    return module.render(scene, spp, max_depth, threads, seed, lanes or module.MAX_LANES, progress)
+
+
+def replicate_means(result: Any) -> Doubles:
+    """Means of each replicate, (2, H, W, 3)."""
+    return result.replicates[..., :3] / np.maximum(result.counts[..., None], 1)

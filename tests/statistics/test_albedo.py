@@ -1,0 +1,70 @@
+"""White furnace: what a surface reflects of light from all around, against double-precision quadrature, and never above 1."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from primray.description import Surface
+from tests.described import lambert
+from tests.statistics.preview_surface import PreviewSurface
+from tests.statistics.surfaces import WHITE, direction, lattice, sample
+
+COSINES = (0.03, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9, 1.0)
+ROUGHNESSES = (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)
+U = lattice(2**15, 3)
+TOLERANCE = 1e-3
+
+
+def albedo(s: Surface, cos: float, front: bool = True) -> np.ndarray:
+    """Mean weight of samples, (3,)."""
+    return sample(s, direction(cos), U, front)[1].astype(np.float64).mean(axis=0)
+
+
+def check(s: Surface) -> None:
+    reference = PreviewSurface(s)
+    for cos in COSINES:
+        measured = float(albedo(s, cos)[0])
+        assert measured == pytest.approx(reference.albedo(cos), abs=TOLERANCE)
+        assert measured <= 1 + TOLERANCE
+
+
+@pytest.mark.parametrize("roughness", ROUGHNESSES)
+@pytest.mark.parametrize("metallic", [0.0, 0.5, 1.0])
+def test_base(roughness: float, metallic: float) -> None:
+    check(replace(WHITE, roughness=roughness, metallic=metallic))
+
+
+@pytest.mark.parametrize("roughness", ROUGHNESSES[::2])
+@pytest.mark.parametrize("clearcoat", [(0.5, 0.01), (1.0, 0.1), (1.0, 0.6)])
+@pytest.mark.parametrize("metallic", [0.0, 1.0])
+def test_clearcoat(roughness: float, clearcoat: tuple[float, float], metallic: float) -> None:
+    check(replace(WHITE, roughness=roughness, metallic=metallic, clearcoat=clearcoat[0], clearcoat_roughness=clearcoat[1]))
+
+
+@pytest.mark.parametrize("ior", [1.0, 1.2, 2.5, 5.0])
+def test_index_of_refraction(ior: float) -> None:
+    for roughness in (0.1, 0.5):
+        check(replace(WHITE, ior=ior, roughness=roughness))
+
+
+@pytest.mark.parametrize("specular", [0.0, 0.5, 1.0])
+def test_specular_workflow(specular: float) -> None:
+    for roughness in (0.0, 0.3, 0.8):
+        check(replace(WHITE, use_specular_workflow=True, specular_color=(specular,) * 3, roughness=roughness))
+
+
+@pytest.mark.parametrize("opacity", [0.0, 0.5])
+def test_transparent(opacity: float) -> None:
+    for roughness in (0.0, 0.3, 0.8):
+        check(replace(WHITE, opacity=opacity, roughness=roughness, thin=True))
+
+
+def test_exactly_one() -> None:
+    glass = replace(WHITE, opacity=0.0, roughness=0.0)
+    mirror = replace(WHITE, metallic=1.0, roughness=0.0)
+    for cos in COSINES:
+        for s, front in ((lambert(1.0), True), (mirror, True), (glass, True), (glass, False), (replace(glass, thin=True), True)):
+            np.testing.assert_allclose(albedo(s, cos, front), 1, atol=2e-6)
