@@ -20,6 +20,10 @@ REPORT_KEYS = {
     "samples",
     "samples_per_pixel",
     "rays",
+    "rays_by_kind",
+    "splits",
+    "lane_occupancy",
+    "invalid_samples",
     "rays_per_s",
     "cpu_s",
     "cpu_total_s",
@@ -66,6 +70,12 @@ def test_the_report(pipeline: FakePipeline) -> None:
     assert report["diagnostics"] == [
         {"severity": "warning", "code": "texture-bad-texels", "prim_path": "/dome", "message": "some"}
     ]
+
+
+def test_samples_left_out_are_told(pipeline: FakePipeline) -> None:
+    pipeline.invalid_samples = 3
+    codes = [d["code"] for d in render("a.usda").report["diagnostics"]]
+    assert codes == ["invalid-samples"]
 
 
 def test_settings_are_resolved(pipeline: FakePipeline) -> None:
