@@ -5,9 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from tests.described import (
+    Described,
+    box,
+    describe,
+    ground,
+    lambert,
+    light,
+    look_at,
+    mesh,
+    orthographic,
+    perspective,
+    rotation,
+    scaling,
+    translation,
+)
 
 from primray.description import LightType, Placed, Placement, Prototype, Sphere, Surface
-from tests.described import Described, box, describe, ground, lambert, light, look_at, mesh, orthographic, perspective, rotation, scaling, translation
 
 RESOLUTION = (37, 23)  # neither whole tiles nor whole packets
 ASPECT = RESOLUTION[0] / RESOLUTION[1]
@@ -49,16 +63,25 @@ def materials() -> Described:
     shapes += [(Sphere(f"/s{i}", 0.3, i), translation(0.7 * (i - 3.5), 0.3, 0.3 * (i % 2))) for i in range(1, 7)]
     shapes += [(box([0.4, 0.8, 0.05], 2), translation(-0.5, 0.4, 1.0)), (box([0.4, 0.8, 0.05], 3), translation(0.5, 0.4, 1.0))]
     texture = np.random.default_rng(2).random((8, 16, 3)) ** 4 * 3
-    lights = [light(LightType.DOME, rotation([0, 1, 0], 40)), light(LightType.RECT, translation(0, 2, 0) @ rotation([1, 0, 0], -90))]
+    lights = [
+        light(LightType.DOME, rotation([0, 1, 0], 40)),
+        light(LightType.RECT, translation(0, 2, 0) @ rotation([1, 0, 0], -90)),
+    ]
     return describe(shapes, SURFACES, lights, perspective(VIEW, 0.4, ASPECT), RESOLUTION, dome_texture=texture)
 
 
 def instances() -> Described:
     rng = np.random.default_rng(3)
-    matrices = [translation(*rng.uniform([-1.5, 0, -1.5], [1.5, 1, 1.5])) @ rotation(rng.normal(size=3), 360 * rng.random()) for _ in range(40)]
+    matrices = [
+        translation(*rng.uniform([-1.5, 0, -1.5], [1.5, 1, 1.5])) @ rotation(rng.normal(size=3), 360 * rng.random())
+        for _ in range(40)
+    ]
     matrices = [m @ scaling(*rng.uniform(0.3, 1.5, 3) * [1 if i % 3 else -1, 1, 1]) for i, m in enumerate(matrices)]
     rows = np.array([m[:3] for m in matrices])
-    prototypes = [Prototype("/p", (Placed(1, np.eye(4)), Placed(2, translation(0, 0.15, 0)))), Prototype("/q", (Placed(2, scaling(1, 2, 1)),))]
+    prototypes = [
+        Prototype("/p", (Placed(1, np.eye(4)), Placed(2, translation(0, 0.15, 0)))),
+        Prototype("/q", (Placed(2, scaling(1, 2, 1)),)),
+    ]
     placements = [Placement(0, rows[:25]), Placement(1, rows[25:])]
     lights = [light(LightType.RECT, translation(0, 2.5, 0) @ rotation([1, 0, 0], -90), 4.0, width=1.0, height=1.0)]
     return describe(
@@ -81,7 +104,11 @@ def smooth() -> Described:
     by_point = mesh(0.4 * p, triangles, 0, normals=p, colors=rng.random((len(p), 3)))
     by_corner = mesh(0.4 * p, triangles, 0, normals=p[triangles].reshape(-1, 3), colors=rng.random((3 * len(triangles), 3)))
     by_triangle = mesh(0.4 * p, triangles, 0, colors=rng.random((len(triangles), 3)))
-    shapes = [(by_point, translation(-1, 0.4, 0)), (by_corner, translation(0, 0.4, 0) @ scaling(-1, 1, 0.7)), (by_triangle, translation(1, 0.4, 0))]
+    shapes = [
+        (by_point, translation(-1, 0.4, 0)),
+        (by_corner, translation(0, 0.4, 0) @ scaling(-1, 1, 0.7)),
+        (by_triangle, translation(1, 0.4, 0)),
+    ]
     lights = [light(LightType.POINT, translation(1, 2, 2), 4.0), light(LightType.DOME, emission=0.5)]
     return describe(shapes, white, lights, perspective(VIEW, 0.4, ASPECT, lens_radius=0.05, focus_distance=3.0), RESOLUTION)
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.described import box, describe, kernels, lambert, mesh, rotation, scaling, translation
 
 from primray.description import Placed, Placement, Prototype, Sphere
-from tests.described import box, describe, kernels, lambert, mesh, rotation, scaling, translation
 
 N = 4000
 
@@ -35,7 +35,13 @@ def test_against_embreex(lanes: int, packet: bool) -> None:
     oracle = rtcore_scene.EmbreeScene(robust=True)
     mesh_construction.TriangleMesh(oracle, points, index)
     expected = oracle.run(o.astype(np.float32), d, output=1)
-    h = kernels().intersect(describe([(mesh(points, index), np.eye(4))], [lambert(0.5)]).build(), o.astype(np.float32).astype(float), d, lanes, packet)
+    h = kernels().intersect(
+        describe([(mesh(points, index), np.eye(4))], [lambert(0.5)]).build(),
+        o.astype(np.float32).astype(float),
+        d,
+        lanes,
+        packet,
+    )
     hit = expected["primID"] >= 0
     assert 0.2 < hit.mean() < 0.98
     # Our scene is scaled by a power of two, so that only rays through an edge may differ.
@@ -69,12 +75,22 @@ def test_points_normals_and_offsets() -> None:
 def test_instances_and_spheres() -> None:
     """Instances that mirror and shear, against the same shapes moved one by one."""
     rng = np.random.default_rng(5)
-    matrices = [translation(*rng.normal(size=3)) @ rotation(rng.normal(size=3), 70) @ scaling(*rng.uniform(0.2, 0.7, 3) * [(-1) ** i, 1, 1]) for i in range(12)]
+    matrices = [
+        translation(*rng.normal(size=3))
+        @ rotation(rng.normal(size=3), 70)
+        @ scaling(*rng.uniform(0.2, 0.7, 3) * [(-1) ** i, 1, 1])
+        for i in range(12)
+    ]
     cube, ball = box([1, 1, 1]), Sphere("/s", 0.4, 0)
     prototype = Prototype("/p", (Placed(0, translation(0.3, 0, 0)), Placed(1, translation(-0.4, 0.2, 0))))
     rows = np.array([m[:3] for m in matrices])
-    instanced = describe([], [lambert(0.5)], prototypes=[prototype], prototype_shapes=[cube, ball], placements=[Placement(0, rows)]).build()
-    flat = describe([(s, m @ placed.matrix) for m in matrices for s, placed in zip((cube, ball), prototype.shapes, strict=True)], [lambert(0.5)]).build()
+    instanced = describe(
+        [], [lambert(0.5)], prototypes=[prototype], prototype_shapes=[cube, ball], placements=[Placement(0, rows)]
+    ).build()
+    flat = describe(
+        [(s, m @ placed.matrix) for m in matrices for s, placed in zip((cube, ball), prototype.shapes, strict=True)],
+        [lambert(0.5)],
+    ).build()
     o, d = rays(seed=6)
     a, b = kernels().intersect(instanced, o, d), kernels().intersect(flat, o, d)
     assert 0.1 < np.mean(a["geometry"] >= 0) < 0.9

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from primray.settings import Filter
 from tests.described import ISAS, core_module, render, replicate_means
 from tests.kernels.scenes import SCENES
+
+from primray.settings import Filter
 
 ROOT = Path(__file__).parents[2]
 SPP = 20  # more than one block of a replicate would be 34: see test_threads
@@ -125,6 +125,8 @@ print("interrupted", int((result.counts.sum(axis=0) > 0).sum()))
 
 def test_keyboard_interrupt() -> None:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "renderer"), str(ROOT)])}
-    run = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=60, cwd=ROOT, env=environment)
+    run = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, timeout=60, cwd=ROOT, env=environment
+    )
     assert run.returncode == 0, run.stderr
     assert run.stdout.startswith("interrupted")
