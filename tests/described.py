@@ -124,7 +124,9 @@ def box(size: Sequence[float], surface: int = 0) -> Mesh:
     return mesh(points, [t for a, b, c, d in faces for t in ([a, b, c], [a, c, d])], surface)
 
 
-def light(kind: LightType, world_from_light: Doubles | None = None, emission: float | tuple[float, float, float] = 1.0, **more: Any) -> Light:
+def light(
+    kind: LightType, world_from_light: Doubles | None = None, emission: float | tuple[float, float, float] = 1.0, **more: Any
+) -> Light:
     color = emission if isinstance(emission, tuple) else (emission,) * 3
     return Light(f"/{kind.value}", kind, np.eye(4) if world_from_light is None else world_from_light, color, **more)
 
@@ -151,7 +153,9 @@ class Described:
             description=replace(
                 d,
                 static=tuple(replace(p, matrix=matrix @ p.matrix) for p in d.static),
-                placements=tuple(replace(p, world_from_prototype=(matrix @ square(p.world_from_prototype))[:, :3]) for p in d.placements),
+                placements=tuple(
+                    replace(p, world_from_prototype=(matrix @ square(p.world_from_prototype))[:, :3]) for p in d.placements
+                ),
                 lights=tuple(replace(x, world_from_light=matrix @ x.world_from_light) for x in d.lights),
                 camera=replace(d.camera, world_from_camera=matrix @ d.camera.world_from_camera),
             ),
@@ -185,7 +189,17 @@ def describe(
     return Described(description, {} if dome_texture is None else {"dome": np.asarray(dome_texture, np.float32)})
 
 
-def render(scene: Any, spp: int, *, isa: str | None = None, max_depth: int = core.NO_DEPTH_LIMIT, threads: int = 1, seed: int = 0, lanes: int = 0, progress: Any = None) -> Any:
+def render(
+    scene: Any,
+    spp: int,
+    *,
+    isa: str | None = None,
+    max_depth: int = core.NO_DEPTH_LIMIT,
+    threads: int = 1,
+    seed: int = 0,
+    lanes: int = 0,
+    progress: Any = None,
+) -> Any:
     """The core's RenderResult."""
     module = core_module(isa)
     return module.render(scene, spp, max_depth, threads, seed, lanes or module.MAX_LANES, progress)

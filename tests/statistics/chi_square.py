@@ -14,7 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 Doubles = npt.NDArray[np.float64]
-MIN_EXPECTED = 5.0  # cells with fewer expected samples are pooled (Cochran 1954, "Some Methods for Strengthening the chi^2 Tests")
+MIN_EXPECTED = (
+    5.0  # cells with fewer expected samples are pooled (Cochran 1954, "Some Methods for Strengthening the chi^2 Tests")
+)
 # Fractions of all samples: what may fall in a cell that quadrature missed, and how far its sum may be from certainty.
 TRACE, QUADRATURE = 1e-4, 1e-3
 

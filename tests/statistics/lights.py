@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from tests.described import Described, describe, light, rotation, scaling, translation
 
 from primray.description import Doubles, Light, LightType
-from tests.described import Described, describe, light, rotation, scaling, translation
 
 PLACED = translation(0.3, 1.1, -0.2) @ rotation([1, 0.3, 0.2], -75)
 SHEAR = np.array([[1, 0.6, 0.2, 0], [0, 1.2, 0.4, 0], [0, 0, 0.7, 0], [0, 0, 0, 1.0]])
@@ -67,10 +67,12 @@ class Patches:
 
 
 def patches(x: Light, steps: int = 400, steps_v: int = 0) -> Patches:
-    """UsdLux: sphere; disk and rect in XY facing -Z; cylinder along X without caps. Midpoints of a grid of parameters (u, v), mapped by
-    the matrix; normals and areas by its cofactors."""
+    """UsdLux: sphere; disk and rect in XY facing -Z; cylinder along X without caps. Midpoints of a grid of (u, v), mapped by the
+    matrix; normals and areas by its cofactors."""
     steps_v = steps_v or steps
-    u, v = (a.ravel() for a in np.meshgrid((np.arange(steps) + 0.5) / steps, (np.arange(steps_v) + 0.5) / steps_v, indexing="ij"))
+    u, v = (
+        a.ravel() for a in np.meshgrid((np.arange(steps) + 0.5) / steps, (np.arange(steps_v) + 0.5) / steps_v, indexing="ij")
+    )
     one, zero, a = np.ones_like(u), np.zeros_like(u), 2 * np.pi * v
     if x.type is LightType.RECT:
         p = np.stack([(u - 0.5) * x.width, (v - 0.5) * x.height, zero], axis=1)

@@ -36,8 +36,8 @@ def view(mu: float) -> Doubles:
 
 def lobe_directions(mu: float, alpha: float) -> tuple[Doubles, Doubles, Doubles]:
     """Cosines of wi, of wo against h, and weights whose sum over F(wo.h) is the lobe's integral of f cos."""
-    # r^2 / (1 + r^2) = 1 - (1 - t)^2 is even in probability but for the factor 2 (1 - t), which tames the far slopes that grazing
-    # views weigh most.
+    # r^2 / (1 + r^2) = 1 - (1 - t)^2 is even in probability but for the factor 2 (1 - t), which tames the far slopes that
+    # grazing views weigh most.
     t, phi = unit_grid(STEPS)
     phi = 0.5 * phi  # both halves are the same
     r = alpha * np.sqrt(t * (2 - t)) / (1 - t)

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
+from tests.described import kernels, lambert
 
 from primray.description import Surface
-from tests.described import kernels, lambert
 
 Floats = npt.NDArray[np.float32]
 WHITE = Surface("", diffuse_color=(1.0, 1.0, 1.0))
@@ -63,7 +63,9 @@ def evaluate(s: Surface, wo: Floats, wi: npt.NDArray[np.floating], front: bool =
     return kernels().bsdf_eval(s, rows(wo, len(wi)), wi, side(len(wi), front))
 
 
-def sample(s: Surface, wo: Floats, u: npt.NDArray[np.floating], front: bool = True) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+def sample(
+    s: Surface, wo: Floats, u: npt.NDArray[np.floating], front: bool = True
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """wi, weight, pdf, is_delta, transmits for one or N directions wo."""
     u = np.ascontiguousarray(u, np.float32)
     wi, weight, pdf, is_delta, transmits = kernels().bsdf_sample(s, rows(wo, len(u)), side(len(u), front), u)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from tests.described import kernels
 from tests.statistics.chi_square import SphereCells, density_p_value
 from tests.statistics.surfaces import NON_TRANSMISSIVE, SURFACES, direction, evaluate, random_numbers, rows, sample, side
 
 COSINES = (1.0, 0.7, 0.2)
 CASES = [(name, cos, True) for name in SURFACES for cos in COSINES]
-CASES += [(name, 0.8, False) for name in SURFACES if SURFACES[name].opacity < 1] + [("rough glass", 0.5, False), ("dielectric 0.3", 0.5, False)]
+CASES += [(name, 0.8, False) for name in SURFACES if SURFACES[name].opacity < 1] + [
+    ("rough glass", 0.5, False),
+    ("dielectric 0.3", 0.5, False),
+]
 SIGNIFICANCE = 0.01 / len(CASES)  # Bonferroni: 1 % over all cases
 N = 60_000
 

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-
 from tests.statistics.chi_square import Doubles, SphereCells, SquareCells, density_p_value, survival
 
 N = 100_000

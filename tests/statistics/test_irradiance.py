@@ -1,4 +1,4 @@
-"""A Lambert plane under every light, rendered, against quadrature written from UsdLux's text: means, and each pixel by z-test."""
+"""A Lambert plane under every light against quadrature written from UsdLux's text: means, and each pixel by z-test."""
 
 from __future__ import annotations
 
@@ -7,10 +7,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.described import (
+    Described,
+    describe,
+    ground,
+    lambert,
+    light,
+    look_at,
+    orthographic,
+    render,
+    replicate_means,
+    rotation,
+    scaling,
+    translation,
+)
+from tests.statistics.lights import irradiances
 
 from primray.description import Light, LightType
-from tests.described import Described, describe, ground, lambert, light, look_at, orthographic, render, replicate_means, rotation, scaling, translation
-from tests.statistics.lights import irradiances
 
 RESOLUTION = 8  # pixels a side
 HALF = 1.5  # of what the camera sees of the plane
@@ -51,7 +64,11 @@ def film_points() -> tuple[np.ndarray, np.ndarray]:
     """Three Gauss points along each axis of every pixel, on the plane: (H, W, 9, 3), and their weights (9,)."""
     nodes, weights = np.polynomial.legendre.leggauss(3)
     c = ((np.arange(RESOLUTION)[:, None] + 0.5 + nodes / 2) / RESOLUTION * 2 - 1) * HALF
-    z, x = (a.transpose(0, 2, 1, 3) for a in np.meshgrid(c.ravel(), c.ravel(), indexing="ij") for a in [a.reshape(RESOLUTION, 3, RESOLUTION, 3)])
+    z, x = (
+        a.transpose(0, 2, 1, 3)
+        for a in np.meshgrid(c.ravel(), c.ravel(), indexing="ij")
+        for a in [a.reshape(RESOLUTION, 3, RESOLUTION, 3)]
+    )
     p = np.stack([x, np.zeros_like(x), z], axis=-1).reshape(RESOLUTION, RESOLUTION, 9, 3)
     return p, np.outer(weights, weights).ravel() / 4
 
@@ -108,14 +125,18 @@ def test_textured_dome(diffuse: float) -> None:
     def texel(row: np.ndarray, column: np.ndarray) -> np.ndarray:
         return TEXTURE[np.clip(row, 0, 7), column % 16, 0].astype(float)
 
-    L = (texel(j, i) * (1 - fs) + texel(j, i + 1) * fs) * (1 - ft) + (texel(j + 1, i) * (1 - fs) + texel(j + 1, i + 1) * fs) * ft
+    L = (texel(j, i) * (1 - fs) + texel(j, i + 1) * fs) * (1 - ft) + (
+        texel(j + 1, i) * (1 - fs) + texel(j + 1, i + 1) * fs
+    ) * ft
     expected = np.full((RESOLUTION, RESOLUTION), math.pi * L.mean() * diffuse)
     compare(render(plane_under(light(LightType.DOME, m, diffuse=diffuse), TEXTURE).build(), SPP), expected)
 
 
 def test_constant_dome_is_exact() -> None:
     result = render(plane_under(light(LightType.DOME, emission=0.7)).build(), 16)
-    np.testing.assert_allclose(replicate_means(result), np.broadcast_to(np.array(ALBEDO) * 0.7, (2, RESOLUTION, RESOLUTION, 3)), rtol=2e-5)
+    np.testing.assert_allclose(
+        replicate_means(result), np.broadcast_to(np.array(ALBEDO) * 0.7, (2, RESOLUTION, RESOLUTION, 3)), rtol=2e-5
+    )
 
 
 def test_lights_add_up() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from tests.described import kernels
 
 PURPOSES = 7
@@ -13,7 +12,9 @@ N = 4096
 BOUND = 4.9 / np.sqrt(N)
 
 
-def numbers(seed: int = 0, x: int = 3, y: int = 5, replicate: int = 0, bounce: int = 1, purpose: int = 2, n: int = N) -> tuple[np.ndarray, np.ndarray]:
+def numbers(
+    seed: int = 0, x: int = 3, y: int = 5, replicate: int = 0, bounce: int = 1, purpose: int = 2, n: int = N
+) -> tuple[np.ndarray, np.ndarray]:
     """Pairs (n, 2) and singles (n,) of indices 0 to n - 1."""
     key = np.tile(np.array([x, y, replicate, 0, bounce, purpose], np.int32), (n, 1))
     key[:, 3] = np.arange(n)

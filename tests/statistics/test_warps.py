@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from primray.pixel_filter import profile
-from primray.settings import DEFAULT_FILTER_WIDTH, Filter
 from tests.described import describe, kernels
 from tests.statistics.chi_square import SphereCells, SquareCells, density_p_value
 from tests.statistics.surfaces import direction, random_numbers
+
+from primray.pixel_filter import profile
+from primray.settings import DEFAULT_FILTER_WIDTH, Filter
 
 N = 100_000
 SIGNIFICANCE = 0.01 / 12  # Bonferroni: 1 % over the cases of this file
@@ -17,13 +17,20 @@ SIGNIFICANCE = 0.01 / 12  # Bonferroni: 1 % over the cases of this file
 
 def test_concentric_disk_is_uniform() -> None:
     p = kernels().concentric_disk(random_numbers(N, 2, seed=1))
-    assert density_p_value(SquareCells((-1, -1), (1, 1), points=32), lambda q: (np.sum(q * q, axis=1) <= 1) / np.pi, p, N) > SIGNIFICANCE
+    assert (
+        density_p_value(SquareCells((-1, -1), (1, 1), points=32), lambda q: (np.sum(q * q, axis=1) <= 1) / np.pi, p, N)
+        > SIGNIFICANCE
+    )
     radius = np.linalg.norm(p, axis=1)
     assert radius.max() <= 1 + 1e-6
 
 
 def test_concentric_disk_keeps_neighbours_together() -> None:
-    u = np.stack(np.meshgrid((np.arange(256) + 0.5) / 256, (np.arange(256) + 0.5) / 256), axis=-1).reshape(-1, 2).astype(np.float32)
+    u = (
+        np.stack(np.meshgrid((np.arange(256) + 0.5) / 256, (np.arange(256) + 0.5) / 256), axis=-1)
+        .reshape(-1, 2)
+        .astype(np.float32)
+    )
     p = kernels().concentric_disk(u).reshape(256, 256, 2)
     # Shirley and Chiu: no step is stretched by more than pi / 2 times the side (2 / 256).
     for axis in (0, 1):

@@ -1,7 +1,8 @@
-// Array versions of what the kernels call, for the tests: N rows in, N rows out, W at a time through the kernels' own templates.
+// Array versions of what the kernels call, for the tests: N rows in, N rows out, W at a time through the kernels' own
+// templates.
 //
-// Points, distances and directions are in world space and scene units, as in a SceneDescription; local directions of BSDFs are in
-// the frame of the shading normal. `lanes` is 1 or 0, which stands for the most that this module has.
+// Points, distances and directions are in world space and scene units, as in a SceneDescription; local directions of BSDFs are
+// in the frame of the shading normal. `lanes` is 1 or 0, which stands for the most that this module has.
 #include "bindings/arrays.hpp"
 #include "bindings/surface_input.hpp"
 #include "bsdf/bsdf.hpp"
@@ -133,7 +134,8 @@ nb::tuple bsdf_sample(nb::handle surface, InFloats wo_, InInts front_, InFloats 
     const vvec3<W> o = wo.vector<W>(at), r = u.vector<W>(at);
     const Bsdf<W> bsdf(table, vint<W>(0), vbool<W>(true), o, front.number<W>(at) != vint<W>(0));
     const BsdfSample<W> s = bsdf.sample(o, r.x, r.y, r.z);
-    wi.put(at, s.wi), weight.put(at, s.weight), pdf.put(at, s.pdf), is_delta.put(at, s.is_delta), transmits.put(at, s.transmits);
+    wi.put(at, s.wi), weight.put(at, s.weight), pdf.put(at, s.pdf), is_delta.put(at, s.is_delta),
+        transmits.put(at, s.transmits);
   });
   return nb::make_tuple(wi.array(), weight.array(), pdf.array(), is_delta.array(), transmits.array());
 }
@@ -254,8 +256,8 @@ nb::tuple camera_rays(const Scene& scene, InInts pixel_, InFloats film_, InFloat
   Column<float> o(n, 3), d(n, 3), tnear(n), tfar(n);
   const float unit = float(1 / scene.scale);
   for_rows(n, lanes, [&]<int W>(size_t at) {
-    const CameraRay<W> r = scene.camera.ray<W>(pixel.number<W>(at, 0), pixel.number<W>(at, 1), film.number<W>(at, 0), film.number<W>(at, 1),
-                                               lens.number<W>(at, 0), lens.number<W>(at, 1));
+    const CameraRay<W> r = scene.camera.ray<W>(pixel.number<W>(at, 0), pixel.number<W>(at, 1), film.number<W>(at, 0),
+                                               film.number<W>(at, 1), lens.number<W>(at, 0), lens.number<W>(at, 1));
     o.put(at, r.o * vfloat<W>(unit)), d.put(at, r.d), tnear.put(at, r.tnear * unit), tfar.put(at, r.tfar * unit);
   });
   // Origins relative to Scene.origin, whose digits float32 could not hold.
@@ -278,14 +280,16 @@ nb::dict intersect(const Scene& scene, InArray<double> o_, InFloats d_, int lane
     instance.put(at, select(hit, h.inst, vint<W>(-1)));
     if (!any(hit)) return;
     const Interaction<W> it = interact(scene, hit, h);
-    ng.put(at, it.ng), ns.put(at, it.ns), p.put(at, it.p * vfloat<W>(unit)), color.put(at, it.color), surface.put(at, it.surface);
+    ng.put(at, it.ng), ns.put(at, it.ns), p.put(at, it.p * vfloat<W>(unit)), color.put(at, it.color),
+        surface.put(at, it.surface);
     offset.put(at, it.offset * unit);
   });
   nb::dict r;
   r["t"] = t.array(), r["uv"] = uv.array(), r["ng"] = ng.array(), r["ns"] = ns.array(), r["color"] = color.array();
   r["p"] = p.array();  // relative to Scene.origin
   r["offset"] = offset.array();
-  r["geometry"] = geometry.array(), r["primitive"] = primitive.array(), r["instance"] = instance.array(), r["surface"] = surface.array();
+  r["geometry"] = geometry.array(), r["primitive"] = primitive.array(), r["instance"] = instance.array(),
+  r["surface"] = surface.array();
   return r;
 }
 
@@ -299,37 +303,56 @@ nb::object map_pairs(const InFloats& xy_, int width, int lanes, F f) {
 }
 
 void bind_math(nb::module_& m) {
-  m.def("sincos_turns", [](InFloats u, int lanes) {
-    return map_pairs(u, 2, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> x, vfloat<W>) {
-      const SinCos<W> a = sincos_turns(x);
-      r.put(at, a.sin, 0), r.put(at, a.cos, 1);
-    });
-  }, nb::arg("u"), nb::arg("lanes") = 0, "Of the first of each two numbers.");
-  m.def("acos", [](InFloats u, int lanes) {
-    return map_pairs(u, 1, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> x, vfloat<W>) { r.put(at, acos(x)); });
-  }, nb::arg("x"), nb::arg("lanes") = 0, "Of the first of each two numbers.");
-  m.def("atan2", [](InFloats yx, int lanes) {
-    return map_pairs(yx, 1, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> y, vfloat<W> x) { r.put(at, atan2(y, x)); });
-  }, nb::arg("yx"), nb::arg("lanes") = 0);
-  m.def("concentric_disk", [](InFloats u, int lanes) {
-    return map_pairs(u, 2, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> a, vfloat<W> b) {
-      vfloat<W> x, y;
-      concentric_disk(a, b, x, y);
-      r.put(at, x, 0), r.put(at, y, 1);
-    });
-  }, nb::arg("u"), nb::arg("lanes") = 0);
-  m.def("visible_normals", [](nb::handle wo, float alpha, InFloats u, int lanes) {
-    const vec3 w{nb::cast<float>(wo[0]), nb::cast<float>(wo[1]), nb::cast<float>(wo[2])};
-    return map_pairs(u, 3, lanes, [&]<int W>(Column<float>& r, size_t at, vfloat<W> a, vfloat<W> b) {
-      const vvec3<W> o(vfloat<W>(w.x), vfloat<W>(w.y), vfloat<W>(w.z));
-      r.put(at, ggx_sample_visible_normal(o, vfloat<W>(alpha), a, b));
-    });
-  }, nb::arg("wo"), nb::arg("alpha"), nb::arg("u"), nb::arg("lanes") = 0);
-  m.def("filter_offsets", [](const Scene& scene, InFloats u, int lanes) {
-    return map_pairs(u, 2, lanes, [&]<int W>(Column<float>& r, size_t at, vfloat<W> a, vfloat<W> b) {
-      r.put(at, scene.camera.filter.sample<W>(a), 0), r.put(at, scene.camera.filter.sample<W>(b), 1);
-    });
-  }, nb::arg("scene"), nb::arg("u"), nb::arg("lanes") = 0);
+  m.def(
+      "sincos_turns",
+      [](InFloats u, int lanes) {
+        return map_pairs(u, 2, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> x, vfloat<W>) {
+          const SinCos<W> a = sincos_turns(x);
+          r.put(at, a.sin, 0), r.put(at, a.cos, 1);
+        });
+      },
+      nb::arg("u"), nb::arg("lanes") = 0, "Of the first of each two numbers.");
+  m.def(
+      "acos",
+      [](InFloats u, int lanes) {
+        return map_pairs(u, 1, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> x, vfloat<W>) { r.put(at, acos(x)); });
+      },
+      nb::arg("x"), nb::arg("lanes") = 0, "Of the first of each two numbers.");
+  m.def(
+      "atan2",
+      [](InFloats yx, int lanes) {
+        return map_pairs(yx, 1, lanes,
+                         []<int W>(Column<float>& r, size_t at, vfloat<W> y, vfloat<W> x) { r.put(at, atan2(y, x)); });
+      },
+      nb::arg("yx"), nb::arg("lanes") = 0);
+  m.def(
+      "concentric_disk",
+      [](InFloats u, int lanes) {
+        return map_pairs(u, 2, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> a, vfloat<W> b) {
+          vfloat<W> x, y;
+          concentric_disk(a, b, x, y);
+          r.put(at, x, 0), r.put(at, y, 1);
+        });
+      },
+      nb::arg("u"), nb::arg("lanes") = 0);
+  m.def(
+      "visible_normals",
+      [](nb::handle wo, float alpha, InFloats u, int lanes) {
+        const vec3 w{nb::cast<float>(wo[0]), nb::cast<float>(wo[1]), nb::cast<float>(wo[2])};
+        return map_pairs(u, 3, lanes, [&]<int W>(Column<float>& r, size_t at, vfloat<W> a, vfloat<W> b) {
+          const vvec3<W> o(vfloat<W>(w.x), vfloat<W>(w.y), vfloat<W>(w.z));
+          r.put(at, ggx_sample_visible_normal(o, vfloat<W>(alpha), a, b));
+        });
+      },
+      nb::arg("wo"), nb::arg("alpha"), nb::arg("u"), nb::arg("lanes") = 0);
+  m.def(
+      "filter_offsets",
+      [](const Scene& scene, InFloats u, int lanes) {
+        return map_pairs(u, 2, lanes, [&]<int W>(Column<float>& r, size_t at, vfloat<W> a, vfloat<W> b) {
+          r.put(at, scene.camera.filter.sample<W>(a), 0), r.put(at, scene.camera.filter.sample<W>(b), 1);
+        });
+      },
+      nb::arg("scene"), nb::arg("u"), nb::arg("lanes") = 0);
 }
 
 }  // namespace

@@ -94,14 +94,15 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     const vint<W> triangle = select(is_triangle, group_base(&Group::triangle_base) + h.prim, zero);
     const vint<W> mesh = gather<W>(scene.triangle_mesh.data(), triangle);
     r.surface = gather<W>(scene.meshes.surface.data(), mesh);
-    const vint<W> first = group_base(&Group::vertex_base);
+    const vint<W> first = select(is_triangle, group_base(&Group::vertex_base), zero);
     vint<W> corner[3];
     for (int k = 0; k < 3; ++k)
       corner[k] = first + gather<W>(reinterpret_cast<const int32_t*>(scene.indices.data()) + k, triangle * vint<W>(3));
     const float* positions = scene.positions.data();
     const vvec3<W> p0 = gather_vec3<W>(positions, corner[0] * vint<W>(3));
-    e1 = gather_vec3<W>(positions, corner[1] * vint<W>(3)) - p0;
-    e2 = gather_vec3<W>(positions, corner[2] * vint<W>(3)) - p0;
+    // Lanes that met a sphere have no edges: `reach` below must not see those of another lane's triangle.
+    e1 = select(is_triangle, gather_vec3<W>(positions, corner[1] * vint<W>(3)) - p0, e1);
+    e2 = select(is_triangle, gather_vec3<W>(positions, corner[2] * vint<W>(3)) - p0, e2);
     p = p0 + e1 * h.u + e2 * h.v;
     if (scene.has_attributes) add_attributes(scene, is_triangle, mesh, triangle, corner, h, normal, smooth, r.color);
   }

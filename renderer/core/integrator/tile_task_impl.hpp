@@ -321,7 +321,8 @@ class TilePaths {
       const B front = dot(it.ng, rays.d) < F(0.0f);
       const F z = clamp(abs(cosine), 0.0f, 1.0f);
       const V wo{safe_sqrt(1.0f - z * z), F(0.0f), z};
-      carried *= straight_transmittance(Bsdf<W>(scene_.surfaces, it.surface, active, wo, front));
+      // Lanes that have arrived keep what they carry.
+      carried = select(active, carried * straight_transmittance(Bsdf<W>(scene_.surfaces, it.surface, active, wo, front)), carried);
       active &= max_component(carried) > F(0.0f);
       // Go on from the point that was hit, as far as is left.
       const V o = it.p + it.ng * (it.offset * select(front, F(-1.0f), F(1.0f)));

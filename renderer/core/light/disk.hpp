@@ -23,13 +23,15 @@ PRIMRAY_INLINE void concentric_disk(vfloat<W> u, vfloat<W> v, vfloat<W>& x, vflo
 
 template <int W>
 PRIMRAY_INLINE LocalSample<W> disk_sample(const vvec3<W>& p, vfloat<W> r, vfloat<W> u, vfloat<W> v) {
-  const vbool<W> front = p.z < vfloat<W>(0.0f), far = rect_is_far(p, r, r);
+  const vbool<W> front = p.z < vfloat<W>(0.0f);
+  vbool<W> far = rect_is_far(p, r, r);
   vfloat<W> x, y;
   concentric_disk(u, v, x, y);
   vvec3<W> to{x * r - p.x, y * r - p.y, -p.z};
   vfloat<W> near_pdf(0.0f);
   if (any(front & !far)) {
     const SphericalRect<W> square(p, r, r);
+    far |= square.solid_angle < vfloat<W>(kSliver);
     const vvec3<W> q = square.sample(u, v);
     const vfloat<W> dx = q.x + p.x, dy = q.y + p.y;
     to = select(far, to, vvec3<W>(q.x, q.y, -q.z));
@@ -47,7 +49,10 @@ PRIMRAY_INLINE LocalHit<W> disk_hit(const vvec3<W>& p, const vvec3<W>& w, vfloat
   if (!any(hit)) return {vfloat<W>(kInfinity), vfloat<W>(0.0f)};
   const vbool<W> far = rect_is_far(p, r, r);
   vfloat<W> pdf = t * t / (kPi * r * r * w.z);
-  if (any(hit & !far)) pdf = select(far, pdf, 1.0f / SphericalRect<W>(p, r, r).solid_angle);
+  if (any(hit & !far)) {
+    const vfloat<W> solid_angle = SphericalRect<W>(p, r, r).solid_angle;
+    pdf = select(far | (solid_angle < vfloat<W>(kSliver)), pdf, 1.0f / solid_angle);
+  }
   return {select(hit, t, vfloat<W>(kInfinity)), select(hit, pdf, vfloat<W>(0.0f))};
 }
 

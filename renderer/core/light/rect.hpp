@@ -1,7 +1,7 @@
 // A rectangle in its plane z = 0, |x| <= hx, |y| <= hy, emitting along -z: sampled by solid angle where it is near.
 //
 // Near: the spherical rectangle of Urena, Fajardo and King 2013, "An Area-Preserving Parametrization for Spherical
-// Rectangles". Far (its half-diagonal less than a quarter of the distance): by area, where both have nearly the same
+// Rectangles". Far (its half-diagonal less than a quarter of the distance) or seen as a sliver: by area, where both have nearly the same
 // variance and the solid angle of the first would lose digits.
 #pragma once
 
@@ -41,6 +41,9 @@ struct SphericalRect {
   }
 };
 
+// The arc sines leave an error of 2e-6 in the solid angle: a sliver smaller than this would be off by more than 1e-4.
+constexpr float kSliver = 0.02f;
+
 template <int W>
 PRIMRAY_INLINE vbool<W> rect_is_far(const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy) {
   return dot(p, p) > 16.0f * (hx * hx + hy * hy);
@@ -48,12 +51,14 @@ PRIMRAY_INLINE vbool<W> rect_is_far(const vvec3<W>& p, vfloat<W> hx, vfloat<W> h
 
 template <int W>
 PRIMRAY_INLINE LocalSample<W> rect_sample(const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy, vfloat<W> u, vfloat<W> v) {
-  const vbool<W> front = p.z < vfloat<W>(0.0f), far = rect_is_far(p, hx, hy);
+  const vbool<W> front = p.z < vfloat<W>(0.0f);
+  vbool<W> far = rect_is_far(p, hx, hy);
   // Coordinates seen from the point: the plane lies at -p.z along +z.
   vvec3<W> to{(2.0f * u - 1.0f) * hx - p.x, (2.0f * v - 1.0f) * hy - p.y, -p.z};
   vfloat<W> near_pdf(0.0f);
   if (any(front & !far)) {
     const SphericalRect<W> sphere(p, hx, hy);
+    far |= sphere.solid_angle < vfloat<W>(kSliver);
     const vvec3<W> q = sphere.sample(u, v);
     to = select(far, to, vvec3<W>(q.x, q.y, -q.z));
     near_pdf = 1.0f / sphere.solid_angle;
@@ -71,7 +76,10 @@ PRIMRAY_INLINE LocalHit<W> rect_hit(const vvec3<W>& p, const vvec3<W>& w, vfloat
   if (!any(hit)) return {vfloat<W>(kInfinity), vfloat<W>(0.0f)};
   const vbool<W> far = rect_is_far(p, hx, hy);
   vfloat<W> pdf = t * t / (4.0f * hx * hy * w.z);
-  if (any(hit & !far)) pdf = select(far, pdf, 1.0f / SphericalRect<W>(p, hx, hy).solid_angle);
+  if (any(hit & !far)) {
+    const vfloat<W> solid_angle = SphericalRect<W>(p, hx, hy).solid_angle;
+    pdf = select(far | (solid_angle < vfloat<W>(kSliver)), pdf, 1.0f / solid_angle);
+  }
   return {select(hit, t, vfloat<W>(kInfinity)), select(hit, pdf, vfloat<W>(0.0f))};
 }
 

@@ -1,0 +1,129 @@
+"""Small scenes that together use every feature of the core, for tests that compare its kernels with one another."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from tests.described import (
+    Described,
+    box,
+    describe,
+    ground,
+    lambert,
+    light,
+    look_at,
+    mesh,
+    orthographic,
+    perspective,
+    rotation,
+    scaling,
+    translation,
+)
+
+from primray.description import LightType, Placed, Placement, Prototype, Sphere, Surface
+
+RESOLUTION = (37, 23)  # neither whole tiles nor whole packets
+ASPECT = RESOLUTION[0] / RESOLUTION[1]
+VIEW = look_at([0.3, 1.2, 3.0], [0, 0.3, 0])
+GLASS = Surface("/glass", opacity=0.0, roughness=0.0)
+THIN = Surface("/thin", opacity=0.3, thin=True, roughness=0.2)
+GAP = Surface("/gap", opacity=0.5, presence=True)
+COATED = Surface("/coated", diffuse_color=(0.6, 0.1, 0.1), clearcoat=1.0, roughness=0.4)
+METAL = Surface("/metal", diffuse_color=(0.9, 0.7, 0.3), metallic=1.0, roughness=0.15)
+SURFACES = (lambert((0.7, 0.6, 0.5)), GLASS, THIN, GAP, COATED, METAL, lambert(0.4, emission=0.5))
+
+
+def all_lights() -> Described:
+    above = translation(0.2, 2.0, 0.3) @ rotation([1, 0, 0], -80)
+    lights = [
+        light(LightType.POINT, translation(1, 1.5, 1)),
+        light(LightType.SPHERE, translation(-1, 1.0, 0.5), 3.0, radius=0.2),
+        light(LightType.SPHERE, translation(1, 1.0, -0.5) @ scaling(1, 0.3, 0.5), 3.0, radius=0.3),
+        light(LightType.DISK, above, radius=0.4),
+        light(LightType.RECT, translation(0.5, 0, 0) @ above, 2.0, width=0.5, height=0.3, diffuse=0.5),
+        light(LightType.CYLINDER, translation(-0.5, 1.4, 0), 2.0, radius=0.05, length=0.7),
+        light(LightType.DISTANT, above, 0.6, angle_deg=5.0),
+        light(LightType.DISTANT, above, 0.2),
+        light(LightType.DOME, emission=0.3),
+    ]
+    shapes = [(ground(4), np.eye(4)), (box([0.5, 0.5, 0.5], 4), translation(0, 0.25, 0) @ rotation([0, 1, 0], 30))]
+    return describe(shapes, SURFACES, lights, perspective(VIEW, 0.4, ASPECT), RESOLUTION)
+
+
+def many_lights() -> Described:
+    rng = np.random.default_rng(1)
+    lights = [light(LightType.SPHERE, translation(*rng.uniform([-2, 0.3, -2], [2, 2, 2])), 2.0, radius=0.1) for _ in range(24)]
+    lights.append(light(LightType.DISTANT, rotation([1, 0, 0], -60), 0.3, angle_deg=2.0))
+    return describe([(ground(4), np.eye(4))], SURFACES, lights, perspective(VIEW, 0.4, ASPECT), RESOLUTION)
+
+
+def materials() -> Described:
+    shapes = [(ground(4), np.eye(4))]
+    shapes += [(Sphere(f"/s{i}", 0.3, i), translation(0.7 * (i - 3.5), 0.3, 0.3 * (i % 2))) for i in range(1, 7)]
+    shapes += [(box([0.4, 0.8, 0.05], 2), translation(-0.5, 0.4, 1.0)), (box([0.4, 0.8, 0.05], 3), translation(0.5, 0.4, 1.0))]
+    texture = np.random.default_rng(2).random((8, 16, 3)) ** 4 * 3
+    lights = [
+        light(LightType.DOME, rotation([0, 1, 0], 40)),
+        light(LightType.RECT, translation(0, 2, 0) @ rotation([1, 0, 0], -90)),
+    ]
+    return describe(shapes, SURFACES, lights, perspective(VIEW, 0.4, ASPECT), RESOLUTION, dome_texture=texture)
+
+
+def instances() -> Described:
+    rng = np.random.default_rng(3)
+    matrices = [
+        translation(*rng.uniform([-1.5, 0, -1.5], [1.5, 1, 1.5])) @ rotation(rng.normal(size=3), 360 * rng.random())
+        for _ in range(40)
+    ]
+    matrices = [m @ scaling(*rng.uniform(0.3, 1.5, 3) * [1 if i % 3 else -1, 1, 1]) for i, m in enumerate(matrices)]
+    rows = np.array([m[:3] for m in matrices])
+    prototypes = [
+        Prototype("/p", (Placed(1, np.eye(4)), Placed(2, translation(0, 0.15, 0)))),
+        Prototype("/q", (Placed(2, scaling(1, 2, 1)),)),
+    ]
+    placements = [Placement(0, rows[:25]), Placement(1, rows[25:])]
+    lights = [light(LightType.RECT, translation(0, 2.5, 0) @ rotation([1, 0, 0], -90), 4.0, width=1.0, height=1.0)]
+    return describe(
+        [(ground(4), np.eye(4))], SURFACES, lights, perspective(VIEW, 0.4, ASPECT), RESOLUTION,
+        prototypes, [box([0.2, 0.2, 0.2], 5), Sphere("/s", 0.1, 4)], placements,
+    )  # fmt: skip
+
+
+def smooth() -> Described:
+    """Normals and colours by point, by corner, by triangle."""
+    n = 12
+    u, v = np.meshgrid(np.linspace(0, 1, n), np.linspace(0, 1, n), indexing="ij")
+    theta, phi = 0.1 + 2.9 * u, 2 * np.pi * v
+    p = np.stack([np.sin(theta) * np.sin(phi), np.cos(theta), np.sin(theta) * np.cos(phi)], axis=-1).reshape(-1, 3)
+    at = np.arange(n * n).reshape(n, n)
+    quads = np.stack([at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]], axis=-1).reshape(-1, 4)
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    white = (lambert(1.0), *SURFACES[1:])
+    rng = np.random.default_rng(4)
+    by_point = mesh(0.4 * p, triangles, 0, normals=p, colors=rng.random((len(p), 3)))
+    by_corner = mesh(0.4 * p, triangles, 0, normals=p[triangles].reshape(-1, 3), colors=rng.random((3 * len(triangles), 3)))
+    by_triangle = mesh(0.4 * p, triangles, 0, colors=rng.random((len(triangles), 3)))
+    shapes = [
+        (by_point, translation(-1, 0.4, 0)),
+        (by_corner, translation(0, 0.4, 0) @ scaling(-1, 1, 0.7)),
+        (by_triangle, translation(1, 0.4, 0)),
+    ]
+    lights = [light(LightType.POINT, translation(1, 2, 2), 4.0), light(LightType.DOME, emission=0.5)]
+    return describe(shapes, white, lights, perspective(VIEW, 0.4, ASPECT, lens_radius=0.05, focus_distance=3.0), RESOLUTION)
+
+
+def from_above() -> Described:
+    camera = orthographic(look_at([0, 3, 0], [0, 0, 0], up=(0, 0, -1)), 1.5, ASPECT)
+    lights = [light(LightType.SPHERE, translation(0.5, 1, 0.5), 5.0, radius=0.1)]
+    return describe([(ground(4), np.eye(4)), (box([1, 1, 1], 5), translation(0, 0.2, 0))], SURFACES, lights, camera, RESOLUTION)
+
+
+SCENES: dict[str, Callable[[], Described]] = {
+    "all lights": all_lights,
+    "many lights": many_lights,
+    "materials": materials,
+    "instances": instances,
+    "smooth, lens": smooth,
+    "orthographic": from_above,
+}
