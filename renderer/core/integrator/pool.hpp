@@ -11,14 +11,41 @@ namespace primray {
 constexpr int kPool = 512;
 constexpr int kPadded = kPool + 16;  // whole vectors are stored at any position
 
+// For every mask of 8 lanes, the numbers of those that are set, in order, a byte each.
+struct CompactionTable {
+  uint64_t order[256];
+  constexpr CompactionTable() : order{} {
+    for (int m = 0; m < 256; ++m) {
+      int n = 0;
+      for (int i = 0; i < 8; ++i)
+        if (m >> i & 1) order[m] |= uint64_t(i) << (8 * n++);
+    }
+  }
+};
+inline constexpr CompactionTable kCompaction;
+
 // Lanes of `m` in order, then others: for permute(); and their number.
 template <int W>
 struct Compaction {
   vint<W> from;
   int count;
-  PRIMRAY_INLINE explicit Compaction(vbool<W> m) : from(0), count(0) {
+  PRIMRAY_INLINE explicit Compaction(vbool<W> m) : from(0), count(__builtin_popcount(bits(m))) {
+    const uint32_t b = bits(m);
+#if defined(__AVX512F__)
+    if constexpr (W == 16) {
+      from = vint<16>((vint<16>::Raw)_mm512_maskz_compress_epi32(__mmask16(b), (__m512i)lane_numbers<16>().v));
+      return;
+    }
+#endif
+#if defined(__AVX2__)
+    if constexpr (W == 8) {
+      from = vint<8>((vint<8>::Raw)_mm256_cvtepu8_epi32(_mm_cvtsi64_si128(int64_t(kCompaction.order[b]))));
+      return;
+    }
+#endif
     alignas(64) int32_t order[W] = {};
-    for (uint32_t b = bits(m); b; b &= b - 1) order[count++] = __builtin_ctz(b);
+    int n = 0;
+    for (uint32_t rest = b; rest; rest &= rest - 1) order[n++] = __builtin_ctz(rest);
     from = load<W>(order);
   }
   template <class T>

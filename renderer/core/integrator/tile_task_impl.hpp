@@ -134,9 +134,10 @@ class TilePaths {
     std::swap(w_.pool, w_.next);
   }
 
-  // Adds `c` to the slots of lanes `m`.
+  // Adds `c` to the slots of lanes `m`; most paths bring nothing from most vertices.
   void add(B m, I slot, const V& c) {
-    for (uint32_t b = bits(m); b; b &= b - 1) {
+    const F zero(0.0f);
+    for (uint32_t b = bits(m & ((c.x != zero) | (c.y != zero) | (c.z != zero))); b; b &= b - 1) {
       const int i = __builtin_ctz(b), s = slot[i];
       w_.r[s] += c.x[i], w_.g[s] += c.y[i], w_.b[s] += c.z[i];
     }
