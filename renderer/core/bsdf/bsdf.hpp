@@ -207,6 +207,8 @@ struct Bsdf {
     const BsdfEval<W> e = eval(wo, wi);
     vvec3<W> weight = (e.diffuse + e.specular) * (1.0f / max(e.pdf, 1e-30f));
     weight = select(e.pdf > zero, weight, vvec3<W>(zero));
+    // Exactly what the early return above gives, or a lane's bits would depend on its neighbours.
+    weight = select(preview, weight, diffuse);
     const vfloat<W> keep = any_coat ? coat_keep : vfloat<W>(1.0f);
     const vvec3<W> f = lerp(f0, f90, pow5(1.0f - wo.z));
     weight = select(is_mirror, f * (keep * keep / max(p_specular, 1e-20f)), weight);
