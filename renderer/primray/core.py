@@ -132,6 +132,7 @@ class Film:
         self.invalid_samples = int(result.invalid_samples)
         self.lane_occupancy = float(result.lane_occupancy)
         self.seconds = float(result.seconds)
+        self.splits = int(result.splits)
 
     @property
     def replicates(self) -> npt.NDArray[np.float64]:
@@ -182,3 +183,15 @@ def render(scene: CoreScene, settings: RenderSettings, progress: Progress | None
         _raise(error)
         raise
     return Film(result, scene._exposure_scale)
+
+
+class Recording:
+    """Every ray of a one-threaded render in order, to trace again through Embree alone (for the benchmark; takes memory)."""
+
+    def __init__(self, scene: CoreScene, settings: RenderSettings) -> None:
+        depth = NO_DEPTH_LIMIT if settings.max_depth is None else settings.max_depth
+        self._recording = module().Recording(scene._scene, settings.spp, depth, settings.seed & 0xFFFFFFFF, lanes())
+
+    def replay_s(self) -> float:
+        """Seconds of one thread to trace them, each as packet or single ray as the render did."""
+        return float(self._recording.replay_seconds())

@@ -92,6 +92,8 @@ CODES: dict[str, Code] = {
     "default-light": Code(
         Severity.INFO, "The stage has no light and nothing that emits: a white dome of radiance 1 lights it."
     ),
+    "singular-transform": Code(Severity.ERROR, "Instances whose matrix has no inverse (a scale of 0) are missing."),
+    "invalid-samples": Code(Severity.WARNING, "Samples that came out infinite or not a number are left out of the picture."),
     "texture-bad-texels": Code(Severity.WARNING, "Texels of a texture that are negative or not finite are read as 0."),
     "texture-unreadable": Code(Severity.ERROR, "A light whose texture cannot be read is left out."),
 }

@@ -87,9 +87,15 @@ def _render_one(
     settings = resolve_settings(settings, description)
     with costs.stage("build"):
         scene = core.build(description, textures, settings)
+    for code, path, message in scene.warnings:
+        diagnostics.add(code, path, message)
+    if settings.strict:
+        diagnostics.raise_if_strict()
     watched = _Watched(progress)
     with costs.stage("render"):
         film = core.render(scene, settings, watched)
+    if film.invalid_samples:
+        diagnostics.add("invalid-samples", "", f"{film.invalid_samples} of {film.samples} samples are left out")
     if film.interrupted and on_interrupt == "raise":
         if watched.stopped:
             raise RenderCancelled("the render was stopped by its progress callback")

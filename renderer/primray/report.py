@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, field, replace
 from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
+from . import __version__
 from .settings import DEFAULT_FILTER_WIDTH, RenderSettings
 
 if TYPE_CHECKING:
@@ -79,13 +80,12 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
 def package_versions() -> dict[str, str]:
     """Versions of what takes part in a picture, without importing any of it."""
     packages = {
-        "primray": "primray",
         "usd": "usd-core",
         "embree": "embreex",
         "openimageio": "OpenImageIO",
         "ocio": "opencolorio",
     }
-    versions = {"python": sys.version.split()[0]}
+    versions = {"primray": __version__, "python": sys.version.split()[0]}
     for name, package in packages.items():
         try:
             versions[name] = metadata.version(package)
@@ -104,6 +104,10 @@ def make_report(
         "samples": int(film.samples),
         "samples_per_pixel": [int(n) for n in film.samples_per_pixel],
         "rays": int(film.rays),
+        "rays_by_kind": film.rays_by_kind,
+        "splits": film.splits,
+        "lane_occupancy": film.lane_occupancy,
+        "invalid_samples": film.invalid_samples,
         "rays_per_s": film.rays / render_s if render_s > 0 else 0.0,
         "cpu_s": costs.render_cpu_s,
         "cpu_total_s": cpu_seconds(),

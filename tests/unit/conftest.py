@@ -38,8 +38,10 @@ class FakePipeline:
     description: SceneDescription = field(default_factory=make_description)
     opening: list[tuple[str, str, str]] = field(default_factory=list)  # what opening says
     diagnostics: list[tuple[str, str, str]] = field(default_factory=list)  # what translating says
+    building: list[tuple[str, str, str]] = field(default_factory=list)  # what building says
     memory_bytes: int = 2**20
     interrupt: bool = False
+    invalid_samples: int = 0
     calls: list[str] = field(default_factory=list)
     textures: dict[str, Any] = field(default_factory=dict)
 
@@ -63,7 +65,9 @@ class FakePipeline:
     def build(self, description: SceneDescription, textures: dict[str, Any], settings: primray.RenderSettings) -> Any:
         self.calls.append("build")
         self.textures = textures
-        return SimpleNamespace(features=[{"name": "dome", "why": "/dome"}], memory_bytes=1000, description=description)
+        return SimpleNamespace(
+            warnings=self.building, features=[{"name": "dome", "why": "/dome"}], memory_bytes=1000, description=description
+        )
 
     def render(self, scene: Any, settings: primray.RenderSettings, progress: Any) -> Any:
         self.calls.append("render")
@@ -75,7 +79,15 @@ class FakePipeline:
         pixels = np.random.default_rng(settings.seed).random((height, width, 4), dtype=np.float32)
         counts = (settings.spp // 2, settings.spp) if interrupted else (settings.spp, settings.spp)
         return SimpleNamespace(
-            pixels=pixels, samples=width * height * settings.spp, rays=1000, interrupted=interrupted, samples_per_pixel=counts
+            pixels=pixels,
+            samples=width * height * settings.spp,
+            rays=1000,
+            rays_by_kind={"camera": 600, "scattered": 300, "shadow": 100},
+            lane_occupancy=0.97,
+            splits=1,
+            invalid_samples=self.invalid_samples,
+            interrupted=interrupted,
+            samples_per_pixel=counts,
         )
 
 
@@ -88,7 +100,8 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         module = ModuleType(f"primray.{name}")
         module.__dict__.update(functions)
         monkeypatch.setitem(sys.modules, f"primray.{name}", module)
-        monkeypatch.setattr(primray, name, module, raising=False)
+        if "." not in name:
+            monkeypatch.setattr(primray, name, module, raising=False)
 
     install(
         "usd",

@@ -140,6 +140,13 @@ def test_a_missing_folder_is_refused(tmp_path: Path) -> None:
         check_output_path(tmp_path / "a.exr")
 
 
+def test_whoever_reads_the_old_file_is_not_disturbed(picture: Image, tmp_path: Path) -> None:
+    (tmp_path / "a.exr").write_bytes(b"old")
+    with open(tmp_path / "a.exr", "rb") as reader:
+        picture.save(tmp_path / "a.exr")
+        assert reader.read() == b"old"
+
+
 def test_a_failed_write_leaves_the_old_file(picture: Image, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = picture.save(tmp_path / "a.exr")
     before = path.read_bytes()

@@ -20,6 +20,10 @@ REPORT_KEYS = {
     "samples",
     "samples_per_pixel",
     "rays",
+    "rays_by_kind",
+    "splits",
+    "lane_occupancy",
+    "invalid_samples",
     "rays_per_s",
     "cpu_s",
     "cpu_total_s",
@@ -68,6 +72,12 @@ def test_the_report(pipeline: FakePipeline) -> None:
     ]
 
 
+def test_samples_left_out_are_told(pipeline: FakePipeline) -> None:
+    pipeline.invalid_samples = 3
+    codes = [d["code"] for d in render("a.usda").report["diagnostics"]]
+    assert codes == ["invalid-samples"]
+
+
 def test_settings_are_resolved(pipeline: FakePipeline) -> None:
     settings = render("a.usda", RenderSettings(resolution=(8, 0), filter=Filter.BOX)).report["settings"]
     assert settings["camera"] == "/cam"
@@ -93,6 +103,13 @@ def test_strict_refuses_before_building(pipeline: FakePipeline) -> None:
     with pytest.raises(UnsupportedError, match="texture-bad-texels"):
         render("a.usda", RenderSettings(strict=True))
     assert "build" not in pipeline.calls
+
+
+def test_what_building_says_is_in_the_report(pipeline: FakePipeline) -> None:
+    pipeline.building = [("singular-transform", "/flat", "2 instances are left out")]
+    assert [d["code"] for d in render("a.usda").report["diagnostics"]] == ["singular-transform"]
+    with pytest.raises(UnsupportedError, match="singular-transform"):
+        render("a.usda", RenderSettings(strict=True))
 
 
 def test_memory_is_checked_before_building(pipeline: FakePipeline) -> None:

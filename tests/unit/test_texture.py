@@ -108,6 +108,6 @@ def test_members_of_packages_are_read_through_the_callback(tmp_path: Path) -> No
 
 def test_large_textures_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(texture, "MAX_TEXTURE_MB", 1)
-    path = write(tmp_path / "a.exr", np.zeros((300, 300, 3), np.float32), oiio.FLOAT)
-    with pytest.raises((LimitError, AssetError), match=r"300 x 300|exceeds"):
+    path = write(tmp_path / "a.png", np.zeros((300, 300, 3), np.uint8), oiio.UINT8)
+    with pytest.raises(LimitError, match="300 x 300"):
         load(path)

@@ -14,11 +14,19 @@ struct RenderResult {
   RenderStatistics statistics;
 };
 
-IntegratorSettings settings_of(int samples, int max_depth, int threads, uint32_t seed) { return {samples, max_depth, threads, seed}; }
+// A render's rays on one thread, kept in order.
+struct Recording {
+  const Scene& scene;
+  int lanes;
+  RayRecorder rays;
+};
 
-std::unique_ptr<RenderResult> render_scene(const Scene& scene, int samples, int max_depth, int threads, uint32_t seed, int lanes, nb::object progress) {
+IntegratorSettings settings_of(int samples, int max_depth, int threads, uint32_t seed, int splits) { return {samples, max_depth, threads, seed, splits}; }
+
+std::unique_ptr<RenderResult> render_scene(const Scene& scene, int samples, int max_depth, int threads, uint32_t seed, int lanes, nb::object progress,
+                                           int splits) {
   std::unique_ptr<RenderResult> r(new RenderResult{Film(scene.camera.width, scene.camera.height), {}});
-  const IntegratorSettings settings = settings_of(samples, max_depth, threads, seed);
+  const IntegratorSettings settings = settings_of(samples, max_depth, threads, seed, splits);
   Film& film = r->film;
   const Progress poll = [&](double fraction) {
     const nb::gil_scoped_acquire gil;
@@ -84,25 +92,22 @@ void bind_render(nb::module_& m) {
       .def_prop_ro("invalid_samples", [](const RenderResult& r) { return r.film.invalid_samples.load(); })
       .def_prop_ro("interrupted", [](const RenderResult& r) { return r.statistics.interrupted; })
       .def_prop_ro("lane_occupancy", [](const RenderResult& r) { return r.statistics.lane_occupancy; })
+      .def_prop_ro("splits", [](const RenderResult& r) { return r.statistics.splits; })
       .def_prop_ro("seconds", [](const RenderResult& r) { return r.statistics.seconds; });
   m.def("render", &render_scene, nb::arg("scene"), nb::arg("samples"), nb::arg("max_depth"), nb::arg("threads"), nb::arg("seed"), nb::arg("lanes"),
-        nb::arg("progress").none());
+        nb::arg("progress").none(), nb::arg("splits") = 0);
   m.def("has_lanes", &has_lanes);
-  m.def(
-      "replay_seconds",
-      [](const Scene& scene, int samples, int max_depth, uint32_t seed, int lanes, int repetitions) {
-        RayRecorder recorder;
-        Film film(scene.camera.width, scene.camera.height);
-        const nb::gil_scoped_release release;
-        render(scene, settings_of(samples, max_depth, 1, seed), lanes, film, {}, &recorder);
-        std::vector<double> seconds;
-        for (int i = 0; i < repetitions; ++i) seconds.push_back(replay(scene, recorder, lanes));
-        const nb::gil_scoped_acquire gil;
-        nb::list out;
-        for (double s : seconds) out.append(s);
-        return out;
-      },
-      "Seconds of one thread to trace a render's own rays again through Embree alone, once for each repetition.");
+  nb::class_<Recording>(m, "Recording")
+      .def("__init__",
+           [](Recording* self, const Scene& scene, int samples, int max_depth, uint32_t seed, int lanes) {
+             new (self) Recording{scene, lanes, {}};
+             Film film(scene.camera.width, scene.camera.height);
+             const nb::gil_scoped_release release;
+             render(scene, settings_of(samples, max_depth, 1, seed, 0), lanes, film, {}, &self->rays);
+           },
+           nb::keep_alive<1, 2>())
+      .def(
+          "replay_seconds", [](const Recording& r) { return replay(r.scene, r.rays, r.lanes); }, nb::call_guard<nb::gil_scoped_release>());
 }
 
 }  // namespace primray

@@ -25,6 +25,7 @@ struct BsdfSample {
   vvec3<W> wi, weight;  // weight = f_cos / pdf
   vfloat<W> pdf;        // per solid angle; 0 for a delta lobe
   vbool<W> is_delta, transmits, straight;
+  vvec3<W> diffuse_share;  // of f_cos; 0 for a delta lobe
 };
 
 template <int W>
@@ -174,7 +175,7 @@ struct Bsdf {
     const vfloat<W> r = sqrt(u);
     const SinCos<W> phi = sincos_turns(v);
     vvec3<W> wi{r * phi.cos, r * phi.sin, sqrt(1.0f - u)};
-    if (!any_preview) return {wi, diffuse, wi.z * kInvPi, never, never, never};
+    if (!any_preview) return {wi, diffuse, wi.z * kInvPi, never, never, never, vvec3<W>(vfloat<W>(1.0f))};
     vbool<W> gone = never;
     if (any_presence) {
       gone = preview & (lobe >= presence);
@@ -213,7 +214,9 @@ struct Bsdf {
     weight = select(is_mirror, f * (keep * keep / max(p_specular, 1e-20f)), weight);
     weight = select(passes, transmission * (keep / max(1.0f - p_diffuse - p_specular - p_coat, 1e-7f)), weight);
     weight = select(gone, vvec3<W>(vfloat<W>(1.0f)), weight);
-    return {wi, weight, select(is_delta, zero, e.pdf), is_delta, passes | gone, straight};
+    const vvec3<W> sum = e.diffuse + e.specular, tiny(vfloat<W>(1e-30f));
+    const vvec3<W> share = divide(e.diffuse, {max(sum.x, tiny.x), max(sum.y, tiny.y), max(sum.z, tiny.z)});
+    return {wi, weight, select(is_delta, zero, e.pdf), is_delta, passes | gone, straight, select(is_delta, vvec3<W>(zero), share)};
   }
 };
 

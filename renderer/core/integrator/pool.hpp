@@ -4,11 +4,68 @@
 #include <memory>
 
 #include "accel/trace.hpp"
+#include "sampler/sampler.hpp"
 
 namespace primray {
 
 constexpr int kPool = 512;
 constexpr int kPadded = kPool + 16;  // whole vectors are stored at any position
+
+// For every mask of 8 lanes, the numbers of those that are set, in order, a byte each.
+struct CompactionTable {
+  uint64_t order[256];
+  constexpr CompactionTable() : order{} {
+    for (int m = 0; m < 256; ++m) {
+      int n = 0;
+      for (int i = 0; i < 8; ++i)
+        if (m >> i & 1) order[m] |= uint64_t(i) << (8 * n++);
+    }
+  }
+};
+inline constexpr CompactionTable kCompaction;
+
+// Lanes of `m` in order, then others: for permute(); and their number.
+template <int W>
+struct Compaction {
+  vint<W> from;
+  int count;
+  PRIMRAY_INLINE explicit Compaction(vbool<W> m) : from(0), count(__builtin_popcount(bits(m))) {
+    const uint32_t b = bits(m);
+#if defined(__AVX512F__)
+    if constexpr (W == 16) {
+      from = vint<16>((vint<16>::Raw)_mm512_maskz_compress_epi32(__mmask16(b), (__m512i)lane_numbers<16>().v));
+      return;
+    }
+#endif
+#if defined(__AVX2__)
+    if constexpr (W == 8) {
+      from = vint<8>((vint<8>::Raw)_mm256_cvtepu8_epi32(_mm_cvtsi64_si128(int64_t(kCompaction.order[b]))));
+      return;
+    }
+#endif
+    alignas(64) int32_t order[W] = {};
+    int n = 0;
+    for (uint32_t rest = b; rest; rest &= rest - 1) order[n++] = __builtin_ctz(rest);
+    from = load<W>(order);
+  }
+  template <class T>
+  PRIMRAY_INLINE void append(T* p, Vector<T, W> a) const {
+    store(p, permute(a, from));
+  }
+};
+
+// W paths out of a pool: what each carries from one vertex to the next.
+template <int W>
+struct PathLanes {
+  Rays<W> ray;
+  vvec3<W> beta;          // throughput
+  vfloat<W> bsdf_pdf;     // density of the ray's direction; 0: camera or delta
+  vfloat<W> splits;       // paths among which the sample was split
+  vfloat<W> travelled;    // see PathPool
+  vvec3<W> share;
+  vint<W> slot, depth, vertex;
+  Sampler<W> sampler;
+};
 
 // One path between two vertices: its ray, and what it needs to go on.
 struct PathPool {
@@ -17,7 +74,13 @@ struct PathPool {
   alignas(64) float bsdf_pdf[kPadded];          // density of the ray's direction; 0: camera or delta
   alignas(64) int32_t slot[kPadded];            // where its radiance is summed
   alignas(64) uint32_t reversed_index[kPadded], seed[kPadded];
-  alignas(64) int32_t depth[kPadded];           // scatterings so far
+  alignas(64) int32_t depth[kPadded];           // scatterings so far; passing straight through is none
+  alignas(64) int32_t vertex[kPadded];          // surfaces met so far: whose sampler dimensions come next
+  alignas(64) float splits[kPadded];            // paths among which this one's sample was split
+  // Only where a surface lets light straight through: how far behind the ray's origin lies the vertex that `bsdf_pdf` is of.
+  alignas(64) float travelled[kPadded];
+  // Only where lights have lobe factors: the part of the last scattering's f_cos that was diffuse.
+  alignas(64) float share_r[kPadded], share_g[kPadded], share_b[kPadded];
   int count = 0;
 
   // Hits of the current rays.
@@ -27,6 +90,35 @@ struct PathPool {
   template <int W>
   PRIMRAY_INLINE Rays<W> rays(int at) const {
     return {{load<W>(ox + at), load<W>(oy + at), load<W>(oz + at)}, {load<W>(dx + at), load<W>(dy + at), load<W>(dz + at)}, load<W>(tnear + at), load<W>(tfar + at)};
+  }
+  // `thin`, `shares`: whether the scene has see-through surfaces, lights with lobe factors.
+  template <int W>
+  PRIMRAY_INLINE PathLanes<W> paths(int at, bool thin, bool shares) const {
+    PathLanes<W> p;
+    p.ray = rays<W>(at);
+    p.beta = {load<W>(beta_r + at), load<W>(beta_g + at), load<W>(beta_b + at)};
+    p.bsdf_pdf = load<W>(bsdf_pdf + at), p.splits = load<W>(splits + at);
+    p.travelled = thin ? load<W>(travelled + at) : vfloat<W>(0.0f);
+    p.share = vvec3<W>(vfloat<W>(0.0f));
+    if (shares) p.share = {load<W>(share_r + at), load<W>(share_g + at), load<W>(share_b + at)};
+    p.slot = load<W>(slot + at), p.depth = load<W>(depth + at), p.vertex = load<W>(vertex + at);
+    p.sampler = {load<W>(reversed_index + at), load<W>(seed + at)};
+    return p;
+  }
+  // Adds the lanes that `c` holds.
+  template <int W>
+  PRIMRAY_INLINE void append(const Compaction<W>& c, const PathLanes<W>& p, bool thin, bool shares) {
+    const int at = count;
+    c.append(ox + at, p.ray.o.x), c.append(oy + at, p.ray.o.y), c.append(oz + at, p.ray.o.z);
+    c.append(dx + at, p.ray.d.x), c.append(dy + at, p.ray.d.y), c.append(dz + at, p.ray.d.z);
+    c.append(tnear + at, p.ray.tnear), c.append(tfar + at, p.ray.tfar);
+    c.append(beta_r + at, p.beta.x), c.append(beta_g + at, p.beta.y), c.append(beta_b + at, p.beta.z);
+    c.append(bsdf_pdf + at, p.bsdf_pdf), c.append(splits + at, p.splits);
+    if (thin) c.append(travelled + at, p.travelled);
+    if (shares) c.append(share_r + at, p.share.x), c.append(share_g + at, p.share.y), c.append(share_b + at, p.share.z);
+    c.append(slot + at, p.slot), c.append(depth + at, p.depth), c.append(vertex + at, p.vertex);
+    c.append(reversed_index + at, p.sampler.reversed_index), c.append(seed + at, p.sampler.seed);
+    count += c.count;
   }
   template <int W>
   PRIMRAY_INLINE Hits<W> hits(int at) const {
@@ -40,33 +132,29 @@ struct PathPool {
   }
 };
 
-// Shadow rays with what they carry if nothing blocks them.
+// Shadow rays with what they carry if nothing blocks them. A path sends at most two from a vertex: to a light, and to a dome in
+// place of its last scattered ray; a path that splits takes the pool's room of all its parts.
 struct ShadowQueue {
-  alignas(64) float ox[kPadded], oy[kPadded], oz[kPadded], dx[kPadded], dy[kPadded], dz[kPadded], tfar[kPadded];
-  alignas(64) float r[kPadded], g[kPadded], b[kPadded];
-  alignas(64) int32_t slot[kPadded];
+  static constexpr int kSize = 2 * kPool + 16;
+  alignas(64) float ox[kSize], oy[kSize], oz[kSize], dx[kSize], dy[kSize], dz[kSize], tfar[kSize];
+  alignas(64) float r[kSize], g[kSize], b[kSize];
+  alignas(64) int32_t slot[kSize];
   int count = 0;
 
   template <int W>
   PRIMRAY_INLINE Rays<W> rays(int at) const {
     return {{load<W>(ox + at), load<W>(oy + at), load<W>(oz + at)}, {load<W>(dx + at), load<W>(dy + at), load<W>(dz + at)}, vfloat<W>(0.0f), load<W>(tfar + at)};
   }
+  template <int W>
+  PRIMRAY_INLINE void append(vbool<W> m, const vvec3<W>& o, const vvec3<W>& d, vfloat<W> end, const vvec3<W>& carried, vint<W> to_slot) {
+    const Compaction<W> c(m);
+    const int at = count;
+    c.append(ox + at, o.x), c.append(oy + at, o.y), c.append(oz + at, o.z);
+    c.append(dx + at, d.x), c.append(dy + at, d.y), c.append(dz + at, d.z), c.append(tfar + at, end);
+    c.append(r + at, carried.x), c.append(g + at, carried.y), c.append(b + at, carried.z), c.append(slot + at, to_slot);
+    count += c.count;
+  }
 };
 
-// Lanes of `m` in order, then others: for permute(); and their number.
-template <int W>
-struct Compaction {
-  vint<W> from;
-  int count;
-  PRIMRAY_INLINE explicit Compaction(vbool<W> m) : from(0), count(0) {
-    alignas(64) int32_t order[W] = {};
-    for (uint32_t b = bits(m); b; b &= b - 1) order[count++] = __builtin_ctz(b);
-    from = load<W>(order);
-  }
-  template <class T>
-  PRIMRAY_INLINE void append(T* p, Vector<T, W> a) const {
-    store(p, permute(a, from));
-  }
-};
 
 }  // namespace primray

@@ -1,7 +1,7 @@
 // Tasks are (block of samples, tile), claimed in that order; a tile's blocks are done one after the other, so sums keep their order.
 #include "integrator/render.hpp"
 
-#include <xmmintrin.h>
+#include "integrator/choose_splits.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -15,22 +15,6 @@
 
 namespace primray {
 namespace {
-
-using TaskFunction = void (*)(const Scene&, const IntegratorSettings&, const TileBlock&, Worker&, Film&, RayRecorder*);
-
-TaskFunction task_function(int lanes) {
-  switch (lanes) {
-    case 1: return render_tile_block<1>;
-    case 4: return render_tile_block<4>;
-#if PRIMRAY_MAX_LANES >= 8
-    case 8: return render_tile_block<8>;
-#endif
-#if PRIMRAY_MAX_LANES >= 16
-    case 16: return render_tile_block<16>;
-#endif
-  }
-  return nullptr;
-}
 
 struct Schedule {
   int tiles_x, tiles_y, blocks;
@@ -48,6 +32,7 @@ struct Schedule {
     TileBlock b;
     b.x0 = tile % tiles_x * kTile, b.y0 = tile / tiles_x * kTile;
     b.x1 = std::min(b.x0 + kTile, camera.width), b.y1 = std::min(b.y0 + kTile, camera.height);
+    b.film_x = b.x0, b.film_y = b.y0;
     for (int r = 0; r < kReplicates; ++r) {
       b.first[r] = block * kBlock;
       b.count[r] = std::clamp(samples[r] - b.first[r], 0, kBlock);
@@ -56,17 +41,14 @@ struct Schedule {
   }
 };
 
-// Denormals to zero, as Embree's speed and our bits want it, on threads of our own only.
-void set_float_mode() { _mm_setcsr(_mm_getcsr() | 0x8040); }
-
 }  // namespace
 
-bool has_lanes(int lanes) { return task_function(lanes) != nullptr; }
-
-RenderStatistics render(const Scene& scene, const IntegratorSettings& settings, int lanes, Film& film, const Progress& progress,
+RenderStatistics render(const Scene& scene, const IntegratorSettings& asked, int lanes, Film& film, const Progress& progress,
                         RayRecorder* recorder) {
   const TaskFunction run_task = task_function(lanes);
   if (!run_task) throw Error("settings-error", "this build has no kernel of " + std::to_string(lanes) + " lanes");
+  IntegratorSettings settings = asked;
+  if (settings.splits == 0) settings.splits = choose_splits(scene, settings, run_task);
   const Schedule schedule(scene.camera, settings);
   std::atomic<int64_t> next{0}, done{0};
   std::atomic<bool> stop{false};
@@ -108,6 +90,7 @@ RenderStatistics render(const Scene& scene, const IntegratorSettings& settings, 
     }
   }
   for (std::thread& t : pool) t.join();
+  statistics.splits = settings.splits;
   statistics.interrupted = stop && done < schedule.tasks();
   statistics.lane_occupancy = shaded > 0 ? double(busy) / double(shaded) : 0;
   statistics.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

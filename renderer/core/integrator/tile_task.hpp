@@ -1,7 +1,7 @@
 // One task: all samples of one block, of both replicates, of one tile. Paths of W lanes at a time, in a pool kept full.
 //
 // A round takes every path of the pool one vertex further: refill with camera rays, trace, shade (which leaves the survivors packed
-// at the front and shadow rays in a queue), trace the shadow rays. What a path adds to its slot comes in the same order
+// in the other pool and shadow rays in a queue), trace the shadow rays. What a path adds to its slot comes in the same order
 // whatever W is, so W does not show in the image.
 #pragma once
 
@@ -15,15 +15,21 @@
 
 namespace primray {
 
-// Samples [first, first + count) of every replicate, for one tile.
+// Samples [first, first + count) of every replicate, for one tile: the pixels (x0 + i stride_x, y0 + j stride_y) before (x1, y1), which
+// stand in the film from (film_x, film_y) on, side by side.
 struct TileBlock {
   int x0, y0, x1, y1;
-  int first[kReplicates], count[kReplicates];
+  int film_x, film_y;
+  int stride_x = 1, stride_y = 1;
+  int first[kReplicates] = {}, count[kReplicates] = {};
 };
 
 // One thread's memory and measurements; lives as long as the thread.
 struct Worker {
-  PathPool pool;
+  // Paths of this round, and those that the round leaves for the next.
+  PathPool pools[2];
+  PathPool* pool = &pools[0];
+  PathPool* next = &pools[1];
   ShadowQueue shadows;
   static constexpr int kSlots = kTile * kTile * kBlock * kReplicates;
   alignas(64) float r[kSlots], g[kSlots], b[kSlots], a[kSlots];

@@ -4,13 +4,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "integrator/emission.hpp"
 #include "integrator/ray_recorder.hpp"
 #include "integrator/tile_task.hpp"
 
 namespace primray {
-
-// Shadow rays end, and lights are met, this much early or late: points on a light are only so exact.
-constexpr float kNearlyOne = 1 - 0x1p-16f;
 
 template <int W>
 class TilePaths {
@@ -22,10 +20,10 @@ class TilePaths {
     list_pixels();
     const int slots = pixels_ * samples_;
     std::fill_n(w_.r, slots, 0.0f), std::fill_n(w_.g, slots, 0.0f), std::fill_n(w_.b, slots, 0.0f), std::fill_n(w_.a, slots, 0.0f);
-    w_.pool.count = 0;
+    w_.pool->count = 0;
     while (true) {
       refill(slots);
-      if (w_.pool.count == 0) break;
+      if (w_.pool->count == 0) break;
       trace();
       shade();
       trace_shadows();
@@ -48,7 +46,7 @@ class TilePaths {
           for (int k = 0; k < Film::kChannels; ++k) sum[k] += double(c[k]);
           ++n;
         }
-        const size_t p = film.pixel(replicate, block_.x0 + w_.pixel_x[i], block_.y0 + w_.pixel_y[i]);
+        const size_t p = film.pixel(replicate, block_.film_x + w_.pixel_x[i], block_.film_y + w_.pixel_y[i]);
         for (int k = 0; k < Film::kChannels; ++k) film.sums[p * Film::kChannels + k] += sum[k];
         film.counts[p] += n;
       }
@@ -69,37 +67,41 @@ class TilePaths {
     for (int m = 0; m < kTile * kTile; ++m) {
       int x = 0, y = 0;
       for (int b = 0; (1 << b) < kTile; ++b) x |= (m >> (2 * b) & 1) << b, y |= (m >> (2 * b + 1) & 1) << b;
-      if (block_.x0 + x < block_.x1 && block_.y0 + y < block_.y1) w_.pixel_x[pixels_] = uint8_t(x), w_.pixel_y[pixels_] = uint8_t(y), ++pixels_;
+      if (block_.x0 + x * block_.stride_x < block_.x1 && block_.y0 + y * block_.stride_y < block_.y1)
+        w_.pixel_x[pixels_] = uint8_t(x), w_.pixel_y[pixels_] = uint8_t(y), ++pixels_;
     }
   }
 
+  int pixel_x(int i) const { return block_.x0 + w_.pixel_x[i] * block_.stride_x; }
+  int pixel_y(int i) const { return block_.y0 + w_.pixel_y[i] * block_.stride_y; }
+
   void refill(int slots) {
-    PathPool& pool = w_.pool;
+    PathPool& pool = *w_.pool;
     first_camera_ = pool.count;
-    while (next_slot_ < slots && pool.count + W <= kPool) {
+    const int splits = settings_.splits;
+    // Room for every camera path to split.
+    while (next_slot_ < slots && pool.count + (splits - 1) * (pool.count - first_camera_) + splits * W <= kPool) {
       alignas(64) int32_t x[W], y[W], slot[W];
       alignas(64) uint32_t index[W], replicate[W];
       const int n = std::min(W, slots - next_slot_);
       for (int i = 0; i < W; ++i) {
         const int s = std::min(next_slot_ + i, slots - 1), pixel = s / samples_, k = s - pixel * samples_;
         const int r = k < block_.count[0] ? 0 : 1;
-        x[i] = block_.x0 + w_.pixel_x[pixel], y[i] = block_.y0 + w_.pixel_y[pixel], slot[i] = s;
+        x[i] = pixel_x(pixel), y[i] = pixel_y(pixel), slot[i] = s;
         index[i] = uint32_t(block_.first[r] + (r ? k - block_.count[0] : k)), replicate[i] = uint32_t(r);
       }
       const I px = load<W>(x), py = load<W>(y);
-      const Sampler<W> sampler{reverse_bits(load<W>(index)), Sampler<W>::pixel_seed(settings_.seed, px, py, load<W>(replicate))};
-      const Pair<W> film = sampler.pair(I(0), Purpose::kFilm);
+      PathLanes<W> p;
+      p.sampler = {reverse_bits(load<W>(index)), Sampler<W>::pixel_seed(settings_.seed, px, py, load<W>(replicate))};
+      const Pair<W> film = p.sampler.pair(I(0), Purpose::kFilm);
       Pair<W> lens{F(0.5f), F(0.5f)};
-      if (scene_.camera.lens_radius > 0) lens = sampler.pair(I(0), Purpose::kLens);
+      if (scene_.camera.lens_radius > 0) lens = p.sampler.pair(I(0), Purpose::kLens);
       const CameraRay<W> ray = scene_.camera.ray<W>(px, py, film.u, film.v, lens.u, lens.v);
-      const int at = pool.count;
-      store(pool.ox + at, ray.o.x), store(pool.oy + at, ray.o.y), store(pool.oz + at, ray.o.z);
-      store(pool.dx + at, ray.d.x), store(pool.dy + at, ray.d.y), store(pool.dz + at, ray.d.z);
-      store(pool.tnear + at, ray.tnear), store(pool.tfar + at, ray.tfar);
-      store(pool.beta_r + at, F(1.0f)), store(pool.beta_g + at, F(1.0f)), store(pool.beta_b + at, F(1.0f));
-      store(pool.bsdf_pdf + at, F(0.0f)), store(pool.slot + at, load<W>(slot)), store(pool.depth + at, I(0));
-      store(pool.reversed_index + at, sampler.reversed_index), store(pool.seed + at, sampler.seed);
-      pool.count += n;
+      p.ray = {ray.o, ray.d, ray.tnear, ray.tfar};
+      p.beta = V(F(1.0f)), p.share = V(F(0.0f));
+      p.bsdf_pdf = p.travelled = F(0.0f), p.splits = F(1.0f);
+      p.slot = load<W>(slot), p.depth = p.vertex = I(0);
+      pool.append(Compaction<W>(lane_numbers<W>() < I(n)), p, scene_.has_thin, scene_.lights.lobe_factors);
       next_slot_ += n;
     }
     w_.camera_rays += pool.count - first_camera_;
@@ -107,7 +109,7 @@ class TilePaths {
   }
 
   void trace() {
-    PathPool& pool = w_.pool;
+    PathPool& pool = *w_.pool;
     for (int at = 0; at < pool.count; at += W) {
       const B active = lane_numbers<W>() < I(pool.count - at);
       const Rays<W> rays = pool.rays<W>(at);
@@ -122,44 +124,50 @@ class TilePaths {
   }
 
   void shade() {
-    PathPool& pool = w_.pool;
-    const int count = pool.count;
-    pool.count = 0;
+    PathPool& pool = *w_.pool;
+    w_.next->count = 0;
     w_.shadows.count = 0;
-    for (int at = 0; at < count; at += W) {
-      w_.busy_lanes += std::min(W, count - at), w_.shaded_lanes += W;
-      shade_lanes(at, lane_numbers<W>() < I(count - at));
+    for (int at = 0; at < pool.count; at += W) {
+      w_.busy_lanes += std::min(W, pool.count - at), w_.shaded_lanes += W;
+      shade_lanes(at, lane_numbers<W>() < I(pool.count - at));
     }
+    std::swap(w_.pool, w_.next);
   }
 
-  // Adds `c` to the slots of lanes `m`.
+  // Adds `c` to the slots of lanes `m`; most paths bring nothing from most vertices.
   void add(B m, I slot, const V& c) {
-    for (uint32_t b = bits(m); b; b &= b - 1) {
+    const F zero(0.0f);
+    for (uint32_t b = bits(m & ((c.x != zero) | (c.y != zero) | (c.z != zero))); b; b &= b - 1) {
       const int i = __builtin_ctz(b), s = slot[i];
       w_.r[s] += c.x[i], w_.g[s] += c.y[i], w_.b[s] += c.z[i];
     }
   }
 
+  // What scattering at a vertex needs to know of it.
+  struct Vertex {
+    Interaction<W> it;
+    V ng;  // on the side where the ray came from
+    Frame<F> frame;
+    V wo;  // in that frame
+    Bsdf<W> bsdf;
+  };
+
   // One vertex of the paths at [at, at + W): light met, light sampled, next ray.
   void shade_lanes(int at, B active) {
-    PathPool& pool = w_.pool;
-    const Rays<W> ray = pool.rays<W>(at);
+    const PathPool& pool = *w_.pool;
+    const PathLanes<W> p = pool.paths<W>(at, scene_.has_thin, scene_.lights.lobe_factors);
     const Hits<W> hits = pool.hits<W>(at);
-    V beta{load<W>(pool.beta_r + at), load<W>(pool.beta_g + at), load<W>(pool.beta_b + at)};
-    const F bsdf_pdf = load<W>(pool.bsdf_pdf + at);
-    const I slot = load<W>(pool.slot + at), depth = load<W>(pool.depth + at);
-    const Sampler<W> sampler{load<W>(pool.reversed_index + at), load<W>(pool.seed + at)};
     B hit = active & (hits.geom != I(-1));
-    const B camera = active & (depth == I(0));
 
-    // Light that the ray carries back from lights it meets, and from afar.
+    // Light that comes back along the ray from lights it meets, and from afar.
     V gathered(F(0.0f));
-    const B covered_by_light = meet_lights(active, hit, ray, hits.t, bsdf_pdf, camera, gathered);
-    hit = hit & !covered_by_light;
-    meet_domes(active & !hit & !covered_by_light, ray, bsdf_pdf, camera, gathered);
-    for (uint32_t b = bits(camera & (hit | covered_by_light)); b; b &= b - 1) w_.a[slot[__builtin_ctz(b)]] = 1.0f;
+    const B covered = meet_lights(scene_.lights, active, hit, p, hits.t, gathered);
+    hit &= !covered;
+    const B escaped = active & !hit & !covered;
+    if (!scene_.lights.domes.empty() && any(escaped)) gathered += select(escaped, meet_domes(scene_.lights, p), V(F(0.0f)));
+    for (uint32_t b = bits(active & (p.vertex == I(0)) & (hit | covered)); b; b &= b - 1) w_.a[p.slot[__builtin_ctz(b)]] = 1.0f;
     if (!any(hit)) {
-      add(active, slot, beta * gathered);
+      add(active, p.slot, p.beta * gathered);
       return;
     }
 
@@ -168,166 +176,115 @@ class TilePaths {
       const I base = it.surface * I(kSurfaceFields) + I(kEmission);
       gathered += select(hit, gather_vec3<W>(scene_.surfaces.rows.data(), base), V(F(0.0f)));
     }
-    add(active, slot, beta * gathered);
+    add(active, p.slot, p.beta * gathered);
 
     // Scatter, on the side of the surface where the ray came from.
-    const B scatters = hit & (depth < I(settings_.max_depth));
+    const B scatters = hit & ((p.depth < I(settings_.max_depth)) | B(scene_.has_thin));
     if (!any(scatters)) return;
-    const V wo_world = -ray.d;
-    const B front = dot(it.ng, wo_world) > F(0.0f);
+    const V wo = -p.ray.d;
+    const B front = dot(it.ng, wo) > F(0.0f);
     const F side = select(front, F(1.0f), F(-1.0f));
     const V ng = it.ng * side;
-    V ns = it.ns * side;
     // A shading normal that faces away from the viewer cannot be seen: use the true one.
-    ns = select(dot(ns, wo_world) > F(1e-4f), ns, ng);
-    const Frame<F> frame(ns);
-    V wo = frame.to_local(wo_world);
-    Bsdf<W> bsdf(scene_.surfaces, it.surface, scatters, wo, front);
-    bsdf.diffuse *= it.color;
-    const I bounce = depth + I(1);
-    const LightTable& lights = scene_.lights;
-    if (lights.count > 0) sample_light(scatters, it, ng, frame, wo, bsdf, sampler, bounce, beta, slot);
-    continue_paths(scatters, it, ng, frame, wo, bsdf, sampler, bounce, beta, slot);
+    const V ns = it.ns * side;
+    const Frame<F> frame(select(dot(ns, wo) > F(1e-4f), ns, ng));
+    const V wo_local = frame.to_local(wo);
+    Vertex v{it, ng, frame, wo_local, Bsdf<W>(scene_.surfaces, it.surface, scatters, wo_local, front)};
+    v.bsdf.diffuse *= it.color;
+    if (scene_.lights.count > 0) sample_light(scatters & (p.depth < I(settings_.max_depth)), v, p);
+    scatter(scatters, v, p);
   }
 
-  // Emission of area and distant lights along the rays. Camera rays and rays after a mirror see the nearest light as a body: the
-  // result marks them. Others pass through, as light samples do, and take each light with its MIS weight.
-  B meet_lights(B active, B hit, const Rays<W>& ray, F t_surface, F bsdf_pdf, B camera, V& gathered) {
+  void sample_light(B scatters, const Vertex& v, const PathLanes<W>& p) {
     const LightTable& lights = scene_.lights;
-    B covered(false);
-    if (!lights.needs_hit_test) return covered;
-    const B sees_body = active & (bsdf_pdf == F(0.0f));
-    const bool weighed = lights.count <= LightTable::kWeighed;
-    F nearest(kInfinity), total(-1.0f);
-    V body(F(0.0f));
-    for (int i = 0; i < lights.count; ++i) {
-      const float* row = lights.row(i);
-      const LightType type = LightType(int(row[kType]));
-      if (type == LightType::kPoint || type == LightType::kDome) continue;
-      const LocalHit<W> h = light_hit<W>(row, ray.o, ray.d);
-      B met = active & (h.pdf > F(0.0f));
-      if (type == LightType::kDistant) {
-        met = met & !hit & !camera;
-      } else {
-        met = met & (h.t * kNearlyOne <= t_surface) & (h.t >= ray.tnear);
-      }
-      if (!any(met)) continue;
-      const V L{F(row[kRadiance]), F(row[kRadiance + 1]), F(row[kRadiance + 2])};
-      const bool lobe_factors = int(row[kLightFlags]) & kSampledOnly;
-      const B direct = met & sees_body & (h.t < nearest);
-      nearest = select(direct, h.t, nearest);
-      // After a mirror all is specular; the camera sees the light itself.
-      const F factor = lobe_factors ? select(camera, F(1.0f), F(row[kSpecularFactor])) : F(1.0f);
-      body = select(direct, L * factor, body);
-      covered |= direct;
-      const B scattered = met & !sees_body;
-      if (!any(scattered) || lobe_factors) continue;
-      if (weighed && total[0] < 0.0f && lights.count > 1) total = total_importance(lights, ray.o);
-      const F light_pdf = h.pdf * light_probability(lights, i, ray.o, total);
-      gathered += select(scattered, L * mis_weight(bsdf_pdf, light_pdf), V(F(0.0f)));
-    }
-    gathered += body;
-    return covered;
-  }
-
-  void meet_domes(B escaped, const Rays<W>& ray, F bsdf_pdf, B camera, V& gathered) {
-    if (!any(escaped)) return;
-    const LightTable& lights = scene_.lights;
-    for (size_t k = 0; k < lights.domes.size(); ++k) {
-      F pdf;
-      V L = dome_eval(lights.domes[k], ray.d, pdf);
-      F weight(1.0f);
-      const int light = lights.dome_light[k];
-      const DomeFactors f = lights.dome_factors[k];
-      if (f.specular != 1.0f || f.diffuse != 1.0f) {
-        weight = select(camera, F(1.0f), select(bsdf_pdf == F(0.0f), F(f.specular), F(0.0f)));
-      } else if (light >= 0) {
-        const F total = lights.count > 1 && lights.count <= LightTable::kWeighed ? total_importance(lights, ray.o) : F(1.0f);
-        const F light_pdf = pdf * light_probability(lights, light, ray.o, total);
-        weight = select(bsdf_pdf == F(0.0f), F(1.0f), mis_weight(bsdf_pdf, light_pdf));
-      }
-      gathered += select(escaped, L * weight, V(F(0.0f)));
-    }
-  }
-
-  // Veach 1997, "Robust Monte Carlo Methods for Light Transport Simulation", section 9.2.2: the power heuristic with exponent 2.
-  static PRIMRAY_INLINE F mis_weight(F pdf, F other) {
-    const F r = other / pdf;
-    return 1.0f / (1.0f + r * r);
-  }
-
-  void sample_light(B scatters, const Interaction<W>& it, const V& ng, const Frame<F>& frame, const V& wo, const Bsdf<W>& bsdf,
-                    const Sampler<W>& sampler, I bounce, const V& beta, I slot) {
-    const LightTable& lights = scene_.lights;
-    const Pair<W> u = sampler.pair(bounce, Purpose::kLightPoint);
-    const F choice_u = lights.count > 1 ? sampler.single(bounce, Purpose::kLightChoice) : F(0.0f);
-    const LightChoice<W> choice = choose_light(lights, it.p, choice_u);
+    const I bounce = p.vertex + I(1);
+    const Pair<W> u = p.sampler.pair(bounce, Purpose::kLightPoint);
+    const F choice_u = lights.count > 1 ? p.sampler.single(bounce, Purpose::kLightChoice) : F(0.0f);
+    const LightChoice<W> choice = choose_light(lights, v.it.p, choice_u);
     B useful = scatters & (choice.probability > F(0.0f));
     if (!any(useful)) return;
-    const LightSample<W> s = light_sample(lights, choice.light, useful, it.p, u.u, u.v);
-    const V wi = frame.to_local(s.wi);
-    useful &= (s.pdf > F(0.0f)) & (dot(ng, s.wi) > F(0.0f)) & (wi.z > F(0.0f));
+    const LightSample<W> s = light_sample(lights, choice.light, useful, v.it.p, u.u, u.v);
+    const V wi = v.frame.to_local(s.wi);
+    useful &= (s.pdf > F(0.0f)) & (dot(v.ng, s.wi) > F(0.0f)) & (wi.z > F(0.0f));
     if (!any(useful)) return;
-    const BsdfEval<W> f = bsdf.eval(wo, wi);
+    const BsdfEval<W> f = v.bsdf.eval(v.wo, wi);
     V reflected = f.diffuse + f.specular;
-    const F pdf = s.pdf * choice.probability;
-    F weight = select(s.is_delta, F(1.0f), mis_weight(pdf, f.pdf));
     if (lights.lobe_factors) {
       const LightRow<W> row(lights, choice.light);
       reflected = f.diffuse * row(kDiffuseFactor) + f.specular * row(kSpecularFactor);
-      weight = select((row.flags() & I(kSampledOnly)) != I(0), F(1.0f), weight);
     }
-    const V carried = beta * reflected * s.L * (weight / pdf);
+    const F pdf = s.pdf * choice.probability;
+    const F weight = select(s.is_delta, F(1.0f), mis_weight(pdf, f.pdf));
+    const V carried = p.beta * reflected * s.L * (weight / pdf);
     useful &= max_component(carried) > F(0.0f);
-    push_shadow(useful, it.p + ng * it.offset, s.wi, s.t * kNearlyOne, carried, slot);
+    if (any(useful)) w_.shadows.append(useful, v.it.p + v.ng * v.it.offset, s.wi, s.t * kNearlyOne, carried, p.slot);
   }
 
-  void push_shadow(B m, const V& o, const V& d, F tfar, const V& carried, I slot) {
-    if (!any(m)) return;
-    ShadowQueue& q = w_.shadows;
-    const Compaction<W> c(m);
-    const int at = q.count;
-    c.append(q.ox + at, o.x), c.append(q.oy + at, o.y), c.append(q.oz + at, o.z);
-    c.append(q.dx + at, d.x), c.append(q.dy + at, d.y), c.append(q.dz + at, d.z), c.append(q.tfar + at, tfar);
-    c.append(q.r + at, carried.x), c.append(q.g + at, carried.y), c.append(q.b + at, carried.z), c.append(q.slot + at, slot);
-    q.count += c.count;
+  // Sends the paths on; a path at its first surface that is no mirror is split, which spends more on what comes after
+  // than on finding that surface.
+  void scatter(B scatters, const Vertex& v, const PathLanes<W>& p) {
+    const int splits = settings_.splits;
+    const B split = scatters & (p.vertex == I(0)) & !v.bsdf.mirror;
+    if (splits == 1 || !any(split)) {
+      scatter_once(scatters, v, p);
+      return;
+    }
+    // The parts take the numbers after each other in a sequence `splits` times as long.
+    const vuint<W> index = reverse_bits(p.sampler.reversed_index);
+    PathLanes<W> part = p;
+    part.splits = select(split, F(float(splits)), p.splits);
+    part.beta = select(split, p.beta * (1.0f / float(splits)), p.beta);
+    for (int k = 0; k < splits; ++k) {
+      const vuint<W> number = index * vuint<W>(uint32_t(splits)) + vuint<W>(uint32_t(k));
+      part.sampler.reversed_index = select(split, reverse_bits(number), p.sampler.reversed_index);
+      scatter_once(k == 0 ? scatters : split, v, part);
+    }
   }
 
-  void continue_paths(B scatters, const Interaction<W>& it, const V& ng, const Frame<F>& frame, const V& wo, const Bsdf<W>& bsdf,
-                      const Sampler<W>& sampler, I bounce, V beta, I slot) {
-    const Pair<W> u = sampler.pair(bounce, Purpose::kDirection);
-    const F lobe = bsdf.any_preview ? sampler.single(bounce, Purpose::kLobe) : F(0.0f);
-    const BsdfSample<W> s = bsdf.sample(wo, lobe, u.u, u.v);
-    const V wi = frame.to_world(s.wi);
-    const F out = dot(ng, wi);
+  void scatter_once(B scatters, const Vertex& v, const PathLanes<W>& p) {
+    const I bounce = p.vertex + I(1);
+    const Pair<W> u = p.sampler.pair(bounce, Purpose::kDirection);
+    const F lobe = v.bsdf.any_preview ? p.sampler.single(bounce, Purpose::kLobe) : F(0.0f);
+    const BsdfSample<W> s = v.bsdf.sample(v.wo, lobe, u.u, u.v);
+    PathLanes<W> n = p;
+    n.ray.d = select(s.straight, p.ray.d, v.frame.to_world(s.wi));
+    const F out = dot(v.ng, n.ray.d);
     // The true surface decides which side a direction is on, whatever the shading normal says.
-    B alive = scatters & select_bool(s.transmits, out < F(0.0f), out > F(0.0f));
-    beta *= s.weight;
-    alive &= max_component(beta) > F(0.0f);
+    B alive = scatters & ((s.transmits & (out < F(0.0f))) | ((!s.transmits) & (out > F(0.0f))));
+    n.beta = p.beta * s.weight;
+    alive &= max_component(n.beta) > F(0.0f);
+    n.vertex = bounce;
+    n.depth = p.depth + select(s.straight, I(0), I(1));
+    alive &= n.depth <= I(settings_.max_depth);
     // The last vertex only looks for light: without any that a ray could meet, there is nothing to look for.
-    if (!scene_.rays_find_light) alive &= bounce < I(settings_.max_depth);
-    const B roulette = alive & (bounce >= I(kRouletteStart));
+    const B last = n.depth == I(settings_.max_depth);
+    if (!scene_.rays_find_light) alive &= !last;
+    n.bsdf_pdf = select(s.straight, p.bsdf_pdf, s.pdf);
+    if (scene_.has_thin) n.travelled = select(s.straight, p.travelled + dot(v.it.p - p.ray.o, p.ray.d), F(0.0f));
+    if (scene_.lights.lobe_factors) n.share = select(s.straight, p.share, s.diffuse_share);
+    const B roulette = alive & (bounce >= I(kRouletteStart)) & !s.straight;
     if (any(roulette)) {
-      const F survive = min(max_component(beta), 1.0f);
-      const F r = sampler.single(bounce, Purpose::kRoulette);
+      const F survive = min(max_component(n.beta) * n.splits * kRouletteKeep, 1.0f);
+      const F r = p.sampler.single(bounce, Purpose::kRoulette);
       alive &= !(roulette & (r >= survive));
-      beta = select(roulette, beta * (1.0f / survive), beta);
+      n.beta = select(roulette, n.beta * (1.0f / survive), n.beta);
     }
     if (!any(alive)) return;
-    const V o = it.p + ng * (it.offset * select(out > F(0.0f), F(1.0f), F(-1.0f)));
-    PathPool& pool = w_.pool;
-    const Compaction<W> c(alive);
-    const int at = pool.count;
-    c.append(pool.ox + at, o.x), c.append(pool.oy + at, o.y), c.append(pool.oz + at, o.z);
-    c.append(pool.dx + at, wi.x), c.append(pool.dy + at, wi.y), c.append(pool.dz + at, wi.z);
-    store(pool.tnear + at, F(0.0f)), store(pool.tfar + at, F(kInfinity));
-    c.append(pool.beta_r + at, beta.x), c.append(pool.beta_g + at, beta.y), c.append(pool.beta_b + at, beta.z);
-    c.append(pool.bsdf_pdf + at, s.pdf), c.append(pool.slot + at, slot), c.append(pool.depth + at, bounce);
-    c.append(pool.reversed_index + at, sampler.reversed_index), c.append(pool.seed + at, sampler.seed);
-    pool.count += c.count;
+    n.ray.o = v.it.p + v.ng * (v.it.offset * select(out > F(0.0f), F(1.0f), F(-1.0f)));
+    // What the camera does not see beyond its far plane it does not see through a gap either.
+    n.ray.tnear = F(0.0f);
+    n.ray.tfar = select(s.straight & (p.depth == I(0)), p.ray.tfar - dot(n.ray.o - p.ray.o, p.ray.d), F(kInfinity));
+    if (scene_.only_domes_found && any(alive & last & !s.straight)) {
+      // Only whether it meets the sky counts: a shadow ray tells that for less.
+      const B sky = alive & last & !s.straight;
+      const V carried = n.beta * meet_domes(scene_.lights, n);
+      const B lit = sky & (max_component(carried) > F(0.0f));
+      if (any(lit)) w_.shadows.append(lit, n.ray.o, n.ray.d, F(kInfinity), carried, p.slot);
+      alive &= !sky;
+      if (!any(alive)) return;
+    }
+    w_.next->append(Compaction<W>(alive), n, scene_.has_thin, scene_.lights.lobe_factors);
   }
-
-  static PRIMRAY_INLINE B select_bool(B m, B a, B b) { return (m & a) | ((!m) & b); }
 
   void trace_shadows() {
     ShadowQueue& q = w_.shadows;

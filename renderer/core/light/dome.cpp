@@ -26,13 +26,10 @@ std::vector<double> texel_means(const Dome& d) {
 
 }  // namespace
 
-void build_dome_distribution(Dome& d, bool compensate) {
+void build_dome_distribution(Dome& d) {
   constexpr double pi = 3.14159265358979323846;
-  d.compensated = compensate;
   if (d.width == 0) {
-    // The BSDF's rays alone are as good as it gets under a constant sky.
-    d.sampled = !compensate;
-    d.irradiance = pi * luminance(d.tint);
+    d.sampled = false;  // the BSDF's rays alone are as good as it gets under a constant sky
     return;
   }
   const int w = d.width, h = d.height;
@@ -44,17 +41,14 @@ void build_dome_distribution(Dome& d, bool compensate) {
     solid_angle[y] = 2 * pi / w * (std::cos(pi * y / h) - std::cos(pi * (y + 1) / h));
     for (int x = 0; x < w; ++x) total += weight[size_t(y) * w + x] * solid_angle[y];
   }
-  if (compensate) {
-    const double mean = total / (4 * pi);
-    // A sky that is nearly even gains nothing from light samples either.
-    total = 0;
-    for (int y = 0; y < h; ++y)
-      for (int x = 0; x < w; ++x) {
-        double& v = weight[size_t(y) * w + x];
-        v = std::max(0.0, v - mean);
-        total += v * solid_angle[y];
-      }
-  }
+  const double mean = total / (4 * pi);
+  total = 0;
+  for (int y = 0; y < h; ++y)
+    for (int x = 0; x < w; ++x) {
+      double& v = weight[size_t(y) * w + x];
+      v = std::max(0.0, v - mean);
+      total += v * solid_angle[y];
+    }
   d.sampled = total > 0;
   d.irradiance = total;
   if (!d.sampled) return;

@@ -21,12 +21,11 @@ struct Dome {
   // Sampling: cumulative probabilities of rows, and of columns in each row; probability density of each texel per steradian.
   std::vector<float> row_cdf, column_cdf, density, row_cos;  // height + 1, height (width + 1), height width, height + 1
   bool sampled = false;
-  bool compensated = false;  // else density covers every direction that has radiance
   double irradiance = 0;     // upper estimate from what is sampled, for choosing among lights
 };
 
-// Fills the distributions from the texels; `compensate` only where the BSDF's rays also look at the dome.
-void build_dome_distribution(Dome& dome, bool compensate);
+// Fills the distributions from the texels.
+void build_dome_distribution(Dome& dome);
 
 // The last i in [0, n) with cdf[base + i] <= u, for cdf ascending from 0.
 template <int W>
@@ -81,7 +80,7 @@ PRIMRAY_INLINE vvec3<W> dome_radiance(const Dome& dome, const DomeCoordinates<W>
 template <int W>
 PRIMRAY_INLINE vvec3<W> dome_eval(const Dome& dome, const vvec3<W>& w, vfloat<W>& pdf) {
   if (dome.width == 0) {
-    pdf = vfloat<W>(dome.sampled ? 0.25f * kInvPi : 0.0f);
+    pdf = vfloat<W>(0.0f);
     return {vfloat<W>(dome.tint.x), vfloat<W>(dome.tint.y), vfloat<W>(dome.tint.z)};
   }
   const DomeCoordinates<W> c(dome, w);
@@ -96,22 +95,16 @@ PRIMRAY_INLINE vvec3<W> dome_eval(const Dome& dome, const vvec3<W>& w, vfloat<W>
 // Direction in world space with its density; only for a dome that is sampled.
 template <int W>
 PRIMRAY_INLINE vvec3<W> dome_sample(const Dome& dome, vfloat<W> u, vfloat<W> v) {
-  vfloat<W> cos_theta, turn;
-  if (dome.width == 0) {
-    cos_theta = 1.0f - 2.0f * u;
-    turn = v;
-  } else {
-    const float *rows = dome.row_cdf.data(), *columns = dome.column_cdf.data();
-    const vint<W> y = find_interval<W>(rows, vint<W>(0), dome.height, u);
-    const vfloat<W> r0 = gather<W>(rows, y), r1 = gather<W>(rows + 1, y);
-    const vint<W> base = y * vint<W>(dome.width + 1);
-    const vint<W> x = find_interval<W>(columns, base, dome.width, v);
-    const vfloat<W> c0 = gather<W>(columns, base + x), c1 = gather<W>(columns + 1, base + x);
-    const vfloat<W> fy = clamp((u - r0) / max(r1 - r0, 1e-30f), 0.0f, 1.0f), fx = clamp((v - c0) / max(c1 - c0, 1e-30f), 0.0f, 1.0f);
-    const vfloat<W> cos0 = gather<W>(dome.row_cos.data(), y), cos1 = gather<W>(dome.row_cos.data() + 1, y);
-    cos_theta = cos0 + fy * (cos1 - cos0);
-    turn = 0.5f - (to_float(x) + fx) * (1.0f / float(dome.width));
-  }
+  const float *rows = dome.row_cdf.data(), *columns = dome.column_cdf.data();
+  const vint<W> y = find_interval<W>(rows, vint<W>(0), dome.height, u);
+  const vfloat<W> r0 = gather<W>(rows, y), r1 = gather<W>(rows + 1, y);
+  const vint<W> base = y * vint<W>(dome.width + 1);
+  const vint<W> x = find_interval<W>(columns, base, dome.width, v);
+  const vfloat<W> c0 = gather<W>(columns, base + x), c1 = gather<W>(columns + 1, base + x);
+  const vfloat<W> fy = clamp((u - r0) / max(r1 - r0, 1e-30f), 0.0f, 1.0f), fx = clamp((v - c0) / max(c1 - c0, 1e-30f), 0.0f, 1.0f);
+  const vfloat<W> cos0 = gather<W>(dome.row_cos.data(), y), cos1 = gather<W>(dome.row_cos.data() + 1, y);
+  const vfloat<W> cos_theta = cos0 + fy * (cos1 - cos0);
+  const vfloat<W> turn = 0.5f - (to_float(x) + fx) * (1.0f / float(dome.width));
   const vfloat<W> sin_theta = safe_sqrt((1.0f - cos_theta) * (1.0f + cos_theta));
   const SinCos<W> phi = sincos_turns(turn);
   const vvec3<W> w{sin_theta * phi.sin, cos_theta, sin_theta * phi.cos};

@@ -40,10 +40,10 @@ enum LightField : int {
 };
 enum LightFlag : int32_t {
   kSheared = 1,
-  kSampledOnly = 2,  // its factors differ by lobe: BSDF rays do not see it, light samples count in full
 };
 
-struct DomeFactors {
+// A light's multipliers of what surfaces reflect diffusely and specularly (UsdLux inputs:diffuse, inputs:specular).
+struct LobeFactors {
   float diffuse = 1, specular = 1;
 };
 
@@ -52,7 +52,7 @@ struct LightTable {
   int count = 0;
   std::vector<Dome> domes;  // all of them, sampled or not
   std::vector<int> dome_light;       // by dome: its row, or -1
-  std::vector<DomeFactors> dome_factors;
+  std::vector<LobeFactors> dome_factors;
   std::vector<float> power_cdf;      // count + 1; used where there are too many lights to weigh each
   bool needs_hit_test = false;       // some light has area or a cone that BSDF rays can meet
   bool camera_sees_area = false;

@@ -12,8 +12,38 @@ namespace primray {
 // What a number is for; each bounce owns kPurposes of them, the camera ray counts as bounce 0.
 enum class Purpose : uint32_t { kFilm, kLens, kDirection, kLobe, kLightPoint, kLightChoice, kRoulette, kCount };
 
+// The bits of x in reverse: with byte shuffles where there are any, six instructions in place of two dozen.
+#if defined(__AVX2__)
+// Reversed nibbles, as low and as high halves of a byte.
+alignas(16) constexpr uint8_t kReversedLow[16] = {0x00, 0x80, 0x40, 0xc0, 0x20, 0xa0, 0x60, 0xe0, 0x10, 0x90, 0x50, 0xd0, 0x30, 0xb0, 0x70, 0xf0};
+alignas(16) constexpr uint8_t kReversedHigh[16] = {0x00, 0x08, 0x04, 0x0c, 0x02, 0x0a, 0x06, 0x0e, 0x01, 0x09, 0x05, 0x0d, 0x03, 0x0b, 0x07, 0x0f};
+alignas(16) constexpr uint8_t kByteOrder[16] = {3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12};
+
+PRIMRAY_INLINE __m128i load_bytes(const uint8_t* p) { return _mm_load_si128(reinterpret_cast<const __m128i*>(p)); }
+PRIMRAY_INLINE vuint<8> reverse_bits_by_bytes(vuint<8> x) {
+  const __m256i nibble = _mm256_set1_epi8(15), v = (__m256i)x.v;
+  const __m256i low = _mm256_shuffle_epi8(_mm256_broadcastsi128_si256(load_bytes(kReversedLow)), _mm256_and_si256(v, nibble));
+  const __m256i high =
+      _mm256_shuffle_epi8(_mm256_broadcastsi128_si256(load_bytes(kReversedHigh)), _mm256_and_si256(_mm256_srli_epi16(v, 4), nibble));
+  return (vuint<8>::Raw)_mm256_shuffle_epi8(_mm256_or_si256(low, high), _mm256_broadcastsi128_si256(load_bytes(kByteOrder)));
+}
+#endif
+#if defined(__AVX512BW__)
+PRIMRAY_INLINE vuint<16> reverse_bits_by_bytes(vuint<16> x) {
+  const __m512i nibble = _mm512_set1_epi8(15), v = (__m512i)x.v;
+  const __m512i low = _mm512_shuffle_epi8(_mm512_broadcast_i32x4(load_bytes(kReversedLow)), _mm512_and_si512(v, nibble));
+  const __m512i high = _mm512_shuffle_epi8(_mm512_broadcast_i32x4(load_bytes(kReversedHigh)), _mm512_and_si512(_mm512_srli_epi16(v, 4), nibble));
+  return (vuint<16>::Raw)_mm512_shuffle_epi8(_mm512_or_si512(low, high), _mm512_broadcast_i32x4(load_bytes(kByteOrder)));
+}
+#endif
 template <int W>
 PRIMRAY_INLINE vuint<W> reverse_bits(vuint<W> x) {
+#if defined(__AVX512BW__)
+  if constexpr (W == 16) return reverse_bits_by_bytes(x);
+#endif
+#if defined(__AVX2__)
+  if constexpr (W == 8) return reverse_bits_by_bytes(x);
+#endif
   x = ((x >> 1) & vuint<W>(0x55555555u)) | ((x & vuint<W>(0x55555555u)) << 1);
   x = ((x >> 2) & vuint<W>(0x33333333u)) | ((x & vuint<W>(0x33333333u)) << 2);
   x = ((x >> 4) & vuint<W>(0x0f0f0f0fu)) | ((x & vuint<W>(0x0f0f0f0fu)) << 4);

@@ -131,7 +131,6 @@ int64_t SceneBuilder::add_placement(int prototype, std::span<const double> rows)
   const daffine core_from_world{{s.scale, 0, 0}, {0, s.scale, 0}, {0, 0, s.scale}, s.origin * -s.scale};
   const int32_t first = int32_t(s.world_from_group.size() / 12);
   int64_t left_out = 0;
-  s.world_from_group.reserve(s.world_from_group.size() + rows.size());
   for (size_t i = 0; i < rows.size(); i += 12) {
     const daffine world_from_prototype = affine_from_rows(&rows[i]);
     if (!is_regular(world_from_prototype)) {
@@ -182,6 +181,7 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
   }
   finish_light_rows(s.lights);
   s.rays_find_light = s.has_emission || s.lights.needs_hit_test || !s.lights.domes.empty();
+  s.only_domes_found = !s.has_emission && !s.lights.needs_hit_test && !s.lights.domes.empty();
   build_accel(s);
   return std::move(scene_);
 }

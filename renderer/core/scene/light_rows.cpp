@@ -60,8 +60,7 @@ void add_dome(const LightInput& light, LightTable& table, float* row, bool& samp
   d.tint = light.emission;
   d.width = light.texture_width, d.height = light.texture_height;
   d.texels.assign(light.texels.begin(), light.texels.end());
-  const bool plain = light.diffuse == 1 && light.specular == 1;
-  if (light.diffuse != 0 || light.specular != 0) build_dome_distribution(d, plain);
+  if (light.diffuse != 0 || light.specular != 0) build_dome_distribution(d);
   sampled = d.sampled;
   row[kSize1] = float(table.domes.size());
   row[kImportance] = float(d.irradiance);
@@ -74,11 +73,11 @@ void add_dome(const LightInput& light, LightTable& table, float* row, bool& samp
 
 void add_light_rows(const LightInput& light, const dvec3& origin, double scale, LightTable& table) {
   float row[kLightFields] = {};
-  const bool plain = light.diffuse == 1 && light.specular == 1;
+  table.lobe_factors |= light.diffuse != 1 || light.specular != 1;
   row[kType] = float(int(light.type));
   row[kDiffuseFactor] = light.diffuse, row[kSpecularFactor] = light.specular;
   row[kInverseDet] = 1;
-  int flags = plain ? 0 : kSampledOnly;
+  int flags = 0;
   dvec3 emission(light.emission);
   bool sampled = true;
   daffine m = light.world_from_light;
@@ -128,7 +127,6 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
   if (flags & kSheared) row[kInverseDet] = float(std::fabs(1 / det));
   put(row, kRadiance, emission);
   row[kLightFlags] = float(flags);
-  table.lobe_factors |= !plain;
   table.rows.insert(table.rows.end(), row, row + kLightFields);
   ++table.count;
 }

@@ -74,7 +74,8 @@ struct Scene {
   bool has_spheres = false;
   bool has_attributes = false;  // smooth normals or varying colours
   bool has_emission = false;
-  bool rays_find_light = false; // domes, areas or emission that a scattered ray could meet
+  bool rays_find_light = false;  // domes, areas or emission that a scattered ray could meet
+  bool only_domes_found = false; // ... and of these only domes, for which it is enough to know that nothing is hit
   bool has_thin = false;        // something lets light straight through: shadow rays must look at what they hit
 
   rtc::Scene accel() const { return groups[0].accel.get(); }

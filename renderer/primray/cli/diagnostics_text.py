@@ -9,7 +9,7 @@ _PRIMS_SHOWN = 3
 
 
 def diagnostics_lines(diagnostics: Iterable[Mapping[str, str]], *, verbose: bool = False) -> list[str]:
-    """Lines for diagnostics in their JSON form; information only if `verbose` or if there is nothing worse."""
+    """Lines for diagnostics in their JSON form; with all their prims if `verbose`."""
     groups: dict[tuple[str, str], list[Mapping[str, str]]] = {}
     for diagnostic in diagnostics:
         groups.setdefault((diagnostic["severity"], diagnostic["code"]), []).append(diagnostic)

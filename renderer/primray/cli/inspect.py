@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, is_dataclass
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -14,6 +14,8 @@ from .frames import parse_frames
 
 if TYPE_CHECKING:
     from ..description import SceneDescription
+
+_SHOWN = 10  # cameras and lights, unless verbose
 
 
 def inspect(
@@ -33,6 +35,7 @@ def inspect(
     from .. import usd
     from ..diagnostics import Diagnostics
     from ..summary import summary
+    from ..usd import camera_paths
     from .json_lines import print_line
 
     time_codes: list[float | None] = [None] if frame is None else [*parse_frames(frame)]
@@ -52,10 +55,10 @@ def inspect(
     facts = {
         "type": "scene",
         "scene": scene,
-        "cameras": usd.camera_paths(stage),
+        "cameras": camera_paths(stage),
         "camera": camera_facts(description),
         "lights": light_facts(description),
-        "counts": as_plain(summary(description)),
+        "counts": counts(summary(description)),
         "diagnostics": [diagnostic.as_json() for diagnostic in diagnostics],
     }
     if json:
@@ -91,35 +94,49 @@ def light_facts(description: SceneDescription) -> list[dict[str, Any]]:
     ]
 
 
-def as_plain(value: Any) -> Any:
-    return asdict(value) if is_dataclass(value) and not isinstance(value, type) else dict(value)
+def counts(summed: Any) -> dict[str, int]:
+    """The numbers of a Summary."""
+    return {name: value for name, value in asdict(summed).items() if isinstance(value, int)}
 
 
 def _print_table(facts: dict[str, Any], verbose: bool) -> None:
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
     from .diagnostics_text import diagnostics_lines
 
-    table = Table(show_header=False, box=None, pad_edge=False)
-    camera = facts["camera"]
-    width, height = camera["resolution"]
-    table.add_row("camera", escape(f"{camera['path'] or 'automatic'} ({camera['projection']}), {width} x {height}"))
-    others = [path for path in facts["cameras"] if path != camera["path"]]
-    for path in others if verbose else others[:10]:
-        table.add_row("", escape(f"also {path}"))
-    for light in facts["lights"] if verbose else facts["lights"][:20]:
-        emission = " ".join(f"{v:.4g}" for v in light["emission"])
-        texture = f", {light['texture']}" if light["texture"] else ""
-        table.add_row("light", escape(f"{light['path'] or 'default'} ({light['type']}), {emission}{texture}"))
-    if not verbose and len(facts["lights"]) > 20:
-        table.add_row("", f"and {len(facts['lights']) - 20} more lights")
-    for name, value in facts["counts"].items():
-        if name.endswith("_bytes"):
-            table.add_row(name.removesuffix("_bytes").replace("_", " "), f"{value / 2**20:.1f} MiB")
-        else:
-            table.add_row(name.replace("_", " "), f"{value:,}" if isinstance(value, int) else escape(str(value)))
-    Console(soft_wrap=True, highlight=False).print(table)
+    rows = _camera_rows(facts, verbose) + _light_rows(facts["lights"], verbose) + _count_rows(facts["counts"])
+    indent = max(len(name) for name, _ in rows) + 2
+    for name, text in rows:
+        print(f"{name:{indent}}{text}")
     for line in diagnostics_lines(facts["diagnostics"], verbose=verbose):
         print(line)
+
+
+def _camera_rows(facts: dict[str, Any], verbose: bool) -> list[tuple[str, str]]:
+    camera = facts["camera"]
+    width, height = camera["resolution"]
+    others = [path for path in facts["cameras"] if path != camera["path"]]
+    rows = [("camera", f"{camera['path'] or 'automatic'} ({camera['projection']}), {width} x {height}")]
+    rows += [("", f"also {path}") for path in (others if verbose else others[:_SHOWN])]
+    return rows + _rest(others, "cameras", verbose)
+
+
+def _light_rows(lights: list[dict[str, Any]], verbose: bool) -> list[tuple[str, str]]:
+    rows = []
+    for light in lights if verbose else lights[:_SHOWN]:
+        emission = " ".join(f"{v:.4g}" for v in light["emission"])
+        texture = f", {light['texture']}" if light["texture"] else ""
+        rows.append(("light", f"{light['path']} ({light['type']}), {emission}{texture}"))
+    return rows + _rest(lights, "lights", verbose)
+
+
+def _rest(things: list[Any], what: str, verbose: bool) -> list[tuple[str, str]]:
+    return [] if verbose or len(things) <= _SHOWN else [("", f"and {len(things) - _SHOWN} more {what}")]
+
+
+def _count_rows(counted: dict[str, int]) -> list[tuple[str, str]]:
+    rows = []
+    for name, value in counted.items():
+        if name.endswith("_bytes"):
+            rows.append((name.removesuffix("_bytes").replace("_", " "), f"{value / 2**20:.1f} MiB"))
+        else:
+            rows.append((name.replace("_", " "), f"{value:,}"))
+    return rows

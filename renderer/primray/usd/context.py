@@ -26,6 +26,15 @@ class Context:
     shared_geometry: dict[str, Any] = field(default_factory=dict)  # prim path -> geometry, where prototypes share it
     shares: frozenset[str] = frozenset()  # prim paths that more than one prototype holds
 
+    prototype_names: dict[str, str] = field(default_factory=dict)  # /__Prototype_N -> its first instance
+
+    def shown(self, path: str) -> str:
+        """A path as users know it: what lies in a prototype by its first instance, since USD numbers prototypes as it likes."""
+        if not path.startswith("/__Prototype_"):
+            return path
+        root, slash, rest = path[1:].partition("/")
+        return self.prototype_names.get(f"/{root}", f"/{root}") + slash + rest
+
     def surface_index(self, surface: Surface) -> int:
         """The index of an equal surface, added if there is none."""
         return self.surfaces.setdefault(surface, len(self.surfaces))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from ..description import Camera, Doubles, Projection
+from ..description import Camera, Doubles, Placed, Placement, Projection, Prototype, Shape, Sphere
 from .adapters.camera import Aperture, conform, window_of
 from .adapters.render_settings import StageSettings
 from .read import When
@@ -17,10 +18,12 @@ FOCAL_LENGTH = 50.0
 APERTURE = Aperture(20.955, 15.2908)
 
 
-def framing_camera(stage: Usd.Stage, when: When, resolution: tuple[int, int], stage_settings: StageSettings) -> Camera:
+Bounds = tuple[Doubles, Doubles]  # centre and size of the world's axis-aligned box
+
+
+def framing_camera(bounds: Bounds, z_up: bool, resolution: tuple[int, int], stage_settings: StageSettings) -> Camera:
     """At the centre of the bounds, back from it far enough for them to fit; nothing is clipped."""
-    center, size = _bounds(stage, when, stage_settings.purposes)
-    z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
+    center, size = bounds
     up, depth = (2, 1) if z_up else (1, 2)
     radius = math.hypot(size[0], size[up]) / 2
     tan_half = APERTURE.width / (2 * FOCAL_LENGTH)
@@ -36,15 +39,42 @@ def framing_camera(stage: Usd.Stage, when: When, resolution: tuple[int, int], st
     return Camera("", world_from_camera, Projection.PERSPECTIVE, window_of(aperture, 1 / FOCAL_LENGTH), (0.0, 3e38))
 
 
-def _bounds(stage: Usd.Stage, when: When, purposes: tuple[str, ...]) -> tuple[Doubles, Doubles]:
-    """Centre and size of the world's box; a unit box where the stage is empty or its bounds are not finite."""
+def stage_bounds(stage: Usd.Stage, when: When, purposes: tuple[str, ...]) -> Bounds | None:
+    """As usdrecord sees them, authored extents included; None where there are none, or none that are finite.
+
+    Not to be asked where an instancer contains itself: UsdGeomBBoxCache (26.11) then overflows the stack.
+    """
     time = Usd.TimeCode.EarliestTime() if when.careful else when.time
-    cache = UsdGeom.BBoxCache(time, list(purposes), useExtentsHint=True)
-    box = cache.ComputeWorldBound(stage.GetPseudoRoot())
+    box = UsdGeom.BBoxCache(time, list(purposes), useExtentsHint=True).ComputeWorldBound(stage.GetPseudoRoot())
     aligned = box.ComputeAlignedRange()
     if aligned.IsEmpty():
-        return np.zeros(3), np.ones(3)
+        return None
     center, size = np.array(box.ComputeCentroid()), np.array(aligned.GetSize())
-    if not (np.isfinite(center).all() and np.isfinite(size).all()):
+    return (center, size) if np.isfinite(center).all() and np.isfinite(size).all() else None
+
+
+def shape_bounds(
+    shapes: Sequence[Shape], static: Sequence[Placed], prototypes: Sequence[Prototype], placements: Sequence[Placement]
+) -> Bounds:
+    """Of what has been translated, by the corners of the shapes' own boxes; a unit box where there is nothing."""
+    corners = [_box_corners(shapes[p.shape]) @ p.matrix[:3, :3].T + p.matrix[:3, 3] for p in static]
+    for placement in placements:
+        world = placement.world_from_prototype
+        for p in prototypes[placement.prototype].shapes:
+            local = _box_corners(shapes[p.shape]) @ p.matrix[:3, :3].T + p.matrix[:3, 3]
+            corners.append((local @ world[:, :, :3].transpose(0, 2, 1) + world[:, None, :, 3]).reshape(-1, 3))
+    if not corners:
         return np.zeros(3), np.ones(3)
-    return center, size
+    low = np.min([c.min(axis=0) for c in corners], axis=0)
+    high = np.max([c.max(axis=0) for c in corners], axis=0)
+    return (low + high) / 2, high - low
+
+
+def _box_corners(shape: Shape) -> Doubles:
+    if isinstance(shape, Sphere):
+        low, high = np.full(3, -shape.radius), np.full(3, shape.radius)
+    else:
+        used = shape.points[np.unique(shape.triangles)].astype(np.float64)
+        low, high = used.min(axis=0), used.max(axis=0)
+    pick = np.array([[(k >> axis) & 1 for axis in range(3)] for k in range(8)], bool)
+    return np.where(pick, high, low)

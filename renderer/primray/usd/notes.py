@@ -35,13 +35,23 @@ _LIGHT_SCHEMAS = {"MeshLightAPI", "VolumeLightAPI"}
 
 def note_prim(prim: ResolvedPrim, kind: str, ctx: Context) -> None:
     """Diagnostics for one prim; `kind` is "" for types that no adapter takes."""
-    schemas = [str(schema).split(":")[0] for schema in prim.prim.GetAppliedSchemas()]
+    schemas = [str(schema).split(":")[0] for schema in prim.prim.GetPrimTypeInfo().GetAppliedAPISchemas()]
     if schemas:
         _note_schemas(prim, schemas, kind, ctx)
     if not kind and prim.type_name:
         _note_type(prim, ctx)
     if "model:drawMode" in prim.names and read(prim.prim, "model:drawMode", ctx.when) not in ("default", "inherited", None):
         ctx.warn("draw-mode", prim.path, f"model:drawMode = {read(prim.prim, 'model:drawMode', ctx.when)}.")
+
+
+def note_velocities(prim: ResolvedPrim, positions: str, ctx: Context) -> None:
+    """Between two samples USD moves `positions` by their velocities; here they are interpolated or held."""
+    if "velocities" not in prim.names or ctx.when.time.IsDefault():
+        return
+    time = ctx.when.time.GetValue()
+    around = prim.prim.GetAttribute(positions).GetBracketingTimeSamples(time)
+    if len(around) == 2 and time not in around:
+        ctx.warn("motion", prim.path, "velocities are ignored between two samples of the positions.")
 
 
 def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
@@ -58,7 +68,7 @@ def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
 
 def _note_schemas(prim: ResolvedPrim, schemas: list[str], kind: str, ctx: Context) -> None:
     for schema in schemas:
-        if schema in _LIGHT_SCHEMAS or (schema == "LightAPI" and kind != "light" and prim.type_name not in UNSUPPORTED_LIGHTS):
+        if schema in _LIGHT_SCHEMAS or (schema == "LightAPI" and kind == "shape"):
             ctx.warn("unsupported-light", prim.path, f"{schema} makes this {prim.type_name} a light; it is rendered unlit.")
         elif schema in ("ColorSpaceAPI", "ColorSpaceDefinitionAPI"):
             ctx.warn("color-space", prim.path, f"{schema} is applied.")

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Tf, Usd, UsdGeom
 
 from ..description import (
     Camera,
@@ -29,11 +30,12 @@ from .adapters.point_instancer import point_instances
 from .adapters.render_settings import StageSettings, render_settings
 from .context import Context
 from .convert import square
+from .framing import Bounds, shape_bounds, stage_bounds
 from .instances import Group, flatten
 from .read import when_of
 from .resolve import ResolvedPrim
-from .stage import usd_messages
-from .view import choose_camera
+from .stage import tf_message, usd_messages
+from .view import select_camera, view_through
 from .walk import walk
 
 ShapeAdapter = Callable[[ResolvedPrim, Context], Shape | None]
@@ -58,6 +60,7 @@ LIGHTS: dict[str, LightAdapter] = dict.fromkeys(
 
 DEFAULT_LIGHT = "primray:default-light"
 MAX_LIGHT_INSTANCES = 1000
+_PROTOTYPE = re.compile(r"/__Prototype_\d+")
 
 
 @dataclass
@@ -74,15 +77,27 @@ class _Scene:
 def translate(stage: Usd.Stage, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
     """What `settings` asks to render of the stage, and everything that the picture will not show as authored."""
     diagnostics = Diagnostics()
+    names: dict[str, str] = {}
     with usd_messages(diagnostics):
-        return _translate(stage, settings, diagnostics), diagnostics
+        description = _translate(stage, settings, diagnostics, names)
+    return description, _with_names(diagnostics, names)
 
 
-def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics) -> SceneDescription:
+def _with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
+    """The same, with paths into prototypes replaced by those of their first instances."""
+    shown = Diagnostics()
+    for d in diagnostics:
+        path, message = (_PROTOTYPE.sub(lambda m: names.get(m[0], m[0]), text) for text in (d.prim_path, d.message))
+        shown.add(d.code, path, message)
+    return shown
+
+
+def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
     cameras, settings_prims = _find_by_type(stage, diagnostics)
     stage_settings = render_settings(stage, settings_prims, diagnostics)
     ctx = _context(stage, settings, stage_settings, diagnostics)
-    camera, resolution = choose_camera(stage, ctx, stage_settings, cameras)
+    ctx.prototype_names = names
+    camera_prim = select_camera(stage, ctx, stage_settings, cameras)
     kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
     groups = walk(ctx, kinds, point_instances)
     world, cyclic = flatten(groups, settings.max_memory_bytes or _physical_memory() // 2)
@@ -95,6 +110,12 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     for group, placed in zip(groups, world, strict=True):
         _add_group(scene, group, _valid(placed, group, ctx), ctx)
     _add_default_light(scene, ctx)
+
+    def bounds() -> Bounds:
+        whole = None if cyclic else stage_bounds(stage, ctx.when, ctx.purposes)
+        return whole or shape_bounds(scene.shapes, scene.static, scene.prototypes, scene.placements)
+
+    camera, resolution = view_through(camera_prim, ctx, stage_settings, bounds)
     return _describe(scene, ctx, camera, resolution)
 
 
@@ -102,6 +123,11 @@ def _context(stage: Usd.Stage, settings: RenderSettings, wanted: StageSettings, 
     when = when_of(stage, settings.time_code)
     purposes = settings.purposes if settings.purposes is not None else wanted.purposes
     return Context(stage, settings, when, purposes, wanted.material_purposes, diagnostics)
+
+
+def camera_paths(stage: Usd.Stage) -> list[str]:
+    """The cameras that could be asked for."""
+    return [str(prim.GetPath()) for prim in stage.Traverse() if prim.GetTypeName() == "Camera"]
 
 
 def _find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> tuple[list[Usd.Prim], list[Usd.Prim]]:
@@ -153,16 +179,23 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], world: Doubles, ctx: C
             ctx.warn("invalid-transform", leaf.path, "Its transform is not finite.")
         elif leaf.type_name in LIGHTS:
             _add_lights(scene, leaf, world, ctx)
-        else:
-            shape = SHAPES[leaf.type_name](leaf, ctx)
-            if shape is not None:
-                members.append(Placed(len(scene.shapes), leaf.group_from_prim if once is None else once @ leaf.group_from_prim))
-                scene.shapes.append(shape)
+        elif (shape := _shape(leaf, ctx)) is not None:
+            matrix = leaf.group_from_prim if once is None else once @ leaf.group_from_prim
+            members.append(Placed(len(scene.shapes), matrix))
+            scene.shapes.append(shape)
     if once is not None:
         scene.static += members
     elif members:
         scene.placements.append(Placement(len(scene.prototypes), world))
         scene.prototypes.append(Prototype(group.path, tuple(members)))
+
+
+def _shape(leaf: ResolvedPrim, ctx: Context) -> Shape | None:
+    try:
+        return SHAPES[leaf.type_name](leaf, ctx)
+    except Tf.ErrorException as error:
+        ctx.warn("unsupported-prim", leaf.path, f"USD failed to read it: {tf_message(error)}")
+        return None
 
 
 def _add_lights(scene: _Scene, leaf: ResolvedPrim, world: Doubles, ctx: Context) -> None:

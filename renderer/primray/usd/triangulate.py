@@ -38,12 +38,14 @@ def triangulate(points: npt.NDArray[np.floating], counts: Ints, indices: Ints, k
     in_double = points.astype(np.float64)
     sizes = counts[faces]
     if sizes.min() == sizes.max():
-        corners, owners = _of_size(in_double, indices, starts, faces, int(sizes[0]))
+        corners, owners, solid = _of_size(in_double, indices, starts, faces, int(sizes[0]))
+        if solid:
+            return Triangles(indices[corners].astype(np.int32, copy=False), corners.astype(np.int32), owners.astype(np.int32))
     else:
         parts = [_of_size(in_double, indices, starts, faces[sizes == n], int(n)) for n in np.unique(sizes)]
-        owners = np.concatenate([owner for _, owner in parts])
+        owners = np.concatenate([owner for _, owner, _ in parts])
         order = np.argsort(owners, kind="stable")
-        corners, owners = np.concatenate([corner for corner, _ in parts])[order], owners[order]
+        corners, owners = np.concatenate([corner for corner, _, _ in parts])[order], owners[order]
     return _with_area(in_double, indices, corners, owners)
 
 
@@ -63,14 +65,14 @@ def _with_area(points: Doubles, indices: Ints, corners: Indices, faces: Indices)
     return Triangles(triangles.astype(np.int32, copy=False), corners.astype(np.int32), faces.astype(np.int32))
 
 
-def _of_size(points: Doubles, indices: Ints, starts: Indices, faces: Indices, n: int) -> tuple[Indices, Indices]:
-    """Corners (T, 3) and faces (T,) of polygons that all have n vertices."""
+def _of_size(points: Doubles, indices: Ints, starts: Indices, faces: Indices, n: int) -> tuple[Indices, Indices, bool]:
+    """Corners (T, 3) and faces (T,) of polygons that all have n vertices, and whether all are known to have area."""
     corners = starts[faces][:, None] + np.arange(n)
     if n == 3:
-        return corners, faces
+        return corners, faces, False
     bent = _turns(points[indices[corners]]) <= 0
     if not bent.any():
-        return _fans(corners), np.repeat(faces, n - 2)
+        return _fans(corners), np.repeat(faces, n - 2), n == 4  # a quad's triangles are two of its corners
     number = bent.sum(axis=1)
     if n == 4:  # a quad's fan from its one reflex vertex is right
         one = number == 1
@@ -80,7 +82,7 @@ def _of_size(points: Doubles, indices: Ints, starts: Indices, faces: Indices, n:
     triangles = _fans(corners).reshape(len(faces), n - 2, 3)
     for f in np.flatnonzero(number):
         triangles[f] = corners[f][ear_clip(points[indices[corners[f]]])]
-    return triangles.reshape(-1, 3), np.repeat(faces, n - 2)
+    return triangles.reshape(-1, 3), np.repeat(faces, n - 2), False
 
 
 def _fans(corners: Indices) -> Indices:

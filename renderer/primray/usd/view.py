@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-from pxr import Sdf, Usd
+from collections.abc import Callable
+
+from pxr import Sdf, Usd, UsdGeom
 
 from ..description import Camera
 from ..errors import SettingsError
 from .adapters.camera import Aperture, camera, read_aperture
 from .adapters.render_settings import StageSettings
 from .context import Context
-from .framing import APERTURE, framing_camera
+from .framing import APERTURE, Bounds, framing_camera
 
 DEFAULT_WIDTH = 960  # usdrecord's
 
 
-def choose_camera(
-    stage: Usd.Stage, ctx: Context, stage_settings: StageSettings, cameras: list[Usd.Prim]
-) -> tuple[Camera, tuple[int, int]]:
-    """The camera, conformed to the image, and the image's width and height."""
-    prim = _choose(stage, ctx, stage_settings, cameras)
-    aperture = read_aperture(prim, ctx.when, ctx.diagnostics) if prim is not None else APERTURE
-    resolution = _resolution(ctx.settings.resolution, stage_settings, aperture)
-    if prim is not None:
-        return camera(prim, ctx.when, resolution, stage_settings, ctx.diagnostics), resolution
-    ctx.warn("camera-automatic", "", "The stage has no camera: it is framed as usdrecord would.")
-    return framing_camera(stage, ctx.when, resolution, stage_settings), resolution
-
-
-def _choose(stage: Usd.Stage, ctx: Context, stage_settings: StageSettings, cameras: list[Usd.Prim]) -> Usd.Prim | None:
+def select_camera(stage: Usd.Stage, ctx: Context, stage_settings: StageSettings, cameras: list[Usd.Prim]) -> Usd.Prim | None:
+    """The camera's prim; None where the stage has none. SettingsError when the one asked for does not exist."""
     if ctx.settings.camera is not None:
         return _asked_for(stage, ctx.settings.camera, cameras)
     if stage_settings.camera is not None:
@@ -41,6 +31,19 @@ def _choose(stage: Usd.Stage, ctx: Context, stage_settings: StageSettings, camer
     elif cameras:
         ctx.warn("camera-chosen", str(cameras[0].GetPath()), "The stage's only camera is used.")
     return cameras[0] if cameras else None
+
+
+def view_through(
+    prim: Usd.Prim | None, ctx: Context, stage_settings: StageSettings, bounds: Callable[[], Bounds]
+) -> tuple[Camera, tuple[int, int]]:
+    """The camera, conformed to the image, and the image's size; `bounds` of the world are asked for only without a camera."""
+    aperture = read_aperture(prim, ctx.when, ctx.diagnostics) if prim is not None else APERTURE
+    resolution = _resolution(ctx.settings.resolution, stage_settings, aperture)
+    if prim is not None:
+        return camera(prim, ctx.when, resolution, stage_settings, ctx.diagnostics), resolution
+    ctx.warn("camera-automatic", "", "The stage has no camera: it is framed as usdrecord would.")
+    z_up = str(UsdGeom.GetStageUpAxis(ctx.stage)) == "Z"
+    return framing_camera(bounds(), z_up, resolution, stage_settings), resolution
 
 
 def _asked_for(stage: Usd.Stage, asked: str, cameras: list[Usd.Prim]) -> Usd.Prim:

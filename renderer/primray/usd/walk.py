@@ -47,7 +47,7 @@ class _Walk:
         key = GroupKey(str(root.GetPath()), inherited)
         if key not in self.index:
             self.index[key] = len(self.groups)
-            self.groups.append(Group(key.root))
+            self.groups.append(Group(self.ctx.shown(key.root)))
             self.queue.append((self.index[key], root, inherited))
         return self.index[key]
 
@@ -82,7 +82,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
         to_group = local if resets else local * parent_matrix
         type_name = str(prim.GetTypeName())
         kind = state.leaf_types.get(type_name, "")
-        resolved = ResolvedPrim(prim, str(prim.GetPath()), type_name, names, to_group, mine)
+        resolved = ResolvedPrim(prim, state.ctx.shown(str(prim.GetPath())), type_name, names, to_group, mine)
         note_prim(resolved, kind, state.ctx)
         if type_name == "PointInstancer":
             _expand_points(state, group, resolved)
@@ -102,7 +102,9 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
     by_child: dict[int, list[Gf.Matrix4d]] = {}
     for instance, inner in zip(instances, bindings, strict=True):
         outer = inner_or_outer(inner, instance.inherited.outer)
-        child = state.group(instance.prim.GetPrototype(), replace(instance.inherited, outer=outer))
+        prototype = instance.prim.GetPrototype()
+        state.ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
+        child = state.group(prototype, replace(instance.inherited, outer=outer))
         by_child.setdefault(child, []).append(instance.gf_matrix)
     group.instances += [(child, rows(matrices)) for child, matrices in by_child.items()]
 
@@ -176,7 +178,7 @@ def _subsets(mesh: Usd.Prim, ctx: Context) -> list[Subset]:
     for child in mesh.GetFilteredChildren(Usd.TraverseInstanceProxies(_IN_PROTOTYPE)):
         if child.GetTypeName() != "GeomSubset":
             continue
-        path = str(child.GetPath())
+        path = ctx.shown(str(child.GetPath()))
         if child.GetAttribute("familyName").Get() == UsdShade.Tokens.materialBind:
             found.append(Subset(path, child))
         elif any(str(name).startswith("material:binding") for name in child.GetAuthoredPropertyNames()):

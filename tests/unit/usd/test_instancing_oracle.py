@@ -7,13 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pxr import Gf, Usd, UsdGeom
+
 from primray.description import Mesh, SceneDescription
 from primray.settings import RenderSettings
 from primray.usd import translate
-from pxr import Gf, Usd, UsdGeom
 
 ASSETS = Path(os.environ.get("PRIMRAY_ASSETS", Path(__file__).parents[4] / "shared" / "assets"))
-STAGES = sorted(ASSETS.glob("pixar-imaging/*/*.usda")) + [ASSETS / "intent-vfx/scenes/simpleAssetScene.usd"]
+STAGES = [*sorted(ASSETS.glob("pixar-imaging/*/*.usda")), ASSETS / "intent-vfx/scenes/simpleAssetScene.usd"]
 SHAPES = ("Mesh", "Sphere", "Cube", "Cone", "Cylinder", "Capsule", "Plane")
 HERE = Path(__file__).parent
 

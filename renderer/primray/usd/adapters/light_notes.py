@@ -58,7 +58,7 @@ def _has_cone(prim: ResolvedPrim, ctx: Context) -> bool:
         return False
     one_sided = prim.type_name in ("RectLight", "DiskLight")
     limit = 90.0 if one_sided else 180.0
-    return isinstance(angle, int | float) and angle < limit or _soft(prim, ctx)
+    return (isinstance(angle, int | float) and angle < limit) or _soft(prim, ctx)
 
 
 def _soft(prim: ResolvedPrim, ctx: Context) -> bool:

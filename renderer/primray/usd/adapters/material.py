@@ -32,7 +32,7 @@ class Material:
 
 def material(prim: Usd.Prim, ctx: Context) -> Material:
     """The material's surface, translated once."""
-    path = str(prim.GetPath())
+    path = ctx.shown(str(prim.GetPath()))
     if path not in ctx.materials:
         ctx.materials[path] = _translate(UsdShade.Material(prim), path, ctx)
     made: Material = ctx.materials[path]

@@ -1,4 +1,7 @@
-"""UsdGeomMesh to triangles: topology checked face by face, normals and colours brought to triangles, surfaces assigned."""
+"""UsdGeomMesh to triangles: topology checked face by face, normals and colours brought to triangles, surfaces assigned.
+
+`doubleSided` has no effect: both sides of every surface shade, as in other path tracers.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ import numpy.typing as npt
 from ...description import Floats, Ints, Mesh
 from ..context import Context
 from ..normals import read_normals, shading_normals
+from ..notes import note_velocities
 from ..primvars import Sizes, is_per_point, per_corner, read_primvar
 from ..read import array, read, token
 from ..resolve import ResolvedPrim
@@ -44,6 +48,8 @@ def _shape(prim: ResolvedPrim, geometry: Geometry, appearance: Appearance, ctx: 
     if is_hidden(appearance):
         return None
     colors = _colors(prim, geometry, ctx) if appearance.varying_color else None
+    if appearance.varying_color and colors is None:
+        appearance = Appearance(None)
     index = surface_of(appearance, lambda: is_closed(geometry.points, geometry.triangles.points), ctx)
     return seam_mesh(prim.path, geometry.points, geometry.triangles.points, geometry.normals, colors, index)
 
@@ -69,7 +75,8 @@ def _geometry(prim: ResolvedPrim, ctx: Context) -> Geometry | None:
             f"faceVertexCounts sum to {int(counts.sum(dtype=np.int64))}, but there are {len(indices)} faceVertexIndices.",
         )
         return None
-    points = points.astype(np.float32, copy=False)
+    note_velocities(prim, "points", ctx)
+    points = points.astype(np.float32)
     keep = _usable_faces(prim, points, counts, indices, ctx)
     triangles = triangulate(points, counts, indices, keep)
     sizes = Sizes(len(counts), len(points), len(indices))
@@ -87,10 +94,11 @@ def _usable_faces(
     """The faces that can be rendered; None for all of them."""
     bad_corner = (indices < 0) | (indices >= len(points))
     reasons = ["indices out of range"] if bad_corner.any() else []
-    finite = np.isfinite(points).all(axis=1)
+    finite = np.asarray(np.isfinite(points).all(axis=1))
     if not finite.all() and len(points):
         bad_corner |= ~finite[np.clip(indices, 0, len(points) - 1)]
         reasons.append("points that are not finite")
+        points[~finite] = 0.0  # belongs to no face that is kept
     too_small = counts < 3
     if too_small.any():
         reasons.append("fewer than 3 vertices")
@@ -168,8 +176,8 @@ def _with_subsets(prim: ResolvedPrim, geometry: Geometry, rest: Appearance, ctx:
         faces[indices] = len(parts)
         parts.append(appearance_of(prim, subset.material, ctx))
     of_triangle = faces[geometry.triangles.faces]
-    hidden: npt.NDArray[np.bool_] = np.array([is_hidden(part) for part in parts])
-    visible = ~hidden[of_triangle]
+    hidden = np.array([is_hidden(part) for part in parts])
+    visible = np.logical_not(np.take(hidden, of_triangle))
     if not visible.any():
         return None
     closed = is_closed(geometry.points, geometry.triangles.points)

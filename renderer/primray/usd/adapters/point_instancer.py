@@ -12,6 +12,7 @@ from pxr import UsdGeom
 from ...description import Doubles
 from ..context import Context
 from ..convert import rotations
+from ..notes import note_velocities
 from ..read import array, read, time_of
 from ..resolve import ResolvedPrim
 
@@ -99,5 +100,4 @@ def _note_ignored(prim: ResolvedPrim, ctx: Context) -> None:
         primvar = UsdGeom.Primvar(prim.prim.GetAttribute("primvars:displayColor"))
         if primvar.GetInterpolation() != UsdGeom.Tokens.constant:
             ctx.warn("instance-primvar", prim.path, "primvars:displayColor varies per instance.")
-    if "velocities" in prim.names and not ctx.when.time.IsDefault():
-        ctx.warn("motion", prim.path, "velocities are ignored.")
+    note_velocities(prim, "positions", ctx)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from pxr import Usd
 
-import pytest
 from primray.description import SceneDescription
 from primray.settings import RenderSettings
 from primray.usd import translate
-from pxr import Usd
 
 Translated = tuple[SceneDescription, list[tuple[str, str]]]
 
@@ -23,13 +21,3 @@ def translate_text(text: str, settings: RenderSettings | None = None) -> Transla
     """The description and the diagnostics as (code, prim path)."""
     description, diagnostics = translate(stage_of(text), settings or RenderSettings())
     return description, [(d.code, d.prim_path) for d in diagnostics]
-
-
-@pytest.fixture
-def translated() -> Callable[..., Translated]:
-    return translate_text
-
-
-@pytest.fixture
-def stage() -> Callable[[str], Usd.Stage]:
-    return stage_of

@@ -1,0 +1,58 @@
+"""A SceneDescription and its diagnostics as canonical text: sorted keys, rounded numbers, long arrays by their summary."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Iterable
+from enum import Enum
+from typing import Any
+
+import numpy as np
+
+from primray.description import SceneDescription
+from primray.diagnostics import Diagnostic
+
+LONGEST = 36  # longer arrays are summarised
+
+
+def describe(description: SceneDescription, diagnostics: Iterable[Diagnostic], root: str) -> str:
+    """`root` is cut from the paths of assets, so that the text does not depend on where the checkout lies."""
+    found = {
+        "diagnostics": [f"{d.severity.value} {d.code} {d.prim_path} {d.message}" for d in diagnostics],
+        "scene": _plain(description),
+    }
+    return json.dumps(found, indent=1, sort_keys=True).replace(root, "<root>") + "\n"
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        kind = {"kind": type(value).__name__} if type(value).__name__ in ("Mesh", "Sphere") else {}
+        return kind | {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+    if isinstance(value, Enum):
+        return value.value
+    if isinstance(value, np.ndarray):
+        return _array(value)
+    if isinstance(value, tuple | list):
+        return [_plain(v) for v in value]
+    if isinstance(value, float):
+        return _rounded(value)
+    return value
+
+
+def _array(value: np.ndarray) -> Any:
+    rows = value.reshape(len(value), -1) if value.size else value
+    if value.size <= LONGEST:
+        return [" ".join(str(_rounded(x)) for x in row) for row in rows] if value.ndim > 1 else rows.ravel().tolist()
+    low, high, mean = (" ".join(str(_rounded(x)) for x in np.atleast_1d(f(rows, axis=0))) for f in (np.min, np.max, np.mean))
+    return {"shape": list(value.shape), "min": low, "max": high, "mean": mean}
+
+
+def _rounded(x: float) -> float | int | str:
+    if not math.isfinite(x):
+        return str(float(x))
+    number = float(f"{float(x):.5g}")
+    if abs(number) < 1e-7:
+        return 0
+    return int(number) if number == int(number) and abs(number) < 1e6 else number

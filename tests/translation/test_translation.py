@@ -1,0 +1,51 @@
+"""What stages translate to, as text. PRIMRAY_UPDATE=1 writes the expected files anew: read the difference before committing."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from .describe import describe
+
+from primray.diagnostics import Diagnostics, Severity
+from primray.settings import RenderSettings
+from primray.usd import open_stage, translate
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+CASES = {path.stem: path for path in sorted(HERE.glob("cases/*.usda"))}
+CASES |= {path.parent.name: path for path in sorted(ROOT.glob("scenes/features/*/scene.usda"))}
+CASES |= {path.stem: path for path in sorted(ROOT.glob("scenes/analytic/*.usda"))}
+
+
+def expected_file(path: Path) -> Path:
+    """Beside a case of this folder; for the project's scenes in `scenes/`."""
+    if HERE in path.parents:
+        return path.with_suffix(".expected.json")
+    return HERE / "scenes" / f"{path.parent.name if path.stem == 'scene' else path.stem}.expected.json"
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_case(name: str) -> None:
+    path = CASES[name]
+    opening = Diagnostics()
+    description, diagnostics = translate(open_stage(path, opening), RenderSettings())
+    text = describe(description, [*opening, *diagnostics], str(path.parent))
+    expected = expected_file(path)
+    if os.environ.get("PRIMRAY_UPDATE"):
+        expected.parent.mkdir(exist_ok=True)
+        expected.write_text(text)
+    assert text == expected.read_text()
+
+
+OWN = sorted(ROOT.glob("scenes/**/*.usda"))
+ON_PURPOSE = {"normals": {"subdivision-cage"}}
+
+
+@pytest.mark.parametrize("path", OWN, ids=lambda p: str(p.relative_to(ROOT / "scenes")))
+def test_own_scenes_ask_for_nothing_unsupported(path: Path) -> None:
+    opening = Diagnostics()
+    _, diagnostics = translate(open_stage(path, opening), RenderSettings())
+    bad = {d.code for d in (*opening, *diagnostics) if d.severity is not Severity.INFO}
+    assert bad == ON_PURPOSE.get(path.parent.name, set())
