@@ -60,7 +60,7 @@ def scaling(x: float, y: float, z: float) -> Doubles:
     return np.diag([x, y, z, 1.0])
 
 
-def rotation(axis: Sequence[float], angle_deg: float) -> Doubles:
+def rotation(axis: Sequence[float] | Doubles, angle_deg: float) -> Doubles:
     """Rodrigues' formula."""
     x, y, z = np.asarray(axis, np.float64) / np.linalg.norm(axis)
     k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
@@ -116,7 +116,7 @@ def ground(size: float = 1.0, surface: int = 0) -> Mesh:
     return quad([[-s, 0, s], [s, 0, s], [s, 0, -s], [-s, 0, -s]], surface)
 
 
-def box(size: Sequence[float], surface: int = 0) -> Mesh:
+def box(size: Sequence[float] | Doubles, surface: int = 0) -> Mesh:
     """A box about the origin with these edges, facing outwards."""
     x, y, z = np.asarray(size) / 2
     points = [[sx * x, sy * y, sz * z] for sx in (-1, 1) for sy in (-1, 1) for sz in (-1, 1)]

@@ -20,7 +20,7 @@ from tests.described import (
     translation,
 )
 
-from primray.description import Camera, LightType, Projection, Sphere
+from primray.description import Camera, Doubles, LightType, Projection, Shape, Sphere
 
 RESOLUTION = (640, 400)
 VIEW = look_at([3.0, -2.0, 5.0], [0.1, 0.3, -0.2])
@@ -123,7 +123,7 @@ def test_exposure_and_coverage() -> None:
 def test_far_worlds_look_the_same(away: tuple[float, float, float]) -> None:
     """What is far is rounded where it is described: matrices in double, so to 1e-8 of a unit at 1e8."""
     lights = [light(LightType.RECT, translation(0, 2, 0) @ look_at([0, 0, 0], [0, -1, 0], up=(1, 0, 0)), 3.0)]
-    shapes = [
+    shapes: list[tuple[Shape, Doubles]] = [
         (ground(3), np.eye(4)),
         (box([0.5, 0.5, 0.5]), translation(0, 0.25, 0)),
         (Sphere("/s", 0.3, 0), translation(0.8, 0.3, 0)),
@@ -140,7 +140,7 @@ def test_scaled_worlds_look_the_same(size: float) -> None:
         light(LightType.SPHERE, translation(0.5, 1.5, 0.5), 3.0, radius=0.3),
         light(LightType.POINT, translation(-1, 1, 1), 1.0),
     ]
-    shapes = [(ground(3), np.eye(4)), (Sphere("/s", 0.3, 0), translation(0.3, 0.3, 0))]
+    shapes: list[tuple[Shape, Doubles]] = [(ground(3), np.eye(4)), (Sphere("/s", 0.3, 0), translation(0.3, 0.3, 0))]
 
     def scaled(s: float) -> np.ndarray:
         m = np.diag([s, s, s, 1.0])

@@ -21,7 +21,7 @@ from tests.described import (
     translation,
 )
 
-from primray.description import LightType, Placed, Placement, Prototype, Sphere, Surface
+from primray.description import Doubles, LightType, Placed, Placement, Prototype, Shape, Sphere, Surface
 
 RESOLUTION = (37, 23)  # neither whole tiles nor whole packets
 ASPECT = RESOLUTION[0] / RESOLUTION[1]
@@ -59,7 +59,7 @@ def many_lights() -> Described:
 
 
 def materials() -> Described:
-    shapes = [(ground(4), np.eye(4))]
+    shapes: list[tuple[Shape, Doubles]] = [(ground(4), np.eye(4))]
     shapes += [(Sphere(f"/s{i}", 0.3, i), translation(0.7 * (i - 3.5), 0.3, 0.3 * (i % 2))) for i in range(1, 7)]
     shapes += [(box([0.4, 0.8, 0.05], 2), translation(-0.5, 0.4, 1.0)), (box([0.4, 0.8, 0.05], 3), translation(0.5, 0.4, 1.0))]
     texture = np.random.default_rng(2).random((8, 16, 3)) ** 4 * 3

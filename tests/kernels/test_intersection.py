@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.described import box, describe, kernels, lambert, mesh, rotation, scaling, translation
 
-from primray.description import Placed, Placement, Prototype, Sphere
+from primray.description import Placed, Placement, Prototype, Shape, Sphere
 
 N = 4000
 
@@ -81,14 +81,14 @@ def test_instances_and_spheres() -> None:
         @ scaling(*rng.uniform(0.2, 0.7, 3) * [(-1) ** i, 1, 1])
         for i in range(12)
     ]
-    cube, ball = box([1, 1, 1]), Sphere("/s", 0.4, 0)
+    shapes: tuple[Shape, ...] = (box([1, 1, 1]), Sphere("/s", 0.4, 0))
     prototype = Prototype("/p", (Placed(0, translation(0.3, 0, 0)), Placed(1, translation(-0.4, 0.2, 0))))
     rows = np.array([m[:3] for m in matrices])
     instanced = describe(
-        [], [lambert(0.5)], prototypes=[prototype], prototype_shapes=[cube, ball], placements=[Placement(0, rows)]
+        [], [lambert(0.5)], prototypes=[prototype], prototype_shapes=shapes, placements=[Placement(0, rows)]
     ).build()
     flat = describe(
-        [(s, m @ placed.matrix) for m in matrices for s, placed in zip((cube, ball), prototype.shapes, strict=True)],
+        [(s, m @ placed.matrix) for m in matrices for s, placed in zip(shapes, prototype.shapes, strict=True)],
         [lambert(0.5)],
     ).build()
     o, d = rays(seed=6)

@@ -97,7 +97,9 @@ class SphereCells:
         sector = np.floor((np.arctan2(local[:, 1], local[:, 0]) / (2 * np.pi) % 1.0) * self.sectors).astype(int) % self.sectors
         inside = ring < self.rings
         number, some = (ring * self.sectors + sector)[inside], None if weights is None else weights[inside]
-        return np.bincount(number, some, minlength=self.rings * self.sectors).reshape(self.rings, self.sectors)
+        return (
+            np.bincount(number, some, minlength=self.rings * self.sectors).astype(np.float64).reshape(self.rings, self.sectors)
+        )
 
 
 @dataclass(frozen=True)

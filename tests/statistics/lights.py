@@ -67,8 +67,8 @@ class Patches:
 
 
 def patches(x: Light, steps: int = 400, steps_v: int = 0) -> Patches:
-    """UsdLux: sphere; disk and rect in XY facing -Z; cylinder along X without caps. Midpoints of a grid of (u, v), mapped by the
-    matrix; normals and areas by its cofactors."""
+    """UsdLux: sphere; disk and rect in XY facing -Z; cylinder along X without caps. Midpoints of a grid of (u, v), mapped by
+    the matrix; normals and areas by its cofactors."""
     steps_v = steps_v or steps
     u, v = (
         a.ravel() for a in np.meshgrid((np.arange(steps) + 0.5) / steps, (np.arange(steps_v) + 0.5) / steps_v, indexing="ij")
@@ -130,7 +130,7 @@ def irradiances(x: Light, points: Doubles, n: npt.ArrayLike, steps: int) -> Doub
 def distant_irradiance(x: Light, n: Doubles, steps: int = 1500) -> float:
     axis = x.world_from_light[:3, 2] / np.linalg.norm(x.world_from_light[:3, 2])
     if x.angle_deg == 0:
-        return float(max(axis @ n, 0))
+        return max(float(axis @ n), 0.0)
     spread = 2 * np.sin(np.radians(x.angle_deg) / 4) ** 2
     u, v = np.meshgrid((np.arange(steps) + 0.5) / steps, (np.arange(steps) + 0.5) / steps, indexing="ij")
     z = 1 - u * spread

@@ -106,7 +106,7 @@ class PreviewSurface:
         if self.alpha == 0:
             return np.asarray(self.fresnel(mu))
         nodes, a, b = lobe_albedo_curve(self.alpha)
-        return self.f0 * np.interp(mu, nodes, a) + self.f90 * np.interp(mu, nodes, b)
+        return np.asarray(self.f0 * np.interp(mu, nodes, a) + self.f90 * np.interp(mu, nodes, b))
 
     def keep_diffuse(self, mu: Doubles | float) -> Doubles:
         nodes, loss = fresnel_loss_curve()
@@ -115,7 +115,7 @@ class PreviewSurface:
 
     def keep_under_coat(self, mu: Doubles | float) -> Doubles:
         nodes, a, b = lobe_albedo_curve(self.coat_alpha)
-        return 1 - self.coat * (self.coat_f0 * np.interp(mu, nodes, a) + np.interp(mu, nodes, b))
+        return np.asarray(1 - self.coat * (self.coat_f0 * np.interp(mu, nodes, a) + np.interp(mu, nodes, b)))
 
     def albedo(self, mu: float) -> float:
         """Fraction of light from one direction that is reflected or passes."""

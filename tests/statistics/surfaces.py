@@ -11,6 +11,7 @@ from tests.described import kernels, lambert
 from primray.description import Surface
 
 Floats = npt.NDArray[np.float32]
+Booleans = npt.NDArray[np.bool_]
 WHITE = Surface("", diffuse_color=(1.0, 1.0, 1.0))
 COLORED = Surface("", diffuse_color=(0.9, 0.4, 0.1))
 
@@ -65,7 +66,7 @@ def evaluate(s: Surface, wo: Floats, wi: npt.NDArray[np.floating], front: bool =
 
 def sample(
     s: Surface, wo: Floats, u: npt.NDArray[np.floating], front: bool = True
-) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+) -> tuple[Floats, Floats, Floats, Booleans, Booleans]:
     """wi, weight, pdf, is_delta, transmits for one or N directions wo."""
     u = np.ascontiguousarray(u, np.float32)
     wi, weight, pdf, is_delta, transmits = kernels().bsdf_sample(s, rows(wo, len(u)), side(len(u), front), u)

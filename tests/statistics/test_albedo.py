@@ -16,7 +16,7 @@ from primray.description import Surface
 COSINES = (0.03, 0.1, 0.2, 0.35, 0.5, 0.7, 0.9, 1.0)
 ROUGHNESSES = (0.0, 0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)
 U = lattice(2**14, 2)
-TOLERANCE = 1e-3
+TOLERANCE, GRAZING = 1e-3, 2.5e-3  # the tables are bounds from above; near grazing they are further off (cosines up to 0.1)
 
 
 def albedo(s: Surface, cos: float, front: bool = True) -> np.ndarray:
@@ -36,8 +36,8 @@ def check(s: Surface) -> None:
     reference = PreviewSurface(s)
     for cos in COSINES:
         measured = float(albedo(s, cos)[0])
-        assert measured == pytest.approx(reference.albedo(cos), abs=TOLERANCE)
-        assert measured <= 1 + TOLERANCE
+        assert measured == pytest.approx(reference.albedo(cos), abs=GRAZING if cos <= 0.1 else TOLERANCE)
+        assert measured <= 1 + 5e-5  # of which the lattice's own error is the most
 
 
 @pytest.mark.parametrize("roughness", ROUGHNESSES)

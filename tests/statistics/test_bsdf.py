@@ -15,7 +15,7 @@ CASES += [(name, 0.8, False) for name in SURFACES if SURFACES[name].opacity < 1]
     ("dielectric 0.3", 0.5, False),
 ]
 SIGNIFICANCE = 0.01 / len(CASES)  # Bonferroni: 1 % over all cases
-N = 60_000
+N = 40_000
 
 
 def mirrored(cos: float) -> np.ndarray:

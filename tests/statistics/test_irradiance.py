@@ -64,13 +64,9 @@ def film_points() -> tuple[np.ndarray, np.ndarray]:
     """Three Gauss points along each axis of every pixel, on the plane: (H, W, 9, 3), and their weights (9,)."""
     nodes, weights = np.polynomial.legendre.leggauss(3)
     c = ((np.arange(RESOLUTION)[:, None] + 0.5 + nodes / 2) / RESOLUTION * 2 - 1) * HALF
-    z, x = (
-        a.transpose(0, 2, 1, 3)
-        for a in np.meshgrid(c.ravel(), c.ravel(), indexing="ij")
-        for a in [a.reshape(RESOLUTION, 3, RESOLUTION, 3)]
-    )
-    p = np.stack([x, np.zeros_like(x), z], axis=-1).reshape(RESOLUTION, RESOLUTION, 9, 3)
-    return p, np.outer(weights, weights).ravel() / 4
+    z, x = np.meshgrid(c.ravel(), c.ravel(), indexing="ij")
+    p = np.stack([x, np.zeros_like(x), z], axis=-1).reshape(RESOLUTION, 3, RESOLUTION, 3, 3)
+    return p.transpose(0, 2, 1, 3, 4).reshape(RESOLUTION, RESOLUTION, 9, 3), np.outer(weights, weights).ravel() / 4
 
 
 def compare(result: object, expected: np.ndarray) -> float:
