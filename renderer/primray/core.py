@@ -45,7 +45,11 @@ def _cpu_flags() -> set[str]:
 def isa() -> str:
     """The ISA class in use: the newest that the CPU has, unless PRIMRAY_ISA names one."""
     flags = _cpu_flags()
-    available = [name for name in ISA_FLAGS if all(f in flags for older in list(ISA_FLAGS)[list(ISA_FLAGS).index(name) :] for f in ISA_FLAGS[older])]
+    available = [
+        name
+        for name in ISA_FLAGS
+        if all(f in flags for older in list(ISA_FLAGS)[list(ISA_FLAGS).index(name) :] for f in ISA_FLAGS[older])
+    ]
     wanted = os.environ.get("PRIMRAY_ISA")
     if wanted is None:
         if not available:
@@ -65,7 +69,9 @@ def lanes() -> int:
     if wanted is None:
         return DEFAULT_LANES[isa()]
     if not wanted.isdigit() or not module().has_lanes(int(wanted)):
-        raise errors.SettingsError(f"PRIMRAY_LANES is {wanted!r}; the {isa()} build has 1, 4, 8 and 16 up to {module().MAX_LANES}")
+        raise errors.SettingsError(
+            f"PRIMRAY_LANES is {wanted!r}; the {isa()} build has 1, 4, 8 and 16 up to {module().MAX_LANES}"
+        )
     return int(wanted)
 
 
@@ -137,12 +143,14 @@ class Film:
     @property
     def replicates(self) -> npt.NDArray[np.float64]:
         """Sums (R, H, W, 4) of each independent replicate, before exposure."""
-        return self._result.replicates
+        sums: npt.NDArray[np.float64] = self._result.replicates
+        return sums
 
     @property
     def counts(self) -> npt.NDArray[np.uint32]:
         """Samples (R, H, W) in each sum."""
-        return self._result.counts
+        counts: npt.NDArray[np.uint32] = self._result.counts
+        return counts
 
     @property
     def samples_per_pixel(self) -> tuple[int, int]:
@@ -159,8 +167,10 @@ def _raise(error: Exception) -> None:
     raise errors.InternalError(message, code=code) from error
 
 
-def build(description: SceneDescription, textures: Mapping[str, npt.NDArray[np.float32]], settings: RenderSettings) -> CoreScene:
-    """The core's scene with its acceleration structures; `textures` maps a TextureFile's path to (H, W, 3) float32, top row first."""
+def build(
+    description: SceneDescription, textures: Mapping[str, npt.NDArray[np.float32]], settings: RenderSettings
+) -> CoreScene:
+    """The core's scene, accelerated; `textures` maps a TextureFile's path to (H, W, 3) float32, top row first."""
     width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.filter]
     try:
         scene, warnings = upload(module(), description, textures, width, inverse_cdf(settings.filter, width))
@@ -175,10 +185,12 @@ def threads(settings: RenderSettings) -> int:
 
 
 def render(scene: CoreScene, settings: RenderSettings, progress: Progress | None = None) -> Film:
-    """Render until all samples are taken, `progress` answers False, or a KeyboardInterrupt: then the film is partial but valid."""
+    """Render until done, or until `progress` answers False or Ctrl-C comes: then the film is partial but valid."""
     depth = NO_DEPTH_LIMIT if settings.max_depth is None else settings.max_depth
     try:
-        result = module().render(scene._scene, settings.spp, depth, threads(settings), settings.seed & 0xFFFFFFFF, lanes(), progress)
+        result = module().render(
+            scene._scene, settings.spp, depth, threads(settings), settings.seed & 0xFFFFFFFF, lanes(), progress
+        )
     except module().CoreError as error:
         _raise(error)
         raise

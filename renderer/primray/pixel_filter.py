@@ -14,7 +14,7 @@ def profile(filter: Filter, x: npt.NDArray[np.float64]) -> npt.NDArray[np.float6
     """Filter value at x in [-1, 1], the filter's full width."""
     if filter is Filter.GAUSSIAN:
         # Standard deviation a quarter of the width, cut at two of them and brought to 0 there.
-        return np.exp(-2 * x * x) - np.exp(-2.0)
+        return np.asarray(np.exp(-2 * x * x) - np.exp(-2.0))
     if filter is Filter.BLACKMAN_HARRIS:
         # Harris 1978, "On the Use of Windows for Harmonic Analysis with the Discrete Fourier Transform", 4 terms, -92 dB.
         t = np.pi * (x + 1)

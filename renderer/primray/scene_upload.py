@@ -1,4 +1,4 @@
-"""Hands a SceneDescription to the core's builder: chooses the origin and scale, merges what is static, counts what is left out."""
+"""Hands a SceneDescription to the core's builder: chooses origin and scale, merges what is static, counts what is left out."""
 
 from __future__ import annotations
 
@@ -55,23 +55,44 @@ def upload(
         left_out = builder.add_placement(numbers[placement.prototype], rows)
         if left_out:
             path = d.prototypes[placement.prototype].path
-            warnings.append(("singular-transform", path, f"{left_out} instances have a singular or non-finite matrix and are left out"))
+            warnings.append(
+                ("singular-transform", path, f"{left_out} instances have a singular or non-finite matrix and are left out")
+            )
     for light in d.lights:
         texture = NO_TEXTURE if light.texture is None else textures.get(light.texture.path, NO_TEXTURE)
         builder.add_light(
-            LIGHT_NUMBERS[light.type], matrix(light.world_from_light), light.emission, light.width, light.height, light.radius,
-            light.length, light.angle_deg, light.diffuse, light.specular, np.ascontiguousarray(texture, np.float32),
-        )  # fmt: skip
+            LIGHT_NUMBERS[light.type],
+            matrix(light.world_from_light),
+            light.emission,
+            light.width,
+            light.height,
+            light.radius,
+            light.length,
+            light.angle_deg,
+            light.diffuse,
+            light.specular,
+            np.ascontiguousarray(texture, np.float32),
+        )
     set_camera(builder, d.camera, d.resolution, filter_width, filter_inverse_cdf)
     return builder.finish(), warnings
 
 
-def set_camera(builder: Any, c: Camera, resolution: tuple[int, int], filter_width: float, inverse_cdf: npt.NDArray[np.float32]) -> None:
+def set_camera(
+    builder: Any, c: Camera, resolution: tuple[int, int], filter_width: float, inverse_cdf: npt.NDArray[np.float32]
+) -> None:
     near, far = c.clipping_range
     builder.set_camera(
-        matrix(c.world_from_camera), c.projection is Projection.ORTHOGRAPHIC, c.window, near, far, c.lens_radius, c.focus_distance,
-        *resolution, filter_width, inverse_cdf,
-    )  # fmt: skip
+        matrix(c.world_from_camera),
+        c.projection is Projection.ORTHOGRAPHIC,
+        c.window,
+        near,
+        far,
+        c.lens_radius,
+        c.focus_distance,
+        *resolution,
+        filter_width,
+        inverse_cdf,
+    )
 
 
 def matrix(m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
@@ -91,13 +112,19 @@ def add_mesh(builder: Any, mesh: Mesh, world_from_object: npt.NDArray[np.float64
     points, triangles = len(mesh.points), len(mesh.triangles)
     surfaces = np.atleast_1d(np.asarray(mesh.surface, np.int32))
     builder.add_mesh(
-        mesh.points, mesh.triangles, NO_FLOATS if mesh.normals is None else mesh.normals, kind(mesh.normals, points, triangles, normals=True),
-        NO_FLOATS if mesh.colors is None else mesh.colors, kind(mesh.colors, points, triangles, normals=False), surfaces, world_from_object,
-    )  # fmt: skip
+        mesh.points,
+        mesh.triangles,
+        NO_FLOATS if mesh.normals is None else mesh.normals,
+        kind(mesh.normals, points, triangles, normals=True),
+        NO_FLOATS if mesh.colors is None else mesh.colors,
+        kind(mesh.colors, points, triangles, normals=False),
+        surfaces,
+        world_from_object,
+    )
 
 
 def kind(values: npt.NDArray[np.float32] | None, points: int, triangles: int, *, normals: bool) -> int:
-    """Which elements an attribute's rows belong to, by their number: corners before points before triangles (see Mesh)."""
+    """Which elements an attribute's rows belong to, by their number: corners before points before triangles."""
     if values is None:
         return NONE
     n = len(values)

@@ -34,11 +34,18 @@ def main() -> None:
         rows.append(row)
         low, high = row["embree_share_range"]
         rate = row["samples"] / min(row["render_s"]) / 1e6
-        print(f"{row['scene']:10} Embree's share {row['embree_share_median']:.3f} ({low:.3f} to {high:.3f}), {rate:.2f} Msamples/s on one thread")
+        share = f"{row['embree_share_median']:.3f} ({low:.3f} to {high:.3f})"
+        print(f"{row['scene']:10} Embree's share {share}, {rate:.2f} Msamples/s on one thread")
     RESULTS.mkdir(exist_ok=True)
     today = datetime.date.today().isoformat()
     path = RESULTS / f"replay_{rows[0]['isa']}_{rows[0]['lanes']}_{today}.json"
-    facts = {"date": today, "command": " ".join(sys.orig_argv), "cpu": cpu_model(), "cores": os.cpu_count(), "python": platform.python_version()}
+    facts = {
+        "date": today,
+        "command": " ".join(sys.orig_argv),
+        "cpu": cpu_model(),
+        "cores": os.cpu_count(),
+        "python": platform.python_version(),
+    }
     path.write_text(json.dumps(facts | {"rows": rows}, indent=1) + "\n")
     print(f"written: {path.relative_to(Path.cwd())}")
 

@@ -6,11 +6,12 @@ import os
 from pathlib import Path
 
 import pytest
-from .describe import describe
 
 from primray.diagnostics import Diagnostics, Severity
 from primray.settings import RenderSettings
 from primray.usd import open_stage, translate
+
+from .describe import describe
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

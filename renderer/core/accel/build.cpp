@@ -12,10 +12,10 @@ void attach(rtc::Scene scene, const OwnedGeometry& g, uint32_t id) { embree().rt
 OwnedGeometry make_triangles(const Scene& scene, const Group& group) {
   const rtc::Api& e = embree();
   OwnedGeometry g(e.rtcNewGeometry(embree_device(), rtc::kTriangle));
-  e.rtcSetSharedGeometryBuffer(g.get(), rtc::kVertexBuffer, 0, rtc::kFloat3, scene.positions.data(), size_t(group.vertex_base) * 12, 12,
-                               group.vertex_count);
-  e.rtcSetSharedGeometryBuffer(g.get(), rtc::kIndexBuffer, 0, rtc::kUint3, scene.indices.data(), size_t(group.triangle_base) * 12, 12,
-                               group.triangle_count);
+  e.rtcSetSharedGeometryBuffer(g.get(), rtc::kVertexBuffer, 0, rtc::kFloat3, scene.positions.data(),
+                               size_t(group.vertex_base) * 12, 12, group.vertex_count);
+  e.rtcSetSharedGeometryBuffer(g.get(), rtc::kIndexBuffer, 0, rtc::kUint3, scene.indices.data(),
+                               size_t(group.triangle_base) * 12, 12, group.triangle_count);
   e.rtcCommitGeometry(g.get());
   return g;
 }
@@ -39,7 +39,8 @@ OwnedScene new_scene() {
 
 void attach_group(const Scene& scene, const Group& group, rtc::Scene target) {
   if (group.triangle_count > 0) attach(target, make_triangles(scene, group), kTriangleGeometry);
-  if (group.sphere_count > 0) attach(target, make_sphere_geometry(&scene.spheres[group.sphere_base], group.sphere_count), kSphereGeometry);
+  if (group.sphere_count > 0)
+    attach(target, make_sphere_geometry(&scene.spheres[group.sphere_base], group.sphere_count), kSphereGeometry);
 }
 
 }  // namespace
@@ -52,7 +53,8 @@ void build_accel(Scene& scene) {
     if (i == 0) {
       const size_t placements = scene.placement_group.size(), instances = scene.world_from_group.size() / 12;
       for (size_t p = 0; p < placements; ++p) {
-        const size_t first = scene.placement_instance[p], end = p + 1 < placements ? size_t(scene.placement_instance[p + 1]) : instances;
+        const size_t first = scene.placement_instance[p],
+                     end = p + 1 < placements ? size_t(scene.placement_instance[p + 1]) : instances;
         attach(group.accel.get(), make_placement(scene, p, end - first), kFirstPlacement + uint32_t(p));
       }
     }

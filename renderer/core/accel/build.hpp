@@ -5,7 +5,8 @@
 
 namespace primray {
 
-// Fills groups[].accel. Positions, indices, spheres and matrices are shared with Embree, so the Scene must not move or grow after.
+// Fills groups[].accel. Positions, indices, spheres and matrices are shared with Embree, so the Scene must not move or grow
+// after.
 void build_accel(Scene& scene);
 
 }  // namespace primray

@@ -89,7 +89,8 @@ void load_embree(const std::string& path) {
   if (!opened) throw Error("embree", std::string("Embree opened no device for ") + kConfig);
   const ptrdiff_t version = found.rtcGetDeviceProperty(opened, rtc::kVersion);
   if (version != kWantedVersion) {
-    throw Error("embree", "Embree " + std::to_string(version) + " was found, its interface is known for " + std::to_string(kWantedVersion));
+    throw Error("embree", "Embree " + std::to_string(version) + " was found, its interface is known for " +
+                              std::to_string(kWantedVersion));
   }
   found.rtcSetDeviceMemoryMonitorFunction(opened, count_memory, nullptr);
   api = found;

@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "scene/scene.hpp"
 #include "scene/error.hpp"
+#include "scene/scene.hpp"
 
 namespace primray {
 namespace {

@@ -67,8 +67,18 @@ PRIMRAY_INLINE Hits<W> intersect_single(rtc::Scene scene, vbool<W> active, const
   for (uint32_t m = bits(active); m; m &= m - 1) {
     const int i = __builtin_ctz(m);
     rtc::RayHit<1> r;
-    r.ray = {{all.ray.org_x[i]}, {all.ray.org_y[i]}, {all.ray.org_z[i]}, {all.ray.tnear[i]}, {all.ray.dir_x[i]}, {all.ray.dir_y[i]},
-             {all.ray.dir_z[i]}, {0.0f}, {all.ray.tfar[i]}, {0xffffffffu}, {0u}, {0u}};
+    r.ray = {{all.ray.org_x[i]},
+             {all.ray.org_y[i]},
+             {all.ray.org_z[i]},
+             {all.ray.tnear[i]},
+             {all.ray.dir_x[i]},
+             {all.ray.dir_y[i]},
+             {all.ray.dir_z[i]},
+             {0.0f},
+             {all.ray.tfar[i]},
+             {0xffffffffu},
+             {0u},
+             {0u}};
     r.hit.geom_id[0] = r.hit.inst_id[0] = r.hit.inst_prim_id[0] = rtc::kInvalidId;
     embree().rtcIntersect1(scene, &r, &args);
     all.ray.tfar[i] = r.ray.tfar[0];
@@ -107,7 +117,7 @@ PRIMRAY_INLINE vbool<W> occluded_single(rtc::Scene scene, vbool<W> active, const
   for (uint32_t m = bits(active); m; m &= m - 1) {
     const int i = __builtin_ctz(m);
     rtc::Ray<1> r = {{all.org_x[i]}, {all.org_y[i]}, {all.org_z[i]}, {all.tnear[i]}, {all.dir_x[i]}, {all.dir_y[i]},
-                     {all.dir_z[i]}, {0.0f}, {all.tfar[i]}, {0xffffffffu}, {0u}, {0u}};
+                     {all.dir_z[i]}, {0.0f},         {all.tfar[i]},  {0xffffffffu},  {0u},           {0u}};
     embree().rtcOccluded1(scene, &r, &args);
     all.tfar[i] = r.tfar[0];
   }

@@ -12,10 +12,13 @@ NB_MODULE(PRIMRAY_MODULE, m) {
   m.attr("ISA") = PRIMRAY_ISA;
   m.attr("MAX_LANES") = PRIMRAY_MAX_LANES;
   m.def("load_embree", &load_embree, nb::arg("path"), "Open the Embree library at this path; once is enough.");
-  m.def("embree_memory", [] {
-    const EmbreeMemory memory = embree_memory();
-    return nb::make_tuple(memory.now, memory.peak);
-  }, "Bytes that Embree holds now and held at most.");
+  m.def(
+      "embree_memory",
+      [] {
+        const EmbreeMemory memory = embree_memory();
+        return nb::make_tuple(memory.now, memory.peak);
+      },
+      "Bytes that Embree holds now and held at most.");
   // Core errors carry a code; Python makes them into the classes of primray.errors.
   static PyObject* core_error = nb::exception<Error>(m, "CoreError").release().ptr();
   nb::register_exception_translator([](const std::exception_ptr& p, void*) {

@@ -13,14 +13,15 @@ namespace {
 vec3 vec3_of(const nb::handle& h) { return {nb::cast<float>(h[0]), nb::cast<float>(h[1]), nb::cast<float>(h[2])}; }
 dvec3 dvec3_of(const nb::handle& h) { return {nb::cast<double>(h[0]), nb::cast<double>(h[1]), nb::cast<double>(h[2])}; }
 
-void add_mesh(SceneBuilder& b, InArray<float> points, InArray<int32_t> triangles, InArray<float> normals, int normal_kind, InArray<float> colors,
-              int color_kind, InArray<int32_t> surfaces, InArray<double> matrix) {
-  MeshInput m{span_of(points), span_of(triangles), span_of(normals), span_of(colors), Attribute(normal_kind), Attribute(color_kind), span_of(surfaces)};
+void add_mesh(SceneBuilder& b, InArray<float> points, InArray<int32_t> triangles, InArray<float> normals, int normal_kind,
+              InArray<float> colors, int color_kind, InArray<int32_t> surfaces, InArray<double> matrix) {
+  MeshInput m{span_of(points),        span_of(triangles),    span_of(normals), span_of(colors),
+              Attribute(normal_kind), Attribute(color_kind), span_of(surfaces)};
   b.add_mesh(m, affine_of(matrix));
 }
 
-void add_light(SceneBuilder& b, int type, InArray<double> matrix, nb::handle emission, double width, double height, double radius, double length,
-               double angle_deg, float diffuse, float specular, InArray<float> texture) {
+void add_light(SceneBuilder& b, int type, InArray<double> matrix, nb::handle emission, double width, double height,
+               double radius, double length, double angle_deg, float diffuse, float specular, InArray<float> texture) {
   LightInput l;
   l.type = LightType(type), l.world_from_light = affine_of(matrix), l.emission = vec3_of(emission);
   l.width = width, l.height = height, l.radius = radius, l.length = length, l.angle_deg = angle_deg;
@@ -36,7 +37,8 @@ SurfaceInput surface_of(nb::handle s) {
   SurfaceInput r;
   r.lambert = nb::cast<bool>(s.attr("lambert"));
   r.diffuse_color = vec3_of(s.attr("diffuse_color")), r.emissive_color = vec3_of(s.attr("emissive_color"));
-  r.use_specular_workflow = nb::cast<bool>(s.attr("use_specular_workflow")), r.specular_color = vec3_of(s.attr("specular_color"));
+  r.use_specular_workflow = nb::cast<bool>(s.attr("use_specular_workflow")),
+  r.specular_color = vec3_of(s.attr("specular_color"));
   const auto number = [&](const char* name) { return nb::cast<float>(s.attr(name)); };
   r.metallic = number("metallic"), r.roughness = number("roughness"), r.clearcoat = number("clearcoat");
   r.clearcoat_roughness = number("clearcoat_roughness"), r.opacity = number("opacity"), r.ior = number("ior");
@@ -59,21 +61,26 @@ void bind_scene(nb::module_& m) {
   nb::class_<SceneBuilder>(m, "SceneBuilder")
       .def("__init__", [](SceneBuilder* b, nb::handle origin, double scale) { new (b) SceneBuilder(dvec3_of(origin), scale); })
       .def("add_surface", [](SceneBuilder& b, nb::handle s) { return b.add_surface(surface_of(s)); })
-      .def("begin_prototype", [](SceneBuilder& b, nb::handle center, double scale) { return b.begin_prototype(dvec3_of(center), scale); })
+      .def("begin_prototype",
+           [](SceneBuilder& b, nb::handle center, double scale) { return b.begin_prototype(dvec3_of(center), scale); })
       .def("add_mesh", &add_mesh)
-      .def("add_sphere", [](SceneBuilder& b, double radius, int surface, InArray<double> matrix) { b.add_sphere(radius, surface, affine_of(matrix)); })
-      .def("add_placement", [](SceneBuilder& b, int prototype, InArray<double> rows) { return b.add_placement(prototype, span_of(rows)); })
+      .def("add_sphere", [](SceneBuilder& b, double radius, int surface,
+                            InArray<double> matrix) { b.add_sphere(radius, surface, affine_of(matrix)); })
+      .def("add_placement",
+           [](SceneBuilder& b, int prototype, InArray<double> rows) { return b.add_placement(prototype, span_of(rows)); })
       .def("add_light", &add_light)
-      .def("set_camera",
-           [](SceneBuilder& b, InArray<double> matrix, bool orthographic, nb::handle window, double near, double far, double lens_radius,
-              double focus_distance, int width, int height, float filter_width, InArray<float> inverse_cdf) {
-             CameraInput c;
-             c.world_from_camera = affine_of(matrix), c.orthographic = orthographic;
-             for (int i = 0; i < 4; ++i) c.window[i] = nb::cast<double>(window[i]);
-             c.near = near, c.far = far, c.lens_radius = lens_radius, c.focus_distance = focus_distance, c.width = width, c.height = height;
-             c.filter_width = filter_width, c.filter_inverse_cdf = span_of(inverse_cdf);
-             b.set_camera(c);
-           })
+      .def(
+          "set_camera",
+          [](SceneBuilder& b, InArray<double> matrix, bool orthographic, nb::handle window, double near, double far,
+             double lens_radius, double focus_distance, int width, int height, float filter_width, InArray<float> inverse_cdf) {
+            CameraInput c;
+            c.world_from_camera = affine_of(matrix), c.orthographic = orthographic;
+            for (int i = 0; i < 4; ++i) c.window[i] = nb::cast<double>(window[i]);
+            c.near = near, c.far = far, c.lens_radius = lens_radius, c.focus_distance = focus_distance, c.width = width,
+            c.height = height;
+            c.filter_width = filter_width, c.filter_inverse_cdf = span_of(inverse_cdf);
+            b.set_camera(c);
+          })
       .def("finish", &SceneBuilder::finish, nb::call_guard<nb::gil_scoped_release>());
 }
 

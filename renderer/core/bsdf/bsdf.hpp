@@ -1,11 +1,12 @@
 // The one surface model: UsdPreviewSurface's diffuse, specular, clearcoat and transmission lobes, and plain Lambert.
 //
-// In a local frame whose +z is the shading normal on the side of wo (unit, away from the surface; so is wi). f_cos = f |cos theta_i|.
-// Base layer as the specification has it: diffuse albedo / pi (1 - F(wo.h)) plus GGX with F = lerp(F0, F90, (1 - wo.h)^5). That sum
-// reflects more than it receives at grazing angles, so the diffuse lobe is multiplied by k(wo) k(wi), k = min(1, (1 - E) / D) with E and D the
-// albedos of both lobes: 1 where the specification conserves energy, reciprocal, and never above it (ARCHITECTURE.md).
-// The clearcoat takes from the base what it reflects: (1 - c Ec(wo)) (1 - c Ec(wi)). What is not opaque passes without roughness: refracted
-// if the geometry is closed, else straight on. Radiance along refracted paths is kept as L / n^2, so no factor appears.
+// In a local frame whose +z is the shading normal on the side of wo (unit, away from the surface; so is wi). f_cos = f |cos
+// theta_i|. Base layer as the specification has it: diffuse albedo / pi (1 - F(wo.h)) plus GGX with F = lerp(F0, F90, (1 -
+// wo.h)^5). That sum reflects more than it receives at grazing angles, so the diffuse lobe is multiplied by k(wo) k(wi), k =
+// min(1, (1 - E) / D) with E and D the albedos of both lobes: 1 where the specification conserves energy, reciprocal, and never
+// above it (ARCHITECTURE.md). The clearcoat takes from the base what it reflects: (1 - c Ec(wo)) (1 - c Ec(wi)). What is not
+// opaque passes without roughness: refracted if the geometry is closed, else straight on. Radiance along refracted paths is
+// kept as L / n^2, so no factor appears.
 #pragma once
 
 #include "bsdf/albedo.hpp"
@@ -48,14 +49,14 @@ PRIMRAY_INLINE vvec3<W> divide(const vvec3<W>& a, const vvec3<W>& b) {
 
 template <int W>
 struct Bsdf {
-  vbool<W> preview;         // else Lambert
+  vbool<W> preview;  // else Lambert
   bool any_preview;
   vvec3<W> diffuse;
   // Used where `preview`:
   vvec3<W> f0, f90, k_out, transmission;
   vfloat<W> alpha, roughness, presence, eta;  // eta: index of refraction on wi's side of a refraction over that on wo's
   vfloat<W> coat, coat_alpha, coat_roughness, coat_f0, coat_keep;  // coat_keep = 1 - c Ec(wo)
-  vfloat<W> p_diffuse, p_specular, p_coat;    // chances of the lobes, the rest transmits; all given presence
+  vfloat<W> p_diffuse, p_specular, p_coat;  // chances of the lobes, the rest transmits; all given presence
   vbool<W> thin, mirror;
   bool any_coat, any_transmission, any_presence;
 
@@ -157,7 +158,8 @@ struct Bsdf {
       const vfloat<W> lambda_out = ggx_lambda(wo, coat_alpha), lambda_in = ggx_lambda(wi, coat_alpha);
       const vfloat<W> common = ggx_density(h, coat_alpha) / (4.0f * wo.z);
       const vfloat<W> fc = coat * (coat_f0 + (1.0f - coat_f0) * s);
-      const vfloat<W> c = select(reflects & (coat > vfloat<W>(0.0f)), fc * common / (1.0f + lambda_out + lambda_in), vfloat<W>(0.0f));
+      const vfloat<W> c =
+          select(reflects & (coat > vfloat<W>(0.0f)), fc * common / (1.0f + lambda_out + lambda_in), vfloat<W>(0.0f));
       d *= keep;
       g = g * keep + vvec3<W>(c);
       pdf += select(reflects & (coat > vfloat<W>(0.0f)), p_coat * common / (1.0f + lambda_out), vfloat<W>(0.0f));
@@ -216,7 +218,8 @@ struct Bsdf {
     weight = select(gone, vvec3<W>(vfloat<W>(1.0f)), weight);
     const vvec3<W> sum = e.diffuse + e.specular, tiny(vfloat<W>(1e-30f));
     const vvec3<W> share = divide(e.diffuse, {max(sum.x, tiny.x), max(sum.y, tiny.y), max(sum.z, tiny.z)});
-    return {wi, weight, select(is_delta, zero, e.pdf), is_delta, passes | gone, straight, select(is_delta, vvec3<W>(zero), share)};
+    return {
+        wi, weight, select(is_delta, zero, e.pdf), is_delta, passes | gone, straight, select(is_delta, vvec3<W>(zero), share)};
   }
 };
 

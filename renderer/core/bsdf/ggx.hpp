@@ -5,8 +5,8 @@
 
 namespace primray {
 
-// D(h), Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces", eq. 33, written in h's components so that
-// a narrow peak keeps its digits.
+// D(h), Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces", eq. 33, written in h's components so
+// that a narrow peak keeps its digits.
 template <int W>
 PRIMRAY_INLINE vfloat<W> ggx_density(const vvec3<W>& h, vfloat<W> alpha) {
   const vfloat<W> a2 = alpha * alpha, q = h.x * h.x + h.y * h.y + a2 * h.z * h.z;

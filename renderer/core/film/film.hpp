@@ -19,7 +19,8 @@ struct Film {
   std::vector<uint32_t> counts;  // replicate, y, x
   std::atomic<int64_t> camera_rays{0}, scattered_rays{0}, shadow_rays{0}, invalid_samples{0}, samples{0};
 
-  Film(int w, int h) : width(w), height(h), sums(size_t(kReplicates) * w * h * kChannels), counts(size_t(kReplicates) * w * h) {}
+  Film(int w, int h)
+      : width(w), height(h), sums(size_t(kReplicates) * w * h * kChannels), counts(size_t(kReplicates) * w * h) {}
   size_t pixel(int replicate, int x, int y) const { return (size_t(replicate) * height + y) * width + x; }
 };
 

@@ -1,12 +1,12 @@
 // Light that a ray meets by itself: lights with area or cone, and domes, with its MIS weight against sampling them.
 //
-// Camera rays, and rays after a mirror or refraction, see the nearest light as a body. Others go through lights, as light samples do,
-// and take each one's radiance.
+// Camera rays, and rays after a mirror or refraction, see the nearest light as a body. Others go through lights, as light
+// samples do, and take each one's radiance.
 #pragma once
 
 #include "integrator/pool.hpp"
-#include "scene/scene.hpp"
 #include "light/selection.hpp"
+#include "scene/scene.hpp"
 
 namespace primray {
 
@@ -32,8 +32,8 @@ PRIMRAY_INLINE vvec3<W> lobe_factor(LobeFactors f, const PathLanes<W>& p) {
 
 // Adds what area and distant lights send back along the rays to `gathered`; lanes that see a light's body are the result.
 template <int W>
-PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, vbool<W> hit, const PathLanes<W>& p, vfloat<W> t_surface,
-                                    vvec3<W>& gathered) {
+PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, vbool<W> hit, const PathLanes<W>& p,
+                                    vfloat<W> t_surface, vvec3<W>& gathered) {
   using F = vfloat<W>;
   vbool<W> covered(false);
   if (!lights.needs_hit_test) return covered;

@@ -1,7 +1,7 @@
 // Where a ray met the scene: point, normals, surface and colour of W hits, in world space.
 //
-// Points come from barycentrics, never from o + t d; `offset` bounds their rounding and Embree's, so that a ray started that far
-// off the surface does not meet it again.
+// Points come from barycentrics, never from o + t d; `offset` bounds their rounding and Embree's, so that a ray started that
+// far off the surface does not meet it again.
 #pragma once
 
 #include "accel/trace.hpp"
@@ -14,11 +14,11 @@ struct Interaction {
   vvec3<W> p, ng, ns;  // ng outwards as authored, ns on its side
   vfloat<W> offset;
   vint<W> surface;
-  vvec3<W> color;      // multiplies the diffuse albedo
+  vvec3<W> color;  // multiplies the diffuse albedo
 };
 
-// Multiples of 2^-24 times the largest coordinate involved. 16: barycentric interpolation, the instance's transform and its inverse in Embree each
-// round a few times (found by lowering it until closed boxes leaked at 2, times 8).
+// Multiples of 2^-24 times the largest coordinate involved. 16: barycentric interpolation, the instance's transform and its
+// inverse in Embree each round a few times (found by lowering it until closed boxes leaked at 2, times 8).
 constexpr float kOffsetUlps = 16 * 0x1p-24f;
 
 template <int W>
@@ -40,17 +40,19 @@ struct InstanceLanes {
 };
 
 template <int W>
-PRIMRAY_INLINE void add_attributes(const Scene& scene, vbool<W> m, vint<W> mesh, vint<W> triangle, const vint<W> corner[3], const Hits<W>& h,
-                                   vvec3<W>& normal, vbool<W>& has_normal, vvec3<W>& color) {
+PRIMRAY_INLINE void add_attributes(const Scene& scene, vbool<W> m, vint<W> mesh, vint<W> triangle, const vint<W> corner[3],
+                                   const Hits<W>& h, vvec3<W>& normal, vbool<W>& has_normal, vvec3<W>& color) {
   const MeshTable& t = scene.meshes;
   const vfloat<W> b0 = 1.0f - h.u - h.v;
   const auto interpolate = [&](const float* data, vint<W> kind, vint<W> base, vbool<W> lanes) {
     // Vertex values are counted within the mesh's vertices, triangle and corner values within its triangles.
-    const vint<W> local_triangle = triangle - gather<W>(t.triangle_base.data(), mesh), first_vertex = gather<W>(t.vertex_base.data(), mesh);
+    const vint<W> local_triangle = triangle - gather<W>(t.triangle_base.data(), mesh),
+                  first_vertex = gather<W>(t.vertex_base.data(), mesh);
     const vbool<W> by_vertex = kind == vint<W>(int(Attribute::kVertex)), by_corner = kind == vint<W>(int(Attribute::kCorner));
     vvec3<W> value[3];
     for (int k = 0; k < 3; ++k) {
-      const vint<W> i = select(by_vertex, corner[k] - first_vertex, select(by_corner, local_triangle * vint<W>(3) + vint<W>(k), local_triangle));
+      const vint<W> i = select(by_vertex, corner[k] - first_vertex,
+                               select(by_corner, local_triangle * vint<W>(3) + vint<W>(k), local_triangle));
       value[k] = gather_vec3<W>(data, select(lanes, base + i * vint<W>(3), vint<W>(0)));
     }
     return value[0] * b0 + value[1] * h.u + value[2] * h.v;
@@ -58,7 +60,8 @@ PRIMRAY_INLINE void add_attributes(const Scene& scene, vbool<W> m, vint<W> mesh,
   const vint<W> zero(0);
   const vint<W> normal_kind = gather<W>(t.normals.data(), mesh), color_kind = gather<W>(t.colors.data(), mesh);
   has_normal = m & (normal_kind != zero);
-  if (any(has_normal)) normal = interpolate(scene.normals.data(), normal_kind, gather<W>(t.normal_base.data(), mesh), has_normal);
+  if (any(has_normal))
+    normal = interpolate(scene.normals.data(), normal_kind, gather<W>(t.normal_base.data(), mesh), has_normal);
   const vbool<W> has_color = m & (color_kind != zero);
   if (any(has_color)) {
     const vvec3<W> c = interpolate(scene.colors.data(), color_kind, gather<W>(t.color_base.data(), mesh), has_color);

@@ -58,10 +58,10 @@ struct Compaction {
 template <int W>
 struct PathLanes {
   Rays<W> ray;
-  vvec3<W> beta;          // throughput
-  vfloat<W> bsdf_pdf;     // density of the ray's direction; 0: camera or delta
-  vfloat<W> splits;       // paths among which the sample was split
-  vfloat<W> travelled;    // see PathPool
+  vvec3<W> beta;        // throughput
+  vfloat<W> bsdf_pdf;   // density of the ray's direction; 0: camera or delta
+  vfloat<W> splits;     // paths among which the sample was split
+  vfloat<W> travelled;  // see PathPool
   vvec3<W> share;
   vint<W> slot, depth, vertex;
   Sampler<W> sampler;
@@ -71,12 +71,12 @@ struct PathLanes {
 struct PathPool {
   alignas(64) float ox[kPadded], oy[kPadded], oz[kPadded], dx[kPadded], dy[kPadded], dz[kPadded], tnear[kPadded], tfar[kPadded];
   alignas(64) float beta_r[kPadded], beta_g[kPadded], beta_b[kPadded];
-  alignas(64) float bsdf_pdf[kPadded];          // density of the ray's direction; 0: camera or delta
-  alignas(64) int32_t slot[kPadded];            // where its radiance is summed
+  alignas(64) float bsdf_pdf[kPadded];  // density of the ray's direction; 0: camera or delta
+  alignas(64) int32_t slot[kPadded];    // where its radiance is summed
   alignas(64) uint32_t reversed_index[kPadded], seed[kPadded];
-  alignas(64) int32_t depth[kPadded];           // scatterings so far; passing straight through is none
-  alignas(64) int32_t vertex[kPadded];          // surfaces met so far: whose sampler dimensions come next
-  alignas(64) float splits[kPadded];            // paths among which this one's sample was split
+  alignas(64) int32_t depth[kPadded];   // scatterings so far; passing straight through is none
+  alignas(64) int32_t vertex[kPadded];  // surfaces met so far: whose sampler dimensions come next
+  alignas(64) float splits[kPadded];    // paths among which this one's sample was split
   // Only where a surface lets light straight through: how far behind the ray's origin lies the vertex that `bsdf_pdf` is of.
   alignas(64) float travelled[kPadded];
   // Only where lights have lobe factors: the part of the last scattering's f_cos that was diffuse.
@@ -89,7 +89,10 @@ struct PathPool {
 
   template <int W>
   PRIMRAY_INLINE Rays<W> rays(int at) const {
-    return {{load<W>(ox + at), load<W>(oy + at), load<W>(oz + at)}, {load<W>(dx + at), load<W>(dy + at), load<W>(dz + at)}, load<W>(tnear + at), load<W>(tfar + at)};
+    return {{load<W>(ox + at), load<W>(oy + at), load<W>(oz + at)},
+            {load<W>(dx + at), load<W>(dy + at), load<W>(dz + at)},
+            load<W>(tnear + at),
+            load<W>(tfar + at)};
   }
   // `thin`, `shares`: whether the scene has see-through surfaces, lights with lobe factors.
   template <int W>
@@ -122,12 +125,15 @@ struct PathPool {
   }
   template <int W>
   PRIMRAY_INLINE Hits<W> hits(int at) const {
-    return {load<W>(t + at), {load<W>(ngx + at), load<W>(ngy + at), load<W>(ngz + at)}, load<W>(u + at), load<W>(v + at),
-            load<W>(prim + at), load<W>(geom + at), load<W>(inst + at), load<W>(inst_prim + at)};
+    return {load<W>(t + at),    {load<W>(ngx + at), load<W>(ngy + at), load<W>(ngz + at)},
+            load<W>(u + at),    load<W>(v + at),
+            load<W>(prim + at), load<W>(geom + at),
+            load<W>(inst + at), load<W>(inst_prim + at)};
   }
   template <int W>
   PRIMRAY_INLINE void set_hits(int at, const Hits<W>& h) {
-    store(t + at, h.t), store(ngx + at, h.ng.x), store(ngy + at, h.ng.y), store(ngz + at, h.ng.z), store(u + at, h.u), store(v + at, h.v);
+    store(t + at, h.t), store(ngx + at, h.ng.x), store(ngy + at, h.ng.y), store(ngz + at, h.ng.z), store(u + at, h.u),
+        store(v + at, h.v);
     store(prim + at, h.prim), store(geom + at, h.geom), store(inst + at, h.inst), store(inst_prim + at, h.inst_prim);
   }
 };
@@ -143,10 +149,14 @@ struct ShadowQueue {
 
   template <int W>
   PRIMRAY_INLINE Rays<W> rays(int at) const {
-    return {{load<W>(ox + at), load<W>(oy + at), load<W>(oz + at)}, {load<W>(dx + at), load<W>(dy + at), load<W>(dz + at)}, vfloat<W>(0.0f), load<W>(tfar + at)};
+    return {{load<W>(ox + at), load<W>(oy + at), load<W>(oz + at)},
+            {load<W>(dx + at), load<W>(dy + at), load<W>(dz + at)},
+            vfloat<W>(0.0f),
+            load<W>(tfar + at)};
   }
   template <int W>
-  PRIMRAY_INLINE void append(vbool<W> m, const vvec3<W>& o, const vvec3<W>& d, vfloat<W> end, const vvec3<W>& carried, vint<W> to_slot) {
+  PRIMRAY_INLINE void append(vbool<W> m, const vvec3<W>& o, const vvec3<W>& d, vfloat<W> end, const vvec3<W>& carried,
+                             vint<W> to_slot) {
     const Compaction<W> c(m);
     const int at = count;
     c.append(ox + at, o.x), c.append(oy + at, o.y), c.append(oz + at, o.z);
@@ -155,6 +165,5 @@ struct ShadowQueue {
     count += c.count;
   }
 };
-
 
 }  // namespace primray

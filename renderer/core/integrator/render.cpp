@@ -1,4 +1,5 @@
-// Tasks are (block of samples, tile), claimed in that order; a tile's blocks are done one after the other, so sums keep their order.
+// Tasks are (block of samples, tile), claimed in that order; a tile's blocks are done one after the other, so sums keep their
+// order.
 #include "integrator/render.hpp"
 
 #include "integrator/choose_splits.hpp"
@@ -68,7 +69,8 @@ RenderStatistics render(const Scene& scene, const IntegratorSettings& asked, int
       while (blocks_done[tile].load(std::memory_order_acquire) < i / schedule.tiles()) std::this_thread::yield();
       run_task(scene, settings, schedule.task(i, scene.camera), *worker, film, recorder);
       blocks_done[tile].fetch_add(1, std::memory_order_release);
-      film.camera_rays += std::exchange(worker->camera_rays, 0), film.scattered_rays += std::exchange(worker->scattered_rays, 0);
+      film.camera_rays += std::exchange(worker->camera_rays, 0),
+          film.scattered_rays += std::exchange(worker->scattered_rays, 0);
       film.shadow_rays += std::exchange(worker->shadow_rays, 0);
     }
     busy += worker->busy_lanes, shaded += worker->shaded_lanes;

@@ -19,8 +19,8 @@ struct RenderStatistics {
   int splits = 1;
 };
 
-// W = `lanes` paths at a time (1, 4, 8 or 16; those this module was built with). The film must be of the camera's size. What is in
-// it after an interruption is valid: every pixel has its own counts.
+// W = `lanes` paths at a time (1, 4, 8 or 16; those this module was built with). The film must be of the camera's size. What is
+// in it after an interruption is valid: every pixel has its own counts.
 RenderStatistics render(const Scene& scene, const IntegratorSettings& settings, int lanes, Film& film, const Progress& progress,
                         RayRecorder* recorder = nullptr);
 

@@ -1,22 +1,22 @@
 // One task: all samples of one block, of both replicates, of one tile. Paths of W lanes at a time, in a pool kept full.
 //
-// A round takes every path of the pool one vertex further: refill with camera rays, trace, shade (which leaves the survivors packed
-// in the other pool and shadow rays in a queue), trace the shadow rays. What a path adds to its slot comes in the same order
-// whatever W is, so W does not show in the image.
+// A round takes every path of the pool one vertex further: refill with camera rays, trace, shade (which leaves the survivors
+// packed in the other pool and shadow rays in a queue), trace the shadow rays. What a path adds to its slot comes in the same
+// order whatever W is, so W does not show in the image.
 #pragma once
 
+#include "bsdf/bsdf.hpp"
 #include "film/film.hpp"
 #include "integrator/entry_choice.hpp"
 #include "integrator/interaction.hpp"
 #include "integrator/pool.hpp"
-#include "bsdf/bsdf.hpp"
 #include "light/selection.hpp"
 #include "sampler/sampler.hpp"
 
 namespace primray {
 
-// Samples [first, first + count) of every replicate, for one tile: the pixels (x0 + i stride_x, y0 + j stride_y) before (x1, y1), which
-// stand in the film from (film_x, film_y) on, side by side.
+// Samples [first, first + count) of every replicate, for one tile: the pixels (x0 + i stride_x, y0 + j stride_y) before (x1,
+// y1), which stand in the film from (film_x, film_y) on, side by side.
 struct TileBlock {
   int x0, y0, x1, y1;
   int film_x, film_y;
@@ -43,12 +43,16 @@ struct Worker {
 struct RayRecorder;
 
 template <int W>
-void render_tile_block(const Scene& scene, const IntegratorSettings& settings, const TileBlock& block, Worker& worker, Film& film,
-                       RayRecorder* recorder);
+void render_tile_block(const Scene& scene, const IntegratorSettings& settings, const TileBlock& block, Worker& worker,
+                       Film& film, RayRecorder* recorder);
 
-extern template void render_tile_block<1>(const Scene&, const IntegratorSettings&, const TileBlock&, Worker&, Film&, RayRecorder*);
-extern template void render_tile_block<4>(const Scene&, const IntegratorSettings&, const TileBlock&, Worker&, Film&, RayRecorder*);
-extern template void render_tile_block<8>(const Scene&, const IntegratorSettings&, const TileBlock&, Worker&, Film&, RayRecorder*);
-extern template void render_tile_block<16>(const Scene&, const IntegratorSettings&, const TileBlock&, Worker&, Film&, RayRecorder*);
+extern template void render_tile_block<1>(const Scene&, const IntegratorSettings&, const TileBlock&, Worker&, Film&,
+                                          RayRecorder*);
+extern template void render_tile_block<4>(const Scene&, const IntegratorSettings&, const TileBlock&, Worker&, Film&,
+                                          RayRecorder*);
+extern template void render_tile_block<8>(const Scene&, const IntegratorSettings&, const TileBlock&, Worker&, Film&,
+                                          RayRecorder*);
+extern template void render_tile_block<16>(const Scene&, const IntegratorSettings&, const TileBlock&, Worker&, Film&,
+                                           RayRecorder*);
 
 }  // namespace primray

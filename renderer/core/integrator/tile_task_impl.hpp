@@ -13,13 +13,20 @@ namespace primray {
 template <int W>
 class TilePaths {
  public:
-  TilePaths(const Scene& scene, const IntegratorSettings& settings, const TileBlock& block, Worker& worker, RayRecorder* recorder)
-      : scene_(scene), settings_(settings), block_(block), w_(worker), recorder_(recorder), samples_(block.count[0] + block.count[1]) {}
+  TilePaths(const Scene& scene, const IntegratorSettings& settings, const TileBlock& block, Worker& worker,
+            RayRecorder* recorder)
+      : scene_(scene),
+        settings_(settings),
+        block_(block),
+        w_(worker),
+        recorder_(recorder),
+        samples_(block.count[0] + block.count[1]) {}
 
   void run() {
     list_pixels();
     const int slots = pixels_ * samples_;
-    std::fill_n(w_.r, slots, 0.0f), std::fill_n(w_.g, slots, 0.0f), std::fill_n(w_.b, slots, 0.0f), std::fill_n(w_.a, slots, 0.0f);
+    std::fill_n(w_.r, slots, 0.0f), std::fill_n(w_.g, slots, 0.0f), std::fill_n(w_.b, slots, 0.0f),
+        std::fill_n(w_.a, slots, 0.0f);
     w_.pool->count = 0;
     while (true) {
       refill(slots);
@@ -117,7 +124,8 @@ class TilePaths {
       const bool packet = entry.packet();
       if (recorder_) recorder_->record(false, packet, active, rays);
       const uint64_t start = entry.measuring() ? EntryChoice::now() : 0;
-      const Hits<W> hits = packet ? intersect_packet(scene_.accel(), active, rays) : intersect_single(scene_.accel(), active, rays);
+      const Hits<W> hits =
+          packet ? intersect_packet(scene_.accel(), active, rays) : intersect_single(scene_.accel(), active, rays);
       if (entry.measuring()) entry.record(EntryChoice::now() - start, std::min(W, pool.count - at));
       pool.set_hits(at, hits);
     }
@@ -323,7 +331,8 @@ class TilePaths {
       const F z = clamp(abs(cosine), 0.0f, 1.0f);
       const V wo{safe_sqrt(1.0f - z * z), F(0.0f), z};
       // Lanes that have arrived keep what they carry.
-      carried = select(active, carried * straight_transmittance(Bsdf<W>(scene_.surfaces, it.surface, active, wo, front)), carried);
+      carried =
+          select(active, carried * straight_transmittance(Bsdf<W>(scene_.surfaces, it.surface, active, wo, front)), carried);
       active &= max_component(carried) > F(0.0f);
       // Go on from the point that was hit, as far as is left.
       const V o = it.p + it.ng * (it.offset * select(front, F(-1.0f), F(1.0f)));
@@ -344,8 +353,8 @@ class TilePaths {
 };
 
 template <int W>
-void render_tile_block(const Scene& scene, const IntegratorSettings& settings, const TileBlock& block, Worker& worker, Film& film,
-                       RayRecorder* recorder) {
+void render_tile_block(const Scene& scene, const IntegratorSettings& settings, const TileBlock& block, Worker& worker,
+                       Film& film, RayRecorder* recorder) {
   TilePaths<W> paths(scene, settings, block, worker, recorder);
   paths.run();
   paths.add_to(film);

@@ -1,7 +1,7 @@
 // A cylinder along x, radius r, |x| <= h, emitting outwards from its lateral area, without caps.
 //
-// Around: uniform over the arc that the point can see. Along: equi-angular about the point for the chosen line, as Kulla and Fajardo 2012,
-// "Importance Sampling Techniques for Path Tracing in Participating Media", section 4.1, do for a ray.
+// Around: uniform over the arc that the point can see. Along: equi-angular about the point for the chosen line, as Kulla and
+// Fajardo 2012, "Importance Sampling Techniques for Path Tracing in Participating Media", section 4.1, do for a ray.
 #pragma once
 
 #include "light/local_shape.hpp"
@@ -38,7 +38,8 @@ PRIMRAY_INLINE LocalSample<W> cylinder_sample(const vvec3<W>& p, vfloat<W> r, vf
   const vfloat<W> d2 = dot(to, to), d = sqrt(d2);
   const vfloat<W> cos_light = (rho * phi.cos - r) / d;
   const vfloat<W> pdf = line.distance / (2.0f * phi_max * r * (line.a1 - line.a0) * cos_light);
-  return {to * (1.0f / d), d, select(outside & (cos_light > vfloat<W>(0.0f)) & (pdf < vfloat<W>(kInfinity)), pdf, vfloat<W>(0.0f))};
+  return {to * (1.0f / d), d,
+          select(outside & (cos_light > vfloat<W>(0.0f)) & (pdf < vfloat<W>(kInfinity)), pdf, vfloat<W>(0.0f))};
 }
 
 template <int W>

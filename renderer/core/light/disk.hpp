@@ -1,15 +1,16 @@
 // A disc of radius r in its plane z = 0, emitting along -z.
 //
-// Far: by area, concentric map. Near: by the solid angle of the square around it; a direction that misses the disc carries nothing
-// (Gamito 2016, "Solid Angle Sampling of Disk and Cylinder Lights", rejects such directions; keeping them
-// keeps the points' stratification).
+// Far: by area, concentric map. Near: by the solid angle of the square around it; a direction that misses the disc carries
+// nothing (Gamito 2016, "Solid Angle Sampling of Disk and Cylinder Lights", rejects such directions; keeping them keeps the
+// points' stratification).
 #pragma once
 
 #include "light/rect.hpp"
 
 namespace primray {
 
-// Uniform point of the unit disc that keeps strata together: Shirley and Chiu 1997, "A Low Distortion Map Between Disk and Square".
+// Uniform point of the unit disc that keeps strata together: Shirley and Chiu 1997, "A Low Distortion Map Between Disk and
+// Square".
 template <int W>
 PRIMRAY_INLINE void concentric_disk(vfloat<W> u, vfloat<W> v, vfloat<W>& x, vfloat<W>& y) {
   const vfloat<W> a = 2.0f * u - 1.0f, b = 2.0f * v - 1.0f;

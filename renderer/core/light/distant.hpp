@@ -12,7 +12,9 @@ PRIMRAY_INLINE LocalSample<W> distant_sample(vfloat<W> spread, vfloat<W> u, vflo
   const vfloat<W> sin_theta = safe_sqrt(one_minus_cos * (2.0f - one_minus_cos));
   const SinCos<W> phi = sincos_turns(v);
   const vfloat<W> pdf = 1.0f / (2.0f * kPi * max(spread, 1e-30f));
-  return {{sin_theta * phi.cos, sin_theta * phi.sin, 1.0f - one_minus_cos}, vfloat<W>(kInfinity), select(spread > vfloat<W>(0.0f), pdf, vfloat<W>(1.0f))};
+  return {{sin_theta * phi.cos, sin_theta * phi.sin, 1.0f - one_minus_cos},
+          vfloat<W>(kInfinity),
+          select(spread > vfloat<W>(0.0f), pdf, vfloat<W>(1.0f))};
 }
 
 template <int W>

@@ -16,11 +16,13 @@ std::vector<double> texel_means(const Dome& d) {
   };
   std::vector<double> rows(size_t(w) * h), mean(size_t(w) * h);
   for (int y = 0; y < h; ++y)
-    for (int x = 0; x < w; ++x) rows[size_t(y) * w + x] = 0.125 * (lum((x + w - 1) % w, y) + lum((x + 1) % w, y)) + 0.75 * lum(x, y);
+    for (int x = 0; x < w; ++x)
+      rows[size_t(y) * w + x] = 0.125 * (lum((x + w - 1) % w, y) + lum((x + 1) % w, y)) + 0.75 * lum(x, y);
   for (int y = 0; y < h; ++y)
     for (int x = 0; x < w; ++x)
       mean[size_t(y) * w + x] =
-          0.125 * (rows[size_t(std::max(y - 1, 0)) * w + x] + rows[size_t(std::min(y + 1, h - 1)) * w + x]) + 0.75 * rows[size_t(y) * w + x];
+          0.125 * (rows[size_t(std::max(y - 1, 0)) * w + x] + rows[size_t(std::min(y + 1, h - 1)) * w + x]) +
+          0.75 * rows[size_t(y) * w + x];
   return mean;
 }
 

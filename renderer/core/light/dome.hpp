@@ -1,9 +1,9 @@
 // A dome: radiance from all directions, constant or from a lat-long image; sampled where its image exceeds its mean.
 //
-// Orientation: UsdLux DomeLight, pole +y, image centre +z, s = 0.5 - atan2(x, z) / 2 pi, t from the top = acos(y) / pi. Texels are read bilinearly.
-// Sampling chooses a texel by a row and a column distribution, then uniformly in its solid angle. What is at or below
-// the mean is left to the BSDF's own rays ("MIS compensation": Karlik et al. 2019, "MIS Compensation: Optimizing Sampling
-// Techniques in Multiple Importance Sampling"); a constant dome so needs no light samples at all.
+// Orientation: UsdLux DomeLight, pole +y, image centre +z, s = 0.5 - atan2(x, z) / 2 pi, t from the top = acos(y) / pi. Texels
+// are read bilinearly. Sampling chooses a texel by a row and a column distribution, then uniformly in its solid angle. What is
+// at or below the mean is left to the BSDF's own rays ("MIS compensation": Karlik et al. 2019, "MIS Compensation: Optimizing
+// Sampling Techniques in Multiple Importance Sampling"); a constant dome so needs no light samples at all.
 #pragma once
 
 #include <vector>
@@ -16,12 +16,12 @@ namespace primray {
 struct Dome {
   Affine<float> world_from_light;  // rotation
   vec3 tint{1.0f, 1.0f, 1.0f};
-  int width = 0, height = 0;       // 0: constant
-  std::vector<float> texels;       // 3 (width) (height) floats
+  int width = 0, height = 0;  // 0: constant
+  std::vector<float> texels;  // 3 (width) (height) floats
   // Sampling: cumulative probabilities of rows, and of columns in each row; probability density of each texel per steradian.
   std::vector<float> row_cdf, column_cdf, density, row_cos;  // height + 1, height (width + 1), height width, height + 1
   bool sampled = false;
-  double irradiance = 0;     // upper estimate from what is sampled, for choosing among lights
+  double irradiance = 0;  // upper estimate from what is sampled, for choosing among lights
 };
 
 // Fills the distributions from the texels.
@@ -43,7 +43,8 @@ PRIMRAY_INLINE vint<W> find_interval(const float* cdf, vint<W> base, int n, vflo
 template <int W>
 PRIMRAY_INLINE vvec3<W> dome_local(const Dome& dome, const vvec3<W>& w) {
   const Affine<float>& m = dome.world_from_light;
-  return {w.x * m.x.x + w.y * m.x.y + w.z * m.x.z, w.x * m.y.x + w.y * m.y.y + w.z * m.y.z, w.x * m.z.x + w.y * m.z.y + w.z * m.z.z};
+  return {w.x * m.x.x + w.y * m.x.y + w.z * m.x.z, w.x * m.y.x + w.y * m.y.y + w.z * m.y.z,
+          w.x * m.z.x + w.y * m.z.y + w.z * m.z.z};
 }
 
 template <int W>
@@ -63,7 +64,8 @@ PRIMRAY_INLINE vvec3<W> dome_radiance(const Dome& dome, const DomeCoordinates<W>
   const vint<W> xi = floor_to_int(x), yi = floor_to_int(y);
   const vfloat<W> fx = x - to_float(xi), fy = y - to_float(yi);
   const vint<W> width(dome.width), last(dome.height - 1);
-  const vint<W> x0 = select(xi < vint<W>(0), xi + width, xi), x1 = select(xi + vint<W>(1) >= width, vint<W>(0), xi + vint<W>(1));
+  const vint<W> x0 = select(xi < vint<W>(0), xi + width, xi),
+                x1 = select(xi + vint<W>(1) >= width, vint<W>(0), xi + vint<W>(1));
   const vint<W> y0 = max(yi, 0) * width, y1 = min(yi + vint<W>(1), last) * width;
   vvec3<W> L;
   const float* texels = dome.texels.data();
@@ -101,7 +103,8 @@ PRIMRAY_INLINE vvec3<W> dome_sample(const Dome& dome, vfloat<W> u, vfloat<W> v) 
   const vint<W> base = y * vint<W>(dome.width + 1);
   const vint<W> x = find_interval<W>(columns, base, dome.width, v);
   const vfloat<W> c0 = gather<W>(columns, base + x), c1 = gather<W>(columns + 1, base + x);
-  const vfloat<W> fy = clamp((u - r0) / max(r1 - r0, 1e-30f), 0.0f, 1.0f), fx = clamp((v - c0) / max(c1 - c0, 1e-30f), 0.0f, 1.0f);
+  const vfloat<W> fy = clamp((u - r0) / max(r1 - r0, 1e-30f), 0.0f, 1.0f),
+                  fx = clamp((v - c0) / max(c1 - c0, 1e-30f), 0.0f, 1.0f);
   const vfloat<W> cos0 = gather<W>(dome.row_cos.data(), y), cos1 = gather<W>(dome.row_cos.data() + 1, y);
   const vfloat<W> cos_theta = cos0 + fy * (cos1 - cos0);
   const vfloat<W> turn = 0.5f - (to_float(x) + fx) * (1.0f / float(dome.width));
@@ -109,7 +112,8 @@ PRIMRAY_INLINE vvec3<W> dome_sample(const Dome& dome, vfloat<W> u, vfloat<W> v) 
   const SinCos<W> phi = sincos_turns(turn);
   const vvec3<W> w{sin_theta * phi.sin, cos_theta, sin_theta * phi.cos};
   const Affine<float>& m = dome.world_from_light;
-  return {w.x * m.x.x + w.y * m.y.x + w.z * m.z.x, w.x * m.x.y + w.y * m.y.y + w.z * m.z.y, w.x * m.x.z + w.y * m.y.z + w.z * m.z.z};
+  return {w.x * m.x.x + w.y * m.y.x + w.z * m.z.x, w.x * m.x.y + w.y * m.y.y + w.z * m.z.y,
+          w.x * m.x.z + w.y * m.y.z + w.z * m.z.z};
 }
 
 }  // namespace primray

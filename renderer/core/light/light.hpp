@@ -1,8 +1,8 @@
 // All lights: one table of floats, one dispatch by type and lane. A new light is a file beside rect.hpp and a branch here.
 //
-// Area lights live in a frame of their own without size (their size is in kSize0, kSize1), so that sampling by solid angle there
-// is sampling by solid angle here; only a sheared frame changes it, by the Jacobian |det A| / |A w|^3 of directions under A.
-// Lights are not geometry: they shadow nothing, and emit from their front alone.
+// Area lights live in a frame of their own without size (their size is in kSize0, kSize1), so that sampling by solid angle
+// there is sampling by solid angle here; only a sheared frame changes it, by the Jacobian |det A| / |A w|^3 of directions under
+// A. Lights are not geometry: they shadow nothing, and emit from their front alone.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ enum class LightType : int32_t { kPoint, kSphere, kDisk, kRect, kCylinder, kDist
 
 enum LightField : int {
   kType,
-  kAxisX,                 // columns of world_from_light
+  kAxisX,  // columns of world_from_light
   kAxisY = kAxisX + 3,
   kAxisZ = kAxisY + 3,
   kOrigin = kAxisZ + 3,
@@ -29,9 +29,9 @@ enum LightField : int {
   kInverseY = kInverseX + 3,
   kInverseZ = kInverseY + 3,
   kInverseDet = kInverseZ + 3,  // |det light_from_world|; 1 unless sheared
-  kSize0,                 // half width, radius, or 1 - cos of a distant light's half-angle
-  kSize1,                 // half height, half length, or a dome's number
-  kRadiance,              // radiance; radiant intensity of a point; irradiance of a distant light of angle 0
+  kSize0,                       // half width, radius, or 1 - cos of a distant light's half-angle
+  kSize1,                       // half height, half length, or a dome's number
+  kRadiance,                    // radiance; radiant intensity of a point; irradiance of a distant light of angle 0
   kImportance = kRadiance + 3,  // luminance of what selection weighs
   kDiffuseFactor,
   kSpecularFactor,
@@ -50,13 +50,13 @@ struct LobeFactors {
 struct LightTable {
   std::vector<float> rows;  // of the lights that are sampled
   int count = 0;
-  std::vector<Dome> domes;  // all of them, sampled or not
-  std::vector<int> dome_light;       // by dome: its row, or -1
+  std::vector<Dome> domes;      // all of them, sampled or not
+  std::vector<int> dome_light;  // by dome: its row, or -1
   std::vector<LobeFactors> dome_factors;
-  std::vector<float> power_cdf;      // count + 1; used where there are too many lights to weigh each
-  bool needs_hit_test = false;       // some light has area or a cone that BSDF rays can meet
+  std::vector<float> power_cdf;  // count + 1; used where there are too many lights to weigh each
+  bool needs_hit_test = false;   // some light has area or a cone that BSDF rays can meet
   bool camera_sees_area = false;
-  bool lobe_factors = false;         // some light's diffuse or specular factor is not 1
+  bool lobe_factors = false;           // some light's diffuse or specular factor is not 1
   static constexpr int kWeighed = 16;  // at most so many are weighed at every vertex
 
   const float* row(int light) const { return rows.data() + light * kLightFields; }
@@ -78,7 +78,8 @@ struct LightRow {
   vint<W> offset;
   int uniform;  // offset shared by all lanes, or -1
 
-  PRIMRAY_INLINE LightRow(const LightTable& table, vint<W> light) : rows(table.rows.data()), offset(light * vint<W>(kLightFields)) {
+  PRIMRAY_INLINE LightRow(const LightTable& table, vint<W> light)
+      : rows(table.rows.data()), offset(light * vint<W>(kLightFields)) {
     uniform = all(offset == vint<W>(offset[0])) ? offset[0] : -1;
   }
   PRIMRAY_INLINE vfloat<W> operator()(int field) const {
@@ -90,7 +91,9 @@ struct LightRow {
   PRIMRAY_INLINE vvec3<W> to_light(const vvec3<W>& v) const {
     return vector(kInverseX) * v.x + vector(kInverseY) * v.y + vector(kInverseZ) * v.z;
   }
-  PRIMRAY_INLINE vvec3<W> to_world(const vvec3<W>& v) const { return vector(kAxisX) * v.x + vector(kAxisY) * v.y + vector(kAxisZ) * v.z; }
+  PRIMRAY_INLINE vvec3<W> to_world(const vvec3<W>& v) const {
+    return vector(kAxisX) * v.x + vector(kAxisY) * v.y + vector(kAxisZ) * v.z;
+  }
 };
 
 template <int W>
@@ -100,7 +103,8 @@ PRIMRAY_INLINE vbool<W> is_type(vint<W> type, LightType t) {
 
 // A direction towards `light` from world point p. Its pdf leaves out the choice of the light.
 template <int W>
-PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> light, vbool<W> active, const vvec3<W>& p, vfloat<W> u, vfloat<W> v) {
+PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> light, vbool<W> active, const vvec3<W>& p,
+                                           vfloat<W> u, vfloat<W> v) {
   const LightRow<W> row(table, light);
   const vint<W> type = select(active, row.type(), vint<W>(-1));
   const vfloat<W> size0 = row(kSize0), size1 = row(kSize1);
@@ -152,11 +156,16 @@ PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> ligh
   return r;
 }
 
-// Where the ray p + t wi (unit wi) meets `light`, for all light types that a ray can meet but domes; the pdf leaves out the choice.
+// Where the ray p + t wi (unit wi) meets `light`, for all light types that a ray can meet but domes; the pdf leaves out the
+// choice.
 template <int W>
 PRIMRAY_INLINE LocalHit<W> light_hit(const float* row, const vvec3<W>& p, const vvec3<W>& wi) {
-  const auto vector = [&](int field) { return vvec3<W>(vfloat<W>(row[field]), vfloat<W>(row[field + 1]), vfloat<W>(row[field + 2])); };
-  const auto to_light = [&](const vvec3<W>& x) { return vector(kInverseX) * x.x + vector(kInverseY) * x.y + vector(kInverseZ) * x.z; };
+  const auto vector = [&](int field) {
+    return vvec3<W>(vfloat<W>(row[field]), vfloat<W>(row[field + 1]), vfloat<W>(row[field + 2]));
+  };
+  const auto to_light = [&](const vvec3<W>& x) {
+    return vector(kInverseX) * x.x + vector(kInverseY) * x.y + vector(kInverseZ) * x.z;
+  };
   const LightType type = LightType(int(row[kType]));
   vvec3<W> w = to_light(wi);
   vfloat<W> len(1.0f);
@@ -169,13 +178,24 @@ PRIMRAY_INLINE LocalHit<W> light_hit(const float* row, const vvec3<W>& p, const 
   const vfloat<W> size0(row[kSize0]), size1(row[kSize1]);
   LocalHit<W> h{vfloat<W>(kInfinity), vfloat<W>(0.0f)};
   switch (type) {
-    case LightType::kSphere: h = sphere_hit(local, w, size0); break;
-    case LightType::kDisk: h = disk_hit(local, w, size0); break;
-    case LightType::kRect: h = rect_hit(local, w, size0, size1); break;
-    case LightType::kCylinder: h = cylinder_hit(local, w, size0, size1); break;
-    case LightType::kDistant: h = distant_hit(w, size0); break;
+    case LightType::kSphere:
+      h = sphere_hit(local, w, size0);
+      break;
+    case LightType::kDisk:
+      h = disk_hit(local, w, size0);
+      break;
+    case LightType::kRect:
+      h = rect_hit(local, w, size0, size1);
+      break;
+    case LightType::kCylinder:
+      h = cylinder_hit(local, w, size0, size1);
+      break;
+    case LightType::kDistant:
+      h = distant_hit(w, size0);
+      break;
     case LightType::kPoint:
-    case LightType::kDome: break;
+    case LightType::kDome:
+      break;
   }
   if (sheared) {
     h.t = h.t * (1.0f / len);

@@ -1,8 +1,8 @@
 // A rectangle in its plane z = 0, |x| <= hx, |y| <= hy, emitting along -z: sampled by solid angle where it is near.
 //
 // Near: the spherical rectangle of Urena, Fajardo and King 2013, "An Area-Preserving Parametrization for Spherical
-// Rectangles". Far (its half-diagonal less than a quarter of the distance) or seen as a sliver: by area, where both have nearly the same
-// variance and the solid angle of the first would lose digits.
+// Rectangles". Far (its half-diagonal less than a quarter of the distance) or seen as a sliver: by area, where both have nearly
+// the same variance and the solid angle of the first would lose digits.
 #pragma once
 
 #include "light/local_shape.hpp"
@@ -72,7 +72,8 @@ PRIMRAY_INLINE LocalSample<W> rect_sample(const vvec3<W>& p, vfloat<W> hx, vfloa
 template <int W>
 PRIMRAY_INLINE LocalHit<W> rect_hit(const vvec3<W>& p, const vvec3<W>& w, vfloat<W> hx, vfloat<W> hy) {
   const vfloat<W> t = -p.z / w.z;
-  const vbool<W> hit = (p.z < vfloat<W>(0.0f)) & (w.z > vfloat<W>(0.0f)) & (abs(p.x + w.x * t) <= hx) & (abs(p.y + w.y * t) <= hy);
+  const vbool<W> hit =
+      (p.z < vfloat<W>(0.0f)) & (w.z > vfloat<W>(0.0f)) & (abs(p.x + w.x * t) <= hx) & (abs(p.y + w.y * t) <= hy);
   if (!any(hit)) return {vfloat<W>(kInfinity), vfloat<W>(0.0f)};
   const vbool<W> far = rect_is_far(p, hx, hy);
   vfloat<W> pdf = t * t / (4.0f * hx * hy * w.z);

@@ -9,15 +9,20 @@ namespace primray {
 // the next vertex can find the choice's probability again from the ray's origin.
 template <int W>
 PRIMRAY_INLINE vfloat<W> light_importance(const float* row, const vvec3<W>& p) {
-  const auto vector = [&](int field) { return vvec3<W>(vfloat<W>(row[field]), vfloat<W>(row[field + 1]), vfloat<W>(row[field + 2])); };
+  const auto vector = [&](int field) {
+    return vvec3<W>(vfloat<W>(row[field]), vfloat<W>(row[field + 1]), vfloat<W>(row[field + 2]));
+  };
   const vvec3<W> to = p - vector(kOrigin);
   const vfloat<W> d2 = max(dot(to, to), 1e-30f), power(row[kImportance]);
   const LightType type = LightType(int(row[kType]));
   switch (type) {
     case LightType::kDistant:
-    case LightType::kDome: return power;
-    case LightType::kPoint: return power / d2;
-    case LightType::kSphere: return power * (kPi * row[kSize0] * row[kSize0]) / max(d2, row[kSize0] * row[kSize0]);
+    case LightType::kDome:
+      return power;
+    case LightType::kPoint:
+      return power / d2;
+    case LightType::kSphere:
+      return power * (kPi * row[kSize0] * row[kSize0]) / max(d2, row[kSize0] * row[kSize0]);
     case LightType::kDisk:
     case LightType::kRect: {
       const vfloat<W> z = -(vector(kInverseX).z * to.x + vector(kInverseY).z * to.y + vector(kInverseZ).z * to.z);

@@ -46,7 +46,8 @@ template <int W>
 PRIMRAY_INLINE LocalHit<W> sphere_hit(const vvec3<W>& p, const vvec3<W>& w, vfloat<W> r) {
   const vfloat<W> d2 = dot(p, p), t = sphere_distance(p, w, r);
   const vbool<W> hit = (d2 > r * r) & (t < vfloat<W>(kInfinity));
-  return {select(hit, t, vfloat<W>(kInfinity)), select(hit, 1.0f / (2.0f * kPi * sphere_one_minus_cos(d2, r)), vfloat<W>(0.0f))};
+  return {select(hit, t, vfloat<W>(kInfinity)),
+          select(hit, 1.0f / (2.0f * kPi * sphere_one_minus_cos(d2, r)), vfloat<W>(0.0f))};
 }
 
 }  // namespace primray

@@ -1,8 +1,8 @@
 // W floats, ints or truth values that go through the same arithmetic side by side: vfloat, vint, vuint, vbool, select.
 //
 // Plain arithmetic over the compilers' vector extensions; W = 1 is the scalar formula. Every operation
-// rounds as IEEE says, lane by lane, so the number of lanes never changes a bit of a result (contraction is off). Intrinsics stand only where the compilers miss the one instruction: gathers, square
-// roots and the bits of a mask.
+// rounds as IEEE says, lane by lane, so the number of lanes never changes a bit of a result (contraction is off). Intrinsics
+// stand only where the compilers miss the one instruction: gathers, square roots and the bits of a mask.
 #pragma once
 
 #include <immintrin.h>
@@ -45,9 +45,7 @@ PRIMRAY_INLINE uint32_t bits(vbool<W> m) {
   return r;
 }
 #if defined(__AVX512F__)
-PRIMRAY_INLINE uint32_t bits(vbool<16> m) {
-  return _mm512_movepi32_mask((__m512i)m.v);
-}
+PRIMRAY_INLINE uint32_t bits(vbool<16> m) { return _mm512_movepi32_mask((__m512i)m.v); }
 #endif
 #if defined(__AVX__)
 PRIMRAY_INLINE uint32_t bits(vbool<8> m) { return _mm256_movemask_ps((__m256)m.v); }

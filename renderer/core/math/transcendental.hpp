@@ -36,7 +36,8 @@ template <int W>
 PRIMRAY_INLINE vfloat<W> asin_core(vfloat<W> x, vfloat<W> x2) {
   return x + x * x2 *
                  (1.66666667e-1f +
-                  x2 * (7.5e-2f + x2 * (4.46428571e-2f + x2 * (3.0381944e-2f + x2 * (2.2372159e-2f + x2 * (1.7352764e-2f + x2 * 1.95e-2f))))));
+                  x2 * (7.5e-2f + x2 * (4.46428571e-2f +
+                                        x2 * (3.0381944e-2f + x2 * (2.2372159e-2f + x2 * (1.7352764e-2f + x2 * 1.95e-2f))))));
 }
 
 // Arc cosine; |x| is clamped to 1; absolute error below 4e-7.
@@ -51,7 +52,8 @@ PRIMRAY_INLINE vfloat<W> acos(vfloat<W> x) {
   return select(x < vfloat<W>(0.0f), kPi - positive, positive);
 }
 
-// The angle of (x, y) in (-pi, pi]; absolute error below 1e-6; 0 where both are 0. Arc tangent on [0, tan(pi/8)] by its Taylor series.
+// The angle of (x, y) in (-pi, pi]; absolute error below 1e-6; 0 where both are 0. Arc tangent on [0, tan(pi/8)] by its Taylor
+// series.
 template <int W>
 PRIMRAY_INLINE vfloat<W> atan2(vfloat<W> y, vfloat<W> x) {
   const vfloat<W> ax = abs(x), ay = abs(y);
@@ -62,7 +64,10 @@ PRIMRAY_INLINE vfloat<W> atan2(vfloat<W> y, vfloat<W> x) {
   const vbool<W> upper = t > vfloat<W>(0.41421356f);
   const vfloat<W> z = select(upper, (t - 1.0f) / (t + 1.0f), t);
   const vfloat<W> z2 = z * z;
-  vfloat<W> a = z + z * z2 * (-3.33333333e-1f + z2 * (2.0e-1f + z2 * (-1.42857143e-1f + z2 * (1.11111111e-1f + z2 * (-9.0909091e-2f + z2 * 6.8e-2f)))));
+  vfloat<W> a =
+      z + z * z2 *
+              (-3.33333333e-1f +
+               z2 * (2.0e-1f + z2 * (-1.42857143e-1f + z2 * (1.11111111e-1f + z2 * (-9.0909091e-2f + z2 * 6.8e-2f)))));
   a = select(upper, 0.25f * kPi + a, a);
   a = select(steep, 0.5f * kPi - a, a);
   a = select(x < vfloat<W>(0.0f), kPi - a, a);

@@ -1,8 +1,9 @@
 // Owen-scrambled Sobol points: a number in [0,1) is a function of (seed, pixel, replicate, index, dimension) and nothing else.
 //
-// Every pair of dimensions takes the first two Sobol dimensions at an index shuffled for that pair, scrambled again: Burley 2020, "Practical
-// Hash-based Owen Scrambling", with the hash of Laine and Karras 2011 as improved by Vegdahl 2021 ("Building a Better LK
-// Hash"). Dimensions are numbered by bounce and purpose, whatever the scene holds: a feature that is off leaves its own unused.
+// Every pair of dimensions takes the first two Sobol dimensions at an index shuffled for that pair, scrambled again: Burley
+// 2020, "Practical Hash-based Owen Scrambling", with the hash of Laine and Karras 2011 as improved by Vegdahl 2021 ("Building a
+// Better LK Hash"). Dimensions are numbered by bounce and purpose, whatever the scene holds: a feature that is off leaves its
+// own unused.
 #pragma once
 
 #include "math/lanes.hpp"
@@ -15,16 +16,18 @@ enum class Purpose : uint32_t { kFilm, kLens, kDirection, kLobe, kLightPoint, kL
 // The bits of x in reverse: with byte shuffles where there are any, six instructions in place of two dozen.
 #if defined(__AVX2__)
 // Reversed nibbles, as low and as high halves of a byte.
-alignas(16) constexpr uint8_t kReversedLow[16] = {0x00, 0x80, 0x40, 0xc0, 0x20, 0xa0, 0x60, 0xe0, 0x10, 0x90, 0x50, 0xd0, 0x30, 0xb0, 0x70, 0xf0};
-alignas(16) constexpr uint8_t kReversedHigh[16] = {0x00, 0x08, 0x04, 0x0c, 0x02, 0x0a, 0x06, 0x0e, 0x01, 0x09, 0x05, 0x0d, 0x03, 0x0b, 0x07, 0x0f};
+alignas(16) constexpr uint8_t kReversedLow[16] = {0x00, 0x80, 0x40, 0xc0, 0x20, 0xa0, 0x60, 0xe0,
+                                                  0x10, 0x90, 0x50, 0xd0, 0x30, 0xb0, 0x70, 0xf0};
+alignas(16) constexpr uint8_t kReversedHigh[16] = {0x00, 0x08, 0x04, 0x0c, 0x02, 0x0a, 0x06, 0x0e,
+                                                   0x01, 0x09, 0x05, 0x0d, 0x03, 0x0b, 0x07, 0x0f};
 alignas(16) constexpr uint8_t kByteOrder[16] = {3, 2, 1, 0, 7, 6, 5, 4, 11, 10, 9, 8, 15, 14, 13, 12};
 
 PRIMRAY_INLINE __m128i load_bytes(const uint8_t* p) { return _mm_load_si128(reinterpret_cast<const __m128i*>(p)); }
 PRIMRAY_INLINE vuint<8> reverse_bits_by_bytes(vuint<8> x) {
   const __m256i nibble = _mm256_set1_epi8(15), v = (__m256i)x.v;
   const __m256i low = _mm256_shuffle_epi8(_mm256_broadcastsi128_si256(load_bytes(kReversedLow)), _mm256_and_si256(v, nibble));
-  const __m256i high =
-      _mm256_shuffle_epi8(_mm256_broadcastsi128_si256(load_bytes(kReversedHigh)), _mm256_and_si256(_mm256_srli_epi16(v, 4), nibble));
+  const __m256i high = _mm256_shuffle_epi8(_mm256_broadcastsi128_si256(load_bytes(kReversedHigh)),
+                                           _mm256_and_si256(_mm256_srli_epi16(v, 4), nibble));
   return (vuint<8>::Raw)_mm256_shuffle_epi8(_mm256_or_si256(low, high), _mm256_broadcastsi128_si256(load_bytes(kByteOrder)));
 }
 #endif
@@ -32,7 +35,8 @@ PRIMRAY_INLINE vuint<8> reverse_bits_by_bytes(vuint<8> x) {
 PRIMRAY_INLINE vuint<16> reverse_bits_by_bytes(vuint<16> x) {
   const __m512i nibble = _mm512_set1_epi8(15), v = (__m512i)x.v;
   const __m512i low = _mm512_shuffle_epi8(_mm512_broadcast_i32x4(load_bytes(kReversedLow)), _mm512_and_si512(v, nibble));
-  const __m512i high = _mm512_shuffle_epi8(_mm512_broadcast_i32x4(load_bytes(kReversedHigh)), _mm512_and_si512(_mm512_srli_epi16(v, 4), nibble));
+  const __m512i high =
+      _mm512_shuffle_epi8(_mm512_broadcast_i32x4(load_bytes(kReversedHigh)), _mm512_and_si512(_mm512_srli_epi16(v, 4), nibble));
   return (vuint<16>::Raw)_mm512_shuffle_epi8(_mm512_or_si512(low, high), _mm512_broadcast_i32x4(load_bytes(kByteOrder)));
 }
 #endif
@@ -103,7 +107,8 @@ struct Sampler {
   PRIMRAY_INLINE Pair<W> pair(vint<W> bounce, Purpose purpose) const {
     const vuint<W> s = dimension_seed(bounce, purpose);
     const vuint<W> index = reverse_bits(laine_karras(reversed_index, s));
-    const vuint<W> a = laine_karras(index, s * vuint<W>(0x85ebca6bu)), b = laine_karras(sobol_second(index), s * vuint<W>(0xc2b2ae35u));
+    const vuint<W> a = laine_karras(index, s * vuint<W>(0x85ebca6bu)),
+                   b = laine_karras(sobol_second(index), s * vuint<W>(0xc2b2ae35u));
     return {unit_float(reverse_bits(a)), unit_float(reverse_bits(b))};
   }
   PRIMRAY_INLINE vfloat<W> single(vint<W> bounce, Purpose purpose) const {

@@ -31,7 +31,8 @@ bool is_regular(const daffine& m) {
 
 }  // namespace
 
-SceneBuilder::SceneBuilder(dvec3 origin, double scale) : scene_(std::make_unique<Scene>()), group_origin_(origin), group_scale_(scale) {
+SceneBuilder::SceneBuilder(dvec3 origin, double scale)
+    : scene_(std::make_unique<Scene>()), group_origin_(origin), group_scale_(scale) {
   scene_->origin = origin;
   scene_->scale = scale;
   scene_->groups.emplace_back();
@@ -108,7 +109,8 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
 }
 
 void SceneBuilder::add_sphere(double radius, int32_t surface, const daffine& group_from_object) {
-  const daffine group_from_prototype{{group_scale_, 0, 0}, {0, group_scale_, 0}, {0, 0, group_scale_}, group_origin_ * -group_scale_};
+  const daffine group_from_prototype{
+      {group_scale_, 0, 0}, {0, group_scale_, 0}, {0, 0, group_scale_}, group_origin_ * -group_scale_};
   const daffine size{{radius, 0, 0}, {0, radius, 0}, {0, 0, radius}, dvec3(0.0)};
   const daffine m = group_from_prototype * group_from_object * size;
   if (!is_regular(m)) return;
@@ -116,8 +118,10 @@ void SceneBuilder::add_sphere(double radius, int32_t surface, const daffine& gro
   SphereRecord r;
   const dvec3 *columns[] = {&m.x, &m.y, &m.z, &m.o}, *inverse_columns[] = {&inv.x, &inv.y, &inv.z, &inv.o};
   for (int k = 0; k < 4; ++k) {
-    r.group_from_object[3 * k] = float(columns[k]->x), r.group_from_object[3 * k + 1] = float(columns[k]->y), r.group_from_object[3 * k + 2] = float(columns[k]->z);
-    r.object_from_group[3 * k] = inverse_columns[k]->x, r.object_from_group[3 * k + 1] = inverse_columns[k]->y, r.object_from_group[3 * k + 2] = inverse_columns[k]->z;
+    r.group_from_object[3 * k] = float(columns[k]->x), r.group_from_object[3 * k + 1] = float(columns[k]->y),
+                            r.group_from_object[3 * k + 2] = float(columns[k]->z);
+    r.object_from_group[3 * k] = inverse_columns[k]->x, r.object_from_group[3 * k + 1] = inverse_columns[k]->y,
+                            r.object_from_group[3 * k + 2] = inverse_columns[k]->z;
   }
   scene_->spheres.push_back(r);
   scene_->sphere_surface.push_back(surface);

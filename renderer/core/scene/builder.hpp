@@ -1,4 +1,5 @@
-// From double-precision input in scene units to the Scene's flat float arrays, relative to an origin and scaled by a power of two.
+// From double-precision input in scene units to the Scene's flat float arrays, relative to an origin and scaled by a power of
+// two.
 #pragma once
 
 #include <memory>
@@ -10,12 +11,12 @@ namespace primray {
 
 // One mesh's arrays as they come from outside; all indices have been checked to be in range.
 struct MeshInput {
-  std::span<const float> points;        // 3 N
-  std::span<const int32_t> triangles;   // 3 T
-  std::span<const float> normals;       // empty, 3 N or 9 T
-  std::span<const float> colors;        // empty, 3 T, 3 N or 9 T
+  std::span<const float> points;       // 3 N
+  std::span<const int32_t> triangles;  // 3 T
+  std::span<const float> normals;      // empty, 3 N or 9 T
+  std::span<const float> colors;       // empty, 3 T, 3 N or 9 T
   Attribute normal_kind = Attribute::kNone, color_kind = Attribute::kNone;
-  std::span<const int32_t> surfaces;    // one, or one a triangle
+  std::span<const int32_t> surfaces;  // one, or one a triangle
 };
 
 struct LightInput {
@@ -50,7 +51,8 @@ class SceneBuilder {
   int begin_prototype(dvec3 center, double scale);
   void add_mesh(const MeshInput& mesh, const daffine& group_from_object);
   void add_sphere(double radius, int32_t surface, const daffine& group_from_object);
-  // `rows`: 12 doubles an instance, world from prototype. A singular or non-finite one is left out; the result says how many were.
+  // `rows`: 12 doubles an instance, world from prototype. A singular or non-finite one is left out; the result says how many
+  // were.
   int64_t add_placement(int prototype, std::span<const double> rows);
   void add_light(const LightInput& light);
   void set_camera(const CameraInput& camera);

@@ -12,8 +12,8 @@ namespace primray {
 // and adds to its own pixel alone (Ernst, Stamminger, Greiner 2006, "Filter Importance Sampling").
 struct PixelFilter {
   static constexpr int kCells = 512;
-  float box_width = 1;               // used when table is empty
-  std::vector<float> inverse_cdf;    // kCells + 2 offsets at u = i / kCells
+  float box_width = 1;             // used when table is empty
+  std::vector<float> inverse_cdf;  // kCells + 2 offsets at u = i / kCells
 
   template <int W>
   PRIMRAY_INLINE vfloat<W> sample(vfloat<W> u) const {
@@ -34,7 +34,7 @@ struct CameraRay {
 struct Camera {
   int width = 0, height = 0;
   bool orthographic = false;
-  Affine<float> world_from_camera;  // axes orthonormal, in the core's space
+  Affine<float> world_from_camera;                 // axes orthonormal, in the core's space
   float left = 0, bottom = 0, right = 0, top = 0;  // at unit distance, or in the core's lengths (orthographic)
   float near = 0, far = 0;
   float lens_radius = 0, focus_distance = 1;
@@ -62,7 +62,8 @@ struct Camera {
                       v.x * m.x.z + v.y * m.y.z + v.z * m.z.z);
     };
     const vec3 c = world_from_camera.o;
-    return {rotate(o) + vvec3<W>(vfloat<W>(c.x), vfloat<W>(c.y), vfloat<W>(c.z)), rotate(d) * (1.0f / len), len * near, len * far};
+    return {rotate(o) + vvec3<W>(vfloat<W>(c.x), vfloat<W>(c.y), vfloat<W>(c.z)), rotate(d) * (1.0f / len), len * near,
+            len * far};
   }
 };
 

@@ -26,11 +26,20 @@ LightFrame light_frame(const LightInput& light) {
   // Flat lights need no depth: any normal to their plane does, on the side where -z goes.
   bool round = true;
   switch (light.type) {
-    case LightType::kRect: round = perpendicular(m.x, m.y); break;
-    case LightType::kDisk: round = perpendicular(m.x, m.y) && same(x, y); break;
-    case LightType::kSphere: round = perpendicular(m.x, m.y) && perpendicular(m.y, m.z) && perpendicular(m.z, m.x) && same(x, y) && same(y, z); break;
-    case LightType::kCylinder: round = perpendicular(m.x, m.y) && perpendicular(m.y, m.z) && perpendicular(m.z, m.x) && same(y, z); break;
-    default: break;
+    case LightType::kRect:
+      round = perpendicular(m.x, m.y);
+      break;
+    case LightType::kDisk:
+      round = perpendicular(m.x, m.y) && same(x, y);
+      break;
+    case LightType::kSphere:
+      round = perpendicular(m.x, m.y) && perpendicular(m.y, m.z) && perpendicular(m.z, m.x) && same(x, y) && same(y, z);
+      break;
+    case LightType::kCylinder:
+      round = perpendicular(m.x, m.y) && perpendicular(m.y, m.z) && perpendicular(m.z, m.x) && same(y, z);
+      break;
+    default:
+      break;
   }
   if (light.type == LightType::kRect || light.type == LightType::kDisk) {
     const dvec3 n = cross(m.x, m.y);
@@ -47,7 +56,9 @@ LightFrame light_frame(const LightInput& light) {
   return f;
 }
 
-void put(float* row, int field, const dvec3& v) { row[field] = float(v.x), row[field + 1] = float(v.y), row[field + 2] = float(v.z); }
+void put(float* row, int field, const dvec3& v) {
+  row[field] = float(v.x), row[field + 1] = float(v.y), row[field + 2] = float(v.z);
+}
 
 // Only directions matter of a distant light or a dome: an orthonormal frame about its z (distant) or all its axes (dome).
 Affine<float> rotation_of(const daffine& m) {
@@ -98,11 +109,18 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
     m = f.world_from_light;
     const double unit = f.sheared ? 1.0 : scale;
     switch (light.type) {
-      case LightType::kRect: row[kSize0] = float(0.5 * light.width * f.sizes.x * unit), row[kSize1] = float(0.5 * light.height * f.sizes.y * unit); break;
+      case LightType::kRect:
+        row[kSize0] = float(0.5 * light.width * f.sizes.x * unit), row[kSize1] = float(0.5 * light.height * f.sizes.y * unit);
+        break;
       case LightType::kDisk:
-      case LightType::kSphere: row[kSize0] = float(light.radius * f.sizes.x * unit); break;
-      case LightType::kCylinder: row[kSize0] = float(light.radius * f.sizes.y * unit), row[kSize1] = float(0.5 * light.length * f.sizes.x * unit); break;
-      default: break;
+      case LightType::kSphere:
+        row[kSize0] = float(light.radius * f.sizes.x * unit);
+        break;
+      case LightType::kCylinder:
+        row[kSize0] = float(light.radius * f.sizes.y * unit), row[kSize1] = float(0.5 * light.length * f.sizes.x * unit);
+        break;
+      default:
+        break;
     }
     if (f.sheared) {
       // Lengths of the light's frame stay in its own units; the matrix carries them to the core's.
@@ -133,7 +151,8 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
 
 void finish_light_rows(LightTable& table) {
   if (table.count <= LightTable::kWeighed) return;
-  // By power; half of the choices for what is infinitely far, where there is any, since its power has no common measure with the rest.
+  // By power; half of the choices for what is infinitely far, where there is any, since its power has no common measure with
+  // the rest.
   std::vector<double> power(table.count, 0.0);
   double near = 0, far = 0;
   for (int i = 0; i < table.count; ++i) {
@@ -141,13 +160,25 @@ void finish_light_rows(LightTable& table) {
     const double s0 = row[kSize0], s1 = row[kSize1], e = std::max(double(row[kImportance]), 1e-30);
     bool infinite = false;
     switch (LightType(int(row[kType]))) {
-      case LightType::kPoint: power[i] = 4 * kPiDouble * e; break;
-      case LightType::kSphere: power[i] = 4 * kPiDouble * s0 * s0 * kPiDouble * e; break;
-      case LightType::kDisk: power[i] = kPiDouble * s0 * s0 * kPiDouble * e; break;
-      case LightType::kRect: power[i] = 4 * s0 * s1 * kPiDouble * e; break;
-      case LightType::kCylinder: power[i] = 4 * kPiDouble * s0 * s1 * kPiDouble * e; break;
+      case LightType::kPoint:
+        power[i] = 4 * kPiDouble * e;
+        break;
+      case LightType::kSphere:
+        power[i] = 4 * kPiDouble * s0 * s0 * kPiDouble * e;
+        break;
+      case LightType::kDisk:
+        power[i] = kPiDouble * s0 * s0 * kPiDouble * e;
+        break;
+      case LightType::kRect:
+        power[i] = 4 * s0 * s1 * kPiDouble * e;
+        break;
+      case LightType::kCylinder:
+        power[i] = 4 * kPiDouble * s0 * s1 * kPiDouble * e;
+        break;
       case LightType::kDistant:
-      case LightType::kDome: power[i] = e, infinite = true; break;
+      case LightType::kDome:
+        power[i] = e, infinite = true;
+        break;
     }
     (infinite ? far : near) += power[i];
   }

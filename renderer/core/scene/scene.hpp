@@ -1,8 +1,9 @@
 // The scene as the core renders it: flat float arrays, relative to the camera and scaled, joined by indices. Knows no USD.
 //
-// Folder: scene.hpp the data; build.cpp fills it from double-precision input; camera.hpp the film's rays. accel/ makes Embree scenes of it,
-// light/ and bsdf/ read their tables, integrator/ walks paths through it. A `Group` is geometry with an Embree scene of its own:
-// group 0 is everything placed once, in world space; the others are prototypes in their own space, placed by instances.
+// Folder: scene.hpp the data; build.cpp fills it from double-precision input; camera.hpp the film's rays. accel/ makes Embree
+// scenes of it, light/ and bsdf/ read their tables, integrator/ walks paths through it. A `Group` is geometry with an Embree
+// scene of its own: group 0 is everything placed once, in world space; the others are prototypes in their own space, placed by
+// instances.
 #pragma once
 
 #include <cstdint>
@@ -23,9 +24,9 @@ enum class Attribute : int32_t { kNone = 0, kTriangle = 1, kVertex = 2, kCorner 
 
 // What the triangles of one mesh with one surface share; gathered by lane, hence one array a field.
 struct MeshTable {
-  std::vector<int32_t> surface, normals, colors;             // colours and normals: Attribute
-  std::vector<int32_t> normal_base, color_base;              // offsets in floats into Scene::normals, ::colors
-  std::vector<int32_t> triangle_base, vertex_base;           // this mesh's first triangle and vertex, counted over the scene
+  std::vector<int32_t> surface, normals, colors;    // colours and normals: Attribute
+  std::vector<int32_t> normal_base, color_base;     // offsets in floats into Scene::normals, ::colors
+  std::vector<int32_t> triangle_base, vertex_base;  // this mesh's first triangle and vertex, counted over the scene
 };
 
 struct SphereRecord {
@@ -70,13 +71,13 @@ struct Scene {
   double scale = 1.0;
 
   // Facts of the scene that spare work where they are false.
-  bool has_instances = false;   // else no hit carries an instance
+  bool has_instances = false;  // else no hit carries an instance
   bool has_spheres = false;
   bool has_attributes = false;  // smooth normals or varying colours
   bool has_emission = false;
-  bool rays_find_light = false;  // domes, areas or emission that a scattered ray could meet
-  bool only_domes_found = false; // ... and of these only domes, for which it is enough to know that nothing is hit
-  bool has_thin = false;        // something lets light straight through: shadow rays must look at what they hit
+  bool rays_find_light = false;   // domes, areas or emission that a scattered ray could meet
+  bool only_domes_found = false;  // ... and of these only domes, for which it is enough to know that nothing is hit
+  bool has_thin = false;          // something lets light straight through: shadow rays must look at what they hit
 
   rtc::Scene accel() const { return groups[0].accel.get(); }
   int64_t memory_bytes() const;

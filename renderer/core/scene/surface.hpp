@@ -21,14 +21,14 @@ struct SurfaceInput {
 // Columns of a row.
 enum SurfaceField : int {
   kFlags,
-  kDiffuse,                    // albedo of the diffuse lobe
-  kF0 = kDiffuse + 3,          // reflectance at normal incidence
-  kF90 = kF0 + 3,              // reflectance at grazing incidence
-  kEmission = kF90 + 3,        // radiance
-  kAlpha = kEmission + 3,      // GGX width; 0: mirror
-  kRoughness,                  // sqrt(alpha), the albedo table's axis
-  kTransmission,               // fraction of what is not reflected that passes through
-  kPresence,                   // probability that the surface is there at all
+  kDiffuse,                // albedo of the diffuse lobe
+  kF0 = kDiffuse + 3,      // reflectance at normal incidence
+  kF90 = kF0 + 3,          // reflectance at grazing incidence
+  kEmission = kF90 + 3,    // radiance
+  kAlpha = kEmission + 3,  // GGX width; 0: mirror
+  kRoughness,              // sqrt(alpha), the albedo table's axis
+  kTransmission,           // fraction of what is not reflected that passes through
+  kPresence,               // probability that the surface is there at all
   kIor,
   kClearcoat,
   kClearcoatAlpha,

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 from pxr import Gf, UsdGeom
-from .usd_text import stage_of, translate_text
 
 from primray.description import Camera, Projection
 from primray.diagnostics import Diagnostics
@@ -15,6 +14,8 @@ from primray.errors import SettingsError
 from primray.settings import RenderSettings
 from primray.usd.adapters.camera import Aperture, conform
 from primray.usd.adapters.render_settings import StageSettings
+
+from .usd_text import stage_of, translate_text
 
 TEXT = """def Xform "rig"
 {

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from .usd_text import stage_of, translate_text
 
 from primray.errors import LimitError
 from primray.settings import RenderSettings
 from primray.usd import camera_paths
 from primray.usd.instances import Group, flatten
+
+from .usd_text import stage_of, translate_text
 
 rng = np.random.default_rng(5)
 

@@ -7,11 +7,12 @@ import math
 import numpy as np
 import pytest
 from pxr import UsdLux
-from .usd_text import translate_text
 
 from primray.description import Light, LightType
 from primray.settings import RenderSettings
 from primray.usd.adapters.light import distant_size_factor
+
+from .usd_text import translate_text
 
 
 def light(body: str, kind: str = "SphereLight") -> Light:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from .usd_text import translate_text
 
 from primray.description import Mesh, SceneDescription
 from primray.usd.adapters.mesh import is_closed
+
+from .usd_text import translate_text
 
 QUADS = """def Mesh "mesh"EXTRA
 {

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from .usd_text import translate_text
-
 from primray.description import SceneDescription
 from primray.settings import RenderSettings
+
+from .usd_text import translate_text
 
 
 def materials(*names: str) -> str:
