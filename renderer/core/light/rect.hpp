@@ -1,7 +1,7 @@
 // A rectangle in its plane z = 0, |x| <= hx, |y| <= hy, emitting along -z: sampled by solid angle where it is near.
 //
 // Near: the spherical rectangle of Urena, Fajardo and King 2013, "An Area-Preserving Parametrization for Spherical
-// Rectangles". Far (its half-diagonal less than a quarter of the distance) or seen as a sliver: by area, where both have nearly
+// Rectangles". Far (its half-diagonal less than half of the distance) or seen as a sliver: by area, where both have nearly
 // the same variance and the solid angle of the first would lose digits.
 #pragma once
 
@@ -46,7 +46,7 @@ constexpr float kSliver = 0.02f;
 
 template <int W>
 PRIMRAY_INLINE vbool<W> rect_is_far(const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy) {
-  return dot(p, p) > 16.0f * (hx * hx + hy * hy);
+  return dot(p, p) > 4.0f * (hx * hx + hy * hy);
 }
 
 template <int W>
