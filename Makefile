@@ -23,7 +23,7 @@ setup: .venv/.installed  ## make .venv and build; .venv/bin/primray is there aft
 demo: setup  ## render a showcase scene to out/, as EXR and PNG
 	@test -n "$(SHOWCASE)" || { echo "make demo: no scene in scenes/showcase" >&2; exit 1; }
 	@mkdir -p out
-	$(BIN)/primray render $(SHOWCASE) -o out/$(DEMO).exr -o out/$(DEMO).png
+	$(BIN)/primray render $(SHOWCASE) --spp 32 -o out/$(DEMO).exr -o out/$(DEMO).png
 	@echo "The picture: out/$(DEMO).png (to look at) and out/$(DEMO).exr (scene-linear float)"
 
 test: setup  ## run the tests
