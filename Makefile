@@ -11,7 +11,7 @@ CORE := $(shell find renderer/core -type f 2>/dev/null)
 CORE_FORMATTED = $(filter %.cpp %.hpp %.h,$(CORE))
 PYTHON_SOURCES := $(wildcard renderer/primray service tests)
 SHOWCASE ?= $(firstword $(wildcard scenes/showcase/*/*.usda))
-DEMO = $(basename $(notdir $(SHOWCASE)))
+DEMO = $(notdir $(patsubst %/,%,$(dir $(SHOWCASE))))
 
 .PHONY: help setup demo test test-long check format docs bench wheel clean
 
