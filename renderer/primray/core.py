@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -158,7 +158,7 @@ class Film:
         return int(total.min()), int(total.max())
 
 
-def _raise(error: Exception) -> None:
+def _raise(error: Exception) -> NoReturn:
     code, message = error.args
     if code in ("out-of-memory", "too-large"):
         raise errors.LimitError(message, code=code) from error
@@ -176,7 +176,6 @@ def build(
         scene, warnings = upload(module(), description, textures, width, inverse_cdf(settings.filter, width))
     except module().CoreError as error:
         _raise(error)
-        raise
     return CoreScene(scene, description.camera.exposure_scale, warnings)
 
 
@@ -184,16 +183,18 @@ def threads(settings: RenderSettings) -> int:
     return settings.threads or len(os.sched_getaffinity(0))
 
 
+def max_depth(settings: RenderSettings) -> int:
+    return NO_DEPTH_LIMIT if settings.max_depth is None else settings.max_depth
+
+
 def render(scene: CoreScene, settings: RenderSettings, progress: Progress | None = None) -> Film:
     """Render until done, or until `progress` answers False or Ctrl-C comes: then the film is partial but valid."""
-    depth = NO_DEPTH_LIMIT if settings.max_depth is None else settings.max_depth
     try:
         result = module().render(
-            scene._scene, settings.spp, depth, threads(settings), settings.seed & 0xFFFFFFFF, lanes(), progress
+            scene._scene, settings.spp, max_depth(settings), threads(settings), settings.seed, lanes(), progress
         )
     except module().CoreError as error:
         _raise(error)
-        raise
     return Film(result, scene._exposure_scale)
 
 
@@ -201,8 +202,7 @@ class Recording:
     """Every ray of a one-threaded render in order, to trace again through Embree alone (for the benchmark; takes memory)."""
 
     def __init__(self, scene: CoreScene, settings: RenderSettings) -> None:
-        depth = NO_DEPTH_LIMIT if settings.max_depth is None else settings.max_depth
-        self._recording = module().Recording(scene._scene, settings.spp, depth, settings.seed & 0xFFFFFFFF, lanes())
+        self._recording = module().Recording(scene._scene, settings.spp, max_depth(settings), settings.seed, lanes())
 
     def replay_s(self) -> float:
         """Seconds of one thread to trace them, each as packet or single ray as the render did."""

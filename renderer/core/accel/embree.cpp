@@ -43,9 +43,7 @@ void find(void* library, const char* name, F& f) {
 void find_all(void* lib, rtc::Api& a) {
 #define PRIMRAY_FIND(name) find(lib, #name, a.name)
   PRIMRAY_FIND(rtcNewDevice);
-  PRIMRAY_FIND(rtcReleaseDevice);
   PRIMRAY_FIND(rtcGetDeviceError);
-  PRIMRAY_FIND(rtcSetDeviceErrorFunction);
   PRIMRAY_FIND(rtcSetDeviceMemoryMonitorFunction);
   PRIMRAY_FIND(rtcGetDeviceProperty);
   PRIMRAY_FIND(rtcNewScene);
@@ -59,7 +57,6 @@ void find_all(void* lib, rtc::Api& a) {
   PRIMRAY_FIND(rtcAttachGeometryByID);
   PRIMRAY_FIND(rtcSetSharedGeometryBuffer);
   PRIMRAY_FIND(rtcSetGeometryInstancedScene);
-  PRIMRAY_FIND(rtcSetGeometryBuildQuality);
   PRIMRAY_FIND(rtcSetGeometryUserPrimitiveCount);
   PRIMRAY_FIND(rtcSetGeometryUserData);
   PRIMRAY_FIND(rtcSetGeometryBoundsFunction);

@@ -22,7 +22,7 @@ enum GeometryType : int { kTriangle = 0, kUser = 120, kInstanceArray = 122 };
 enum BufferType : int { kIndexBuffer = 0, kVertexBuffer = 1, kTransformBuffer = 23 };
 enum Format : int { kUint3 = 0x5003, kFloat3 = 0x9003, kFloat3x4ColumnMajor = 0x9234 };
 enum SceneFlags : int { kRobust = 1 << 2 };
-enum BuildQuality : int { kLowQuality = 0, kMediumQuality = 1, kHighQuality = 2 };
+enum BuildQuality : int { kMediumQuality = 1 };
 enum DeviceProperty : int { kVersion = 0 };
 
 // RTCRay and RTCHit for N rays; N = 1 is the single ray.
@@ -81,7 +81,6 @@ struct QueryArguments {
   void* callback = nullptr;
 };
 
-using ErrorFunction = void (*)(void* user, int code, const char* message);
 using MemoryMonitor = bool (*)(void* user, ptrdiff_t bytes, bool post);
 using BoundsFunction = void (*)(const BoundsArguments*);
 using IntersectFunction = void (*)(const IntersectArguments*);
@@ -90,9 +89,7 @@ using OccludedFunction = void (*)(const OccludedArguments*);
 // The entry points, filled by load_embree().
 struct Api {
   Device (*rtcNewDevice)(const char*);
-  void (*rtcReleaseDevice)(Device);
   int (*rtcGetDeviceError)(Device);
-  void (*rtcSetDeviceErrorFunction)(Device, ErrorFunction, void*);
   void (*rtcSetDeviceMemoryMonitorFunction)(Device, MemoryMonitor, void*);
   ptrdiff_t (*rtcGetDeviceProperty)(Device, int);
   Scene (*rtcNewScene)(Device);
@@ -106,7 +103,6 @@ struct Api {
   void (*rtcAttachGeometryByID)(Scene, Geometry, uint32_t);
   void (*rtcSetSharedGeometryBuffer)(Geometry, int, uint32_t, int, const void*, size_t, size_t, size_t);
   void (*rtcSetGeometryInstancedScene)(Geometry, Scene);
-  void (*rtcSetGeometryBuildQuality)(Geometry, int);
   void (*rtcSetGeometryUserPrimitiveCount)(Geometry, uint32_t);
   void (*rtcSetGeometryUserData)(Geometry, void*);
   void (*rtcSetGeometryBoundsFunction)(Geometry, BoundsFunction, void*);

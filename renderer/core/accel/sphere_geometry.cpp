@@ -1,4 +1,4 @@
-// Ray against unit sphere in the sphere's space, in double: a sphere a million radii away still has a round edge.
+// Ray against unit sphere in the sphere's space, in double, so that the discriminant of a far or small sphere keeps its digits.
 #include "accel/sphere_geometry.hpp"
 
 #include <cmath>

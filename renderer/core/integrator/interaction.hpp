@@ -17,8 +17,8 @@ struct Interaction {
   vvec3<W> color;  // multiplies the diffuse albedo
 };
 
-// Multiples of 2^-24 times the largest coordinate involved. 16: barycentric interpolation, the instance's transform and its
-// inverse in Embree each round a few times (found by lowering it until closed boxes leaked at 2, times 8).
+// Multiples of 2^-24 times the largest coordinate involved. Barycentric interpolation, the instance's transform and its inverse
+// in Embree each round a few times; 16 is a choice with room for that, neither derived nor the smallest that works.
 constexpr float kOffsetUlps = 16 * 0x1p-24f;
 
 template <int W>

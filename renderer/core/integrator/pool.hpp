@@ -1,8 +1,6 @@
 // The paths that a thread has under way: structures of arrays, kept dense, so that every lane of every step has a path.
 #pragma once
 
-#include <memory>
-
 #include "accel/trace.hpp"
 #include "sampler/sampler.hpp"
 
@@ -24,7 +22,7 @@ struct CompactionTable {
 };
 inline constexpr CompactionTable kCompaction;
 
-// Lanes of `m` in order, then others: for permute(); and their number.
+// Lanes of `m` in order, then any: for permute(); and their number.
 template <int W>
 struct Compaction {
   vint<W> from;

@@ -40,7 +40,7 @@ PRIMRAY_INLINE vfloat<W> light_importance(const float* row, const vvec3<W>& p) {
   return power;
 }
 
-// The chosen light and its probability; 0 where no light can reach p. `total` is what light_probability needs.
+// The chosen light and its probability; 0 where no light can reach p.
 template <int W>
 struct LightChoice {
   vint<W> light;
