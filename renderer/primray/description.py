@@ -13,56 +13,34 @@ from enum import Enum
 import numpy as np
 import numpy.typing as npt
 
-Floats = npt.NDArray[np.float32]
-Doubles = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int32]
+from .geometry import Doubles, Floats, Interpolation, Ints, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
+from .shading import Input, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
 
-
-@dataclass(frozen=True)
-class Surface:
-    """UsdPreviewSurface's constant inputs, or a Lambert surface of `diffuse_color` (exactly albedo / pi).
-
-    `thin`: what is not opaque lets light straight through (else it refracts by `ior`; needs closed geometry).
-    """
-
-    path: str  # the material's prim path, "" for one made from displayColor
-    lambert: bool = False
-    diffuse_color: tuple[float, float, float] = (0.18, 0.18, 0.18)
-    emissive_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    use_specular_workflow: bool = False
-    specular_color: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    metallic: float = 0.0
-    roughness: float = 0.5
-    clearcoat: float = 0.0
-    clearcoat_roughness: float = 0.01
-    opacity: float = 1.0
-    presence: bool = False  # opacityMode "presence": opacity scales everything, else it scales the diffuse part only
-    ior: float = 1.5
-    thin: bool = False
-
-
-@dataclass(frozen=True)
-class Mesh:
-    """Triangles in object space; cross(p1 - p0, p2 - p0) points outwards (left-handed input is already flipped)."""
-
-    path: str
-    points: Floats  # (N, 3)
-    triangles: Ints  # (T, 3), indices into points, all in range
-    normals: Floats | None  # None: flat; (N, 3): per point; (3T, 3): per triangle corner. Unit length, outwards.
-    colors: Floats | None  # None: the surface's own; (T, 3), (N, 3) or (3T, 3): multiplies diffuse_color (made white)
-    surface: int | Ints  # index into SceneDescription.surfaces, or (T,) of them
-
-
-@dataclass(frozen=True)
-class Sphere:
-    """An exact sphere about the object-space origin."""
-
-    path: str
-    radius: float
-    surface: int
-
-
-Shape = Mesh | Sphere
+__all__ = [
+    "Camera",
+    "Doubles",
+    "Floats",
+    "Input",
+    "Interpolation",
+    "Ints",
+    "Light",
+    "LightType",
+    "Mesh",
+    "Placed",
+    "Placement",
+    "Primvar",
+    "PrimvarInput",
+    "Projection",
+    "Prototype",
+    "SceneDescription",
+    "Shape",
+    "Sphere",
+    "SubdivisionMesh",
+    "Surface",
+    "TextureFile",
+    "TextureInput",
+    "Wrap",
+]
 
 
 @dataclass(frozen=True)
@@ -85,6 +63,7 @@ class Prototype:
 class Placement:
     prototype: int
     world_from_prototype: Doubles  # (K, 3, 4): the upper three rows
+    primvars: tuple[Primvar, ...] = ()  # INSTANCE: K rows
 
 
 class LightType(Enum):
@@ -95,12 +74,6 @@ class LightType(Enum):
     RECT = "rect"
     CYLINDER = "cylinder"
     DOME = "dome"
-
-
-@dataclass(frozen=True)
-class TextureFile:
-    path: str  # resolved by Ar: a file, or "package.usdz[member]"
-    color_space: str  # "auto", "raw", "sRGB" or a colour space's name
 
 
 @dataclass(frozen=True)

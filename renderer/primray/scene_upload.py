@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .description import Camera, LightType, Mesh, Placed, Projection, SceneDescription, Shape
+from .description import Camera, LightType, Mesh, Placed, Projection, SceneDescription, Shape, Sphere, SubdivisionMesh
 
 # Order of LightType in light/light.hpp.
 LIGHT_NUMBERS = {
@@ -104,8 +104,10 @@ def add_shapes(builder: Any, shapes: Sequence[Shape], placed: Sequence[Placed]) 
         shape = shapes[p.shape]
         if isinstance(shape, Mesh):
             add_mesh(builder, shape, matrix(p.matrix))
-        else:
+        elif isinstance(shape, Sphere):
             builder.add_sphere(shape.radius, shape.surface, matrix(p.matrix))
+        else:
+            raise ValueError(f"{shape.path} is not diced")
 
 
 def add_mesh(builder: Any, mesh: Mesh, world_from_object: npt.NDArray[np.float64]) -> None:
@@ -138,7 +140,7 @@ def kind(values: npt.NDArray[np.float32] | None, points: int, triangles: int, *,
 
 
 def shape_box(shape: Shape) -> Box:
-    if isinstance(shape, Mesh):
+    if isinstance(shape, Mesh | SubdivisionMesh):
         if len(shape.points) == 0:
             return np.zeros(3), np.zeros(3)
         return shape.points.min(axis=0).astype(np.float64), shape.points.max(axis=0).astype(np.float64)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from ..description import Camera, Doubles, Placed, Placement, Projection, Prototype, Shape, Sphere
+from ..description import Camera, Doubles, Mesh, Placed, Placement, Projection, Prototype, Shape, Sphere
 from .adapters.camera import Aperture, conform, window_of
 from .adapters.render_settings import StageSettings
 from .read import When
@@ -74,7 +74,7 @@ def _box_corners(shape: Shape) -> Doubles:
     if isinstance(shape, Sphere):
         low, high = np.full(3, -shape.radius), np.full(3, shape.radius)
     else:
-        used = shape.points[np.unique(shape.triangles)].astype(np.float64)
+        used = shape.points[np.unique(shape.triangles if isinstance(shape, Mesh) else shape.face_points)].astype(np.float64)
         low, high = used.min(axis=0), used.max(axis=0)
     pick = np.array([[(k >> axis) & 1 for axis in range(3)] for k in range(8)], bool)
     return np.where(pick, high, low)
