@@ -116,6 +116,7 @@ class CoreScene:
             (s.has_spheres, "exact spheres", "the scene has Sphere prims"),
             (s.has_attributes, "vertex attributes", "meshes have normals or varying displayColor"),
             (s.has_emission, "surface emission", "a surface has emissiveColor"),
+            (s.emitters > 0, "emitting geometry sampled as lights", f"{s.emitters} shapes emit"),
             (s.has_thin, "see-through shadows", "a surface lets light straight through"),
             (s.has_lens, "thin lens", "the camera has an fStop and a focus distance"),
             (s.domes > 0, "dome", "the scene has a DomeLight"),

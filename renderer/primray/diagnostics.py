@@ -93,6 +93,7 @@ CODES: dict[str, Code] = {
         Severity.INFO, "The stage has no light and nothing that emits: a white dome of radiance 1 lights it."
     ),
     "singular-transform": Code(Severity.ERROR, "Instances whose matrix has no inverse (a scale of 0) are missing."),
+    "emitters-unsampled": Code(Severity.INFO, "More than 262,144 instances emit: beyond, rays find them by chance (noise)."),
     "invalid-samples": Code(Severity.WARNING, "Samples that came out infinite or not a number are left out of the picture."),
     "texture-bad-texels": Code(Severity.WARNING, "Texels of a texture that are negative or not finite are read as 0."),
     "texture-unreadable": Code(Severity.ERROR, "A light whose texture cannot be read is left out."),

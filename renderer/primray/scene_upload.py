@@ -74,7 +74,11 @@ def upload(
             np.ascontiguousarray(texture, np.float32),
         )
     set_camera(builder, d.camera, d.resolution, filter_width, filter_inverse_cdf)
-    return builder.finish(), warnings
+    scene = builder.finish()
+    if scene.unsampled_emitters:
+        message = f"{scene.unsampled_emitters} instances that emit are too many to be sampled as lights: expect noise"
+        warnings.append(("emitters-unsampled", "", message))
+    return scene, warnings
 
 
 def set_camera(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from tests.described import (
@@ -119,6 +120,27 @@ def from_above() -> Described:
     return describe([(ground(4), np.eye(4)), (box([1, 1, 1], 5), translation(0, 0.2, 0))], SURFACES, lights, camera, RESOLUTION)
 
 
+def emitters() -> Described:
+    """Geometry that emits: static, instanced, mirrored, spheres, triangles of two surfaces; beside a light."""
+    lamp, dim = lambert(0.2, emission=3.0), lambert(0.5, emission=0.2)
+    two = replace(box([0.3, 0.3, 0.3]), surface=np.array([1, 2] * 6, np.int32))
+    rows = np.array(
+        [m[:3] for m in (translation(-1, 1, 0), translation(1, 1.2, 0.4) @ scaling(-1, 0.5, 1), scaling(0.2, 0.2, 2))]
+    )
+    shapes: list[tuple[Shape, Doubles]] = [
+        (ground(4), np.eye(4)),
+        (two, translation(0, 0.5, 0)),
+        (Sphere("/s", 0.2, 1), translation(0.6, 0.3, 0.8) @ scaling(1, 2, 0.5)),
+    ]
+    prototype = Prototype("/p", (Placed(3, np.eye(4)), Placed(4, translation(0, 0.5, 0)), Placed(5, translation(0, -0.3, 0))))
+    members: list[Shape] = [box([0.2, 0.1, 0.3], 1), Sphere("/q", 0.1, 1), box([0.1, 0.1, 0.1], 0)]
+    lights = [light(LightType.POINT, translation(0, 2, 1), 0.5)]
+    return describe(
+        shapes, (lambert(0.7), lamp, dim), lights, perspective(VIEW, 0.4, ASPECT), RESOLUTION, [prototype], members,
+        [Placement(0, rows)],
+    )  # fmt: skip
+
+
 SCENES: dict[str, Callable[[], Described]] = {
     "all lights": all_lights,
     "many lights": many_lights,
@@ -126,4 +148,5 @@ SCENES: dict[str, Callable[[], Described]] = {
     "instances": instances,
     "smooth, lens": smooth,
     "orthographic": from_above,
+    "emitters": emitters,
 }

@@ -54,6 +54,8 @@ void bind_scene(nb::module_& m) {
       .def_ro("has_attributes", &Scene::has_attributes)
       .def_ro("has_emission", &Scene::has_emission)
       .def_ro("has_thin", &Scene::has_thin)
+      .def_prop_ro("emitters", [](const Scene& s) { return s.emitters.first.size(); })
+      .def_prop_ro("unsampled_emitters", [](const Scene& s) { return s.emitters.unsampled; })
       .def_prop_ro("sampled_lights", [](const Scene& s) { return s.lights.count; })
       .def_prop_ro("domes", [](const Scene& s) { return s.lights.domes.size(); })
       .def_prop_ro("has_lobe_factors", [](const Scene& s) { return s.lights.lobe_factors; })

@@ -14,7 +14,8 @@ struct Interaction {
   vvec3<W> p, ng, ns;  // ng outwards as authored, ns on its side
   vfloat<W> offset;
   vint<W> surface;
-  vvec3<W> color;  // multiplies the diffuse albedo
+  vint<W> mesh, triangle, sphere;  // where the hit is one: row of the MeshTable and triangle of the scene, or sphere
+  vvec3<W> color;                  // multiplies the diffuse albedo
 };
 
 // Multiples of 2^-24 times the largest coordinate involved. Barycentric interpolation, the instance's transform and its inverse
@@ -74,7 +75,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   const vint<W> zero(0);
   Interaction<W> r;
   r.color = vvec3<W>(vfloat<W>(1.0f));
-  r.surface = zero;
+  r.surface = r.mesh = r.triangle = r.sphere = zero;
   const vbool<W> instanced = scene.has_instances ? active & (h.inst != vint<W>(-1)) : vbool<W>(false);
   const bool any_instanced = scene.has_instances && any(instanced);
   vint<W> group = zero, instance = zero;
@@ -97,6 +98,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     const vint<W> triangle = select(is_triangle, group_base(&Group::triangle_base) + h.prim, zero);
     const vint<W> mesh = gather<W>(scene.triangle_mesh.data(), triangle);
     r.surface = gather<W>(scene.meshes.surface.data(), mesh);
+    r.mesh = mesh, r.triangle = triangle;
     const vint<W> first = select(is_triangle, group_base(&Group::vertex_base), zero);
     vint<W> corner[3];
     for (int k = 0; k < 3; ++k)
@@ -113,6 +115,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   const bool any_sphere = scene.has_spheres && any(is_sphere);
   if (any_sphere) {
     const vint<W> sphere = select(is_sphere, group_base(&Group::sphere_base) + h.prim, zero);
+    r.sphere = sphere;
     r.surface = select(is_sphere, gather<W>(scene.sphere_surface.data(), sphere), r.surface);
     const InstanceLanes<W> m(scene.spheres[0].group_from_object, sphere * vint<W>(int(sizeof(SphereRecord) / sizeof(float))));
     p = select(is_sphere, m.vector(h.ng) + m.o, p);

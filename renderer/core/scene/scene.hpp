@@ -13,6 +13,7 @@
 #include "light/light.hpp"
 #include "math/matrix.hpp"
 #include "scene/camera.hpp"
+#include "scene/emitters.hpp"
 #include "scene/surface.hpp"
 
 namespace primray {
@@ -64,6 +65,7 @@ struct Scene {
 
   SurfaceTable surfaces;
   LightTable lights;
+  EmitterTable emitters;
   Camera camera;
 
   // world = origin + p / scale, in scene units.
