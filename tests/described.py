@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -27,10 +27,15 @@ from primray.description import (
     Shape,
     Surface,
     TextureFile,
+    Wrap,
 )
 from primray.pixel_filter import inverse_cdf
 from primray.scene_upload import upload
 from primray.settings import DEFAULT_FILTER_WIDTH, Filter
+from primray.surface_upload import Textures
+from primray.texture import Texture
+
+DOME = TextureFile("dome", "raw")
 
 ISAS = tuple(name for name in ("v2", "v3", "v4") if all(f in core._cpu_flags() for f in core.ISA_FLAGS[name]))
 
@@ -133,10 +138,10 @@ def light(
 
 @dataclass(frozen=True)
 class Described:
-    """A description with the texture of its dome, if it has one."""
+    """A description with its textures."""
 
     description: SceneDescription
-    textures: Mapping[str, Floats]
+    textures: Textures
 
     def build(self, isa: str | None = None, filter: Filter = Filter.BOX) -> Any:
         """The core's scene in the module for `isa`."""
@@ -178,15 +183,25 @@ def describe(
     prototype_shapes: Sequence[Shape] = (),
     placements: Sequence[Placement] = (),
     dome_texture: npt.ArrayLike | None = None,
+    textures: Textures | None = None,
 ) -> Described:
     """Shapes with their matrices; prototypes count `prototype_shapes` from len(shapes)."""
     if dome_texture is not None:
-        lights = [replace(x, texture=TextureFile("dome", "raw")) if x.type is LightType.DOME else x for x in lights]
+        lights = [replace(x, texture=DOME) if x.type is LightType.DOME else x for x in lights]
     description = SceneDescription(
         (*(s for s, _ in shapes), *prototype_shapes), tuple(surfaces), tuple(Placed(i, m) for i, (_, m) in enumerate(shapes)),
         tuple(prototypes), tuple(placements), tuple(lights), camera or perspective(np.eye(4), 1.0), resolution, "Y", 1.0, None,
     )  # fmt: skip
-    return Described(description, {} if dome_texture is None else {"dome": np.asarray(dome_texture, np.float32)})
+    images = dict(textures or {})
+    if dome_texture is not None:
+        images[DOME] = image(dome_texture)
+    return Described(description, images)
+
+
+def image(pixels: npt.ArrayLike, **wraps: Wrap) -> list[tuple[int, Texture]]:
+    """Pixels (H, W, C) or (H, W), first row at the top, as the one image of a TextureFile."""
+    p = np.asarray(pixels, np.float32)
+    return [(0, Texture(p if p.ndim == 3 else p[:, :, None], **wraps))]
 
 
 def render(

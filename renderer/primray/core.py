@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 import importlib.metadata
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn
@@ -21,6 +21,7 @@ from .description import SceneDescription
 from .pixel_filter import inverse_cdf
 from .scene_upload import upload
 from .settings import DEFAULT_FILTER_WIDTH, RenderSettings
+from .surface_upload import Textures
 
 # What each class needs, as the kernel names it (x86-64 psABI, section 3.1.1); newest first.
 ISA_FLAGS = {
@@ -115,6 +116,9 @@ class CoreScene:
             (s.has_instances, "instances", "prototypes are placed more than once"),
             (s.has_spheres, "exact spheres", "the scene has Sphere prims"),
             (s.has_attributes, "vertex attributes", "meshes have normals or varying displayColor"),
+            (s.textures > 0, f"textures ({s.textures})", "surfaces' inputs are connected to images"),
+            (s.has_inputs, "varying inputs", "a surface's inputs are connected to textures or primvars"),
+            (s.has_cutouts, "cut-outs", "a surface has an opacityThreshold and an opacity that varies"),
             (s.has_emission, "surface emission", "a surface has emissiveColor"),
             (s.emitters > 0, "emitting geometry sampled as lights", f"{s.emitters} shapes emit"),
             (s.has_thin, "see-through shadows", "a surface lets light straight through"),
@@ -168,10 +172,8 @@ def _raise(error: Exception) -> NoReturn:
     raise errors.InternalError(message, code=code) from error
 
 
-def build(
-    description: SceneDescription, textures: Mapping[str, npt.NDArray[np.float32]], settings: RenderSettings
-) -> CoreScene:
-    """The core's scene, accelerated; `textures` maps a TextureFile's path to (H, W, 3) float32, top row first."""
+def build(description: SceneDescription, textures: Textures, settings: RenderSettings) -> CoreScene:
+    """The core's scene, accelerated; `textures`: the images of every TextureFile that could be read."""
     width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.filter]
     try:
         scene, warnings = upload(module(), description, textures, width, inverse_cdf(settings.filter, width))

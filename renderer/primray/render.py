@@ -14,12 +14,11 @@ from .errors import AssetError, LimitError, RenderCancelled
 from .settings import RenderSettings
 
 if TYPE_CHECKING:
-    import numpy as np
-
-    from .description import SceneDescription
+    from .description import SceneDescription, TextureFile
     from .diagnostics import Diagnostics
     from .image import Image
     from .report import Costs
+    from .texture import Texture
 
 # progress(fraction, samples_done, rays), some ten times a second; False stops the render.
 Progress = Callable[[float, int, int], bool | None]
@@ -122,20 +121,20 @@ class _Watched:
 
 def load_textures(
     description: SceneDescription, diagnostics: Diagnostics, read: Callable[[str], bytes] | None
-) -> tuple[SceneDescription, dict[str, np.ndarray[Any, Any]]]:
-    """Pixels by path, and the description without the lights whose texture cannot be read; each of those is a diagnostic."""
+) -> tuple[SceneDescription, dict[TextureFile, list[tuple[int, Texture]]]]:
+    """Images by file, and the description without the lights whose texture cannot be read; each of those is a diagnostic."""
     from .texture import load_texture
 
-    textures: dict[str, np.ndarray[Any, Any]] = {}
+    textures: dict[TextureFile, list[tuple[int, Texture]]] = {}
     lights = []
     for light in description.lights:
-        if light.texture is not None and light.texture.path not in textures:
+        if light.texture is not None and light.texture not in textures:
             try:
                 texture = load_texture(light.texture, read)
             except AssetError as error:
                 diagnostics.add("texture-unreadable", light.path, f"the light is left out: {error.message} ({error.where})")
                 continue
-            textures[light.texture.path] = texture.pixels
+            textures[light.texture] = [(0, texture)]
             if texture.bad_texels:
                 message = f"{texture.bad_texels} texels are negative or not finite, and read as 0 ({light.texture.path})"
                 diagnostics.add("texture-bad-texels", light.path, message)

@@ -2,13 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from .description import Camera, LightType, Mesh, Placed, Projection, SceneDescription, Shape, Sphere, SubdivisionMesh
+from .description import (
+    Camera,
+    Floats,
+    Interpolation,
+    Ints,
+    LightType,
+    Mesh,
+    Placed,
+    Primvar,
+    Projection,
+    SceneDescription,
+    Shape,
+    Sphere,
+    SubdivisionMesh,
+    Surface,
+    TextureFile,
+)
+from .surface_upload import SurfaceUpload, Textures, is_cutout, is_hole
 
 # Order of LightType in light/light.hpp.
 LIGHT_NUMBERS = {
@@ -31,7 +49,7 @@ NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
 def upload(
     core: Any,
     description: SceneDescription,
-    textures: Mapping[str, npt.NDArray[np.float32]],
+    textures: Textures,
     filter_width: float,
     filter_inverse_cdf: npt.NDArray[np.float32],
 ) -> tuple[Any, list[tuple[str, str, str]]]:
@@ -41,25 +59,26 @@ def upload(
     prototype_boxes = [union([transformed_box(p.matrix, boxes[p.shape]) for p in proto.shapes]) for proto in d.prototypes]
     origin = d.camera.world_from_camera[:3, 3]
     builder = core.SceneBuilder(origin, power_of_two_scale(scene_reach(d, boxes, prototype_boxes, origin)))
-    for surface in d.surfaces:
-        builder.add_surface(surface)
-    add_shapes(builder, d.shapes, d.static)
+    inputs = SurfaceUpload(builder, textures)
+    shapes = ShapeUpload(builder, inputs, inputs.add_surfaces(d.surfaces), d.shapes)
+    shapes.add(d.static)
     warnings: list[tuple[str, str, str]] = []
     numbers = []
     for proto, box in zip(d.prototypes, prototype_boxes, strict=True):
         center = (box[0] + box[1]) / 2
         numbers.append(builder.begin_prototype(center, power_of_two_scale(float(np.max(box[1] - center)))))
-        add_shapes(builder, d.shapes, proto.shapes)
+        shapes.add(proto.shapes)
     for placement in d.placements:
         rows = np.ascontiguousarray(placement.world_from_prototype, np.float64)
         left_out = builder.add_placement(numbers[placement.prototype], rows)
+        for name, _, width, values in inputs.primvars(placement.primvars):
+            builder.add_placement_primvar(name, width, values)
         if left_out:
             path = d.prototypes[placement.prototype].path
             warnings.append(
                 ("singular-transform", path, f"{left_out} instances have a singular or non-finite matrix and are left out")
             )
     for light in d.lights:
-        texture = NO_TEXTURE if light.texture is None else textures.get(light.texture.path, NO_TEXTURE)
         builder.add_light(
             LIGHT_NUMBERS[light.type],
             matrix(light.world_from_light),
@@ -71,9 +90,10 @@ def upload(
             light.angle_deg,
             light.diffuse,
             light.specular,
-            np.ascontiguousarray(texture, np.float32),
+            dome_pixels(light.texture, textures),
         )
     set_camera(builder, d.camera, d.resolution, filter_width, filter_inverse_cdf)
+    inputs.add_images()
     scene = builder.finish()
     if scene.unsampled_emitters:
         message = f"{scene.unsampled_emitters} instances that emit are too many to be sampled as lights: expect noise"
@@ -99,33 +119,102 @@ def set_camera(
     )
 
 
+def dome_pixels(file: TextureFile | None, textures: Textures) -> Floats:
+    """(H, W, 3), or no pixels: a light without a texture is constant."""
+    tiles = [] if file is None else textures.get(file, [])
+    if not tiles:
+        return NO_TEXTURE
+    pixels = tiles[0][1].pixels
+    colors = pixels[:, :, :3] if pixels.shape[2] >= 3 else np.broadcast_to(pixels[:, :, :1], (*pixels.shape[:2], 3))
+    return np.ascontiguousarray(colors, np.float32)
+
+
 def matrix(m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     return np.ascontiguousarray(m, np.float64)
 
 
-def add_shapes(builder: Any, shapes: Sequence[Shape], placed: Sequence[Placed]) -> None:
-    for p in placed:
-        shape = shapes[p.shape]
-        if isinstance(shape, Mesh):
-            add_mesh(builder, shape, matrix(p.matrix))
-        elif isinstance(shape, Sphere):
-            builder.add_sphere(shape.radius, shape.surface, matrix(p.matrix))
-        else:
-            raise ValueError(f"{shape.path} is not diced")
+@dataclass(frozen=True)
+class Part:
+    """A mesh's triangles of one sort, with what belongs to each of them or to its corners. Points are all of the mesh's."""
+
+    mesh: Mesh
+    triangles: Ints
+    surfaces: Ints  # one, or one a triangle
+    normals: tuple[Floats, int]  # values and kind
+    colors: tuple[Floats, int]
+    primvars: tuple[Primvar, ...]
 
 
-def add_mesh(builder: Any, mesh: Mesh, world_from_object: npt.NDArray[np.float64]) -> None:
+class ShapeUpload:
+    """Shapes for the builder's current group: its cut-outs after its other meshes, as the core wants them."""
+
+    def __init__(self, builder: Any, inputs: SurfaceUpload, surfaces: Sequence[Surface], shapes: Sequence[Shape]) -> None:
+        self._builder = builder
+        self._inputs = inputs
+        self._shapes = shapes
+        self._cutout = np.array([is_cutout(s) for s in surfaces], bool)
+        self._hole = np.array([is_hole(s) for s in surfaces], bool)
+
+    def add(self, placed: Sequence[Placed]) -> None:
+        for p in placed:
+            shape = self._shapes[p.shape]
+            if isinstance(shape, Mesh):
+                self._add_part(shape, matrix(p.matrix), cutout=False)
+            elif isinstance(shape, Sphere):
+                self._add_sphere(shape, matrix(p.matrix))
+            else:
+                raise ValueError(f"{shape.path} is not diced")
+        for p in placed if self._cutout.any() else []:
+            shape = self._shapes[p.shape]
+            if isinstance(shape, Mesh):
+                self._add_part(shape, matrix(p.matrix), cutout=True)
+
+    def _add_sphere(self, sphere: Sphere, world_from_object: npt.NDArray[np.float64]) -> None:
+        if self._hole[sphere.surface]:
+            return
+        self._builder.add_sphere(sphere.radius, sphere.surface, world_from_object)
+        for name, _, width, values in self._inputs.primvars(sphere.primvars):
+            self._builder.add_sphere_primvar(name, width, values)
+
+    def _add_part(self, mesh: Mesh, world_from_object: npt.NDArray[np.float64], *, cutout: bool) -> None:
+        surfaces = np.atleast_1d(np.asarray(mesh.surface, np.int32))
+        wanted = (self._cutout[surfaces] == cutout) & ~self._hole[surfaces]
+        if not wanted.any():
+            return
+        part = whole(mesh, surfaces) if wanted.all() else part_of(whole(mesh, surfaces), wanted)
+        self._builder.add_mesh(
+            mesh.points, part.triangles, *part.normals, *part.colors, part.surfaces, world_from_object, cutout
+        )  # fmt: skip
+        for name, number, width, values in self._inputs.primvars(part.primvars):
+            self._builder.add_mesh_primvar(name, number, width, values)
+
+
+def whole(mesh: Mesh, surfaces: Ints) -> Part:
     points, triangles = len(mesh.points), len(mesh.triangles)
-    surfaces = np.atleast_1d(np.asarray(mesh.surface, np.int32))
-    builder.add_mesh(
-        mesh.points,
-        mesh.triangles,
-        NO_FLOATS if mesh.normals is None else mesh.normals,
-        kind(mesh.normals, points, triangles, normals=True),
-        NO_FLOATS if mesh.colors is None else mesh.colors,
-        kind(mesh.colors, points, triangles, normals=False),
-        surfaces,
-        world_from_object,
+    normals = (NO_FLOATS if mesh.normals is None else mesh.normals, kind(mesh.normals, points, triangles, normals=True))
+    colors = (NO_FLOATS if mesh.colors is None else mesh.colors, kind(mesh.colors, points, triangles, normals=False))
+    return Part(mesh, mesh.triangles, surfaces, normals, colors, mesh.primvars)
+
+
+def part_of(p: Part, wanted: npt.NDArray[np.bool_]) -> Part:
+    """The triangles that are `wanted`."""
+    corners = np.repeat(wanted, 3)
+    rows = {PER_TRIANGLE: wanted, PER_CORNER: corners}
+
+    def values(of: tuple[Floats, int]) -> tuple[Floats, int]:
+        return (np.ascontiguousarray(of[0][rows[of[1]]]) if of[1] in rows else of[0]), of[1]
+
+    def primvar(of: Primvar) -> Primvar:
+        rows = {Interpolation.FACE: wanted, Interpolation.CORNER: corners}
+        return replace(of, values=of.values[rows[of.interpolation]]) if of.interpolation in rows else of
+
+    return replace(
+        p,
+        triangles=np.ascontiguousarray(p.triangles[wanted]),
+        surfaces=p.surfaces[wanted],
+        normals=values(p.normals),
+        colors=values(p.colors),
+        primvars=tuple(primvar(v) for v in p.primvars),
     )
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from . import color
-from .description import Floats, TextureFile
+from .description import Floats, TextureFile, Wrap
 from .errors import AssetError, LimitError, SettingsError
 
 MAX_TEXTURE_MB = 4096  # as float RGB: a little more than a 16384 x 16384 image
@@ -19,8 +19,10 @@ MAX_TEXTURE_MB = 4096  # as float RGB: a little more than a 16384 x 16384 image
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    pixels: Floats  # (H, W, 3), linear Rec.709, first row at the top
-    bad_texels: int  # NaN, infinite or negative ones, set to 0
+    pixels: Floats  # (H, W, C), C from 1 to 4, linear Rec.709, first row at the top
+    bad_texels: int = 0  # NaN, infinite or negative ones, set to 0
+    wrap_s: Wrap = Wrap.BLACK  # what the file's metadata say
+    wrap_t: Wrap = Wrap.BLACK
 
 
 def load_texture(file: TextureFile, read: Callable[[str], bytes] | None = None) -> Texture:

@@ -1,6 +1,7 @@
 // Embree scenes over the flat arrays, which are shared, not copied.
 #include "accel/build.hpp"
 
+#include "accel/cutout.hpp"
 #include "accel/sphere_geometry.hpp"
 #include "scene/error.hpp"
 
@@ -9,14 +10,14 @@ namespace {
 
 void attach(rtc::Scene scene, const OwnedGeometry& g, uint32_t id) { embree().rtcAttachGeometryByID(scene, g.get(), id); }
 
-OwnedGeometry make_triangles(const Scene& scene, const Group& group) {
+// `count` of the group's triangles from its `first` on.
+OwnedGeometry make_triangles(const Scene& scene, const Group& group, uint32_t first, uint32_t count) {
   const rtc::Api& e = embree();
   OwnedGeometry g(e.rtcNewGeometry(embree_device(), rtc::kTriangle));
   e.rtcSetSharedGeometryBuffer(g.get(), rtc::kVertexBuffer, 0, rtc::kFloat3, scene.positions.data(),
                                size_t(group.vertex_base) * 12, 12, group.vertex_count);
   e.rtcSetSharedGeometryBuffer(g.get(), rtc::kIndexBuffer, 0, rtc::kUint3, scene.indices.data(),
-                               size_t(group.triangle_base) * 12, 12, group.triangle_count);
-  e.rtcCommitGeometry(g.get());
+                               (size_t(group.triangle_base) + first) * 12, 12, count);
   return g;
 }
 
@@ -38,7 +39,17 @@ OwnedScene new_scene() {
 }
 
 void attach_group(const Scene& scene, const Group& group, rtc::Scene target) {
-  if (group.triangle_count > 0) attach(target, make_triangles(scene, group), kTriangleGeometry);
+  if (group.triangle_count > 0) {
+    const OwnedGeometry g = make_triangles(scene, group, 0, group.triangle_count);
+    embree().rtcCommitGeometry(g.get());
+    attach(target, g, kTriangleGeometry);
+  }
+  if (group.cutout_count > 0) {
+    const OwnedGeometry g = make_triangles(scene, group, group.triangle_count, group.cutout_count);
+    set_cutout_filter(g.get(), scene);
+    embree().rtcCommitGeometry(g.get());
+    attach(target, g, kCutoutGeometry);
+  }
   if (group.sphere_count > 0)
     attach(target, make_sphere_geometry(&scene.spheres[group.sphere_base], group.sphere_count), kSphereGeometry);
 }

@@ -62,6 +62,8 @@ void find_all(void* lib, rtc::Api& a) {
   PRIMRAY_FIND(rtcSetGeometryBoundsFunction);
   PRIMRAY_FIND(rtcSetGeometryIntersectFunction);
   PRIMRAY_FIND(rtcSetGeometryOccludedFunction);
+  PRIMRAY_FIND(rtcSetGeometryIntersectFilterFunction);
+  PRIMRAY_FIND(rtcSetGeometryOccludedFilterFunction);
   PRIMRAY_FIND(rtcIntersect1);
   PRIMRAY_FIND(rtcIntersect4);
   PRIMRAY_FIND(rtcIntersect8);

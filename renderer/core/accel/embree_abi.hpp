@@ -73,6 +73,15 @@ struct OccludedArguments {
   float* ray;  // Ray<N>
   uint32_t n, geom_id;
 };
+// RTCFilterFunctionNArguments; valid[i] is -1 for the hits that are asked about, 0 where they are refused.
+struct FilterArguments {
+  int* valid;
+  void* user;
+  RayQueryContext* context;
+  float* ray;  // Ray<N>
+  float* hit;  // Hit<N>
+  uint32_t n;
+};
 struct QueryArguments {
   int flags = 0;  // incoherent: the coherent flag picks other winners at ties
   uint32_t feature_mask = 0xffffffffu;
@@ -85,6 +94,7 @@ using MemoryMonitor = bool (*)(void* user, ptrdiff_t bytes, bool post);
 using BoundsFunction = void (*)(const BoundsArguments*);
 using IntersectFunction = void (*)(const IntersectArguments*);
 using OccludedFunction = void (*)(const OccludedArguments*);
+using FilterFunction = void (*)(const FilterArguments*);
 
 // The entry points, filled by load_embree().
 struct Api {
@@ -108,6 +118,8 @@ struct Api {
   void (*rtcSetGeometryBoundsFunction)(Geometry, BoundsFunction, void*);
   void (*rtcSetGeometryIntersectFunction)(Geometry, IntersectFunction);
   void (*rtcSetGeometryOccludedFunction)(Geometry, OccludedFunction);
+  void (*rtcSetGeometryIntersectFilterFunction)(Geometry, FilterFunction);
+  void (*rtcSetGeometryOccludedFilterFunction)(Geometry, FilterFunction);
   void (*rtcIntersect1)(Scene, RayHit<1>*, QueryArguments*);
   void (*rtcIntersect4)(const int*, Scene, RayHit<4>*, QueryArguments*);
   void (*rtcIntersect8)(const int*, Scene, RayHit<8>*, QueryArguments*);

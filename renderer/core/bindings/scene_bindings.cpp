@@ -14,10 +14,52 @@ vec3 vec3_of(const nb::handle& h) { return {nb::cast<float>(h[0]), nb::cast<floa
 dvec3 dvec3_of(const nb::handle& h) { return {nb::cast<double>(h[0]), nb::cast<double>(h[1]), nb::cast<double>(h[2])}; }
 
 void add_mesh(SceneBuilder& b, InArray<float> points, InArray<int32_t> triangles, InArray<float> normals, int normal_kind,
-              InArray<float> colors, int color_kind, InArray<int32_t> surfaces, InArray<double> matrix) {
-  MeshInput m{span_of(points),        span_of(triangles),    span_of(normals), span_of(colors),
-              Attribute(normal_kind), Attribute(color_kind), span_of(surfaces)};
+              InArray<float> colors, int color_kind, InArray<int32_t> surfaces, InArray<double> matrix, bool cutout) {
+  MeshInput m{span_of(points),        span_of(triangles),    span_of(normals),  span_of(colors),
+              Attribute(normal_kind), Attribute(color_kind), span_of(surfaces), cutout};
   b.add_mesh(m, affine_of(matrix));
+}
+
+template <int N>
+void read_numbers(nb::handle from, float (&to)[N]) {
+  for (int i = 0; i < N; ++i) to[i] = nb::cast<float>(from[i]);
+}
+
+// The tuple that SurfaceUpload makes.
+InputSource source_of(nb::handle t) {
+  const auto number = [&](int i) { return nb::cast<int>(t[i]); };
+  InputSource s;
+  s.field = InputField(number(0)), s.primvar = number(1), s.texture = number(3);
+  s.wrap_s = Wrap(number(4)), s.wrap_t = Wrap(number(5));
+  read_numbers(t[2], s.fallback), read_numbers(t[6], s.st_transform), read_numbers(t[7], s.scale);
+  read_numbers(t[8], s.bias), read_numbers(t[9], s.missing);
+  return s;
+}
+
+int32_t add_surface(SceneBuilder& b, nb::handle surface, nb::list sources) {
+  std::vector<InputSource> varying;
+  for (nb::handle s : sources) varying.push_back(source_of(s));
+  return b.add_surface(surface_of(surface), std::move(varying));
+}
+
+void set_texture_image(SceneBuilder& b, int texture, int tile, InArray<float> pixels) {
+  b.set_texture_image(texture, tile, {span_of(pixels), int(pixels.shape(1)), int(pixels.shape(0))});
+}
+
+// Size, kept levels, bytes a channel and bytes of every image, in order.
+nb::list texture_images(const Scene& scene) {
+  nb::list r;
+  for (const Texture& t : scene.textures) {
+    for (const TextureImage& i : t.images) {
+      nb::dict d;
+      d["width"] = i.width, d["height"] = i.height, d["channels"] = i.channels;
+      d["first_level"] = i.first_level, d["last_level"] = i.last_level;
+      d["channel_bytes"] = i.format == TexelFormat::kFloat ? 4 : 2;
+      d["bytes"] = i.memory_bytes();
+      r.append(d);
+    }
+  }
+  return r;
 }
 
 void add_light(SceneBuilder& b, int type, InArray<double> matrix, nb::handle emission, double width, double height,
@@ -42,6 +84,7 @@ SurfaceInput surface_of(nb::handle s) {
   const auto number = [&](const char* name) { return nb::cast<float>(s.attr(name)); };
   r.metallic = number("metallic"), r.roughness = number("roughness"), r.clearcoat = number("clearcoat");
   r.clearcoat_roughness = number("clearcoat_roughness"), r.opacity = number("opacity"), r.ior = number("ior");
+  r.opacity_threshold = number("opacity_threshold");
   r.presence = nb::cast<bool>(s.attr("presence")), r.thin = nb::cast<bool>(s.attr("thin"));
   return r;
 }
@@ -52,6 +95,11 @@ void bind_scene(nb::module_& m) {
       .def_ro("has_instances", &Scene::has_instances)
       .def_ro("has_spheres", &Scene::has_spheres)
       .def_ro("has_attributes", &Scene::has_attributes)
+      .def_ro("has_inputs", &Scene::has_inputs)
+      .def_ro("has_cutouts", &Scene::has_cutouts)
+      .def_prop_ro("textures", [](const Scene& s) { return s.textures.size(); })
+      .def_prop_ro("texture_bytes", &Scene::texture_bytes)
+      .def_prop_ro("texture_images", &texture_images)
       .def_ro("has_emission", &Scene::has_emission)
       .def_ro("has_thin", &Scene::has_thin)
       .def_prop_ro("emitters", [](const Scene& s) { return s.emitters.first.size(); })
@@ -62,7 +110,18 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("has_lens", [](const Scene& s) { return s.camera.lens_radius > 0; });
   nb::class_<SceneBuilder>(m, "SceneBuilder")
       .def("__init__", [](SceneBuilder* b, nb::handle origin, double scale) { new (b) SceneBuilder(dvec3_of(origin), scale); })
-      .def("add_surface", [](SceneBuilder& b, nb::handle s) { return b.add_surface(surface_of(s)); })
+      .def("set_primvar_names", &SceneBuilder::set_primvar_names)
+      .def("add_surface", &add_surface)
+      .def("add_texture", &SceneBuilder::add_texture)
+      .def("set_texture_image", &set_texture_image)
+      .def("add_mesh_primvar",
+           [](SceneBuilder& b, int name, int kind, int width, InArray<float> values) {
+             b.add_mesh_primvar(name, PrimvarKind(kind), width, span_of(values));
+           })
+      .def("add_sphere_primvar", [](SceneBuilder& b, int name, int width,
+                                    InArray<float> values) { b.add_sphere_primvar(name, width, span_of(values)); })
+      .def("add_placement_primvar", [](SceneBuilder& b, int name, int width,
+                                       InArray<float> values) { b.add_placement_primvar(name, width, span_of(values)); })
       .def("begin_prototype",
            [](SceneBuilder& b, nb::handle center, double scale) { return b.begin_prototype(dvec3_of(center), scale); })
       .def("add_mesh", &add_mesh)

@@ -60,12 +60,11 @@ struct Bsdf {
   vbool<W> thin, mirror;
   bool any_coat, any_transmission, any_presence;
 
-  // Rows `surface` of the table, seen along wo (local) from the geometry's front or back.
-  PRIMRAY_INLINE Bsdf(const SurfaceTable& table, vint<W> surface, vbool<W> active, const vvec3<W>& wo, vbool<W> front) {
-    const float* rows = table.rows.data();
-    const vint<W> base = surface * vint<W>(kSurfaceFields);
-    const auto field = [&](int f) { return gather<W>(rows + f, base); };
-    const auto color = [&](int f) { return vvec3<W>(field(f), field(f + 1), field(f + 2)); };
+  // Surfaces `field`, seen along wo (local) from the geometry's front or back.
+  PRIMRAY_INLINE Bsdf(const SurfaceTable& table, vint<W> surface, vbool<W> active, const vvec3<W>& wo, vbool<W> front)
+      : Bsdf(SurfaceRows<W>(table, surface), active, wo, front) {}
+  PRIMRAY_INLINE Bsdf(const SurfaceRows<W>& field, vbool<W> active, const vvec3<W>& wo, vbool<W> front) {
+    const auto color = [&](int f) { return field.color(f); };
     const vint<W> flags = truncate(field(kFlags));
     diffuse = color(kDiffuse);
     preview = ((flags & vint<W>(kPreview)) != vint<W>(0)) & active;

@@ -4,6 +4,7 @@
 
 #include "integrator/interaction.hpp"
 #include "light/selection.hpp"
+#include "scene/surface_emission.hpp"
 
 namespace primray {
 
@@ -76,10 +77,7 @@ PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, c
   const vfloat<W> probability = to_float(width) * (1.0f / float(EmitterTable::kWhole));
   const vfloat<W> pdf = area_to_solid_angle(probability, doubled_area, wi, distance);
   const vbool<W> usable = (distance > vfloat<W>(0.0f)) & (pdf < vfloat<W>(kInfinity));
-  const vint<W> surface = gather<W>(scene.meshes.surface.data(), gather<W>(scene.triangle_mesh.data(), triangle));
-  const float* rows = scene.surfaces.rows.data();
-  const vint<W> at = surface * vint<W>(kSurfaceFields);
-  const vvec3<W> L = gather_vec3<W>(rows, at + vint<W>(kEmission)) * gather<W>(rows + kPresence, at);
+  const vvec3<W> L = triangle_emission(scene, m, triangle, truncate(row(kMeshPlacement)), truncate(row(kMeshInstance)), b1, b2);
   s.wi = select(m, wi, s.wi), s.t = select(m, distance, s.t), s.L = select(m, L, s.L);
   s.pdf = select(m, select(usable, pdf, vfloat<W>(0.0f)), s.pdf);
 }
@@ -112,7 +110,7 @@ template <int W>
 PRIMRAY_INLINE vint<W> emitter_light(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it) {
   const EmitterTable& table = scene.emitters;
   const vint<W> zero(0), none(-1);
-  const vbool<W> is_triangle = m & (h.geom == vint<W>(int32_t(kTriangleGeometry)));
+  const vbool<W> is_triangle = hits_triangle(scene, m, h);
   vint<W> number = none;
   if (any(is_triangle)) number = select(is_triangle, gather<W>(table.of_mesh.data(), select(is_triangle, it.mesh, zero)), none);
   const vbool<W> is_sphere = scene.has_spheres ? m & (h.geom == vint<W>(int32_t(kSphereGeometry))) : vbool<W>(false);

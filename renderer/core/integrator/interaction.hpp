@@ -4,8 +4,7 @@
 // far off the surface does not meet it again.
 #pragma once
 
-#include "accel/trace.hpp"
-#include "scene/scene.hpp"
+#include "scene/surface_point.hpp"
 
 namespace primray {
 
@@ -21,24 +20,6 @@ struct Interaction {
 // Multiples of 2^-24 times the largest coordinate involved. Barycentric interpolation, the instance's transform and its inverse
 // in Embree each round a few times; 16 is a choice with room for that, neither derived nor the smallest that works.
 constexpr float kOffsetUlps = 16 * 0x1p-24f;
-
-template <int W>
-PRIMRAY_INLINE vvec3<W> gather_vec3(const float* base, vint<W> at) {
-  return {gather<W>(base, at), gather<W>(base + 1, at), gather<W>(base + 2, at)};
-}
-
-template <int W>
-struct InstanceLanes {
-  vvec3<W> x, y, z, o;
-  PRIMRAY_INLINE InstanceLanes(const float* base, vint<W> at)
-      : x(gather_vec3(base, at)), y(gather_vec3(base + 3, at)), z(gather_vec3(base + 6, at)), o(gather_vec3(base + 9, at)) {}
-  PRIMRAY_INLINE vvec3<W> vector(const vvec3<W>& v) const { return x * v.x + y * v.y + z * v.z; }
-  // Normals go by the cofactors: the inverse transpose times the determinant, whose sign counts (mirrored instances).
-  PRIMRAY_INLINE vvec3<W> normal(const vvec3<W>& n) const {
-    const vvec3<W> a = cross(y, z), b = cross(z, x), c = cross(x, y);
-    return (a * n.x + b * n.y + c * n.z) * copysign(vfloat<W>(1.0f), dot(a, x));
-  }
-};
 
 template <int W>
 PRIMRAY_INLINE void add_attributes(const Scene& scene, vbool<W> m, vint<W> mesh, vint<W> triangle, const vint<W> corner[3],
@@ -76,30 +57,19 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   Interaction<W> r;
   r.color = vvec3<W>(vfloat<W>(1.0f));
   r.surface = r.mesh = r.triangle = r.sphere = zero;
-  const vbool<W> instanced = scene.has_instances ? active & (h.inst != vint<W>(-1)) : vbool<W>(false);
-  const bool any_instanced = scene.has_instances && any(instanced);
-  vint<W> group = zero, instance = zero;
-  if (any_instanced) {
-    const vint<W> placement = select(instanced, h.inst - vint<W>(kFirstPlacement), zero);
-    group = select(instanced, gather<W>(scene.placement_group.data(), placement), zero);
-    instance = select(instanced, gather<W>(scene.placement_instance.data(), placement) + h.inst_prim, zero);
-  }
-  const auto group_base = [&](uint32_t Group::* base) {
-    if (!any_instanced) return vint<W>(int32_t(scene.groups[0].*base));
-    vint<W> b;
-    for (int i = 0; i < W; ++i) b.set(i, int32_t(scene.groups[group[i]].*base));
-    return b;
-  };
-  const vbool<W> is_triangle = active & (h.geom == vint<W>(int32_t(kTriangleGeometry)));
+  const HitGroup<W> in(scene, active, h);
+  const vbool<W> instanced = in.instanced;
+  const bool any_instanced = in.any_instanced;
+  const vbool<W> is_triangle = hits_triangle(scene, active, h);
   vvec3<W> e1(vfloat<W>(0.0f)), e2(vfloat<W>(0.0f)), normal(vfloat<W>(0.0f)), p(vfloat<W>(0.0f));
   vvec3<W> sphere_normal(vfloat<W>(0.0f));
   vbool<W> smooth(false);
   if (any(is_triangle)) {
-    const vint<W> triangle = select(is_triangle, group_base(&Group::triangle_base) + h.prim, zero);
+    const vint<W> triangle = in.triangle(scene, is_triangle, h);
     const vint<W> mesh = gather<W>(scene.triangle_mesh.data(), triangle);
     r.surface = gather<W>(scene.meshes.surface.data(), mesh);
     r.mesh = mesh, r.triangle = triangle;
-    const vint<W> first = select(is_triangle, group_base(&Group::vertex_base), zero);
+    const vint<W> first = select(is_triangle, in.base(scene, &Group::vertex_base), zero);
     vint<W> corner[3];
     for (int k = 0; k < 3; ++k)
       corner[k] = first + gather<W>(reinterpret_cast<const int32_t*>(scene.indices.data()) + k, triangle * vint<W>(3));
@@ -114,7 +84,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   const vbool<W> is_sphere = scene.has_spheres ? active & (h.geom == vint<W>(int32_t(kSphereGeometry))) : vbool<W>(false);
   const bool any_sphere = scene.has_spheres && any(is_sphere);
   if (any_sphere) {
-    const vint<W> sphere = select(is_sphere, group_base(&Group::sphere_base) + h.prim, zero);
+    const vint<W> sphere = select(is_sphere, in.base(scene, &Group::sphere_base) + h.prim, zero);
     r.sphere = sphere;
     r.surface = select(is_sphere, gather<W>(scene.sphere_surface.data(), sphere), r.surface);
     const InstanceLanes<W> m(scene.spheres[0].group_from_object, sphere * vint<W>(int(sizeof(SphereRecord) / sizeof(float))));
@@ -126,7 +96,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   if (any_sphere) ng = select(is_sphere, sphere_normal, ng);
   r.p = p;
   if (any_instanced) {
-    const InstanceLanes<W> m(scene.world_from_group.data(), instance * vint<W>(12));
+    const InstanceLanes<W> m(scene.world_from_group.data(), in.instance * vint<W>(12));
     const vvec3<W> q = m.vector(p) + m.o;
     r.p = select(instanced, q, p);
     const vvec3<W> spread = abs(m.x * p.x) + abs(m.y * p.y) + abs(m.z * p.z) + abs(m.o);

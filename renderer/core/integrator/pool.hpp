@@ -60,9 +60,15 @@ struct PathLanes {
   vfloat<W> bsdf_pdf;   // density of the ray's direction; 0: camera or delta
   vfloat<W> splits;     // paths among which the sample was split
   vfloat<W> travelled;  // see PathPool
+  vfloat<W> cone_width, cone_spread;
   vvec3<W> share;
   vint<W> slot, depth, vertex;
   Sampler<W> sampler;
+};
+
+// What paths of a scene carry beyond the rest: through see-through surfaces, over textures, to lights with lobe factors.
+struct PathNeeds {
+  bool travelled, cones, shares;
 };
 
 // One path between two vertices: its ray, and what it needs to go on.
@@ -77,6 +83,8 @@ struct PathPool {
   alignas(64) float splits[kPadded];    // paths among which this one's sample was split
   // Only where a surface lets light straight through: how far behind the ray's origin lies the vertex that `bsdf_pdf` is of.
   alignas(64) float travelled[kPadded];
+  // Only where surfaces have varying inputs: the ray's cone, its width at the origin and how much wider it gets per distance.
+  alignas(64) float cone_width[kPadded], cone_spread[kPadded];
   // Only where lights have lobe factors: the part of the last scattering's f_cos that was diffuse.
   alignas(64) float share_r[kPadded], share_g[kPadded], share_b[kPadded];
   int count = 0;
@@ -92,31 +100,33 @@ struct PathPool {
             load<W>(tnear + at),
             load<W>(tfar + at)};
   }
-  // `thin`, `shares`: whether the scene has see-through surfaces, lights with lobe factors.
   template <int W>
-  PRIMRAY_INLINE PathLanes<W> paths(int at, bool thin, bool shares) const {
+  PRIMRAY_INLINE PathLanes<W> paths(int at, PathNeeds needs) const {
     PathLanes<W> p;
     p.ray = rays<W>(at);
     p.beta = {load<W>(beta_r + at), load<W>(beta_g + at), load<W>(beta_b + at)};
     p.bsdf_pdf = load<W>(bsdf_pdf + at), p.splits = load<W>(splits + at);
-    p.travelled = thin ? load<W>(travelled + at) : vfloat<W>(0.0f);
+    p.travelled = needs.travelled ? load<W>(travelled + at) : vfloat<W>(0.0f);
+    p.cone_width = p.cone_spread = vfloat<W>(0.0f);
+    if (needs.cones) p.cone_width = load<W>(cone_width + at), p.cone_spread = load<W>(cone_spread + at);
     p.share = vvec3<W>(vfloat<W>(0.0f));
-    if (shares) p.share = {load<W>(share_r + at), load<W>(share_g + at), load<W>(share_b + at)};
+    if (needs.shares) p.share = {load<W>(share_r + at), load<W>(share_g + at), load<W>(share_b + at)};
     p.slot = load<W>(slot + at), p.depth = load<W>(depth + at), p.vertex = load<W>(vertex + at);
     p.sampler = {load<W>(reversed_index + at), load<W>(seed + at)};
     return p;
   }
   // Adds the lanes that `c` holds.
   template <int W>
-  PRIMRAY_INLINE void append(const Compaction<W>& c, const PathLanes<W>& p, bool thin, bool shares) {
+  PRIMRAY_INLINE void append(const Compaction<W>& c, const PathLanes<W>& p, PathNeeds needs) {
     const int at = count;
     c.append(ox + at, p.ray.o.x), c.append(oy + at, p.ray.o.y), c.append(oz + at, p.ray.o.z);
     c.append(dx + at, p.ray.d.x), c.append(dy + at, p.ray.d.y), c.append(dz + at, p.ray.d.z);
     c.append(tnear + at, p.ray.tnear), c.append(tfar + at, p.ray.tfar);
     c.append(beta_r + at, p.beta.x), c.append(beta_g + at, p.beta.y), c.append(beta_b + at, p.beta.z);
     c.append(bsdf_pdf + at, p.bsdf_pdf), c.append(splits + at, p.splits);
-    if (thin) c.append(travelled + at, p.travelled);
-    if (shares) c.append(share_r + at, p.share.x), c.append(share_g + at, p.share.y), c.append(share_b + at, p.share.z);
+    if (needs.travelled) c.append(travelled + at, p.travelled);
+    if (needs.cones) c.append(cone_width + at, p.cone_width), c.append(cone_spread + at, p.cone_spread);
+    if (needs.shares) c.append(share_r + at, p.share.x), c.append(share_g + at, p.share.y), c.append(share_b + at, p.share.z);
     c.append(slot + at, p.slot), c.append(depth + at, p.depth), c.append(vertex + at, p.vertex);
     c.append(reversed_index + at, p.sampler.reversed_index), c.append(seed + at, p.sampler.seed);
     count += c.count;

@@ -12,6 +12,7 @@
 #include "integrator/pool.hpp"
 #include "light/selection.hpp"
 #include "sampler/sampler.hpp"
+#include "scene/evaluate_inputs.hpp"
 
 namespace primray {
 

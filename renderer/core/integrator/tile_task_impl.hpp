@@ -11,6 +11,17 @@
 
 namespace primray {
 
+// A scattered ray's cone is wider by the angle of a cone that holds a sixteenth of the solid angle 1 / pdf which the ray stands
+// for: pi (w / 2)^2 = 1 / (16 pdf). Mirrors and refractions keep the cone; their curvature is not followed.
+constexpr float kLobeSpread = 0.282094792f;
+// Below this cosine the area that a cone cuts out of a surface is taken as no larger.
+constexpr float kGrazing = 0.05f;
+
+template <int W>
+PRIMRAY_INLINE vbool<W> has_inputs(const Scene& scene, vint<W> surface) {
+  return gather<W>(scene.surface_inputs_of.data(), surface) >= vint<W>(0);
+}
+
 template <int W>
 class TilePaths {
  public:
@@ -21,6 +32,7 @@ class TilePaths {
         block_(block),
         w_(worker),
         recorder_(recorder),
+        needs_{scene.has_thin, scene.has_inputs, scene.lights.lobe_factors},
         samples_(block.count[0] + block.count[1]) {}
 
   void run() {
@@ -108,8 +120,9 @@ class TilePaths {
       p.ray = {ray.o, ray.d, ray.tnear, ray.tfar};
       p.beta = V(F(1.0f)), p.share = V(F(0.0f));
       p.bsdf_pdf = p.travelled = F(0.0f), p.splits = F(1.0f);
+      p.cone_width = F(scene_.camera.cone_width()), p.cone_spread = F(scene_.camera.cone_spread());
       p.slot = load<W>(slot), p.depth = p.vertex = I(0);
-      pool.append(Compaction<W>(lane_numbers<W>() < I(n)), p, scene_.has_thin, scene_.lights.lobe_factors);
+      pool.append(Compaction<W>(lane_numbers<W>() < I(n)), p, needs_);
       next_slot_ += n;
     }
     w_.camera_rays += pool.count - first_camera_;
@@ -164,7 +177,7 @@ class TilePaths {
   // One vertex of the paths at [at, at + W): light met, light sampled, next ray.
   void shade_lanes(int at, B active) {
     const PathPool& pool = *w_.pool;
-    const PathLanes<W> p = pool.paths<W>(at, scene_.has_thin, scene_.lights.lobe_factors);
+    const PathLanes<W> p = pool.paths<W>(at, needs_);
     const Hits<W> hits = pool.hits<W>(at);
     B hit = active & (hits.geom != I(-1));
 
@@ -180,8 +193,15 @@ class TilePaths {
       return;
     }
 
-    const Interaction<W> it = interact(scene_, hit, hits);
-    if (scene_.has_emission) gathered += select(hit, emitted(hit, hits, it, p), V(F(0.0f)));
+    Interaction<W> it = interact(scene_, hit, hits);
+    SurfaceRows<W> rows(scene_.surfaces, it.surface);
+    LaneRows<W> varying;
+    if (scene_.has_inputs && any(hit & has_inputs(scene_, it.surface))) {
+      // Whatever the angle, as much area as the cone cuts out of the surface.
+      const F width = p.cone_width + p.cone_spread * hits.t, cosine = abs(dot(it.ng, p.ray.d));
+      rows = evaluate_inputs(scene_, hit, hits, it.surface, width * width / max(cosine, kGrazing), it.ng, it.ns, varying);
+    }
+    if (scene_.has_emission) gathered += select(hit, emitted(hit, hits, it, rows, p), V(F(0.0f)));
     add(active, p.slot, p.beta * gathered);
 
     // Scatter, on the side of the surface where the ray came from.
@@ -195,17 +215,15 @@ class TilePaths {
     const V ns = it.ns * side;
     const Frame<F> frame(select(dot(ns, wo) > F(1e-4f), ns, ng));
     const V wo_local = frame.to_local(wo);
-    Vertex v{it, ng, frame, wo_local, Bsdf<W>(scene_.surfaces, it.surface, scatters, wo_local, front)};
+    Vertex v{it, ng, frame, wo_local, Bsdf<W>(rows, scatters, wo_local, front)};
     v.bsdf.diffuse *= it.color;
     if (scene_.lights.count > 0) sample_light(scatters & (p.depth < I(settings_.max_depth)), v, p);
     scatter(scatters, v, p);
   }
 
   // Radiance of the surfaces that lanes `hit` met, with its MIS weight.
-  V emitted(B hit, const Hits<W>& hits, const Interaction<W>& it, const PathLanes<W>& p) const {
-    const float* rows = scene_.surfaces.rows.data();
-    const I row = it.surface * I(kSurfaceFields);
-    V L = gather_vec3<W>(rows, row + I(kEmission)) * gather<W>(rows + kPresence, row);
+  V emitted(B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows, const PathLanes<W>& p) const {
+    V L = rows.color(kEmission) * rows(kPresence);
     // A camera ray, or one after a mirror or refraction, could not have come from light sampling.
     const B sampled = hit & (max_component(L) > F(0.0f)) & (p.bsdf_pdf > F(0.0f));
     if (scene_.emitters.any() && any(sampled)) {
@@ -292,6 +310,10 @@ class TilePaths {
     if (!scene_.rays_find_light) alive &= !last;
     n.bsdf_pdf = select(s.straight, p.bsdf_pdf, s.pdf);
     if (scene_.has_thin) n.travelled = select(s.straight, p.travelled + dot(v.it.p - p.ray.o, p.ray.d), F(0.0f));
+    if (scene_.has_inputs) {
+      n.cone_width = p.cone_width + p.cone_spread * dot(v.it.p - p.ray.o, p.ray.d);
+      n.cone_spread = p.cone_spread + select(s.pdf > F(0.0f), kLobeSpread / sqrt(max(s.pdf, 1e-6f)), F(0.0f));
+    }
     if (scene_.lights.lobe_factors) n.share = select(s.straight, p.share, s.diffuse_share);
     const B roulette = alive & (bounce >= I(kRouletteStart)) & !s.straight;
     if (any(roulette)) {
@@ -314,7 +336,7 @@ class TilePaths {
       alive &= !sky;
       if (!any(alive)) return;
     }
-    w_.next->append(Compaction<W>(alive), n, scene_.has_thin, scene_.lights.lobe_factors);
+    w_.next->append(Compaction<W>(alive), n, needs_);
   }
 
   void trace_shadows() {
@@ -353,9 +375,15 @@ class TilePaths {
       const B front = dot(it.ng, rays.d) < F(0.0f);
       const F z = clamp(abs(cosine), 0.0f, 1.0f);
       const V wo{safe_sqrt(1.0f - z * z), F(0.0f), z};
+      SurfaceRows<W> rows(scene_.surfaces, it.surface);
+      LaneRows<W> varying;
+      if (scene_.has_inputs && any(active & has_inputs(scene_, it.surface))) {
+        // Normal maps bend no light that goes straight on, and shadow rays have no cones.
+        V unbent = it.ns;
+        rows = evaluate_inputs(scene_, active, hits, it.surface, F(0.0f), it.ng, unbent, varying);
+      }
       // Lanes that have arrived keep what they carry.
-      carried =
-          select(active, carried * straight_transmittance(Bsdf<W>(scene_.surfaces, it.surface, active, wo, front)), carried);
+      carried = select(active, carried * straight_transmittance(Bsdf<W>(rows, active, wo, front)), carried);
       active &= max_component(carried) > F(0.0f);
       // Go on from the point that was hit, as far as is left.
       const V o = it.p + it.ng * (it.offset * select(front, F(-1.0f), F(1.0f)));
@@ -372,6 +400,7 @@ class TilePaths {
   const TileBlock& block_;
   Worker& w_;
   RayRecorder* recorder_;
+  const PathNeeds needs_;
   int samples_, pixels_ = 0, next_slot_ = 0, first_camera_ = 0;
 };
 

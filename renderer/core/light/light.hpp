@@ -37,7 +37,10 @@ enum LightField : int {
   kSpecularFactor,
   kLightFlags,
   kLightFields,
-  kMeshCenter = kInverseX  // a mesh needs no inverse, but its ball's centre
+  // A mesh needs no inverse and has no one radiance, but its ball's centre, and the placement (-1: none) and its instance.
+  kMeshCenter = kInverseX,
+  kMeshPlacement = kRadiance,
+  kMeshInstance = kRadiance + 1
 };
 enum LightFlag : int32_t {
   kSheared = 1,

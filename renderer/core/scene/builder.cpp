@@ -8,6 +8,7 @@
 
 #include "accel/build.hpp"
 #include "scene/error.hpp"
+#include "scene/input_facts.hpp"
 #include "scene/light_rows.hpp"
 
 namespace primray {
@@ -87,6 +88,7 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
   });
   const int32_t colors = add_vectors(s.colors, mesh.colors, mesh.color_kind, [](const dvec3& c) { return c; });
 
+  last_mesh_rows_ = table.surface.size(), last_mirrored_ = mirrored;
   // One row for each surface that the mesh wears; most wear one.
   std::unordered_map<int32_t, int32_t> row_of_surface;
   for (size_t t = 0; t < triangles; ++t) {
@@ -101,14 +103,19 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
       table.normals.push_back(int32_t(mesh.normal_kind)), table.colors.push_back(int32_t(mesh.color_kind));
       table.normal_base.push_back(normals), table.color_base.push_back(colors);
       table.triangle_base.push_back(first_triangle), table.vertex_base.push_back(first_vertex);
+      s.primvars.of_mesh.insert(s.primvars.of_mesh.end(), s.primvars.names, -1);
     }
     s.triangle_mesh.push_back(row->second);
   }
-  group.vertex_count += uint32_t(points), group.triangle_count += uint32_t(triangles);
+  group.vertex_count += uint32_t(points);
+  if (group.cutout_count > 0 && !mesh.cutout) throw Error("internal", "a mesh comes after its group's cut-outs");
+  (mesh.cutout ? group.cutout_count : group.triangle_count) += uint32_t(triangles);
+  s.has_cutouts |= mesh.cutout && triangles > 0;
   s.has_attributes |= mesh.normal_kind != Attribute::kNone || mesh.color_kind != Attribute::kNone;
 }
 
 void SceneBuilder::add_sphere(double radius, int32_t surface, const daffine& group_from_object) {
+  last_sphere_taken_ = false;
   const daffine group_from_prototype{
       {group_scale_, 0, 0}, {0, group_scale_, 0}, {0, 0, group_scale_}, group_origin_ * -group_scale_};
   const daffine size{{radius, 0, 0}, {0, radius, 0}, {0, 0, radius}, dvec3(0.0)};
@@ -125,6 +132,8 @@ void SceneBuilder::add_sphere(double radius, int32_t surface, const daffine& gro
   }
   scene_->spheres.push_back(r);
   scene_->sphere_surface.push_back(surface);
+  scene_->primvars.of_sphere.insert(scene_->primvars.of_sphere.end(), scene_->primvars.names, -1);
+  last_sphere_taken_ = true;
   scene_->groups.back().sphere_count++;
   scene_->has_spheres = true;
 }
@@ -135,6 +144,7 @@ int64_t SceneBuilder::add_placement(int prototype, std::span<const double> rows)
   const daffine core_from_world{{s.scale, 0, 0}, {0, s.scale, 0}, {0, 0, s.scale}, s.origin * -s.scale};
   const int32_t first = int32_t(s.world_from_group.size() / 12);
   int64_t left_out = 0;
+  last_instances_.clear();
   for (size_t i = 0; i < rows.size(); i += 12) {
     const daffine world_from_prototype = affine_from_rows(&rows[i]);
     if (!is_regular(world_from_prototype)) {
@@ -143,16 +153,19 @@ int64_t SceneBuilder::add_placement(int prototype, std::span<const double> rows)
     }
     const daffine m = core_from_world * (world_from_prototype * undo);
     for (const dvec3* c : {&m.x, &m.y, &m.z, &m.o}) put(s.world_from_group, *c);
+    if (s.primvars.names > 0) last_instances_.push_back(int32_t(i / 12));
   }
   if (s.world_from_group.size() >= kMaxElements) throw Error("too-large", "more than 178 million instances");
   const Group& g = s.groups[prototype];
-  const bool empty = g.triangle_count == 0 && g.sphere_count == 0;
+  const bool empty = g.triangle_count == 0 && g.cutout_count == 0 && g.sphere_count == 0;
   if (empty || int32_t(s.world_from_group.size() / 12) == first) {
     s.world_from_group.resize(size_t(first) * 12);
+    last_instances_.clear();
     return left_out;
   }
   s.placement_group.push_back(prototype);
   s.placement_instance.push_back(first);
+  s.primvars.of_placement.insert(s.primvars.of_placement.end(), s.primvars.names, -1);
   s.has_instances = true;
   return left_out;
 }
@@ -183,6 +196,7 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
     s.has_emission |= (flags & kEmits) != 0;
     s.has_thin |= ((flags & kThin) && row[kTransmission] > 0) || row[kPresence] < 1;
   }
+  note_inputs(s);
   if (s.has_emission) build_emitters(s);
   finish_light_rows(s.lights);
   s.rays_find_light = s.has_emission || s.lights.needs_hit_test || !s.lights.domes.empty();
@@ -194,7 +208,8 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
 int64_t Scene::memory_bytes() const {
   const auto bytes = [](const auto& v) { return int64_t(v.capacity() * sizeof(v[0])); };
   int64_t total = bytes(positions) + bytes(indices) + bytes(triangle_mesh) + bytes(normals) + bytes(colors) + bytes(spheres) +
-                  bytes(world_from_group);
+                  bytes(world_from_group) + bytes(primvars.values) + bytes(primvars.of_mesh) + bytes(primvars.of_placement) +
+                  texture_bytes();
   for (const Dome& d : lights.domes) total += bytes(d.texels) + bytes(d.column_cdf) + bytes(d.density);
   return total;
 }

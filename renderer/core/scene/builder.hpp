@@ -17,6 +17,13 @@ struct MeshInput {
   std::span<const float> colors;       // empty, 3 T, 3 N or 9 T
   Attribute normal_kind = Attribute::kNone, color_kind = Attribute::kNone;
   std::span<const int32_t> surfaces;  // one, or one a triangle
+  bool cutout = false;                // all of its surfaces have an opacity threshold, or none
+};
+
+// An image as it comes from outside: (height, width, channels) linear floats, finite, first row at the top.
+struct ImageInput {
+  std::span<const float> pixels;
+  int width = 0, height = 0;
 };
 
 struct LightInput {
@@ -45,28 +52,47 @@ class SceneBuilder {
   SceneBuilder(dvec3 origin, double scale);
   SceneBuilder(const SceneBuilder&) = delete;
 
-  int32_t add_surface(const SurfaceInput& s) { return scene_->surfaces.add(s); }
+  // How many names of primvars the surfaces' inputs read; before any shape.
+  void set_primvar_names(int count) { scene_->primvars.names = count; }
+  // Inputs that vary, beside the surface's constants; textures by their number.
+  int32_t add_surface(const SurfaceInput& constants, std::vector<InputSource> varying = {});
+  // A texture without its images yet: `channels` 1 or 3; `finest_only` for those that cut-outs read.
+  int add_texture(int channels, bool udim, bool finest_only);
   // Until the next begin_prototype, shapes go to the current group: the static one at first.
   // Prototype space is recentred and scaled as well; `center` and `scale` are in its own units.
   int begin_prototype(dvec3 center, double scale);
+  // A group's cut-outs come after its other meshes.
   void add_mesh(const MeshInput& mesh, const daffine& group_from_object);
   void add_sphere(double radius, int32_t surface, const daffine& group_from_object);
+  // `width` numbers a row, of the shape that was added last.
+  void add_mesh_primvar(int name, PrimvarKind kind, int width, std::span<const float> values);
+  void add_sphere_primvar(int name, int width, std::span<const float> values);
   // `rows`: 12 doubles an instance, world from prototype. A singular or non-finite one is left out; the result says how many
   // were.
   int64_t add_placement(int prototype, std::span<const double> rows);
+  // A row for every instance that the last add_placement was given.
+  void add_placement_primvar(int name, int width, std::span<const float> values);
   void add_light(const LightInput& light);
   void set_camera(const CameraInput& camera);
+  // After all shapes, placements and the camera, which decide the levels that are kept. `tile`: 0, or 1001 to 1100.
+  void set_texture_image(int texture, int tile, const ImageInput& image);
   // Builds the acceleration structures; the builder is empty afterwards.
   std::unique_ptr<Scene> finish();
 
  private:
   dvec3 to_group(const dvec3& p) const { return (p - group_origin_) * group_scale_; }
+  int32_t append_primvar(std::span<const float> values);
 
   std::unique_ptr<Scene> scene_;
   // Of the current group.
   dvec3 group_origin_;
   double group_scale_;
   std::vector<daffine> prototype_from_group_;  // by group: undoes its recentring
+  // Of the shape and the placement that were added last.
+  size_t last_mesh_rows_ = 0;  // first row of the mesh
+  bool last_mirrored_ = false, last_sphere_taken_ = false;
+  std::vector<int32_t> last_instances_;  // rows that were taken; empty where the placement was left out
+  bool levels_measured_ = false;
 };
 
 }  // namespace primray

@@ -1,6 +1,7 @@
 // The camera: from a point on the film, drawn from the pixel filter, and a point on the lens to a ray.
 #pragma once
 
+#include <cmath>
 #include <vector>
 
 #include "math/matrix.hpp"
@@ -31,6 +32,10 @@ struct CameraRay {
   vfloat<W> tnear, tfar;
 };
 
+// Footprints of camera rays, in pixels across. Half a pixel, since a pixel's samples average over it anyway: textures stay as
+// sharp as the pixel filter, and four neighbouring samples still cover them.
+constexpr float kConePixels = 0.5f;
+
 struct Camera {
   int width = 0, height = 0;
   bool orthographic = false;
@@ -39,6 +44,12 @@ struct Camera {
   float near = 0, far = 0;
   float lens_radius = 0, focus_distance = 1;
   PixelFilter filter;
+
+  // A ray's cone: its width at the camera, and how much wider it gets per distance (Akenine-Moller et al. 2021, "Improved
+  // Shader and Texture Level of Detail Using Ray Cones").
+  float cone_width() const { return orthographic ? kConePixels * pixel_size() : 0.0f; }
+  float cone_spread() const { return orthographic ? 0.0f : kConePixels * pixel_size(); }
+  float pixel_size() const { return std::sqrt((right - left) / float(width) * ((top - bottom) / float(height))); }
 
   // Ray through pixel (x, y), counted from the upper left; u_film, u_lens in [0,1)^2. Directions have unit length.
   template <int W>

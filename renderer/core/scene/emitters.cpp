@@ -4,16 +4,15 @@
 #include <algorithm>
 #include <cmath>
 
+#include "scene/input_facts.hpp"
 #include "scene/light_rows.hpp"
 
 namespace primray {
 namespace {
 
-const float* surface_row(const Scene& s, int32_t surface) { return &s.surfaces.rows[size_t(surface) * kSurfaceFields]; }
-
+// On average over the surface.
 vec3 radiance(const Scene& s, int32_t surface) {
-  const float* row = surface_row(s, surface);
-  return vec3(row[kEmission], row[kEmission + 1], row[kEmission + 2]) * row[kPresence];
+  return average_emission(s, surface) * s.surfaces.rows[size_t(surface) * kSurfaceFields + kPresence];
 }
 
 dvec3 vertex(const Scene& s, size_t base, uint32_t index) {
@@ -59,7 +58,8 @@ ShapeWeight add_triangles(const Scene& s, EmitterTable& table, size_t first, siz
   return w;
 }
 
-void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& world_from_group) {
+// `placement`, `instance`: see kMeshPlacement.
+void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& world_from_group, int placement, int instance) {
   float row[kLightFields] = {};
   row[kType] = float(int(LightType::kMesh));
   row[kDiffuseFactor] = row[kSpecularFactor] = row[kInverseDet] = 1;
@@ -72,6 +72,7 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
   const double size = std::cbrt(std::fabs(m.determinant()));
   row[kSize0] = float(w.radius * size);
   row[kSize1] = float(shape);
+  row[kMeshPlacement] = float(placement), row[kMeshInstance] = float(instance);
   row[kImportance] = float(w.power * size * size);
   s.lights.rows.insert(s.lights.rows.end(), row, row + kLightFields);
   ++s.lights.count;
@@ -106,7 +107,7 @@ void build_emitters(Scene& s) {
   for (size_t g = 0; g < s.groups.size(); ++g) {
     const Group& group = s.groups[g];
     group_first[g] = int32_t(table.first.size());
-    const size_t end = group.triangle_base + group.triangle_count;
+    const size_t end = group.triangle_base + group.triangle_count + group.cutout_count;
     // Rows with the same first triangle are one mesh's.
     while (row < meshes.surface.size() && size_t(meshes.triangle_base[row]) < end) {
       size_t next = row;
@@ -135,15 +136,18 @@ void build_emitters(Scene& s) {
   table.placement_light.assign(s.placement_group.size(), -1), table.placement_rows.assign(s.placement_group.size(), 0);
   if (!table.any()) return;
 
-  const auto add_rows = [&](size_t group, const daffine& world_from_group) {
-    for (int32_t k = group_first[group]; k < group_first[group + 1]; ++k)
-      table.count[k] > 0 ? add_mesh_row(s, weights[k], k, world_from_group)
-                         : add_sphere_row(s, table.first[k], world_from_group);
+  const auto add_rows = [&](size_t group, const daffine& world_from_group, int placement, int instance) {
+    for (int32_t k = group_first[group]; k < group_first[group + 1]; ++k) {
+      if (table.count[k] > 0)
+        add_mesh_row(s, weights[k], k, world_from_group, placement, instance);
+      else
+        add_sphere_row(s, table.first[k], world_from_group);
+    }
   };
   const int first_row = s.lights.count;
   if (group_first[1] > 0) {
     table.static_light = s.lights.count;
-    add_rows(0, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)});
+    add_rows(0, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)}, -1, 0);
   }
   for (size_t p = 0; p < s.placement_group.size(); ++p) {
     const size_t group = s.placement_group[p], first = s.placement_instance[p],
@@ -155,7 +159,7 @@ void build_emitters(Scene& s) {
       continue;
     }
     table.placement_light[p] = s.lights.count, table.placement_rows[p] = int32_t(rows);
-    for (size_t i = first; i < end; ++i) add_rows(group, instance_matrix(s, i));
+    for (size_t i = first; i < end; ++i) add_rows(group, instance_matrix(s, i), int(p), int(i - first));
   }
 }
 

@@ -14,12 +14,15 @@
 #include "math/matrix.hpp"
 #include "scene/camera.hpp"
 #include "scene/emitters.hpp"
+#include "scene/primvars.hpp"
 #include "scene/surface.hpp"
+#include "scene/surface_inputs.hpp"
+#include "texture/texture.hpp"
 
 namespace primray {
 
-// Embree geometry numbers: in every group triangles and spheres, in the top scene the placements after them.
-constexpr uint32_t kTriangleGeometry = 0, kSphereGeometry = 1, kFirstPlacement = 2;
+// Embree geometry numbers: in every group triangles, spheres and cut-out triangles, in the top scene the placements after them.
+constexpr uint32_t kTriangleGeometry = 0, kSphereGeometry = 1, kCutoutGeometry = 2, kFirstPlacement = 3;
 
 enum class Attribute : int32_t { kNone = 0, kTriangle = 1, kVertex = 2, kCorner = 3 };
 
@@ -37,6 +40,7 @@ struct SphereRecord {
 
 struct Group {
   uint32_t triangle_base = 0, triangle_count = 0;
+  uint32_t cutout_count = 0;  // triangles after those, which a filter looks at
   uint32_t vertex_base = 0, vertex_count = 0;
   uint32_t sphere_base = 0, sphere_count = 0;
   OwnedScene accel;
@@ -64,6 +68,11 @@ struct Scene {
   std::vector<int32_t> placement_instance;  // first instance, by placement
 
   SurfaceTable surfaces;
+  // Of the surfaces whose inputs vary: by surface, the index of its inputs, or -1.
+  std::vector<int32_t> surface_inputs_of;
+  std::vector<SurfaceInputs> surface_inputs;
+  std::vector<Texture> textures;
+  PrimvarTable primvars;
   LightTable lights;
   EmitterTable emitters;
   Camera camera;
@@ -76,6 +85,8 @@ struct Scene {
   bool has_instances = false;  // else no hit carries an instance
   bool has_spheres = false;
   bool has_attributes = false;  // smooth normals or varying colours
+  bool has_inputs = false;      // a surface has inputs that vary
+  bool has_cutouts = false;     // some triangles are looked at by a filter
   bool has_emission = false;
   bool rays_find_light = false;   // domes, areas or emission that a scattered ray could meet
   bool only_domes_found = false;  // ... and of these only domes, for which it is enough to know that nothing is hit
@@ -83,6 +94,7 @@ struct Scene {
 
   rtc::Scene accel() const { return groups[0].accel.get(); }
   int64_t memory_bytes() const;
+  int64_t texture_bytes() const;
 };
 
 }  // namespace primray

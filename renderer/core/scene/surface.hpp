@@ -16,6 +16,7 @@ struct SurfaceInput {
   vec3 specular_color{0.0f, 0.0f, 0.0f};
   float metallic = 0, roughness = 0.5f, clearcoat = 0, clearcoat_roughness = 0.01f, opacity = 1, ior = 1.5f;
   bool presence = false, thin = false;
+  float opacity_threshold = 0;  // above 0: a cut-out, whole where it is at all
 };
 
 // Columns of a row.
@@ -38,51 +39,90 @@ enum SurfaceField : int {
 };
 enum SurfaceFlag : int32_t { kPreview = 1, kEmits = 2, kThin = 4 };
 
-struct SurfaceTable {
-  std::vector<float> rows;  // kSurfaceFields floats a surface; kFlags holds the flags as a float (exact)
-  int32_t add(const SurfaceInput& s);
+// The same on lanes, all of one surface.
+template <int W>
+struct SurfaceValues {
+  vvec3<W> diffuse_color, emissive_color, specular_color;
+  vfloat<W> metallic, roughness, clearcoat, clearcoat_roughness, opacity, ior;
+
+  PRIMRAY_INLINE explicit SurfaceValues(const SurfaceInput& s)
+      : diffuse_color(s.diffuse_color),
+        emissive_color(s.emissive_color),
+        specular_color(s.specular_color),
+        metallic(s.metallic),
+        roughness(s.roughness),
+        clearcoat(s.clearcoat),
+        clearcoat_roughness(s.clearcoat_roughness),
+        opacity(s.opacity),
+        ior(s.ior) {}
 };
 
 // Below this width the float half vector is too coarse for the lobe's peak (alpha 1e-4 is roughness 0.01): a mirror.
 constexpr float kMinAlpha = 1e-4f;
 
-inline int32_t SurfaceTable::add(const SurfaceInput& s) {
-  const auto lerp = [](vec3 a, vec3 b, float t) { return a * (1 - t) + b * t; };
-  float row[kSurfaceFields] = {};
-  const auto put = [&](int field, vec3 c) { row[field] = c.x, row[field + 1] = c.y, row[field + 2] = c.z; };
-  const bool emits = max_component(s.emissive_color) > 0;
-  row[kFlags] = float((s.lambert ? 0 : kPreview) | (emits ? kEmits : 0) | (s.thin ? kThin : 0));
-  put(kEmission, s.emissive_color);
-  row[kPresence] = s.presence ? s.opacity : 1.0f;
-  row[kIor] = s.ior;
+// Columns of W rows of the surface `s`, whose constants `v` may vary. What is not opaque with an opacity threshold is not
+// there at all, so what is there is opaque.
+template <int W>
+PRIMRAY_INLINE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>& v, vfloat<W> (&row)[kSurfaceFields]) {
+  using F = vfloat<W>;
+  const F one(1.0f), zero(0.0f);
+  const auto lerp = [](const vvec3<W>& a, const vvec3<W>& b, F t) { return a * (1.0f - t) + b * t; };
+  const auto put = [&](int field, const vvec3<W>& c) { row[field] = c.x, row[field + 1] = c.y, row[field + 2] = c.z; };
+  for (F& f : row) f = zero;
+  const vbool<W> emits = max_component(v.emissive_color) > zero;
+  row[kFlags] = F(float((s.lambert ? 0 : kPreview) | (s.thin ? kThin : 0))) + select(emits, F(float(kEmits)), zero);
+  put(kEmission, v.emissive_color);
+  const F there = s.opacity_threshold > 0 ? one : v.opacity;
+  row[kPresence] = s.presence ? there : one;
+  row[kIor] = v.ior;
   if (s.lambert) {
-    put(kDiffuse, s.diffuse_color);
-  } else {
-    // UsdPreviewSurface specification, "Specular workflow", "Metallic workflow" (usd-facts, section 5).
-    const float r = (1 - s.ior) / (1 + s.ior), f0 = r * r;
-    const float metallic = s.use_specular_workflow ? 0.0f : s.metallic;
-    const float opacity = s.presence ? 1.0f : s.opacity;
-    put(kDiffuse, s.diffuse_color * ((1 - metallic) * opacity));
-    if (s.use_specular_workflow) {
-      put(kF0, s.specular_color);
-      put(kF90, vec3(1.0f));
-    } else {
-      const vec3 c = lerp(vec3(1.0f), s.diffuse_color, metallic);
-      put(kF0, lerp(c * f0, c, metallic));
-      put(kF90, c);
-    }
-    const float alpha = s.roughness * s.roughness, cc_alpha = s.clearcoat_roughness * s.clearcoat_roughness;
-    row[kAlpha] = alpha < kMinAlpha ? 0.0f : alpha;
-    row[kRoughness] = s.roughness;
-    row[kTransmission] = 1 - opacity;
-    row[kClearcoat] = s.clearcoat;
-    // A delta clearcoat would need a second mirror lobe; kMinAlpha looks the same.
-    row[kClearcoatAlpha] = cc_alpha < kMinAlpha ? kMinAlpha : cc_alpha;
-    row[kClearcoatRoughness] = s.clearcoat_roughness < 0.01f ? 0.01f : s.clearcoat_roughness;
-    row[kClearcoatF0] = f0;
+    put(kDiffuse, v.diffuse_color);
+    return;
   }
-  rows.insert(rows.end(), row, row + kSurfaceFields);
-  return int32_t(rows.size() / kSurfaceFields) - 1;
+  // UsdPreviewSurface specification, "Specular workflow", "Metallic workflow" (usd-facts, section 5).
+  const F r = (1.0f - v.ior) / (1.0f + v.ior), f0 = r * r;
+  const F metallic = s.use_specular_workflow ? zero : v.metallic;
+  const F opacity = s.presence ? one : there;
+  put(kDiffuse, v.diffuse_color * ((1.0f - metallic) * opacity));
+  if (s.use_specular_workflow) {
+    put(kF0, v.specular_color);
+    put(kF90, vvec3<W>(one));
+  } else {
+    const vvec3<W> c = lerp(vvec3<W>(one), v.diffuse_color, metallic);
+    put(kF0, lerp(c * f0, c, metallic));
+    put(kF90, c);
+  }
+  const F alpha = v.roughness * v.roughness, cc_alpha = v.clearcoat_roughness * v.clearcoat_roughness;
+  row[kAlpha] = select(alpha < F(kMinAlpha), zero, alpha);
+  row[kRoughness] = v.roughness;
+  row[kTransmission] = 1.0f - opacity;
+  row[kClearcoat] = v.clearcoat;
+  // A delta clearcoat would need a second mirror lobe; kMinAlpha looks the same.
+  row[kClearcoatAlpha] = max(cc_alpha, kMinAlpha);
+  row[kClearcoatRoughness] = max(v.clearcoat_roughness, 0.01f);
+  row[kClearcoatF0] = f0;
 }
+
+struct SurfaceTable {
+  std::vector<float> rows;  // kSurfaceFields floats a surface; kFlags holds the flags as a float (exact)
+  int32_t add(const SurfaceInput& s) {
+    vfloat<1> row[kSurfaceFields];
+    reduce_surface<1>(s, SurfaceValues<1>(s), row);
+    for (const vfloat<1>& f : row) rows.push_back(f[0]);
+    return int32_t(rows.size() / kSurfaceFields) - 1;
+  }
+};
+
+// Where the rows of W lanes stand: in the table, or where evaluate_inputs() has written them.
+template <int W>
+struct SurfaceRows {
+  const float* rows;
+  vint<W> base;
+  PRIMRAY_INLINE SurfaceRows(const float* r, vint<W> b) : rows(r), base(b) {}
+  PRIMRAY_INLINE SurfaceRows(const SurfaceTable& table, vint<W> surface)
+      : rows(table.rows.data()), base(surface * vint<W>(kSurfaceFields)) {}
+  PRIMRAY_INLINE vfloat<W> operator()(int field) const { return gather<W>(rows + field, base); }
+  PRIMRAY_INLINE vvec3<W> color(int field) const { return {(*this)(field), (*this)(field + 1), (*this)(field + 2)}; }
+};
 
 }  // namespace primray

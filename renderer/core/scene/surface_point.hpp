@@ -1,0 +1,123 @@
+// Where on which shape W hits are, for what varies over shapes: mesh and triangle, its corners and edges, the instance.
+#pragma once
+
+#include "accel/trace.hpp"
+#include "scene/scene.hpp"
+
+namespace primray {
+
+template <int W>
+PRIMRAY_INLINE vvec3<W> gather_vec3(const float* base, vint<W> at) {
+  return {gather<W>(base, at), gather<W>(base + 1, at), gather<W>(base + 2, at)};
+}
+
+template <int W>
+struct InstanceLanes {
+  vvec3<W> x, y, z, o;
+  PRIMRAY_INLINE InstanceLanes(const float* base, vint<W> at)
+      : x(gather_vec3(base, at)), y(gather_vec3(base + 3, at)), z(gather_vec3(base + 6, at)), o(gather_vec3(base + 9, at)) {}
+  PRIMRAY_INLINE vvec3<W> vector(const vvec3<W>& v) const { return x * v.x + y * v.y + z * v.z; }
+  // Normals go by the cofactors: the inverse transpose times the determinant, whose sign counts (mirrored instances).
+  PRIMRAY_INLINE vvec3<W> normal(const vvec3<W>& n) const {
+    const vvec3<W> a = cross(y, z), b = cross(z, x), c = cross(x, y);
+    return (a * n.x + b * n.y + c * n.z) * copysign(vfloat<W>(1.0f), dot(a, x));
+  }
+};
+
+// The group that was hit, and the instance it was hit in.
+template <int W>
+struct HitGroup {
+  vbool<W> instanced;
+  bool any_instanced;
+  vint<W> placement, group, instance;  // 0 where not instanced
+
+  PRIMRAY_INLINE HitGroup(const Scene& scene, vbool<W> active, const Hits<W>& h) : placement(0), group(0), instance(0) {
+    instanced = scene.has_instances ? active & (h.inst != vint<W>(-1)) : vbool<W>(false);
+    any_instanced = scene.has_instances && any(instanced);
+    if (!any_instanced) return;
+    const vint<W> zero(0);
+    placement = select(instanced, h.inst - vint<W>(kFirstPlacement), zero);
+    group = select(instanced, gather<W>(scene.placement_group.data(), placement), zero);
+    instance = select(instanced, gather<W>(scene.placement_instance.data(), placement) + h.inst_prim, zero);
+  }
+  PRIMRAY_INLINE vint<W> base(const Scene& scene, uint32_t Group::* member) const {
+    if (!any_instanced) return vint<W>(int32_t(scene.groups[0].*member));
+    vint<W> b;
+    for (int i = 0; i < W; ++i) b.set(i, int32_t(scene.groups[group[i]].*member));
+    return b;
+  }
+  // Triangles that were hit, counted over the scene; 0 in other lanes.
+  PRIMRAY_INLINE vint<W> triangle(const Scene& scene, vbool<W> is_triangle, const Hits<W>& h) const {
+    vint<W> first = base(scene, &Group::triangle_base);
+    if (scene.has_cutouts) {
+      const vbool<W> cutout = h.geom == vint<W>(int32_t(kCutoutGeometry));
+      first = first + select(cutout, base(scene, &Group::triangle_count), vint<W>(0));
+    }
+    return select(is_triangle, first + h.prim, vint<W>(0));
+  }
+};
+
+template <int W>
+PRIMRAY_INLINE vbool<W> hits_triangle(const Scene& scene, vbool<W> active, const Hits<W>& h) {
+  vbool<W> r = h.geom == vint<W>(int32_t(kTriangleGeometry));
+  if (scene.has_cutouts) r = r | (h.geom == vint<W>(int32_t(kCutoutGeometry)));
+  return active & r;
+}
+
+template <int W>
+struct SurfacePoint {
+  vbool<W> is_triangle, instanced;            // a sphere where it is no triangle
+  vint<W> mesh, triangle, corner[3], sphere;  // corner: vertices, counted over the scene
+  vint<W> placement, instance_row;            // the row counts within the placement
+  vfloat<W> u, v;
+  vvec3<W> e1, e2;  // the triangle's edges from its first corner, in world space
+  vfloat<W> area2;  // twice its area there
+
+  // A point of a triangle that is known by its number over the scene; without edges, and so without tangents and footprint.
+  PRIMRAY_INLINE SurfacePoint(const Scene& scene, vbool<W> active, vint<W> number, vint<W> place, vint<W> row, vfloat<W> u_,
+                              vfloat<W> v_)
+      : sphere(0), u(u_), v(v_), e1(vfloat<W>(0.0f)), e2(vfloat<W>(0.0f)), area2(0.0f) {
+    const vint<W> zero(0);
+    is_triangle = active, triangle = select(active, number, zero);
+    mesh = gather<W>(scene.triangle_mesh.data(), triangle);
+    instanced = active & (place >= zero);
+    placement = select(instanced, place, zero), instance_row = select(instanced, row, zero);
+    vint<W> group = zero;
+    if (any(instanced)) group = select(instanced, gather<W>(scene.placement_group.data(), placement), zero);
+    vint<W> first;
+    for (int i = 0; i < W; ++i) first.set(i, int32_t(scene.groups[group[i]].vertex_base));
+    for (int k = 0; k < 3; ++k)
+      corner[k] = first + gather<W>(reinterpret_cast<const int32_t*>(scene.indices.data()) + k, triangle * vint<W>(3));
+  }
+  PRIMRAY_INLINE SurfacePoint(const Scene& scene, vbool<W> active, const Hits<W>& h) : sphere(0), u(h.u), v(h.v) {
+    const vint<W> zero(0), three(3);
+    const HitGroup<W> in(scene, active, h);
+    instanced = in.instanced, placement = in.placement;
+    instance_row = select(in.instanced, h.inst_prim, zero);
+    is_triangle = hits_triangle(scene, active, h);
+    if (scene.has_spheres) {
+      const vbool<W> is_sphere = active & !is_triangle;
+      sphere = select(is_sphere, in.base(scene, &Group::sphere_base) + h.prim, zero);
+    }
+    mesh = zero, triangle = zero;
+    for (vint<W>& c : corner) c = zero;
+    e1 = e2 = vvec3<W>(vfloat<W>(0.0f));
+    if (any(is_triangle)) {
+      triangle = in.triangle(scene, is_triangle, h);
+      mesh = gather<W>(scene.triangle_mesh.data(), triangle);
+      const vint<W> first = select(is_triangle, in.base(scene, &Group::vertex_base), zero);
+      for (int k = 0; k < 3; ++k)
+        corner[k] = first + gather<W>(reinterpret_cast<const int32_t*>(scene.indices.data()) + k, triangle * three);
+      const float* positions = scene.positions.data();
+      const vvec3<W> p0 = gather_vec3<W>(positions, corner[0] * three);
+      e1 = gather_vec3<W>(positions, corner[1] * three) - p0, e2 = gather_vec3<W>(positions, corner[2] * three) - p0;
+      if (in.any_instanced) {
+        const InstanceLanes<W> m(scene.world_from_group.data(), in.instance * vint<W>(12));
+        e1 = select(instanced, m.vector(e1), e1), e2 = select(instanced, m.vector(e2), e2);
+      }
+    }
+    area2 = length(cross(e1, e2));
+  }
+};
+
+}  // namespace primray

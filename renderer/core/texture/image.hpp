@@ -1,0 +1,41 @@
+// One image of a texture: its kept mip levels in one array, a texel's channels side by side, the lowest row first.
+//
+// Folder: image.hpp the data and its numbers; mip_pyramid.cpp makes it from pixels; lookup.hpp reads it on lanes. Two bytes a
+// channel where that loses nothing that counts, else four: kUnorm16 where every value is a multiple of 1/65535 (all that 8 and
+// 16 bits without a curve can hold: read back exactly), kHalf where values fit its range (11 significant bits), else kFloat.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "math/lanes.hpp"
+
+namespace primray {
+
+enum class TexelFormat : int32_t { kUnorm16, kHalf, kFloat };
+
+struct TextureImage {
+  static constexpr int kMaxLevels = 24;
+  int width = 0, height = 0, channels = 1;  // of the finest level of all; 1 or 3 channels
+  TexelFormat format = TexelFormat::kFloat;
+  int first_level = 0, last_level = 0;  // those kept
+  // By level, for those kept; the offset of its first texel in channels.
+  int32_t level_width[kMaxLevels] = {}, level_height[kMaxLevels] = {}, level_offset[kMaxLevels] = {};
+  std::vector<uint16_t> small;  // kUnorm16, kHalf; one spare, which gathers may read
+  std::vector<float> large;     // kFloat
+  float mean[3] = {}, low[3] = {}, high[3] = {};
+
+  int64_t memory_bytes() const { return int64_t(small.size() * sizeof(uint16_t) + large.size() * sizeof(float)); }
+};
+
+// 16 bits in the low half of each lane, as IEEE 754 binary16; denormals without denormal arithmetic. No infinities, no NaN.
+template <int W>
+PRIMRAY_INLINE vfloat<W> float_from_half(vint<W> h) {
+  const vint<W> magnitude = (h & vint<W>(0x7fff)) << 13;
+  const vbool<W> denormal = magnitude < vint<W>(1 << 23);
+  const vfloat<W> f = bit_cast<vfloat<W>>(magnitude + select(denormal, vint<W>(113 << 23), vint<W>(112 << 23)));
+  const vfloat<W> a = select(denormal, f - 0x1p-14f, f);
+  return bit_cast<vfloat<W>>(bit_cast<vint<W>>(a) | ((h & vint<W>(0x8000)) << 16));
+}
+
+}  // namespace primray

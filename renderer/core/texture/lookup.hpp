@@ -1,0 +1,123 @@
+// Reading a TextureImage on lanes: bilinear within a level, linear between two. (0, 0) is the image's lower left corner.
+//
+// Texel centres give exactly what is stored. Filtering at the border follows the wrap: the other side (repeat), or the border
+// itself. Black is sharp: as clamp inside [0, 1], nothing outside. (A border of black texels, as graphics hardware has it,
+// would darken the edge of every texture that just fills its surface, the more the coarser the level.)
+#pragma once
+
+#include "texture/image.hpp"
+
+namespace primray {
+
+// Order of shading.Wrap in scene_upload.
+enum class Wrap : int32_t { kBlack, kClamp, kRepeat, kMirror };
+
+// Channels of W texels.
+template <int C, int W>
+struct Texels {
+  vfloat<W> c[C];
+};
+
+// base[index] in the low half of each lane, base[index + 1] in the high half.
+template <int W>
+PRIMRAY_INLINE vint<W> gather_pairs(const uint16_t* base, vint<W> index) {
+#if defined(__AVX512F__)
+  if constexpr (W == 16) return (typename vint<W>::Raw)_mm512_i32gather_epi32((__m512i)index.v, base, 2);
+#endif
+#if defined(__AVX2__)
+  if constexpr (W == 8) return (typename vint<W>::Raw)_mm256_i32gather_epi32((const int*)base, (__m256i)index.v, 2);
+#endif
+  vint<W> r;
+  for (int i = 0; i < W; ++i) {
+    int32_t pair;
+    std::memcpy(&pair, base + index[i], sizeof pair);
+    r.set(i, pair);
+  }
+  return r;
+}
+
+// The texels whose first channel stands at `at`.
+template <int C, int W>
+PRIMRAY_INLINE Texels<C, W> fetch(const TextureImage& image, vint<W> at) {
+  Texels<C, W> r;
+  if (image.format == TexelFormat::kFloat) {
+    for (int c = 0; c < C; ++c) r.c[c] = gather<W>(image.large.data() + c, at);
+    return r;
+  }
+  const uint16_t* base = image.small.data();
+  const vint<W> low(0xffff), pair = gather_pairs<W>(base, at);
+  vint<W> code[3] = {pair & low, (pair >> 16) & low, vint<W>(0)};
+  if constexpr (C == 3) code[2] = gather_pairs<W>(base + 2, at) & low;
+  const bool half = image.format == TexelFormat::kHalf;
+  for (int c = 0; c < C; ++c) r.c[c] = half ? float_from_half(code[c]) : to_float(code[c]) / vfloat<W>(65535.0f);
+  return r;
+}
+
+// A coordinate brought into [0, 1]; `inside` is left true in the lanes that show the image there.
+template <int W>
+PRIMRAY_INLINE vfloat<W> wrap_coordinate(Wrap wrap, vfloat<W> s, vbool<W>& inside) {
+  using F = vfloat<W>;
+  if (wrap == Wrap::kBlack) inside &= (s >= F(0.0f)) & (s <= F(1.0f));
+  if (wrap == Wrap::kBlack || wrap == Wrap::kClamp) return clamp(s, 0.0f, 1.0f);
+  // Beyond 2^23 a float has no fraction; NaN becomes a number here.
+  const F x = clamp(s, -0x1p23f, 0x1p23f);
+  if (wrap == Wrap::kRepeat) return x - to_float(floor_to_int(x));
+  const F two = x - 2.0f * to_float(floor_to_int(x * 0.5f));
+  return select(two > F(1.0f), 2.0f - two, two);
+}
+
+// The two texels of one axis on either side of a coordinate in [0, 1], and how far it is from the first to the second.
+template <int W>
+struct AxisTexels {
+  vint<W> i0, i1;
+  vfloat<W> f;
+  PRIMRAY_INLINE AxisTexels(Wrap wrap, vfloat<W> s, vint<W> size) {
+    const vfloat<W> x = s * to_float(size) - 0.5f;
+    const vint<W> i = floor_to_int(x), zero(0), last = size - vint<W>(1);
+    f = x - to_float(i);
+    i0 = select(i < zero, wrap == Wrap::kRepeat ? last : zero, i);
+    i1 = select(i >= last, wrap == Wrap::kRepeat ? zero : last, i + vint<W>(1));
+  }
+};
+
+template <int C, int W>
+PRIMRAY_INLINE Texels<C, W> bilinear(const TextureImage& image, Wrap wrap_s, Wrap wrap_t, vfloat<W> s, vfloat<W> t,
+                                     vint<W> level) {
+  const vint<W> width = gather<W>(image.level_width, level), height = gather<W>(image.level_height, level);
+  const vint<W> offset = gather<W>(image.level_offset, level);
+  const AxisTexels<W> x(wrap_s, s, width), y(wrap_t, t, height);
+  const auto at = [&](vint<W> row, vint<W> column) { return fetch<C>(image, offset + (row * width + column) * vint<W>(C)); };
+  const Texels<C, W> a = at(y.i0, x.i0), b = at(y.i0, x.i1), c = at(y.i1, x.i0), d = at(y.i1, x.i1);
+  Texels<C, W> r;
+  for (int k = 0; k < C; ++k) {
+    const vfloat<W> lower = a.c[k] + (b.c[k] - a.c[k]) * x.f, upper = c.c[k] + (d.c[k] - c.c[k]) * x.f;
+    r.c[k] = lower + (upper - lower) * y.f;
+  }
+  return r;
+}
+
+// The image at (s, t), averaged over about 2^level of its finest texels in each direction, or as finely as it is kept.
+template <int C, int W>
+PRIMRAY_INLINE Texels<C, W> lookup(const TextureImage& image, Wrap wrap_s, Wrap wrap_t, vfloat<W> s, vfloat<W> t,
+                                   vfloat<W> level) {
+  vbool<W> inside(true);
+  s = wrap_coordinate(wrap_s, s, inside), t = wrap_coordinate(wrap_t, t, inside);
+  level = clamp(level, float(image.first_level), float(image.last_level));
+  const vint<W> fine = truncate(level);
+  const vfloat<W> between = level - to_float(fine);
+  Texels<C, W> r = bilinear<C>(image, wrap_s, wrap_t, s, t, fine);
+  if (any(between > vfloat<W>(0.0f))) {
+    const Texels<C, W> coarse = bilinear<C>(image, wrap_s, wrap_t, s, t, min(fine + vint<W>(1), vint<W>(image.last_level)));
+    for (int k = 0; k < C; ++k) r.c[k] = select(between > vfloat<W>(0.0f), r.c[k] + (coarse.c[k] - r.c[k]) * between, r.c[k]);
+  }
+  for (int k = 0; k < C; ++k) r.c[k] = select(inside, r.c[k], 0.0f);
+  return r;
+}
+
+// log2 of a positive number, the fraction linear between powers of two: at most 0.086 too small, which no level shows.
+template <int W>
+PRIMRAY_INLINE vfloat<W> coarse_log2(vfloat<W> x) {
+  return to_float(bit_cast<vint<W>>(x)) * 0x1p-23f - 127.0f;
+}
+
+}  // namespace primray
