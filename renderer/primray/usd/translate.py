@@ -20,6 +20,7 @@ from ..description import (
     Prototype,
     SceneDescription,
     Shape,
+    Surface,
 )
 from ..diagnostics import Diagnostics
 from ..settings import RenderSettings
@@ -32,6 +33,7 @@ from .context import Context
 from .convert import square
 from .framing import Bounds, shape_bounds, stage_bounds
 from .instances import Group, flatten
+from .primvars_read import primvars_read
 from .read import when_of
 from .resolve import ResolvedPrim
 from .stage import tf_message, usd_messages
@@ -93,10 +95,11 @@ def _with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
 
 
 def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
-    cameras, settings_prims = _find_by_type(stage, diagnostics)
+    cameras, settings_prims, shaders = _find_by_type(stage, diagnostics)
     stage_settings = render_settings(stage, settings_prims, diagnostics)
     ctx = _context(stage, settings, stage_settings, diagnostics)
     ctx.prototype_names = names
+    ctx.primvars_read = primvars_read(shaders, ctx)
     camera_prim = select_camera(stage, ctx, stage_settings, cameras)
     kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
     groups = walk(ctx, kinds, point_instances)
@@ -130,18 +133,20 @@ def camera_paths(stage: Usd.Stage) -> list[str]:
     return [str(prim.GetPath()) for prim in stage.Traverse() if prim.GetTypeName() == "Camera"]
 
 
-def _find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> tuple[list[Usd.Prim], list[Usd.Prim]]:
-    """The stage's cameras and its RenderSettings, wherever they are."""
-    cameras, settings = [], []
+def _find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> tuple[list[Usd.Prim], list[Usd.Prim], list[Usd.Prim]]:
+    """The stage's cameras, its RenderSettings and the shaders outside prototypes, wherever they are."""
+    cameras, settings, shaders = [], [], []
     for prim in stage.Traverse():
         name = prim.GetTypeName()
         if name == "Camera":
             cameras.append(prim)
         elif name == "RenderSettings":
             settings.append(prim)
+        elif name == "Shader":
+            shaders.append(prim)
         elif name == "RenderPass":
             diagnostics.add("render-settings-input", str(prim.GetPath()), "Render passes are ignored.")
-    return cameras, settings
+    return cameras, settings, shaders
 
 
 def _shared_paths(groups: list[Group[ResolvedPrim]]) -> frozenset[str]:
@@ -210,10 +215,14 @@ def _add_lights(scene: _Scene, leaf: ResolvedPrim, world: Doubles, ctx: Context)
 
 def _add_default_light(scene: _Scene, ctx: Context) -> None:
     """A white dome of radiance 1 where nothing else gives light."""
-    if scene.lights or not ctx.settings.default_light or any(any(s.emissive_color) for s in ctx.surfaces):
+    if scene.lights or not ctx.settings.default_light or any(_emits(s) for s in ctx.surfaces):
         return
     scene.lights.append(Light(DEFAULT_LIGHT, LightType.DOME, np.eye(4), (1.0, 1.0, 1.0)))
     ctx.warn("default-light", "", "There is no light and nothing that emits: a white dome of radiance 1 is added.")
+
+
+def _emits(surface: Surface) -> bool:
+    return any(surface.emissive_color) or any(name == "emissive_color" for name, _ in surface.inputs)
 
 
 def _describe(scene: _Scene, ctx: Context, camera: Camera, resolution: tuple[int, int]) -> SceneDescription:

@@ -73,7 +73,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
     while stack:
         prim, parent_matrix, handed = stack.pop()
         names = frozenset(prim.GetAuthoredPropertyNames())
-        mine = descend(handed, prim, names, state.ctx.when)
+        mine = descend(handed, prim, names, state.ctx.when, state.ctx.primvars_read)
         if mine is None:
             continue
         local, resets = local_matrix(prim, names, state.ctx.when, state.cache)
@@ -139,7 +139,7 @@ def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, ctx: Context) 
         return handed
     for scope in reversed(between):
         names = frozenset(scope.GetAuthoredPropertyNames()) - {"visibility"}
-        handed = descend(handed, scope, names, ctx.when) or handed
+        handed = descend(handed, scope, names, ctx.when, ctx.primvars_read) or handed
     return handed
 
 
