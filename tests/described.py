@@ -31,6 +31,9 @@ from primray.description import (
 from primray.pixel_filter import inverse_cdf
 from primray.scene_upload import upload
 from primray.settings import DEFAULT_FILTER_WIDTH, Filter
+from primray.texture import Texture
+
+DOME = TextureFile("dome", "raw")
 
 ISAS = tuple(name for name in ("v2", "v3", "v4") if all(f in core._cpu_flags() for f in core.ISA_FLAGS[name]))
 
@@ -136,7 +139,7 @@ class Described:
     """A description with the texture of its dome, if it has one."""
 
     description: SceneDescription
-    textures: Mapping[str, Floats]
+    textures: Mapping[TextureFile, Sequence[tuple[int, Texture]]]
 
     def build(self, isa: str | None = None, filter: Filter = Filter.BOX) -> Any:
         """The core's scene in the module for `isa`."""
@@ -181,12 +184,12 @@ def describe(
 ) -> Described:
     """Shapes with their matrices; prototypes count `prototype_shapes` from len(shapes)."""
     if dome_texture is not None:
-        lights = [replace(x, texture=TextureFile("dome", "raw")) if x.type is LightType.DOME else x for x in lights]
+        lights = [replace(x, texture=DOME) if x.type is LightType.DOME else x for x in lights]
     description = SceneDescription(
         (*(s for s, _ in shapes), *prototype_shapes), tuple(surfaces), tuple(Placed(i, m) for i, (_, m) in enumerate(shapes)),
         tuple(prototypes), tuple(placements), tuple(lights), camera or perspective(np.eye(4), 1.0), resolution, "Y", 1.0, None,
     )  # fmt: skip
-    return Described(description, {} if dome_texture is None else {"dome": np.asarray(dome_texture, np.float32)})
+    return Described(description, {} if dome_texture is None else {DOME: [(0, Texture(np.asarray(dome_texture, np.float32)))]})
 
 
 def render(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 import importlib.metadata
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn
@@ -17,10 +17,11 @@ import numpy as np
 import numpy.typing as npt
 
 from . import errors
-from .description import SceneDescription
+from .description import SceneDescription, TextureFile
 from .pixel_filter import inverse_cdf
 from .scene_upload import upload
 from .settings import DEFAULT_FILTER_WIDTH, RenderSettings
+from .texture import Texture
 
 # What each class needs, as the kernel names it (x86-64 psABI, section 3.1.1); newest first.
 ISA_FLAGS = {
@@ -168,9 +169,9 @@ def _raise(error: Exception) -> NoReturn:
 
 
 def build(
-    description: SceneDescription, textures: Mapping[str, npt.NDArray[np.float32]], settings: RenderSettings
+    description: SceneDescription, textures: Mapping[TextureFile, Sequence[tuple[int, Texture]]], settings: RenderSettings
 ) -> CoreScene:
-    """The core's scene, accelerated; `textures` maps a TextureFile's path to (H, W, 3) float32, top row first."""
+    """The core's scene, accelerated; `textures`: the images of every TextureFile that could be read."""
     width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.filter]
     try:
         scene, warnings = upload(module(), description, textures, width, inverse_cdf(settings.filter, width))

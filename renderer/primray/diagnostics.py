@@ -106,8 +106,16 @@ CODES: dict[str, Code] = {
     ),
     "singular-transform": Code(Severity.ERROR, "Instances whose matrix has no inverse (a scale of 0) are missing."),
     "invalid-samples": Code(Severity.WARNING, "Samples that came out infinite or not a number are left out of the picture."),
-    "texture-bad-texels": Code(Severity.WARNING, "Texels of a texture that are negative or not finite are read as 0."),
-    "texture-unreadable": Code(Severity.ERROR, "A light whose texture cannot be read is left out."),
+    "texture-bad-texels": Code(
+        Severity.WARNING, "Texels that are not finite, or negative in a light's texture, are read as 0."
+    ),
+    "texture-turned": Code(
+        Severity.INFO, "A texture's file asks viewers to show it turned (EXIF): texture coordinates know it as it is stored."
+    ),
+    "texture-unreadable": Code(
+        Severity.ERROR,
+        "A texture cannot be read, or is too large: its fallback is used, and a light with such a texture is left out.",
+    ),
 }
 
 

@@ -8,7 +8,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .description import Camera, LightType, Mesh, Placed, Projection, SceneDescription, Shape, Sphere, SubdivisionMesh
+from .description import (
+    Camera,
+    LightType,
+    Mesh,
+    Placed,
+    Projection,
+    SceneDescription,
+    Shape,
+    Sphere,
+    SubdivisionMesh,
+    TextureFile,
+)
+from .texture import Texture
 
 # Order of LightType in light/light.hpp.
 LIGHT_NUMBERS = {
@@ -31,7 +43,7 @@ NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
 def upload(
     core: Any,
     description: SceneDescription,
-    textures: Mapping[str, npt.NDArray[np.float32]],
+    textures: Mapping[TextureFile, Sequence[tuple[int, Texture]]],
     filter_width: float,
     filter_inverse_cdf: npt.NDArray[np.float32],
 ) -> tuple[Any, list[tuple[str, str, str]]]:
@@ -59,7 +71,7 @@ def upload(
                 ("singular-transform", path, f"{left_out} instances have a singular or non-finite matrix and are left out")
             )
     for light in d.lights:
-        texture = NO_TEXTURE if light.texture is None else textures.get(light.texture.path, NO_TEXTURE)
+        texture = NO_TEXTURE if light.texture is None else textures[light.texture][0][1].rgb()
         builder.add_light(
             LIGHT_NUMBERS[light.type],
             matrix(light.world_from_light),

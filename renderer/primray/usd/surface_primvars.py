@@ -19,6 +19,7 @@ from .resolve import ResolvedPrim
 from .triangulate import Triangles
 
 NO_SIZES = Sizes(0, 0, 0)  # of shapes that take constant primvars only
+TANGENT_ST = "st"  # spans the tangents of a normal that no texture gives
 # As a cage has them: subdivision knows all of USD's interpolations.
 _OF_A_CAGE = {
     "constant": Interpolation.CONSTANT,
@@ -33,10 +34,12 @@ def names_read(surfaces: Iterable[Surface]) -> dict[str, int]:
     """The primvars that surfaces read, in order, and how many numbers of each."""
     wanted: dict[str, int] = {}
     for surface in surfaces:
-        for _, reads in surface.inputs:
+        for field, reads in surface.inputs:
             primvar = _primvar_of(reads)
             if primvar.name:
                 wanted[primvar.name] = max(wanted.get(primvar.name, 0), len(primvar.fallback))
+            if field == "normal" and primvar is reads:
+                wanted.setdefault(TANGENT_ST, 2)
     return wanted
 
 
