@@ -16,12 +16,13 @@ from tests.described import (
     mesh,
     orthographic,
     perspective,
+    placement,
     rotation,
     scaling,
     translation,
 )
 
-from primray.description import Doubles, LightType, Placed, Placement, Prototype, Shape, Sphere, Surface
+from primray.description import Doubles, LightType, Placed, Prototype, Shape, Sphere, Surface
 
 RESOLUTION = (37, 23)  # neither whole tiles nor whole packets
 ASPECT = RESOLUTION[0] / RESOLUTION[1]
@@ -77,12 +78,11 @@ def instances() -> Described:
         for _ in range(40)
     ]
     matrices = [m @ scaling(*rng.uniform(0.3, 1.5, 3) * [1 if i % 3 else -1, 1, 1]) for i, m in enumerate(matrices)]
-    rows = np.array([m[:3] for m in matrices])
     prototypes = [
         Prototype("/p", (Placed(1, np.eye(4)), Placed(2, translation(0, 0.15, 0)))),
         Prototype("/q", (Placed(2, scaling(1, 2, 1)),)),
     ]
-    placements = [Placement(0, rows[:25]), Placement(1, rows[25:])]
+    placements = [placement(0, matrices[:25]), placement(1, matrices[25:])]
     lights = [light(LightType.RECT, translation(0, 2.5, 0) @ rotation([1, 0, 0], -90), 4.0, width=1.0, height=1.0)]
     return describe(
         [(ground(4), np.eye(4))], SURFACES, lights, perspective(VIEW, 0.4, ASPECT), RESOLUTION,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.described import box, describe, kernels, lambert, mesh, rotation, scaling, translation
+from tests.described import box, describe, kernels, lambert, mesh, placement, rotation, scaling, translation
 
-from primray.description import Placed, Placement, Prototype, Shape, Sphere
+from primray.description import Placed, Prototype, Shape, Sphere
 
 N = 4000
 
@@ -83,9 +83,8 @@ def test_instances_and_spheres() -> None:
     ]
     shapes: tuple[Shape, ...] = (box([1, 1, 1]), Sphere("/s", 0.4, 0))
     prototype = Prototype("/p", (Placed(0, translation(0.3, 0, 0)), Placed(1, translation(-0.4, 0.2, 0))))
-    rows = np.array([m[:3] for m in matrices])
     instanced = describe(
-        [], [lambert(0.5)], prototypes=[prototype], prototype_shapes=shapes, placements=[Placement(0, rows)]
+        [], [lambert(0.5)], prototypes=[prototype], prototype_shapes=shapes, placements=[placement(0, matrices)]
     ).build()
     flat = describe(
         [(s, m @ placed.matrix) for m in matrices for s, placed in zip(shapes, prototype.shapes, strict=True)],
