@@ -87,7 +87,8 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   vint<W> group = zero, instance = zero, outer = zero, geom = h.geom;
   vbool<W> grouped(false);
   if (any_instanced) {
-    vint<W> placement = select(instanced, h.inst - vint<W>(kFirstPlacement), zero);
+    const int32_t first_id = int32_t(kFirstPlacement) - int32_t(scene.groups[0].placement_base);
+    vint<W> placement = select(instanced, h.inst - vint<W>(first_id), zero);
     if (scene.has_grouped) {
       const GroupedHit<W> hit(instanced, h.geom, h.inst);
       grouped = hit.grouped;
