@@ -12,6 +12,7 @@ import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdShade
 
 from ..description import Doubles
+from .bindings import Subset
 from .convert import matrix
 from .read import When, array, as_columns, read, time_of, value
 
@@ -36,13 +37,6 @@ class Inherited:
     opacity: float | None = None  # likewise primvars:displayOpacity
     primvars: tuple[tuple[str, tuple[float, ...]], ...] = ()  # constant ones that a material of the stage reads, likewise
     per_instance: frozenset[str] = frozenset()  # primvars that the instances around have one value each of
-
-
-@dataclass(frozen=True)
-class Subset:
-    path: str
-    prim: Usd.Prim
-    material: Usd.Prim | None = None
 
 
 @dataclass(frozen=True)

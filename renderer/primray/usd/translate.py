@@ -34,6 +34,7 @@ from .adapters.render_settings import StageSettings, render_settings
 from .context import Context
 from .convert import square
 from .framing import Bounds, shape_bounds, stage_bounds
+from .instance_primvars import without_unread
 from .instances import Arrangement, Chain, Group, arrange, count_of
 from .primvars_read import primvars_read
 from .read import when_of
@@ -176,7 +177,7 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
     count = sum(map(count_of, chains))
     if count == 0:
         return
-    once = square(next(chunks(chains[0]))[0]) if count == 1 else None
+    once = square(next(chunks(chains[0]))[0]) if count == 1 and not rows_of_levels(chains[0]) else None
     members: list[Placed] = []
     for leaf in group.leaves:
         if not np.isfinite(leaf.group_from_prim).all():
@@ -251,7 +252,7 @@ def _describe(scene: _Scene, ctx: Context, camera: Camera, resolution: tuple[int
         tuple(ctx.surfaces),
         tuple(scene.static),
         tuple(scene.prototypes),
-        tuple(scene.placements),
+        without_unread(scene.placements, scene.prototypes, scene.shapes, tuple(ctx.surfaces)),
         tuple(scene.lights),
         camera,
         resolution,

@@ -9,15 +9,17 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from pxr import Gf, Usd, UsdGeom, UsdShade
+from pxr import Gf, Usd, UsdGeom
 
 from ..description import Doubles
 from ..placement import MatrixInstances, PointInstances
+from .bindings import note_bindings, subsets_of
 from .context import Context
 from .convert import rows
+from .instance_primvars import given_per_instance
 from .instances import Group
 from .notes import note_prim
-from .resolve import Binding, Inherited, ResolvedPrim, Subset, bind_materials, descend, inner_or_outer, local_matrix
+from .resolve import Binding, Inherited, ResolvedPrim, bind_materials, descend, inner_or_outer, local_matrix
 
 Expand = Callable[[ResolvedPrim, Context], list[tuple[str, PointInstances]]]  # (prototype root, group_from_prototype)
 
@@ -84,6 +86,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
         kind = state.leaf_types.get(type_name, "")
         resolved = ResolvedPrim(prim, state.ctx.shown(str(prim.GetPath())), type_name, names, to_group, mine)
         note_prim(resolved, kind, state.ctx)
+        note_bindings(prim, resolved.path, names, state.ctx)
         if type_name == "PointInstancer":
             _expand_points(state, group, resolved)
             continue
@@ -124,13 +127,13 @@ def _expand_points(state: _Walk, group: Group[ResolvedPrim], instancer: Resolved
         root = ctx.stage.GetPrimAtPath(root_path)
         if not root:
             continue
-        handed = _handed_to_prototype(instancer, root, ctx)
+        handed = _handed_to_prototype(instancer, root, [p.name for p in instances.primvars], ctx)
         if root.IsInstanceProxy():
             root = root.GetPrimInPrototype()
         group.instances.append((state.group(root, handed), instances))
 
 
-def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, ctx: Context) -> Inherited:
+def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, per_instance: list[str], ctx: Context) -> Inherited:
     """A prototype inherits the instancer's purpose and colours, and what scopes between the two author.
 
     Bindings follow namespace, so `outer` applies only where both stand in the same native prototype.
@@ -140,7 +143,7 @@ def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, ctx: Context) 
     while parent and parent != instancer.prim:
         between.append(parent)
         parent = parent.GetParent()
-    handed = instancer.inherited
+    handed = given_per_instance(instancer.inherited, per_instance)
     if not parent:
         return handed
     for scope in reversed(between):
@@ -159,7 +162,7 @@ def _bind_leaves(state: _Walk) -> None:
             if state.leaf_types[leaf.type_name] == "shape" and leaf.path not in seen:
                 seen[leaf.path] = len(prims)
                 prims.append(leaf.prim)
-    subsets = {path: _subsets(prims[i], ctx) for path, i in seen.items() if prims[i].GetTypeName() == "Mesh"}
+    subsets = {path: subsets_of(prims[i], _IN_PROTOTYPE, ctx) for path, i in seen.items() if prims[i].GetTypeName() == "Mesh"}
     for owned in subsets.values():
         for subset in owned:
             seen[subset.path] = len(prims)
@@ -176,17 +179,3 @@ def _bind_leaves(state: _Walk) -> None:
 def _material(inner: Binding | None, outer: Binding | None) -> Usd.Prim | None:
     binding = inner_or_outer(inner, outer)
     return binding.material if binding else None
-
-
-def _subsets(mesh: Usd.Prim, ctx: Context) -> list[Subset]:
-    """The mesh's subsets of the family materialBind; others that bind a material are reported."""
-    found = []
-    for child in mesh.GetFilteredChildren(Usd.TraverseInstanceProxies(_IN_PROTOTYPE)):
-        if child.GetTypeName() != "GeomSubset":
-            continue
-        path = ctx.shown(str(child.GetPath()))
-        if child.GetAttribute("familyName").Get() == UsdShade.Tokens.materialBind:
-            found.append(Subset(path, child))
-        elif any(str(name).startswith("material:binding") for name in child.GetAuthoredPropertyNames()):
-            ctx.warn("subset-ignored", path, "It binds a material but its familyName is not materialBind.")
-    return found

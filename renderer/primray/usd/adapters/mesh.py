@@ -176,14 +176,20 @@ def _colors(prim: ResolvedPrim, geometry: Geometry, ctx: Context) -> Values | No
 def _with_subsets(prim: ResolvedPrim, geometry: Geometry, rest: Appearance, ctx: Context) -> Mesh | None:
     """A surface per triangle; faces that no subset holds keep the mesh's own."""
     faces = np.zeros(geometry.sizes.faces, np.int32)  # 0: the mesh's own, k: subset k
+    families = np.array(["\0"])  # of each part; the mesh's own is in none
     parts = [rest]
     for subset in prim.subsets:
         indices = array(read(subset.prim, "indices", ctx.when), 1, "i")
         if indices is None or (len(indices) and (indices.min() < 0 or indices.max() >= len(faces))):
             ctx.warn("subset-ignored", subset.path, f"Its indices are not faces of the mesh, which has {len(faces)}.")
             continue
+        held = families[faces[indices]] == subset.family
+        if held.any():
+            ctx.warn("subset-overlap", subset.path, f"{int(held.sum())} of its faces are in another subset of its family.")
+        families = np.append(families, subset.family)
         faces[indices] = len(parts)
         parts.append(appearance_of(prim, subset.material, ctx))
+    _note_incomplete(prim, faces, ctx)
     of_triangle = faces[geometry.triangles.faces]
     hidden = np.array([is_hidden(part) for part in parts])
     visible = np.logical_not(np.take(hidden, of_triangle))
@@ -205,6 +211,13 @@ def _with_subsets(prim: ResolvedPrim, geometry: Geometry, rest: Appearance, ctx:
         index_of_part[of_triangle[visible]],
         moved(mesh_primvars(prim, surfaces.values(), geometry.triangles, geometry.sizes, ctx), visible),
     )
+
+
+def _note_incomplete(prim: ResolvedPrim, faces: Ints, ctx: Context) -> None:
+    name = "subsetFamily:materialBind:familyType"
+    if name in prim.names and token(prim.prim, name, ctx.when, "") == "partition" and not faces.all():
+        rest = int(np.count_nonzero(faces == 0))
+        ctx.warn("subset-incomplete", prim.path, f"{rest} faces are in none, though {name} is partition.")
 
 
 def _subset_colors(

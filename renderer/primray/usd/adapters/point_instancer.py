@@ -13,6 +13,7 @@ from pxr import UsdGeom
 from ...placement import PointInstances
 from ..context import Context
 from ..convert import matrix
+from ..instance_primvars import instance_primvars
 from ..notes import note_velocities
 from ..read import array, read, time_of
 from ..resolve import ResolvedPrim
@@ -88,7 +89,7 @@ def _instances(prim: ResolvedPrim, positions: npt.NDArray[Any], ctx: Context) ->
     if quaternions is None:
         quaternions = _per_instance(prim, "orientations", 4, count, ctx)
     scales = _per_instance(prim, "scales", 3, count, ctx)
-    return PointInstances(matrix(prim.gf_matrix)[:3], positions, quaternions, scales)
+    return PointInstances(matrix(prim.gf_matrix)[:3], positions, quaternions, scales, instance_primvars(prim, count, ctx))
 
 
 def _finite(instances: PointInstances) -> npt.NDArray[np.bool_]:
@@ -115,8 +116,4 @@ def _per_instance(prim: ResolvedPrim, name: str, columns: int, count: int, ctx: 
 
 
 def _note_ignored(prim: ResolvedPrim, ctx: Context) -> None:
-    if "primvars:displayColor" in prim.names:
-        primvar = UsdGeom.Primvar(prim.prim.GetAttribute("primvars:displayColor"))
-        if primvar.GetInterpolation() != UsdGeom.Tokens.constant:
-            ctx.warn("instance-primvar", prim.path, "primvars:displayColor varies per instance.")
     note_velocities(prim, "positions", ctx)
