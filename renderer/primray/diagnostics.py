@@ -61,12 +61,16 @@ CODES: dict[str, Code] = {
     "invalid-primvar": Code(Severity.WARNING, "A primvar or normals with the wrong number of values or bad indices: ignored."),
     "subdivision-cage": Code(Severity.WARNING, "Subdivision is not supported: the control cage is rendered, flat."),
     "tessellated": Code(Severity.INFO, "An implicit shape is rendered as a fine mesh."),
-    "display-opacity": Code(Severity.WARNING, "primvars:displayOpacity is ignored: the shape is opaque."),
     "subset-ignored": Code(
         Severity.WARNING,
-        "A geometry subset binds a material but is not of the family materialBind, or its indices are bad: ignored.",
+        "A geometry subset that binds a material holds no faces of its mesh, or its indices are bad: ignored.",
     ),
-    "instance-primvar": Code(Severity.WARNING, "A primvar that varies per instance is ignored."),
+    "subset-overlap": Code(Severity.WARNING, "Faces are in several subsets with materials: the last one's is used."),
+    "subset-incomplete": Code(
+        Severity.INFO, "Subsets that are said to hold every face leave some out: those keep the mesh's own material."
+    ),
+    "primvar-missing": Code(Severity.INFO, "A material reads a primvar that a shape lacks: the reader's fallback is used."),
+    "instance-primvar": Code(Severity.WARNING, "A primvar of an instancer does not fit its instances: ignored."),
     "invalid-instancer": Code(
         Severity.ERROR, "Instances that cannot be placed are missing: bad arrays, indices or prototypes."
     ),
@@ -79,11 +83,19 @@ CODES: dict[str, Code] = {
     "light-dark": Code(Severity.WARNING, "A light of no size without normalize emits nothing, as its formula says."),
     "instanced-lights": Code(Severity.WARNING, "Too many instances of a light: only the first ones are lit."),
     "asset-missing": Code(Severity.ERROR, "A file that the stage names cannot be found; its constant value is used instead."),
-    "texture-ignored": Code(
-        Severity.WARNING, "Textures on materials are not supported yet: the fallback or the input's default is used."
-    ),
+    "texture-unset": Code(Severity.INFO, "A texture node names no file: its fallback is used, as UsdUVTexture says."),
     "shader-ignored": Code(Severity.WARNING, "A shader that is not understood: a stand-in is used."),
-    "material-input": Code(Severity.WARNING, "An input of a material is ignored."),
+    "shader-connection": Code(
+        Severity.WARNING, "A connection that leads nowhere, in a circle or to several places: what it stands over is used."
+    ),
+    "shader-parameter": Code(Severity.WARNING, "A shader's parameter has no known meaning: its default is used."),
+    "connection-type": Code(
+        Severity.WARNING, "A shader's output does not fit the input it feeds: some of it or a default is used."
+    ),
+    "material-input": Code(Severity.WARNING, "An input of a material is ignored or brought into its range."),
+    "unknown-input": Code(Severity.INFO, "A shader has inputs that are no part of its definition: they mean nothing."),
+    "displacement": Code(Severity.WARNING, "Displacement is not supported: the surface is rendered undisplaced."),
+    "binding-missing": Code(Severity.WARNING, "A material binding leads to no material: it counts as none."),
     "camera-chosen": Code(Severity.INFO, "No camera was asked for: the stage's first one is used."),
     "camera-automatic": Code(Severity.INFO, "The stage has no camera: the one usdrecord would frame is used."),
     "camera-scaled": Code(Severity.WARNING, "A camera's transform has scale or shear, which is removed."),
@@ -95,8 +107,16 @@ CODES: dict[str, Code] = {
     "singular-transform": Code(Severity.ERROR, "Instances whose matrix has no inverse (a scale of 0) are missing."),
     "emitters-unsampled": Code(Severity.INFO, "More than 262,144 instances emit: beyond, rays find them by chance (noise)."),
     "invalid-samples": Code(Severity.WARNING, "Samples that came out infinite or not a number are left out of the picture."),
-    "texture-bad-texels": Code(Severity.WARNING, "Texels of a texture that are negative or not finite are read as 0."),
-    "texture-unreadable": Code(Severity.ERROR, "A light whose texture cannot be read is left out."),
+    "texture-bad-texels": Code(
+        Severity.WARNING, "Texels that are not finite, or negative in a light's texture, are read as 0."
+    ),
+    "texture-turned": Code(
+        Severity.INFO, "A texture's file asks viewers to show it turned (EXIF): texture coordinates know it as it is stored."
+    ),
+    "texture-unreadable": Code(
+        Severity.ERROR,
+        "A texture cannot be read, or is too large: its fallback is used, and a light with such a texture is left out.",
+    ),
 }
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from .errors import AssetError, LimitError, RenderCancelled
+from .errors import LimitError, RenderCancelled
 from .settings import RenderSettings
 
 if TYPE_CHECKING:
@@ -122,24 +122,13 @@ class _Watched:
 def load_textures(
     description: SceneDescription, diagnostics: Diagnostics, read: Callable[[str], bytes] | None
 ) -> tuple[SceneDescription, dict[TextureFile, list[tuple[int, Texture]]]]:
-    """Images by file, and the description without the lights whose texture cannot be read; each of those is a diagnostic."""
-    from .texture import load_texture
+    """The images of every file that could be read (with their tiles' numbers, or 0), and the description without the lights
+    whose texture could not; each file that could not is a diagnostic."""
+    from .texture_set import load_texture_set
 
-    textures: dict[TextureFile, list[tuple[int, Texture]]] = {}
-    lights = []
-    for light in description.lights:
-        if light.texture is not None and light.texture not in textures:
-            try:
-                texture = load_texture(light.texture, read)
-            except AssetError as error:
-                diagnostics.add("texture-unreadable", light.path, f"the light is left out: {error.message} ({error.where})")
-                continue
-            textures[light.texture] = [(0, texture)]
-            if texture.bad_texels:
-                message = f"{texture.bad_texels} texels are negative or not finite, and read as 0 ({light.texture.path})"
-                diagnostics.add("texture-bad-texels", light.path, message)
-        lights.append(light)
-    return replace(description, lights=tuple(lights)), textures
+    textures = load_texture_set(description, diagnostics, read)
+    lights = tuple(light for light in description.lights if light.texture is None or light.texture in textures)
+    return replace(description, lights=lights), textures
 
 
 def check_memory(description: SceneDescription, limit_bytes: int | None) -> None:

@@ -20,6 +20,7 @@ from tests.described import (
     mesh,
     orthographic,
     perspective,
+    placement,
     quad,
     render,
     replicate_means,
@@ -28,7 +29,7 @@ from tests.described import (
     translation,
 )
 
-from primray.description import Doubles, Light, LightType, Mesh, Placed, Placement, Prototype, Shape, Sphere, Surface
+from primray.description import Doubles, Light, LightType, Mesh, Placed, Prototype, Shape, Sphere, Surface
 
 WHITE, LAMP = lambert(1.0), lambert(0.0, emission=5.0)
 SURFACES = (WHITE, LAMP, lambert(0.3))
@@ -114,7 +115,7 @@ def test_an_instance_is_the_shape_itself(name: str) -> None:
     # A second instance far away, so that this is a true placement of two.
     rows = np.array([m[:3], (translation(0, 1e4, 0) @ m)[:3]])
     prototype = Prototype("/p", (Placed(1, inner[0]), Placed(2, inner[1])))
-    placed = below([], prototypes=[prototype], prototype_shapes=shapes, placements=[Placement(0, rows)])
+    placed = below([], prototypes=[prototype], prototype_shapes=shapes, placements=[placement(0, rows)])
     a, b = irradiance(still, 256), irradiance(placed, 256)
     assert_same(a, b)
     assert a[1] < 0.02 * a[0]
@@ -195,7 +196,7 @@ def test_too_many_instances_are_said_to_be_unsampled() -> None:
         [],
         prototypes=[Prototype("/p", (Placed(1, np.eye(4)),))],
         prototype_shapes=[box([0.1] * 3, 1)],
-        placements=[Placement(0, rows)],
+        placements=[placement(0, rows)],
     )
     _, warnings = upload(core_module(), d.description, {}, 1.0, np.zeros(0, np.float32))
     assert [w[0] for w in warnings] == ["emitters-unsampled"]

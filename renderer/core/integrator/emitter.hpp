@@ -63,7 +63,8 @@ PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, c
   const vint<W> i = find_triangle<W>(table, base, count, choice, largest);
   const vint<W> width = gather<W>(table.cdf.data() + 1, base + i) - gather<W>(table.cdf.data(), base + i);
   const vint<W> triangle = gather<W>(table.first.data(), shape) + i;
-  const EmitterTriangle<W> t(scene, row, gather<W>(table.vertex_base.data(), shape), triangle);
+  const vint<W> vertex_base = gather<W>(table.vertex_base.data(), shape);
+  const EmitterTriangle<W> t(scene, row, vertex_base, triangle);
   // Heitz 2019, "A Low-Distortion Map Between Triangle and Square".
   const vbool<W> upper = v > u;
   const vfloat<W> b1 = select(upper, u * 0.5f, u - v * 0.5f), b2 = select(upper, v - u * 0.5f, v * 0.5f);
@@ -77,7 +78,8 @@ PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, c
   const vfloat<W> probability = to_float(width) * (1.0f / float(EmitterTable::kWhole));
   const vfloat<W> pdf = area_to_solid_angle(probability, doubled_area, wi, distance);
   const vbool<W> usable = (distance > vfloat<W>(0.0f)) & (pdf < vfloat<W>(kInfinity));
-  const vvec3<W> L = triangle_emission(scene, m, triangle, truncate(row(kMeshPlacement)), truncate(row(kMeshInstance)), b1, b2);
+  const vvec3<W> L =
+      triangle_emission(scene, m, triangle, vertex_base, truncate(row(kMeshPlacement)), truncate(row(kMeshInstance)), b1, b2);
   s.wi = select(m, wi, s.wi), s.t = select(m, distance, s.t), s.L = select(m, L, s.L);
   s.pdf = select(m, select(usable, pdf, vfloat<W>(0.0f)), s.pdf);
 }
@@ -110,19 +112,18 @@ template <int W>
 PRIMRAY_INLINE vint<W> emitter_light(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it) {
   const EmitterTable& table = scene.emitters;
   const vint<W> zero(0), none(-1);
-  const vbool<W> is_triangle = hits_triangle(scene, m, h);
+  const HitGroup<W> in(scene, m, h);
+  const vbool<W> is_triangle = in.is_triangle(scene, m);
   vint<W> number = none;
   if (any(is_triangle)) number = select(is_triangle, gather<W>(table.of_mesh.data(), select(is_triangle, it.mesh, zero)), none);
-  const vbool<W> is_sphere = scene.has_spheres ? m & (h.geom == vint<W>(int32_t(kSphereGeometry))) : vbool<W>(false);
+  const vbool<W> is_sphere = scene.has_spheres ? in.is(m, kSphereGeometry) : vbool<W>(false);
   if (scene.has_spheres && any(is_sphere))
     number = select(is_sphere, gather<W>(table.of_sphere.data(), select(is_sphere, it.sphere, zero)), number);
   vint<W> base(table.static_light);
-  const vbool<W> placed = scene.has_instances ? m & (h.inst != none) : vbool<W>(false);
-  if (scene.has_instances && any(placed)) {
-    const vint<W> placement = select(placed, h.inst - vint<W>(kFirstPlacement), zero);
-    const vint<W> first = gather<W>(table.placement_light.data(), placement);
-    base = select(placed, first + gather<W>(table.placement_rows.data(), placement) * h.inst_prim, base);
-    number = select(placed & (first < zero), none, number);
+  if (in.any_instanced) {
+    const vint<W> first = gather<W>(table.placement_light.data(), in.placement);
+    base = select(in.instanced, first + gather<W>(table.placement_rows.data(), in.placement) * h.inst_prim, base);
+    number = select(in.instanced & (first < zero), none, number);
   }
   return select((number >= zero) & (base >= zero), base + number, none);
 }

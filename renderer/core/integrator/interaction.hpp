@@ -60,7 +60,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   const HitGroup<W> in(scene, active, h);
   const vbool<W> instanced = in.instanced;
   const bool any_instanced = in.any_instanced;
-  const vbool<W> is_triangle = hits_triangle(scene, active, h);
+  const vbool<W> is_triangle = in.is_triangle(scene, active);
   vvec3<W> e1(vfloat<W>(0.0f)), e2(vfloat<W>(0.0f)), normal(vfloat<W>(0.0f)), p(vfloat<W>(0.0f));
   vvec3<W> sphere_normal(vfloat<W>(0.0f));
   vbool<W> smooth(false);
@@ -81,7 +81,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     p = p0 + e1 * h.u + e2 * h.v;
     if (scene.has_attributes) add_attributes(scene, is_triangle, mesh, triangle, corner, h, normal, smooth, r.color);
   }
-  const vbool<W> is_sphere = scene.has_spheres ? active & (h.geom == vint<W>(int32_t(kSphereGeometry))) : vbool<W>(false);
+  const vbool<W> is_sphere = scene.has_spheres ? in.is(active, kSphereGeometry) : vbool<W>(false);
   const bool any_sphere = scene.has_spheres && any(is_sphere);
   if (any_sphere) {
     const vint<W> sphere = select(is_sphere, in.base(scene, &Group::sphere_base) + h.prim, zero);
@@ -96,10 +96,11 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   if (any_sphere) ng = select(is_sphere, sphere_normal, ng);
   r.p = p;
   if (any_instanced) {
-    const InstanceLanes<W> m(scene.world_from_group.data(), in.instance * vint<W>(12));
+    vvec3<W> far;
+    const InstanceLanes<W> m = in.matrix(scene, far);
     const vvec3<W> q = m.vector(p) + m.o;
     r.p = select(instanced, q, p);
-    const vvec3<W> spread = abs(m.x * p.x) + abs(m.y * p.y) + abs(m.z * p.z) + abs(m.o);
+    const vvec3<W> spread = abs(m.x * p.x) + abs(m.y * p.y) + abs(m.z * p.z) + abs(m.o) + far;
     const vvec3<W> edges = abs(m.vector(e1)) + abs(m.vector(e2));
     reach = select(instanced, max(max_component(spread), max_component(edges)), reach);
     ng = select(instanced, m.normal(ng), ng);

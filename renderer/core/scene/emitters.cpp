@@ -154,7 +154,9 @@ void build_emitters(Scene& s) {
                  end = p + 1 < s.placement_group.size() ? s.placement_instance[p + 1] : s.world_from_group.size() / 12;
     const int64_t rows = group_first[group + 1] - group_first[group], wanted = rows * int64_t(end - first);
     if (rows == 0) continue;
-    if (s.lights.count - first_row + wanted > kMaxEmitterRows) {
+    // Of two levels of instances the inner ones stand in as many places as there are outer ones: no row holds those.
+    const bool in_world = p - s.groups[0].placement_base < s.groups[0].placement_count;
+    if (!in_world || s.lights.count - first_row + wanted > kMaxEmitterRows) {
       table.unsampled += wanted;
       continue;
     }

@@ -10,8 +10,8 @@ namespace primray {
 // `instance_row` (counted within the placement): where it is in an instance, else -1 and 0. Textures are read as finely as they
 // are kept, where a ray that finds the point reads them over its cone: the two differ by filtering alone.
 template <int W>
-PRIMRAY_INLINE vvec3<W> triangle_emission(const Scene& scene, vbool<W> active, vint<W> triangle, vint<W> placement,
-                                          vint<W> instance_row, vfloat<W> u, vfloat<W> v) {
+PRIMRAY_INLINE vvec3<W> triangle_emission(const Scene& scene, vbool<W> active, vint<W> triangle, vint<W> vertex_base,
+                                          vint<W> placement, vint<W> instance_row, vfloat<W> u, vfloat<W> v) {
   using I = vint<W>;
   const I zero(0);
   triangle = select(active, triangle, zero);
@@ -22,7 +22,7 @@ PRIMRAY_INLINE vvec3<W> triangle_emission(const Scene& scene, vbool<W> active, v
   const I number = gather<W>(scene.surface_inputs_of.data(), surface);
   vbool<W> left = active & (number >= zero);
   if (!any(left)) return r;
-  const SurfacePoint<W> point(scene, active, triangle, placement, instance_row, u, v);
+  const SurfacePoint<W> point(scene, active, triangle, vertex_base, placement, instance_row, u, v);
   while (any(left)) {
     const int k = number[__builtin_ctz(bits(left))];
     const vbool<W> same = left & (number == I(k));

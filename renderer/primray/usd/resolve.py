@@ -12,8 +12,9 @@ import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdShade
 
 from ..description import Doubles
+from .bindings import Subset
 from .convert import matrix
-from .read import When, array, read, time_of, value
+from .read import When, array, as_columns, read, time_of, value
 
 _IDENTITY = Gf.Matrix4d(1.0)
 
@@ -34,13 +35,8 @@ class Inherited:
     outer: Binding | None = None
     color: tuple[float, float, float] | None = None  # the nearest constant primvars:displayColor, the prim's own included
     opacity: float | None = None  # likewise primvars:displayOpacity
-
-
-@dataclass(frozen=True)
-class Subset:
-    path: str
-    prim: Usd.Prim
-    material: Usd.Prim | None = None
+    primvars: tuple[tuple[str, tuple[float, ...]], ...] = ()  # constant ones that a material of the stage reads, likewise
+    per_instance: frozenset[str] = frozenset()  # primvars that the instances around have one value each of
 
 
 @dataclass(frozen=True)
@@ -77,8 +73,10 @@ def local_matrix(prim: Usd.Prim, names: frozenset[str], when: When, cache: UsdGe
     return local, xformable.GetResetXformStack()
 
 
-def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], when: When) -> Inherited | None:
-    """What `prim` hands down, None if it is invisible (and so is all below it)."""
+def descend(
+    parent: Inherited, prim: Usd.Prim, names: frozenset[str], when: When, read_names: frozenset[str] = frozenset()
+) -> Inherited | None:
+    """What `prim` hands down, None if it is invisible (and so is all below it); `read_names`: primvars that matter."""
     if "visibility" in names and read(prim, "visibility", when) == "invisible":
         return None
     mine = parent
@@ -87,15 +85,46 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], when: When
         if purpose.HasAuthoredValue():
             mine = replace(mine, purpose=str(purpose.Get()))
     if "primvars:displayColor" in names:
-        color = _constant(prim, "primvars:displayColor", 3, when)
+        color = constant_of(prim, "primvars:displayColor", 3, when)
         mine = mine if color is None else replace(mine, color=(color[0], color[1], color[2]))
     if "primvars:displayOpacity" in names:
-        opacity = _constant(prim, "primvars:displayOpacity", 1, when)
+        opacity = constant_of(prim, "primvars:displayOpacity", 1, when)
         mine = mine if opacity is None else replace(mine, opacity=opacity[0])
-    return mine
+    authored = names & read_names
+    return _with_primvars(mine, prim, authored, when) if authored else mine
 
 
-def _constant(prim: Usd.Prim, name: str, columns: int, when: When) -> list[float] | None:
+def _with_primvars(parent: Inherited, prim: Usd.Prim, names: frozenset[str], when: When) -> Inherited:
+    handed = dict(parent.primvars)
+    for name in names:
+        if (values := constant_numbers(prim, name, when)) is not None:
+            handed[name.removeprefix("primvars:")] = values
+    return replace(parent, primvars=tuple(sorted(handed.items()))) if len(handed) or parent.primvars else parent
+
+
+def constant_numbers(prim: Usd.Prim, name: str, when: When) -> tuple[float, ...] | None:
+    """A constant primvar of one to four finite numbers; None where it is no such thing."""
+    primvar = UsdGeom.Primvar(prim.GetAttribute(name))
+    if primvar.GetInterpolation() != UsdGeom.Tokens.constant:
+        return None
+    raw = value(primvar.GetAttr(), when)
+    if raw is None:
+        return None
+    values = as_columns(raw if primvar.GetAttr().GetTypeName().isArray else [raw], primvar.GetElementSize())
+    if values is None or len(values) == 0:
+        return None
+    at = _first_index(primvar, when)
+    return tuple(values[at].tolist()) if 0 <= at < len(values) and np.isfinite(values[at]).all() else None
+
+
+def _first_index(primvar: UsdGeom.Primvar, when: When) -> int:
+    if not primvar.IsIndexed():
+        return 0
+    indices = array(value(primvar.GetIndicesAttr(), when), 1, "i")
+    return int(indices[0]) if indices is not None and len(indices) else 0
+
+
+def constant_of(prim: Usd.Prim, name: str, columns: int, when: When) -> list[float] | None:
     """A constant primvar's value: only constant ones are inherited (UsdGeomPrimvarsAPI). None where it has none to use."""
     primvar = UsdGeom.Primvar(prim.GetAttribute(name))
     if primvar.GetInterpolation() != UsdGeom.Tokens.constant:
@@ -103,10 +132,7 @@ def _constant(prim: Usd.Prim, name: str, columns: int, when: When) -> list[float
     values = array(value(primvar.GetAttr(), when), columns, "f")
     if values is None or len(values) == 0:
         return None
-    at = 0
-    if primvar.IsIndexed():
-        indices = array(value(primvar.GetIndicesAttr(), when), 1, "i")
-        at = int(indices[0]) if indices is not None and len(indices) else 0
+    at = _first_index(primvar, when)
     if not 0 <= at < len(values) or not np.isfinite(values[at]).all():
         return None
     return [float(x) for x in np.atleast_1d(values[at])]
