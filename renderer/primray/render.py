@@ -10,12 +10,13 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from .errors import AssetError, LimitError, RenderCancelled
+from .errors import AssetError, LimitError, RenderCancelled, SettingsError
 from .settings import RenderSettings
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from .composition import Composition
     from .description import SceneDescription
     from .diagnostics import Diagnostics
     from .image import Image
@@ -55,9 +56,14 @@ def render_frames(
 
     costs = Costs()
     opening = Diagnostics()
-    with costs.stage("open"):
-        stage = usd.open_stage(stage, opening)
+    opened: Composition | None = None
     for settings in frames:
+        if opened is None:
+            opened = settings.composition
+            with costs.stage("open"):
+                stage = usd.open_stage(stage, opening, opened)
+        elif settings.composition != opened:
+            raise SettingsError("all frames must compose the stage alike: variants, load, mask, session_layer")
         with costs.stage("translate"):
             description, translating = usd.translate(stage, settings)
         diagnostics = Diagnostics()

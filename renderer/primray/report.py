@@ -73,7 +73,8 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values = asdict(settings)
     values["filter"] = settings.filter.value
     values["resolution"] = list(settings.resolution) if settings.resolution else None
-    values["purposes"] = list(settings.purposes) if settings.purposes else None
+    for name in ("purposes", "variants", "load", "mask"):
+        values[name] = None if values[name] is None else list(values[name])
     return values
 
 

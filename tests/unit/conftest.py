@@ -42,10 +42,12 @@ class FakePipeline:
     memory_bytes: int = 2**20
     interrupt: bool = False
     invalid_samples: int = 0
+    composition: Any = None
     calls: list[str] = field(default_factory=list)
     textures: dict[str, Any] = field(default_factory=dict)
 
-    def open_stage(self, stage: Any, diagnostics: Diagnostics) -> Any:
+    def open_stage(self, stage: Any, diagnostics: Diagnostics, composition: Any = None) -> Any:
+        self.composition = composition
         self.calls.append(f"open {stage}")
         if stage == "missing.usda":
             raise StageOpenError("there is no such file", where=stage)

@@ -28,6 +28,11 @@ def inspect(
     ] = None,
     no_default_light: options.NoDefaultLight = False,
     purposes: options.Purposes = None,
+    variants: options.Variants = None,
+    no_payloads: options.NoPayloads = False,
+    load: options.Load = None,
+    mask: options.Mask = None,
+    session_layer: options.SessionLayer = None,
     json: options.Json = False,
     verbose: options.Verbose = False,
 ) -> None:
@@ -47,9 +52,13 @@ def inspect(
         time_code=time_codes[0],
         default_light=not no_default_light,
         purposes=options.purposes_of(purposes),
+        variants=tuple(variants or ()),
+        load=options.load_of(no_payloads, load),
+        mask=options.mask_of(mask),
+        session_layer=session_layer,
     )
     diagnostics = Diagnostics()
-    stage = usd.open_stage(scene, diagnostics)
+    stage = usd.open_stage(scene, diagnostics, settings.composition)
     description, translating = usd.translate(stage, settings)
     diagnostics.extend(translating)
     facts = {

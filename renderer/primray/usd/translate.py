@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from pxr import Tf, Usd, UsdGeom
+from pxr import Tf, Usd
 
 from ..description import (
     Camera,
@@ -35,6 +35,7 @@ from .instances import Group, flatten
 from .read import when_of
 from .resolve import ResolvedPrim
 from .stage import tf_message, usd_messages
+from .stage_metadata import meters_per_unit, up_axis
 from .view import select_camera, view_through
 from .walk import walk
 
@@ -226,8 +227,8 @@ def _describe(scene: _Scene, ctx: Context, camera: Camera, resolution: tuple[int
         tuple(scene.lights),
         camera,
         resolution,
-        str(UsdGeom.GetStageUpAxis(ctx.stage)),
-        float(UsdGeom.GetStageMetersPerUnit(ctx.stage)),
+        up_axis(ctx.stage, ctx.diagnostics),
+        meters_per_unit(ctx.stage, ctx.diagnostics),
         ctx.settings.time_code,
     )
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
-from pxr import Gf, Usd, UsdGeom, UsdShade
+from pxr import Gf, Tf, Usd, UsdGeom, UsdShade
 
 from ..description import Doubles
 from .context import Context
@@ -16,6 +16,7 @@ from .convert import matrix, rows
 from .instances import Group
 from .notes import note_prim
 from .resolve import Binding, Inherited, ResolvedPrim, Subset, bind_materials, descend, inner_or_outer, local_matrix
+from .stage import tf_message
 
 PointInstances = list[tuple[str, Doubles]]  # (prototype root, (K, 3, 4) instancer_from_prototype)
 
@@ -76,7 +77,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
         mine = descend(handed, prim, names, state.ctx.when)
         if mine is None:
             continue
-        local, resets = local_matrix(prim, names, state.ctx.when, state.cache)
+        local, resets = _local(state, prim, names)
         if resets and group is not state.groups[0]:
             state.ctx.warn("reset-xform-in-prototype", str(prim.GetPath()), "The reset goes as far as the prototype's root.")
         to_group = local if resets else local * parent_matrix
@@ -94,6 +95,15 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
         elif type_name not in _CLOSED:
             stack += [(child, to_group, mine) for child in reversed(prim.GetFilteredChildren(drawn))]
     _expand_native(state, group, native)
+
+
+def _local(state: _Walk, prim: Usd.Prim, names: frozenset[str]) -> tuple[Gf.Matrix4d, bool]:
+    """The prim's own transform; none where its operations are not what USD can read."""
+    try:
+        return local_matrix(prim, names, state.ctx.when, state.cache)
+    except Tf.ErrorException as error:
+        state.ctx.warn("wrong-type", state.ctx.shown(str(prim.GetPath())), f"No transform is used: {tf_message(error)}")
+        return Gf.Matrix4d(1.0), False
 
 
 def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[ResolvedPrim]) -> None:
