@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from pxr import Tf, Usd, UsdGeom
@@ -48,7 +48,7 @@ def stage_bounds(stage: Usd.Stage, when: When, purposes: tuple[str, ...]) -> Bou
 
     Not to be asked where an instancer contains itself: UsdGeomBBoxCache (26.11) then overflows the stack.
     """
-    if any(prim.GetPath().pathElementCount > DEEPEST for prim in stage.TraverseAll()):
+    if is_deep(stage.TraverseAll()):
         return None
     time = Usd.TimeCode.EarliestTime() if when.careful else when.time
     try:
@@ -60,6 +60,11 @@ def stage_bounds(stage: Usd.Stage, when: When, purposes: tuple[str, ...]) -> Bou
         return None
     center, size = np.array(box.ComputeCentroid()), np.array(aligned.GetSize())
     return (center, size) if np.isfinite(center).all() and np.isfinite(size).all() else None
+
+
+def is_deep(prims: Iterable[Usd.Prim]) -> bool:
+    """Whether UsdGeomBBoxCache must not be asked about them."""
+    return any(prim.GetPath().pathElementCount > DEEPEST for prim in prims)
 
 
 def shape_bounds(

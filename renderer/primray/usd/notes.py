@@ -40,8 +40,6 @@ def note_prim(prim: ResolvedPrim, kind: str, ctx: Context) -> None:
         _note_schemas(prim, schemas, kind, ctx)
     if not kind and prim.type_name:
         _note_type(prim, ctx)
-    if "model:drawMode" in prim.names and read(prim.prim, "model:drawMode", ctx.when) not in ("default", "inherited", None):
-        ctx.warn("draw-mode", prim.path, f"model:drawMode = {read(prim.prim, 'model:drawMode', ctx.when)}.")
 
 
 def note_velocities(prim: ResolvedPrim, positions: str, ctx: Context) -> None:

@@ -31,6 +31,7 @@ class Inherited:
     """What a prim hands down. `outer` is the binding of the instance whose prototype is being walked."""
 
     purpose: str = "default"
+    draw_mode: str = "default"  # the nearest model:drawMode, whether or not it is applied
     outer: Binding | None = None
     color: tuple[float, float, float] | None = None  # the nearest constant primvars:displayColor, the prim's own included
     opacity: float | None = None  # likewise primvars:displayOpacity
@@ -88,6 +89,9 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], when: When
             mine = replace(mine, purpose=purpose)
         elif purpose is not None:
             Tf.Warn(f"The purpose of {prim.GetPath()} is {purpose!r}, no token: it is ignored.")
+    if "model:drawMode" in names:
+        mode = read(prim, "model:drawMode", when)
+        mine = replace(mine, draw_mode=mode) if isinstance(mode, str) and mode != "inherited" else mine
     if "primvars:displayColor" in names:
         color = _constant(prim, "primvars:displayColor", 3, when)
         mine = mine if color is None else replace(mine, color=(color[0], color[1], color[2]))

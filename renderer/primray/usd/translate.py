@@ -23,6 +23,7 @@ from ..description import (
 )
 from ..diagnostics import Diagnostics
 from ..settings import RenderSettings
+from .adapters.draw_mode import DRAW_MODES
 from .adapters.implicit import sphere, tessellated
 from .adapters.light import light
 from .adapters.mesh import mesh
@@ -55,6 +56,7 @@ SHAPES: dict[str, ShapeAdapter] = {
     "Capsule_1": tessellated,
     "Plane": tessellated,
 }
+SHAPES |= DRAW_MODES  # in place of prims of any type
 LIGHTS: dict[str, LightAdapter] = dict.fromkeys(
     ("DistantLight", "SphereLight", "DiskLight", "RectLight", "CylinderLight", "DomeLight", "DomeLight_1"), light
 )

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from pxr import Gf, Tf, Usd, UsdGeom, UsdShade
 
 from ..description import Doubles
+from .adapters.draw_mode import stand_in
 from .context import Context
 from .convert import matrix, rows
 from .instances import Group
@@ -84,6 +85,11 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
         type_name = str(prim.GetTypeName())
         kind = state.leaf_types.get(type_name, "")
         resolved = ResolvedPrim(prim, state.ctx.shown(str(prim.GetPath())), type_name, names, to_group, mine)
+        drawn_as = stand_in(resolved, state.ctx) if mine.draw_mode != "default" else ""
+        if drawn_as:
+            if mine.purpose in state.ctx.purposes:
+                group.leaves.append(replace(resolved, type_name=drawn_as))
+            continue
         note_prim(resolved, kind, state.ctx)
         if type_name == "PointInstancer":
             _expand_points(state, group, resolved)

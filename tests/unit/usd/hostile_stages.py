@@ -15,7 +15,9 @@ from pathlib import Path
 
 SAMPLED = 'def Xform "a"\n{\n def Sphere "s"\n {\n  double radius.timeSamples = { 1: 1, 2: 2 }\n }\n}\n'
 RATES = ("0", "-24", "nan", "inf", "1e308", "1e-308")
-GEOMETRY = "Mesh Sphere Cube Cone Cylinder Capsule Plane PointInstancer Points BasisCurves SphereLight DomeLight RectLight".split()
+GEOMETRY = (
+    "Mesh Sphere Cube Cone Cylinder Capsule Plane PointInstancer Points BasisCurves SphereLight DomeLight RectLight".split()
+)
 WRONG = (
     'string points = "here"',
     "int[] faceVertexCounts = [3, -1, 2000000000]",

@@ -76,7 +76,9 @@ def test_what_is_wrong_is_told(name: str, code: str, outcomes: Outcomes) -> None
     assert code in outcomes[f"{name}.usda"]["codes"]
 
 
-@pytest.mark.parametrize("name", ["empty.usda", "garbage.usda", "garbage.usdc", "garbage.usdz", "a folder.usda", "picture.usda"])
+@pytest.mark.parametrize(
+    "name", ["empty.usda", "garbage.usda", "garbage.usdc", "garbage.usdz", "a folder.usda", "picture.usda"]
+)
 def test_what_is_no_stage_does_not_open(name: str, outcomes: Outcomes) -> None:
     assert outcomes[name].get("error") == "stage-open"
 
