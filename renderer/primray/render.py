@@ -83,6 +83,7 @@ def _render_one(
     from . import core, usd
     from .image import Image, pixels_sha256
     from .report import header_of, make_report, resolve_settings
+    from .summary import counts, summary
 
     with costs.stage("translate"):  # of its textures
         description, textures = load_textures(description, diagnostics, usd.read_asset)
@@ -109,7 +110,8 @@ def _render_one(
 
     core_says = {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": list(scene.features)}
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
-    report = make_report(film, costs, settings, as_json, core_says, pixels_sha256(film.pixels))
+    counted = counts(summary(description))
+    report = make_report(film, costs, settings, counted, as_json, core_says, pixels_sha256(film.pixels))
     return Image(film.pixels, report, header_of(report), description.camera)
 
 

@@ -68,6 +68,11 @@ def summary(description: SceneDescription) -> Summary:
     )
 
 
+def counts(summed: Summary) -> dict[str, int]:
+    """The numbers of a Summary."""
+    return {name: value for name, value in asdict(summed).items() if isinstance(value, int)}
+
+
 def _array_bytes(shapes: tuple[Shape, ...]) -> int:
     """Of all arrays that meshes hold, shared ones once."""
     arrays = {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -120,7 +120,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         lanes=lambda: 16,
         versions=lambda: {"embree": "4.4.0"},
     )
-    install("summary", summary=lambda description: _Summary(fake.memory_bytes))
+    install("summary", summary=lambda description: _Summary(fake.memory_bytes), counts=asdict)
     return fake
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -39,7 +38,7 @@ def inspect(
     """Print what would be rendered: cameras, lights, counts, memory, diagnostics."""
     from .. import usd
     from ..diagnostics import Diagnostics
-    from ..summary import summary
+    from ..summary import counts, summary
     from ..usd import camera_paths
     from .json_lines import print_line
 
@@ -101,11 +100,6 @@ def light_facts(description: SceneDescription) -> list[dict[str, Any]]:
         }
         for light in description.lights
     ]
-
-
-def counts(summed: Any) -> dict[str, int]:
-    """The numbers of a Summary."""
-    return {name: value for name, value in asdict(summed).items() if isinstance(value, int)}
 
 
 def _print_table(facts: dict[str, Any], verbose: bool) -> None:

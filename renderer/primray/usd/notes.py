@@ -10,7 +10,6 @@ from functools import cache
 from pxr import Usd
 
 from .context import Context
-from .read import read
 from .resolve import ResolvedPrim
 
 _GEOMETRY = """BasisCurves NurbsCurves HermiteCurves Points NurbsPatch TetMesh Volume ParticleField

@@ -7,9 +7,11 @@ usd-core 26.11 never comes back from listing an attribute's time samples (it doe
 from __future__ import annotations
 
 import math
+import os
+from collections.abc import Iterable
 from typing import Any
 
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
 
 from ..diagnostics import Diagnostics
 from ..errors import InvalidSceneError
@@ -76,6 +78,25 @@ def meters_per_unit(stage: Usd.Stage, diagnostics: Diagnostics | None = None) ->
     if diagnostics is not None:
         diagnostics.add("stage-metadata", "", f"metersPerUnit is {value:g}, no length; 0.01 is used.")
     return 0.01
+
+
+def used_files(paths: Iterable[str]) -> set[str]:
+    """Files that these layers name as sublayers, references or payloads; layers that cannot be opened name none."""
+    used: set[str] = set()
+    delegate = UsdUtils.CoalescingDiagnosticDelegate()
+    for path in paths:
+        try:
+            layer = Sdf.Layer.FindOrOpen(path)
+        except Tf.ErrorException:
+            continue
+        if layer is None:
+            continue
+        for asset in layer.GetCompositionAssetDependencies():
+            file = os.path.realpath(layer.ComputeAbsolutePath(asset))
+            if file != os.path.realpath(path):
+                used.add(file)
+    delegate.TakeUncoalescedDiagnostics()
+    return used
 
 
 def layer_names(stage: Usd.Stage) -> list[str]:

@@ -15,9 +15,7 @@ from pathlib import Path
 
 SAMPLED = 'def Xform "a"\n{\n def Sphere "s"\n {\n  double radius.timeSamples = { 1: 1, 2: 2 }\n }\n}\n'
 RATES = ("0", "-24", "nan", "inf", "1e308", "1e-308")
-GEOMETRY = (
-    "Mesh Sphere Cube Cone Cylinder Capsule Plane PointInstancer Points BasisCurves SphereLight DomeLight RectLight".split()
-)
+GEOMETRY = "Mesh Sphere Cube Cone Cylinder Capsule Plane PointInstancer Points BasisCurves SphereLight DomeLight RectLight"
 WRONG = (
     'string points = "here"',
     "int[] faceVertexCounts = [3, -1, 2000000000]",
@@ -90,7 +88,7 @@ def texts() -> dict[str, str]:
         ),
         "drawn by cards without end": stage(body=prim('kind = "component"', 'token model:drawMode = "cards"', kind="Xform")),
     }
-    for kind in GEOMETRY:
+    for kind in GEOMETRY.split():
         found[f"wrong {kind}"] = stage(body="".join(f'def {kind} "p{i}"\n{{\n {line}\n}}\n' for i, line in enumerate(WRONG)))
         found[f"all wrong {kind}"] = stage(body=f'def {kind} "p"\n{{\n' + "\n".join(f" {line}" for line in WRONG) + "\n}\n")
     found["wrong Camera"] = stage(

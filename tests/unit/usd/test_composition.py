@@ -188,7 +188,7 @@ def test_unloaded_payloads_are_told(shot: Path) -> None:
 def test_a_mask_keeps_what_its_prims_refer_to_and_the_camera(shot: Path) -> None:
     settings = RenderSettings(mask=("/World/ball",), camera="/World/eye")
     stage = open_stage(shot, Diagnostics(), settings.composition)
-    description, diagnostics = translate(stage, settings)
+    description, _ = translate(stage, settings)
     assert [shape.path for shape in description.shapes] == ["/World/ball"]
     assert description.surfaces[0].path == "/Looks/red"
     assert description.camera.path == "/World/eye"

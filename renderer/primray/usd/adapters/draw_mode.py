@@ -1,7 +1,7 @@
 """model:drawMode: what is drawn in place of a model: textured cards, the edges of its bounds, or its axes.
 
-Rules are UsdGeomModelAPI's (usdGeom's schema.usda). Where its text says how a card's texture lies, OpenUSD's own imaging and the
-assets made with it say otherwise, and are followed: upright as seen from outside, for Z- upside down (_ST below).
+Rules are UsdGeomModelAPI's (usdGeom's schema.usda). Where its text says how a card's texture lies, OpenUSD's own imaging
+and the assets made with it say otherwise, and are followed: upright as seen from outside, for Z- upside down (_ST below).
 Lines have no width in a path tracer: they are bars, BAR_WIDTH of the box's longest side or of a unit axis thick.
 """
 
@@ -225,7 +225,7 @@ def _box(prim: ResolvedPrim, ctx: Context) -> tuple[Doubles, Doubles] | None:
 
 
 def _extents_hint(prim: Usd.Prim) -> tuple[Doubles, Doubles] | None:
-    """The union of its boxes for default, render and proxy: two points a purpose; a purpose without geometry has an empty one."""
+    """The union of its boxes for default, render and proxy: two points a purpose; one without geometry has an empty box."""
     attribute = prim.GetAttribute("extentsHint")
     hint = attribute.Get(Usd.TimeCode.EarliestTime()) if attribute else None
     try:
