@@ -57,8 +57,12 @@ def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
             ctx.warn("unsupported-prim", prim.path, f"{prim.type_name} is not rendered.")
     elif prim.type_name in UNSUPPORTED_LIGHTS:
         ctx.warn("unsupported-light", prim.path, f"{prim.type_name} is not supported.")
-    elif prim.type_name == "SkelRoot":
-        ctx.warn("skinning", prim.path, "Meshes below are rendered as they are authored, not deformed by their skeleton.")
+    elif prim.type_name == "SkelRoot" and prim.prim.IsInPrototype():
+        ctx.warn(
+            "skinning",
+            prim.path,
+            "Inside an instance: meshes below are rendered as they are authored, not posed by their skeleton.",
+        )
     elif not _is_known(prim.type_name):
         ctx.warn("unknown-prim-type", prim.path, f"No schema of the name {prim.type_name} is known.")
 

@@ -33,6 +33,7 @@ from .context import Context
 from .convert import square
 from .framing import Bounds, shape_bounds, stage_bounds
 from .instances import Group, flatten
+from .pose import posed
 from .read import when_of
 from .resolve import ResolvedPrim
 from .stage import tf_message, usd_messages
@@ -96,7 +97,10 @@ def _with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
 
 
 def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
-    cameras, settings_prims = _find_by_type(stage, diagnostics)
+    cameras, settings_prims, skeletons = _find_by_type(stage, diagnostics)
+    if skeletons:
+        stage = posed(stage, skeletons, when_of(stage, settings.time_code), diagnostics)
+        cameras, settings_prims, _ = _find_by_type(stage, diagnostics)
     stage_settings = render_settings(stage, settings_prims, diagnostics)
     ctx = _context(stage, settings, stage_settings, diagnostics)
     ctx.prototype_names = names
@@ -133,18 +137,20 @@ def camera_paths(stage: Usd.Stage) -> list[str]:
     return [str(prim.GetPath()) for prim in stage.Traverse() if prim.GetTypeName() == "Camera"]
 
 
-def _find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> tuple[list[Usd.Prim], list[Usd.Prim]]:
-    """The stage's cameras and its RenderSettings, wherever they are."""
-    cameras, settings = [], []
+def _find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> tuple[list[Usd.Prim], list[Usd.Prim], list[str]]:
+    """The stage's cameras, its RenderSettings and the paths of its SkelRoots, wherever they are."""
+    cameras, settings, skeletons = [], [], []
     for prim in stage.Traverse():
         name = prim.GetTypeName()
         if name == "Camera":
             cameras.append(prim)
         elif name == "RenderSettings":
             settings.append(prim)
+        elif name == "SkelRoot":
+            skeletons.append(str(prim.GetPath()))
         elif name == "RenderPass":
             diagnostics.add("render-settings-input", str(prim.GetPath()), "Render passes are ignored.")
-    return cameras, settings
+    return cameras, settings, skeletons
 
 
 def _shared_paths(groups: list[Group[ResolvedPrim]]) -> frozenset[str]:
