@@ -12,7 +12,7 @@ from pxr import Usd
 from .context import Context
 from .resolve import ResolvedPrim
 
-_GEOMETRY = """BasisCurves NurbsCurves HermiteCurves Points NurbsPatch TetMesh Volume ParticleField
+_GEOMETRY = """BasisCurves NurbsCurves HermiteCurves NurbsPatch TetMesh Volume ParticleField
     ParticleField3DGaussianSplat GenerativeProcedural"""
 UNSUPPORTED = frozenset(_GEOMETRY.split())
 _LIGHTS = "PortalLight GeometryLight PluginLight LightFilter PluginLightFilter"

@@ -28,6 +28,7 @@ from .adapters.implicit import sphere, tessellated
 from .adapters.light import light
 from .adapters.mesh import mesh
 from .adapters.point_instancer import point_instances
+from .adapters.points import POINT, point_sphere
 from .adapters.render_settings import StageSettings, render_settings
 from .context import Context
 from .convert import square
@@ -58,6 +59,7 @@ SHAPES: dict[str, ShapeAdapter] = {
     "Plane": tessellated,
 }
 SHAPES |= DRAW_MODES  # in place of prims of any type
+SHAPES[POINT] = point_sphere
 LIGHTS: dict[str, LightAdapter] = dict.fromkeys(
     ("DistantLight", "SphereLight", "DiskLight", "RectLight", "CylinderLight", "DomeLight", "DomeLight_1"), light
 )

@@ -12,6 +12,7 @@ from pxr import Gf, Tf, Usd, UsdGeom, UsdShade
 
 from ..description import Doubles
 from .adapters.draw_mode import stand_in
+from .adapters.points import POINT, spheres
 from .context import Context
 from .convert import matrix, rows
 from .instances import Group
@@ -94,6 +95,8 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
         if type_name == "PointInstancer":
             _expand_points(state, group, resolved)
             continue
+        if type_name == "Points" and mine.purpose in state.ctx.purposes:
+            _place_spheres(state, group, resolved)
         if kind and mine.purpose in state.ctx.purposes:  # also an instance may itself be a shape
             group.leaves.append(resolved)
         if prim.IsInstance():
@@ -138,6 +141,19 @@ def _expand_points(state: _Walk, group: Group[ResolvedPrim], instancer: Resolved
         if root.IsInstanceProxy():
             root = root.GetPrimInPrototype()
         group.instances.append((state.group(root, handed), placed))
+
+
+def _place_spheres(state: _Walk, group: Group[ResolvedPrim], points: ResolvedPrim) -> None:
+    """Each colour's sphere is a group of its own: one leaf, many places."""
+    to_group = matrix(points.gf_matrix)
+    names = points.names - {"primvars:displayColor"}
+    for color, matrices in spheres(points, state.ctx):
+        inherited = points.inherited if color is None else replace(points.inherited, color=color)
+        leaf = replace(points, type_name=POINT, names=names, gf_matrix=Gf.Matrix4d(1.0), inherited=inherited)
+        placed = to_group[:3, :3] @ matrices
+        placed[:, :, 3] += to_group[:3, 3]
+        group.instances.append((len(state.groups), placed))
+        state.groups.append(Group(points.path, [leaf]))
 
 
 def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, ctx: Context) -> Inherited:
