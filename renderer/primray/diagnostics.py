@@ -41,13 +41,24 @@ CODES: dict[str, Code] = {
         Severity.ERROR, "A layer, reference or payload could not be composed; what it would bring is missing."
     ),
     "usd-message": Code(Severity.WARNING, "USD itself complained while it opened or read the stage."),
+    "time-metadata": Code(
+        Severity.WARNING, "A layer's timeCodesPerSecond (or framesPerSecond) is no usable rate; nothing is sampled by it."
+    ),
+    "stage-metadata": Code(Severity.WARNING, "Metadata of the stage that is no usable value: USD's default is used."),
+    "layer-units": Code(
+        Severity.INFO, "A layer's metersPerUnit or upAxis is not the stage's; USD does not convert, and neither does this."
+    ),
+    "payloads-unloaded": Code(Severity.INFO, "Payloads that were not asked for are not loaded; what they hold is missing."),
     "unsupported-prim": Code(Severity.ERROR, "Geometry of a kind that is not rendered: it is missing from the picture."),
     "unknown-prim-type": Code(
         Severity.WARNING, "A prim type that no loaded schema defines: the prim is ignored, its children are rendered."
     ),
     "api-schema": Code(Severity.WARNING, "An applied schema that could change the picture is ignored."),
     "skinning": Code(Severity.WARNING, "Skeletal deformation is ignored: the undeformed pose is rendered."),
-    "draw-mode": Code(Severity.WARNING, "model:drawMode is ignored: the geometry itself is rendered."),
+    "posed": Code(Severity.INFO, "Meshes bound to a skeleton are posed by USD's own skinning."),
+    "points": Code(Severity.INFO, "Points are rendered as spheres of their widths."),
+    "draw-mode": Code(Severity.INFO, "model:drawMode: cards, bounds or axes are drawn in place of the geometry."),
+    "draw-mode-input": Code(Severity.WARNING, "Something that a draw mode needs (bounds, a texture) is missing or ignored."),
     "motion": Code(Severity.WARNING, "Motion (shutter interval, velocities) is ignored: the scene is rendered at one instant."),
     "color-space": Code(Severity.WARNING, "A colour space is authored and ignored: values are taken as linear Rec.709."),
     "wrong-type": Code(

@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from .errors import LimitError, RenderCancelled
+from .errors import LimitError, RenderCancelled, SettingsError
 from .settings import RenderSettings
 
 if TYPE_CHECKING:
+    from .composition import Composition
     from .description import SceneDescription, TextureFile
     from .diagnostics import Diagnostics
     from .image import Image
@@ -54,9 +55,14 @@ def render_frames(
 
     costs = Costs()
     opening = Diagnostics()
-    with costs.stage("open"):
-        stage = usd.open_stage(stage, opening)
+    opened: Composition | None = None
     for settings in frames:
+        if opened is None:
+            opened = settings.composition
+            with costs.stage("open"):
+                stage = usd.open_stage(stage, opening, opened)
+        elif settings.composition != opened:
+            raise SettingsError("all frames must compose the stage alike: variants, load, mask, session_layer")
         with costs.stage("translate"):
             description, translating = usd.translate(stage, settings)
         diagnostics = Diagnostics()
@@ -76,6 +82,7 @@ def _render_one(
     from . import core, usd
     from .image import Image, pixels_sha256
     from .report import header_of, make_report, resolve_settings
+    from .summary import counts, summary
 
     with costs.stage("translate"):  # of its textures
         description, textures = load_textures(description, diagnostics, usd.read_asset)
@@ -102,7 +109,8 @@ def _render_one(
 
     core_says = {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": list(scene.features)}
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
-    report = make_report(film, costs, settings, as_json, core_says, pixels_sha256(film.pixels))
+    counted = counts(summary(description))
+    report = make_report(film, costs, settings, counted, as_json, core_says, pixels_sha256(film.pixels))
     return Image(film.pixels, report, header_of(report), description.camera)
 
 

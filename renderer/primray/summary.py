@@ -83,6 +83,11 @@ def _instances(d: SceneDescription) -> tuple[int, int, int]:
     return whole, sum(map(len, every)), sum(p.nbytes for p in every)
 
 
+def counts(summed: Summary) -> dict[str, int]:
+    """The numbers of a Summary."""
+    return {name: value for name, value in asdict(summed).items() if isinstance(value, int)}
+
+
 def _array_bytes(shapes: tuple[Shape, ...]) -> int:
     """Of all arrays that meshes hold, shared ones once."""
     arrays = {}

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Tf, Usd, UsdGeom
 
 from ..description import Camera, Doubles, Mesh, Placed, Placement, Projection, Prototype, Shape, Sphere
 from ..placement import placed_box
@@ -42,18 +42,32 @@ def framing_camera(bounds: Bounds, z_up: bool, resolution: tuple[int, int], stag
     return Camera("", world_from_camera, Projection.PERSPECTIVE, window_of(aperture, 1 / FOCAL_LENGTH), (0.0, 3e38))
 
 
+# UsdGeomBBoxCache (26.11) recurses: 1000 levels it survives, at 2000 it overflows the stack.
+DEEPEST = 500
+
+
 def stage_bounds(stage: Usd.Stage, when: When, purposes: tuple[str, ...]) -> Bounds | None:
-    """As usdrecord sees them, authored extents included; None where there are none, or none that are finite.
+    """As usdrecord sees them, authored extents included; None where USD cannot say, or says nothing finite.
 
     Not to be asked where an instancer contains itself: UsdGeomBBoxCache (26.11) then overflows the stack.
     """
+    if is_deep(stage.TraverseAll()):
+        return None
     time = Usd.TimeCode.EarliestTime() if when.careful else when.time
-    box = UsdGeom.BBoxCache(time, list(purposes), useExtentsHint=True).ComputeWorldBound(stage.GetPseudoRoot())
+    try:
+        box = UsdGeom.BBoxCache(time, list(purposes), useExtentsHint=True).ComputeWorldBound(stage.GetPseudoRoot())
+    except Tf.ErrorException:  # something on the stage is of the wrong type; its own reader says what
+        return None
     aligned = box.ComputeAlignedRange()
     if aligned.IsEmpty():
         return None
     center, size = np.array(box.ComputeCentroid()), np.array(aligned.GetSize())
     return (center, size) if np.isfinite(center).all() and np.isfinite(size).all() else None
+
+
+def is_deep(prims: Iterable[Usd.Prim]) -> bool:
+    """Whether UsdGeomBBoxCache must not be asked about them."""
+    return any(prim.GetPath().pathElementCount > DEEPEST for prim in prims)
 
 
 def shape_bounds(

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from pxr import Gf, Usd, UsdGeom, UsdShade
+from pxr import Gf, Tf, Usd, UsdGeom, UsdShade
 
 from ..description import Doubles
 from .bindings import Subset
@@ -32,6 +32,7 @@ class Inherited:
     """What a prim hands down. `outer` is the binding of the instance whose prototype is being walked."""
 
     purpose: str = "default"
+    draw_mode: str = "default"  # the nearest model:drawMode, whether or not it is applied
     outer: Binding | None = None
     color: tuple[float, float, float] | None = None  # the nearest constant primvars:displayColor, the prim's own included
     opacity: float | None = None  # likewise primvars:displayOpacity
@@ -81,9 +82,14 @@ def descend(
         return None
     mine = parent
     if "purpose" in names:
-        purpose = prim.GetAttribute("purpose")
-        if purpose.HasAuthoredValue():
-            mine = replace(mine, purpose=str(purpose.Get()))
+        purpose = prim.GetAttribute("purpose").Get()
+        if isinstance(purpose, str):
+            mine = replace(mine, purpose=purpose)
+        elif purpose is not None:
+            Tf.Warn(f"The purpose of {prim.GetPath()} is {purpose!r}, no token: it is ignored.")
+    if "model:drawMode" in names:
+        mode = read(prim, "model:drawMode", when)
+        mine = replace(mine, draw_mode=mode) if isinstance(mode, str) and mode != "inherited" else mine
     if "primvars:displayColor" in names:
         color = constant_of(prim, "primvars:displayColor", 3, when)
         mine = mine if color is None else replace(mine, color=(color[0], color[1], color[2]))
@@ -145,11 +151,25 @@ def bind_materials(prims: list[Usd.Prim], purposes: tuple[str, ...]) -> list[Bin
         missing = [i for i, binding in enumerate(found) if binding is None]
         if not missing:
             break
-        materials, rels = UsdShade.MaterialBindingAPI.ComputeBoundMaterials([prims[i] for i in missing], purpose)
+        materials, rels = _compute_bound([prims[i] for i in missing], purpose)
         for i, material, rel in zip(missing, materials, rels, strict=True):
             if material:
                 found[i] = Binding(material.GetPrim(), _is_stronger(rel))
     return found
+
+
+def _compute_bound(prims: list[Usd.Prim], purpose: str) -> tuple[list[UsdShade.Material], list[Usd.Relationship]]:
+    """USD's answer for all prims; nothing for those it fails on, such as prims whose binding is no relationship."""
+    try:
+        materials, rels = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(prims, purpose)
+        return list(materials), list(rels)
+    except Tf.ErrorException:
+        if len(prims) == 1:
+            Tf.Warn(f"The material bound to {prims[0].GetPath()} cannot be read.")
+            return [UsdShade.Material()], [Usd.Relationship()]
+    half = len(prims) // 2
+    parts = [_compute_bound(part, purpose) for part in (prims[:half], prims[half:])]
+    return parts[0][0] + parts[1][0], parts[0][1] + parts[1][1]
 
 
 def _is_stronger(rel: Usd.Relationship) -> bool:

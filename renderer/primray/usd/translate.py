@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from itertools import islice
 
 import numpy as np
-from pxr import Tf, Usd, UsdGeom
+from pxr import Tf, Usd
 
 from ..description import (
     Camera,
@@ -26,20 +26,24 @@ from ..description import (
 from ..diagnostics import Diagnostics
 from ..placement import IDENTITY, MatrixInstances, chunks, rows_of_levels
 from ..settings import RenderSettings
+from .adapters.draw_mode import DRAW_MODES
 from .adapters.implicit import sphere, tessellated
 from .adapters.light import light
 from .adapters.mesh import mesh
 from .adapters.point_instancer import point_instances
+from .adapters.points import POINT, point_sphere
 from .adapters.render_settings import StageSettings, render_settings
 from .context import Context
 from .convert import square
 from .framing import Bounds, shape_bounds, stage_bounds
 from .instance_primvars import without_unread
 from .instances import Arrangement, Chain, Group, arrange, count_of
+from .pose import posed
 from .primvars_read import primvars_read
 from .read import when_of
 from .resolve import ResolvedPrim
 from .stage import tf_message, usd_messages
+from .stage_metadata import meters_per_unit, up_axis
 from .view import select_camera, view_through
 from .walk import walk
 
@@ -59,6 +63,8 @@ SHAPES: dict[str, ShapeAdapter] = {
     "Capsule_1": tessellated,
     "Plane": tessellated,
 }
+SHAPES |= DRAW_MODES  # in place of prims of any type
+SHAPES[POINT] = point_sphere
 LIGHTS: dict[str, LightAdapter] = dict.fromkeys(
     ("DistantLight", "SphereLight", "DiskLight", "RectLight", "CylinderLight", "DomeLight", "DomeLight_1"), light
 )
@@ -100,7 +106,11 @@ def _with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
 
 
 def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
-    cameras, settings_prims, shaders = _find_by_type(stage, diagnostics)
+    found = _find_by_type(stage, diagnostics)
+    if found.skeletons:
+        stage = posed(stage, found.skeletons, when_of(stage, settings.time_code), diagnostics)
+        found = _find_by_type(stage, Diagnostics())
+    cameras, settings_prims, shaders = found.cameras, found.settings, found.shaders
     stage_settings = render_settings(stage, settings_prims, diagnostics)
     ctx = _context(stage, settings, stage_settings, diagnostics)
     ctx.prototype_names = names
@@ -139,20 +149,31 @@ def camera_paths(stage: Usd.Stage) -> list[str]:
     return [str(prim.GetPath()) for prim in stage.Traverse() if prim.GetTypeName() == "Camera"]
 
 
-def _find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> tuple[list[Usd.Prim], list[Usd.Prim], list[Usd.Prim]]:
-    """The stage's cameras, its RenderSettings and the shaders outside prototypes, wherever they are."""
-    cameras, settings, shaders = [], [], []
+@dataclass
+class _Found:
+    """Prims of some types, wherever they are outside prototypes."""
+
+    cameras: list[Usd.Prim] = field(default_factory=list)
+    settings: list[Usd.Prim] = field(default_factory=list)
+    shaders: list[Usd.Prim] = field(default_factory=list)
+    skeletons: list[str] = field(default_factory=list)  # paths of SkelRoots
+
+
+def _find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> _Found:
+    found = _Found()
     for prim in stage.Traverse():
         name = prim.GetTypeName()
         if name == "Camera":
-            cameras.append(prim)
+            found.cameras.append(prim)
         elif name == "RenderSettings":
-            settings.append(prim)
+            found.settings.append(prim)
         elif name == "Shader":
-            shaders.append(prim)
+            found.shaders.append(prim)
+        elif name == "SkelRoot":
+            found.skeletons.append(str(prim.GetPath()))
         elif name == "RenderPass":
             diagnostics.add("render-settings-input", str(prim.GetPath()), "Render passes are ignored.")
-    return cameras, settings, shaders
+    return found
 
 
 def _shared_paths(groups: list[Group[ResolvedPrim]]) -> frozenset[str]:
@@ -256,8 +277,8 @@ def _describe(scene: _Scene, ctx: Context, camera: Camera, resolution: tuple[int
         tuple(scene.lights),
         camera,
         resolution,
-        str(UsdGeom.GetStageUpAxis(ctx.stage)),
-        float(UsdGeom.GetStageMetersPerUnit(ctx.stage)),
+        up_axis(ctx.stage, ctx.diagnostics),
+        meters_per_unit(ctx.stage, ctx.diagnostics),
         ctx.settings.time_code,
     )
 

@@ -9,17 +9,20 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from pxr import Gf, Usd, UsdGeom
+from pxr import Gf, Tf, Usd, UsdGeom
 
 from ..description import Doubles
 from ..placement import MatrixInstances, PointInstances
+from .adapters.draw_mode import stand_in
+from .adapters.points import POINT, spheres
 from .bindings import note_bindings, subsets_of
 from .context import Context
-from .convert import rows
+from .convert import matrix, rows
 from .instance_primvars import given_per_instance
 from .instances import Group
 from .notes import note_prim
 from .resolve import Binding, Inherited, ResolvedPrim, bind_materials, descend, inner_or_outer, local_matrix
+from .stage import tf_message
 
 Expand = Callable[[ResolvedPrim, Context], list[tuple[str, PointInstances]]]  # (prototype root, group_from_prototype)
 
@@ -78,18 +81,25 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
         mine = descend(handed, prim, names, state.ctx.when, state.ctx.primvars_read)
         if mine is None:
             continue
-        local, resets = local_matrix(prim, names, state.ctx.when, state.cache)
+        local, resets = _local(state, prim, names)
         if resets and group is not state.groups[0]:
             state.ctx.warn("reset-xform-in-prototype", str(prim.GetPath()), "The reset goes as far as the prototype's root.")
         to_group = local if resets else local * parent_matrix
         type_name = str(prim.GetTypeName())
         kind = state.leaf_types.get(type_name, "")
         resolved = ResolvedPrim(prim, state.ctx.shown(str(prim.GetPath())), type_name, names, to_group, mine)
+        drawn_as = stand_in(resolved, state.ctx) if mine.draw_mode != "default" else ""
+        if drawn_as:
+            if mine.purpose in state.ctx.purposes:
+                group.leaves.append(replace(resolved, type_name=drawn_as))
+            continue
         note_prim(resolved, kind, state.ctx)
         note_bindings(prim, resolved.path, names, state.ctx)
         if type_name == "PointInstancer":
             _expand_points(state, group, resolved)
             continue
+        if type_name == "Points" and mine.purpose in state.ctx.purposes:
+            _place_spheres(state, group, resolved)
         if kind and mine.purpose in state.ctx.purposes:  # also an instance may itself be a shape
             group.leaves.append(resolved)
         if prim.IsInstance():
@@ -97,6 +107,15 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
         elif type_name not in _CLOSED:
             stack += [(child, to_group, mine) for child in reversed(prim.GetFilteredChildren(drawn))]
     _expand_native(state, group, native)
+
+
+def _local(state: _Walk, prim: Usd.Prim, names: frozenset[str]) -> tuple[Gf.Matrix4d, bool]:
+    """The prim's own transform; none where its operations are not what USD can read."""
+    try:
+        return local_matrix(prim, names, state.ctx.when, state.cache)
+    except Tf.ErrorException as error:
+        state.ctx.warn("wrong-type", state.ctx.shown(str(prim.GetPath())), f"No transform is used: {tf_message(error)}")
+        return Gf.Matrix4d(1.0), False
 
 
 def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[ResolvedPrim]) -> None:
@@ -131,6 +150,19 @@ def _expand_points(state: _Walk, group: Group[ResolvedPrim], instancer: Resolved
         if root.IsInstanceProxy():
             root = root.GetPrimInPrototype()
         group.instances.append((state.group(root, handed), instances))
+
+
+def _place_spheres(state: _Walk, group: Group[ResolvedPrim], points: ResolvedPrim) -> None:
+    """Each colour's sphere is a group of its own: one leaf, many places."""
+    to_group = matrix(points.gf_matrix)
+    names = points.names - {"primvars:displayColor"}
+    for color, matrices in spheres(points, state.ctx):
+        inherited = points.inherited if color is None else replace(points.inherited, color=color)
+        leaf = replace(points, type_name=POINT, names=names, gf_matrix=Gf.Matrix4d(1.0), inherited=inherited)
+        placed = to_group[:3, :3] @ matrices
+        placed[:, :, 3] += to_group[:3, 3]
+        group.instances.append((len(state.groups), MatrixInstances(placed)))
+        state.groups.append(Group(points.path, [leaf]))
 
 
 def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, per_instance: list[str], ctx: Context) -> Inherited:
