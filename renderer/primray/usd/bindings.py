@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pxr import Usd, UsdShade
+from pxr import Sdf, Tf, Usd, UsdShade
 
 from .context import Context
+from .stage import tf_message
 
 BINDING = "material:binding"
 
@@ -26,13 +27,20 @@ def note_bindings(prim: Usd.Prim, path: str, names: frozenset[str], ctx: Context
     for name in names:
         if not name.startswith(BINDING):
             continue
-        targets = [target for target in prim.GetRelationship(name).GetForwardedTargets() if target.IsPrimPath()]
-        for target in targets:
+        for target in _targets(prim, path, name, ctx):
             found = ctx.stage.GetPrimAtPath(target)
             if not found:
                 ctx.warn("binding-missing", path, f"{name} leads to {ctx.shown(str(target))}, which does not exist.")
             elif not found.IsA(UsdShade.Material) and not _is_collection(name):
                 ctx.warn("binding-missing", path, f"{name} leads to {ctx.shown(str(target))}, which is no Material.")
+
+
+def _targets(prim: Usd.Prim, path: str, name: str, ctx: Context) -> list[Sdf.Path]:
+    try:
+        return [target for target in prim.GetRelationship(name).GetForwardedTargets() if target.IsPrimPath()]
+    except Tf.ErrorException as error:
+        ctx.warn("wrong-type", path, f"{name} is no relationship that can be followed: {tf_message(error)}")
+        return []
 
 
 def _is_collection(name: str) -> bool:
