@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import SettingsError
-from ..settings import RenderSettings
+from ..settings import DEFAULT_DICING_RATE, RenderSettings
 from . import options
 from .frames import parse_frames
 
@@ -28,6 +28,7 @@ def inspect(
     ] = None,
     no_default_light: options.NoDefaultLight = False,
     purposes: options.Purposes = None,
+    dicing_rate: options.DicingRate = DEFAULT_DICING_RATE,
     json: options.Json = False,
     verbose: options.Verbose = False,
 ) -> None:
@@ -47,6 +48,7 @@ def inspect(
         time_code=time_codes[0],
         default_light=not no_default_light,
         purposes=options.purposes_of(purposes),
+        dicing_rate=dicing_rate,
     )
     diagnostics = Diagnostics()
     stage = usd.open_stage(scene, diagnostics)
@@ -58,7 +60,7 @@ def inspect(
         "cameras": camera_paths(stage),
         "camera": camera_facts(description),
         "lights": light_facts(description),
-        "counts": counts(summary(description)),
+        "counts": counts(summary(description, settings.dicing_rate)),
         "diagnostics": [diagnostic.as_json() for diagnostic in diagnostics],
     }
     if json:

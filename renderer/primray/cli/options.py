@@ -26,6 +26,9 @@ NoDefaultLight = Annotated[bool, typer.Option("--no-default-light", help="Leave 
 Purposes = Annotated[
     str | None, typer.Option("--purposes", metavar="LIST", help="Such as default,render,proxy.", show_default="the stage's")
 ]
+DicingRate = Annotated[
+    float, typer.Option("--dicing-rate", metavar="PIXELS", help="Longest edges of subdivision surfaces on the picture.")
+]
 Json = Annotated[bool, typer.Option("--json", help="JSON lines on stdout.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-V", help="Every diagnostic and prim; tracebacks of errors.")]
 

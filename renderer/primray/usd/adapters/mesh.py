@@ -10,15 +10,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...description import Floats, Ints, Mesh
+from ...description import Floats, Ints, Mesh, SubdivisionMesh
 from ..context import Context
 from ..normals import read_normals, shading_normals
-from ..notes import note_velocities
 from ..primvars import Sizes, is_per_point, per_corner, read_primvar
 from ..read import array, read, token
 from ..resolve import ResolvedPrim
 from ..seam_mesh import Values, keep_triangles, seam_mesh
+from ..topology import read_topology, usable_faces, without_holes
 from ..triangulate import Triangles, flipped, triangulate
+from .cage import cage
 from .surface import Appearance, appearance_of, is_hidden, surface_of
 
 
@@ -32,7 +33,9 @@ class Geometry:
     sizes: Sizes
 
 
-def mesh(prim: ResolvedPrim, ctx: Context) -> Mesh | None:
+def mesh(prim: ResolvedPrim, ctx: Context) -> Mesh | SubdivisionMesh | None:
+    if token(prim.prim, "subdivisionScheme", ctx.when, "catmullClark") != "none":
+        return cage(prim, ctx)
     geometry = ctx.shared_geometry.get(prim.path) or _geometry(prim, ctx)
     if geometry is None:
         return None
@@ -55,29 +58,11 @@ def _shape(prim: ResolvedPrim, geometry: Geometry, appearance: Appearance, ctx: 
 
 
 def _geometry(prim: ResolvedPrim, ctx: Context) -> Geometry | None:
-    counts = array(read(prim.prim, "faceVertexCounts", ctx.when), 1, "i")
-    indices = array(read(prim.prim, "faceVertexIndices", ctx.when), 1, "i")
-    raw_points = read(prim.prim, "points", ctx.when)
-    points = array(raw_points, 3, "f")
-    if counts is None and indices is None and raw_points is None:
-        ctx.warn("invalid-mesh", prim.path, "The mesh has no points and no faces.")
+    topology = read_topology(prim, ctx)
+    if topology is None:
         return None
-    if counts is None or indices is None or points is None:
-        bad = [n for n, v in (("faceVertexCounts", counts), ("faceVertexIndices", indices), ("points", points)) if v is None]
-        ctx.warn("invalid-mesh", prim.path, f"{', '.join(bad)}: missing, or of the wrong type.")
-        return None
-    if len(counts) == 0:
-        return None
-    if counts.min() < 0 or int(counts.sum(dtype=np.int64)) != len(indices):
-        ctx.warn(
-            "invalid-mesh",
-            prim.path,
-            f"faceVertexCounts sum to {int(counts.sum(dtype=np.int64))}, but there are {len(indices)} faceVertexIndices.",
-        )
-        return None
-    note_velocities(prim, "points", ctx)
-    points = points.astype(np.float32)
-    keep = _usable_faces(prim, points, counts, indices, ctx)
+    points, counts, indices = topology
+    keep = without_holes(usable_faces(prim, points, counts, indices, ctx), prim, len(counts), ctx)
     triangles = triangulate(points, counts, indices, keep)
     sizes = Sizes(len(counts), len(points), len(indices))
     _note_degenerate(prim, keep, sizes.faces, triangles, counts, ctx)
@@ -86,44 +71,6 @@ def _geometry(prim: ResolvedPrim, ctx: Context) -> Geometry | None:
     if "orientation" in prim.names and token(prim.prim, "orientation", ctx.when, "rightHanded") == "leftHanded":
         triangles = flipped(triangles)
     return Geometry(points, triangles, _normals(prim, points, triangles, sizes, ctx), sizes)
-
-
-def _usable_faces(
-    prim: ResolvedPrim, points: Floats, counts: Ints, indices: Ints, ctx: Context
-) -> npt.NDArray[np.bool_] | None:
-    """The faces that can be rendered; None for all of them."""
-    bad_corner = (indices < 0) | (indices >= len(points))
-    reasons = ["indices out of range"] if bad_corner.any() else []
-    finite = np.asarray(np.isfinite(points).all(axis=1))
-    if not finite.all() and len(points):
-        bad_corner |= ~finite[np.clip(indices, 0, len(points) - 1)]
-        reasons.append("points that are not finite")
-        points[~finite] = 0.0  # belongs to no face that is kept
-    too_small = counts < 3
-    if too_small.any():
-        reasons.append("fewer than 3 vertices")
-    holes = _holes(prim, len(counts), ctx)
-    if not reasons and holes is None:
-        return None
-    keep = ~too_small
-    keep[np.repeat(np.arange(len(counts)), counts)[bad_corner]] = False
-    if not keep.all() and reasons:
-        ctx.warn("faces-dropped", prim.path, f"{int((~keep).sum())} of {len(counts)} faces: {', '.join(reasons)}.")
-    if holes is not None:
-        keep[holes] = False
-    return keep
-
-
-def _holes(prim: ResolvedPrim, faces: int, ctx: Context) -> Ints | None:
-    if "holeIndices" not in prim.names:
-        return None
-    holes = array(read(prim.prim, "holeIndices", ctx.when), 1, "i")
-    if holes is None or len(holes) == 0:
-        return None
-    inside = holes[(holes >= 0) & (holes < faces)]
-    if len(inside) < len(holes):
-        ctx.warn("invalid-primvar", prim.path, f"holeIndices has indices outside the {faces} faces.")
-    return inside
 
 
 def _note_degenerate(
@@ -144,11 +91,7 @@ def _note_degenerate(
 
 
 def _normals(prim: ResolvedPrim, points: Floats, triangles: Triangles, sizes: Sizes, ctx: Context) -> Values | None:
-    """None where the mesh is to look faceted: polygonal without normals, or a cage (whose authored normals do not count)."""
-    scheme = token(prim.prim, "subdivisionScheme", ctx.when, "catmullClark")
-    if scheme != "none":
-        ctx.warn("subdivision-cage", prim.path, f"subdivisionScheme = {scheme}.")
-        return None
+    """None where the mesh is to look faceted: polygonal without normals."""
     normals = read_normals(prim, sizes, ctx)
     return None if normals is None else shading_normals(normals, points, triangles)
 
