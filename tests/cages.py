@@ -1,4 +1,4 @@
-"""Small subdivision cages, diced by the core, and a ring refined by the schemes' rules in plain numpy: the limit tests' oracle."""
+"""Small subdivision cages, diced by the core, and a ring refined by the schemes' rules in plain numpy as an oracle."""
 
 from __future__ import annotations
 

@@ -46,21 +46,29 @@ void set_faces(Topology& t, const CageInput& in) {
   t.first.push_back(int32_t(t.face.size()));
 }
 
-// Edges and twins; the number of edges that more than two faces have, or two in the same direction.
+// Edges, in the order of their first half-edges, and twins; the number of edges that more than two faces have, or two in the
+// same direction.
 int set_edges(Topology& t, const EdgeIndex& index, int vertices) {
   t.twin.assign(t.corners(), -1), t.edge.assign(t.corners(), -1);
+  std::vector<int32_t> first(t.corners());  // of each corner: the first half-edge of its edge
   int non_manifold = 0;
   for (int v = 0; v < vertices; ++v) {
     const auto entries = index.of(v);
     for (size_t i = 0, k; i < entries.size(); i = k) {
-      for (k = i; k < entries.size() && entries[k].other == entries[i].other; ++k) t.edge[entries[k].corner] = t.edges();
+      for (k = i; k < entries.size() && entries[k].other == entries[i].other; ++k) first[entries[k].corner] = entries[i].corner;
       const int a = entries[i].corner, b = entries[k - 1].corner;
       const bool joined = k - i == 2 && t.vertex[a] != t.vertex[b];
       if (joined) t.twin[a] = b, t.twin[b] = a;
       non_manifold += !joined && k - i > 1;
-      t.edge_corner.push_back(a);
-      t.edge_sharpness.push_back(joined ? 0 : kInfinite);
     }
+  }
+  for (int c = 0; c < t.corners(); ++c) {
+    if (first[c] == c) {
+      t.edge[c] = t.edges();
+      t.edge_corner.push_back(c);
+      t.edge_sharpness.push_back(t.twin[c] >= 0 ? 0 : kInfinite);
+    }
+    t.edge[c] = t.edge[first[c]];
   }
   return non_manifold;
 }
