@@ -88,13 +88,19 @@ class Dicer {
     if (!level.corner_normal.empty())
       for (int c = 0; c < t.corners(); ++c)
         if (is_new[t.vertex[c]] && level.corner_normal[c] < 0) add_corner_normals(level, c);
-    for (size_t k = 0; k < level.values.size(); ++k) {
-      Layer& layer = level.values[k];
-      for (int c = 0; c < t.corners(); ++c)
-        if (const int v = layer.topology.vertex[c]; is_new[t.vertex[c]] && layer.output[v] < 0)
-          layer.output[v] = add_value(layer.topology, v, face_varying_[k], in_.face_varying[k].width,
-                                      linear_ || in_.rule == LinearRule::kAll, out_.face_varying[k]);
-    }
+    for (size_t k = 0; k < level.values.size(); ++k) add_new_values(level, int(k), is_new);
+  }
+
+  void add_new_values(Level& level, int channel, const std::vector<uint8_t>& is_new) {
+    Layer& layer = level.values[channel];
+    const bool linear = linear_ || in_.rule == LinearRule::kAll;
+    std::vector<uint8_t> wanted(layer.topology.vertices(), 0);
+    for (int c = 0; c < layer.topology.corners(); ++c)
+      if (is_new[level.surface.topology.vertex[c]]) wanted[layer.topology.vertex[c]] = 1;
+    for (int v = 0; v < layer.topology.vertices(); ++v)
+      if (wanted[v] && layer.output[v] < 0)
+        layer.output[v] = add_value(layer.topology, v, face_varying_[channel], in_.face_varying[channel].width, linear,
+                                    out_.face_varying[channel]);
   }
 
   void add_vertex(Level& level, int v) {
