@@ -28,7 +28,7 @@ def describe(description: SceneDescription, diagnostics: Iterable[Diagnostic], r
 
 def _plain(value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        kind = {"kind": type(value).__name__} if type(value).__name__ in ("Mesh", "Sphere") else {}
+        kind = {"kind": type(value).__name__} if type(value).__name__ in ("Mesh", "SubdivisionMesh", "Sphere") else {}
         return kind | {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
     if isinstance(value, Enum):
         return value.value

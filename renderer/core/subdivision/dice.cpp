@@ -83,6 +83,9 @@ class Dicer {
     for (int f = 0; f < t.faces(); ++f)
       for (int c = t.begin(f), end = c + t.size(f); level.is_active[f] && c < end; ++c)
         is_new[t.vertex[c]] = level.surface.output[t.vertex[c]] < 0;
+    const size_t more = size_t(std::count(is_new.begin(), is_new.end(), 1));
+    out_.points.reserve(out_.points.size() + 3 * more);
+    if (level.corner_normal.empty()) out_.normals.reserve(out_.normals.size() + 3 * more);
     for (int v = 0; v < t.vertices(); ++v)
       if (is_new[v]) add_vertex(level, v);
     if (!level.corner_normal.empty())

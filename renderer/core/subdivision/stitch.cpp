@@ -17,10 +17,11 @@ class Stitcher {
   }
 
   Triangles run() {
+    reserve();
     for (size_t l = 0; l < levels_.size(); ++l) {
       const Level& level = levels_[l];
       for (int f = 0; f < level.surface.topology.faces(); ++f) {
-        if (!level.is_active[f] || (!level.is_refined.empty() && level.is_refined[f])) continue;
+        if (!level.is_active[f] || level.is_refined[f]) continue;
         cage_face_ = level.cage_face[f];
         draw(int(l), level.surface.topology, f);
       }
@@ -29,6 +30,17 @@ class Stitcher {
   }
 
  private:
+  // Room for faces that have no finer neighbour.
+  void reserve() {
+    size_t n = 0;
+    for (const Level& level : levels_)
+      for (int f = 0; f < level.surface.topology.faces(); ++f)
+        if (level.is_active[f] && !level.is_refined[f]) n += level.surface.topology.size(f) - 2;
+    out_.points.reserve(3 * n), out_.faces.reserve(n);
+    if (!levels_[0].corner_normal.empty()) out_.normals.reserve(3 * n);
+    for (std::vector<int32_t>& ids : out_.values) ids.reserve(3 * n);
+  }
+
   void draw(int l, const Topology& t, int f) {
     const int b = t.begin(f);
     const Place p[4] = {{l, b}, {l, b + 1}, {l, b + 2}, {l, b + 3}};
