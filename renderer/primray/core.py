@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 import numpy as np
 import numpy.typing as npt
 
+from . import dice as dicing
 from . import errors
 from .description import SceneDescription
 from .pixel_filter import inverse_cdf
@@ -170,6 +171,14 @@ def _raise(error: Exception) -> NoReturn:
     if code == "settings-error":
         raise errors.SettingsError(message) from error
     raise errors.InternalError(message, code=code) from error
+
+
+def dice(description: SceneDescription, settings: RenderSettings) -> tuple[SceneDescription, dicing.Warnings]:
+    """The description with triangles for subdivision cages, and what is coarser or sharper than the stage says."""
+    try:
+        return dicing.dice(module(), description, dicing.dicing_of(settings), threads(settings))
+    except module().CoreError as error:
+        _raise(error)
 
 
 def build(description: SceneDescription, textures: Textures, settings: RenderSettings) -> CoreScene:

@@ -70,7 +70,13 @@ CODES: dict[str, Code] = {
     ),
     "faces-degenerate": Code(Severity.INFO, "Faces without area were left out; the picture is the same without them."),
     "invalid-primvar": Code(Severity.WARNING, "A primvar or normals with the wrong number of values or bad indices: ignored."),
-    "subdivision-cage": Code(Severity.WARNING, "Subdivision is not supported: the control cage is rendered, flat."),
+    "subdivision-data": Code(
+        Severity.WARNING, "Creases, corners or rules of a subdivision cage that do not fit it: ignored, or a default is used."
+    ),
+    "cage-topology": Code(
+        Severity.WARNING, "A subdivision cage that is not a surface with two sides everywhere: the edges in question are sharp."
+    ),
+    "dicing-limited": Code(Severity.WARNING, "Subdivision surfaces are coarser than asked for: a limit was reached."),
     "tessellated": Code(Severity.INFO, "An implicit shape is rendered as a fine mesh."),
     "subset-ignored": Code(
         Severity.WARNING,

@@ -88,7 +88,11 @@ def _render_one(
         description, textures = load_textures(description, diagnostics, usd.read_asset)
         if settings.strict:
             diagnostics.raise_if_strict()
-    check_memory(description, settings.max_memory_bytes)
+    check_memory(description, settings)
+    with costs.stage("dice"):
+        description, limits = core.dice(description, settings)
+    for code, path, message in limits:
+        diagnostics.add(code, path, message)
 
     settings = resolve_settings(settings, description)
     with costs.stage("build"):
@@ -139,13 +143,14 @@ def load_textures(
     return replace(description, lights=lights), textures
 
 
-def check_memory(description: SceneDescription, limit_bytes: int | None) -> None:
-    """LimitError if the scene is estimated to need more than `limit_bytes`, before anything of it is built."""
+def check_memory(description: SceneDescription, settings: RenderSettings) -> None:
+    """LimitError if the scene is estimated to need more memory than is allowed, before anything of it is built."""
+    limit_bytes = settings.max_memory_bytes
     if limit_bytes is None:
         return
     from .summary import summary
 
-    needed = summary(description).memory_bytes
+    needed = summary(description, settings.dicing_rate).memory_bytes
     if needed > limit_bytes:
         sentence = f"the scene needs about {needed / 2**20:.0f} MiB, {limit_bytes / 2**20:.0f} MiB are allowed"
         raise LimitError(sentence, code="memory-limit")

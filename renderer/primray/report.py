@@ -18,7 +18,7 @@ from .settings import DEFAULT_FILTER_WIDTH, RenderSettings
 if TYPE_CHECKING:
     from .description import SceneDescription
 
-STAGES = ("open", "translate", "build", "render", "write")
+STAGES = ("open", "translate", "dice", "build", "render", "write")
 
 
 @dataclass

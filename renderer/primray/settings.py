@@ -20,6 +20,9 @@ class Filter(Enum):
 DEFAULT_FILTER_WIDTH = {Filter.BOX: 1.0, Filter.GAUSSIAN: 3.0, Filter.BLACKMAN_HARRIS: 3.0}
 
 
+# Pixels that an edge of a diced subdivision surface may cover.
+DEFAULT_DICING_RATE = 4.0
+
 PURPOSES = ("default", "render", "proxy", "guide")  # UsdGeomImageable's
 
 # Beyond these a request is a mistake or an attack, not a picture.
@@ -43,6 +46,7 @@ class RenderSettings:
     purposes: tuple[str, ...] | None = None  # None: RenderSettings' includedPurposes, else default and render
     strict: bool = False
     max_memory_bytes: int | None = None
+    dicing_rate: float = DEFAULT_DICING_RATE  # pixels: the longest that edges of subdivision surfaces may be
     # How the stage is composed; meaning as in Composition. All frames of one command share it.
     variants: tuple[str, ...] = ()
     load: tuple[str, ...] | None = None
@@ -79,6 +83,8 @@ class RenderSettings:
         )
         memory = self.max_memory_bytes
         _require(memory is None or memory > 0, f"the memory limit must be above 0 bytes, not {memory}")
+        rate = self.dicing_rate
+        _require(math.isfinite(rate) and rate > 0, f"the dicing rate must be a number of pixels above 0, not {rate}")
         unknown = sorted(set(self.purposes or ()) - set(PURPOSES))
         _require(not unknown, f"no purpose {', '.join(unknown)}; there are {', '.join(PURPOSES)}")
         _require(self.purposes != (), "at least one purpose must be rendered")

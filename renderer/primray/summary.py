@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from .description import Mesh, Placement, SceneDescription, Shape
+from .description import Mesh, Placement, SceneDescription, Shape, Sphere, SubdivisionMesh
+from .footprint import Footprint, estimated_triangles, footprints
+from .settings import DEFAULT_DICING_RATE
 
 # Estimates. Embree 4's BVH8 over triangles: measured 90 to 120 bytes a triangle with the robust flag.
 BVH_BYTES_PER_TRIANGLE = 100
+DICED_BYTES_PER_TRIANGLE = 24  # half a vertex with its normal, and three indices
 INSTANCE_BYTES = 168  # Embree's INSTANCE_ARRAY, from 10 million instances in 1.2 GB, and the core's matrix
 
 
@@ -26,6 +29,7 @@ class Summary:
     lights: tuple[LightSummary, ...]
     surfaces: int
     meshes: int
+    cages: int  # subdivision surfaces, whose triangles are estimated
     spheres: int
     triangles_unique: int  # stored
     triangles_instanced: int  # as seen, each instance counted
@@ -38,15 +42,17 @@ class Summary:
         return asdict(self)
 
 
-def summary(description: SceneDescription) -> Summary:
-    """Counts of a description."""
+def summary(description: SceneDescription, dicing_rate: float = DEFAULT_DICING_RATE) -> Summary:
+    """Counts of a description, its cages as diced to edges of so many pixels."""
     shapes = description.shapes
-    count = [len(s.triangles) if isinstance(s, Mesh) else 0 for s in shapes]
+    prints = footprints(description)
+    count = [_triangles(s, prints.get(k), dicing_rate) for k, s in enumerate(shapes)]
     seen = [0] * len(shapes)
     for placed in description.static:
         seen[placed.shape] += 1
     _count_instances(description, description.placements, 1, seen)
-    is_mesh = [isinstance(s, Mesh) for s in shapes]
+    is_sphere = [isinstance(s, Sphere) for s in shapes]
+    is_cage = [isinstance(s, SubdivisionMesh) for s in shapes]
     instances, stored, arrays = _instances(description)
     triangles = sum(count)
     return Summary(
@@ -54,14 +60,19 @@ def summary(description: SceneDescription) -> Summary:
         resolution=description.resolution,
         lights=tuple(LightSummary(light.path, light.type.value, light.emission) for light in description.lights),
         surfaces=len(description.surfaces),
-        meshes=sum(is_mesh),
-        spheres=len(shapes) - sum(is_mesh),
+        meshes=len(shapes) - sum(is_sphere) - sum(is_cage),
+        cages=sum(is_cage),
+        spheres=sum(is_sphere),
         triangles_unique=triangles,
         triangles_instanced=sum(n * k for n, k in zip(count, seen, strict=True)),
-        spheres_instanced=sum(k for k, mesh in zip(seen, is_mesh, strict=True) if not mesh),
+        spheres_instanced=sum(k for k, sphere in zip(seen, is_sphere, strict=True) if sphere),
         prototypes=len(description.prototypes),
         instances=instances,
-        memory_bytes=_array_bytes(shapes) + triangles * BVH_BYTES_PER_TRIANGLE + stored * INSTANCE_BYTES + arrays,
+        memory_bytes=_array_bytes(shapes)
+        + triangles * BVH_BYTES_PER_TRIANGLE
+        + sum(n for n, cage in zip(count, is_cage, strict=True) if cage) * DICED_BYTES_PER_TRIANGLE
+        + stored * INSTANCE_BYTES
+        + arrays,
     )
 
 
@@ -86,6 +97,12 @@ def _instances(d: SceneDescription) -> tuple[int, int, int]:
 def counts(summed: Summary) -> dict[str, int]:
     """The numbers of a Summary."""
     return {name: value for name, value in asdict(summed).items() if isinstance(value, int)}
+
+
+def _triangles(shape: Shape, footprint: Footprint | None, dicing_rate: float) -> int:
+    if isinstance(shape, SubdivisionMesh) and footprint is not None:
+        return estimated_triangles(shape, footprint, dicing_rate)
+    return len(shape.triangles) if isinstance(shape, Mesh) else 0
 
 
 def _array_bytes(shapes: tuple[Shape, ...]) -> int:

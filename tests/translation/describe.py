@@ -31,7 +31,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, TextureInput | PrimvarInput):
         return _input(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        kind = {"kind": type(value).__name__} if type(value).__name__ in ("Mesh", "Sphere") else {}
+        kind = {"kind": type(value).__name__} if type(value).__name__ in ("Mesh", "SubdivisionMesh", "Sphere") else {}
         shown = (f.name for f in dataclasses.fields(value) if f.name not in SPARSE or getattr(value, f.name))
         return kind | {name: _plain(getattr(value, name)) for name in shown}
     if isinstance(value, Enum):

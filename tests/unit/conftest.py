@@ -38,6 +38,7 @@ class FakePipeline:
     description: SceneDescription = field(default_factory=make_description)
     opening: list[tuple[str, str, str]] = field(default_factory=list)  # what opening says
     diagnostics: list[tuple[str, str, str]] = field(default_factory=list)  # what translating says
+    dicing: list[tuple[str, str, str]] = field(default_factory=list)  # what dicing says
     building: list[tuple[str, str, str]] = field(default_factory=list)  # what building says
     memory_bytes: int = 2**20
     interrupt: bool = False
@@ -114,13 +115,14 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
     )
     install(
         "core",
+        dice=lambda description, settings: (description, fake.dicing),
         build=fake.build,
         render=fake.render,
         isa=lambda: "v4",
         lanes=lambda: 16,
         versions=lambda: {"embree": "4.4.0"},
     )
-    install("summary", summary=lambda description: _Summary(fake.memory_bytes), counts=asdict)
+    install("summary", summary=lambda description, dicing_rate: _Summary(fake.memory_bytes), counts=asdict)
     return fake
 
 

@@ -60,7 +60,7 @@ def test_the_report(pipeline: FakePipeline) -> None:
     image = render("a.usda", RenderSettings(spp=4, filter=Filter.BOX))
     report = image.report
     assert set(report) == REPORT_KEYS
-    assert list(report["stages_s"]) == ["open", "translate", "build", "render", "write"]
+    assert list(report["stages_s"]) == ["open", "translate", "dice", "build", "render", "write"]
     assert report["pixels_sha256"] == pixels_sha256(image.pixels)
     assert report["samples"] == 8 * 4 * 4
     assert report["samples_per_pixel"] == [4, 4]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pxr import Usd
 
+from primray import core
 from primray.settings import RenderSettings
 from primray.summary import summary
 from primray.usd import translate
@@ -41,3 +42,26 @@ def test_counts_unique_and_instanced() -> None:
     assert [light.type for light in found.lights] == ["dome"]
     assert found.memory_bytes > 24 * 100 + 3 * 216
     assert found.as_json()["lights"][0]["path"] == "primray:default-light"
+
+
+CAGE = """#usda 1.0
+def Mesh "cage"
+{
+    int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
+    int[] faceVertexIndices = [0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3]
+    point3f[] points = [(-1,-1,-1), (-1,-1,1), (-1,1,-1), (-1,1,1), (1,-1,-1), (1,-1,1), (1,1,-1), (1,1,1)]
+}
+"""
+
+
+def test_triangles_of_cages_are_estimated() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    stage.GetRootLayer().ImportFromString(CAGE)
+    description, _ = translate(stage, RenderSettings(resolution=(200, 200)))
+    found = summary(description, 4.0)
+    assert (found.meshes, found.cages, found.spheres) == (0, 1, 0)
+    diced, warnings = core.dice(description, RenderSettings(resolution=(200, 200), dicing_rate=4.0))
+    triangles = summary(diced).triangles_unique
+    assert triangles / 6 < found.triangles_unique < 6 * triangles  # to a level or so
+    assert warnings == []
+    assert summary(description, 16.0).triangles_unique < found.triangles_unique

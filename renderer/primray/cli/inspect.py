@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import SettingsError
-from ..settings import RenderSettings
+from ..settings import DEFAULT_DICING_RATE, RenderSettings
 from . import options
 from .frames import parse_frames
 
@@ -32,6 +32,7 @@ def inspect(
     load: options.Load = None,
     mask: options.Mask = None,
     session_layer: options.SessionLayer = None,
+    dicing_rate: options.DicingRate = DEFAULT_DICING_RATE,
     json: options.Json = False,
     verbose: options.Verbose = False,
 ) -> None:
@@ -55,6 +56,7 @@ def inspect(
         load=options.load_of(no_payloads, load),
         mask=options.mask_of(mask),
         session_layer=session_layer,
+        dicing_rate=dicing_rate,
     )
     diagnostics = Diagnostics()
     stage = usd.open_stage(scene, diagnostics, settings.composition)
@@ -66,7 +68,7 @@ def inspect(
         "cameras": camera_paths(stage),
         "camera": camera_facts(description),
         "lights": light_facts(description),
-        "counts": counts(summary(description)),
+        "counts": counts(summary(description, settings.dicing_rate)),
         "diagnostics": [diagnostic.as_json() for diagnostic in diagnostics],
     }
     if json:

@@ -48,6 +48,9 @@ SessionLayer = Annotated[
     str | None,
     typer.Option("--session-layer", "--sessionLayer", metavar="FILE", help="Opinions over the stage's.", show_default=False),
 ]
+DicingRate = Annotated[
+    float, typer.Option("--dicing-rate", metavar="PIXELS", help="Longest edges of subdivision surfaces on the picture.")
+]
 Json = Annotated[bool, typer.Option("--json", help="JSON lines on stdout.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-V", help="Every diagnostic and prim; tracebacks of errors.")]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import SettingsError
-from ..settings import Filter, RenderSettings
+from ..settings import DEFAULT_DICING_RATE, Filter, RenderSettings
 from . import options
 from .frames import check_names, name_of_frame, parse_frames
 
@@ -52,6 +52,7 @@ def render(
     max_memory: Annotated[
         str | None, typer.Option(metavar="SIZE", help="Refuse larger scenes: 4G, 500M.", show_default="no limit")
     ] = None,
+    dicing_rate: options.DicingRate = DEFAULT_DICING_RATE,
     report: Annotated[str | None, typer.Option(metavar="FILE", help="Write the report as JSON.", show_default=False)] = None,
     json: options.Json = False,
     no_default_light: options.NoDefaultLight = False,
@@ -87,6 +88,7 @@ def render(
             session_layer=session_layer,
             strict=strict,
             max_memory_bytes=options.bytes_of(max_memory),
+            dicing_rate=dicing_rate,
         )
         for time_code in shots
     ]

@@ -16,18 +16,11 @@ from ..description import Primvar as SeamPrimvar
 from .context import Context
 from .primvars import Primvar, Sizes, finite, is_per_point, per_corner, read_raw_primvar
 from .resolve import ResolvedPrim
+from .subdivision import Cage, on_cage
 from .triangulate import Triangles
 
 NO_SIZES = Sizes(0, 0, 0)  # of shapes that take constant primvars only
 TANGENT_ST = "st"  # spans the tangents of a normal that no texture gives
-# As a cage has them: subdivision knows all of USD's interpolations.
-_OF_A_CAGE = {
-    "constant": Interpolation.CONSTANT,
-    "uniform": Interpolation.FACE,
-    "vertex": Interpolation.POINT,
-    "varying": Interpolation.VARYING,
-    "faceVarying": Interpolation.CORNER,
-}
 
 
 def names_read(surfaces: Iterable[Surface]) -> dict[str, int]:
@@ -54,9 +47,9 @@ def mesh_primvars(
     return tuple(_on_triangles(name, found, triangles) for name, found in _read(prim, surfaces, sizes, ctx))
 
 
-def cage_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], sizes: Sizes, ctx: Context) -> tuple[SeamPrimvar, ...]:
-    """Per face, point or corner of the mesh as authored; corners keep their indices, which say what is one point."""
-    return tuple(_on_cage(name, found) for name, found in _read(prim, surfaces, sizes, ctx))
+def cage_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], cage: Cage, ctx: Context) -> tuple[SeamPrimvar, ...]:
+    """Per face, point or corner, as a SubdivisionMesh has them."""
+    return tuple(on_cage(name, found, cage) for name, found in _read(prim, surfaces, cage.sizes, ctx))
 
 
 def constant_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], ctx: Context) -> tuple[SeamPrimvar, ...]:
@@ -108,14 +101,6 @@ def _on_triangles(name: str, primvar: Primvar, triangles: Triangles) -> SeamPrim
     if is_per_point(primvar):
         return SeamPrimvar(name, Interpolation.POINT, primvar.flat())
     return SeamPrimvar(name, Interpolation.CORNER, per_corner(primvar, triangles))
-
-
-def _on_cage(name: str, primvar: Primvar) -> SeamPrimvar:
-    interpolation = _OF_A_CAGE.get(primvar.interpolation, Interpolation.CORNER)
-    if interpolation is Interpolation.CORNER:
-        indices = None if primvar.indices is None else primvar.indices.astype(np.int32)
-        return SeamPrimvar(name, interpolation, primvar.values, indices)
-    return SeamPrimvar(name, interpolation, primvar.flat())
 
 
 def moved(primvars: tuple[SeamPrimvar, ...], keep: npt.NDArray[np.bool_]) -> tuple[SeamPrimvar, ...]:

@@ -57,6 +57,7 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
         "resolution": [16, 8],
         "time_code": 3.0,
         "spp": 5,
+        "dicing_rate": 4.0,
         "max_depth": 2,
         "filter": "gaussian",
         "filter_width": 2.5,

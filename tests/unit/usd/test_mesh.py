@@ -76,14 +76,6 @@ def test_face_varying_normals_follow_corners() -> None:
     assert np.allclose(np.linalg.norm(shape.normals, axis=1), 1)
 
 
-def test_cages_are_flat() -> None:
-    text = QUADS.replace('"none"', '"catmullClark"').replace("BODY", "normal3f[] normals = [(1, 0, 0)]").replace("EXTRA", "")
-    description, found = translate_text(text)
-    assert description.shapes[0].normals is None  # type: ignore[union-attr]
-    assert ("subdivision-cage", "/mesh") in found
-    assert ("invalid-primvar", "/mesh") not in found  # authored normals do not count here
-
-
 @pytest.mark.parametrize(
     ("interpolation", "values", "expected"),
     [

@@ -10,17 +10,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from ...description import Floats, Ints, Mesh
+from ...description import Floats, Ints, Mesh, SubdivisionMesh
 from ..context import Context
 from ..normals import read_normals, shading_normals
-from ..notes import note_velocities
 from ..primvars import Sizes, is_per_point, per_corner, read_primvar
-from ..read import array, read, token
+from ..read import token
 from ..resolve import ResolvedPrim
 from ..seam_mesh import Values, keep_triangles, seam_mesh
 from ..surface_primvars import mesh_primvars, moved
+from ..topology import read_topology, usable_faces, without_holes
 from ..triangulate import Triangles, flipped, triangulate
-from .surface import FALLBACK_COLOR, Appearance, appearance_of, is_hidden, make_surface
+from .cage import cage
+from .face_parts import FaceParts, face_parts
+from .surface import FALLBACK_COLOR, Appearance, is_hidden, make_surface
 
 
 @dataclass(frozen=True)
@@ -33,16 +35,18 @@ class Geometry:
     sizes: Sizes
 
 
-def mesh(prim: ResolvedPrim, ctx: Context) -> Mesh | None:
+def mesh(prim: ResolvedPrim, ctx: Context) -> Mesh | SubdivisionMesh | None:
+    if token(prim.prim, "subdivisionScheme", ctx.when, "catmullClark") != "none":
+        return cage(prim, ctx)
     geometry = ctx.shared_geometry.get(prim.path) or _geometry(prim, ctx)
     if geometry is None:
         return None
     if prim.path in ctx.shares:
         ctx.shared_geometry[prim.path] = geometry
-    appearance = appearance_of(prim, prim.material, ctx)
+    parts = face_parts(prim, geometry.sizes.faces, ctx)
     if prim.subsets:
-        return _with_subsets(prim, geometry, appearance, ctx)
-    return _shape(prim, geometry, appearance, ctx)
+        return _with_subsets(prim, geometry, parts, ctx)
+    return _shape(prim, geometry, parts.appearances[0], ctx)
 
 
 def _shape(prim: ResolvedPrim, geometry: Geometry, appearance: Appearance, ctx: Context) -> Mesh | None:
@@ -64,29 +68,11 @@ def _shape(prim: ResolvedPrim, geometry: Geometry, appearance: Appearance, ctx: 
 
 
 def _geometry(prim: ResolvedPrim, ctx: Context) -> Geometry | None:
-    counts = array(read(prim.prim, "faceVertexCounts", ctx.when), 1, "i")
-    indices = array(read(prim.prim, "faceVertexIndices", ctx.when), 1, "i")
-    raw_points = read(prim.prim, "points", ctx.when)
-    points = array(raw_points, 3, "f")
-    if counts is None and indices is None and raw_points is None:
-        ctx.warn("invalid-mesh", prim.path, "The mesh has no points and no faces.")
+    topology = read_topology(prim, ctx)
+    if topology is None:
         return None
-    if counts is None or indices is None or points is None:
-        bad = [n for n, v in (("faceVertexCounts", counts), ("faceVertexIndices", indices), ("points", points)) if v is None]
-        ctx.warn("invalid-mesh", prim.path, f"{', '.join(bad)}: missing, or of the wrong type.")
-        return None
-    if len(counts) == 0:
-        return None
-    if counts.min() < 0 or int(counts.sum(dtype=np.int64)) != len(indices):
-        ctx.warn(
-            "invalid-mesh",
-            prim.path,
-            f"faceVertexCounts sum to {int(counts.sum(dtype=np.int64))}, but there are {len(indices)} faceVertexIndices.",
-        )
-        return None
-    note_velocities(prim, "points", ctx)
-    points = points.astype(np.float32)
-    keep = _usable_faces(prim, points, counts, indices, ctx)
+    points, counts, indices = topology
+    keep = without_holes(usable_faces(prim, points, counts, indices, ctx), prim, len(counts), ctx)
     triangles = triangulate(points, counts, indices, keep)
     sizes = Sizes(len(counts), len(points), len(indices))
     _note_degenerate(prim, keep, sizes.faces, triangles, counts, ctx)
@@ -95,44 +81,6 @@ def _geometry(prim: ResolvedPrim, ctx: Context) -> Geometry | None:
     if "orientation" in prim.names and token(prim.prim, "orientation", ctx.when, "rightHanded") == "leftHanded":
         triangles = flipped(triangles)
     return Geometry(points, triangles, _normals(prim, points, triangles, sizes, ctx), sizes)
-
-
-def _usable_faces(
-    prim: ResolvedPrim, points: Floats, counts: Ints, indices: Ints, ctx: Context
-) -> npt.NDArray[np.bool_] | None:
-    """The faces that can be rendered; None for all of them."""
-    bad_corner = (indices < 0) | (indices >= len(points))
-    reasons = ["indices out of range"] if bad_corner.any() else []
-    finite = np.asarray(np.isfinite(points).all(axis=1))
-    if not finite.all() and len(points):
-        bad_corner |= ~finite[np.clip(indices, 0, len(points) - 1)]
-        reasons.append("points that are not finite")
-        points[~finite] = 0.0  # belongs to no face that is kept
-    too_small = counts < 3
-    if too_small.any():
-        reasons.append("fewer than 3 vertices")
-    holes = _holes(prim, len(counts), ctx)
-    if not reasons and holes is None:
-        return None
-    keep = ~too_small
-    keep[np.repeat(np.arange(len(counts)), counts)[bad_corner]] = False
-    if not keep.all() and reasons:
-        ctx.warn("faces-dropped", prim.path, f"{int((~keep).sum())} of {len(counts)} faces: {', '.join(reasons)}.")
-    if holes is not None:
-        keep[holes] = False
-    return keep
-
-
-def _holes(prim: ResolvedPrim, faces: int, ctx: Context) -> Ints | None:
-    if "holeIndices" not in prim.names:
-        return None
-    holes = array(read(prim.prim, "holeIndices", ctx.when), 1, "i")
-    if holes is None or len(holes) == 0:
-        return None
-    inside = holes[(holes >= 0) & (holes < faces)]
-    if len(inside) < len(holes):
-        ctx.warn("invalid-primvar", prim.path, f"holeIndices has indices outside the {faces} faces.")
-    return inside
 
 
 def _note_degenerate(
@@ -153,11 +101,7 @@ def _note_degenerate(
 
 
 def _normals(prim: ResolvedPrim, points: Floats, triangles: Triangles, sizes: Sizes, ctx: Context) -> Values | None:
-    """None where the mesh is to look faceted: polygonal without normals, or a cage (whose authored normals do not count)."""
-    scheme = token(prim.prim, "subdivisionScheme", ctx.when, "catmullClark")
-    if scheme != "none":
-        ctx.warn("subdivision-cage", prim.path, f"subdivisionScheme = {scheme}.")
-        return None
+    """None where the mesh is to look faceted: polygonal without normals."""
     normals = read_normals(prim, sizes, ctx)
     return None if normals is None else shading_normals(normals, points, triangles)
 
@@ -173,24 +117,10 @@ def _colors(prim: ResolvedPrim, geometry: Geometry, ctx: Context) -> Values | No
     return Values(per_corner(primvar, geometry.triangles), "corner")
 
 
-def _with_subsets(prim: ResolvedPrim, geometry: Geometry, rest: Appearance, ctx: Context) -> Mesh | None:
-    """A surface per triangle; faces that no subset holds keep the mesh's own."""
-    faces = np.zeros(geometry.sizes.faces, np.int32)  # 0: the mesh's own, k: subset k
-    families = np.array(["\0"])  # of each part; the mesh's own is in none
-    parts = [rest]
-    for subset in prim.subsets:
-        indices = array(read(subset.prim, "indices", ctx.when), 1, "i")
-        if indices is None or (len(indices) and (indices.min() < 0 or indices.max() >= len(faces))):
-            ctx.warn("subset-ignored", subset.path, f"Its indices are not faces of the mesh, which has {len(faces)}.")
-            continue
-        held = families[faces[indices]] == subset.family
-        if held.any():
-            ctx.warn("subset-overlap", subset.path, f"{int(held.sum())} of its faces are in another subset of its family.")
-        families = np.append(families, subset.family)
-        faces[indices] = len(parts)
-        parts.append(appearance_of(prim, subset.material, ctx))
-    _note_incomplete(prim, faces, ctx)
-    of_triangle = faces[geometry.triangles.faces]
+def _with_subsets(prim: ResolvedPrim, geometry: Geometry, found: FaceParts, ctx: Context) -> Mesh | None:
+    """A surface per triangle."""
+    parts = found.appearances
+    of_triangle = found.of_face[geometry.triangles.faces]
     hidden = np.array([is_hidden(part) for part in parts])
     visible = np.logical_not(np.take(hidden, of_triangle))
     if not visible.any():
@@ -211,13 +141,6 @@ def _with_subsets(prim: ResolvedPrim, geometry: Geometry, rest: Appearance, ctx:
         index_of_part[of_triangle[visible]],
         moved(mesh_primvars(prim, surfaces.values(), geometry.triangles, geometry.sizes, ctx), visible),
     )
-
-
-def _note_incomplete(prim: ResolvedPrim, faces: Ints, ctx: Context) -> None:
-    name = "subsetFamily:materialBind:familyType"
-    if name in prim.names and token(prim.prim, name, ctx.when, "") == "partition" and not faces.all():
-        rest = int(np.count_nonzero(faces == 0))
-        ctx.warn("subset-incomplete", prim.path, f"{rest} faces are in none, though {name} is partition.")
 
 
 def _subset_colors(

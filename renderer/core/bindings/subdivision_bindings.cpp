@@ -1,0 +1,108 @@
+// dice() for Python: a cage's arrays in, as description.py has them, and a dictionary of arrays out.
+#include <nanobind/stl/string.h>
+
+#include "bindings/arrays.hpp"
+#include "subdivision/dice.hpp"
+
+namespace primray {
+namespace {
+
+using namespace subdivision;
+
+template <class T>
+std::span<const T> span_in(nb::handle dict, const char* name) {
+  return span_of(nb::cast<InArray<T>>(dict[name]));
+}
+
+template <class T>
+T number_in(nb::handle dict, const char* name) {
+  return nb::cast<T>(dict[name]);
+}
+
+int width_of(nb::handle array) { return nb::cast<int>(array.attr("shape")[nb::int_(1)]); }
+
+CageInput cage_of(nb::handle d) {
+  CageInput c;
+  c.scheme = Scheme(number_in<int>(d, "scheme"));
+  c.boundary = Boundary(number_in<int>(d, "boundary"));
+  c.smooth_triangles = number_in<bool>(d, "smooth_triangles");
+  c.face_counts = span_in<int32_t>(d, "face_counts"), c.face_points = span_in<int32_t>(d, "face_points");
+  c.holes = span_in<int32_t>(d, "holes");
+  c.crease_lengths = span_in<int32_t>(d, "crease_lengths"), c.crease_points = span_in<int32_t>(d, "crease_points");
+  c.crease_sharpnesses = span_in<float>(d, "crease_sharpnesses");
+  c.corner_points = span_in<int32_t>(d, "corner_points"), c.corner_sharpnesses = span_in<float>(d, "corner_sharpnesses");
+  c.points = int(span_in<float>(d, "points").size() / 3);
+  return c;
+}
+
+Footprint footprint_of(nb::handle d) {
+  Footprint f;
+  f.projection.orthographic = number_in<bool>(d, "orthographic");
+  f.projection.pixels_per_unit = number_in<double>(d, "pixels_per_unit");
+  for (int i = 0; i < 4; ++i) f.projection.window[i] = nb::cast<double>(d["window"][nb::int_(i)]);
+  f.projection.outside = number_in<double>(d, "outside");
+  const std::span<const double> rows = span_in<double>(d, "views");
+  for (size_t i = 0; i < rows.size(); i += 12) f.views.push_back(affine_from_rows(rows.data() + i));
+  f.density = number_in<double>(d, "density");
+  return f;
+}
+
+DiceInput input_of(nb::handle d) {
+  DiceInput in;
+  in.cage = cage_of(d);
+  in.rule = LinearRule(number_in<int>(d, "face_varying_rule"));
+  in.points = span_in<float>(d, "points");
+  in.vertex_values = span_in<float>(d, "vertex_values"), in.vertex_width = width_of(d["vertex_values"]);
+  in.varying_values = span_in<float>(d, "varying_values"), in.varying_width = width_of(d["varying_values"]);
+  for (const nb::handle channel : d["face_varying"])
+    in.face_varying.push_back({span_of(nb::cast<InArray<int32_t>>(channel[nb::int_(0)])),
+                               span_of(nb::cast<InArray<float>>(channel[nb::int_(1)])), width_of(channel[nb::int_(1)])});
+  in.footprint = footprint_of(d);
+  in.pixels = number_in<double>(d, "pixels");
+  in.min_level = number_in<int>(d, "min_level"), in.max_level = number_in<int>(d, "max_level");
+  in.max_triangles = number_in<int64_t>(d, "max_triangles");
+  return in;
+}
+
+template <class T>
+nb::object rows_of(std::vector<T> values, int width) {
+  const size_t n = width ? values.size() / width : 0;
+  return to_numpy(std::move(values), {n, size_t(width)});
+}
+
+nb::dict as_dict(Diced d, const DiceInput& in) {
+  nb::dict out;
+  out["points"] = rows_of(std::move(d.points), 3), out["normals"] = rows_of(std::move(d.normals), 3);
+  out["vertex_values"] = rows_of(std::move(d.vertex_values), in.vertex_width);
+  out["varying_values"] = rows_of(std::move(d.varying_values), in.varying_width);
+  nb::list channels;
+  for (size_t k = 0; k < in.face_varying.size(); ++k)
+    channels.append(nb::make_tuple(rows_of(std::move(d.triangles.values[k]), 3),
+                                   rows_of(std::move(d.face_varying[k]), in.face_varying[k].width)));
+  out["face_varying"] = channels;
+  out["triangles"] = rows_of(std::move(d.triangles.points), 3),
+  out["normal_indices"] = rows_of(std::move(d.triangles.normals), 3);
+  const size_t n = d.triangles.faces.size();
+  out["faces"] = to_numpy(std::move(d.triangles.faces), {n});
+  out["level"] = d.level, out["level_limited"] = d.is_level_limited;
+  out["non_manifold_edges"] = d.non_manifold_edges, out["unknown_creases"] = d.unknown_creases;
+  return out;
+}
+
+// None where the result would have more than max_triangles.
+nb::object dice_cage(nb::dict arrays) {
+  const DiceInput in = input_of(arrays);
+  Diced diced;
+  {
+    const nb::gil_scoped_release release;
+    diced = dice(in);
+  }
+  if (!diced.is_complete) return nb::none();
+  return as_dict(std::move(diced), in);
+}
+
+}  // namespace
+
+void bind_subdivision(nb::module_& m) { m.def("dice", &dice_cage, nb::arg("cage")); }
+
+}  // namespace primray

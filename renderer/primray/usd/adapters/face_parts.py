@@ -1,0 +1,48 @@
+"""Which appearance each face of a mesh has: that of the subset that holds it, else the mesh's own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...description import Ints
+from ..context import Context
+from ..read import array, read, token
+from ..resolve import ResolvedPrim
+from .surface import Appearance, appearance_of
+
+
+@dataclass(frozen=True)
+class FaceParts:
+    """`of_face` (F,), counted over the faces as authored, says which of `appearances` each has; the first is the mesh's own."""
+
+    appearances: list[Appearance]
+    of_face: Ints
+
+
+def face_parts(prim: ResolvedPrim, faces: int, ctx: Context) -> FaceParts:
+    of_face = np.zeros(faces, np.int32)
+    families = np.array(["\0"])  # of each part; the mesh's own is in none
+    parts = [appearance_of(prim, prim.material, ctx)]
+    for subset in prim.subsets:
+        indices = array(read(subset.prim, "indices", ctx.when), 1, "i")
+        if indices is None or (len(indices) and (indices.min() < 0 or indices.max() >= faces)):
+            ctx.warn("subset-ignored", subset.path, f"Its indices are not faces of the mesh, which has {faces}.")
+            continue
+        held = families[of_face[indices]] == subset.family
+        if held.any():
+            ctx.warn("subset-overlap", subset.path, f"{int(held.sum())} of its faces are in another subset of its family.")
+        families = np.append(families, subset.family)
+        of_face[indices] = len(parts)
+        parts.append(appearance_of(prim, subset.material, ctx))
+    if prim.subsets:
+        _note_incomplete(prim, of_face, ctx)
+    return FaceParts(parts, of_face)
+
+
+def _note_incomplete(prim: ResolvedPrim, of_face: Ints, ctx: Context) -> None:
+    name = "subsetFamily:materialBind:familyType"
+    if name in prim.names and token(prim.prim, name, ctx.when, "") == "partition" and not of_face.all():
+        rest = int(np.count_nonzero(of_face == 0))
+        ctx.warn("subset-incomplete", prim.path, f"{rest} faces are in none, though {name} is partition.")
