@@ -113,11 +113,9 @@ def main() -> None:
         for kind, count in wanted:
             row = run(kind, count, Path(folder))
             rows.append(row)
-            print(
-                f"{kind:10} {count:>13,}  open {row['open_s']:7.2f} s  translate {row['translate_s']:7.2f} s  "
-                f"build {row['build_s']:7.2f} s  peak {row['peak_bytes'] / 1e6:8.0f} MB  {row['bytes_per_item']:10.1f} bytes each",
-                flush=True,
-            )
+            times = "  ".join(f"{step} {row[step + '_s']:7.2f} s" for step in ("open", "translate", "build"))
+            memory = f"peak {row['peak_bytes'] / 1e6:8.0f} MB  {row['bytes_per_item']:9.1f} bytes each"
+            print(f"{kind:10} {count:>13,}  {times}  {memory}", flush=True)
     print(f"written: {write_results('scaling', rows).relative_to(Path.cwd())}")
 
 

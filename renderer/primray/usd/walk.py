@@ -122,7 +122,7 @@ def _expand_points(state: _Walk, group: Group[ResolvedPrim], instancer: Resolved
     ctx = state.ctx
     for root_path, instances in state.expand(instancer, ctx):
         root = ctx.stage.GetPrimAtPath(root_path)
-        if not root:
+        if not root or not root.IsActive():
             continue
         handed = _handed_to_prototype(instancer, root, ctx)
         if root.IsInstanceProxy():
