@@ -1,7 +1,8 @@
 """How opening, translating and building grow with a stage: python -m tests.bench.scaling [--quick] [KIND:COUNT ...].
 
 Every stage is generated once and measured in a process of its own; bytes per item are that process's peak resident memory
-beyond what it had before opening the stage. KIND is meshes, triangles, instances, nested (1000 times the rest).
+beyond what it had before opening the stage. KIND is meshes, triangles, instances, nested (1000 times the rest, 10,000 from
+1e9 on), multiplied (the same, never kept in two levels).
 """
 
 from __future__ import annotations
@@ -25,17 +26,21 @@ SIZES = {
     "triangles": (10**5, 10**6, 10**7),
     "instances": (10**4, 10**5, 10**6, 10**7),
     "nested": (10**4, 10**6, 10**7, 10**9),
+    "multiplied": (10**6, 10**7),
 }
 RESOLUTION = (160, 90)
 
 
-def measure(path: str, count: int) -> dict[str, Any]:
+def measure(path: str, kind: str, count: int) -> dict[str, Any]:
     """Seconds of each step and peak bytes; what is not imported yet is loaded before."""
     from primray import core, usd
     from primray.diagnostics import Diagnostics
     from primray.settings import RenderSettings
     from primray.summary import summary
+    from primray.usd import instances
 
+    if kind == "multiplied":
+        instances.MAX_FLAT_INSTANCES = count
     settings = RenderSettings(resolution=RESOLUTION, spp=1, threads=len(os.sched_getaffinity(0)))
     core.module()
     before = _peak_bytes()
@@ -93,7 +98,7 @@ def run(kind: str, count: int, folder: Path) -> dict[str, Any]:
     _in_process(f"from pathlib import Path; from tests.bench.scaling_stages import write; write({arguments})")
     generated = time.perf_counter() - start
     text = _in_process(
-        f"import json; from tests.bench.scaling import measure; print(json.dumps(measure({str(path)!r}, {count})))"
+        f"import json; from tests.bench.scaling import measure; print(json.dumps(measure({str(path)!r}, {kind!r}, {count})))"
     )
     row = {"kind": kind, "count": count, "file_bytes": path.stat().st_size, "generate_s": round(generated, 1)}
     path.unlink()
