@@ -187,7 +187,9 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
         return
     once = square(next(chunks(chains[0]))[0]) if count == 1 else None
     members: list[Placed] = []
-    for leaf in group.leaves:
+    leaves, group.leaves = group.leaves[::-1], []
+    while leaves:  # what has been translated is let go
+        leaf = leaves.pop()
         if not np.isfinite(leaf.group_from_prim).all():
             ctx.warn("invalid-transform", leaf.path, "Its transform is not finite.")
         elif leaf.type_name in LIGHTS:

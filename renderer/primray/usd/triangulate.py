@@ -126,6 +126,5 @@ def _bends(p: Doubles) -> Mask:
 
 
 def _against(own: Doubles, normal: Doubles) -> Mask:
-    turn: Doubles = np.einsum("fnk,fk->fn", own, normal)
-    flat = 1e-12 * np.einsum("fk,fk->f", normal, normal)[:, None]  # rounding of points in float cannot tell these from 0
-    return np.asarray(turn <= flat)
+    # Rounding of points in float cannot tell these from 0.
+    return np.asarray(np.vecdot(own, normal[:, None]) <= 1e-12 * np.vecdot(normal, normal)[:, None])

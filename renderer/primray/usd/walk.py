@@ -170,7 +170,9 @@ def _bind_leaves(state: _Walk) -> None:
             if leaf.path in seen:
                 outer = leaf.inherited.outer
                 own = tuple(replace(s, material=_material(bindings[seen[s.path]], outer)) for s in subsets.get(leaf.path, ()))
-                group.leaves[i] = replace(leaf, material=_material(bindings[seen[leaf.path]], outer), subsets=own)
+                material = _material(bindings[seen[leaf.path]], outer)
+                if own or material:
+                    group.leaves[i] = replace(leaf, material=material, subsets=own)
 
 
 def _material(inner: Binding | None, outer: Binding | None) -> Usd.Prim | None:
