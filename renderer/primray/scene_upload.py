@@ -94,14 +94,22 @@ def add_placements(
 ) -> None:
     """Into the group `parent`, 0 being the world."""
     for placement in placements:
-        builder.begin_placement(parent, numbers[placement.prototype])
-        left_out = sum(builder.add_instances(rows) for rows in placement.chunks())
-        builder.end_placement()
-        if left_out:
+        left_out = add_placement(builder, placement, parent, numbers[placement.prototype])
+        if len(left_out):
             path = d.prototypes[placement.prototype].path
-            warnings.append(
-                ("singular-transform", path, f"{left_out} instances have a singular or non-finite matrix and are left out")
-            )
+            message = f"{len(left_out)} instances have a singular or non-finite matrix and are left out"
+            warnings.append(("singular-transform", path, message))
+
+
+def add_placement(builder: Any, placement: Placement, parent: int, prototype: int) -> npt.NDArray[np.int64]:
+    """Which of its instances are left out: the core has no row for them."""
+    builder.begin_placement(parent, prototype)
+    left_out, start = [np.zeros(0, np.int64)], 0
+    for rows in placement.chunks():
+        left_out.append(builder.add_instances(rows) + start)
+        start += len(rows)
+    builder.end_placement()
+    return np.concatenate(left_out)
 
 
 def set_camera(

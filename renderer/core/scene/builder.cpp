@@ -140,14 +140,14 @@ void SceneBuilder::begin_placement(int parent, int prototype) {
   s.placement_instance.push_back(int32_t(s.world_from_group.size() / 12));
 }
 
-int64_t SceneBuilder::add_instances(std::span<const double> rows) {
+std::vector<int64_t> SceneBuilder::add_instances(std::span<const double> rows) {
   std::vector<float>& to = scene_->world_from_group;
   if (to.size() + rows.size() >= kMaxElements) throw Error("too-large", "more than 178 million instances");
-  int64_t left_out = 0;
+  std::vector<int64_t> left_out;
   for (size_t i = 0; i < rows.size(); i += 12) {
     const daffine parent_from_prototype = affine_from_rows(&rows[i]);
     if (!is_regular(parent_from_prototype)) {
-      ++left_out;
+      left_out.push_back(int64_t(i / 12));
       continue;
     }
     const daffine m = redo_ * (parent_from_prototype * undo_);

@@ -56,8 +56,8 @@ class SceneBuilder {
   // Between the two come its instances. `parent` is 0 or a prototype without shapes, which is then placed by user geometry;
   // placements of one parent follow each other.
   void begin_placement(int parent, int prototype);
-  // `rows`: 12 doubles an instance, parent from prototype. A singular or non-finite one is left out; the result says how many.
-  int64_t add_instances(std::span<const double> rows);
+  // `rows`: 12 doubles an instance, parent from prototype. Singular or non-finite ones are left out; the result names them.
+  std::vector<int64_t> add_instances(std::span<const double> rows);
   void end_placement();
   void add_light(const LightInput& light);
   void set_camera(const CameraInput& camera);
