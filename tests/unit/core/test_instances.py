@@ -41,7 +41,7 @@ def test_one_warning_a_placement_says_how_many() -> None:
 def heights(placements: list[Placement], prototypes: list[Prototype], at: Doubles) -> Doubles:
     """Where rays straight down meet the scene, relative to the camera; its origin is (1e7, 0, 1e7)."""
     camera = orthographic(translation(1e7, 0, 1e7), 1.0)
-    d = describe(
+    made = describe(
         [], [lambert(0.5)], camera=camera, prototypes=prototypes, prototype_shapes=[box([1, 1, 1])], placements=placements
     )
     hits = kernels().intersect(made.build(), at + [0, 5.0, 0], np.array([[0, -1, 0]] * len(at), np.float32))
