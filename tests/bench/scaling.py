@@ -45,25 +45,26 @@ def measure(path: str, kind: str, count: int) -> dict[str, Any]:
     core.module()
     before = _peak_bytes()
     seconds = {}
-    start = time.perf_counter()
+    start, cpu_start = time.perf_counter(), time.process_time()
 
     def lap(name: str) -> None:
-        nonlocal start
-        seconds[name] = round(time.perf_counter() - start, 3)
-        start = time.perf_counter()
+        nonlocal start, cpu_start
+        seconds[f"{name}_s"] = round(time.perf_counter() - start, 3)
+        seconds[f"{name}_cpu_s"] = round(time.process_time() - cpu_start, 3)  # of all threads
+        start, cpu_start = time.perf_counter(), time.process_time()
 
     stage = usd.open_stage(path, Diagnostics())
-    lap("open_s")
+    lap("open")
     description, _ = usd.translate(stage, settings)
-    lap("translate_s")
+    lap("translate")
     after_translation = _peak_bytes()
     counted = summary(description)
-    start = time.perf_counter()
+    start, cpu_start = time.perf_counter(), time.process_time()
     scene = core.build(description, {}, settings)
-    lap("build_s")
+    lap("build")
     peak = _peak_bytes()
     film = core.render(scene, settings)
-    lap("render_s")
+    lap("render")
     covered = float((film.pixels[..., 3] > 0).mean())
     return {
         **seconds,
@@ -118,7 +119,8 @@ def main() -> None:
         for kind, count in wanted:
             row = run(kind, count, Path(folder))
             rows.append(row)
-            times = "  ".join(f"{step} {row[step + '_s']:7.2f} s" for step in ("open", "translate", "build"))
+            steps = ("open", "translate", "build")
+            times = "  ".join(f"{step} {row[step + '_s']:6.2f} s ({row[step + '_cpu_s']:6.2f})" for step in steps)
             memory = f"peak {row['peak_bytes'] / 1e6:8.0f} MB  {row['bytes_per_item']:9.1f} bytes each"
             print(f"{kind:10} {count:>13,}  {times}  {memory}", flush=True)
     print(f"written: {write_results('scaling', rows).relative_to(Path.cwd())}")
