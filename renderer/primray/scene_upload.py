@@ -110,15 +110,25 @@ class PlacementUpload:
     def add(self, placements: Sequence[Placement], parent: int) -> None:
         """Into the group `parent`, 0 being the world."""
         for placement in placements:
-            self.builder.begin_placement(parent, self.numbers[placement.prototype])
-            left_out = sum(self.builder.add_instances(rows) for rows in placement.chunks())
-            self.builder.end_placement()
+            left_out = add_placement(self.builder, placement, parent, self.numbers[placement.prototype])
             for name, _, width, values in self.inputs.primvars(placement.primvars):
-                self.builder.add_placement_primvar(name, width, values)
-            if left_out:
+                kept = np.delete(values, left_out, axis=0) if len(left_out) else values
+                self.builder.add_placement_primvar(name, width, kept)
+            if len(left_out):
                 path = self.description.prototypes[placement.prototype].path
-                message = f"{left_out} instances have a singular or non-finite matrix and are left out"
+                message = f"{len(left_out)} instances have a singular or non-finite matrix and are left out"
                 self.warnings.append(("singular-transform", path, message))
+
+
+def add_placement(builder: Any, placement: Placement, parent: int, prototype: int) -> npt.NDArray[np.int64]:
+    """Which of its instances are left out: the core has no row for them."""
+    builder.begin_placement(parent, prototype)
+    left_out, start = [np.zeros(0, np.int64)], 0
+    for rows in placement.chunks():
+        left_out.append(builder.add_instances(rows) + start)
+        start += len(rows)
+    builder.end_placement()
+    return np.concatenate(left_out)
 
 
 def set_camera(

@@ -1,7 +1,8 @@
 """How opening, translating and building grow with a stage: python -m tests.bench.scaling [--quick] [KIND:COUNT ...].
 
 Every stage is generated once and measured in a process of its own; bytes per item are that process's peak resident memory
-beyond what it had before opening the stage. KIND is meshes, triangles, instances, nested (1000 times the rest).
+beyond what it had before opening the stage. KIND is meshes, triangles, instances, nested (1000 times the rest, 10,000 from
+1e9 on), multiplied (the same, never kept in two levels).
 """
 
 from __future__ import annotations
@@ -25,40 +26,45 @@ SIZES = {
     "triangles": (10**5, 10**6, 10**7),
     "instances": (10**4, 10**5, 10**6, 10**7),
     "nested": (10**4, 10**6, 10**7, 10**9),
+    "multiplied": (10**6, 10**7),
 }
 RESOLUTION = (160, 90)
 
 
-def measure(path: str, count: int) -> dict[str, Any]:
+def measure(path: str, kind: str, count: int) -> dict[str, Any]:
     """Seconds of each step and peak bytes; what is not imported yet is loaded before."""
     from primray import core, usd
     from primray.diagnostics import Diagnostics
     from primray.settings import RenderSettings
     from primray.summary import summary
+    from primray.usd import instances
 
+    if kind == "multiplied":
+        instances.MAX_FLAT_INSTANCES = count
     settings = RenderSettings(resolution=RESOLUTION, spp=1, threads=len(os.sched_getaffinity(0)))
     core.module()
     before = _peak_bytes()
     seconds = {}
-    start = time.perf_counter()
+    start, cpu_start = time.perf_counter(), time.process_time()
 
     def lap(name: str) -> None:
-        nonlocal start
-        seconds[name] = round(time.perf_counter() - start, 3)
-        start = time.perf_counter()
+        nonlocal start, cpu_start
+        seconds[f"{name}_s"] = round(time.perf_counter() - start, 3)
+        seconds[f"{name}_cpu_s"] = round(time.process_time() - cpu_start, 3)  # of all threads
+        start, cpu_start = time.perf_counter(), time.process_time()
 
     stage = usd.open_stage(path, Diagnostics())
-    lap("open_s")
+    lap("open")
     description, _ = usd.translate(stage, settings)
-    lap("translate_s")
+    lap("translate")
     after_translation = _peak_bytes()
     counted = summary(description)
-    start = time.perf_counter()
+    start, cpu_start = time.perf_counter(), time.process_time()
     scene = core.build(description, {}, settings)
-    lap("build_s")
+    lap("build")
     peak = _peak_bytes()
     film = core.render(scene, settings)
-    lap("render_s")
+    lap("render")
     covered = float((film.pixels[..., 3] > 0).mean())
     return {
         **seconds,
@@ -93,7 +99,7 @@ def run(kind: str, count: int, folder: Path) -> dict[str, Any]:
     _in_process(f"from pathlib import Path; from tests.bench.scaling_stages import write; write({arguments})")
     generated = time.perf_counter() - start
     text = _in_process(
-        f"import json; from tests.bench.scaling import measure; print(json.dumps(measure({str(path)!r}, {count})))"
+        f"import json; from tests.bench.scaling import measure; print(json.dumps(measure({str(path)!r}, {kind!r}, {count})))"
     )
     row = {"kind": kind, "count": count, "file_bytes": path.stat().st_size, "generate_s": round(generated, 1)}
     path.unlink()
@@ -113,11 +119,10 @@ def main() -> None:
         for kind, count in wanted:
             row = run(kind, count, Path(folder))
             rows.append(row)
-            print(
-                f"{kind:10} {count:>13,}  open {row['open_s']:7.2f} s  translate {row['translate_s']:7.2f} s  "
-                f"build {row['build_s']:7.2f} s  peak {row['peak_bytes'] / 1e6:8.0f} MB  {row['bytes_per_item']:10.1f} bytes each",
-                flush=True,
-            )
+            steps = ("open", "translate", "build")
+            times = "  ".join(f"{step} {row[step + '_s']:6.2f} s ({row[step + '_cpu_s']:6.2f})" for step in steps)
+            memory = f"peak {row['peak_bytes'] / 1e6:8.0f} MB  {row['bytes_per_item']:9.1f} bytes each"
+            print(f"{kind:10} {count:>13,}  {times}  {memory}", flush=True)
     print(f"written: {write_results('scaling', rows).relative_to(Path.cwd())}")
 
 

@@ -16,7 +16,9 @@ def write(kind: str, count: int, path: Path) -> None:
     """A stage with `count` meshes, triangles or instances."""
     stage = Usd.Stage.CreateNew(str(path))
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
-    side = {"meshes": _meshes, "triangles": _triangles, "instances": _instances, "nested": _nested}[kind](stage, count)
+    side = {"meshes": _meshes, "triangles": _triangles, "instances": _instances, "nested": _nested, "multiplied": _nested}[
+        kind
+    ](stage, count)
     _camera(stage, side)
     stage.GetRootLayer().Save()
 
@@ -87,8 +89,8 @@ def _instances(stage: Usd.Stage, count: int) -> float:
 
 
 def _nested(stage: Usd.Stage, count: int) -> float:
-    """1000 instances (or the root of `count`, if that is less) of an instancer with the rest."""
-    outer = min(1000, round(np.sqrt(count)))
+    """1000 instances (or the root of `count`, if that is less; 10,000 from 1e9 on) of an instancer with the rest."""
+    outer = 10_000 if count >= 10**9 else min(1000, round(np.sqrt(count)))
     inner_side = 2 * np.sqrt(count / outer)
     side = float(inner_side * np.sqrt(outer))
     _instancer(stage, "/field", outer, side, "/field/clump", seed=3)

@@ -130,7 +130,12 @@ void bind_scene(nb::module_& m) {
                             InArray<double> matrix) { b.add_sphere(radius, surface, affine_of(matrix)); })
       .def("reserve_instances", &SceneBuilder::reserve_instances)
       .def("begin_placement", &SceneBuilder::begin_placement)
-      .def("add_instances", [](SceneBuilder& b, InArray<double> rows) { return b.add_instances(span_of(rows)); })
+      .def("add_instances",
+           [](SceneBuilder& b, InArray<double> rows) {
+             std::vector<int64_t> left_out = b.add_instances(span_of(rows));
+             const size_t count = left_out.size();
+             return to_numpy(std::move(left_out), {count});
+           })
       .def("end_placement", &SceneBuilder::end_placement)
       .def("add_light", &add_light)
       .def(

@@ -148,24 +148,21 @@ void SceneBuilder::begin_placement(int parent, int prototype) {
   s.placement_group.push_back(prototype);
   s.placement_instance.push_back(int32_t(s.world_from_group.size() / 12));
   s.primvars.of_placement.insert(s.primvars.of_placement.end(), s.primvars.names, -1);
-  last_instances_.clear(), last_given_ = 0;
 }
 
-int64_t SceneBuilder::add_instances(std::span<const double> rows) {
+std::vector<int64_t> SceneBuilder::add_instances(std::span<const double> rows) {
   std::vector<float>& to = scene_->world_from_group;
   if (to.size() + rows.size() >= kMaxElements) throw Error("too-large", "more than 178 million instances");
-  int64_t left_out = 0;
+  std::vector<int64_t> left_out;
   for (size_t i = 0; i < rows.size(); i += 12) {
     const daffine parent_from_prototype = affine_from_rows(&rows[i]);
     if (!is_regular(parent_from_prototype)) {
-      ++left_out;
+      left_out.push_back(int64_t(i / 12));
       continue;
     }
     const daffine m = redo_ * (parent_from_prototype * undo_);
     for (const dvec3* c : {&m.x, &m.y, &m.z, &m.o}) put(to, *c);
-    if (scene_->primvars.names > 0) last_instances_.push_back(last_given_ + int32_t(i / 12));
   }
-  last_given_ += int32_t(rows.size() / 12);
   return left_out;
 }
 
@@ -177,9 +174,10 @@ void SceneBuilder::end_placement() {
     s.world_from_group.resize(first);
     s.placement_group.pop_back(), s.placement_instance.pop_back();
     s.primvars.of_placement.resize(s.primvars.of_placement.size() - s.primvars.names);
-    last_instances_.clear();
+    last_placement_taken_ = false;
     return;
   }
+  last_placement_taken_ = true;
   s.groups[parent_].placement_count++;
   s.has_instances = true;
   s.has_grouped |= g.placement_count > 0;

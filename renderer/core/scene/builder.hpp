@@ -72,10 +72,10 @@ class SceneBuilder {
   // Between the two come its instances. `parent` is 0 or a prototype without shapes, which is then placed by user geometry;
   // placements of one parent follow each other.
   void begin_placement(int parent, int prototype);
-  // `rows`: 12 doubles an instance, parent from prototype. A singular or non-finite one is left out; the result says how many.
-  int64_t add_instances(std::span<const double> rows);
+  // `rows`: 12 doubles an instance, parent from prototype. Singular or non-finite ones are left out; the result names them.
+  std::vector<int64_t> add_instances(std::span<const double> rows);
   void end_placement();
-  // A row for every instance that the last placement was given.
+  // A row for every instance that was not left out of the last placement.
   void add_placement_primvar(int name, int width, std::span<const float> values);
   void add_light(const LightInput& light);
   void set_camera(const CameraInput& camera);
@@ -99,9 +99,7 @@ class SceneBuilder {
   daffine undo_, redo_;
   // Of the shape and the placement that were added last.
   size_t last_mesh_rows_ = 0;  // first row of the mesh
-  bool last_mirrored_ = false, last_sphere_taken_ = false;
-  std::vector<int32_t> last_instances_;  // rows that were taken, where primvars are read; empty for a placement left out
-  int32_t last_given_ = 0;               // rows that were given
+  bool last_mirrored_ = false, last_sphere_taken_ = false, last_placement_taken_ = false;
   bool levels_measured_ = false;
 };
 

@@ -47,11 +47,8 @@ void SceneBuilder::add_sphere_primvar(int name, int width, std::span<const float
 
 void SceneBuilder::add_placement_primvar(int name, int width, std::span<const float> values) {
   PrimvarTable& t = scene_->primvars;
-  if (last_instances_.empty()) return;
-  std::vector<float> taken;
-  for (const int32_t row : last_instances_)
-    taken.insert(taken.end(), &values[size_t(row) * width], &values[size_t(row) * width] + width);
-  t.of_placement[t.of_placement.size() - t.names + name] = t.add(PrimvarKind::kInstance, width, append_primvar(taken));
+  if (!last_placement_taken_) return;
+  t.of_placement[t.of_placement.size() - t.names + name] = t.add(PrimvarKind::kInstance, width, append_primvar(values));
 }
 
 int SceneBuilder::add_texture(int channels, bool udim, bool finest_only) {

@@ -1,8 +1,9 @@
 """A USD stage becomes a SceneDescription: the only package that imports pxr, and it renders nothing.
 
 `stage` opens it; `walk` goes down it once per distinct prototype, carrying what prims inherit (`resolve`), into groups
-of leaves and instances; `instances` flattens the groups with numpy; `adapters` turn one resolved prim into description
-objects; `translate` holds the table of adapters and puts it all together. All matrices are double and column-vector.
+of leaves and instances; `instances` says where groups stand, as products of levels; `adapters` turn one resolved prim into
+description objects; `translate` holds the table of adapters and puts it all together. All matrices are double and
+column-vector.
 """
 
 from .asset import read_asset

@@ -18,9 +18,10 @@ from ..placement import Instances, MatrixInstances, chunks
 
 # Of the core and Embree, with its build's peak: measured, python -m tests.bench.scaling.
 INSTANCE_BYTES = 200
-# More instances than this are kept in two levels where that spares memory. A constant, so that pictures do not depend on
-# the machine: a hit seen through two float matrices is rounded differently from one seen through their product.
-MAX_FLAT_INSTANCES = 1 << 24
+# More instances than this are kept in two levels where that at least halves what is stored: as fast from there on, and faster
+# beyond (python -m tests.bench.two_levels). A constant, so that pictures do not depend on the machine: what is seen through
+# two float matrices is rounded differently from what is seen through their product.
+MAX_FLAT_INSTANCES = 1 << 20
 # Chains of few instances are multiplied out, so that a prototype reached on many ways has few placements.
 MAX_MERGED = 1 << 14
 
@@ -50,11 +51,11 @@ def count_of(chain: Chain) -> int:
     return math.prod(len(level) for level in chain)
 
 
-def arrange(groups: list[Group[Leaf]], max_bytes: int | None, max_flat: int = MAX_FLAT_INSTANCES) -> Arrangement:
+def arrange(groups: list[Group[Leaf]], max_bytes: int | None) -> Arrangement:
     """The first group is the world. LimitError if its instances would take more than `max_bytes`."""
     order, cyclic = _order(groups)
     graph = _Graph(groups, order, cyclic)
-    kept = graph.grouping(max_flat if max_bytes is None else min(max_flat, max_bytes // INSTANCE_BYTES))
+    kept = graph.grouping(MAX_FLAT_INSTANCES, None if max_bytes is None else max_bytes // INSTANCE_BYTES)
     _check_limit(groups, graph, kept, max_bytes)
     world = graph.chains(0, frozenset())
     if not kept:
@@ -90,20 +91,20 @@ class _Graph(Generic[Leaf]):
         top = sum(counts[g] for g in self.order if g in kept or self.has_leaves[g])
         return top + sum(self.below[g] for g in kept)
 
-    def grouping(self, max_flat: int) -> frozenset[int]:
-        """The groups to keep together: none up to `max_flat` instances, else those that leave the fewest to store.
+    def grouping(self, max_flat: int, max_stored: int | None) -> frozenset[int]:
+        """The groups to keep together, those that leave the fewest instances to store; none where that is not worth it.
 
         Tried are, for every power of two, the outermost groups that do not come to more instances than that.
         """
-        best: frozenset[int] = frozenset()
-        if self.below[self.order[0]] <= max_flat:
-            return best
+        none: frozenset[int] = frozenset()
+        flat = self.below[self.order[0]]
+        fits = max_stored is None or flat <= max_stored
+        if fits and flat <= max_flat:
+            return none
+        tried = [self._outermost(1 << bits) for bits in range(1, flat.bit_length())]
+        best = min(tried, key=self.stored, default=none)
         fewest = self.stored(best)
-        for bits in range(1, self.below[self.order[0]].bit_length()):
-            kept = self._outermost(1 << bits)
-            if (stored := self.stored(kept)) < fewest:
-                best, fewest = kept, stored
-        return best
+        return best if (2 * fewest <= flat if fits else fewest < flat) else none
 
     def _outermost(self, most: int) -> frozenset[int]:
         small = {c for g in self.order for c, _ in self.edges[g] if self.below[g] > most and 1 < self.below[c] <= most}

@@ -144,7 +144,7 @@ def _expand_points(state: _Walk, group: Group[ResolvedPrim], instancer: Resolved
     ctx = state.ctx
     for root_path, instances in state.expand(instancer, ctx):
         root = ctx.stage.GetPrimAtPath(root_path)
-        if not root:
+        if not root or not root.IsActive():
             continue
         handed = _handed_to_prototype(instancer, root, [p.name for p in instances.primvars], ctx)
         if root.IsInstanceProxy():
@@ -205,7 +205,9 @@ def _bind_leaves(state: _Walk) -> None:
             if leaf.path in seen:
                 outer = leaf.inherited.outer
                 own = tuple(replace(s, material=_material(bindings[seen[s.path]], outer)) for s in subsets.get(leaf.path, ()))
-                group.leaves[i] = replace(leaf, material=_material(bindings[seen[leaf.path]], outer), subsets=own)
+                material = _material(bindings[seen[leaf.path]], outer)
+                if own or material:
+                    group.leaves[i] = replace(leaf, material=material, subsets=own)
 
 
 def _material(inner: Binding | None, outer: Binding | None) -> Usd.Prim | None:
