@@ -209,8 +209,8 @@ def test_catmull_clark_cube_is_round() -> None:
 def test_triangle_rules(rule: str, edge_point: float) -> None:
     """Two triangles in a sharp rim, one point raised by 1: the point between them, and its limit, by hand."""
     points = [[0, 0, 0], [2, 0, 0], [1, 2, 1], [1, -2, 0]]
-    rim = {"crease_lengths": [5], "crease_points": [1, 2, 0, 3, 1], "crease_sharpnesses": [10.0]}
-    corners = {"corner_points": [0, 1, 2, 3], "corner_sharpnesses": [10.0] * 4}
+    rim: dict[str, Any] = {"crease_lengths": [5], "crease_points": [1, 2, 0, 3, 1], "crease_sharpnesses": [10.0]}
+    corners: dict[str, Any] = {"corner_points": [0, 1, 2, 3], "corner_sharpnesses": [10.0] * 4}
     p = uniform(cage(points, [[0, 1, 2], [1, 0, 3]], triangle_rule=rule, **rim, **corners), 1)["points"]
     middle = p[np.argmin(np.abs(p[:, :2] - [1, 0]).sum(axis=1))]
     # Around it: the edge's ends at 0, face points at 1/3 and 0, the middles of the rim's edges at 1/2, 1/2, 0, 0.
