@@ -76,7 +76,7 @@ def test_orthographic() -> None:
 
 
 def test_a_plane_towards_the_camera_is_finest_in_front() -> None:
-    ground = replace(grid(4, 4), points=(grid(4, 4).points - [2, 2, 0]) * np.float32(100))
+    ground = replace(grid(4, 4), points=(grid(4, 4).points - np.array([2, 2, 0], np.float32)) * np.float32(100))
     camera = perspective(look_at([0, 0, 2], [0, 100, 0], (0, 0, 1)), 0.4)
     (mesh,), codes = diced(scene((ground, np.eye(4)), camera=camera))
     assert len(mesh.triangles) < 60_000
@@ -188,6 +188,7 @@ def test_colors_and_primvars(interpolation: Interpolation, rows: int, pixels: fl
     assert len(mesh.primvars[0].values) == expected
     assert mesh.primvars[1].values.shape == (1, 2)
     assert mesh.colors is not None
+    assert c.colors is not None
     if interpolation is Interpolation.FACE:
         assert len(np.unique(mesh.colors, axis=0)) == 6
     assert mesh.colors.min() >= c.colors.values.min() - 1e-6
