@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...description import Interpolation, Ints, Primvar, SubdivisionMesh
+from ...description import Interpolation, Ints, Primvar, PrimvarInput, SubdivisionMesh
 from ..context import Context
 from ..read import array, read
 from ..resolve import ResolvedPrim
-from ..subdivision import Cage, cage_primvar, is_closed_cage, read_cage
+from ..subdivision import Cage, cage_primvar, cage_primvars, is_closed_cage, read_cage
 from .surface import Appearance, appearance_of, is_hidden, surface_of
 
 
@@ -49,7 +49,15 @@ def cage(prim: ResolvedPrim, ctx: Context) -> SubdivisionMesh | None:
         found.boundary,
         found.face_varying,
         found.triangle_rule,
+        cage_primvars(prim, names_read(surface, ctx), found, ctx),
     )
+
+
+def names_read(surface: int | Ints, ctx: Context) -> list[str]:
+    """The primvars that inputs of these surfaces read."""
+    surfaces = list(ctx.surfaces)
+    inputs = [found for k in np.unique(surface) if k >= 0 for _, found in surfaces[k].inputs]
+    return sorted({found.name if isinstance(found, PrimvarInput) else found.st.name for found in inputs})
 
 
 def _parts(prim: ResolvedPrim, found: Cage, ctx: Context) -> tuple[list[Appearance], Ints]:
