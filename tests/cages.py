@@ -7,13 +7,20 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from tests.described import core_module
+from tests.described import core_module, look_at
 
 from primray.description import Doubles, Interpolation, Primvar, SubdivisionMesh
 from primray.dice import Dicing, core_arrays
 from primray.footprint import Footprint, Projected
 
 NOWHERE = Footprint(Projected(np.eye(4), False, 1.0, (-1, 1, -1, 1)), np.zeros((0, 3, 4)), 0.0)
+
+
+def seen_from(eye: list[float], target: list[float], pixels: float = 400, half: float = 0.5) -> Footprint:
+    """One cage in the world's own space before a perspective camera."""
+    camera = np.asarray(np.linalg.inv(look_at(eye, target, (0.1, 1, 0.2))), np.float64)
+    window = (-half, half, -half, half)
+    return Footprint(Projected(camera, False, pixels / (2 * half), window), camera[None, :3].copy(), 0.0)
 
 
 def cage(points: npt.ArrayLike, faces: list[list[int]], scheme: str = "catmullClark", **more: Any) -> SubdivisionMesh:

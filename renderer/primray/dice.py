@@ -22,7 +22,7 @@ BOUNDARIES = ("none", "edgeOnly", "edgeAndCorner")
 FACE_VARYING_RULES = ("none", "cornersOnly", "cornersPlus1", "cornersPlus2", "boundaries", "all")
 
 MAX_TRIANGLES = 1 << 24
-BYTES_PER_TRIANGLE = 300  # while dicing, and in the accelerated scene after it: measured
+BYTES_PER_TRIANGLE = 300  # at the peak of dicing and building: 170 measured without primvars
 NO_INTS = np.zeros(0, np.int32)
 NO_FLOATS = np.zeros(0, np.float32)
 

@@ -6,19 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.cages import NOWHERE, cage, cube, dice, grid, octahedron, uniform
-from tests.described import core_module, look_at
+from tests.cages import NOWHERE, cage, cube, dice, grid, octahedron, seen_from, uniform
+from tests.described import core_module
 
 from primray.description import Doubles, Interpolation, Primvar, SubdivisionMesh
 from primray.dice import Dicing, core_arrays
-from primray.footprint import Footprint, Projected
-
-
-def seen_from(eye: list[float], target: list[float], pixels: float = 400, half: float = 0.5) -> Footprint:
-    """One cage in the world's own space before a perspective camera."""
-    camera = np.linalg.inv(look_at(eye, target, (0.1, 1, 0.2)))
-    window = (-half, half, -half, half)
-    return Footprint(Projected(camera, False, pixels / (2 * half), window), camera[None, :3].copy(), 0.0)
 
 
 def sphere_like(**more: Any) -> SubdivisionMesh:
@@ -225,7 +217,14 @@ def test_random_cages_do_not_crash() -> None:
             corner_points=[1],
             corner_sharpnesses=rng.uniform(0, 12, 1),
             interpolate_boundary=("none", "edgeOnly", "edgeAndCorner")[trial % 7 % 3],
-            primvars=(Primvar("st", Interpolation.CORNER, rng.random((5, 2)).astype(np.float32), rng.integers(0, 5, corners)),),
+            primvars=(
+                Primvar(
+                    "st",
+                    Interpolation.CORNER,
+                    rng.random((5, 2)).astype(np.float32),
+                    rng.integers(0, 5, corners).astype(np.int32),
+                ),
+            ),
             face_varying_interpolation=("none", "cornersPlus1", "cornersPlus2", "boundaries")[trial % 4],
         )
         made = dice(c, Dicing(30.0, 0, 4), VIEWS["near"])

@@ -91,28 +91,51 @@ def test_smooth_vertices(scheme: str, n: int) -> None:
         np.testing.assert_allclose(normal, eigen_normal(Ring(c, n, True, {}), 24), atol=2e-3)
 
 
+def left_eigenvectors(n: int, scheme: str, closed: bool) -> tuple[Any, Any]:
+    """Of the matrix that takes a ring's points to those a level down, with their eigenvalues, largest first."""
+    columns = []
+    count = len(star(n, scheme, closed, seed=n).points)
+    for k in range(count):
+        unit = star(n, scheme, closed, seed=n)
+        unit.points[:] = 0
+        unit.points[k, 0] = 1
+        ring = Ring(unit, n, closed, {})
+        ring.step()
+        columns.append(np.concatenate([ring.v[None], ring.e, ring.f])[:count, 0])
+    values, vectors = np.linalg.eig(np.array(columns))  # of the transpose
+    order = np.argsort(-values.real)
+    return values.real[order], vectors.real[:, order]
+
+
+def plane(t0: Any, t1: Any) -> Any:
+    n = np.cross(t0, t1)
+    return n / (np.linalg.norm(n) * np.sign(n[2]))
+
+
 @pytest.mark.parametrize("n", [3, 4, 5, 6, 7, 9, 20])
-def test_tangents_are_left_eigenvectors(n: int) -> None:
-    """To rounding, by the matrix of a ring: rows are where unit control points go."""
-    for scheme in SCHEMES:
-        c = star(n, scheme, closed=True, seed=n)
-        count = len(c.points)
-        columns = []
-        for k in range(count):
-            unit = star(n, scheme, closed=True, seed=n)
-            unit.points[:] = 0
-            unit.points[k, 0] = 1
-            ring = Ring(unit, n, True, {})
-            ring.step()
-            columns.append(np.concatenate([ring.v[None], ring.e, ring.f])[:count, 0])
-        values, left = np.linalg.eig(np.array(columns))  # of the transpose: left eigenvectors
-        order = np.argsort(-values.real)
-        assert abs(values.real[order[1]] - values.real[order[2]]) < 1e-9
-        span = np.real(left[:, order[1:3]])
-        t = span.T @ c.points.astype(np.float64)
-        expected = np.cross(t[0], t[1])
-        expected /= np.linalg.norm(expected) * np.sign(expected[2])
-        np.testing.assert_allclose(limit_at_0(c)[1], expected, atol=1e-6)
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_tangents_are_left_eigenvectors(scheme: str, n: int) -> None:
+    values, left = left_eigenvectors(n, scheme, closed=True)
+    assert abs(values[1] - values[2]) < 1e-9
+    c = star(n, scheme, closed=True, seed=n)
+    t = left[:, 1:3].T @ c.points.astype(np.float64)
+    np.testing.assert_allclose(limit_at_0(c)[1], plane(t[0], t[1]), atol=1e-6)
+
+
+@pytest.mark.parametrize("m", [2, 3, 4, 5, 8])
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_boundary_tangents_are_left_eigenvectors(scheme: str, m: int) -> None:
+    values, left = left_eigenvectors(m, scheme, closed=False)
+    cosine = np.cos(np.pi / m)
+    across = 3 / 8 + cosine / 4 if scheme == "loop" else (5 + cosine + np.sqrt((9 + cosine) * (1 + cosine))) / 16
+    c = star(m, scheme, closed=False, seed=m, interpolate_boundary="edgeOnly")
+    p = c.points.astype(np.float64)
+    along = p[1] - p[m + 1]
+    found = [left[:, k] @ p for k in np.flatnonzero(np.abs(values - across) < 1e-7)]
+    assert found
+    # Where the eigenvalue is 1/2 as well, the one along the boundary is among them, or mixed with it.
+    t = max(found, key=lambda w: float(np.linalg.norm(np.cross(w, along)) / np.linalg.norm(w)))
+    np.testing.assert_allclose(limit_at_0(c)[1], plane(along, t), atol=1e-6)
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -209,8 +232,8 @@ def test_catmull_clark_cube_is_round() -> None:
 def test_triangle_rules(rule: str, edge_point: float) -> None:
     """Two triangles in a sharp rim, one point raised by 1: the point between them, and its limit, by hand."""
     points = [[0, 0, 0], [2, 0, 0], [1, 2, 1], [1, -2, 0]]
-    rim = {"crease_lengths": [5], "crease_points": [1, 2, 0, 3, 1], "crease_sharpnesses": [10.0]}
-    corners = {"corner_points": [0, 1, 2, 3], "corner_sharpnesses": [10.0] * 4}
+    rim: dict[str, Any] = {"crease_lengths": [5], "crease_points": [1, 2, 0, 3, 1], "crease_sharpnesses": [10.0]}
+    corners: dict[str, Any] = {"corner_points": [0, 1, 2, 3], "corner_sharpnesses": [10.0] * 4}
     p = uniform(cage(points, [[0, 1, 2], [1, 0, 3]], triangle_rule=rule, **rim, **corners), 1)["points"]
     middle = p[np.argmin(np.abs(p[:, :2] - [1, 0]).sum(axis=1))]
     # Around it: the edge's ends at 0, face points at 1/3 and 0, the middles of the rim's edges at 1/2, 1/2, 0, 0.

@@ -6,12 +6,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pxr import Gf, Usd
 
 from primray import core
-from primray.description import Interpolation, SubdivisionMesh
+from primray.description import Interpolation, PrimvarInput, SubdivisionMesh, Surface, TextureFile, TextureInput
+from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
+from primray.usd.adapters.cage import names_read
+from primray.usd.context import Context
+from primray.usd.read import When
+from primray.usd.resolve import Inherited, ResolvedPrim
+from primray.usd.subdivision import cage_primvars, read_cage
 
-from .usd_text import translate_text
+from .usd_text import stage_of, translate_text
 
 CUBE = """def Mesh "cube" {
     int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
@@ -228,3 +235,38 @@ def test_unknown_creases_are_said() -> None:
     description, _ = translate_text(CUBE.replace("BODY", body))
     _, warnings = core.dice(description, RenderSettings())
     assert [code for code, _, _ in warnings] == ["cage-topology"]
+
+
+ST = """texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] (interpolation = "faceVarying")
+    int[] primvars:st:indices = [INDICES]
+    float[] primvars:weight = [0, 1, 2, 3, 4, 5, 6, 7] (interpolation = "varying")
+    int[] primvars:id = [4] (interpolation = "constant")
+    string[] primvars:label = ["a"] (interpolation = "constant")
+    double primvars:single = 2.5 (interpolation = "constant")"""
+
+
+def test_primvars_by_name() -> None:
+    indices = [(3 * k) % 4 for k in range(24)]
+    stage = stage_of(CUBE.replace("BODY", ST.replace("INDICES", ", ".join(map(str, indices)))))
+    prim = stage.GetPrimAtPath("/cube")
+    ctx = Context(stage, RenderSettings(), When(Usd.TimeCode.Default(), False), (), (), Diagnostics())
+    resolved = ResolvedPrim(prim, "/cube", "Mesh", frozenset(prim.GetAuthoredPropertyNames()), Gf.Matrix4d(1), Inherited())
+    found_cage = read_cage(resolved, ctx)
+    assert found_cage is not None
+    st, weight, number, single = cage_primvars(resolved, ["st", "absent", "weight", "id", "single", "label"], found_cage, ctx)
+    assert st.indices is not None
+    assert (st.name, st.interpolation, st.values.shape, st.indices.tolist()) == ("st", Interpolation.CORNER, (4, 2), indices)
+    assert (weight.interpolation, weight.values.tolist()) == (Interpolation.VARYING, [[k] for k in range(8)])
+    assert (number.interpolation, number.values.tolist()) == (Interpolation.CONSTANT, [[4]])
+    assert single.values.tolist() == [[2.5]]
+    assert [d.code for d in ctx.diagnostics] == ["invalid-primvar"]  # the label
+
+
+def test_names_that_surfaces_read() -> None:
+    stage = stage_of("")
+    ctx = Context(stage, RenderSettings(), When(Usd.TimeCode.Default(), False), (), (), Diagnostics())
+    uv = TextureInput(TextureFile("a.png", "auto"), "rgb", PrimvarInput("st", (0.0, 0.0)))
+    ctx.surface_index(Surface("", inputs=(("diffuse_color", uv), ("roughness", PrimvarInput("rough", (0.5,))))))
+    ctx.surface_index(Surface("", inputs=(("metallic", PrimvarInput("metal", (0.5,))),)))
+    assert names_read(0, ctx) == ["rough", "st"]
+    assert names_read(np.array([1, -1, 1], np.int32), ctx) == ["metal"]
