@@ -158,14 +158,15 @@ def test_frames_open_the_stage_once(pipeline: FakePipeline) -> None:
     assert images[1].report["stages_s"]["open"] == 0.0
 
 
-def test_textures_reach_the_core_by_path(pipeline: FakePipeline, tmp_path: Path) -> None:
+def test_textures_reach_the_core_by_file(pipeline: FakePipeline, tmp_path: Path) -> None:
     path = str(tmp_path / "sky.exr")
     pixels = np.full((2, 4, 3), 0.5, np.float32)
     pixels[0, 0, 0] = np.nan
     oiio.ImageBuf(pixels).write(path)
     pipeline.description = make_description(lights=(make_dome(path),))
     report = render("a.usda").report
-    assert pipeline.textures[path].shape == (2, 4, 3)
+    [(file, [(tile, texture)])] = pipeline.textures.items()
+    assert (file.path, tile, texture.pixels.shape) == (path, 0, (2, 4, 3))
     assert [d["code"] for d in report["diagnostics"]] == ["texture-bad-texels"]
 
 
