@@ -102,9 +102,12 @@ void measure_footprints(Scene& s) {
       uint32_t corner[3];
       for (int k = 0; k < 3; ++k) corner[k] = group.vertex_base + s.indices[3 * t + k];
       const dvec3 p = position(s, corner[0]), e1 = position(s, corner[1]) - p, e2 = position(s, corner[2]) - p;
-      const double area2 = length(cross(e1, e2)), reach = std::max(length(e1), length(e2));
+      const dvec3 n = cross(e1, e2), to = p - camera;
+      const double area2 = length(n);
       if (!(area2 > 0)) continue;
-      const double width = g == 0 ? cone_at(s.camera, length(p - camera) - reach) : on_instances[g];
+      // A triangle is no nearer than its plane, nor than a sphere about its corner that holds it.
+      const double distance = std::max(std::fabs(dot(n, to)) / area2, length(to) - std::max(length(e1), length(e2)));
+      const double width = g == 0 ? cone_at(s.camera, distance) : on_instances[g];
       for (const InputSource& source : s.surface_inputs[inputs].sources)
         if (source.texture >= 0) wear(s, source, s.textures[source.texture], mesh, t, corner, area2, width);
     }
