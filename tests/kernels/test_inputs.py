@@ -100,4 +100,4 @@ def test_packets_and_single_rays_meet_the_same_cut_outs() -> None:
             assert np.array_equal(found[0][key], other[key]), key
         for key in ("t", "uv", "p", "ns"):
             assert np.array_equal(found[0][key][hit], other[key][hit]), key
-    assert 0.7 < hit.mean() < 0.99
+    assert 0.4 < hit.mean() < 0.6
