@@ -198,10 +198,10 @@ def describe(
     return Described(description, images)
 
 
-def image(pixels: npt.ArrayLike, **wraps: Wrap) -> list[tuple[int, Texture]]:
+def image(pixels: npt.ArrayLike, wrap_s: Wrap = Wrap.BLACK, wrap_t: Wrap = Wrap.BLACK) -> list[tuple[int, Texture]]:
     """Pixels (H, W, C) or (H, W), first row at the top, as the one image of a TextureFile."""
     p = np.asarray(pixels, np.float32)
-    return [(0, Texture(p if p.ndim == 3 else p[:, :, None], **wraps))]
+    return [(0, Texture(p if p.ndim == 3 else p[:, :, None], wrap_s=wrap_s, wrap_t=wrap_t))]
 
 
 def render(

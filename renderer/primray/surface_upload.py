@@ -63,7 +63,7 @@ def with_readable_inputs(surface: Surface, textures: Textures) -> Surface:
 
 def channels_of(rgba: Sequence[float], channels: str) -> tuple[float, float, float]:
     """What an output of UsdUVTexture has of four numbers; a single channel three times."""
-    r, g, b = (rgba[:3] if channels == "rgb" else [rgba["rgba".index(channels)]] * 3)
+    r, g, b = rgba[:3] if channels == "rgb" else [rgba["rgba".index(channels)]] * 3
     return float(r), float(g), float(b)
 
 

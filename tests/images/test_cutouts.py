@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from tests.described import describe, ground, image, lambert, light, look_at, orthographic, quad, render, rotation, translation
-from tests.textured import FILE, UNIT_ST, look_at_plate, pixels_of, plate, primvar, texture, with_primvars
+from tests.textured import FILE, UNIT_ST, look_at_plate, plate, primvar, texture, with_primvars
 
 from primray.description import (
+    Doubles,
     Interpolation,
     LightType,
+    Mesh,
     Placed,
     Placement,
     PrimvarInput,
@@ -25,8 +28,10 @@ OPACITY = (RNG.integers(0, 256, (16, 16)) / 255).astype(np.float32)
 DOWN = rotation([1, 0, 0], -90)
 
 
-def cutout(threshold: float, channels: str = "r", **more: float | bool) -> Surface:
-    return Surface("/leaf", emissive_color=(1, 1, 1), opacity_threshold=threshold, inputs=(("opacity", texture(channels)),), **more)  # type: ignore[arg-type]
+def cutout(threshold: float, channels: str = "r", file: TextureFile = FILE) -> Surface:
+    """Glows where it is."""
+    inputs = (("opacity", texture(channels, file)),)
+    return Surface("/leaf", emissive_color=(1, 1, 1), opacity_threshold=threshold, inputs=inputs)
 
 
 @pytest.mark.parametrize("presence", [False, True])
@@ -36,7 +41,7 @@ def test_what_the_texture_says(threshold: float, presence: bool) -> None:
     opacity = OPACITY.copy()
     opacity[0, :3] = np.array([50, 51, 52], np.float32) / np.float32(255)
     opacity[1, :3] = np.array([127, 128, 129], np.float32) / np.float32(255)
-    d = look_at_plate(cutout(np.float32(threshold), presence=presence), {FILE: image(opacity)}, (16, 16))
+    d = look_at_plate(replace(cutout(float(np.float32(threshold))), presence=presence), {FILE: image(opacity)}, (16, 16))
     seen = render(d.build(filter_width=1e-6), 2).pixels(1.0)
     there = opacity >= np.float32(threshold)
     # Interpolation at texel centres is exact only to rounding: a texel at the threshold may fall on either side there.
@@ -52,7 +57,7 @@ def test_a_flat_opacity_at_the_threshold_is_there() -> None:
         assert (render(d.build(), 4).pixels(1.0)[..., 3] == there).all()
 
 
-def horizontal(y: float, half: float = 1.0, surface: int = 1) -> tuple[object, np.ndarray]:
+def horizontal(y: float, half: float = 1.0, surface: int = 1) -> tuple[Mesh, Doubles]:
     h = half
     mesh = quad([[-h, 0, h], [h, 0, h], [h, 0, -h], [-h, 0, -h]], surface)
     return with_primvars(mesh, primvar("st", UNIT_ST)), translation(0, y, 0)
@@ -64,19 +69,24 @@ def test_shadows(instanced: bool) -> None:
     camera = replace(orthographic(look_at([0, 0.5, 0], [0, 0, 0], up=(0, 0, -1)), 1.0), window=(-1, 1, -1, 1))
     surfaces = [lambert(1.0), replace(cutout(0.5), emissive_color=(0, 0, 0))]
     mesh, matrix = horizontal(1.0)
-    common = {"surfaces": surfaces, "lights": [light(LightType.DISTANT, DOWN)], "camera": camera, "resolution": (16, 16)}
+    shapes = [(ground(2), np.eye(4))]
+    more: dict[str, Any] = {}
     if instanced:
-        d = describe([(ground(2), np.eye(4))], prototype_shapes=[mesh], prototypes=[Prototype("/p", (Placed(1, np.eye(4)),))],
-                     placements=[Placement(0, matrix[None, :3])], textures={FILE: image(OPACITY)}, **common)  # fmt: skip
+        more["prototype_shapes"], more["prototypes"] = [mesh], [Prototype("/p", (Placed(1, np.eye(4)),))]
+        more["placements"] = [Placement(0, matrix[None, :3])]
     else:
-        d = describe([(ground(2), np.eye(4)), (mesh, matrix)], textures={FILE: image(OPACITY)}, **common)
+        shapes.append((mesh, matrix))
+    sun = [light(LightType.DISTANT, DOWN)]
+    d = describe(shapes, surfaces, sun, camera, (16, 16), textures={FILE: image(OPACITY)}, **more)
     lit = render(d.build(filter_width=1e-6), 2, max_depth=1).pixels(1.0)[..., 0] > 0
     assert np.array_equal(lit, OPACITY < 0.5)
 
 
 def test_the_edge_of_two_triangles_is_no_hole() -> None:
     camera = replace(orthographic(look_at([0, 0, 5], [0, 0, 0]), 1.0), window=(-1, 1, -1, 1))
-    d = describe([(plate(), np.eye(4))], [cutout(0.5)], camera=camera, resolution=(63, 63), textures={FILE: image(np.ones((4, 4)))})
+    d = describe(
+        [(plate(), np.eye(4))], [cutout(0.5)], camera=camera, resolution=(63, 63), textures={FILE: image(np.ones((4, 4)))}
+    )
     assert (render(d.build(filter_width=1e-7), 2).pixels(1.0)[..., 3] == 1).all()
 
 
@@ -118,7 +128,7 @@ def test_shadow_rays_count_a_shared_edge_once(layers: int) -> None:
     """Exactly below the diagonal of each plate, where two of its triangles meet."""
     surfaces = [lambert(1.0), replace(GAP, inputs=(("opacity", texture("r")),))]
     camera = replace(orthographic(look_at([0, 0.5, 0], [0, 0, 0], up=(0, 0, -1)), 1.0), window=(-1, 1, -1, 1))
-    shapes = [(ground(2), np.eye(4)), *(horizontal(1 + i) for i in range(layers))]
+    shapes = [(ground(2), np.eye(4)), *(horizontal(1.0 + i) for i in range(layers))]
     opacity = np.full((2, 2), 0.25)
     d = describe(shapes, surfaces, [light(LightType.DISTANT, DOWN)], camera, (9, 9), textures={FILE: image(opacity)})
     got = render(d.build(filter_width=1e-7), 4, max_depth=1).pixels(1.0)[..., 0] * np.pi
@@ -148,9 +158,7 @@ def test_an_opaque_texture_costs_no_see_through_shadows() -> None:
 def test_a_cut_outs_texture_keeps_its_finest_level_alone() -> None:
     """Far away, where others drop it: a filter reads no other. Its colours go by the footprint."""
     file = TextureFile("leaf", "raw")
-    surface = replace(
-        cutout(0.5), inputs=(("opacity", texture("a", file)), ("diffuse_color", texture(file=file)))
-    )
+    surface = replace(cutout(0.5), inputs=(("opacity", texture("a", file)), ("diffuse_color", texture(file=file))))
     rgba = RNG.random((256, 256, 4))
     images = look_at_plate(surface, {file: image(rgba)}, (8, 8)).build().texture_images
     assert [(i["channels"], i["first_level"], i["last_level"]) for i in images] == [(1, 0, 0), (3, 3, 8)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,8 +40,8 @@ def irradiance_on(mesh: Mesh, matrix: Doubles, *, instanced: bool, surface: Surf
     if not instanced:
         d = describe([(mesh, matrix)], [surface], sun, camera, (2, 2), textures=MAP)
     else:
-        d = describe(surfaces=[surface], lights=sun, camera=camera, resolution=(2, 2), prototype_shapes=[mesh], textures=MAP,
-                     prototypes=[Prototype("/p", (Placed(0, np.eye(4)),))], placements=[Placement(0, matrix[None, :3])])  # fmt: skip
+        prototypes, placements = [Prototype("/p", (Placed(0, np.eye(4)),))], [Placement(0, matrix[None, :3])]
+        d = describe([], [surface], sun, camera, (2, 2), prototypes, [mesh], placements, textures=MAP)
     return pixels_of(d, max_depth=1)[..., 0] * np.pi
 
 
@@ -66,7 +67,7 @@ MATRICES = {
     "sheared and mirrored": rotation([0, 1, 0], -20) @ SHEAR @ scaling(-1, 1, 1),
 }
 # Corners' st, and how the point moves with s and with t.
-MAPS = {
+MAPS: dict[str, tuple[Any, Any, Any]] = {
     "upright": ([[0, 0], [1, 0], [1, 1], [0, 1]], [1, 0, 0], [0, 1, 0]),
     "mirrored": ([[1, 0], [0, 0], [0, 1], [1, 1]], [-1, 0, 0], [0, 1, 0]),
     "turned": ([[0, 1], [0, 0], [1, 0], [1, 1]], [0, 1, 0], [-1, 0, 0]),

@@ -6,10 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.described import Described, describe, image, kernels, look_at, orthographic, perspective, render, scaling, translation
-from tests.textured import FILE, UNIT_ST, glowing, plate, texture
+from tests.described import (
+    Described,
+    describe,
+    image,
+    kernels,
+    look_at,
+    perspective,
+    render,
+    scaling,
+    translation,
+)
+from tests.textured import FILE, UNIT_ST, glowing, look_at_plate, plate, texture
 
-from primray.description import Camera, Placed, Placement, Prototype, Wrap
+from primray.description import Placed, Placement, Prototype, Wrap
 
 SIZE = 256
 CHECKER = (np.indices((SIZE, SIZE)).sum(axis=0) % 2).astype(np.float32)
@@ -55,8 +65,7 @@ def test_a_distant_checkerboard_has_its_mean(tilt: float) -> None:
 def test_a_near_checkerboard_is_sharp() -> None:
     """Where a texel is 4 pixels wide, the picture is the finest level's."""
     st = np.asarray(UNIT_ST, float) * 8 / SIZE
-    d = describe([(plate(st), np.eye(4))], [EVERY], camera=orthographic(look_at([0, 0, 5], [0, 0, 0]), 1.0), resolution=(32, 32),
-                 textures={FILE: image(CHECKER)})  # fmt: skip
+    d = look_at_plate(EVERY, {FILE: image(CHECKER)}, (32, 32), plate(st))
     got = render(d.build(), 64).pixels(1.0)[..., 0]
     x = (np.arange(32 * 16) + 0.5) / (32 * 16)
     at = np.stack(np.meshgrid(x, 1 - x), axis=-1).reshape(-1, 2) * st[2]
@@ -73,9 +82,7 @@ def test_the_level_is_that_of_half_a_pixel(pixels_per_texel: float, level: float
     # Off the texels' borders, where neighbouring levels agree.
     offset, extent = 0.3 / pixels_per_texel / size, resolution / pixels_per_texel / size
     st = np.asarray(UNIT_ST, float) * extent + offset
-    d = describe([(plate(st), np.eye(4))], [glowing(texture("r", wrap=Wrap.REPEAT))],
-                 camera=orthographic(look_at([0, 0, 5], [0, 0, 0]), 1.0), resolution=(resolution,) * 2,
-                 textures={FILE: image(noise)})  # fmt: skip
+    d = look_at_plate(EVERY, {FILE: image(noise)}, (resolution, resolution), plate(st))
     got = render(d.build(filter_width=1e-3), 2).pixels(1.0)[..., 0].ravel()
     x, y = np.meshgrid((np.arange(resolution) + 0.5) / resolution, 1 - (np.arange(resolution) + 0.5) / resolution)
     at = (np.stack([x, y], axis=-1) * extent + offset).reshape(-1, 2).astype(np.float32)
@@ -94,11 +101,11 @@ def kept(described: Described) -> tuple[int, int]:
 
 
 def test_levels_that_no_ray_can_need_are_not_kept() -> None:
-    """1024 x 1024 texels on a plate 64 pixels across: four levels fewer, a 256th of the memory."""
-    def at(resolution: int, camera: Camera | None = None) -> Described:
-        camera = camera or orthographic(look_at([0, 0, 5], [0, 0, 0]), 1.0)
-        return describe([(plate(), np.eye(4))], [glowing(texture())], camera=camera, resolution=(resolution,) * 2,
-                        textures={FILE: image(np.random.default_rng(0).random((1024, 1024, 3)))})  # fmt: skip
+    """1024 x 1024 texels on a plate 64 pixels across: two levels fewer, a sixteenth of the memory."""
+
+    def at(resolution: int) -> Described:
+        texels = np.random.default_rng(0).random((1024, 1024, 3))
+        return look_at_plate(glowing(texture()), {FILE: image(texels)}, (resolution, resolution))
 
     whole, far = kept(at(1024)), kept(at(64))
     assert whole[0] == 0

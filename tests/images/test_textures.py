@@ -3,14 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
-from tests.described import Described, describe, image, lambert, look_at, orthographic, render, scaling, translation
+from tests.described import (
+    Described,
+    core_module,
+    describe,
+    image,
+    lambert,
+    light,
+    look_at,
+    orthographic,
+    render,
+    scaling,
+    translation,
+)
 from tests.textured import (
     FILE,
     ST,
     UNIT_ST,
+    Numbers,
     glowing,
     look_at_plate,
     pixels_of,
@@ -22,9 +36,11 @@ from tests.textured import (
 
 from primray.description import (
     Interpolation,
+    LightType,
     Mesh,
     Placed,
     Placement,
+    Primvar,
     PrimvarInput,
     Prototype,
     Sphere,
@@ -32,6 +48,9 @@ from primray.description import (
     TextureFile,
     Wrap,
 )
+from primray.pixel_filter import inverse_cdf
+from primray.scene_upload import upload
+from primray.settings import Filter
 from primray.texture import Texture
 
 RNG = np.random.default_rng(0)
@@ -84,7 +103,8 @@ def test_wraps_outside(wrap: Wrap) -> None:
         wanted = np.zeros((9, 9, 3))
         wanted[3:6, 3:6] = picture
     else:
-        wanted = np.pad(picture, ((3, 3), (3, 3), (0, 0)), {"clamp": "edge", "repeat": "wrap", "mirror": "symmetric"}[wrap.value])
+        modes: dict[Wrap, Any] = {Wrap.CLAMP: "edge", Wrap.REPEAT: "wrap", Wrap.MIRROR: "symmetric"}
+        wanted = np.pad(picture, ((3, 3), (3, 3), (0, 0)), modes[wrap])
     np.testing.assert_allclose(got, wanted, atol=CLOSE)
 
 
@@ -119,7 +139,7 @@ def test_a_file_that_cannot_be_read_gives_its_fallback() -> None:
     assert (pixels_of(d) == 0).all()
 
 
-def one_triangle_pair(interpolation: Interpolation, values: list[list[float]]) -> Mesh:
+def one_triangle_pair(interpolation: Interpolation, values: Numbers) -> Mesh:
     return with_primvars(plate(), primvar("glow", values, interpolation))
 
 
@@ -127,7 +147,7 @@ GLOW = glowing(PrimvarInput("glow", (0.125, 0.25, 0.5)))
 
 
 def test_primvars_of_every_kind() -> None:
-    def look(interpolation: Interpolation, values: list[list[float]]) -> np.ndarray:
+    def look(interpolation: Interpolation, values: Numbers) -> np.ndarray:
         return pixels_of(look_at_plate(GLOW, {}, (4, 4), one_triangle_pair(interpolation, values)))
 
     assert (look(Interpolation.CONSTANT, [[1, 2, 3]]) == [1, 2, 3]).all()
@@ -169,7 +189,7 @@ def test_primvars_on_spheres_and_on_parts_of_meshes() -> None:
     assert (got[0, :3] == [0, 1, 0]).all()
 
 
-def instanced(matrices: np.ndarray, *primvars: object) -> Described:
+def instanced(matrices: np.ndarray, *primvars: Primvar) -> Described:
     """Three plates side by side, each filling a pixel, glowing 9 by themselves."""
     shape = with_primvars(plate(half=0.9), primvar("glow", [[9.0]], Interpolation.CONSTANT))
     camera = replace(orthographic(look_at([2, 0, 5], [2, 0, 0]), 1.0), window=(-3, 3, -1, 1))
@@ -189,12 +209,6 @@ def test_the_primvar_of_an_instance_wins() -> None:
 def test_instances_that_are_left_out_take_their_primvars_along() -> None:
     matrices = np.stack([translation(0, 0, 0)[:3], np.zeros((3, 4)), translation(2, 0, 0)[:3], translation(4, 0, 0)[:3]])
     described = instanced(matrices, primvar("glow", [[1.0], [7.0], [2.0], [3.0]], Interpolation.INSTANCE))
-    from tests.described import core_module
-
-    from primray.pixel_filter import inverse_cdf
-    from primray.scene_upload import upload
-    from primray.settings import Filter
-
     scene, warnings = upload(core_module(), described.description, {}, 1e-3, inverse_cdf(Filter.BOX, 1e-3))
     assert [code for code, _, _ in warnings] == ["singular-transform"]
     assert render(scene, 1).pixels(1.0)[0, :, 0].tolist() == [1, 2, 3]
@@ -207,19 +221,14 @@ def test_what_is_not_finite_is_black() -> None:
 
 def test_a_furnace_gives_the_albedo() -> None:
     """Under an even sky of 1 a convex Lambert surface shows its albedo exactly; coated ones never more than 1."""
-    from tests.described import light
-
-    from primray.description import LightType
-
     sky = [light(LightType.DOME)]
     surface = replace(lambert(0.5), inputs=(("diffuse_color", texture()),))
     got = pixels_of(look_at_plate(surface, {FILE: image(PICTURE)}, (7, 5), lights=sky))
     np.testing.assert_allclose(got, PICTURE[..., :3], atol=CLOSE)
     rough, white = TextureFile("rough", "raw"), np.ones((1, 1, 3))
-    varying = Surface(
-        "/m", clearcoat=0.5,
-        inputs=(("diffuse_color", texture(file=rough)), ("roughness", texture("r")), ("metallic", texture("g")), ("clearcoat", texture("b"))),
-    )  # fmt: skip
+    scalars = (("roughness", "r"), ("metallic", "g"), ("clearcoat", "b"))
+    inputs = (("diffuse_color", texture(file=rough)), *((name, texture(channel)) for name, channel in scalars))
+    varying = Surface("/m", inputs=inputs)
     d = look_at_plate(varying, {FILE: image(PICTURE), rough: image(white)}, (7, 5), lights=sky)
     got = pixels_of(d, 4096)
     assert got.max() < 1.01
@@ -228,9 +237,6 @@ def test_a_furnace_gives_the_albedo() -> None:
 
 def test_inputs_are_kept_within_what_they_mean() -> None:
     """Values out of range act as the nearest that is in it."""
-    from tests.described import light
-
-    from primray.description import LightType
 
     def look(value: float) -> np.ndarray:
         fields = ("metallic", "roughness", "clearcoat", "clearcoat_roughness", "opacity")

@@ -22,7 +22,6 @@ from tests.described import (
     scaling,
     translation,
 )
-
 from tests.textured import plate, primvar, texture, with_primvars
 
 from primray.description import (
@@ -166,23 +165,32 @@ def textured() -> Described:
         mesh = with_primvars(plate(st, half, surface), primvar("tint", [[0.9, 0.8, 0.1], [0.1, 0.2, 0.3]], Interpolation.FACE))
         return mesh, translation(x, 0.4, 0.4 * np.cos(5 * x)) @ rotation([0, 1, 0], 40 * x)
 
-    one = [[0.0, 0.0], [1, 0], [1, 1], [0, 1]]
+    one, two = ([[0.0, 0.0], [n, 0.0], [n, n], [0.0, n]] for n in (1.0, 2.0))
     floor = with_primvars(ground(4), primvar("st", wide))
-    shapes = [(floor, np.eye(4)), *(standing(k, 0.8 * (k - 2), [[0, 0], [2, 0], [2, 2], [0, 2]] if k == 2 else one) for k in range(5))]
+    shapes = [
+        (floor, np.eye(4)),
+        *(standing(k, 0.8 * (k - 2), two if k == 2 else one) for k in range(5)),
+    ]
     shapes.append((Sphere("/s", 0.3, 0), translation(0.2, 1.0, 0.2)))
     mixed = with_primvars(box([0.3, 0.3, 0.3]), primvar("st", rng.random((8, 2))))
     mixed = replace(mixed, surface=np.arange(len(mixed.triangles), dtype=np.int32) % 7)
-    matrices = np.array([(translation(*rng.uniform([-1.5, 0, -1], [1.5, 1, 1])) @ rotation(rng.normal(size=3), 360 * rng.random())
-                          @ scaling(-1 if i % 2 else 1, 1, 0.7))[:3] for i in range(12)])  # fmt: skip
+    places = [
+        translation(*rng.uniform([-1.5, 0, -1], [1.5, 1, 1])) @ rotation(rng.normal(size=3), 360 * rng.random())
+        for _ in range(12)
+    ]
+    matrices = np.array([(m @ scaling(-1 if i % 2 else 1, 1, 0.7))[:3] for i, m in enumerate(places)])
     placements = [
         Placement(0, matrices[:6], (primvar("tint", rng.random((6, 3)), Interpolation.INSTANCE),)),
         Placement(0, matrices[6:]),
     ]
-    lights = [light(LightType.RECT, translation(0, 2.5, 0) @ rotation([1, 0, 0], -90), 3.0), light(LightType.DOME, emission=0.3)]
+    lights = [
+        light(LightType.RECT, translation(0, 2.5, 0) @ rotation([1, 0, 0], -90), 3.0),
+        light(LightType.DOME, emission=0.3),
+    ]
     textures = {COLORS: image(colors), NUMBERS: image(bumps), LEAF: image(leaf), TILES: tiles}
     return describe(
-        shapes, surfaces, lights, perspective(VIEW, 0.4, ASPECT), RESOLUTION, [Prototype("/p", (Placed(len(shapes), np.eye(4)),))],
-        [mixed], placements, textures=textures,
+        shapes, surfaces, lights, perspective(VIEW, 0.4, ASPECT), RESOLUTION,
+        [Prototype("/p", (Placed(len(shapes), np.eye(4)),))], [mixed], placements, textures=textures,
     )  # fmt: skip
 
 

@@ -44,11 +44,13 @@ def test_connected_constants_give_the_same_bits(name: str, lanes: int) -> None:
 def emitters(value: Input) -> Described:
     mesh = with_primvars(plate(), primvar("glow", [[1, 2, 3], [4, 5, 6]], Interpolation.FACE))
     matrices = np.stack([translation(2.5 * i, 0, 0)[:3] for i in range(1, 4)])
-    tint = primvar("tint", [[1.0, 0, 0], [0, 2, 0], [0, 0, 3]], Interpolation.INSTANCE)
+    tint = primvar("tint", [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]], Interpolation.INSTANCE)
     return describe(
-        [(plate(surface=1), translation(0, 5, 0)), (mesh, np.eye(4))], [glowing(value), lambert(0.5, 7.0)], prototypes=[Prototype("/p", (Placed(2, np.eye(4)),))],
-        prototype_shapes=[mesh], placements=[Placement(0, matrices, (tint,))], textures={FILE: image(np.random.default_rng(0).random((4, 4, 3)))},
+        [(plate(surface=1), translation(0, 5, 0)), (mesh, np.eye(4))], [glowing(value), lambert(0.5, 7.0)],
         camera=orthographic(look_at([0, 0, 5], [0, 0, 0]), 1.0),
+        prototypes=[Prototype("/p", (Placed(2, np.eye(4)),))], prototype_shapes=[mesh],
+        placements=[Placement(0, matrices, (tint,))],
+        textures={FILE: image(np.random.default_rng(0).random((4, 4, 3)))},
     )  # fmt: skip
 
 

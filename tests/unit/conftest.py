@@ -43,7 +43,7 @@ class FakePipeline:
     interrupt: bool = False
     invalid_samples: int = 0
     calls: list[str] = field(default_factory=list)
-    textures: dict[str, Any] = field(default_factory=dict)
+    textures: dict[Any, Any] = field(default_factory=dict)
 
     def open_stage(self, stage: Any, diagnostics: Diagnostics) -> Any:
         self.calls.append(f"open {stage}")
@@ -62,7 +62,7 @@ class FakePipeline:
         resolution = (resolution[0], resolution[1] or resolution[0] // 2)
         return replace(self.description, resolution=resolution, time_code=settings.time_code), diagnostics
 
-    def build(self, description: SceneDescription, textures: dict[str, Any], settings: primray.RenderSettings) -> Any:
+    def build(self, description: SceneDescription, textures: dict[Any, Any], settings: primray.RenderSettings) -> Any:
         self.calls.append("build")
         self.textures = textures
         return SimpleNamespace(

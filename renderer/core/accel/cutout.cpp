@@ -1,7 +1,7 @@
 // The filter for nearest hits and for shadow rays, a lane at a time: packets of incoherent rays bring it 1.1 on average.
 //
-// Opacity is read at the finest level, since a filter knows no ray's cone: a cut-out has the same holes for every ray. A ray that
-// meets the edge of two triangles may be asked about twice, with the same answer.
+// Opacity is read at the finest level, since a filter knows no ray's cone: a cut-out has the same holes for every ray. A ray
+// that meets the edge of two triangles may be asked about twice, with the same answer.
 #include "accel/cutout.hpp"
 
 #include "scene/evaluate_inputs.hpp"
@@ -15,8 +15,14 @@ Hits<1> hit_of(const rtc::FilterArguments& args, uint32_t i) {
   const float* f = args.hit;
   const uint32_t* id = reinterpret_cast<const uint32_t*>(args.hit);
   const auto number = [&](int field) { return vint<1>(int32_t(id[field * n + i])); };
-  return {vfloat<1>(0.0f), vvec3<1>(vfloat<1>(0.0f)), vfloat<1>(f[3 * n + i]), vfloat<1>(f[4 * n + i]),
-          number(5),       number(6),                 number(7),               number(8)};
+  return {vfloat<1>(0.0f),
+          vvec3<1>(vfloat<1>(0.0f)),
+          vfloat<1>(f[3 * n + i]),
+          vfloat<1>(f[4 * n + i]),
+          number(5),
+          number(6),
+          number(7),
+          number(8)};
 }
 
 bool is_hole(const Scene& scene, const Hits<1>& hit) {

@@ -15,8 +15,8 @@ dvec3 dvec3_of(const nb::handle& h) { return {nb::cast<double>(h[0]), nb::cast<d
 
 void add_mesh(SceneBuilder& b, InArray<float> points, InArray<int32_t> triangles, InArray<float> normals, int normal_kind,
               InArray<float> colors, int color_kind, InArray<int32_t> surfaces, InArray<double> matrix, bool cutout) {
-  MeshInput m{span_of(points),        span_of(triangles),    span_of(normals), span_of(colors),
-              Attribute(normal_kind), Attribute(color_kind), span_of(surfaces),   cutout};
+  MeshInput m{span_of(points),        span_of(triangles),    span_of(normals),  span_of(colors),
+              Attribute(normal_kind), Attribute(color_kind), span_of(surfaces), cutout};
   b.add_mesh(m, affine_of(matrix));
 }
 
@@ -113,8 +113,10 @@ void bind_scene(nb::module_& m) {
       .def("add_surface", &add_surface)
       .def("add_texture", &SceneBuilder::add_texture)
       .def("set_texture_image", &set_texture_image)
-      .def("add_mesh_primvar", [](SceneBuilder& b, int name, int kind, int width,
-                                  InArray<float> values) { b.add_mesh_primvar(name, PrimvarKind(kind), width, span_of(values)); })
+      .def("add_mesh_primvar",
+           [](SceneBuilder& b, int name, int kind, int width, InArray<float> values) {
+             b.add_mesh_primvar(name, PrimvarKind(kind), width, span_of(values));
+           })
       .def("add_sphere_primvar", [](SceneBuilder& b, int name, int width,
                                     InArray<float> values) { b.add_sphere_primvar(name, width, span_of(values)); })
       .def("add_placement_primvar", [](SceneBuilder& b, int name, int width,

@@ -299,7 +299,8 @@ nb::dict intersect(const Scene& scene, InArray<double> o_, InFloats d_, int lane
 // What an image of (height, width, 1 or 3) gives at `st` (N, 2), averaged over 2^level texels; `first_level`: the finest kept.
 nb::object texture_lookup(InFloats pixels, int wrap_s, int wrap_t, int first_level, InFloats st_, InFloats level_, int lanes) {
   const int channels = int(pixels.shape(2));
-  const TextureImage image = make_image(span_of(pixels), int(pixels.shape(1)), int(pixels.shape(0)), channels, first_level, false);
+  const TextureImage image =
+      make_image(span_of(pixels), int(pixels.shape(1)), int(pixels.shape(0)), channels, first_level, false);
   const size_t n = st_.shape(0);
   const Input<float> st(st_, n, 2), level(level_, n, 1);
   Column<float> r(n, channels);
@@ -315,7 +316,8 @@ nb::object texture_lookup(InFloats pixels, int wrap_s, int wrap_t, int first_lev
 }
 
 // Emission at barycentrics (N, 2) of triangles, counted over the scene, of instance rows of placements (-1: none).
-nb::object triangle_emission_rows(const Scene& scene, InInts triangle_, InInts placement_, InInts row_, InFloats uv_, int lanes) {
+nb::object triangle_emission_rows(const Scene& scene, InInts triangle_, InInts placement_, InInts row_, InFloats uv_,
+                                  int lanes) {
   const size_t n = triangle_.shape(0);
   const Input<int32_t> triangle(triangle_, n, 1), placement(placement_, n, 1), row(row_, n, 1);
   const Input<float> uv(uv_, n, 2);

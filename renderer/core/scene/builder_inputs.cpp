@@ -31,7 +31,8 @@ void SceneBuilder::add_mesh_primvar(int name, PrimvarKind kind, int width, std::
   if (kind == PrimvarKind::kCorner && last_mirrored_) {
     // Mirrored triangles run the other way around: their second and third corner have changed places.
     float* v = &s.primvars.values[at];
-    for (size_t i = 0; i + 3 * width <= values.size(); i += 3 * width) std::swap_ranges(v + i + width, v + i + 2 * width, v + i + 2 * width);
+    for (size_t i = 0; i + 3 * width <= values.size(); i += 3 * width)
+      std::swap_ranges(v + i + width, v + i + 2 * width, v + i + 2 * width);
   }
   const int32_t primvar = s.primvars.add(kind, width, at);
   for (size_t row = last_mesh_rows_; row < s.meshes.surface.size(); ++row)
@@ -69,8 +70,8 @@ void SceneBuilder::set_texture_image(int texture, int tile, const ImageInput& im
     if (number < 0 || number >= int(t.tiles.size())) throw Error("internal", "no tile of that number");
     t.tiles[number] = int32_t(t.images.size());
   }
-  t.images.push_back(make_image(image.pixels, image.width, image.height, t.channels,
-                                finest_level(t, image.width, image.height), t.finest_only));
+  t.images.push_back(make_image(image.pixels, image.width, image.height, t.channels, finest_level(t, image.width, image.height),
+                                t.finest_only));
 }
 
 int64_t Scene::texture_bytes() const {

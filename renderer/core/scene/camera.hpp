@@ -45,8 +45,8 @@ struct Camera {
   float lens_radius = 0, focus_distance = 1;
   PixelFilter filter;
 
-  // A ray's cone: its width at the camera, and how much wider it gets per distance (Akenine-Moller et al. 2021, "Improved Shader
-  // and Texture Level of Detail Using Ray Cones").
+  // A ray's cone: its width at the camera, and how much wider it gets per distance (Akenine-Moller et al. 2021, "Improved
+  // Shader and Texture Level of Detail Using Ray Cones").
   float cone_width() const { return orthographic ? kConePixels * pixel_size() : 0.0f; }
   float cone_spread() const { return orthographic ? 0.0f : kConePixels * pixel_size(); }
   float pixel_size() const { return std::sqrt((right - left) / float(width) * ((top - bottom) / float(height))); }

@@ -129,8 +129,8 @@ PRIMRAY_INLINE vvec3<W> read_texture(const Scene& scene, vbool<W> active, const 
     const int image = tile[__builtin_ctz(bits(left))];
     const vbool<W> same = left & (tile == I(image));
     left &= !same;
-    const vvec3<W> c = read_image(texture.images[image], Wrap::kClamp, Wrap::kClamp, s - to_float(column), t - to_float(row),
-                                  footprint);
+    const vvec3<W> c =
+        read_image(texture.images[image], Wrap::kClamp, Wrap::kClamp, s - to_float(column), t - to_float(row), footprint);
     r = select(same, c * scale + bias, r);
   }
   return r;
@@ -239,9 +239,9 @@ PRIMRAY_INLINE void set_value(SurfaceValues<W>& v, InputField field, const vvec3
 
 // Rows of the surfaces at the hits `h`, and their normals `ns` where a normal map bends them. `footprint` as in InputReader.
 template <int W>
-__attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbool<W> active, const Hits<W>& h,
-                                                         vint<W> surface, vfloat<W> footprint, const vvec3<W>& ng,
-                                                         vvec3<W>& ns, LaneRows<W>& out) {
+__attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbool<W> active, const Hits<W>& h, vint<W> surface,
+                                                         vfloat<W> footprint, const vvec3<W>& ng, vvec3<W>& ns,
+                                                         LaneRows<W>& out) {
   using I = vint<W>;
   const SurfacePoint<W> point(scene, active, h);
   for (int i = 0; i < W; ++i)

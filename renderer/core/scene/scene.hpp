@@ -83,8 +83,8 @@ struct Scene {
   bool has_instances = false;  // else no hit carries an instance
   bool has_spheres = false;
   bool has_attributes = false;  // smooth normals or varying colours
-  bool has_inputs = false;   // a surface has inputs that vary
-  bool has_cutouts = false;  // some triangles are looked at by a filter
+  bool has_inputs = false;      // a surface has inputs that vary
+  bool has_cutouts = false;     // some triangles are looked at by a filter
   bool has_emission = false;
   bool rays_find_light = false;   // domes, areas or emission that a scattered ray could meet
   bool only_domes_found = false;  // ... and of these only domes, for which it is enough to know that nothing is hit

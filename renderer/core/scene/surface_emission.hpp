@@ -1,13 +1,14 @@
-// Radiance that a surface emits at points chosen on it, for sampling emitters; the mean is average_emission() (input_facts.hpp).
+// Radiance that a surface emits at points chosen on it, for sampling emitters; the mean is average_emission()
+// (input_facts.hpp).
 #pragma once
 
 #include "scene/evaluate_inputs.hpp"
 
 namespace primray {
 
-// At barycentrics (u, v) of `triangle`, counted over the scene: p = p0 + u (p1 - p0) + v (p2 - p0). `placement` and `instance_row`
-// (counted within the placement): where it is in an instance, else -1 and 0. Textures are read as finely as they are kept, where
-// a ray that finds the point reads them over its cone: the two differ by filtering alone.
+// At barycentrics (u, v) of `triangle`, counted over the scene: p = p0 + u (p1 - p0) + v (p2 - p0). `placement` and
+// `instance_row` (counted within the placement): where it is in an instance, else -1 and 0. Textures are read as finely as they
+// are kept, where a ray that finds the point reads them over its cone: the two differ by filtering alone.
 template <int W>
 PRIMRAY_INLINE vvec3<W> triangle_emission(const Scene& scene, vbool<W> active, vint<W> triangle, vint<W> placement,
                                           vint<W> instance_row, vfloat<W> u, vfloat<W> v) {

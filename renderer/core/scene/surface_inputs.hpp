@@ -26,14 +26,14 @@ enum class InputField : int32_t {
 // A primvar's value, or a texture's at the st that a primvar gives.
 struct InputSource {
   InputField field = InputField::kDiffuseColor;
-  int primvar = -1;          // name of the value, or of a texture's st; -1: always `fallback`
-  int tangents = -1;         // of a normal: name of the st that spans its tangents
-  float fallback[3] = {};    // where the shape has no such primvar
-  int texture = -1;          // index into Scene::textures, or -1
+  int primvar = -1;        // name of the value, or of a texture's st; -1: always `fallback`
+  int tangents = -1;       // of a normal: name of the st that spans its tangents
+  float fallback[3] = {};  // where the shape has no such primvar
+  int texture = -1;        // index into Scene::textures, or -1
   Wrap wrap_s = Wrap::kBlack, wrap_t = Wrap::kBlack;
-  float st_transform[6] = {1, 0, 0, 0, 1, 0};          // 2 x 3, by rows
-  float scale[3] = {1, 1, 1}, bias[3] = {0, 0, 0};     // of the channels that are read
-  float missing[3] = {};                               // where a set of tiles has none
+  float st_transform[6] = {1, 0, 0, 0, 1, 0};       // 2 x 3, by rows
+  float scale[3] = {1, 1, 1}, bias[3] = {0, 0, 0};  // of the channels that are read
+  float missing[3] = {};                            // where a set of tiles has none
 };
 
 // A surface's inputs: those in `sources` vary, `constants` has the others.

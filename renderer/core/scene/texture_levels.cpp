@@ -1,6 +1,6 @@
-// A ray's cone only gets wider along its path, and no path to a point is shorter than the straight one: at a distance d from the
-// camera every ray, mirrored, refracted or scattered, is at least as wide as a camera ray there. That bounds the footprint on
-// every triangle from below, seen or not, without knowing which rays will find it.
+// A ray's cone only gets wider along its path, and no path to a point is shorter than the straight one: at a distance d from
+// the camera every ray, mirrored, refracted or scattered, is at least as wide as a camera ray there. That bounds the footprint
+// on every triangle from below, seen or not, without knowing which rays will find it.
 #include "scene/texture_levels.hpp"
 
 #include <algorithm>
@@ -78,8 +78,7 @@ void wear(const Scene& s, const InputSource& source, Texture& texture, uint32_t 
     const float* value = &t.values[size_t(t.base[primvar]) + size_t(row) * t.width[primvar]];
     st[k][0] = value[0], st[k][1] = value[std::min(1, t.width[primvar] - 1)];
   }
-  const double st_area2 =
-      (st[1][0] - st[0][0]) * (st[2][1] - st[0][1]) - (st[2][0] - st[0][0]) * (st[1][1] - st[0][1]);
+  const double st_area2 = (st[1][0] - st[0][0]) * (st[2][1] - st[0][1]) - (st[2][0] - st[0][0]) * (st[1][1] - st[0][1]);
   const float* m = source.st_transform;
   const double stretch = double(m[0]) * m[4] - double(m[1]) * m[3];
   const double footprint = std::fabs(st_area2 * stretch) / area2 * width * width;

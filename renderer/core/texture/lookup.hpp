@@ -108,8 +108,7 @@ PRIMRAY_INLINE Texels<C, W> lookup(const TextureImage& image, Wrap wrap_s, Wrap 
   Texels<C, W> r = bilinear<C>(image, wrap_s, wrap_t, s, t, fine);
   if (any(between > vfloat<W>(0.0f))) {
     const Texels<C, W> coarse = bilinear<C>(image, wrap_s, wrap_t, s, t, min(fine + vint<W>(1), vint<W>(image.last_level)));
-    for (int k = 0; k < C; ++k)
-      r.c[k] = select(between > vfloat<W>(0.0f), r.c[k] + (coarse.c[k] - r.c[k]) * between, r.c[k]);
+    for (int k = 0; k < C; ++k) r.c[k] = select(between > vfloat<W>(0.0f), r.c[k] + (coarse.c[k] - r.c[k]) * between, r.c[k]);
   }
   for (int k = 0; k < C; ++k) r.c[k] = select(inside, r.c[k], 0.0f);
   return r;

@@ -84,8 +84,7 @@ void measure(std::span<const float> pixels, TextureImage& image) {
   }
   const double n = double(pixels.size()) / channels;
   for (int c = 0; c < channels; ++c) image.mean[c] = float(sum[c] / n);
-  for (int c = channels; c < 3; ++c)
-    image.mean[c] = image.mean[0], image.low[c] = image.low[0], image.high[c] = image.high[0];
+  for (int c = channels; c < 3; ++c) image.mean[c] = image.mean[0], image.low[c] = image.low[0], image.high[c] = image.high[0];
   image.format = unorm ? TexelFormat::kUnorm16 : half ? TexelFormat::kHalf : TexelFormat::kFloat;
 }
 

@@ -11,12 +11,13 @@ namespace primray {
 constexpr int kFirstTile = 1001, kTileColumns = 10, kTileRows = 10;
 
 struct Texture {
-  int channels = 1;         // 1, or 3 for "rgb"
-  bool udim = false;        // its tiles do not filter into each other: each clamps at its border
+  int channels = 1;          // 1, or 3 for "rgb"
+  bool udim = false;         // its tiles do not filter into each other: each clamps at its border
   bool finest_only = false;  // read by cut-outs, which know no footprint
   std::vector<TextureImage> images;
   std::array<int32_t, kTileColumns * kTileRows> tiles{};  // index into images, or -1
-  // Least footprint that any ray can have on it, as an area in (s, t): see scene/texture_levels.cpp. Infinite: nothing wears it.
+  // Least footprint that any ray can have on it, as an area in (s, t): see scene/texture_levels.cpp. Infinite: nothing wears
+  // it.
   float least_footprint = 0;
 
   Texture() { tiles.fill(-1); }

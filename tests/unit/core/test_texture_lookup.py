@@ -37,7 +37,9 @@ def wrapped(wrap: Wrap, i: npt.NDArray[np.int64], size: int) -> npt.NDArray[np.i
     return np.clip(i, 0, size - 1)
 
 
-def reference(pixels: npt.NDArray[np.float64], st: npt.NDArray[np.float64], wraps: tuple[Wrap, Wrap]) -> npt.NDArray[np.float64]:
+def reference(
+    pixels: npt.NDArray[np.float64], st: npt.NDArray[np.float64], wraps: tuple[Wrap, Wrap]
+) -> npt.NDArray[np.float64]:
     """Bilinear, (0, 0) at the lower left; black is nothing outside [0, 1], and clamps inside."""
     image = pixels[::-1]
     height, width = image.shape[:2]
@@ -150,8 +152,8 @@ def test_lanes_do_not_change_bits() -> None:
     [
         (np.arange(256, dtype=np.float32) / np.float32(255), 0.0),  # what 8 bits hold
         (np.arange(0, 65536, 7, dtype=np.float32) / np.float32(65535), 0.0),  # 16 bits
-        (np.float32([-1, 1, 0.5, -0.25, 2048, 65504, 2.0**-24, 3 * 2.0**-20, -(2.0**-14)]), 0.0),  # half floats
-        (np.float32([1e6, -1e30, 1e-30, 3.14159]), 0.0),  # neither: kept whole
+        (np.array([-1, 1, 0.5, -0.25, 2048, 65504, 2.0**-24, 3 * 2.0**-20, -(2.0**-14)], np.float32), 0.0),  # half floats
+        (np.array([1e6, -1e30, 1e-30, 3.14159], np.float32), 0.0),  # neither: kept whole
         (np.random.default_rng(6).random(5000, np.float32) * 40, 2.0**-11),  # rounded: half an ulp of 11 bits
         (np.random.default_rng(7).random(5000, np.float32) * 1e-4, 2.0**-11),
     ],
