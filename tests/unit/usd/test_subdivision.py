@@ -9,14 +9,14 @@ import pytest
 from pxr import Gf, Usd
 
 from primray import core
-from primray.description import Interpolation, PrimvarInput, SubdivisionMesh, Surface, TextureFile, TextureInput
+from primray.description import Interpolation, PrimvarInput, SubdivisionMesh, Surface
 from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
-from primray.usd.adapters.cage import names_read
 from primray.usd.context import Context
 from primray.usd.read import When
 from primray.usd.resolve import Inherited, ResolvedPrim
-from primray.usd.subdivision import cage_primvars, read_cage
+from primray.usd.subdivision import read_cage
+from primray.usd.surface_primvars import cage_primvars
 
 from .usd_text import stage_of, translate_text
 
@@ -253,20 +253,12 @@ def test_primvars_by_name() -> None:
     resolved = ResolvedPrim(prim, "/cube", "Mesh", frozenset(prim.GetAuthoredPropertyNames()), Gf.Matrix4d(1), Inherited())
     found_cage = read_cage(resolved, ctx)
     assert found_cage is not None
-    st, weight, number, single = cage_primvars(resolved, ["st", "absent", "weight", "id", "single", "label"], found_cage, ctx)
+    names = {"st": 2, "absent": 1, "weight": 1, "id": 1, "single": 1, "label": 1}
+    reads = Surface("", inputs=tuple((n, PrimvarInput(n, (0.0,) * width)) for n, width in names.items()))
+    st, weight, number, single = cage_primvars(resolved, [reads], found_cage, ctx)
     assert st.indices is not None
     assert (st.name, st.interpolation, st.values.shape, st.indices.tolist()) == ("st", Interpolation.CORNER, (4, 2), indices)
     assert (weight.interpolation, weight.values.tolist()) == (Interpolation.VARYING, [[k] for k in range(8)])
     assert (number.interpolation, number.values.tolist()) == (Interpolation.CONSTANT, [[4]])
     assert single.values.tolist() == [[2.5]]
-    assert [d.code for d in ctx.diagnostics] == ["invalid-primvar"]  # the label
-
-
-def test_names_that_surfaces_read() -> None:
-    stage = stage_of("")
-    ctx = Context(stage, RenderSettings(), When(Usd.TimeCode.Default(), False), (), (), Diagnostics())
-    uv = TextureInput(TextureFile("a.png", "auto"), "rgb", PrimvarInput("st", (0.0, 0.0)))
-    ctx.surface_index(Surface("", inputs=(("diffuse_color", uv), ("roughness", PrimvarInput("rough", (0.5,))))))
-    ctx.surface_index(Surface("", inputs=(("metallic", PrimvarInput("metal", (0.5,))),)))
-    assert names_read(0, ctx) == ["rough", "st"]
-    assert names_read(np.array([1, -1, 1], np.int32), ctx) == ["metal"]
+    assert [d.code for d in ctx.diagnostics] == ["primvar-missing", "invalid-primvar", "primvar-missing"]  # absent, the label
