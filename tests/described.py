@@ -22,6 +22,7 @@ from primray.description import (
     Mesh,
     Placed,
     Placement,
+    Primvar,
     Projection,
     Prototype,
     SceneDescription,
@@ -144,9 +145,9 @@ class Described:
     description: SceneDescription
     textures: Textures
 
-    def build(self, isa: str | None = None, filter: Filter = Filter.BOX) -> Any:
+    def build(self, isa: str | None = None, filter: Filter = Filter.BOX, filter_width: float | None = None) -> Any:
         """The core's scene in the module for `isa`."""
-        width = DEFAULT_FILTER_WIDTH[filter]
+        width = DEFAULT_FILTER_WIDTH[filter] if filter_width is None else filter_width
         scene, warnings = upload(core_module(isa), self.description, self.textures, width, inverse_cdf(filter, width))
         assert warnings == []
         return scene
@@ -166,9 +167,9 @@ class Described:
         )
 
 
-def placement(prototype: int, matrices: Sequence[Doubles] | Doubles) -> Placement:
+def placement(prototype: int, matrices: Sequence[Doubles] | Doubles, primvars: Sequence[Primvar] = ()) -> Placement:
     """One level of instances, by their matrices (3, 4) or (4, 4)."""
-    return Placement(prototype, (MatrixInstances(np.array([m[:3] for m in matrices])),))
+    return Placement(prototype, (MatrixInstances(np.array([m[:3] for m in matrices])),), tuple(primvars))
 
 
 def world_from_prototype(placement: Placement) -> Doubles:

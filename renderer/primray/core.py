@@ -116,7 +116,7 @@ class CoreScene:
             (s.has_instances, "instances", "prototypes are placed more than once"),
             (s.has_spheres, "exact spheres", "the scene has Sphere prims"),
             (s.has_attributes, "vertex attributes", "meshes have normals or varying displayColor"),
-            (s.textures > 0, f"textures ({s.textures})", "surfaces' inputs are connected to images"),
+            (s.textures > 0, f"textures ({s.texture_bytes / 2**20:.1f} MiB)", "surfaces' inputs are connected to images"),
             (s.has_inputs, "varying inputs", "a surface's inputs are connected to textures or primvars"),
             (s.has_cutouts, "cut-outs", "a surface has an opacityThreshold and an opacity that varies"),
             (s.has_emission, "surface emission", "a surface has emissiveColor"),

@@ -118,9 +118,8 @@ class SurfaceUpload:
         """An InputSource's fields in order."""
         number = INPUT_FIELDS.index(field)
         if not isinstance(value, TextureInput):
-            if field == "normal":
-                self._name(NORMAL_ST)
-            return number, self._name(value.name), three(value.fallback), -1, 0, 0, (1, 0, 0, 0, 1, 0), *[(0, 0, 0)] * 3
+            name, tangents = self._name(value.name), self._name(NORMAL_ST) if field == "normal" else -1
+            return number, name, three(value.fallback), -1, 0, 0, (1, 0, 0, 0, 1, 0), *[(0, 0, 0)] * 3, tangents
         tiles = self._textures[value.file]
         texture = tiles[0][1]
         wraps = [
@@ -138,6 +137,7 @@ class SurfaceUpload:
             channels_of(value.scale, value.channels),
             channels_of(value.bias, value.channels),
             channels_of(value.fallback, value.channels),
+            self._name(value.st.name),
         )
 
     def _texture(self, value: TextureInput, finest_only: bool) -> int:

@@ -11,6 +11,7 @@ from tests.described import (
     box,
     describe,
     ground,
+    image,
     lambert,
     light,
     look_at,
@@ -22,8 +23,22 @@ from tests.described import (
     scaling,
     translation,
 )
+from tests.textured import plate, primvar, texture, with_primvars
 
-from primray.description import Doubles, LightType, Placed, Prototype, Shape, Sphere, Surface
+from primray.description import (
+    Doubles,
+    Interpolation,
+    LightType,
+    Placed,
+    PrimvarInput,
+    Prototype,
+    Shape,
+    Sphere,
+    Surface,
+    TextureFile,
+    Wrap,
+)
+from primray.texture import Texture
 
 RESOLUTION = (37, 23)  # neither whole tiles nor whole packets
 ASPECT = RESOLUTION[0] / RESOLUTION[1]
@@ -179,6 +194,64 @@ def emitters() -> Described:
     )  # fmt: skip
 
 
+COLORS, NUMBERS, LEAF = TextureFile("colors", "raw"), TextureFile("numbers", "raw"), TextureFile("leaf", "raw")
+TILES = TextureFile("tiles.<UDIM>", "raw")
+
+
+def textured() -> Described:
+    """Every input from a texture or a primvar, normal maps, tiles, cut-outs, see-through textures, on meshes and instances."""
+    rng = np.random.default_rng(5)
+    colors = rng.random((33, 20, 3)) ** 2
+    bumps = np.concatenate([rng.uniform(-0.5, 0.5, (16, 16, 2)), np.ones((16, 16, 1))], axis=2)
+    leaf = (rng.random((9, 9, 2)) > 0.4) * 1.0
+    tiles = [(number, Texture(rng.random((4, 4, 3)).astype(np.float32))) for number in (1001, 1002, 1012)]
+    tint = PrimvarInput("tint", (0.3, 0.6, 0.9))
+    surfaces = [
+        Surface("/all", inputs=(
+            ("diffuse_color", texture(file=COLORS, wrap=Wrap.REPEAT)), ("roughness", texture("g", COLORS, Wrap.MIRROR)),
+            ("metallic", texture("b", COLORS)), ("clearcoat", PrimvarInput("tint", (0.5,))), ("normal", texture(file=NUMBERS)),
+        )),
+        Surface("/leaf", opacity_threshold=0.5, inputs=(("opacity", texture("a", LEAF)), ("diffuse_color", tint))),
+        Surface("/veil", thin=True, inputs=(("opacity", texture("r", COLORS)), ("diffuse_color", texture(file=TILES)))),
+        Surface("/gap", presence=True, inputs=(("opacity", texture("g", COLORS, Wrap.BLACK)),)),
+        Surface("/glow", lambert=True, inputs=(("emissive_color", texture(file=COLORS, scale=(2, 1, 1, 1))),)),
+        *SURFACES[:2],
+    ]  # fmt: skip
+    wide = [[0, 0], [4, 0], [4, 4], [0, 4]]
+
+    def standing(surface: int, x: float, st: list[list[float]], *, half: float = 0.4) -> tuple[Shape, Doubles]:
+        mesh = with_primvars(plate(st, half, surface), primvar("tint", [[0.9, 0.8, 0.1], [0.1, 0.2, 0.3]], Interpolation.FACE))
+        return mesh, translation(x, 0.4, 0.4 * np.cos(5 * x)) @ rotation([0, 1, 0], 40 * x)
+
+    one, two = ([[0.0, 0.0], [n, 0.0], [n, n], [0.0, n]] for n in (1.0, 2.0))
+    floor = with_primvars(ground(4), primvar("st", wide))
+    shapes = [
+        (floor, np.eye(4)),
+        *(standing(k, 0.8 * (k - 2), two if k == 2 else one) for k in range(5)),
+    ]
+    shapes.append((Sphere("/s", 0.3, 0), translation(0.2, 1.0, 0.2)))
+    mixed = with_primvars(box([0.3, 0.3, 0.3]), primvar("st", rng.random((8, 2))))
+    mixed = replace(mixed, surface=np.arange(len(mixed.triangles), dtype=np.int32) % 7)
+    places = [
+        translation(*rng.uniform([-1.5, 0, -1], [1.5, 1, 1])) @ rotation(rng.normal(size=3), 360 * rng.random())
+        for _ in range(12)
+    ]
+    matrices = np.array([(m @ scaling(-1 if i % 2 else 1, 1, 0.7))[:3] for i, m in enumerate(places)])
+    placements = [
+        placement(0, matrices[:6], (primvar("tint", rng.random((6, 3)), Interpolation.INSTANCE),)),
+        placement(0, matrices[6:]),
+    ]
+    lights = [
+        light(LightType.RECT, translation(0, 2.5, 0) @ rotation([1, 0, 0], -90), 3.0),
+        light(LightType.DOME, emission=0.3),
+    ]
+    textures = {COLORS: image(colors), NUMBERS: image(bumps), LEAF: image(leaf), TILES: tiles}
+    return describe(
+        shapes, surfaces, lights, perspective(VIEW, 0.4, ASPECT), RESOLUTION,
+        [Prototype("/p", (Placed(len(shapes), np.eye(4)),))], [mixed], placements, textures=textures,
+    )  # fmt: skip
+
+
 SCENES: dict[str, Callable[[], Described]] = {
     "all lights": all_lights,
     "many lights": many_lights,
@@ -188,4 +261,5 @@ SCENES: dict[str, Callable[[], Described]] = {
     "smooth, lens": smooth,
     "orthographic": from_above,
     "emitters": emitters,
+    "textures": textured,
 }

@@ -33,6 +33,7 @@ InputSource source_of(nb::handle t) {
   s.wrap_s = Wrap(number(4)), s.wrap_t = Wrap(number(5));
   read_numbers(t[2], s.fallback), read_numbers(t[6], s.st_transform), read_numbers(t[7], s.scale);
   read_numbers(t[8], s.bias), read_numbers(t[9], s.missing);
+  s.tangents = number(10);
   return s;
 }
 

@@ -10,6 +10,9 @@
 #include "light/selection.hpp"
 #include "sampler/sampler.hpp"
 #include "scene/error.hpp"
+#include "scene/input_facts.hpp"
+#include "scene/surface_emission.hpp"
+#include "texture/mip_pyramid.hpp"
 
 namespace primray {
 namespace {
@@ -293,6 +296,43 @@ nb::dict intersect(const Scene& scene, InArray<double> o_, InFloats d_, int lane
   return r;
 }
 
+// What an image of (height, width, 1 or 3) gives at `st` (N, 2), averaged over 2^level texels; `first_level`: the finest kept.
+nb::object texture_lookup(InFloats pixels, int wrap_s, int wrap_t, int first_level, InFloats st_, InFloats level_, int lanes) {
+  const int channels = int(pixels.shape(2));
+  const TextureImage image =
+      make_image(span_of(pixels), int(pixels.shape(1)), int(pixels.shape(0)), channels, first_level, false);
+  const size_t n = st_.shape(0);
+  const Input<float> st(st_, n, 2), level(level_, n, 1);
+  Column<float> r(n, channels);
+  for_rows(n, lanes, [&]<int W>(size_t at) {
+    const auto read = [&]<int C>(Texels<C, W>) {
+      const Texels<C, W> texels =
+          lookup<C>(image, Wrap(wrap_s), Wrap(wrap_t), st.number<W>(at, 0), st.number<W>(at, 1), level.number<W>(at));
+      for (int c = 0; c < C; ++c) r.put(at, texels.c[c], c);
+    };
+    channels == 3 ? read(Texels<3, W>()) : read(Texels<1, W>());
+  });
+  return r.array();
+}
+
+// Emission at barycentrics (N, 2) of triangles, counted over the scene, of instance rows of placements (-1: none).
+nb::object triangle_emission_rows(const Scene& scene, InInts triangle_, InInts placement_, InInts row_, InFloats uv_,
+                                  int lanes) {
+  const size_t n = triangle_.shape(0);
+  const Input<int32_t> triangle(triangle_, n, 1), placement(placement_, n, 1), row(row_, n, 1);
+  const Input<float> uv(uv_, n, 2);
+  Column<float> r(n, 3);
+  for_rows(n, lanes, [&]<int W>(size_t at) {
+    const vint<W> place = placement.number<W>(at);
+    vint<W> vertex_base;
+    for (int i = 0; i < W; ++i)
+      vertex_base.set(i, int32_t(scene.groups[place[i] < 0 ? 0 : scene.placement_group[place[i]]].vertex_base));
+    r.put(at, triangle_emission(scene, vbool<W>(true), triangle.number<W>(at), vertex_base, place, row.number<W>(at),
+                                uv.number<W>(at, 0), uv.number<W>(at, 1)));
+  });
+  return r.array();
+}
+
 template <class F>
 nb::object map_pairs(const InFloats& xy_, int width, int lanes, F f) {
   const size_t n = xy_.shape(0);
@@ -370,6 +410,14 @@ void bind_testing(nb::module_& m) {
   m.def("sampler_numbers", &sampler_numbers, nb::arg("seed"), nb::arg("key"), lanes);
   m.def("camera_rays", &camera_rays, nb::arg("scene"), nb::arg("pixel"), nb::arg("film"), nb::arg("lens"), lanes);
   m.def("intersect", &intersect, nb::arg("scene"), nb::arg("o"), nb::arg("d"), lanes, nb::arg("packet") = true);
+  m.def("texture_lookup", &texture_lookup, nb::arg("pixels"), nb::arg("wrap_s"), nb::arg("wrap_t"), nb::arg("first_level"),
+        nb::arg("st"), nb::arg("level"), lanes);
+  m.def("triangle_emission", &triangle_emission_rows, nb::arg("scene"), nb::arg("triangle"), nb::arg("placement"),
+        nb::arg("instance_row"), nb::arg("uv"), lanes);
+  m.def("average_emission", [](const Scene& scene, int surface) {
+    const vec3 c = average_emission(scene, surface);
+    return nb::make_tuple(c.x, c.y, c.z);
+  });
   bind_math(m);
 }
 

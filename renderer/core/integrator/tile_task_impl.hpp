@@ -11,9 +11,11 @@
 
 namespace primray {
 
-// A scattered ray's cone is wider by the angle of a cone that holds a sixteenth of the solid angle 1 / pdf which the ray stands
-// for: pi (w / 2)^2 = 1 / (16 pdf). Mirrors and refractions keep the cone; their curvature is not followed.
-constexpr float kLobeSpread = 0.282094792f;
+// A scattered ray's cone is wider by the angle of a cone that holds a 256th of the solid angle 1 / pdf which the ray stands
+// for: pi (w / 2)^2 = 1 / (256 pdf); an eighth of a radian for diffuse ones. A choice: wider ones would carry colours and light
+// from one part of a texture to another that lies beside it in the image alone. Mirrors and refractions keep the cone; their
+// curvature is not followed.
+constexpr float kLobeSpread = 0.0705236979f;
 // Below this cosine the area that a cone cuts out of a surface is taken as no larger.
 constexpr float kGrazing = 0.05f;
 

@@ -80,9 +80,9 @@ template <int W>
 struct StLanes {
   vfloat<W> s, t, s1, t1, s2, t2;
   StLanes() = default;
-  PRIMRAY_INLINE StLanes(const Scene& scene, vbool<W> active, const SurfacePoint<W>& p, const InputSource& source) {
-    const PrimvarLanes<W> st(scene, active, p, source.primvar);
-    s = st.interpolate(scene, p, 0, source.fallback[0]), t = st.interpolate(scene, p, 1, source.fallback[1]);
+  PRIMRAY_INLINE StLanes(const Scene& scene, vbool<W> active, const SurfacePoint<W>& p, int name, const float* fallback) {
+    const PrimvarLanes<W> st(scene, active, p, name);
+    s = st.interpolate(scene, p, 0, fallback[0]), t = st.interpolate(scene, p, 1, fallback[1]);
     s1 = t1 = s2 = t2 = vfloat<W>(0.0f);
     if (!st.varies) return;
     const vfloat<W> s0 = st.component(scene, 0, 0), t0 = st.component(scene, 1, 0);
@@ -144,17 +144,16 @@ class InputReader {
   PRIMRAY_INLINE InputReader(const Scene& scene, vbool<W> active, const SurfacePoint<W>& point, vfloat<W> footprint)
       : scene_(scene), active_(active), point_(point), footprint_(footprint) {}
 
-  PRIMRAY_INLINE const StLanes<W>& st(const InputSource& source) {
-    if (!st_of_ || st_of_->primvar != source.primvar || st_of_->fallback[0] != source.fallback[0] ||
-        st_of_->fallback[1] != source.fallback[1]) {
-      st_ = StLanes<W>(scene_, active_, point_, source);
-      st_of_ = &source;
+  PRIMRAY_INLINE const StLanes<W>& st(int name, const float* fallback) {
+    if (!has_st_ || st_name_ != name || st_fallback_[0] != fallback[0] || st_fallback_[1] != fallback[1]) {
+      st_ = StLanes<W>(scene_, active_, point_, name, fallback);
+      has_st_ = true, st_name_ = name, st_fallback_[0] = fallback[0], st_fallback_[1] = fallback[1];
     }
     return st_;
   }
   __attribute__((noinline)) vvec3<W> read(const InputSource& source) {
     if (source.texture >= 0) {
-      const StLanes<W>& c = st(source);
+      const StLanes<W>& c = st(source.primvar, source.fallback);
       const vfloat<W> per_area = abs(c.area2()) / max(point_.area2, 1e-30f);
       return read_texture(scene_, active_, source, c, footprint_ * per_area);
     }
@@ -168,7 +167,9 @@ class InputReader {
   vbool<W> active_;
   const SurfacePoint<W>& point_;
   vfloat<W> footprint_;
-  const InputSource* st_of_ = nullptr;
+  bool has_st_ = false;
+  int st_name_ = -1;
+  float st_fallback_[2] = {};
   StLanes<W> st_;
 };
 
@@ -258,7 +259,7 @@ __attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbo
       if (source.field == InputField::kOpacity && inputs.constants.opacity_threshold > 0) continue;  // decided by the filter
       const vvec3<W> x = reader.read(source);
       if (source.field == InputField::kNormal) {
-        const vvec3<W> n = bend_normal(point, reader.st(source), x, ns);
+        const vvec3<W> n = bend_normal(point, reader.st(source.tangents, source.fallback), x, ns);
         // One that points into the surface is no normal of it.
         ns = select(same & (dot(n, ng) > vfloat<W>(0.0f)), n, ns);
       } else {

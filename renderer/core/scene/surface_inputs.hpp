@@ -26,7 +26,8 @@ enum class InputField : int32_t {
 // A primvar's value, or a texture's at the st that a primvar gives.
 struct InputSource {
   InputField field = InputField::kDiffuseColor;
-  int primvar = -1;        // name of the value, or of st; -1: always `fallback`
+  int primvar = -1;        // name of the value, or of a texture's st; -1: always `fallback`
+  int tangents = -1;       // of a normal: name of the st that spans its tangents
   float fallback[3] = {};  // where the shape has no such primvar
   int texture = -1;        // index into Scene::textures, or -1
   Wrap wrap_s = Wrap::kBlack, wrap_t = Wrap::kBlack;

@@ -84,9 +84,10 @@ void wear(const Scene& s, const InputSource& source, Texture& texture, uint32_t 
   const float* m = source.st_transform;
   const double stretch = double(m[0]) * m[4] - double(m[1]) * m[3];
   if (!(width > 0)) texture.least_footprint = 0;
-  const double footprint = std::fabs(st_area2 * stretch) / area2 * width * width;
+  const double st_area = std::fabs(st_area2 * stretch);
   // A triangle that shows a line or a point of the texture has no level of its own: those of the others do.
-  if (footprint > 0 && footprint < texture.least_footprint) texture.least_footprint = float(footprint);
+  if (!(st_area > 0)) return;
+  texture.least_footprint = std::min(texture.least_footprint, float(st_area / area2 * width * width));
 }
 
 }  // namespace
@@ -104,9 +105,12 @@ void measure_footprints(Scene& s) {
       uint32_t corner[3];
       for (int k = 0; k < 3; ++k) corner[k] = group.vertex_base + s.indices[3 * t + k];
       const dvec3 p = position(s, corner[0]), e1 = position(s, corner[1]) - p, e2 = position(s, corner[2]) - p;
-      const double area2 = length(cross(e1, e2)), reach = std::max(length(e1), length(e2));
+      const dvec3 n = cross(e1, e2), to = p - camera;
+      const double area2 = length(n);
       if (!(area2 > 0)) continue;
-      const double width = g == 0 ? cone_at(s.camera, length(p - camera) - reach) : on_instances[g];
+      // A triangle is no nearer than its plane, nor than a sphere about its corner that holds it.
+      const double distance = std::max(std::fabs(dot(n, to)) / area2, length(to) - std::max(length(e1), length(e2)));
+      const double width = g == 0 ? cone_at(s.camera, distance) : on_instances[g];
       for (const InputSource& source : s.surface_inputs[inputs].sources)
         if (source.texture >= 0) wear(s, source, s.textures[source.texture], mesh, t, corner, area2, width);
     }
