@@ -13,7 +13,7 @@ PYTHON_SOURCES := $(wildcard renderer/primray service tests)
 SHOWCASE ?= $(firstword $(wildcard scenes/showcase/*/*.usda))
 DEMO = $(notdir $(patsubst %/,%,$(dir $(SHOWCASE))))
 
-.PHONY: help setup demo test test-long check format docs bench wheel clean
+.PHONY: help setup demo test test-long check format docs bench render-assets wheel clean
 
 help:  ## list the commands
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -49,6 +49,11 @@ docs: setup  ## bring the generated parts of README.md up to date
 
 bench: setup  ## run the benchmarks of tests/bench
 	$(BIN)/python -m tests.bench
+
+render-assets: setup  ## render every stage under ASSETS=DIR into a contact sheet, out/assets.html
+	@test -d "$(ASSETS)" || { echo "make render-assets: ASSETS=DIR names the folder" >&2; exit 2; }
+	@mkdir -p out
+	$(BIN)/primray sheet "$(ASSETS)" -o out/assets.html
 
 wheel: setup  ## build a wheel into dist/
 	@rm -rf dist

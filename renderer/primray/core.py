@@ -120,6 +120,7 @@ class CoreScene:
             (s.has_inputs, "varying inputs", "a surface's inputs are connected to textures or primvars"),
             (s.has_cutouts, "cut-outs", "a surface has an opacityThreshold and an opacity that varies"),
             (s.has_emission, "surface emission", "a surface has emissiveColor"),
+            (s.emitters > 0, "emitting geometry sampled as lights", f"{s.emitters} shapes emit"),
             (s.has_thin, "see-through shadows", "a surface lets light straight through"),
             (s.has_lens, "thin lens", "the camera has an fStop and a focus distance"),
             (s.domes > 0, "dome", "the scene has a DomeLight"),

@@ -41,13 +41,24 @@ CODES: dict[str, Code] = {
         Severity.ERROR, "A layer, reference or payload could not be composed; what it would bring is missing."
     ),
     "usd-message": Code(Severity.WARNING, "USD itself complained while it opened or read the stage."),
+    "time-metadata": Code(
+        Severity.WARNING, "A layer's timeCodesPerSecond (or framesPerSecond) is no usable rate; nothing is sampled by it."
+    ),
+    "stage-metadata": Code(Severity.WARNING, "Metadata of the stage that is no usable value: USD's default is used."),
+    "layer-units": Code(
+        Severity.INFO, "A layer's metersPerUnit or upAxis is not the stage's; USD does not convert, and neither does this."
+    ),
+    "payloads-unloaded": Code(Severity.INFO, "Payloads that were not asked for are not loaded; what they hold is missing."),
     "unsupported-prim": Code(Severity.ERROR, "Geometry of a kind that is not rendered: it is missing from the picture."),
     "unknown-prim-type": Code(
         Severity.WARNING, "A prim type that no loaded schema defines: the prim is ignored, its children are rendered."
     ),
     "api-schema": Code(Severity.WARNING, "An applied schema that could change the picture is ignored."),
     "skinning": Code(Severity.WARNING, "Skeletal deformation is ignored: the undeformed pose is rendered."),
-    "draw-mode": Code(Severity.WARNING, "model:drawMode is ignored: the geometry itself is rendered."),
+    "posed": Code(Severity.INFO, "Meshes bound to a skeleton are posed by USD's own skinning."),
+    "points": Code(Severity.INFO, "Points are rendered as spheres of their widths."),
+    "draw-mode": Code(Severity.INFO, "model:drawMode: cards, bounds or axes are drawn in place of the geometry."),
+    "draw-mode-input": Code(Severity.WARNING, "Something that a draw mode needs (bounds, a texture) is missing or ignored."),
     "motion": Code(Severity.WARNING, "Motion (shutter interval, velocities) is ignored: the scene is rendered at one instant."),
     "color-space": Code(Severity.WARNING, "A colour space is authored and ignored: values are taken as linear Rec.709."),
     "wrong-type": Code(
@@ -61,12 +72,16 @@ CODES: dict[str, Code] = {
     "invalid-primvar": Code(Severity.WARNING, "A primvar or normals with the wrong number of values or bad indices: ignored."),
     "subdivision-cage": Code(Severity.WARNING, "Subdivision is not supported: the control cage is rendered, flat."),
     "tessellated": Code(Severity.INFO, "An implicit shape is rendered as a fine mesh."),
-    "display-opacity": Code(Severity.WARNING, "primvars:displayOpacity is ignored: the shape is opaque."),
     "subset-ignored": Code(
         Severity.WARNING,
-        "A geometry subset binds a material but is not of the family materialBind, or its indices are bad: ignored.",
+        "A geometry subset that binds a material holds no faces of its mesh, or its indices are bad: ignored.",
     ),
-    "instance-primvar": Code(Severity.WARNING, "A primvar that varies per instance is ignored."),
+    "subset-overlap": Code(Severity.WARNING, "Faces are in several subsets with materials: the last one's is used."),
+    "subset-incomplete": Code(
+        Severity.INFO, "Subsets that are said to hold every face leave some out: those keep the mesh's own material."
+    ),
+    "primvar-missing": Code(Severity.INFO, "A material reads a primvar that a shape lacks: the reader's fallback is used."),
+    "instance-primvar": Code(Severity.WARNING, "A primvar of an instancer does not fit its instances: ignored."),
     "invalid-instancer": Code(
         Severity.ERROR, "Instances that cannot be placed are missing: bad arrays, indices or prototypes."
     ),
@@ -79,11 +94,19 @@ CODES: dict[str, Code] = {
     "light-dark": Code(Severity.WARNING, "A light of no size without normalize emits nothing, as its formula says."),
     "instanced-lights": Code(Severity.WARNING, "Too many instances of a light: only the first ones are lit."),
     "asset-missing": Code(Severity.ERROR, "A file that the stage names cannot be found; its constant value is used instead."),
-    "texture-ignored": Code(
-        Severity.WARNING, "Textures on materials are not supported yet: the fallback or the input's default is used."
-    ),
+    "texture-unset": Code(Severity.INFO, "A texture node names no file: its fallback is used, as UsdUVTexture says."),
     "shader-ignored": Code(Severity.WARNING, "A shader that is not understood: a stand-in is used."),
-    "material-input": Code(Severity.WARNING, "An input of a material is ignored."),
+    "shader-connection": Code(
+        Severity.WARNING, "A connection that leads nowhere, in a circle or to several places: what it stands over is used."
+    ),
+    "shader-parameter": Code(Severity.WARNING, "A shader's parameter has no known meaning: its default is used."),
+    "connection-type": Code(
+        Severity.WARNING, "A shader's output does not fit the input it feeds: some of it or a default is used."
+    ),
+    "material-input": Code(Severity.WARNING, "An input of a material is ignored or brought into its range."),
+    "unknown-input": Code(Severity.INFO, "A shader has inputs that are no part of its definition: they mean nothing."),
+    "displacement": Code(Severity.WARNING, "Displacement is not supported: the surface is rendered undisplaced."),
+    "binding-missing": Code(Severity.WARNING, "A material binding leads to no material: it counts as none."),
     "camera-chosen": Code(Severity.INFO, "No camera was asked for: the stage's first one is used."),
     "camera-automatic": Code(Severity.INFO, "The stage has no camera: the one usdrecord would frame is used."),
     "camera-scaled": Code(Severity.WARNING, "A camera's transform has scale or shear, which is removed."),
@@ -93,9 +116,18 @@ CODES: dict[str, Code] = {
         Severity.INFO, "The stage has no light and nothing that emits: a white dome of radiance 1 lights it."
     ),
     "singular-transform": Code(Severity.ERROR, "Instances whose matrix has no inverse (a scale of 0) are missing."),
+    "emitters-unsampled": Code(Severity.INFO, "More than 262,144 instances emit: beyond, rays find them by chance (noise)."),
     "invalid-samples": Code(Severity.WARNING, "Samples that came out infinite or not a number are left out of the picture."),
-    "texture-bad-texels": Code(Severity.WARNING, "Texels of a texture that are negative or not finite are read as 0."),
-    "texture-unreadable": Code(Severity.ERROR, "A light whose texture cannot be read is left out."),
+    "texture-bad-texels": Code(
+        Severity.WARNING, "Texels that are not finite, or negative in a light's texture, are read as 0."
+    ),
+    "texture-turned": Code(
+        Severity.INFO, "A texture's file asks viewers to show it turned (EXIF): texture coordinates know it as it is stored."
+    ),
+    "texture-unreadable": Code(
+        Severity.ERROR,
+        "A texture cannot be read, or is too large: its fallback is used, and a light with such a texture is left out.",
+    ),
 }
 
 

@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from .errors import AssetError, LimitError, RenderCancelled
+from .errors import LimitError, RenderCancelled, SettingsError
 from .settings import RenderSettings
 
 if TYPE_CHECKING:
+    from .composition import Composition
     from .description import SceneDescription, TextureFile
     from .diagnostics import Diagnostics
     from .image import Image
@@ -54,9 +55,14 @@ def render_frames(
 
     costs = Costs()
     opening = Diagnostics()
-    with costs.stage("open"):
-        stage = usd.open_stage(stage, opening)
+    opened: Composition | None = None
     for settings in frames:
+        if opened is None:
+            opened = settings.composition
+            with costs.stage("open"):
+                stage = usd.open_stage(stage, opening, opened)
+        elif settings.composition != opened:
+            raise SettingsError("all frames must compose the stage alike: variants, load, mask, session_layer")
         with costs.stage("translate"):
             description, translating = usd.translate(stage, settings)
         diagnostics = Diagnostics()
@@ -76,6 +82,7 @@ def _render_one(
     from . import core, usd
     from .image import Image, pixels_sha256
     from .report import header_of, make_report, resolve_settings
+    from .summary import counts, summary
 
     with costs.stage("translate"):  # of its textures
         description, textures = load_textures(description, diagnostics, usd.read_asset)
@@ -102,7 +109,8 @@ def _render_one(
 
     core_says = {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": list(scene.features)}
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
-    report = make_report(film, costs, settings, as_json, core_says, pixels_sha256(film.pixels))
+    counted = counts(summary(description))
+    report = make_report(film, costs, settings, counted, as_json, core_says, pixels_sha256(film.pixels))
     return Image(film.pixels, report, header_of(report), description.camera)
 
 
@@ -122,24 +130,13 @@ class _Watched:
 def load_textures(
     description: SceneDescription, diagnostics: Diagnostics, read: Callable[[str], bytes] | None
 ) -> tuple[SceneDescription, dict[TextureFile, list[tuple[int, Texture]]]]:
-    """Images by file, and the description without the lights whose texture cannot be read; each of those is a diagnostic."""
-    from .texture import load_texture
+    """The images of every file that could be read (with their tiles' numbers, or 0), and the description without the lights
+    whose texture could not; each file that could not is a diagnostic."""
+    from .texture_set import load_texture_set
 
-    textures: dict[TextureFile, list[tuple[int, Texture]]] = {}
-    lights = []
-    for light in description.lights:
-        if light.texture is not None and light.texture not in textures:
-            try:
-                texture = load_texture(light.texture, read)
-            except AssetError as error:
-                diagnostics.add("texture-unreadable", light.path, f"the light is left out: {error.message} ({error.where})")
-                continue
-            textures[light.texture] = [(0, texture)]
-            if texture.bad_texels:
-                message = f"{texture.bad_texels} texels are negative or not finite, and read as 0 ({light.texture.path})"
-                diagnostics.add("texture-bad-texels", light.path, message)
-        lights.append(light)
-    return replace(description, lights=tuple(lights)), textures
+    textures = load_texture_set(description, diagnostics, read)
+    lights = tuple(light for light in description.lights if light.texture is None or light.texture in textures)
+    return replace(description, lights=lights), textures
 
 
 def check_memory(description: SceneDescription, limit_bytes: int | None) -> None:

@@ -73,7 +73,8 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values = asdict(settings)
     values["filter"] = settings.filter.value
     values["resolution"] = list(settings.resolution) if settings.resolution else None
-    values["purposes"] = list(settings.purposes) if settings.purposes else None
+    for name in ("purposes", "variants", "load", "mask"):
+        values[name] = None if values[name] is None else list(values[name])
     return values
 
 
@@ -95,9 +96,15 @@ def package_versions() -> dict[str, str]:
 
 
 def make_report(
-    film: Any, costs: Costs, settings: RenderSettings, diagnostics: list[dict[str, str]], core: Mapping[str, Any], sha256: str
+    film: Any,
+    costs: Costs,
+    settings: RenderSettings,
+    scene: Mapping[str, int],
+    diagnostics: list[dict[str, str]],
+    core: Mapping[str, Any],
+    sha256: str,
 ) -> dict[str, Any]:
-    """The report, `settings` being the resolved ones and `core` what the core says of itself and the scene."""
+    """The report, `settings` being the resolved ones, `scene` its counts and `core` what the core says of itself."""
     render_s = costs.stages_s["render"]
     return {
         "stages_s": costs.stages_s,
@@ -117,6 +124,7 @@ def make_report(
         "lanes": core["lanes"],
         "threads": settings.threads,
         "pixels_sha256": sha256,
+        "scene": dict(scene),
         "features": core["features"],
         "diagnostics": diagnostics,
         "settings": settings_as_json(settings),
@@ -125,7 +133,17 @@ def make_report(
 
 
 # What two renders of the same picture may differ in; the rest goes into the image's header.
-_COSTS = ("stages_s", "rays_per_s", "cpu_s", "cpu_total_s", "peak_rss_bytes", "pixels_sha256", "features", "diagnostics")
+_COSTS = (
+    "stages_s",
+    "rays_per_s",
+    "cpu_s",
+    "cpu_total_s",
+    "peak_rss_bytes",
+    "pixels_sha256",
+    "scene",
+    "features",
+    "diagnostics",
+)
 
 
 def header_of(report: Mapping[str, Any]) -> dict[str, str | int | float]:

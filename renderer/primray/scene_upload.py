@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from .description import (
     LightType,
     Mesh,
     Placed,
+    Placement,
     Primvar,
     Projection,
     SceneDescription,
@@ -26,6 +27,7 @@ from .description import (
     Surface,
     TextureFile,
 )
+from .placement import Box, placed_box, transformed_box
 from .surface_upload import SurfaceUpload, Textures, is_cutout, is_hole
 
 # Order of LightType in light/light.hpp.
@@ -41,7 +43,6 @@ LIGHT_NUMBERS = {
 # Order of Attribute in scene/scene.hpp.
 NONE, PER_TRIANGLE, PER_VERTEX, PER_CORNER = range(4)
 
-Box = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
 NO_FLOATS = np.zeros((0, 3), np.float32)
 NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
 
@@ -56,28 +57,23 @@ def upload(
     """The core's Scene, and (code, prim path, message) of what could not be taken along."""
     d = description
     boxes = [shape_box(s) for s in d.shapes]
-    prototype_boxes = [union([transformed_box(p.matrix, boxes[p.shape]) for p in proto.shapes]) for proto in d.prototypes]
+    prototype_boxes = boxes_of_prototypes(d, boxes)
     origin = d.camera.world_from_camera[:3, 3]
     builder = core.SceneBuilder(origin, power_of_two_scale(scene_reach(d, boxes, prototype_boxes, origin)))
     inputs = SurfaceUpload(builder, textures)
     shapes = ShapeUpload(builder, inputs, inputs.add_surfaces(d.surfaces), d.shapes)
     shapes.add(d.static)
     warnings: list[tuple[str, str, str]] = []
-    numbers = []
-    for proto, box in zip(d.prototypes, prototype_boxes, strict=True):
-        center = (box[0] + box[1]) / 2
-        numbers.append(builder.begin_prototype(center, power_of_two_scale(float(np.max(box[1] - center)))))
+    builder.reserve_instances(sum(map(len, [*d.placements, *(p for proto in d.prototypes for p in proto.placements)])))
+    numbers: dict[int, int] = {}
+    placements = PlacementUpload(builder, inputs, d, numbers, warnings)
+    # Prototypes of placements last: what they place has its number by then.
+    for i, proto in sorted(enumerate(d.prototypes), key=lambda item: bool(item[1].placements)):
+        low, high = prototype_boxes[i]
+        numbers[i] = builder.begin_prototype((low + high) / 2, power_of_two_scale(float(np.max(high - low)) / 2))
         shapes.add(proto.shapes)
-    for placement in d.placements:
-        rows = np.ascontiguousarray(placement.world_from_prototype, np.float64)
-        left_out = builder.add_placement(numbers[placement.prototype], rows)
-        for name, _, width, values in inputs.primvars(placement.primvars):
-            builder.add_placement_primvar(name, width, values)
-        if left_out:
-            path = d.prototypes[placement.prototype].path
-            warnings.append(
-                ("singular-transform", path, f"{left_out} instances have a singular or non-finite matrix and are left out")
-            )
+        placements.add(proto.placements, numbers[i])
+    placements.add(d.placements, 0)
     for light in d.lights:
         builder.add_light(
             LIGHT_NUMBERS[light.type],
@@ -94,7 +90,35 @@ def upload(
         )
     set_camera(builder, d.camera, d.resolution, filter_width, filter_inverse_cdf)
     inputs.add_images()
-    return builder.finish(), warnings
+    scene = builder.finish()
+    if scene.unsampled_emitters:
+        message = f"{scene.unsampled_emitters} instances that emit are too many to be sampled as lights: expect noise"
+        warnings.append(("emitters-unsampled", "", message))
+    return scene, warnings
+
+
+@dataclass(frozen=True)
+class PlacementUpload:
+    """Placements with their instances' primvars; notes what cannot be taken along in `warnings`."""
+
+    builder: Any
+    inputs: SurfaceUpload
+    description: SceneDescription
+    numbers: Mapping[int, int]  # the core's, by prototype
+    warnings: list[tuple[str, str, str]]
+
+    def add(self, placements: Sequence[Placement], parent: int) -> None:
+        """Into the group `parent`, 0 being the world."""
+        for placement in placements:
+            self.builder.begin_placement(parent, self.numbers[placement.prototype])
+            left_out = sum(self.builder.add_instances(rows) for rows in placement.chunks())
+            self.builder.end_placement()
+            for name, _, width, values in self.inputs.primvars(placement.primvars):
+                self.builder.add_placement_primvar(name, width, values)
+            if left_out:
+                path = self.description.prototypes[placement.prototype].path
+                message = f"{left_out} instances have a singular or non-finite matrix and are left out"
+                self.warnings.append(("singular-transform", path, message))
 
 
 def set_camera(
@@ -237,17 +261,19 @@ def shape_box(shape: Shape) -> Box:
     return -r, r
 
 
-def transformed_box(m: npt.NDArray[np.float64], box: Box) -> Box:
-    """Box around a box's image: Arvo 1990, "Transforming Axis-Aligned Bounding Boxes"."""
-    center, half = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2
-    c, h = m[:3, :3] @ center + m[:3, 3], np.abs(m[:3, :3]) @ half
-    return c - h, c + h
-
-
 def union(boxes: Sequence[Box]) -> Box:
     if not boxes:
         return np.zeros(3), np.zeros(3)
     return np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+
+
+def boxes_of_prototypes(d: SceneDescription, boxes: list[Box]) -> list[Box]:
+    """Each in its own space."""
+    leaves = [union([transformed_box(p.matrix, boxes[p.shape]) for p in proto.shapes]) for proto in d.prototypes]
+    return [
+        union([placed_box(p.levels, leaves[p.prototype]) for p in proto.placements]) if proto.placements else leaf
+        for proto, leaf in zip(d.prototypes, leaves, strict=True)
+    ]
 
 
 def scene_reach(d: SceneDescription, boxes: list[Box], prototype_boxes: list[Box], origin: npt.NDArray[np.float64]) -> float:
@@ -258,13 +284,8 @@ def scene_reach(d: SceneDescription, boxes: list[Box], prototype_boxes: list[Box
             lo, hi = transformed_box(p.matrix, boxes[p.shape])
             reach = np.fmax(reach, np.fmax(np.abs(lo - origin).max(), np.abs(hi - origin).max()))
         for placement in d.placements:
-            lo, hi = prototype_boxes[placement.prototype]
-            center, radius = (lo + hi) / 2, float(np.linalg.norm(hi - lo)) / 2
-            m = placement.world_from_prototype
-            at = m[:, :, :3] @ center + m[:, :, 3] - origin
-            size = np.sqrt(np.square(m[:, :, :3]).sum(axis=2)).max(axis=1) * radius
-            if len(at):
-                reach = np.fmax(reach, np.nanmax(np.abs(at).max(axis=1) + size, initial=0.0))
+            lo, hi = placed_box(placement.levels, prototype_boxes[placement.prototype])
+            reach = np.fmax(reach, np.fmax(np.abs(lo - origin).max(), np.abs(hi - origin).max()))
     return float(reach) if np.isfinite(reach) else 0.0
 
 

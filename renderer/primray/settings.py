@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from enum import Enum
 
+from .composition import Composition
 from .errors import LimitError, SettingsError
 
 
@@ -42,6 +43,19 @@ class RenderSettings:
     purposes: tuple[str, ...] | None = None  # None: RenderSettings' includedPurposes, else default and render
     strict: bool = False
     max_memory_bytes: int | None = None
+    # How the stage is composed; meaning as in Composition. All frames of one command share it.
+    variants: tuple[str, ...] = ()
+    load: tuple[str, ...] | None = None
+    mask: tuple[str, ...] | None = None
+    session_layer: str | None = None
+
+    @property
+    def composition(self) -> Composition:
+        """A camera given by its path is populated whatever the mask."""
+        mask = self.mask
+        if mask and self.camera is not None and self.camera.startswith("/"):
+            mask = (*mask, self.camera)
+        return Composition(self.variants, self.load, mask, self.session_layer)
 
     def __post_init__(self) -> None:
         """SettingsError or LimitError if no render could follow these."""
@@ -68,6 +82,7 @@ class RenderSettings:
         unknown = sorted(set(self.purposes or ()) - set(PURPOSES))
         _require(not unknown, f"no purpose {', '.join(unknown)}; there are {', '.join(PURPOSES)}")
         _require(self.purposes != (), "at least one purpose must be rendered")
+        self.composition  # noqa: B018 - checks itself
 
 
 def _check_resolution(width: int, height: int) -> None:

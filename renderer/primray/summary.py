@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from .description import Mesh, SceneDescription, Shape
+from .description import Mesh, Placement, SceneDescription, Shape
 
 # Estimates. Embree 4's BVH8 over triangles: measured 90 to 120 bytes a triangle with the robust flag.
 BVH_BYTES_PER_TRIANGLE = 100
-INSTANCE_BYTES = 120  # Embree's INSTANCE_ARRAY, from 10 million instances in 1.2 GB
-MATRIX_BYTES = 96  # the description's own
+INSTANCE_BYTES = 168  # Embree's INSTANCE_ARRAY, from 10 million instances in 1.2 GB, and the core's matrix
 
 
 @dataclass(frozen=True)
@@ -46,11 +45,9 @@ def summary(description: SceneDescription) -> Summary:
     seen = [0] * len(shapes)
     for placed in description.static:
         seen[placed.shape] += 1
-    for placement in description.placements:
-        for placed in description.prototypes[placement.prototype].shapes:
-            seen[placed.shape] += len(placement.world_from_prototype)
+    _count_instances(description, description.placements, 1, seen)
     is_mesh = [isinstance(s, Mesh) for s in shapes]
-    instances = sum(len(p.world_from_prototype) for p in description.placements)
+    instances, stored, arrays = _instances(description)
     triangles = sum(count)
     return Summary(
         camera=description.camera.path,
@@ -64,8 +61,31 @@ def summary(description: SceneDescription) -> Summary:
         spheres_instanced=sum(k for k, mesh in zip(seen, is_mesh, strict=True) if not mesh),
         prototypes=len(description.prototypes),
         instances=instances,
-        memory_bytes=_array_bytes(shapes) + triangles * BVH_BYTES_PER_TRIANGLE + instances * (INSTANCE_BYTES + MATRIX_BYTES),
+        memory_bytes=_array_bytes(shapes) + triangles * BVH_BYTES_PER_TRIANGLE + stored * INSTANCE_BYTES + arrays,
     )
+
+
+def _count_instances(d: SceneDescription, placements: tuple[Placement, ...], times: int, seen: list[int]) -> None:
+    """Add to `seen`, by shape, how often it stands in the world."""
+    for placement in placements:
+        count, prototype = times * len(placement), d.prototypes[placement.prototype]
+        for placed in prototype.shapes:
+            seen[placed.shape] += count
+        _count_instances(d, prototype.placements, count, seen)
+
+
+def _instances(d: SceneDescription) -> tuple[int, int, int]:
+    """Instances in the world, those stored (fewer where nested ones are kept in two levels), and the description's bytes."""
+    inner = [p for prototype in d.prototypes for p in prototype.placements]
+    inside = [sum(map(len, p.placements)) or 1 for p in d.prototypes]
+    whole = sum(len(p) * inside[p.prototype] for p in d.placements)
+    every = [*d.placements, *inner]
+    return whole, sum(map(len, every)), sum(p.nbytes for p in every)
+
+
+def counts(summed: Summary) -> dict[str, int]:
+    """The numbers of a Summary."""
+    return {name: value for name, value in asdict(summed).items() if isinstance(value, int)}
 
 
 def _array_bytes(shapes: tuple[Shape, ...]) -> int:

@@ -1,50 +1,66 @@
-"""Texture files as linear Rec.709 pixels, read with OpenImageIO. Resolving asset paths is USD's work, not done here."""
+"""Texture files as linear Rec.709 pixels, read with OpenImageIO. Resolving asset paths is USD's work, not done here.
+
+Values are as stored: alpha is straight, never colour-transformed and multiplied with nothing; EXIF's orientation turns
+nothing, and chromaticities in a file convert nothing (UsdUVTexture's "auto" asks a file only whether it is sRGB).
+"""
 
 from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from . import color
 from .description import Floats, TextureFile, Wrap
 from .errors import AssetError, LimitError, SettingsError
+from .texture_format import Layout, is_srgb, layout_of, wraps_of
 
-MAX_TEXTURE_MB = 4096  # as float RGB: a little more than a 16384 x 16384 image
+MAX_TEXTURE_MB = 4096  # as float: a little more than 16384 x 16384 in RGB
+
+ReadAsset = Callable[[str], bytes]
 
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    pixels: Floats  # (H, W, C), C from 1 to 4, linear Rec.709, first row at the top
-    bad_texels: int = 0  # NaN, infinite or negative ones, set to 0
-    wrap_s: Wrap = Wrap.BLACK  # what the file's metadata say
+    """`pixels` (H, W, C), first row at the top, C: 1 grey; 2 grey, alpha; 3 red, green, blue; 4 with alpha (else it is 1)."""
+
+    pixels: Floats
+    bad_texels: int = 0  # NaN or infinite ones, set to 0
+    wrap_s: Wrap = Wrap.BLACK  # what the file says of itself
     wrap_t: Wrap = Wrap.BLACK
+    turned: bool = False  # the file says it should be shown turned, which texture coordinates do not know
+
+    def rgb(self) -> Floats:
+        """(H, W, 3), without alpha."""
+        if self.pixels.shape[2] >= 3:
+            return np.ascontiguousarray(self.pixels[:, :, :3])
+        return np.repeat(self.pixels[:, :, :1], 3, axis=2)
 
 
-def load_texture(file: TextureFile, read: Callable[[str], bytes] | None = None) -> Texture:
-    """Read one image; `read` gives a path's bytes where it is no plain file ("package.usdz[member]")."""
-    if read is not None and file.path.endswith("]"):
-        member = file.path[file.path.rindex("[") + 1 : -1]
+def load_texture(
+    file: TextureFile, read: ReadAsset | None = None, *, path: str | None = None, channels: frozenset[str] = frozenset("rgba")
+) -> Texture:
+    """Read one image, that of `path` for a tile; of its `channels` only those that are asked for need to be there.
+
+    `read` gives a path's bytes where it is no plain file ("package.usdz[member]").
+    """
+    path = file.path if path is None else path
+    if read is not None and path.endswith("]"):
+        member = path[path.rindex("[") + 1 : -1]
         with tempfile.NamedTemporaryFile(suffix=PurePath(member).suffix) as unpacked:
-            unpacked.write(read(file.path))
+            unpacked.write(read(path))
             unpacked.flush()
-            pixels, is_srgb = _read_pixels(unpacked.name, file)
-    else:
-        pixels, is_srgb = _read_pixels(file.path, file)
-    pixels = _linear(pixels, file, is_srgb)
-    bad = ~np.isfinite(pixels) | (pixels < 0)
-    bad_texels = int(np.count_nonzero(bad.any(axis=2)))
-    if bad_texels:
-        pixels[bad.any(axis=2)] = 0.0
-    return Texture(pixels, bad_texels)
+            return _load(unpacked.name, path, file.color_space, channels)
+    return _load(path, path, file.color_space, channels)
 
 
-def _read_pixels(path: str, file: TextureFile) -> tuple[Floats, bool]:
-    """(H, W, 3) as stored, and whether "auto" means sRGB: 8 bits with 3 or 4 channels (UsdUVTexture's sourceColorSpace)."""
+def _load(path: str, shown: str, color_space: str, wanted: frozenset[str]) -> Texture:
     import OpenImageIO as oiio
 
     oiio.attribute("limits:imagesize_MB", MAX_TEXTURE_MB)
@@ -52,40 +68,83 @@ def _read_pixels(path: str, file: TextureFile) -> tuple[Floats, bool]:
     config.attribute("oiio:UnassociatedAlpha", 1)  # colours as stored, not multiplied by alpha
     image = oiio.ImageInput.open(path, config)
     if image is None:
-        raise AssetError(f"the texture cannot be read: {oiio.geterror().strip()}", where=file.path, code="texture-unreadable")
+        raise AssetError(f"the texture cannot be read: {oiio.geterror().strip()}", where=shown, code="texture-unreadable")
     try:
         spec = image.spec()
-        megabytes = spec.width * spec.height * 12 / 2**20
-        if megabytes > MAX_TEXTURE_MB:
-            raise LimitError(
-                f"the texture is {spec.width} x {spec.height}: {megabytes:.0f} MB of float pixels, {MAX_TEXTURE_MB} allowed",
-                where=file.path,
-                code="texture-size",
-            )
-        channels = 3 if spec.nchannels >= 3 else 1
-        pixels: Any = image.read_image(0, 0, 0, channels, oiio.FLOAT)
-        if pixels is None:
-            raise AssetError(f"the texture is damaged: {image.geterror().strip()}", where=file.path, code="texture-unreadable")
-        rgb = np.broadcast_to(pixels.reshape(spec.height, spec.width, channels), (spec.height, spec.width, 3))
-        return np.array(rgb, np.float32, order="C"), spec.format.basetype == oiio.UINT8 and spec.nchannels >= 3
+        layout = layout_of(tuple(spec.channelnames)).reduced(wanted)
+        _check_size(spec, layout, shown)
+        stored = _read(image, spec, layout, shown)
+        space = "sRGB" if color_space == "auto" and is_srgb(spec, path) else color_space
+        pixels = _linear(stored, layout.colors, space, shown)
+        good = np.isfinite(pixels).all(axis=2)
+        bad_texels = int(good.size - np.count_nonzero(good))
+        if bad_texels:
+            pixels[~good] = 0.0
+        return Texture(pixels, bad_texels, *wraps_of(spec), spec.getattribute("Orientation") not in (None, 0, 1))
     finally:
         image.close()
 
 
-def _linear(pixels: Floats, file: TextureFile, is_srgb: bool) -> Floats:
-    space = file.color_space
-    if space == "raw" or (space == "auto" and not is_srgb):
+def _check_size(spec: Any, layout: Layout, shown: str) -> None:
+    megabytes = spec.width * spec.height * 4 * len(layout.channels) / 2**20
+    if megabytes > MAX_TEXTURE_MB:
+        raise LimitError(
+            f"the texture is {spec.width} x {spec.height}: {megabytes:.0f} MB of float pixels, {MAX_TEXTURE_MB} allowed",
+            where=shown,
+            code="texture-size",
+        )
+
+
+def _read(image: Any, spec: Any, layout: Layout, shown: str) -> npt.NDArray[Any]:
+    """(H, W, C) as stored: uint8, uint16 or float32."""
+    import OpenImageIO as oiio
+
+    kinds = {oiio.UINT8: oiio.UINT8, oiio.UINT16: oiio.UINT16}
+    pixels: Any = image.read_image(0, 0, 0, max(layout.channels) + 1, kinds.get(spec.format.basetype, oiio.FLOAT))
+    if pixels is None:
+        raise AssetError(f"the texture is damaged: {image.geterror().strip()}", where=shown, code="texture-unreadable")
+    found: npt.NDArray[Any] = pixels.reshape(spec.height, spec.width, -1)
+    if layout.channels == tuple(range(found.shape[2])):
+        return found
+    return np.ascontiguousarray(found[:, :, list(layout.channels)])
+
+
+def _linear(stored: npt.NDArray[Any], colors: int, space: str, shown: str) -> Floats:
+    """The first `colors` channels through the colour space's curve and primaries, the others as numbers."""
+    if space == "sRGB" and stored.dtype.kind == "u":
+        pixels: Floats = _table(stored.dtype.itemsize * 8, True)[stored]
+        if colors < stored.shape[2]:
+            pixels[:, :, colors:] = _table(stored.dtype.itemsize * 8, False)[stored[:, :, colors:]]
         return pixels
-    if space in ("auto", "sRGB"):
+    if stored.dtype.kind == "u":
+        pixels = _table(stored.dtype.itemsize * 8, False)[stored]
+    else:
+        pixels = np.array(stored, np.float32, order="C")
+    if space == "sRGB":
         for row in pixels:  # in double, a row at a time: large images stay small
-            row[:] = _linear_from_srgb(row.astype(np.float64))
-        return pixels
+            row[:, :colors] = _linear_from_srgb(row[:, :colors].astype(np.float64))
+    elif space not in ("raw", "auto"):
+        _convert(pixels, colors, space, shown)
+    return pixels
+
+
+def _convert(pixels: Floats, colors: int, space: str, shown: str) -> None:
+    """Through OpenColorIO, in place. Of a grey image only the curve is left: its channels stay equal in any of the spaces."""
+    rgb = pixels[:, :, :3] if colors == 3 else np.repeat(pixels[:, :, :1], 3, axis=2)
     try:
-        return color.to_rendering_space(pixels, space)
+        converted = color.to_rendering_space(rgb, space)
     except SettingsError as error:
-        raise AssetError(error.message, where=file.path, code="unknown-color-space") from error
+        raise AssetError(error.message, where=shown, code="unknown-color-space") from error
+    pixels[:, :, :colors] = converted[:, :, :colors]
 
 
-def _linear_from_srgb(v: np.ndarray[Any, np.dtype[np.float64]]) -> np.ndarray[Any, np.dtype[np.float64]]:
+@cache
+def _table(bits: int, srgb: bool) -> Floats:
+    """What each integer of so many bits stands for."""
+    values: npt.NDArray[np.float64] = np.arange(1 << bits, dtype=np.float64) / ((1 << bits) - 1)
+    return (_linear_from_srgb(values) if srgb else values).astype(np.float32)
+
+
+def _linear_from_srgb(v: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """IEC 61966-2-1, also beyond 1; negative values stay on the curve's linear part."""
     return np.where(v <= 0.04045, v / 12.92, np.power((np.maximum(v, 0.04045) + 0.055) / 1.055, 2.4))

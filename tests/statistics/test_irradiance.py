@@ -99,7 +99,8 @@ def expected_irradiance(x: Light) -> np.ndarray:
 @pytest.mark.parametrize("name", LIGHTS)
 def test_irradiance(name: str) -> None:
     x = LIGHTS[name]
-    result = render(plane_under(x).build(), SPP)
+    # A light that stands on the ground has heavy tails, which 256 samples' own spread understates.
+    result = render(plane_under(x).build(), 16 * SPP if name == "upright rect" else SPP)
     compare(result, expected_irradiance(x))
 
 

@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from primray.description import SceneDescription
+from primray.description import Input, PrimvarInput, SceneDescription, TextureInput
 from primray.diagnostics import Diagnostic
 
 LONGEST = 36  # longer arrays are summarised
+SPARSE = frozenset({"primvars", "inputs", "tiles", "opacity_threshold"})  # named only where there are any
 
 
 def describe(description: SceneDescription, diagnostics: Iterable[Diagnostic], root: str) -> str:
@@ -27,9 +28,12 @@ def describe(description: SceneDescription, diagnostics: Iterable[Diagnostic], r
 
 
 def _plain(value: Any) -> Any:
+    if isinstance(value, TextureInput | PrimvarInput):
+        return _input(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         kind = {"kind": type(value).__name__} if type(value).__name__ in ("Mesh", "Sphere") else {}
-        return kind | {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        shown = (f.name for f in dataclasses.fields(value) if f.name not in SPARSE or getattr(value, f.name))
+        return kind | {name: _plain(getattr(value, name)) for name in shown}
     if isinstance(value, Enum):
         return value.value
     if isinstance(value, np.ndarray):
@@ -39,6 +43,13 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float):
         return _rounded(value)
     return value
+
+
+def _input(value: Input) -> Any:
+    """What differs from the default, vectors in one line."""
+    authored = {f.name: getattr(value, f.name) for f in dataclasses.fields(value) if getattr(value, f.name) != f.default}
+    vectors = {n: " ".join(str(_rounded(x)) for x in v) for n, v in authored.items() if isinstance(v, tuple)}
+    return {n: vectors.get(n, _plain(v)) for n, v in authored.items()} | {"kind": type(value).__name__}
 
 
 def _array(value: np.ndarray) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -42,10 +42,12 @@ class FakePipeline:
     memory_bytes: int = 2**20
     interrupt: bool = False
     invalid_samples: int = 0
+    composition: Any = None
     calls: list[str] = field(default_factory=list)
     textures: dict[Any, Any] = field(default_factory=dict)
 
-    def open_stage(self, stage: Any, diagnostics: Diagnostics) -> Any:
+    def open_stage(self, stage: Any, diagnostics: Diagnostics, composition: Any = None) -> Any:
+        self.composition = composition
         self.calls.append(f"open {stage}")
         if stage == "missing.usda":
             raise StageOpenError("there is no such file", where=stage)
@@ -118,7 +120,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         lanes=lambda: 16,
         versions=lambda: {"embree": "4.4.0"},
     )
-    install("summary", summary=lambda description: _Summary(fake.memory_bytes))
+    install("summary", summary=lambda description: _Summary(fake.memory_bytes), counts=asdict)
     return fake
 
 

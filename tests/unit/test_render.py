@@ -33,6 +33,7 @@ REPORT_KEYS = {
     "lanes",
     "threads",
     "pixels_sha256",
+    "scene",
     "features",
     "diagnostics",
     "settings",

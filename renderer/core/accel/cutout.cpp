@@ -9,25 +9,27 @@
 namespace primray {
 namespace {
 
-// Lane `i` of the N hits that a filter is given, laid out as Embree does: field by field, N lanes each.
-Hits<1> hit_of(const rtc::FilterArguments& args, uint32_t i) {
-  const uint32_t n = args.n;
-  const float* f = args.hit;
-  const uint32_t* id = reinterpret_cast<const uint32_t*>(args.hit);
-  const auto number = [&](int field) { return vint<1>(int32_t(id[field * n + i])); };
-  return {vfloat<1>(0.0f),
-          vvec3<1>(vfloat<1>(0.0f)),
-          vfloat<1>(f[3 * n + i]),
-          vfloat<1>(f[4 * n + i]),
-          number(5),
-          number(6),
-          number(7),
-          number(8)};
-}
+// What a filter is given of lane `i`, laid out as Embree does: field by field, a lane of each.
+struct FilterHit {
+  float u, v;
+  uint32_t prim, instance, instance_prim;
+  FilterHit(const rtc::FilterArguments& args, uint32_t i) {
+    const auto field = [&](int f) { return args.hit[f * args.n + i]; };
+    const auto number = [&](int f) { return reinterpret_cast<const uint32_t*>(args.hit)[f * args.n + i]; };
+    u = field(3), v = field(4), prim = number(5), instance = number(7), instance_prim = number(8);
+  }
+};
 
-bool is_hole(const Scene& scene, const Hits<1>& hit) {
+bool is_hole(const CutoutGroup& cutouts, const FilterHit& hit) {
+  const Scene& scene = *cutouts.scene;
+  const Group& group = scene.groups[cutouts.group];
   const vbool<1> yes(true);
-  const SurfacePoint<1> point(scene, yes, hit);
+  // Inside a group of instances the numbers are the group's own: there the instance's primvars are not looked at.
+  const bool placed = hit.instance != rtc::kInvalidId && !scene.has_grouped;
+  const int32_t placement = placed ? int32_t(hit.instance - kFirstPlacement + scene.groups[0].placement_base) : -1;
+  const int32_t triangle = int32_t(group.triangle_base + group.triangle_count + hit.prim);
+  const SurfacePoint<1> point(scene, yes, vint<1>(triangle), vint<1>(int32_t(group.vertex_base)), vint<1>(placement),
+                              vint<1>(int32_t(hit.instance_prim)), vfloat<1>(hit.u), vfloat<1>(hit.v));
   const int32_t surface = scene.meshes.surface[point.mesh[0]], inputs = scene.surface_inputs_of[surface];
   const SurfaceInputs* s = inputs < 0 ? nullptr : &scene.surface_inputs[inputs];
   const InputSource* opacity = s ? s->find(InputField::kOpacity) : nullptr;
@@ -37,16 +39,16 @@ bool is_hole(const Scene& scene, const Hits<1>& hit) {
 }
 
 void filter(const rtc::FilterArguments* args) {
-  const Scene& scene = *static_cast<const Scene*>(args->user);
+  const CutoutGroup& cutouts = *static_cast<const CutoutGroup*>(args->user);
   for (uint32_t i = 0; i < args->n; ++i)
-    if (args->valid[i] && is_hole(scene, hit_of(*args, i))) args->valid[i] = 0;
+    if (args->valid[i] && is_hole(cutouts, FilterHit(*args, i))) args->valid[i] = 0;
 }
 
 }  // namespace
 
-void set_cutout_filter(rtc::Geometry geometry, const Scene& scene) {
+void set_cutout_filter(rtc::Geometry geometry, const CutoutGroup& cutouts) {
   const rtc::Api& e = embree();
-  e.rtcSetGeometryUserData(geometry, const_cast<Scene*>(&scene));
+  e.rtcSetGeometryUserData(geometry, const_cast<CutoutGroup*>(&cutouts));
   e.rtcSetGeometryIntersectFilterFunction(geometry, filter);
   e.rtcSetGeometryOccludedFilterFunction(geometry, filter);
 }

@@ -7,7 +7,13 @@ namespace primray {
 
 struct Scene;
 
-// Sets the filters of a group's cut-out triangles; `scene` must outlive the geometry.
-void set_cutout_filter(rtc::Geometry geometry, const Scene& scene);
+// What the filters of a group's cut-out triangles need to know.
+struct CutoutGroup {
+  const Scene* scene;
+  uint32_t group;
+};
+
+// `cutouts` must outlive the geometry.
+void set_cutout_filter(rtc::Geometry geometry, const CutoutGroup& cutouts);
 
 }  // namespace primray

@@ -94,6 +94,7 @@ void bind_scene(nb::module_& m) {
   nb::class_<Scene>(m, "Scene")
       .def_prop_ro("memory_bytes", &Scene::memory_bytes)
       .def_ro("has_instances", &Scene::has_instances)
+      .def_ro("has_grouped", &Scene::has_grouped)
       .def_ro("has_spheres", &Scene::has_spheres)
       .def_ro("has_attributes", &Scene::has_attributes)
       .def_ro("has_inputs", &Scene::has_inputs)
@@ -103,6 +104,8 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("texture_images", &texture_images)
       .def_ro("has_emission", &Scene::has_emission)
       .def_ro("has_thin", &Scene::has_thin)
+      .def_prop_ro("emitters", [](const Scene& s) { return s.emitters.first.size(); })
+      .def_prop_ro("unsampled_emitters", [](const Scene& s) { return s.emitters.unsampled; })
       .def_prop_ro("sampled_lights", [](const Scene& s) { return s.lights.count; })
       .def_prop_ro("domes", [](const Scene& s) { return s.lights.domes.size(); })
       .def_prop_ro("has_lobe_factors", [](const Scene& s) { return s.lights.lobe_factors; })
@@ -126,8 +129,10 @@ void bind_scene(nb::module_& m) {
       .def("add_mesh", &add_mesh)
       .def("add_sphere", [](SceneBuilder& b, double radius, int surface,
                             InArray<double> matrix) { b.add_sphere(radius, surface, affine_of(matrix)); })
-      .def("add_placement",
-           [](SceneBuilder& b, int prototype, InArray<double> rows) { return b.add_placement(prototype, span_of(rows)); })
+      .def("reserve_instances", &SceneBuilder::reserve_instances)
+      .def("begin_placement", &SceneBuilder::begin_placement)
+      .def("add_instances", [](SceneBuilder& b, InArray<double> rows) { return b.add_instances(span_of(rows)); })
+      .def("end_placement", &SceneBuilder::end_placement)
       .def("add_light", &add_light)
       .def(
           "set_camera",

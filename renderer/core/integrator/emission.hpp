@@ -46,7 +46,7 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
   for (int i = 0; i < lights.count; ++i) {
     const float* row = lights.row(i);
     const LightType type = LightType(int(row[kType]));
-    if (type == LightType::kPoint || type == LightType::kDome) continue;
+    if (type == LightType::kPoint || type == LightType::kDome || (int(row[kLightFlags]) & kGeometry)) continue;
     const LocalHit<W> h = light_hit<W>(row, from, p.ray.d);
     const F t = h.t - p.travelled;
     vbool<W> met = active & (h.pdf > F(0.0f));

@@ -13,7 +13,8 @@ struct Interaction {
   vvec3<W> p, ng, ns;  // ng outwards as authored, ns on its side
   vfloat<W> offset;
   vint<W> surface;
-  vvec3<W> color;  // multiplies the diffuse albedo
+  vint<W> mesh, triangle, sphere;  // where the hit is one: row of the MeshTable and triangle of the scene, or sphere
+  vvec3<W> color;                  // multiplies the diffuse albedo
 };
 
 // Multiples of 2^-24 times the largest coordinate involved. Barycentric interpolation, the instance's transform and its inverse
@@ -55,11 +56,11 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   const vint<W> zero(0);
   Interaction<W> r;
   r.color = vvec3<W>(vfloat<W>(1.0f));
-  r.surface = zero;
+  r.surface = r.mesh = r.triangle = r.sphere = zero;
   const HitGroup<W> in(scene, active, h);
   const vbool<W> instanced = in.instanced;
   const bool any_instanced = in.any_instanced;
-  const vbool<W> is_triangle = hits_triangle(scene, active, h);
+  const vbool<W> is_triangle = in.is_triangle(scene, active);
   vvec3<W> e1(vfloat<W>(0.0f)), e2(vfloat<W>(0.0f)), normal(vfloat<W>(0.0f)), p(vfloat<W>(0.0f));
   vvec3<W> sphere_normal(vfloat<W>(0.0f));
   vbool<W> smooth(false);
@@ -67,6 +68,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     const vint<W> triangle = in.triangle(scene, is_triangle, h);
     const vint<W> mesh = gather<W>(scene.triangle_mesh.data(), triangle);
     r.surface = gather<W>(scene.meshes.surface.data(), mesh);
+    r.mesh = mesh, r.triangle = triangle;
     const vint<W> first = select(is_triangle, in.base(scene, &Group::vertex_base), zero);
     vint<W> corner[3];
     for (int k = 0; k < 3; ++k)
@@ -79,10 +81,11 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     p = p0 + e1 * h.u + e2 * h.v;
     if (scene.has_attributes) add_attributes(scene, is_triangle, mesh, triangle, corner, h, normal, smooth, r.color);
   }
-  const vbool<W> is_sphere = scene.has_spheres ? active & (h.geom == vint<W>(int32_t(kSphereGeometry))) : vbool<W>(false);
+  const vbool<W> is_sphere = scene.has_spheres ? in.is(active, kSphereGeometry) : vbool<W>(false);
   const bool any_sphere = scene.has_spheres && any(is_sphere);
   if (any_sphere) {
     const vint<W> sphere = select(is_sphere, in.base(scene, &Group::sphere_base) + h.prim, zero);
+    r.sphere = sphere;
     r.surface = select(is_sphere, gather<W>(scene.sphere_surface.data(), sphere), r.surface);
     const InstanceLanes<W> m(scene.spheres[0].group_from_object, sphere * vint<W>(int(sizeof(SphereRecord) / sizeof(float))));
     p = select(is_sphere, m.vector(h.ng) + m.o, p);
@@ -93,10 +96,11 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   if (any_sphere) ng = select(is_sphere, sphere_normal, ng);
   r.p = p;
   if (any_instanced) {
-    const InstanceLanes<W> m(scene.world_from_group.data(), in.instance * vint<W>(12));
+    vvec3<W> far;
+    const InstanceLanes<W> m = in.matrix(scene, far);
     const vvec3<W> q = m.vector(p) + m.o;
     r.p = select(instanced, q, p);
-    const vvec3<W> spread = abs(m.x * p.x) + abs(m.y * p.y) + abs(m.z * p.z) + abs(m.o);
+    const vvec3<W> spread = abs(m.x * p.x) + abs(m.y * p.y) + abs(m.z * p.z) + abs(m.o) + far;
     const vvec3<W> edges = abs(m.vector(e1)) + abs(m.vector(e2));
     reach = select(instanced, max(max_component(spread), max_component(edges)), reach);
     ng = select(instanced, m.normal(ng), ng);

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "integrator/emission.hpp"
+#include "integrator/emitter.hpp"
 #include "integrator/ray_recorder.hpp"
 #include "integrator/tile_task.hpp"
 
@@ -202,7 +203,7 @@ class TilePaths {
       const F width = p.cone_width + p.cone_spread * hits.t, cosine = abs(dot(it.ng, p.ray.d));
       rows = evaluate_inputs(scene_, hit, hits, it.surface, width * width / max(cosine, kGrazing), it.ng, it.ns, varying);
     }
-    if (scene_.has_emission) gathered += select(hit, rows.color(kEmission), V(F(0.0f)));
+    if (scene_.has_emission) gathered += select(hit, emitted(hit, hits, it, rows, p), V(F(0.0f)));
     add(active, p.slot, p.beta * gathered);
 
     // Scatter, on the side of the surface where the ray came from.
@@ -222,6 +223,19 @@ class TilePaths {
     scatter(scatters, v, p);
   }
 
+  // Radiance of the surfaces that lanes `hit` met, with its MIS weight.
+  V emitted(B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows, const PathLanes<W>& p) const {
+    V L = rows.color(kEmission) * rows(kPresence);
+    // A camera ray, or one after a mirror or refraction, could not have come from light sampling.
+    const B sampled = hit & (max_component(L) > F(0.0f)) & (p.bsdf_pdf > F(0.0f));
+    if (scene_.emitters.any() && any(sampled)) {
+      const V from = p.ray.o - p.ray.d * p.travelled;
+      const F pdf = emitter_pdf(scene_, sampled, hits, it, from, p.ray.d, hits.t + p.travelled);
+      L *= select(sampled & (pdf > F(0.0f)), mis_weight(p.bsdf_pdf, pdf), F(1.0f));
+    }
+    return L;
+  }
+
   void sample_light(B scatters, const Vertex& v, const PathLanes<W>& p) {
     const LightTable& lights = scene_.lights;
     const I bounce = p.vertex + I(1);
@@ -230,7 +244,17 @@ class TilePaths {
     const LightChoice<W> choice = choose_light(lights, v.it.p, choice_u);
     B useful = scatters & (choice.probability > F(0.0f));
     if (!any(useful)) return;
-    const LightSample<W> s = light_sample(lights, choice.light, useful, v.it.p, u.u, u.v);
+    LightSample<W> s = light_sample(lights, choice.light, useful, v.it.p, u.u, u.v);
+    if (scene_.emitters.any()) {
+      const LightRow<W> row(lights, choice.light);
+      const B geometry = useful & ((row.flags() & I(kGeometry)) != I(0));
+      const B mesh = geometry & is_type(row.type(), LightType::kMesh), sphere = geometry & !mesh;
+      if (any(sphere)) end_before_sphere(scene_, sphere, choice.light, v.it.p, s);
+      if (any(mesh)) {
+        const I bits = bit_cast<I>(p.sampler.bits_of(bounce, Purpose::kEmitter) >> 2);
+        sample_mesh(scene_, mesh, choice.light, v.it.p, bits, u.u, u.v, s);
+      }
+    }
     const V wi = v.frame.to_local(s.wi);
     useful &= (s.pdf > F(0.0f)) & (dot(v.ng, s.wi) > F(0.0f)) & (wi.z > F(0.0f));
     if (!any(useful)) return;

@@ -17,7 +17,7 @@
 
 namespace primray {
 
-enum class LightType : int32_t { kPoint, kSphere, kDisk, kRect, kCylinder, kDistant, kDome };
+enum class LightType : int32_t { kPoint, kSphere, kDisk, kRect, kCylinder, kDistant, kDome, kMesh };
 
 enum LightField : int {
   kType,
@@ -29,17 +29,22 @@ enum LightField : int {
   kInverseY = kInverseX + 3,
   kInverseZ = kInverseY + 3,
   kInverseDet = kInverseZ + 3,  // |det light_from_world|; 1 unless sheared
-  kSize0,                       // half width, radius, or 1 - cos of a distant light's half-angle
-  kSize1,                       // half height, half length, or a dome's number
+  kSize0,                       // half width, radius (a mesh's: of a ball about it), or 1 - cos of a distant light's half-angle
+  kSize1,                       // half height, half length, a dome's number, or a mesh's in EmitterTable
   kRadiance,                    // radiance; radiant intensity of a point; irradiance of a distant light of angle 0
   kImportance = kRadiance + 3,  // luminance of what selection weighs
   kDiffuseFactor,
   kSpecularFactor,
   kLightFlags,
-  kLightFields
+  kLightFields,
+  // A mesh needs no inverse and has no one radiance, but its ball's centre, and the placement (-1: none) and its instance.
+  kMeshCenter = kInverseX,
+  kMeshPlacement = kRadiance,
+  kMeshInstance = kRadiance + 1
 };
 enum LightFlag : int32_t {
   kSheared = 1,
+  kGeometry = 2,  // rays meet it as a shape of the scene, not as a light
 };
 
 // A light's multipliers of what surfaces reflect diffusely and specularly (UsdLux inputs:diffuse, inputs:specular).
@@ -195,6 +200,7 @@ PRIMRAY_INLINE LocalHit<W> light_hit(const float* row, const vvec3<W>& p, const 
       break;
     case LightType::kPoint:
     case LightType::kDome:
+    case LightType::kMesh:
       break;
   }
   if (sheared) {

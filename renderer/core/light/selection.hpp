@@ -12,9 +12,9 @@ PRIMRAY_INLINE vfloat<W> light_importance(const float* row, const vvec3<W>& p) {
   const auto vector = [&](int field) {
     return vvec3<W>(vfloat<W>(row[field]), vfloat<W>(row[field + 1]), vfloat<W>(row[field + 2]));
   };
-  const vvec3<W> to = p - vector(kOrigin);
-  const vfloat<W> d2 = max(dot(to, to), 1e-30f), power(row[kImportance]);
   const LightType type = LightType(int(row[kType]));
+  const vvec3<W> to = p - vector(type == LightType::kMesh ? kMeshCenter : kOrigin);
+  const vfloat<W> d2 = max(dot(to, to), 1e-30f), power(row[kImportance]);
   switch (type) {
     case LightType::kDistant:
     case LightType::kDome:
@@ -36,6 +36,9 @@ PRIMRAY_INLINE vfloat<W> light_importance(const float* row, const vvec3<W>& p) {
       const vfloat<W> near2 = max(d2 - x * x, row[kSize0] * row[kSize0]) + beyond * beyond;
       return power * min(4 * row[kSize0] * row[kSize1] / near2, kPi);
     }
+    case LightType::kMesh:
+      // A quarter of a closed surface's area is seen from afar, half of an open one's on average.
+      return 0.5f * power / max(d2, row[kSize0] * row[kSize0]);
   }
   return power;
 }
@@ -81,6 +84,22 @@ PRIMRAY_INLINE vfloat<W> light_probability(const LightTable& table, int i, const
   if (table.count == 1) return vfloat<W>(1.0f);
   if (table.count > LightTable::kWeighed) return vfloat<W>(table.power_cdf[i + 1] - table.power_cdf[i]);
   return light_importance(table.row(i), p) / max(total, 1e-38f);
+}
+
+// The same for a light of its own in every lane of `m`.
+template <int W>
+PRIMRAY_INLINE vfloat<W> probability_of(const LightTable& table, vint<W> light, vbool<W> m, const vvec3<W>& p) {
+  if (table.count == 1) return vfloat<W>(1.0f);
+  const vint<W> valid = select(m, light, vint<W>(0));
+  if (table.count > LightTable::kWeighed)
+    return gather<W>(table.power_cdf.data() + 1, valid) - gather<W>(table.power_cdf.data(), valid);
+  vfloat<W> total(0.0f), chosen(0.0f);
+  for (int i = 0; i < table.count; ++i) {
+    const vfloat<W> w = light_importance(table.row(i), p);
+    chosen = select(valid == vint<W>(i), w, chosen);
+    total += w;
+  }
+  return chosen / max(total, 1e-38f);
 }
 
 }  // namespace primray

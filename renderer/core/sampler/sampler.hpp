@@ -11,7 +11,7 @@
 namespace primray {
 
 // What a number is for; each bounce owns kPurposes of them, the camera ray counts as bounce 0.
-enum class Purpose : uint32_t { kFilm, kLens, kDirection, kLobe, kLightPoint, kLightChoice, kRoulette, kCount };
+enum class Purpose : uint32_t { kFilm, kLens, kDirection, kLobe, kLightPoint, kLightChoice, kRoulette, kEmitter, kCount };
 
 // The bits of x in reverse: with byte shuffles where there are any, six instructions in place of two dozen.
 #if defined(__AVX2__)
@@ -111,11 +111,13 @@ struct Sampler {
                    b = laine_karras(sobol_second(index), s * vuint<W>(0xc2b2ae35u));
     return {unit_float(reverse_bits(a)), unit_float(reverse_bits(b))};
   }
-  PRIMRAY_INLINE vfloat<W> single(vint<W> bounce, Purpose purpose) const {
+  // All 32 bits of a number.
+  PRIMRAY_INLINE vuint<W> bits_of(vint<W> bounce, Purpose purpose) const {
     const vuint<W> s = dimension_seed(bounce, purpose);
     const vuint<W> index = reverse_bits(laine_karras(reversed_index, s));
-    return unit_float(reverse_bits(laine_karras(index, s * vuint<W>(0x85ebca6bu))));
+    return reverse_bits(laine_karras(index, s * vuint<W>(0x85ebca6bu)));
   }
+  PRIMRAY_INLINE vfloat<W> single(vint<W> bounce, Purpose purpose) const { return unit_float(bits_of(bounce, purpose)); }
 };
 
 }  // namespace primray

@@ -67,10 +67,15 @@ class SceneBuilder {
   // `width` numbers a row, of the shape that was added last.
   void add_mesh_primvar(int name, PrimvarKind kind, int width, std::span<const float> values);
   void add_sphere_primvar(int name, int width, std::span<const float> values);
-  // `rows`: 12 doubles an instance, world from prototype. A singular or non-finite one is left out; the result says how many
-  // were.
-  int64_t add_placement(int prototype, std::span<const double> rows);
-  // A row for every instance that the last add_placement was given.
+  // Room for all instances of all placements: appending would else take twice their memory for a moment.
+  void reserve_instances(size_t count);
+  // Between the two come its instances. `parent` is 0 or a prototype without shapes, which is then placed by user geometry;
+  // placements of one parent follow each other.
+  void begin_placement(int parent, int prototype);
+  // `rows`: 12 doubles an instance, parent from prototype. A singular or non-finite one is left out; the result says how many.
+  int64_t add_instances(std::span<const double> rows);
+  void end_placement();
+  // A row for every instance that the last placement was given.
   void add_placement_primvar(int name, int width, std::span<const float> values);
   void add_light(const LightInput& light);
   void set_camera(const CameraInput& camera);
@@ -87,11 +92,16 @@ class SceneBuilder {
   // Of the current group.
   dvec3 group_origin_;
   double group_scale_;
-  std::vector<daffine> prototype_from_group_;  // by group: undoes its recentring
+  // By group: undoes its recentring, and does it.
+  std::vector<daffine> outside_from_group_, group_from_outside_;
+  // Of the placement that is being filled.
+  int parent_ = 0;
+  daffine undo_, redo_;
   // Of the shape and the placement that were added last.
   size_t last_mesh_rows_ = 0;  // first row of the mesh
   bool last_mirrored_ = false, last_sphere_taken_ = false;
-  std::vector<int32_t> last_instances_;  // rows that were taken; empty where the placement was left out
+  std::vector<int32_t> last_instances_;  // rows that were taken, where primvars are read; empty for a placement left out
+  int32_t last_given_ = 0;               // rows that were given
   bool levels_measured_ = false;
 };
 

@@ -175,6 +175,9 @@ void finish_light_rows(LightTable& table) {
       case LightType::kCylinder:
         power[i] = 4 * kPiDouble * s0 * s1 * kPiDouble * e;
         break;
+      case LightType::kMesh:
+        power[i] = 2 * kPiDouble * e;
+        break;
       case LightType::kDistant:
       case LightType::kDome:
         power[i] = e, infinite = true;

@@ -17,6 +17,13 @@ struct InstanceLanes {
   PRIMRAY_INLINE InstanceLanes(const float* base, vint<W> at)
       : x(gather_vec3(base, at)), y(gather_vec3(base + 3, at)), z(gather_vec3(base + 6, at)), o(gather_vec3(base + 9, at)) {}
   PRIMRAY_INLINE vvec3<W> vector(const vvec3<W>& v) const { return x * v.x + y * v.y + z * v.z; }
+  // Puts `outer` after it where `lanes` says, and gives the size of what was rounded on the way.
+  PRIMRAY_INLINE vvec3<W> move(vbool<W> lanes, const InstanceLanes& outer) {
+    const vvec3<W> spread = abs(outer.x * o.x) + abs(outer.y * o.y) + abs(outer.z * o.z) + abs(outer.o);
+    o = select(lanes, outer.vector(o) + outer.o, o);
+    x = select(lanes, outer.vector(x), x), y = select(lanes, outer.vector(y), y), z = select(lanes, outer.vector(z), z);
+    return select(lanes, spread, vvec3<W>(vfloat<W>(0.0f)));
+  }
   // Normals go by the cofactors: the inverse transpose times the determinant, whose sign counts (mirrored instances).
   PRIMRAY_INLINE vvec3<W> normal(const vvec3<W>& n) const {
     const vvec3<W> a = cross(y, z), b = cross(z, x), c = cross(x, y);
@@ -24,21 +31,43 @@ struct InstanceLanes {
   }
 };
 
-// The group that was hit, and the instance it was hit in.
+// The group that was hit, the geometry in it, and the instance it was hit in; of two levels of instances the inner one, and
+// `outer`.
 template <int W>
 struct HitGroup {
-  vbool<W> instanced;
-  bool any_instanced;
-  vint<W> placement, group, instance;  // 0 where not instanced
+  vbool<W> instanced, grouped;
+  bool any_instanced, any_grouped;
+  vint<W> geom;                               // as Embree numbers it within the group
+  vint<W> placement, group, instance, outer;  // 0 where not instanced
 
-  PRIMRAY_INLINE HitGroup(const Scene& scene, vbool<W> active, const Hits<W>& h) : placement(0), group(0), instance(0) {
+  PRIMRAY_INLINE HitGroup(const Scene& scene, vbool<W> active, const Hits<W>& h)
+      : grouped(false), any_grouped(false), geom(h.geom), placement(0), group(0), instance(0), outer(0) {
     instanced = scene.has_instances ? active & (h.inst != vint<W>(-1)) : vbool<W>(false);
     any_instanced = scene.has_instances && any(instanced);
     if (!any_instanced) return;
     const vint<W> zero(0);
-    placement = select(instanced, h.inst - vint<W>(kFirstPlacement), zero);
+    const int32_t first_id = int32_t(kFirstPlacement) - int32_t(scene.groups[0].placement_base);
+    placement = select(instanced, h.inst - vint<W>(first_id), zero);
+    if (scene.has_grouped) {
+      const GroupedHit<W> hit(instanced, h.geom, h.inst);
+      grouped = hit.grouped, any_grouped = any(grouped);
+      placement = select(grouped, hit.placement, placement);
+      geom = select(grouped, hit.geom, geom);
+      outer = select(grouped, hit.outer, zero);
+    }
     group = select(instanced, gather<W>(scene.placement_group.data(), placement), zero);
     instance = select(instanced, gather<W>(scene.placement_instance.data(), placement) + h.inst_prim, zero);
+  }
+  PRIMRAY_INLINE vbool<W> is(vbool<W> active, uint32_t geometry) const { return active & (geom == vint<W>(int32_t(geometry))); }
+  PRIMRAY_INLINE vbool<W> is_triangle(const Scene& scene, vbool<W> active) const {
+    return scene.has_cutouts ? is(active, kTriangleGeometry) | is(active, kCutoutGeometry) : is(active, kTriangleGeometry);
+  }
+  // World from group, of instanced lanes; `rounded`: the size of what was rounded in composing it.
+  PRIMRAY_INLINE InstanceLanes<W> matrix(const Scene& scene, vvec3<W>& rounded) const {
+    InstanceLanes<W> m(scene.world_from_group.data(), instance * vint<W>(12));
+    rounded = vvec3<W>(vfloat<W>(0.0f));
+    if (any_grouped) rounded = m.move(grouped, InstanceLanes<W>(scene.world_from_group.data(), outer * vint<W>(12)));
+    return m;
   }
   PRIMRAY_INLINE vint<W> base(const Scene& scene, uint32_t Group::* member) const {
     if (!any_instanced) return vint<W>(int32_t(scene.groups[0].*member));
@@ -50,19 +79,12 @@ struct HitGroup {
   PRIMRAY_INLINE vint<W> triangle(const Scene& scene, vbool<W> is_triangle, const Hits<W>& h) const {
     vint<W> first = base(scene, &Group::triangle_base);
     if (scene.has_cutouts) {
-      const vbool<W> cutout = h.geom == vint<W>(int32_t(kCutoutGeometry));
+      const vbool<W> cutout = is(vbool<W>(true), kCutoutGeometry);
       first = first + select(cutout, base(scene, &Group::triangle_count), vint<W>(0));
     }
     return select(is_triangle, first + h.prim, vint<W>(0));
   }
 };
-
-template <int W>
-PRIMRAY_INLINE vbool<W> hits_triangle(const Scene& scene, vbool<W> active, const Hits<W>& h) {
-  vbool<W> r = h.geom == vint<W>(int32_t(kTriangleGeometry));
-  if (scene.has_cutouts) r = r | (h.geom == vint<W>(int32_t(kCutoutGeometry)));
-  return active & r;
-}
 
 template <int W>
 struct SurfacePoint {
@@ -73,19 +95,17 @@ struct SurfacePoint {
   vvec3<W> e1, e2;  // the triangle's edges from its first corner, in world space
   vfloat<W> area2;  // twice its area there
 
-  // A point of a triangle that is known by its number over the scene; without edges, and so without tangents and footprint.
-  PRIMRAY_INLINE SurfacePoint(const Scene& scene, vbool<W> active, vint<W> number, vint<W> place, vint<W> row, vfloat<W> u_,
-                              vfloat<W> v_)
+  // A point of a triangle that is known by its number over the scene and its group's first vertex; `place` -1: in no instance.
+  // Without edges, and so without tangents and footprint.
+  PRIMRAY_INLINE SurfacePoint(const Scene& scene, vbool<W> active, vint<W> number, vint<W> vertex_base, vint<W> place,
+                              vint<W> row, vfloat<W> u_, vfloat<W> v_)
       : sphere(0), u(u_), v(v_), e1(vfloat<W>(0.0f)), e2(vfloat<W>(0.0f)), area2(0.0f) {
     const vint<W> zero(0);
     is_triangle = active, triangle = select(active, number, zero);
     mesh = gather<W>(scene.triangle_mesh.data(), triangle);
     instanced = active & (place >= zero);
     placement = select(instanced, place, zero), instance_row = select(instanced, row, zero);
-    vint<W> group = zero;
-    if (any(instanced)) group = select(instanced, gather<W>(scene.placement_group.data(), placement), zero);
-    vint<W> first;
-    for (int i = 0; i < W; ++i) first.set(i, int32_t(scene.groups[group[i]].vertex_base));
+    const vint<W> first = select(active, vertex_base, zero);
     for (int k = 0; k < 3; ++k)
       corner[k] = first + gather<W>(reinterpret_cast<const int32_t*>(scene.indices.data()) + k, triangle * vint<W>(3));
   }
@@ -94,7 +114,7 @@ struct SurfacePoint {
     const HitGroup<W> in(scene, active, h);
     instanced = in.instanced, placement = in.placement;
     instance_row = select(in.instanced, h.inst_prim, zero);
-    is_triangle = hits_triangle(scene, active, h);
+    is_triangle = in.is_triangle(scene, active);
     if (scene.has_spheres) {
       const vbool<W> is_sphere = active & !is_triangle;
       sphere = select(is_sphere, in.base(scene, &Group::sphere_base) + h.prim, zero);
@@ -112,7 +132,8 @@ struct SurfacePoint {
       const vvec3<W> p0 = gather_vec3<W>(positions, corner[0] * three);
       e1 = gather_vec3<W>(positions, corner[1] * three) - p0, e2 = gather_vec3<W>(positions, corner[2] * three) - p0;
       if (in.any_instanced) {
-        const InstanceLanes<W> m(scene.world_from_group.data(), in.instance * vint<W>(12));
+        vvec3<W> rounded;
+        const InstanceLanes<W> m = in.matrix(scene, rounded);
         e1 = select(instanced, m.vector(e1), e1), e2 = select(instanced, m.vector(e2), e2);
       }
     }

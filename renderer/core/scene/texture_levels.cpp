@@ -49,6 +49,8 @@ std::vector<double> widths_on_instances(const Scene& s) {
   for (size_t p = 0; p < s.placement_group.size(); ++p) {
     const size_t end = p + 1 < s.placement_instance.size() ? size_t(s.placement_instance[p + 1]) : instances;
     const int g = s.placement_group[p];
+    // Of two levels of instances the inner ones may stand anywhere.
+    if (p - s.groups[0].placement_base >= s.groups[0].placement_count) least[g] = 0;
     for (size_t i = s.placement_instance[p]; i < end; ++i) {
       const float* m = &s.world_from_group[12 * i];
       const dvec3 columns[3] = {{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}}, o{m[9], m[10], m[11]};
@@ -81,6 +83,7 @@ void wear(const Scene& s, const InputSource& source, Texture& texture, uint32_t 
   const double st_area2 = (st[1][0] - st[0][0]) * (st[2][1] - st[0][1]) - (st[2][0] - st[0][0]) * (st[1][1] - st[0][1]);
   const float* m = source.st_transform;
   const double stretch = double(m[0]) * m[4] - double(m[1]) * m[3];
+  if (!(width > 0)) texture.least_footprint = 0;
   const double st_area = std::fabs(st_area2 * stretch);
   // A triangle that shows a line or a point of the texture has no level of its own: those of the others do.
   if (!(st_area > 0)) return;

@@ -9,6 +9,7 @@ import typer
 from .doctor import doctor
 from .inspect import inspect
 from .render import render
+from .sheet import sheet
 
 app = typer.Typer(
     help="Render USD stages on CPUs.",
@@ -38,4 +39,5 @@ def primray(
 
 app.command()(render)
 app.command()(inspect)
+app.command()(sheet)
 app.command()(doctor)

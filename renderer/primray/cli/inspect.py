@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -28,13 +27,18 @@ def inspect(
     ] = None,
     no_default_light: options.NoDefaultLight = False,
     purposes: options.Purposes = None,
+    variants: options.Variants = None,
+    no_payloads: options.NoPayloads = False,
+    load: options.Load = None,
+    mask: options.Mask = None,
+    session_layer: options.SessionLayer = None,
     json: options.Json = False,
     verbose: options.Verbose = False,
 ) -> None:
     """Print what would be rendered: cameras, lights, counts, memory, diagnostics."""
     from .. import usd
     from ..diagnostics import Diagnostics
-    from ..summary import summary
+    from ..summary import counts, summary
     from ..usd import camera_paths
     from .json_lines import print_line
 
@@ -47,9 +51,13 @@ def inspect(
         time_code=time_codes[0],
         default_light=not no_default_light,
         purposes=options.purposes_of(purposes),
+        variants=tuple(variants or ()),
+        load=options.load_of(no_payloads, load),
+        mask=options.mask_of(mask),
+        session_layer=session_layer,
     )
     diagnostics = Diagnostics()
-    stage = usd.open_stage(scene, diagnostics)
+    stage = usd.open_stage(scene, diagnostics, settings.composition)
     description, translating = usd.translate(stage, settings)
     diagnostics.extend(translating)
     facts = {
@@ -92,11 +100,6 @@ def light_facts(description: SceneDescription) -> list[dict[str, Any]]:
         }
         for light in description.lights
     ]
-
-
-def counts(summed: Any) -> dict[str, int]:
-    """The numbers of a Summary."""
-    return {name: value for name, value in asdict(summed).items() if isinstance(value, int)}
 
 
 def _print_table(facts: dict[str, Any], verbose: bool) -> None:

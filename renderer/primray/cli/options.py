@@ -26,6 +26,28 @@ NoDefaultLight = Annotated[bool, typer.Option("--no-default-light", help="Leave 
 Purposes = Annotated[
     str | None, typer.Option("--purposes", metavar="LIST", help="Such as default,render,proxy.", show_default="the stage's")
 ]
+Variants = Annotated[
+    list[str] | None,
+    typer.Option("--variant", metavar="PRIM:SET=NAME", help="Choose a variant; may be repeated.", show_default=False),
+]
+NoPayloads = Annotated[bool, typer.Option("--no-payloads", help="Load no payloads.")]
+Load = Annotated[
+    list[str] | None,
+    typer.Option("--load", metavar="PRIM", help="Load payloads only here and below; may be repeated.", show_default="all"),
+]
+Mask = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--mask",
+        metavar="PRIM",
+        help="Populate only these prims, what is above and below them and what they refer to; may be repeated.",
+        show_default=False,
+    ),
+]
+SessionLayer = Annotated[
+    str | None,
+    typer.Option("--session-layer", "--sessionLayer", metavar="FILE", help="Opinions over the stage's.", show_default=False),
+]
 Json = Annotated[bool, typer.Option("--json", help="JSON lines on stdout.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-V", help="Every diagnostic and prim; tracebacks of errors.")]
 
@@ -43,6 +65,22 @@ def resolution_of(res: tuple[int, int] | None, image_width: int | None) -> tuple
     if res is not None and image_width is not None:
         raise SettingsError("--res and --imageWidth both say how wide the picture is; give one", code="resolution")
     return res if image_width is None else (image_width, 0)
+
+
+def load_of(no_payloads: bool, load: list[str] | None) -> tuple[str, ...] | None:
+    if no_payloads and load:
+        raise SettingsError("--no-payloads and --load contradict each other; --load alone loads nothing else", code="load")
+    return () if no_payloads else _paths(load)
+
+
+def mask_of(mask: list[str] | None) -> tuple[str, ...] | None:
+    return _paths(mask)
+
+
+def _paths(texts: list[str] | None) -> tuple[str, ...] | None:
+    """Also several in one, by commas, as usdrecord's --mask takes them; None for no texts at all."""
+    paths = tuple(path.strip() for text in texts or () for path in text.split(",") if path.strip())
+    return paths or None
 
 
 def purposes_of(text: str | None) -> tuple[str, ...] | None:

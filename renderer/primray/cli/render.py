@@ -56,6 +56,11 @@ def render(
     json: options.Json = False,
     no_default_light: options.NoDefaultLight = False,
     purposes: options.Purposes = None,
+    variants: options.Variants = None,
+    no_payloads: options.NoPayloads = False,
+    load: options.Load = None,
+    mask: options.Mask = None,
+    session_layer: options.SessionLayer = None,
     verbose: options.Verbose = False,
 ) -> None:
     """Render a USD stage to EXR, PNG or JPEG."""
@@ -76,6 +81,10 @@ def render(
             seed=seed,
             default_light=not no_default_light,
             purposes=options.purposes_of(purposes),
+            variants=tuple(variants or ()),
+            load=options.load_of(no_payloads, load),
+            mask=options.mask_of(mask),
+            session_layer=session_layer,
             strict=strict,
             max_memory_bytes=options.bytes_of(max_memory),
         )

@@ -26,6 +26,7 @@ class Context:
     shared_geometry: dict[str, Any] = field(default_factory=dict)  # prim path -> geometry, where prototypes share it
     shares: frozenset[str] = frozenset()  # prim paths that more than one prototype holds
 
+    primvars_read: frozenset[str] = frozenset()  # "primvars:NAME" of all that materials of the stage read
     prototype_names: dict[str, str] = field(default_factory=dict)  # /__Prototype_N -> its first instance
 
     def shown(self, path: str) -> str:

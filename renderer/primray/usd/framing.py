@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Tf, Usd, UsdGeom
 
 from ..description import Camera, Doubles, Mesh, Placed, Placement, Projection, Prototype, Shape, Sphere
+from ..placement import placed_box
 from .adapters.camera import Aperture, conform, window_of
 from .adapters.render_settings import StageSettings
 from .read import When
@@ -17,6 +18,8 @@ from .read import When
 FOCAL_LENGTH = 50.0
 APERTURE = Aperture(20.955, 15.2908)
 
+
+MANY = 1_000_000  # instances whose own corners are looked at, one by one
 
 Bounds = tuple[Doubles, Doubles]  # centre and size of the world's axis-aligned box
 
@@ -39,18 +42,32 @@ def framing_camera(bounds: Bounds, z_up: bool, resolution: tuple[int, int], stag
     return Camera("", world_from_camera, Projection.PERSPECTIVE, window_of(aperture, 1 / FOCAL_LENGTH), (0.0, 3e38))
 
 
+# UsdGeomBBoxCache (26.11) recurses: 1000 levels it survives, at 2000 it overflows the stack.
+DEEPEST = 500
+
+
 def stage_bounds(stage: Usd.Stage, when: When, purposes: tuple[str, ...]) -> Bounds | None:
-    """As usdrecord sees them, authored extents included; None where there are none, or none that are finite.
+    """As usdrecord sees them, authored extents included; None where USD cannot say, or says nothing finite.
 
     Not to be asked where an instancer contains itself: UsdGeomBBoxCache (26.11) then overflows the stack.
     """
+    if is_deep(stage.TraverseAll()):
+        return None
     time = Usd.TimeCode.EarliestTime() if when.careful else when.time
-    box = UsdGeom.BBoxCache(time, list(purposes), useExtentsHint=True).ComputeWorldBound(stage.GetPseudoRoot())
+    try:
+        box = UsdGeom.BBoxCache(time, list(purposes), useExtentsHint=True).ComputeWorldBound(stage.GetPseudoRoot())
+    except Tf.ErrorException:  # something on the stage is of the wrong type; its own reader says what
+        return None
     aligned = box.ComputeAlignedRange()
     if aligned.IsEmpty():
         return None
     center, size = np.array(box.ComputeCentroid()), np.array(aligned.GetSize())
     return (center, size) if np.isfinite(center).all() and np.isfinite(size).all() else None
+
+
+def is_deep(prims: Iterable[Usd.Prim]) -> bool:
+    """Whether UsdGeomBBoxCache must not be asked about them."""
+    return any(prim.GetPath().pathElementCount > DEEPEST for prim in prims)
 
 
 def shape_bounds(
@@ -59,15 +76,29 @@ def shape_bounds(
     """Of what has been translated, by the corners of the shapes' own boxes; a unit box where there is nothing."""
     corners = [_box_corners(shapes[p.shape]) @ p.matrix[:3, :3].T + p.matrix[:3, 3] for p in static]
     for placement in placements:
-        world = placement.world_from_prototype
+        if prototypes[placement.prototype].placements or len(placement) > MANY:
+            corners.append(np.array(placed_box(placement.levels, _prototype_box(shapes, prototypes, placement.prototype))))
+            continue
         for p in prototypes[placement.prototype].shapes:
             local = _box_corners(shapes[p.shape]) @ p.matrix[:3, :3].T + p.matrix[:3, 3]
-            corners.append((local @ world[:, :, :3].transpose(0, 2, 1) + world[:, None, :, 3]).reshape(-1, 3))
+            for world in placement.chunks():
+                at = (local @ world[:, :, :3].transpose(0, 2, 1) + world[:, None, :, 3]).reshape(-1, 3)
+                corners.append(np.array([at.min(axis=0), at.max(axis=0)]))
     if not corners:
         return np.zeros(3), np.ones(3)
     low = np.min([c.min(axis=0) for c in corners], axis=0)
     high = np.max([c.max(axis=0) for c in corners], axis=0)
     return (low + high) / 2, high - low
+
+
+def _prototype_box(shapes: Sequence[Shape], prototypes: Sequence[Prototype], number: int) -> Bounds:
+    """Low and high corner of a prototype in its own space."""
+    p = prototypes[number]
+    boxes = [placed_box(inner.levels, _prototype_box(shapes, prototypes, inner.prototype)) for inner in p.placements]
+    for placed in p.shapes:
+        at = _box_corners(shapes[placed.shape]) @ placed.matrix[:3, :3].T + placed.matrix[:3, 3]
+        boxes.append((at.min(axis=0), at.max(axis=0)))
+    return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
 
 
 def _box_corners(shape: Shape) -> Doubles:

@@ -27,7 +27,7 @@ def read_normals(prim: ResolvedPrim, sizes: Sizes, ctx: Context) -> Primvar | No
     if raw is None or len(raw) == 0:
         return None
     interpolation = UsdGeom.PointBased(prim.prim).GetNormalsInterpolation()
-    return check_values(raw, None, interpolation, "normals", sizes, prim, ctx)
+    return check_values(raw, interpolation, "normals", sizes, prim, ctx)
 
 
 def shading_normals(normals: Primvar, points: Floats, triangles: Triangles) -> Values:

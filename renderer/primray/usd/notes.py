@@ -10,10 +10,9 @@ from functools import cache
 from pxr import Usd
 
 from .context import Context
-from .read import read
 from .resolve import ResolvedPrim
 
-_GEOMETRY = """BasisCurves NurbsCurves HermiteCurves Points NurbsPatch TetMesh Volume ParticleField
+_GEOMETRY = """BasisCurves NurbsCurves HermiteCurves NurbsPatch TetMesh Volume ParticleField
     ParticleField3DGaussianSplat GenerativeProcedural"""
 UNSUPPORTED = frozenset(_GEOMETRY.split())
 _LIGHTS = "PortalLight GeometryLight PluginLight LightFilter PluginLightFilter"
@@ -40,8 +39,6 @@ def note_prim(prim: ResolvedPrim, kind: str, ctx: Context) -> None:
         _note_schemas(prim, schemas, kind, ctx)
     if not kind and prim.type_name:
         _note_type(prim, ctx)
-    if "model:drawMode" in prim.names and read(prim.prim, "model:drawMode", ctx.when) not in ("default", "inherited", None):
-        ctx.warn("draw-mode", prim.path, f"model:drawMode = {read(prim.prim, 'model:drawMode', ctx.when)}.")
 
 
 def note_velocities(prim: ResolvedPrim, positions: str, ctx: Context) -> None:
@@ -60,8 +57,12 @@ def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
             ctx.warn("unsupported-prim", prim.path, f"{prim.type_name} is not rendered.")
     elif prim.type_name in UNSUPPORTED_LIGHTS:
         ctx.warn("unsupported-light", prim.path, f"{prim.type_name} is not supported.")
-    elif prim.type_name == "SkelRoot":
-        ctx.warn("skinning", prim.path, "Meshes below are rendered as they are authored, not deformed by their skeleton.")
+    elif prim.type_name == "SkelRoot" and prim.prim.IsInPrototype():
+        ctx.warn(
+            "skinning",
+            prim.path,
+            "Inside an instance: meshes below are rendered as they are authored, not posed by their skeleton.",
+        )
     elif not _is_known(prim.type_name):
         ctx.warn("unknown-prim-type", prim.path, f"No schema of the name {prim.type_name} is known.")
 

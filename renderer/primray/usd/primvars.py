@@ -1,25 +1,34 @@
-"""Primvars of a mesh brought to triangles: indexed values, and the interpolations that a description knows."""
+"""A gprim's primvars, read and checked: any type of up to four numbers, any interpolation, indexed or not.
+
+elementSize n means that n consecutive values make one element: float[] of elementSize 2 is read as pairs. Values that are
+not finite are read as 0, and noted.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 from pxr import Usd, UsdGeom
 
 from ..description import Floats
 from .context import Context
-from .read import array, value
+from .read import MAX_COLUMNS, array, as_columns, value
 from .resolve import ResolvedPrim
 from .triangulate import Triangles
 
 
 @dataclass(frozen=True)
 class Primvar:
-    """`values` (M, columns), indices applied; `interpolation` is USD's token."""
+    """`values` (M, columns), one for each element of what `interpolation` (USD's token) says; or for each of `indices`."""
 
     values: Floats
     interpolation: str
+    indices: npt.NDArray[np.int32] | None = None
+
+    def flat(self) -> Floats:
+        return self.values if self.indices is None else self.values[self.indices]
 
 
 @dataclass(frozen=True)
@@ -37,46 +46,89 @@ class Sizes:
 
 
 def read_primvar(attribute: Usd.Attribute, sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
-    """A primvar of three columns, checked against the mesh; None, noted, when it does not fit; None if it has no value."""
+    """A primvar of three columns, indices applied; None, noted, when it does not fit; None if it has no value."""
+    return _of_three(read_raw_primvar(attribute, sizes, prim, ctx), attribute.GetName(), prim, ctx)
+
+
+def check_values(raw: object, interpolation: str, name: str, sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
+    """Values of three columns that belong to no primvar."""
+    return _of_three(_checked(raw, None, interpolation, name, sizes, prim, ctx, 1), name, prim, ctx)
+
+
+def _of_three(found: Primvar | None, name: str, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
+    if found is None:
+        return None
+    if found.values.shape[1] != 3:
+        ctx.warn("invalid-primvar", prim.path, f"{name} is not an array of three floats each.")
+        return None
+    return Primvar(found.flat(), found.interpolation)
+
+
+def read_raw_primvar(attribute: Usd.Attribute, sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
+    """A primvar of 1 to 4 columns with its indices; None, noted, when it does not fit; None if it has no value."""
     primvar = UsdGeom.Primvar(attribute)
     raw = value(attribute, ctx.when)
     if raw is None:
         return None
+    if not attribute.GetTypeName().isArray:
+        raw = [raw]
     indices = value(primvar.GetIndicesAttr(), ctx.when) if primvar.IsIndexed() else None
-    return check_values(raw, indices, primvar.GetInterpolation(), attribute.GetName(), sizes, prim, ctx)
+    name, element_size = attribute.GetName(), primvar.GetElementSize()
+    return _checked(raw, indices, primvar.GetInterpolation(), name, sizes, prim, ctx, element_size)
 
 
-def check_values(
-    raw: object, raw_indices: object, interpolation: str, name: str, sizes: Sizes, prim: ResolvedPrim, ctx: Context
+def _checked(
+    raw: object,
+    raw_indices: object,
+    interpolation: str,
+    name: str,
+    sizes: Sizes,
+    prim: ResolvedPrim,
+    ctx: Context,
+    element_size: int,
 ) -> Primvar | None:
-    values = array(raw, 3, "f")
+    values = as_columns(raw, element_size)
     if values is None:
-        ctx.warn("invalid-primvar", prim.path, f"{name} is not an array of three floats each.")
+        of_size = f" of elementSize {element_size}" if element_size != 1 else ""
+        ctx.warn("invalid-primvar", prim.path, f"{name}{of_size} is not an array of one to {MAX_COLUMNS} numbers each.")
         return None
+    indices = None
     if raw_indices is not None:
         indices = array(raw_indices, 1, "i")
         if indices is None or (len(indices) and (indices.min() < 0 or indices.max() >= len(values))):
             ctx.warn("invalid-primvar", prim.path, f"{name} has indices outside its {len(values)} values.")
             return None
-        values = values[indices]
     needed = sizes.of(interpolation)
-    if interpolation == "constant" and len(values) >= 1:
-        values = values[:1]
-    if len(values) != needed:
-        ctx.warn("invalid-primvar", prim.path, f"{name} ({interpolation}) has {len(values)} values where {needed} are needed.")
+    count = len(values) if indices is None else len(indices)
+    if interpolation == "constant" and count > 1:
+        values, indices = values[:1] if indices is None else values[indices[:1]], None
+        count = 1
+    if count != needed:
+        ctx.warn("invalid-primvar", prim.path, f"{name} ({interpolation}) has {count} values where {needed} are needed.")
         return None
-    return Primvar(values.astype(np.float32, copy=False), interpolation)
+    return Primvar(values, interpolation, indices)
+
+
+def finite(values: Floats, name: str, prim: ResolvedPrim, ctx: Context) -> Floats:
+    """The values with 0 for those that are not finite."""
+    good = np.isfinite(values)
+    if good.all():
+        return values
+    bad = int(np.count_nonzero(~good.all(axis=1)))
+    ctx.warn("invalid-primvar", prim.path, f"{name} has {bad} values that are not finite: they are read as 0.")
+    return np.where(good, values, np.float32(0))
 
 
 def per_corner(primvar: Primvar, triangles: Triangles) -> Floats:
-    """(3T, 3): the values at every triangle's corners."""
+    """(3T, columns): the values at every triangle's corners."""
+    values = primvar.flat()
     if primvar.interpolation == "constant":
-        return np.repeat(primvar.values, triangles.points.size, axis=0)
+        return np.repeat(values, triangles.points.size, axis=0)
     if primvar.interpolation == "uniform":
-        return np.repeat(primvar.values[triangles.faces], 3, axis=0)
+        return np.repeat(values[triangles.faces], 3, axis=0)
     if primvar.interpolation in ("vertex", "varying"):
-        return primvar.values[triangles.points.ravel()]
-    return primvar.values[triangles.corners.ravel()]
+        return values[triangles.points.ravel()]
+    return values[triangles.corners.ravel()]
 
 
 def is_per_point(primvar: Primvar) -> bool:

@@ -13,8 +13,10 @@ import numpy as np
 import numpy.typing as npt
 from pxr import Usd
 
+from ..description import Floats
 from ..diagnostics import Diagnostics
 
+MAX_COLUMNS = 4  # of a primvar
 _UNSET = (Usd.ResolveInfoSourceFallback, Usd.ResolveInfoSourceNone)
 
 
@@ -66,6 +68,22 @@ def array(raw: Any, columns: int, kind: str) -> npt.NDArray[Any] | None:
         values = np.zeros((0, columns) if columns > 1 else (0,), np.float32 if kind == "f" else np.int32)
     ok = values.ndim == (2 if columns > 1 else 1) and values.dtype.kind in ("f" if kind == "f" else "iu")
     return values if ok and (columns == 1 or values.shape[1] == columns) else None
+
+
+def as_columns(raw: Any, element_size: int) -> Floats | None:
+    """(N, 1 to 4) float32 from an array of numbers or vectors; None when it is none, or not whole elements."""
+    try:
+        values = np.asarray(raw)
+    except (TypeError, ValueError):
+        return None
+    if values.size == 0:
+        return np.zeros((0, 1), np.float32)
+    if values.dtype.kind not in "fiub" or values.ndim > 2:
+        return None
+    columns = (values.shape[1] if values.ndim == 2 else 1) * max(element_size, 1)
+    if columns > MAX_COLUMNS or values.size % columns:
+        return None
+    return values.astype(np.float32, copy=False).reshape(-1, columns)
 
 
 def number(prim: Usd.Prim, name: str, when: When, default: float, diagnostics: Diagnostics) -> float:

@@ -9,11 +9,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from pxr import Gf, Usd, UsdGeom, UsdShade
+from pxr import Gf, Tf, Usd, UsdGeom, UsdShade
 
 from ..description import Doubles
+from .bindings import Subset
 from .convert import matrix
-from .read import When, array, read, time_of, value
+from .read import When, array, as_columns, read, time_of, value
 
 _IDENTITY = Gf.Matrix4d(1.0)
 
@@ -31,16 +32,12 @@ class Inherited:
     """What a prim hands down. `outer` is the binding of the instance whose prototype is being walked."""
 
     purpose: str = "default"
+    draw_mode: str = "default"  # the nearest model:drawMode, whether or not it is applied
     outer: Binding | None = None
     color: tuple[float, float, float] | None = None  # the nearest constant primvars:displayColor, the prim's own included
     opacity: float | None = None  # likewise primvars:displayOpacity
-
-
-@dataclass(frozen=True)
-class Subset:
-    path: str
-    prim: Usd.Prim
-    material: Usd.Prim | None = None
+    primvars: tuple[tuple[str, tuple[float, ...]], ...] = ()  # constant ones that a material of the stage reads, likewise
+    per_instance: frozenset[str] = frozenset()  # primvars that the instances around have one value each of
 
 
 @dataclass(frozen=True)
@@ -77,25 +74,63 @@ def local_matrix(prim: Usd.Prim, names: frozenset[str], when: When, cache: UsdGe
     return local, xformable.GetResetXformStack()
 
 
-def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], when: When) -> Inherited | None:
-    """What `prim` hands down, None if it is invisible (and so is all below it)."""
+def descend(
+    parent: Inherited, prim: Usd.Prim, names: frozenset[str], when: When, read_names: frozenset[str] = frozenset()
+) -> Inherited | None:
+    """What `prim` hands down, None if it is invisible (and so is all below it); `read_names`: primvars that matter."""
     if "visibility" in names and read(prim, "visibility", when) == "invisible":
         return None
     mine = parent
     if "purpose" in names:
-        purpose = prim.GetAttribute("purpose")
-        if purpose.HasAuthoredValue():
-            mine = replace(mine, purpose=str(purpose.Get()))
+        purpose = prim.GetAttribute("purpose").Get()
+        if isinstance(purpose, str):
+            mine = replace(mine, purpose=purpose)
+        elif purpose is not None:
+            Tf.Warn(f"The purpose of {prim.GetPath()} is {purpose!r}, no token: it is ignored.")
+    if "model:drawMode" in names:
+        mode = read(prim, "model:drawMode", when)
+        mine = replace(mine, draw_mode=mode) if isinstance(mode, str) and mode != "inherited" else mine
     if "primvars:displayColor" in names:
-        color = _constant(prim, "primvars:displayColor", 3, when)
+        color = constant_of(prim, "primvars:displayColor", 3, when)
         mine = mine if color is None else replace(mine, color=(color[0], color[1], color[2]))
     if "primvars:displayOpacity" in names:
-        opacity = _constant(prim, "primvars:displayOpacity", 1, when)
+        opacity = constant_of(prim, "primvars:displayOpacity", 1, when)
         mine = mine if opacity is None else replace(mine, opacity=opacity[0])
-    return mine
+    authored = names & read_names
+    return _with_primvars(mine, prim, authored, when) if authored else mine
 
 
-def _constant(prim: Usd.Prim, name: str, columns: int, when: When) -> list[float] | None:
+def _with_primvars(parent: Inherited, prim: Usd.Prim, names: frozenset[str], when: When) -> Inherited:
+    handed = dict(parent.primvars)
+    for name in names:
+        if (values := constant_numbers(prim, name, when)) is not None:
+            handed[name.removeprefix("primvars:")] = values
+    return replace(parent, primvars=tuple(sorted(handed.items()))) if len(handed) or parent.primvars else parent
+
+
+def constant_numbers(prim: Usd.Prim, name: str, when: When) -> tuple[float, ...] | None:
+    """A constant primvar of one to four finite numbers; None where it is no such thing."""
+    primvar = UsdGeom.Primvar(prim.GetAttribute(name))
+    if primvar.GetInterpolation() != UsdGeom.Tokens.constant:
+        return None
+    raw = value(primvar.GetAttr(), when)
+    if raw is None:
+        return None
+    values = as_columns(raw if primvar.GetAttr().GetTypeName().isArray else [raw], primvar.GetElementSize())
+    if values is None or len(values) == 0:
+        return None
+    at = _first_index(primvar, when)
+    return tuple(values[at].tolist()) if 0 <= at < len(values) and np.isfinite(values[at]).all() else None
+
+
+def _first_index(primvar: UsdGeom.Primvar, when: When) -> int:
+    if not primvar.IsIndexed():
+        return 0
+    indices = array(value(primvar.GetIndicesAttr(), when), 1, "i")
+    return int(indices[0]) if indices is not None and len(indices) else 0
+
+
+def constant_of(prim: Usd.Prim, name: str, columns: int, when: When) -> list[float] | None:
     """A constant primvar's value: only constant ones are inherited (UsdGeomPrimvarsAPI). None where it has none to use."""
     primvar = UsdGeom.Primvar(prim.GetAttribute(name))
     if primvar.GetInterpolation() != UsdGeom.Tokens.constant:
@@ -103,10 +138,7 @@ def _constant(prim: Usd.Prim, name: str, columns: int, when: When) -> list[float
     values = array(value(primvar.GetAttr(), when), columns, "f")
     if values is None or len(values) == 0:
         return None
-    at = 0
-    if primvar.IsIndexed():
-        indices = array(value(primvar.GetIndicesAttr(), when), 1, "i")
-        at = int(indices[0]) if indices is not None and len(indices) else 0
+    at = _first_index(primvar, when)
     if not 0 <= at < len(values) or not np.isfinite(values[at]).all():
         return None
     return [float(x) for x in np.atleast_1d(values[at])]
@@ -119,11 +151,25 @@ def bind_materials(prims: list[Usd.Prim], purposes: tuple[str, ...]) -> list[Bin
         missing = [i for i, binding in enumerate(found) if binding is None]
         if not missing:
             break
-        materials, rels = UsdShade.MaterialBindingAPI.ComputeBoundMaterials([prims[i] for i in missing], purpose)
+        materials, rels = _compute_bound([prims[i] for i in missing], purpose)
         for i, material, rel in zip(missing, materials, rels, strict=True):
             if material:
                 found[i] = Binding(material.GetPrim(), _is_stronger(rel))
     return found
+
+
+def _compute_bound(prims: list[Usd.Prim], purpose: str) -> tuple[list[UsdShade.Material], list[Usd.Relationship]]:
+    """USD's answer for all prims; nothing for those it fails on, such as prims whose binding is no relationship."""
+    try:
+        materials, rels = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(prims, purpose)
+        return list(materials), list(rels)
+    except Tf.ErrorException:
+        if len(prims) == 1:
+            Tf.Warn(f"The material bound to {prims[0].GetPath()} cannot be read.")
+            return [UsdShade.Material()], [Usd.Relationship()]
+    half = len(prims) // 2
+    parts = [_compute_bound(part, purpose) for part in (prims[:half], prims[half:])]
+    return parts[0][0] + parts[1][0], parts[0][1] + parts[1][1]
 
 
 def _is_stronger(rel: Usd.Relationship) -> bool:

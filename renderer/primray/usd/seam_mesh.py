@@ -5,13 +5,13 @@ Where two of T triangles, N points and 3T corners are equal numbers, values move
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from ..description import Floats, Ints, Mesh
+from ..description import Floats, Interpolation, Ints, Mesh, Primvar
 
 
 @dataclass(frozen=True)
@@ -21,18 +21,25 @@ class Values:
 
 
 def seam_mesh(
-    path: str, points: Floats, triangles: Ints, normals: Values | None, colors: Values | None, surface: int | Ints
+    path: str,
+    points: Floats,
+    triangles: Ints,
+    normals: Values | None,
+    colors: Values | None,
+    surface: int | Ints,
+    primvars: tuple[Primvar, ...] = (),
 ) -> Mesh:
     if (normals or colors) and len(points) == 3 * len(triangles):
         order = triangles.ravel()
         points = points[order]
+        primvars = tuple(replace(p, values=p.values[order]) if p.interpolation is Interpolation.POINT else p for p in primvars)
         normals, colors = _to_corners(normals, triangles), _to_corners(colors, triangles)
         triangles = np.arange(len(order), dtype=np.int32).reshape(-1, 3)
     if colors and len(points) == len(triangles):
         colors = _to_corners(colors, triangles)
     array_of_normals = None if normals is None else normals.array
     array_of_colors = None if colors is None else colors.array
-    return Mesh(path, points, triangles, array_of_normals, array_of_colors, surface)
+    return Mesh(path, points, triangles, array_of_normals, array_of_colors, surface, primvars)
 
 
 def keep_triangles(values: Values | None, keep: npt.NDArray[np.bool_]) -> Values | None:

@@ -6,9 +6,10 @@ import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import islice
 
 import numpy as np
-from pxr import Tf, Usd, UsdGeom
+from pxr import Tf, Usd
 
 from ..description import (
     Camera,
@@ -20,21 +21,29 @@ from ..description import (
     Prototype,
     SceneDescription,
     Shape,
+    Surface,
 )
 from ..diagnostics import Diagnostics
+from ..placement import IDENTITY, MatrixInstances, chunks, rows_of_levels
 from ..settings import RenderSettings
+from .adapters.draw_mode import DRAW_MODES
 from .adapters.implicit import sphere, tessellated
 from .adapters.light import light
 from .adapters.mesh import mesh
 from .adapters.point_instancer import point_instances
+from .adapters.points import POINT, point_sphere
 from .adapters.render_settings import StageSettings, render_settings
 from .context import Context
 from .convert import square
 from .framing import Bounds, shape_bounds, stage_bounds
-from .instances import Group, flatten
+from .instance_primvars import without_unread
+from .instances import Arrangement, Chain, Group, arrange, count_of
+from .pose import posed
+from .primvars_read import primvars_read
 from .read import when_of
 from .resolve import ResolvedPrim
 from .stage import tf_message, usd_messages
+from .stage_metadata import meters_per_unit, up_axis
 from .view import select_camera, view_through
 from .walk import walk
 
@@ -54,12 +63,15 @@ SHAPES: dict[str, ShapeAdapter] = {
     "Capsule_1": tessellated,
     "Plane": tessellated,
 }
+SHAPES |= DRAW_MODES  # in place of prims of any type
+SHAPES[POINT] = point_sphere
 LIGHTS: dict[str, LightAdapter] = dict.fromkeys(
     ("DistantLight", "SphereLight", "DiskLight", "RectLight", "CylinderLight", "DomeLight", "DomeLight_1"), light
 )
 
 DEFAULT_LIGHT = "primray:default-light"
 MAX_LIGHT_INSTANCES = 1000
+MAX_BOUNDED_INSTANCES = 1_000_000
 _PROTOTYPE = re.compile(r"/__Prototype_\d+")
 
 
@@ -72,6 +84,7 @@ class _Scene:
     prototypes: list[Prototype] = field(default_factory=list)
     placements: list[Placement] = field(default_factory=list)
     lights: list[Light] = field(default_factory=list)
+    number: dict[int, int] = field(default_factory=dict)  # of the prototype that a group's shapes have become
 
 
 def translate(stage: Usd.Stage, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
@@ -93,26 +106,32 @@ def _with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
 
 
 def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
-    cameras, settings_prims = _find_by_type(stage, diagnostics)
+    found = _find_by_type(stage, diagnostics)
+    if found.skeletons:
+        stage = posed(stage, found.skeletons, when_of(stage, settings.time_code), diagnostics)
+        found = _find_by_type(stage, Diagnostics())
+    cameras, settings_prims, shaders = found.cameras, found.settings, found.shaders
     stage_settings = render_settings(stage, settings_prims, diagnostics)
     ctx = _context(stage, settings, stage_settings, diagnostics)
     ctx.prototype_names = names
+    ctx.primvars_read = primvars_read(shaders, ctx)
     camera_prim = select_camera(stage, ctx, stage_settings, cameras)
     kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
     groups = walk(ctx, kinds, point_instances)
-    world, cyclic = flatten(groups, settings.max_memory_bytes or _physical_memory() // 2)
-    for parent, child in cyclic:
+    where = arrange(groups, settings.max_memory_bytes or _physical_memory() // 2)
+    for parent, child in where.cyclic:
         diagnostics.add(
             "invalid-instancer", groups[child].path, f"A prototype that contains itself, through {groups[parent].path}."
         )
     ctx.shares = _shared_paths(groups)
     scene = _Scene()
-    for group, placed in zip(groups, world, strict=True):
-        _add_group(scene, group, _valid(placed, group, ctx), ctx)
+    for g, group in enumerate(groups):
+        _add_group(scene, group, where, g, ctx)
+    _add_grouped(scene, groups, where)
     _add_default_light(scene, ctx)
 
     def bounds() -> Bounds:
-        whole = None if cyclic else stage_bounds(stage, ctx.when, ctx.purposes)
+        whole = None if where.cyclic or _is_crowded(groups) else stage_bounds(stage, ctx.when, ctx.purposes)
         return whole or shape_bounds(scene.shapes, scene.static, scene.prototypes, scene.placements)
 
     camera, resolution = view_through(camera_prim, ctx, stage_settings, bounds)
@@ -130,18 +149,31 @@ def camera_paths(stage: Usd.Stage) -> list[str]:
     return [str(prim.GetPath()) for prim in stage.Traverse() if prim.GetTypeName() == "Camera"]
 
 
-def _find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> tuple[list[Usd.Prim], list[Usd.Prim]]:
-    """The stage's cameras and its RenderSettings, wherever they are."""
-    cameras, settings = [], []
+@dataclass
+class _Found:
+    """Prims of some types, wherever they are outside prototypes."""
+
+    cameras: list[Usd.Prim] = field(default_factory=list)
+    settings: list[Usd.Prim] = field(default_factory=list)
+    shaders: list[Usd.Prim] = field(default_factory=list)
+    skeletons: list[str] = field(default_factory=list)  # paths of SkelRoots
+
+
+def _find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> _Found:
+    found = _Found()
     for prim in stage.Traverse():
         name = prim.GetTypeName()
         if name == "Camera":
-            cameras.append(prim)
+            found.cameras.append(prim)
         elif name == "RenderSettings":
-            settings.append(prim)
+            found.settings.append(prim)
+        elif name == "Shader":
+            found.shaders.append(prim)
+        elif name == "SkelRoot":
+            found.skeletons.append(str(prim.GetPath()))
         elif name == "RenderPass":
             diagnostics.add("render-settings-input", str(prim.GetPath()), "Render passes are ignored.")
-    return cameras, settings
+    return found
 
 
 def _shared_paths(groups: list[Group[ResolvedPrim]]) -> frozenset[str]:
@@ -155,30 +187,24 @@ def _shared_paths(groups: list[Group[ResolvedPrim]]) -> frozenset[str]:
     return frozenset(shared)
 
 
-def _valid(world: Doubles, group: Group[ResolvedPrim], ctx: Context) -> Doubles:
-    """Without instances whose composed transform is not finite."""
-    finite = np.isfinite(world).all(axis=(1, 2))
-    if finite.all():
-        return world
-    ctx.warn(
-        "invalid-transform",
-        group.path,
-        f"{int((~finite).sum())} of {len(world)} instances have transforms that are not finite.",
-    )
-    return world[finite]
+def _is_crowded(groups: list[Group[ResolvedPrim]]) -> bool:
+    """Whether USD's bounds would make more matrices at once than is good (it does for instancers without an extent)."""
+    return sum(len(some) for group in groups for _, some in group.instances) > MAX_BOUNDED_INSTANCES
 
 
-def _add_group(scene: _Scene, group: Group[ResolvedPrim], world: Doubles, ctx: Context) -> None:
+def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g: int, ctx: Context) -> None:
     """A group that stands once becomes static shapes, one that stands more often a prototype."""
-    if len(world) == 0:
+    chains = where.world.get(g, [])
+    count = sum(map(count_of, chains))
+    if count == 0:
         return
-    once = square(world[0]) if len(world) == 1 else None
+    once = square(next(chunks(chains[0]))[0]) if count == 1 and not rows_of_levels(chains[0]) else None
     members: list[Placed] = []
     for leaf in group.leaves:
         if not np.isfinite(leaf.group_from_prim).all():
             ctx.warn("invalid-transform", leaf.path, "Its transform is not finite.")
         elif leaf.type_name in LIGHTS:
-            _add_lights(scene, leaf, world, ctx)
+            _add_lights(scene, leaf, chains, count, ctx)
         elif (shape := _shape(leaf, ctx)) is not None:
             matrix = leaf.group_from_prim if once is None else once @ leaf.group_from_prim
             members.append(Placed(len(scene.shapes), matrix))
@@ -186,8 +212,28 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], world: Doubles, ctx: C
     if once is not None:
         scene.static += members
     elif members:
-        scene.placements.append(Placement(len(scene.prototypes), world))
+        scene.number[g] = len(scene.prototypes)
+        if g not in where.inside:
+            scene.placements += _placements(scene, g, where.top.get(g, []))
         scene.prototypes.append(Prototype(group.path, tuple(members)))
+
+
+def _add_grouped(scene: _Scene, groups: list[Group[ResolvedPrim]], where: Arrangement) -> None:
+    """Groups that keep their instances together, as prototypes of placements; their own shapes are one of these."""
+    for kept, inside in where.inside.items():
+        placements = tuple(p for g, chains in inside.items() if g in scene.number for p in _placements(scene, g, chains))
+        if placements:
+            top = len(scene.prototypes)
+            scene.prototypes.append(Prototype(groups[kept].path, (), placements))
+            scene.placements += [_placement(top, chain) for chain in where.top[kept]]
+
+
+def _placements(scene: _Scene, g: int, chains: list[Chain]) -> list[Placement]:
+    return [_placement(scene.number[g], chain) for chain in chains]
+
+
+def _placement(prototype: int, chain: Chain) -> Placement:
+    return Placement(prototype, chain or (MatrixInstances(IDENTITY[None]),), rows_of_levels(chain))
 
 
 def _shape(leaf: ResolvedPrim, ctx: Context) -> Shape | None:
@@ -198,11 +244,12 @@ def _shape(leaf: ResolvedPrim, ctx: Context) -> Shape | None:
         return None
 
 
-def _add_lights(scene: _Scene, leaf: ResolvedPrim, world: Doubles, ctx: Context) -> None:
+def _add_lights(scene: _Scene, leaf: ResolvedPrim, chains: list[Chain], count: int, ctx: Context) -> None:
     """One light for each place; a light's emission depends on its own size in the world."""
-    if len(world) > MAX_LIGHT_INSTANCES:
-        ctx.warn("instanced-lights", leaf.path, f"Only the first {MAX_LIGHT_INSTANCES} of its {len(world)} instances are lit.")
-    for matrix in world[:MAX_LIGHT_INSTANCES]:
+    if count > MAX_LIGHT_INSTANCES:
+        ctx.warn("instanced-lights", leaf.path, f"Only the first {MAX_LIGHT_INSTANCES} of its {count} instances are lit.")
+    matrices = (matrix for chain in chains for rows in chunks(chain) for matrix in rows)
+    for matrix in islice(matrices, MAX_LIGHT_INSTANCES):
         made = LIGHTS[leaf.type_name](leaf, square(matrix) @ leaf.group_from_prim, ctx)
         if made is not None:
             scene.lights.append(made)
@@ -210,10 +257,14 @@ def _add_lights(scene: _Scene, leaf: ResolvedPrim, world: Doubles, ctx: Context)
 
 def _add_default_light(scene: _Scene, ctx: Context) -> None:
     """A white dome of radiance 1 where nothing else gives light."""
-    if scene.lights or not ctx.settings.default_light or any(any(s.emissive_color) for s in ctx.surfaces):
+    if scene.lights or not ctx.settings.default_light or any(_emits(s) for s in ctx.surfaces):
         return
     scene.lights.append(Light(DEFAULT_LIGHT, LightType.DOME, np.eye(4), (1.0, 1.0, 1.0)))
     ctx.warn("default-light", "", "There is no light and nothing that emits: a white dome of radiance 1 is added.")
+
+
+def _emits(surface: Surface) -> bool:
+    return any(surface.emissive_color) or any(name == "emissive_color" for name, _ in surface.inputs)
 
 
 def _describe(scene: _Scene, ctx: Context, camera: Camera, resolution: tuple[int, int]) -> SceneDescription:
@@ -222,12 +273,12 @@ def _describe(scene: _Scene, ctx: Context, camera: Camera, resolution: tuple[int
         tuple(ctx.surfaces),
         tuple(scene.static),
         tuple(scene.prototypes),
-        tuple(scene.placements),
+        without_unread(scene.placements, scene.prototypes, scene.shapes, tuple(ctx.surfaces)),
         tuple(scene.lights),
         camera,
         resolution,
-        str(UsdGeom.GetStageUpAxis(ctx.stage)),
-        float(UsdGeom.GetStageMetersPerUnit(ctx.stage)),
+        up_axis(ctx.stage, ctx.diagnostics),
+        meters_per_unit(ctx.stage, ctx.diagnostics),
         ctx.settings.time_code,
     )
 

@@ -8,16 +8,23 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
-from pxr import Gf, Usd, UsdGeom, UsdShade
+import numpy as np
+from pxr import Gf, Tf, Usd, UsdGeom
 
 from ..description import Doubles
+from ..placement import MatrixInstances, PointInstances
+from .adapters.draw_mode import stand_in
+from .adapters.points import POINT, spheres
+from .bindings import note_bindings, subsets_of
 from .context import Context
 from .convert import matrix, rows
+from .instance_primvars import given_per_instance
 from .instances import Group
 from .notes import note_prim
-from .resolve import Binding, Inherited, ResolvedPrim, Subset, bind_materials, descend, inner_or_outer, local_matrix
+from .resolve import Binding, Inherited, ResolvedPrim, bind_materials, descend, inner_or_outer, local_matrix
+from .stage import tf_message
 
-PointInstances = list[tuple[str, Doubles]]  # (prototype root, (K, 3, 4) instancer_from_prototype)
+Expand = Callable[[ResolvedPrim, Context], list[tuple[str, PointInstances]]]  # (prototype root, group_from_prototype)
 
 # Inside prototypes of point instancers `over` ancestors are common: they keep prototypes from being drawn by themselves.
 _IN_PROTOTYPE = Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier
@@ -36,7 +43,7 @@ class GroupKey:
 class _Walk:
     ctx: Context
     leaf_types: Mapping[str, str]
-    expand: Callable[[ResolvedPrim, Context], PointInstances]
+    expand: Expand
     cache: UsdGeom.XformCache
     groups: list[Group[ResolvedPrim]] = field(default_factory=list)
     index: dict[GroupKey, int] = field(default_factory=dict)
@@ -52,9 +59,7 @@ class _Walk:
         return self.index[key]
 
 
-def walk(
-    ctx: Context, leaf_types: Mapping[str, str], expand: Callable[[ResolvedPrim, Context], PointInstances]
-) -> list[Group[ResolvedPrim]]:
+def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand) -> list[Group[ResolvedPrim]]:
     """All groups, the world first. `leaf_types` names the prim types that adapters take; `expand` reads an instancer."""
     state = _Walk(ctx, leaf_types, expand, UsdGeom.XformCache(ctx.when.time))
     state.group(ctx.stage.GetPseudoRoot(), Inherited())
@@ -73,20 +78,28 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
     while stack:
         prim, parent_matrix, handed = stack.pop()
         names = frozenset(prim.GetAuthoredPropertyNames())
-        mine = descend(handed, prim, names, state.ctx.when)
+        mine = descend(handed, prim, names, state.ctx.when, state.ctx.primvars_read)
         if mine is None:
             continue
-        local, resets = local_matrix(prim, names, state.ctx.when, state.cache)
+        local, resets = _local(state, prim, names)
         if resets and group is not state.groups[0]:
             state.ctx.warn("reset-xform-in-prototype", str(prim.GetPath()), "The reset goes as far as the prototype's root.")
         to_group = local if resets else local * parent_matrix
         type_name = str(prim.GetTypeName())
         kind = state.leaf_types.get(type_name, "")
         resolved = ResolvedPrim(prim, state.ctx.shown(str(prim.GetPath())), type_name, names, to_group, mine)
+        drawn_as = stand_in(resolved, state.ctx) if mine.draw_mode != "default" else ""
+        if drawn_as:
+            if mine.purpose in state.ctx.purposes:
+                group.leaves.append(replace(resolved, type_name=drawn_as))
+            continue
         note_prim(resolved, kind, state.ctx)
+        note_bindings(prim, resolved.path, names, state.ctx)
         if type_name == "PointInstancer":
             _expand_points(state, group, resolved)
             continue
+        if type_name == "Points" and mine.purpose in state.ctx.purposes:
+            _place_spheres(state, group, resolved)
         if kind and mine.purpose in state.ctx.purposes:  # also an instance may itself be a shape
             group.leaves.append(resolved)
         if prim.IsInstance():
@@ -96,35 +109,63 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
     _expand_native(state, group, native)
 
 
+def _local(state: _Walk, prim: Usd.Prim, names: frozenset[str]) -> tuple[Gf.Matrix4d, bool]:
+    """The prim's own transform; none where its operations are not what USD can read."""
+    try:
+        return local_matrix(prim, names, state.ctx.when, state.cache)
+    except Tf.ErrorException as error:
+        state.ctx.warn("wrong-type", state.ctx.shown(str(prim.GetPath())), f"No transform is used: {tf_message(error)}")
+        return Gf.Matrix4d(1.0), False
+
+
 def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[ResolvedPrim]) -> None:
     """Instances of one prototype that hand down the same become one array of matrices."""
-    bindings = bind_materials([instance.prim for instance in instances], state.ctx.material_purposes)
+    ctx = state.ctx
+    bindings = bind_materials([instance.prim for instance in instances], ctx.material_purposes)
     by_child: dict[int, list[Gf.Matrix4d]] = {}
     for instance, inner in zip(instances, bindings, strict=True):
         outer = inner_or_outer(inner, instance.inherited.outer)
         prototype = instance.prim.GetPrototype()
-        state.ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
+        ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
         child = state.group(prototype, replace(instance.inherited, outer=outer))
         by_child.setdefault(child, []).append(instance.gf_matrix)
-    group.instances += [(child, rows(matrices)) for child, matrices in by_child.items()]
+    group.instances += [(child, _finite(rows(matrices), group, ctx)) for child, matrices in by_child.items()]
+
+
+def _finite(matrices: Doubles, group: Group[ResolvedPrim], ctx: Context) -> MatrixInstances:
+    finite = np.isfinite(matrices).all(axis=(1, 2))
+    if not finite.all():
+        bad = int(np.count_nonzero(~finite))
+        ctx.warn("invalid-transform", group.path, f"{bad} of {len(matrices)} instances have transforms that are not finite.")
+    return MatrixInstances(matrices[finite])
 
 
 def _expand_points(state: _Walk, group: Group[ResolvedPrim], instancer: ResolvedPrim) -> None:
     ctx = state.ctx
-    to_group = matrix(instancer.gf_matrix)
-    for root_path, matrices in state.expand(instancer, ctx):
+    for root_path, instances in state.expand(instancer, ctx):
         root = ctx.stage.GetPrimAtPath(root_path)
-        if not root or len(matrices) == 0:
+        if not root:
             continue
-        handed = _handed_to_prototype(instancer, root, ctx)
-        placed = to_group[:3, :3] @ matrices
-        placed[:, :, 3] += to_group[:3, 3]
+        handed = _handed_to_prototype(instancer, root, [p.name for p in instances.primvars], ctx)
         if root.IsInstanceProxy():
             root = root.GetPrimInPrototype()
-        group.instances.append((state.group(root, handed), placed))
+        group.instances.append((state.group(root, handed), instances))
 
 
-def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, ctx: Context) -> Inherited:
+def _place_spheres(state: _Walk, group: Group[ResolvedPrim], points: ResolvedPrim) -> None:
+    """Each colour's sphere is a group of its own: one leaf, many places."""
+    to_group = matrix(points.gf_matrix)
+    names = points.names - {"primvars:displayColor"}
+    for color, matrices in spheres(points, state.ctx):
+        inherited = points.inherited if color is None else replace(points.inherited, color=color)
+        leaf = replace(points, type_name=POINT, names=names, gf_matrix=Gf.Matrix4d(1.0), inherited=inherited)
+        placed = to_group[:3, :3] @ matrices
+        placed[:, :, 3] += to_group[:3, 3]
+        group.instances.append((len(state.groups), MatrixInstances(placed)))
+        state.groups.append(Group(points.path, [leaf]))
+
+
+def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, per_instance: list[str], ctx: Context) -> Inherited:
     """A prototype inherits the instancer's purpose and colours, and what scopes between the two author.
 
     Bindings follow namespace, so `outer` applies only where both stand in the same native prototype.
@@ -134,12 +175,12 @@ def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, ctx: Context) 
     while parent and parent != instancer.prim:
         between.append(parent)
         parent = parent.GetParent()
-    handed = instancer.inherited
+    handed = given_per_instance(instancer.inherited, per_instance)
     if not parent:
         return handed
     for scope in reversed(between):
         names = frozenset(scope.GetAuthoredPropertyNames()) - {"visibility"}
-        handed = descend(handed, scope, names, ctx.when) or handed
+        handed = descend(handed, scope, names, ctx.when, ctx.primvars_read) or handed
     return handed
 
 
@@ -153,7 +194,7 @@ def _bind_leaves(state: _Walk) -> None:
             if state.leaf_types[leaf.type_name] == "shape" and leaf.path not in seen:
                 seen[leaf.path] = len(prims)
                 prims.append(leaf.prim)
-    subsets = {path: _subsets(prims[i], ctx) for path, i in seen.items() if prims[i].GetTypeName() == "Mesh"}
+    subsets = {path: subsets_of(prims[i], _IN_PROTOTYPE, ctx) for path, i in seen.items() if prims[i].GetTypeName() == "Mesh"}
     for owned in subsets.values():
         for subset in owned:
             seen[subset.path] = len(prims)
@@ -170,17 +211,3 @@ def _bind_leaves(state: _Walk) -> None:
 def _material(inner: Binding | None, outer: Binding | None) -> Usd.Prim | None:
     binding = inner_or_outer(inner, outer)
     return binding.material if binding else None
-
-
-def _subsets(mesh: Usd.Prim, ctx: Context) -> list[Subset]:
-    """The mesh's subsets of the family materialBind; others that bind a material are reported."""
-    found = []
-    for child in mesh.GetFilteredChildren(Usd.TraverseInstanceProxies(_IN_PROTOTYPE)):
-        if child.GetTypeName() != "GeomSubset":
-            continue
-        path = ctx.shown(str(child.GetPath()))
-        if child.GetAttribute("familyName").Get() == UsdShade.Tokens.materialBind:
-            found.append(Subset(path, child))
-        elif any(str(name).startswith("material:binding") for name in child.GetAuthoredPropertyNames()):
-            ctx.warn("subset-ignored", path, "It binds a material but its familyName is not materialBind.")
-    return found

@@ -50,7 +50,8 @@ def test_several_outputs_and_a_report(pipeline: FakePipeline) -> None:
 def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
     flags = "-cam /World/cam -r 16 8 -f 3 -p 5 --max-depth 2 --filter gaussian --filter-width 2.5 -j 2 --seed 9 --max-memory 4G"
     more = "--view Raw --exposure 1.5 --purposes default,proxy --no-default-light --strict --report r.json -o a.png"
-    assert run(["render", "shot.usda", *flags.split(), *more.split()]) == 0
+    chosen = "--variant /a:s=x --variant /a:t= --load /p --load /q --mask /a,/b --session-layer over.usda"
+    assert run(["render", "shot.usda", *flags.split(), *more.split(), *chosen.split()]) == 0
     assert report_of("r.json")["settings"] == {
         "camera": "/cam",  # as resolved by translation
         "resolution": [16, 8],
@@ -65,6 +66,10 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
         "purposes": ["default", "proxy"],
         "strict": True,
         "max_memory_bytes": 4 * 2**30,
+        "variants": ["/a:s=x", "/a:t="],
+        "load": ["/p", "/q"],
+        "mask": ["/a", "/b"],
+        "session_layer": "over.usda",
     }
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom
+from tests.described import world_from_prototype
 
 from primray.description import Mesh, SceneDescription
 from primray.settings import RenderSettings
@@ -65,8 +66,8 @@ def placed(description: SceneDescription) -> np.ndarray:
     """(N, 4, 4): the world matrices of all shapes."""
     matrices = [p.matrix[None] for p in description.static]
     for placement in description.placements:
-        world = np.zeros((len(placement.world_from_prototype), 4, 4))
-        world[:, :3] = placement.world_from_prototype
+        world = np.zeros((len(placement), 4, 4))
+        world[:, :3] = world_from_prototype(placement)
         world[:, 3, 3] = 1
         matrices += [world @ p.matrix for p in description.prototypes[placement.prototype].shapes]
     return np.concatenate(matrices) if matrices else np.zeros((0, 4, 4))
@@ -167,4 +168,4 @@ def test_nested_instancers_inside_native_instances() -> None:
     description, _ = translate(stage, RenderSettings())
     # /Source itself and its two instances: 3 x (2 rings of 3 visible + 1 leaf); the leaf is one prototype.
     assert [p.path for p in description.prototypes] == ["/Library/Leaf"]
-    assert [len(p.world_from_prototype) for p in description.placements] == [21]
+    assert [len(p) for p in description.placements] == [21]

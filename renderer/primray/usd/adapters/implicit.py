@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 from ...description import Mesh, Shape, Sphere
 from .. import tessellate
@@ -11,8 +12,9 @@ from ..context import Context
 from ..read import number, token
 from ..resolve import ResolvedPrim
 from ..seam_mesh import Values, seam_mesh
+from ..surface_primvars import constant_primvars
 from ..tessellate import Tessellated
-from .surface import Appearance, appearance_of, is_hidden, surface_of
+from .surface import FALLBACK_COLOR, Appearance, appearance_of, is_hidden, make_surface
 
 
 def sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
@@ -20,7 +22,8 @@ def sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     appearance = _appearance(prim, ctx)
     if radius == 0 or is_hidden(appearance):
         return None
-    return Sphere(prim.path, radius, surface_of(appearance, lambda: True, ctx))
+    surface = make_surface(appearance, lambda: True)
+    return Sphere(prim.path, radius, ctx.surface_index(surface), constant_primvars(prim, (surface,), ctx))
 
 
 def tessellated(prim: ResolvedPrim, ctx: Context) -> Shape | None:
@@ -36,13 +39,18 @@ def tessellated(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     if prim.type_name not in ("Cube", "Plane"):
         ctx.warn("tessellated", prim.path, f"{prim.type_name} is rendered with {tessellate.AROUND} segments around.")
     normals = None if made.normals is None else Values(made.normals, "corner")
-    surface = surface_of(appearance, lambda: prim.type_name != "Plane", ctx)
-    mesh: Mesh = seam_mesh(prim.path, made.points, made.triangles, normals, None, surface)
+    surface = make_surface(appearance, lambda: prim.type_name != "Plane")
+    primvars = constant_primvars(prim, (surface,), ctx)
+    mesh: Mesh = seam_mesh(prim.path, made.points, made.triangles, normals, None, ctx.surface_index(surface), primvars)
     return mesh
 
 
 def _appearance(prim: ResolvedPrim, ctx: Context) -> Appearance:
-    return appearance_of(prim, prim.material, ctx)
+    appearance = appearance_of(prim, prim.material, ctx)
+    if appearance.varying_color:
+        ctx.warn("invalid-primvar", prim.path, f"primvars:displayColor varies, which a {prim.type_name} cannot show: ignored.")
+        appearance = replace(appearance, color=FALLBACK_COLOR, varying_color=False)
+    return appearance
 
 
 def _cube(prim: ResolvedPrim, ctx: Context) -> Tessellated:

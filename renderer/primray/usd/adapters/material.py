@@ -1,25 +1,48 @@
-"""UsdShadeMaterial to a Surface: UsdPreviewSurface's constant inputs, also through interface connections.
+"""UsdShadeMaterial to a Surface: UsdPreviewSurface's inputs, each a constant, a primvar or a texture (network_nodes).
 
-What comes from a texture or any other shader node is replaced by the texture's fallback or the input's default and
-reported. A material whose surface shader is not UsdPreviewSurface has no surface of ours: the shape shows its displayColor.
+A material whose surface shader is anything else has no surface of ours: the shape shows its displayColor instead.
+`occlusion` has no effect: what it approximates, a path tracer computes.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from pxr import Usd, UsdShade
 
-from ...description import Surface
+from ...description import Input, PrimvarInput, Surface, TextureInput
 from ..context import Context
-from ..read import value
+from ..network import Constant, Node, as_numbers, find_source, parameter
+from ..network_nodes import NO_PRIMVAR, NODES, NodeKind, reader_input, texture_input
 
-Color = tuple[float, float, float]
+SURFACE_SHADERS = frozenset({"UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader"})
 
-# UsdPreviewSurface specification, input defaults that matter only when authored otherwise.
-_IGNORED_INPUTS = {"normal": (0.0, 0.0, 1.0), "displacement": 0.0}
+
+@dataclass(frozen=True)
+class _Slot:
+    """An input that may vary: the Surface's field, its default and its range (UsdPreviewSurface specification)."""
+
+    field: str
+    default: tuple[float, ...]
+    low: float = -math.inf
+    high: float = math.inf
+
+
+_SLOTS = {
+    "diffuseColor": _Slot("diffuse_color", (0.18, 0.18, 0.18)),
+    "emissiveColor": _Slot("emissive_color", (0.0, 0.0, 0.0)),
+    "specularColor": _Slot("specular_color", (0.0, 0.0, 0.0)),
+    "metallic": _Slot("metallic", (0.0,), 0.0, 1.0),
+    "roughness": _Slot("roughness", (0.5,), 0.0, 1.0),
+    "clearcoat": _Slot("clearcoat", (0.0,), 0.0, 1.0),
+    "clearcoatRoughness": _Slot("clearcoat_roughness", (0.01,), 0.0, 1.0),
+    "opacity": _Slot("opacity", (1.0,), 0.0, 1.0),
+    "ior": _Slot("ior", (1.5,), 0.0),
+    "normal": _Slot("normal", (0.0, 0.0, 1.0)),
+}
+_OTHER_INPUTS = frozenset({"useSpecularWorkflow", "opacityMode", "opacityThreshold", "displacement", "occlusion"})
 
 
 @dataclass(frozen=True)
@@ -28,6 +51,14 @@ class Material:
 
     surface: Surface | None
     hidden: bool = False
+
+
+@dataclass
+class _Inputs:
+    """The Surface's fields, as far as the shader has them."""
+
+    constants: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    varying: dict[str, Input] = field(default_factory=dict)
 
 
 def material(prim: Usd.Prim, ctx: Context) -> Material:
@@ -40,125 +71,131 @@ def material(prim: Usd.Prim, ctx: Context) -> Material:
 
 
 def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Material:
-    shader, _, _ = usd_material.ComputeSurfaceSource()
-    if not shader:
-        others = [o.GetBaseName() for o in usd_material.GetSurfaceOutputs() if o.HasConnectedSource()]
-        reason = f"only {', '.join(others)}" if others else "no surface output that leads to a shader"
-        ctx.warn("shader-ignored", path, f"The material has {reason}: displayColor is used.")
-        return Material(None)
-    identifier = shader.GetShaderId() or "a shader without id"
-    if identifier != "UsdPreviewSurface":
-        ctx.warn("shader-ignored", path, f"The surface shader is {identifier}: displayColor is used.")
-        return Material(None)
-    return _preview_surface(shader, path, ctx)
+    """By the first surface output, the universal one before those of renderers, that leads to a shader known here."""
+    outputs = sorted(usd_material.GetSurfaceOutputs(), key=lambda output: output.GetBaseName() != "surface")
+    others = []
+    for output in outputs:
+        source = find_source(output.GetAttr(), ctx)
+        if isinstance(source, Node):
+            if source.id in SURFACE_SHADERS:
+                return _preview_surface(source, path, ctx)
+            others.append(f"{source.id or 'a shader without id'} ({output.GetBaseName()})")
+    reason = f"The surface shader is {', '.join(others)}" if others else "No surface output leads to a shader"
+    ctx.warn("shader-ignored", path, f"{reason}: displayColor is used.")
+    return Material(None)
 
 
-def _preview_surface(shader: UsdShade.Shader, path: str, ctx: Context) -> Material:
-    inputs = {str(i.GetBaseName()): i for i in shader.GetInputs()}
-
-    def number(name: str, default: float, low: float = -math.inf, high: float = math.inf) -> float:
-        raw = _input_value(inputs.get(name), default, path, ctx)
-        if not isinstance(raw, int | float) or not math.isfinite(raw):
-            ctx.warn("wrong-type", path, f"{name} = {raw!r} is not a finite number; {default:g} is used.")
-            return default
-        if not low <= raw <= high:
-            ctx.warn("material-input", path, f"{name} = {raw:g} is outside [{low:g}, {high:g}] and is clamped.")
-        return float(min(max(raw, low), high))
-
-    def color(name: str, default: Color) -> Color:
-        raw = _input_value(inputs.get(name), default, path, ctx)
-        try:
-            r, g, b = (float(x) for x in raw)
-        except (TypeError, ValueError):
-            r = g = b = math.nan
-        if not all(map(math.isfinite, (r, g, b))):
-            ctx.warn("wrong-type", path, f"{name} = {raw!r} is not a finite colour; {default} is used.")
-            return default
-        return (r, g, b)
-
-    threshold = number("opacityThreshold", 0.0)
-    opacity = number("opacity", 1.0, 0.0, 1.0)
-    if threshold > 0:  # a cut-out, whatever opacityMode: at the threshold and above fully opaque, below nothing
-        hidden, opacity = opacity < threshold, 1.0
-        if hidden:
-            return Material(Surface(path), hidden=True)
-    for name, default in _IGNORED_INPUTS.items():
-        _note_ignored(inputs.get(name), name, default, path, ctx)
-    mode = _input_value(inputs.get("opacityMode"), "transparent", path, ctx)
-    workflow = _input_value(inputs.get("useSpecularWorkflow"), 0, path, ctx)
-    surface = Surface(
-        path,
-        diffuse_color=color("diffuseColor", (0.18, 0.18, 0.18)),
-        emissive_color=color("emissiveColor", (0.0, 0.0, 0.0)),
-        use_specular_workflow=bool(workflow),
-        specular_color=color("specularColor", (0.0, 0.0, 0.0)),
-        metallic=number("metallic", 0.0, 0.0, 1.0),
-        roughness=number("roughness", 0.5, 0.0, 1.0),
-        clearcoat=number("clearcoat", 0.0, 0.0, 1.0),
-        clearcoat_roughness=number("clearcoatRoughness", 0.01, 0.0, 1.0),
-        opacity=opacity,
-        presence=mode == "presence",
-        ior=number("ior", 1.5, 0.0),
+def _preview_surface(shader: Node, path: str, ctx: Context) -> Material:
+    names = {str(name).removeprefix("inputs:") for name in shader.prim.GetAuthoredPropertyNames() if name.startswith("inputs:")}
+    _note_inputs(shader, names, path, ctx)
+    found = _Inputs()
+    for name in (name for name in _SLOTS if name in names):
+        _read_slot(shader, name, found, path, ctx)
+    constants = found.constants
+    threshold = _number(shader, "opacityThreshold", 0.0, path, ctx) if "opacityThreshold" in names else 0.0
+    if "opacity" not in found.varying:
+        if threshold > 0:  # a cut-out, whatever opacityMode: at the threshold and above fully opaque, below nothing
+            if constants.get("opacity", (1.0,))[0] < threshold:
+                return Material(Surface(path), hidden=True)
+            constants.pop("opacity", None)
+        threshold = 0.0
+    mode = parameter(shader, "opacityMode", ctx) if "opacityMode" in names else None
+    workflow = parameter(shader, "useSpecularWorkflow", ctx) if "useSpecularWorkflow" in names else None
+    return Material(
+        Surface(
+            path,
+            use_specular_workflow=workflow is not None and bool(workflow.value),
+            presence=mode is not None and mode.value in ("presence", 1),  # MaterialX numbers the modes
+            opacity_threshold=max(threshold, 0.0),
+            inputs=tuple(found.varying.items()),
+            **{name: value[0] if len(value) == 1 else value for name, value in constants.items()},  # type: ignore[arg-type]
+        )
     )
-    return Material(surface)
 
 
-def _input_value(shader_input: UsdShade.Input | None, default: Any, path: str, ctx: Context) -> Any:
-    """The input's constant value; a texture's fallback or `default` where a node computes it."""
-    if shader_input is None:
+def _read_slot(shader: Node, name: str, found: _Inputs, path: str, ctx: Context) -> None:
+    slot = _SLOTS[name]
+    source = find_source(shader.prim.GetAttribute(f"inputs:{name}"), ctx)
+    if isinstance(source, Node):
+        made = _varying(source, name, slot, path, ctx)
+        if made is not None:
+            found.varying[slot.field] = made
+            if slot.field != "normal":
+                found.constants[slot.field] = _clamped(_stand_in(made), slot)
+    elif source is not None:
+        constant = _constant(source.value, name, slot, path, ctx)
+        if slot.field != "normal":
+            found.constants[slot.field] = constant
+        elif not any(constant):
+            ctx.warn("material-input", path, "normal has no length and is ignored.")
+        elif constant != slot.default:
+            found.varying["normal"] = PrimvarInput(NO_PRIMVAR, constant)
+
+
+def _varying(source: Node, name: str, slot: _Slot, path: str, ctx: Context) -> Input | None:
+    width = len(slot.default)
+    kind = NODES[source.id].kind if source.id in NODES else None
+    made: Input | None = None
+    if kind is NodeKind.READER:
+        made = reader_input(source, width, ctx)
+    elif kind in (NodeKind.TEXTURE, NodeKind.IMAGE):
+        made = texture_input(source, width, ctx)
+    else:
+        code = "connection-type" if kind else "shader-ignored"
+        ctx.warn(code, path, f"{name} comes from {source.id or 'a shader without id'}: {_shown(slot.default)} is used.")
+        return None
+    if made is None:
+        ctx.warn("material-input", path, f"{name} cannot be read: {_shown(slot.default)} is used.")
+    return made
+
+
+def _stand_in(made: Input) -> tuple[float, ...]:
+    """The constant that an input gives where neither file nor primvar is there."""
+    if isinstance(made, PrimvarInput):
+        return made.fallback
+    return _of_channels(made)
+
+
+def _of_channels(made: TextureInput) -> tuple[float, ...]:
+    return made.fallback[:3] if made.channels == "rgb" else (made.fallback["rgba".index(made.channels)],)
+
+
+def _clamped(values: tuple[float, ...], slot: _Slot) -> tuple[float, ...]:
+    """In range, and as many as the field has: one channel makes a grey."""
+    inside = tuple(min(max(x, slot.low), slot.high) for x in values)
+    return inside * len(slot.default) if len(inside) == 1 else inside
+
+
+def _constant(raw: Any, name: str, slot: _Slot, path: str, ctx: Context) -> tuple[float, ...]:
+    values = as_numbers(raw)
+    if values is None or len(values) != len(slot.default):
+        wanted = "a finite number" if len(slot.default) == 1 else f"{len(slot.default)} finite numbers"
+        ctx.warn("wrong-type", path, f"{name} = {raw!r} is not {wanted}: {_shown(slot.default)} is used.")
+        return slot.default
+    inside = _clamped(values, slot)
+    if inside != values:
+        ctx.warn("material-input", path, f"{name} = {_shown(values)} is outside [{slot.low:g}, {slot.high:g}] and is clamped.")
+    return inside
+
+
+def _number(shader: Node, name: str, default: float, path: str, ctx: Context) -> float:
+    found = parameter(shader, name, ctx)
+    if found is None:
         return default
-    sources = UsdShade.Utils.GetValueProducingAttributes(shader_input)
-    if not sources:
-        if shader_input.HasConnectedSource():
-            ctx.warn("shader-ignored", path, f"{shader_input.GetBaseName()} is connected to something without a value.")
-        return default
-    attribute = sources[0]
-    if UsdShade.Utils.GetType(attribute.GetName()) == UsdShade.AttributeType.Output:
-        return _node_value(attribute, str(shader_input.GetBaseName()), default, path, ctx)
-    raw = value(attribute, ctx.when)
-    return default if raw is None else raw
+    return _constant(found.value, name, _Slot(name, (default,)), path, ctx)[0]
 
 
-def _node_value(output: Usd.Attribute, name: str, default: Any, path: str, ctx: Context) -> Any:
-    node = UsdShade.Shader(output.GetPrim())
-    identifier = node.GetShaderId() or "a shader without id"
-    if identifier != "UsdUVTexture":
-        ctx.warn("shader-ignored", path, f"{name} comes from {identifier}: {_shown(default)} is used.")
-        return default
-    fallback = _fallback(node, output, default, ctx)
-    ctx.warn("texture-ignored", path, f"{name} comes from a texture: {_shown(fallback)} is used.")
-    return fallback
+def _note_inputs(shader: Node, names: set[str], path: str, ctx: Context) -> None:
+    """What has no effect on the picture."""
+    unknown = sorted(names - _SLOTS.keys() - _OTHER_INPUTS)
+    if unknown:
+        ctx.warn("unknown-input", path, f"{shader.id} has no {', '.join(unknown)}.")
+    if "displacement" in names:
+        source = find_source(shader.prim.GetAttribute("inputs:displacement"), ctx)
+        if isinstance(source, Node) or (isinstance(source, Constant) and source.value != 0):
+            ctx.warn("displacement", path, "The surface is rendered where its mesh is.")
 
 
-def _fallback(texture: UsdShade.Shader, output: Usd.Attribute, default: Any, ctx: Context) -> Any:
-    """The channel of the texture's authored fallback that the output gives."""
-    fallback = texture.GetInput("fallback")
-    raw = value(fallback.GetAttr(), ctx.when) if fallback else None
-    if raw is None or len(raw) != 4:
-        return default
-    channel = str(output.GetName()).removeprefix("outputs:")
-    rgba = tuple(float(x) for x in raw)
-    if channel == "rgb":
-        return rgba[:3] if isinstance(default, tuple) else rgba[0]
-    scalar = rgba["rgba".index(channel)] if channel in ("r", "g", "b", "a") else rgba[0]
-    return (scalar,) * 3 if isinstance(default, tuple) else scalar
-
-
-def _note_ignored(shader_input: UsdShade.Input | None, name: str, default: Any, path: str, ctx: Context) -> None:
-    if shader_input is None:
-        return
-    for attribute in UsdShade.Utils.GetValueProducingAttributes(shader_input):
-        if UsdShade.Utils.GetType(attribute.GetName()) == UsdShade.AttributeType.Output:
-            ctx.warn("texture-ignored", path, f"{name} comes from a texture or node and is ignored.")
-            return
-        raw = value(attribute, ctx.when)
-        same = raw is None or (tuple(raw) == default if isinstance(default, tuple) else raw == default)
-        if not same:
-            ctx.warn("material-input", path, f"{name} = {_shown(raw)} is ignored.")
-
-
-def _shown(raw: Any) -> str:
-    try:
-        return "(" + ", ".join(f"{float(x):g}" for x in raw) + ")"
-    except TypeError:
-        return f"{raw:g}" if isinstance(raw, int | float) else str(raw)
+def _shown(values: tuple[float, ...]) -> str:
+    listed = ", ".join(f"{x:g}" for x in values)
+    return listed if len(values) == 1 else f"({listed})"

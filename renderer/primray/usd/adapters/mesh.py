@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -18,8 +18,9 @@ from ..primvars import Sizes, is_per_point, per_corner, read_primvar
 from ..read import array, read, token
 from ..resolve import ResolvedPrim
 from ..seam_mesh import Values, keep_triangles, seam_mesh
+from ..surface_primvars import mesh_primvars, moved
 from ..triangulate import Triangles, flipped, triangulate
-from .surface import Appearance, appearance_of, is_hidden, surface_of
+from .surface import FALLBACK_COLOR, Appearance, appearance_of, is_hidden, make_surface
 
 
 @dataclass(frozen=True)
@@ -49,9 +50,17 @@ def _shape(prim: ResolvedPrim, geometry: Geometry, appearance: Appearance, ctx: 
         return None
     colors = _colors(prim, geometry, ctx) if appearance.varying_color else None
     if appearance.varying_color and colors is None:
-        appearance = Appearance(None)
-    index = surface_of(appearance, lambda: is_closed(geometry.points, geometry.triangles.points), ctx)
-    return seam_mesh(prim.path, geometry.points, geometry.triangles.points, geometry.normals, colors, index)
+        appearance = replace(appearance, color=FALLBACK_COLOR)
+    surface = make_surface(appearance, lambda: is_closed(geometry.points, geometry.triangles.points))
+    return seam_mesh(
+        prim.path,
+        geometry.points,
+        geometry.triangles.points,
+        geometry.normals,
+        colors,
+        ctx.surface_index(surface),
+        mesh_primvars(prim, (surface,), geometry.triangles, geometry.sizes, ctx),
+    )
 
 
 def _geometry(prim: ResolvedPrim, ctx: Context) -> Geometry | None:
@@ -167,14 +176,20 @@ def _colors(prim: ResolvedPrim, geometry: Geometry, ctx: Context) -> Values | No
 def _with_subsets(prim: ResolvedPrim, geometry: Geometry, rest: Appearance, ctx: Context) -> Mesh | None:
     """A surface per triangle; faces that no subset holds keep the mesh's own."""
     faces = np.zeros(geometry.sizes.faces, np.int32)  # 0: the mesh's own, k: subset k
+    families = np.array(["\0"])  # of each part; the mesh's own is in none
     parts = [rest]
     for subset in prim.subsets:
         indices = array(read(subset.prim, "indices", ctx.when), 1, "i")
         if indices is None or (len(indices) and (indices.min() < 0 or indices.max() >= len(faces))):
             ctx.warn("subset-ignored", subset.path, f"Its indices are not faces of the mesh, which has {len(faces)}.")
             continue
+        held = families[faces[indices]] == subset.family
+        if held.any():
+            ctx.warn("subset-overlap", subset.path, f"{int(held.sum())} of its faces are in another subset of its family.")
+        families = np.append(families, subset.family)
         faces[indices] = len(parts)
         parts.append(appearance_of(prim, subset.material, ctx))
+    _note_incomplete(prim, faces, ctx)
     of_triangle = faces[geometry.triangles.faces]
     hidden = np.array([is_hidden(part) for part in parts])
     visible = np.logical_not(np.take(hidden, of_triangle))
@@ -182,9 +197,10 @@ def _with_subsets(prim: ResolvedPrim, geometry: Geometry, rest: Appearance, ctx:
         return None
     closed = is_closed(geometry.points, geometry.triangles.points)
     used = np.unique(of_triangle[visible])
+    surfaces = {int(part): make_surface(parts[part], lambda: closed) for part in used}
     index_of_part = np.full(len(parts), -1, np.int32)
-    for part in used:
-        index_of_part[part] = surface_of(parts[part], lambda: closed, ctx)
+    for part, surface in surfaces.items():
+        index_of_part[part] = ctx.surface_index(surface)
     colors = _subset_colors(prim, geometry, np.array([part.varying_color for part in parts])[of_triangle], visible, ctx)
     return seam_mesh(
         prim.path,
@@ -193,7 +209,15 @@ def _with_subsets(prim: ResolvedPrim, geometry: Geometry, rest: Appearance, ctx:
         keep_triangles(geometry.normals, visible),
         keep_triangles(colors, visible),
         index_of_part[of_triangle[visible]],
+        moved(mesh_primvars(prim, surfaces.values(), geometry.triangles, geometry.sizes, ctx), visible),
     )
+
+
+def _note_incomplete(prim: ResolvedPrim, faces: Ints, ctx: Context) -> None:
+    name = "subsetFamily:materialBind:familyType"
+    if name in prim.names and token(prim.prim, name, ctx.when, "") == "partition" and not faces.all():
+        rest = int(np.count_nonzero(faces == 0))
+        ctx.warn("subset-incomplete", prim.path, f"{rest} faces are in none, though {name} is partition.")
 
 
 def _subset_colors(

@@ -1,4 +1,7 @@
-"""Which surface a shape gets: its bound material, else its displayColor, else USD's fallback grey."""
+"""Which surface a shape gets: its bound material, else its displayColor and displayOpacity, else USD's fallback grey.
+
+Without a material, what displayOpacity leaves out is not there at all: a Lambert surface of that presence.
+"""
 
 from __future__ import annotations
 
@@ -7,46 +10,86 @@ from dataclasses import dataclass, replace
 
 from pxr import Usd, UsdGeom
 
-from ...description import Surface
+from ...description import Input, PrimvarInput, Surface
 from ..context import Context
-from ..read import array, read
+from ..read import read
 from ..resolve import ResolvedPrim
 from .material import Material, material
 
 # UsdGeomGprim's displayColor has no fallback; 0.18 is UsdPreviewSurface's diffuseColor and what Storm draws.
 FALLBACK_COLOR = (0.18, 0.18, 0.18)
+_COLOR, _OPACITY = "displayColor", "displayOpacity"
 
 
 @dataclass(frozen=True)
 class Appearance:
-    """Either a material, or a colour: constant, or varying over the mesh (and then the surface is white)."""
+    """Either a material, or a colour and an opacity: constant, or varying over the mesh or with its instances.
+
+    Where `varying_color`, the mesh brings it (and the surface is white); `inputs` are read as primvars.
+    """
 
     material: Material | None
     color: tuple[float, float, float] = FALLBACK_COLOR
     varying_color: bool = False
+    opacity: float = 1.0
+    inputs: tuple[tuple[str, Input], ...] = ()
 
 
 def appearance_of(prim: ResolvedPrim, bound: Usd.Prim | None, ctx: Context) -> Appearance:
     made = material(bound, ctx) if bound is not None else None
     if made is not None and made.surface is not None:
         return Appearance(made)
-    attribute = prim.prim.GetAttribute("primvars:displayColor") if "primvars:displayColor" in prim.names else None
-    if attribute and attribute.HasAuthoredValue() and UsdGeom.Primvar(attribute).GetInterpolation() != "constant":
-        appearance = Appearance(None, (1.0, 1.0, 1.0), varying_color=True)
+    inputs: list[tuple[str, Input]] = []
+    color, varying_color = FALLBACK_COLOR, False
+    if _varies(prim, _COLOR):
+        color, varying_color = (1.0, 1.0, 1.0), True
+    elif prim.inherited.color is None and _COLOR in prim.inherited.per_instance:
+        inputs.append(("diffuse_color", PrimvarInput(_COLOR, FALLBACK_COLOR)))
     else:
-        appearance = Appearance(None, _constant_color(prim, ctx))
-    _note_opacity(prim, ctx)
-    return appearance
+        color = _constant_color(prim, ctx)
+    opacity = 1.0 if prim.inherited.opacity is None else min(max(prim.inherited.opacity, 0.0), 1.0)
+    if _varies(prim, _OPACITY) or (prim.inherited.opacity is None and _OPACITY in prim.inherited.per_instance):
+        inputs.append(("opacity", PrimvarInput(_OPACITY, (1.0,))))
+        opacity = 1.0
+    return Appearance(None, color, varying_color, opacity, tuple(inputs))
+
+
+def _varies(prim: ResolvedPrim, name: str) -> bool:
+    """Whether the prim has a primvar of this name with a value for each of its parts."""
+    if f"primvars:{name}" not in prim.names:
+        return False
+    attribute = prim.prim.GetAttribute(f"primvars:{name}")
+    return bool(attribute.HasAuthoredValue() and UsdGeom.Primvar(attribute).GetInterpolation() != "constant")
 
 
 def surface_of(appearance: Appearance, is_closed: Callable[[], bool], ctx: Context) -> int:
-    """The index of the appearance's surface; `is_closed` is asked only where something shines through."""
+    """The index of the appearance's surface."""
+    return ctx.surface_index(make_surface(appearance, is_closed))
+
+
+def make_surface(appearance: Appearance, is_closed: Callable[[], bool]) -> Surface:
+    """The appearance's surface on a shape; `is_closed` is asked only where something shines through."""
     if appearance.material is None or appearance.material.surface is None:
-        return ctx.surface_index(Surface(path="", lambert=True, diffuse_color=appearance.color))
+        return _display_surface(appearance)
     surface = appearance.material.surface
-    if surface.opacity < 1:
-        surface = replace(surface, thin=surface.ior == 1 or not is_closed())
-    return ctx.surface_index(surface)
+    varying = dict(surface.inputs)
+    if surface.opacity < 1 or ("opacity" in varying and surface.opacity_threshold == 0):
+        straight = surface.ior == 1 and "ior" not in varying
+        surface = replace(surface, thin=straight or not is_closed())
+    return surface
+
+
+def _display_surface(appearance: Appearance) -> Surface:
+    opaque = appearance.opacity == 1 and all(name != "opacity" for name, _ in appearance.inputs)
+    return Surface(
+        path="",
+        lambert=True,
+        diffuse_color=appearance.color,
+        opacity=appearance.opacity,
+        presence=not opaque,
+        thin=not opaque,
+        inputs=appearance.inputs,
+    )
 
 
 def is_hidden(appearance: Appearance) -> bool:
@@ -64,12 +107,3 @@ def _constant_color(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, flo
 def _is_empty(prim: ResolvedPrim, ctx: Context) -> bool:
     raw = read(prim.prim, "primvars:displayColor", ctx.when)
     return raw is None or (hasattr(raw, "__len__") and len(raw) == 0)
-
-
-def _note_opacity(prim: ResolvedPrim, ctx: Context) -> None:
-    least = prim.inherited.opacity
-    if "primvars:displayOpacity" in prim.names:
-        values = array(read(prim.prim, "primvars:displayOpacity", ctx.when), 1, "f")
-        least = float(values.min()) if values is not None and len(values) else least
-    if least is not None and least < 1:
-        ctx.warn("display-opacity", prim.path, f"primvars:displayOpacity is {least:g} at its least.")

@@ -1,0 +1,163 @@
+// Sampling the scene's own geometry as lights (scene/emitters.hpp), on lanes: a point on a mesh by area, and for a ray that met
+// emitting geometry the density with which light sampling would have found that point.
+#pragma once
+
+#include "integrator/interaction.hpp"
+#include "light/selection.hpp"
+#include "scene/surface_emission.hpp"
+
+namespace primray {
+
+// A triangle of a mesh light in world space; sampled and met points get the same numbers.
+template <int W>
+struct EmitterTriangle {
+  vvec3<W> p0, e1, e2;
+  vfloat<W> reach;  // largest coordinate involved, which bounds rounding
+
+  PRIMRAY_INLINE EmitterTriangle(const Scene& scene, const LightRow<W>& row, vint<W> vertex_base, vint<W> triangle) {
+    const int32_t* indices = reinterpret_cast<const int32_t*>(scene.indices.data());
+    vvec3<W> p[3];
+    for (int k = 0; k < 3; ++k) {
+      const vint<W> corner = vertex_base + gather<W>(indices + k, triangle * vint<W>(3));
+      p[k] = gather_vec3<W>(scene.positions.data(), corner * vint<W>(3));
+    }
+    e1 = row.to_world(p[1] - p[0]), e2 = row.to_world(p[2] - p[0]);
+    const vvec3<W> o = row.vector(kOrigin);
+    p0 = row.to_world(p[0]) + o;
+    reach = max(max_component(abs(p0)), max_component(abs(o))) + max_component(abs(e1)) + max_component(abs(e2));
+  }
+};
+
+// The last i in [0, count) with cdf[base + i] <= u.
+template <int W>
+PRIMRAY_INLINE vint<W> find_triangle(const EmitterTable& table, vint<W> base, vint<W> count, vint<W> u, int largest) {
+  vint<W> lo(0);
+  for (int step = 1 << (31 - __builtin_clz(unsigned(largest))); step > 0; step >>= 1) {
+    const vint<W> mid = lo + vint<W>(step);
+    const vbool<W> inside = mid < count;
+    const vint<W> c = gather<W>(table.cdf.data(), base + select(inside, mid, vint<W>(0)));
+    lo = select(inside & (c <= u), mid, lo);
+  }
+  return lo;
+}
+
+// Density per solid angle, from `distance` away, of a point chosen on a triangle with that probability.
+template <int W>
+PRIMRAY_INLINE vfloat<W> area_to_solid_angle(vfloat<W> probability, const vvec3<W>& doubled_area, const vvec3<W>& wi,
+                                             vfloat<W> distance) {
+  // probability / area * d^2 / |cos|, where |n| cos = 2 area cos.
+  return probability * 2.0f * distance * distance / max(abs(dot(doubled_area, wi)), 1e-38f);
+}
+
+// Replaces the sample of lanes `m`, whose `light` is a mesh: a triangle by its share of the power (`choice`: 30 random bits),
+// then a point uniform on it.
+template <int W>
+PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, const vvec3<W>& p, vint<W> choice, vfloat<W> u,
+                                vfloat<W> v, LightSample<W>& s) {
+  const EmitterTable& table = scene.emitters;
+  const LightRow<W> row(scene.lights, select(m, light, vint<W>(light[__builtin_ctz(bits(m))])));
+  const vint<W> shape = truncate(row(kSize1));
+  const vint<W> base = gather<W>(table.cdf_base.data(), shape), count = gather<W>(table.count.data(), shape);
+  int largest = 1;
+  for (uint32_t b = bits(m); b; b &= b - 1) largest = std::max(largest, count[__builtin_ctz(b)]);
+  const vint<W> i = find_triangle<W>(table, base, count, choice, largest);
+  const vint<W> width = gather<W>(table.cdf.data() + 1, base + i) - gather<W>(table.cdf.data(), base + i);
+  const vint<W> triangle = gather<W>(table.first.data(), shape) + i;
+  const vint<W> vertex_base = gather<W>(table.vertex_base.data(), shape);
+  const EmitterTriangle<W> t(scene, row, vertex_base, triangle);
+  // Heitz 2019, "A Low-Distortion Map Between Triangle and Square".
+  const vbool<W> upper = v > u;
+  const vfloat<W> b1 = select(upper, u * 0.5f, u - v * 0.5f), b2 = select(upper, v - u * 0.5f, v * 0.5f);
+  const vvec3<W> doubled_area = cross(t.e1, t.e2), exact = t.p0 + t.e1 * b1 + t.e2 * b2;
+  // A little in front of the triangle on p's side, so that its own rounding does not block the shadow ray.
+  const vvec3<W> to = exact - p, n = normalize(doubled_area);
+  const vfloat<W> side = copysign(vfloat<W>(1.0f), -dot(to, n));
+  const vvec3<W> d = to + n * (side * (t.reach * kOffsetUlps));
+  const vfloat<W> distance = length(d);
+  const vvec3<W> wi = d * (1.0f / distance);
+  const vfloat<W> probability = to_float(width) * (1.0f / float(EmitterTable::kWhole));
+  const vfloat<W> pdf = area_to_solid_angle(probability, doubled_area, wi, distance);
+  const vbool<W> usable = (distance > vfloat<W>(0.0f)) & (pdf < vfloat<W>(kInfinity));
+  const vvec3<W> L =
+      triangle_emission(scene, m, triangle, vertex_base, truncate(row(kMeshPlacement)), truncate(row(kMeshInstance)), b1, b2);
+  s.wi = select(m, wi, s.wi), s.t = select(m, distance, s.t), s.L = select(m, L, s.L);
+  s.pdf = select(m, select(usable, pdf, vfloat<W>(0.0f)), s.pdf);
+}
+
+// Whether p is beyond doubt outside a sphere light that is geometry: a point on its own surface, seen from inside, may be
+// rounded to either side, and must not sample the outside.
+template <int W>
+PRIMRAY_INLINE vbool<W> is_outside(const LightRow<W>& row, const vvec3<W>& p, const vvec3<W>& local) {
+  const vvec3<W> stretch = abs(row.vector(kInverseX)) + abs(row.vector(kInverseY)) + abs(row.vector(kInverseZ));
+  const vfloat<W> doubt = max_component(stretch) * max_component(abs(p)) * (2 * kOffsetUlps);
+  return length(local) > row(kSize0) * 1.00001f + doubt;
+}
+
+// Ends the shadow rays of lanes `m`, whose light is a sphere of the scene, before that sphere. A ray that grazes it meets it
+// where float cannot say: the end is on a larger one, by which the discriminant exceeds its rounding (some 4e-7 d^2).
+template <int W>
+PRIMRAY_INLINE void end_before_sphere(const Scene& scene, vbool<W> m, vint<W> light, const vvec3<W>& p, LightSample<W>& s) {
+  const LightRow<W> row(scene.lights, select(m, light, vint<W>(light[__builtin_ctz(bits(m))])));
+  const vvec3<W> o = row.to_light(p - row.vector(kOrigin)), d = row.to_light(s.wi);
+  const vfloat<W> radius = row(kSize0), d2 = dot(o, o), r2 = radius * radius;
+  const vfloat<W> larger = r2 + max(r2 * 2e-4f, d2 * 8e-7f);
+  const vfloat<W> a = dot(d, d), b = dot(o, d);
+  const vfloat<W> t = (-b - safe_sqrt(b * b - a * (d2 - larger))) / a;
+  s.t = select(m, max(min(t, s.t), 0.0f), s.t);
+  s.pdf = select(m & !is_outside(row, p, o), vfloat<W>(0.0f), s.pdf);
+}
+
+// The light row of what lanes `m` met, -1 where it is none.
+template <int W>
+PRIMRAY_INLINE vint<W> emitter_light(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it) {
+  const EmitterTable& table = scene.emitters;
+  const vint<W> zero(0), none(-1);
+  const HitGroup<W> in(scene, m, h);
+  const vbool<W> is_triangle = in.is_triangle(scene, m);
+  vint<W> number = none;
+  if (any(is_triangle)) number = select(is_triangle, gather<W>(table.of_mesh.data(), select(is_triangle, it.mesh, zero)), none);
+  const vbool<W> is_sphere = scene.has_spheres ? in.is(m, kSphereGeometry) : vbool<W>(false);
+  if (scene.has_spheres && any(is_sphere))
+    number = select(is_sphere, gather<W>(table.of_sphere.data(), select(is_sphere, it.sphere, zero)), number);
+  vint<W> base(table.static_light);
+  if (in.any_instanced) {
+    const vint<W> first = gather<W>(table.placement_light.data(), in.placement);
+    base = select(in.instanced, first + gather<W>(table.placement_rows.data(), in.placement) * h.inst_prim, base);
+    number = select(in.instanced & (first < zero), none, number);
+  }
+  return select((number >= zero) & (base >= zero), base + number, none);
+}
+
+// Density per solid angle with which light sampling at `from` chooses the point that a ray along unit `d` met at `distance`.
+template <int W>
+PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
+                                     const vvec3<W>& from, const vvec3<W>& d, vfloat<W> distance) {
+  const vfloat<W> none(0.0f);
+  const vint<W> light = emitter_light(scene, m, h, it);
+  m &= light >= vint<W>(0);
+  if (!any(m)) return none;
+  const LightRow<W> row(scene.lights, select(m, light, vint<W>(light[__builtin_ctz(bits(m))])));
+  const vbool<W> sphere = m & is_type(row.type(), LightType::kSphere), mesh = m & is_type(row.type(), LightType::kMesh);
+  vfloat<W> pdf = none;
+  if (any(mesh)) {
+    const EmitterTable& table = scene.emitters;
+    const vint<W> shape = select(mesh, truncate(row(kSize1)), vint<W>(0)), first = gather<W>(table.first.data(), shape);
+    const vint<W> triangle = select(mesh, it.triangle, first);
+    const vint<W> at = select(mesh, gather<W>(table.cdf_base.data(), shape) + triangle - first, vint<W>(0));
+    const vint<W> width = gather<W>(table.cdf.data() + 1, at) - gather<W>(table.cdf.data(), at);
+    const EmitterTriangle<W> t(scene, row, gather<W>(table.vertex_base.data(), shape), triangle);
+    const vfloat<W> probability = to_float(width) * (1.0f / float(EmitterTable::kWhole));
+    pdf = select(mesh, area_to_solid_angle(probability, cross(t.e1, t.e2), d, distance), pdf);
+  }
+  if (any(sphere)) {
+    const vvec3<W> local = row.to_light(from - row.vector(kOrigin));
+    const vfloat<W> radius = row(kSize0), d2 = dot(local, local), len = length(row.to_light(d));
+    const vbool<W> sheared = (row.flags() & vint<W>(kSheared)) != vint<W>(0);
+    const vfloat<W> cone = 1.0f / (2.0f * kPi * sphere_one_minus_cos(d2, radius));
+    const vfloat<W> stretched = select(sheared, cone * row(kInverseDet) / (len * len * len), cone);
+    pdf = select(sphere & is_outside(row, from, local), stretched, pdf);
+  }
+  return select(m, pdf * probability_of(scene.lights, light, m, from), none);
+}
+
+}  // namespace primray

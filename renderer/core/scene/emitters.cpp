@@ -1,0 +1,168 @@
+// Every emitting mesh and sphere becomes a light row where it stands; instances share the choice among their triangles.
+#include "scene/emitters.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "scene/input_facts.hpp"
+#include "scene/light_rows.hpp"
+
+namespace primray {
+namespace {
+
+// On average over the surface.
+vec3 radiance(const Scene& s, int32_t surface) {
+  return average_emission(s, surface) * s.surfaces.rows[size_t(surface) * kSurfaceFields + kPresence];
+}
+
+dvec3 vertex(const Scene& s, size_t base, uint32_t index) {
+  const float* p = &s.positions[3 * (base + index)];
+  return {p[0], p[1], p[2]};
+}
+
+daffine instance_matrix(const Scene& s, size_t instance) {
+  const float* m = &s.world_from_group[12 * instance];
+  return {{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}, {m[9], m[10], m[11]}};
+}
+
+// What selection weighs of a shape, in its group's space.
+struct ShapeWeight {
+  double power = 0;  // area times luminance
+  dvec3 center{0.0};
+  double radius = 0;
+};
+
+// Adds the shape's triangles to the table; power 0 where nothing of it emits.
+ShapeWeight add_triangles(const Scene& s, EmitterTable& table, size_t first, size_t end, size_t vertex_base) {
+  ShapeWeight w;
+  std::vector<double> run(1, 0.0);
+  dvec3 low(INFINITY), high(-INFINITY);
+  for (size_t t = first; t < end; ++t) {
+    const double L = luminance(dvec3(radiance(s, s.meshes.surface[s.triangle_mesh[t]])));
+    const dvec3 p[3] = {vertex(s, vertex_base, s.indices[3 * t]), vertex(s, vertex_base, s.indices[3 * t + 1]),
+                        vertex(s, vertex_base, s.indices[3 * t + 2])};
+    const double power = L > 0 ? L * 0.5 * length(cross(p[1] - p[0], p[2] - p[0])) : 0.0;
+    run.push_back(run.back() + power);
+    if (!(power > 0)) continue;
+    for (const dvec3& q : p) {
+      low = {std::min(low.x, q.x), std::min(low.y, q.y), std::min(low.z, q.z)};
+      high = {std::max(high.x, q.x), std::max(high.y, q.y), std::max(high.z, q.z)};
+    }
+  }
+  w.power = run.back();
+  if (!(w.power > 0) || !std::isfinite(w.power)) return {};
+  w.center = (low + high) * 0.5, w.radius = 0.5 * length(high - low);
+  table.first.push_back(int32_t(first)), table.count.push_back(int32_t(end - first));
+  table.vertex_base.push_back(int32_t(vertex_base)), table.cdf_base.push_back(int32_t(table.cdf.size()));
+  for (double r : run) table.cdf.push_back(int32_t(std::llround(r / w.power * EmitterTable::kWhole)));
+  return w;
+}
+
+// `placement`, `instance`: see kMeshPlacement.
+void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& world_from_group, int placement, int instance) {
+  float row[kLightFields] = {};
+  row[kType] = float(int(LightType::kMesh));
+  row[kDiffuseFactor] = row[kSpecularFactor] = row[kInverseDet] = 1;
+  row[kLightFlags] = float(int(kGeometry));
+  const daffine& m = world_from_group;
+  const dvec3 columns[] = {m.x, m.y, m.z, m.o, m.point(w.center)};
+  const int fields[] = {kAxisX, kAxisY, kAxisZ, kOrigin, kMeshCenter};
+  for (int i = 0; i < 5; ++i)
+    row[fields[i]] = float(columns[i].x), row[fields[i] + 1] = float(columns[i].y), row[fields[i] + 2] = float(columns[i].z);
+  const double size = std::cbrt(std::fabs(m.determinant()));
+  row[kSize0] = float(w.radius * size);
+  row[kSize1] = float(shape);
+  row[kMeshPlacement] = float(placement), row[kMeshInstance] = float(instance);
+  row[kImportance] = float(w.power * size * size);
+  s.lights.rows.insert(s.lights.rows.end(), row, row + kLightFields);
+  ++s.lights.count;
+}
+
+void add_sphere_row(Scene& s, int32_t sphere, const daffine& world_from_group) {
+  const float* m = s.spheres[sphere].group_from_object;
+  LightInput light;
+  light.type = LightType::kSphere, light.radius = 1;
+  light.world_from_light =
+      world_from_group * daffine{{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}, {m[9], m[10], m[11]}};
+  light.emission = radiance(s, s.sphere_surface[sphere]);
+  const bool hit_test = s.lights.needs_hit_test;
+  const int before = s.lights.count;
+  add_light_rows(light, dvec3(0.0), 1.0, s.lights);
+  s.lights.needs_hit_test = hit_test;  // rays meet it as geometry
+  // Every shape of a group has its row, whatever becomes of it.
+  if (s.lights.count == before) s.lights.rows.resize(s.lights.rows.size() + kLightFields, 0.0f), ++s.lights.count;
+  float* row = &s.lights.rows[size_t(s.lights.count - 1) * kLightFields];
+  row[kLightFlags] = float(int(row[kLightFlags]) | kGeometry);
+}
+
+}  // namespace
+
+void build_emitters(Scene& s) {
+  EmitterTable& table = s.emitters;
+  MeshTable& meshes = s.meshes;
+  std::vector<ShapeWeight> weights;
+  std::vector<int32_t> group_first(s.groups.size() + 1);
+  table.of_mesh.assign(meshes.surface.size(), -1), table.of_sphere.assign(s.spheres.size(), -1);
+  size_t row = 0;
+  for (size_t g = 0; g < s.groups.size(); ++g) {
+    const Group& group = s.groups[g];
+    group_first[g] = int32_t(table.first.size());
+    const size_t end = group.triangle_base + group.triangle_count + group.cutout_count;
+    // Rows with the same first triangle are one mesh's.
+    while (row < meshes.surface.size() && size_t(meshes.triangle_base[row]) < end) {
+      size_t next = row;
+      bool emits = false;
+      for (; next < meshes.surface.size() && meshes.triangle_base[next] == meshes.triangle_base[row]; ++next)
+        emits |= max_component(radiance(s, meshes.surface[next])) > 0;
+      if (emits) {
+        const size_t last = next < meshes.surface.size() ? size_t(meshes.triangle_base[next]) : s.indices.size() / 3;
+        const int32_t number = int32_t(table.first.size()) - group_first[g];
+        const ShapeWeight w = add_triangles(s, table, meshes.triangle_base[row], std::min(last, end), group.vertex_base);
+        if (w.power > 0) {
+          weights.push_back(w);
+          std::fill(table.of_mesh.begin() + ptrdiff_t(row), table.of_mesh.begin() + ptrdiff_t(next), number);
+        }
+      }
+      row = next;
+    }
+    for (uint32_t i = group.sphere_base; i < group.sphere_base + group.sphere_count; ++i) {
+      if (!(max_component(radiance(s, s.sphere_surface[i])) > 0)) continue;
+      table.of_sphere[i] = int32_t(table.first.size()) - group_first[g];
+      table.first.push_back(int32_t(i)), table.count.push_back(0), table.vertex_base.push_back(0), table.cdf_base.push_back(0);
+      weights.push_back({});
+    }
+  }
+  group_first.back() = int32_t(table.first.size());
+  table.placement_light.assign(s.placement_group.size(), -1), table.placement_rows.assign(s.placement_group.size(), 0);
+  if (!table.any()) return;
+
+  const auto add_rows = [&](size_t group, const daffine& world_from_group, int placement, int instance) {
+    for (int32_t k = group_first[group]; k < group_first[group + 1]; ++k) {
+      if (table.count[k] > 0)
+        add_mesh_row(s, weights[k], k, world_from_group, placement, instance);
+      else
+        add_sphere_row(s, table.first[k], world_from_group);
+    }
+  };
+  const int first_row = s.lights.count;
+  if (group_first[1] > 0) {
+    table.static_light = s.lights.count;
+    add_rows(0, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)}, -1, 0);
+  }
+  for (size_t p = 0; p < s.placement_group.size(); ++p) {
+    const size_t group = s.placement_group[p], first = s.placement_instance[p],
+                 end = p + 1 < s.placement_group.size() ? s.placement_instance[p + 1] : s.world_from_group.size() / 12;
+    const int64_t rows = group_first[group + 1] - group_first[group], wanted = rows * int64_t(end - first);
+    if (rows == 0) continue;
+    // Of two levels of instances the inner ones stand in as many places as there are outer ones: no row holds those.
+    const bool in_world = p - s.groups[0].placement_base < s.groups[0].placement_count;
+    if (!in_world || s.lights.count - first_row + wanted > kMaxEmitterRows) {
+      table.unsampled += wanted;
+      continue;
+    }
+    table.placement_light[p] = s.lights.count, table.placement_rows[p] = int32_t(rows);
+    for (size_t i = first; i < end; ++i) add_rows(group, instance_matrix(s, i), int(p), int(i - first));
+  }
+}
+
+}  // namespace primray

@@ -1,0 +1,37 @@
+// Geometry that emits, sampled as lights: which shapes, how their triangles are chosen, and which rows of the LightTable are
+// theirs. A shape in a prototype has a row for every instance.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+namespace primray {
+
+struct Scene;
+
+// More emitting instances than this are met by rays alone: a row each would cost more memory than the noise is worth.
+constexpr int32_t kMaxEmitterRows = 1 << 18;
+
+struct EmitterTable {
+  // One a shape, the shapes of a group together: its first triangle (of the scene) and their number, its group's first vertex;
+  // a sphere has no triangles, and its number in `first`.
+  std::vector<int32_t> first, count, vertex_base;
+  // Triangles are chosen by area and luminance: count + 1 numbers from 0 to kWhole a shape, beginning at cdf_base. They are
+  // whole numbers, so that the probability of a choice is known exactly for meshes of any size.
+  std::vector<int32_t> cdf, cdf_base;
+  static constexpr int32_t kWhole = 1 << 30;
+
+  // A shape's number in its group, by row of the MeshTable and by sphere; -1: it does not emit.
+  std::vector<int32_t> of_mesh, of_sphere;
+  // First light row and rows an instance, of what is static and of each placement; -1: none, or not sampled.
+  int32_t static_light = -1;
+  std::vector<int32_t> placement_light, placement_rows;
+  int64_t unsampled = 0;  // emitting instances beyond kMaxEmitterRows
+
+  bool any() const { return !first.empty(); }
+};
+
+// Finds what emits and adds its rows to the scene's lights; after the last shape and placement.
+void build_emitters(Scene& scene);
+
+}  // namespace primray

@@ -1,0 +1,148 @@
+"""Renders of many stages, each in a process of its own with limits of time and memory: what came of each, and what is odd.
+
+A process limits its own memory first of all, so that nothing here runs between fork and exec.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+_LIMIT_S = "time"  # what _Ended.exit_code says of a process that was stopped
+
+
+@dataclass(frozen=True)
+class Limits:
+    width: int  # pixels; the height is no more
+    spp: int
+    timeout_s: float
+    memory_bytes: int
+    threads: int | None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One stage's render. `marks` name what is odd: crash, time, not-finite, black, one-colour, nothing-seen."""
+
+    stage: str  # relative to the folder
+    exit_code: int | str  # as `primray render` ends; "time": it was stopped; below 0: killed by that signal
+    seconds: float
+    peak_rss_bytes: int
+    picture: str | None  # a PNG
+    message: str  # of a render that failed
+    marks: tuple[str, ...]
+    report: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def failed(self) -> bool:
+        """Whether primray itself went wrong; a rejected scene is no failure, and an odd picture is for a person to judge."""
+        return bool({"crash", "time", "not-finite"} & set(self.marks))
+
+
+def stage_files(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file())
+
+
+def render_all(
+    folder: Path, stages: Sequence[Path], limits: Limits, at_once: int, scratch: Path, done: Callable[[Outcome], None]
+) -> list[Outcome]:
+    """In the order of `stages`; `done` is called as each ends."""
+    with ThreadPoolExecutor(at_once) as pool:
+        running = {pool.submit(_render, folder, path, limits, scratch / str(k)): k for k, path in enumerate(stages)}
+        outcomes: dict[int, Outcome] = {}
+        for future in as_completed(running):
+            outcomes[running[future]] = future.result()
+            done(future.result())
+    return [outcomes[k] for k in sorted(outcomes)]
+
+
+_MAIN = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_AS, ({limit}, {limit}))
+from primray.cli import main
+main()
+"""
+
+
+def _render(folder: Path, stage: Path, limits: Limits, scratch: Path) -> Outcome:
+    scratch.mkdir(parents=True)
+    exr, png, report_file = scratch / "p.exr", scratch / "p.png", scratch / "r.json"
+    command = [sys.executable, "-c", _MAIN.format(limit=limits.memory_bytes), "render", str(stage)]
+    command += ["-o", str(exr), "-o", str(png), "--report", str(report_file)]
+    command += ["-w", str(limits.width), "--spp", str(limits.spp)]
+    command += ["-j", str(limits.threads)] if limits.threads else []
+    ended = _run(command, limits.timeout_s, scratch / "err")
+    report = json.loads(report_file.read_text()) if report_file.exists() else {}
+    return Outcome(
+        stage.relative_to(folder).as_posix(),
+        ended.exit_code,
+        ended.seconds,
+        ended.peak_rss_bytes,
+        str(png) if png.exists() else None,
+        ended.stderr if ended.exit_code != 0 else "",
+        tuple(_marks(ended.exit_code, exr, report)),
+        report,
+    )
+
+
+@dataclass(frozen=True)
+class _Ended:
+    exit_code: int | str
+    seconds: float
+    peak_rss_bytes: int
+    stderr: str
+
+
+def _run(command: list[str], timeout_s: float, stderr: Path) -> _Ended:
+    start = time.monotonic()
+    with stderr.open("wb") as to:
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=to)
+        stopped = False
+        while True:  # wait4 is what tells the memory of this one child
+            pid, status, usage = os.wait4(process.pid, os.WNOHANG)
+            if pid:
+                break
+            if not stopped and time.monotonic() - start > timeout_s:
+                process.kill()
+                stopped = True
+            time.sleep(0.02)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    peak = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    text = stderr.read_text(errors="replace").strip()
+    return _Ended(_LIMIT_S if stopped else process.returncode, time.monotonic() - start, peak, text)
+
+
+def _marks(exit_code: int | str, exr: Path, report: dict[str, Any]) -> Iterator[str]:
+    if exit_code == _LIMIT_S:
+        yield "time"
+    elif exit_code == 1 or (isinstance(exit_code, int) and exit_code < 0):
+        yield "crash"
+    if exit_code == 0:
+        yield from _picture_marks(exr, has_shapes=report["scene"]["meshes"] + report["scene"]["spheres"] > 0)
+
+
+def _picture_marks(exr: Path, *, has_shapes: bool) -> Iterator[str]:
+    """What cannot be right of a picture; where nothing can be drawn there is nothing to see."""
+    import numpy as np
+    import OpenImageIO as oiio
+
+    pixels = np.asarray(oiio.ImageBuf(str(exr)).get_pixels(oiio.FLOAT))
+    if not np.isfinite(pixels).all():
+        yield "not-finite"
+    if not has_shapes:
+        return
+    if pixels[..., 3].max() <= 0:
+        yield "nothing-seen"
+    elif pixels[..., :3].max() <= 0:
+        yield "black"
+    elif np.ptp(pixels.reshape(-1, pixels.shape[2]), axis=0).max() <= 1e-6:
+        yield "one-colour"

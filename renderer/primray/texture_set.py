@@ -1,0 +1,92 @@
+"""All textures of a description, each file read once whoever uses it, several at a time; what cannot be read is noted."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from .description import SceneDescription, TextureFile, TextureInput
+from .diagnostics import Diagnostics
+from .errors import AssetError, LimitError
+from .texture import ReadAsset, Texture, load_texture
+
+TextureSet = dict[TextureFile, list[tuple[int, Texture]]]
+
+THREADS = 8
+
+
+@dataclass
+class _Use:
+    """Who reads a file: its channels, and where to report what is wrong with it."""
+
+    channels: set[str] = field(default_factory=set)
+    light: str | None = None  # the light that it belongs to
+    surface: str = ""
+
+
+def load_texture_set(description: SceneDescription, diagnostics: Diagnostics, read: ReadAsset | None) -> TextureSet:
+    """The images of every file that can be read, with their tiles' numbers, or 0."""
+    uses = _uses(description)
+    jobs = [(file, number, path) for file in uses for number, path in _images(file)]
+
+    def load(job: tuple[TextureFile, int, str]) -> Texture | AssetError | LimitError:
+        file, _, path = job
+        try:
+            return load_texture(file, read, path=path, channels=frozenset(uses[file].channels))
+        except (AssetError, LimitError) as error:
+            return error
+
+    found: TextureSet = {}
+    with ThreadPoolExecutor(min(THREADS, len(os.sched_getaffinity(0)))) as threads:
+        for (file, number, path), loaded in zip(jobs, threads.map(load, jobs), strict=True):
+            if isinstance(loaded, Texture):
+                found.setdefault(file, []).append((number, _noted(loaded, path, uses[file], diagnostics)))
+            else:
+                _note_unreadable(loaded, uses[file], diagnostics)
+    return found
+
+
+def _uses(description: SceneDescription) -> dict[TextureFile, _Use]:
+    uses: dict[TextureFile, _Use] = {}
+    for light in description.lights:
+        if light.texture is not None:
+            use = uses.setdefault(light.texture, _Use())
+            use.channels |= set("rgb")
+            use.light = use.light or light.path
+    for surface in description.surfaces:
+        for _, reads in surface.inputs:
+            if isinstance(reads, TextureInput) and reads.file.path:
+                use = uses.setdefault(reads.file, _Use())
+                use.channels |= set(reads.channels)
+                use.surface = use.surface or surface.path
+    return uses
+
+
+def _images(file: TextureFile) -> Iterator[tuple[int, str]]:
+    yield from file.tiles or ((0, file.path),)
+
+
+def _noted(texture: Texture, path: str, use: _Use, diagnostics: Diagnostics) -> Texture:
+    bad, where = texture.bad_texels, use.light or use.surface
+    if use.light is not None:  # no light is negative
+        negative = np.asarray((texture.pixels < 0).any(axis=2))
+        if negative.any():
+            bad += int(np.count_nonzero(negative))
+            texture = replace(texture, pixels=np.where(negative[:, :, None], np.float32(0), texture.pixels))
+    if bad:
+        kind = "negative or not finite" if use.light is not None else "not finite"
+        diagnostics.add("texture-bad-texels", where, f"{bad} texels are {kind}, and read as 0 ({path})")
+    if texture.turned:
+        diagnostics.add("texture-turned", where, f"The file asks to be shown turned or mirrored ({path}).")
+    return texture
+
+
+def _note_unreadable(error: AssetError | LimitError, use: _Use, diagnostics: Diagnostics) -> None:
+    if use.light is not None:
+        diagnostics.add("texture-unreadable", use.light, f"the light is left out: {error.message} ({error.where})")
+    if use.surface:
+        diagnostics.add("texture-unreadable", use.surface, f"the fallback is used: {error.message} ({error.where})")

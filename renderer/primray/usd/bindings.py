@@ -1,0 +1,73 @@
+"""Where materials are bound: bindings that lead nowhere, and the subsets of a mesh that have materials of their own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pxr import Sdf, Tf, Usd, UsdShade
+
+from .context import Context
+from .stage import tf_message
+
+BINDING = "material:binding"
+
+
+@dataclass(frozen=True)
+class Subset:
+    """A GeomSubset of faces; a later one in its mesh's list is stronger."""
+
+    path: str
+    prim: Usd.Prim
+    family: str = ""
+    material: Usd.Prim | None = None
+
+
+def note_bindings(prim: Usd.Prim, path: str, names: frozenset[str], ctx: Context) -> None:
+    """Bindings, for whatever purpose, whose target is no material."""
+    for name in names:
+        if not name.startswith(BINDING):
+            continue
+        for target in _targets(prim, path, name, ctx):
+            found = ctx.stage.GetPrimAtPath(target)
+            if not found:
+                ctx.warn("binding-missing", path, f"{name} leads to {ctx.shown(str(target))}, which does not exist.")
+            elif not found.IsA(UsdShade.Material) and not _is_collection(name):
+                ctx.warn("binding-missing", path, f"{name} leads to {ctx.shown(str(target))}, which is no Material.")
+
+
+def _targets(prim: Usd.Prim, path: str, name: str, ctx: Context) -> list[Sdf.Path]:
+    try:
+        return [target for target in prim.GetRelationship(name).GetForwardedTargets() if target.IsPrimPath()]
+    except Tf.ErrorException as error:
+        ctx.warn("wrong-type", path, f"{name} is no relationship that can be followed: {tf_message(error)}")
+        return []
+
+
+def _is_collection(name: str) -> bool:
+    """Their first target is a collection, or the prim of one that is its default."""
+    return ":collection:" in name
+
+
+def subsets_of(mesh: Usd.Prim, predicate: Usd._PrimFlagsPredicate, ctx: Context) -> list[Subset]:
+    """Subsets of faces that say which material: those of the family materialBind, and any others that bind one.
+
+    Hydra's renderers take subsets of any family; materialBind is the family meant for it and wins where both hold a face.
+    """
+    others: list[Subset] = []
+    meant: list[Subset] = []
+    for child in mesh.GetFilteredChildren(Usd.TraverseInstanceProxies(predicate)):
+        if child.GetTypeName() != "GeomSubset":
+            continue
+        names = frozenset(child.GetAuthoredPropertyNames())
+        path = ctx.shown(str(child.GetPath()))
+        family = str(child.GetAttribute("familyName").Get() or "")
+        is_meant = family == UsdShade.Tokens.materialBind
+        if not is_meant and not any(name.startswith(BINDING) for name in names):
+            continue
+        note_bindings(child, path, names, ctx)
+        element = child.GetAttribute("elementType").Get()
+        if element != "face":
+            ctx.warn("subset-ignored", path, f"It holds elements of the type {element}, not faces.")
+            continue
+        (meant if is_meant else others).append(Subset(path, child, family))
+    return others + meant

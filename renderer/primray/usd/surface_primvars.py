@@ -1,0 +1,124 @@
+"""The primvars that a shape's surfaces read, by name: from the shape itself, else a constant one handed down to it.
+
+What neither has is left out: then the instance's own may stand in (instance_primvars), or else the input's fallback.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from ..description import Input, Interpolation, PrimvarInput, Surface
+from ..description import Primvar as SeamPrimvar
+from .context import Context
+from .primvars import Primvar, Sizes, finite, is_per_point, per_corner, read_raw_primvar
+from .resolve import ResolvedPrim
+from .triangulate import Triangles
+
+NO_SIZES = Sizes(0, 0, 0)  # of shapes that take constant primvars only
+TANGENT_ST = "st"  # spans the tangents of a normal that no texture gives
+# As a cage has them: subdivision knows all of USD's interpolations.
+_OF_A_CAGE = {
+    "constant": Interpolation.CONSTANT,
+    "uniform": Interpolation.FACE,
+    "vertex": Interpolation.POINT,
+    "varying": Interpolation.VARYING,
+    "faceVarying": Interpolation.CORNER,
+}
+
+
+def names_read(surfaces: Iterable[Surface]) -> dict[str, int]:
+    """The primvars that surfaces read, in order, and how many numbers of each."""
+    wanted: dict[str, int] = {}
+    for surface in surfaces:
+        for field, reads in surface.inputs:
+            primvar = _primvar_of(reads)
+            if primvar.name:
+                wanted[primvar.name] = max(wanted.get(primvar.name, 0), len(primvar.fallback))
+            if field == "normal" and primvar is reads:
+                wanted.setdefault(TANGENT_ST, 2)
+    return wanted
+
+
+def _primvar_of(reads: Input) -> PrimvarInput:
+    return reads if isinstance(reads, PrimvarInput) else reads.st
+
+
+def mesh_primvars(
+    prim: ResolvedPrim, surfaces: Iterable[Surface], triangles: Triangles, sizes: Sizes, ctx: Context
+) -> tuple[SeamPrimvar, ...]:
+    """Per triangle, point or corner, as a Mesh has them."""
+    return tuple(_on_triangles(name, found, triangles) for name, found in _read(prim, surfaces, sizes, ctx))
+
+
+def cage_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], sizes: Sizes, ctx: Context) -> tuple[SeamPrimvar, ...]:
+    """Per face, point or corner of the mesh as authored; corners keep their indices, which say what is one point."""
+    return tuple(_on_cage(name, found) for name, found in _read(prim, surfaces, sizes, ctx))
+
+
+def constant_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], ctx: Context) -> tuple[SeamPrimvar, ...]:
+    """Of a shape without points of its own: what varies over it is noted and left out."""
+    return tuple(
+        SeamPrimvar(name, Interpolation.CONSTANT, found.flat())
+        for name, found in _read(prim, surfaces, NO_SIZES, ctx)
+        if found.interpolation == "constant"
+    )
+
+
+def _read(prim: ResolvedPrim, surfaces: Iterable[Surface], sizes: Sizes, ctx: Context) -> list[tuple[str, Primvar]]:
+    found = []
+    for name, width in names_read(surfaces).items():
+        primvar = _own(prim, name, sizes, ctx) or _handed_down(prim, name)
+        if primvar is None:
+            if name not in prim.inherited.per_instance:
+                ctx.warn(
+                    "primvar-missing", prim.path, f"A material reads primvars:{name}, which it lacks: the fallback is used."
+                )
+        elif primvar.values.shape[1] < width:
+            ctx.warn("invalid-primvar", prim.path, f"primvars:{name} has too few numbers each: {width} are read.")
+        else:
+            values = np.ascontiguousarray(finite(primvar.values, f"primvars:{name}", prim, ctx)[:, :width])
+            found.append((name, Primvar(values, primvar.interpolation, primvar.indices)))
+    return found
+
+
+def _own(prim: ResolvedPrim, name: str, sizes: Sizes, ctx: Context) -> Primvar | None:
+    if f"primvars:{name}" not in prim.names:
+        return None
+    attribute = prim.prim.GetAttribute(f"primvars:{name}")
+    return read_raw_primvar(attribute, sizes, prim, ctx) if attribute.HasAuthoredValue() else None
+
+
+def _handed_down(prim: ResolvedPrim, name: str) -> Primvar | None:
+    """Only constant primvars are inherited (UsdGeomPrimvarsAPI)."""
+    for handed, values in prim.inherited.primvars:
+        if handed == name:
+            return Primvar(np.array([values], np.float32), "constant")
+    return None
+
+
+def _on_triangles(name: str, primvar: Primvar, triangles: Triangles) -> SeamPrimvar:
+    if primvar.interpolation == "constant":
+        return SeamPrimvar(name, Interpolation.CONSTANT, primvar.flat())
+    if primvar.interpolation == "uniform":
+        return SeamPrimvar(name, Interpolation.FACE, primvar.flat()[triangles.faces])
+    if is_per_point(primvar):
+        return SeamPrimvar(name, Interpolation.POINT, primvar.flat())
+    return SeamPrimvar(name, Interpolation.CORNER, per_corner(primvar, triangles))
+
+
+def _on_cage(name: str, primvar: Primvar) -> SeamPrimvar:
+    interpolation = _OF_A_CAGE.get(primvar.interpolation, Interpolation.CORNER)
+    if interpolation is Interpolation.CORNER:
+        indices = None if primvar.indices is None else primvar.indices.astype(np.int32)
+        return SeamPrimvar(name, interpolation, primvar.values, indices)
+    return SeamPrimvar(name, interpolation, primvar.flat())
+
+
+def moved(primvars: tuple[SeamPrimvar, ...], keep: npt.NDArray[np.bool_]) -> tuple[SeamPrimvar, ...]:
+    """The primvars of some triangles only; `keep` is (T,)."""
+    rows = {Interpolation.FACE: keep, Interpolation.CORNER: np.repeat(keep, 3)}
+    return tuple(replace(p, values=p.values[rows[p.interpolation]]) if p.interpolation in rows else p for p in primvars)

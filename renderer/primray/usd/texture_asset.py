@@ -1,0 +1,63 @@
+"""A shader's file parameter as a TextureFile: resolved by Ar, <UDIM> sets tile by tile, with its colour space."""
+
+from __future__ import annotations
+
+from pxr import Sdf, Usd, UsdShade
+
+from ..description import TextureFile
+from .context import Context
+from .network import Constant, Node, node_path, parameter, text
+
+_RAW = frozenset({"raw", "data", "identity", "unknown"})  # GfColorSpaceNames of values that are no colours
+_COLOR_SPACES = ("auto", "raw", "sRGB")
+
+
+def texture_file(node: Node, ctx: Context) -> TextureFile:
+    """What the node reads; its path is "" where there is no file, which is noted."""
+    found = parameter(node, "file", ctx)
+    space = _color_space(node, found, ctx)
+    if found is None or not isinstance(found.value, Sdf.AssetPath) or not found.value.path:
+        ctx.warn("texture-unset", node_path(node, ctx), "It names no file: its fallback is used.")
+        return TextureFile("", space)
+    asset = found.value
+    if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
+        return _tiles(node, asset, found.attribute, space, ctx)
+    if not asset.resolvedPath:
+        ctx.warn("asset-missing", node_path(node, ctx), f"{asset.path} cannot be found: the fallback is used.")
+    return TextureFile(str(asset.resolvedPath), space)
+
+
+def _tiles(node: Node, asset: Sdf.AssetPath, attribute: Usd.Attribute, space: str, ctx: Context) -> TextureFile:
+    layer = _authoring_layer(attribute, ctx)
+    pattern = asset.path if layer is None else layer.ComputeAbsolutePath(asset.path)
+    tiles = []
+    for path, number in UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layer):
+        if number.isdigit() and 1001 <= int(number) <= 1100:  # UsdUVTexture: up to ten tiles in U, ten in V
+            tiles.append((int(number), str(path)))
+    if not tiles:
+        ctx.warn("asset-missing", node_path(node, ctx), f"{asset.path} has no tile from 1001 to 1100: the fallback is used.")
+        return TextureFile("", space)
+    return TextureFile(str(pattern), space, tuple(sorted(tiles)))
+
+
+def _authoring_layer(attribute: Usd.Attribute, ctx: Context) -> Sdf.Layer | None:
+    for spec in attribute.GetPropertyStack(ctx.when.time):
+        if isinstance(spec, Sdf.AttributeSpec) and (spec.HasDefaultValue() or spec.HasInfo("timeSamples")):
+            return spec.layer
+    return None
+
+
+def _color_space(node: Node, found: Constant | None, ctx: Context) -> str:
+    """sourceColorSpace where it says raw or sRGB, else the file attribute's colorSpace metadata, else "auto"."""
+    space = text(node, "sourceColorSpace", "auto", ctx)
+    if space not in _COLOR_SPACES:
+        ctx.warn("shader-parameter", node_path(node, ctx), f"sourceColorSpace = {space!r} is not known: auto is used.")
+        space = "auto"
+    if space != "auto":
+        return space
+    attributes = [node.prim.GetAttribute("inputs:file")] + ([found.attribute] if found else [])
+    for attribute in attributes:
+        if attribute and attribute.HasColorSpace():
+            name = str(attribute.GetColorSpace())
+            return "raw" if name.lower() in _RAW else name
+    return "auto"

@@ -1,0 +1,108 @@
+"""Contact sheets: each stage in a process of its own, on one page, with what is odd about it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from primray.cli import run
+from primray.cli.sheet_page import page
+from primray.cli.sheet_runs import Outcome
+
+BALL = '#usda 1.0\ndef Sphere "s"\n{\n color3f[] primvars:displayColor = [(1, 0.5, 0)]\n}\n'
+HIDDEN = """#usda 1.0
+def Sphere "s"
+{
+}
+def Camera "away"
+{
+    double3 xformOp:translate = (0, 0, -50)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
+DARK = """#usda 1.0
+def Sphere "s"
+{
+    color3f[] primvars:displayColor = [(0, 0, 0)]
+}
+def DistantLight "sun"
+{
+    float inputs:intensity = 0
+}
+"""
+
+
+def sheet(folder: Path, *options: str) -> tuple[int, dict[str, Any], str]:
+    out = folder.parent / "sheet.html"
+    code = run(["sheet", str(folder), "-o", str(out), "-w", "24", "-p", "2", *options])
+    return code, {row["stage"]: row for row in json.loads(out.with_suffix(".json").read_text())}, out.read_text()
+
+
+def test_a_folder_on_one_page(tmp_path: Path) -> None:
+    folder = tmp_path / "assets"
+    (folder / "deeper").mkdir(parents=True)
+    stages = {
+        "ball.usda": BALL,
+        "deeper/hidden.usda": HIDDEN,
+        "dark.usda": DARK,
+        "broken.usda": "no stage",
+        "empty.usda": "#usda 1.0\n",
+    }
+    for name, text in stages.items():
+        (folder / name).write_text(text)
+    (folder / "notes.txt").write_text("no stage")
+    code, rows, text = sheet(folder)
+    assert code == 0
+    assert list(rows) == sorted(stages)
+    assert {name: (row["exit_code"], row["marks"]) for name, row in rows.items()} == {
+        "ball.usda": (0, []),
+        "broken.usda": (3, []),
+        "dark.usda": (0, ["black"]),
+        "deeper/hidden.usda": (0, ["nothing-seen"]),
+        "empty.usda": (0, []),
+    }
+    assert "stage-open" in rows["broken.usda"]["message"]
+    assert rows["ball.usda"]["peak_rss_bytes"] > 50 * 2**20
+    assert text.count("<img") == 4
+    assert "camera-automatic" in text
+
+
+def test_what_takes_too_long_or_too_much_fails_the_sheet(tmp_path: Path) -> None:
+    folder = tmp_path / "assets"
+    folder.mkdir()
+    (folder / "ball.usda").write_text(BALL)
+    code, rows, text = sheet(folder, "--timeout", "0.01")
+    assert (code, rows["ball.usda"]["exit_code"], rows["ball.usda"]["marks"]) == (1, "time", ["time"])
+    assert '<figure class="failed"' in text
+    code, rows, _ = sheet(folder, "--max-memory", "200M")
+    assert (code, rows["ball.usda"]["marks"]) == (1, ["crash"])
+
+
+def test_roots_only(tmp_path: Path) -> None:
+    folder = tmp_path / "assets"
+    folder.mkdir()
+    (folder / "ball.usda").write_text(BALL)
+    (folder / "shot.usda").write_text('#usda 1.0\ndef "a" (\n payload = @./ball.usda@</s>\n)\n{\n}\n')
+    (folder / "broken.usda").write_text("no stage")
+    _, rows, _ = sheet(folder, "--roots-only", "--timeout", "0.01")
+    assert list(rows) == ["broken.usda", "shot.usda"]
+
+
+def test_the_page_escapes_what_stages_say() -> None:
+    diagnostics = [{"severity": "error", "code": "x", "prim_path": "/a", "message": "<script>"}]
+    outcome = Outcome("<b>.usda", 0, 1.0, 2**20, None, "", ("black",), {"diagnostics": diagnostics})
+    text = page("a & b", [outcome])
+    assert "<script>" not in text
+    assert "<b>.usda" not in text
+    assert "&lt;b&gt;.usda" in text
+
+
+@pytest.mark.parametrize("arguments", [["no-such-folder"], ["."], [".", "-w", "0"]])
+def test_usage(arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    if "-w" in arguments:
+        (tmp_path / "ball.usda").write_text(BALL)
+    assert run(["sheet", *arguments]) == 2
