@@ -22,6 +22,7 @@ from primray.description import (
     Mesh,
     Placed,
     Placement,
+    Primvar,
     Projection,
     Prototype,
     SceneDescription,
@@ -166,9 +167,9 @@ class Described:
         )
 
 
-def placement(prototype: int, matrices: Sequence[Doubles] | Doubles) -> Placement:
+def placement(prototype: int, matrices: Sequence[Doubles] | Doubles, primvars: Sequence[Primvar] = ()) -> Placement:
     """One level of instances, by their matrices (3, 4) or (4, 4)."""
-    return Placement(prototype, (MatrixInstances(np.array([m[:3] for m in matrices])),))
+    return Placement(prototype, (MatrixInstances(np.array([m[:3] for m in matrices])),), tuple(primvars))
 
 
 def world_from_prototype(placement: Placement) -> Doubles:

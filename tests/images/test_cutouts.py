@@ -7,17 +7,28 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.described import describe, ground, image, lambert, light, look_at, orthographic, quad, render, rotation, translation
+from tests.described import (
+    describe,
+    ground,
+    image,
+    lambert,
+    light,
+    look_at,
+    orthographic,
+    placement,
+    quad,
+    render,
+    rotation,
+    translation,
+)
 from tests.textured import FILE, UNIT_ST, look_at_plate, plate, primvar, texture, with_primvars
 
 from primray.description import (
     Doubles,
     Interpolation,
     LightType,
-    MatrixInstances,
     Mesh,
     Placed,
-    Placement,
     PrimvarInput,
     Prototype,
     Surface,
@@ -74,7 +85,7 @@ def test_shadows(instanced: bool) -> None:
     more: dict[str, Any] = {}
     if instanced:
         more["prototype_shapes"], more["prototypes"] = [mesh], [Prototype("/p", (Placed(1, np.eye(4)),))]
-        more["placements"] = [Placement(0, (MatrixInstances(matrix[None, :3]),))]
+        more["placements"] = [placement(0, matrix[None, :3])]
     else:
         shapes.append((mesh, matrix))
     sun = [light(LightType.DISTANT, DOWN)]
@@ -106,7 +117,7 @@ def test_the_instance_decides_over_its_cut_out() -> None:
     d = describe(
         surfaces=[surface], camera=camera, resolution=(3, 1), prototypes=[Prototype("/p", (Placed(0, np.eye(4)),))],
         prototype_shapes=[plate(half=0.9)],
-        placements=[Placement(0, (MatrixInstances(matrices),), (primvar("there", [1.0, 0.0, 0.5], Interpolation.INSTANCE),))],
+        placements=[placement(0, matrices, (primvar("there", [1.0, 0.0, 0.5], Interpolation.INSTANCE),))],
     )  # fmt: skip
     assert render(d.build(filter_width=1e-3), 1).pixels(1.0)[0, :, 3].tolist() == [1, 0, 1]
 

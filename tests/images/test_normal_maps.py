@@ -7,17 +7,27 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.described import describe, image, lambert, light, look_at, orthographic, render, rotation, scaling, translation
+from tests.described import (
+    describe,
+    image,
+    lambert,
+    light,
+    look_at,
+    orthographic,
+    placement,
+    render,
+    rotation,
+    scaling,
+    translation,
+)
 from tests.textured import FILE, pixels_of, plate, primvar, texture, with_primvars
 
 from primray.description import (
     Doubles,
     Interpolation,
     LightType,
-    MatrixInstances,
     Mesh,
     Placed,
-    Placement,
     PrimvarInput,
     Prototype,
     Surface,
@@ -41,10 +51,7 @@ def irradiance_on(mesh: Mesh, matrix: Doubles, *, instanced: bool, surface: Surf
     if not instanced:
         d = describe([(mesh, matrix)], [surface], sun, camera, (2, 2), textures=MAP)
     else:
-        prototypes, placements = (
-            [Prototype("/p", (Placed(0, np.eye(4)),))],
-            [Placement(0, (MatrixInstances(matrix[None, :3]),))],
-        )
+        prototypes, placements = [Prototype("/p", (Placed(0, np.eye(4)),))], [placement(0, matrix[None, :3])]
         d = describe([], [surface], sun, camera, (2, 2), prototypes, [mesh], placements, textures=MAP)
     return pixels_of(d, max_depth=1)[..., 0] * np.pi
 

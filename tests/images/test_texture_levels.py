@@ -13,13 +13,14 @@ from tests.described import (
     kernels,
     look_at,
     perspective,
+    placement,
     render,
     scaling,
     translation,
 )
 from tests.textured import FILE, UNIT_ST, glowing, look_at_plate, plate, texture
 
-from primray.description import MatrixInstances, Placed, Placement, Prototype, Wrap
+from primray.description import Placed, Prototype, Wrap
 
 SIZE = 256
 CHECKER = (np.indices((SIZE, SIZE)).sum(axis=0) % 2).astype(np.float32)
@@ -125,13 +126,21 @@ def test_the_bound_counts_distance_scale_and_instances() -> None:
             return kept(describe([(plate(), m)], surfaces, camera=camera, resolution=(512, 512), textures=textures))[0]
         return kept(describe(
             surfaces=surfaces, camera=camera, resolution=(512, 512), textures=textures, prototype_shapes=[plate()],
-            prototypes=[Prototype("/p", (Placed(0, np.eye(4)),))], placements=[Placement(0, (MatrixInstances(m[None, :3]),))],
+            prototypes=[Prototype("/p", (Placed(0, np.eye(4)),))], placements=[placement(0, m[None, :3])],
         ))[0]  # fmt: skip
 
     for instanced in (False, True):
         levels = [first(100.0 * 2**k, 1.0, instanced=instanced) for k in range(4)]
         assert levels == list(range(levels[0], levels[0] + 4))
         assert first(400.0, 4.0, instanced=instanced) == levels[0]
+
+
+def test_where_the_camera_may_touch_a_surface_every_level_is_kept() -> None:
+    camera = perspective(np.eye(4), 0.5, clipping_range=(0.0, 1e6))
+    textures = {FILE: image(np.random.default_rng(0).random((64, 64)))}
+    for shape, m in ((plate(half=9), np.eye(4)), (plate(half=9), translation(0, 0, -40))):
+        d = describe([(shape, m)], [glowing(texture("r"))], camera=camera, resolution=(8, 8), textures=textures)
+        assert (kept(d)[0] == 0) == (m[2, 3] == 0)
 
 
 def test_dropping_levels_changes_nothing() -> None:

@@ -16,6 +16,7 @@ from tests.described import (
     light,
     look_at,
     orthographic,
+    placement,
     render,
     scaling,
     translation,
@@ -37,10 +38,8 @@ from tests.textured import (
 from primray.description import (
     Interpolation,
     LightType,
-    MatrixInstances,
     Mesh,
     Placed,
-    Placement,
     Primvar,
     PrimvarInput,
     Prototype,
@@ -196,7 +195,7 @@ def instanced(matrices: np.ndarray, *primvars: Primvar) -> Described:
     camera = replace(orthographic(look_at([2, 0, 5], [2, 0, 0]), 1.0), window=(-3, 3, -1, 1))
     return describe(
         surfaces=[GLOW], camera=camera, resolution=(3, 1), prototypes=[Prototype("/p", (Placed(0, np.eye(4)),))],
-        prototype_shapes=[shape], placements=[Placement(0, (MatrixInstances(matrices),), tuple(primvars))],
+        prototype_shapes=[shape], placements=[placement(0, matrices, tuple(primvars))],
     )  # fmt: skip
 
 

@@ -29,9 +29,7 @@ from primray.description import (
     Doubles,
     Interpolation,
     LightType,
-    MatrixInstances,
     Placed,
-    Placement,
     PrimvarInput,
     Prototype,
     Shape,
@@ -240,8 +238,8 @@ def textured() -> Described:
     ]
     matrices = np.array([(m @ scaling(-1 if i % 2 else 1, 1, 0.7))[:3] for i, m in enumerate(places)])
     placements = [
-        Placement(0, (MatrixInstances(matrices[:6]),), (primvar("tint", rng.random((6, 3)), Interpolation.INSTANCE),)),
-        Placement(0, (MatrixInstances(matrices[6:]),)),
+        placement(0, matrices[:6], (primvar("tint", rng.random((6, 3)), Interpolation.INSTANCE),)),
+        placement(0, matrices[6:]),
     ]
     lights = [
         light(LightType.RECT, translation(0, 2.5, 0) @ rotation([1, 0, 0], -90), 3.0),

@@ -6,21 +6,11 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from tests.described import Described, describe, image, kernels, lambert, look_at, orthographic, render, translation
+from tests.described import Described, describe, image, kernels, lambert, look_at, orthographic, placement, render, translation
 from tests.kernels.scenes import SCENES
 from tests.textured import FILE, glowing, plate, primvar, texture, with_primvars
 
-from primray.description import (
-    Input,
-    Interpolation,
-    MatrixInstances,
-    Placed,
-    Placement,
-    PrimvarInput,
-    Prototype,
-    Surface,
-    TextureFile,
-)
+from primray.description import Input, Interpolation, Placed, PrimvarInput, Prototype, Surface, TextureFile
 from primray.surface_upload import INPUT_FIELDS
 
 
@@ -59,7 +49,7 @@ def emitters(value: Input) -> Described:
         [(plate(surface=1), translation(0, 5, 0)), (mesh, np.eye(4))], [glowing(value), lambert(0.5, 7.0)],
         camera=orthographic(look_at([0, 0, 5], [0, 0, 0]), 1.0),
         prototypes=[Prototype("/p", (Placed(2, np.eye(4)),))], prototype_shapes=[mesh],
-        placements=[Placement(0, (MatrixInstances(matrices),), (tint,))],
+        placements=[placement(0, matrices, (tint,))],
         textures={FILE: image(np.random.default_rng(0).random((4, 4, 3)))},
     )  # fmt: skip
 

@@ -324,10 +324,10 @@ nb::object triangle_emission_rows(const Scene& scene, InInts triangle_, InInts p
   Column<float> r(n, 3);
   for_rows(n, lanes, [&]<int W>(size_t at) {
     const vint<W> place = placement.number<W>(at);
-    vint<W> base;
+    vint<W> vertex_base;
     for (int i = 0; i < W; ++i)
-      base.set(i, int32_t(scene.groups[place[i] < 0 ? 0 : scene.placement_group[place[i]]].vertex_base));
-    r.put(at, triangle_emission(scene, vbool<W>(true), triangle.number<W>(at), base, place, row.number<W>(at),
+      vertex_base.set(i, int32_t(scene.groups[place[i] < 0 ? 0 : scene.placement_group[place[i]]].vertex_base));
+    r.put(at, triangle_emission(scene, vbool<W>(true), triangle.number<W>(at), vertex_base, place, row.number<W>(at),
                                 uv.number<W>(at, 0), uv.number<W>(at, 1)));
   });
   return r.array();

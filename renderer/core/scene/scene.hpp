@@ -3,9 +3,9 @@
 // Folder: scene.hpp the data; builder.cpp fills it from double-precision input; camera.hpp the film's rays; surface_point.hpp
 // and evaluate_inputs.hpp read what varies over shapes, with the images of texture/. accel/ makes Embree scenes of it, light/
 // and bsdf/ read their tables, integrator/ walks paths through it. A `Group` is geometry with an Embree scene of its own: group
-// 0 is everything placed once, in world space; the others are prototypes in their own space, placed by instances. Instances may
-// stand in a prototype, which has no shapes then: Embree knows one level of instances, so such a prototype is placed by
-// accel/grouped_geometry.
+// 0 is everything placed once, in world space; the others are prototypes in their own space, placed by instances.
+// Instances may stand in a prototype, which has no shapes then: Embree knows one level of instances, so such a prototype is
+// placed by accel/grouped_geometry.
 #pragma once
 
 #include <cstdint>

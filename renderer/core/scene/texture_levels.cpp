@@ -83,6 +83,7 @@ void wear(const Scene& s, const InputSource& source, Texture& texture, uint32_t 
   const double st_area2 = (st[1][0] - st[0][0]) * (st[2][1] - st[0][1]) - (st[2][0] - st[0][0]) * (st[1][1] - st[0][1]);
   const float* m = source.st_transform;
   const double stretch = double(m[0]) * m[4] - double(m[1]) * m[3];
+  if (!(width > 0)) texture.least_footprint = 0;
   const double st_area = std::fabs(st_area2 * stretch);
   // A triangle that shows a line or a point of the texture has no level of its own: those of the others do.
   if (!(st_area > 0)) return;
