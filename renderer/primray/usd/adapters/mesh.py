@@ -176,17 +176,17 @@ def _colors(prim: ResolvedPrim, geometry: Geometry, ctx: Context) -> Values | No
 def _with_subsets(prim: ResolvedPrim, geometry: Geometry, rest: Appearance, ctx: Context) -> Mesh | None:
     """A surface per triangle; faces that no subset holds keep the mesh's own."""
     faces = np.zeros(geometry.sizes.faces, np.int32)  # 0: the mesh's own, k: subset k
-    families = np.array(["\0"])  # of each part; the mesh's own is in none
+    families: list[str | None] = [None]  # of each part; the mesh's own is in none
     parts = [rest]
     for subset in prim.subsets:
         indices = array(read(subset.prim, "indices", ctx.when), 1, "i")
         if indices is None or (len(indices) and (indices.min() < 0 or indices.max() >= len(faces))):
             ctx.warn("subset-ignored", subset.path, f"Its indices are not faces of the mesh, which has {len(faces)}.")
             continue
-        held = families[faces[indices]] == subset.family
+        held = np.array([family == subset.family for family in families])[faces[indices]]
         if held.any():
             ctx.warn("subset-overlap", subset.path, f"{int(held.sum())} of its faces are in another subset of its family.")
-        families = np.append(families, subset.family)
+        families.append(subset.family)
         faces[indices] = len(parts)
         parts.append(appearance_of(prim, subset.material, ctx))
     _note_incomplete(prim, faces, ctx)
