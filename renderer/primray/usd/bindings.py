@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
-from pxr import Usd, UsdShade
+from pxr import Sdf, Usd, UsdShade
 
 from .context import Context
 
 BINDING = "material:binding"
+NO_MATERIAL = "which is no Material"
 
 
 @dataclass(frozen=True)
@@ -23,16 +25,26 @@ class Subset:
 
 def note_bindings(prim: Usd.Prim, path: str, names: frozenset[str], ctx: Context) -> None:
     """Bindings, for whatever purpose, whose target is no material."""
-    for name in names:
-        if not name.startswith(BINDING):
-            continue
-        targets = [target for target in prim.GetRelationship(name).GetForwardedTargets() if target.IsPrimPath()]
-        for target in targets:
-            found = ctx.stage.GetPrimAtPath(target)
-            if not found:
-                ctx.warn("binding-missing", path, f"{name} leads to {ctx.shown(str(target))}, which does not exist.")
-            elif not found.IsA(UsdShade.Material) and not _is_collection(name):
-                ctx.warn("binding-missing", path, f"{name} leads to {ctx.shown(str(target))}, which is no Material.")
+    for name in _binding_names(names):
+        for target in prim.GetRelationship(name).GetForwardedTargets():
+            if target not in ctx.bound:
+                ctx.bound[target] = _wrong(target, ctx) if target.IsPrimPath() else ""
+            wrong = ctx.bound[target]
+            if wrong and not (wrong == NO_MATERIAL and _is_collection(name)):
+                ctx.warn("binding-missing", path, f"{name} leads to {ctx.shown(str(target))}, {wrong}.")
+
+
+@lru_cache(maxsize=1024)
+def _binding_names(names: frozenset[str]) -> tuple[str, ...]:
+    """Many prims have the same properties."""
+    return tuple(sorted(name for name in names if name.startswith(BINDING)))
+
+
+def _wrong(target: Sdf.Path, ctx: Context) -> str:
+    found = ctx.stage.GetPrimAtPath(target)
+    if not found:
+        return "which does not exist"
+    return "" if found.IsA(UsdShade.Material) else NO_MATERIAL
 
 
 def _is_collection(name: str) -> bool:
