@@ -59,7 +59,7 @@ def subsets_of(mesh: Usd.Prim, predicate: Usd._PrimFlagsPredicate, ctx: Context)
     """
     others: list[Subset] = []
     meant: list[Subset] = []
-    for child in mesh.GetFilteredChildren(Usd.TraverseInstanceProxies(predicate)):
+    for child in mesh.GetFilteredChildren(predicate):
         if child.GetTypeName() != "GeomSubset":
             continue
         names = frozenset(child.GetAuthoredPropertyNames())

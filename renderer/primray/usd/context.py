@@ -22,7 +22,7 @@ class Context:
     material_purposes: tuple[str, ...]
     diagnostics: Diagnostics
     surfaces: dict[Surface, int] = field(default_factory=dict)  # in order of their indices
-    materials: dict[str, Any] = field(default_factory=dict)  # material path -> what adapters.material made of it
+    materials: dict[Any, Any] = field(default_factory=dict)  # material path -> what adapters.material made of it
     shared_geometry: dict[str, Any] = field(default_factory=dict)  # prim path -> geometry, where prototypes share it
     shares: frozenset[str] = frozenset()  # prim paths that more than one prototype holds
 

@@ -63,9 +63,9 @@ class _Inputs:
 
 def material(prim: Usd.Prim, ctx: Context) -> Material:
     """The material's surface, translated once."""
-    path = ctx.shown(str(prim.GetPath()))
+    path = prim.GetPath()
     if path not in ctx.materials:
-        ctx.materials[path] = _translate(UsdShade.Material(prim), path, ctx)
+        ctx.materials[path] = _translate(UsdShade.Material(prim), ctx.shown(str(path)), ctx)
     made: Material = ctx.materials[path]
     return made
 
