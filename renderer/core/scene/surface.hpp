@@ -51,12 +51,15 @@ inline int32_t SurfaceTable::add(const SurfaceInput& s) {
   float row[kSurfaceFields] = {};
   const auto put = [&](int field, vec3 c) { row[field] = c.x, row[field + 1] = c.y, row[field + 2] = c.z; };
   const bool emits = max_component(s.emissive_color) > 0;
-  row[kFlags] = float((s.lambert ? 0 : kPreview) | (emits ? kEmits : 0) | (s.thin ? kThin : 0));
+  // A Lambert surface that may be there in part only: a preview surface that reflects nothing specularly, F0 = F90 = 0.
+  const bool preview = !s.lambert || s.presence;
+  row[kFlags] = float((preview ? kPreview : 0) | (emits ? kEmits : 0) | (s.thin ? kThin : 0));
   put(kEmission, s.emissive_color);
   row[kPresence] = s.presence ? s.opacity : 1.0f;
   row[kIor] = s.ior;
   if (s.lambert) {
     put(kDiffuse, s.diffuse_color);
+    row[kAlpha] = row[kRoughness] = 1.0f;
   } else {
     // UsdPreviewSurface specification, "Specular workflow", "Metallic workflow" (usd-facts, section 5).
     const float r = (1 - s.ior) / (1 + s.ior), f0 = r * r;
