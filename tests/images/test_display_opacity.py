@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.unit.usd.usd_text import stage_of
 
 from primray.settings import Filter, RenderSettings
-from tests.unit.usd.usd_text import stage_of
 
 SCENE = """
 def Camera "camera"
