@@ -398,6 +398,13 @@ def test_how_instancers_author_them(text: str, expected: list[list[float]]) -> N
     assert rows(translate_text(INSTANCER % (text, ""))[0])["/points/a displayColor"] == expected
 
 
+def test_the_instancers_own_color_is_nearer_than_the_one_it_inherits() -> None:
+    own = 'color3f[] primvars:displayColor = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0)] (interpolation = "vertex")'
+    outer = 'color3f[] primvars:displayColor = [(0, 1, 0)] (interpolation = "constant")'
+    text = f'def Xform "outer"\n{{\n{outer}\n{INSTANCER % (own, "")}\n}}\n'.replace("</points", "</outer/points")
+    assert sorted(rows(translate_text(text)[0])) == ["/outer/points/a displayColor", "/outer/points/b displayColor"]
+
+
 @pytest.mark.parametrize(
     ("text", "code"),
     [
@@ -443,7 +450,11 @@ def PointInstancer "outer"
 }
 """
     description, _ = translate_text(text)
-    assert rows(description) == {"/outer/inner/ball displayColor": [[1, 0, 0]] * 3 + [[2, 0, 0]] * 3}
+    colors = {"/outer/inner/ball displayColor": [[1, 0, 0]] * 3 + [[2, 0, 0]] * 3}
+    assert rows(description) == colors
+    inner = 'float[] primvars:displayOpacity = [0, 0.5, 1] (interpolation = "vertex")'
+    description, _ = translate_text(text.replace("int[] protoIndices = [0, 0, 0]", f"{inner}\n int[] protoIndices = [0, 0, 0]"))
+    assert rows(description) == colors | {"/outer/inner/ball displayOpacity": [[0], [0.5], [1]] * 2}
 
 
 def test_display_opacity_without_a_material() -> None:
