@@ -32,7 +32,7 @@ def load_texture_set(description: SceneDescription, diagnostics: Diagnostics, re
     """The images of every file that can be read, with their tiles' numbers, or 0."""
     uses = _uses(description)
     same = _alpha_elsewhere(uses)
-    for file, other in same.items():
+    for other in same.values():
         uses[other].channels.add("a")
     jobs = [(file, number, path) for file in uses if file not in same for number, path in _images(file)]
 
