@@ -52,7 +52,7 @@ def load_texture(
     """
     path = file.path if path is None else path
     if read is not None and path.endswith("]"):
-        member = path[path.rindex("[") + 1 : -1]
+        member = path[path.rindex("[") + 1 :].rstrip("]")
         with tempfile.NamedTemporaryFile(suffix=PurePath(member).suffix) as unpacked:
             unpacked.write(read(path))
             unpacked.flush()

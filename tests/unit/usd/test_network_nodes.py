@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from pxr import Usd
+from pxr import Sdf, Usd
 
 from primray.description import PrimvarInput, TextureFile, TextureInput, Wrap
+from primray.diagnostics import Diagnostics
+from primray.render import load_textures
 from primray.settings import RenderSettings
-from primray.usd import translate
+from primray.usd import read_asset, translate
 
 from .material_text import IMAGE, READER, Codes, input_of, material, node, surface_of, texture
 
@@ -237,3 +239,58 @@ def test_st_from_readers_of_more_numbers(image: str) -> None:
     nodes = node("r", "UsdPrimvarReader_float3", 'string inputs:varname = "uvw"\n float3 inputs:fallback = (1, 2, 3)')
     made, found = st_of("float2 inputs:st.connect = </m/r.outputs:result>", nodes, image)
     assert (made.st, found) == (PrimvarInput("uvw", (1, 2)), [])
+
+
+NETWORK = """#usda 1.0
+(
+    expressionVariables = { string which = "a" }
+)
+%s
+"""
+
+
+def test_files_in_packages_in_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plain member, a set of tiles, and a path by an expression of the stage's variables."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("a", "t.1001", "t.1002"):
+        oiio.ImageBuf(np.full((1, 1, 3), 0.5, np.float32)).write(f"{name}.png", "uint8")
+    inputs = "\n".join(
+        f"color3f inputs:{name}.connect = </m/{node}.outputs:rgb>"
+        for name, node in (("diffuseColor", "plain"), ("emissiveColor", "tiles"), ("specularColor", "named"))
+    )
+    files = {"plain": "a.png", "tiles": "t.<UDIM>.png", "named": '`"${which}.png"`'}
+    nodes = "".join(node(n, "UsdUVTexture", f"asset inputs:file = @{f}@", "float3 outputs:rgb") for n, f in files.items())
+    Path("inner.usda").write_text(NETWORK % material(inputs, nodes))
+    Path("outer.usda").write_text(OUTER)
+    package("inner.usdz", "inner.usda", "a.png", "t.1001.png", "t.1002.png")
+    package("outer.usdz", "outer.usda", "inner.usdz")
+    diagnostics = Diagnostics()
+    description, found = translate(Usd.Stage.Open("outer.usdz"), RenderSettings())
+    inside = f"{tmp_path}/outer.usdz[inner.usdz["
+    made = {name: made.file for name, made in description.surfaces[0].inputs if isinstance(made, TextureInput)}
+    assert made["diffuse_color"].path == made["specular_color"].path == inside + "a.png]]"
+    assert made["emissive_color"].path == inside + "t.<UDIM>.png]]"
+    assert [n for n, _ in made["emissive_color"].tiles] == [1001, 1002]
+    _, textures = load_textures(description, diagnostics, read_asset)
+    assert list(diagnostics) == []
+    assert {len(images) for images in textures.values()} == {1, 2}
+    assert all(np.allclose(t.pixels, 0.2159, atol=1e-3) for images in textures.values() for _, t in images)
+    assert {d.code for d in found} <= {"camera-automatic", "default-light"}
+
+
+OUTER = """#usda 1.0
+def Material "m" (references = @inner.usdz@</m>)
+{
+}
+def Sphere "ball" (prepend apiSchemas = ["MaterialBindingAPI"])
+{
+    rel material:binding = </m>
+}
+"""
+
+
+def package(name: str, *files: str) -> None:
+    writer = Sdf.ZipFileWriter.CreateNew(name)
+    for file in files:
+        writer.AddFile(file)
+    assert writer.Save()
