@@ -98,7 +98,7 @@ def _with_primvars(parent: Inherited, prim: Usd.Prim, names: frozenset[str], whe
     for name in names:
         if (values := constant_numbers(prim, name, when)) is not None:
             handed[name.removeprefix("primvars:")] = values
-    return replace(parent, primvars=tuple(sorted(handed.items()))) if len(handed) or parent.primvars else parent
+    return replace(parent, primvars=tuple(sorted(handed.items())))
 
 
 def constant_numbers(prim: Usd.Prim, name: str, when: When) -> tuple[float, ...] | None:
