@@ -52,7 +52,7 @@ def load_texture(
     """
     path = file.path if path is None else path
     if read is not None and path.endswith("]"):
-        member = path[path.rindex("[") + 1 : -1]
+        member = path[path.rindex("[") + 1 :].rstrip("]")
         with tempfile.NamedTemporaryFile(suffix=PurePath(member).suffix) as unpacked:
             unpacked.write(read(path))
             unpacked.flush()
@@ -76,13 +76,23 @@ def _load(path: str, shown: str, color_space: str, wanted: frozenset[str]) -> Te
         stored = _read(image, spec, layout, shown)
         space = "sRGB" if color_space == "auto" and is_srgb(spec, path) else color_space
         pixels = _linear(stored, layout.colors, space, shown)
-        good = np.isfinite(pixels).all(axis=2)
-        bad_texels = int(good.size - np.count_nonzero(good))
-        if bad_texels:
-            pixels[~good] = 0.0
-        return Texture(pixels, bad_texels, *wraps_of(spec), spec.getattribute("Orientation") not in (None, 0, 1))
+        return Texture(
+            pixels,
+            _clear_bad(pixels) if stored.dtype.kind == "f" else 0,
+            *wraps_of(spec),
+            spec.getattribute("Orientation") not in (None, 0, 1),
+        )
     finally:
         image.close()
+
+
+def _clear_bad(pixels: Floats) -> int:
+    """Set texels that are not finite to 0, in place; how many there were."""
+    if np.isfinite(pixels.sum(dtype=np.float64)):  # adding up finite floats in double cannot overflow
+        return 0
+    bad = ~np.isfinite(pixels).all(axis=2)
+    pixels[bad] = 0.0
+    return int(np.count_nonzero(bad))
 
 
 def _check_size(spec: Any, layout: Layout, shown: str) -> None:

@@ -31,7 +31,10 @@ class _Use:
 def load_texture_set(description: SceneDescription, diagnostics: Diagnostics, read: ReadAsset | None) -> TextureSet:
     """The images of every file that can be read, with their tiles' numbers, or 0."""
     uses = _uses(description)
-    jobs = [(file, number, path) for file in uses for number, path in _images(file)]
+    same = _alpha_elsewhere(uses)
+    for other in same.values():
+        uses[other].channels.add("a")
+    jobs = [(file, number, path) for file in uses if file not in same for number, path in _images(file)]
 
     def load(job: tuple[TextureFile, int, str]) -> Texture | AssetError | LimitError:
         file, _, path = job
@@ -47,7 +50,7 @@ def load_texture_set(description: SceneDescription, diagnostics: Diagnostics, re
                 found.setdefault(file, []).append((number, _noted(loaded, path, uses[file], diagnostics)))
             else:
                 _note_unreadable(loaded, uses[file], diagnostics)
-    return found
+    return found | {file: found[other] for file, other in same.items() if other in found}
 
 
 def _uses(description: SceneDescription) -> dict[TextureFile, _Use]:
@@ -64,6 +67,13 @@ def _uses(description: SceneDescription) -> dict[TextureFile, _Use]:
                 use.channels |= set(reads.channels)
                 use.surface = use.surface or surface.path
     return uses
+
+
+def _alpha_elsewhere(uses: dict[TextureFile, _Use]) -> dict[TextureFile, TextureFile]:
+    """For files of which only alpha is read: the same file in another colour space, which leaves alpha as it is."""
+    read_more = {(f.path, f.tiles): f for f, use in uses.items() if use.channels != {"a"} and use.light is None}
+    only_alpha = [f for f, use in uses.items() if use.channels == {"a"}]
+    return {f: read_more[f.path, f.tiles] for f in only_alpha if (f.path, f.tiles) in read_more}
 
 
 def _images(file: TextureFile) -> Iterator[tuple[int, str]]:

@@ -70,13 +70,16 @@ PRIMRAY_INLINE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>
   const auto put = [&](int field, const vvec3<W>& c) { row[field] = c.x, row[field + 1] = c.y, row[field + 2] = c.z; };
   for (F& f : row) f = zero;
   const vbool<W> emits = max_component(v.emissive_color) > zero;
-  row[kFlags] = F(float((s.lambert ? 0 : kPreview) | (s.thin ? kThin : 0))) + select(emits, F(float(kEmits)), zero);
+  // A Lambert surface that may be there in part only: a preview surface that reflects nothing specularly, F0 = F90 = 0.
+  const bool preview = !s.lambert || s.presence;
+  row[kFlags] = F(float((preview ? kPreview : 0) | (s.thin ? kThin : 0))) + select(emits, F(float(kEmits)), zero);
   put(kEmission, v.emissive_color);
   const F there = s.opacity_threshold > 0 ? one : v.opacity;
   row[kPresence] = s.presence ? there : one;
   row[kIor] = v.ior;
   if (s.lambert) {
     put(kDiffuse, v.diffuse_color);
+    row[kAlpha] = row[kRoughness] = one;
     return;
   }
   // UsdPreviewSurface specification, "Specular workflow", "Metallic workflow" (usd-facts, section 5).

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 from pxr import Sdf, Tf, Usd, UsdShade
 
@@ -10,6 +11,7 @@ from .context import Context
 from .stage import tf_message
 
 BINDING = "material:binding"
+NO_MATERIAL = "which is no Material"
 
 
 @dataclass(frozen=True)
@@ -24,20 +26,31 @@ class Subset:
 
 def note_bindings(prim: Usd.Prim, path: str, names: frozenset[str], ctx: Context) -> None:
     """Bindings, for whatever purpose, whose target is no material."""
-    for name in names:
-        if not name.startswith(BINDING):
-            continue
+    for name in _binding_names(names):
         for target in _targets(prim, path, name, ctx):
-            found = ctx.stage.GetPrimAtPath(target)
-            if not found:
-                ctx.warn("binding-missing", path, f"{name} leads to {ctx.shown(str(target))}, which does not exist.")
-            elif not found.IsA(UsdShade.Material) and not _is_collection(name):
-                ctx.warn("binding-missing", path, f"{name} leads to {ctx.shown(str(target))}, which is no Material.")
+            if target not in ctx.bound:
+                ctx.bound[target] = _wrong(target, ctx) if target.IsPrimPath() else ""
+            wrong = ctx.bound[target]
+            if wrong and not (wrong == NO_MATERIAL and _is_collection(name)):
+                ctx.warn("binding-missing", path, f"{name} leads to {ctx.shown(str(target))}, {wrong}.")
+
+
+@lru_cache(maxsize=1024)
+def _binding_names(names: frozenset[str]) -> tuple[str, ...]:
+    """Many prims have the same properties."""
+    return tuple(sorted(name for name in names if name.startswith(BINDING)))
+
+
+def _wrong(target: Sdf.Path, ctx: Context) -> str:
+    found = ctx.stage.GetPrimAtPath(target)
+    if not found:
+        return "which does not exist"
+    return "" if found.IsA(UsdShade.Material) else NO_MATERIAL
 
 
 def _targets(prim: Usd.Prim, path: str, name: str, ctx: Context) -> list[Sdf.Path]:
     try:
-        return [target for target in prim.GetRelationship(name).GetForwardedTargets() if target.IsPrimPath()]
+        return list(prim.GetRelationship(name).GetForwardedTargets())
     except Tf.ErrorException as error:
         ctx.warn("wrong-type", path, f"{name} is no relationship that can be followed: {tf_message(error)}")
         return []
@@ -55,7 +68,7 @@ def subsets_of(mesh: Usd.Prim, predicate: Usd._PrimFlagsPredicate, ctx: Context)
     """
     others: list[Subset] = []
     meant: list[Subset] = []
-    for child in mesh.GetFilteredChildren(Usd.TraverseInstanceProxies(predicate)):
+    for child in mesh.GetFilteredChildren(predicate):
         if child.GetTypeName() != "GeomSubset":
             continue
         names = frozenset(child.GetAuthoredPropertyNames())

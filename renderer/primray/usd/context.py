@@ -22,10 +22,11 @@ class Context:
     material_purposes: tuple[str, ...]
     diagnostics: Diagnostics
     surfaces: dict[Surface, int] = field(default_factory=dict)  # in order of their indices
-    materials: dict[str, Any] = field(default_factory=dict)  # material path -> what adapters.material made of it
+    materials: dict[Any, Any] = field(default_factory=dict)  # material path -> what adapters.material made of it
     shared_geometry: dict[str, Any] = field(default_factory=dict)  # prim path -> geometry, where prototypes share it
     shares: frozenset[str] = frozenset()  # prim paths that more than one prototype holds
 
+    bound: dict[Any, str] = field(default_factory=dict)  # path that a material binding names -> what is wrong with it
     primvars_read: frozenset[str] = frozenset()  # "primvars:NAME" of all that materials of the stage read
     prototype_names: dict[str, str] = field(default_factory=dict)  # /__Prototype_N -> its first instance
 

@@ -14,7 +14,7 @@ from pxr import Usd, UsdGeom
 
 from ..description import Floats
 from .context import Context
-from .read import MAX_COLUMNS, array, as_columns, value
+from .read import MAX_COLUMNS, array, as_columns, is_single, value
 from .resolve import ResolvedPrim
 from .triangulate import Triangles
 
@@ -70,10 +70,11 @@ def read_raw_primvar(attribute: Usd.Attribute, sizes: Sizes, prim: ResolvedPrim,
     raw = value(attribute, ctx.when)
     if raw is None:
         return None
-    if not attribute.GetTypeName().isArray:
+    if is_single(raw):
         raw = [raw]
     indices = value(primvar.GetIndicesAttr(), ctx.when) if primvar.IsIndexed() else None
-    name, element_size = attribute.GetName(), primvar.GetElementSize()
+    name = attribute.GetName()
+    element_size = 1 if type(raw).__name__.startswith(("Vec3", "Vec4")) else primvar.GetElementSize()
     return _checked(raw, indices, primvar.GetInterpolation(), name, sizes, prim, ctx, element_size)
 
 

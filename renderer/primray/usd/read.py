@@ -70,6 +70,11 @@ def array(raw: Any, columns: int, kind: str) -> npt.NDArray[Any] | None:
     return values if ok and (columns == 1 or values.shape[1] == columns) else None
 
 
+def is_single(raw: Any) -> bool:
+    """Whether a value is one number or vector, not an array of them."""
+    return isinstance(raw, int | float | str) or type(raw).__module__ == "pxr.Gf"
+
+
 def as_columns(raw: Any, element_size: int) -> Floats | None:
     """(N, 1 to 4) float32 from an array of numbers or vectors; None when it is none, or not whole elements."""
     try:

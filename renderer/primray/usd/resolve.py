@@ -14,7 +14,7 @@ from pxr import Gf, Tf, Usd, UsdGeom, UsdShade
 from ..description import Doubles
 from .bindings import Subset
 from .convert import matrix
-from .read import When, array, as_columns, read, time_of, value
+from .read import When, array, as_columns, is_single, read, time_of, value
 
 _IDENTITY = Gf.Matrix4d(1.0)
 
@@ -96,8 +96,7 @@ def descend(
     if "primvars:displayOpacity" in names:
         opacity = constant_of(prim, "primvars:displayOpacity", 1, when)
         mine = mine if opacity is None else replace(mine, opacity=opacity[0])
-    authored = names & read_names
-    return _with_primvars(mine, prim, authored, when) if authored else mine
+    return mine if names.isdisjoint(read_names) else _with_primvars(mine, prim, names & read_names, when)
 
 
 def _with_primvars(parent: Inherited, prim: Usd.Prim, names: frozenset[str], when: When) -> Inherited:
@@ -105,7 +104,7 @@ def _with_primvars(parent: Inherited, prim: Usd.Prim, names: frozenset[str], whe
     for name in names:
         if (values := constant_numbers(prim, name, when)) is not None:
             handed[name.removeprefix("primvars:")] = values
-    return replace(parent, primvars=tuple(sorted(handed.items()))) if len(handed) or parent.primvars else parent
+    return replace(parent, primvars=tuple(sorted(handed.items())))
 
 
 def constant_numbers(prim: Usd.Prim, name: str, when: When) -> tuple[float, ...] | None:
@@ -116,7 +115,7 @@ def constant_numbers(prim: Usd.Prim, name: str, when: When) -> tuple[float, ...]
     raw = value(primvar.GetAttr(), when)
     if raw is None:
         return None
-    values = as_columns(raw if primvar.GetAttr().GetTypeName().isArray else [raw], primvar.GetElementSize())
+    values = as_columns([raw] if is_single(raw) else raw, primvar.GetElementSize())
     if values is None or len(values) == 0:
         return None
     at = _first_index(primvar, when)

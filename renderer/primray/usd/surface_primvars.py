@@ -44,24 +44,25 @@ def mesh_primvars(
     prim: ResolvedPrim, surfaces: Iterable[Surface], triangles: Triangles, sizes: Sizes, ctx: Context
 ) -> tuple[SeamPrimvar, ...]:
     """Per triangle, point or corner, as a Mesh has them."""
-    return tuple(_on_triangles(name, found, triangles) for name, found in _read(prim, surfaces, sizes, ctx))
+    return tuple(_on_triangles(name, found, triangles) for name, found in read_primvars(prim, surfaces, sizes, ctx))
 
 
 def cage_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], cage: Cage, ctx: Context) -> tuple[SeamPrimvar, ...]:
     """Per face, point or corner, as a SubdivisionMesh has them."""
-    return tuple(on_cage(name, found, cage) for name, found in _read(prim, surfaces, cage.sizes, ctx))
+    return tuple(on_cage(name, found, cage) for name, found in read_primvars(prim, surfaces, cage.sizes, ctx))
 
 
 def constant_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], ctx: Context) -> tuple[SeamPrimvar, ...]:
     """Of a shape without points of its own: what varies over it is noted and left out."""
     return tuple(
         SeamPrimvar(name, Interpolation.CONSTANT, found.flat())
-        for name, found in _read(prim, surfaces, NO_SIZES, ctx)
+        for name, found in read_primvars(prim, surfaces, NO_SIZES, ctx)
         if found.interpolation == "constant"
     )
 
 
-def _read(prim: ResolvedPrim, surfaces: Iterable[Surface], sizes: Sizes, ctx: Context) -> list[tuple[str, Primvar]]:
+def read_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], sizes: Sizes, ctx: Context) -> list[tuple[str, Primvar]]:
+    """What surfaces read of a shape, by name, checked against its sizes; no more columns than are read."""
     found = []
     for name, width in names_read(surfaces).items():
         primvar = _own(prim, name, sizes, ctx) or _handed_down(prim, name)

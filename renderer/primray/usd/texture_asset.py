@@ -29,15 +29,14 @@ def texture_file(node: Node, ctx: Context) -> TextureFile:
 
 def _tiles(node: Node, asset: Sdf.AssetPath, attribute: Usd.Attribute, space: str, ctx: Context) -> TextureFile:
     layer = _authoring_layer(attribute, ctx)
-    pattern = asset.path if layer is None else layer.ComputeAbsolutePath(asset.path)
-    tiles = []
-    for path, number in UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layer):
-        if number.isdigit() and 1001 <= int(number) <= 1100:  # UsdUVTexture: up to ten tiles in U, ten in V
-            tiles.append((int(number), str(path)))
+    found = UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layer)  # 1001 to 1100, ten in U and ten in V
+    tiles = [(int(number), str(path)) for path, number in found]
     if not tiles:
         ctx.warn("asset-missing", node_path(node, ctx), f"{asset.path} has no tile from 1001 to 1100: the fallback is used.")
         return TextureFile("", space)
-    return TextureFile(str(pattern), space, tuple(sorted(tiles)))
+    number, first = tiles[0]
+    before, _, after = first.rpartition(str(number))
+    return TextureFile(f"{before}<UDIM>{after}", space, tuple(sorted(tiles)))
 
 
 def _authoring_layer(attribute: Usd.Attribute, ctx: Context) -> Sdf.Layer | None:

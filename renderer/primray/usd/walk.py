@@ -28,6 +28,7 @@ Expand = Callable[[ResolvedPrim, Context], list[tuple[str, PointInstances]]]  # 
 
 # Inside prototypes of point instancers `over` ancestors are common: they keep prototypes from being drawn by themselves.
 _IN_PROTOTYPE = Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier
+_SUBSETS = Usd.TraverseInstanceProxies(_IN_PROTOTYPE)
 _IN_WORLD = _IN_PROTOTYPE & ~Usd.PrimIsAbstract
 # Nothing below these is drawn by itself.
 _CLOSED = frozenset({"Material", "Shader", "NodeGraph", "GeomSubset", "PointInstancer", "Camera"})
@@ -194,7 +195,7 @@ def _bind_leaves(state: _Walk) -> None:
             if state.leaf_types[leaf.type_name] == "shape" and leaf.path not in seen:
                 seen[leaf.path] = len(prims)
                 prims.append(leaf.prim)
-    subsets = {path: subsets_of(prims[i], _IN_PROTOTYPE, ctx) for path, i in seen.items() if prims[i].GetTypeName() == "Mesh"}
+    subsets = {path: subsets_of(prims[i], _SUBSETS, ctx) for path, i in seen.items() if prims[i].GetTypeName() == "Mesh"}
     for owned in subsets.values():
         for subset in owned:
             seen[subset.path] = len(prims)

@@ -23,17 +23,17 @@ class FaceParts:
 
 def face_parts(prim: ResolvedPrim, faces: int, ctx: Context) -> FaceParts:
     of_face = np.zeros(faces, np.int32)
-    families = np.array(["\0"])  # of each part; the mesh's own is in none
+    families: list[str | None] = [None]  # of each part; the mesh's own is in none
     parts = [appearance_of(prim, prim.material, ctx)]
     for subset in prim.subsets:
         indices = array(read(subset.prim, "indices", ctx.when), 1, "i")
         if indices is None or (len(indices) and (indices.min() < 0 or indices.max() >= faces)):
             ctx.warn("subset-ignored", subset.path, f"Its indices are not faces of the mesh, which has {faces}.")
             continue
-        held = families[of_face[indices]] == subset.family
+        held = np.array([family == subset.family for family in families])[of_face[indices]]
         if held.any():
             ctx.warn("subset-overlap", subset.path, f"{int(held.sum())} of its faces are in another subset of its family.")
-        families = np.append(families, subset.family)
+        families.append(subset.family)
         of_face[indices] = len(parts)
         parts.append(appearance_of(prim, subset.material, ctx))
     if prim.subsets:

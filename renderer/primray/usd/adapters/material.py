@@ -63,9 +63,9 @@ class _Inputs:
 
 def material(prim: Usd.Prim, ctx: Context) -> Material:
     """The material's surface, translated once."""
-    path = ctx.shown(str(prim.GetPath()))
+    path = prim.GetPath()
     if path not in ctx.materials:
-        ctx.materials[path] = _translate(UsdShade.Material(prim), path, ctx)
+        ctx.materials[path] = _translate(UsdShade.Material(prim), ctx.shown(str(path)), ctx)
     made: Material = ctx.materials[path]
     return made
 
@@ -118,10 +118,10 @@ def _read_slot(shader: Node, name: str, found: _Inputs, path: str, ctx: Context)
     source = find_source(shader.prim.GetAttribute(f"inputs:{name}"), ctx)
     if isinstance(source, Node):
         made = _varying(source, name, slot, path, ctx)
-        if made is not None:
+        if made is not None and _can_vary(made):
             found.varying[slot.field] = made
-            if slot.field != "normal":
-                found.constants[slot.field] = _clamped(_stand_in(made), slot)
+        if made is not None and slot.field != "normal":
+            found.constants[slot.field] = _clamped(_stand_in(made), slot)
     elif source is not None:
         constant = _constant(source.value, name, slot, path, ctx)
         if slot.field != "normal":
@@ -147,6 +147,11 @@ def _varying(source: Node, name: str, slot: _Slot, path: str, ctx: Context) -> I
     if made is None:
         ctx.warn("material-input", path, f"{name} cannot be read: {_shown(slot.default)} is used.")
     return made
+
+
+def _can_vary(made: Input) -> bool:
+    """Not what is a constant in disguise: a texture without a file is its fallback."""
+    return not isinstance(made, TextureInput) or made.file.path != ""
 
 
 def _stand_in(made: Input) -> tuple[float, ...]:
