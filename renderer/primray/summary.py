@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections import Counter
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from .description import Mesh, SceneDescription, Shape
+import numpy as np
 
-# Estimates. Embree 4's BVH8 over triangles: measured 90 to 120 bytes a triangle with the robust flag.
-BVH_BYTES_PER_TRIANGLE = 100
-INSTANCE_BYTES = 120  # Embree's INSTANCE_ARRAY, from 10 million instances in 1.2 GB
-MATRIX_BYTES = 96  # the description's own
+from .description import Mesh, SceneDescription, Shape, Sphere, SubdivisionMesh, TextureInput
+
+# Peak bytes, fitted to what `python -m tests.bench.memory` measures there: arrays of the description are counted
+# exactly and stand twice while the core copies them; these come on top.
+TRIANGLE_BYTES = 120  # Embree's hierarchy, and what building it takes
+SHAPE_BYTES = 2000
+INSTANCE_BYTES = 310  # with the description's matrix (96)
+PIXEL_BYTES = 104  # the film's sums of both replicates in double, and the image
+TEXEL_BYTES = 16
+PROCESS_BYTES = 150 * 2**20  # Python, USD, OpenImageIO and the core, before they hold a scene
 
 
 @dataclass(frozen=True)
@@ -33,39 +40,66 @@ class Summary:
     spheres_instanced: int
     prototypes: int
     instances: int
-    memory_bytes: int  # estimate: geometry, its acceleration structure and instances; textures and image not counted
+    cages: int  # meshes still to be subdivided
+    textures: int  # files
+    memory_bytes: int  # estimate of the peak: geometry, hierarchies, instances, film; of textures what `texels` says
+    process_bytes: int  # the same with what the process takes anyway
 
     def as_json(self) -> dict[str, Any]:
         return asdict(self)
 
 
-def summary(description: SceneDescription) -> Summary:
-    """Counts of a description."""
+def summary(description: SceneDescription, texels: int = 0) -> Summary:
+    """Counts of a description, whose textures hold `texels` in all."""
     shapes = description.shapes
-    count = [len(s.triangles) if isinstance(s, Mesh) else 0 for s in shapes]
+    count = [_triangles(s) for s in shapes]
     seen = [0] * len(shapes)
     for placed in description.static:
         seen[placed.shape] += 1
     for placement in description.placements:
         for placed in description.prototypes[placement.prototype].shapes:
             seen[placed.shape] += len(placement.world_from_prototype)
-    is_mesh = [isinstance(s, Mesh) for s in shapes]
+    is_sphere = [isinstance(s, Sphere) for s in shapes]
     instances = sum(len(p.world_from_prototype) for p in description.placements)
-    triangles = sum(count)
+    width, height = description.resolution
+    memory = (
+        2 * _array_bytes(shapes)
+        + sum(count) * TRIANGLE_BYTES
+        + len(shapes) * SHAPE_BYTES
+        + instances * INSTANCE_BYTES
+        + width * height * PIXEL_BYTES
+        + texels * TEXEL_BYTES
+    )
     return Summary(
         camera=description.camera.path,
         resolution=description.resolution,
         lights=tuple(LightSummary(light.path, light.type.value, light.emission) for light in description.lights),
         surfaces=len(description.surfaces),
-        meshes=sum(is_mesh),
-        spheres=len(shapes) - sum(is_mesh),
-        triangles_unique=triangles,
+        meshes=len(shapes) - sum(is_sphere),
+        spheres=sum(is_sphere),
+        triangles_unique=sum(count),
         triangles_instanced=sum(n * k for n, k in zip(count, seen, strict=True)),
-        spheres_instanced=sum(k for k, mesh in zip(seen, is_mesh, strict=True) if not mesh),
+        spheres_instanced=sum(k for k, sphere in zip(seen, is_sphere, strict=True) if sphere),
         prototypes=len(description.prototypes),
         instances=instances,
-        memory_bytes=_array_bytes(shapes) + triangles * BVH_BYTES_PER_TRIANGLE + instances * (INSTANCE_BYTES + MATRIX_BYTES),
+        cages=sum(isinstance(s, SubdivisionMesh) for s in shapes),
+        textures=len(texture_files(description)),
+        memory_bytes=memory,
+        process_bytes=memory + PROCESS_BYTES,
     )
+
+
+def texture_files(description: SceneDescription) -> dict[str, None]:
+    """Paths of all textures, tiles apart, in order of use."""
+    files = [light.texture for light in description.lights if light.texture is not None]
+    for surface in description.surfaces:
+        files += [made.file for _, made in surface.inputs if isinstance(made, TextureInput)]
+    return dict.fromkeys(path for file in files for path in ([tile for _, tile in file.tiles] or [file.path]) if path)
+
+
+def primvar_names(description: SceneDescription) -> dict[str, int]:
+    """Of the primvars that surfaces can read: how many shapes have each."""
+    return dict(Counter(primvar.name for shape in description.shapes for primvar in shape.primvars))
 
 
 def counts(summed: Summary) -> dict[str, int]:
@@ -73,12 +107,20 @@ def counts(summed: Summary) -> dict[str, int]:
     return {name: value for name, value in asdict(summed).items() if isinstance(value, int)}
 
 
+def _triangles(shape: Shape) -> int:
+    """Of a cage before it is subdivided."""
+    if isinstance(shape, Mesh):
+        return len(shape.triangles)
+    return len(shape.face_points) - 2 * len(shape.face_counts) if isinstance(shape, SubdivisionMesh) else 0
+
+
 def _array_bytes(shapes: tuple[Shape, ...]) -> int:
-    """Of all arrays that meshes hold, shared ones once."""
-    arrays = {}
+    """Of all arrays that shapes hold, shared ones once."""
+    arrays: dict[int, int] = {}
     for shape in shapes:
-        if isinstance(shape, Mesh):
-            for values in (shape.points, shape.triangles, shape.normals, shape.colors):
-                if values is not None:
-                    arrays[id(values)] = values.nbytes
+        for field in fields(shape):
+            value = getattr(shape, field.name)
+            held = [value] if isinstance(value, np.ndarray) else []
+            held += [p.values for p in shape.primvars] if field.name == "primvars" else []
+            arrays |= {id(values): values.nbytes for values in held}
     return sum(arrays.values())
