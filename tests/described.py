@@ -18,6 +18,7 @@ from primray.description import (
     Floats,
     Light,
     LightType,
+    MatrixInstances,
     Mesh,
     Placed,
     Placement,
@@ -153,19 +154,21 @@ class Described:
             description=replace(
                 d,
                 static=tuple(replace(p, matrix=matrix @ p.matrix) for p in d.static),
-                placements=tuple(
-                    replace(p, world_from_prototype=(matrix @ square(p.world_from_prototype))[:, :3]) for p in d.placements
-                ),
+                placements=tuple(replace(p, levels=(p.levels[0].placed(matrix[:3]), *p.levels[1:])) for p in d.placements),
                 lights=tuple(replace(x, world_from_light=matrix @ x.world_from_light) for x in d.lights),
                 camera=replace(d.camera, world_from_camera=matrix @ d.camera.world_from_camera),
             ),
         )
 
 
-def square(rows: Doubles) -> Doubles:
-    """(K, 3, 4) as (K, 4, 4)."""
-    last = np.broadcast_to([[[0.0, 0.0, 0.0, 1.0]]], (len(rows), 1, 4))
-    return np.concatenate([rows, last], axis=1)
+def placement(prototype: int, matrices: Sequence[Doubles] | Doubles) -> Placement:
+    """One level of instances, by their matrices (3, 4) or (4, 4)."""
+    return Placement(prototype, (MatrixInstances(np.array([m[:3] for m in matrices])),))
+
+
+def world_from_prototype(placement: Placement) -> Doubles:
+    """(K, 3, 4): all at once."""
+    return np.concatenate([*placement.chunks(), np.zeros((0, 3, 4))])
 
 
 def describe(

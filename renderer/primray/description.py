@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .geometry import Doubles, Floats, Interpolation, Ints, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
+from .placement import Instances, MatrixInstances, Placement, PointInstances
 from .shading import Input, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
 
 __all__ = [
@@ -21,13 +22,16 @@ __all__ = [
     "Doubles",
     "Floats",
     "Input",
+    "Instances",
     "Interpolation",
     "Ints",
     "Light",
     "LightType",
+    "MatrixInstances",
     "Mesh",
     "Placed",
     "Placement",
+    "PointInstances",
     "Primvar",
     "PrimvarInput",
     "Projection",
@@ -53,17 +57,14 @@ class Placed:
 
 @dataclass(frozen=True)
 class Prototype:
-    """Geometry stored once and placed many times; flat (nested instancing is flattened by translation)."""
+    """What is stored once and placed many times: shapes, or placements of prototypes that have shapes (two levels at most).
+
+    Nested instancing is multiplied out by translation, up to a budget (usd/instances.py).
+    """
 
     path: str
     shapes: tuple[Placed, ...]
-
-
-@dataclass(frozen=True)
-class Placement:
-    prototype: int
-    world_from_prototype: Doubles  # (K, 3, 4): the upper three rows
-    primvars: tuple[Primvar, ...] = ()  # INSTANCE: K rows
+    placements: tuple[Placement, ...] = ()
 
 
 class LightType(Enum):

@@ -8,7 +8,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .description import Camera, LightType, Mesh, Placed, Projection, SceneDescription, Shape, Sphere, SubdivisionMesh
+from .description import (
+    Camera,
+    LightType,
+    Mesh,
+    Placed,
+    Placement,
+    Projection,
+    SceneDescription,
+    Shape,
+    Sphere,
+    SubdivisionMesh,
+)
+from .placement import Box, placed_box, transformed_box
 
 # Order of LightType in light/light.hpp.
 LIGHT_NUMBERS = {
@@ -23,7 +35,6 @@ LIGHT_NUMBERS = {
 # Order of Attribute in scene/scene.hpp.
 NONE, PER_TRIANGLE, PER_VERTEX, PER_CORNER = range(4)
 
-Box = tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]
 NO_FLOATS = np.zeros((0, 3), np.float32)
 NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
 
@@ -38,26 +49,22 @@ def upload(
     """The core's Scene, and (code, prim path, message) of what could not be taken along."""
     d = description
     boxes = [shape_box(s) for s in d.shapes]
-    prototype_boxes = [union([transformed_box(p.matrix, boxes[p.shape]) for p in proto.shapes]) for proto in d.prototypes]
+    prototype_boxes = boxes_of_prototypes(d, boxes)
     origin = d.camera.world_from_camera[:3, 3]
     builder = core.SceneBuilder(origin, power_of_two_scale(scene_reach(d, boxes, prototype_boxes, origin)))
     for surface in d.surfaces:
         builder.add_surface(surface)
     add_shapes(builder, d.shapes, d.static)
     warnings: list[tuple[str, str, str]] = []
-    numbers = []
-    for proto, box in zip(d.prototypes, prototype_boxes, strict=True):
-        center = (box[0] + box[1]) / 2
-        numbers.append(builder.begin_prototype(center, power_of_two_scale(float(np.max(box[1] - center)))))
+    builder.reserve_instances(sum(map(len, [*d.placements, *(p for proto in d.prototypes for p in proto.placements)])))
+    numbers: dict[int, int] = {}
+    # Prototypes of placements last: what they place has its number by then.
+    for i, proto in sorted(enumerate(d.prototypes), key=lambda item: bool(item[1].placements)):
+        low, high = prototype_boxes[i]
+        numbers[i] = builder.begin_prototype((low + high) / 2, power_of_two_scale(float(np.max(high - low)) / 2))
         add_shapes(builder, d.shapes, proto.shapes)
-    for placement in d.placements:
-        rows = np.ascontiguousarray(placement.world_from_prototype, np.float64)
-        left_out = builder.add_placement(numbers[placement.prototype], rows)
-        if left_out:
-            path = d.prototypes[placement.prototype].path
-            warnings.append(
-                ("singular-transform", path, f"{left_out} instances have a singular or non-finite matrix and are left out")
-            )
+        add_placements(builder, d, proto.placements, numbers[i], numbers, warnings)
+    add_placements(builder, d, d.placements, 0, numbers, warnings)
     for light in d.lights:
         texture = NO_TEXTURE if light.texture is None else textures.get(light.texture.path, NO_TEXTURE)
         builder.add_light(
@@ -75,6 +82,26 @@ def upload(
         )
     set_camera(builder, d.camera, d.resolution, filter_width, filter_inverse_cdf)
     return builder.finish(), warnings
+
+
+def add_placements(
+    builder: Any,
+    d: SceneDescription,
+    placements: Sequence[Placement],
+    parent: int,
+    numbers: Mapping[int, int],
+    warnings: list[tuple[str, str, str]],
+) -> None:
+    """Into the group `parent`, 0 being the world."""
+    for placement in placements:
+        builder.begin_placement(parent, numbers[placement.prototype])
+        left_out = sum(builder.add_instances(rows) for rows in placement.chunks())
+        builder.end_placement()
+        if left_out:
+            path = d.prototypes[placement.prototype].path
+            warnings.append(
+                ("singular-transform", path, f"{left_out} instances have a singular or non-finite matrix and are left out")
+            )
 
 
 def set_camera(
@@ -148,17 +175,19 @@ def shape_box(shape: Shape) -> Box:
     return -r, r
 
 
-def transformed_box(m: npt.NDArray[np.float64], box: Box) -> Box:
-    """Box around a box's image: Arvo 1990, "Transforming Axis-Aligned Bounding Boxes"."""
-    center, half = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2
-    c, h = m[:3, :3] @ center + m[:3, 3], np.abs(m[:3, :3]) @ half
-    return c - h, c + h
-
-
 def union(boxes: Sequence[Box]) -> Box:
     if not boxes:
         return np.zeros(3), np.zeros(3)
     return np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+
+
+def boxes_of_prototypes(d: SceneDescription, boxes: list[Box]) -> list[Box]:
+    """Each in its own space."""
+    leaves = [union([transformed_box(p.matrix, boxes[p.shape]) for p in proto.shapes]) for proto in d.prototypes]
+    return [
+        union([placed_box(p.levels, leaves[p.prototype]) for p in proto.placements]) if proto.placements else leaf
+        for proto, leaf in zip(d.prototypes, leaves, strict=True)
+    ]
 
 
 def scene_reach(d: SceneDescription, boxes: list[Box], prototype_boxes: list[Box], origin: npt.NDArray[np.float64]) -> float:
@@ -169,13 +198,8 @@ def scene_reach(d: SceneDescription, boxes: list[Box], prototype_boxes: list[Box
             lo, hi = transformed_box(p.matrix, boxes[p.shape])
             reach = np.fmax(reach, np.fmax(np.abs(lo - origin).max(), np.abs(hi - origin).max()))
         for placement in d.placements:
-            lo, hi = prototype_boxes[placement.prototype]
-            center, radius = (lo + hi) / 2, float(np.linalg.norm(hi - lo)) / 2
-            m = placement.world_from_prototype
-            at = m[:, :, :3] @ center + m[:, :, 3] - origin
-            size = np.sqrt(np.square(m[:, :, :3]).sum(axis=2)).max(axis=1) * radius
-            if len(at):
-                reach = np.fmax(reach, np.nanmax(np.abs(at).max(axis=1) + size, initial=0.0))
+            lo, hi = placed_box(placement.levels, prototype_boxes[placement.prototype])
+            reach = np.fmax(reach, np.fmax(np.abs(lo - origin).max(), np.abs(hi - origin).max()))
     return float(reach) if np.isfinite(reach) else 0.0
 
 

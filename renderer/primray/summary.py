@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from .description import Mesh, SceneDescription, Shape, Sphere, SubdivisionMesh, TextureInput
+from .description import Mesh, Placement, SceneDescription, Shape, Sphere, SubdivisionMesh, TextureInput
 
 # Peak bytes, fitted to what `python -m tests.bench.memory` measures there: arrays of the description are counted
 # exactly and stand twice while the core copies them; these come on top.
 TRIANGLE_BYTES = 120  # Embree's hierarchy, and what building it takes
 SHAPE_BYTES = 2000
-INSTANCE_BYTES = 310  # with the description's matrix (96)
+INSTANCE_BYTES = 210  # Embree's INSTANCE_ARRAY and the core's matrix; what the description holds is counted
 PIXEL_BYTES = 104  # the film's sums of both replicates in double, and the image
 TEXEL_BYTES = 16
 PROCESS_BYTES = 150 * 2**20  # Python, USD, OpenImageIO and the core, before they hold a scene
@@ -56,17 +56,16 @@ def summary(description: SceneDescription, texels: int = 0) -> Summary:
     seen = [0] * len(shapes)
     for placed in description.static:
         seen[placed.shape] += 1
-    for placement in description.placements:
-        for placed in description.prototypes[placement.prototype].shapes:
-            seen[placed.shape] += len(placement.world_from_prototype)
+    _count_instances(description, description.placements, 1, seen)
     is_sphere = [isinstance(s, Sphere) for s in shapes]
-    instances = sum(len(p.world_from_prototype) for p in description.placements)
+    instances, stored, placement_bytes = _instances(description)
     width, height = description.resolution
     memory = (
         2 * _array_bytes(shapes)
         + sum(count) * TRIANGLE_BYTES
         + len(shapes) * SHAPE_BYTES
-        + instances * INSTANCE_BYTES
+        + stored * INSTANCE_BYTES
+        + placement_bytes
         + width * height * PIXEL_BYTES
         + texels * TEXEL_BYTES
     )
@@ -87,6 +86,24 @@ def summary(description: SceneDescription, texels: int = 0) -> Summary:
         memory_bytes=memory,
         process_bytes=memory + PROCESS_BYTES,
     )
+
+
+def _count_instances(d: SceneDescription, placements: tuple[Placement, ...], times: int, seen: list[int]) -> None:
+    """Add to `seen`, by shape, how often it stands in the world."""
+    for placement in placements:
+        count, prototype = times * len(placement), d.prototypes[placement.prototype]
+        for placed in prototype.shapes:
+            seen[placed.shape] += count
+        _count_instances(d, prototype.placements, count, seen)
+
+
+def _instances(d: SceneDescription) -> tuple[int, int, int]:
+    """Instances in the world, those stored (fewer where nested ones are kept in two levels), and the description's bytes."""
+    inner = [p for prototype in d.prototypes for p in prototype.placements]
+    inside = [sum(map(len, p.placements)) or 1 for p in d.prototypes]
+    whole = sum(len(p) * inside[p.prototype] for p in d.placements)
+    every = [*d.placements, *inner]
+    return whole, sum(map(len, every)), sum(p.nbytes for p in every)
 
 
 def texture_files(description: SceneDescription) -> dict[str, None]:

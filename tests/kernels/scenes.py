@@ -16,12 +16,13 @@ from tests.described import (
     mesh,
     orthographic,
     perspective,
+    placement,
     rotation,
     scaling,
     translation,
 )
 
-from primray.description import Doubles, LightType, Placed, Placement, Prototype, Shape, Sphere, Surface
+from primray.description import Doubles, LightType, Placed, Prototype, Shape, Sphere, Surface
 
 RESOLUTION = (37, 23)  # neither whole tiles nor whole packets
 ASPECT = RESOLUTION[0] / RESOLUTION[1]
@@ -77,16 +78,53 @@ def instances() -> Described:
         for _ in range(40)
     ]
     matrices = [m @ scaling(*rng.uniform(0.3, 1.5, 3) * [1 if i % 3 else -1, 1, 1]) for i, m in enumerate(matrices)]
-    rows = np.array([m[:3] for m in matrices])
     prototypes = [
         Prototype("/p", (Placed(1, np.eye(4)), Placed(2, translation(0, 0.15, 0)))),
         Prototype("/q", (Placed(2, scaling(1, 2, 1)),)),
     ]
-    placements = [Placement(0, rows[:25]), Placement(1, rows[25:])]
+    placements = [placement(0, matrices[:25]), placement(1, matrices[25:])]
     lights = [light(LightType.RECT, translation(0, 2.5, 0) @ rotation([1, 0, 0], -90), 4.0, width=1.0, height=1.0)]
     return describe(
         [(ground(4), np.eye(4))], SURFACES, lights, perspective(VIEW, 0.4, ASPECT), RESOLUTION,
         prototypes, [box([0.2, 0.2, 0.2], 5), Sphere("/s", 0.1, 4)], placements,
+    )  # fmt: skip
+
+
+def grouped(flat: bool = False) -> Described:
+    """Instances of instances, kept in two levels or multiplied out; mirrored, sheared, with smooth normals and spheres."""
+    rng = np.random.default_rng(6)
+
+    def scattered(count: int, spread: float, size: float) -> Doubles:
+        at = [
+            translation(*rng.uniform(-spread, spread, 3)) @ rotation(rng.normal(size=3), 360 * rng.random())
+            for _ in range(count)
+        ]
+        return np.array([m @ scaling(*size * rng.uniform(0.5, 1.5, 3) * [1 if i % 3 else -1, 1, 1]) for i, m in enumerate(at)])
+
+    points = np.array([[0, 0.1, 0], [0.1, -0.1, 0.1], [-0.1, -0.1, 0.1], [0, -0.1, -0.1]])
+    tetrahedron = mesh(
+        points, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], 4, normals=points / np.linalg.norm(points, axis=1)[:, None]
+    )
+    boxes, balls, outer, alone = (
+        scattered(10, 0.4, 0.7),
+        scattered(5, 0.4, 0.7),
+        scattered(12, 1.2, 0.8),
+        scattered(4, 1.0, 1.0),
+    )
+    prototypes = [
+        Prototype("/p", (Placed(1, np.eye(4)), Placed(2, translation(0, 0.15, 0)))),
+        Prototype("/q", (Placed(2, scaling(1, 2, 1)), Placed(3, translation(0.2, 0, 0)))),
+    ]
+    if flat:
+        products = [(outer[:, None] @ inner[None]).reshape(-1, 4, 4) for inner in (boxes, balls)]
+        placements = [placement(0, products[0]), placement(1, products[1]), placement(0, alone)]
+    else:
+        prototypes.append(Prototype("/both", (), (placement(0, boxes), placement(1, balls))))
+        placements = [placement(2, outer[:5]), placement(0, alone), placement(2, outer[5:])]
+    lights = [light(LightType.RECT, translation(0, 2.5, 0) @ rotation([1, 0, 0], -90), 4.0, width=1.0, height=1.0)]
+    return describe(
+        [(ground(4), np.eye(4))], SURFACES, lights, perspective(VIEW, 0.4, ASPECT), RESOLUTION,
+        prototypes, [box([0.2, 0.2, 0.2], 5), Sphere("/s", 0.1, 2), tetrahedron], placements,
     )  # fmt: skip
 
 
@@ -124,6 +162,7 @@ SCENES: dict[str, Callable[[], Described]] = {
     "many lights": many_lights,
     "materials": materials,
     "instances": instances,
+    "grouped": grouped,
     "smooth, lens": smooth,
     "orthographic": from_above,
 }

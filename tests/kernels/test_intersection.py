@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.described import box, describe, kernels, lambert, mesh, rotation, scaling, translation
+from tests.described import box, describe, kernels, lambert, mesh, placement, rotation, scaling, translation
+from tests.kernels.scenes import grouped
 
-from primray.description import Placed, Placement, Prototype, Shape, Sphere
+from primray.description import Placed, Prototype, Shape, Sphere
 
 N = 4000
 
@@ -83,9 +84,8 @@ def test_instances_and_spheres() -> None:
     ]
     shapes: tuple[Shape, ...] = (box([1, 1, 1]), Sphere("/s", 0.4, 0))
     prototype = Prototype("/p", (Placed(0, translation(0.3, 0, 0)), Placed(1, translation(-0.4, 0.2, 0))))
-    rows = np.array([m[:3] for m in matrices])
     instanced = describe(
-        [], [lambert(0.5)], prototypes=[prototype], prototype_shapes=shapes, placements=[Placement(0, rows)]
+        [], [lambert(0.5)], prototypes=[prototype], prototype_shapes=shapes, placements=[placement(0, matrices)]
     ).build()
     flat = describe(
         [(s, m @ placed.matrix) for m in matrices for s, placed in zip(shapes, prototype.shapes, strict=True)],
@@ -99,6 +99,32 @@ def test_instances_and_spheres() -> None:
     hit = same & (a["geometry"] >= 0)
     np.testing.assert_allclose(a["ng"][hit], b["ng"][hit], atol=2e-3)
     assert np.abs(a["p"][hit] - b["p"][hit]).max() < 1e-4
+
+
+def test_two_levels_and_one_meet_the_same() -> None:
+    """Instances kept in two levels and multiplied out: the same hits to rounding, but for near misses."""
+    o, d = rays(seed=8)
+    a, b = (kernels().intersect(grouped(flat).build(), o, d) for flat in (False, True))
+    hit, same = a["geometry"] >= 0, np.isclose(a["t"], b["t"], rtol=1e-4, atol=1e-5)
+    assert 0.1 < hit.mean() < 0.9
+    assert np.mean(same) > 0.999
+    both = hit & same
+    for name, tolerance in (("p", 1e-5), ("ng", 1e-3), ("ns", 1e-3), ("surface", 0)):
+        assert np.mean(np.abs(a[name] - b[name])[both] <= tolerance) > 0.999
+    assert (a["offset"][both] >= 0.5 * b["offset"][both]).all()
+
+
+def test_packets_and_single_rays_meet_the_same_bits_in_two_levels() -> None:
+    scene = grouped().build()
+    o, d = rays(seed=9)
+    found = [
+        kernels().intersect(scene, o, d, lanes, packet) for lanes, packet in ((1, False), (4, True), (16, True), (16, False))
+    ]
+    hit = found[0]["geometry"] >= 0
+    for other in found[1:]:
+        assert np.array_equal(other["geometry"] >= 0, hit)
+        for name, values in found[0].items():
+            np.testing.assert_array_equal(values[hit], other[name][hit], err_msg=name)
 
 
 def test_sphere_is_exact() -> None:

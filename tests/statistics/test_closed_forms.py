@@ -15,6 +15,7 @@ from tests.described import (
     light,
     look_at,
     perspective,
+    placement,
     render,
     replicate_means,
     rotation,
@@ -22,7 +23,7 @@ from tests.described import (
     translation,
 )
 
-from primray.description import LightType, Placed, Placement, Prototype, Sphere, Surface
+from primray.description import LightType, Placed, Prototype, Sphere, Surface
 
 DOME = light(LightType.DOME, emission=0.7)
 FROM = look_at([0, 0, 3], [0, 0, 0])
@@ -107,9 +108,7 @@ def test_instances_look_as_what_they_are() -> None:
     sun = light(LightType.DISTANT, rotation([1, 0.5, 0], -40), math.pi)
     flat = describe([(cube, m) for m in matrices], surfaces, [sun], camera, (48, 32))
     prototype = Prototype("/p", (Placed(0, np.eye(4)),))
-    instanced = describe(
-        [], surfaces, [sun], camera, (48, 32), [prototype], [cube], [Placement(0, np.array([m[:3] for m in matrices]))]
-    )
+    instanced = describe([], surfaces, [sun], camera, (48, 32), [prototype], [cube], [placement(0, matrices)])
     np.testing.assert_allclose(image(flat, 4, 1), image(instanced, 4, 1), atol=1e-5)
 
 

@@ -1,6 +1,7 @@
 // Embree scenes over the flat arrays, which are shared, not copied.
 #include "accel/build.hpp"
 
+#include "accel/grouped_geometry.hpp"
 #include "accel/sphere_geometry.hpp"
 #include "scene/error.hpp"
 
@@ -20,12 +21,21 @@ OwnedGeometry make_triangles(const Scene& scene, const Group& group) {
   return g;
 }
 
-OwnedGeometry make_placement(const Scene& scene, size_t placement, size_t count) {
+OwnedGeometry make_placement(Scene& scene, size_t placement) {
   const rtc::Api& e = embree();
+  const bool last = placement + 1 == scene.placement_group.size();
+  const size_t first = scene.placement_instance[placement],
+               end = last ? scene.world_from_group.size() / 12 : size_t(scene.placement_instance[placement + 1]);
+  const Group& group = scene.groups[scene.placement_group[placement]];
+  const float* matrices = scene.world_from_group.data() + first * 12;
+  if (group.placement_count > 0) {
+    scene.grouped.push_back(
+        make_grouped(matrices, uint32_t(first), uint32_t(end - first), group.placement_base, group.accel.get()));
+    return make_grouped_geometry(&scene.grouped.back());
+  }
   OwnedGeometry g(e.rtcNewGeometry(embree_device(), rtc::kInstanceArray));
-  e.rtcSetGeometryInstancedScene(g.get(), scene.groups[scene.placement_group[placement]].accel.get());
-  e.rtcSetSharedGeometryBuffer(g.get(), rtc::kTransformBuffer, 0, rtc::kFloat3x4ColumnMajor, scene.world_from_group.data(),
-                               size_t(scene.placement_instance[placement]) * 48, 48, count);
+  e.rtcSetGeometryInstancedScene(g.get(), group.accel.get());
+  e.rtcSetSharedGeometryBuffer(g.get(), rtc::kTransformBuffer, 0, rtc::kFloat3x4ColumnMajor, matrices, 0, 48, end - first);
   e.rtcCommitGeometry(g.get());
   return g;
 }
@@ -37,30 +47,24 @@ OwnedScene new_scene() {
   return s;
 }
 
-void attach_group(const Scene& scene, const Group& group, rtc::Scene target) {
+void build_group(Scene& scene, Group& group) {
+  group.accel = new_scene();
+  rtc::Scene target = group.accel.get();
   if (group.triangle_count > 0) attach(target, make_triangles(scene, group), kTriangleGeometry);
   if (group.sphere_count > 0)
     attach(target, make_sphere_geometry(&scene.spheres[group.sphere_base], group.sphere_count), kSphereGeometry);
+  for (uint32_t i = 0; i < group.placement_count; ++i)
+    attach(target, make_placement(scene, group.placement_base + i), kFirstPlacement + i);
+  embree().rtcCommitScene(target);
+  check_embree();
 }
 
 }  // namespace
 
 void build_accel(Scene& scene) {
-  for (size_t i = scene.groups.size(); i-- > 0;) {
-    Group& group = scene.groups[i];
-    group.accel = new_scene();
-    attach_group(scene, group, group.accel.get());
-    if (i == 0) {
-      const size_t placements = scene.placement_group.size(), instances = scene.world_from_group.size() / 12;
-      for (size_t p = 0; p < placements; ++p) {
-        const size_t first = scene.placement_instance[p],
-                     end = p + 1 < placements ? size_t(scene.placement_instance[p + 1]) : instances;
-        attach(group.accel.get(), make_placement(scene, p, end - first), kFirstPlacement + uint32_t(p));
-      }
-    }
-    embree().rtcCommitScene(group.accel.get());
-    check_embree();
-  }
+  // Shapes, then prototypes of them (which the builder was given later), last the world.
+  for (size_t i = 1; i < scene.groups.size(); ++i) build_group(scene, scene.groups[i]);
+  build_group(scene, scene.groups[0]);
 }
 
 }  // namespace primray

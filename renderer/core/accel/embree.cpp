@@ -51,6 +51,7 @@ void find_all(void* lib, rtc::Api& a) {
   PRIMRAY_FIND(rtcSetSceneFlags);
   PRIMRAY_FIND(rtcSetSceneBuildQuality);
   PRIMRAY_FIND(rtcCommitScene);
+  PRIMRAY_FIND(rtcGetSceneBounds);
   PRIMRAY_FIND(rtcNewGeometry);
   PRIMRAY_FIND(rtcReleaseGeometry);
   PRIMRAY_FIND(rtcCommitGeometry);

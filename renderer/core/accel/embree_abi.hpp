@@ -45,7 +45,7 @@ struct RayHit {
 };
 static_assert(sizeof(Ray<1>) == 48 && sizeof(Hit<1>) == 48 && sizeof(Ray<16>) == 768 && sizeof(Hit<16>) == 576);
 
-struct Bounds {
+struct alignas(16) Bounds {
   float lower_x, lower_y, lower_z, align0;
   float upper_x, upper_y, upper_z, align1;
 };
@@ -97,6 +97,7 @@ struct Api {
   void (*rtcSetSceneFlags)(Scene, int);
   void (*rtcSetSceneBuildQuality)(Scene, int);
   void (*rtcCommitScene)(Scene);
+  void (*rtcGetSceneBounds)(Scene, Bounds*);
   Geometry (*rtcNewGeometry)(Device, int);
   void (*rtcReleaseGeometry)(Geometry);
   void (*rtcCommitGeometry)(Geometry);

@@ -50,6 +50,7 @@ void bind_scene(nb::module_& m) {
   nb::class_<Scene>(m, "Scene")
       .def_prop_ro("memory_bytes", &Scene::memory_bytes)
       .def_ro("has_instances", &Scene::has_instances)
+      .def_ro("has_grouped", &Scene::has_grouped)
       .def_ro("has_spheres", &Scene::has_spheres)
       .def_ro("has_attributes", &Scene::has_attributes)
       .def_ro("has_emission", &Scene::has_emission)
@@ -66,8 +67,10 @@ void bind_scene(nb::module_& m) {
       .def("add_mesh", &add_mesh)
       .def("add_sphere", [](SceneBuilder& b, double radius, int surface,
                             InArray<double> matrix) { b.add_sphere(radius, surface, affine_of(matrix)); })
-      .def("add_placement",
-           [](SceneBuilder& b, int prototype, InArray<double> rows) { return b.add_placement(prototype, span_of(rows)); })
+      .def("reserve_instances", &SceneBuilder::reserve_instances)
+      .def("begin_placement", &SceneBuilder::begin_placement)
+      .def("add_instances", [](SceneBuilder& b, InArray<double> rows) { return b.add_instances(span_of(rows)); })
+      .def("end_placement", &SceneBuilder::end_placement)
       .def("add_light", &add_light)
       .def(
           "set_camera",

@@ -32,6 +32,13 @@ struct InstanceLanes {
   PRIMRAY_INLINE InstanceLanes(const float* base, vint<W> at)
       : x(gather_vec3(base, at)), y(gather_vec3(base + 3, at)), z(gather_vec3(base + 6, at)), o(gather_vec3(base + 9, at)) {}
   PRIMRAY_INLINE vvec3<W> vector(const vvec3<W>& v) const { return x * v.x + y * v.y + z * v.z; }
+  // Puts `outer` after it where `lanes` says, and gives the size of what was rounded on the way.
+  PRIMRAY_INLINE vvec3<W> move(vbool<W> lanes, const InstanceLanes& outer) {
+    const vvec3<W> spread = abs(outer.x * o.x) + abs(outer.y * o.y) + abs(outer.z * o.z) + abs(outer.o);
+    o = select(lanes, outer.vector(o) + outer.o, o);
+    x = select(lanes, outer.vector(x), x), y = select(lanes, outer.vector(y), y), z = select(lanes, outer.vector(z), z);
+    return select(lanes, spread, vvec3<W>(vfloat<W>(0.0f)));
+  }
   // Normals go by the cofactors: the inverse transpose times the determinant, whose sign counts (mirrored instances).
   PRIMRAY_INLINE vvec3<W> normal(const vvec3<W>& n) const {
     const vvec3<W> a = cross(y, z), b = cross(z, x), c = cross(x, y);
@@ -77,9 +84,18 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   r.surface = zero;
   const vbool<W> instanced = scene.has_instances ? active & (h.inst != vint<W>(-1)) : vbool<W>(false);
   const bool any_instanced = scene.has_instances && any(instanced);
-  vint<W> group = zero, instance = zero;
+  vint<W> group = zero, instance = zero, outer = zero, geom = h.geom;
+  vbool<W> grouped(false);
   if (any_instanced) {
-    const vint<W> placement = select(instanced, h.inst - vint<W>(kFirstPlacement), zero);
+    const int32_t first_id = int32_t(kFirstPlacement) - int32_t(scene.groups[0].placement_base);
+    vint<W> placement = select(instanced, h.inst - vint<W>(first_id), zero);
+    if (scene.has_grouped) {
+      const GroupedHit<W> hit(instanced, h.geom, h.inst);
+      grouped = hit.grouped;
+      placement = select(grouped, hit.placement, placement);
+      geom = select(grouped, hit.geom, geom);
+      outer = select(grouped, hit.outer, zero);
+    }
     group = select(instanced, gather<W>(scene.placement_group.data(), placement), zero);
     instance = select(instanced, gather<W>(scene.placement_instance.data(), placement) + h.inst_prim, zero);
   }
@@ -89,7 +105,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     for (int i = 0; i < W; ++i) b.set(i, int32_t(scene.groups[group[i]].*base));
     return b;
   };
-  const vbool<W> is_triangle = active & (h.geom == vint<W>(int32_t(kTriangleGeometry)));
+  const vbool<W> is_triangle = active & (geom == vint<W>(int32_t(kTriangleGeometry)));
   vvec3<W> e1(vfloat<W>(0.0f)), e2(vfloat<W>(0.0f)), normal(vfloat<W>(0.0f)), p(vfloat<W>(0.0f));
   vvec3<W> sphere_normal(vfloat<W>(0.0f));
   vbool<W> smooth(false);
@@ -109,7 +125,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     p = p0 + e1 * h.u + e2 * h.v;
     if (scene.has_attributes) add_attributes(scene, is_triangle, mesh, triangle, corner, h, normal, smooth, r.color);
   }
-  const vbool<W> is_sphere = scene.has_spheres ? active & (h.geom == vint<W>(int32_t(kSphereGeometry))) : vbool<W>(false);
+  const vbool<W> is_sphere = scene.has_spheres ? active & (geom == vint<W>(int32_t(kSphereGeometry))) : vbool<W>(false);
   const bool any_sphere = scene.has_spheres && any(is_sphere);
   if (any_sphere) {
     const vint<W> sphere = select(is_sphere, group_base(&Group::sphere_base) + h.prim, zero);
@@ -123,10 +139,13 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   if (any_sphere) ng = select(is_sphere, sphere_normal, ng);
   r.p = p;
   if (any_instanced) {
-    const InstanceLanes<W> m(scene.world_from_group.data(), instance * vint<W>(12));
+    InstanceLanes<W> m(scene.world_from_group.data(), instance * vint<W>(12));
+    vvec3<W> far(vfloat<W>(0.0f));
+    if (scene.has_grouped && any(grouped))
+      far = m.move(grouped, InstanceLanes<W>(scene.world_from_group.data(), outer * vint<W>(12)));
     const vvec3<W> q = m.vector(p) + m.o;
     r.p = select(instanced, q, p);
-    const vvec3<W> spread = abs(m.x * p.x) + abs(m.y * p.y) + abs(m.z * p.z) + abs(m.o);
+    const vvec3<W> spread = abs(m.x * p.x) + abs(m.y * p.y) + abs(m.z * p.z) + abs(m.o) + far;
     const vvec3<W> edges = abs(m.vector(e1)) + abs(m.vector(e2));
     reach = select(instanced, max(max_component(spread), max_component(edges)), reach);
     ng = select(instanced, m.normal(ng), ng);

@@ -31,12 +31,10 @@ bool is_regular(const daffine& m) {
 
 }  // namespace
 
-SceneBuilder::SceneBuilder(dvec3 origin, double scale)
-    : scene_(std::make_unique<Scene>()), group_origin_(origin), group_scale_(scale) {
+SceneBuilder::SceneBuilder(dvec3 origin, double scale) : scene_(std::make_unique<Scene>()) {
   scene_->origin = origin;
   scene_->scale = scale;
-  scene_->groups.emplace_back();
-  prototype_from_group_.push_back({{1 / scale, 0, 0}, {0, 1 / scale, 0}, {0, 0, 1 / scale}, origin});
+  begin_prototype(origin, scale);
 }
 
 int SceneBuilder::begin_prototype(dvec3 center, double scale) {
@@ -45,7 +43,8 @@ int SceneBuilder::begin_prototype(dvec3 center, double scale) {
   g.triangle_base = uint32_t(scene_->indices.size() / 3), g.vertex_base = uint32_t(scene_->positions.size() / 3);
   g.sphere_base = uint32_t(scene_->spheres.size());
   scene_->groups.push_back(std::move(g));
-  prototype_from_group_.push_back({{1 / scale, 0, 0}, {0, 1 / scale, 0}, {0, 0, 1 / scale}, center});
+  outside_from_group_.push_back({{1 / scale, 0, 0}, {0, 1 / scale, 0}, {0, 0, 1 / scale}, center});
+  group_from_outside_.push_back({{scale, 0, 0}, {0, scale, 0}, {0, 0, scale}, center * -scale});
   return int(scene_->groups.size()) - 1;
 }
 
@@ -109,10 +108,8 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
 }
 
 void SceneBuilder::add_sphere(double radius, int32_t surface, const daffine& group_from_object) {
-  const daffine group_from_prototype{
-      {group_scale_, 0, 0}, {0, group_scale_, 0}, {0, 0, group_scale_}, group_origin_ * -group_scale_};
   const daffine size{{radius, 0, 0}, {0, radius, 0}, {0, 0, radius}, dvec3(0.0)};
-  const daffine m = group_from_prototype * group_from_object * size;
+  const daffine m = group_from_outside_.back() * group_from_object * size;
   if (!is_regular(m)) return;
   const daffine inv = inverse(m);
   SphereRecord r;
@@ -129,32 +126,48 @@ void SceneBuilder::add_sphere(double radius, int32_t surface, const daffine& gro
   scene_->has_spheres = true;
 }
 
-int64_t SceneBuilder::add_placement(int prototype, std::span<const double> rows) {
+void SceneBuilder::reserve_instances(size_t count) {
+  if (count >= kMaxElements / 12) throw Error("too-large", "more than 178 million instances");
+  scene_->world_from_group.reserve(12 * count);
+}
+
+void SceneBuilder::begin_placement(int parent, int prototype) {
   Scene& s = *scene_;
-  const daffine undo = prototype_from_group_[prototype];
-  const daffine core_from_world{{s.scale, 0, 0}, {0, s.scale, 0}, {0, 0, s.scale}, s.origin * -s.scale};
-  const int32_t first = int32_t(s.world_from_group.size() / 12);
+  parent_ = parent, undo_ = outside_from_group_[prototype], redo_ = group_from_outside_[parent];
+  Group& group = s.groups[parent];
+  if (group.placement_count == 0) group.placement_base = uint32_t(s.placement_group.size());
+  s.placement_group.push_back(prototype);
+  s.placement_instance.push_back(int32_t(s.world_from_group.size() / 12));
+}
+
+int64_t SceneBuilder::add_instances(std::span<const double> rows) {
+  std::vector<float>& to = scene_->world_from_group;
+  if (to.size() + rows.size() >= kMaxElements) throw Error("too-large", "more than 178 million instances");
   int64_t left_out = 0;
   for (size_t i = 0; i < rows.size(); i += 12) {
-    const daffine world_from_prototype = affine_from_rows(&rows[i]);
-    if (!is_regular(world_from_prototype)) {
+    const daffine parent_from_prototype = affine_from_rows(&rows[i]);
+    if (!is_regular(parent_from_prototype)) {
       ++left_out;
       continue;
     }
-    const daffine m = core_from_world * (world_from_prototype * undo);
-    for (const dvec3* c : {&m.x, &m.y, &m.z, &m.o}) put(s.world_from_group, *c);
+    const daffine m = redo_ * (parent_from_prototype * undo_);
+    for (const dvec3* c : {&m.x, &m.y, &m.z, &m.o}) put(to, *c);
   }
-  if (s.world_from_group.size() >= kMaxElements) throw Error("too-large", "more than 178 million instances");
-  const Group& g = s.groups[prototype];
-  const bool empty = g.triangle_count == 0 && g.sphere_count == 0;
-  if (empty || int32_t(s.world_from_group.size() / 12) == first) {
-    s.world_from_group.resize(size_t(first) * 12);
-    return left_out;
-  }
-  s.placement_group.push_back(prototype);
-  s.placement_instance.push_back(first);
-  s.has_instances = true;
   return left_out;
+}
+
+void SceneBuilder::end_placement() {
+  Scene& s = *scene_;
+  const Group& g = s.groups[s.placement_group.back()];
+  const size_t first = size_t(s.placement_instance.back()) * 12;
+  if (g.empty() || s.world_from_group.size() == first) {
+    s.world_from_group.resize(first);
+    s.placement_group.pop_back(), s.placement_instance.pop_back();
+    return;
+  }
+  s.groups[parent_].placement_count++;
+  s.has_instances = true;
+  s.has_grouped |= g.placement_count > 0;
 }
 
 void SceneBuilder::add_light(const LightInput& light) { add_light_rows(light, scene_->origin, scene_->scale, scene_->lights); }

@@ -51,9 +51,14 @@ class SceneBuilder {
   int begin_prototype(dvec3 center, double scale);
   void add_mesh(const MeshInput& mesh, const daffine& group_from_object);
   void add_sphere(double radius, int32_t surface, const daffine& group_from_object);
-  // `rows`: 12 doubles an instance, world from prototype. A singular or non-finite one is left out; the result says how many
-  // were.
-  int64_t add_placement(int prototype, std::span<const double> rows);
+  // Room for all instances of all placements: appending would else take twice their memory for a moment.
+  void reserve_instances(size_t count);
+  // Between the two come its instances. `parent` is 0 or a prototype without shapes, which is then placed by user geometry;
+  // placements of one parent follow each other.
+  void begin_placement(int parent, int prototype);
+  // `rows`: 12 doubles an instance, parent from prototype. A singular or non-finite one is left out; the result says how many.
+  int64_t add_instances(std::span<const double> rows);
+  void end_placement();
   void add_light(const LightInput& light);
   void set_camera(const CameraInput& camera);
   // Builds the acceleration structures; the builder is empty afterwards.
@@ -66,7 +71,11 @@ class SceneBuilder {
   // Of the current group.
   dvec3 group_origin_;
   double group_scale_;
-  std::vector<daffine> prototype_from_group_;  // by group: undoes its recentring
+  // By group: undoes its recentring, and does it.
+  std::vector<daffine> outside_from_group_, group_from_outside_;
+  // Of the placement that is being filled.
+  int parent_ = 0;
+  daffine undo_, redo_;
 };
 
 }  // namespace primray

@@ -3,13 +3,16 @@
 // Folder: scene.hpp the data; build.cpp fills it from double-precision input; camera.hpp the film's rays. accel/ makes Embree
 // scenes of it, light/ and bsdf/ read their tables, integrator/ walks paths through it. A `Group` is geometry with an Embree
 // scene of its own: group 0 is everything placed once, in world space; the others are prototypes in their own space, placed by
-// instances.
+// instances. Instances may stand in a prototype, which has no shapes then: Embree knows one level of instances, so such a
+// prototype is placed by accel/grouped_geometry.
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <vector>
 
 #include "accel/embree.hpp"
+#include "accel/grouped_geometry.hpp"
 #include "light/light.hpp"
 #include "math/matrix.hpp"
 #include "scene/camera.hpp"
@@ -17,8 +20,9 @@
 
 namespace primray {
 
-// Embree geometry numbers: in every group triangles and spheres, in the top scene the placements after them.
+// Embree geometry numbers: in every group triangles and spheres, and after them the placements in it, from its first on.
 constexpr uint32_t kTriangleGeometry = 0, kSphereGeometry = 1, kFirstPlacement = 2;
+static_assert(kFirstPlacement <= 1 << kGeometryBits);
 
 enum class Attribute : int32_t { kNone = 0, kTriangle = 1, kVertex = 2, kCorner = 3 };
 
@@ -38,7 +42,9 @@ struct Group {
   uint32_t triangle_base = 0, triangle_count = 0;
   uint32_t vertex_base = 0, vertex_count = 0;
   uint32_t sphere_base = 0, sphere_count = 0;
+  uint32_t placement_base = 0, placement_count = 0;  // what is placed in it: in the world, or in a prototype without shapes
   OwnedScene accel;
+  bool empty() const { return triangle_count == 0 && sphere_count == 0 && placement_count == 0; }
 };
 
 struct Scene {
@@ -58,9 +64,10 @@ struct Scene {
   std::vector<Group> groups;
 
   // Instances, all placements one after the other.
-  std::vector<float> world_from_group;      // 12 floats an instance: columns x, y, z, origin
+  std::vector<float> world_from_group;      // 12 floats an instance: columns x, y, z, origin (for one in a prototype: to that)
   std::vector<int32_t> placement_group;     // by placement
   std::vector<int32_t> placement_instance;  // first instance, by placement
+  std::deque<GroupedPlacement> grouped;     // placements of prototypes that have placements; Embree holds pointers to them
 
   SurfaceTable surfaces;
   LightTable lights;
@@ -72,6 +79,7 @@ struct Scene {
 
   // Facts of the scene that spare work where they are false.
   bool has_instances = false;  // else no hit carries an instance
+  bool has_grouped = false;    // some instances stand in others
   bool has_spheres = false;
   bool has_attributes = false;  // smooth normals or varying colours
   bool has_emission = false;

@@ -9,6 +9,7 @@ import numpy as np
 from pxr import Tf, Usd, UsdGeom
 
 from ..description import Camera, Doubles, Mesh, Placed, Placement, Projection, Prototype, Shape, Sphere
+from ..placement import placed_box
 from .adapters.camera import Aperture, conform, window_of
 from .adapters.render_settings import StageSettings
 from .read import When
@@ -17,6 +18,8 @@ from .read import When
 FOCAL_LENGTH = 50.0
 APERTURE = Aperture(20.955, 15.2908)
 
+
+MANY = 1_000_000  # instances whose own corners are looked at, one by one
 
 Bounds = tuple[Doubles, Doubles]  # centre and size of the world's axis-aligned box
 
@@ -73,15 +76,29 @@ def shape_bounds(
     """Of what has been translated, by the corners of the shapes' own boxes; a unit box where there is nothing."""
     corners = [_box_corners(shapes[p.shape]) @ p.matrix[:3, :3].T + p.matrix[:3, 3] for p in static]
     for placement in placements:
-        world = placement.world_from_prototype
+        if prototypes[placement.prototype].placements or len(placement) > MANY:
+            corners.append(np.array(placed_box(placement.levels, _prototype_box(shapes, prototypes, placement.prototype))))
+            continue
         for p in prototypes[placement.prototype].shapes:
             local = _box_corners(shapes[p.shape]) @ p.matrix[:3, :3].T + p.matrix[:3, 3]
-            corners.append((local @ world[:, :, :3].transpose(0, 2, 1) + world[:, None, :, 3]).reshape(-1, 3))
+            for world in placement.chunks():
+                at = (local @ world[:, :, :3].transpose(0, 2, 1) + world[:, None, :, 3]).reshape(-1, 3)
+                corners.append(np.array([at.min(axis=0), at.max(axis=0)]))
     if not corners:
         return np.zeros(3), np.ones(3)
     low = np.min([c.min(axis=0) for c in corners], axis=0)
     high = np.max([c.max(axis=0) for c in corners], axis=0)
     return (low + high) / 2, high - low
+
+
+def _prototype_box(shapes: Sequence[Shape], prototypes: Sequence[Prototype], number: int) -> Bounds:
+    """Low and high corner of a prototype in its own space."""
+    p = prototypes[number]
+    boxes = [placed_box(inner.levels, _prototype_box(shapes, prototypes, inner.prototype)) for inner in p.placements]
+    for placed in p.shapes:
+        at = _box_corners(shapes[placed.shape]) @ placed.matrix[:3, :3].T + placed.matrix[:3, 3]
+        boxes.append((at.min(axis=0), at.max(axis=0)))
+    return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
 
 
 def _box_corners(shape: Shape) -> Doubles:

@@ -15,7 +15,9 @@ from .ear_clip import ear_clip
 from .vectors import cross
 
 Mask = npt.NDArray[np.bool_]
-Indices = npt.NDArray[np.int64]
+Points = npt.NDArray[np.floating]
+BLOCK = 1 << 12
+_NEXT, _BEFORE = np.array([1, 2, 3, 0]), np.array([3, 0, 1, 2])
 
 
 @dataclass(frozen=True)
@@ -25,28 +27,29 @@ class Triangles:
     faces: Ints  # (T,) indices of faces, for values per face, in order
 
 
-def triangulate(points: npt.NDArray[np.floating], counts: Ints, indices: Ints, keep: Mask | None = None) -> Triangles:
+def triangulate(points: Points, counts: Ints, indices: Ints, keep: Mask | None = None) -> Triangles:
     """Triangles of the faces that `keep` marks (all if None); those without area are left out.
 
     The topology must be valid: counts sum to the indices' number; kept faces have 3 vertices or more, all in range.
     """
-    starts = np.zeros(len(counts), np.int64)
-    np.cumsum(counts[:-1], out=starts[1:])
-    faces = np.arange(len(counts)) if keep is None else np.flatnonzero(keep)
-    if len(faces) == 0:
+    if (keep is not None and not keep.any()) or len(counts) == 0:
         return Triangles(np.zeros((0, 3), np.int32), np.zeros((0, 3), np.int32), np.zeros(0, np.int32))
-    in_double = points.astype(np.float64)
+    low, high = int(counts.min()), int(counts.max())
+    if keep is None and low == high:
+        corners = np.arange(len(indices), dtype=np.int32).reshape(-1, low)
+        return _finished(points, indices, *_of_size(points, indices, corners, np.arange(len(counts), dtype=np.int32)))
+    faces = np.arange(len(counts), dtype=np.int32) if keep is None else np.flatnonzero(keep).astype(np.int32)
+    starts = (np.cumsum(counts, dtype=np.int64) - counts).astype(np.int32)
     sizes = counts[faces]
-    if sizes.min() == sizes.max():
-        corners, owners, solid = _of_size(in_double, indices, starts, faces, int(sizes[0]))
-        if solid:
-            return Triangles(indices[corners].astype(np.int32, copy=False), corners.astype(np.int32), owners.astype(np.int32))
-    else:
-        parts = [_of_size(in_double, indices, starts, faces[sizes == n], int(n)) for n in np.unique(sizes)]
-        owners = np.concatenate([owner for _, owner, _ in parts])
-        order = np.argsort(owners, kind="stable")
-        corners, owners = np.concatenate([corner for corner, _, _ in parts])[order], owners[order]
-    return _with_area(in_double, indices, corners, owners)
+    parts = []
+    for n in np.unique(sizes):
+        chosen = faces[sizes == n]
+        parts.append(_of_size(points, indices, starts[chosen][:, None] + np.arange(n, dtype=np.int32), chosen))
+    if len(parts) == 1:
+        return _finished(points, indices, *parts[0])
+    owners = np.concatenate([owner for _, owner, _ in parts])
+    order = np.argsort(owners, kind="stable")
+    return _finished(points, indices, np.concatenate([corner for corner, _, _ in parts])[order], owners[order], False)
 
 
 def flipped(triangles: Triangles) -> Triangles:
@@ -55,22 +58,27 @@ def flipped(triangles: Triangles) -> Triangles:
     return Triangles(triangles.points[:, order], triangles.corners[:, order], triangles.faces)
 
 
-def _with_area(points: Doubles, indices: Ints, corners: Indices, faces: Indices) -> Triangles:
-    """Without the triangles whose area is zero in double."""
-    triangles = indices[corners]
-    p = points[triangles]
-    solid = cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]).any(axis=1)
-    if not solid.all():
-        triangles, corners, faces = triangles[solid], corners[solid], faces[solid]
-    return Triangles(triangles.astype(np.int32, copy=False), corners.astype(np.int32), faces.astype(np.int32))
+def _finished(points: Points, indices: Ints, corners: Ints, faces: Ints, solid: bool) -> Triangles:
+    """Without the triangles whose area is zero in double, unless all are known to be `solid`."""
+    triangles = indices[corners].astype(np.int32, copy=False)
+    if not solid:
+        has_area = np.concatenate([_has_area(points[block].astype(np.float64)) for block in _blocks(triangles)])
+        if not has_area.all():
+            triangles, corners, faces = triangles[has_area], corners[has_area], faces[has_area]
+    return Triangles(triangles, corners, faces)
 
 
-def _of_size(points: Doubles, indices: Ints, starts: Indices, faces: Indices, n: int) -> tuple[Indices, Indices, bool]:
-    """Corners (T, 3) and faces (T,) of polygons that all have n vertices, and whether all are known to have area."""
-    corners = starts[faces][:, None] + np.arange(n)
+def _has_area(p: Doubles) -> Mask:
+    return np.asarray(cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]).any(axis=1))
+
+
+def _of_size(points: Points, indices: Ints, corners: Ints, faces: Ints) -> tuple[Ints, Ints, bool]:
+    """Corners (T, 3) and faces (T,) of polygons (F, n) that all have n vertices, and whether all are known to have area."""
+    n = corners.shape[1]
     if n == 3:
         return corners, faces, False
-    bent = _turns(points[indices[corners]]) <= 0
+    bends = _quad_bends if n == 4 else _bends
+    bent = np.concatenate([bends(points[indices[block]].astype(np.float64)) for block in _blocks(corners)])
     if not bent.any():
         return _fans(corners), np.repeat(faces, n - 2), n == 4  # a quad's triangles are two of its corners
     number = bent.sum(axis=1)
@@ -81,27 +89,42 @@ def _of_size(points: Doubles, indices: Ints, starts: Indices, faces: Indices, n:
         number = np.where(one, 0, number)
     triangles = _fans(corners).reshape(len(faces), n - 2, 3)
     for f in np.flatnonzero(number):
-        triangles[f] = corners[f][ear_clip(points[indices[corners[f]]])]
+        triangles[f] = corners[f][ear_clip(points[indices[corners[f]]].astype(np.float64))]
     return triangles.reshape(-1, 3), np.repeat(faces, n - 2), False
 
 
-def _fans(corners: Indices) -> Indices:
+def _blocks(rows: Ints) -> list[Ints]:
+    """In pieces whose vertices in double stay in the cache; one where that is all."""
+    return [rows[start : start + BLOCK] for start in range(0, len(rows), BLOCK)]
+
+
+def _fans(corners: Ints) -> Ints:
     """(F * (n - 2), 3): triangles (0, j, j + 1) of each polygon."""
     count, n = corners.shape
-    fan = np.empty((count, n - 2, 3), np.int64)
+    fan = np.empty((count, n - 2, 3), np.int32)
     fan[:, :, 0] = corners[:, :1]
     fan[:, :, 1] = corners[:, 1:-1]
     fan[:, :, 2] = corners[:, 2:]
     return fan.reshape(-1, 3)
 
 
-def _turns(p: Doubles) -> Doubles:
-    """(F, n) from vertices (F, n, 3): how each corner turns about its polygon's Newell normal; <= 0 is reflex or flat."""
+def _quad_bends(p: Doubles) -> Mask:
+    """`_bends` of quads (F, 4, 3): their Newell normal is the sum of two opposite corners' own."""
+    edge = p[:, _NEXT] - p
+    own = cross(edge[:, _BEFORE], edge)
+    return _against(own, own[:, 1] + own[:, 3])
+
+
+def _bends(p: Doubles) -> Mask:
+    """(F, n) from vertices (F, n, 3): the corners that turn against their polygon's Newell normal, or not at all."""
     n = p.shape[1]
     edge = p[:, np.arange(1, n + 1) % n] - p
     before = edge[:, np.arange(-1, n - 1)]
     spoke = p - p[:, :1]
     normal = cross(spoke[:, 1:-1], spoke[:, 2:]).sum(axis=1)
-    turn: Doubles = np.einsum("fnk,fk->fn", cross(before, edge), normal)
-    flat = 1e-12 * np.einsum("fk,fk->f", normal, normal)[:, None]  # rounding of points in float cannot tell these from 0
-    return np.where(turn <= flat, np.minimum(turn, 0.0), turn)
+    return _against(cross(before, edge), normal)
+
+
+def _against(own: Doubles, normal: Doubles) -> Mask:
+    # Rounding of points in float cannot tell these from 0.
+    return np.asarray(np.vecdot(own, normal[:, None]) <= 1e-12 * np.vecdot(normal, normal)[:, None])

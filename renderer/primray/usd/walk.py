@@ -8,19 +8,21 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
+import numpy as np
 from pxr import Gf, Tf, Usd, UsdGeom, UsdShade
 
 from ..description import Doubles
+from ..placement import MatrixInstances, PointInstances
 from .adapters.draw_mode import stand_in
 from .adapters.points import POINT, spheres
 from .context import Context
-from .convert import matrix, rows
+from .convert import rows
 from .instances import Group
 from .notes import note_prim
 from .resolve import Binding, Inherited, ResolvedPrim, Subset, bind_materials, descend, inner_or_outer, local_matrix
 from .stage import tf_message
 
-PointInstances = list[tuple[str, Doubles]]  # (prototype root, (K, 3, 4) instancer_from_prototype)
+Expand = Callable[[ResolvedPrim, Context], list[tuple[str, PointInstances]]]  # (prototype root, group_from_prototype)
 
 # Inside prototypes of point instancers `over` ancestors are common: they keep prototypes from being drawn by themselves.
 _IN_PROTOTYPE = Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier
@@ -39,7 +41,7 @@ class GroupKey:
 class _Walk:
     ctx: Context
     leaf_types: Mapping[str, str]
-    expand: Callable[[ResolvedPrim, Context], PointInstances]
+    expand: Expand
     cache: UsdGeom.XformCache
     groups: list[Group[ResolvedPrim]] = field(default_factory=list)
     index: dict[GroupKey, int] = field(default_factory=dict)
@@ -55,9 +57,7 @@ class _Walk:
         return self.index[key]
 
 
-def walk(
-    ctx: Context, leaf_types: Mapping[str, str], expand: Callable[[ResolvedPrim, Context], PointInstances]
-) -> list[Group[ResolvedPrim]]:
+def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand) -> list[Group[ResolvedPrim]]:
     """All groups, the world first. `leaf_types` names the prim types that adapters take; `expand` reads an instancer."""
     state = _Walk(ctx, leaf_types, expand, UsdGeom.XformCache(ctx.when.time))
     state.group(ctx.stage.GetPseudoRoot(), Inherited())
@@ -117,42 +117,48 @@ def _local(state: _Walk, prim: Usd.Prim, names: frozenset[str]) -> tuple[Gf.Matr
 
 def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[ResolvedPrim]) -> None:
     """Instances of one prototype that hand down the same become one array of matrices."""
-    bindings = bind_materials([instance.prim for instance in instances], state.ctx.material_purposes)
+    ctx = state.ctx
+    bindings = bind_materials([instance.prim for instance in instances], ctx.material_purposes)
     by_child: dict[int, list[Gf.Matrix4d]] = {}
     for instance, inner in zip(instances, bindings, strict=True):
         outer = inner_or_outer(inner, instance.inherited.outer)
         prototype = instance.prim.GetPrototype()
-        state.ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
+        ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
         child = state.group(prototype, replace(instance.inherited, outer=outer))
         by_child.setdefault(child, []).append(instance.gf_matrix)
-    group.instances += [(child, rows(matrices)) for child, matrices in by_child.items()]
+    group.instances += [(child, _finite(rows(matrices), group, ctx)) for child, matrices in by_child.items()]
+
+
+def _finite(matrices: Doubles, group: Group[ResolvedPrim], ctx: Context) -> MatrixInstances:
+    finite = np.isfinite(matrices).all(axis=(1, 2))
+    if not finite.all():
+        bad = int(np.count_nonzero(~finite))
+        ctx.warn("invalid-transform", group.path, f"{bad} of {len(matrices)} instances have transforms that are not finite.")
+    return MatrixInstances(matrices[finite])
 
 
 def _expand_points(state: _Walk, group: Group[ResolvedPrim], instancer: ResolvedPrim) -> None:
     ctx = state.ctx
-    to_group = matrix(instancer.gf_matrix)
-    for root_path, matrices in state.expand(instancer, ctx):
+    for root_path, instances in state.expand(instancer, ctx):
         root = ctx.stage.GetPrimAtPath(root_path)
-        if not root or len(matrices) == 0:
+        if not root or not root.IsActive():
             continue
         handed = _handed_to_prototype(instancer, root, ctx)
-        placed = to_group[:3, :3] @ matrices
-        placed[:, :, 3] += to_group[:3, 3]
         if root.IsInstanceProxy():
             root = root.GetPrimInPrototype()
-        group.instances.append((state.group(root, handed), placed))
+        group.instances.append((state.group(root, handed), instances))
 
 
 def _place_spheres(state: _Walk, group: Group[ResolvedPrim], points: ResolvedPrim) -> None:
     """Each colour's sphere is a group of its own: one leaf, many places."""
-    to_group = matrix(points.gf_matrix)
+    to_group = points.group_from_prim
     names = points.names - {"primvars:displayColor"}
     for color, matrices in spheres(points, state.ctx):
         inherited = points.inherited if color is None else replace(points.inherited, color=color)
         leaf = replace(points, type_name=POINT, names=names, gf_matrix=Gf.Matrix4d(1.0), inherited=inherited)
         placed = to_group[:3, :3] @ matrices
         placed[:, :, 3] += to_group[:3, 3]
-        group.instances.append((len(state.groups), placed))
+        group.instances.append((len(state.groups), MatrixInstances(placed)))
         state.groups.append(Group(points.path, [leaf]))
 
 
@@ -196,7 +202,9 @@ def _bind_leaves(state: _Walk) -> None:
             if leaf.path in seen:
                 outer = leaf.inherited.outer
                 own = tuple(replace(s, material=_material(bindings[seen[s.path]], outer)) for s in subsets.get(leaf.path, ()))
-                group.leaves[i] = replace(leaf, material=_material(bindings[seen[leaf.path]], outer), subsets=own)
+                material = _material(bindings[seen[leaf.path]], outer)
+                if own or material:
+                    group.leaves[i] = replace(leaf, material=material, subsets=own)
 
 
 def _material(inner: Binding | None, outer: Binding | None) -> Usd.Prim | None:

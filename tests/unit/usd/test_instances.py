@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tests.described import world_from_prototype
 
 from primray.errors import LimitError
+from primray.placement import MatrixInstances, chunks
 from primray.settings import RenderSettings
 from primray.usd import camera_paths
-from primray.usd.instances import Group, flatten
+from primray.usd.instances import Arrangement, Group, arrange, count_of
 
 from .usd_text import stage_of, translate_text
 
@@ -23,39 +25,68 @@ def square(upper: np.ndarray) -> np.ndarray:
     return np.concatenate([upper, np.broadcast_to([0.0, 0, 0, 1], (len(upper), 1, 4))], axis=1)
 
 
+def level(matrices: np.ndarray) -> MatrixInstances:
+    return MatrixInstances(matrices)
+
+
+def standing(where: Arrangement, g: int) -> np.ndarray:
+    """(K, 3, 4): where a group stands in the world."""
+    return np.concatenate([rows for chain in where.world.get(g, []) for rows in chunks(chain)] or [np.zeros((0, 3, 4))])
+
+
+def with_leaves(count: int) -> list[Group[str]]:
+    return [Group(f"/{k}", ["leaf"]) for k in range(count)]
+
+
 def test_a_group_reached_on_two_ways() -> None:
     a, b, ab, bc, ac = (matrices(n) for n in (2, 3, 4, 2, 5))
-    groups: list[Group[str]] = [Group("/"), Group("c"), Group("b"), Group("a")]
-    groups[0].instances = [(3, a), (2, b)]
-    groups[3].instances = [(1, ac), (2, ab)]
-    groups[2].instances = [(1, bc)]
-    world, cyclic = flatten(groups, None)
-    assert cyclic == []
+    groups = with_leaves(4)
+    groups[0].instances = [(3, level(a)), (2, level(b))]
+    groups[3].instances = [(1, level(ac)), (2, level(ab))]
+    groups[2].instances = [(1, level(bc))]
+    where = arrange(groups, None)
+    assert where.cyclic == []
+    assert where.inside == {}
     all_b = np.concatenate([(square(a)[:, None] @ square(ab)[None]).reshape(-1, 4, 4), square(b)])
     all_c = [(square(a)[:, None] @ square(ac)[None]).reshape(-1, 4, 4), (all_b[:, None] @ square(bc)[None]).reshape(-1, 4, 4)]
-    for found, expected in ((world[3], square(a)), (world[2], all_b), (world[1], np.concatenate(all_c))):
+    for found, expected in (
+        (standing(where, 3), square(a)),
+        (standing(where, 2), all_b),
+        (standing(where, 1), np.concatenate(all_c)),
+    ):
         assert found.shape == (len(expected), 3, 4)
         order = np.lexsort(found.reshape(len(found), -1).T), np.lexsort(expected[:, :3].reshape(len(expected), -1).T)
         assert np.allclose(found[order[0]], expected[order[1], :3], rtol=1e-13)
 
 
 def test_cycles_are_cut_and_named() -> None:
-    groups: list[Group[str]] = [Group("/"), Group("a"), Group("b")]
-    groups[0].instances = [(1, matrices(1))]
-    groups[1].instances = [(2, matrices(2))]
-    groups[2].instances = [(1, matrices(3)), (2, matrices(1))]
-    world, cyclic = flatten(groups, None)
-    assert cyclic == [(2, 1), (2, 2)]
-    assert [len(w) for w in world] == [1, 1, 2]
+    groups = with_leaves(3)
+    groups[0].instances = [(1, level(matrices(1)))]
+    groups[1].instances = [(2, level(matrices(2)))]
+    groups[2].instances = [(1, level(matrices(3))), (2, level(matrices(1)))]
+    where = arrange(groups, None)
+    assert where.cyclic == [(2, 1), (2, 2)]
+    assert [len(standing(where, g)) for g in range(3)] == [1, 1, 2]
 
 
-def test_a_million_million_instances_are_refused_before_they_are_made() -> None:
-    groups: list[Group[str]] = [Group(f"/{k}") for k in range(5)]
+def test_a_million_million_instances_are_kept_in_two_levels() -> None:
+    groups = [Group[str](f"/{k}") for k in range(5)]
+    groups[4].leaves = ["leaf"]
     for k in range(4):
-        groups[k].instances = [(k + 1, np.zeros((1000, 3, 4)))]
+        groups[k].instances = [(k + 1, level(np.zeros((1000, 3, 4))))]
+    where = arrange(groups, 10**9)
+    assert list(where.inside) == [2]
+    assert [count_of(c) for c in (*where.top[2], *where.inside[2][4])] == [10**6, 10**6]
+
+
+def test_more_than_two_levels_can_hold_are_refused_before_they_are_made() -> None:
+    groups = [Group[str](f"/{k}") for k in range(7)]
+    groups[6].leaves = ["leaf"]
+    for k in range(6):
+        groups[k].instances = [(k + 1, level(np.zeros((1000, 3, 4))))]
     with pytest.raises(LimitError, match="instances") as error:
-        flatten(groups, 10**9)
-    assert (error.value.code, error.value.where) == ("memory-limit", "/4")
+        arrange(groups, 10**9)
+    assert (error.value.code, error.value.where) == ("memory-limit", "/3")
 
 
 def test_far_away_nested_instances_keep_double_precision() -> None:
@@ -82,7 +113,7 @@ def Xform "far" (
 """
     description, _ = translate_text(text)
     (placement,) = description.placements
-    x = sorted(placement.world_from_prototype[:, 0, 3].tolist())
+    x = sorted(world_from_prototype(placement)[:, 0, 3].tolist())
     assert x[-2:] == [100000000.125, 100000000.375]
 
 

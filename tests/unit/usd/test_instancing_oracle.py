@@ -1,102 +1,55 @@
-"""Every instance stands where USD's own functions put it: instance proxies and ComputeInstanceTransformsAtTime."""
+"""Every instance stands where USD's own functions put it: instance proxies, Gf's matrices, ComputeInstanceTransformsAtTime."""
 
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Usd, UsdGeom
+from pxr import Usd, UsdGeom, Vt
+from tests.described import world_from_prototype
+from tests.expanded import assert_same_triangles, flat_stage, world_triangles
 
-from primray.description import Mesh, SceneDescription
+from primray.description import SceneDescription
 from primray.settings import RenderSettings
 from primray.usd import translate
 
 ASSETS = Path(os.environ.get("PRIMRAY_ASSETS", Path(__file__).parents[4] / "shared" / "assets"))
-STAGES = [*sorted(ASSETS.glob("pixar-imaging/*/*.usda")), ASSETS / "intent-vfx/scenes/simpleAssetScene.usd"]
-SHAPES = ("Mesh", "Sphere", "Cube", "Cone", "Cylinder", "Capsule", "Plane")
-HERE = Path(__file__).parent
+STAGES = [
+    *sorted(ASSETS.glob("pixar-imaging/*/*.usda")),
+    ASSETS / "intent-vfx/scenes/simpleAssetScene.usd",
+    ASSETS / "maya-usd/PointInstancer_Grid_7k.usda",
+    ASSETS / "arnold-usd/test_1705/test.usda",
+    ASSETS / "arnold-usd/test_2641/test.usda",
+]
 
 
-def oracle(stage: Usd.Stage, time: Usd.TimeCode) -> list[Gf.Matrix4d]:
-    """World matrices of all visible shapes of purpose default and render, one prim at a time."""
-    found: list[Gf.Matrix4d] = []
-
-    def visit(prim: Usd.Prim, parent: Gf.Matrix4d, purpose: str, own: Gf.Matrix4d | None = None) -> None:
-        imageable = UsdGeom.Imageable(prim)
-        if imageable and imageable.GetVisibilityAttr().Get(time) == "invisible":
-            return
-        if imageable and imageable.GetPurposeAttr().HasAuthoredValue():
-            purpose = imageable.GetPurposeAttr().Get()
-        xformable = UsdGeom.Xformable(prim)
-        local = xformable.GetLocalTransformation(time) if xformable else Gf.Matrix4d(1)
-        world = own if own is not None else local * parent
-        if prim.IsA(UsdGeom.PointInstancer):
-            visit_points(UsdGeom.PointInstancer(prim), world, purpose)
-            return
-        if str(prim.GetTypeName()) in SHAPES and purpose in ("default", "render"):
-            found.append(world)
-        for child in prim.GetFilteredChildren(Usd.TraverseInstanceProxies(predicate(prim))):
-            visit(child, world, purpose)
-
-    def predicate(prim: Usd.Prim) -> object:
-        return Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier & ~Usd.PrimIsAbstract
-
-    def visit_points(instancer: UsdGeom.PointInstancer, world: Gf.Matrix4d, purpose: str) -> None:
-        matrices = instancer.ComputeInstanceTransformsAtTime(time, time)
-        indices = instancer.GetProtoIndicesAttr().Get(time)
-        mask = instancer.ComputeMaskAtTime(time)
-        if indices is None:
-            return
-        chosen = [i for i, shown in zip(indices, mask, strict=True) if shown] if mask else list(indices)
-        roots = instancer.GetPrototypesRel().GetForwardedTargets()
-        for matrix, index in zip(matrices, chosen, strict=False):
-            root = instancer.GetPrim().GetStage().GetPrimAtPath(roots[index]) if 0 <= index < len(roots) else None
-            if root:
-                visit(root, Gf.Matrix4d(1), purpose, own=Gf.Matrix4d(matrix) * world)
-
-    for child in stage.GetPseudoRoot().GetFilteredChildren(Usd.PrimDefaultPredicate):
-        visit(child, Gf.Matrix4d(1), "default")
-    return found
-
-
-def placed(description: SceneDescription) -> np.ndarray:
-    """(N, 4, 4): the world matrices of all shapes."""
-    matrices = [p.matrix[None] for p in description.static]
-    for placement in description.placements:
-        world = np.zeros((len(placement.world_from_prototype), 4, 4))
-        world[:, :3] = placement.world_from_prototype
-        world[:, 3, 3] = 1
-        matrices += [world @ p.matrix for p in description.prototypes[placement.prototype].shapes]
-    return np.concatenate(matrices) if matrices else np.zeros((0, 4, 4))
-
-
-def check(stage: Usd.Stage) -> None:
-    time_code = stage.GetStartTimeCode() if stage.HasAuthoredTimeCodeRange() else None
-    description, _ = translate(stage, RenderSettings(time_code=time_code))
+def check(stage: Usd.Stage, time_code: float | None, settings: RenderSettings | None = None) -> SceneDescription:
+    """Translated, and expanded by USD and then translated: the same triangles in the world."""
+    chosen = replace(settings or RenderSettings(), time_code=time_code)
     time = Usd.TimeCode.Default() if time_code is None else Usd.TimeCode(time_code)
-    expected = np.array([np.array(m).T for m in oracle(stage, time)]).reshape(-1, 4, 4)
-    found = placed(description)
-    # Meshes that hold no triangles are dropped by translation; none of these stages has any.
-    assert all(len(s.triangles) for s in description.shapes if isinstance(s, Mesh))
-    assert len(found) == len(expected)
-    if len(found) == 0:
-        return
-    scale = max(1.0, float(np.abs(expected).max()))
-    free = np.ones(len(found), bool)
-    flat = found.reshape(-1, 16)
-    for matrix in expected.reshape(-1, 16):
-        distance = np.where(free, np.abs(flat - matrix).max(axis=1), np.inf)
-        best = int(distance.argmin())
-        assert distance[best] < 4e-3 * scale  # USD does not renormalise half quaternions, we do
-        free[best] = False
+    description, _ = translate(stage, chosen)
+    flat, _ = translate(flat_stage(stage, time), RenderSettings())
+    assert flat.placements == ()
+    # A double has 52 bits; matrices of three levels and of Gf round a few times each.
+    assert_same_triangles(world_triangles(description), world_triangles(flat), 1e-13)
+    return description
+
+
+def start(stage: Usd.Stage) -> float | None:
+    return stage.GetStartTimeCode() if stage.HasAuthoredTimeCodeRange() else None
 
 
 @pytest.mark.skipif(not ASSETS.is_dir(), reason="the shared assets are not here")
 @pytest.mark.parametrize("path", STAGES, ids=lambda p: p.stem)
 def test_public_stage(path: Path) -> None:
-    check(Usd.Stage.Open(str(path)))
+    stage = Usd.Stage.Open(str(path))
+    first = start(stage)
+    check(stage, first)
+    if first is not None:
+        check(stage, 0.3 * first + 0.7 * stage.GetEndTimeCode())  # between samples
 
 
 NESTED = """#usda 1.0
@@ -163,8 +116,46 @@ def Xform "B" (
 def test_nested_instancers_inside_native_instances() -> None:
     stage = Usd.Stage.CreateInMemory()
     stage.GetRootLayer().ImportFromString(NESTED)
-    check(stage)
-    description, _ = translate(stage, RenderSettings())
+    description = check(stage, None)
     # /Source itself and its two instances: 3 x (2 rings of 3 visible + 1 leaf); the leaf is one prototype.
     assert [p.path for p in description.prototypes] == ["/Library/Leaf"]
-    assert [len(p.world_from_prototype) for p in description.placements] == [21]
+    assert [len(p) for p in description.placements] == [21]
+
+
+def test_two_levels_place_the_same_triangles() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    stage.GetRootLayer().ImportFromString(NESTED.replace("int[] protoIndices = [0, 1, 0]", "int[] protoIndices = [0, 0, 0]"))
+    grouped = check(stage, None, RenderSettings(max_memory_bytes=12 * 200))
+    # 18 balls and boxes come from 3 of the ring and 6 rings.
+    assert [len(p.placements) for p in grouped.prototypes] == [0, 1]
+    assert [len(p) for p in (*grouped.placements, *grouped.prototypes[1].placements)] == [9, 3]
+
+
+def test_matrices_are_those_of_usd_to_the_last_digits() -> None:
+    """With quaternions that are exactly unit length, which USD does not make so itself."""
+    rng = np.random.default_rng(4)
+    count = 5000
+    stage = Usd.Stage.CreateInMemory()
+    instancer = UsdGeom.PointInstancer.Define(stage, "/p")
+    ball = UsdGeom.Sphere.Define(stage, "/p/ball")
+    ball.AddRotateXYZOp().Set((10, 20, 30))
+    instancer.CreatePrototypesRel().AddTarget("/p/ball")
+    instancer.CreateProtoIndicesAttr(Vt.IntArray(count))
+    positions = rng.normal(size=(count, 3)) * 10.0 ** rng.uniform(-3, 6, (count, 1))
+    instancer.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(positions.astype(np.float32)))
+    scales = rng.normal(size=(count, 3)) * 10.0 ** rng.uniform(-3, 3, (count, 3))
+    scales[::7, 1] = 0.0
+    instancer.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(scales.astype(np.float32)))
+    quaternions = rng.choice([-0.5, 0.5], (count, 4))
+    quaternions[::5] = np.eye(4)[rng.integers(0, 4, len(quaternions[::5]))]
+    instancer.CreateOrientationsAttr(Vt.QuathArray.FromNumpy(quaternions.astype(np.float16)))
+    instancer.CreateIdsAttr(Vt.Int64Array.FromNumpy(rng.permutation(count).astype(np.int64) // 2))  # each twice
+    instancer.CreateInvisibleIdsAttr(Vt.Int64Array([3, 17, count, -1]))
+    instancer.DeactivateIds(Vt.Int64Array([17, 40]))
+    matrices = instancer.ComputeInstanceTransformsAtTime(Usd.TimeCode.Default(), Usd.TimeCode.Default())
+    expected = np.array([np.array(m).T[:3] for m in matrices])
+    description, _ = translate(stage, RenderSettings())
+    (placement,), (prototype,) = description.placements, description.prototypes
+    assert len(placement) == len(expected) == count - 6
+    found = world_from_prototype(placement) @ prototype.shapes[0].matrix
+    assert (np.abs(found - expected) <= 4 * np.spacing(np.abs(expected).max(axis=2, keepdims=True))).all()

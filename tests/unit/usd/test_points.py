@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from primray.description import SceneDescription, Sphere
+from primray.description import Placement, SceneDescription, Sphere
+from primray.placement import chunks
 
 from .usd_text import translate_text
 
@@ -23,6 +24,11 @@ def Xform "up"
 """
 
 
+def rows_of(placement: Placement) -> np.ndarray:
+    """(K, 3, 4)."""
+    return np.concatenate(list(chunks(placement.levels)))
+
+
 def placed(more: str) -> tuple[SceneDescription, dict[tuple[float, float, float], float], list[str]]:
     """The description, centre to radius of every sphere, and the diagnostics."""
     description, diagnostics = translate_text(POINTS.replace("MORE", more))
@@ -31,7 +37,7 @@ def placed(more: str) -> tuple[SceneDescription, dict[tuple[float, float, float]
     for placement in description.placements:
         (inner,) = description.prototypes[placement.prototype].shapes
         assert (inner.matrix == np.eye(4)).all()
-        matrices += list(placement.world_from_prototype)
+        matrices += list(rows_of(placement))
     return description, {tuple(m[:, 3].tolist()): float(m[0, 0]) for m in matrices}, [code for code, _ in diagnostics]
 
 
@@ -74,7 +80,7 @@ def test_colours_by_point() -> None:
         colors[p.matrix[0, 3]] = description.surfaces[description.shapes[p.shape].surface].diffuse_color
     for placement in description.placements:
         (inner,) = description.prototypes[placement.prototype].shapes
-        for x in placement.world_from_prototype[:, 0, 3]:
+        for x in rows_of(placement)[:, 0, 3]:
             colors[x] = description.surfaces[description.shapes[inner.shape].surface].diffuse_color
     assert colors == {0: (0, 1, 0), 1: (1, 0, 0), 2: (0, 1, 0)}
 
@@ -92,6 +98,6 @@ def test_many_colours_are_rounded_and_told() -> None:
     color = f"color3f[] primvars:displayColor = [{values}] (\ninterpolation = 'vertex'\n)"
     text = f'def Points "p"\n{{\npoint3f[] points = [{points}]\n{color}\n}}\n'
     description, diagnostics = translate_text(text)
-    assert sum(len(p.world_from_prototype) for p in description.placements) + len(description.static) == 300
+    assert sum(len(p) for p in description.placements) + len(description.static) == 300
     assert len(description.shapes) <= 125
     assert ("instance-primvar", "/p") in diagnostics

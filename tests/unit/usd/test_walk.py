@@ -50,7 +50,7 @@ def test_bindings_above_instances_make_their_own_prototypes() -> None:
     text += "".join(f'def Xform "i{k}" ' + bound(m, REFERENCE) + "}\n" for k, m in enumerate(("red", "red", "blue", "blue")))
     description, _ = translate_text(text)
     assert len(description.prototypes) == 2
-    assert [len(p.world_from_prototype) for p in description.placements] == [2, 2]
+    assert [len(p) for p in description.placements] == [2, 2]
     assert surfaces(description) == ["/blue", "/inner", "/inner", "/red"]
     stronger = text.replace(
         "rel material:binding = </red>",

@@ -3,22 +3,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from pxr import UsdGeom
 
-from ...description import Doubles
+from ...placement import PointInstances
 from ..context import Context
-from ..convert import rotations
+from ..convert import matrix
 from ..notes import note_velocities
 from ..read import array, read, time_of
 from ..resolve import ResolvedPrim
 
 
-def point_instances(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, Doubles]]:
-    """(prototype root path, (K, 3, 4) instancer_from_prototype) for each prototype with visible instances."""
+def point_instances(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, PointInstances]]:
+    """(prototype root path, where it stands in the stage or the group) for each prototype with visible instances.
+
+    What belongs to one instance is kept in one PointInstances, so that masks take all of it along.
+    """
     roots = [str(path) for path in prim.prim.GetRelationship("prototypes").GetForwardedTargets()]
     raw_proto, raw_positions = (read(prim.prim, name, ctx.when) for name in ("protoIndices", "positions"))
     if raw_proto is None or raw_positions is None or len(raw_proto) == 0:
@@ -28,22 +32,33 @@ def point_instances(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, Doubles
         ctx.warn("invalid-instancer", prim.path, "protoIndices and positions are not arrays of the same length.")
         return []
     keep = _shown(prim, roots, proto, positions, ctx)
-    matrices = _matrices(prim, positions, ctx)
-    bad = keep & ~np.isfinite(matrices).all(axis=(1, 2))
+    instances = _instances(prim, positions, ctx)
+    bad = keep & ~_finite(instances)
     if bad.any():
         ctx.warn(
             "invalid-transform", prim.path, f"{int(bad.sum())} of {len(proto)} instances have transforms that are not finite."
         )
         keep &= ~bad
     _note_ignored(prim, ctx)
-    placed = []
-    for k, root in enumerate(roots):
-        chosen = keep & (proto == k)
-        if chosen.all():
-            placed.append((root, matrices))
-        elif chosen.any():
-            placed.append((root, matrices[chosen]))
-    return placed
+    return [(roots[k], chosen) for k, chosen in _by_prototype(instances, proto, keep, len(roots))]
+
+
+def _by_prototype(
+    instances: PointInstances, proto: npt.NDArray[Any], keep: npt.NDArray[np.bool_], roots: int
+) -> Iterator[tuple[int, PointInstances]]:
+    """The kept instances of each prototype that has any, in their order."""
+    shown = np.flatnonzero(keep) if not keep.all() else None
+    kept = proto if shown is None else proto[shown]
+    counts = np.bincount(kept, minlength=roots)
+    if np.count_nonzero(counts) == 1 and shown is None:
+        yield int(kept[0]), instances
+        return
+    # Few prototypes have small numbers, which numpy sorts in linear time.
+    order = np.argsort(kept.astype(np.uint16 if roots <= 1 << 16 else np.int32), kind="stable")
+    ends = np.cumsum(counts)
+    for k in np.flatnonzero(counts):
+        chosen = order[ends[k] - counts[k] : ends[k]]
+        yield int(k), instances.take(chosen if shown is None else shown[chosen])
 
 
 def _shown(
@@ -67,19 +82,23 @@ def _shown(
     return keep
 
 
-def _matrices(prim: ResolvedPrim, positions: npt.NDArray[Any], ctx: Context) -> Doubles:
-    """(K, 3, 4): translation * rotation * scale, in double."""
+def _instances(prim: ResolvedPrim, positions: npt.NDArray[Any], ctx: Context) -> PointInstances:
     count = len(positions)
-    matrices = np.zeros((count, 3, 4))
     quaternions = _per_instance(prim, "orientationsf", 4, count, ctx)
     if quaternions is None:
         quaternions = _per_instance(prim, "orientations", 4, count, ctx)
-    matrices[:, :, :3] = np.eye(3) if quaternions is None else rotations(quaternions.astype(np.float64))
     scales = _per_instance(prim, "scales", 3, count, ctx)
-    if scales is not None:
-        matrices[:, :, :3] *= scales.astype(np.float64)[:, None, :]
-    matrices[:, :, 3] = positions
-    return matrices
+    return PointInstances(matrix(prim.gf_matrix)[:3], positions, quaternions, scales)
+
+
+def _finite(instances: PointInstances) -> npt.NDArray[np.bool_]:
+    """Which have a transform of finite numbers."""
+    finite = np.asarray(np.isfinite(instances.positions).all(axis=1))
+    finite &= bool(np.isfinite(instances.outer).all())
+    for values in (instances.orientations, instances.scales):
+        if values is not None:
+            finite &= np.isfinite(values).all(axis=1)
+    return finite
 
 
 def _per_instance(prim: ResolvedPrim, name: str, columns: int, count: int, ctx: Context) -> npt.NDArray[Any] | None:

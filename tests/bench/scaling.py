@@ -1,0 +1,128 @@
+"""How opening, translating and building grow with a stage: python -m tests.bench.scaling [--quick] [KIND:COUNT ...].
+
+Every stage is generated once and measured in a process of its own; bytes per item are that process's peak resident memory
+beyond what it had before opening the stage. KIND is meshes, triangles, instances, nested (1000 times the rest, 10,000 from
+1e9 on), multiplied (the same, never kept in two levels).
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from .results import write_results
+
+ROOT = Path(__file__).parents[2]
+SIZES = {
+    "meshes": (10**3, 10**4, 10**5),
+    "triangles": (10**5, 10**6, 10**7),
+    "instances": (10**4, 10**5, 10**6, 10**7),
+    "nested": (10**4, 10**6, 10**7, 10**9),
+    "multiplied": (10**6, 10**7),
+}
+RESOLUTION = (160, 90)
+
+
+def measure(path: str, kind: str, count: int) -> dict[str, Any]:
+    """Seconds of each step and peak bytes; what is not imported yet is loaded before."""
+    from primray import core, usd
+    from primray.diagnostics import Diagnostics
+    from primray.settings import RenderSettings
+    from primray.summary import summary
+    from primray.usd import instances
+
+    if kind == "multiplied":
+        instances.MAX_FLAT_INSTANCES = count
+    settings = RenderSettings(resolution=RESOLUTION, spp=1, threads=len(os.sched_getaffinity(0)))
+    core.module()
+    before = _peak_bytes()
+    seconds = {}
+    start = time.perf_counter()
+
+    def lap(name: str) -> None:
+        nonlocal start
+        seconds[name] = round(time.perf_counter() - start, 3)
+        start = time.perf_counter()
+
+    stage = usd.open_stage(path, Diagnostics())
+    lap("open_s")
+    description, _ = usd.translate(stage, settings)
+    lap("translate_s")
+    after_translation = _peak_bytes()
+    counted = summary(description)
+    start = time.perf_counter()
+    scene = core.build(description, {}, settings)
+    lap("build_s")
+    peak = _peak_bytes()
+    film = core.render(scene, settings)
+    lap("render_s")
+    covered = float((film.pixels[..., 3] > 0).mean())
+    return {
+        **seconds,
+        "peak_bytes": peak,
+        "bytes_before": before,
+        "translated_bytes_per_item": round((after_translation - before) / count, 1),
+        "bytes_per_item": round((peak - before) / count, 1),
+        "estimated_bytes": counted.memory_bytes,
+        "instances": counted.instances,
+        "triangles": counted.triangles_unique,
+        "rays": film.rays,
+        "covered": round(covered, 4),
+    }
+
+
+def _peak_bytes() -> int:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+def _in_process(code: str) -> str:
+    """A new process, so that its peak memory is its own."""
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise SystemExit(done.stderr)
+    return done.stdout
+
+
+def run(kind: str, count: int, folder: Path) -> dict[str, Any]:
+    path = folder / f"{kind}_{count}.usdc"
+    start = time.perf_counter()
+    arguments = f"{kind!r}, {count}, Path({str(path)!r})"
+    _in_process(f"from pathlib import Path; from tests.bench.scaling_stages import write; write({arguments})")
+    generated = time.perf_counter() - start
+    text = _in_process(
+        f"import json; from tests.bench.scaling import measure; print(json.dumps(measure({str(path)!r}, {kind!r}, {count})))"
+    )
+    row = {"kind": kind, "count": count, "file_bytes": path.stat().st_size, "generate_s": round(generated, 1)}
+    path.unlink()
+    return row | json.loads(text.splitlines()[-1])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m tests.bench.scaling", description=__doc__)
+    parser.add_argument("what", nargs="*", help="KIND:COUNT, all by default")
+    parser.add_argument("--quick", action="store_true", help="the two smallest sizes of each kind")
+    options = parser.parse_args()
+    wanted = [(kind, count) for kind, sizes in SIZES.items() for count in (sizes[:2] if options.quick else sizes)]
+    if options.what:
+        wanted = [(kind, int(float(count))) for kind, count in (what.split(":") for what in options.what)]
+    rows = []
+    with tempfile.TemporaryDirectory() as folder:
+        for kind, count in wanted:
+            row = run(kind, count, Path(folder))
+            rows.append(row)
+            times = "  ".join(f"{step} {row[step + '_s']:7.2f} s" for step in ("open", "translate", "build"))
+            memory = f"peak {row['peak_bytes'] / 1e6:8.0f} MB  {row['bytes_per_item']:9.1f} bytes each"
+            print(f"{kind:10} {count:>13,}  {times}  {memory}", flush=True)
+    print(f"written: {write_results('scaling', rows).relative_to(Path.cwd())}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,115 @@
+"""Generated stages that grow: many small meshes, one big mesh, many instances, nested instances. Written as usdc."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+
+CUBE_POINTS = [(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
+CUBE_FACES = [0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3]
+PER_SCOPE = 1000
+
+
+def write(kind: str, count: int, path: Path) -> None:
+    """A stage with `count` meshes, triangles or instances."""
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    side = {"meshes": _meshes, "triangles": _triangles, "instances": _instances, "nested": _nested, "multiplied": _nested}[
+        kind
+    ](stage, count)
+    _camera(stage, side)
+    stage.GetRootLayer().Save()
+
+
+def _camera(stage: Usd.Stage, side: float) -> None:
+    """Looks over a square of that side about the origin, from one edge and above."""
+    camera = UsdGeom.Camera.Define(stage, "/camera")
+    camera.AddTranslateOp().Set(Gf.Vec3d(0, 0.35 * side, 0.75 * side))
+    camera.AddRotateXOp().Set(-28.0)
+    camera.GetClippingRangeAttr().Set(Gf.Vec2f(1e-3 * side, 1e3 * side))
+    camera.GetHorizontalApertureAttr().Set(36.0)
+    camera.GetFocalLengthAttr().Set(30.0)
+
+
+def _cube(layer: Sdf.Layer, path: str) -> Sdf.PrimSpec:
+    prim = Sdf.CreatePrimInLayer(layer, path)
+    prim.specifier, prim.typeName = Sdf.SpecifierDef, "Mesh"
+    for name, type_name, value in (
+        ("points", Sdf.ValueTypeNames.Point3fArray, Vt.Vec3fArray(CUBE_POINTS)),
+        ("faceVertexCounts", Sdf.ValueTypeNames.IntArray, Vt.IntArray([4] * 6)),
+        ("faceVertexIndices", Sdf.ValueTypeNames.IntArray, Vt.IntArray(CUBE_FACES)),
+        ("subdivisionScheme", Sdf.ValueTypeNames.Token, "none"),
+    ):
+        Sdf.AttributeSpec(prim, name, type_name).default = value
+    return prim
+
+
+def _meshes(stage: Usd.Stage, count: int) -> float:
+    layer = stage.GetRootLayer()
+    side = int(np.ceil(np.sqrt(count)))
+    rng = np.random.default_rng(1)
+    with Sdf.ChangeBlock():
+        for i in range(count):
+            scope = f"/meshes/group_{i // PER_SCOPE}"
+            prim = _cube(layer, f"{scope}/mesh_{i}")
+            at = Gf.Vec3d((i % side - side / 2) * 2, rng.uniform(0, 1), (i // side - side / 2) * 2)
+            Sdf.AttributeSpec(prim, "xformOp:translate", Sdf.ValueTypeNames.Double3).default = at
+            order = Sdf.AttributeSpec(prim, "xformOpOrder", Sdf.ValueTypeNames.TokenArray, Sdf.VariabilityUniform)
+            order.default = Vt.TokenArray(["xformOp:translate"])
+            color = Sdf.AttributeSpec(prim, "primvars:displayColor", Sdf.ValueTypeNames.Color3fArray)
+            color.default = Vt.Vec3fArray([Gf.Vec3f(*(float(x) for x in rng.integers(2, 9, 3) / 10))])
+        for path in ["/meshes", *(f"/meshes/group_{k}" for k in range((count - 1) // PER_SCOPE + 1))]:
+            spec = Sdf.CreatePrimInLayer(layer, path)
+            spec.specifier, spec.typeName = Sdf.SpecifierDef, "Xform"
+    return 2.0 * side
+
+
+def _triangles(stage: Usd.Stage, count: int) -> float:
+    """One grid of quads."""
+    n = max(1, round(np.sqrt(count / 2)))
+    x, z = np.meshgrid(np.linspace(-50, 50, n + 1), np.linspace(-50, 50, n + 1), indexing="ij")
+    points = np.stack([x, 3 * np.sin(0.3 * x) * np.cos(0.2 * z), z], axis=-1).reshape(-1, 3).astype(np.float32)
+    at = np.arange((n + 1) * (n + 1), dtype=np.int32).reshape(n + 1, n + 1)
+    quads = np.stack([at[:-1, :-1], at[:-1, 1:], at[1:, 1:], at[1:, :-1]], axis=-1).reshape(-1)
+    mesh = UsdGeom.Mesh.Define(stage, "/grid")
+    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray.FromNumpy(np.full(n * n, 4, np.int32)))
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(quads))
+    mesh.CreateSubdivisionSchemeAttr("none")
+    return 100.0
+
+
+def _instances(stage: Usd.Stage, count: int) -> float:
+    side = 2 * np.sqrt(count)
+    _instancer(stage, "/field", count, side, "/field/cube", seed=2)
+    _cube(stage.GetRootLayer(), "/field/cube")
+    return side
+
+
+def _nested(stage: Usd.Stage, count: int) -> float:
+    """1000 instances (or the root of `count`, if that is less; 10,000 from 1e9 on) of an instancer with the rest."""
+    outer = 10_000 if count >= 10**9 else min(1000, round(np.sqrt(count)))
+    inner_side = 2 * np.sqrt(count / outer)
+    side = float(inner_side * np.sqrt(outer))
+    _instancer(stage, "/field", outer, side, "/field/clump", seed=3)
+    _instancer(stage, "/field/clump", count // outer, inner_side, "/field/clump/cube", seed=4)
+    _cube(stage.GetRootLayer(), "/field/clump/cube")
+    return side
+
+
+def _instancer(stage: Usd.Stage, path: str, count: int, side: float, prototype: str, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    instancer = UsdGeom.PointInstancer.Define(stage, path)
+    instancer.CreatePrototypesRel().SetTargets([prototype])
+    instancer.CreateProtoIndicesAttr(Vt.IntArray(count))
+    positions = np.zeros((count, 3), np.float32)
+    positions[:, [0, 2]] = rng.uniform(-side / 2, side / 2, (count, 2))
+    instancer.CreatePositionsAttr(Vt.Vec3fArray.FromNumpy(positions))
+    angle = rng.uniform(0, np.pi, count)
+    orientations = np.zeros((count, 4), np.float16)
+    orientations[:, 1], orientations[:, 3] = np.sin(angle), np.cos(angle)  # about y; memory order x, y, z, w
+    instancer.CreateOrientationsAttr(Vt.QuathArray.FromNumpy(orientations))
+    scales = np.repeat(rng.uniform(0.5, 1.2, (count, 1)), 3, axis=1).astype(np.float32)
+    instancer.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(scales))
