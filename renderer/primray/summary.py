@@ -18,6 +18,7 @@ INSTANCE_BYTES = 210  # Embree's INSTANCE_ARRAY and the core's matrix; what the 
 PIXEL_BYTES = 104  # the film's sums of both replicates in double, and the image
 TEXEL_BYTES = 16
 PROCESS_BYTES = 150 * 2**20  # Python, USD, OpenImageIO and the core, before they hold a scene
+VIEW_BYTES = 40 * 2**20  # OpenColorIO's when a PNG is written, when most of the scene's peak is free again
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Summary:
     cages: int  # meshes still to be subdivided
     textures: int  # files
     memory_bytes: int  # estimate of the peak: geometry, hierarchies, instances, film; of textures what `texels` says
-    process_bytes: int  # the same with what the process takes anyway
+    process_bytes: int  # estimate of the whole process's peak
 
     def as_json(self) -> dict[str, Any]:
         return asdict(self)
@@ -84,7 +85,7 @@ def summary(description: SceneDescription, texels: int = 0) -> Summary:
         cages=sum(isinstance(s, SubdivisionMesh) for s in shapes),
         textures=len(texture_files(description)),
         memory_bytes=memory,
-        process_bytes=memory + PROCESS_BYTES,
+        process_bytes=PROCESS_BYTES + max(memory, VIEW_BYTES),
     )
 
 
