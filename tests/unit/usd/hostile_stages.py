@@ -113,6 +113,8 @@ def write(folder: Path) -> None:
         (folder / f"layers/{i}.usda").write_text(stage(body=f'def Sphere "s{i}"\n{{\n}}\n'))
     (folder / "many sublayers.usda").write_text(stage(f"subLayers = [{layers}]", ""))
 
+    (folder / "too many sublayers.usda").write_text(stage(f"subLayers = [{', '.join(['@./plain.usda@'] * 4001)}]", ""))
+
 
 def _truncated(folder: Path) -> None:
     from pxr import Sdf, UsdUtils
