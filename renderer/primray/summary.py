@@ -18,7 +18,7 @@ INSTANCE_BYTES = 210  # Embree's INSTANCE_ARRAY and the core's matrix; what the 
 PIXEL_BYTES = 104  # the film's sums of both replicates in double, and the image
 TEXEL_BYTES = 16
 PROCESS_BYTES = 150 * 2**20  # Python, USD, OpenImageIO and the core, before they hold a scene
-VIEW_BYTES = 40 * 2**20  # OpenColorIO's when a PNG is written, when most of the scene's peak is free again
+VIEW_BYTES = 44 * 2**20  # OpenColorIO's when a PNG is written, when most of the scene's peak is free again
 
 
 @dataclass(frozen=True)
