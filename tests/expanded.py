@@ -13,7 +13,7 @@ from pxr import Gf, Usd, UsdGeom
 
 from primray.description import Doubles, Placement, SceneDescription, Sphere, SubdivisionMesh
 
-SHAPES = ("Mesh", "Sphere", "Cube", "Cone", "Cylinder", "Capsule", "Plane")
+SHAPES = ("Mesh", "Sphere", "Cube", "Cone", "Cylinder", "Capsule", "Plane", "Points")
 _DRAWN = Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier & ~Usd.PrimIsAbstract
 _NOT_COPIED = ("xformOp", "visibility", "purpose", "proxyPrim", "extent", "primvars:")
 

@@ -88,7 +88,8 @@ def _render_one(
         description, textures = load_textures(description, diagnostics, usd.read_asset)
         if settings.strict:
             diagnostics.raise_if_strict()
-    check_memory(description, settings)
+    texels = sum(image.pixels.shape[0] * image.pixels.shape[1] for images in textures.values() for _, image in images)
+    check_memory(description, settings, texels)
     with costs.stage("dice"):
         description, limits = core.dice(description, settings)
     for code, path, message in limits:
@@ -113,7 +114,7 @@ def _render_one(
 
     core_says = {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": list(scene.features)}
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
-    counted = counts(summary(description))
+    counted = counts(summary(description, settings.dicing_rate, texels))
     report = make_report(film, costs, settings, counted, as_json, core_says, pixels_sha256(film.pixels))
     return Image(film.pixels, report, header_of(report), description.camera)
 
@@ -143,14 +144,14 @@ def load_textures(
     return replace(description, lights=lights), textures
 
 
-def check_memory(description: SceneDescription, settings: RenderSettings) -> None:
+def check_memory(description: SceneDescription, settings: RenderSettings, texels: int) -> None:
     """LimitError if the scene is estimated to need more memory than is allowed, before anything of it is built."""
     limit_bytes = settings.max_memory_bytes
     if limit_bytes is None:
         return
     from .summary import summary
 
-    needed = summary(description, settings.dicing_rate).memory_bytes
+    needed = summary(description, settings.dicing_rate, texels).memory_bytes
     if needed > limit_bytes:
         sentence = f"the scene needs about {needed / 2**20:.0f} MiB, {limit_bytes / 2**20:.0f} MiB are allowed"
         raise LimitError(sentence, code="memory-limit")

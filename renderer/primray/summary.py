@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections import Counter
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from .description import Mesh, Placement, SceneDescription, Shape, Sphere, SubdivisionMesh
+import numpy as np
+
+from .description import Mesh, Placement, SceneDescription, Shape, Sphere, SubdivisionMesh, TextureInput
 from .footprint import Footprint, estimated_triangles, footprints
 from .settings import DEFAULT_DICING_RATE
 
-# Estimates. Embree 4's BVH8 over triangles: measured 90 to 120 bytes a triangle with the robust flag.
-BVH_BYTES_PER_TRIANGLE = 100
-DICED_BYTES_PER_TRIANGLE = 24  # half a vertex with its normal, and three indices
-INSTANCE_BYTES = 168  # Embree's INSTANCE_ARRAY, from 10 million instances in 1.2 GB, and the core's matrix
+# Peak bytes, fitted to what `python -m tests.bench.memory` measures there: arrays of the description are counted
+# exactly and stand twice while the core copies them; these come on top.
+TRIANGLE_BYTES = 120  # Embree's hierarchy, and what building it takes
+DICED_TRIANGLE_BYTES = 48  # half a vertex with its normal, and three indices, twice
+SHAPE_BYTES = 2000
+INSTANCE_BYTES = 210  # Embree's INSTANCE_ARRAY and the core's matrix; what the description holds is counted
+PIXEL_BYTES = 104  # the film's sums of both replicates in double, and the image
+TEXEL_BYTES = 16
+PROCESS_BYTES = 150 * 2**20  # Python, USD, OpenImageIO and the core, before they hold a scene
+VIEW_BYTES = 44 * 2**20  # OpenColorIO's when a PNG is written, when most of the scene's peak is free again
 
 
 @dataclass(frozen=True)
@@ -36,14 +45,16 @@ class Summary:
     spheres_instanced: int
     prototypes: int
     instances: int
-    memory_bytes: int  # estimate: geometry, its acceleration structure and instances; textures and image not counted
+    textures: int  # files
+    memory_bytes: int  # estimate of the peak: geometry, hierarchies, instances, film; of textures what `texels` says
+    process_bytes: int  # estimate of the whole process's peak
 
     def as_json(self) -> dict[str, Any]:
         return asdict(self)
 
 
-def summary(description: SceneDescription, dicing_rate: float = DEFAULT_DICING_RATE) -> Summary:
-    """Counts of a description, its cages as diced to edges of so many pixels."""
+def summary(description: SceneDescription, dicing_rate: float = DEFAULT_DICING_RATE, texels: int = 0) -> Summary:
+    """Counts of a description, its cages as diced to edges of so many pixels, whose textures hold `texels` in all."""
     shapes = description.shapes
     prints = footprints(description)
     count = [_triangles(s, prints.get(k), dicing_rate) for k, s in enumerate(shapes)]
@@ -53,8 +64,18 @@ def summary(description: SceneDescription, dicing_rate: float = DEFAULT_DICING_R
     _count_instances(description, description.placements, 1, seen)
     is_sphere = [isinstance(s, Sphere) for s in shapes]
     is_cage = [isinstance(s, SubdivisionMesh) for s in shapes]
-    instances, stored, arrays = _instances(description)
-    triangles = sum(count)
+    instances, stored, placement_bytes = _instances(description)
+    width, height = description.resolution
+    memory = (
+        2 * _array_bytes(shapes)
+        + sum(count) * TRIANGLE_BYTES
+        + sum(n for n, cage in zip(count, is_cage, strict=True) if cage) * DICED_TRIANGLE_BYTES
+        + len(shapes) * SHAPE_BYTES
+        + stored * INSTANCE_BYTES
+        + placement_bytes
+        + width * height * PIXEL_BYTES
+        + texels * TEXEL_BYTES
+    )
     return Summary(
         camera=description.camera.path,
         resolution=description.resolution,
@@ -63,16 +84,14 @@ def summary(description: SceneDescription, dicing_rate: float = DEFAULT_DICING_R
         meshes=len(shapes) - sum(is_sphere) - sum(is_cage),
         cages=sum(is_cage),
         spheres=sum(is_sphere),
-        triangles_unique=triangles,
+        triangles_unique=sum(count),
         triangles_instanced=sum(n * k for n, k in zip(count, seen, strict=True)),
         spheres_instanced=sum(k for k, sphere in zip(seen, is_sphere, strict=True) if sphere),
         prototypes=len(description.prototypes),
         instances=instances,
-        memory_bytes=_array_bytes(shapes)
-        + triangles * BVH_BYTES_PER_TRIANGLE
-        + sum(n for n, cage in zip(count, is_cage, strict=True) if cage) * DICED_BYTES_PER_TRIANGLE
-        + stored * INSTANCE_BYTES
-        + arrays,
+        textures=len(texture_files(description)),
+        memory_bytes=memory,
+        process_bytes=PROCESS_BYTES + max(memory, VIEW_BYTES),
     )
 
 
@@ -94,6 +113,19 @@ def _instances(d: SceneDescription) -> tuple[int, int, int]:
     return whole, sum(map(len, every)), sum(p.nbytes for p in every)
 
 
+def texture_files(description: SceneDescription) -> dict[str, None]:
+    """Paths of all textures, tiles apart, in order of use."""
+    files = [light.texture for light in description.lights if light.texture is not None]
+    for surface in description.surfaces:
+        files += [made.file for _, made in surface.inputs if isinstance(made, TextureInput)]
+    return dict.fromkeys(path for file in files for path in ([tile for _, tile in file.tiles] or [file.path]) if path)
+
+
+def primvar_names(description: SceneDescription) -> dict[str, int]:
+    """Of the primvars that surfaces can read: how many shapes have each."""
+    return dict(Counter(primvar.name for shape in description.shapes for primvar in shape.primvars))
+
+
 def counts(summed: Summary) -> dict[str, int]:
     """The numbers of a Summary."""
     return {name: value for name, value in asdict(summed).items() if isinstance(value, int)}
@@ -106,11 +138,12 @@ def _triangles(shape: Shape, footprint: Footprint | None, dicing_rate: float) ->
 
 
 def _array_bytes(shapes: tuple[Shape, ...]) -> int:
-    """Of all arrays that meshes hold, shared ones once."""
-    arrays = {}
+    """Of all arrays that shapes hold, shared ones once."""
+    arrays: dict[int, int] = {}
     for shape in shapes:
-        if isinstance(shape, Mesh):
-            for values in (shape.points, shape.triangles, shape.normals, shape.colors):
-                if values is not None:
-                    arrays[id(values)] = values.nbytes
+        for field in fields(shape):
+            value = getattr(shape, field.name)
+            held = [value] if isinstance(value, np.ndarray) else []
+            held += [p.values for p in shape.primvars] if field.name == "primvars" else []
+            arrays |= {id(values): values.nbytes for values in held}
     return sum(arrays.values())

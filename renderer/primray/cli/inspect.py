@@ -14,8 +14,6 @@ from .frames import parse_frames
 if TYPE_CHECKING:
     from ..description import SceneDescription
 
-_SHOWN = 10  # cameras and lights, unless verbose
-
 
 def inspect(
     scene: options.Scene,
@@ -36,11 +34,12 @@ def inspect(
     json: options.Json = False,
     verbose: options.Verbose = False,
 ) -> None:
-    """Print what would be rendered: cameras, lights, counts, memory, diagnostics."""
+    """Print what a stage is made of and what would be rendered: layers, variants, cameras, counts, memory, diagnostics."""
     from .. import usd
     from ..diagnostics import Diagnostics
-    from ..summary import counts, summary
-    from ..usd import camera_paths
+    from ..summary import counts, primvar_names, summary
+    from ..texture_sizes import texture_sizes
+    from .inspect_text import lines
     from .json_lines import print_line
 
     time_codes: list[float | None] = [None] if frame is None else [*parse_frames(frame)]
@@ -62,19 +61,30 @@ def inspect(
     stage = usd.open_stage(scene, diagnostics, settings.composition)
     description, translating = usd.translate(stage, settings)
     diagnostics.extend(translating)
+    textures = texture_sizes(description, usd.read_asset)
     facts = {
         "type": "scene",
         "scene": scene,
-        "cameras": camera_paths(stage),
+        "stage": usd.stage_facts(stage),
+        "cameras": usd.camera_paths(stage),
         "camera": camera_facts(description),
         "lights": light_facts(description),
-        "counts": counts(summary(description, settings.dicing_rate)),
+        "materials": sorted({surface.path for surface in description.surfaces if surface.path}),
+        "textures": [{"path": path, "size": size} for path, size in textures.items()],
+        "primvars": primvar_names(description),
+        "counts": counts(
+            summary(
+                description,
+                settings.dicing_rate,
+                texels=sum(size[0] * size[1] for size in textures.values() if size),
+            )
+        ),
         "diagnostics": [diagnostic.as_json() for diagnostic in diagnostics],
     }
     if json:
         print_line(facts)
     else:
-        _print_table(facts, verbose)
+        print("\n".join(lines(facts, verbose)))
 
 
 def camera_facts(description: SceneDescription) -> dict[str, Any]:
@@ -102,46 +112,3 @@ def light_facts(description: SceneDescription) -> list[dict[str, Any]]:
         }
         for light in description.lights
     ]
-
-
-def _print_table(facts: dict[str, Any], verbose: bool) -> None:
-    from .diagnostics_text import diagnostics_lines
-
-    rows = _camera_rows(facts, verbose) + _light_rows(facts["lights"], verbose) + _count_rows(facts["counts"])
-    indent = max(len(name) for name, _ in rows) + 2
-    for name, text in rows:
-        print(f"{name:{indent}}{text}")
-    for line in diagnostics_lines(facts["diagnostics"], verbose=verbose):
-        print(line)
-
-
-def _camera_rows(facts: dict[str, Any], verbose: bool) -> list[tuple[str, str]]:
-    camera = facts["camera"]
-    width, height = camera["resolution"]
-    others = [path for path in facts["cameras"] if path != camera["path"]]
-    rows = [("camera", f"{camera['path'] or 'automatic'} ({camera['projection']}), {width} x {height}")]
-    rows += [("", f"also {path}") for path in (others if verbose else others[:_SHOWN])]
-    return rows + _rest(others, "cameras", verbose)
-
-
-def _light_rows(lights: list[dict[str, Any]], verbose: bool) -> list[tuple[str, str]]:
-    rows = []
-    for light in lights if verbose else lights[:_SHOWN]:
-        emission = " ".join(f"{v:.4g}" for v in light["emission"])
-        texture = f", {light['texture']}" if light["texture"] else ""
-        rows.append(("light", f"{light['path']} ({light['type']}), {emission}{texture}"))
-    return rows + _rest(lights, "lights", verbose)
-
-
-def _rest(things: list[Any], what: str, verbose: bool) -> list[tuple[str, str]]:
-    return [] if verbose or len(things) <= _SHOWN else [("", f"and {len(things) - _SHOWN} more {what}")]
-
-
-def _count_rows(counted: dict[str, int]) -> list[tuple[str, str]]:
-    rows = []
-    for name, value in counted.items():
-        if name.endswith("_bytes"):
-            rows.append((name.removesuffix("_bytes").replace("_", " "), f"{value / 2**20:.1f} MiB"))
-        else:
-            rows.append((name.replace("_", " "), f"{value:,}"))
-    return rows

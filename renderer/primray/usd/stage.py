@@ -14,11 +14,14 @@ from pxr import Sdf, Tf, Usd, UsdUtils
 
 from ..composition import Composition
 from ..diagnostics import Diagnostics
-from ..errors import StageOpenError
+from ..errors import LimitError, StageOpenError
 from .select_prims import add_load_rules, check_population, choose_variants, note_unloaded, populate
 from .stage_metadata import check_rates, note_units
 
 USD_DEFAULTS = Composition()
+# Every value is looked up in every layer of a stack: 1000 spheres in 1000 sublayers open and translate in 1.3 s, 3000 in 3000
+# in minutes.
+MAX_SUBLAYERS = 4000
 
 
 def error_text(message: Any, field: str = "") -> str:
@@ -81,7 +84,18 @@ def scratch_copy(stage: Usd.Stage) -> Usd.Stage:
     return made
 
 
+def _check_sublayers(root: Sdf.Layer) -> None:
+    if len(root.subLayerPaths) > MAX_SUBLAYERS:
+        raise LimitError(
+            f"The layer has {len(root.subLayerPaths):,} sublayers, {MAX_SUBLAYERS:,} are allowed: the time USD takes grows "
+            "with the square of their number.",
+            where=root.identifier,
+            code="sublayer-limit",
+        )
+
+
 def _compose(root: Sdf.Layer, base: Usd.Stage | None, composition: Composition, path: str) -> Usd.Stage:
+    _check_sublayers(root)
     session = _session(*_session_layers(base, composition))
     context = base.GetPathResolverContext() if base is not None else None
     try:

@@ -17,7 +17,7 @@ from .adapters.draw_mode import stand_in
 from .adapters.points import POINT, spheres
 from .bindings import note_bindings, subsets_of
 from .context import Context
-from .convert import matrix, rows
+from .convert import rows
 from .instance_primvars import given_per_instance
 from .instances import Group
 from .notes import note_prim
@@ -155,7 +155,7 @@ def _expand_points(state: _Walk, group: Group[ResolvedPrim], instancer: Resolved
 
 def _place_spheres(state: _Walk, group: Group[ResolvedPrim], points: ResolvedPrim) -> None:
     """Each colour's sphere is a group of its own: one leaf, many places."""
-    to_group = matrix(points.gf_matrix)
+    to_group = points.group_from_prim
     names = points.names - {"primvars:displayColor"}
     for color, matrices in spheres(points, state.ctx):
         inherited = points.inherited if color is None else replace(points.inherited, color=color)

@@ -189,9 +189,25 @@ def test_inspect(pipeline: FakePipeline, capsys: pytest.CaptureFixture[str]) -> 
     assert facts["cameras"] == ["/cam", "/other"]
     assert facts["lights"][0]["type"] == "dome"
     assert facts["counts"] == {"memory_bytes": 2**20, "triangles": 12}
-    assert run(["inspect", "shot.usda"]) == 0
+    assert facts["stage"]["layers"] == ["shot.usda", "car.usda"]
+    assert facts["textures"] == [{"path": "/no/such.png", "size": None}]
+    assert run(["inspect", "shot.usda", "--variant", "/World/car:color=blue"]) == 0
+    assert pipeline.composition.variants == ("/World/car:color=blue",)
     out = capsys.readouterr().out
-    for text in ["/cam (perspective), 8 x 4", "also /other", "/dome (dome)", "1.0 MiB", "texture-bad-texels"]:
+    for text in [
+        "/cam (perspective), 8 x 4",
+        "also /other",
+        "/dome (dome)",
+        "1.0 MiB",
+        "texture-bad-texels",
+        "/World/car:color=red (blue, red)",
+        "1 loaded, 1 not loaded",
+        "1 to 9, 24 codes a second, samples from 1 to 8",
+        "default 2 shapes, proxy 1 shape",
+        "/i: 7 of 1 prototypes",
+        "/m: cards",
+        "/no/such.png: cannot be read",
+    ]:
         assert text in out
     assert "render" not in pipeline.calls
 

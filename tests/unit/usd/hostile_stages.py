@@ -113,6 +113,8 @@ def write(folder: Path) -> None:
         (folder / f"layers/{i}.usda").write_text(stage(body=f'def Sphere "s{i}"\n{{\n}}\n'))
     (folder / "many sublayers.usda").write_text(stage(f"subLayers = [{layers}]", ""))
 
+    (folder / "too many sublayers.usda").write_text(stage(f"subLayers = [{', '.join(['@./plain.usda@'] * 4001)}]", ""))
+
 
 def _truncated(folder: Path) -> None:
     from pxr import Sdf, UsdUtils
@@ -130,7 +132,7 @@ def outcomes(folder: Path) -> Iterator[dict[str, object]]:
     from primray.diagnostics import Diagnostics
     from primray.errors import PrimrayError
     from primray.settings import RenderSettings
-    from primray.usd import open_stage, translate
+    from primray.usd import open_stage, stage_facts, translate
 
     for path in sorted(p for p in folder.iterdir() if p.suffix.startswith(".usd")):
         print(f"# {path.name}", flush=True)
@@ -139,7 +141,9 @@ def outcomes(folder: Path) -> Iterator[dict[str, object]]:
         try:
             for time_code in (None, 1.5):
                 opening = Diagnostics()
-                _, translating = translate(open_stage(path, opening), RenderSettings(time_code=time_code))
+                stage = open_stage(path, opening)
+                _, translating = translate(stage, RenderSettings(time_code=time_code))
+            json.dumps(stage_facts(stage))
             found["codes"] = sorted({d.code for d in (*opening, *translating)})
         except PrimrayError as error:
             str(error).encode()

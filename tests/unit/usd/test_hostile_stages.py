@@ -40,8 +40,10 @@ def test_each_takes_seconds(outcomes: Outcomes) -> None:
     assert {name for name, outcome in outcomes.items() if outcome["seconds"] > 30} == set()
 
 
-def test_each_error_is_the_scenes_fault(outcomes: Outcomes) -> None:
-    assert {outcome["exit_code"] for outcome in outcomes.values() if "error" in outcome} == {3}
+def test_each_error_is_the_scenes_fault_or_a_limit(outcomes: Outcomes) -> None:
+    ended = {name: outcome["exit_code"] for name, outcome in outcomes.items() if "error" in outcome}
+    assert ended.pop("too many sublayers.usda") == 4
+    assert set(ended.values()) == {3}
 
 
 @pytest.mark.parametrize("rate", set(RATES) - {"-24"})

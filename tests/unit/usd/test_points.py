@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.described import world_from_prototype
 
-from primray.description import SceneDescription, Sphere
+from primray.description import Placement, SceneDescription, Sphere
+from primray.placement import chunks
 
 from .usd_text import translate_text
 
@@ -24,6 +24,11 @@ def Xform "up"
 """
 
 
+def rows_of(placement: Placement) -> np.ndarray:
+    """(K, 3, 4)."""
+    return np.concatenate(list(chunks(placement.levels)))
+
+
 def placed(more: str) -> tuple[SceneDescription, dict[tuple[float, float, float], float], list[str]]:
     """The description, centre to radius of every sphere, and the diagnostics."""
     description, diagnostics = translate_text(POINTS.replace("MORE", more))
@@ -32,7 +37,7 @@ def placed(more: str) -> tuple[SceneDescription, dict[tuple[float, float, float]
     for placement in description.placements:
         (inner,) = description.prototypes[placement.prototype].shapes
         assert (inner.matrix == np.eye(4)).all()
-        matrices += list(world_from_prototype(placement))
+        matrices += list(rows_of(placement))
     return description, {tuple(m[:, 3].tolist()): float(m[0, 0]) for m in matrices}, [code for code, _ in diagnostics]
 
 
@@ -75,7 +80,7 @@ def test_colours_by_point() -> None:
         colors[p.matrix[0, 3]] = description.surfaces[description.shapes[p.shape].surface].diffuse_color
     for placement in description.placements:
         (inner,) = description.prototypes[placement.prototype].shapes
-        for x in world_from_prototype(placement)[:, 0, 3]:
+        for x in rows_of(placement)[:, 0, 3]:
             colors[x] = description.surfaces[description.shapes[inner.shape].surface].diffuse_color
     assert colors == {0: (0, 1, 0), 1: (1, 0, 0), 2: (0, 1, 0)}
 

@@ -14,9 +14,9 @@ from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
 from primray.usd import translate
 from primray.usd.context import Context
-from primray.usd.primvars import Sizes
 from primray.usd.read import When
 from primray.usd.resolve import Inherited, ResolvedPrim
+from primray.usd.subdivision import read_cage
 from primray.usd.surface_primvars import cage_primvars
 
 from .usd_text import stage_of, translate_text
@@ -300,7 +300,9 @@ def test_cages_keep_interpolations_and_indices() -> None:
     resolved = ResolvedPrim(prim, "/mesh", "Mesh", authored, Gf.Matrix4d(1), Inherited())
     surface = translate(stage, RenderSettings())[0].surfaces[0]
     read = [(f"f{i}", PrimvarInput(name, (0.0,))) for i, name in enumerate(names)]
-    found = cage_primvars(resolved, [replace(surface, inputs=tuple(read))], Sizes(2, 6, 8), ctx)
+    cage = read_cage(resolved, ctx)
+    assert cage is not None
+    found = cage_primvars(resolved, [replace(surface, inputs=tuple(read))], cage, ctx)
     kinds = [Interpolation.CONSTANT, Interpolation.FACE, Interpolation.POINT, Interpolation.VARYING, Interpolation.CORNER]
     assert [p.interpolation for p in found] == kinds
     assert found[3].values.ravel().tolist() == [0, 0, 0, 1, 1, 1]

@@ -1,0 +1,94 @@
+"""The facts of `primray inspect` as a person reads them: a name and a line each, long lists cut short unless verbose."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from .diagnostics_text import diagnostics_lines
+
+_SHOWN = 10  # of each list, unless verbose
+
+Row = tuple[str, str]
+
+
+def lines(facts: dict[str, Any], verbose: bool) -> list[str]:
+    shown = None if verbose else _SHOWN
+    rows = [
+        *_stage_rows(facts["stage"], shown),
+        *_camera_rows(facts, shown),
+        *_listed("light", [_light(light) for light in facts["lights"]], shown),
+        *_listed("material", facts["materials"], shown),
+        *_listed("texture", [_texture(texture) for texture in facts["textures"]], shown),
+        *_counted("primvars", facts["primvars"], "shape"),
+        *_count_rows(facts["counts"]),
+    ]
+    indent = max(len(name) for name, _ in rows) + 2
+    return [f"{name:{indent}}{text}" for name, text in rows] + diagnostics_lines(facts["diagnostics"], verbose=verbose)
+
+
+def _stage_rows(stage: dict[str, Any], shown: int | None) -> Iterator[Row]:
+    yield from _listed("layer", stage["layers"], shown)
+    default = f", default prim {stage['default_prim']}" if stage["default_prim"] else ""
+    yield "stage", f"{stage['up_axis']} up, {stage['meters_per_unit']:g} m a unit{default}"
+    yield "time", _time(stage["time"])
+    variants = [f"{v['prim']}:{v['set']}={v['selection']} ({', '.join(v['names'])})" for v in stage["variants"]]
+    yield from _listed("variant", variants, shown)
+    payloads = stage["payloads"]
+    if payloads["loaded"] or payloads["unloaded"]:
+        yield "payloads", f"{len(payloads['loaded'])} loaded, {len(payloads['unloaded'])} not loaded"
+        yield from _listed("not loaded", payloads["unloaded"], shown)
+    yield from _counted("prims", stage["prim_types"], "")
+    yield from _counted("purposes", stage["purposes"], "shape")
+    if stage["native_instances"]:
+        yield "native instances", f"{stage['native_instances']:,} of {stage['native_prototypes']:,} prototypes"
+    instancers = [f"{i['path']}: {i['instances']:,} of {len(i['prototypes'])} prototypes" for i in stage["point_instancers"]]
+    yield from _listed("point instancer", instancers, shown)
+    yield from _listed("draw mode", [f"{mode['prim']}: {mode['mode']}" for mode in stage["draw_modes"]], shown)
+
+
+def _time(time: dict[str, Any]) -> str:
+    span = "no range authored" if time["start"] is None else f"{time['start']:g} to {time['end']:g}"
+    sampled = "nothing sampled" if time["sampled"] is None else "samples from {:g} to {:g}".format(*time["sampled"])
+    return f"{span}, {time['time_codes_per_second']:g} codes a second, {sampled}"
+
+
+def _camera_rows(facts: dict[str, Any], shown: int | None) -> Iterator[Row]:
+    camera = facts["camera"]
+    width, height = camera["resolution"]
+    yield "camera", f"{camera['path'] or 'automatic'} ({camera['projection']}), {width} x {height}"
+    yield from _listed("", [f"also {path}" for path in facts["cameras"] if path != camera["path"]], shown)
+
+
+def _light(light: dict[str, Any]) -> str:
+    emission = " ".join(f"{v:.4g}" for v in light["emission"])
+    return f"{light['path']} ({light['type']}), {emission}{', ' + light['texture'] if light['texture'] else ''}"
+
+
+def _texture(texture: dict[str, Any]) -> str:
+    size = texture["size"]
+    return f"{texture['path']}: {'cannot be read' if size is None else '{} x {}, {} channels'.format(*size)}"
+
+
+def _listed(name: str, texts: list[str], shown: int | None) -> Iterator[Row]:
+    for text in texts[:shown]:
+        yield name, text
+    if shown is not None and len(texts) > shown:
+        yield "", f"and {len(texts) - shown} more"
+
+
+def _counted(name: str, counter: dict[str, int], what: str) -> Iterator[Row]:
+    if counter:
+        texts = [
+            f"{key} {count:,}{f' {what}s' if what and count > 1 else f' {what}' if what else ''}"
+            for key, count in counter.items()
+        ]
+        yield name, ", ".join(texts)
+
+
+def _count_rows(counted: dict[str, int]) -> Iterator[Row]:
+    for name, value in counted.items():
+        if name.endswith("_bytes"):
+            yield name.removesuffix("_bytes").replace("_", " "), f"{value / 2**20:.1f} MiB"
+        else:
+            yield name.replace("_", " "), f"{value:,}"
