@@ -118,7 +118,10 @@ def _triangles_of(shape: object) -> Doubles:
     if isinstance(shape, Sphere):
         x, y, z = np.eye(3) * shape.radius
         return np.array([[np.zeros(3), x, y], [np.zeros(3), y, z]])
-    assert not isinstance(shape, SubdivisionMesh)
+    if isinstance(shape, SubdivisionMesh):  # a fan over each face of the cage
+        first = np.cumsum(shape.face_counts) - shape.face_counts
+        fans = [(a, a + k, a + k + 1) for a, n in zip(first, shape.face_counts, strict=True) for k in range(1, n - 1)]
+        return shape.points.astype(np.float64)[shape.face_points[np.array(fans)]]
     return shape.points[shape.triangles].astype(np.float64)  # type: ignore[attr-defined]
 
 

@@ -13,6 +13,7 @@ from tests.described import describe, lambert, look_at, orthographic, perspectiv
 from primray import core
 from primray.description import (
     Interpolation,
+    MatrixInstances,
     Mesh,
     Placed,
     Placement,
@@ -36,7 +37,12 @@ def scene(*placed: tuple[SubdivisionMesh, Any], camera: Any = CAMERA, size: int 
 def instanced(cage: SubdivisionMesh, rows: Any, camera: Any = CAMERA) -> SceneDescription:
     prototype = Prototype("/p", (Placed(0, np.eye(4)),))
     made = describe(
-        [], [lambert(0.5)], prototypes=[prototype], prototype_shapes=(cage,), placements=[Placement(0, rows)], camera=camera
+        [],
+        [lambert(0.5)],
+        prototypes=[prototype],
+        prototype_shapes=(cage,),
+        placements=[Placement(0, (MatrixInstances(rows),))],
+        camera=camera,
     )
     return replace(made.description, resolution=(256, 256))
 

@@ -21,7 +21,7 @@ def test_singular_and_non_finite_instances_are_left_out_by_number() -> None:
     number = builder.begin_prototype((0.0, 0.0, 0.0), 1.0)
     builder.add_mesh(
         box([1, 1, 1]).points, box([1, 1, 1]).triangles, np.zeros((0, 3), np.float32), 0, np.zeros((0, 3), np.float32), 0,
-        np.zeros(1, np.int32), np.eye(4),
+        np.zeros(1, np.int32), np.eye(4), False,
     )  # fmt: skip
     assert add_placement(builder, placement(0, matrices), 0, number).tolist() == [3, 20000, 39999]
 
