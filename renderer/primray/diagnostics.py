@@ -119,7 +119,8 @@ CODES: dict[str, Code] = {
     "camera-input": Code(Severity.WARNING, "An attribute of the camera is ignored or out of range."),
     "render-settings-input": Code(Severity.WARNING, "Something in RenderSettings, its products or passes is ignored."),
     "default-light": Code(
-        Severity.INFO, "The stage has no light and nothing that emits: a white dome of radiance 1 lights it."
+        Severity.INFO,
+        "The stage has no light and nothing that emits: a white dome and a key light are added.",
     ),
     "singular-transform": Code(Severity.ERROR, "Instances whose matrix has no inverse (a scale of 0) are missing."),
     "emitters-unsampled": Code(Severity.INFO, "More than 262,144 instances emit: beyond, rays find them by chance (noise)."),

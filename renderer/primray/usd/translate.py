@@ -17,7 +17,6 @@ from ..description import (
     Camera,
     Doubles,
     Light,
-    LightType,
     Placed,
     Placement,
     Prototype,
@@ -37,6 +36,7 @@ from .adapters.points import POINT, point_sphere
 from .adapters.render_settings import StageSettings, render_settings
 from .context import Context
 from .convert import square
+from .default_light import default_lights
 from .framing import Bounds, shape_bounds, stage_bounds
 from .instance_primvars import without_unread
 from .instances import Arrangement, Chain, Group, arrange, count_of
@@ -71,7 +71,6 @@ LIGHTS: dict[str, LightAdapter] = dict.fromkeys(
     ("DistantLight", "SphereLight", "DiskLight", "RectLight", "CylinderLight", "DomeLight", "DomeLight_1"), light
 )
 
-DEFAULT_LIGHT = "primray:default-light"
 MAX_LIGHT_INSTANCES = 1000
 MAX_BOUNDED_INSTANCES = 1_000_000
 _PROTOTYPE = re.compile(r"/__Prototype_\d+")
@@ -142,13 +141,13 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     for g, group in enumerate(groups):
         _add_group(scene, group, where, g, ctx)
     _add_grouped(scene, groups, where)
-    _add_default_light(scene, ctx)
 
     def bounds() -> Bounds:
         whole = None if where.cyclic or _is_crowded(groups) else stage_bounds(stage, ctx.when, ctx.purposes)
         return whole or shape_bounds(scene.shapes, scene.static, scene.prototypes, scene.placements)
 
     camera, resolution = view_through(camera_prim, ctx, stage_settings, bounds)
+    _add_default_lights(scene, camera, ctx)
     return _describe(scene, ctx, camera, resolution)
 
 
@@ -271,12 +270,12 @@ def _add_lights(scene: _Scene, leaf: ResolvedPrim, chains: list[Chain], count: i
             scene.lights.append(made)
 
 
-def _add_default_light(scene: _Scene, ctx: Context) -> None:
-    """A white dome of radiance 1 where nothing else gives light."""
+def _add_default_lights(scene: _Scene, camera: Camera, ctx: Context) -> None:
+    """Where nothing else gives light."""
     if scene.lights or not ctx.settings.default_light or any(_emits(s) for s in ctx.surfaces):
         return
-    scene.lights.append(Light(DEFAULT_LIGHT, LightType.DOME, np.eye(4), (1.0, 1.0, 1.0)))
-    ctx.warn("default-light", "", "There is no light and nothing that emits: a white dome of radiance 1 is added.")
+    scene.lights += default_lights(camera)
+    ctx.warn("default-light", "", "There is no light and nothing that emits: a white dome and a key light are added.")
 
 
 def _emits(surface: Surface) -> bool:
