@@ -43,10 +43,10 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
   F nearest(kInfinity), total(0.0f);
   bool has_total = false;
   vvec3<W> body = zero;
-  for (int i = 0; i < lights.count; ++i) {
+  for (int i = 0; i < lights.listed; ++i) {
     const float* row = lights.row(i);
     const LightType type = LightType(int(row[kType]));
-    if (type == LightType::kPoint || type == LightType::kDome || (int(row[kLightFlags]) & kGeometry)) continue;
+    if (type == LightType::kPoint || type == LightType::kDome) continue;
     const LocalHit<W> h = light_hit<W>(row, from, p.ray.d);
     const F t = h.t - p.travelled;
     vbool<W> met = active & (h.pdf > F(0.0f));

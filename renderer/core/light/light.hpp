@@ -55,6 +55,7 @@ struct LobeFactors {
 struct LightTable {
   std::vector<float> rows;  // of the lights that are sampled
   int count = 0;
+  int listed = 0;               // those before geometry that emits: rays meet the others as shapes of the scene
   std::vector<Dome> domes;      // all of them, sampled or not
   std::vector<int> dome_light;  // by dome: its row, or -1
   std::vector<LobeFactors> dome_factors;

@@ -210,6 +210,7 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
     s.has_thin |= ((flags & kThin) && row[kTransmission] > 0) || row[kPresence] < 1;
   }
   note_inputs(s);
+  s.lights.listed = s.lights.count;
   if (s.has_emission) build_emitters(s);
   finish_light_rows(s.lights);
   s.rays_find_light = s.has_emission || s.lights.needs_hit_test || !s.lights.domes.empty();
