@@ -60,9 +60,10 @@ def read_cage(prim: ResolvedPrim, ctx: Context) -> Cage | None:
     topology = read_topology(prim, ctx)
     if topology is None:
         return None
-    points, counts, indices = topology
+    points, whole = topology
+    counts, indices = whole.counts, whole.indices
     sizes = Sizes(len(counts), len(points), len(indices))
-    usable = usable_faces(prim, points, counts, indices, ctx)
+    points, usable = usable_faces(prim, points, whole, ctx)
     faces, corners = _distinct_corners(prim, counts, indices, usable, ctx)
     if len(faces) == 0:
         return None
@@ -139,7 +140,7 @@ def _scheme(prim: ResolvedPrim, counts: Ints, ctx: Context) -> str:
 
 def _choice(prim: ResolvedPrim, name: str, known: Sequence[str], ctx: Context) -> str:
     """The token; the first of those known, noted, where it is none of them."""
-    found = token(prim.prim, name, ctx.when, known[0])
+    found = token(prim.prim, name, ctx.when, known[0]) if name in prim.names else known[0]
     if found in known:
         return found
     ctx.warn("subdivision-data", prim.path, f"{name} = {found} is not known: {known[0]} is used.")

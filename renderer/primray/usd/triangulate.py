@@ -18,6 +18,7 @@ Mask = npt.NDArray[np.bool_]
 Points = npt.NDArray[np.floating]
 BLOCK = 1 << 12
 _NEXT, _BEFORE = np.array([1, 2, 3, 0]), np.array([3, 0, 1, 2])
+_ROLLED = {2: np.array([2, 0, 1]), 3: _BEFORE}
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,41 @@ def triangulate(points: Points, counts: Ints, indices: Ints, keep: Mask | None =
     owners = np.concatenate([owner for _, owner, _ in parts])
     order = np.argsort(owners, kind="stable")
     return _finished(points, indices, np.concatenate([corner for corner, _, _ in parts])[order], owners[order], False)
+
+
+@dataclass(frozen=True, eq=False)
+class Fan:
+    """Triangles of faces that all have 3 vertices, or all 4: of quads they are right where no corner bends backwards."""
+
+    triangles: Triangles
+    corners: npt.NDArray[np.intp]  # (F, 3 or 4) indices of points
+    following: npt.NDArray[np.intp]  # the point after each
+
+    def fits(self, points: Points) -> bool:
+        """Whether triangulate() gives the same for these points. Says no where rounding might decide."""
+        p = np.array(points.T, np.float64, order="C")  # by coordinate: fewer and longer rows
+        edge = p.take(self.following, axis=1)
+        edge -= p.take(self.corners, axis=1)
+        last = self.corners.shape[1] - 1
+        before = edge[:, :, _ROLLED[last]]
+        (ax, ay, az), (bx, by, bz) = before, edge
+        x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        if last == 2:
+            return bool((x[:, 1] * x[:, 1] + y[:, 1] * y[:, 1] + z[:, 1] * z[:, 1] > 0).all())
+        nx, ny, nz = (own[:, 1:2] + own[:, 3:4] for own in (x, y, z))
+        return bool((x * nx + y * ny + z * nz > 2e-12 * (nx * nx + ny * ny + nz * nz)).all())
+
+
+def fan_of(counts: Ints, indices: Ints) -> Fan | None:
+    """None where faces are of other sizes."""
+    n = int(counts[0])
+    if n not in (3, 4) or (counts != n).any():
+        return None
+    corners = np.arange(len(indices), dtype=np.int32).reshape(-1, n)
+    fans = corners if n == 3 else _fans(corners)
+    faces = np.repeat(np.arange(len(counts), dtype=np.int32), n - 2)
+    points = indices.reshape(-1, n).astype(np.intp)
+    return Fan(Triangles(indices[fans].astype(np.int32, copy=False), fans, faces), points, np.roll(points, -1, axis=1))
 
 
 def flipped(triangles: Triangles) -> Triangles:
