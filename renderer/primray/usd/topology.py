@@ -31,7 +31,7 @@ class Faces:
     high: int  # the greatest
     has_area: bool  # all have 3 vertices or more
     is_shared: bool
-    made: dict[str, Any] = field(default_factory=dict)
+    made: dict[Any, Any] = field(default_factory=dict)
 
 
 def _faces(counts: Ints, indices: Ints, prim: ResolvedPrim, ctx: Context) -> Faces | None:

@@ -18,7 +18,7 @@ Mask = npt.NDArray[np.bool_]
 Points = npt.NDArray[np.floating]
 BLOCK = 1 << 12
 _NEXT, _BEFORE = np.array([1, 2, 3, 0]), np.array([3, 0, 1, 2])
-_ROLLED = {2: np.array([2, 0, 1]), 3: _BEFORE}
+_BEFORE_OF_3, _XYZXY = np.array([2, 0, 1]), np.array([0, 1, 2, 0, 1])
 
 
 @dataclass(frozen=True)
@@ -63,17 +63,14 @@ class Fan:
 
     def fits(self, points: Points) -> bool:
         """Whether triangulate() gives the same for these points. Says no where rounding might decide."""
-        p = np.array(points.T, np.float64, order="C")  # by coordinate: fewer and longer rows
-        edge = p.take(self.following, axis=1)
-        edge -= p.take(self.corners, axis=1)
-        last = self.corners.shape[1] - 1
-        before = edge[:, :, _ROLLED[last]]
-        (ax, ay, az), (bx, by, bz) = before, edge
-        x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        if last == 2:
-            return bool((x[:, 1] * x[:, 1] + y[:, 1] * y[:, 1] + z[:, 1] * z[:, 1] > 0).all())
-        nx, ny, nz = (own[:, 1:2] + own[:, 3:4] for own in (x, y, z))
-        return bool((x * nx + y * ny + z * nz > 2e-12 * (nx * nx + ny * ny + nz * nz)).all())
+        p = points.T.take(_XYZXY, axis=0).astype(np.float64)  # few calls matter here, not few operations
+        edge = p.take(self.following, axis=1) - p.take(self.corners, axis=1)
+        before = edge.take(_BEFORE if edge.shape[2] == 4 else _BEFORE_OF_3, axis=2)
+        own = before[1:4] * edge[2:] - before[2:] * edge[1:4]
+        if edge.shape[2] == 3:
+            return bool(own.any(axis=0).all())
+        normal = own[:, :, 1:2] + own[:, :, 3:]
+        return bool(((own * normal).sum(axis=0) > 2e-12 * (normal * normal).sum(axis=0)).all())
 
 
 def fan_of(counts: Ints, indices: Ints) -> Fan | None:

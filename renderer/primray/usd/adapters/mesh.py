@@ -75,8 +75,9 @@ def _geometry(prim: ResolvedPrim, ctx: Context) -> Geometry | None:
     points, usable = usable_faces(prim, points, faces, ctx)
     sizes = Sizes(len(faces.counts), len(points), len(faces.indices))
     keep = without_holes(usable, prim, sizes.faces, ctx)
-    triangles = _shared_triangles(points, faces) if keep is None and faces.is_shared else None
-    if triangles is None:
+    if keep is None and (alike := _alike(points, faces)) is not None:
+        points, triangles = alike
+    else:
         triangles = triangulate(points, faces.counts, faces.indices, keep)
         _note_degenerate(prim, keep, sizes.faces, triangles, faces.counts, ctx)
     if len(triangles.faces) == 0:
@@ -86,12 +87,20 @@ def _geometry(prim: ResolvedPrim, ctx: Context) -> Geometry | None:
     return Geometry(points, triangles, _normals(prim, points, triangles, sizes, ctx), sizes)
 
 
-def _shared_triangles(points: Floats, faces: Faces) -> Triangles | None:
-    """The same for all meshes of the same faces, where they fit; None where points have a say."""
+def _alike(points: Floats, faces: Faces) -> tuple[Floats, Triangles] | None:
+    """Points and triangles of all small meshes that are alike; None where their faces are not simple fans."""
+    if not faces.is_shared:
+        return None
     if "fan" not in faces.made:
         faces.made["fan"] = fan_of(faces.counts, faces.indices)
     fan: Fan | None = faces.made["fan"]
-    return fan.triangles if fan is not None and fan.fits(points) else None
+    if fan is None:
+        return None
+    key = points.tobytes()
+    known: Floats | None = faces.made.get(key)
+    if known is None and fan.fits(points):
+        known = faces.made[key] = points
+    return None if known is None else (known, fan.triangles)
 
 
 def _note_degenerate(
