@@ -53,16 +53,22 @@ def upload(
     textures: Textures,
     filter_width: float,
     filter_inverse_cdf: npt.NDArray[np.float32],
+    shapes: list[Shape] | None = None,
 ) -> tuple[Any, list[tuple[str, str, str]]]:
-    """The core's Scene, and (code, prim path, message) of what could not be taken along."""
+    """The core's Scene, and (code, prim path, message) of what could not be taken along.
+
+    `shapes`, where given, takes the place of the description's: emptied when the core has copies, before it accelerates these.
+    """
     d = description
-    boxes = shape_boxes(core, d.shapes)
+    shapes = list(d.shapes) if shapes is None else shapes
+    boxes = shape_boxes(core, shapes)
     prototype_boxes = boxes_of_prototypes(d, boxes)
     origin = d.camera.world_from_camera[:3, 3]
     builder = core.SceneBuilder(origin, power_of_two_scale(scene_reach(d, boxes, prototype_boxes, origin)))
     inputs = SurfaceUpload(builder, textures)
-    shapes = ShapeUpload(builder, inputs, inputs.add_surfaces(d.surfaces), d.shapes)
-    shapes.add(d.static)
+    builder.reserve_triangles(*points_and_triangles(shapes))
+    handing = ShapeUpload(builder, inputs, inputs.add_surfaces(d.surfaces), shapes)
+    handing.add(d.static)
     warnings: list[tuple[str, str, str]] = []
     builder.reserve_instances(sum(map(len, [*d.placements, *(p for proto in d.prototypes for p in proto.placements)])))
     numbers: dict[int, int] = {}
@@ -71,7 +77,7 @@ def upload(
     for i, proto in sorted(enumerate(d.prototypes), key=lambda item: bool(item[1].placements)):
         low, high = prototype_boxes[i]
         numbers[i] = builder.begin_prototype((low + high) / 2, power_of_two_scale(float(np.max(high - low)) / 2))
-        shapes.add(proto.shapes)
+        handing.add(proto.shapes)
         placements.add(proto.placements, numbers[i])
     placements.add(d.placements, 0)
     for light in d.lights:
@@ -90,6 +96,7 @@ def upload(
         )
     set_camera(builder, d.camera, d.resolution, filter_width, filter_inverse_cdf)
     inputs.add_images()
+    shapes.clear()
     scene = builder.finish()
     if scene.unsampled_emitters:
         message = f"{scene.unsampled_emitters} instances that emit are too many to be sampled as lights: expect noise"
@@ -283,6 +290,11 @@ def union(boxes: Sequence[Box]) -> Box:
     if not boxes:
         return np.zeros(3), np.zeros(3)
     return np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+
+
+def points_and_triangles(shapes: Sequence[Shape]) -> tuple[int, int]:
+    meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
+    return sum(len(mesh.points) for mesh in meshes), sum(len(mesh.triangles) for mesh in meshes)
 
 
 def boxes_of_prototypes(d: SceneDescription, boxes: Doubles) -> list[Box]:

@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,8 @@ def measure(path: str, kind: str, count: int) -> dict[str, Any]:
     start, cpu_start = time.perf_counter(), time.process_time()
     description, _ = core.dice(description, settings)
     lap("dice")
-    scene = core.build(description, {}, settings)
+    shapes, description = list(description.shapes), replace(description, shapes=())  # as render() does
+    scene = core.build(description, {}, settings, shapes)
     lap("build")
     peak = _peak_bytes()
     film = core.render(scene, settings)

@@ -216,7 +216,7 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
     members: list[Placed] = []
     leaves, group.leaves = group.leaves[::-1], []
     matrices = squares([leaf.gf_matrix for leaf in leaves])
-    finite = list(np.isfinite(matrices).all(axis=(1, 2)))
+    finite: list[bool] = np.asarray(np.isfinite(matrices).all(axis=(1, 2))).tolist()
     placed = matrices if once is None else once @ matrices
     while leaves:  # what has been translated is let go
         leaf = leaves.pop()
