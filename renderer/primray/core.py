@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from . import dice as dicing
 from . import errors
-from .description import SceneDescription
+from .description import SceneDescription, Shape
 from .pixel_filter import inverse_cdf
 from .scene_upload import upload
 from .settings import DEFAULT_FILTER_WIDTH, RenderSettings
@@ -181,11 +181,16 @@ def dice(description: SceneDescription, settings: RenderSettings) -> tuple[Scene
         _raise(error)
 
 
-def build(description: SceneDescription, textures: Textures, settings: RenderSettings) -> CoreScene:
-    """The core's scene, accelerated; `textures`: the images of every TextureFile that could be read."""
+def build(
+    description: SceneDescription, textures: Textures, settings: RenderSettings, shapes: list[Shape] | None = None
+) -> CoreScene:
+    """The core's scene, accelerated; `textures`: the images of every TextureFile that could be read.
+
+    `shapes`, where given, are used in place of the description's and let go on the way: the list is empty afterwards.
+    """
     width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.filter]
     try:
-        scene, warnings = upload(module(), description, textures, width, inverse_cdf(settings.filter, width))
+        scene, warnings = upload(module(), description, textures, width, inverse_cdf(settings.filter, width), shapes)
     except module().CoreError as error:
         _raise(error)
     return CoreScene(scene, description.camera.exposure_scale, warnings)

@@ -23,8 +23,10 @@ FACE_VARYING_RULES = ("none", "cornersOnly", "cornersPlus1", "cornersPlus2", "bo
 
 MAX_TRIANGLES = 1 << 24
 BYTES_PER_TRIANGLE = 300  # at the peak of dicing and building: 170 measured without primvars
+MAX_BATCH = 64  # cages that a thread takes at a time
 NO_INTS = np.zeros(0, np.int32)
 NO_FLOATS = np.zeros(0, np.float32)
+NO_COLUMNS = np.zeros((0, 0), np.float32)
 
 Warnings = list[tuple[str, str, str]]  # code, prim path, message
 
@@ -75,15 +77,22 @@ def _within_limit(
 ) -> tuple[dict[int, dict[str, Any]], float]:
     """The core's results and the pixels that it took: doubled until all cages together have few enough triangles."""
     pixels = dicing.pixels
+    numbers = list(cages)
+    size = max(1, min(MAX_BATCH, len(numbers) // (16 * max(threads, 1))))  # small ones take less than handing them over
+    batches = [numbers[start : start + size] for start in range(0, len(numbers), size)]
     with ThreadPoolExecutor(max(threads, 1)) as pool:
         while True:
             limit = dicing.max_triangles if pixels < 1e6 else 1 << 31
             now = replace(dicing, pixels=pixels, max_triangles=limit)
-            jobs = [pool.submit(core.dice, core_arrays(cage, prints[k], now)) for k, cage in cages.items()]
-            made = dict(zip(cages, (job.result() for job in jobs), strict=True))
+            jobs = [pool.submit(_dice_some, core, [(cages[k], prints[k]) for k in some], now) for some in batches]
+            made = dict(zip(cages, (each for job in jobs for each in job.result()), strict=True))
             if all(m is not None for m in made.values()) and sum(len(m["triangles"]) for m in made.values()) <= limit:
                 return made, pixels
             pixels *= 2
+
+
+def _dice_some(core: Any, cages: Sequence[tuple[SubdivisionMesh, Footprint]], dicing: Dicing) -> list[Any]:
+    return [core.dice(core_arrays(cage, footprint, dicing)) for cage, footprint in cages]
 
 
 def _warnings(cage: SubdivisionMesh, made: dict[str, Any], pixels: float, dicing: Dicing) -> Warnings:
@@ -111,7 +120,7 @@ def core_arrays(cage: SubdivisionMesh, footprint: Footprint, dicing: Dicing) -> 
         "points": _floats(cage.points),
         "face_counts": _ints(cage.face_counts),
         "face_points": _ints(cage.face_points),
-        "holes": np.concatenate([_ints(cage.holes), hidden]),
+        "holes": np.concatenate([_ints(cage.holes), hidden]) if len(hidden) else _ints(cage.holes),
         "crease_lengths": _ints(cage.crease_lengths),
         "crease_points": _ints(cage.crease_points),
         "crease_sharpnesses": _floats(cage.crease_sharpnesses),
@@ -135,6 +144,8 @@ def core_arrays(cage: SubdivisionMesh, footprint: Footprint, dicing: Dicing) -> 
 
 def primvars_of(cage: SubdivisionMesh, interpolation: Interpolation) -> list[Primvar]:
     """The colours and primvars that vary so, in the order in which the core gives them back."""
+    if cage.colors is None and not cage.primvars:
+        return []
     every = [*([cage.colors] if cage.colors is not None else []), *cage.primvars]
     return [p for p in every if p.interpolation is interpolation]
 
@@ -149,7 +160,7 @@ def _floats(values: Floats | None) -> Floats:
 
 def _side_by_side(primvars: Sequence[Primvar], points: int) -> Floats:
     if not primvars:
-        return np.zeros((0, 0), np.float32)
+        return NO_COLUMNS
     return np.ascontiguousarray(np.concatenate([_rows(p) for p in primvars], axis=1), np.float32).reshape(points, -1)
 
 
@@ -187,6 +198,8 @@ def _mesh(cage: SubdivisionMesh, made: dict[str, Any]) -> Mesh:
 def _numbered(cage: SubdivisionMesh) -> list[tuple[Primvar, int]]:
     """Colours and primvars with their place: the first column of those by point, the channel of those by corner."""
     out: list[tuple[Primvar, int]] = []
+    if cage.colors is None and not cage.primvars:
+        return out
     for interpolation in Interpolation:
         place = 0
         for p in primvars_of(cage, interpolation):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .description import Camera, Doubles, Placement, Projection, Prototype, SceneDescription, SubdivisionMesh
+from .description import Camera, Doubles, Placed, Placement, Projection, Prototype, SceneDescription, SubdivisionMesh
 from .placement import compose
 
 # Where the camera does not look, edges may be longer by this: seen in mirrors and as shadows only.
@@ -55,15 +55,28 @@ def footprints(description: SceneDescription) -> dict[int, Footprint]:
         return {}
     camera = projected(description.camera, description.resolution)
     seen: dict[int, list[_Seen]] = {k: [] for k in cages}
-    for placed in description.static:
-        if placed.shape in cages:
-            seen[placed.shape].append(_Seen(lambda: iter([np.eye(4)[None, :3]]), placed.matrix))
+    static = [placed for placed in description.static if placed.shape in cages]
+    for placed in static:
+        seen[placed.shape].append(_Seen(lambda: iter([np.eye(4)[None, :3]]), placed.matrix))
     for placement in description.placements:
         prototype = description.prototypes[placement.prototype]
         _see(prototype, placement.chunks, cages, seen)
         for inner in prototype.placements:
             _see(description.prototypes[inner.prototype], _nested(placement, inner, camera), cages, seen)
-    return {k: _footprint(cage, seen[k], camera) for k, cage in cages.items()}
+    alone = _seen_once([placed for placed in static if len(seen[placed.shape]) == 1], camera)
+    return {k: alone[k] if k in alone else _footprint(cage, seen[k], camera) for k, cage in cages.items()}
+
+
+def _seen_once(static: list[Placed], camera: Projected) -> dict[int, Footprint]:
+    """What _footprint says of cages that stand in the world once, and nowhere else: of all of them in one go."""
+    if not static:
+        return {}
+    rows = camera.camera_from_world[:3, :3] @ np.eye(4)[None, :3]
+    rows[:, :, 3] += camera.camera_from_world[:3, 3]
+    views = rows[:, :, :3] @ np.array([placed.matrix[:3] for placed in static])
+    views[:, :, 3] += rows[:, :, 3]
+    finite: list[bool] = np.asarray(np.isfinite(views).all(axis=(1, 2))).tolist()
+    return {p.shape: Footprint(camera, views[i : i + finite[i]], 0.0) for i, p in enumerate(static)}
 
 
 @dataclass(frozen=True)

@@ -146,6 +146,13 @@ def transformed_box(m: Doubles, box: Box) -> Box:
     return c - h, c + h
 
 
+def transformed_boxes(m: Doubles, low: Doubles, high: Doubles) -> Box:
+    """Boxes around the images of as many boxes (N, 3), each by its own matrix (N, 4, 4)."""
+    center, half = ((low + high) / 2)[..., None], ((high - low) / 2)[..., None]
+    c, h = (m[:, :3, :3] @ center)[..., 0] + m[:, :3, 3], (np.abs(m[:, :3, :3]) @ half)[..., 0]
+    return c - h, c + h
+
+
 def _level_box(level: Instances, box: Box) -> Box:
     if isinstance(level, PointInstances):
         return transformed_box(level.outer, _points_box(level, box))

@@ -63,28 +63,28 @@ def render_frames(
                 stage = usd.open_stage(stage, opening, opened)
         elif settings.composition != opened:
             raise SettingsError("all frames must compose the stage alike: variants, load, mask, session_layer")
-        with costs.stage("translate"):
-            description, translating = usd.translate(stage, settings)
-        diagnostics = Diagnostics()
-        diagnostics.extend([*opening, *translating])
-        yield _render_one(description, diagnostics, settings, costs, progress, on_interrupt)
+        yield _render_one(stage, opening, settings, costs, progress, on_interrupt)
         costs = Costs()
 
 
 def _render_one(
-    description: SceneDescription,
-    diagnostics: Diagnostics,
+    stage: Any,
+    opening: Diagnostics,
     settings: RenderSettings,
     costs: Costs,
     progress: Progress | None,
     on_interrupt: OnInterrupt,
 ) -> Image:
     from . import core, usd
+    from .diagnostics import Diagnostics
     from .image import Image, pixels_sha256
     from .report import header_of, make_report, resolve_settings
     from .summary import counts, summary
 
-    with costs.stage("translate"):  # of its textures
+    with costs.stage("translate"):
+        description, translating = usd.translate(stage, settings)
+        diagnostics = Diagnostics()
+        diagnostics.extend([*opening, *translating])
         description, textures = load_textures(description, diagnostics, usd.read_asset)
         if settings.strict:
             diagnostics.raise_if_strict()
@@ -96,8 +96,10 @@ def _render_one(
         diagnostics.add(code, path, message)
 
     settings = resolve_settings(settings, description)
+    counted = counts(summary(description, settings.dicing_rate, texels))
+    shapes, description = list(description.shapes), replace(description, shapes=())
     with costs.stage("build"):
-        scene = core.build(description, textures, settings)
+        scene = core.build(description, textures, settings, shapes)
     for code, path, message in scene.warnings:
         diagnostics.add(code, path, message)
     if settings.strict:
@@ -114,7 +116,6 @@ def _render_one(
 
     core_says = {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": list(scene.features)}
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
-    counted = counts(summary(description, settings.dicing_rate, texels))
     report = make_report(film, costs, settings, counted, as_json, core_says, pixels_sha256(film.pixels))
     return Image(film.pixels, report, header_of(report), description.camera)
 

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from .description import (
     Camera,
+    Doubles,
     Floats,
     Interpolation,
     Ints,
@@ -23,11 +24,10 @@ from .description import (
     SceneDescription,
     Shape,
     Sphere,
-    SubdivisionMesh,
     Surface,
     TextureFile,
 )
-from .placement import Box, placed_box, transformed_box
+from .placement import Box, placed_box, transformed_box, transformed_boxes
 from .surface_upload import SurfaceUpload, Textures, is_cutout, is_hole
 
 # Order of LightType in light/light.hpp.
@@ -53,16 +53,22 @@ def upload(
     textures: Textures,
     filter_width: float,
     filter_inverse_cdf: npt.NDArray[np.float32],
+    shapes: list[Shape] | None = None,
 ) -> tuple[Any, list[tuple[str, str, str]]]:
-    """The core's Scene, and (code, prim path, message) of what could not be taken along."""
+    """The core's Scene, and (code, prim path, message) of what could not be taken along.
+
+    `shapes`, where given, takes the place of the description's: emptied when the core has copies, before it accelerates these.
+    """
     d = description
-    boxes = [shape_box(s) for s in d.shapes]
+    shapes = list(d.shapes) if shapes is None else shapes
+    boxes = shape_boxes(core, shapes)
     prototype_boxes = boxes_of_prototypes(d, boxes)
     origin = d.camera.world_from_camera[:3, 3]
     builder = core.SceneBuilder(origin, power_of_two_scale(scene_reach(d, boxes, prototype_boxes, origin)))
     inputs = SurfaceUpload(builder, textures)
-    shapes = ShapeUpload(builder, inputs, inputs.add_surfaces(d.surfaces), d.shapes)
-    shapes.add(d.static)
+    builder.reserve_triangles(*points_and_triangles(shapes))
+    handing = ShapeUpload(builder, inputs, inputs.add_surfaces(d.surfaces), shapes)
+    handing.add(d.static)
     warnings: list[tuple[str, str, str]] = []
     builder.reserve_instances(sum(map(len, [*d.placements, *(p for proto in d.prototypes for p in proto.placements)])))
     numbers: dict[int, int] = {}
@@ -71,7 +77,7 @@ def upload(
     for i, proto in sorted(enumerate(d.prototypes), key=lambda item: bool(item[1].placements)):
         low, high = prototype_boxes[i]
         numbers[i] = builder.begin_prototype((low + high) / 2, power_of_two_scale(float(np.max(high - low)) / 2))
-        shapes.add(proto.shapes)
+        handing.add(proto.shapes)
         placements.add(proto.placements, numbers[i])
     placements.add(d.placements, 0)
     for light in d.lights:
@@ -90,6 +96,7 @@ def upload(
         )
     set_camera(builder, d.camera, d.resolution, filter_width, filter_inverse_cdf)
     inputs.add_images()
+    shapes.clear()
     scene = builder.finish()
     if scene.unsampled_emitters:
         message = f"{scene.unsampled_emitters} instances that emit are too many to be sampled as lights: expect noise"
@@ -184,6 +191,7 @@ class ShapeUpload:
         self._shapes = shapes
         self._cutout = np.array([is_cutout(s) for s in surfaces], bool)
         self._hole = np.array([is_hole(s) for s in surfaces], bool)
+        self._alone = np.arange(len(surfaces), dtype=np.int32)[:, None]  # of meshes that have one
 
     def add(self, placed: Sequence[Placed]) -> None:
         for p in placed:
@@ -207,13 +215,20 @@ class ShapeUpload:
             self._builder.add_sphere_primvar(name, width, values)
 
     def _add_part(self, mesh: Mesh, world_from_object: npt.NDArray[np.float64], *, cutout: bool) -> None:
+        if isinstance(mesh.surface, int):
+            if self._cutout[mesh.surface] == cutout and not self._hole[mesh.surface]:
+                self._add_mesh(whole(mesh, self._alone[mesh.surface]), world_from_object, cutout)
+            return
         surfaces = np.atleast_1d(np.asarray(mesh.surface, np.int32))
         wanted = (self._cutout[surfaces] == cutout) & ~self._hole[surfaces]
         if not wanted.any():
             return
         part = whole(mesh, surfaces) if wanted.all() else part_of(whole(mesh, surfaces), wanted)
+        self._add_mesh(part, world_from_object, cutout)
+
+    def _add_mesh(self, part: Part, world_from_object: npt.NDArray[np.float64], cutout: bool) -> None:
         self._builder.add_mesh(
-            mesh.points, part.triangles, *part.normals, *part.colors, part.surfaces, world_from_object, cutout
+            part.mesh.points, part.triangles, *part.normals, *part.colors, part.surfaces, world_from_object, cutout
         )  # fmt: skip
         for name, number, width, values in self._inputs.primvars(part.primvars):
             self._builder.add_mesh_primvar(name, number, width, values)
@@ -262,13 +277,13 @@ def kind(values: npt.NDArray[np.float32] | None, points: int, triangles: int, *,
     raise ValueError(f"{n} values for {points} points and {triangles} triangles")
 
 
-def shape_box(shape: Shape) -> Box:
-    if isinstance(shape, Mesh | SubdivisionMesh):
-        if len(shape.points) == 0:
-            return np.zeros(3), np.zeros(3)
-        return shape.points.min(axis=0).astype(np.float64), shape.points.max(axis=0).astype(np.float64)
-    r = np.full(3, abs(shape.radius))
-    return -r, r
+def shape_boxes(core: Any, shapes: Sequence[Shape]) -> Doubles:
+    """(S, 2, 3): low and high corners, each in its own space."""
+    boxes: Doubles = core.boxes([NO_FLOATS if isinstance(s, Sphere) else s.points for s in shapes])
+    for k, shape in enumerate(shapes):
+        if isinstance(shape, Sphere):
+            boxes[k] = [[-abs(shape.radius)] * 3, [abs(shape.radius)] * 3]
+    return boxes
 
 
 def union(boxes: Sequence[Box]) -> Box:
@@ -277,22 +292,31 @@ def union(boxes: Sequence[Box]) -> Box:
     return np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
 
 
-def boxes_of_prototypes(d: SceneDescription, boxes: list[Box]) -> list[Box]:
+def points_and_triangles(shapes: Sequence[Shape]) -> tuple[int, int]:
+    meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
+    return sum(len(mesh.points) for mesh in meshes), sum(len(mesh.triangles) for mesh in meshes)
+
+
+def boxes_of_prototypes(d: SceneDescription, boxes: Doubles) -> list[Box]:
     """Each in its own space."""
-    leaves = [union([transformed_box(p.matrix, boxes[p.shape]) for p in proto.shapes]) for proto in d.prototypes]
+    leaves = [
+        union([transformed_box(p.matrix, (boxes[p.shape, 0], boxes[p.shape, 1])) for p in proto.shapes])
+        for proto in d.prototypes
+    ]
     return [
         union([placed_box(p.levels, leaves[p.prototype]) for p in proto.placements]) if proto.placements else leaf
         for proto, leaf in zip(d.prototypes, leaves, strict=True)
     ]
 
 
-def scene_reach(d: SceneDescription, boxes: list[Box], prototype_boxes: list[Box], origin: npt.NDArray[np.float64]) -> float:
+def scene_reach(d: SceneDescription, boxes: Doubles, prototype_boxes: list[Box], origin: npt.NDArray[np.float64]) -> float:
     """Largest coordinate distance of any geometry from the origin; 0 for an empty scene."""
     reach = 0.0
     with np.errstate(invalid="ignore", over="ignore"):
-        for p in d.static:
-            lo, hi = transformed_box(p.matrix, boxes[p.shape])
-            reach = np.fmax(reach, np.fmax(np.abs(lo - origin).max(), np.abs(hi - origin).max()))
+        if d.static:
+            m, own = np.array([p.matrix for p in d.static]), boxes[[p.shape for p in d.static]]
+            lo, hi = transformed_boxes(m, own[:, 0], own[:, 1])
+            reach = np.fmax(reach, np.fmax.reduce(np.maximum(np.abs(lo - origin), np.abs(hi - origin)).max(axis=1)))
         for placement in d.placements:
             lo, hi = placed_box(placement.levels, prototype_boxes[placement.prototype])
             reach = np.fmax(reach, np.fmax(np.abs(lo - origin).max(), np.abs(hi - origin).max()))

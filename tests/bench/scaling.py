@@ -1,8 +1,8 @@
 """How opening, translating and building grow with a stage: python -m tests.bench.scaling [--quick] [KIND:COUNT ...].
 
 Every stage is generated once and measured in a process of its own; bytes per item are that process's peak resident memory
-beyond what it had before opening the stage. KIND is meshes, triangles, instances, nested (1000 times the rest, 10,000 from
-1e9 on), multiplied (the same, never kept in two levels).
+beyond what it had before opening the stage. KIND is meshes (equal cubes), distinct (no two are equal), cages (distinct and
+subdivided), triangles, instances, nested (1000 times the rest, 10,000 from 1e9 on), multiplied (never kept in two levels).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,8 @@ from .results import write_results
 ROOT = Path(__file__).parents[2]
 SIZES = {
     "meshes": (10**3, 10**4, 10**5),
+    "distinct": (10**3, 10**4, 10**5),
+    "cages": (10**3, 10**4, 10**5),
     "triangles": (10**5, 10**6, 10**7),
     "instances": (10**4, 10**5, 10**6, 10**7),
     "nested": (10**4, 10**6, 10**7, 10**9),
@@ -60,7 +63,10 @@ def measure(path: str, kind: str, count: int) -> dict[str, Any]:
     after_translation = _peak_bytes()
     counted = summary(description)
     start, cpu_start = time.perf_counter(), time.process_time()
-    scene = core.build(description, {}, settings)
+    description, _ = core.dice(description, settings)
+    lap("dice")
+    shapes, description = list(description.shapes), replace(description, shapes=())  # as render() does
+    scene = core.build(description, {}, settings, shapes)
     lap("build")
     peak = _peak_bytes()
     film = core.render(scene, settings)
@@ -119,7 +125,7 @@ def main() -> None:
         for kind, count in wanted:
             row = run(kind, count, Path(folder))
             rows.append(row)
-            steps = ("open", "translate", "build")
+            steps = ("open", "translate", "dice", "build")
             times = "  ".join(f"{step} {row[step + '_s']:6.2f} s ({row[step + '_cpu_s']:6.2f})" for step in steps)
             memory = f"peak {row['peak_bytes'] / 1e6:8.0f} MB  {row['bytes_per_item']:9.1f} bytes each"
             print(f"{kind:10} {count:>13,}  {times}  {memory}", flush=True)

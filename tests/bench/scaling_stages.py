@@ -1,7 +1,8 @@
-"""Generated stages that grow: many small meshes, one big mesh, many instances, nested instances. Written as usdc."""
+"""Generated stages that grow: many small meshes or cages, one big mesh, many instances, nested ones. Written as usdc."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,7 @@ def write(kind: str, count: int, path: Path) -> None:
     """A stage with `count` meshes, triangles or instances."""
     stage = Usd.Stage.CreateNew(str(path))
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
-    side = {"meshes": _meshes, "triangles": _triangles, "instances": _instances, "nested": _nested, "multiplied": _nested}[
-        kind
-    ](stage, count)
+    side = WRITERS[kind](stage, count)
     _camera(stage, side)
     stage.GetRootLayer().Save()
 
@@ -33,27 +32,47 @@ def _camera(stage: Usd.Stage, side: float) -> None:
     camera.GetFocalLengthAttr().Set(30.0)
 
 
-def _cube(layer: Sdf.Layer, path: str) -> Sdf.PrimSpec:
+def _cube(layer: Sdf.Layer, path: str, size: float = 1.0, scheme: str = "none") -> Sdf.PrimSpec:
+    points = np.array(CUBE_POINTS, np.float32) * np.float32(size)
     prim = Sdf.CreatePrimInLayer(layer, path)
     prim.specifier, prim.typeName = Sdf.SpecifierDef, "Mesh"
     for name, type_name, value in (
-        ("points", Sdf.ValueTypeNames.Point3fArray, Vt.Vec3fArray(CUBE_POINTS)),
+        ("points", Sdf.ValueTypeNames.Point3fArray, Vt.Vec3fArray.FromNumpy(points)),
         ("faceVertexCounts", Sdf.ValueTypeNames.IntArray, Vt.IntArray([4] * 6)),
         ("faceVertexIndices", Sdf.ValueTypeNames.IntArray, Vt.IntArray(CUBE_FACES)),
-        ("subdivisionScheme", Sdf.ValueTypeNames.Token, "none"),
+        ("subdivisionScheme", Sdf.ValueTypeNames.Token, scheme),
     ):
         Sdf.AttributeSpec(prim, name, type_name).default = value
     return prim
 
 
 def _meshes(stage: Usd.Stage, count: int) -> float:
+    """Equal cubes, each a mesh of its own in another place and colour."""
+    return _cubes(stage, count, lambda i: 1.0)
+
+
+def _distinct(stage: Usd.Stage, count: int) -> float:
+    """Cubes that share nothing but their topology."""
+    return _cubes(stage, count, _size)
+
+
+def _cages(stage: Usd.Stage, count: int) -> float:
+    """The same with USD's default scheme: Catmull-Clark."""
+    return _cubes(stage, count, _size, scheme="catmullClark")
+
+
+def _size(i: int) -> float:
+    return 0.7 + 0.3 * (i % 99991) / 99991
+
+
+def _cubes(stage: Usd.Stage, count: int, size: Callable[[int], float], scheme: str = "none") -> float:
     layer = stage.GetRootLayer()
     side = int(np.ceil(np.sqrt(count)))
     rng = np.random.default_rng(1)
     with Sdf.ChangeBlock():
         for i in range(count):
             scope = f"/meshes/group_{i // PER_SCOPE}"
-            prim = _cube(layer, f"{scope}/mesh_{i}")
+            prim = _cube(layer, f"{scope}/mesh_{i}", size(i), scheme)
             at = Gf.Vec3d((i % side - side / 2) * 2, rng.uniform(0, 1), (i // side - side / 2) * 2)
             Sdf.AttributeSpec(prim, "xformOp:translate", Sdf.ValueTypeNames.Double3).default = at
             order = Sdf.AttributeSpec(prim, "xformOpOrder", Sdf.ValueTypeNames.TokenArray, Sdf.VariabilityUniform)
@@ -113,3 +132,14 @@ def _instancer(stage: Usd.Stage, path: str, count: int, side: float, prototype: 
     instancer.CreateOrientationsAttr(Vt.QuathArray.FromNumpy(orientations))
     scales = np.repeat(rng.uniform(0.5, 1.2, (count, 1)), 3, axis=1).astype(np.float32)
     instancer.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(scales))
+
+
+WRITERS: dict[str, Callable[[Usd.Stage, int], float]] = {
+    "meshes": _meshes,
+    "distinct": _distinct,
+    "cages": _cages,
+    "triangles": _triangles,
+    "instances": _instances,
+    "nested": _nested,
+    "multiplied": _nested,
+}

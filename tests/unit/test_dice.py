@@ -209,3 +209,22 @@ def test_surfaces_follow_faces_and_hidden_ones_go() -> None:
     whole = diced(scene((cube(), np.eye(4))))[0][0]
     rows = {p.tobytes() for p in whole.points}
     assert all(p.tobytes() in rows for p in mesh.points)
+
+
+def test_cages_that_stand_once_have_the_footprint_that_any_number_would() -> None:
+    """Found for all of them in one go: the same bits as for each alone, where an instance makes it look one by one."""
+    camera = perspective(look_at([3, 1, 10], [0.2, 0, 0.1]), 0.3)
+    matrices = [translation(i, 0.3 * i, -0.1 * i) @ rotation([1, 2, i], 20 * i) @ scaling(1, 1 + i, 0.3) for i in range(9)]
+    together = footprints(scene(*[(cube(), m) for m in matrices], camera=camera))
+    for k, m in enumerate(matrices):
+        alone = instanced(cube(), np.asarray(m)[None, :3], camera)
+        (expected,) = footprints(alone).values()
+        np.testing.assert_array_equal(together[k].views, expected.views)
+        assert together[k].density == expected.density == 0.0
+
+
+def test_a_cage_whose_matrix_is_not_finite_has_no_view() -> None:
+    broken = np.eye(4)
+    broken[0, 0] = np.nan
+    seen = footprints(scene((cube(), broken), (cube(), np.eye(4))))
+    assert [len(seen[k].views) for k in (0, 1)] == [0, 1]

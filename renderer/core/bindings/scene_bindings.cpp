@@ -2,6 +2,8 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
 
+#include <algorithm>
+
 #include "bindings/arrays.hpp"
 #include "bindings/surface_input.hpp"
 #include "scene/builder.hpp"
@@ -18,6 +20,22 @@ void add_mesh(SceneBuilder& b, InArray<float> points, InArray<int32_t> triangles
   MeshInput m{span_of(points),        span_of(triangles),    span_of(normals),  span_of(colors),
               Attribute(normal_kind), Attribute(color_kind), span_of(surfaces), cutout};
   b.add_mesh(m, affine_of(matrix));
+}
+
+// (N, 2, 3): the least and greatest coordinates of every array of points; zeros where there are none.
+nb::object boxes(nb::list arrays) {
+  std::vector<double> out;
+  out.reserve(6 * arrays.size());
+  for (nb::handle each : arrays) {
+    const std::span<const float> p = span_of(nb::cast<InArray<float>>(each));
+    float low[3] = {0, 0, 0}, high[3] = {0, 0, 0};
+    for (size_t i = 0; i < p.size(); ++i) {
+      low[i % 3] = i < 3 ? p[i] : std::min(low[i % 3], p[i]);
+      high[i % 3] = i < 3 ? p[i] : std::max(high[i % 3], p[i]);
+    }
+    out.insert(out.end(), low, low + 3), out.insert(out.end(), high, high + 3);
+  }
+  return to_numpy(std::move(out), {arrays.size(), 2, 3});
 }
 
 template <int N>
@@ -91,6 +109,7 @@ SurfaceInput surface_of(nb::handle s) {
 }
 
 void bind_scene(nb::module_& m) {
+  m.def("boxes", &boxes);
   nb::class_<Scene>(m, "Scene")
       .def_prop_ro("memory_bytes", &Scene::memory_bytes)
       .def_ro("has_instances", &Scene::has_instances)
@@ -129,6 +148,7 @@ void bind_scene(nb::module_& m) {
       .def("add_mesh", &add_mesh)
       .def("add_sphere", [](SceneBuilder& b, double radius, int surface,
                             InArray<double> matrix) { b.add_sphere(radius, surface, affine_of(matrix)); })
+      .def("reserve_triangles", &SceneBuilder::reserve_triangles)
       .def("reserve_instances", &SceneBuilder::reserve_instances)
       .def("begin_placement", &SceneBuilder::begin_placement)
       .def("add_instances",

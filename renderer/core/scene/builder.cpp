@@ -135,6 +135,13 @@ void SceneBuilder::add_sphere(double radius, int32_t surface, const daffine& gro
   scene_->has_spheres = true;
 }
 
+void SceneBuilder::reserve_triangles(size_t points, size_t triangles) {
+  if (3 * points >= kMaxElements || 3 * triangles >= kMaxElements)
+    throw Error("too-large", "more than 715 million points or triangles");
+  scene_->positions.reserve(3 * points + 4);  // and what finish() adds
+  scene_->indices.reserve(3 * triangles), scene_->triangle_mesh.reserve(triangles);
+}
+
 void SceneBuilder::reserve_instances(size_t count) {
   if (count >= kMaxElements / 12) throw Error("too-large", "more than 178 million instances");
   scene_->world_from_group.reserve(12 * count);

@@ -67,6 +67,8 @@ class SceneBuilder {
   // `width` numbers a row, of the shape that was added last.
   void add_mesh_primvar(int name, PrimvarKind kind, int width, std::span<const float> values);
   void add_sphere_primvar(int name, int width, std::span<const float> values);
+  // Room for all meshes, as for instances.
+  void reserve_triangles(size_t points, size_t triangles);
   // Room for all instances of all placements: appending would else take twice their memory for a moment.
   void reserve_instances(size_t count);
   // Between the two come its instances. `parent` is 0 or a prototype without shapes, which is then placed by user geometry;

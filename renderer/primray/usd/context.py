@@ -24,6 +24,7 @@ class Context:
     surfaces: dict[Surface, int] = field(default_factory=dict)  # in order of their indices
     materials: dict[Any, Any] = field(default_factory=dict)  # material path -> what adapters.material made of it
     shared_geometry: dict[str, Any] = field(default_factory=dict)  # prim path -> geometry, where prototypes share it
+    shared_faces: dict[Any, Any] = field(default_factory=dict)  # by content: topology.Faces, of small meshes
     shares: frozenset[str] = frozenset()  # prim paths that more than one prototype holds
 
     bound: dict[Any, str] = field(default_factory=dict)  # path that a material binding names -> what is wrong with it

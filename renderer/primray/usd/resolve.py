@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -17,6 +18,7 @@ from .convert import matrix
 from .read import When, array, as_columns, is_single, read, time_of, value
 
 _IDENTITY = Gf.Matrix4d(1.0)
+_CONSTANT = (None, "constant")  # a primvar's interpolation where nothing is authored, and the token
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,7 @@ class ResolvedPrim:
     inherited: Inherited = field(compare=False)
     material: Usd.Prim | None = None
     subsets: tuple[Subset, ...] = ()
+    own_color: bool = False  # the colour in `inherited` is its own: one for all of it
 
     @cached_property
     def group_from_prim(self) -> Doubles:
@@ -91,10 +94,10 @@ def descend(
         mode = read(prim, "model:drawMode", when)
         mine = replace(mine, draw_mode=mode) if isinstance(mode, str) and mode != "inherited" else mine
     if "primvars:displayColor" in names:
-        color = constant_of(prim, "primvars:displayColor", 3, when)
+        color = constant_of(prim, "primvars:displayColor", 3, names, when)
         mine = mine if color is None else replace(mine, color=(color[0], color[1], color[2]))
     if "primvars:displayOpacity" in names:
-        opacity = constant_of(prim, "primvars:displayOpacity", 1, when)
+        opacity = constant_of(prim, "primvars:displayOpacity", 1, names, when)
         mine = mine if opacity is None else replace(mine, opacity=opacity[0])
     return mine if names.isdisjoint(read_names) else _with_primvars(mine, prim, names & read_names, when)
 
@@ -129,18 +132,20 @@ def _first_index(primvar: UsdGeom.Primvar, when: When) -> int:
     return int(indices[0]) if indices is not None and len(indices) else 0
 
 
-def constant_of(prim: Usd.Prim, name: str, columns: int, when: When) -> list[float] | None:
+def constant_of(prim: Usd.Prim, name: str, columns: int, names: frozenset[str], when: When) -> list[float] | None:
     """A constant primvar's value: only constant ones are inherited (UsdGeomPrimvarsAPI). None where it has none to use."""
-    primvar = UsdGeom.Primvar(prim.GetAttribute(name))
-    if primvar.GetInterpolation() != UsdGeom.Tokens.constant:
+    attribute = prim.GetAttribute(name)
+    if not attribute or attribute.GetMetadata("interpolation") not in _CONSTANT:
         return None
-    values = array(value(primvar.GetAttr(), when), columns, "f")
+    values = array(value(attribute, when), columns, "f")
     if values is None or len(values) == 0:
         return None
-    at = _first_index(primvar, when)
-    if not 0 <= at < len(values) or not np.isfinite(values[at]).all():
+    at = _first_index(UsdGeom.Primvar(attribute), when) if f"{name}:indices" in names else 0
+    if not 0 <= at < len(values):
         return None
-    return [float(x) for x in np.atleast_1d(values[at])]
+    row = values[at].tolist()
+    numbers = [row] if columns == 1 else row
+    return numbers if all(map(math.isfinite, numbers)) else None
 
 
 def bind_materials(prims: list[Usd.Prim], purposes: tuple[str, ...]) -> list[Binding | None]:

@@ -16,7 +16,7 @@ from .context import Context
 from .primvars import Primvar, Sizes
 from .read import array, read, token
 from .resolve import ResolvedPrim
-from .topology import Flags, hole_indices, read_topology, usable_faces
+from .topology import Faces, Flags, hole_indices, read_topology, usable_faces
 
 SCHEMES = ("catmullClark", "loop", "bilinear")
 BOUNDARIES = ("edgeAndCorner", "none", "edgeOnly")
@@ -60,40 +60,69 @@ def read_cage(prim: ResolvedPrim, ctx: Context) -> Cage | None:
     topology = read_topology(prim, ctx)
     if topology is None:
         return None
-    points, counts, indices = topology
-    sizes = Sizes(len(counts), len(points), len(indices))
-    usable = usable_faces(prim, points, counts, indices, ctx)
-    faces, corners = _distinct_corners(prim, counts, indices, usable, ctx)
-    if len(faces) == 0:
+    points, whole = topology
+    sizes = Sizes(len(whole.counts), len(points), len(whole.indices))
+    points, usable = usable_faces(prim, points, whole, ctx)
+    kept = _kept(whole, usable, _is_left_handed(prim, ctx))
+    if kept.lost:
+        ctx.warn("faces-degenerate", prim.path, f"{kept.lost} of {sizes.faces} faces have a vertex more than once.")
+    if len(kept.faces) == 0:
         return None
-    kept_counts = np.bincount(np.searchsorted(faces, _face_of(counts)[corners]), minlength=len(faces)).astype(np.int32)
-    if token(prim.prim, "orientation", ctx.when, "rightHanded") == "leftHanded":
-        corners = _turned(kept_counts, corners)
     creases = _creases(prim, len(points), ctx)
     tips, sharpnesses = _sharp_points(prim, len(points), ctx)
     return Cage(
         points,
-        kept_counts,
-        indices[corners].astype(np.int32),
-        faces,
-        corners,
+        kept.counts,
+        kept.points,
+        kept.faces,
+        kept.corners,
         sizes,
-        _holes(prim, sizes.faces, faces, ctx),
+        _holes(prim, sizes.faces, kept.faces, ctx),
         creases,
         tips,
         sharpnesses,
-        _scheme(prim, kept_counts, ctx),
+        _scheme(prim, kept.counts, ctx),
         _choice(prim, "interpolateBoundary", BOUNDARIES, ctx),
         _choice(prim, "faceVaryingLinearInterpolation", FACE_VARYING_RULES, ctx),
         _choice(prim, "triangleSubdivisionRule", TRIANGLE_RULES, ctx),
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """The faces that make a surface, turned outwards."""
+
+    faces: Ints
+    corners: Ints
+    counts: Ints
+    points: Ints
+    lost: int  # faces that could be rendered, but have a vertex more than once
+
+
+def _is_left_handed(prim: ResolvedPrim, ctx: Context) -> bool:
+    return "orientation" in prim.names and token(prim.prim, "orientation", ctx.when, "rightHanded") == "leftHanded"
+
+
+def _kept(whole: Faces, usable: Flags | None, left_handed: bool) -> _Kept:
+    """Found once for all cages that have the same faces and can use all of them."""
+    known: _Kept | None = whole.made.get(left_handed) if usable is None else None
+    if known is not None:
+        return known
+    faces, corners, lost = _distinct_corners(whole.counts, whole.indices, usable)
+    counts = np.bincount(np.searchsorted(faces, _face_of(whole.counts)[corners]), minlength=len(faces)).astype(np.int32)
+    if left_handed:
+        corners = _turned(counts, corners)
+    made = _Kept(faces, corners, counts, whole.indices[corners].astype(np.int32), lost)
+    if usable is None and whole.is_shared:
+        whole.made[left_handed] = made
+    return made
+
+
 def _face_of(counts: Ints) -> Ints:
     return np.repeat(np.arange(len(counts), dtype=np.int32), counts)
 
 
-def _distinct_corners(prim: ResolvedPrim, counts: Ints, indices: Ints, usable: Flags | None, ctx: Context) -> tuple[Ints, Ints]:
+def _distinct_corners(counts: Ints, indices: Ints, usable: Flags | None) -> tuple[Ints, Ints, int]:
     """The faces and corners that make a surface: a vertex that follows itself counts once, coming back it spoils its face."""
     face = _face_of(counts)
     start = np.cumsum(counts) - counts
@@ -108,10 +137,8 @@ def _distinct_corners(prim: ResolvedPrim, counts: Ints, indices: Ints, usable: F
     a, b = corners[order[:-1]], corners[order[1:]]
     good[face[a[(indices[a] == indices[b]) & (face[a] == face[b])]]] = False
     lost = int((~good if usable is None else usable & ~good).sum())
-    if lost:
-        ctx.warn("faces-degenerate", prim.path, f"{lost} of {len(counts)} faces have a vertex more than once.")
     corners = corners[good[face[corners]]]
-    return np.flatnonzero(good).astype(np.int32), corners.astype(np.int32)
+    return np.flatnonzero(good).astype(np.int32), corners.astype(np.int32), lost
 
 
 def _turned(counts: Ints, corners: Ints) -> Ints:
@@ -139,7 +166,7 @@ def _scheme(prim: ResolvedPrim, counts: Ints, ctx: Context) -> str:
 
 def _choice(prim: ResolvedPrim, name: str, known: Sequence[str], ctx: Context) -> str:
     """The token; the first of those known, noted, where it is none of them."""
-    found = token(prim.prim, name, ctx.when, known[0])
+    found = token(prim.prim, name, ctx.when, known[0]) if name in prim.names else known[0]
     if found in known:
         return found
     ctx.warn("subdivision-data", prim.path, f"{name} = {found} is not known: {known[0]} is used.")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -14,8 +17,41 @@ from .resolve import ResolvedPrim
 Flags = npt.NDArray[np.bool_]
 
 
-def read_topology(prim: ResolvedPrim, ctx: Context) -> tuple[Floats, Ints, Ints] | None:
-    """Points, faceVertexCounts and faceVertexIndices where they fit together; None for an empty mesh too."""
+SHARED_CORNERS = 1024  # meshes with more are rarely alike, and cost more than looking at them
+
+
+@dataclass(frozen=True, eq=False)
+class Faces:
+    """faceVertexCounts and faceVertexIndices that fit together. Small ones are one object for all meshes that have the same:
+    `made` keeps what follows from them alone."""
+
+    counts: Ints
+    indices: Ints
+    low: int  # the least index
+    high: int  # the greatest
+    has_area: bool  # all have 3 vertices or more
+    is_shared: bool
+    made: dict[Any, Any] = field(default_factory=dict)
+
+
+def _faces(counts: Ints, indices: Ints, prim: ResolvedPrim, ctx: Context) -> Faces | None:
+    """None where they do not fit together, noted, or there are none."""
+    if len(counts) == 0:
+        return None
+    least = int(counts.min())
+    if least < 0 or int(counts.sum(dtype=np.int64)) != len(indices):
+        ctx.warn(
+            "invalid-mesh",
+            prim.path,
+            f"faceVertexCounts sum to {int(counts.sum(dtype=np.int64))}, but there are {len(indices)} faceVertexIndices.",
+        )
+        return None
+    low, high = (int(indices.min()), int(indices.max())) if len(indices) else (0, -1)
+    return Faces(counts, indices, low, high, least >= 3, len(indices) <= SHARED_CORNERS)
+
+
+def read_topology(prim: ResolvedPrim, ctx: Context) -> tuple[Floats, Faces] | None:
+    """Points and faces where they fit together; None for an empty mesh too."""
     counts = array(read(prim.prim, "faceVertexCounts", ctx.when), 1, "i")
     indices = array(read(prim.prim, "faceVertexIndices", ctx.when), 1, "i")
     raw_points = read(prim.prim, "points", ctx.when)
@@ -27,38 +63,38 @@ def read_topology(prim: ResolvedPrim, ctx: Context) -> tuple[Floats, Ints, Ints]
         bad = [n for n, v in (("faceVertexCounts", counts), ("faceVertexIndices", indices), ("points", points)) if v is None]
         ctx.warn("invalid-mesh", prim.path, f"{', '.join(bad)}: missing, or of the wrong type.")
         return None
-    if len(counts) == 0:
+    key = (counts.tobytes(), indices.tobytes()) if len(indices) <= SHARED_CORNERS else None
+    faces = ctx.shared_faces.get(key) or _faces(counts, indices, prim, ctx)
+    if faces is None:
         return None
-    if counts.min() < 0 or int(counts.sum(dtype=np.int64)) != len(indices):
-        ctx.warn(
-            "invalid-mesh",
-            prim.path,
-            f"faceVertexCounts sum to {int(counts.sum(dtype=np.int64))}, but there are {len(indices)} faceVertexIndices.",
-        )
-        return None
+    if key is not None:
+        ctx.shared_faces[key] = faces
     note_velocities(prim, "points", ctx)
-    return points.astype(np.float32), counts, indices
+    return points.astype(np.float32, copy=False), faces
 
 
-def usable_faces(prim: ResolvedPrim, points: Floats, counts: Ints, indices: Ints, ctx: Context) -> Flags | None:
-    """The faces that can be rendered; None for all of them. Points that are not finite are set to 0."""
+def usable_faces(prim: ResolvedPrim, points: Floats, faces: Faces, ctx: Context) -> tuple[Floats, Flags | None]:
+    """The points with 0 for those that are not finite, and the faces that can be rendered; None for all of them."""
+    in_range = faces.low >= 0 and faces.high < len(points)
+    all_finite = bool(np.isfinite(points).all())
+    if in_range and all_finite and faces.has_area:
+        return points, None
+    counts, indices = faces.counts, faces.indices
     bad_corner = (indices < 0) | (indices >= len(points))
-    reasons = ["indices out of range"] if bad_corner.any() else []
-    finite = np.asarray(np.isfinite(points).all(axis=1))
-    if not finite.all() and len(points):
+    reasons = [] if in_range else ["indices out of range"]
+    if not all_finite:
+        finite = np.asarray(np.isfinite(points).all(axis=1))
         bad_corner |= ~finite[np.clip(indices, 0, len(points) - 1)]
         reasons.append("points that are not finite")
-        points[~finite] = 0.0  # belongs to no face that is kept
+        points = np.where(finite[:, None], points, np.float32(0))  # belongs to no face that is kept
     too_small = counts < 3
     if too_small.any():
         reasons.append("fewer than 3 vertices")
-    if not reasons:
-        return None
     keep = ~too_small
     keep[np.repeat(np.arange(len(counts)), counts)[bad_corner]] = False
     if not keep.all():
         ctx.warn("faces-dropped", prim.path, f"{int((~keep).sum())} of {len(counts)} faces: {', '.join(reasons)}.")
-    return keep
+    return points, keep
 
 
 def hole_indices(prim: ResolvedPrim, faces: int, ctx: Context) -> Ints | None:

@@ -35,7 +35,7 @@ from .adapters.point_instancer import point_instances
 from .adapters.points import POINT, point_sphere
 from .adapters.render_settings import StageSettings, render_settings
 from .context import Context
-from .convert import square
+from .convert import square, squares
 from .default_light import default_lights
 from .framing import Bounds, shape_bounds, stage_bounds
 from .instance_primvars import without_unread
@@ -214,15 +214,17 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
     once = square(next(chunks(chains[0]))[0]) if count == 1 and not rows_of_levels(chains[0]) else None
     members: list[Placed] = []
     leaves, group.leaves = group.leaves[::-1], []
+    matrices = squares([leaf.gf_matrix for leaf in leaves])
+    finite: list[bool] = np.asarray(np.isfinite(matrices).all(axis=(1, 2))).tolist()
+    placed = matrices if once is None else once @ matrices
     while leaves:  # what has been translated is let go
         leaf = leaves.pop()
-        if not np.isfinite(leaf.group_from_prim).all():
+        if not finite.pop():
             ctx.warn("invalid-transform", leaf.path, "Its transform is not finite.")
         elif leaf.type_name in LIGHTS:
             _add_lights(scene, leaf, chains, count, ctx)
         elif (shape := _shape(leaf, ctx)) is not None:
-            matrix = leaf.group_from_prim if once is None else once @ leaf.group_from_prim
-            members.append(Placed(len(scene.shapes), matrix))
+            members.append(Placed(len(scene.shapes), placed[len(leaves)]))
             scene.shapes.append(shape)
     if once is not None:
         scene.static += members

@@ -18,6 +18,7 @@ Mask = npt.NDArray[np.bool_]
 Points = npt.NDArray[np.floating]
 BLOCK = 1 << 12
 _NEXT, _BEFORE = np.array([1, 2, 3, 0]), np.array([3, 0, 1, 2])
+_BEFORE_OF_3, _XYZXY = np.array([2, 0, 1]), np.array([0, 1, 2, 0, 1])
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,38 @@ def triangulate(points: Points, counts: Ints, indices: Ints, keep: Mask | None =
     owners = np.concatenate([owner for _, owner, _ in parts])
     order = np.argsort(owners, kind="stable")
     return _finished(points, indices, np.concatenate([corner for corner, _, _ in parts])[order], owners[order], False)
+
+
+@dataclass(frozen=True, eq=False)
+class Fan:
+    """Triangles of faces that all have 3 vertices, or all 4: of quads they are right where no corner bends backwards."""
+
+    triangles: Triangles
+    corners: npt.NDArray[np.intp]  # (F, 3 or 4) indices of points
+    following: npt.NDArray[np.intp]  # the point after each
+
+    def fits(self, points: Points) -> bool:
+        """Whether triangulate() gives the same for these points. Says no where rounding might decide."""
+        p = points.T.take(_XYZXY, axis=0).astype(np.float64)  # few calls matter here, not few operations
+        edge = p.take(self.following, axis=1) - p.take(self.corners, axis=1)
+        before = edge.take(_BEFORE if edge.shape[2] == 4 else _BEFORE_OF_3, axis=2)
+        own = before[1:4] * edge[2:] - before[2:] * edge[1:4]
+        if edge.shape[2] == 3:
+            return bool(own.any(axis=0).all())
+        normal = own[:, :, 1:2] + own[:, :, 3:]
+        return bool(((own * normal).sum(axis=0) > 2e-12 * (normal * normal).sum(axis=0)).all())
+
+
+def fan_of(counts: Ints, indices: Ints) -> Fan | None:
+    """None where faces are of other sizes."""
+    n = int(counts[0])
+    if n not in (3, 4) or (counts != n).any():
+        return None
+    corners = np.arange(len(indices), dtype=np.int32).reshape(-1, n)
+    fans = corners if n == 3 else _fans(corners)
+    faces = np.repeat(np.arange(len(counts), dtype=np.int32), n - 2)
+    points = indices.reshape(-1, n).astype(np.intp)
+    return Fan(Triangles(indices[fans].astype(np.int32, copy=False), fans, faces), points, np.roll(points, -1, axis=1))
 
 
 def flipped(triangles: Triangles) -> Triangles:

@@ -46,6 +46,7 @@ class _Walk:
     leaf_types: Mapping[str, str]
     expand: Expand
     cache: UsdGeom.XformCache
+    names: dict[frozenset[str], frozenset[str]] = field(default_factory=dict)
     groups: list[Group[ResolvedPrim]] = field(default_factory=list)
     index: dict[GroupKey, int] = field(default_factory=dict)
     queue: list[tuple[int, Usd.Prim, Inherited]] = field(default_factory=list)
@@ -79,6 +80,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
     while stack:
         prim, parent_matrix, handed = stack.pop()
         names = frozenset(prim.GetAuthoredPropertyNames())
+        names = state.names.setdefault(names, names)  # many prims have the same: one object for all of them
         mine = descend(handed, prim, names, state.ctx.when, state.ctx.primvars_read)
         if mine is None:
             continue
@@ -88,7 +90,9 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
         to_group = local if resets else local * parent_matrix
         type_name = str(prim.GetTypeName())
         kind = state.leaf_types.get(type_name, "")
-        resolved = ResolvedPrim(prim, state.ctx.shown(str(prim.GetPath())), type_name, names, to_group, mine)
+        path = state.ctx.shown(str(prim.GetPath()))
+        own_color = mine.color is not handed.color
+        resolved = ResolvedPrim(prim, path, type_name, names, to_group, mine, own_color=own_color)
         drawn_as = stand_in(resolved, state.ctx) if mine.draw_mode != "default" else ""
         if drawn_as:
             if mine.purpose in state.ctx.purposes:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import weakref
+from dataclasses import replace
+
 import numpy as np
 from tests.described import box, core_module, describe, kernels, lambert, orthographic, placement, translation
 
@@ -58,3 +61,15 @@ def test_two_levels_far_from_the_origin() -> None:
     flat = heights([placement(0, (outer[:, None] @ inner[None]).reshape(-1, 4, 4))], [CUBE], at)
     np.testing.assert_allclose(flat[:, 1], 0.75, atol=1e-6)
     np.testing.assert_allclose(found, flat, atol=2000 * 2.0**-22)
+
+
+def test_shapes_that_are_handed_over_are_let_go() -> None:
+    made = describe([(box([1, 1, 1]), np.eye(4))], [lambert(0.5)])
+    shapes = list(made.description.shapes)
+    held = weakref.ref(shapes[0].points)
+    description, made = replace(made.description, shapes=()), None
+    scene, _ = upload(core_module(), description, {}, 1.0, NO_TABLE, shapes)
+    assert shapes == []
+    assert held() is None
+    hits = kernels().intersect(scene, np.array([[0.0, 0, 9]]), np.array([[0, 0, -1]], np.float32))
+    assert hits["geometry"][0] >= 0

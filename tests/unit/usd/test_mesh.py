@@ -242,3 +242,28 @@ def test_closedness() -> None:
     turned[0] = turned[0][::-1]
     assert not is_closed(cube, turned)
     assert not is_closed(cube, np.concatenate([faces, faces]))  # more than two faces at every edge
+
+
+def test_meshes_of_the_same_faces_keep_their_own_points() -> None:
+    """A flat square, the same again, one whose second corner is pushed in, one with too few points, one without area."""
+    square = "(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)"
+    every = [square, square, "(0, 0, 0), (0.4, 0.6, 0), (1, 1, 0), (0, 1, 0)", square[:-11], ", ".join(["(1, 1, 1)"] * 4)]
+    text = "\n".join(
+        f"""def Mesh "mesh_{i}" {{
+            uniform token subdivisionScheme = "none"
+            int[] faceVertexCounts = [4]
+            int[] faceVertexIndices = [0, 1, 2, 3]
+            point3f[] points = [{points}]
+        }}"""
+        for i, points in enumerate(every)
+    )
+    description, found = translate_text(text)
+    triangles = {shape.path: shape.triangles.tolist() for shape in description.shapes if isinstance(shape, Mesh)}
+    fan = [[0, 1, 2], [0, 2, 3]]
+    assert triangles == {"/mesh_0": fan, "/mesh_1": fan, "/mesh_2": [[1, 2, 3], [1, 3, 0]]}
+    first, second, *_ = description.shapes
+    assert isinstance(first, Mesh)
+    assert isinstance(second, Mesh)
+    assert first.points is second.points
+    codes = [(code, path) for code, path in found if path.startswith("/mesh")]
+    assert codes == [("faces-dropped", "/mesh_3"), ("faces-degenerate", "/mesh_4")]

@@ -27,8 +27,10 @@ def cage(prim: ResolvedPrim, ctx: Context) -> SubdivisionMesh | None:
         ctx.shared_geometry[prim.path] = found
     whole = face_parts(prim, found.sizes.faces, ctx)
     parts, part_of_face = whole.appearances, whole.of_face[found.faces]
-    varying = np.array([part.varying_color for part in parts])
-    colors = _colors(prim, found, varying[part_of_face], ctx) if varying[part_of_face].any() else None
+    colors = None
+    if any(part.varying_color for part in parts):
+        varying = np.array([part.varying_color for part in parts])[part_of_face]
+        colors = _colors(prim, found, varying, ctx) if varying.any() else None
     if colors is None:
         parts = [replace(part, color=FALLBACK_COLOR) if part.varying_color else part for part in parts]
     surfaces = _surfaces(parts, part_of_face, found)
@@ -58,16 +60,18 @@ def cage(prim: ResolvedPrim, ctx: Context) -> SubdivisionMesh | None:
 
 def _surfaces(parts: list[Appearance], part_of_face: Ints, found: Cage) -> dict[int, Surface]:
     """By part, of those that are drawn."""
-    used = [int(part) for part in np.unique(part_of_face) if not is_hidden(parts[part])]
+    worn = [0] if len(parts) == 1 else np.unique(part_of_face).tolist()
+    used = [part for part in worn if not is_hidden(parts[part])]
     return {part: make_surface(parts[part], lambda: is_closed_cage(found)) for part in used}
 
 
 def _indices(surfaces: dict[int, Surface], part_of_face: Ints, ctx: Context) -> int | Ints:
     """One surface, or one a face with -1 where nothing is drawn."""
-    of_part = np.full(int(part_of_face.max()) + 1, -1, np.int32)
-    for part, surface in surfaces.items():
-        of_part[part] = ctx.surface_index(surface)
-    return int(of_part[0]) if len(of_part) == 1 else of_part[part_of_face]
+    numbers = {part: ctx.surface_index(surface) for part, surface in surfaces.items()}
+    last = int(part_of_face.max())
+    if last == 0:
+        return numbers[0]
+    return np.array([numbers.get(part, -1) for part in range(last + 1)], np.int32)[part_of_face]
 
 
 def _colors(

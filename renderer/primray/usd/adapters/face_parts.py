@@ -22,9 +22,9 @@ class FaceParts:
 
 
 def face_parts(prim: ResolvedPrim, faces: int, ctx: Context) -> FaceParts:
+    parts = [appearance_of(prim, prim.material, ctx)]
     of_face = np.zeros(faces, np.int32)
     families: list[str | None] = [None]  # of each part; the mesh's own is in none
-    parts = [appearance_of(prim, prim.material, ctx)]
     for subset in prim.subsets:
         indices = array(read(subset.prim, "indices", ctx.when), 1, "i")
         if indices is None or (len(indices) and (indices.min() < 0 or indices.max() >= faces)):

@@ -18,8 +18,8 @@ from ..read import token
 from ..resolve import ResolvedPrim
 from ..seam_mesh import Values, keep_triangles, seam_mesh
 from ..surface_primvars import mesh_primvars, moved
-from ..topology import read_topology, usable_faces, without_holes
-from ..triangulate import Triangles, flipped, triangulate
+from ..topology import Faces, read_topology, usable_faces, without_holes
+from ..triangulate import Fan, Triangles, fan_of, flipped, triangulate
 from .cage import cage
 from .face_parts import FaceParts, face_parts
 from .surface import FALLBACK_COLOR, Appearance, is_hidden, make_surface
@@ -36,7 +36,7 @@ class Geometry:
 
 
 def mesh(prim: ResolvedPrim, ctx: Context) -> Mesh | SubdivisionMesh | None:
-    if token(prim.prim, "subdivisionScheme", ctx.when, "catmullClark") != "none":
+    if "subdivisionScheme" not in prim.names or token(prim.prim, "subdivisionScheme", ctx.when, "catmullClark") != "none":
         return cage(prim, ctx)
     geometry = ctx.shared_geometry.get(prim.path) or _geometry(prim, ctx)
     if geometry is None:
@@ -71,16 +71,36 @@ def _geometry(prim: ResolvedPrim, ctx: Context) -> Geometry | None:
     topology = read_topology(prim, ctx)
     if topology is None:
         return None
-    points, counts, indices = topology
-    keep = without_holes(usable_faces(prim, points, counts, indices, ctx), prim, len(counts), ctx)
-    triangles = triangulate(points, counts, indices, keep)
-    sizes = Sizes(len(counts), len(points), len(indices))
-    _note_degenerate(prim, keep, sizes.faces, triangles, counts, ctx)
+    points, faces = topology
+    points, usable = usable_faces(prim, points, faces, ctx)
+    sizes = Sizes(len(faces.counts), len(points), len(faces.indices))
+    keep = without_holes(usable, prim, sizes.faces, ctx)
+    if keep is None and (alike := _alike(points, faces)) is not None:
+        points, triangles = alike
+    else:
+        triangles = triangulate(points, faces.counts, faces.indices, keep)
+        _note_degenerate(prim, keep, sizes.faces, triangles, faces.counts, ctx)
     if len(triangles.faces) == 0:
         return None
     if "orientation" in prim.names and token(prim.prim, "orientation", ctx.when, "rightHanded") == "leftHanded":
         triangles = flipped(triangles)
     return Geometry(points, triangles, _normals(prim, points, triangles, sizes, ctx), sizes)
+
+
+def _alike(points: Floats, faces: Faces) -> tuple[Floats, Triangles] | None:
+    """Points and triangles of all small meshes that are alike; None where their faces are not simple fans."""
+    if not faces.is_shared:
+        return None
+    if "fan" not in faces.made:
+        faces.made["fan"] = fan_of(faces.counts, faces.indices)
+    fan: Fan | None = faces.made["fan"]
+    if fan is None:
+        return None
+    key = points.tobytes()
+    known: Floats | None = faces.made.get(key)
+    if known is None and fan.fits(points):
+        known = faces.made[key] = points
+    return None if known is None else (known, fan.triangles)
 
 
 def _note_degenerate(

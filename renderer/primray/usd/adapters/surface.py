@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from pxr import Usd, UsdGeom
 
@@ -41,7 +42,7 @@ def appearance_of(prim: ResolvedPrim, bound: Usd.Prim | None, ctx: Context) -> A
         return Appearance(made)
     inputs: list[tuple[str, Input]] = []
     color, varying_color = FALLBACK_COLOR, False
-    if _varies(prim, _COLOR):
+    if not prim.own_color and _varies(prim, _COLOR):
         color, varying_color = (1.0, 1.0, 1.0), True
     elif prim.inherited.color is None and _COLOR in prim.inherited.per_instance:
         inputs.append(("diffuse_color", PrimvarInput(_COLOR, FALLBACK_COLOR)))
@@ -79,6 +80,7 @@ def make_surface(appearance: Appearance, is_closed: Callable[[], bool]) -> Surfa
     return surface
 
 
+@lru_cache(maxsize=1024)
 def _display_surface(appearance: Appearance) -> Surface:
     opaque = appearance.opacity == 1 and all(name != "opacity" for name, _ in appearance.inputs)
     return Surface(
