@@ -99,7 +99,7 @@ def test_outlines_are_curved() -> None:
     n = 12
     rings = [[[r * np.cos(2 * np.pi * i / n), r * np.sin(2 * np.pi * i / n), 0] for i in range(n)] for r in (1.0, 2.0, 3.0)]
     faces = [[k * n + i, (k + 1) * n + i, (k + 1) * n + (i + 1) % n, k * n + (i + 1) % n] for k in (0, 1) for i in range(n)]
-    made = dice(cage(np.concatenate(rings), faces), Dicing(4.0), SEEN)
+    made = dice(cage(np.concatenate([np.asarray(ring) for ring in rings]), faces), Dicing(4.0), SEEN)
     edges = np.sort(np.concatenate([made["triangles"][:, [0, 1]], made["triangles"][:, [1, 2]], made["triangles"][:, [2, 0]]]))
     every, times = np.unique(edges, axis=0, return_counts=True)
     middles = made["points"][every[times == 1]].astype(float).mean(axis=1)
@@ -183,7 +183,7 @@ CURVED = {
     "gently curved": grid(4, 3, wavy),
     "gently curved triangles": grid(4, 3, wavy, triangles=True),
     "five around a vertex": replace(
-        star(5, "catmullClark", True, 3), points=star(5, "catmullClark", True, 3).points * [1, 1, 0.05]
+        star(5, "catmullClark", True, 3), points=star(5, "catmullClark", True, 3).points * np.array([1, 1, 0.05], np.float32)
     ),
     "saddle": replace(grid(2, 2, lambda x, y: 0.01 * x * y), scheme="bilinear"),
     "octahedron": octahedron(),
@@ -258,7 +258,7 @@ def test_flat_beside_curved_is_closed(pixels: float) -> None:
     made, full = dice(c, Dicing(pixels), SEEN), dice(c, Dicing(pixels, flatness=0.0), SEEN)
     assert_closed(made["triangles"])
     assert len(np.unique(made["faces"])) == len(c.face_counts)
-    assert len(made["triangles"]) < 0.35 * len(full["triangles"])
+    assert len(made["triangles"]) < 0.5 * len(full["triangles"])
     rows = {p.tobytes() for p in full["points"]}
     assert all(p.tobytes() in rows for p in made["points"])
     p = made["points"][made["triangles"]].astype(float)
