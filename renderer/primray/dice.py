@@ -22,6 +22,7 @@ BOUNDARIES = ("none", "edgeOnly", "edgeAndCorner")
 FACE_VARYING_RULES = ("none", "cornersOnly", "cornersPlus1", "cornersPlus2", "boundaries", "all")
 
 MAX_TRIANGLES = 1 << 24
+FLATNESS = 0.1
 BYTES_PER_TRIANGLE = 300  # at the peak of dicing and building: 170 measured without primvars
 MAX_BATCH = 64  # cages that a thread takes at a time
 NO_INTS = np.zeros(0, np.int32)
@@ -33,12 +34,14 @@ Warnings = list[tuple[str, str, str]]  # code, prim path, message
 
 @dataclass(frozen=True)
 class Dicing:
-    """How finely: edges at most `pixels` long, between two levels; one level for all makes cages uniform."""
+    """How finely: edges at most `pixels` long, between two levels; one level for all makes cages uniform. Faces that are flat
+    to within `flatness` pixels are not split, however long; with 0, all are."""
 
     pixels: float
     min_level: int = 0
     max_level: int = MAX_LEVEL
     max_triangles: int = MAX_TRIANGLES
+    flatness: float = FLATNESS
 
 
 def dicing_of(settings: RenderSettings) -> Dicing:
@@ -108,6 +111,11 @@ def _warnings(cage: SubdivisionMesh, made: dict[str, Any], pixels: float, dicing
     return out
 
 
+def estimated_triangles(core: Any, cage: SubdivisionMesh, footprint: Footprint, pixels: float) -> int:
+    """Triangles that dicing to edges of so many pixels makes, roughly."""
+    return int(core.estimated_triangles(core_arrays(cage, footprint, Dicing(pixels))))
+
+
 def core_arrays(cage: SubdivisionMesh, footprint: Footprint, dicing: Dicing) -> dict[str, Any]:
     """What the core's dice() reads."""
     hidden = np.flatnonzero(cage.surface < 0).astype(np.int32) if isinstance(cage.surface, np.ndarray) else NO_INTS
@@ -136,6 +144,8 @@ def core_arrays(cage: SubdivisionMesh, footprint: Footprint, dicing: Dicing) -> 
         "views": np.ascontiguousarray(footprint.views, np.float64),
         "density": footprint.density,
         "pixels": dicing.pixels,
+        "flatness": dicing.flatness,
+        "faces_differ": not isinstance(cage.surface, int) or bool(primvars_of(cage, Interpolation.FACE)),
         "min_level": dicing.min_level,
         "max_level": dicing.max_level,
         "max_triangles": dicing.max_triangles,

@@ -1,4 +1,4 @@
-"""How large the cages of a description are on the image: what dice.py asks the core for, and an estimate of what comes out.
+"""How large the cages of a description are on the image: what dice.py asks the core for.
 
 A cage that stands once is looked at face by face. Of instances, the few that ask for most are; the rest count by the most
 pixels that any of them gives to a unit of the cage's space.
@@ -159,27 +159,3 @@ def _is_outside(at: Doubles, extent: Doubles, camera: Projected) -> np.ndarray[t
         | (top * depth - y < -extent * np.hypot(1, top))
         | (depth < -extent)
     )
-
-
-def estimated_triangles(cage: SubdivisionMesh, footprint: Footprint, pixels: float) -> int:
-    """Triangles that dicing to edges of so many pixels makes, roughly: faces by their longest edge, in whole levels."""
-    counts = cage.face_counts.astype(np.int64)
-    if len(counts) == 0:
-        return 0
-    start = np.cumsum(counts) - counts
-    following = np.arange(1, len(cage.face_points) + 1)
-    following[start + counts - 1] = start
-    a = cage.points[cage.face_points].astype(np.float64)
-    edges = a[following] - a
-    longest = np.linalg.norm(edges, axis=1) * footprint.density
-    camera = footprint.projected
-    for view in footprint.views:
-        size = np.linalg.norm(edges @ view[:, :3].T, axis=1) * camera.pixels_per_unit
-        if not camera.orthographic:
-            size /= np.maximum(np.linalg.norm(a @ view[:, :3].T + view[:, 3], axis=1), 1e-30)
-        longest = np.maximum(longest, size)
-    longest = np.maximum.reduceat(longest, start)
-    least = 0 if (counts == (3 if cage.scheme == "loop" else 4)).all() else 1
-    levels = np.clip(np.ceil(np.log2(np.maximum(longest / pixels, 1))), least, MAX_LEVEL)
-    first = np.where(levels > 0, 2 * counts * 4.0 ** (levels - 1), 2) if cage.scheme != "loop" else 4.0**levels
-    return int(first.sum())

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from . import core
 from .description import Mesh, Placement, SceneDescription, Shape, Sphere, SubdivisionMesh, TextureInput
-from .footprint import Footprint, estimated_triangles, footprints
+from .dice import estimated_triangles
+from .footprint import Footprint, footprints
 from .settings import DEFAULT_DICING_RATE
 
 # Peak bytes, fitted to what `python -m tests.bench.memory` measures there: arrays of the description are counted
@@ -133,7 +135,7 @@ def counts(summed: Summary) -> dict[str, int]:
 
 def _triangles(shape: Shape, footprint: Footprint | None, dicing_rate: float) -> int:
     if isinstance(shape, SubdivisionMesh) and footprint is not None:
-        return estimated_triangles(shape, footprint, dicing_rate)
+        return estimated_triangles(core.module(), shape, footprint, dicing_rate)
     return len(shape.triangles) if isinstance(shape, Mesh) else 0
 
 

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.cages import cube, grid
-from tests.described import describe, lambert, look_at, orthographic, perspective, rotation, scaling, translation
+from tests.described import describe, lambert, light, look_at, orthographic, perspective, rotation, scaling, translation
 
 from primray import core
 from primray.description import (
     Interpolation,
+    LightType,
     MatrixInstances,
     Mesh,
     Placed,
@@ -25,6 +26,7 @@ from primray.description import (
 from primray.dice import Dicing, dice, dicing_of
 from primray.footprint import MAX_LEVEL, footprints
 from primray.settings import RenderSettings
+from primray.shading import PrimvarInput
 
 CAMERA = perspective(look_at([0, 0, 10], [0, 0, 0]), 0.2)  # 4 units high at the origin
 
@@ -84,7 +86,7 @@ def test_orthographic() -> None:
 def test_a_plane_towards_the_camera_is_finest_in_front() -> None:
     ground = replace(grid(4, 4), points=(grid(4, 4).points - np.array([2, 2, 0], np.float32)) * np.float32(100))
     camera = perspective(look_at([0, 0, 2], [0, 100, 0], (0, 0, 1)), 0.4)
-    (mesh,), codes = diced(scene((ground, np.eye(4)), camera=camera))
+    (mesh,), codes = diced(scene((ground, np.eye(4)), camera=camera), flatness=0.0)
     assert len(mesh.triangles) < 60_000
     p = mesh.points[mesh.triangles].astype(np.float64)
     size = np.linalg.norm(p[:, 0] - p[:, 1], axis=1)
@@ -228,3 +230,40 @@ def test_a_cage_whose_matrix_is_not_finite_has_no_view() -> None:
     broken[0, 0] = np.nan
     seen = footprints(scene((cube(), broken), (cube(), np.eye(4))))
     assert [len(seen[k].views) for k in (0, 1)] == [0, 1]
+
+
+def test_faces_that_differ_have_straight_edges() -> None:
+    """In a flat but uneven cage edges inside the surface may be any curve, unless what lies beside them differs."""
+    c = grid(6, 6)
+    points = c.points.copy()
+    points[24, :2] += 0.4  # off the middle
+    c = replace(c, points=points - np.array([3, 3, 0], np.float32))
+    plain = len(diced(scene((c, np.eye(4))))[0][0].triangles)
+    striped = replace(c, surface=(np.arange(36) % 2).astype(np.int32))
+    made = describe([(striped, np.eye(4))], [lambert(0.5), lambert(0.2)], camera=CAMERA)
+    assert len(diced(replace(made.description, resolution=(256, 256)))[0][0].triangles) > 2 * plain
+    colours = np.random.default_rng(2).random((36, 3)).astype(np.float32)
+    coloured = replace(c, colors=Primvar("displayColor", Interpolation.FACE, colours))
+    assert len(diced(scene((coloured, np.eye(4))))[0][0].triangles) > 2 * plain
+    assert plain == 72
+
+
+@pytest.mark.parametrize("scheme", ["catmullClark", "bilinear"])
+def test_pictures_of_flat_faces(scheme: str) -> None:
+    """A tilted plane, coloured by a primvar, looks the same whether its faces are split or not."""
+    c = replace(grid(3, 3), scheme=scheme)
+    ramp = Primvar("ramp", Interpolation.POINT, (c.points / 3 + [0, 0, 0.5]).astype(np.float32))
+    c = replace(c, points=c.points - np.array([1.5, 1.5, 0], np.float32), primvars=(ramp,))
+    surface = replace(lambert(0.5), inputs=(("diffuse_color", PrimvarInput("ramp", (0.0, 0.0, 0.0))),))
+    sun = light(LightType.DISTANT, rotation([1, 0.3, 0], -20))
+    made = describe([(c, rotation([1, 1, 0], 35))], [surface], [sun], camera=CAMERA)
+    description = replace(made.description, resolution=(64, 64))
+    settings = RenderSettings(resolution=(64, 64), spp=4)
+    pictures = []
+    for flatness in (0.0, 0.1):
+        (mesh,), _ = diced(description, flatness=flatness)
+        assert (len(mesh.triangles) == 18) == (flatness > 0)
+        scene = core.build(replace(description, shapes=(mesh,)), {}, settings)
+        pictures.append(core.render(scene, settings, None).pixels[..., :3])
+    assert np.ptp(pictures[0], axis=(0, 1)).min() > 0.05
+    np.testing.assert_allclose(pictures[0], pictures[1], atol=1e-3)

@@ -62,6 +62,15 @@ def test_triangles_of_cages_are_estimated() -> None:
     assert (found.meshes, found.cages, found.spheres) == (0, 1, 0)
     diced, warnings = core.dice(description, RenderSettings(resolution=(200, 200), dicing_rate=4.0))
     triangles = summary(diced).triangles_unique
-    assert triangles / 6 < found.triangles_unique < 6 * triangles  # to a level or so
+    assert triangles / 1.5 < found.triangles_unique < 1.5 * triangles
     assert warnings == []
     assert summary(description, 16.0).triangles_unique < found.triangles_unique
+
+
+def test_flat_cages_are_estimated_as_they_are_diced() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    stage.GetRootLayer().ImportFromString(
+        CAGE.replace('Mesh "cage"\n{', 'Mesh "cage"\n{\n    token subdivisionScheme = "bilinear"')
+    )
+    description, _ = translate(stage, RenderSettings(resolution=(200, 200)))
+    assert summary(description, 1.0).triangles_unique == 12

@@ -58,7 +58,8 @@ DiceInput input_of(nb::handle d) {
     in.face_varying.push_back({span_of(nb::cast<InArray<int32_t>>(channel[nb::int_(0)])),
                                span_of(nb::cast<InArray<float>>(channel[nb::int_(1)])), width_of(channel[nb::int_(1)])});
   in.footprint = footprint_of(d);
-  in.pixels = number_in<double>(d, "pixels");
+  in.pixels = number_in<double>(d, "pixels"), in.flatness = number_in<double>(d, "flatness");
+  in.faces_differ = number_in<bool>(d, "faces_differ");
   in.min_level = number_in<int>(d, "min_level"), in.max_level = number_in<int>(d, "max_level");
   in.max_triangles = number_in<int64_t>(d, "max_triangles");
   return in;
@@ -101,8 +102,17 @@ nb::object dice_cage(nb::dict arrays) {
   return as_dict(std::move(diced), in);
 }
 
+int64_t estimate_cage(nb::dict arrays) {
+  const DiceInput in = input_of(arrays);
+  const nb::gil_scoped_release release;
+  return estimated_triangles(in);
+}
+
 }  // namespace
 
-void bind_subdivision(nb::module_& m) { m.def("dice", &dice_cage, nb::arg("cage")); }
+void bind_subdivision(nb::module_& m) {
+  m.def("dice", &dice_cage, nb::arg("cage"));
+  m.def("estimated_triangles", &estimate_cage, nb::arg("cage"));
+}
 
 }  // namespace primray

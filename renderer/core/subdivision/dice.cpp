@@ -2,7 +2,10 @@
 #include "subdivision/dice.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <optional>
 
+#include "subdivision/flatness.hpp"
 #include "subdivision/level.hpp"
 #include "subdivision/limit.hpp"
 #include "subdivision/masks.hpp"
@@ -14,6 +17,12 @@ using Values = std::vector<double>;
 
 Values doubles(std::span<const float> values) { return Values(values.begin(), values.end()); }
 
+// What an estimate makes itself: levels, as long as they are small.
+constexpr int kEstimatedFrom = 3, kEstimatedFaces = 4096;
+
+// The cosine: no face whose normals differ by more is flat (flatness.hpp).
+constexpr double kTwoDegrees = 0.99939;
+
 class Dicer {
  public:
   explicit Dicer(const DiceInput& in)
@@ -21,6 +30,18 @@ class Dicer {
         how_{in.cage.scheme, in.cage.smooth_triangles},
         limit_(in.cage.scheme),
         linear_(in.cage.scheme == Scheme::kBilinear) {}
+
+  int64_t estimate() {
+    for (begin();;) {
+      const Level& level = levels_.back();
+      const int l = int(levels_.size()) - 1;
+      if (has_limits() && (l >= kEstimatedFrom || level.surface.topology.faces() > kEstimatedFaces)) break;
+      if (!choose(levels_.back())) break;
+      too_many();
+      refine();
+    }
+    return drawn_ + expected();
+  }
 
   Diced run() {
     begin();
@@ -42,6 +63,7 @@ class Dicer {
  private:
   void begin() {
     Cage cage = build_cage(in_.cage);
+    flatness_.emplace(in_.footprint, in_.flatness, linear_, in_.faces_differ, cage.is_hole);
     out_.non_manifold_edges = cage.non_manifold_edges, out_.unknown_creases = cage.unknown_creases;
     Level& level = levels_.emplace_back();
     for (const FaceVarying& channel : in_.face_varying) add_channel(level, cage, channel);
@@ -167,10 +189,11 @@ class Dicer {
     const int l = int(levels_.size()) - 1;
     const bool must = l < in_.min_level || !has_limits();
     level.is_refined.assign(t.faces(), 0);
+    gather_values(level);
     bool any = false;
     for (int f = 0; f < t.faces(); ++f) {
       if (!level.is_active[f]) continue;
-      const bool wants = must || is_too_long(t, f);
+      const bool wants = must || wanted_levels(level, f) > 0;
       if (wants && !must && l >= in_.max_level) out_.is_level_limited = true;
       level.is_refined[f] = must || (wants && l < in_.max_level);
       any |= level.is_refined[f] != 0;
@@ -178,10 +201,58 @@ class Dicer {
     return any;
   }
 
-  bool is_too_long(const Topology& t, int f) {
+  // Further levels that the length of a face's edges asks for, or fewer until it is flat; 0 where it is drawn as it is.
+  double wanted_levels(const Level& level, int f) {
+    const Topology& t = level.surface.topology;
     corners_.clear();
     for (int c = t.begin(f), end = c + t.size(f); c < end; ++c) corners_.push_back(point(t.vertex[c]));
-    return face_pixels(in_.footprint, corners_) > in_.pixels;
+    const double longest = face_pixels(in_.footprint, corners_);
+    if (!(longest > in_.pixels)) return 0;
+    const double levels = std::log2(longest / in_.pixels);
+    if (!(in_.flatness > 0) || is_plainly_curved(level, f)) return levels;
+    return std::min(levels, flatness_->levels_to_flat(level, f, points_, level_values_, longest));
+  }
+
+  // A shortcut for most faces that are not flat: normals that are made already differ too much.
+  bool is_plainly_curved(const Level& level, int f) const {
+    const Topology& t = level.surface.topology;
+    const int b = t.begin(f), n = t.size(f);
+    dvec3 normals[4];
+    for (int k = 0; k < n; ++k) {
+      const int at = level.corner_normal.empty() ? level.surface.output[t.vertex[b + k]] : level.corner_normal[b + k];
+      if (at < 0) return false;  // an estimate makes none
+      const float* p = &out_.normals[size_t(at) * 3];
+      normals[k] = {p[0], p[1], p[2]};
+    }
+    const auto differ = [&](int i, int j) { return dot(normals[i], normals[j]) < kTwoDegrees; };
+    return differ(0, 1) || differ(1, 2) || differ(0, n - 1) || (n == 4 && differ(2, 3));
+  }
+
+  // What the faces of a level carry, for flatness_.
+  void gather_values(const Level& level) {
+    level_values_.clear();
+    const Topology* t = &level.surface.topology;
+    if (in_.vertex_width) level_values_.push_back({t, &vertex_, in_.vertex_width, linear_, false});
+    if (in_.varying_width) level_values_.push_back({t, &varying_, in_.varying_width, true, false});
+    for (size_t k = 0; k < level.values.size(); ++k)
+      level_values_.push_back({&level.values[k].topology, &face_varying_[k], in_.face_varying[k].width,
+                               linear_ || in_.rule == LinearRule::kAll, true});
+  }
+
+  // Triangles of the last level's faces and of all that they will be split into.
+  int64_t expected() {
+    const Level& level = levels_.back();
+    const Topology& t = level.surface.topology;
+    const int l = int(levels_.size()) - 1;
+    gather_values(level);
+    double n = 0;
+    for (int f = 0; f < t.faces(); ++f) {
+      if (!level.is_active[f]) continue;
+      const double wanted = std::ceil(wanted_levels(level, f));
+      const double more = std::max(std::min(wanted, double(in_.max_level - l)), double(std::max(in_.min_level - l, 0)));
+      n += (t.size(f) - 2) * std::pow(4.0, more);
+    }
+    return int64_t(n);
   }
 
   bool too_many() {
@@ -268,6 +339,8 @@ class Dicer {
   std::vector<Values> face_varying_;
   Diced out_;
   int64_t drawn_ = 0;
+  std::optional<Flatness> flatness_;
+  std::vector<LevelValues> level_values_;
   FanNormals fan_;
   Values row_;
   std::vector<dvec3> corners_;
@@ -276,5 +349,7 @@ class Dicer {
 }  // namespace
 
 Diced dice(const DiceInput& input) { return Dicer(input).run(); }
+
+int64_t estimated_triangles(const DiceInput& input) { return Dicer(input).estimate(); }
 
 }  // namespace primray::subdivision

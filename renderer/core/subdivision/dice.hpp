@@ -1,8 +1,8 @@
 // A control cage to triangles whose vertices lie on its limit surface, as fine as its footprint on the image asks.
 //
-// Levels are made one after the other: a face goes on while one of its edges covers too many pixels, and takes its neighbours
-// along as far as its masks rest on them. Each vertex goes to its limit at the level where it first appears, whatever the
-// levels around it, so that neighbours agree on it to the bit.
+// Levels are made one after the other: a face goes on while one of its edges covers too many pixels and it is not flat
+// (flatness.hpp), and takes its neighbours along as far as its masks rest on them. Each vertex goes to its limit at the level
+// where it first appears, whatever the levels around it, so that neighbours agree on it to the bit.
 #pragma once
 
 #include <cstdint>
@@ -31,7 +31,9 @@ struct DiceInput {
   int vertex_width = 0, varying_width = 0;
   std::vector<FaceVarying> face_varying;
   Footprint footprint;
-  double pixels = 1;  // the longest that edges may be
+  double pixels = 1;          // the longest that edges may be, except of flat faces
+  double flatness = 0.1;      // pixels that flat faces may be off; 0: there are none
+  bool faces_differ = false;  // in what they carry: their outlines show
   int min_level = 0, max_level = 0;
   int64_t max_triangles = 0;
 };
@@ -47,5 +49,8 @@ struct Diced {
 };
 
 Diced dice(const DiceInput& input);
+
+// Triangles that dice() makes, roughly: a few levels are made, faces count by what these say about finer ones.
+int64_t estimated_triangles(const DiceInput& input);
 
 }  // namespace primray::subdivision

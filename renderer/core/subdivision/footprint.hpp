@@ -24,6 +24,23 @@ struct Footprint {
   double density = 0;          // pixels a unit of the object covers at most in all other placements
 };
 
+// Whether all of a face's corners, in the camera's space, lie beyond one side of the view.
+class OutsideTest {
+ public:
+  explicit OutsideTest(const Projection& p) : p_(p), out_{true, true, true, true, !p.orthographic} {}
+  void add(const dvec3& b) {
+    const double depth = p_.orthographic ? 1 : -b.z;
+    out_[0] &= b.x<p_.window[0] * depth, out_[1] &= b.x> p_.window[1] * depth;
+    out_[2] &= b.y<p_.window[2] * depth, out_[3] &= b.y> p_.window[3] * depth;
+    out_[4] &= depth < 0;
+  }
+  bool is_outside() const { return out_[0] || out_[1] || out_[2] || out_[3] || out_[4]; }
+
+ private:
+  const Projection& p_;
+  bool out_[5];
+};
+
 // The most pixels that an edge of a face covers; `corners`: its points, object space.
 inline double face_pixels(const Footprint& print, std::span<const dvec3> corners) {
   double longest = 0;
@@ -34,7 +51,7 @@ inline double face_pixels(const Footprint& print, std::span<const dvec3> corners
   const Projection& p = print.projection;
   for (const daffine& view : print.views) {
     double pixels = 0;
-    bool out[5] = {true, true, true, true, !p.orthographic};
+    OutsideTest outside(p);
     dvec3 a = view.point(corners[n - 1]);
     for (size_t i = 0; i < n; ++i) {
       const dvec3 b = view.point(corners[i]), d = b - a;
@@ -44,14 +61,10 @@ inline double face_pixels(const Footprint& print, std::span<const dvec3> corners
         distance = length(a + d * at);
       }
       pixels = std::max(pixels, length(d) * p.pixels_per_unit / std::max(distance, 1e-300));
-      const double depth = p.orthographic ? 1 : -b.z;
-      out[0] &= b.x<p.window[0] * depth, out[1] &= b.x> p.window[1] * depth;
-      out[2] &= b.y<p.window[2] * depth, out[3] &= b.y> p.window[3] * depth;
-      out[4] &= depth < 0;
+      outside.add(b);
       a = b;
     }
-    const bool outside = out[0] || out[1] || out[2] || out[3] || out[4];
-    longest = std::max(longest, outside ? pixels / p.outside : pixels);
+    longest = std::max(longest, outside.is_outside() ? pixels / p.outside : pixels);
   }
   return longest;
 }

@@ -64,17 +64,18 @@ def assert_closed(triangles: Any) -> None:
     assert (counts == 2).all()
 
 
+@pytest.mark.parametrize("flatness", [0.0, 0.1])
 @pytest.mark.parametrize("view", VIEWS)
 @pytest.mark.parametrize("name", CAGES)
-def test_closed_whatever_the_levels(name: str, view: str) -> None:
-    made = dice(CAGES[name], Dicing(12.0, 0, 6), VIEWS[view])
+def test_closed_whatever_the_levels(name: str, view: str, flatness: float) -> None:
+    made = dice(CAGES[name], Dicing(12.0, 0, 6, flatness=flatness), VIEWS[view])
     assert_closed(made["triangles"])
     assert len(np.unique(made["faces"])) == len(CAGES[name].face_counts)
 
 
 @pytest.mark.parametrize("name", CAGES)
 def test_levels_differ_within_a_face(name: str) -> None:
-    made = dice(CAGES[name], Dicing(12.0, 0, 6), VIEWS["near"])
+    made = dice(CAGES[name], Dicing(12.0, 0, 6, flatness=0.0), VIEWS["near"])
     finest = uniform(CAGES[name], made["level"])
     assert 0.002 < len(made["triangles"]) / len(finest["triangles"]) < 0.9
 
