@@ -22,7 +22,7 @@ from .description import SceneDescription
 from .pixel_filter import inverse_cdf
 from .scene_upload import upload
 from .settings import DEFAULT_FILTER_WIDTH, RenderSettings
-from .surface_upload import Textures
+from .surface_upload import MutableTextures
 
 # What each class needs, as the kernel names it (x86-64 psABI, section 3.1.1); newest first.
 ISA_FLAGS = {
@@ -181,8 +181,8 @@ def dice(description: SceneDescription, settings: RenderSettings) -> tuple[Scene
         _raise(error)
 
 
-def build(description: SceneDescription, textures: Textures, settings: RenderSettings) -> CoreScene:
-    """The core's scene, accelerated; `textures`: the images of every TextureFile that could be read."""
+def build(description: SceneDescription, textures: MutableTextures, settings: RenderSettings) -> CoreScene:
+    """The core's scene, accelerated; `textures`: the images of every TextureFile that could be read, taken out of it."""
     width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.filter]
     try:
         scene, warnings = upload(module(), description, textures, width, inverse_cdf(settings.filter, width))

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .diagnostics import Diagnostics
     from .image import Image
     from .report import Costs
+    from .summary import ImageSize
     from .texture import Texture
 
 # progress(fraction, samples_done, rays), some ten times a second; False stops the render.
@@ -88,8 +89,8 @@ def _render_one(
         description, textures = load_textures(description, diagnostics, usd.read_asset)
         if settings.strict:
             diagnostics.raise_if_strict()
-    texels = sum(image.pixels.shape[0] * image.pixels.shape[1] for images in textures.values() for _, image in images)
-    check_memory(description, settings, texels)
+    images = image_sizes(textures)
+    check_memory(description, settings, images)
     with costs.stage("dice"):
         description, limits = core.dice(description, settings)
     for code, path, message in limits:
@@ -114,7 +115,7 @@ def _render_one(
 
     core_says = {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": list(scene.features)}
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
-    counted = counts(summary(description, settings.dicing_rate, texels))
+    counted = counts(summary(description, settings.dicing_rate, images))
     report = make_report(film, costs, settings, counted, as_json, core_says, pixels_sha256(film.pixels))
     return Image(film.pixels, report, header_of(report), description.camera)
 
@@ -144,14 +145,22 @@ def load_textures(
     return replace(description, lights=lights), textures
 
 
-def check_memory(description: SceneDescription, settings: RenderSettings, texels: int) -> None:
+def image_sizes(textures: dict[TextureFile, list[tuple[int, Texture]]]) -> list[ImageSize]:
+    """Of images that are held once, whoever reads them."""
+    from .summary import ImageSize
+
+    different = {id(image): image for images in textures.values() for _, image in images}
+    return [ImageSize(i.shape[1], i.shape[0], i.shape[2], i.stored.itemsize) for i in different.values()]
+
+
+def check_memory(description: SceneDescription, settings: RenderSettings, images: list[ImageSize]) -> None:
     """LimitError if the scene is estimated to need more memory than is allowed, before anything of it is built."""
     limit_bytes = settings.max_memory_bytes
     if limit_bytes is None:
         return
     from .summary import summary
 
-    needed = summary(description, settings.dicing_rate, texels).memory_bytes
+    needed = summary(description, settings.dicing_rate, images).memory_bytes
     if needed > limit_bytes:
         sentence = f"the scene needs about {needed / 2**20:.0f} MiB, {limit_bytes / 2**20:.0f} MiB are allowed"
         raise LimitError(sentence, code="memory-limit")

@@ -28,7 +28,7 @@ from .description import (
     TextureFile,
 )
 from .placement import Box, placed_box, transformed_box
-from .surface_upload import SurfaceUpload, Textures, is_cutout, is_hole
+from .surface_upload import MutableTextures, SurfaceUpload, Textures, is_cutout, is_hole
 
 # Order of LightType in light/light.hpp.
 LIGHT_NUMBERS = {
@@ -50,11 +50,11 @@ NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
 def upload(
     core: Any,
     description: SceneDescription,
-    textures: Textures,
+    textures: MutableTextures,
     filter_width: float,
     filter_inverse_cdf: npt.NDArray[np.float32],
 ) -> tuple[Any, list[tuple[str, str, str]]]:
-    """The core's Scene, and (code, prim path, message) of what could not be taken along."""
+    """The core's Scene, and (code, prim path, message) of what could not be taken along. Empties `textures` to save memory."""
     d = description
     boxes = [shape_box(s) for s in d.shapes]
     prototype_boxes = boxes_of_prototypes(d, boxes)
@@ -154,9 +154,7 @@ def dome_pixels(file: TextureFile | None, textures: Textures) -> Floats:
     tiles = [] if file is None else textures.get(file, [])
     if not tiles:
         return NO_TEXTURE
-    pixels = tiles[0][1].pixels
-    colors = pixels[:, :, :3] if pixels.shape[2] >= 3 else np.broadcast_to(pixels[:, :, :1], (*pixels.shape[:2], 3))
-    return np.ascontiguousarray(colors, np.float32)
+    return tiles[0][1].rgb()
 
 
 def matrix(m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
