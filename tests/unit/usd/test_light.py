@@ -129,3 +129,9 @@ def PointInstancer "lamps"
 def test_default_light_only_where_nothing_shines() -> None:
     assert [x.path for x in translate_text('def Sphere "s"\n{\n}\n')[0].lights] == ["primray:default-light"]
     assert translate_text('def Sphere "s"\n{\n}\n', RenderSettings(default_light=False))[0].lights == ()
+
+
+@pytest.mark.parametrize(("targets", "told"), [("None", False), ("[]", False), ("</f>", True)])
+def test_filters_are_told_where_there_are_any(targets: str, told: bool) -> None:
+    _, found = translate_text(f'def SphereLight "l"\n{{\n    rel light:filters = {targets}\n}}\n')
+    assert (("light-input", "/l") in found) == told
