@@ -148,7 +148,8 @@ class Described:
     def build(self, isa: str | None = None, filter: Filter = Filter.BOX, filter_width: float | None = None) -> Any:
         """The core's scene in the module for `isa`."""
         width = DEFAULT_FILTER_WIDTH[filter] if filter_width is None else filter_width
-        scene, warnings = upload(core_module(isa), self.description, self.textures, width, inverse_cdf(filter, width))
+        taken = {file: list(tiles) for file, tiles in self.textures.items()}
+        scene, warnings = upload(core_module(isa), self.description, taken, width, inverse_cdf(filter, width))
         assert warnings == []
         return scene
 

@@ -22,7 +22,7 @@ from .description import SceneDescription, Shape
 from .pixel_filter import inverse_cdf
 from .scene_upload import upload
 from .settings import DEFAULT_FILTER_WIDTH, RenderSettings
-from .surface_upload import Textures
+from .surface_upload import MutableTextures
 
 # What each class needs, as the kernel names it (x86-64 psABI, section 3.1.1); newest first.
 ISA_FLAGS = {
@@ -182,9 +182,9 @@ def dice(description: SceneDescription, settings: RenderSettings) -> tuple[Scene
 
 
 def build(
-    description: SceneDescription, textures: Textures, settings: RenderSettings, shapes: list[Shape] | None = None
+    description: SceneDescription, textures: MutableTextures, settings: RenderSettings, shapes: list[Shape] | None = None
 ) -> CoreScene:
-    """The core's scene, accelerated; `textures`: the images of every TextureFile that could be read.
+    """The core's scene, accelerated; `textures`: the images of every TextureFile that could be read, taken out of it.
 
     `shapes`, where given, are used in place of the description's and let go on the way: the list is empty afterwards.
     """

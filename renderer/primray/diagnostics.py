@@ -128,6 +128,9 @@ CODES: dict[str, Code] = {
     "texture-bad-texels": Code(
         Severity.WARNING, "Texels that are not finite, or negative in a light's texture, are read as 0."
     ),
+    "texture-outside": Code(
+        Severity.INFO, "All of a surface's texture coordinates lie outside 0 to 1, where its texture's wraps are black."
+    ),
     "texture-turned": Code(
         Severity.INFO, "A texture's file asks viewers to show it turned (EXIF): texture coordinates know it as it is stored."
     ),

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .diagnostics import Diagnostics
     from .image import Image
     from .report import Costs
+    from .summary import ImageSize
     from .texture import Texture
 
 # progress(fraction, samples_done, rays), some ten times a second; False stops the render.
@@ -88,15 +89,15 @@ def _render_one(
         description, textures = load_textures(description, diagnostics, usd.read_asset)
         if settings.strict:
             diagnostics.raise_if_strict()
-    texels = sum(image.pixels.shape[0] * image.pixels.shape[1] for images in textures.values() for _, image in images)
-    check_memory(description, settings, texels)
+    images = image_sizes(textures)
+    check_memory(description, settings, images)
     with costs.stage("dice"):
         description, limits = core.dice(description, settings)
     for code, path, message in limits:
         diagnostics.add(code, path, message)
 
     settings = resolve_settings(settings, description)
-    counted = counts(summary(description, settings.dicing_rate, texels))
+    counted = counts(summary(description, settings.dicing_rate, images))
     shapes, description = list(description.shapes), replace(description, shapes=())
     with costs.stage("build"):
         scene = core.build(description, textures, settings, shapes)
@@ -138,21 +139,31 @@ def load_textures(
 ) -> tuple[SceneDescription, dict[TextureFile, list[tuple[int, Texture]]]]:
     """The images of every file that could be read (with their tiles' numbers, or 0), and the description without the lights
     whose texture could not; each file that could not is a diagnostic."""
+    from .texture_outside import note_textures_outside
     from .texture_set import load_texture_set
 
     textures = load_texture_set(description, diagnostics, read)
+    note_textures_outside(description, textures, diagnostics)
     lights = tuple(light for light in description.lights if light.texture is None or light.texture in textures)
     return replace(description, lights=lights), textures
 
 
-def check_memory(description: SceneDescription, settings: RenderSettings, texels: int) -> None:
+def image_sizes(textures: dict[TextureFile, list[tuple[int, Texture]]]) -> list[ImageSize]:
+    """Of images that are held once, whoever reads them."""
+    from .summary import ImageSize
+
+    different = {id(image): image for images in textures.values() for _, image in images}
+    return [ImageSize(i.shape[1], i.shape[0], i.shape[2], i.stored.itemsize) for i in different.values()]
+
+
+def check_memory(description: SceneDescription, settings: RenderSettings, images: list[ImageSize]) -> None:
     """LimitError if the scene is estimated to need more memory than is allowed, before anything of it is built."""
     limit_bytes = settings.max_memory_bytes
     if limit_bytes is None:
         return
     from .summary import summary
 
-    needed = summary(description, settings.dicing_rate, texels).memory_bytes
+    needed = summary(description, settings.dicing_rate, images).memory_bytes
     if needed > limit_bytes:
         sentence = f"the scene needs about {needed / 2**20:.0f} MiB, {limit_bytes / 2**20:.0f} MiB are allowed"
         raise LimitError(sentence, code="memory-limit")

@@ -28,7 +28,7 @@ from .description import (
     TextureFile,
 )
 from .placement import Box, placed_box, transformed_box, transformed_boxes
-from .surface_upload import SurfaceUpload, Textures, is_cutout, is_hole
+from .surface_upload import MutableTextures, SurfaceUpload, Textures, is_cutout, is_hole
 
 # Order of LightType in light/light.hpp.
 LIGHT_NUMBERS = {
@@ -50,12 +50,12 @@ NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
 def upload(
     core: Any,
     description: SceneDescription,
-    textures: Textures,
+    textures: MutableTextures,
     filter_width: float,
     filter_inverse_cdf: npt.NDArray[np.float32],
     shapes: list[Shape] | None = None,
 ) -> tuple[Any, list[tuple[str, str, str]]]:
-    """The core's Scene, and (code, prim path, message) of what could not be taken along.
+    """The core's Scene, and (code, prim path, message) of what could not be taken along. Empties `textures` to save memory.
 
     `shapes`, where given, takes the place of the description's: emptied when the core has copies, before it accelerates these.
     """
@@ -161,9 +161,7 @@ def dome_pixels(file: TextureFile | None, textures: Textures) -> Floats:
     tiles = [] if file is None else textures.get(file, [])
     if not tiles:
         return NO_TEXTURE
-    pixels = tiles[0][1].pixels
-    colors = pixels[:, :, :3] if pixels.shape[2] >= 3 else np.broadcast_to(pixels[:, :, :1], (*pixels.shape[:2], 3))
-    return np.ascontiguousarray(colors, np.float32)
+    return tiles[0][1].rgb()
 
 
 def matrix(m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

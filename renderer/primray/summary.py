@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
@@ -21,9 +22,28 @@ DICED_TRIANGLE_BYTES = 48  # half a vertex with its normal, and three indices, t
 SHAPE_BYTES = 2000
 INSTANCE_BYTES = 210  # Embree's INSTANCE_ARRAY and the core's matrix; what the description holds is counted
 PIXEL_BYTES = 104  # the film's sums of both replicates in double, and the image
-TEXEL_BYTES = 16
+# Images are kept as their files have them until the core has taken what it keeps: levels as fine as the view needs (about
+# four texels a pixel, and a third for the coarser ones, two bytes a channel), one image at a time, which stands as floats then,
+# with its first coarser levels, or is converted between colour spaces before.
+KEPT_TEXEL_BYTES = 2 * 4 / 3
+TEXELS_PER_PIXEL = 4
+IMAGE_BYTES = 5.3  # a channel
 PROCESS_BYTES = 150 * 2**20  # Python, USD, OpenImageIO and the core, before they hold a scene
 VIEW_BYTES = 44 * 2**20  # OpenColorIO's when a PNG is written, when most of the scene's peak is free again
+
+
+@dataclass(frozen=True)
+class ImageSize:
+    """An image in memory, before the core has it."""
+
+    width: int
+    height: int
+    channels: int
+    channel_bytes: int  # 1, 2 or 4
+
+    @property
+    def values(self) -> int:
+        return self.width * self.height * self.channels
 
 
 @dataclass(frozen=True)
@@ -48,15 +68,17 @@ class Summary:
     prototypes: int
     instances: int
     textures: int  # files
-    memory_bytes: int  # estimate of the peak: geometry, hierarchies, instances, film; of textures what `texels` says
+    memory_bytes: int  # estimate of the peak: geometry, hierarchies, instances, textures, film
     process_bytes: int  # estimate of the whole process's peak
 
     def as_json(self) -> dict[str, Any]:
         return asdict(self)
 
 
-def summary(description: SceneDescription, dicing_rate: float = DEFAULT_DICING_RATE, texels: int = 0) -> Summary:
-    """Counts of a description, its cages as diced to edges of so many pixels, whose textures hold `texels` in all."""
+def summary(
+    description: SceneDescription, dicing_rate: float = DEFAULT_DICING_RATE, images: Sequence[ImageSize] = ()
+) -> Summary:
+    """Counts of a description, its cages as diced to edges of so many pixels, with such textures."""
     shapes = description.shapes
     prints = footprints(description)
     count = [_triangles(s, prints.get(k), dicing_rate) for k, s in enumerate(shapes)]
@@ -68,15 +90,16 @@ def summary(description: SceneDescription, dicing_rate: float = DEFAULT_DICING_R
     is_cage = [isinstance(s, SubdivisionMesh) for s in shapes]
     instances, stored, placement_bytes = _instances(description)
     width, height = description.resolution
+    loading, kept = _image_bytes(images, width * height)
     memory = (
         2 * _array_bytes(shapes)
-        + sum(count) * TRIANGLE_BYTES
+        + max(sum(count) * TRIANGLE_BYTES, loading)  # hierarchies are built when the images are gone
+        + kept
         + sum(n for n, cage in zip(count, is_cage, strict=True) if cage) * DICED_TRIANGLE_BYTES
         + len(shapes) * SHAPE_BYTES
         + stored * INSTANCE_BYTES
         + placement_bytes
         + width * height * PIXEL_BYTES
-        + texels * TEXEL_BYTES
     )
     return Summary(
         camera=description.camera.path,
@@ -95,6 +118,13 @@ def summary(description: SceneDescription, dicing_rate: float = DEFAULT_DICING_R
         memory_bytes=memory,
         process_bytes=PROCESS_BYTES + max(memory, VIEW_BYTES),
     )
+
+
+def _image_bytes(images: Sequence[ImageSize], pixels: int) -> tuple[int, int]:
+    """While they are loaded and handed over, and what the core keeps of them."""
+    loading = sum(i.values * i.channel_bytes for i in images) + max((i.values for i in images), default=0) * IMAGE_BYTES
+    kept = sum(min(i.width * i.height, TEXELS_PER_PIXEL * pixels) * i.channels for i in images) * KEPT_TEXEL_BYTES
+    return int(loading), int(kept)
 
 
 def _count_instances(d: SceneDescription, placements: tuple[Placement, ...], times: int, seen: list[int]) -> None:

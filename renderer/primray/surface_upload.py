@@ -6,7 +6,7 @@ exactly as it came, whatever its colours need. Cut-outs have one of their own, o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,6 +16,7 @@ from .description import Floats, Input, Interpolation, Primvar, Surface, Texture
 from .texture import Texture
 
 Textures = Mapping[TextureFile, Sequence[tuple[int, Texture]]]  # tile numbers, or 0 for a file that is no set of tiles
+MutableTextures = MutableMapping[TextureFile, list[tuple[int, Texture]]]
 
 # Order of InputField in scene/surface_inputs.hpp.
 INPUT_FIELDS = (
@@ -73,16 +74,22 @@ def three(values: Sequence[float]) -> tuple[float, float, float]:
     return float(r), float(g), float(b)
 
 
-def selected_channels(pixels: Floats, channels: str) -> Floats:
-    """(H, W, 1 or 3) of (H, W, C): one channel is grey, two are grey and alpha, without alpha it is 1 (UsdUVTexture)."""
-    count = pixels.shape[2]
+def selected_channels(texture: Texture, channels: str) -> Floats:
+    """(H, W, 1 or 3) of it: one channel is grey, two are grey and alpha, without alpha it is 1 (UsdUVTexture)."""
+    count = texture.shape[2]
     if channels == "a" and count in (1, 3):
         return np.ones((1, 1, 1), np.float32)
     if count <= 2:
-        chosen = pixels[:, :, 1:] if channels == "a" else pixels[:, :, :1]
-    else:
-        chosen = pixels[:, :, :3] if channels == "rgb" else pixels[:, :, "rgba".index(channels), None]
-    return np.ascontiguousarray(chosen, np.float32)
+        return texture.channels(1, 2) if channels == "a" else texture.channels(0, 1)
+    if channels == "rgb":
+        return texture.channels(0, 3)
+    at = "rgba".index(channels)
+    return texture.channels(at, at + 1)
+
+
+def tripled_if(three: bool, pixels: Floats) -> Floats:
+    """Grey in three channels where a set's other tiles have colours."""
+    return np.ascontiguousarray(np.broadcast_to(pixels, (*pixels.shape[:2], 3))) if three else pixels
 
 
 @dataclass(frozen=True)
@@ -95,7 +102,7 @@ class TextureKey:
 class SurfaceUpload:
     """Numbers of primvars' names and of textures while surfaces are handed over, and afterwards their values."""
 
-    def __init__(self, builder: Any, textures: Textures) -> None:
+    def __init__(self, builder: Any, textures: MutableTextures) -> None:
         self._builder = builder
         self._textures = textures
         self._names: dict[str, int] = {}
@@ -144,7 +151,7 @@ class SurfaceUpload:
         key = TextureKey(value.file, value.channels, finest_only)
         if key not in self._numbers:
             tiles = self._textures[value.file]
-            grey = value.channels != "rgb" or all(texture.pixels.shape[2] <= 2 for _, texture in tiles)
+            grey = value.channels != "rgb" or all(texture.shape[2] <= 2 for _, texture in tiles)
             udim = any(number for number, _ in tiles)
             self._numbers[key] = self._builder.add_texture(1 if grey else 3, udim, finest_only)
         return self._numbers[key]
@@ -158,13 +165,20 @@ class SurfaceUpload:
         ]
 
     def add_images(self) -> None:
-        """After all shapes, placements and the camera."""
+        """After all shapes, placements, lights and the camera. Every file is let go when the core has what it keeps of it."""
+        wanted: dict[TextureFile, list[tuple[TextureKey, int]]] = {}
         for key, number in self._numbers.items():
-            for tile, texture in self._textures[key.file]:
-                pixels = selected_channels(texture.pixels, key.channels)
-                if key.channels == "rgb" and any(t.pixels.shape[2] > 2 for _, t in self._textures[key.file]):
-                    pixels = np.ascontiguousarray(np.broadcast_to(pixels, (*pixels.shape[:2], 3)))
-                self._builder.set_texture_image(number, tile, pixels)
+            wanted.setdefault(key.file, []).append((key, number))
+        for file, keys in wanted.items():
+            self._add_file(self._textures.pop(file), keys)
+        self._textures.clear()
+
+    def _add_file(self, tiles: Sequence[tuple[int, Texture]], keys: Sequence[tuple[TextureKey, int]]) -> None:
+        colored = any(texture.shape[2] > 2 for _, texture in tiles)
+        for key, number in keys:
+            for tile, texture in tiles:  # one image's floats at a time: none has a name here
+                three = key.channels == "rgb" and colored
+                self._builder.set_texture_image(number, tile, tripled_if(three, selected_channels(texture, key.channels)))
 
 
 def width(values: Floats) -> int:

@@ -28,19 +28,44 @@ ReadAsset = Callable[[str], bytes]
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """`pixels` (H, W, C), first row at the top, C: 1 grey; 2 grey, alpha; 3 red, green, blue; 4 with alpha (else it is 1)."""
+    """`pixels` (H, W, C), first row at the top, C: 1 grey; 2 grey, alpha; 3 red, green, blue; 4 with alpha (else it is 1).
 
-    pixels: Floats
+    Integers are kept as the file has them, a quarter or half of their size as numbers, which are made at every asking.
+    """
+
+    stored: npt.NDArray[Any]  # uint8, uint16 or what they mean, as float32
+    srgb_channels: int = 0  # of integers: so many of the first channels are through sRGB's curve
     bad_texels: int = 0  # NaN or infinite ones, set to 0
     wrap_s: Wrap = Wrap.BLACK  # what the file says of itself
     wrap_t: Wrap = Wrap.BLACK
     turned: bool = False  # the file says it should be shown turned, which texture coordinates do not know
 
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        height, width, channels = self.stored.shape
+        return height, width, channels
+
+    @property
+    def pixels(self) -> Floats:
+        return self.channels(0, self.shape[2])
+
+    def channels(self, first: int, end: int) -> Floats:
+        """Some of the pixels' channels, contiguous."""
+        part = self.stored[:, :, first:end]
+        if part.dtype.kind == "f":
+            return np.ascontiguousarray(part, np.float32)
+        bits, curved = 8 * part.dtype.itemsize, self.srgb_channels - first
+        if curved >= end - first or curved <= 0:
+            return _numbers(part, _table(bits, curved > 0))
+        numbers = _numbers(part, _table(bits, True))
+        numbers[:, :, curved:] = _numbers(part[:, :, curved:], _table(bits, False))
+        return numbers
+
     def rgb(self) -> Floats:
         """(H, W, 3), without alpha."""
-        if self.pixels.shape[2] >= 3:
-            return np.ascontiguousarray(self.pixels[:, :, :3])
-        return np.repeat(self.pixels[:, :, :1], 3, axis=2)
+        if self.shape[2] >= 3:
+            return self.channels(0, 3)
+        return np.repeat(self.channels(0, 1), 3, axis=2)
 
 
 def load_texture(
@@ -75,13 +100,11 @@ def _load(path: str, shown: str, color_space: str, wanted: frozenset[str]) -> Te
         _check_size(spec, layout, shown)
         stored = _read(image, spec, layout, shown)
         space = "sRGB" if color_space == "auto" and is_srgb(spec, path) else color_space
+        turned = spec.getattribute("Orientation") not in (None, 0, 1)
+        if stored.dtype.kind == "u" and space in ("sRGB", "raw", "auto"):
+            return Texture(stored, layout.colors if space == "sRGB" else 0, 0, *wraps_of(spec), turned)
         pixels = _linear(stored, layout.colors, space, shown)
-        return Texture(
-            pixels,
-            _clear_bad(pixels) if stored.dtype.kind == "f" else 0,
-            *wraps_of(spec),
-            spec.getattribute("Orientation") not in (None, 0, 1),
-        )
+        return Texture(pixels, 0, _clear_bad(pixels) if stored.dtype.kind == "f" else 0, *wraps_of(spec), turned)
     finally:
         image.close()
 
@@ -121,15 +144,10 @@ def _read(image: Any, spec: Any, layout: Layout, shown: str) -> npt.NDArray[Any]
 
 def _linear(stored: npt.NDArray[Any], colors: int, space: str, shown: str) -> Floats:
     """The first `colors` channels through the colour space's curve and primaries, the others as numbers."""
-    if space == "sRGB" and stored.dtype.kind == "u":
-        pixels: Floats = _table(stored.dtype.itemsize * 8, True)[stored]
-        if colors < stored.shape[2]:
-            pixels[:, :, colors:] = _table(stored.dtype.itemsize * 8, False)[stored[:, :, colors:]]
-        return pixels
     if stored.dtype.kind == "u":
-        pixels = _table(stored.dtype.itemsize * 8, False)[stored]
+        pixels = _numbers(stored, _table(stored.dtype.itemsize * 8, False))
     else:
-        pixels = np.array(stored, np.float32, order="C")
+        pixels = np.asarray(stored, np.float32, order="C")  # nobody else's: changed in place
     if space == "sRGB":
         for row in pixels:  # in double, a row at a time: large images stay small
             row[:, :colors] = _linear_from_srgb(row[:, :colors].astype(np.float64))
@@ -146,6 +164,14 @@ def _convert(pixels: Floats, colors: int, space: str, shown: str) -> None:
     except SettingsError as error:
         raise AssetError(error.message, where=shown, code="unknown-color-space") from error
     pixels[:, :, :colors] = converted[:, :, :colors]
+
+
+def _numbers(codes: npt.NDArray[Any], table: Floats) -> Floats:
+    """table[codes], some rows at a time: numpy makes eight bytes of every index first."""
+    numbers = np.empty(codes.shape, np.float32)
+    for row in range(0, len(codes), 64):
+        numbers[row : row + 64] = table[codes[row : row + 64]]
+    return numbers
 
 
 @cache

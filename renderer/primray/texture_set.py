@@ -82,11 +82,11 @@ def _images(file: TextureFile) -> Iterator[tuple[int, str]]:
 
 def _noted(texture: Texture, path: str, use: _Use, diagnostics: Diagnostics) -> Texture:
     bad, where = texture.bad_texels, use.light or use.surface
-    if use.light is not None:  # no light is negative
-        negative = np.asarray((texture.pixels < 0).any(axis=2))
+    if use.light is not None and texture.stored.dtype.kind == "f":  # no light is negative
+        negative = np.asarray((texture.stored < 0).any(axis=2))
         if negative.any():
             bad += int(np.count_nonzero(negative))
-            texture = replace(texture, pixels=np.where(negative[:, :, None], np.float32(0), texture.pixels))
+            texture = replace(texture, stored=np.where(negative[:, :, None], np.float32(0), texture.stored))
     if bad:
         kind = "negative or not finite" if use.light is not None else "not finite"
         diagnostics.add("texture-bad-texels", where, f"{bad} texels are {kind}, and read as 0 ({path})")

@@ -8,17 +8,15 @@ from pathlib import PurePath
 
 from .description import SceneDescription
 from .errors import AssetError
-from .summary import texture_files
-
-Size = tuple[int, int, int]  # width, height, channels
+from .summary import ImageSize, texture_files
 
 
-def texture_sizes(description: SceneDescription, read: Callable[[str], bytes]) -> dict[str, Size | None]:
+def texture_sizes(description: SceneDescription, read: Callable[[str], bytes]) -> dict[str, ImageSize | None]:
     """By path; None for files that cannot be read. `read` gives the bytes of a package's member ("package.usdz[member]")."""
     return {path: _size(path, read) for path in texture_files(description)}
 
 
-def _size(path: str, read: Callable[[str], bytes]) -> Size | None:
+def _size(path: str, read: Callable[[str], bytes]) -> ImageSize | None:
     if not path.endswith("]"):
         return _of_file(path)
     with tempfile.NamedTemporaryFile(suffix=PurePath(path[path.rindex("[") + 1 : -1]).suffix) as unpacked:
@@ -30,7 +28,7 @@ def _size(path: str, read: Callable[[str], bytes]) -> Size | None:
         return _of_file(unpacked.name)
 
 
-def _of_file(path: str) -> Size | None:
+def _of_file(path: str) -> ImageSize | None:
     import OpenImageIO as oiio
 
     image = oiio.ImageInput.open(path)
@@ -39,4 +37,5 @@ def _of_file(path: str) -> Size | None:
         return None
     spec = image.spec()
     image.close()
-    return spec.width, spec.height, spec.nchannels
+    kept = {oiio.UINT8: 1, oiio.UINT16: 2}.get(spec.format.basetype, 4)
+    return ImageSize(spec.width, spec.height, spec.nchannels, kept)

@@ -166,7 +166,7 @@ def seen(description: SceneDescription, field: str, found: list[Spot]) -> Double
     size = float(np.ptp([s.point for s in found], axis=0).max())
     pixels = []
     for spot in found:
-        scene = core.build(replace(shown, camera=above(spot, size), resolution=(1, 1)), textures, SETTINGS)
+        scene = core.build(replace(shown, camera=above(spot, size), resolution=(1, 1)), dict(textures), SETTINGS)
         pixels.append(core.render(scene, SETTINGS).pixels[0, 0, :3])
     return np.array(pixels, np.float64)
 

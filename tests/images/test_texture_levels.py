@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from tests.described import (
     Described,
+    core_module,
     describe,
     image,
     kernels,
@@ -21,6 +22,7 @@ from tests.described import (
 from tests.textured import FILE, UNIT_ST, glowing, look_at_plate, plate, texture
 
 from primray.description import Placed, Prototype, Wrap
+from primray.scene_upload import upload
 
 SIZE = 256
 CHECKER = (np.indices((SIZE, SIZE)).sum(axis=0) % 2).astype(np.float32)
@@ -114,6 +116,13 @@ def test_levels_that_no_ray_can_need_are_not_kept() -> None:
     assert whole[1] == pytest.approx(1024 * 1024 * 3 * 2 * 4 / 3, rel=1e-4)
     assert far[0] == 2  # a footprint is half a pixel: 8 texels, less the margin for rounding
     assert far[1] < whole[1] / 15
+
+
+def test_images_are_let_go_when_the_core_has_them() -> None:
+    d = look_at_plate(glowing(texture()), {FILE: image(np.ones((4, 4, 3)))}, (4, 4))
+    taken = {file: list(tiles) for file, tiles in d.textures.items()}
+    upload(core_module(), d.description, taken, 1.0, np.zeros(0, np.float32))
+    assert taken == {}
 
 
 def test_the_bound_counts_distance_scale_and_instances() -> None:

@@ -14,6 +14,7 @@ import primray
 from primray.description import Camera, Light, LightType, Projection, SceneDescription, TextureFile
 from primray.diagnostics import Diagnostics
 from primray.errors import StageOpenError
+from primray.summary import ImageSize
 
 
 def make_camera(**changes: Any) -> Camera:
@@ -142,7 +143,8 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
     )
     install(
         "summary",
-        summary=lambda description, dicing_rate=4.0, texels=0: _Summary(fake.memory_bytes),
+        summary=lambda description, dicing_rate=4.0, images=(): _Summary(fake.memory_bytes),
+        ImageSize=ImageSize,
         counts=asdict,
         primvar_names=lambda description: {"st": 2},
         texture_files=lambda description: {"/no/such.png": None},

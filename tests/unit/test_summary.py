@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
 from pxr import Usd
 
 from primray import core
 from primray.settings import RenderSettings
-from primray.summary import summary
+from primray.summary import ImageSize, summary
 from primray.usd import translate
 
 INSTANCED = """#usda 1.0
@@ -42,6 +43,19 @@ def test_counts_unique_and_instanced() -> None:
     assert [light.type for light in found.lights] == ["dome", "distant"]
     assert found.memory_bytes > 24 * 100 + 3 * 216
     assert found.as_json()["lights"][0]["path"] == "primray:default-light"
+
+
+def test_images_count_as_stored_one_as_floats_and_by_the_view() -> None:
+    stage = Usd.Stage.CreateInMemory()
+    description, _ = translate(stage, RenderSettings(resolution=(100, 100)))
+
+    def more(*images: ImageSize) -> float:
+        return summary(description, images=images).memory_bytes - summary(description).memory_bytes
+
+    small, large = ImageSize(100, 100, 3, 1), ImageSize(4000, 4000, 3, 1)
+    assert more(large) > 4000 * 4000 * 3 * (1 + 4)
+    assert more(large, large) - more(large) < 4000 * 4000 * 3 * 1.1  # the second one never stands as floats beside the first
+    assert more(small, large) - more(large) == pytest.approx(100 * 100 * 3 * (1 + 2 * 4 / 3), abs=2)
 
 
 CAGE = """#usda 1.0

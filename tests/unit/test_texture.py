@@ -44,6 +44,22 @@ def as_list(loaded: texture.Texture) -> Any:
     return np.round(loaded.pixels.astype(np.float64), 5).tolist()
 
 
+@pytest.mark.parametrize("kind", [oiio.UINT8, oiio.UINT16])
+def test_integers_stay_integers_until_they_are_asked_for(tmp_path: Path, kind: Any) -> None:
+    """Rows more than are made at a time; every channel alone is what all of them are together."""
+    path = write(tmp_path / "a.png", np.random.default_rng(1).random((150, 3, 4)).astype(np.float32), kind)
+    loaded = load(path, "sRGB")
+    assert loaded.stored.dtype == (np.uint8 if kind == oiio.UINT8 else np.uint16)
+    stored = loaded.stored.astype(np.float64) / np.iinfo(loaded.stored.dtype).max
+    expected = np.where(stored <= 0.04045, stored / 12.92, ((stored + 0.055) / 1.055) ** 2.4)
+    expected[..., 3] = stored[..., 3]  # alpha has no curve
+    assert np.allclose(loaded.pixels, expected, atol=1e-6)
+    for first, end in ((0, 1), (1, 3), (2, 4), (3, 4)):
+        part = loaded.channels(first, end)
+        assert part.flags.c_contiguous
+        assert np.array_equal(part, loaded.pixels[:, :, first:end])
+
+
 def test_float_files_are_raw_and_rows_start_at_the_top(tmp_path: Path) -> None:
     pixels = np.arange(24, dtype=np.float32).reshape(2, 4, 3)
     loaded = load(write(tmp_path / "a.exr", pixels, oiio.FLOAT))

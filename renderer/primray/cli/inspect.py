@@ -70,13 +70,15 @@ def inspect(
         "camera": camera_facts(description),
         "lights": light_facts(description),
         "materials": sorted({surface.path for surface in description.surfaces if surface.path}),
-        "textures": [{"path": path, "size": size} for path, size in textures.items()],
+        "textures": [
+            {"path": path, "size": size and [size.width, size.height, size.channels]} for path, size in textures.items()
+        ],
         "primvars": primvar_names(description),
         "counts": counts(
             summary(
                 description,
                 settings.dicing_rate,
-                texels=sum(size[0] * size[1] for size in textures.values() if size),
+                [size for size in textures.values() if size],
             )
         ),
         "diagnostics": [diagnostic.as_json() for diagnostic in diagnostics],

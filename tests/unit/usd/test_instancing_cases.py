@@ -103,6 +103,15 @@ def test_a_prototype_with_a_root_transform_and_a_parent_that_is_moved() -> None:
     assert world_triangles(description)[..., 1].max() == 6.0
 
 
+@pytest.mark.parametrize("absent", ["int[] protoIndices", "point3f[] positions"])
+def test_an_instancer_without_positions_or_indices_is_told(absent: str) -> None:
+    text = instancer(THREE, '    def Xform "x"\n    {\n        def Cube "b"\n        {\n        }\n    }\n', "</p/x>")
+    assert "invalid-instancer" not in {code for code, _ in translate_text(text)[1]}
+    kept = "\n".join(line for line in text.splitlines() if absent not in line)
+    assert kept != text.rstrip("\n")
+    assert [code for code, _ in translate_text(kept)[1]].count("invalid-instancer") == 1
+
+
 def test_an_instancer_that_contains_itself_ends() -> None:
     inner = '    def Xform "x"\n    {\n        def PointInstancer "q"\n        {\n            rel prototypes = </p>\n'
     inner += "            int[] protoIndices = [0]\n            point3f[] positions = [(1, 0, 0)]\n        }\n    }\n"

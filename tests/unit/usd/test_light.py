@@ -127,7 +127,10 @@ def PointInstancer "lamps"
 
 
 def test_default_light_only_where_nothing_shines() -> None:
-    assert [x.path for x in translate_text('def Sphere "s"\n{\n}\n')[0].lights] == ["primray:default-light", "primray:default-key"]
+    assert [x.path for x in translate_text('def Sphere "s"\n{\n}\n')[0].lights] == [
+        "primray:default-light",
+        "primray:default-key",
+    ]
     assert translate_text('def Sphere "s"\n{\n}\n', RenderSettings(default_light=False))[0].lights == ()
 
 
@@ -140,3 +143,9 @@ def test_default_lights_make_white_one() -> None:
     to_key = description.camera.world_from_camera[:3, :3].T @ key.world_from_light[:3, 2]
     assert to_key[0] < 0 < min(to_key[1], to_key[2])
     assert np.allclose(key.world_from_light[:3, :3] @ key.world_from_light[:3, :3].T, np.eye(3))
+
+
+@pytest.mark.parametrize(("targets", "told"), [("None", False), ("[]", False), ("</f>", True)])
+def test_filters_are_told_where_there_are_any(targets: str, told: bool) -> None:
+    _, found = translate_text(f'def SphereLight "l"\n{{\n    rel light:filters = {targets}\n}}\n')
+    assert (("light-input", "/l") in found) == told

@@ -26,7 +26,7 @@ def note_ignored_inputs(prim: ResolvedPrim, ctx: Context) -> None:
         ctx.warn("light-input", prim.path, f"Ignored: {', '.join(sorted(ignored))}.")
     if prim.type_name == "RectLight" and read(prim.prim, "inputs:texture:file", ctx.when):
         ctx.warn("light-input", prim.path, "The texture of a RectLight is ignored.")
-    if "light:filters" in prim.names and prim.prim.GetRelationship("light:filters").HasAuthoredTargets():
+    if "light:filters" in prim.names and prim.prim.GetRelationship("light:filters").GetTargets():
         ctx.warn("light-input", prim.path, "Light filters are ignored.")
     _note_linking(prim.prim, prim, ctx)
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sized
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,11 @@ def point_instances(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, PointIn
     """
     roots = [str(path) for path in prim.prim.GetRelationship("prototypes").GetForwardedTargets()]
     raw_proto, raw_positions = (read(prim.prim, name, ctx.when) for name in ("protoIndices", "positions"))
-    if raw_proto is None or raw_positions is None or len(raw_proto) == 0:
+    missing = [_is_empty(raw_proto), _is_empty(raw_positions)]
+    if any(missing):
+        if not all(missing):
+            there, absent = ("positions", "protoIndices") if missing[0] else ("protoIndices", "positions")
+            ctx.warn("invalid-instancer", prim.path, f"It has {there} but no {absent}: none of its instances can be placed.")
         return []
     proto, positions = array(raw_proto, 1, "i"), array(raw_positions, 3, "f")
     if proto is None or positions is None or len(positions) != len(proto):
@@ -42,6 +46,10 @@ def point_instances(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, PointIn
         keep &= ~bad
     _note_ignored(prim, ctx)
     return [(roots[k], chosen) for k, chosen in _by_prototype(instances, proto, keep, len(roots))]
+
+
+def _is_empty(raw: Any) -> bool:
+    return raw is None or (isinstance(raw, Sized) and len(raw) == 0)
 
 
 def _by_prototype(
