@@ -27,12 +27,27 @@ class Subset:
 def note_bindings(prim: Usd.Prim, path: str, names: frozenset[str], ctx: Context) -> None:
     """Bindings, for whatever purpose, whose target is no material."""
     for name in _binding_names(names):
-        for target in _targets(prim, path, name, ctx):
+        targets = _targets(prim, path, name, ctx)
+        if _is_collection(name) and targets:
+            _note_members(targets[0], ctx)
+        for target in targets:
             if target not in ctx.bound:
                 ctx.bound[target] = _wrong(target, ctx) if target.IsPrimPath() else ""
             wrong = ctx.bound[target]
             if wrong and not (wrong == NO_MATERIAL and _is_collection(name)):
                 ctx.warn("binding-missing", path, f"{name} leads to {ctx.shown(str(target))}, {wrong}.")
+
+
+def _note_members(collection: Sdf.Path, ctx: Context) -> None:
+    """Remember below which prims some are in the collection and some are not."""
+    if collection in ctx.collections:
+        return
+    ctx.collections.add(collection)
+    api = Usd.CollectionAPI.GetCollection(ctx.stage, collection)
+    if api:
+        for path, rule in api.ComputeMembershipQuery().GetAsPathExpansionRuleMap().items():
+            above = path if rule == Usd.Tokens.explicitOnly else path.GetParentPath()
+            ctx.told_apart.update(above.GetPrefixes())
 
 
 @lru_cache(maxsize=1024)

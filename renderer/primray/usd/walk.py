@@ -21,7 +21,7 @@ from .convert import rows
 from .instance_primvars import given_per_instance
 from .instances import Group
 from .notes import note_prim
-from .resolve import Binding, Inherited, ResolvedPrim, bind_materials, descend, inner_or_outer, local_matrix
+from .resolve import Binding, Inherited, ResolvedPrim, as_bound, bind_materials, descend, inner_or_outer, local_matrix
 from .stage import tf_message
 
 Expand = Callable[[ResolvedPrim, Context], list[tuple[str, PointInstances]]]  # (prototype root, group_from_prototype)
@@ -122,13 +122,17 @@ def _local(state: _Walk, prim: Usd.Prim, names: frozenset[str]) -> tuple[Gf.Matr
 def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[ResolvedPrim]) -> None:
     """Instances of one prototype that hand down the same become one array of matrices."""
     ctx = state.ctx
-    bindings = bind_materials([instance.prim for instance in instances], ctx.material_purposes)
+    asked = [as_bound(instance.prim, instance.inherited) for instance in instances]
+    bindings = bind_materials(asked, ctx.material_purposes)
     by_child: dict[int, list[Gf.Matrix4d]] = {}
-    for instance, inner in zip(instances, bindings, strict=True):
-        outer = inner_or_outer(inner, instance.inherited.outer)
+    for instance, proxy, inner in zip(instances, asked, bindings, strict=True):
         prototype = instance.prim.GetPrototype()
         ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
-        child = state.group(prototype, replace(instance.inherited, outer=outer))
+        if proxy.GetPath() in ctx.told_apart:
+            handed = replace(instance.inherited, proxy=str(proxy.GetPath()))
+        else:
+            handed = replace(instance.inherited, outer=inner_or_outer(inner, instance.inherited.outer), proxy="")
+        child = state.group(prototype, handed)
         by_child.setdefault(child, []).append(instance.gf_matrix)
     group.instances += [(child, _finite(rows(matrices), group, ctx)) for child, matrices in by_child.items()]
 
@@ -192,23 +196,29 @@ def _bind_leaves(state: _Walk) -> None:
     prims: list[Usd.Prim] = []
     for group in state.groups:
         for leaf in group.leaves:
-            if state.leaf_types[leaf.type_name] == "shape" and leaf.path not in seen:
-                seen[leaf.path] = len(prims)
-                prims.append(leaf.prim)
-    subsets = {path: subsets_of(prims[i], _SUBSETS, ctx) for path, i in seen.items() if prims[i].GetTypeName() == "Mesh"}
-    for owned in subsets.values():
+            if state.leaf_types[leaf.type_name] == "shape" and (key := _key(leaf)) not in seen:
+                seen[key] = len(prims)
+                prims.append(as_bound(leaf.prim, leaf.inherited))
+    subsets = {key: subsets_of(prims[i], _SUBSETS, ctx) for key, i in seen.items() if prims[i].GetTypeName() == "Mesh"}
+    for key, owned in subsets.items():
         for subset in owned:
-            seen[subset.path] = len(prims)
+            seen[key + subset.path] = len(prims)
             prims.append(subset.prim)
     bindings = bind_materials(prims, ctx.material_purposes) if prims else []
     for group in state.groups:
         for i, leaf in enumerate(group.leaves):
-            if leaf.path in seen:
+            key = _key(leaf)
+            if key in seen:
                 outer = leaf.inherited.outer
-                own = tuple(replace(s, material=_material(bindings[seen[s.path]], outer)) for s in subsets.get(leaf.path, ()))
-                material = _material(bindings[seen[leaf.path]], outer)
+                own = tuple(replace(s, material=_material(bindings[seen[key + s.path]], outer)) for s in subsets.get(key, ()))
+                material = _material(bindings[seen[key]], outer)
                 if own or material:
                     group.leaves[i] = replace(leaf, material=material, subsets=own)
+
+
+def _key(leaf: ResolvedPrim) -> str:
+    """What is bound alike has one."""
+    return leaf.inherited.proxy + leaf.path
 
 
 def _material(inner: Binding | None, outer: Binding | None) -> Usd.Prim | None:
