@@ -12,7 +12,7 @@ import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade
 
 from ..description import Doubles
-from .bindings import Subset
+from .bindings import BINDING, Subset
 from .convert import matrix
 from .read import When, array, as_columns, is_single, read, time_of, value
 
@@ -177,10 +177,14 @@ def _first_by_rank(a: Binding | None, b: Binding) -> Binding:
 
 def _rank(rel: Usd.Relationship, purposes: tuple[str, ...]) -> int:
     """Asked for any purpose, USD gives the general binding where that has none (UsdShadeMaterialBindingAPI)."""
+    purpose = _purpose(rel)
+    return purposes.index(purpose) if purpose in purposes else len(purposes)
+
+
+def _purpose(rel: Usd.Relationship) -> str:
     names = str(rel.GetName()).split(":")[2:]
     names = names[1:-1] if names[:1] == ["collection"] else names  # material:binding:collection:full:name
-    purpose = names[0] if names else ""
-    return purposes.index(purpose) if purpose in purposes else len(purposes)
+    return names[0] if names else ""
 
 
 def _compute_bound(prims: list[Usd.Prim], purpose: str) -> tuple[list[UsdShade.Material], list[Usd.Relationship]]:
@@ -198,8 +202,10 @@ def _compute_bound(prims: list[Usd.Prim], purpose: str) -> tuple[list[UsdShade.M
 
 
 def _is_stronger(rel: Usd.Relationship) -> bool:
-    strength = UsdShade.MaterialBindingAPI.GetMaterialBindingStrength(rel)
-    return bool(strength == UsdShade.Tokens.strongerThanDescendants)
+    """Also where a collection has taken the place of the same prim's own binding, which was stronger."""
+    own = rel.GetPrim().GetRelationship(":".join(filter(None, (BINDING, _purpose(rel)))))
+    strengths = [UsdShade.MaterialBindingAPI.GetMaterialBindingStrength(r) for r in (rel, own) if r]
+    return bool(UsdShade.Tokens.strongerThanDescendants in strengths)
 
 
 def inner_or_outer(inner: Binding | None, outer: Binding | None) -> Binding | None:
