@@ -158,16 +158,21 @@ def _expand_points(state: _Walk, group: Group[ResolvedPrim], instancer: Resolved
 
 
 def _place_spheres(state: _Walk, group: Group[ResolvedPrim], points: ResolvedPrim) -> None:
-    """Each colour's sphere is a group of its own: one leaf, many places."""
+    """A group of one leaf in many places; primvars that vary over the points are their instances' own."""
+    matrices, primvars = spheres(points, state.ctx)
     to_group = points.group_from_prim
-    names = points.names - {"primvars:displayColor"}
-    for color, matrices in spheres(points, state.ctx):
-        inherited = points.inherited if color is None else replace(points.inherited, color=color)
-        leaf = replace(points, type_name=POINT, names=names, gf_matrix=Gf.Matrix4d(1.0), inherited=inherited)
-        placed = to_group[:3, :3] @ matrices
-        placed[:, :, 3] += to_group[:3, 3]
-        group.instances.append((len(state.groups), MatrixInstances(placed)))
-        state.groups.append(Group(points.path, [leaf]))
+    placed = to_group[:3, :3] @ matrices
+    placed[:, :, 3] += to_group[:3, 3]
+    varying = [p.name for p in primvars]
+    leaf = replace(
+        points,
+        type_name=POINT,
+        names=points.names - {f"primvars:{name}" for name in varying},
+        gf_matrix=Gf.Matrix4d(1.0),
+        inherited=given_per_instance(points.inherited, varying),
+    )
+    group.instances.append((len(state.groups), MatrixInstances(placed, primvars)))
+    state.groups.append(Group(points.path, [leaf]))
 
 
 def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, per_instance: list[str], ctx: Context) -> Inherited:
