@@ -15,7 +15,7 @@ from ..description import Doubles
 from ..placement import MatrixInstances, PointInstances
 from .adapters.draw_mode import stand_in
 from .adapters.points import POINT, spheres
-from .bindings import note_bindings, subsets_of
+from .bindings import note_bindings, subsets_of, told_apart
 from .context import Context
 from .convert import rows
 from .instance_primvars import given_per_instance
@@ -125,10 +125,11 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
     asked = [as_bound(instance.prim, instance.inherited) for instance in instances]
     bindings = bind_materials(asked, ctx.material_purposes)
     by_child: dict[int, list[Gf.Matrix4d]] = {}
-    for instance, proxy, inner in zip(instances, asked, bindings, strict=True):
+    apart = told_apart([proxy.GetPath() for proxy in asked], ctx)
+    for instance, proxy, inner, alone in zip(instances, asked, bindings, apart, strict=True):
         prototype = instance.prim.GetPrototype()
         ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
-        if proxy.GetPath() in ctx.told_apart:
+        if alone:
             handed = replace(instance.inherited, proxy=str(proxy.GetPath()))
         else:
             handed = replace(instance.inherited, outer=inner_or_outer(inner, instance.inherited.outer), proxy="")

@@ -199,6 +199,7 @@ COLLECTIONS = {
     "excluded": "rel collection:c:includes = </World>\nrel collection:c:excludes = </World/two/b>",
     "the instance only": 'rel collection:c:includes = </World/one>\nuniform token collection:c:expansionRule = "explicitOnly"',
     "the whole instance": "rel collection:c:includes = </World/one>",
+    "an expression": 'uniform pathExpression collection:c:membershipExpression = "//two//a"',
     "nobody": "",
 }
 
