@@ -113,6 +113,9 @@ CODES: dict[str, Code] = {
     "unknown-input": Code(Severity.INFO, "A shader has inputs that are no part of its definition: they mean nothing."),
     "displacement": Code(Severity.WARNING, "Displacement is not supported: the surface is rendered undisplaced."),
     "binding-missing": Code(Severity.WARNING, "A material binding leads to no material: it counts as none."),
+    "binding-expression": Code(
+        Severity.WARNING, "A collection's expression binds what is inside too many instances: each is bound as a whole."
+    ),
     "camera-chosen": Code(Severity.INFO, "No camera was asked for: the stage's first one is used."),
     "camera-automatic": Code(Severity.INFO, "The stage has no camera: the one usdrecord would frame is used."),
     "camera-scaled": Code(Severity.WARNING, "A camera's transform has scale or shear, which is removed."),

@@ -189,9 +189,9 @@ def test_primvars_on_spheres_and_on_parts_of_meshes() -> None:
     assert (got[0, :3] == [0, 1, 0]).all()
 
 
-def instanced(matrices: np.ndarray, *primvars: Primvar) -> Described:
-    """Three plates side by side, each filling a pixel, glowing 9 by themselves."""
-    shape = with_primvars(plate(half=0.9), primvar("glow", [[9.0]], Interpolation.CONSTANT))
+def instanced(matrices: np.ndarray, *primvars: Primvar, own: tuple[Primvar, ...] = ()) -> Described:
+    """Three plates side by side, each filling a pixel."""
+    shape = with_primvars(plate(half=0.9), *own)
     camera = replace(orthographic(look_at([2, 0, 5], [2, 0, 0]), 1.0), window=(-3, 3, -1, 1))
     return describe(
         surfaces=[GLOW], camera=camera, resolution=(3, 1), prototypes=[Prototype("/p", (Placed(0, np.eye(4)),))],
@@ -199,11 +199,14 @@ def instanced(matrices: np.ndarray, *primvars: Primvar) -> Described:
     )  # fmt: skip
 
 
-def test_the_primvar_of_an_instance_wins() -> None:
+def test_the_primvar_of_a_shape_is_nearer_than_its_instances() -> None:
+    """An instance's are constant at its root, as if inherited from there (UsdGeomPointInstancer)."""
     matrices = np.stack([translation(2 * i, 0, 0)[:3] for i in range(3)])
-    assert (pixels_of(instanced(matrices)) == 9).all()
+    own = (primvar("glow", [[9.0]], Interpolation.CONSTANT),)
     glow = primvar("glow", [[1.0], [2.0], [3.0]], Interpolation.INSTANCE)
+    assert (pixels_of(instanced(matrices, own=own)) == 9).all()
     assert pixels_of(instanced(matrices, glow))[0, :, 0].tolist() == [1, 2, 3]
+    assert (pixels_of(instanced(matrices, glow, own=own)) == 9).all()
 
 
 def test_instances_that_are_left_out_take_their_primvars_along() -> None:

@@ -1,7 +1,8 @@
 // Runs the inputs of surfaces on lanes: primvars and textures at W hits, reduced to rows of the surface table.
 //
-// Lanes with the same surface go together; lanes whose surface has constants only keep the table's row. A primvar on the
-// instance wins over one of the same name on the shape (as in Hydra), the fallback stands where neither has it.
+// Lanes with the same surface go together; lanes whose surface has constants only keep the table's row. A shape's
+// primvar is nearer than one of its instance, which is constant at the instance's root ("Primvars on PointInstancer",
+// UsdGeomPointInstancer); the fallback stands where neither has it.
 #pragma once
 
 #include "scene/surface_inputs.hpp"
@@ -38,7 +39,7 @@ struct PrimvarLanes {
       };
       look(t.of_mesh, active & p.is_triangle, p.mesh);
       look(t.of_sphere, active & !p.is_triangle, p.sphere);
-      look(t.of_placement, active & p.instanced, p.placement);
+      look(t.of_placement, active & p.instanced & !(primvar >= zero), p.placement);
     }
     present = primvar >= zero;
     varies = false;

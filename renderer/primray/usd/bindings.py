@@ -12,6 +12,7 @@ from .stage import tf_message
 
 BINDING = "material:binding"
 NO_MATERIAL = "which is no Material"
+MAX_EXPRESSED = 1024  # instances that a collection's expression may make prototypes of their own
 
 
 @dataclass(frozen=True)
@@ -27,12 +28,42 @@ class Subset:
 def note_bindings(prim: Usd.Prim, path: str, names: frozenset[str], ctx: Context) -> None:
     """Bindings, for whatever purpose, whose target is no material."""
     for name in _binding_names(names):
-        for target in _targets(prim, path, name, ctx):
+        targets = _targets(prim, path, name, ctx)
+        if _is_collection(name) and targets:
+            _note_members(targets[0], prim.GetPath(), ctx)
+        for target in targets:
             if target not in ctx.bound:
                 ctx.bound[target] = _wrong(target, ctx) if target.IsPrimPath() else ""
             wrong = ctx.bound[target]
             if wrong and not (wrong == NO_MATERIAL and _is_collection(name)):
                 ctx.warn("binding-missing", path, f"{name} leads to {ctx.shown(str(target))}, {wrong}.")
+
+
+def _note_members(collection: Sdf.Path, bound_at: Sdf.Path, ctx: Context) -> None:
+    """Remember below which prims some are in the collection and some are not, or may be where it is an expression."""
+    api = Usd.CollectionAPI.GetCollection(ctx.stage, collection)
+    if collection in ctx.collections or not api:
+        return
+    ctx.collections.add(collection)
+    expression = api.GetMembershipExpressionAttr().Get()
+    if isinstance(expression, Sdf.PathExpression) and not expression.IsEmpty():
+        ctx.expressed.add(bound_at)
+    for path, rule in api.ComputeMembershipQuery().GetAsPathExpansionRuleMap().items():
+        above = path if rule == Usd.Tokens.explicitOnly else path.GetParentPath()
+        ctx.told_apart.update(above.GetPrefixes())
+
+
+def told_apart(paths: list[Sdf.Path], ctx: Context) -> list[bool]:
+    """Which of these instances are bound prim by prim, since collections with a material look into them."""
+    expressed = [any(path.HasPrefix(at) for at in ctx.expressed) for path in paths]
+    if sum(expressed) > MAX_EXPRESSED:
+        message = (
+            f"Of {sum(expressed)} instances below it each is bound as a whole, whatever the expression says of what is inside."
+        )
+        for at in ctx.expressed:
+            ctx.warn("binding-expression", ctx.shown(str(at)), message)
+        expressed = [False] * len(paths)
+    return [path in ctx.told_apart or by for path, by in zip(paths, expressed, strict=True)]
 
 
 @lru_cache(maxsize=1024)

@@ -28,6 +28,9 @@ class Context:
     shares: frozenset[str] = frozenset()  # prim paths that more than one prototype holds
 
     bound: dict[Any, str] = field(default_factory=dict)  # path that a material binding names -> what is wrong with it
+    collections: set[Any] = field(default_factory=set)  # paths of those with a material that were looked into
+    told_apart: set[Any] = field(default_factory=set)  # paths of prims below which such a collection has members
+    expressed: set[Any] = field(default_factory=set)  # paths of prims that bind a collection which is an expression
     primvars_read: frozenset[str] = frozenset()  # "primvars:NAME" of all that materials of the stage read
     prototype_names: dict[str, str] = field(default_factory=dict)  # /__Prototype_N -> its first instance
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from pxr import Gf, Tf, Usd, UsdGeom, UsdShade
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade
 
 from ..description import Doubles
-from .bindings import Subset
+from .bindings import BINDING, Subset
 from .convert import matrix
 from .read import When, array, as_columns, is_single, read, time_of, value
 
@@ -23,19 +23,25 @@ _CONSTANT = (None, "constant")  # a primvar's interpolation where nothing is aut
 
 @dataclass(frozen=True)
 class Binding:
-    """A bound material; `stronger`: it overrides what descendants bind."""
+    """A bound material; `stronger`: it overrides what descendants bind; `rank`: its purpose's among those asked for."""
 
     material: Usd.Prim
     stronger: bool = False
+    rank: int = 0
 
 
 @dataclass(frozen=True)
 class Inherited:
-    """What a prim hands down. `outer` is the binding of the instance whose prototype is being walked."""
+    """What a prim hands down. `outer` is the binding of the instance whose prototype is being walked.
+
+    `proxy`: the path of that instance, where a collection with a material tells apart what is inside it; then prims are
+    bound as its proxies are, and `outer` is what is bound around that instance's own prototype, if it is in one.
+    """
 
     purpose: str = "default"
     draw_mode: str = "default"  # the nearest model:drawMode, whether or not it is applied
     outer: Binding | None = None
+    proxy: str = ""
     color: tuple[float, float, float] | None = None  # the nearest constant primvars:displayColor, the prim's own included
     opacity: float | None = None  # likewise primvars:displayOpacity
     primvars: tuple[tuple[str, tuple[float, ...]], ...] = ()  # constant ones that a material of the stage reads, likewise
@@ -148,18 +154,42 @@ def constant_of(prim: Usd.Prim, name: str, columns: int, names: frozenset[str], 
     return numbers if all(map(math.isfinite, numbers)) else None
 
 
+def as_bound(prim: Usd.Prim, inherited: Inherited) -> Usd.Prim:
+    """The prim to ask for a binding: its proxy in the one instance that is walked, else itself."""
+    if not inherited.proxy or not prim.IsInPrototype():
+        return prim
+    path = prim.GetPath()
+    return prim.GetStage().GetPrimAtPath(path.ReplacePrefix(path.GetPrefixes()[0], Sdf.Path(inherited.proxy))) or prim
+
+
 def bind_materials(prims: list[Usd.Prim], purposes: tuple[str, ...]) -> list[Binding | None]:
     """The material bound to each prim within its namespace: by the first purpose that gives one, last the general one."""
     found: list[Binding | None] = [None] * len(prims)
-    for purpose in purposes:
-        missing = [i for i, binding in enumerate(found) if binding is None]
+    for rank, purpose in enumerate(purposes):
+        missing = [i for i, binding in enumerate(found) if binding is None or binding.rank > rank]
         if not missing:
             break
         materials, rels = _compute_bound([prims[i] for i in missing], purpose)
         for i, material, rel in zip(missing, materials, rels, strict=True):
             if material:
-                found[i] = Binding(material.GetPrim(), _is_stronger(rel))
+                found[i] = _first_by_rank(found[i], Binding(material.GetPrim(), _is_stronger(rel), _rank(rel, purposes)))
     return found
+
+
+def _first_by_rank(a: Binding | None, b: Binding) -> Binding:
+    return b if a is None or b.rank < a.rank else a
+
+
+def _rank(rel: Usd.Relationship, purposes: tuple[str, ...]) -> int:
+    """Asked for any purpose, USD gives the general binding where that has none (UsdShadeMaterialBindingAPI)."""
+    purpose = _purpose(rel)
+    return purposes.index(purpose) if purpose in purposes else len(purposes)
+
+
+def _purpose(rel: Usd.Relationship) -> str:
+    names = str(rel.GetName()).split(":")[2:]
+    names = names[1:-1] if names[:1] == ["collection"] else names  # material:binding:collection:full:name
+    return names[0] if names else ""
 
 
 def _compute_bound(prims: list[Usd.Prim], purpose: str) -> tuple[list[UsdShade.Material], list[Usd.Relationship]]:
@@ -177,10 +207,16 @@ def _compute_bound(prims: list[Usd.Prim], purpose: str) -> tuple[list[UsdShade.M
 
 
 def _is_stronger(rel: Usd.Relationship) -> bool:
-    strength = UsdShade.MaterialBindingAPI.GetMaterialBindingStrength(rel)
-    return bool(strength == UsdShade.Tokens.strongerThanDescendants)
+    """Also where a collection has taken the place of the same prim's own binding, which was stronger."""
+    own = rel.GetPrim().GetRelationship(":".join(filter(None, (BINDING, _purpose(rel)))))
+    strengths = [UsdShade.MaterialBindingAPI.GetMaterialBindingStrength(r) for r in (rel, own) if r]
+    return bool(UsdShade.Tokens.strongerThanDescendants in strengths)
 
 
 def inner_or_outer(inner: Binding | None, outer: Binding | None) -> Binding | None:
-    """The binding inside a prototype, unless there is none or the instance's own is stronger than descendants'."""
-    return outer if outer is not None and (inner is None or outer.stronger) else inner
+    """Inside a prototype: the binding of the stronger purpose; of one purpose the inner, unless the outer overrides it."""
+    if inner is None or outer is None:
+        return inner or outer
+    if inner.rank != outer.rank:
+        return min(inner, outer, key=lambda binding: binding.rank)
+    return outer if outer.stronger else inner

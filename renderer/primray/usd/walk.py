@@ -15,13 +15,13 @@ from ..description import Doubles
 from ..placement import MatrixInstances, PointInstances
 from .adapters.draw_mode import stand_in
 from .adapters.points import POINT, spheres
-from .bindings import note_bindings, subsets_of
+from .bindings import note_bindings, subsets_of, told_apart
 from .context import Context
 from .convert import rows
 from .instance_primvars import given_per_instance
 from .instances import Group
 from .notes import note_prim
-from .resolve import Binding, Inherited, ResolvedPrim, bind_materials, descend, inner_or_outer, local_matrix
+from .resolve import Binding, Inherited, ResolvedPrim, as_bound, bind_materials, descend, inner_or_outer, local_matrix
 from .stage import tf_message
 
 Expand = Callable[[ResolvedPrim, Context], list[tuple[str, PointInstances]]]  # (prototype root, group_from_prototype)
@@ -126,13 +126,18 @@ def _local(state: _Walk, prim: Usd.Prim, names: frozenset[str]) -> tuple[Gf.Matr
 def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[ResolvedPrim]) -> None:
     """Instances of one prototype that hand down the same become one array of matrices."""
     ctx = state.ctx
-    bindings = bind_materials([instance.prim for instance in instances], ctx.material_purposes)
+    asked = [as_bound(instance.prim, instance.inherited) for instance in instances]
+    bindings = bind_materials(asked, ctx.material_purposes)
     by_child: dict[int, list[Gf.Matrix4d]] = {}
-    for instance, inner in zip(instances, bindings, strict=True):
-        outer = inner_or_outer(inner, instance.inherited.outer)
+    apart = told_apart([proxy.GetPath() for proxy in asked], ctx)
+    for instance, proxy, inner, alone in zip(instances, asked, bindings, apart, strict=True):
         prototype = instance.prim.GetPrototype()
         ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
-        child = state.group(prototype, replace(instance.inherited, outer=outer))
+        if alone:
+            handed = replace(instance.inherited, proxy=str(proxy.GetPath()))
+        else:
+            handed = replace(instance.inherited, outer=inner_or_outer(inner, instance.inherited.outer), proxy="")
+        child = state.group(prototype, handed)
         by_child.setdefault(child, []).append(instance.gf_matrix)
     group.instances += [(child, _finite(rows(matrices), group, ctx)) for child, matrices in by_child.items()]
 
@@ -158,16 +163,21 @@ def _expand_points(state: _Walk, group: Group[ResolvedPrim], instancer: Resolved
 
 
 def _place_spheres(state: _Walk, group: Group[ResolvedPrim], points: ResolvedPrim) -> None:
-    """Each colour's sphere is a group of its own: one leaf, many places."""
+    """A group of one leaf in many places; primvars that vary over the points are their instances' own."""
+    matrices, primvars = spheres(points, state.ctx)
     to_group = points.group_from_prim
-    names = points.names - {"primvars:displayColor"}
-    for color, matrices in spheres(points, state.ctx):
-        inherited = points.inherited if color is None else replace(points.inherited, color=color)
-        leaf = replace(points, type_name=POINT, names=names, gf_matrix=Gf.Matrix4d(1.0), inherited=inherited)
-        placed = to_group[:3, :3] @ matrices
-        placed[:, :, 3] += to_group[:3, 3]
-        group.instances.append((len(state.groups), MatrixInstances(placed)))
-        state.groups.append(Group(points.path, [leaf]))
+    placed = to_group[:3, :3] @ matrices
+    placed[:, :, 3] += to_group[:3, 3]
+    varying = [p.name for p in primvars]
+    leaf = replace(
+        points,
+        type_name=POINT,
+        names=points.names - {f"primvars:{name}" for name in varying},
+        gf_matrix=Gf.Matrix4d(1.0),
+        inherited=given_per_instance(points.inherited, varying),
+    )
+    group.instances.append((len(state.groups), MatrixInstances(placed, primvars)))
+    state.groups.append(Group(points.path, [leaf]))
 
 
 def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, per_instance: list[str], ctx: Context) -> Inherited:
@@ -196,23 +206,29 @@ def _bind_leaves(state: _Walk) -> None:
     prims: list[Usd.Prim] = []
     for group in state.groups:
         for leaf in group.leaves:
-            if state.leaf_types[leaf.type_name] == "shape" and leaf.path not in seen:
-                seen[leaf.path] = len(prims)
-                prims.append(leaf.prim)
-    subsets = {path: subsets_of(prims[i], _SUBSETS, ctx) for path, i in seen.items() if prims[i].GetTypeName() == "Mesh"}
-    for owned in subsets.values():
+            if state.leaf_types[leaf.type_name] == "shape" and (key := _key(leaf)) not in seen:
+                seen[key] = len(prims)
+                prims.append(as_bound(leaf.prim, leaf.inherited))
+    subsets = {key: subsets_of(prims[i], _SUBSETS, ctx) for key, i in seen.items() if prims[i].GetTypeName() == "Mesh"}
+    for key, owned in subsets.items():
         for subset in owned:
-            seen[subset.path] = len(prims)
+            seen[key + subset.path] = len(prims)
             prims.append(subset.prim)
     bindings = bind_materials(prims, ctx.material_purposes) if prims else []
     for group in state.groups:
         for i, leaf in enumerate(group.leaves):
-            if leaf.path in seen:
+            key = _key(leaf)
+            if key in seen:
                 outer = leaf.inherited.outer
-                own = tuple(replace(s, material=_material(bindings[seen[s.path]], outer)) for s in subsets.get(leaf.path, ()))
-                material = _material(bindings[seen[leaf.path]], outer)
+                own = tuple(replace(s, material=_material(bindings[seen[key + s.path]], outer)) for s in subsets.get(key, ()))
+                material = _material(bindings[seen[key]], outer)
                 if own or material:
                     group.leaves[i] = replace(leaf, material=material, subsets=own)
+
+
+def _key(leaf: ResolvedPrim) -> str:
+    """What is bound alike has one."""
+    return leaf.inherited.proxy + leaf.path
 
 
 def _material(inner: Binding | None, outer: Binding | None) -> Usd.Prim | None:

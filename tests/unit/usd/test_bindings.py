@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pxr import UsdShade
 
 from primray.description import Mesh, SceneDescription
 from primray.settings import RenderSettings
+from primray.usd import translate
 
-from .usd_text import translate_text
+from .usd_text import stage_of, translate_text
 
 
 def material(name: str) -> str:
@@ -158,3 +160,60 @@ def test_purposes_in_order(settings: str, expected: str) -> None:
     text = f'#usda 1.0\n(\n renderSettingsPrimPath = "/r"\n)\ndef RenderSettings "r"\n{{\n {settings}\n}}\n' + MATERIALS
     description, _ = translate_text(text + mesh(bound), RenderSettings())
     assert surfaces_by_face(description)[0] == expected
+
+
+LEAF = """
+def Mesh "{}" (prepend apiSchemas = ["MaterialBindingAPI"])
+{{
+    uniform token subdivisionScheme = "none"
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+    {}
+}}
+"""
+
+
+def world(inside: str, collection: str, bound: str = "rel material:binding = </red>") -> str:
+    """/World with two instances of a prototype that has the leaves a and b; `collection` of /World binds green."""
+    leaves = "".join(LEAF.format(name, inside if name == "a" else "") for name in "ab")
+    instances = "".join(f'def Xform "{name}" (instanceable = true\n references = </P>) {{ }}\n' for name in ("one", "two"))
+    schemas = 'prepend apiSchemas = ["MaterialBindingAPI", "CollectionAPI:c"]'
+    return f"""{MATERIALS}
+class Xform "P" {{
+    {leaves}
+}}
+def Xform "World" ({schemas}) {{
+    {bound}
+    {collection}
+    rel material:binding:collection:c = [</World.collection:c>, </green>]
+    {instances}
+}}
+"""
+
+
+INSIDE = "rel material:binding = </blue>"
+STRONGER = 'rel material:binding = </red> (bindMaterialAs = "strongerThanDescendants")'
+COLLECTIONS = {
+    "one inside": "rel collection:c:includes = </World/one/a>",
+    "excluded": "rel collection:c:includes = </World>\nrel collection:c:excludes = </World/two/b>",
+    "the instance only": 'rel collection:c:includes = </World/one>\nuniform token collection:c:expansionRule = "explicitOnly"',
+    "the whole instance": "rel collection:c:includes = </World/one>",
+    "an expression": 'uniform pathExpression collection:c:membershipExpression = "//two//a"',
+    "nobody": "",
+}
+
+
+@pytest.mark.parametrize("collection", COLLECTIONS.values(), ids=COLLECTIONS)
+@pytest.mark.parametrize("bound", ["rel material:binding = </red>", "rel material:binding:full = </red>", STRONGER])
+@pytest.mark.parametrize("inside", ["", INSIDE, INSIDE.replace("binding", "binding:full")])
+def test_what_is_inside_instances_is_bound_as_its_proxies_are(inside: str, bound: str, collection: str) -> None:
+    stage = stage_of(world(inside, collection, bound))
+    paths = [f"/World/{instance}/{leaf}" for instance in ("one", "two") for leaf in "ab"]
+    asked = [UsdShade.MaterialBindingAPI(stage.GetPrimAtPath(path)) for path in paths]
+    wanted = [str(api.ComputeBoundMaterial("full")[0].GetPath()) for api in asked]
+    description, _ = translate(stage, RenderSettings())
+    placed = [one for p in description.placements for one in description.prototypes[p.prototype].shapes * len(p)]
+    shapes = [description.shapes[one.shape] for one in (*description.static, *placed)]
+    found = sorted((shape.path[-1], description.surfaces[int(np.max(shape.surface))].path) for shape in shapes)
+    assert found == sorted((path[-1], material) for path, material in zip(paths, wanted, strict=True))

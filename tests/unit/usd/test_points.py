@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from primray.description import Placement, SceneDescription, Sphere
+from primray.description import Placement, PrimvarInput, SceneDescription, Sphere
 from primray.placement import chunks
 
 from .usd_text import translate_text
@@ -75,14 +75,51 @@ def test_colours_by_point() -> None:
         "int[] primvars:displayColor:indices = [1, 0, 1]"
     )
     assert len(found) == 3
-    colors = {}
-    for p in description.static:
-        colors[p.matrix[0, 3]] = description.surfaces[description.shapes[p.shape].surface].diffuse_color
+    assert dict(description.surfaces[0].inputs) == {"diffuse_color": PrimvarInput("displayColor", (0.18, 0.18, 0.18))}
+    assert values_by_x(description) == {0: (0, 1, 0), 1: (1, 0, 0), 2: (0, 1, 0)}
+
+
+def values_by_x(description: SceneDescription) -> dict[float, tuple[float, ...]]:
+    """Of the only primvar that varies over the points."""
+    found: dict[float, tuple[float, ...]] = {}
     for placement in description.placements:
-        (inner,) = description.prototypes[placement.prototype].shapes
-        for x in rows_of(placement)[:, 0, 3]:
-            colors[x] = description.surfaces[description.shapes[inner.shape].surface].diffuse_color
-    assert colors == {0: (0, 1, 0), 1: (1, 0, 0), 2: (0, 1, 0)}
+        [varying] = placement.primvars
+        found |= dict(zip(rows_of(placement)[:, 0, 3].tolist(), map(tuple, varying.values.tolist()), strict=True))
+    return found
+
+
+MATERIAL = """
+def Material "m"
+{
+    token outputs:surface.connect = </m/s.outputs:surface>
+    def Shader "s"
+    {
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:emissiveColor.connect = </m/r.outputs:result>
+        token outputs:surface
+    }
+    def Shader "r"
+    {
+        uniform token info:id = "UsdPrimvarReader_float3"
+        token inputs:varname = "glow"
+        float3 outputs:result
+    }
+}
+"""
+
+
+def test_what_a_material_reads_of_points() -> None:
+    """Left out points take theirs along; a constant value is the sphere's."""
+    points = POINTS.replace('"p"', '"p" (prepend apiSchemas = ["MaterialBindingAPI"])')
+    for values, shape, placed_ in (
+        ("[(1, 0, 0), (2, 0, 0), (3, 0, 0)] (interpolation = 'vertex')", [], {0: (1, 0, 0), 2: (3, 0, 0)}),
+        ("[(4, 0, 0)]", [[[4, 0, 0]]], None),
+    ):
+        more = f"rel material:binding = </m>\nfloat[] widths = [1, 0, 1]\ncolor3f[] primvars:glow = {values}"
+        description, _ = translate_text(MATERIAL + points.replace("MORE", more))
+        [sphere] = description.shapes
+        assert [p.values.tolist() for p in sphere.primvars] == shape
+        assert placed_ is None or values_by_x(description) == placed_
 
 
 def test_a_constant_colour_and_a_hidden_purpose() -> None:
@@ -91,13 +128,11 @@ def test_a_constant_colour_and_a_hidden_purpose() -> None:
     assert placed('uniform token purpose = "guide"')[1] == {}
 
 
-def test_many_colours_are_rounded_and_told() -> None:
+def test_many_colours_are_kept() -> None:
     rng = np.random.default_rng(1)
     values = ", ".join(f"({r:.4f}, {g:.4f}, {b:.4f})" for r, g, b in rng.random((300, 3)))
     points = ", ".join(f"({k}, 0, 0)" for k in range(300))
     color = f"color3f[] primvars:displayColor = [{values}] (\ninterpolation = 'vertex'\n)"
-    text = f'def Points "p"\n{{\npoint3f[] points = [{points}]\n{color}\n}}\n'
-    description, diagnostics = translate_text(text)
-    assert sum(len(p) for p in description.placements) + len(description.static) == 300
-    assert len(description.shapes) <= 125
-    assert ("instance-primvar", "/p") in diagnostics
+    description, _ = translate_text(f'def Points "p"\n{{\npoint3f[] points = [{points}]\n{color}\n}}\n')
+    assert len(description.shapes) == 1
+    assert len(set(values_by_x(description).values())) == 300
