@@ -77,8 +77,8 @@ def _capsule(prim: ResolvedPrim, ctx: Context) -> Tessellated:
 
 def _radii(prim: ResolvedPrim, default: float, ctx: Context) -> tuple[float, float]:
     if prim.type_name.endswith("_1"):
-        return _number(prim, "radiusBottom", default, ctx), _number(prim, "radiusTop", default, ctx)
-    radius = _number(prim, "radius", default, ctx)
+        return abs(_number(prim, "radiusBottom", default, ctx)), abs(_number(prim, "radiusTop", default, ctx))
+    radius = abs(_number(prim, "radius", default, ctx))
     return radius, radius
 
 
