@@ -62,7 +62,7 @@ def _plane(prim: ResolvedPrim, ctx: Context) -> Tessellated:
 
 
 def _cone(prim: ResolvedPrim, ctx: Context) -> Tessellated:
-    return tessellate.cone(_number(prim, "radius", 1.0, ctx), _number(prim, "height", 2.0, ctx), _axis(prim, ctx))
+    return tessellate.cone(abs(_number(prim, "radius", 1.0, ctx)), _number(prim, "height", 2.0, ctx), _axis(prim, ctx))
 
 
 def _cylinder(prim: ResolvedPrim, ctx: Context) -> Tessellated:
