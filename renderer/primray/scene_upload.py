@@ -43,6 +43,10 @@ LIGHT_NUMBERS = {
 # Order of Attribute in scene/scene.hpp.
 NONE, PER_TRIANGLE, PER_VERTEX, PER_CORNER = range(4)
 
+# What lies further from the camera than the nearest shape, or the usual instance, by this does not count for the scale of all:
+# in floats the rest would be too small to be hit (products of three lengths below 1e-38).
+OUTLYING = 2.0**24
+
 NO_FLOATS = np.zeros((0, 3), np.float32)
 NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
 
@@ -308,17 +312,32 @@ def boxes_of_prototypes(d: SceneDescription, boxes: Doubles) -> list[Box]:
 
 
 def scene_reach(d: SceneDescription, boxes: Doubles, prototype_boxes: list[Box], origin: npt.NDArray[np.float64]) -> float:
-    """Largest coordinate distance of any geometry from the origin; 0 for an empty scene."""
-    reach = 0.0
+    """Largest coordinate distance of any geometry from the origin, of a few outliers left aside; 0 for an empty scene."""
     with np.errstate(invalid="ignore", over="ignore"):
+        found: list[float] = []
         if d.static:
-            m, own = np.array([p.matrix for p in d.static]), boxes[[p.shape for p in d.static]]
-            lo, hi = transformed_boxes(m, own[:, 0], own[:, 1])
-            reach = np.fmax(reach, np.fmax.reduce(np.maximum(np.abs(lo - origin), np.abs(hi - origin)).max(axis=1)))
-        for placement in d.placements:
-            lo, hi = placed_box(placement.levels, prototype_boxes[placement.prototype])
-            reach = np.fmax(reach, np.fmax(np.abs(lo - origin).max(), np.abs(hi - origin).max()))
-    return float(reach) if np.isfinite(reach) else 0.0
+            own = boxes[[p.shape for p in d.static]]
+            lo, hi = transformed_boxes(np.array([p.matrix for p in d.static]), own[:, 0], own[:, 1])
+            found += np.maximum(np.abs(lo - origin), np.abs(hi - origin)).max(axis=1).tolist()
+        found += [_reach(placed_box(p.levels, prototype_boxes[p.prototype]), origin) for p in d.placements]
+        reach = float(np.fmax.reduce(found, initial=0.0))
+        if not np.isfinite(reach):
+            return 0.0
+        if reach <= OUTLYING:  # so nothing can lie that much further than the rest, unless that is very small
+            return reach
+        usual = [*found[: len(d.static)], *(_usual_distance(p, origin) for p in d.placements)]
+        return min(reach, OUTLYING * min((r for r in usual if r > 0), default=reach))
+
+
+def _reach(box: Box, origin: npt.NDArray[np.float64]) -> float:
+    return float(np.fmax(np.abs(box[0] - origin).max(), np.abs(box[1] - origin).max()))
+
+
+def _usual_distance(placement: Placement, origin: npt.NDArray[np.float64]) -> float:
+    """The lower median of its instances, or of a part of many."""
+    for rows in placement.chunks():
+        return float(np.quantile(np.abs(rows[:, :, 3] - origin).max(axis=1), 0.5, method="lower"))
+    return 0.0
 
 
 def power_of_two_scale(reach: float) -> float:

@@ -72,7 +72,7 @@ void Flatness::measure_views() {
     double radius = 0;
     for (int k = 0; k < n; ++k) radius = std::max(radius, length(corners[k] - center));
     const double distance = p.orthographic ? 1 : std::max(length(center) - radius, 1e-300);
-    view_scale_.push_back(p.pixels_per_unit / distance / (outside.is_outside() ? p.outside : 1));
+    view_scale_.push_back(p.pixels_per_unit / distance / outside.allowance());
   }
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -24,21 +25,32 @@ struct Footprint {
   double density = 0;          // pixels a unit of the object covers at most in all other placements
 };
 
-// Whether all of a face's corners, in the camera's space, lie beyond one side of the view.
+// Whether all of a face's corners, in the camera's space, lie beyond one side of the view, and how far.
 class OutsideTest {
  public:
-  explicit OutsideTest(const Projection& p) : p_(p), out_{true, true, true, true, !p.orthographic} {}
+  explicit OutsideTest(const Projection& p) : p_(p) { beyond_.fill(std::numeric_limits<double>::infinity()); }
   void add(const dvec3& b) {
     const double depth = p_.orthographic ? 1 : -b.z;
-    out_[0] &= b.x<p_.window[0] * depth, out_[1] &= b.x> p_.window[1] * depth;
-    out_[2] &= b.y<p_.window[2] * depth, out_[3] &= b.y> p_.window[3] * depth;
-    out_[4] &= depth < 0;
+    const double sides[5] = {p_.window[0] * depth - b.x, b.x - p_.window[1] * depth, p_.window[2] * depth - b.y,
+                             b.y - p_.window[3] * depth, p_.orthographic ? 0 : -depth};
+    for (size_t k = 0; k < beyond_.size(); ++k) beyond_[k] = std::min(beyond_[k], sides[k]);
+    if (!p_.orthographic) farthest_ = std::max(farthest_, length(b));
   }
-  bool is_outside() const { return out_[0] || out_[1] || out_[2] || out_[3] || out_[4]; }
+  bool is_outside() const { return farthest_beyond() > 0; }
+
+  // How many times longer its edges may be: p.outside near the view, further off growing with the distance in pictures, so
+  // that a close look at a part of a cage leaves the rest of it coarse.
+  double allowance() const {
+    if (!is_outside()) return 1;
+    const double size = std::max(p_.window[1] - p_.window[0], p_.window[3] - p_.window[2]);
+    return p_.outside * std::max(1.0, farthest_beyond() / std::max(size * (p_.orthographic ? 1 : farthest_), 1e-300));
+  }
 
  private:
   const Projection& p_;
-  bool out_[5];
+  std::array<double, 5> beyond_;  // of each side: by how much at least
+  double farthest_ = 0;           // corner from a camera in perspective
+  double farthest_beyond() const { return *std::max_element(beyond_.begin(), beyond_.end()); }
 };
 
 // The most pixels that an edge of a face covers; `corners`: its points, object space.
@@ -64,7 +76,7 @@ inline double face_pixels(const Footprint& print, std::span<const dvec3> corners
       outside.add(b);
       a = b;
     }
-    longest = std::max(longest, outside.is_outside() ? pixels / p.outside : pixels);
+    longest = std::max(longest, pixels / outside.allowance());
   }
   return longest;
 }

@@ -61,7 +61,7 @@ def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
         ctx.warn(
             "skinning",
             prim.path,
-            "Inside an instance: meshes below are rendered as they are authored, not posed by their skeleton.",
+            "Inside one of very many instances: meshes below are rendered as they are authored, not posed by their skeleton.",
         )
     elif not _is_known(prim.type_name):
         ctx.warn("unknown-prim-type", prim.path, f"No schema of the name {prim.type_name} is known.")

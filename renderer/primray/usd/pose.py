@@ -1,7 +1,7 @@
 """Meshes bound to skeletons, posed by USD's own skinning (UsdSkel.BakeSkinning): joints, blend shapes, normals.
 
 The posed values are opinions in the session layer of another stage on the same layers, so neither files nor the caller's stage
-change. Skeletons inside native instances are out of its reach.
+change. Baking does not reach into native instances: those with skeletons are taken apart there, up to MAX_TAKEN_APART.
 """
 
 from __future__ import annotations
@@ -14,18 +14,55 @@ from ..diagnostics import Diagnostics
 from .read import When, value
 from .stage import scratch_copy, tf_message
 
+MAX_TAKEN_APART = 1000
 
-def posed(stage: Usd.Stage, roots: list[str], when: When, diagnostics: Diagnostics) -> Usd.Stage:
-    """The stage as the skeletons below `roots` pose it."""
+
+def prototypes_hold_skeletons(stage: Usd.Stage) -> bool:
+    return any(_has_root(prototype) for prototype in stage.GetPrototypes())
+
+
+def posed(stage: Usd.Stage, when: When, diagnostics: Diagnostics) -> Usd.Stage:
+    """The stage as its skeletons pose it."""
     made = scratch_copy(stage)
     made.SetEditTarget(made.GetSessionLayer())
-    for path in roots:
+    _take_apart(made)
+    for path in [str(prim.GetPath()) for prim in made.Traverse() if _is_root(prim)]:
         problem = _pose(UsdSkel.Root(made.GetPrimAtPath(path)), when)
         if problem:
             diagnostics.add("skinning", path, problem)
         else:
             diagnostics.add("posed", path, "Meshes below are posed by their skeleton.")
     return made
+
+
+def _is_root(prim: Usd.Prim) -> bool:
+    return bool(prim.GetTypeName() == "SkelRoot" and not prim.IsInstance())
+
+
+def _has_root(prim: Usd.Prim) -> bool:
+    return any(below.GetTypeName() == "SkelRoot" for below in Usd.PrimRange(prim))
+
+
+def _take_apart(stage: Usd.Stage) -> None:
+    """Instances that hold skeletons, directly or in further instances, become prims of their own."""
+    while True:
+        holding = _holding_prototypes(stage)
+        instances = [prim for prim in stage.Traverse() if prim.IsInstance()]
+        found = [p for p in instances if p.GetTypeName() == "SkelRoot" or str(p.GetPrototype().GetPath()) in holding]
+        if not found or len(found) > MAX_TAKEN_APART:
+            return
+        for path in [prim.GetPath() for prim in found]:
+            stage.GetPrimAtPath(path).SetInstanceable(False)
+
+
+def _holding_prototypes(stage: Usd.Stage) -> set[str]:
+    """Paths of the prototypes with a skeleton in them, or in what they are made of."""
+    prototypes = stage.GetPrototypes()
+    held = {str(p.GetPath()): {str(i.GetPrototype().GetPath()) for i in Usd.PrimRange(p) if i.IsInstance()} for p in prototypes}
+    found = {str(p.GetPath()) for p in prototypes if _has_root(p)}
+    while more := {path for path, inner in held.items() if path not in found and inner & found}:
+        found |= more
+    return found
 
 
 def _pose(root: UsdSkel.Root, when: When) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from pxr import Ar, Sdf, Usd
+from pxr import Ar, Sdf, Tf, Usd
 
 from ..composition import Composition, VariantChoice
 from ..diagnostics import Diagnostics
@@ -33,7 +33,10 @@ def populate(
 def add_load_rules(stage: Usd.Stage, load: tuple[str, ...] | None) -> None:
     """Load the payloads of these prims and of all below them."""
     for path in load or ():
-        stage.Load(_prim_path(path, "load"), Usd.LoadWithDescendants)
+        try:
+            stage.Load(_prim_path(path, "load"), Usd.LoadWithDescendants)
+        except Tf.ErrorException:  # of paths of which not even the parent is there
+            _prim(stage, path, "load")
 
 
 def choose_variants(stage: Usd.Stage, choices: Iterable[VariantChoice]) -> None:
@@ -49,6 +52,8 @@ def check_population(stage: Usd.Stage, composition: Composition) -> None:
         stage.ExpandPopulationMask()
     for what, paths in (("mask", composition.mask or ()), ("load", composition.load or ())):
         for path in paths:
+            if not stage.GetPrimAtPath(_prim_path(path, what)):
+                stage.SetPopulationMask(Usd.StagePopulationMask.All())  # so that the error can list what there is
             _prim(stage, path, what)
 
 

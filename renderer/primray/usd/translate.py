@@ -40,7 +40,7 @@ from .default_light import default_lights
 from .framing import Bounds, shape_bounds, stage_bounds
 from .instance_primvars import without_unread
 from .instances import Arrangement, Chain, Group, arrange, count_of
-from .pose import posed
+from .pose import posed, prototypes_hold_skeletons
 from .primvars_read import primvars_read
 from .read import when_of
 from .resolve import ResolvedPrim
@@ -120,8 +120,8 @@ def _with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
 
 def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
     found = _find_by_type(stage, diagnostics)
-    if found.skeletons:
-        stage = posed(stage, found.skeletons, when_of(stage, settings.time_code), diagnostics)
+    if found.has_skeletons or prototypes_hold_skeletons(stage):
+        stage = posed(stage, when_of(stage, settings.time_code), diagnostics)
         found = _find_by_type(stage, Diagnostics())
     cameras, settings_prims, shaders = found.cameras, found.settings, found.shaders
     stage_settings = render_settings(stage, settings_prims, diagnostics)
@@ -169,7 +169,7 @@ class _Found:
     cameras: list[Usd.Prim] = field(default_factory=list)
     settings: list[Usd.Prim] = field(default_factory=list)
     shaders: list[Usd.Prim] = field(default_factory=list)
-    skeletons: list[str] = field(default_factory=list)  # paths of SkelRoots
+    has_skeletons: bool = False
 
 
 def _find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> _Found:
@@ -183,7 +183,7 @@ def _find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> _Found:
         elif name == "Shader":
             found.shaders.append(prim)
         elif name == "SkelRoot":
-            found.skeletons.append(str(prim.GetPath()))
+            found.has_skeletons = True
         elif name == "RenderPass":
             diagnostics.add("render-settings-input", str(prim.GetPath()), "Render passes are ignored.")
     return found

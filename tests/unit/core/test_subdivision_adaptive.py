@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from tests.described import core_module
 
 from primray.description import Doubles, Interpolation, Primvar, SubdivisionMesh
 from primray.dice import Dicing, core_arrays
+from primray.footprint import Footprint
 
 
 def sphere_like(**more: Any) -> SubdivisionMesh:
@@ -118,6 +120,26 @@ def test_edges_keep_to_the_pixels() -> None:
     pixels = np.linalg.norm(a - b, axis=1) / np.minimum(np.linalg.norm(a, axis=1), np.linalg.norm(b, axis=1)) * 500
     assert pixels.max() < 16  # diagonals, of sheared quads too
     assert np.median(pixels) > 2.5
+
+
+def parallel(eye: list[float], target: list[float], half: float) -> Footprint:
+    """Seen by an orthographic camera."""
+    view = seen_from(eye, target, half=half)
+    return replace(view, projected=replace(view.projected, orthographic=True))
+
+
+@pytest.mark.parametrize("half", [1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize("make", [seen_from, parallel])
+@pytest.mark.parametrize("target", [[0, 0, 0], [0.4, 0.1, 0]])
+def test_a_close_look_leaves_the_rest_coarse(make: Any, half: float, target: list[float]) -> None:
+    """Through a long lens, triangles are small around the view only: their number grows with its logarithm."""
+    made = dice(cube(), Dicing(4.0), make([target[0], target[1], 10.0], target, half=half))
+    assert len(made["triangles"]) < 400_000
+    assert_closed(made["triangles"])
+    p = made["points"].astype(np.float64)
+    a, b = (p[made["triangles"][:, k]] for k in (0, 1))
+    seen = (np.hypot(a[:, 0] - target[0], a[:, 1] - target[1]) < 1e-3) & (a[:, 2] > 0)
+    assert np.linalg.norm(a - b, axis=1)[seen].max() < max(2 * half * (10 if make is seen_from else 1) / 50, 2 / 1000)
 
 
 def test_primvars_agree_with_uniform_dicing() -> None:

@@ -175,8 +175,14 @@ def test_payloads_are_loaded_where_asked(shot: Path) -> None:
     only = set(shapes(opened(shot, load=("/World/b",))))
     assert "/World/b/body" in only
     assert "/World/a/body" not in only
-    with pytest.raises(SettingsError, match="no such prim"):
-        opened(shot, load=("/World/z",))
+
+
+@pytest.mark.parametrize(("path", "listed"), [("/World/z", "/World/a"), ("/z", "/World"), ("/z/deep", "/World")])
+@pytest.mark.parametrize("what", ["load", "mask"])
+def test_loads_and_masks_of_what_is_not_there_list_what_is(what: str, path: str, listed: str, shot: Path) -> None:
+    with pytest.raises(SettingsError, match=f"no such prim; below /[A-Za-z]* there are: .*{listed}") as error:
+        opened(shot, **{what: (path,)})
+    assert error.value.code == f"unknown-{what}"
 
 
 def test_unloaded_payloads_are_told(shot: Path) -> None:

@@ -10,7 +10,7 @@ from pxr import Usd
 
 from primray.description import Mesh
 from primray.settings import RenderSettings
-from primray.usd import translate
+from primray.usd import pose, translate
 
 from .usd_text import stage_of, translate_text
 
@@ -124,7 +124,8 @@ def test_blend_shapes_move_points() -> None:
     assert mesh.points[:, 2] == pytest.approx([0, 0, 1], abs=1e-5)
 
 
-def test_skeletons_in_instances_are_told() -> None:
+def test_too_many_instances_with_skeletons_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pose, "MAX_TAKEN_APART", 0)
     instance = 'def "a" (\n instanceable = true\n references = </c>\n)\n{\n}\n'
     description, diagnostics = translate_text(HEAD + f'class "c"\n{{\n{ARM}}}\n{instance}')
     assert len(description.shapes) == 1
@@ -148,3 +149,29 @@ def test_broken_skeletons_break_nothing_else(whole: str, broken: str) -> None:
     assert text != ARM
     description, _ = translate_text(HEAD + text + 'def Sphere "other"\n{\n}\n')
     assert "/other" in [shape.path for shape in description.shapes]
+
+
+def prototype(name: str, body: str) -> str:
+    return f'class Xform "{name}"\n{{\n{body}\n}}\n'
+
+
+def instance(name: str, of: str) -> str:
+    return f'def Xform "{name}" (\n instanceable = true\n inherits = </{of}>\n)\n{{\n}}\n'
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        prototype("p", ARM) + instance("a", "p") + instance("b", "p"),
+        prototype("p", ARM) + prototype("q", instance("in", "p")) + instance("a", "q") + instance("b", "q"),
+        ARM.replace("def SkelRoot", "class SkelRoot", 1) + (instance("a", "arm") + instance("b", "arm")).replace("Xform ", ""),
+    ],
+    ids=["inside", "two levels", "the instance itself"],
+)
+def test_skeletons_in_instances_are_posed(text: str) -> None:
+    description, diagnostics = translate_text(HEAD + text, RenderSettings(time_code=3.0))
+    assert [code for code, _ in diagnostics].count("posed") == 2
+    assert len(description.shapes) == 2
+    for mesh in description.shapes:
+        assert isinstance(mesh, Mesh)
+        np.testing.assert_allclose(mesh.points, skinned(90), atol=1e-5)

@@ -8,8 +8,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from primray.description import Mesh
 from primray.usd.adapters.mesh import is_closed
 from primray.usd.tessellate import Tessellated, capsule, cone, cube, cylinder, plane
+
+from .usd_text import translate_text
 
 PI = math.pi
 SOLIDS: dict[str, tuple[Callable[[str], Tessellated], float, tuple[float, float, float]]] = {
@@ -70,3 +73,12 @@ def test_planes_face_their_axis(axis: str, normal: tuple[int, ...], size: tuple[
     assert np.ptp(made.points, axis=0).tolist() == list(size)
     p = made.points[made.triangles]
     assert (np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]) @ normal > 0).all()
+
+
+@pytest.mark.parametrize("kind", ["Cone", "Cylinder", "Capsule"])
+def test_a_negative_radius_is_its_size(kind: str) -> None:
+    made = [translate_text(f'def {kind} "s"\n{{\n    double radius = {r}\n}}\n')[0].shapes[0] for r in (0.5, -0.5)]
+    assert isinstance(made[0], Mesh)
+    assert isinstance(made[1], Mesh)
+    np.testing.assert_array_equal(made[0].points, made[1].points)
+    np.testing.assert_array_equal(made[0].triangles, made[1].triangles)

@@ -62,7 +62,7 @@ def _plane(prim: ResolvedPrim, ctx: Context) -> Tessellated:
 
 
 def _cone(prim: ResolvedPrim, ctx: Context) -> Tessellated:
-    return tessellate.cone(_number(prim, "radius", 1.0, ctx), _number(prim, "height", 2.0, ctx), _axis(prim, ctx))
+    return tessellate.cone(abs(_number(prim, "radius", 1.0, ctx)), _number(prim, "height", 2.0, ctx), _axis(prim, ctx))
 
 
 def _cylinder(prim: ResolvedPrim, ctx: Context) -> Tessellated:
@@ -77,8 +77,8 @@ def _capsule(prim: ResolvedPrim, ctx: Context) -> Tessellated:
 
 def _radii(prim: ResolvedPrim, default: float, ctx: Context) -> tuple[float, float]:
     if prim.type_name.endswith("_1"):
-        return _number(prim, "radiusBottom", default, ctx), _number(prim, "radiusTop", default, ctx)
-    radius = _number(prim, "radius", default, ctx)
+        return abs(_number(prim, "radiusBottom", default, ctx)), abs(_number(prim, "radiusTop", default, ctx))
+    radius = abs(_number(prim, "radius", default, ctx))
     return radius, radius
 
 
