@@ -83,7 +83,9 @@ class FakePipeline:
         resolution = (resolution[0], resolution[1] or resolution[0] // 2)
         return replace(self.description, resolution=resolution, time_code=settings.time_code), diagnostics
 
-    def build(self, description: SceneDescription, textures: dict[Any, Any], settings: primray.RenderSettings) -> Any:
+    def build(
+        self, description: SceneDescription, textures: dict[Any, Any], settings: primray.RenderSettings, shapes: list[Any]
+    ) -> Any:
         self.calls.append("build")
         self.textures = textures
         return SimpleNamespace(
