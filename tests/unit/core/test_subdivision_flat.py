@@ -210,7 +210,7 @@ def test_primvars_are_reproduced() -> None:
     made = dice(bent, Dicing(4.0), SEEN)
     assert len(made["triangles"]) > 20 * len(dice(plain, Dicing(4.0), SEEN)["triangles"])
     assert deviation(bent, made)[2] < 0.3 * 0.35 / DENSITY
-    trapezoid = cage([[0, 0, 0], [2, 0, 0], [1.5, 1, 0], [0.5, 1, 0]], [[0, 1, 2, 3]], "bilinear")
+    trapezoid = cage(np.array([[0, 0, 0], [2, 0, 0], [1.5, 1, 0], [0.5, 1, 0]]), [[0, 1, 2, 3]], "bilinear")
     square = Primvar("st", Interpolation.CORNER, np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32))
     made = dice(replace(trapezoid, primvars=(square,)), Dicing(4.0), SEEN)
     assert len(made["triangles"]) > 100
