@@ -18,7 +18,7 @@ from .settings import DEFAULT_DICING_RATE
 # Peak bytes, fitted to what `python -m tests.bench.memory` measures there: arrays of the description are counted
 # exactly and stand twice while the core copies them; these come on top.
 TRIANGLE_BYTES = 120  # Embree's hierarchy, and what building it takes
-DICED_TRIANGLE_BYTES = 48  # half a vertex with its normal, and three indices, twice
+DICED_TRIANGLE_BYTES = 70  # half a vertex with its normal, and three indices, twice, and dicing
 SHAPE_BYTES = 2000
 INSTANCE_BYTES = 210  # Embree's INSTANCE_ARRAY and the core's matrix; what the description holds is counted
 PIXEL_BYTES = 104  # the film's sums of both replicates in double, and the image
@@ -27,9 +27,9 @@ PIXEL_BYTES = 104  # the film's sums of both replicates in double, and the image
 # with its first coarser levels, or is converted between colour spaces before.
 KEPT_TEXEL_BYTES = 2 * 4 / 3
 TEXELS_PER_PIXEL = 4
-IMAGE_BYTES = 5.3  # a channel
+IMAGE_BYTES = {1: 5.3, 2: 5.3, 4: 7.5}  # a channel, by what it takes as stored; half floats are read before they are widened
 PROCESS_BYTES = 150 * 2**20  # Python, USD, OpenImageIO and the core, before they hold a scene
-VIEW_BYTES = 44 * 2**20  # OpenColorIO's when a PNG is written, when most of the scene's peak is free again
+VIEW_BYTES = 48 * 2**20  # OpenColorIO's when a PNG is written, when most of the scene's peak is free again
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,8 @@ def summary(
 
 def _image_bytes(images: Sequence[ImageSize], pixels: int) -> tuple[int, int]:
     """While they are loaded and handed over, and what the core keeps of them."""
-    loading = sum(i.values * i.channel_bytes for i in images) + max((i.values for i in images), default=0) * IMAGE_BYTES
+    loading: float = sum(i.values * i.channel_bytes for i in images)
+    loading += max((i.values * IMAGE_BYTES[i.channel_bytes] for i in images), default=0.0)
     kept = sum(min(i.width * i.height, TEXELS_PER_PIXEL * pixels) * i.channels for i in images) * KEPT_TEXEL_BYTES
     return int(loading), int(kept)
 

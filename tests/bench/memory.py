@@ -12,7 +12,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -26,6 +26,8 @@ from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
 from primray.summary import PROCESS_BYTES, summary
 from primray.texture_sizes import texture_sizes
+
+from .results import write_results
 
 LIMITS = Limits(width=200, spp=1, timeout_s=300, memory_bytes=2**35, threads=None)
 MIB = 2**20
@@ -176,7 +178,9 @@ def of_sheet(sheet: Path, folder: Path) -> Iterator[Row]:
 
 def main() -> None:
     found = of_sheet(Path(sys.argv[1]), Path(sys.argv[2])) if len(sys.argv) > 2 else generated()
-    for row in sorted(found, key=lambda row: -row.measured):
+    rows = sorted(found, key=lambda row: -row.measured)
+    write_results("memory_of_a_folder" if len(sys.argv) > 2 else "memory", [asdict(row) for row in rows])
+    for row in rows:
         measured, estimated = row.measured / MIB, row.estimated / MIB
         above = [max(0.0, mib - PROCESS_BYTES / MIB) for mib in (measured, estimated)]
         ratio = f"{measured:7.1f} MiB measured {estimated:7.1f} estimated: {estimated / measured:.2f}"
