@@ -41,14 +41,19 @@ def note_bindings(prim: Usd.Prim, path: str, names: frozenset[str], ctx: Context
 
 def _note_members(collection: Sdf.Path, bound_at: Sdf.Path, ctx: Context) -> None:
     """Remember below which prims some are in the collection and some are not, or may be where it is an expression."""
-    api = Usd.CollectionAPI.GetCollection(ctx.stage, collection)
-    if collection in ctx.collections or not api:
+    if collection in ctx.collections:
         return
     ctx.collections.add(collection)
-    expression = api.GetMembershipExpressionAttr().Get()
+    try:
+        api = Usd.CollectionAPI.GetCollection(ctx.stage, collection)
+        rules = api.ComputeMembershipQuery().GetAsPathExpansionRuleMap() if api else {}
+    except Tf.ErrorException as error:
+        ctx.warn("wrong-type", ctx.shown(str(bound_at)), f"{collection} is no collection that can be read: {tf_message(error)}")
+        return
+    expression = api.GetMembershipExpressionAttr().Get() if api else None
     if isinstance(expression, Sdf.PathExpression) and not expression.IsEmpty():
         ctx.expressed.add(bound_at)
-    for path, rule in api.ComputeMembershipQuery().GetAsPathExpansionRuleMap().items():
+    for path, rule in rules.items():
         above = path if rule == Usd.Tokens.explicitOnly else path.GetParentPath()
         ctx.told_apart.update(above.GetPrefixes())
 

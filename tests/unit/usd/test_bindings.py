@@ -217,3 +217,9 @@ def test_what_is_inside_instances_is_bound_as_its_proxies_are(inside: str, bound
     shapes = [description.shapes[one.shape] for one in (*description.static, *placed)]
     found = sorted((shape.path[-1], description.surfaces[int(np.max(shape.surface))].path) for shape in shapes)
     assert found == sorted((path[-1], material) for path, material in zip(paths, wanted, strict=True))
+
+
+@pytest.mark.parametrize("target", ["</World>", "</World.other:property>", "</World.collection:c>"])
+def test_a_collection_that_is_none_is_told(target: str) -> None:
+    text = world("", "int collection:c:includes = 3").replace("[</World.collection:c>,", f"[{target},")
+    assert ("wrong-type", "/World") in translate_text(text)[1]
