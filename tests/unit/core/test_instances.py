@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from tests.described import box, core_module, describe, kernels, lambert, orthographic, placement, translation
 
-from primray.description import Doubles, Placed, Placement, Prototype
+from primray.description import Doubles, Placed, Placement, Prototype, Shape
 from primray.scene_upload import add_placement, upload
 
 CUBE = Prototype("/cube", (Placed(0, np.eye(4)),))
@@ -64,10 +64,12 @@ def test_two_levels_far_from_the_origin() -> None:
 
 
 def test_shapes_that_are_handed_over_are_let_go() -> None:
-    made = describe([(box([1, 1, 1]), np.eye(4))], [lambert(0.5)])
-    shapes = list(made.description.shapes)
-    held = weakref.ref(shapes[0].points)
-    description, made = replace(made.description, shapes=()), None
+    shape = box([1, 1, 1])
+    description = describe([(shape, np.eye(4))], [lambert(0.5)]).description
+    shapes: list[Shape] = [shape]
+    held = weakref.ref(shape.points)
+    description = replace(description, shapes=())
+    del shape
     scene, _ = upload(core_module(), description, {}, 1.0, NO_TABLE, shapes)
     assert shapes == []
     assert held() is None
