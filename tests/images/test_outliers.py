@@ -17,6 +17,9 @@ CAMERA = """def Camera "eye"
 BALL = """def Sphere "ball"
 {
 }
+def DomeLight "sky"
+{
+}
 """
 STATIC = """def Cube "far"
 {

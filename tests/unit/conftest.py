@@ -149,8 +149,8 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         ImageSize=ImageSize,
         counts=asdict,
         primvar_names=lambda description: {"st": 2},
-        texture_files=lambda description: {"/no/such.png": None},
     )
+    install("texture_sizes", texture_sizes=lambda description, read: {"/no/such.png": None})
     return fake
 
 
