@@ -69,7 +69,9 @@ def test_progress_stops_a_render() -> None:
 
 def test_ctrl_c_leaves_a_valid_picture(tmp_path: Path) -> None:
     exr, report = tmp_path / "a.exr", tmp_path / "a.json"
-    command = [sys.executable, "-c", "from primray.cli import main; main()", "render", str(SCENE), "-o", str(exr)]
+    # A shell's background jobs, and so their children, start with the signal ignored.
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from primray.cli import main; main()"
+    command = [sys.executable, "-c", code, "render", str(SCENE), "-o", str(exr)]
     arguments = ["--report", str(report), "--res", "96", "0", "--spp", "1000000", "--json"]
     process = subprocess.Popen([*command, *arguments], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     assert process.stdout is not None

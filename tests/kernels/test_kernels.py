@@ -122,6 +122,7 @@ INTERRUPTED = """
 import signal, threading, os
 from tests.described import render
 from tests.kernels.scenes import SCENES
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs start with it ignored
 scene = SCENES["materials"]().build()
 threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
 result = render(scene, 1 << 20)
