@@ -27,7 +27,8 @@ nb::object boxes(nb::list arrays) {
   std::vector<double> out;
   out.reserve(6 * arrays.size());
   for (nb::handle each : arrays) {
-    const std::span<const float> p = span_of(nb::cast<InArray<float>>(each));
+    const InArray<float> array = nb::cast<InArray<float>>(each);  // a copy of its own where the array is not contiguous
+    const std::span<const float> p = span_of(array);
     float low[3] = {0, 0, 0}, high[3] = {0, 0, 0};
     for (size_t i = 0; i < p.size(); ++i) {
       low[i % 3] = i < 3 ? p[i] : std::min(low[i % 3], p[i]);

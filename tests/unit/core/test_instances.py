@@ -75,3 +75,10 @@ def test_shapes_that_are_handed_over_are_let_go() -> None:
     assert held() is None
     hits = kernels().intersect(scene, np.array([[0.0, 0, 9]]), np.array([[0, 0, -1]], np.float32))
     assert hits["geometry"][0] >= 0
+
+
+def test_boxes_of_arrays_in_any_layout() -> None:
+    points = np.random.default_rng(3).normal(size=(20000, 3)).astype(np.float32)
+    expected = np.array([points.min(axis=0), points.max(axis=0)], np.float64)
+    layouts = [points, np.asfortranarray(points), np.repeat(points, 2, axis=0)[::2]]
+    assert np.array_equal(core_module().boxes(layouts * 20), np.array([expected] * 60))
