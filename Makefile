@@ -44,8 +44,9 @@ format: setup  ## format Python and C++
 	$(BIN)/ruff check --fix-only $(PYTHON_SOURCES)
 	$(if $(CORE_FORMATTED),$(BIN)/clang-format -i $(CORE_FORMATTED))
 
-docs: setup  ## bring the generated parts of README.md up to date
+docs: setup  ## bring the generated pages and parts of README.md up to date
 	$(BIN)/python -m tests.docs.supported
+	$(BIN)/python -m tests.docs.hard_cases
 
 bench: setup  ## run the benchmarks of tests/bench
 	$(BIN)/python -m tests.bench
