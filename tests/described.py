@@ -219,10 +219,34 @@ def render(
     seed: int = 0,
     lanes: int = 0,
     progress: Any = None,
-) -> Any:
-    """The core's RenderResult."""
+    splits: int = 0,
+    film: Any = None,
+) -> Rendered:
+    """A pass that takes every pixel's samples to `spp`, in a new film or on from where `film` stands."""
     module = core_module(isa)
-    return module.render(scene, spp, max_depth, threads, seed, lanes or module.MAX_LANES, progress)
+    lanes = lanes or module.MAX_LANES
+    width, height = scene.resolution
+    film = film or module.Film(width, height)
+    ends = np.repeat(np.array(core.samples_of_replicates(spp), np.uint32)[:, None], film.next.shape[1], axis=1)
+    splits = splits or module.choose_splits(scene, max_depth, lanes)
+    done = module.render_pass(scene, film, ends, max_depth, splits, threads, seed, lanes, progress)
+    return Rendered(film, done)
+
+
+class Rendered:
+    """A film and what its last pass did."""
+
+    def __init__(self, film: Any, done: Any) -> None:
+        self.film = film
+        self.interrupted = bool(done.interrupted)
+        self.lane_occupancy = done.busy_lanes / max(done.shaded_lanes, 1)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.film, name)
+
+    def pixels(self, exposure: float = 1.0) -> Floats:
+        """Mean R, G, B, coverage (H, W, 4)."""
+        return self.film.image(exposure, False)[0]
 
 
 def replicate_means(result: Any) -> Doubles:

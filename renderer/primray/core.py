@@ -1,4 +1,4 @@
-"""The C++ core: which of its builds to use, a scene built in it, and a rendered film. The only module that imports `_core_*`.
+"""The C++ core: which of its builds to use, a scene built in it, and a film of it. The only module that imports `_core_*`.
 
 `PRIMRAY_ISA` (v2, v3, v4) and `PRIMRAY_LANES` (1, 4, 8, 16) override the choice by CPU.
 """
@@ -8,7 +8,8 @@ from __future__ import annotations
 import importlib
 import importlib.metadata
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn
@@ -18,7 +19,7 @@ import numpy.typing as npt
 
 from . import dice as dicing
 from . import errors
-from .description import SceneDescription, Shape
+from .description import Floats, SceneDescription, Shape
 from .pixel_filter import inverse_cdf
 from .scene_upload import upload
 from .settings import DEFAULT_FILTER_WIDTH, RenderSettings
@@ -32,8 +33,9 @@ ISA_FLAGS = {
 }
 DEFAULT_LANES = {"v4": 16, "v3": 8, "v2": 4}
 NO_DEPTH_LIMIT = 1 << 20
+TILE = 16  # pixels across; kTile in film.hpp
 
-Progress = Callable[[float, int, int], bool | None]  # fraction, samples, rays
+Progress = Callable[[float], bool | None]  # fraction of the pass
 
 
 def _cpu_flags() -> set[str]:
@@ -99,8 +101,11 @@ def versions() -> dict[str, str]:
 class CoreScene:
     """A scene built in the core, ready to render."""
 
-    def __init__(self, scene: Any, exposure_scale: float, warnings: list[tuple[str, str, str]]) -> None:
+    def __init__(
+        self, scene: Any, exposure_scale: float, warnings: list[tuple[str, str, str]], resolution: tuple[int, int]
+    ) -> None:
         self._scene = scene
+        self.resolution = resolution
         self._exposure_scale = exposure_scale
         self.warnings = warnings  # code, prim path, message
 
@@ -132,36 +137,100 @@ class CoreScene:
 
 
 class Film:
-    """What a render accumulated. `pixels` (H, W, 4) float32: mean R, G, B, coverage."""
+    """What a scene's render has gathered so far; arrays are of shape (H, W, ...), R = 2 replicates.
 
-    def __init__(self, result: Any, exposure_scale: float) -> None:
-        self._result = result
-        self.pixels: npt.NDArray[np.float32] = result.pixels(exposure_scale)
-        self.samples = int(result.samples)
-        self.rays = int(result.camera_rays + result.scattered_rays + result.shadow_rays)
-        self.rays_by_kind = {"camera": result.camera_rays, "scattered": result.scattered_rays, "shadow": result.shadow_rays}
-        self.interrupted = bool(result.interrupted)
-        self.invalid_samples = int(result.invalid_samples)
-        self.lane_occupancy = float(result.lane_occupancy)
-        self.seconds = float(result.seconds)
-        self.splits = int(result.splits)
+    `halves`: replicates weigh alike whatever their numbers of samples, as they must where these were chosen while rendering.
+    """
+
+    def __init__(self, scene: CoreScene, state: Mapping[str, npt.NDArray[Any]] | None = None) -> None:
+        width, height = scene.resolution
+        self._film = module().Film(width, height) if state is None else module().Film.from_state(width, height, dict(state))
+        self._exposure_scale = scene._exposure_scale
+        self.halves = False
+
+    def image(self) -> tuple[Floats, Floats]:
+        """Mean R, G, B, coverage (H, W, 4) and the standard errors of R, G, B (H, W, 3); inf where there is no estimate."""
+        pixels, errors = self._film.image(self._exposure_scale, self.halves)
+        return pixels, errors
+
+    @property
+    def pixels(self) -> Floats:
+        return self.image()[0]
 
     @property
     def replicates(self) -> npt.NDArray[np.float64]:
         """Sums (R, H, W, 4) of each independent replicate, before exposure."""
-        sums: npt.NDArray[np.float64] = self._result.replicates
+        sums: npt.NDArray[np.float64] = self._film.replicates
         return sums
 
     @property
     def counts(self) -> npt.NDArray[np.uint32]:
         """Samples (R, H, W) in each sum."""
-        counts: npt.NDArray[np.uint32] = self._result.counts
+        counts: npt.NDArray[np.uint32] = self._film.counts
         return counts
 
     @property
     def samples_per_pixel(self) -> tuple[int, int]:
         total = self.counts.sum(axis=0)
         return int(total.min()), int(total.max())
+
+    @property
+    def samples(self) -> int:
+        return int(self._film.samples)
+
+    @property
+    def invalid_samples(self) -> int:
+        return int(self._film.invalid_samples)
+
+    @property
+    def rays_by_kind(self) -> dict[str, int]:
+        film = self._film
+        return {"camera": film.camera_rays, "scattered": film.scattered_rays, "shadow": film.shadow_rays}
+
+    @property
+    def rays(self) -> int:
+        return sum(self.rays_by_kind.values())
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        return int(self._film.width), int(self._film.height)
+
+    @property
+    def tiles(self) -> tuple[int, int]:
+        """Tiles across and down."""
+        return int(self._film.tiles_x), int(self._film.tiles_y)
+
+    @property
+    def next(self) -> npt.NDArray[np.uint32]:
+        """(R, tiles): the number of each tile's next sample, rows of tiles from the top."""
+        numbers: npt.NDArray[np.uint32] = self._film.next
+        return numbers
+
+    @property
+    def tile_rays(self) -> npt.NDArray[np.int64]:
+        rays: npt.NDArray[np.int64] = self._film.tile_rays
+        return rays
+
+    def start_at(self, number: int) -> None:
+        """Begin the sequences with another sample than the first."""
+        self._film.start_at(number)
+
+    def merge(self, other: Film) -> None:
+        """Add what another film gathered from other samples: the same bits as one film that took them all."""
+        try:
+            self._film.merge(other._film)
+        except module().CoreError as error:
+            _raise(error)
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """All of it as arrays, for `Film(scene, state)`."""
+        state: dict[str, npt.NDArray[Any]] = self._film.state()
+        return state
+
+    def error_sums(self, most_pixels: int, threads: int) -> dict[str, Any]:
+        """Sums behind the error's estimates; see film/frame_error.hpp, and error.py for what is made of them."""
+        sums: dict[str, Any] = self._film.error(self._exposure_scale, self.halves, most_pixels, threads)
+        return sums
 
 
 def _raise(error: Exception) -> NoReturn:
@@ -193,7 +262,7 @@ def build(
         scene, warnings = upload(module(), description, textures, width, inverse_cdf(settings.filter, width), shapes)
     except module().CoreError as error:
         _raise(error)
-    return CoreScene(scene, description.camera.exposure_scale, warnings)
+    return CoreScene(scene, description.camera.exposure_scale, warnings, description.resolution)
 
 
 def threads(settings: RenderSettings) -> int:
@@ -204,22 +273,76 @@ def max_depth(settings: RenderSettings) -> int:
     return NO_DEPTH_LIMIT if settings.max_depth is None else settings.max_depth
 
 
-def render(scene: CoreScene, settings: RenderSettings, progress: Progress | None = None) -> Film:
-    """Render until done, or until `progress` answers False or Ctrl-C comes: then the film is partial but valid."""
+@dataclass(frozen=True)
+class Pass:
+    """What a pass of rendering did."""
+
+    interrupted: bool
+    seconds: float
+    busy_lanes: int
+    shaded_lanes: int
+
+
+def choose_splits(scene: CoreScene, settings: RenderSettings) -> int:
+    """Paths that go on from the first surface, by a pilot; a function of scene and depth alone."""
     try:
-        result = module().render(
-            scene._scene, settings.spp, max_depth(settings), threads(settings), settings.seed, lanes(), progress
+        return int(module().choose_splits(scene._scene, max_depth(settings), lanes()))
+    except module().CoreError as error:
+        _raise(error)
+
+
+def render_pass(
+    scene: CoreScene,
+    film: Film,
+    ends: npt.NDArray[np.uint32],
+    splits: int,
+    settings: RenderSettings,
+    progress: Progress | None = None,
+) -> Pass:
+    """Take every tile's sequences (R, tiles) to `ends`, or until `progress` answers False or Ctrl-C comes.
+
+    The film is valid then, and another pass goes on from there to the same bits.
+    """
+    try:
+        done = module().render_pass(
+            scene._scene,
+            film._film,
+            np.ascontiguousarray(ends, np.uint32),
+            max_depth(settings),
+            splits,
+            threads(settings),
+            settings.seed,
+            lanes(),
+            progress,
         )
     except module().CoreError as error:
         _raise(error)
-    return Film(result, scene._exposure_scale)
+    return Pass(bool(done.interrupted), float(done.seconds), int(done.busy_lanes), int(done.shaded_lanes))
+
+
+def samples_of_replicates(samples: int) -> tuple[int, int]:
+    """How many of a pixel's first `samples` fall to each replicate: they take turns."""
+    return (samples + 1) // 2, samples // 2
+
+
+def uniform_ends(film: Film, samples: int) -> npt.NDArray[np.uint32]:
+    """`ends` of a pass that gives every pixel its first `samples`."""
+    return np.repeat(np.array(samples_of_replicates(samples), np.uint32)[:, None], film.next.shape[1], axis=1)
+
+
+def render(scene: CoreScene, settings: RenderSettings, progress: Progress | None = None) -> Film:
+    """One uniform pass of `settings.spp` samples, without looking at the error on the way."""
+    film = Film(scene)
+    splits = choose_splits(scene, settings)
+    render_pass(scene, film, uniform_ends(film, settings.most_samples), splits, settings, progress)
+    return film
 
 
 class Recording:
     """Every ray of a one-threaded render in order, to trace again through Embree alone (for the benchmark; takes memory)."""
 
     def __init__(self, scene: CoreScene, settings: RenderSettings) -> None:
-        self._recording = module().Recording(scene._scene, settings.spp, max_depth(settings), settings.seed, lanes())
+        self._recording = module().Recording(scene._scene, settings.most_samples, max_depth(settings), settings.seed, lanes())
 
     def replay_s(self) -> float:
         """Seconds of one thread to trace them, each as packet or single ray as the render did."""

@@ -18,6 +18,7 @@ from .description import Camera, Doubles, Floats, Projection
 from .errors import PrimrayError, SettingsError
 
 CHANNELS = ("R", "G", "B", "A")
+ERROR_CHANNELS = ("stderr.R", "stderr.G", "stderr.B")
 VIEW_EXTENSIONS = (".png", ".jpg", ".jpeg")
 EXTENSIONS = (".exr", *VIEW_EXTENSIONS)
 
@@ -31,6 +32,9 @@ class Image:
     metadata: Mapping[str, str | int | float] = field(default_factory=dict)  # goes into an EXR's header as primray:<name>
     camera: Camera | None = None
     channels: tuple[str, ...] = CHANNELS
+    # (H, W, 3) standard errors of R, G, B, read-only; inf where a pixel has too few samples to tell. One degree of freedom
+    # each: their squares are to be averaged over pixels before they are relied on.
+    errors: Floats | None = None
 
     def __post_init__(self) -> None:
         pixels = np.array(self.pixels, np.float32, order="C")
@@ -38,6 +42,12 @@ class Image:
             raise ValueError(f"pixels of shape {pixels.shape} do not hold the channels {self.channels}")
         pixels.flags.writeable = False
         object.__setattr__(self, "pixels", pixels)
+        if self.errors is not None:
+            errors = np.array(self.errors, np.float32, order="C")
+            if errors.shape != (*pixels.shape[:2], len(ERROR_CHANNELS)):
+                raise ValueError(f"errors of shape {errors.shape} do not go with pixels of shape {pixels.shape}")
+            errors.flags.writeable = False
+            object.__setattr__(self, "errors", errors)
 
     @property
     def resolution(self) -> tuple[int, int]:
@@ -127,8 +137,11 @@ def _write_exr(image: Image, path: str) -> None:
     import OpenImageIO as oiio
 
     width, height = image.resolution
-    spec = oiio.ImageSpec(width, height, len(image.channels), oiio.FLOAT)
-    spec.channelnames = image.channels
+    channels, values = image.channels, image.pixels
+    if image.errors is not None:
+        channels, values = channels + ERROR_CHANNELS, np.concatenate([image.pixels, image.errors], axis=2)
+    spec = oiio.ImageSpec(width, height, len(channels), oiio.FLOAT)
+    spec.channelnames = channels
     spec.attribute("compression", "zip")
     spec.attribute("PixelAspectRatio", 1.0)
     spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
@@ -139,7 +152,7 @@ def _write_exr(image: Image, path: str) -> None:
         camera_matrix, ndc_matrix = exr_matrices(image.camera)
         spec.attribute("worldtocamera", oiio.TypeMatrix, _row_vector_floats(camera_matrix))
         spec.attribute("worldtoNDC", oiio.TypeMatrix, _row_vector_floats(ndc_matrix))
-    _write(path, spec, image.pixels)
+    _write(path, spec, values)
 
 
 def exr_matrices(camera: Camera) -> tuple[Doubles, Doubles]:

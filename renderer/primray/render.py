@@ -7,23 +7,23 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from .errors import LimitError, RenderCancelled, SettingsError
 from .settings import RenderSettings
 
 if TYPE_CHECKING:
+    from . import core
     from .composition import Composition
-    from .description import SceneDescription, TextureFile
+    from .description import Camera, SceneDescription, TextureFile
     from .diagnostics import Diagnostics
     from .image import Image
     from .report import Costs
+    from .sampling import Progress
     from .summary import ImageSize
     from .texture import Texture
 
-# progress(fraction, samples_done, rays), some ten times a second; False stops the render.
-Progress = Callable[[float, int, int], bool | None]
 OnInterrupt = Literal["raise", "partial"]
 
 
@@ -76,15 +76,51 @@ def _render_one(
     progress: Progress | None,
     on_interrupt: OnInterrupt,
 ) -> Image:
-    from . import core, usd
+    from . import core
     from .diagnostics import Diagnostics
     from .image import Image, pixels_sha256
-    from .report import header_of, make_report, resolve_settings
+    from .report import header_of, make_report
+    from .sampling import Sampling
+
+    diagnostics = Diagnostics()
+    prepared = prepare(stage, opening, settings, costs, diagnostics)
+    sampling = Sampling.begin(prepared.scene, prepared.settings)
+    watched = _Watched(progress)
+    with costs.stage("render"):
+        sampling.run(watched)
+        pixels, errors = sampling.film.image()
+    film = sampling.film
+    if film.invalid_samples:
+        diagnostics.add("invalid-samples", "", f"{film.invalid_samples} of {film.samples} samples are left out")
+    assert sampling.stop is not None
+    if sampling.stop.reason == "interrupted" and on_interrupt == "raise":
+        if watched.stopped:
+            raise RenderCancelled("the render was stopped by its progress callback")
+        raise KeyboardInterrupt
+
+    as_json = [diagnostic.as_json() for diagnostic in diagnostics]
+    report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels))
+    return Image(pixels, report, header_of(report), prepared.camera, errors=errors)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A scene that is built, and what the stage and the machine made of the settings."""
+
+    scene: core.CoreScene
+    settings: RenderSettings
+    counts: dict[str, int]
+    camera: Camera
+
+
+def prepare(stage: Any, opening: Diagnostics, settings: RenderSettings, costs: Costs, diagnostics: Diagnostics) -> Prepared:
+    """Translate an opened stage, load its textures and build its scene; what there is to tell goes to `diagnostics`."""
+    from . import core, usd
+    from .report import resolve_settings
     from .summary import counts, summary
 
     with costs.stage("translate"):
         description, translating = usd.translate(stage, settings)
-        diagnostics = Diagnostics()
         diagnostics.extend([*opening, *translating])
         description, textures = load_textures(description, diagnostics, usd.read_asset)
         if settings.strict:
@@ -105,20 +141,14 @@ def _render_one(
         diagnostics.add(code, path, message)
     if settings.strict:
         diagnostics.raise_if_strict()
-    watched = _Watched(progress)
-    with costs.stage("render"):
-        film = core.render(scene, settings, watched)
-    if film.invalid_samples:
-        diagnostics.add("invalid-samples", "", f"{film.invalid_samples} of {film.samples} samples are left out")
-    if film.interrupted and on_interrupt == "raise":
-        if watched.stopped:
-            raise RenderCancelled("the render was stopped by its progress callback")
-        raise KeyboardInterrupt
+    return Prepared(scene, settings, counted, description.camera)
 
-    core_says = {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": list(scene.features)}
-    as_json = [diagnostic.as_json() for diagnostic in diagnostics]
-    report = make_report(film, costs, settings, counted, as_json, core_says, pixels_sha256(film.pixels))
-    return Image(film.pixels, report, header_of(report), description.camera)
+
+def core_says(scene: core.CoreScene) -> dict[str, Any]:
+    """The core's own lines of a report."""
+    from . import core
+
+    return {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": list(scene.features)}
 
 
 class _Watched:

@@ -13,10 +13,11 @@ from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 from . import __version__
-from .settings import DEFAULT_FILTER_WIDTH, RenderSettings
+from .settings import DEFAULT_FILTER_WIDTH, Metric, RenderSettings
 
 if TYPE_CHECKING:
     from .description import SceneDescription
+    from .sampling import Sampling
 
 STAGES = ("open", "translate", "dice", "build", "render", "write")
 
@@ -62,6 +63,7 @@ def resolve_settings(settings: RenderSettings, description: SceneDescription) ->
     return replace(
         settings,
         camera=description.camera.path or settings.camera,
+        spp=settings.spp if settings.stops_early or settings.sample_range else settings.most_samples,
         resolution=description.resolution,
         time_code=description.time_code,
         filter_width=width if width is not None else DEFAULT_FILTER_WIDTH[settings.filter],
@@ -72,6 +74,8 @@ def resolve_settings(settings: RenderSettings, description: SceneDescription) ->
 def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values = asdict(settings)
     values["filter"] = settings.filter.value
+    values["error_metric"] = settings.error_metric.value
+    values["sample_range"] = list(settings.sample_range) if settings.sample_range else None
     values["resolution"] = list(settings.resolution) if settings.resolution else None
     for name in ("purposes", "variants", "load", "mask"):
         values[name] = None if values[name] is None else list(values[name])
@@ -96,30 +100,36 @@ def package_versions() -> dict[str, str]:
 
 
 def make_report(
-    film: Any,
+    sampling: Sampling,
     costs: Costs,
-    settings: RenderSettings,
     scene: Mapping[str, int],
     diagnostics: list[dict[str, str]],
     core: Mapping[str, Any],
     sha256: str,
 ) -> dict[str, Any]:
-    """The report, `settings` being the resolved ones, `scene` its counts and `core` what the core says of itself."""
+    """The report: `scene` are its counts, `core` is what the core says of itself."""
     render_s = costs.stages_s["render"]
+    film, settings, stop = sampling.film, sampling.settings, sampling.stop
+    assert stop is not None
+    error = sampling.rows[-1].error.as_json() if sampling.rows else dict.fromkeys(metric.value for metric in Metric)
     return {
         "stages_s": costs.stages_s,
         "samples": int(film.samples),
         "samples_per_pixel": [int(n) for n in film.samples_per_pixel],
         "rays": int(film.rays),
         "rays_by_kind": film.rays_by_kind,
-        "splits": film.splits,
-        "lane_occupancy": film.lane_occupancy,
+        "splits": sampling.splits,
+        "lane_occupancy": sampling.lane_occupancy,
         "invalid_samples": film.invalid_samples,
+        "error": error,
+        "convergence": [row.as_json() for row in sampling.rows],
+        "stop": stop.as_json(),
+        "sampling_s": sampling.seconds,
         "rays_per_s": film.rays / render_s if render_s > 0 else 0.0,
         "cpu_s": costs.render_cpu_s,
         "cpu_total_s": cpu_seconds(),
         "peak_rss_bytes": peak_rss_bytes(),
-        "interrupted": bool(film.interrupted),
+        "interrupted": stop.reason == "interrupted",
         "isa": core["isa"],
         "lanes": core["lanes"],
         "threads": settings.threads,
@@ -135,6 +145,8 @@ def make_report(
 # What two renders of the same picture may differ in; the rest goes into the image's header.
 _COSTS = (
     "stages_s",
+    "sampling_s",
+    "convergence",
     "rays_per_s",
     "cpu_s",
     "cpu_total_s",

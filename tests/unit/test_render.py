@@ -24,6 +24,10 @@ REPORT_KEYS = {
     "splits",
     "lane_occupancy",
     "invalid_samples",
+    "error",
+    "convergence",
+    "stop",
+    "sampling_s",
     "rays_per_s",
     "cpu_s",
     "cpu_total_s",
@@ -63,6 +67,10 @@ def test_the_report(pipeline: FakePipeline) -> None:
     assert list(report["stages_s"]) == ["open", "translate", "dice", "build", "render", "write"]
     assert report["pixels_sha256"] == pixels_sha256(image.pixels)
     assert report["samples"] == 8 * 4 * 4
+    assert report["error"]["relmse"] == {"estimate": 0.01, "ci95": [0.009, 0.011]}
+    assert set(report["error"]) == {"relmse", "rmse", "display"}
+    assert report["convergence"] == [{"samples": 4, "seconds": 0.5, "relmse": 0.01, "ci95": [0.009, 0.011], "rmse": 0.01}]
+    assert report["stop"] == {"reason": "samples", "target_met": None}
     assert report["samples_per_pixel"] == [4, 4]
     assert report["isa"] == "v4"
     assert report["lanes"] == 16
@@ -80,13 +88,14 @@ def test_samples_left_out_are_told(pipeline: FakePipeline) -> None:
 
 
 def test_settings_are_resolved(pipeline: FakePipeline) -> None:
-    settings = render("a.usda", RenderSettings(resolution=(8, 0), filter=Filter.BOX)).report["settings"]
+    settings = render("a.usda", RenderSettings(resolution=(8, 0), filter=Filter.BLACKMAN_HARRIS)).report["settings"]
     assert settings["camera"] == "/cam"
     assert settings["resolution"] == [8, 4]
-    assert settings["filter"] == "box"
-    assert settings["filter_width"] == 1.0
+    assert settings["spp"] == 64
+    assert settings["filter"] == "blackman-harris"
+    assert settings["filter_width"] == 3.0
     assert settings["threads"] >= 1
-    assert render("a.usda").report["settings"]["filter_width"] == 3.0
+    assert render("a.usda").report["settings"]["filter_width"] == 1.0
 
 
 def test_the_header_has_settings_and_versions_and_no_costs(pipeline: FakePipeline) -> None:

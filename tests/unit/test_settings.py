@@ -11,7 +11,7 @@ from primray.errors import LimitError, SettingsError
 
 
 def test_defaults_are_good() -> None:
-    assert RenderSettings().spp == 64
+    assert RenderSettings().most_samples == 64
 
 
 @pytest.mark.parametrize(

@@ -1,27 +1,72 @@
-// Sums of samples per pixel and replicate, in double, with their counts.
+// What a render has gathered: exact sums of samples per pixel and replicate with their counts, and how far each tile has come.
 //
-// A tile's block of samples is summed by itself, in sample order, and then added: blocks can be computed apart and merged to
-// the same bits. Every pixel is written by one task at a time, so there are no locks.
+// Sums are exact (exact_sum.hpp), so tiles can be rendered in any order, in parts, on several machines, and be continued or
+// merged to the same bits. Who writes a tile's pixels holds its lock.
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
+#include <mutex>
 #include <vector>
 
-#include "integrator/settings.hpp"
+#include "film/exact_sum.hpp"
 
 namespace primray {
 
+// Independent randomised halves of every pixel's samples, so that the variance of the mean can be measured.
+constexpr int kReplicates = 2;
+constexpr int kTile = 16;  // pixels across
+
 struct Film {
-  static constexpr int kChannels = 4;  // R, G, B, coverage
-  int width = 0, height = 0;
-  std::vector<double> sums;      // replicate, y, x, channel
-  std::vector<uint32_t> counts;  // replicate, y, x
+  static constexpr int kColors = 3;
+  int width, height, tiles_x, tiles_y;
+  std::vector<int64_t> parts;     // replicate, y, x, color, (high, low)
+  std::vector<int8_t> bins;       // replicate, y, x, color
+  std::vector<uint32_t> counts;   // replicate, y, x
+  std::vector<uint32_t> covered;  // replicate, y, x: samples that met something
+  // Where each tile's sequences stand: the next sample's number; and its rays, as the measure of what it costs.
+  std::vector<uint32_t> next;  // replicate, tile
+  std::vector<int64_t> tile_rays;
   std::atomic<int64_t> camera_rays{0}, scattered_rays{0}, shadow_rays{0}, invalid_samples{0}, samples{0};
 
-  Film(int w, int h)
-      : width(w), height(h), sums(size_t(kReplicates) * w * h * kChannels), counts(size_t(kReplicates) * w * h) {}
-  size_t pixel(int replicate, int x, int y) const { return (size_t(replicate) * height + y) * width + x; }
+  std::array<std::mutex, 64> locks;
+
+  Film(int w, int h);
+  int tiles() const { return tiles_x * tiles_y; }
+  std::mutex& lock_of(int tile) { return locks[size_t(tile) % locks.size()]; }
+  size_t pixels() const { return size_t(width) * height; }
+  size_t at(int replicate, int x, int y) const { return (size_t(replicate) * height + y) * width + x; }
+
+  ExactSum sum(size_t pixel, int color) const {
+    const size_t i = pixel * kColors + color;
+    return {parts[2 * i], parts[2 * i + 1], bins[i]};
+  }
+  void add(size_t pixel, int color, const ExactSum& term) {
+    const size_t i = pixel * kColors + color;
+    ExactSum s = sum(pixel, color);
+    s.add(term);
+    parts[2 * i] = s.high, parts[2 * i + 1] = s.low, bins[i] = int8_t(s.bin);
+  }
+  // A replicate's mean, 0 without samples.
+  double mean(size_t pixel, int color) const { return counts[pixel] ? sum(pixel, color).value() / counts[pixel] : 0.0; }
+
+  // Adds what another film of the same picture gathered from other samples.
+  void merge(const Film& other);
 };
+
+// What each replicate's mean weighs in the picture: halves where each has its own number of samples (so that the number,
+// which may have been chosen by looking at the other replicate, shows in no mean), shares of the samples where the numbers
+// were fixed in advance.
+enum class Weighting { kHalves, kShares };
+
+// A pixel's colour, the replicates' weighted mean, and a difference of them, sqrt(w_0 w_1) (a - b), whose square is expected
+// to be the mean's variance if a replicate's variance is proportional to 1 / weight. `exposure` multiplies colours.
+struct PixelEstimate {
+  double mean[Film::kColors], difference[Film::kColors];
+  double coverage;
+  bool measured;  // both replicates have samples
+};
+PixelEstimate estimate_pixel(const Film& film, size_t pixel, Weighting weighting, double exposure);
 
 }  // namespace primray

@@ -31,12 +31,11 @@ struct Pilot {
     for (int& n : block.count) n = kBlock;
     const auto worker = std::make_unique<Worker>();
     task(scene, settings, block, *worker, film, nullptr);
-    rays = double(worker->camera_rays + worker->scattered_rays + worker->shadow_rays);
+    rays = double(film.tile_rays[0]);
   }
 
   double mean(int replicate, int pixel, int channel) const {
-    const size_t p = size_t(replicate) * kTile * kTile + pixel;
-    return film.counts[p] ? film.sums[p * Film::kChannels + channel] / film.counts[p] : 0.0;
+    return film.mean(size_t(replicate) * kTile * kTile + pixel, channel);
   }
 };
 

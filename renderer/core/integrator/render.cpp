@@ -1,15 +1,15 @@
-// Tasks are (block of samples, tile), claimed in that order; a tile's blocks are done one after the other, so sums keep their
-// order.
+// A pass is cut into tasks of up to kBlock samples of each replicate of one tile. They are claimed in order, blocks before
+// tiles, so that all tiles advance together; which thread does which, and when, shows in no bit.
 #include "integrator/render.hpp"
 
-#include "integrator/choose_splits.hpp"
-
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <condition_variable>
+#include <memory>
 #include <mutex>
+#include <string>
 #include <thread>
-#include <utility>
 #include <vector>
 
 #include "scene/error.hpp"
@@ -17,84 +17,98 @@
 namespace primray {
 namespace {
 
-struct Schedule {
-  int tiles_x, tiles_y, blocks;
-  int samples[kReplicates];
+struct Task {
+  int tile, block;
+};
 
-  Schedule(const Camera& camera, const IntegratorSettings& s) {
-    tiles_x = (camera.width + kTile - 1) / kTile, tiles_y = (camera.height + kTile - 1) / kTile;
-    for (int r = 0; r < kReplicates; ++r) samples[r] = (s.samples + kReplicates - 1 - r) / kReplicates;
-    blocks = (samples[0] + kBlock - 1) / kBlock;
-  }
-  int64_t tiles() const { return int64_t(tiles_x) * tiles_y; }
-  int64_t tasks() const { return tiles() * blocks; }
-  TileBlock task(int64_t number, const Camera& camera) const {
-    const int block = int(number / tiles()), tile = int(number % tiles());
-    TileBlock b;
-    b.x0 = tile % tiles_x * kTile, b.y0 = tile / tiles_x * kTile;
-    b.x1 = std::min(b.x0 + kTile, camera.width), b.y1 = std::min(b.y0 + kTile, camera.height);
-    b.film_x = b.x0, b.film_y = b.y0;
-    for (int r = 0; r < kReplicates; ++r) {
-      b.first[r] = block * kBlock;
-      b.count[r] = std::clamp(samples[r] - b.first[r], 0, kBlock);
-    }
-    return b;
+// What is left of a tile's sequences, as the pass begins.
+struct Span {
+  uint32_t first[kReplicates], end[kReplicates];
+
+  uint32_t longest() const {
+    uint32_t n = 0;
+    for (int r = 0; r < kReplicates; ++r) n = std::max(n, end[r] > first[r] ? end[r] - first[r] : 0);
+    return n;
   }
 };
 
+std::vector<Task> tasks_of(const std::vector<Span>& spans) {
+  std::vector<Task> tasks;
+  uint32_t blocks = 0;
+  for (const Span& s : spans) blocks = std::max(blocks, (s.longest() + kBlock - 1) / kBlock);
+  for (uint32_t block = 0; block < blocks; ++block)
+    for (size_t tile = 0; tile < spans.size(); ++tile)
+      if (block * kBlock < spans[tile].longest()) tasks.push_back({int(tile), int(block)});
+  return tasks;
+}
+
+TileBlock tile_block(const Task& task, const Span& span, const Film& film) {
+  TileBlock b;
+  b.x0 = task.tile % film.tiles_x * kTile, b.y0 = task.tile / film.tiles_x * kTile;
+  b.x1 = std::min(b.x0 + kTile, film.width), b.y1 = std::min(b.y0 + kTile, film.height);
+  b.film_x = b.x0, b.film_y = b.y0;
+  for (int r = 0; r < kReplicates; ++r) {
+    const uint32_t first = std::min(span.first[r] + uint32_t(task.block) * kBlock, std::max(span.first[r], span.end[r]));
+    b.first[r] = int(first);
+    b.count[r] = int(std::min<uint32_t>(kBlock, std::max(first, span.end[r]) - first));
+  }
+  return b;
+}
+
 }  // namespace
 
-RenderStatistics render(const Scene& scene, const IntegratorSettings& asked, int lanes, Film& film, const Progress& progress,
-                        RayRecorder* recorder) {
+TaskFunction kernel_of(int lanes) {
   const TaskFunction run_task = task_function(lanes);
   if (!run_task) throw Error("settings-error", "this build has no kernel of " + std::to_string(lanes) + " lanes");
-  IntegratorSettings settings = asked;
-  if (settings.splits == 0) settings.splits = choose_splits(scene, settings, run_task);
-  const Schedule schedule(scene.camera, settings);
-  std::atomic<int64_t> next{0}, done{0};
+  return run_task;
+}
+
+PassStatistics render_pass(const Scene& scene, const IntegratorSettings& settings, int lanes, std::span<const uint32_t> ends,
+                           Film& film, const Progress& progress, RayRecorder* recorder) {
+  const TaskFunction run_task = kernel_of(lanes);
+  const size_t tiles = size_t(film.tiles());
+  if (ends.size() != kReplicates * tiles || film.width != scene.camera.width || film.height != scene.camera.height)
+    throw Error("invariant", "the pass does not fit the film");
+  std::vector<Span> spans(tiles);
+  for (size_t t = 0; t < tiles; ++t)
+    for (int r = 0; r < kReplicates; ++r) spans[t].first[r] = film.next[r * tiles + t], spans[t].end[r] = ends[r * tiles + t];
+  const std::vector<Task> tasks = tasks_of(spans);
+
+  std::atomic<size_t> next{0}, done{0};
   std::atomic<bool> stop{false};
   std::atomic<int64_t> busy{0}, shaded{0};
-  std::vector<std::atomic<int>> blocks_done(schedule.tiles());
   std::mutex mutex;
   std::condition_variable finished;
-  const int threads = int(std::clamp<int64_t>(settings.threads, 1, std::max<int64_t>(schedule.tasks(), 1)));
-  int running = threads;
+  const size_t threads = std::clamp<size_t>(size_t(settings.threads), 1, std::max<size_t>(tasks.size(), 1));
+  size_t running = threads;
   const auto start = std::chrono::steady_clock::now();
 
   const auto work = [&] {
     set_float_mode();
     const auto worker = std::make_unique<Worker>();
-    for (int64_t i; !stop && (i = next++) < schedule.tasks(); ++done) {
-      const int64_t tile = i % schedule.tiles();
-      while (blocks_done[tile].load(std::memory_order_acquire) < i / schedule.tiles()) std::this_thread::yield();
-      run_task(scene, settings, schedule.task(i, scene.camera), *worker, film, recorder);
-      blocks_done[tile].fetch_add(1, std::memory_order_release);
-      film.camera_rays += std::exchange(worker->camera_rays, 0),
-          film.scattered_rays += std::exchange(worker->scattered_rays, 0);
-      film.shadow_rays += std::exchange(worker->shadow_rays, 0);
-    }
+    for (size_t i; !stop && (i = next++) < tasks.size(); ++done)
+      run_task(scene, settings, tile_block(tasks[i], spans[size_t(tasks[i].tile)], film), *worker, film, recorder);
     busy += worker->busy_lanes, shaded += worker->shaded_lanes;
     const std::lock_guard lock(mutex);
     --running;
     finished.notify_all();
   };
   std::vector<std::thread> pool;
-  for (int i = 0; i < threads; ++i) pool.emplace_back(work);
+  for (size_t i = 0; i < threads; ++i) pool.emplace_back(work);
 
-  RenderStatistics statistics;
   {
     std::unique_lock lock(mutex);
     while (!finished.wait_for(lock, std::chrono::milliseconds(50), [&] { return running == 0; })) {
       if (stop || !progress) continue;
       lock.unlock();
-      if (!progress(double(done) / double(std::max<int64_t>(schedule.tasks(), 1)))) stop = true;
+      if (!progress(double(done) / double(std::max<size_t>(tasks.size(), 1)))) stop = true;
       lock.lock();
     }
   }
   for (std::thread& t : pool) t.join();
-  statistics.splits = settings.splits;
-  statistics.interrupted = stop && done < schedule.tasks();
-  statistics.lane_occupancy = shaded > 0 ? double(busy) / double(shaded) : 0;
+  PassStatistics statistics;
+  statistics.interrupted = done < tasks.size();
+  statistics.busy_lanes = busy, statistics.shaded_lanes = shaded;
   statistics.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return statistics;
 }

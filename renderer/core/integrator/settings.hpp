@@ -6,18 +6,14 @@
 namespace primray {
 
 struct IntegratorSettings {
-  int samples = 64;         // per pixel, over all replicates
   int max_depth = 1 << 20;  // surface scatterings; roulette ends paths long before
   int threads = 1;
   uint32_t seed = 0;
   int splits = 0;  // paths that go on from the first surface that is no mirror; 0: what a pilot finds best
 };
 
-// Independent randomised halves of every pixel's samples, so that the variance of the mean can be measured.
-constexpr int kReplicates = 2;
-// Samples of one replicate that one task takes of a tile: sums are grouped by it, so it is part of what decides bits.
+// Samples of one replicate that one task takes of a tile; no bit of the image depends on it.
 constexpr int kBlock = 16;
-constexpr int kTile = 16;  // pixels across
 // Roulette: from this scattering on a path survives with probability min(1, kRouletteKeep * its largest throughput). On the
 // Cornell box (relMSE, rays a sample, 64 samples): keep 1 from 4 on 0.00180, 5.2; 2 from 3: 0.00162, 5.1; 4 from 2:
 // 0.00139, 5.9; 8 from 3: 0.00134, 6.5; none: 0.00132, 7.6.

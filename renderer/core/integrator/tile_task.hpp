@@ -1,4 +1,4 @@
-// One task: all samples of one block, of both replicates, of one tile. Paths of W lanes at a time, in a pool kept full.
+// One task: some samples of both replicates for one tile. Paths of W lanes at a time, in a pool kept full.
 //
 // A round takes every path of the pool one vertex further: refill with camera rays, trace, shade (which leaves the survivors
 // packed in the other pool and shadow rays in a queue), trace the shadow rays. What a path adds to its slot comes in the same
@@ -10,14 +10,15 @@
 #include "integrator/entry_choice.hpp"
 #include "integrator/interaction.hpp"
 #include "integrator/pool.hpp"
+#include "integrator/settings.hpp"
 #include "light/selection.hpp"
 #include "sampler/sampler.hpp"
 #include "scene/evaluate_inputs.hpp"
 
 namespace primray {
 
-// Samples [first, first + count) of every replicate, for one tile: the pixels (x0 + i stride_x, y0 + j stride_y) before (x1,
-// y1), which stand in the film from (film_x, film_y) on, side by side.
+// Samples [first, first + count) of each replicate, kBlock at most, for one tile: the pixels (x0 + i stride_x, y0 + j stride_y)
+// before (x1, y1), which stand in the film from (film_x, film_y) on, side by side.
 struct TileBlock {
   int x0, y0, x1, y1;
   int film_x, film_y;

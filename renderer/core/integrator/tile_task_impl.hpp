@@ -53,28 +53,29 @@ class TilePaths {
   }
 
   void add_to(Film& film) const {
+    const int tile = block_.film_y / kTile * film.tiles_x + block_.film_x / kTile;
+    const std::lock_guard lock(film.lock_of(tile));
     int64_t invalid = 0;
     for (int i = 0; i < pixels_; ++i) {
       int slot = i * samples_;
-      for (int replicate = 0; replicate < kReplicates; ++replicate) {
-        double sum[Film::kChannels] = {};
-        uint32_t n = 0;
-        for (int s = 0; s < block_.count[replicate]; ++s, ++slot) {
-          const float c[] = {w_.r[slot], w_.g[slot], w_.b[slot], w_.a[slot]};
-          if (!std::isfinite(c[0]) || !std::isfinite(c[1]) || !std::isfinite(c[2])) {
-            ++invalid;
-            continue;
-          }
-          for (int k = 0; k < Film::kChannels; ++k) sum[k] += double(c[k]);
-          ++n;
+      for (int replicate = 0; replicate < kReplicates; slot += block_.count[replicate++]) {
+        const int asked = block_.count[replicate], valid = drop_invalid(slot, asked);
+        const size_t p = film.at(replicate, block_.film_x + w_.pixel_x[i], block_.film_y + w_.pixel_y[i]);
+        if (valid > 0) {
+          film.add(p, 0, exact_sum(w_.r + slot, valid)), film.add(p, 1, exact_sum(w_.g + slot, valid));
+          film.add(p, 2, exact_sum(w_.b + slot, valid));
         }
-        const size_t p = film.pixel(replicate, block_.film_x + w_.pixel_x[i], block_.film_y + w_.pixel_y[i]);
-        for (int k = 0; k < Film::kChannels; ++k) film.sums[p * Film::kChannels + k] += sum[k];
-        film.counts[p] += n;
+        film.counts[p] += uint32_t(valid);
+        film.covered[p] += uint32_t(std::count(w_.a + slot, w_.a + slot + valid, 1.0f));
+        invalid += asked - valid;
       }
     }
+    for (int r = 0; r < kReplicates; ++r) film.next[size_t(r) * film.tiles() + tile] += uint32_t(block_.count[r]);
+    film.tile_rays[tile] += w_.camera_rays + w_.scattered_rays + w_.shadow_rays;
     film.invalid_samples += invalid;
     film.samples += int64_t(pixels_) * samples_;
+    film.camera_rays += w_.camera_rays, film.scattered_rays += w_.scattered_rays, film.shadow_rays += w_.shadow_rays;
+    w_.camera_rays = w_.scattered_rays = w_.shadow_rays = 0;
   }
 
  private:
@@ -82,6 +83,17 @@ class TilePaths {
   using I = vint<W>;
   using B = vbool<W>;
   using V = vvec3<W>;
+
+  // Moves the finite ones of samples [slot, slot + count) to the front; their number.
+  int drop_invalid(int slot, int count) const {
+    int kept = slot;
+    for (int s = slot; s < slot + count; ++s) {
+      if (!std::isfinite(w_.r[s]) || !std::isfinite(w_.g[s]) || !std::isfinite(w_.b[s])) continue;
+      w_.r[kept] = w_.r[s], w_.g[kept] = w_.g[s], w_.b[kept] = w_.b[s], w_.a[kept] = w_.a[s];
+      ++kept;
+    }
+    return kept - slot;
+  }
 
   // Pixels in Morton order, so that neighbours in a packet are neighbours on the film.
   void list_pixels() {

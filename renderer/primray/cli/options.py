@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from ..errors import SettingsError
+from ..settings import Metric
 
 Scene = Annotated[str, typer.Argument(metavar="SCENE", help="The USD stage: usda, usdc, usd or usdz.", show_default=False)]
 Camera = Annotated[
@@ -21,6 +22,28 @@ Resolution = Annotated[
 ImageWidth = Annotated[
     int | None,
     typer.Option("--imageWidth", "-w", metavar="W", help="Pixels; the height by the camera's aspect.", show_default=False),
+]
+Samples = Annotated[
+    int | None,
+    typer.Option(
+        "--spp",
+        "--pixel-samples",
+        "-p",
+        metavar="N",
+        help="Samples per pixel; a cap where an error or a time is asked for.",
+        show_default="64, or no cap",
+    ),
+]
+TargetError = Annotated[
+    float | None,
+    typer.Option("--target-error", metavar="E", help="Stop when the error is estimated to be no larger.", show_default=False),
+]
+ErrorMetric = Annotated[
+    Metric,
+    typer.Option(
+        "--error-metric",
+        help="relmse: mean of (I-R)^2/(R^2+0.01); rmse; display: rmse after the view, in 8-bit steps.",
+    ),
 ]
 NoDefaultLight = Annotated[bool, typer.Option("--no-default-light", help="Leave a stage without lights dark.")]
 Purposes = Annotated[

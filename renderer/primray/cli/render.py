@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import SettingsError
-from ..settings import DEFAULT_DICING_RATE, Filter, RenderSettings
+from ..settings import DEFAULT_DICING_RATE, Filter, Metric, RenderSettings
 from . import options
 from .frames import check_names, name_of_frame, parse_frames
 
@@ -31,12 +31,26 @@ def render(
     frames: Annotated[
         str | None, typer.Option("--frames", "-f", metavar="LIST", help="1, 1:10, 1:10x2 or 1,5.", show_default="default time")
     ] = None,
-    spp: Annotated[int, typer.Option("--spp", "--pixel-samples", "-p", metavar="N", help="Samples per pixel.")] = 64,
+    spp: options.Samples = None,
+    target_error: options.TargetError = None,
+    error_metric: options.ErrorMetric = Metric.RELMSE,
+    time_limit: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="Stop after so many seconds of sampling (set-up comes before).", show_default=False),
+    ] = None,
+    adaptive: Annotated[
+        bool | None,
+        typer.Option(
+            "--adaptive/--no-adaptive",
+            help="More samples where the error is.",
+            show_default="with --target-error",
+        ),
+    ] = None,
     max_depth: Annotated[
         int | None,
         typer.Option(metavar="N", help="Surface scatterings, 1 = direct light only.", show_default="no limit"),
     ] = None,
-    pixel_filter: Annotated[Filter, typer.Option("--filter", help="Pixel filter.")] = Filter.BLACKMAN_HARRIS,
+    pixel_filter: Annotated[Filter, typer.Option("--filter", help="Pixel filter.")] = Filter.BOX,
     filter_width: Annotated[
         float | None, typer.Option(metavar="W", help="Full width in pixels.", show_default="box 1, else 3")
     ] = None,
@@ -75,6 +89,10 @@ def render(
             resolution=options.resolution_of(res, image_width),
             time_code=time_code,
             spp=spp,
+            target_error=target_error,
+            error_metric=error_metric,
+            time_limit_s=time_limit,
+            adaptive=adaptive,
             max_depth=max_depth,
             filter=pixel_filter,
             filter_width=filter_width,
@@ -95,6 +113,9 @@ def render(
     check_names(names + ([report] if report else []), time_codes)
     _check_outputs(names, report, time_codes, view, exposure)
     _render_frames(scene, settings, names, report, _Looks(view, exposure, json, verbose))
+
+
+TARGET_MISSED = 5  # the exit code of a render that ended above its target error
 
 
 class _Looks:
@@ -142,6 +163,7 @@ def _render_frames(scene: str, settings: list[RenderSettings], names: list[str],
     from .progress import Show, showing
 
     showing_now: list[Show] = []
+    missed = False
     images = render_frames(scene, settings, progress=lambda *now: showing_now[-1](*now), on_interrupt="partial")
     for frame in settings:
         files = [_name(name, frame.time_code) for name in names]
@@ -152,6 +174,9 @@ def _render_frames(scene: str, settings: list[RenderSettings], names: list[str],
         if image.report["interrupted"]:
             print("interrupted: the picture so far was saved", file=sys.stderr)
             raise typer.Exit(130)
+        missed = missed or image.report["stop"]["target_met"] is False
+    if missed:
+        raise typer.Exit(TARGET_MISSED)
 
 
 def _write(image: Image, files: list[str], report_file: str | None, looks: _Looks) -> None:
@@ -185,5 +210,19 @@ def _summary_line(image: Image, report: dict[str, Any], files: list[str]) -> str
     samples = f"{low}" if low == high else f"{low} to {high}"
     return (
         f"{', '.join(files)}: {width} x {height}, {samples} samples a pixel in {report['stages_s']['render']:.2f} s "
-        f"({report['rays_per_s'] / 1e6:.1f} Mrays/s, {sum(report['stages_s'].values()):.2f} s in all)"
+        f"({report['rays_per_s'] / 1e6:.1f} Mrays/s, {sum(report['stages_s'].values()):.2f} s in all)\n{_error_line(report)}"
     )
+
+
+def _error_line(report: dict[str, Any]) -> str:
+    """How wrong the picture is, and why the render stopped there."""
+    metric = report["settings"]["error_metric"]
+    found, target = report["error"][metric], report["settings"]["target_error"]
+    if found is None:
+        return "error: unknown, it takes two samples a pixel"
+    low, high = found["ci95"]
+    line = f"{metric} {found['estimate']:.3g} (95 %: {low:.3g} to {high:.3g})"
+    if target is not None:
+        met = "reached" if report["stop"]["target_met"] else "NOT reached"
+        line += f", target {target:g} {met}"
+    return f"{line}; stopped by {report['stop']['reason']}"

@@ -1,0 +1,128 @@
+// Film for Python: pictures out of it, and its state in and out, whole, for checkpoints and merging.
+#include "bindings/arrays.hpp"
+#include "film/film.hpp"
+#include "film/frame_error.hpp"
+#include "scene/error.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/unique_ptr.h>
+
+namespace primray {
+namespace {
+
+nb::dict state_of(const Film& f) {
+  const size_t h = size_t(f.height), w = size_t(f.width), tiles = size_t(f.tiles());
+  nb::dict state;
+  state["parts"] = to_numpy(std::vector(f.parts), {kReplicates, h, w, Film::kColors, 2});
+  state["bins"] = to_numpy(std::vector(f.bins), {kReplicates, h, w, Film::kColors});
+  state["counts"] = to_numpy(std::vector(f.counts), {kReplicates, h, w});
+  state["covered"] = to_numpy(std::vector(f.covered), {kReplicates, h, w});
+  state["next"] = to_numpy(std::vector(f.next), {kReplicates, tiles});
+  state["tile_rays"] = to_numpy(std::vector(f.tile_rays), {tiles});
+  state["totals"] =
+      to_numpy(std::vector<int64_t>{f.camera_rays, f.scattered_rays, f.shadow_rays, f.invalid_samples, f.samples}, {5});
+  return state;
+}
+
+template <class T>
+void take(const nb::dict& state, const char* name, std::vector<T>& into) {
+  const auto array = nb::cast<nb::ndarray<const T, nb::c_contig, nb::device::cpu>>(state[name]);
+  if (array.size() != into.size()) throw Error("checkpoint", std::string(name) + " has not the film's size");
+  std::copy_n(array.data(), array.size(), into.data());
+}
+
+std::unique_ptr<Film> film_from(int width, int height, const nb::dict& state) {
+  auto f = std::make_unique<Film>(width, height);
+  take(state, "parts", f->parts), take(state, "bins", f->bins), take(state, "counts", f->counts);
+  take(state, "covered", f->covered), take(state, "next", f->next), take(state, "tile_rays", f->tile_rays);
+  std::vector<int64_t> totals(5);
+  take(state, "totals", totals);
+  f->camera_rays = totals[0], f->scattered_rays = totals[1], f->shadow_rays = totals[2];
+  f->invalid_samples = totals[3], f->samples = totals[4];
+  return f;
+}
+
+// (H, W, 4) colours with coverage and (H, W, 3) standard errors; infinite where a pixel has samples of one replicate only.
+nb::tuple image(const Film& f, double exposure, bool halves) {
+  const Weighting weighting = halves ? Weighting::kHalves : Weighting::kShares;
+  std::vector<float> pixels(f.pixels() * 4), errors(f.pixels() * Film::kColors);
+  {
+    const nb::gil_scoped_release release;
+    for (size_t p = 0; p < f.pixels(); ++p) {
+      const PixelEstimate e = estimate_pixel(f, p, weighting, exposure);
+      for (int c = 0; c < Film::kColors; ++c) {
+        pixels[4 * p + c] = float(e.mean[c]);
+        errors[Film::kColors * p + c] = e.measured ? float(std::abs(e.difference[c])) : std::numeric_limits<float>::infinity();
+      }
+      pixels[4 * p + 3] = float(e.coverage);
+    }
+  }
+  const size_t h = size_t(f.height), w = size_t(f.width);
+  return nb::make_tuple(to_numpy(std::move(pixels), {h, w, 4}), to_numpy(std::move(errors), {h, w, size_t(Film::kColors)}));
+}
+
+nb::dict error_of(const Film& f, double exposure, bool halves, int64_t most_pixels, int threads) {
+  FrameError e;
+  {
+    const nb::gil_scoped_release release;
+    e = frame_error(f, halves ? Weighting::kHalves : Weighting::kShares, exposure, most_pixels, threads);
+  }
+  nb::dict sums;
+  sums["values"] = e.values;
+  sums["relative_alone"] = e.relative_alone, sums["relative_alike"] = e.relative_alike, sums["relative"] = e.relative;
+  sums["relative_plain"] = e.relative_plain, sums["relative_variance"] = e.relative_variance;
+  sums["squared"] = e.squared, sums["squared_variance"] = e.squared_variance;
+  const size_t tiles = e.tiles.size();
+  sums["tiles"] = to_numpy(std::move(e.tiles), {tiles});
+  return sums;
+}
+
+// Sums (R, H, W, 4) of R, G, B and coverage.
+nb::object replicates(const Film& f) {
+  std::vector<double> sums(f.counts.size() * 4);
+  for (size_t p = 0; p < f.counts.size(); ++p) {
+    for (int c = 0; c < Film::kColors; ++c) sums[4 * p + c] = f.sum(p, c).value();
+    sums[4 * p + 3] = f.covered[p];
+  }
+  return to_numpy(std::move(sums), {size_t(kReplicates), size_t(f.height), size_t(f.width), 4});
+}
+
+}  // namespace
+
+void bind_film(nb::module_& m) {
+  m.attr("TILE") = kTile;
+  m.attr("REPLICATES") = kReplicates;
+  nb::class_<Film>(m, "Film")
+      .def(nb::init<int, int>(), nb::arg("width"), nb::arg("height"))
+      .def_static("from_state", &film_from, nb::arg("width"), nb::arg("height"), nb::arg("state"))
+      .def("state", &state_of)
+      .def("merge", &Film::merge, nb::arg("other"))
+      .def(
+          "start_at", [](Film& f, uint32_t first) { std::fill(f.next.begin(), f.next.end(), first); }, nb::arg("first"))
+      .def("image", &image, nb::arg("exposure"), nb::arg("halves"))
+      .def("error", &error_of, nb::arg("exposure"), nb::arg("halves"), nb::arg("most_pixels"), nb::arg("threads"),
+           "Sums over pixels and colours; see film/frame_error.hpp.")
+      .def_prop_ro("replicates", &replicates)
+      .def_prop_ro("counts",
+                   [](const Film& f) {
+                     return to_numpy(std::vector(f.counts), {size_t(kReplicates), size_t(f.height), size_t(f.width)});
+                   })
+      .def_prop_ro("next",
+                   [](const Film& f) { return to_numpy(std::vector(f.next), {size_t(kReplicates), size_t(f.tiles())}); })
+      .def_prop_ro("tile_rays", [](const Film& f) { return to_numpy(std::vector(f.tile_rays), {size_t(f.tiles())}); })
+      .def_ro("width", &Film::width)
+      .def_ro("height", &Film::height)
+      .def_ro("tiles_x", &Film::tiles_x)
+      .def_ro("tiles_y", &Film::tiles_y)
+      .def_prop_ro("samples", [](const Film& f) { return f.samples.load(); })
+      .def_prop_ro("camera_rays", [](const Film& f) { return f.camera_rays.load(); })
+      .def_prop_ro("scattered_rays", [](const Film& f) { return f.scattered_rays.load(); })
+      .def_prop_ro("shadow_rays", [](const Film& f) { return f.shadow_rays.load(); })
+      .def_prop_ro("invalid_samples", [](const Film& f) { return f.invalid_samples.load(); });
+}
+
+}  // namespace primray

@@ -1,0 +1,280 @@
+"""Taking samples until a rule says stop: which samples come next, when the error is looked at, and what ends the render.
+
+What is decided depends on the samples alone, never on time or threads, but for a time limit and for what is outside: so a
+render that was stopped and went on takes the samples of one that ran through. The error is measured at 16 samples a pixel and
+each time their number has doubled (anchors); between these it is taken to go on falling as it did. Where that
+says that the target is reached, the error is measured again, and the render stops or goes on from there.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from . import core
+from .adaptive import Plan, make_plan
+from .error import DisplayView, FrameError, measure
+from .settings import SAMPLE_BLOCK, Metric, RenderSettings
+
+FIRST_ANCHOR = 16
+# An error that falls slower than 1 / sqrt(samples), or faster than 1 / samples^2, is noise in its measurement.
+SLOWEST, FASTEST = 0.5, 2.0
+# A pass under a time limit takes at most so much of what is left, so that what it takes is known before the end comes near.
+SHARE_OF_TIME = 0.35
+
+# progress(fraction, samples, rays), some ten times a second; False stops the render.
+Progress = Callable[[float, int, int], bool | None]
+Ends = npt.NDArray[np.uint32]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measurement of the error: after how many samples a pixel (their mean) and seconds of sampling."""
+
+    samples: float
+    seconds: float
+    error: FrameError
+    anchor: bool
+
+    def as_json(self) -> dict[str, Any]:
+        found = {"samples": self.samples, "seconds": self.seconds, "relmse": self.error.relmse.value}
+        return found | {"ci95": [self.error.relmse.low, self.error.relmse.high], "rmse": self.error.rmse.value}
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Why a render ended: "target-error", "samples", "time-limit" or "interrupted"."""
+
+    reason: str
+    target_met: bool | None  # None: no error was asked for
+
+    def as_json(self) -> dict[str, Any]:
+        return {"reason": self.reason, "target_met": self.target_met}
+
+
+@dataclass
+class Sampling:
+    """A render under way. `done` counts the samples a pixel whose pass is complete, `ends` is the pass under way."""
+
+    scene: core.CoreScene
+    settings: RenderSettings
+    film: core.Film
+    splits: int
+    done: int = 0
+    ends: Ends | None = None
+    goal: int = 0
+    seconds: float = 0.0
+    plan: Plan | None = None
+    rows: list[Row] = field(default_factory=list)
+    busy_lanes: int = 0
+    shaded_lanes: int = 0
+    stop: Stop | None = None
+    most_fraction: float = 0.0
+
+    @classmethod
+    def begin(cls, scene: core.CoreScene, settings: RenderSettings) -> Sampling:
+        film = core.Film(scene)
+        sampling = cls(scene, settings, film, core.choose_splits(scene, settings))
+        if settings.sample_range is not None:
+            sampling.done = settings.sample_range[0]
+            film.start_at(sampling.done // SAMPLE_BLOCK)
+        return sampling
+
+    # ---- what comes next ------------------------------------------------------------------------------------------------
+
+    def run(self, progress: Progress | None = None, pause: Callable[[], bool] | None = None) -> bool:
+        """Sample until something stops it: True; or until `pause` answers True in the middle of a pass: False, to be run on.
+
+        Ctrl-C, and `progress` answering False, stop it.
+        """
+        self.stop = None
+        while self.stop is None:
+            if self.ends is None:
+                self._measure_at_anchor()
+                self.stop = self._stop_at_boundary()
+                if self.stop is not None:
+                    break
+                self.goal = self._next_goal()
+                self.ends = self._ends_at(self.goal)
+            if self._render_pass(progress, pause) == "paused":
+                return False
+        self._measure_at_end()
+        return True
+
+    def _render_pass(self, progress: Progress | None, pause: Callable[[], bool] | None) -> str:
+        why = ""
+        start, before = time.perf_counter(), self.seconds
+        limit = self.settings.time_limit_s
+
+        def poll(fraction: float) -> bool:
+            nonlocal why
+            seconds = before + time.perf_counter() - start
+            if progress is not None and progress(self._fraction(fraction, seconds), self.film.samples, self.film.rays) is False:
+                why = "interrupted"
+            elif limit is not None and seconds > limit:
+                why = "time-limit"
+            elif pause is not None and pause():
+                why = "paused"
+            return not why
+
+        assert self.ends is not None
+        done = core.render_pass(self.scene, self.film, self.ends, self.splits, self.settings, poll)
+        self.seconds = before + time.perf_counter() - start
+        self.busy_lanes += done.busy_lanes
+        self.shaded_lanes += done.shaded_lanes
+        if not done.interrupted:
+            self.done, self.ends = self.goal, None
+            return "done"
+        if why != "paused":
+            self._end(why or "interrupted")
+        return why
+
+    def _next_goal(self) -> int:
+        """The pass's end, in samples a pixel: where the next measurement is due, or before it where time is short."""
+        most = self.settings.most_samples
+        anchor = FIRST_ANCHOR
+        while anchor <= self.done:
+            anchor *= 2
+        goal = min(anchor, most)
+        expected = self._expected_end()
+        if expected is not None:
+            goal = min(goal, max(expected, self.done + SAMPLE_BLOCK))
+        if self.settings.time_limit_s is not None:
+            goal = min(goal, max(self.done + SAMPLE_BLOCK, self._within_time()))
+        return min(goal, most)
+
+    def _within_time(self) -> int:
+        """As many samples a pixel as a share of the time that is left should allow."""
+        assert self.settings.time_limit_s is not None
+        if self.done == 0:
+            return SAMPLE_BLOCK
+        each = self.seconds / max(self.done, 1)
+        more = (self.settings.time_limit_s - self.seconds) / each
+        share = more if more < 2 * SAMPLE_BLOCK else max(SHARE_OF_TIME * more, 2 * SAMPLE_BLOCK)
+        return self.done + int(share) // SAMPLE_BLOCK * SAMPLE_BLOCK
+
+    def _expected_end(self) -> int | None:
+        """The first boundary at which the error should have fallen to the target, from the last measurements."""
+        target, row = self.settings.target_error, self._last_row()
+        if target is None or row is None:
+            return None
+        factor = (row.error.of(self.settings.error_metric).value / target) ** (1 / self.rate())
+        samples = min(row.samples * max(factor, 1.0), float(self.settings.most_samples))
+        return math.ceil(samples / SAMPLE_BLOCK - 1e-9) * SAMPLE_BLOCK
+
+    def rate(self) -> float:
+        """The power of 1 / samples with which the error falls, from the last two anchors."""
+        metric = self.settings.error_metric
+        natural = 1.0 if metric is Metric.RELMSE else 0.5
+        anchors = [row for row in self.rows if row.anchor]
+        if len(anchors) < 2:
+            return natural
+        before, after = anchors[-2].error.of(metric).value, anchors[-1].error.of(metric).value
+        if not (before > 0 and after > 0):
+            return natural
+        seen = math.log(before / after) / math.log(anchors[-1].samples / anchors[-2].samples)
+        # Half of what was seen: it is noisy, and what is left to fall is mostly less than another doubling.
+        return min(max(0.5 * (natural + seen), SLOWEST * natural), FASTEST * natural)
+
+    def _ends_at(self, samples: int) -> Ends:
+        """Where each tile's sequences should stand when pixels have `samples` on average."""
+        return core.uniform_ends(self.film, samples) if self.plan is None else self.plan.ends(samples)
+
+    # ---- measuring and stopping -----------------------------------------------------------------------------------------
+
+    def _last_row(self) -> Row | None:
+        return self.rows[-1] if self.rows else None
+
+    def _is_anchor(self) -> bool:
+        ratio = self.done / FIRST_ANCHOR
+        return ratio >= 1 and ratio == 2 ** round(math.log2(ratio)) and self.settings.sample_range is None
+
+    def _measure(self, anchor: bool) -> None:
+        last = self._last_row()
+        if last is not None and last.samples == self.mean_samples():
+            return
+        start = time.perf_counter()
+        view = DisplayView() if self.settings.error_metric is Metric.DISPLAY else None
+        error = measure(self.film, core.threads(self.settings), view)
+        self.seconds += time.perf_counter() - start
+        if error is not None:
+            self.rows.append(Row(self.mean_samples(), self.seconds, error, anchor))
+
+    def _measure_at_anchor(self) -> None:
+        if self._is_anchor():
+            self._measure(anchor=True)
+            if self.settings.adapts and self.rows:
+                self.plan = make_plan(self.film, self.rows[-1].error.tiles, self.done)
+        elif self.settings.target_error is not None and self.done > 0:
+            expected = self._expected_end()
+            if expected is None or self.done >= expected or self.done >= self.settings.most_samples:
+                self._measure(anchor=False)
+
+    def _measure_at_end(self) -> None:
+        """The last row has the whole picture's error, in every measure."""
+        if self.rows and self.rows[-1].samples == self.mean_samples() and self.rows[-1].error.display is not None:
+            return
+        start = time.perf_counter()
+        error = measure(self.film, core.threads(self.settings), DisplayView())
+        self.seconds += time.perf_counter() - start
+        if error is None:
+            return
+        if self.rows and self.rows[-1].samples == self.mean_samples():
+            self.rows[-1] = replace(self.rows[-1], error=error)
+        else:
+            self.rows.append(Row(self.mean_samples(), self.seconds, error, anchor=False))
+        if self.stop is not None:
+            self.stop = replace(self.stop, target_met=self._target_met())
+
+    def _target_met(self) -> bool | None:
+        target, row = self.settings.target_error, self._last_row()
+        if target is None:
+            return None
+        return (
+            row is not None and row.samples == self.mean_samples() and row.error.of(self.settings.error_metric).value <= target
+        )
+
+    def _stop_at_boundary(self) -> Stop | None:
+        row, limit = self._last_row(), self.settings.time_limit_s
+        if row is not None and row.samples == self.mean_samples() and self._target_met():
+            return Stop("target-error", True)
+        if self.done >= self.settings.most_samples:
+            return Stop("samples", None)
+        if limit is not None and self.done > 0:
+            each = self.seconds / self.done
+            if self.seconds + each * SAMPLE_BLOCK > limit:
+                return Stop("time-limit", None)
+        return None
+
+    def _end(self, reason: str) -> None:
+        self.stop = Stop(reason, None)
+
+    # ---- what can be told of it -----------------------------------------------------------------------------------------
+
+    def mean_samples(self) -> float:
+        """Samples a pixel, averaged over the picture."""
+        width, height = self.scene.resolution
+        return self.film.samples / (width * height)
+
+    @property
+    def lane_occupancy(self) -> float:
+        return self.busy_lanes / self.shaded_lanes if self.shaded_lanes else 0.0
+
+    def _fraction(self, of_pass: float, seconds: float) -> float:
+        """How much of the render is done, by the rule that will end it first; never less than it was."""
+        first = self.settings.sample_range[0] if self.settings.sample_range else 0
+        now = self.done + of_pass * (self.goal - self.done)
+        by = [(now - first) / (self.settings.most_samples - first)]
+        expected = self._expected_end()
+        if expected is not None:
+            by.append(min(now / expected, 0.99))
+        if self.settings.time_limit_s is not None:
+            by.append(min(seconds / self.settings.time_limit_s, 0.99))
+        self.most_fraction = max(self.most_fraction, *by)
+        return self.most_fraction
