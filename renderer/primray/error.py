@@ -127,4 +127,5 @@ def _display(film: Film, view: DisplayView) -> Estimate:
 
 def _shown(rgb: Floats, view: DisplayView) -> Doubles:
     shown = color.to_display(rgb[None], view.view, view.display, view.exposure)[0]
-    return np.clip(np.nan_to_num(shown), 0, 1).astype(np.float64) * 255
+    steps: Doubles = np.clip(np.nan_to_num(shown), 0, 1).astype(np.float64) * 255
+    return steps

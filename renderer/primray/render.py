@@ -76,7 +76,6 @@ def _render_one(
     progress: Progress | None,
     on_interrupt: OnInterrupt,
 ) -> Image:
-    from . import core
     from .diagnostics import Diagnostics
     from .image import Image, pixels_sha256
     from .report import header_of, make_report

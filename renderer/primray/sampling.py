@@ -164,7 +164,7 @@ class Sampling:
         target, row = self.settings.target_error, self._last_row()
         if target is None or row is None:
             return None
-        factor = (row.error.of(self.settings.error_metric).value / target) ** (1 / self.rate())
+        factor: float = (row.error.of(self.settings.error_metric).value / target) ** (1 / self.rate())
         samples = min(row.samples * max(factor, 1.0), float(self.settings.most_samples))
         return math.ceil(samples / SAMPLE_BLOCK - 1e-9) * SAMPLE_BLOCK
 

@@ -38,7 +38,7 @@ def test_connected_constants_give_the_same_bits(name: str, lanes: int) -> None:
         scene = varying.build()
         assert scene.has_inputs
         images = [render(s, 8, lanes=min(lanes, 16)).pixels(1.0) for s in (constant.build(), scene)]
-        assert np.array_equal(*images)
+        assert np.array_equal(images[0], images[1])
 
 
 def emitters(value: Input) -> Described:

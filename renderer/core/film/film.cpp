@@ -1,3 +1,4 @@
+// See film.hpp.
 #include "film/film.hpp"
 
 #include <algorithm>
