@@ -1,9 +1,11 @@
-"""Adaptive sampling: how many samples each tile gets, from where the error is and what a sample costs.
+"""Adaptive sampling: which tiles get more samples, from where the error is and what a sample costs.
 
-The error of a tile falls with its samples as e / n; with a sample there costing c rays, a sum of errors is least for a given
-sum of rays where n is proportional to sqrt(e / c) (Lagrange). Tiles are judged at the anchors of sampling.py; e is what the
-replicates' difference says, averaged with the tiles around, since what one tile's samples have missed its neighbours may have
-seen. No tile gets less than half or more than four times the mean, which bounds what a wrong judgement can do.
+Tiles double their samples one after another, always the one whose error falls most for the rays that it takes, so that every
+tile's number stays a power of two times the first block's, at which Sobol points are best. With variance v of one sample and
+c rays for it, doubling n samples takes v / 2n off the error for n c rays. Tiles are judged at the anchors of sampling.py; v
+is what the replicates' difference says, half of it from the tiles around, since what one tile's samples have missed its
+neighbours' may have seen. It is limited to what would give a tile a quarter to eight times the mean number of samples, which
+bounds what a wrong judgement can do.
 """
 
 from __future__ import annotations
@@ -16,36 +18,69 @@ import numpy.typing as npt
 from .core import TILE, Film
 from .description import Doubles
 
-LEAST, MOST = 0.5, 4.0
-SETTLED = 1e-3  # the scale of the means is found to within this
+LEAST, MOST = 0.25, 8.0
+DOUBLINGS = 4  # of one tile, at most, from one anchor to the next
+
+Counts = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """From an anchor to the next: where tiles' sequences stand at it, in each replicate, and where they are to stand."""
+    """From an anchor to the next: where tiles stand at it, in each replicate, and which double in which order."""
 
     samples: int  # a pixel, on average, at the anchor
-    begin: npt.NDArray[np.int64]
-    end: npt.NDArray[np.int64]
+    begin: Counts
+    order: Counts  # numbers of tiles
+    levels: Counts  # how often that tile has doubled before
+    spent: Counts  # samples of a replicate, over the picture, after each doubling
+    pixels: int
 
     def ends(self, samples: int) -> npt.NDArray[np.uint32]:
-        """(R, tiles) for a mean between the anchors: part of the way, the same for every tile."""
-        way = min(max(samples - self.samples, 0), self.samples)
-        each = self.begin + (self.end - self.begin) * way // self.samples
+        """(R, tiles) for a mean not below the anchor's: as many doublings as it allows."""
+        each = self.begin << self._doublings(self._steps(samples))
         return np.stack([each, each]).astype(np.uint32)
 
+    def _steps(self, samples: float) -> int:
+        allowed = (samples - self.samples) * self.pixels / 2
+        return int(np.searchsorted(self.spent, allowed, side="right"))
 
-def make_plan(film: Film, tile_errors: Doubles, samples: int) -> Plan:
-    """Up to twice the samples, for the error that each tile has now (its part of the frame's)."""
+    def _doublings(self, steps: int) -> Counts:
+        return np.bincount(self.order[:steps], minlength=len(self.begin)).astype(np.int64)
+
+    def samples_for(self, tile_errors: Doubles, now: float, part: float, left: float) -> float:
+        """Samples a pixel, on average, at which the error has fallen to `part` of what it is with `now` samples.
+
+        `tile_errors` are the parts of that; a tile's is multiplied by `left` each time that it doubles. inf if no doubling of
+        this plan gets there.
+        """
+        steps = self._steps(now)
+        coming, levels = self.order[steps:], self.levels[steps:]
+        taken = tile_errors[coming] * left ** (levels - self._doublings(steps)[coming]) * (1 - left)
+        enough = np.flatnonzero(np.cumsum(taken) >= (1 - part) * tile_errors.sum())
+        return self.samples + 2 * float(self.spent[steps + enough[0]]) / self.pixels if len(enough) else float("inf")
+
+
+def make_plan(film: Film, tile_errors: Doubles, samples: int, doublings: int = DOUBLINGS) -> Plan:
+    """For the error that each tile has (its part of the frame's) when pixels have `samples` on average.
+
+    Each tile doubles as often as `doublings` at most.
+    """
     begin = film.next[0].astype(np.int64)
     pixels = tile_pixels(film)
-    errors = _around(tile_errors * begin / pixels, film.tiles)  # of one sample a pixel
-    cost = np.maximum(film.tile_rays / np.maximum(begin * pixels, 1), 1.0)
-    wish = np.sqrt(errors / cost)
-    return Plan(samples, begin, _scaled(wish, begin, pixels, samples))
+    variance = _around(tile_errors * begin / pixels, film.tiles)  # of one sample of one pixel
+    cost = np.maximum(film.tile_rays / np.maximum(2 * begin * pixels, 1), 1.0)
+    value = variance / cost
+    usual = float(np.sqrt(value).mean()) ** 2
+    value = np.clip(value, LEAST**2 * usual, MOST**2 * usual) if usual > 0 else np.ones_like(value)
+    # Every doubling that may come, the best first; of one tile each is worth a quarter of the one before.
+    counts = begin[None, :] << np.arange(doublings)[:, None]
+    order = np.argsort(-(value / counts.astype(np.float64) ** 2).ravel(), kind="stable")
+    tiles = order % len(begin)
+    spent = np.cumsum(counts.ravel()[order] * pixels[tiles])
+    return Plan(samples, begin, tiles, order // len(begin), spent, int(pixels.sum()))
 
 
-def tile_pixels(film: Film) -> npt.NDArray[np.int64]:
+def tile_pixels(film: Film) -> Counts:
     """Pixels in each tile; those at the right and bottom are smaller."""
     width, height = film.resolution
     columns, rows = film.tiles
@@ -55,29 +90,12 @@ def tile_pixels(film: Film) -> npt.NDArray[np.int64]:
 
 
 def _around(values: Doubles, tiles: tuple[int, int]) -> Doubles:
-    """Each tile's value, half of it taken from the eight around."""
+    """Each tile's value, half of it taken from the nine of which it is the middle."""
     columns, rows = tiles
     grid = np.pad(values.reshape(rows, columns), 1, mode="edge")
-    nine = sum(grid[y : y + rows, x : x + columns] for y in range(3) for x in range(3))
+    nine = np.zeros((rows, columns))
+    for y in range(3):
+        for x in range(3):
+            nine += grid[y : y + rows, x : x + columns]
     result: Doubles = (0.5 * values.reshape(rows, columns) + 0.5 * nine / 9).ravel()
     return result
-
-
-def _scaled(wish: Doubles, begin: npt.NDArray[np.int64], pixels: npt.NDArray[np.int64], mean: int) -> npt.NDArray[np.int64]:
-    """Whole numbers in proportion to `wish` within the limits, none below `begin`, whose mean over pixels is `mean`."""
-    if not wish.max() > 0:
-        return np.full_like(begin, mean)
-    total = mean * int(pixels.sum())
-    low, high = 0.0, MOST * mean / float(wish[wish > 0].min())
-
-    def counts(scale: float) -> npt.NDArray[np.int64]:
-        limited = np.clip(scale * wish, LEAST * mean, MOST * mean)
-        return np.maximum(begin, np.floor(limited).astype(np.int64))
-
-    while high - low > SETTLED * high:
-        middle = (low + high) / 2
-        if int((counts(middle) * pixels).sum()) > total:
-            high = middle
-        else:
-            low = middle
-    return counts(low)

@@ -1,7 +1,7 @@
 """Taking samples until a rule says stop: which samples come next, when the error is looked at, and what ends the render.
 
 What is decided depends on the samples alone, never on time or threads, but for a time limit and for what is outside: so a
-render that was stopped and went on takes the samples of one that ran through. The error is measured at 16 samples a pixel and
+render that was stopped and went on takes the samples of one that ran through. The error is measured at 8 samples a pixel and
 each time their number has doubled (anchors); between these it is taken to go on falling as it did. Where that
 says that the target is reached, the error is measured again, and the render stops or goes on from there.
 """
@@ -22,9 +22,11 @@ from .adaptive import Plan, make_plan
 from .error import DisplayView, FrameError, measure
 from .settings import SAMPLE_BLOCK, Metric, RenderSettings
 
-FIRST_ANCHOR = 16
-# An error that falls slower than 1 / sqrt(samples), or faster than 1 / samples^2, is noise in its measurement.
-SLOWEST, FASTEST = 0.5, 2.0
+FIRST_ANCHOR = 8
+FIRST_PLAN = 16  # adaptive sampling begins here
+# A squared error that falls slower than 1 / sqrt(samples), or faster than 1 / samples^2, is noise in its measurement; of how
+# far the measured power is from 1, the rest is.
+SLOWEST, FASTEST, TRUST = 0.5, 2.0, 0.7
 # A pass under a time limit takes at most so much of what is left, so that what it takes is known before the end comes near.
 SHARE_OF_TIME = 0.35
 
@@ -164,23 +166,29 @@ class Sampling:
         target, row = self.settings.target_error, self._last_row()
         if target is None or row is None:
             return None
-        factor: float = (row.error.of(self.settings.error_metric).value / target) ** (1 / self.rate())
-        samples = min(row.samples * max(factor, 1.0), float(self.settings.most_samples))
+        metric = self.settings.error_metric
+        part: float = min(target / max(row.error.of(metric).value, 1e-300), 1.0) ** (1 if metric is Metric.RELMSE else 2)
+        rate = self.rate()
+        samples = row.samples * part ** (-1 / rate)
+        if self.plan is not None and row.samples >= self.plan.samples:
+            planned = self.plan.samples_for(row.error.tiles, row.samples, part, 0.5**rate)
+            samples = planned if math.isfinite(planned) else max(samples, 2.0 * self.plan.samples + SAMPLE_BLOCK)
+        samples = min(samples, float(self.settings.most_samples))
         return math.ceil(samples / SAMPLE_BLOCK - 1e-9) * SAMPLE_BLOCK
 
     def rate(self) -> float:
-        """The power of 1 / samples with which the error falls, from the last two anchors."""
+        """The power of 1 / samples with which squared errors fall, from the last two anchors."""
         metric = self.settings.error_metric
-        natural = 1.0 if metric is Metric.RELMSE else 0.5
         anchors = [row for row in self.rows if row.anchor]
         if len(anchors) < 2:
-            return natural
+            return 1.0
         before, after = anchors[-2].error.of(metric).value, anchors[-1].error.of(metric).value
         if not (before > 0 and after > 0):
-            return natural
+            return 1.0
         seen = math.log(before / after) / math.log(anchors[-1].samples / anchors[-2].samples)
-        # Half of what was seen: it is noisy, and what is left to fall is mostly less than another doubling.
-        return min(max(0.5 * (natural + seen), SLOWEST * natural), FASTEST * natural)
+        if metric is not Metric.RELMSE:
+            seen *= 2
+        return min(max(1 + TRUST * (seen - 1), SLOWEST), FASTEST)
 
     def _ends_at(self, samples: int) -> Ends:
         """Where each tile's sequences should stand when pixels have `samples` on average."""
@@ -209,7 +217,7 @@ class Sampling:
     def _measure_at_anchor(self) -> None:
         if self._is_anchor():
             self._measure(anchor=True)
-            if self.settings.adapts and self.rows:
+            if self.settings.adapts and self.rows and self.done >= FIRST_PLAN:
                 self.plan = make_plan(self.film, self.rows[-1].error.tiles, self.done)
         elif self.settings.target_error is not None and self.done > 0:
             expected = self._expected_end()

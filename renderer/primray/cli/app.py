@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from .doctor import doctor
+from .estimate import estimate
 from .inspect import inspect
 from .render import render
 from .sheet import sheet
@@ -38,6 +39,7 @@ def primray(
 
 
 app.command()(render)
+app.command()(estimate)
 app.command()(inspect)
 app.command()(sheet)
 app.command()(doctor)

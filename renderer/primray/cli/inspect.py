@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from ..errors import SettingsError
 from ..settings import DEFAULT_DICING_RATE, RenderSettings
@@ -20,9 +18,7 @@ def inspect(
     camera: options.Camera = None,
     res: options.Resolution = None,
     image_width: options.ImageWidth = None,
-    frame: Annotated[
-        str | None, typer.Option("--frame", "--frames", "-f", metavar="N", help="Time code.", show_default="default time")
-    ] = None,
+    frame: options.Frame = None,
     no_default_light: options.NoDefaultLight = False,
     purposes: options.Purposes = None,
     variants: options.Variants = None,

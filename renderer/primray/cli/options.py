@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ..errors import SettingsError
-from ..settings import Metric
+from ..settings import Filter, Metric
 
 Scene = Annotated[str, typer.Argument(metavar="SCENE", help="The USD stage: usda, usdc, usd or usdz.", show_default=False)]
 Camera = Annotated[
@@ -45,6 +45,21 @@ ErrorMetric = Annotated[
         help="relmse: mean of (I-R)^2/(R^2+0.01); rmse; display: rmse after the view, in 8-bit steps.",
     ),
 ]
+Adaptive = Annotated[
+    bool | None,
+    typer.Option("--adaptive/--no-adaptive", help="More samples where the error is.", show_default="with --target-error"),
+]
+Frame = Annotated[
+    str | None, typer.Option("--frame", "--frames", "-f", metavar="N", help="Time code.", show_default="default time")
+]
+MaxDepth = Annotated[
+    int | None,
+    typer.Option(metavar="N", help="Surface scatterings, 1 = direct light only.", show_default="no limit"),
+]
+PixelFilter = Annotated[Filter, typer.Option("--filter", help="Pixel filter.")]
+FilterWidth = Annotated[float | None, typer.Option(metavar="W", help="Full width in pixels.", show_default="box 1, else 3")]
+Threads = Annotated[int | None, typer.Option("--threads", "-j", metavar="N", help="Threads.", show_default="all cores")]
+Seed = Annotated[int, typer.Option(metavar="N", help="Of the random numbers.")]
 NoDefaultLight = Annotated[bool, typer.Option("--no-default-light", help="Leave a stage without lights dark.")]
 Purposes = Annotated[
     str | None, typer.Option("--purposes", metavar="LIST", help="Such as default,render,proxy.", show_default="the stage's")

@@ -38,26 +38,12 @@ def render(
         float | None,
         typer.Option(metavar="S", help="Stop after so many seconds of sampling (set-up comes before).", show_default=False),
     ] = None,
-    adaptive: Annotated[
-        bool | None,
-        typer.Option(
-            "--adaptive/--no-adaptive",
-            help="More samples where the error is.",
-            show_default="with --target-error",
-        ),
-    ] = None,
-    max_depth: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Surface scatterings, 1 = direct light only.", show_default="no limit"),
-    ] = None,
-    pixel_filter: Annotated[Filter, typer.Option("--filter", help="Pixel filter.")] = Filter.BOX,
-    filter_width: Annotated[
-        float | None, typer.Option(metavar="W", help="Full width in pixels.", show_default="box 1, else 3")
-    ] = None,
-    threads: Annotated[
-        int | None, typer.Option("--threads", "-j", metavar="N", help="Threads.", show_default="all cores")
-    ] = None,
-    seed: Annotated[int, typer.Option(metavar="N", help="Of the random numbers.")] = 0,
+    adaptive: options.Adaptive = None,
+    max_depth: options.MaxDepth = None,
+    pixel_filter: options.PixelFilter = Filter.BOX,
+    filter_width: options.FilterWidth = None,
+    threads: options.Threads = None,
+    seed: options.Seed = 0,
     view: Annotated[
         str | None, typer.Option(metavar="NAME", help="OCIO view of PNG and JPEG.", show_default="the display's default")
     ] = None,
