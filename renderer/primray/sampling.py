@@ -167,9 +167,9 @@ class Sampling:
         if target is None or row is None:
             return None
         metric = self.settings.error_metric
-        part: float = min(target / max(row.error.of(metric).value, 1e-300), 1.0) ** (1 if metric is Metric.RELMSE else 2)
+        part = min(target / max(row.error.of(metric).value, 1e-300), 1.0) ** (1.0 if metric is Metric.RELMSE else 2.0)
         rate = self.rate()
-        samples = row.samples * part ** (-1 / rate)
+        samples = row.samples * math.pow(part, -1 / rate)
         if self.plan is not None and row.samples >= self.plan.samples:
             planned = self.plan.samples_for(row.error.tiles, row.samples, part, 0.5**rate)
             samples = planned if math.isfinite(planned) else max(samples, 2.0 * self.plan.samples + SAMPLE_BLOCK)

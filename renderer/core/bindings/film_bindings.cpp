@@ -91,11 +91,20 @@ nb::object replicates(const Film& f) {
   return to_numpy(std::move(sums), {size_t(kReplicates), size_t(f.height), size_t(f.width), 4});
 }
 
+// Sums of groups of floats, `group` at a time, added up: (high, low, bin, value).
+nb::tuple sum_of(const InArray<float>& terms, int group) {
+  ExactSum sum;
+  for (size_t i = 0; i < terms.size(); i += size_t(group))
+    sum.add(exact_sum(terms.data() + i, int(std::min(size_t(group), terms.size() - i))));
+  return nb::make_tuple(sum.high, sum.low, sum.bin, sum.value());
+}
+
 }  // namespace
 
 void bind_film(nb::module_& m) {
   m.attr("TILE") = kTile;
   m.attr("REPLICATES") = kReplicates;
+  m.def("exact_sum", &sum_of, nb::arg("terms"), nb::arg("group"));
   nb::class_<Film>(m, "Film")
       .def(nb::init<int, int>(), nb::arg("width"), nb::arg("height"))
       .def_static("from_state", &film_from, nb::arg("width"), nb::arg("height"), nb::arg("state"))
