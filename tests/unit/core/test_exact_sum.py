@@ -50,4 +50,4 @@ def test_a_million_of_one_value(value: float) -> None:
 
 def test_nothing_is_zero() -> None:
     assert exact_sum(np.zeros(5, np.float32))[3] == 0.0
-    assert exact_sum(np.float32([1.0, -1.0]))[3] == 0.0
+    assert exact_sum(np.array([1.0, -1.0], np.float32))[3] == 0.0
