@@ -135,8 +135,8 @@ def difference(a: MeasuredImage, b: MeasuredImage) -> Difference:
 def _same_bits(a: MeasuredImage, b: MeasuredImage) -> bool:
     if (a.alpha is None) != (b.alpha is None):
         return False
-    same_alpha = a.alpha is None or b.alpha is None or np.array_equal(a.alpha, b.alpha, equal_nan=True)
-    return same_alpha and np.array_equal(a.pixels, b.pixels, equal_nan=True)
+    same_alpha = a.alpha is None or b.alpha is None or bool(np.array_equal(a.alpha, b.alpha, equal_nan=True))
+    return same_alpha and bool(np.array_equal(a.pixels, b.pixels, equal_nan=True))
 
 
 def _channels(a: MeasuredImage, b: MeasuredImage, notes: list[str]) -> tuple[tuple[str, ...], Doubles, Doubles]:
@@ -160,8 +160,7 @@ def _channels(a: MeasuredImage, b: MeasuredImage, notes: list[str]) -> tuple[tup
 def _has_error(image: MeasuredImage) -> npt.NDArray[np.bool_]:
     if image.stderr is None:
         return np.ones(image.pixels.shape[:2], bool)
-    known: npt.NDArray[np.bool_] = np.isfinite(image.stderr).all(axis=2)
-    return known
+    return np.asarray(np.isfinite(image.stderr).all(axis=2), bool)
 
 
 def _weighted_mean(a: Doubles, b: Doubles, samples: tuple[float | None, float | None]) -> Doubles:

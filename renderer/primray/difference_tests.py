@@ -2,10 +2,10 @@
 
 Every statistic but the last is a sum of t(p) d(p) over the pixels p of a region, whose template t does not know d(p)'s noise.
 With V = sum of t^2 (d^2 + 2 (sA^2 + sB^2)) / 3, an unchanged scene has |sum| > x sqrt(V) with a probability of at most
-2 exp(-x^2 / 2), with no assumption on how the noise is distributed: for exchangeable replicates because each pixel's six equally
-likely values are strictly sub-Gaussian; for independent noise of known variance by Delyon 2009, "Exponential inequalities for
-sums of weakly dependent variables" (e^(x - x^2/6) <= 1 + x + x^2/3); for repeated random numbers V is the sum of
-t^2 d^2 (Efron 1969, "Student's t-test under symmetry conditions"). The price of heavy tails is so paid by V, not by false alarms.
+2 exp(-x^2 / 2), with no assumption on how the noise is distributed: for exchangeable replicates because the six equally likely
+values of each pixel are strictly sub-Gaussian; for independent noise of known variance by Delyon 2009
+("Exponential inequalities for sums of weakly dependent variables": e^(x - x^2/6) <= 1 + x + x^2/3); for repeated random numbers
+V is the sum of t^2 d^2 (Efron 1969, "Student's t-test under symmetry conditions"). Heavy tails raise V, not the false alarms.
 """
 
 from __future__ import annotations
@@ -194,7 +194,10 @@ class Tests:
         _BEYOND is its margin.
         """
         of, grid = self.of, self.blocks[0]
-        d, noise = of.d[channel], np.sqrt(of.variance_a[channel]) + np.sqrt(of.variance_b[channel])
+        d, va, vb = of.d[channel], of.variance_a[channel], of.variance_b[channel]
+        if of.relation is Relation.UNEQUAL:
+            va, vb = _known_by_the_better(va, vb, of.samples)
+        noise = np.sqrt(va) + np.sqrt(vb)
         largest = np.maximum.reduceat(np.maximum.reduceat(noise, self.tiles.rows, axis=0), self.tiles.columns, axis=1)
         y = np.searchsorted(self.tiles.rows, np.arange(d.shape[0]), side="right") - 1
         x = np.searchsorted(self.tiles.columns, np.arange(d.shape[1]), side="right") - 1
@@ -212,19 +215,10 @@ class Tests:
         return "spot", "block", grid, np.minimum(log_p, 0), size, np.where(up >= down, size, -size)
 
     def _noise(self, channel: int) -> tuple[Doubles, Doubles]:
-        """Of every tile: the standard error of its relative mean difference, by the better of the two statistics for it."""
-        of, grid = self.of, self.tiles
-        count = self._count[id(grid)]
-        variance, share = self._variance(of.judged.astype(np.float64), channel, grid)
-        flat = self.relative(np.sqrt(variance) / np.maximum(count, 1), grid, channel)
-        around, precision = local_precision(of, channel)
-        weighted, weighted_share = self._variance(around * precision, channel, grid)
-        unit = grid.sum(around**2 * precision)
-        rms = np.sqrt(grid.sum(around**2 * of.judged) / np.maximum(count, 1))
-        by_factor = np.divide(np.sqrt(weighted) * rms, unit, out=np.full_like(unit, np.inf), where=unit > 0)
-        by_factor = self.relative(np.where(np.isfinite(by_factor), by_factor, 0.0), grid, channel)
-        better = (unit > 0) & (by_factor < flat)
-        return np.where(better, by_factor, flat), np.where(better, weighted_share, share)
+        """The standard error of every tile's relative mean difference, and the part of its square that is A's."""
+        variance, share = self._variance(self.of.judged.astype(np.float64), channel, self.tiles)
+        mean = np.sqrt(variance) / np.maximum(self._count[id(self.tiles)], 1)
+        return self.relative(mean, self.tiles, channel), share
 
 
 def _next_to(field: Doubles) -> Doubles:

@@ -1,4 +1,4 @@
-"""Reads back what `Image.save` wrote as EXR: the picture, the standard error of every pixel, and what the header says of the render."""
+"""Reads what `Image.save` wrote as EXR: the picture, the standard error of every pixel, and what its header says."""
 
 from __future__ import annotations
 

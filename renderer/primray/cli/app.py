@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from .compare import compare
 from .doctor import doctor
 from .inspect import inspect
 from .render import render
@@ -40,4 +41,5 @@ def primray(
 app.command()(render)
 app.command()(inspect)
 app.command()(sheet)
+app.command()(compare)
 app.command()(doctor)
