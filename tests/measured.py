@@ -67,9 +67,9 @@ def synthetic(
     half = samples // 2
 
     def replicate() -> np.ndarray:
-        if gray:
-            return truth * (1 + noise(rng, (half, *shape)).mean(axis=0)[..., None])
-        return truth * (1 + noise(rng, (half, *shape, 3)).mean(axis=0))
+        drawn = (*shape, 1 if gray else 3)
+        mean = gaussian(rng, drawn) / half**0.5 if noise is gaussian else noise(rng, (half, *drawn)).mean(axis=0)
+        return truth * (1 + mean)
 
     a, b = replicate(), replicate()
     header = {"samples_per_pixel": f"{samples} {samples}", "settings.seed": seed}

@@ -23,6 +23,8 @@ DEFAULT_ALPHA = 0.001
 DEFAULT_TOLERANCE = 0.01
 DEFAULT_TILE = 32
 SMALLEST_TILE = 8
+_MARGIN = 1.15  # more samples than the estimate says: the worst tile of many is not the same one the next time
+_ABOUT_AS_UNLIKELY = 0.7  # of the logarithm of a probability: a statistic within 16 % of the best
 LIKELY = 1.2816  # standard errors beyond the threshold: a change of the tolerance's size would be found 9 times in 10
 
 
@@ -39,9 +41,13 @@ class Finding:
     kind: str
     channel: str
     box: tuple[int, int, int, int]  # x0, y0, x1, y1 in pixels from the upper left, the end not included
-    p: float  # probability of such a difference without a change, corrected for all tests of the comparison
+    log_p: float  # of the probability of such a difference without a change, corrected for all tests of the comparison
     relative: float  # root mean square of the difference over that of the picture in the box
     signed: float  # B - A, relative; for moved-x and moved-y pixels to the right and down
+
+    @property
+    def p(self) -> float:
+        return math.exp(self.log_p)
 
 
 @dataclass(frozen=True)
@@ -147,7 +153,7 @@ def _findings(families: list[Family], alpha: float, channels: tuple[str, ...]) -
                     family.kind,
                     channels[c],
                     family.grid.box(y, x),
-                    float(np.exp(log_p[c, y, x])),
+                    float(log_p[c, y, x]),
                     float(family.size[c, y, x]),
                     float(family.signed[c, y, x]),
                 )
@@ -160,8 +166,12 @@ def _matters(finding: Finding, tolerance: float) -> bool:
 
 
 def _strongest(findings: list[Finding], tolerance: float) -> Finding | None:
-    """The least likely of those that matter, else of all."""
-    return min(findings, key=lambda f: (not _matters(f, tolerance), f.p, -f.relative), default=None)
+    """Of those that matter, else of all: the largest of those that are about as unlikely as the least likely one."""
+    chosen = [f for f in findings if _matters(f, tolerance)] or findings
+    if not chosen:
+        return None
+    least = _ABOUT_AS_UNLIKELY * min(f.log_p for f in chosen)
+    return max((f for f in chosen if f.log_p <= least), key=lambda f: (f.kind != "spot", f.relative))
 
 
 def _reach(resolution: Resolution, families: list[Family], alpha: float, of: Difference) -> tuple[Doubles, Doubles]:
@@ -195,7 +205,7 @@ def _tiles(of: Difference, tests: Tests, findings: list[Finding], reach: Doubles
         x = int(np.searchsorted(grid.columns, (x0 + x1) // 2, side="right")) - 1
         by_tile.setdefault((y, x), []).append(finding)
     for y, x in np.argwhere(grid.sum(of.broken.astype(np.float64)) > 0):
-        broken = Finding("not-finite", "RGB", grid.box(y, x), 0.0, math.inf, math.inf)
+        broken = Finding("not-finite", "RGB", grid.box(y, x), -math.inf, math.inf, math.inf)
         by_tile.setdefault((int(y), int(x)), []).append(broken)
     mean = tile_means(of, tests)
     tiles = []
@@ -227,12 +237,12 @@ def _mean_difference(of: Difference, tests: Tests) -> tuple[float, float]:
 
 
 def _needs(reach: Doubles, factor: Doubles, resolution: Resolution, tolerance: float, of: Difference) -> Needs:
-    """By variance proportional to 1 / samples; quasi-random points may well need fewer."""
+    """By variance proportional to 1 / samples; quasi-random points may well need fewer, rare bright paths more."""
     na, nb = of.samples
     if not np.isfinite(reach).all() or tolerance == 0:
         return Needs(None, None, None, None, None)
-    more = float(np.max((reach / tolerance) ** 2))
-    square, share = (reach / tolerance) ** 2, resolution.share_a
+    square, share = _MARGIN * (reach / tolerance) ** 2, resolution.share_a
+    more = float(np.max(square))
 
     def alone(share_of_it: Doubles, has: float | None) -> int | None:
         # share / k + (1 - share) = 1 / square, for every tile that is not good enough yet

@@ -46,8 +46,14 @@ def as_json(comparison: Comparison) -> dict[str, Any]:
 def _finding_json(finding: Finding | None) -> dict[str, Any] | None:
     if finding is None:
         return None
-    sizes = {"relative": _number(finding.relative), "signed": _number(finding.signed)}
-    return {**asdict(finding), **sizes, "box": list(finding.box)}
+    return {
+        "kind": finding.kind,
+        "channel": finding.channel,
+        "box": list(finding.box),
+        "p": finding.p,
+        "relative": _number(finding.relative),
+        "signed": _number(finding.signed),
+    }
 
 
 def _number(value: float) -> float | None:
@@ -121,7 +127,7 @@ def _words(finding: Finding, tolerance: float) -> str:
     elif finding.kind in ("moved-x", "moved-y"):
         ways = ("right", "left") if finding.kind == "moved-x" else ("down", "up")
         way = ways[finding.signed < 0]
-        text = f"looks moved to the {way} by about {abs(finding.signed):.2g} pixels ({channel} differs by {size})"
+        text = f"looks moved to the {way} by about {abs(finding.signed):.2g} px ({channel} differs by {size})"
         text = text.replace("to the up", "up").replace("to the down", "down")
     else:
         text = f"{channel} has another pattern, by {size}"

@@ -194,6 +194,17 @@ def _relation(a: MeasuredImage, b: MeasuredImage, d: Doubles, variance: Doubles)
     return Relation.EXCHANGEABLE
 
 
+def local_deviation(of: Difference, channel: int) -> Doubles:
+    """(H, W): the standard deviation of the difference by the error channels alone, over every pixel's neighbourhood.
+
+    Where the noise is shared it says nothing of the difference, and only the finest counts.
+    """
+    around = of.local_mean(of.mean[channel])
+    variance = of.local_mean(of.variance_a[channel] + of.variance_b[channel])
+    finest = (_FINEST**2) * (around**2 + of.floor**2)
+    return np.sqrt(finest if of.relation is Relation.REPEATED else variance + finest)
+
+
 def local_precision(of: Difference, channel: int) -> tuple[Doubles, Doubles]:
     """(H, W) each: the channel's mean around every pixel, and one over the variance of the difference there."""
     around = of.local_mean(of.mean[channel])

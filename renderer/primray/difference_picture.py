@@ -13,7 +13,7 @@ import numpy as np
 
 from .comparison import Comparison, Verdict
 from .description import Doubles
-from .difference import Difference, local_precision
+from .difference import Difference, local_deviation
 from .errors import SettingsError
 from .image import Image, check_output_path, write_png
 
@@ -44,7 +44,8 @@ def save_difference(comparison: Comparison, path: str | os.PathLike[str]) -> Pat
 
 def z_scores(of: Difference) -> Doubles:
     """(3, H, W): the difference in standard deviations, as its neighbourhood has them."""
-    return np.stack([of.d[channel] * np.sqrt(local_precision(of, channel)[1]) for channel in range(3)])
+    noise = np.stack([local_deviation(of, channel) for channel in range(3)])
+    return np.divide(of.d[:3], noise, out=np.zeros_like(noise), where=noise > 0)
 
 
 def picture(comparison: Comparison) -> np.ndarray[Any, Any]:

@@ -43,11 +43,12 @@ class Grid:
 
 
 def tiles(shape: tuple[int, int], size: int) -> Grid:
-    """Nearly equal tiles of at most `size` pixels across: no slivers at the border."""
+    """Tiles of at most `size` pixels across, with no slivers at the border, that no block lies across where that can be."""
+    step = max((block for block in BLOCKS if block < size and size % block == 0), default=1)
 
     def starts(length: int) -> npt.NDArray[np.intp]:
         count = math.ceil(length / size)
-        return np.array([length * k // count for k in range(count)], np.intp)
+        return np.array([round(length * k / count / step) * step for k in range(count)], np.intp)
 
     return Grid(starts(shape[0]), starts(shape[1]), shape)
 
