@@ -9,6 +9,7 @@ import math
 from functools import cache
 from typing import Any
 
+import numpy as np
 import pytest
 from tests.compared_scenes import CHANGES, room, scenes
 from tests.measured import BuiltScene
@@ -17,7 +18,7 @@ from primray import RenderSettings
 from primray.comparison import Comparison, Verdict, compare
 
 ALPHAS = (0.05, 0.01)
-SAMPLES = ((8, 8), (16, 16), (64, 64), (8, 64), (16, 256))  # of A and of B
+SAMPLES = ((8, 8), (16, 16), (64, 64), (8, 64), (16, 512))  # of A and of B
 SCENES = dict(scenes())
 
 
@@ -87,6 +88,47 @@ def test_changes_are_found(change: str) -> None:
     assert many.verdict is Verdict.CHANGED
     few = compare(built_room(None).render(3, 4), built_room(change).render(4, 4))
     assert few.verdict in (Verdict.CHANGED, Verdict.UNDECIDED)
+
+
+def decides(scene: BuiltScene, seed: int, spp: float, tolerance: float) -> bool:
+    images = (scene.render(seed + k, 2 * round(spp / 2)) for k in (2, 3))
+    return compare(*images, tolerance=tolerance).verdict is not Verdict.UNDECIDED
+
+
+def test_the_samples_asked_for_decide() -> None:
+    """And half as many do not: the room, where it takes a handful of times the pilot's 8."""
+    first = compare(built_room(None).render(1, 8), built_room(None).render(2, 8))
+    assert first.needs is not None
+    assert first.needs.a is not None
+    assert decides(built_room(None), 1, 8 + first.needs.a, 0.01)
+    assert not decides(built_room(None), 1, (8 + first.needs.a) / 2, 0.01)
+
+
+@pytest.mark.long
+def test_samples_asked_for_in_many_renders() -> None:
+    """Scenes without rare bright paths, tolerances that take 2 to 6 times the pilot's 32 samples.
+
+    1.5 times the number decides nearly always; 1 / 1.5 of it seldom, or it would be too cautious: beyond the noise of the
+    pilot, quasi-random points do better than the 1 / samples that it goes by.
+    """
+    for name in ("room", "emission", "clearcoat"):
+        scene, counts = built(name, 48), {1 / 1.5: 0, 1.0: 0, 1.5: 0}
+        pilot = compare(scene.render(1, 32), scene.render(2, 32))
+        worst = max(tile.resolution for tile in pilot.tiles)
+        cases = [(seed, worst / np.sqrt(times)) for seed in range(11, 131, 10) for times in (2, 4)]
+        asked = 0
+        for seed, tolerance in cases:
+            needs = compare(scene.render(seed, 32), scene.render(seed + 1, 32), tolerance=tolerance).needs
+            if needs is None or needs.a is None:
+                continue
+            asked += 1
+            for factor in counts:
+                counts[factor] += decides(scene, seed, factor * (32 + needs.a), tolerance)
+        print(f"{name}: of {asked}, decided by a factor of the samples asked for: {counts}")
+        assert asked >= 20
+        assert counts[1.5] >= 0.85 * asked
+        assert counts[1.0] >= 0.6 * asked
+        assert counts[1 / 1.5] <= 0.5 * asked
 
 
 def test_an_unchanged_room() -> None:
