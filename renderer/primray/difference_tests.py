@@ -94,6 +94,10 @@ def threshold(alpha: float, tests: int) -> float:
     return math.sqrt(2 * math.log(2 * tests / alpha))
 
 
+# Kind, scale and grid of a family, and of one channel of it log_p, size and signed (h, w).
+Row = tuple[str, str, Grid, Doubles, Doubles, Doubles]
+
+
 class Tests:
     """All families of a difference. `tile` is the size of the largest regions below the image."""
 
@@ -133,61 +137,83 @@ class Tests:
         ]
         return families, Resolution(self.tiles, np.stack(noise), np.stack(share), self._count[id(self.tiles)])
 
-    def _variance(self, template: Doubles, channel: int, grid: Grid) -> tuple[Doubles, Doubles]:
-        """V of regions, and the part of it that is A's."""
+    def _parts(self, template: Doubles, channel: int, grid: Grid) -> list[Doubles]:
+        """What V is made of, by region: sums of t^2 d^2, t^2 sA^2 and t^2 sB^2."""
         of, square = self.of, template**2
-        d2 = grid.sum(square * of.d[channel] ** 2)
-        va, vb = grid.sum(square * of.variance_a[channel]), grid.sum(square * of.variance_b[channel])
+        return [grid.sum(square * part) for part in (of.d[channel] ** 2, of.variance_a[channel], of.variance_b[channel])]
+
+    def _variance(self, d2: Doubles, va: Doubles, vb: Doubles) -> tuple[Doubles, Doubles]:
+        """V, and the part of it that is A's."""
+        of = self.of
         if of.relation is Relation.UNEQUAL:
             va, vb = _known_by_the_better(va, vb, of.samples)
         share = np.divide(va, va + vb, out=np.full_like(va, 0.5), where=va + vb > 0)
         return (d2 if of.relation is Relation.REPEATED else (d2 + 2 * (va + vb)) / 3), share
 
-    def _channel(self, channel: int) -> Iterator[tuple[str, str, Grid, Doubles, Doubles, Doubles]]:
-        of = self.of
-        d, mean = of.d[channel], of.mean[channel]
-        around, precision = local_precision(of, channel)
+    def _tiles_and_image(self, sums: list[Doubles]) -> Iterator[tuple[str, Grid, list[Doubles]]]:
+        yield "tile", self.tiles, sums
+        yield "image", self.image, [np.array([[part.sum()]]) for part in sums]
 
-        # The mean difference, plain, of regions of every size.
-        flat = of.judged.astype(np.float64)
-        for scale, grid in (("tile", self.tiles), *(("block", grid) for grid in self.blocks)):
-            total = grid.sum(d)
+    def _channel(self, channel: int) -> Iterator[Row]:
+        yield from self._shifts(channel)
+        around, precision = local_precision(self.of, channel)
+        mean, judged = self.of.mean[channel], self.of.judged
+        yield from self._multiples("brightness", around, precision, channel)
+        yield from self._multiples("moved-x", _gradient(mean, judged, (0, 1)), precision, channel)
+        yield from self._multiples("moved-y", _gradient(mean, judged, (1, 0)), precision, channel)
+        yield from self._textures(precision, channel)
+        if self.blocks:
+            yield self._spots(channel)
+
+    def _shifts(self, channel: int) -> Iterator[Row]:
+        """The mean difference, plain, of regions of every size."""
+        d, flat = self.of.d[channel], self.of.judged.astype(np.float64)
+        levels = [("tile", self.tiles, [self.tiles.sum(d), *self._parts(flat, channel, self.tiles)])]
+        for finer, grid in zip([None, *self.blocks], self.blocks, strict=False):
+            if finer is None:
+                sums = [grid.sum(d), *self._parts(flat, channel, grid)]
+            else:
+                sums = [blocks(part.shape, 2).sum(part) for part in levels[-1][2]]
+            levels.append(("block", grid, sums))
+        for scale, grid, (total, *parts) in levels:
             shift = self.relative(total / np.maximum(self._count[id(grid)], 1), grid, channel)
-            variance, _ = self._variance(flat, channel, grid)
-            yield "shift", scale, grid, log_p_of(total, variance), np.abs(shift), shift
+            yield "shift", scale, grid, log_p_of(total, self._variance(*parts)[0]), np.abs(shift), shift
 
-        # The difference as a multiple of the picture, and of its gradient: brightness, and motion in pixels.
-        right, down = _gradient(mean, of.judged, (0, 1)), _gradient(mean, of.judged, (1, 0))
-        for kind, pattern in (("brightness", around), ("moved-x", right), ("moved-y", down)):
-            template = pattern * precision
-            for scale, grid in (("image", self.image), ("tile", self.tiles)):
-                total, unit = grid.sum(template * d), grid.sum(template * pattern)
-                factor = np.divide(total, unit, out=np.zeros_like(total), where=unit > 0)
-                rms = np.sqrt(grid.sum(pattern**2 * of.judged) / np.maximum(self._count[id(grid)], 1))
-                variance, _ = self._variance(template, channel, grid)
-                size = self.relative(np.abs(factor) * rms, grid, channel)
-                signed = size * np.sign(factor) if kind == "brightness" else -factor
-                yield kind, scale, grid, log_p_of(total, variance), size, signed
+    def _multiples(self, kind: str, pattern: Doubles, precision: Doubles, channel: int) -> Iterator[Row]:
+        """The difference as a multiple of a pattern: of the picture itself, or of its gradient (motion in pixels)."""
+        template = pattern * precision
+        sums = [
+            self.tiles.sum(part) for part in (template * self.of.d[channel], template * pattern, pattern**2 * self.of.judged)
+        ]
+        for scale, grid, (total, unit, power, *parts) in self._tiles_and_image(
+            sums + self._parts(template, channel, self.tiles)
+        ):
+            factor = np.divide(total, unit, out=np.zeros_like(total), where=unit > 0)
+            rms = np.sqrt(power / np.maximum(self._count[id(grid)], 1))
+            size = self.relative(np.abs(factor) * rms, grid, channel)
+            signed = size * np.sign(factor) if kind == "brightness" else -factor
+            yield kind, scale, grid, log_p_of(total, self._variance(*parts)[0]), size, signed
 
-        # What black pixels have in common with the white ones near them: changes of any pattern.
+    def _textures(self, precision: Doubles, channel: int) -> Iterator[Row]:
+        """What the black pixels of a checkerboard have in common with the white ones near them: changes of any pattern."""
+        d, judged = self.of.d[channel], self.of.judged
         white = checkerboard(d.shape)
-        seen = (white & of.judged).astype(np.float64)
-        black = ~white & of.judged
+        seen = (white & judged).astype(np.float64)
+        black = ~white & judged
+        unit_sum = self.tiles.sum(precision * black)
         for kind, total_of in (("texture-fine", _next_to), ("texture-broad", box_sum)):
             weight = total_of(seen)
             pattern = np.divide(total_of(seen * d), weight, out=np.zeros_like(d), where=(weight > 0) & black)
             template = pattern * precision
-            for scale, grid in (("image", self.image), ("tile", self.tiles)):
-                total, unit = grid.sum(template * d), grid.sum(precision * black)
+            sums = [self.tiles.sum(template * d), unit_sum, *self._parts(template, channel, self.tiles)]
+            for scale, grid, (total, unit, *parts) in self._tiles_and_image(sums):
                 power = np.divide(np.maximum(total, 0), unit, out=np.zeros_like(total), where=unit > 0)
-                variance, _ = self._variance(template, channel, grid)
                 size = self.relative(np.sqrt(power), grid, channel)
                 # Only what goes along with its neighbourhood counts as a change.
-                yield kind, scale, grid, np.where(total > 0, log_p_of(total, variance), 0.0), size, size
-        if self.blocks:
-            yield self._spots(channel)
+                log_p = np.where(total > 0, log_p_of(total, self._variance(*parts)[0]), 0.0)
+                yield kind, scale, grid, log_p, size, size
 
-    def _spots(self, channel: int) -> tuple[str, str, Grid, Doubles, Doubles, Doubles]:
+    def _spots(self, channel: int) -> Row:
         """A few pixels of a block, of one sign, far beyond any noise of their tile.
 
         A rank test: were differences and noise drawn alike, the k largest of N + k would be those k with probability
@@ -217,7 +243,7 @@ class Tests:
 
     def _noise(self, channel: int) -> tuple[Doubles, Doubles]:
         """The standard error of every tile's relative mean difference, and the part of its square that is A's."""
-        variance, share = self._variance(self.of.judged.astype(np.float64), channel, self.tiles)
+        variance, share = self._variance(*self._parts(self.of.judged.astype(np.float64), channel, self.tiles))
         mean = np.sqrt(variance) / np.maximum(self._count[id(self.tiles)], 1)
         return self.relative(mean, self.tiles, channel), share
 
