@@ -89,24 +89,33 @@ def test_rounding_to_floats_is_noise_too() -> None:
         assert compare(image(2 * k), image(2 * k + 1), tolerance=0, alpha=0.05).verdict is Verdict.UNCHANGED
 
 
-def test_rare_spikes_that_the_coarse_image_has_missed_are_no_change() -> None:
-    """A path that 16 samples find in no pixel of a tile, and 4096 do: the fine image knows how noisy the coarse one is."""
+def spiky(rng: np.random.Generator, samples: int, rate: float, height: float, size: int) -> MeasuredImage:
+    """Gray 0.5 with little noise, and in a sample now and then a bright path."""
+
+    def mean() -> np.ndarray:
+        hits = rng.binomial(samples // 2, rate, (size, size)) / (samples // 2) - rate
+        return 0.5 + 0.05 * rng.standard_normal((size, size)) / np.sqrt(samples / 2) + height * hits
+
+    a, b = (np.repeat(mean()[..., None], 3, axis=2) for _ in range(2))
+    header = {"samples_per_pixel": f"{samples} {samples}", "settings.seed": samples}
+    return MeasuredImage(((a + b) / 2).astype("f4"), None, (np.abs(a - b) / 2).astype("f4"), header)
+
+
+@pytest.mark.parametrize(
+    ("samples", "rate", "height", "size"),
+    [
+        # Found by 16 samples in no pixel of a tile, and by 4096: the fine image knows how noisy the coarse one is.
+        ((16, 4096), 1e-5, 1e4, 32),
+        ((4096, 16), 1e-5, 1e4, 32),
+        # In many pixels of the coarse image: weights that knew a pixel's own noise would leave them out on one side.
+        ((8, 1024), 3e-3, 10, 128),
+    ],
+)
+def test_rare_bright_paths_are_no_change(samples: tuple[int, int], rate: float, height: float, size: int) -> None:
     rng = np.random.default_rng(3)
-    shape = (32, 32, 3)
-
-    def image(samples: int, seed: int) -> MeasuredImage:
-        rate, height = 1e-5, 1e4
-
-        def mean() -> np.ndarray:
-            hits = rng.binomial(samples // 2, rate, shape[:2]) * height / (samples // 2)
-            return 0.5 + 0.01 * rng.standard_normal(shape[:2]) / np.sqrt(samples) + hits
-
-        a, b = (np.repeat(mean()[..., None], 3, axis=2) for _ in range(2))
-        header = {"samples_per_pixel": f"{samples} {samples}", "settings.seed": seed}
-        return MeasuredImage(((a + b) / 2).astype("f4"), None, (np.abs(a - b) / 2).astype("f4"), header)
-
-    verdicts = [compare(image(16, 1), image(4096, 2), alpha=0.01, tolerance=0).verdict for _ in range(20)]
-    assert Verdict.CHANGED not in verdicts
+    for _ in range(20 if size < 100 else 4):
+        a, b = (spiky(rng, n, rate, height, size) for n in samples)
+        assert compare(a, b, alpha=0.01, tolerance=0).verdict is not Verdict.CHANGED
 
 
 # Changes.
