@@ -11,6 +11,7 @@ from .comparison import Comparison, Finding, Needs, Tile, Verdict
 from .difference import ALPHA
 
 TILES_SHOWN = 10
+_NEWS = 0.1  # of the tolerance
 _ORDER = (Verdict.CHANGED, Verdict.UNDECIDED, Verdict.UNCHANGED)
 _CHANNELS = {"R": "red", "G": "green", "B": "blue", ALPHA: "alpha"}
 
@@ -72,11 +73,15 @@ def lines(comparison: Comparison, name_a: str, name_b: str) -> Iterator[str]:
         f"  the picture as a whole: B is {_percent(comparison.relative)} {_than(comparison.relative)} "
         f"(standard error {_percent(comparison.relative_error)})"
     )
-    if comparison.finding is not None:
+    if comparison.finding is not None and _worth_telling(comparison.finding, comparison.tolerance):
         yield f"  the picture as a whole: {_words(comparison.finding, comparison.tolerance)}"
     counts = ", ".join(f"{comparison.count(verdict)} {verdict.value}" for verdict in _ORDER if comparison.count(verdict))
     yield f"  tiles: {counts}"
-    shown = [tile for tile in worst_tiles(comparison) if tile.verdict is not Verdict.UNCHANGED or tile.finding is not None]
+    shown = [
+        tile
+        for tile in worst_tiles(comparison)
+        if tile.verdict is not Verdict.UNCHANGED or (tile.finding and _worth_telling(tile.finding, comparison.tolerance))
+    ]
     for tile in shown[:TILES_SHOWN]:
         yield f"    {_tile_line(tile, comparison.tolerance)}"
     if len(shown) > TILES_SHOWN:
@@ -87,6 +92,11 @@ def lines(comparison: Comparison, name_a: str, name_b: str) -> Iterator[str]:
         yield f"  {comparison.unjudged_pixels} pixels have no estimate of their error (fewer than two samples, or no numbers)"
     for note in comparison.notes:
         yield f"  note: {note}"
+
+
+def _worth_telling(finding: Finding, tolerance: float) -> bool:
+    """Another processor's rounding is significant where random numbers are repeated, and no news."""
+    return finding.relative >= _NEWS * tolerance
 
 
 def worst_tiles(comparison: Comparison) -> list[Tile]:

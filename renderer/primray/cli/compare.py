@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from ..errors import SettingsError
+from ..errors import PrimrayError, SettingsError
 
 EXIT_CODES = {"unchanged": 0, "changed": 1, "undecided": 3}
 
@@ -28,6 +30,17 @@ def compare(
     verbose: Annotated[bool, typer.Option("--verbose", "-V", help="Tracebacks of errors.")] = False,
 ) -> None:
     """Say whether a picture has changed, tile by tile. Exit code 0: unchanged, 1: changed, 3: needs more samples, 2: usage."""
+    try:
+        verdict = _compare(a, b, alpha, tolerance, tile, difference, report, json)
+    except PrimrayError as error:
+        error.exit_code = 2  # whatever went wrong: 1 would say that the picture has changed
+        raise
+    raise typer.Exit(EXIT_CODES[verdict])
+
+
+def _compare(
+    a: str, b: str, alpha: float, tolerance: float, tile: int, difference: str | None, report: str | None, json: bool
+) -> str:
     from ..comparison import compare as compare_images
     from ..comparison_report import as_json, lines
     from ..difference_picture import check_difference_path, save_difference
@@ -48,8 +61,11 @@ def compare(
         save_difference(result, difference)
     if report is not None:
         write_text(Path(report), dumps(facts, indent=2) + "\n")
-    if json:
-        print_line({"type": "comparison", **facts})
-    else:
-        print("\n".join(lines(result, a, b)))
-    raise typer.Exit(EXIT_CODES[result.verdict.value])
+    try:
+        if json:
+            print_line({"type": "comparison", **facts})
+        else:
+            print("\n".join(lines(result, a, b)), flush=True)
+    except BrokenPipeError:  # a reader that has seen enough, such as `head`, does not change the verdict
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return result.verdict.value

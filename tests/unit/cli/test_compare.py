@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -123,3 +126,26 @@ def test_usage(arguments: list[str], code: str, capsys: pytest.CaptureFixture[st
     error = capsys.readouterr().err
     assert error.startswith(f"error: {code}: ")
     assert error.count("\n") == 1
+
+
+def test_a_file_that_cannot_be_written_is_not_told_as_a_change(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(*arguments: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.replace", full)
+    assert run(["compare", "a.exr", "b.exr", "--difference", "d.png"]) == 2
+    assert capsys.readouterr().err.startswith("error: write-failed: ")
+
+
+def test_a_reader_that_stops_early_leaves_the_verdict() -> None:
+    command = [sys.executable, "-c", "from primray.cli import main; main()", "compare", "a.exr", "b.exr", "--tolerance", "0.02"]
+    read, write = os.pipe()
+    os.close(read)
+    try:
+        done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True)
+    finally:
+        os.close(write)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
