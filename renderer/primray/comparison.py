@@ -14,7 +14,7 @@ from enum import Enum
 import numpy as np
 
 from .description import Doubles
-from .difference import ALPHA, Difference, difference
+from .difference import Difference, difference
 from .difference_tests import Family, Resolution, Tests, threshold
 from .errors import SettingsError
 from .image_file import MeasuredImage
@@ -263,6 +263,3 @@ def _needs(reach: Doubles, factor: Doubles, resolution: Resolution, tolerance: f
 
 def _further(has: float, factor: float) -> int:
     return math.ceil(has * (factor - 1))
-
-
-__all__ = ["ALPHA", "Comparison", "Finding", "Needs", "Tile", "Verdict", "compare"]
