@@ -127,6 +127,13 @@ def _replacing(path: Path) -> Iterator[str]:
         temporary.unlink(missing_ok=True)
 
 
+def write_png(encoded: np.ndarray[Any, Any], path: Path) -> Path:
+    """Write 8-bit values (H, W, 3 or 4) as they are, whole or not at all."""
+    with _replacing(path) as temporary:
+        _write_view(encoded, temporary)
+    return path
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text file whole or not at all."""
     with _replacing(path) as temporary:

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from .compare import compare
 from .doctor import doctor
 from .estimate import estimate
 from .inspect import inspect
@@ -42,4 +43,5 @@ app.command()(render)
 app.command()(estimate)
 app.command()(inspect)
 app.command()(sheet)
+app.command()(compare)
 app.command()(doctor)

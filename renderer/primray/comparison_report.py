@@ -1,0 +1,169 @@
+"""A comparison as JSON and in plain words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
+
+from .comparison import Comparison, Finding, Needs, Tile, Verdict
+from .difference import ALPHA
+
+TILES_SHOWN = 10
+_NEWS = 0.1  # of the tolerance
+_ORDER = (Verdict.CHANGED, Verdict.UNDECIDED, Verdict.UNCHANGED)
+_CHANNELS = {"R": "red", "G": "green", "B": "blue", ALPHA: "alpha"}
+
+
+def as_json(comparison: Comparison) -> dict[str, Any]:
+    return {
+        "verdict": comparison.verdict.value,
+        "identical": comparison.identical,
+        "alpha": comparison.alpha,
+        "tolerance": comparison.tolerance,
+        "relation": comparison.of.relation.name.lower(),
+        "samples_per_pixel": {"a": comparison.of.samples[0], "b": comparison.of.samples[1]},
+        "relative_mean_difference": comparison.relative,
+        "relative_mean_difference_error": comparison.relative_error,
+        "image": _finding_json(comparison.finding),
+        "needs": asdict(comparison.needs) if comparison.needs else None,
+        "unjudged_pixels": comparison.unjudged_pixels,
+        "notes": list(comparison.notes),
+        "count": {verdict.value: comparison.count(verdict) for verdict in _ORDER},
+        "tiles": [
+            {
+                "box": list(tile.box),
+                "verdict": tile.verdict.value,
+                "relative_mean_difference": tile.relative,
+                "resolution": _number(tile.resolution),
+                "finding": _finding_json(tile.finding),
+            }
+            for tile in comparison.tiles
+        ],
+    }
+
+
+def _finding_json(finding: Finding | None) -> dict[str, Any] | None:
+    if finding is None:
+        return None
+    return {
+        "kind": finding.kind,
+        "channel": finding.channel,
+        "box": list(finding.box),
+        "p": finding.p,
+        "relative": _number(finding.relative),
+        "signed": _number(finding.signed),
+    }
+
+
+def _number(value: float) -> float | None:
+    """JSON knows no infinity."""
+    return value if math.isfinite(value) else None
+
+
+def lines(comparison: Comparison, name_a: str, name_b: str) -> Iterator[str]:
+    """What a person needs to know, the verdict first and then the worst tiles."""
+    height, width = comparison.of.judged.shape
+    yield f"{comparison.verdict.value}: {name_a} (A) and {name_b} (B), {width} x {height}"
+    if comparison.identical:
+        yield "  the pictures are the same bit for bit"
+        return
+    yield (
+        f"  the picture as a whole: B is {_percent(comparison.relative)} {_than(comparison.relative)} "
+        f"(standard error {_percent(comparison.relative_error)})"
+    )
+    if comparison.finding is not None and _worth_telling(comparison.finding, comparison.tolerance):
+        yield f"  the picture as a whole: {_words(comparison.finding, comparison.tolerance)}"
+    counts = ", ".join(f"{comparison.count(verdict)} {verdict.value}" for verdict in _ORDER if comparison.count(verdict))
+    yield f"  tiles: {counts}"
+    shown = [
+        tile
+        for tile in worst_tiles(comparison)
+        if tile.verdict is not Verdict.UNCHANGED or (tile.finding and _worth_telling(tile.finding, comparison.tolerance))
+    ]
+    for tile in shown[:TILES_SHOWN]:
+        yield f"    {_tile_line(tile, comparison.tolerance)}"
+    if len(shown) > TILES_SHOWN:
+        yield f"    and {len(shown) - TILES_SHOWN} more"
+    if comparison.needs is not None:
+        yield f"  {needs_sentence(comparison.needs, comparison.tolerance)}"
+    if comparison.unjudged_pixels:
+        yield f"  {comparison.unjudged_pixels} pixels have no estimate of their error (fewer than two samples, or no numbers)"
+    for note in comparison.notes:
+        yield f"  note: {note}"
+
+
+def _worth_telling(finding: Finding, tolerance: float) -> bool:
+    """Another processor's rounding is significant where random numbers are repeated, and no news."""
+    return finding.relative >= _NEWS * tolerance
+
+
+def worst_tiles(comparison: Comparison) -> list[Tile]:
+    """Changed ones by how much, undecided ones by how badly they can be seen, then the rest."""
+
+    def key(tile: Tile) -> tuple[int, float]:
+        changed = tile.verdict is Verdict.CHANGED and tile.finding is not None
+        return _ORDER.index(tile.verdict), -(tile.finding.relative if changed and tile.finding else tile.resolution)
+
+    return sorted(comparison.tiles, key=key)
+
+
+def _tile_line(tile: Tile, tolerance: float) -> str:
+    x0, y0, x1, y1 = tile.box
+    place = f"x {x0} to {x1 - 1}, y {y0} to {y1 - 1}"
+    if tile.verdict is Verdict.UNDECIDED:
+        hides = f"up to {_percent(tile.resolution)}" if math.isfinite(tile.resolution) else "of any size"
+        found = f"; {_words(tile.finding, tolerance)}" if tile.finding else ""
+        return f"{place}: undecided, noise could hide a difference {hides}{found}"
+    assert tile.finding is not None
+    return f"{place}: {_words(tile.finding, tolerance)}"
+
+
+def _words(finding: Finding, tolerance: float) -> str:
+    x0, y0, x1, y1 = finding.box
+    channel = _CHANNELS.get(finding.channel, "a channel")
+    size = _percent(finding.relative)
+    if finding.kind == "not-finite":
+        return "numbers in one picture where the other has NaN or infinity"
+    if finding.kind in ("shift", "spot"):
+        inside = f" in the {x1 - x0} x {y1 - y0} pixels from x {x0}, y {y0}" if x1 - x0 <= 16 else ""
+        what = (
+            "a few pixels differ far beyond noise, by" if finding.kind == "spot" else f"{channel} is {_than(finding.signed)} by"
+        )
+        text = f"{what} {size}{inside}"
+    elif finding.kind == "brightness":
+        text = f"{channel} is {_than(finding.signed)} by {size}"
+    elif finding.kind in ("moved-x", "moved-y"):
+        ways = ("right", "left") if finding.kind == "moved-x" else ("down", "up")
+        way = ways[finding.signed < 0]
+        text = f"looks moved to the {way} by about {abs(finding.signed):.2g} px ({channel} differs by {size})"
+        text = text.replace("to the up", "up").replace("to the down", "down")
+    else:
+        text = f"{channel} has another pattern, by {size}"
+    below = "" if finding.relative >= tolerance else ", below the tolerance"
+    return f"{text}{below} (false alarm: {_probability(finding.p)})"
+
+
+def _than(signed: float) -> str:
+    return "darker" if signed < 0 else "brighter"
+
+
+def _percent(value: float) -> str:
+    percent = abs(value) * 100
+    return f"{percent:.0f} %" if percent >= 10 else f"{percent:.2g} %"
+
+
+def _probability(p: float) -> str:
+    return "less than 1 in 10^9" if p < 1e-9 else f"at most {p:.1g}"
+
+
+def needs_sentence(needs: Needs, tolerance: float) -> str:
+    if needs.factor is None:
+        return "no number of samples can decide it: tiles are too small, pixels lack an error, or a picture its samples"
+    if needs.a is None or needs.b is None:
+        text = f"to see differences of {_percent(tolerance)}, it needs {needs.factor:.2g} times the samples"
+    else:
+        text = f"to see differences of {_percent(tolerance)}, A needs {needs.a} more samples a pixel and B {needs.b}"
+    alone = [f"{name} alone {more}" for name, more in (("A", needs.a_alone), ("B", needs.b_alone)) if more is not None]
+    return text + (f", or {', or '.join(alone)}" if alone else "")
