@@ -18,11 +18,14 @@ from .image_file import MeasuredImage, read_image
 from .settings import RenderSettings
 
 
-def render_file(stage: Any, settings: RenderSettings, path: Path) -> None:
-    """Render a stage to an EXR with error channels."""
+def render_file(stage: Any, settings: RenderSettings, path: Path) -> int:
+    """Render a stage to an EXR with error channels; its samples a pixel, rounded up."""
     from .render import render
 
-    render(stage, settings).save(path)
+    image = render(stage, settings)
+    image.save(path)
+    width, height = image.resolution
+    return -(-int(image.report["samples"]) // (width * height))
 
 
 class ImageCheck:
@@ -67,8 +70,7 @@ class ImageCheck:
                 pytest.fail(f"there is no reference {path}; `pytest --primray-update` renders it", pytrace=False)
             # Two looks share the false alarms.
             criteria: dict[str, Any] = {"alpha": alpha / 2, "tolerance": tolerance, "tile": tile}
-            cap = 4 * settings.spp if max_spp is None else max_spp
-            return self._check(stage, path, settings, cap, criteria, allow_undecided)
+            return self._check(stage, path, settings, max_spp, criteria, allow_undecided)
         except PrimrayError as error:
             pytest.fail(f"{reference}: {error}", pytrace=False)
 
@@ -80,18 +82,25 @@ class ImageCheck:
         return compare(read_image(path), read_image(path))
 
     def _check(
-        self, stage: Any, path: Path, settings: RenderSettings, cap: int, criteria: dict[str, Any], allow_undecided: bool
+        self,
+        stage: Any,
+        path: Path,
+        settings: RenderSettings,
+        max_spp: int | None,
+        criteria: dict[str, Any],
+        allow_undecided: bool,
     ) -> Comparison:
         __tracebackhide__ = True
         kept = self.evidence / path.stem
         kept.mkdir(parents=True, exist_ok=True)
         rendered = kept / "render.exr"
         reference = read_image(path)
-        render_file(stage, settings, rendered)
+        first = render_file(stage, settings, rendered)
+        cap = 4 * first if max_spp is None else max_spp
         result = compare(reference, read_image(rendered), **criteria)
-        spp = _spp_that_decides(result, settings.spp, cap)
-        if spp > settings.spp:
-            render_file(stage, replace(settings, spp=spp), rendered)
+        spp = _spp_that_decides(result, first, cap)
+        if spp > first:
+            render_file(stage, replace(settings, spp=spp, target_error=None, time_limit_s=None), rendered)
             result = compare(reference, read_image(rendered), **criteria)
         if result.verdict is Verdict.UNCHANGED or (result.verdict is Verdict.UNDECIDED and allow_undecided):
             shutil.rmtree(kept)

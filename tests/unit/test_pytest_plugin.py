@@ -52,11 +52,13 @@ def renders(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """Samples of every render that the fixture asks for."""
     made: list[int] = []
 
-    def render_file(stage: Any, settings: RenderSettings, path: Path) -> None:
-        made.append(settings.spp)
-        save(BuiltScene(stage, settings).render(settings.seed, settings.spp), path)
+    render_file = image_check.render_file
 
-    monkeypatch.setattr(image_check, "render_file", render_file)
+    def counted(stage: Any, settings: RenderSettings, path: Path) -> int:
+        made.append(settings.most_samples)
+        return render_file(stage, settings, path)
+
+    monkeypatch.setattr(image_check, "render_file", counted)
     return made
 
 
