@@ -79,7 +79,10 @@ def test_point_light_of_intensity_ten() -> None:
 def test_sphere_of_radius_zero() -> None:
     assert light("float inputs:radius = 0\nbool inputs:normalize = 1").type is LightType.POINT
     assert codes("float inputs:radius = 0", "SphereLight") == ["light-dark"]
-    assert codes("float inputs:width = 0\nbool inputs:normalize = 1", "RectLight") == ["light-dark"]
+    assert codes("float inputs:width = 0", "RectLight") == ["light-dark"]
+    # The limit of what is normalized: as bright, and too small to be told from a line.
+    line = light("float inputs:width = 0\nfloat inputs:height = 2\nbool inputs:normalize = 1", "RectLight")
+    assert line.width * line.height * line.emission[0] == pytest.approx(1.0)
 
 
 def test_dome_1_pole_follows_the_stage() -> None:
