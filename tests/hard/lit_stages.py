@@ -138,7 +138,8 @@ def write_image(path: Path, pixels: npt.ArrayLike) -> str:
     """As a float EXR; the text that names it in a stage."""
     p = np.ascontiguousarray(pixels, np.float32)
     out = oiio.ImageOutput.create(str(path))
-    assert out and out.open(str(path), oiio.ImageSpec(p.shape[1], p.shape[0], p.shape[2], "float"))
+    assert out
+    assert out.open(str(path), oiio.ImageSpec(p.shape[1], p.shape[0], p.shape[2], "float"))
     assert out.write_image(p)
     out.close()
     return f"@{path}@"

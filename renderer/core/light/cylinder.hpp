@@ -46,9 +46,9 @@ PRIMRAY_INLINE LocalSample<W> cylinder_sample(const vvec3<W>& p, vfloat<W> r, vf
   // The normal's cosine there: (rho cos phi - r) / d.
   const vfloat<W> cos_light = (gap - rho * one_minus_cos) / d;
   const vfloat<W> pdf = line.distance / (2.0f * phi_max * r * line.angle * cos_light);
-  return {to * (1.0f / d), d,
-          select((outside > vfloat<W>(0.0f)) & (cos_light > vfloat<W>(0.0f)) & (pdf < vfloat<W>(kInfinity)), pdf,
-                 vfloat<W>(0.0f))};
+  return {
+      to * (1.0f / d), d,
+      select((outside > vfloat<W>(0.0f)) & (cos_light > vfloat<W>(0.0f)) & (pdf < vfloat<W>(kInfinity)), pdf, vfloat<W>(0.0f))};
 }
 
 template <int W>
@@ -58,8 +58,8 @@ PRIMRAY_INLINE LocalHit<W> cylinder_hit(const vvec3<W>& p, const vvec3<W>& w, vf
   const vfloat<W> s = b / a, cy = p.y + w.y * s, cz = p.z + w.z * s;
   const vfloat<W> discriminant = a * (r * r - (cy * cy + cz * cz));
   const vfloat<W> t = outside / (b + safe_sqrt(discriminant));
-  const vbool<W> hit = (outside > vfloat<W>(0.0f)) & (b > vfloat<W>(0.0f)) & (discriminant > vfloat<W>(0.0f)) &
-                       (abs(p.x + w.x * t) <= h);
+  const vbool<W> hit =
+      (outside > vfloat<W>(0.0f)) & (b > vfloat<W>(0.0f)) & (discriminant > vfloat<W>(0.0f)) & (abs(p.x + w.x * t) <= h);
   if (!any(hit)) return {vfloat<W>(kInfinity), vfloat<W>(0.0f)};
   // The point met, from p's meridian: across it, then 1 - cos phi by the half-angle.
   const vfloat<W> across = (p.y * w.z - p.z * w.y) * t / (rho * r);

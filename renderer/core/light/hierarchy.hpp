@@ -1,8 +1,8 @@
 // A tree of boxes over the lights that rays can meet, for scenes with too many of them to try each. It only leaves out lights
 // that a ray cannot meet: what is met, and its weight, is decided light by light (integrator/emission.hpp).
 //
-// Nodes are visited in one order whatever the ray, and each lane keeps to the nodes that its own ray enters, so that a lane adds
-// up the same lights in the same order beside any others.
+// Nodes are visited in one order whatever the ray, and each lane keeps to the nodes that its own ray enters, so that a lane
+// adds up the same lights in the same order beside any others.
 #pragma once
 
 #include <cstdint>
@@ -19,7 +19,7 @@ struct LightBox {
 struct LightHierarchy {
   struct Node {
     LightBox box;
-    int32_t next;  // after the node's subtree
+    int32_t next;          // after the node's subtree
     int32_t first, count;  // of the lights in a leaf; count 0: inner
   };
   std::vector<Node> nodes;      // depth first
