@@ -54,8 +54,8 @@ def mixed(count: int) -> list[Light]:
         m = translation(*rng.uniform([-1, 0.3, -1], [1, 2, 1])) @ rotation(rng.normal(size=3), float(rng.uniform(0, 360)))
         m = m @ (shear if k % 5 == 0 else scaling(1, 1, 1))
         kind = (LightType.SPHERE, LightType.DISK, LightType.RECT, LightType.CYLINDER)[k % 4]
-        color = tuple(float(c) for c in rng.uniform(0.1, 1, 3))
-        made.append(described_light(kind, m, color, width=0.1, height=0.06, radius=0.04, length=0.2))
+        r, g, b = (float(c) for c in rng.uniform(0.1, 1, 3))
+        made.append(described_light(kind, m, (r, g, b), width=0.1, height=0.06, radius=0.04, length=0.2))
     return [*made, described_light(LightType.DISTANT, rotation([1, 0, 0], -60), 2.0, angle_deg=20.0)]
 
 
@@ -107,7 +107,7 @@ def test_the_nearest_is_seen(measured: Measured) -> None:
     at = (np.arange(n * 8) + 0.5) / (n * 8) * 2 - 1
     y, x = np.meshgrid(-at, at, indexing="ij")
     depth, seen = np.full(x.shape, -np.inf), np.zeros((*x.shape, 3))
-    for p, c in zip(places, np.float32(colors), strict=True):
+    for p, c in zip(places, colors.astype(np.float32), strict=True):
         r2 = (x - p[0]) ** 2 + (y - p[1]) ** 2
         front = np.where(r2 < radius**2, p[2] + np.sqrt(np.maximum(radius**2 - r2, 0)), -np.inf)
         nearer = front > depth
