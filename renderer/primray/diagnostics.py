@@ -99,7 +99,9 @@ CODES: dict[str, Code] = {
     "light-input": Code(
         Severity.WARNING, "An input of a light, or an applied light schema, is ignored or brought into its range."
     ),
-    "light-dark": Code(Severity.WARNING, "A light of no size without normalize emits nothing, as its formula says."),
+    "light-dark": Code(
+        Severity.WARNING, "A light without size and normalize, or that its transform leaves none, emits nothing by its formula."
+    ),
     "instanced-lights": Code(Severity.WARNING, "Too many instances of a light: only the first ones are lit."),
     "asset-missing": Code(Severity.ERROR, "A file that the stage names cannot be found; its constant value is used instead."),
     "texture-unset": Code(Severity.INFO, "A texture node names no file: its fallback is used, as UsdUVTexture says."),

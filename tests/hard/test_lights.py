@@ -123,6 +123,19 @@ def test_camera_in_a_sphere(measured: Measured) -> None:
     measured("the same picture")
 
 
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.hard_case("Lights", "the camera on a light: %s", expected="finite: the light, or what is behind it")
+def test_camera_on_a_light(kind: str, measured: Measured) -> None:
+    """On a sphere's or cylinder's side, in the plane of a flat one; the view goes through the light."""
+    name, _, sizes, _ = KINDS[kind]
+    at = placed(z=-1.0 if kind in ("sphere", "cylinder") else 0.0)
+    lamp = light(name, *(f"float inputs:{s} = 1" for s in sizes), "float inputs:intensity = 2", at=at)
+    found = show(dome("float inputs:intensity = 0.5"), camera_at(0.0, 1.0), lamp, spp=4)
+    assert set(np.unique(found.pixels.round(5))) <= {0.5, 2.0}
+    assert found.invalid_samples == 0
+    measured("0.5 behind it" if found.gray.max() < 1 else "the light's 2 and 0.5 behind it")
+
+
 @pytest.mark.hard_case("Lights", "a surface through a sphere light", expected="black inside, outside the quadrature")
 def test_surface_through_a_sphere(measured: Measured) -> None:
     """Half of a sphere stands over the ground, which is lit outside it alone; the half below lights nothing above."""
