@@ -96,8 +96,12 @@ CODES: dict[str, Code] = {
         Severity.WARNING, "resetXformStack inside a prototype resets to the prototype, not to the world."
     ),
     "unsupported-light": Code(Severity.ERROR, "A light of a kind that is not supported: its light is missing."),
-    "light-input": Code(Severity.WARNING, "An input of a light, or an applied light schema, is ignored."),
-    "light-dark": Code(Severity.WARNING, "A light of no size without normalize emits nothing, as its formula says."),
+    "light-input": Code(
+        Severity.WARNING, "An input of a light, or an applied light schema, is ignored or brought into its range."
+    ),
+    "light-dark": Code(
+        Severity.WARNING, "A light without size and normalize, or that its transform leaves none, emits nothing by its formula."
+    ),
     "instanced-lights": Code(Severity.WARNING, "Too many instances of a light: only the first ones are lit."),
     "asset-missing": Code(Severity.ERROR, "A file that the stage names cannot be found; its constant value is used instead."),
     "texture-unset": Code(Severity.INFO, "A texture node names no file: its fallback is used, as UsdUVTexture says."),
@@ -129,7 +133,8 @@ CODES: dict[str, Code] = {
     "emitters-unsampled": Code(Severity.INFO, "More than 262,144 instances emit: beyond, rays find them by chance (noise)."),
     "invalid-samples": Code(Severity.WARNING, "Samples that came out infinite or not a number are left out of the picture."),
     "texture-bad-texels": Code(
-        Severity.WARNING, "Texels that are not finite, or negative in a light's texture, are read as 0."
+        Severity.WARNING,
+        "Texels that are not finite, or negative in a light's texture, are read as 0; a light's above 1e15 as that.",
     ),
     "texture-outside": Code(
         Severity.INFO, "All of a surface's texture coordinates lie outside 0 to 1, where its texture's wraps are black."

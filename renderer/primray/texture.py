@@ -111,8 +111,9 @@ def _load(path: str, shown: str, color_space: str, wanted: frozenset[str]) -> Te
 
 def _clear_bad(pixels: Floats) -> int:
     """Set texels that are not finite to 0, in place; how many there were."""
-    if np.isfinite(pixels.sum(dtype=np.float64)):  # adding up finite floats in double cannot overflow
-        return 0
+    with np.errstate(invalid="ignore"):  # of Inf - Inf
+        if np.isfinite(pixels.sum(dtype=np.float64)):  # adding up finite floats in double cannot overflow
+            return 0
     bad = ~np.isfinite(pixels).all(axis=2)
     pixels[bad] = 0.0
     return int(np.count_nonzero(bad))

@@ -17,6 +17,7 @@ from .texture import ReadAsset, Texture, load_texture
 TextureSet = dict[TextureFile, list[tuple[int, Texture]]]
 
 THREADS = 8
+BRIGHTEST_TEXEL = 1e15  # of a light: times its tint it must stay a float
 
 
 @dataclass
@@ -87,6 +88,12 @@ def _noted(texture: Texture, path: str, use: _Use, diagnostics: Diagnostics) -> 
         if negative.any():
             bad += int(np.count_nonzero(negative))
             texture = replace(texture, stored=np.where(negative[:, :, None], np.float32(0), texture.stored))
+        bright = int(np.count_nonzero((texture.stored > BRIGHTEST_TEXEL).any(axis=2)))
+        if bright:
+            diagnostics.add(
+                "texture-bad-texels", where, f"{bright} texels are above {BRIGHTEST_TEXEL:g}, and read as that ({path})"
+            )
+            texture = replace(texture, stored=np.minimum(texture.stored, np.float32(BRIGHTEST_TEXEL)))
     if bad:
         kind = "negative or not finite" if use.light is not None else "not finite"
         diagnostics.add("texture-bad-texels", where, f"{bad} texels are {kind}, and read as 0 ({path})")

@@ -43,19 +43,19 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
   F nearest(kInfinity), total(0.0f);
   bool has_total = false;
   vvec3<W> body = zero;
-  for (int i = 0; i < lights.listed; ++i) {
+  const auto meet = [&](int i, vbool<W> lanes) {
     const float* row = lights.row(i);
     const LightType type = LightType(int(row[kType]));
-    if (type == LightType::kPoint || type == LightType::kDome) continue;
+    if (type == LightType::kPoint || type == LightType::kDome) return;
     const LocalHit<W> h = light_hit<W>(row, from, p.ray.d);
     const F t = h.t - p.travelled;
-    vbool<W> met = active & (h.pdf > F(0.0f));
+    vbool<W> met = lanes & (h.pdf > F(0.0f));
     if (type == LightType::kDistant) {
       met = met & (!hit) & (!camera);
     } else {
       met &= (t * kNearlyOne <= t_surface) & (t >= p.ray.tnear) & (t <= p.ray.tfar);
     }
-    if (!any(met)) continue;
+    if (!any(met)) return;
     const vvec3<W> L = vvec3<W>(F(row[kRadiance]), F(row[kRadiance + 1]), F(row[kRadiance + 2])) *
                        lobe_factor({row[kDiffuseFactor], row[kSpecularFactor]}, p);
     const vbool<W> direct = met & sees_body & ((t < nearest) | vbool<W>(type == LightType::kDistant));
@@ -67,10 +67,15 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
       covered |= direct;
     }
     const vbool<W> scattered = met & !sees_body;
-    if (!any(scattered)) continue;
+    if (!any(scattered)) return;
     if (weighed && !has_total) total = total_importance(lights, from), has_total = true;
     const F light_pdf = h.pdf * light_probability(lights, i, from, total);
     gathered += select(scattered, L * mis_weight(p.bsdf_pdf, light_pdf), zero);
+  };
+  if (lights.met.empty()) {
+    for (int i = 0; i < lights.listed; ++i) meet(i, active);
+  } else {
+    visit_lights(lights.met, active, from, p.ray.d, min(t_surface, p.ray.tfar) + p.travelled, meet);
   }
   gathered += body;
   return covered;

@@ -153,7 +153,7 @@ PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<
     const vvec3<W> local = row.to_light(from - row.vector(kOrigin));
     const vfloat<W> radius = row(kSize0), d2 = dot(local, local), len = length(row.to_light(d));
     const vbool<W> sheared = (row.flags() & vint<W>(kSheared)) != vint<W>(0);
-    const vfloat<W> cone = 1.0f / (2.0f * kPi * sphere_one_minus_cos(d2, radius));
+    const vfloat<W> cone = 1.0f / (2.0f * kPi * sphere_one_minus_cos(d2, radius, row.outside(from, radius, 1.0f)));
     const vfloat<W> stretched = select(sheared, cone * row(kInverseDet) / (len * len * len), cone);
     pdf = select(sphere & is_outside(row, from, local), stretched, pdf);
   }

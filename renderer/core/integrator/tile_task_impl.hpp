@@ -250,21 +250,23 @@ class TilePaths {
 
   void sample_light(B scatters, const Vertex& v, const PathLanes<W>& p) {
     const LightTable& lights = scene_.lights;
+    // From where scattered rays start, so that both agree on which lights lie before the surface.
+    const V from = v.it.p + v.ng * v.it.offset;
     const I bounce = p.vertex + I(1);
     const Pair<W> u = p.sampler.pair(bounce, Purpose::kLightPoint);
     const F choice_u = lights.count > 1 ? p.sampler.single(bounce, Purpose::kLightChoice) : F(0.0f);
-    const LightChoice<W> choice = choose_light(lights, v.it.p, choice_u);
+    const LightChoice<W> choice = choose_light(lights, from, choice_u);
     B useful = scatters & (choice.probability > F(0.0f));
     if (!any(useful)) return;
-    LightSample<W> s = light_sample(lights, choice.light, useful, v.it.p, u.u, u.v);
+    LightSample<W> s = light_sample(lights, choice.light, useful, from, u.u, u.v);
     if (scene_.emitters.any()) {
       const LightRow<W> row(lights, choice.light);
       const B geometry = useful & ((row.flags() & I(kGeometry)) != I(0));
       const B mesh = geometry & is_type(row.type(), LightType::kMesh), sphere = geometry & !mesh;
-      if (any(sphere)) end_before_sphere(scene_, sphere, choice.light, v.it.p, s);
+      if (any(sphere)) end_before_sphere(scene_, sphere, choice.light, from, s);
       if (any(mesh)) {
         const I bits = bit_cast<I>(p.sampler.bits_of(bounce, Purpose::kEmitter) >> 2);
-        sample_mesh(scene_, mesh, choice.light, v.it.p, bits, u.u, u.v, s);
+        sample_mesh(scene_, mesh, choice.light, from, bits, u.u, u.v, s);
       }
     }
     const V wi = v.frame.to_local(s.wi);
@@ -280,7 +282,7 @@ class TilePaths {
     const F weight = select(s.is_delta, F(1.0f), mis_weight(pdf, f.pdf));
     const V carried = p.beta * reflected * s.L * (weight / pdf);
     useful &= max_component(carried) > F(0.0f);
-    if (any(useful)) w_.shadows.append(useful, v.it.p + v.ng * v.it.offset, s.wi, s.t * kNearlyOne, carried, p.slot);
+    if (any(useful)) w_.shadows.append(useful, from, s.wi, s.t * kNearlyOne, carried, p.slot);
   }
 
   // Sends the paths on; a path at its first surface that is no mirror is split, which spends more on what comes after
@@ -331,7 +333,8 @@ class TilePaths {
     if (scene_.lights.lobe_factors) n.share = select(s.straight, p.share, s.diffuse_share);
     const B roulette = alive & (bounce >= I(kRouletteStart)) & !s.straight;
     if (any(roulette)) {
-      const F survive = min(max_component(n.beta) * n.splits * kRouletteKeep, 1.0f);
+      const F most = select(bounce >= I(kRouletteDeep), F(kRouletteDeepKeep), F(1.0f));
+      const F survive = min(max_component(n.beta) * n.splits * kRouletteKeep, most);
       const F r = p.sampler.single(bounce, Purpose::kRoulette);
       alive &= !(roulette & (r >= survive));
       n.beta = select(roulette, n.beta * (1.0f / survive), n.beta);

@@ -36,11 +36,17 @@ void build_dome_distribution(Dome& d) {
   }
   const int w = d.width, h = d.height;
   std::vector<double> weight = texel_means(d), solid_angle(h);
-  d.row_cos.resize(h + 1);
-  for (int y = 0; y <= h; ++y) d.row_cos[y] = float(std::cos(pi * y / h));
+  d.row_edges.clear();
+  for (int y = 0; y < h; ++y)
+    for (const int edge : {y, y + 1}) {
+      // 1 - cos = 2 sin^2 of half the angle.
+      const double half_sin = std::sin(0.5 * pi / h * (y < d.upper_rows() ? edge : h - edge));
+      d.row_edges.push_back(float(2 * half_sin * half_sin));
+    }
   double total = 0;
   for (int y = 0; y < h; ++y) {
-    solid_angle[y] = 2 * pi / w * (std::cos(pi * y / h) - std::cos(pi * (y + 1) / h));
+    // cos a - cos b = 2 sin((a + b) / 2) sin((b - a) / 2)
+    solid_angle[y] = 4 * pi / w * std::sin(pi * (y + 0.5) / h) * std::sin(0.5 * pi / h);
     for (int x = 0; x < w; ++x) total += weight[size_t(y) * w + x] * solid_angle[y];
   }
   const double mean = total / (4 * pi);

@@ -19,7 +19,11 @@ struct Dome {
   int width = 0, height = 0;  // 0: constant
   std::vector<float> texels;  // 3 (width) (height) floats
   // Sampling: cumulative probabilities of rows, and of columns in each row; probability density of each texel per steradian.
-  std::vector<float> row_cdf, column_cdf, density, row_cos;  // height + 1, height (width + 1), height width, height + 1
+  std::vector<float> row_cdf, column_cdf, density;  // height + 1, height (width + 1), height width
+  // Of each row, at its upper and lower edge, 1 - |cos| of the angle from the pole that it is nearer to (the upper one, if to
+  // both): there cosines themselves have no digits for rows that are a thousandth of a radian high.
+  std::vector<float> row_edges;  // 2 height
+  int upper_rows() const { return (height + 1) / 2; }
   bool sampled = false;
   double irradiance = 0;  // upper estimate from what is sampled, for choosing among lights
 };
@@ -53,7 +57,8 @@ struct DomeCoordinates {
   PRIMRAY_INLINE DomeCoordinates(const Dome& dome, const vvec3<W>& world) {
     const vvec3<W> w = dome_local(dome, world);
     s = clamp(0.5f - atan2(w.x, w.z) * (0.5f * kInvPi), 0.0f, 0x1.fffffep-1f);
-    t = clamp(acos(w.y) * kInvPi, 0.0f, 0x1.fffffep-1f);
+    // By the tangent: close to a pole the cosine has no digits.
+    t = clamp(atan2(sqrt(w.x * w.x + w.z * w.z), w.y) * kInvPi, 0.0f, 0x1.fffffep-1f);
   }
 };
 
@@ -105,10 +110,12 @@ PRIMRAY_INLINE vvec3<W> dome_sample(const Dome& dome, vfloat<W> u, vfloat<W> v) 
   const vfloat<W> c0 = gather<W>(columns, base + x), c1 = gather<W>(columns + 1, base + x);
   const vfloat<W> fy = clamp((u - r0) / max(r1 - r0, 1e-30f), 0.0f, 1.0f),
                   fx = clamp((v - c0) / max(c1 - c0, 1e-30f), 0.0f, 1.0f);
-  const vfloat<W> cos0 = gather<W>(dome.row_cos.data(), y), cos1 = gather<W>(dome.row_cos.data() + 1, y);
-  const vfloat<W> cos_theta = cos0 + fy * (cos1 - cos0);
+  const vfloat<W> edge0 = gather<W>(dome.row_edges.data(), y * vint<W>(2)),
+                  edge1 = gather<W>(dome.row_edges.data() + 1, y * vint<W>(2));
+  const vfloat<W> from_pole = edge0 + fy * (edge1 - edge0);
+  const vfloat<W> cos_theta = select(y < vint<W>(dome.upper_rows()), 1.0f - from_pole, from_pole - 1.0f);
   const vfloat<W> turn = 0.5f - (to_float(x) + fx) * (1.0f / float(dome.width));
-  const vfloat<W> sin_theta = safe_sqrt((1.0f - cos_theta) * (1.0f + cos_theta));
+  const vfloat<W> sin_theta = safe_sqrt(from_pole * (2.0f - from_pole));
   const SinCos<W> phi = sincos_turns(turn);
   const vvec3<W> w{sin_theta * phi.sin, cos_theta, sin_theta * phi.cos};
   const Affine<float>& m = dome.world_from_light;

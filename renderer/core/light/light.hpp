@@ -12,6 +12,7 @@
 #include "light/disk.hpp"
 #include "light/distant.hpp"
 #include "light/dome.hpp"
+#include "light/hierarchy.hpp"
 #include "light/rect.hpp"
 #include "light/sphere.hpp"
 
@@ -32,7 +33,9 @@ enum LightField : int {
   kSize0,                       // half width, radius (a mesh's: of a ball about it), or 1 - cos of a distant light's half-angle
   kSize1,                       // half height, half length, a dome's number, or a mesh's in EmitterTable
   kRadiance,                    // radiance; radiant intensity of a point; irradiance of a distant light of angle 0
-  kImportance = kRadiance + 3,  // luminance of what selection weighs
+  kAnchor = kRadiance + 3,      // a sphere's or cylinder's: a point of its surface near the core's origin, and its normal there
+  kAnchorNormal = kAnchor + 3,  // in the light's frame
+  kImportance = kAnchorNormal + 3,  // luminance of what selection weighs
   kDiffuseFactor,
   kSpecularFactor,
   kLightFlags,
@@ -60,6 +63,7 @@ struct LightTable {
   std::vector<int> dome_light;  // by dome: its row, or -1
   std::vector<LobeFactors> dome_factors;
   std::vector<float> power_cdf;  // count + 1; used where there are too many lights to weigh each
+  LightHierarchy met;            // of the lights that rays can meet, where there are many
   bool needs_hit_test = false;   // some light has area or a cone that BSDF rays can meet
   bool camera_sees_area = false;
   bool lobe_factors = false;           // some light's diffuse or specular factor is not 1
@@ -97,6 +101,13 @@ struct LightRow {
   PRIMRAY_INLINE vvec3<W> to_light(const vvec3<W>& v) const {
     return vector(kInverseX) * v.x + vector(kInverseY) * v.y + vector(kInverseZ) * v.z;
   }
+  // How far p lies outside a sphere (`axial` 1) or cylinder (0) of that radius, as distance^2 - radius^2. By way of a point of
+  // its surface, since where it is large beside the scene a difference of squares has no digits left: |r n + q|^2 - r^2 =
+  // |q|^2 + 2 r n.q.
+  PRIMRAY_INLINE vfloat<W> outside(const vvec3<W>& p, vfloat<W> radius, vfloat<W> axial) const {
+    const vvec3<W> q = to_light(p - vector(kAnchor)), n = vector(kAnchorNormal);
+    return q.x * q.x * axial + q.y * q.y + q.z * q.z + 2.0f * radius * dot(n, q);
+  }
   PRIMRAY_INLINE vvec3<W> to_world(const vvec3<W>& v) const {
     return vector(kAxisX) * v.x + vector(kAxisY) * v.y + vector(kAxisZ) * v.z;
   }
@@ -122,10 +133,10 @@ PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> ligh
     const LocalSample<W> n = sample();
     s = {select(m, n.w, s.w), select(m, n.t, s.t), select(m, n.pdf, s.pdf)};
   };
-  take(LightType::kSphere, [&] { return sphere_sample(local, size0, u, v); });
+  take(LightType::kSphere, [&] { return sphere_sample(local, size0, row.outside(p, size0, 1.0f), u, v); });
   take(LightType::kDisk, [&] { return disk_sample(local, size0, u, v); });
   take(LightType::kRect, [&] { return rect_sample(local, size0, size1, u, v); });
-  take(LightType::kCylinder, [&] { return cylinder_sample(local, size0, size1, u, v); });
+  take(LightType::kCylinder, [&] { return cylinder_sample(local, size0, size1, row.outside(p, size0, 0.0f), u, v); });
   take(LightType::kDistant, [&] { return distant_sample(size0, u, v); });
   LightSample<W> r;
   r.light = light;
@@ -182,10 +193,14 @@ PRIMRAY_INLINE LocalHit<W> light_hit(const float* row, const vvec3<W>& p, const 
   }
   const vvec3<W> local = to_light(p - vector(kOrigin));
   const vfloat<W> size0(row[kSize0]), size1(row[kSize1]);
+  const auto outside = [&](vfloat<W> axial) {  // as LightRow has it
+    const vvec3<W> q = to_light(p - vector(kAnchor));
+    return q.x * q.x * axial + q.y * q.y + q.z * q.z + 2.0f * size0 * dot(vector(kAnchorNormal), q);
+  };
   LocalHit<W> h{vfloat<W>(kInfinity), vfloat<W>(0.0f)};
   switch (type) {
     case LightType::kSphere:
-      h = sphere_hit(local, w, size0);
+      h = sphere_hit(local, w, size0, outside(1.0f));
       break;
     case LightType::kDisk:
       h = disk_hit(local, w, size0);
@@ -194,7 +209,7 @@ PRIMRAY_INLINE LocalHit<W> light_hit(const float* row, const vvec3<W>& p, const 
       h = rect_hit(local, w, size0, size1);
       break;
     case LightType::kCylinder:
-      h = cylinder_hit(local, w, size0, size1);
+      h = cylinder_hit(local, w, size0, size1, outside(0.0f));
       break;
     case LightType::kDistant:
       h = distant_hit(w, size0);

@@ -8,6 +8,8 @@ namespace primray {
 namespace {
 
 constexpr double kPiDouble = 3.14159265358979323846;
+// Squares of sizes must stay floats; a light smaller than this is as good as one of this size and the same power.
+constexpr double kSmallest = 1e-15;
 
 // A light's frame: perpendicular unit axes with sizes beside them, or the whole matrix where that cannot be.
 struct LightFrame {
@@ -65,6 +67,18 @@ Affine<float> rotation_of(const daffine& m) {
   return {vec3(normalize(m.x)), vec3(normalize(m.y)), vec3(normalize(m.z)), vec3(0.0f)};
 }
 
+// The point of a round light's surface (of a cylinder without ends) that is nearest to the core's origin.
+void put_anchor(float* row, const daffine& m, LightType type) {
+  if (m.determinant() == 0) return;  // such a light is left out
+  dvec3 out = inverse(m).point(dvec3(0.0));
+  const double along = type == LightType::kCylinder ? out.x : 0.0;
+  out.x -= along;
+  out = length(out) > 0 ? normalize(out) : dvec3{0, 0, 1};
+  const dvec3 nearest = out * double(row[kSize0]);
+  put(row, kAnchor, m.point({nearest.x + along, nearest.y, nearest.z}));
+  put(row, kAnchorNormal, out);
+}
+
 void add_dome(const LightInput& light, LightTable& table, float* row, bool& sampled) {
   Dome d;
   d.world_from_light = rotation_of(light.world_from_light);
@@ -78,6 +92,47 @@ void add_dome(const LightInput& light, LightTable& table, float* row, bool& samp
   table.dome_light.push_back(sampled ? table.count : -1);
   table.dome_factors.push_back({light.diffuse, light.specular});
   table.domes.push_back(std::move(d));
+}
+
+// What holds a light that rays can meet, a little larger than rounding needs.
+LightBox light_box(const float* row) {
+  const double s0 = row[kSize0], s1 = row[kSize1];
+  LightBox box;
+  for (int a = 0; a < 3; ++a) {
+    const double x = std::fabs(row[kAxisX + a]), y = std::fabs(row[kAxisY + a]), z = std::fabs(row[kAxisZ + a]);
+    double reach = 0;
+    switch (LightType(int(row[kType]))) {
+      case LightType::kSphere:
+        reach = s0 * std::sqrt(x * x + y * y + z * z);
+        break;
+      case LightType::kDisk:
+        reach = s0 * std::sqrt(x * x + y * y);
+        break;
+      case LightType::kRect:
+        reach = s0 * x + s1 * y;
+        break;
+      case LightType::kCylinder:
+        reach = s1 * x + s0 * std::sqrt(y * y + z * z);
+        break;
+      default:
+        break;
+    }
+    const double center = row[kOrigin + a], more = reach * 1e-5 + std::fabs(center) * 4e-6;
+    box.low[a] = float(center - reach - more), box.high[a] = float(center + reach + more);
+  }
+  return box;
+}
+
+void add_hierarchy(LightTable& table) {
+  std::vector<int32_t> numbers;
+  std::vector<LightBox> boxes;
+  for (int i = 0; i < table.listed; ++i) {
+    const LightType type = LightType(int(table.row(i)[kType]));
+    if (type == LightType::kDistant) table.met.far.push_back(i);
+    if (type == LightType::kDistant || type == LightType::kDome || type == LightType::kPoint) continue;
+    numbers.push_back(i), boxes.push_back(light_box(table.row(i)));
+  }
+  build_light_hierarchy(table.met, std::move(numbers), boxes);
 }
 
 }  // namespace
@@ -108,19 +163,25 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
     const LightFrame f = light_frame(light);
     m = f.world_from_light;
     const double unit = f.sheared ? 1.0 : scale;
+    double size[2] = {0, 0};
     switch (light.type) {
       case LightType::kRect:
-        row[kSize0] = float(0.5 * light.width * f.sizes.x * unit), row[kSize1] = float(0.5 * light.height * f.sizes.y * unit);
+        size[0] = 0.5 * light.width * f.sizes.x * unit, size[1] = 0.5 * light.height * f.sizes.y * unit;
         break;
       case LightType::kDisk:
       case LightType::kSphere:
-        row[kSize0] = float(light.radius * f.sizes.x * unit);
+        size[0] = size[1] = light.radius * f.sizes.x * unit;
         break;
       case LightType::kCylinder:
-        row[kSize0] = float(light.radius * f.sizes.y * unit), row[kSize1] = float(0.5 * light.length * f.sizes.x * unit);
+        size[0] = light.radius * f.sizes.y * unit, size[1] = 0.5 * light.length * f.sizes.x * unit;
         break;
       default:
         break;
+    }
+    if (light.type != LightType::kPoint) {
+      const double kept[2] = {std::max(size[0], kSmallest), std::max(size[1], kSmallest)};
+      emission = emission * (size[0] / kept[0] * (size[1] / kept[1]));
+      row[kSize0] = float(kept[0]), row[kSize1] = float(kept[1]);
     }
     if (f.sheared) {
       // Lengths of the light's frame stay in its own units; the matrix carries them to the core's.
@@ -134,6 +195,7 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
       table.needs_hit_test = true;
     }
     m.o = (light.world_from_light.o - origin) * scale;
+    if (light.type == LightType::kSphere || light.type == LightType::kCylinder) put_anchor(row, m, light.type);
     row[kImportance] = float(luminance(emission));
   }
   put(row, kAxisX, m.x), put(row, kAxisY, m.y), put(row, kAxisZ, m.z), put(row, kOrigin, m.o);
@@ -150,6 +212,7 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
 }
 
 void finish_light_rows(LightTable& table) {
+  if (table.listed > LightTable::kWeighed) add_hierarchy(table);
   if (table.count <= LightTable::kWeighed) return;
   // By power; half of the choices for what is infinitely far, where there is any, since its power has no common measure with
   // the rest.
@@ -185,6 +248,10 @@ void finish_light_rows(LightTable& table) {
     }
     (infinite ? far : near) += power[i];
   }
+  // In whole multiples of 2^-24, which is what the sampler's numbers are, at least one each: every light is then chosen with
+  // exactly the probability that is read off here.
+  constexpr double whole = 0x1p24;
+  const double ones = table.count < whole / 2 ? 1.0 : 0.0;
   double run = 0;
   table.power_cdf.assign(1, 0.0f);
   for (int i = 0; i < table.count; ++i) {
@@ -192,7 +259,8 @@ void finish_light_rows(LightTable& table) {
     const bool infinite = type == LightType::kDistant || type == LightType::kDome;
     const double share = near > 0 && far > 0 ? 0.5 : 1.0;
     run += share * power[i] / (infinite ? far : near);
-    table.power_cdf.push_back(float(run));
+    const double units = ones * (i + 1) + std::round(std::min(run, 1.0) * (whole - ones * table.count));
+    table.power_cdf.push_back(float(units / whole));
   }
   table.power_cdf.back() = 1.0f;
 }

@@ -6,7 +6,7 @@ not finite are read as 0, and noted.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -50,9 +50,32 @@ def read_primvar(attribute: Usd.Attribute, sizes: Sizes, prim: ResolvedPrim, ctx
     return _of_three(read_raw_primvar(attribute, sizes, prim, ctx), attribute.GetName(), prim, ctx)
 
 
+def read_display_color(sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
+    """primvars:displayColor as it was authored, indexed or not, in [0, 1]: what reflects neither adds light nor takes what was
+    never there."""
+    found = read_raw_primvar(prim.prim.GetAttribute("primvars:displayColor"), sizes, prim, ctx)
+    if found is None:
+        return None
+    inside = np.clip(found.values, 0.0, 1.0)
+    outside = int(np.count_nonzero((inside != found.values).any(axis=1)))
+    if not outside:
+        return found
+    note_clamped_color(f"{outside} values of primvars:displayColor are", prim, ctx)
+    return replace(found, values=inside)
+
+
+def note_clamped_color(what: str, prim: ResolvedPrim, ctx: Context) -> None:
+    ctx.warn("material-input", prim.path, f"{what} outside [0, 1] and clamped.")
+
+
 def check_values(raw: object, interpolation: str, name: str, sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
     """Values of three columns that belong to no primvar."""
     return _of_three(_checked(raw, None, interpolation, name, sizes, prim, ctx, 1), name, prim, ctx)
+
+
+def read_display_vectors(sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
+    """The same, indices applied; None, noted, if it has not three columns."""
+    return _of_three(read_display_color(sizes, prim, ctx), "primvars:displayColor", prim, ctx)
 
 
 def _of_three(found: Primvar | None, name: str, prim: ResolvedPrim, ctx: Context) -> Primvar | None:

@@ -85,6 +85,7 @@ class _Scene:
     prototypes: list[Prototype] = field(default_factory=list)
     placements: list[Placement] = field(default_factory=list)
     lights: list[Light] = field(default_factory=list)
+    has_lights: bool = False  # also if none of them emits anything
     number: dict[int, int] = field(default_factory=dict)  # of the prototype that a group's shapes have become
 
 
@@ -219,6 +220,7 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
     placed = matrices if once is None else once @ matrices
     while leaves:  # what has been translated is let go
         leaf = leaves.pop()
+        scene.has_lights |= leaf.type_name in LIGHTS
         if not finite.pop():
             ctx.warn("invalid-transform", leaf.path, "Its transform is not finite.")
         elif leaf.type_name in LIGHTS:
@@ -273,8 +275,8 @@ def _add_lights(scene: _Scene, leaf: ResolvedPrim, chains: list[Chain], count: i
 
 
 def _add_default_lights(scene: _Scene, camera: Camera, ctx: Context) -> None:
-    """Where nothing else gives light."""
-    if scene.lights or not ctx.settings.default_light or any(_emits(s) for s in ctx.surfaces):
+    """Where nobody meant to give light: lights that emit nothing are meant."""
+    if scene.has_lights or not ctx.settings.default_light or any(_emits(s) for s in ctx.surfaces):
         return
     scene.lights += default_lights(camera)
     ctx.warn("default-light", "", "There is no light and nothing that emits: a white dome and a key light are added.")

@@ -79,7 +79,10 @@ def test_point_light_of_intensity_ten() -> None:
 def test_sphere_of_radius_zero() -> None:
     assert light("float inputs:radius = 0\nbool inputs:normalize = 1").type is LightType.POINT
     assert codes("float inputs:radius = 0", "SphereLight") == ["light-dark"]
-    assert codes("float inputs:width = 0\nbool inputs:normalize = 1", "RectLight") == ["light-dark"]
+    assert codes("float inputs:width = 0", "RectLight") == ["light-dark"]
+    # The limit of what is normalized: as bright, and too small to be told from a line.
+    line = light("float inputs:width = 0\nfloat inputs:height = 2\nbool inputs:normalize = 1", "RectLight")
+    assert line.width * line.height * line.emission[0] == pytest.approx(1.0)
 
 
 def test_dome_1_pole_follows_the_stage() -> None:
@@ -149,3 +152,31 @@ def test_default_lights_make_white_one() -> None:
 def test_filters_are_told_where_there_are_any(targets: str, told: bool) -> None:
     _, found = translate_text(f'def SphereLight "l"\n{{\n    rel light:filters = {targets}\n}}\n')
     assert (("light-input", "/l") in found) == told
+
+
+def test_shaping_is_noted_where_it_is_asked_for() -> None:
+    def noted(kind: str, cone: str) -> bool:
+        text = f'def {kind} "light" (prepend apiSchemas = ["ShapingAPI"])\n{{\n{cone}\n}}\n'
+        return ("light-input", "/light") in translate_text(text)[1]
+
+    angle = "float inputs:shaping:cone:angle = %s"
+    assert noted("SphereLight", "")  # its default cone of 90 degrees cuts the back half
+    assert not noted("RectLight", "")
+    assert not noted("SphereLight", angle % 180)
+    assert noted("RectLight", angle % "nan")
+    assert noted("DistantLight", angle % 30)
+    assert not noted("DistantLight", "")
+
+
+def test_sizes_and_emission_in_range() -> None:
+    def noted(body: str) -> set[str]:
+        return {code for code, path in translate_text(f'def SphereLight "light"\n{{\n{body}\n}}\n')[1] if path == "/light"}
+
+    assert light("float inputs:radius = -2").radius == 2
+    assert noted("float inputs:radius = -2") == {"light-input"}
+    assert light("float inputs:exposure = 1000").emission == (1e30,) * 3
+    assert light("color3f inputs:color = (-1, 0.5, 2)").emission == (0.0, 0.5, 2.0)
+    assert noted("float inputs:intensity = -1") == {"light-input"}
+    hot = "bool inputs:enableColorTemperature = 1\nfloat inputs:colorTemperature = %s"
+    assert noted(hot % 20000) == {"light-input"}
+    assert not noted(hot % 10000)

@@ -421,9 +421,9 @@ def test_what_does_not_fit_the_instances(text: str, code: str) -> None:
 
 def test_constant_ones_of_instancers_color_their_prototypes() -> None:
     description, _ = translate_text(
-        INSTANCER % ('color3f[] primvars:displayColor = [(4, 5, 6)] (interpolation = "constant")', "")
+        INSTANCER % ('color3f[] primvars:displayColor = [(0.25, 0.5, 0.75)] (interpolation = "constant")', "")
     )
-    assert ({s.diffuse_color for s in description.surfaces}, rows(description)) == ({(4, 5, 6)}, {})
+    assert ({s.diffuse_color for s in description.surfaces}, rows(description)) == ({(0.25, 0.5, 0.75)}, {})
 
 
 def test_a_single_instance_keeps_its_color() -> None:

@@ -114,18 +114,18 @@ def test_holes_outside() -> None:
 
 def test_left_handed_faces_turn_with_their_corners() -> None:
     right = cube('int[] primvars:displayColor:indices = [0]\n uniform token orientation = "rightHanded"')
-    values = ", ".join(f"({k}, 0, 0)" for k in range(24))
+    values = ", ".join(f"({k / 32}, 0, 0)" for k in range(24))
     colors = f'color3f[] primvars:displayColor = [{values}] (interpolation = "faceVarying")'
     left = cube(f'uniform token orientation = "leftHanded"\n {colors}')
     assert left.face_points.reshape(-1, 4)[:, [0, 3, 2, 1]].tolist() == right.face_points.reshape(-1, 4).tolist()
     assert left.colors is not None
     assert left.colors.indices is not None
-    assert left.colors.values[left.colors.indices, 0].tolist()[:8] == [0, 3, 2, 1, 4, 7, 6, 5]
+    assert (32 * left.colors.values[left.colors.indices, 0]).tolist()[:8] == [0, 3, 2, 1, 4, 7, 6, 5]
 
 
 def test_repeated_vertices_make_smaller_faces() -> None:
     """A quad with a vertex twice in a row is a triangle; where it comes back later the face goes."""
-    values = ", ".join(f"({k}, 0, 0)" for k in range(12))
+    values = ", ".join(f"({k / 32}, 0, 0)" for k in range(12))
     body = f'color3f[] primvars:displayColor = [{values}] (interpolation = "faceVarying")'
     shape = only(mesh_text([4, 4, 4], [0, 1, 1, 4, 0, 4, 5, 3, 3, 4, 3, 7], body), ("faces-degenerate",))
     assert shape.face_counts.tolist() == [3, 4]
@@ -136,13 +136,15 @@ def test_repeated_vertices_make_smaller_faces() -> None:
 
 
 def test_unusable_faces_are_dropped_and_renumbered() -> None:
-    body = 'int[] holeIndices = [2]\n color3f[] primvars:displayColor = [(1,0,0), (2,0,0), (3,0,0)] (interpolation = "uniform")'
+    body = (
+        'int[] holeIndices = [2]\n color3f[] primvars:displayColor = [(.1,0,0), (.2,0,0), (.5,0,0)] (interpolation = "uniform")'
+    )
     shape = only(mesh_text([4, 4, 4], [0, 1, 4, 3, 0, 1, 99, 3, 1, 2, 5, 4], body), ("faces-dropped",))
     assert shape.face_counts.tolist() == [4, 4]
     assert shape.holes is not None
     assert shape.holes.tolist() == [1]
     assert shape.colors is not None
-    assert shape.colors.values[:, 0].tolist() == [1, 3]
+    assert shape.colors.values[:, 0].tolist() == pytest.approx([0.1, 0.5])
 
 
 def test_nothing_left() -> None:
@@ -161,12 +163,12 @@ def test_nothing_left() -> None:
     ],
 )
 def test_display_color(usd: str, number: int, kind: Interpolation) -> None:
-    values = ", ".join(f"({k}, 0, 0)" for k in range(number))
+    values = ", ".join(f"({k / 32}, 0, 0)" for k in range(number))
     shape = cube(f'color3f[] primvars:displayColor = [{values}] (interpolation = "{usd}")')
     assert shape.colors is not None
     assert shape.colors.interpolation is kind
     rows = shape.colors.values if shape.colors.indices is None else shape.colors.values[shape.colors.indices]
-    assert rows[:, 0].tolist() == list(range(number))
+    assert (32 * rows[:, 0]).tolist() == list(range(number))
     wrong = cube(f'color3f[] primvars:displayColor = [(1, 1, 1), (0, 0, 0)] (interpolation = "{usd}")', ("invalid-primvar",))
     assert wrong.colors is None
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...description import Interpolation, Ints, Primvar, SubdivisionMesh, Surface
 from ..context import Context
-from ..primvars import read_raw_primvar
+from ..primvars import read_display_color
 from ..resolve import ResolvedPrim
 from ..subdivision import Cage, is_closed_cage, on_cage, read_cage
 from ..surface_primvars import cage_primvars
@@ -78,7 +78,7 @@ def _colors(
     prim: ResolvedPrim, found: Cage, varying: np.ndarray[tuple[int], np.dtype[np.bool_]], ctx: Context
 ) -> Primvar | None:
     """displayColor on the faces whose surface takes it (`varying`, (F,)), 1 on those with a colour of their own."""
-    read = read_raw_primvar(prim.prim.GetAttribute("primvars:displayColor"), found.sizes, prim, ctx)
+    read = read_display_color(found.sizes, prim, ctx)
     if read is None or read.values.shape[1] != 3:
         return None
     colors = on_cage("displayColor", read, found)

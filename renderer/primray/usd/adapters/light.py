@@ -17,6 +17,12 @@ from .light_notes import note_ignored_inputs
 
 Color = tuple[float, float, float]
 
+# What more radiance than this would do to single precision, nobody wants to see; of a dome with an image, the product of both.
+BRIGHTEST, BRIGHTEST_TINT = 1e30, 1e15
+# With normalize a light without size has a limit, a point or a line of the same power. It is rendered with this size.
+SMALLEST = 1e-12
+COOLEST_K, HOTTEST_K = 1000.0, 10000.0  # of UsdLux.BlackbodyTemperatureAsRgb
+
 
 def light(prim: ResolvedPrim, world_from_light: Doubles, ctx: Context) -> Light | None:
     """The light at this matrix; None where it emits nothing, with a diagnostic."""
@@ -26,13 +32,29 @@ def light(prim: ResolvedPrim, world_from_light: Doubles, ctx: Context) -> Light 
 
 def _radiance(prim: ResolvedPrim, ctx: Context) -> Color:
     """Before division by the light's size."""
-    r, g, b = vector(prim.prim, "inputs:color", ctx.when, (1.0, 1.0, 1.0), ctx.diagnostics)
+    r, g, b = 1.0, 1.0, 1.0
+    if "inputs:color" in prim.names:
+        r, g, b = vector(prim.prim, "inputs:color", ctx.when, (r, g, b), ctx.diagnostics)
     scale = _number(prim, "inputs:intensity", 1.0, ctx) * _exp2(_number(prim, "inputs:exposure", 0.0, ctx))
-    if flag(prim.prim, "inputs:enableColorTemperature", ctx.when, False):
-        kelvin = _number(prim, "inputs:colorTemperature", 6500.0, ctx)
+    if "inputs:enableColorTemperature" in prim.names and flag(prim.prim, "inputs:enableColorTemperature", ctx.when, False):
+        kelvin = _within(prim, "inputs:colorTemperature", 6500.0, COOLEST_K, HOTTEST_K, ctx)
         tint = UsdLux.BlackbodyTemperatureAsRgb(kelvin)
         r, g, b = r * tint[0], g * tint[1], b * tint[2]
     return (r * scale, g * scale, b * scale)
+
+
+def _emission(prim: ResolvedPrim, emission: Color, brightest: float, ctx: Context) -> Color:
+    """As much of it as can be rendered: light is not negative, and single precision ends."""
+    if min(emission) < 0:
+        ctx.warn("light-input", prim.path, f"Its emission {_shown(emission)} is negative: that is taken as 0.")
+    if max(emission) > brightest:
+        ctx.warn("light-input", prim.path, f"Its emission {_shown(emission)} is taken as no more than {brightest:g}.")
+    r, g, b = (min(max(x, 0.0), brightest) for x in emission)
+    return (r, g, b)
+
+
+def _shown(color: Color) -> str:
+    return f"({color[0]:g}, {color[1]:g}, {color[2]:g})"
 
 
 def _exp2(exposure: float) -> float:
@@ -47,41 +69,61 @@ def _sized(prim: ResolvedPrim, radiance: Color, area: float, ctx: Context) -> Co
     return _over(radiance, area) if _normalizes(prim, ctx) else radiance
 
 
+def _size(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:
+    size = _number(prim, name, default, ctx)
+    if size < 0:
+        ctx.warn("light-input", prim.path, f"{name} = {size:g} is negative: it is taken as {-size:g}.")
+    return max(abs(size), SMALLEST) if _normalizes(prim, ctx) else abs(size)
+
+
+def _has_depth(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> bool:
+    """Whether a light that needs all three axes has them; noted where it has not."""
+    axes = np.linalg.norm(matrix[:3, :3], axis=0)
+    if abs(np.linalg.det(matrix[:3, :3])) > 1e-14 * np.prod(axes):
+        return True
+    ctx.warn("light-dark", prim.path, "Its transform leaves it without depth: it emits nothing.")
+    return False
+
+
 def _sphere(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
-    radius = abs(_number(prim, "inputs:radius", 0.5, ctx))
+    radius = _size(prim, "inputs:radius", 0.5, ctx)
     radiance = _radiance(prim, ctx)
-    area = sphere_area(matrix, radius)
-    if flag(prim.prim, "treatAsPoint", ctx.when, False) or area == 0:
+    area, normalizes = sphere_area(matrix, radius), _normalizes(prim, ctx)
+    if flag(prim.prim, "treatAsPoint", ctx.when, False) or (normalizes and radius <= SMALLEST):
         # The limit of a sphere: I = L pi r^2, a quarter of its area (also an ellipsoid's mean, by Cauchy's formula).
-        if not _normalizes(prim, ctx) and area == 0:
+        if not normalizes and area == 0:
             ctx.warn("light-dark", prim.path, "A sphere light of radius 0 without normalize emits nothing.")
             return None
-        intensity = _times(radiance, 0.25 if _normalizes(prim, ctx) else 0.25 * area)
+        intensity = _times(radiance, 0.25 if normalizes else 0.25 * area)
         return _light(prim, LightType.POINT, matrix, intensity, ctx)
     emission = _sized(prim, radiance, area, ctx)
-    return emission and _light(prim, LightType.SPHERE, matrix, emission, ctx, radius=radius)
+    if emission is None or not _has_depth(prim, matrix, ctx):
+        return None
+    return _light(prim, LightType.SPHERE, matrix, emission, ctx, radius=radius)
 
 
 def _disk(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
-    radius = abs(_number(prim, "inputs:radius", 0.5, ctx))
+    radius = _size(prim, "inputs:radius", 0.5, ctx)
     emission = _sized(prim, _radiance(prim, ctx), disk_area(matrix, radius), ctx)
     return emission and _light(prim, LightType.DISK, matrix, emission, ctx, radius=radius)
 
 
 def _rect(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
-    width, height = abs(_number(prim, "inputs:width", 1.0, ctx)), abs(_number(prim, "inputs:height", 1.0, ctx))
+    width, height = _size(prim, "inputs:width", 1.0, ctx), _size(prim, "inputs:height", 1.0, ctx)
     emission = _sized(prim, _radiance(prim, ctx), rect_area(matrix, width, height), ctx)
     return emission and _light(prim, LightType.RECT, matrix, emission, ctx, width=width, height=height)
 
 
 def _cylinder(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
-    length, radius = abs(_number(prim, "inputs:length", 1.0, ctx)), abs(_number(prim, "inputs:radius", 0.5, ctx))
+    length, radius = _size(prim, "inputs:length", 1.0, ctx), _size(prim, "inputs:radius", 0.5, ctx)
     emission = _sized(prim, _radiance(prim, ctx), cylinder_area(matrix, length, radius), ctx)
-    return emission and _light(prim, LightType.CYLINDER, matrix, emission, ctx, length=length, radius=radius)
+    if emission is None or not _has_depth(prim, matrix, ctx):
+        return None
+    return _light(prim, LightType.CYLINDER, matrix, emission, ctx, length=length, radius=radius)
 
 
 def _distant(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light:
-    angle_deg = min(max(_number(prim, "inputs:angle", 0.53, ctx), 0.0), 360.0)
+    angle_deg = _within(prim, "inputs:angle", 0.53, 0.0, 360.0, ctx)
     radiance = _radiance(prim, ctx)
     if _normalizes(prim, ctx):
         radiance = _over(radiance, distant_size_factor(angle_deg))
@@ -147,16 +189,30 @@ def _light(
     angle_deg: float = 0.0,
     texture: TextureFile | None = None,
 ) -> Light:
-    diffuse, specular = _number(prim, "inputs:diffuse", 1.0, ctx), _number(prim, "inputs:specular", 1.0, ctx)
+    diffuse = _within(prim, "inputs:diffuse", 1.0, 0.0, BRIGHTEST, ctx)
+    specular = _within(prim, "inputs:specular", 1.0, 0.0, BRIGHTEST, ctx)
+    emission = _emission(prim, emission, BRIGHTEST_TINT if texture else BRIGHTEST, ctx)
     return Light(prim.path, kind, matrix, emission, width, height, radius, length, angle_deg, diffuse, specular, texture)
 
 
 def _number(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:
+    # Asking USD takes most of the time of 100,000 lights. Of numbers, intensity alone has other defaults for other lights.
+    if name not in prim.names and name != "inputs:intensity":
+        return default
     return number(prim.prim, name, ctx.when, default, ctx.diagnostics)
 
 
+def _within(prim: ResolvedPrim, name: str, default: float, low: float, high: float, ctx: Context) -> float:
+    """A number in its range; one that is brought there is noted."""
+    found = _number(prim, name, default, ctx)
+    inside = min(max(found, low), high)
+    if inside != found:
+        ctx.warn("light-input", prim.path, f"{name} = {found:g} is outside [{low:g}, {high:g}]: it is taken as {inside:g}.")
+    return inside
+
+
 def _normalizes(prim: ResolvedPrim, ctx: Context) -> bool:
-    return flag(prim.prim, "inputs:normalize", ctx.when, False)
+    return "inputs:normalize" in prim.names and flag(prim.prim, "inputs:normalize", ctx.when, False)
 
 
 def _over(color: Color, divisor: float) -> Color:

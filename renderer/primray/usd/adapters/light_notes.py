@@ -50,20 +50,19 @@ def _matters(name: str, raw: object) -> bool:
 
 
 def _has_cone(prim: ResolvedPrim, ctx: Context) -> bool:
-    """ShapingAPI cuts at 90 degrees by default, which leaves one-sided lights and domes as they are."""
+    """Whether ShapingAPI's cone, 90 degrees by default, would change anything: one-sided lights have no light beyond that."""
     if not any(str(schema) == "ShapingAPI" for schema in prim.prim.GetAppliedSchemas()):
         return False
     angle = read(prim.prim, "inputs:shaping:cone:angle", ctx.when)
-    if prim.type_name in ("DistantLight", "DomeLight", "DomeLight_1"):
-        return False
-    one_sided = prim.type_name in ("RectLight", "DiskLight")
-    limit = 90.0 if one_sided else 180.0
-    return (isinstance(angle, int | float) and angle < limit) or _soft(prim, ctx)
+    if prim.type_name in ("DistantLight", "DomeLight", "DomeLight_1"):  # has no meaning there, so only what is asked for counts
+        return prim.prim.GetAttribute("inputs:shaping:cone:angle").HasAuthoredValue() or _soft(prim, ctx)
+    limit = 90.0 if prim.type_name in ("RectLight", "DiskLight") else 180.0
+    return (isinstance(angle, int | float) and not angle >= limit) or _soft(prim, ctx)
 
 
 def _soft(prim: ResolvedPrim, ctx: Context) -> bool:
     softness = read(prim.prim, "inputs:shaping:cone:softness", ctx.when)
-    return isinstance(softness, int | float) and softness > 0
+    return isinstance(softness, int | float) and softness != 0
 
 
 def _note_linking(light: Usd.Prim, prim: ResolvedPrim, ctx: Context) -> None:

@@ -31,9 +31,9 @@ class _Slot:
 
 
 _SLOTS = {
-    "diffuseColor": _Slot("diffuse_color", (0.18, 0.18, 0.18)),
-    "emissiveColor": _Slot("emissive_color", (0.0, 0.0, 0.0)),
-    "specularColor": _Slot("specular_color", (0.0, 0.0, 0.0)),
+    "diffuseColor": _Slot("diffuse_color", (0.18, 0.18, 0.18), 0.0, 1.0),
+    "emissiveColor": _Slot("emissive_color", (0.0, 0.0, 0.0), 0.0, 1e30),  # as much as the core takes from textures
+    "specularColor": _Slot("specular_color", (0.0, 0.0, 0.0), 0.0, 1.0),
     "metallic": _Slot("metallic", (0.0,), 0.0, 1.0),
     "roughness": _Slot("roughness", (0.5,), 0.0, 1.0),
     "clearcoat": _Slot("clearcoat", (0.0,), 0.0, 1.0),

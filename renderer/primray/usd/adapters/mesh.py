@@ -13,7 +13,7 @@ import numpy.typing as npt
 from ...description import Floats, Ints, Mesh, SubdivisionMesh
 from ..context import Context
 from ..normals import read_normals, shading_normals
-from ..primvars import Sizes, is_per_point, per_corner, read_primvar
+from ..primvars import Sizes, is_per_point, per_corner, read_display_vectors
 from ..read import token
 from ..resolve import ResolvedPrim
 from ..seam_mesh import Values, keep_triangles, seam_mesh
@@ -127,7 +127,7 @@ def _normals(prim: ResolvedPrim, points: Floats, triangles: Triangles, sizes: Si
 
 
 def _colors(prim: ResolvedPrim, geometry: Geometry, ctx: Context) -> Values | None:
-    primvar = read_primvar(prim.prim.GetAttribute("primvars:displayColor"), geometry.sizes, prim, ctx)
+    primvar = read_display_vectors(geometry.sizes, prim, ctx)
     if primvar is None:
         return None
     if primvar.interpolation == "uniform":
@@ -173,7 +173,7 @@ def _subset_colors(
     """Per corner: displayColor on triangles whose surface takes it (`varying`, (T,)), 1 on those with a colour of their own."""
     if not (varying & visible).any():
         return None
-    primvar = read_primvar(prim.prim.GetAttribute("primvars:displayColor"), geometry.sizes, prim, ctx)
+    primvar = read_display_vectors(geometry.sizes, prim, ctx)
     if primvar is None:
         return None
     colors = per_corner(primvar, geometry.triangles).copy()

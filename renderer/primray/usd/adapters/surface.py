@@ -13,6 +13,7 @@ from pxr import Usd, UsdGeom
 
 from ...description import Input, PrimvarInput, Surface
 from ..context import Context
+from ..primvars import note_clamped_color
 from ..read import read
 from ..resolve import ResolvedPrim
 from .material import Material, material
@@ -103,7 +104,10 @@ def _constant_color(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, flo
         if "primvars:displayColor" in prim.names and not _is_empty(prim, ctx):
             ctx.warn("invalid-primvar", prim.path, "primvars:displayColor is not a usable colour: the fallback grey is used.")
         return FALLBACK_COLOR
-    return prim.inherited.color
+    r, g, b = (min(max(x, 0.0), 1.0) for x in prim.inherited.color)
+    if (r, g, b) != tuple(prim.inherited.color):
+        note_clamped_color("primvars:displayColor is", prim, ctx)
+    return (r, g, b)
 
 
 def _is_empty(prim: ResolvedPrim, ctx: Context) -> bool:
