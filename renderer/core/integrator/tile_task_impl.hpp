@@ -208,10 +208,13 @@ class TilePaths {
     if (scene_.has_emission) gathered += select(hit, emitted(hit, hits, it, rows, p), V(F(0.0f)));
     add(active, p.slot, p.beta * gathered);
 
-    // Scatter, on the side of the surface where the ray came from.
-    const B scatters = hit & ((p.depth < I(settings_.max_depth)) | B(scene_.has_thin));
-    if (!any(scatters)) return;
+    // Scatter, on the side of the surface where the ray came from. Where rounding hides which that is, the path ends: taking
+    // the wrong one lets light through closed surfaces at their edges. Such hits are seen edge-on, or lie behind the ray's
+    // start (Embree's distance is wrong where the start is almost in the triangle's plane; the point is not).
     const V wo = -p.ray.d;
+    const B certain = (abs(dot(it.ng, wo)) > it.edge_on) & (dot(it.p - p.ray.o, p.ray.d) > it.offset * 0.25f);
+    const B scatters = hit & certain & ((p.depth < I(settings_.max_depth)) | B(scene_.has_thin));
+    if (!any(scatters)) return;
     const B front = dot(it.ng, wo) > F(0.0f);
     const F side = select(front, F(1.0f), F(-1.0f));
     const V ng = it.ng * side;
