@@ -63,7 +63,9 @@ def test_instances_look_like_the_mesh() -> None:
     sun = LIGHTS["a distant light"]
     stretched = translation(0.1, 0, 0) @ rotation((3, 1, 2), 40) @ scaling(1, 0.5, -1.2)
     plain = picture(camera_prim(EYE, 0.14) + sun + ball(8, 14, matrix=stretched), (48, 48), 16, max_depth=1)
-    copies = prim("Xform", "copies", place(stretched), prim("Xform", "a", ball(8, 14)).replace('"a"', '"a" (instanceable = true)'))
+    copies = prim(
+        "Xform", "copies", place(stretched), prim("Xform", "a", ball(8, 14)).replace('"a"', '"a" (instanceable = true)')
+    )
     instanced = picture(camera_prim(EYE, 0.14) + sun + copies, (48, 48), 16, max_depth=1)
     assert np.mean(np.abs(plain.pixels - instanced.pixels)) < 1e-3 * plain.pixels[..., :3].max()
 

@@ -10,11 +10,15 @@
 
 namespace primray {
 
+// Points are lifted by this many offsets or not at all: nearer to a vertex, rounding decides whether such rays meet the
+// triangles around it, and from which side. Finer meshes lose nothing that could be seen.
+constexpr float kLeastLift = 64;
+
 // Which of the rays along `wi` from the hits `m`, all on smooth triangles, may start at their point plus `shift`. `ng` is on
 // the side where the path came from.
 template <int W>
-PRIMRAY_INLINE vbool<W> lift_to_smooth(const Scene& scene, vbool<W> m, const Hits<W>& h, const vvec3<W>& ng, const vvec3<W>& wi,
-                                       vvec3<W>& shift) {
+PRIMRAY_INLINE vbool<W> lift_to_smooth(const Scene& scene, vbool<W> m, const Hits<W>& h, vfloat<W> offset, const vvec3<W>& ng,
+                                       const vvec3<W>& wi, vvec3<W>& shift) {
   using F = vfloat<W>;
   const SurfacePoint<W> at(scene, m, h);
   vvec3<W> n[3];
@@ -38,7 +42,7 @@ PRIMRAY_INLINE vbool<W> lift_to_smooth(const Scene& scene, vbool<W> m, const Hit
     shift = shift - unit * (min(dot(from[k], unit), 0.0f) * b[k]);
   }
   // What bends a normal further, as normal maps do, does not move the surface.
-  return m & at.is_triangle & (dot(ns, wi) * side > F(0.0f)) & (dot(shift, ng) > F(0.0f));
+  return m & at.is_triangle & (dot(ns, wi) * side > F(0.0f)) & (dot(shift, ng) > offset * kLeastLift);
 }
 
 }  // namespace primray

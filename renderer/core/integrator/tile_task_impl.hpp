@@ -291,7 +291,7 @@ class TilePaths {
   // may stand on the way there, or light would come through it.
   B start_lifted(B below, const Vertex& v, const V& wi, V& o) {
     V shift;
-    B lifted = lift_to_smooth(scene_, below, v.hits, v.ng, wi, shift);
+    B lifted = lift_to_smooth(scene_, below, v.hits, v.it.offset, v.ng, wi, shift);
     if (!any(lifted)) return lifted;
     const V from = v.it.p + v.ng * v.it.offset;
     const F far = length(shift);
