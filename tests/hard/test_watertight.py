@@ -6,8 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from tests.described import Doubles, describe, kernels, lambert, look_at, mesh, rotation, scaling, translation
+from tests.described import describe, kernels, lambert, look_at, mesh, rotation, scaling, translation
 from tests.hard.mesh_stages import camera_prim, mesh_prim, picture, place, prim
+
+from primray.description import Doubles
 
 Measured = Callable[[str], None]
 
@@ -142,7 +144,7 @@ def test_exactly_along_an_edge(window: float, most: float, measured: Measured) -
     """The sign by which the ray passes the edge is rounding for all of its length, and at its end a third face takes part."""
     m = PLACES["turned"]
     box = describe([(mesh(CUBE, TRIANGLES), m)], [lambert(0.5)]).build()
-    film = look_at(*((m @ np.array([x, 0.7, 0.7, 1]))[:3] for x in (4, 0)), (0.3, 1, 0.2))
+    film = look_at((m @ np.array([4, 0.7, 0.7, 1]))[:3], (m @ np.array([0, 0.7, 0.7, 1]))[:3], (0.3, 1, 0.2))
     xy = np.random.default_rng(1).uniform(-window, window, (1_000_000, 2))
     d = np.tile(-film[:3, 2], (len(xy), 1)).astype(np.float32)
     hits = kernels().intersect(box, film[:3, 3] + xy @ film[:3, :2].T, d)
