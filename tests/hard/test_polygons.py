@@ -87,9 +87,7 @@ POLYGONS: dict[str, Callable[[], Doubles]] = {
     "every corner three times": lambda: np.repeat(comb(5), 3, axis=0),
     "ten corners on each side": lambda: on_sides(star(5, 0.4), 10),
     "a spike out and back": lambda: np.insert(square(0.8), 2, np.array([[0.8, 0], [0.99, 0], [0.8, 0]]), axis=0),
-    "spikes inwards": lambda: np.insert(
-        square(0.9), 2, [[0.9, 0], [0, 0], [0.9, 0], [0.9, 0.3], [-0.5, 0.3], [0.9, 0.3]], axis=0
-    ),
+    "spikes inwards": with_spikes,
 }
 
 

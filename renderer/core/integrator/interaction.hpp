@@ -13,6 +13,7 @@ struct Interaction {
   vvec3<W> p, ng, ns;  // ng outwards as authored, ns on its side
   vfloat<W> offset;
   vfloat<W> edge_on;  // below this cosine it cannot be told which side of the surface a ray comes from
+  vbool<W> on_edge;   // of a triangle, to rounding: it may have been missed, and its neighbour beyond been met
   vint<W> surface;
   vint<W> mesh, triangle, sphere;  // where the hit is one: row of the MeshTable and triangle of the scene, or sphere
   vvec3<W> color;                  // multiplies the diffuse albedo
@@ -25,6 +26,8 @@ constexpr float kOffsetUlps = 16 * 0x1p-24f;
 // Rounding of a normal's direction: some ulps, times |e1| |e2| / |e1 x e2| for thin triangles; beyond that thin, light may
 // come through rather than slivers be black.
 constexpr float kNormalUlps = 4 * 0x1p-24f, kThinnest = 64;
+// Embree takes hits that lie outside a triangle by 2^-23 of it; twice that, since the third coordinate is rounded again.
+constexpr float kEdge = 0x1p-22f;
 
 // Rows of normals or colours at the three corners of triangles.
 template <int W>
@@ -106,6 +109,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   }
   vvec3<W> ng = cross(e1, e2);
   vfloat<W> reach = max(max_component(abs(p)), max(max_component(abs(e1)), max_component(abs(e2))));
+  r.on_edge = is_triangle & (min(min(h.u, h.v), 1.0f - h.u - h.v) < kEdge);
   r.edge_on = min(max(length(e1) * length(e2) / length(ng), 1.0f), kThinnest) * kNormalUlps;
   if (any_sphere) ng = select(is_sphere, sphere_normal, ng);
   r.p = p;

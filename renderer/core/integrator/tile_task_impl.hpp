@@ -210,12 +210,15 @@ class TilePaths {
 
     // Scatter, on the side of the surface where the ray came from. Where rounding hides which that is, the path ends: taking
     // the wrong one lets light through closed surfaces at their edges. Such hits are seen edge-on, or lie behind the ray's
-    // start (Embree's distance is wrong where the start is almost in the triangle's plane; the point is not).
+    // start (Embree's distance is wrong where the start is almost in the triangle's plane; the point is not), or on the edge
+    // of a triangle's back, past the outline of a body that the ray has missed.
     const V wo = -p.ray.d;
-    const B certain = (abs(dot(it.ng, wo)) > it.edge_on) & (dot(it.p - p.ray.o, p.ray.d) > it.offset * 0.25f);
+    const F facing = dot(it.ng, wo);
+    const B certain =
+        (abs(facing) > it.edge_on) & (dot(it.p - p.ray.o, p.ray.d) > it.offset * 0.25f) & ((facing > F(0.0f)) | !it.on_edge);
     const B scatters = hit & certain & ((p.depth < I(settings_.max_depth)) | B(scene_.has_thin));
     if (!any(scatters)) return;
-    const B front = dot(it.ng, wo) > F(0.0f);
+    const B front = facing > F(0.0f);
     const F side = select(front, F(1.0f), F(-1.0f));
     const V ng = it.ng * side;
     // A shading normal that faces away from the viewer cannot be seen: use the true one.
