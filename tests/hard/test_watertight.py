@@ -93,7 +93,7 @@ def test_no_light_leaves(box: str, where: str) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("where", PLACES)
-@pytest.mark.parametrize("box", ["quads", "triangles", "smooth normals", "a smooth cage"])
+@pytest.mark.parametrize("box", ["quads", "triangles", "smooth normals"])
 @pytest.mark.hard_case(
     "Meshes",
     "a closed box with a bright light inside, seen all over and exactly along its edges: %s",

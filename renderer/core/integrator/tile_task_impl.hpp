@@ -19,6 +19,8 @@ namespace primray {
 constexpr float kLobeSpread = 0.0705236979f;
 // Below this cosine the area that a cone cuts out of a surface is taken as no larger.
 constexpr float kGrazing = 0.05f;
+// How far inside a triangle, of the way to its middle, a hit on its edge is looked at again.
+constexpr float kWithin = 0x1p-12f;
 
 template <int W>
 PRIMRAY_INLINE vbool<W> has_inputs(const Scene& scene, vint<W> surface) {
@@ -211,11 +213,11 @@ class TilePaths {
     // Scatter, on the side of the surface where the ray came from. Where rounding hides which that is, the path ends: taking
     // the wrong one lets light through closed surfaces at their edges. Such hits are seen edge-on, or lie behind the ray's
     // start (Embree's distance is wrong where the start is almost in the triangle's plane; the point is not), or on the edge
-    // of a triangle's back, past the outline of a body that the ray has missed.
+    // of a triangle's back whose inside the ray would not see: it came in past the outline of a body.
     const V wo = -p.ray.d;
     const F facing = dot(it.ng, wo);
-    const B certain =
-        (abs(facing) > it.edge_on) & (dot(it.p - p.ray.o, p.ray.d) > it.offset * 0.25f) & ((facing > F(0.0f)) | !it.on_edge);
+    B certain = (abs(facing) > it.edge_on) & (dot(it.p - p.ray.o, p.ray.d) > it.offset * 0.25f);
+    if (const B back = hit & it.on_edge & !(facing > F(0.0f)); any(back)) certain &= !back | sees_within(back, p, hits, it);
     const B scatters = hit & certain & ((p.depth < I(settings_.max_depth)) | B(scene_.has_thin));
     if (!any(scatters)) return;
     const B front = facing > F(0.0f);
@@ -288,6 +290,17 @@ class TilePaths {
       s.wi = select(near, to * (1.0f / t), s.wi), s.t = select(near, t, s.t);
     }
     if (any(useful)) w_.shadows.append(useful, o, s.wi, s.t * kNearlyOne, carried, p.slot);
+  }
+
+  // Whether a ray that met the edge of a triangle also meets it a little further inside.
+  B sees_within(B m, const PathLanes<W>& p, const Hits<W>& h, const Interaction<W>& it) {
+    const SurfacePoint<W> at(scene_, m, h);
+    const V to = it.p + (at.e1 * (1.0f / 3 - at.u) + at.e2 * (1.0f / 3 - at.v)) * kWithin - p.ray.o;
+    const Rays<W> rays{p.ray.o, normalize(to), F(0.0f), F(kInfinity)};
+    if (recorder_) recorder_->record(false, false, m, rays);
+    w_.scattered_rays += __builtin_popcount(bits(m));
+    const Hits<W> seen = intersect_single(scene_.accel(), m, rays);
+    return m & (seen.geom == h.geom) & (seen.prim == h.prim) & (seen.inst == h.inst) & (seen.inst_prim == h.inst_prim);
   }
 
   // Which rays along `wi` of lanes `below`, smooth ones and below the triangle's plane, go out all the same: from `o`. Nothing
