@@ -116,7 +116,7 @@ def test_a_stage_may_not_ask_for_more() -> None:
         primray.render(stage_of(DOME), RenderSettings(resolution=(100_000, 0), spp=1))
 
 
-@pytest.mark.parametrize("size", [(0, 0), (-1, 5), (5, -1), (1.5, 2), (float("nan"), 2)])
+@pytest.mark.parametrize("size", [(0, 0), (-1, 5), (5, -1), (1.5, 2), (float("nan"), 2)], ids=str)
 @pytest.mark.hard_case("Images", "a resolution of %s", expected="an error that says what it may be")
 def test_impossible_sizes(size: tuple[int, int], measured: Measured) -> None:
     with pytest.raises(SettingsError, match="resolution"):
