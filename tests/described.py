@@ -77,7 +77,7 @@ def rotation(axis: Sequence[float] | Doubles, angle_deg: float) -> Doubles:
     return m
 
 
-def look_at(eye: Sequence[float], target: Sequence[float], up: Sequence[float] = (0, 1, 0)) -> Doubles:
+def look_at(eye: Sequence[float] | Doubles, target: Sequence[float] | Doubles, up: Sequence[float] = (0, 1, 0)) -> Doubles:
     """A camera's matrix: -z towards the target."""
     z = np.subtract(eye, target) / np.linalg.norm(np.subtract(eye, target))
     x = np.cross(up, z)

@@ -66,7 +66,8 @@ CODES: dict[str, Code] = {
     ),
     "invalid-mesh": Code(Severity.ERROR, "A mesh whose topology cannot be used: it is missing from the picture."),
     "faces-dropped": Code(
-        Severity.ERROR, "Faces with invalid indices, too few vertices or points that are not finite are missing."
+        Severity.ERROR,
+        "Faces with invalid indices, too few vertices or points that are not finite (or beyond 1e37) are missing.",
     ),
     "faces-degenerate": Code(Severity.INFO, "Faces without area were left out; the picture is the same without them."),
     "invalid-primvar": Code(Severity.WARNING, "A primvar or normals with the wrong number of values or bad indices: ignored."),
@@ -130,6 +131,12 @@ CODES: dict[str, Code] = {
         "The stage has no light and nothing that emits: a white dome and a key light are added.",
     ),
     "singular-transform": Code(Severity.ERROR, "Instances whose matrix has no inverse (a scale of 0) are missing."),
+    "too-far": Code(
+        Severity.ERROR, "Geometry too large or too far away for floats (1e18 times the rest of the scene) is missing."
+    ),
+    "far-edges": Code(
+        Severity.WARNING, "Triangles reach so far beyond what is usual in the scene that floats blur their edges."
+    ),
     "emitters-unsampled": Code(Severity.INFO, "More than 262,144 instances emit: beyond, rays find them by chance (noise)."),
     "invalid-samples": Code(Severity.WARNING, "Samples that came out infinite or not a number are left out of the picture."),
     "texture-bad-texels": Code(

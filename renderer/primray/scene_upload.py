@@ -27,6 +27,7 @@ from .description import (
     Surface,
     TextureFile,
 )
+from .far_geometry import FARTHEST, OUTLYING, FarInstances, Flags, near_triangles, usual_boxes, usual_union
 from .placement import Box, placed_box, transformed_box, transformed_boxes
 from .surface_upload import MutableTextures, SurfaceUpload, Textures, is_cutout, is_hole
 
@@ -42,10 +43,6 @@ LIGHT_NUMBERS = {
 }
 # Order of Attribute in scene/scene.hpp.
 NONE, PER_TRIANGLE, PER_VERTEX, PER_CORNER = range(4)
-
-# What lies further from the camera than the nearest shape, or the usual instance, by this does not count for the scale of all:
-# in floats the rest would be too small to be hit (products of three lengths below 1e-38).
-OUTLYING = 2.0**24
 
 NO_FLOATS = np.zeros((0, 3), np.float32)
 NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
@@ -65,25 +62,28 @@ def upload(
     """
     d = description
     shapes = list(d.shapes) if shapes is None else shapes
-    boxes = shape_boxes(core, shapes)
+    full_boxes = shape_boxes(core, shapes)
+    boxes = usual_boxes(full_boxes, shapes)
     prototype_boxes = boxes_of_prototypes(d, boxes)
     origin = d.camera.world_from_camera[:3, 3]
-    builder = core.SceneBuilder(origin, power_of_two_scale(scene_reach(d, boxes, prototype_boxes, origin)))
+    scale = power_of_two_scale(scene_reach(d, boxes, prototype_boxes, origin))
+    builder = core.SceneBuilder(origin, scale)
     inputs = SurfaceUpload(builder, textures)
     builder.reserve_triangles(*points_and_triangles(shapes))
-    handing = ShapeUpload(builder, inputs, inputs.add_surfaces(d.surfaces), shapes)
-    handing.add(d.static)
     warnings: list[tuple[str, str, str]] = []
+    handing = ShapeUpload(builder, inputs, inputs.add_surfaces(d.surfaces), shapes, full_boxes, warnings)
+    handing.add(d.static, origin, scale)
     builder.reserve_instances(sum(map(len, [*d.placements, *(p for proto in d.prototypes for p in proto.placements)])))
     numbers: dict[int, int] = {}
     placements = PlacementUpload(builder, inputs, d, numbers, warnings)
     # Prototypes of placements last: what they place has its number by then.
     for i, proto in sorted(enumerate(d.prototypes), key=lambda item: bool(item[1].placements)):
         low, high = prototype_boxes[i]
-        numbers[i] = builder.begin_prototype((low + high) / 2, power_of_two_scale(float(np.max(high - low)) / 2))
-        handing.add(proto.shapes)
-        placements.add(proto.placements, numbers[i])
-    placements.add(d.placements, 0)
+        center, unit = (low + high) / 2, power_of_two_scale(float(np.max(high - low)) / 2)
+        numbers[i] = builder.begin_prototype(center, unit)
+        handing.add(proto.shapes, center, unit)
+        placements.add(proto.placements, numbers[i], center, unit, prototype_boxes)
+    placements.add(d.placements, 0, origin, scale, prototype_boxes)
     for light in d.lights:
         builder.add_light(
             LIGHT_NUMBERS[light.type],
@@ -118,25 +118,36 @@ class PlacementUpload:
     numbers: Mapping[int, int]  # the core's, by prototype
     warnings: list[tuple[str, str, str]]
 
-    def add(self, placements: Sequence[Placement], parent: int) -> None:
+    def add(
+        self, placements: Sequence[Placement], parent: int, center: Doubles, scale: float, prototype_boxes: Sequence[Box]
+    ) -> None:
         """Into the group `parent`, 0 being the world."""
         for placement in placements:
-            left_out = add_placement(self.builder, placement, parent, self.numbers[placement.prototype])
+            path = self.description.prototypes[placement.prototype].path
+            box = prototype_boxes[placement.prototype]
+            with np.errstate(over="ignore", invalid="ignore"):
+                reach = _reach(placed_box(placement.levels, box), center) * scale
+            far = None if reach < FARTHEST else FarInstances(box, center, FARTHEST / scale)
+            left_out = add_placement(self.builder, placement, parent, self.numbers[placement.prototype], far)
             for name, _, width, values in self.inputs.primvars(placement.primvars):
                 kept = np.delete(values, left_out, axis=0) if len(left_out) else values
                 self.builder.add_placement_primvar(name, width, kept)
-            if len(left_out):
-                path = self.description.prototypes[placement.prototype].path
-                message = f"{len(left_out)} instances have a singular or non-finite matrix and are left out"
+            gone = far.count(placement) if far else 0
+            if gone:
+                self.warnings.append(("too-far", path, f"{gone} instances are too large or too far away to be drawn"))
+            if len(left_out) > gone:
+                message = f"{len(left_out) - gone} instances have a singular or non-finite matrix and are left out"
                 self.warnings.append(("singular-transform", path, message))
 
 
-def add_placement(builder: Any, placement: Placement, parent: int, prototype: int) -> npt.NDArray[np.int64]:
+def add_placement(
+    builder: Any, placement: Placement, parent: int, prototype: int, far: FarInstances | None = None
+) -> npt.NDArray[np.int64]:
     """Which of its instances are left out: the core has no row for them."""
     builder.begin_placement(parent, prototype)
     left_out, start = [np.zeros(0, np.int64)], 0
     for rows in placement.chunks():
-        left_out.append(builder.add_instances(rows) + start)
+        left_out.append(builder.add_instances(rows if far is None else far.removed(rows)) + start)
         start += len(rows)
     builder.end_placement()
     return np.concatenate(left_out)
@@ -187,27 +198,64 @@ class Part:
 class ShapeUpload:
     """Shapes for the builder's current group: its cut-outs after its other meshes, as the core wants them."""
 
-    def __init__(self, builder: Any, inputs: SurfaceUpload, surfaces: Sequence[Surface], shapes: Sequence[Shape]) -> None:
+    def __init__(
+        self,
+        builder: Any,
+        inputs: SurfaceUpload,
+        surfaces: Sequence[Surface],
+        shapes: Sequence[Shape],
+        boxes: Doubles,  # of all their points
+        warnings: list[tuple[str, str, str]],
+    ) -> None:
         self._builder = builder
         self._inputs = inputs
         self._shapes = shapes
+        self._boxes = boxes
+        self._warnings = warnings
         self._cutout = np.array([is_cutout(s) for s in surfaces], bool)
         self._hole = np.array([is_hole(s) for s in surfaces], bool)
         self._alone = np.arange(len(surfaces), dtype=np.int32)[:, None]  # of meshes that have one
 
-    def add(self, placed: Sequence[Placed]) -> None:
-        for p in placed:
+    def add(self, placed: Sequence[Placed], center: Doubles, scale: float) -> None:
+        """Into the current group, whose lengths are `scale` times those from `center`."""
+        near = self._near(placed, center, scale)
+        for i, p in enumerate(placed):
             shape = self._shapes[p.shape]
             if isinstance(shape, Mesh):
-                self._add_part(shape, matrix(p.matrix), cutout=False)
-            elif isinstance(shape, Sphere):
-                self._add_sphere(shape, matrix(p.matrix))
-            else:
+                self._add_part(shape, matrix(p.matrix), near.get(i), cutout=False)
+            elif not isinstance(shape, Sphere):
                 raise ValueError(f"{shape.path} is not diced")
-        for p in placed if self._cutout.any() else []:
+            elif i not in near:
+                self._add_sphere(shape, matrix(p.matrix))
+        for i, p in enumerate(placed) if self._cutout.any() else []:
             shape = self._shapes[p.shape]
             if isinstance(shape, Mesh):
-                self._add_part(shape, matrix(p.matrix), cutout=True)
+                self._add_part(shape, matrix(p.matrix), near.get(i), cutout=True)
+
+    def _near(self, placed: Sequence[Placed], center: Doubles, scale: float) -> dict[int, Flags]:
+        """By number, of shapes that are too far away in part: the triangles that are not. Notes what is."""
+        if not placed:
+            return {}
+        own = self._boxes[[p.shape for p in placed]]
+        with np.errstate(over="ignore", invalid="ignore"):
+            low, high = transformed_boxes(np.array([p.matrix for p in placed]), own[:, 0], own[:, 1])
+            reach = np.maximum(np.abs(low - center), np.abs(high - center)).max(axis=1) * scale
+        near: dict[int, Flags] = {}
+        for i in np.flatnonzero(~(reach < OUTLYING)).tolist():
+            shape = self._shapes[placed[i].shape]
+            if isinstance(shape, Mesh):
+                kept, blurred = near_triangles(shape, core_from_object(placed[i].matrix, center, scale))
+                if not kept.all():
+                    near[i] = kept
+                    lost = f"{int((~kept).sum())} of {len(kept)} triangles are too large or too far away to be drawn"
+                    self._warnings.append(("too-far", shape.path, lost))
+                if blurred:
+                    message = f"{blurred} of {len(kept)} triangles reach so far that floats blur their edges"
+                    self._warnings.append(("far-edges", shape.path, message))
+            elif not reach[i] < FARTHEST:
+                near[i] = np.zeros(0, bool)
+                self._warnings.append(("too-far", shape.path, "The sphere is too large or too far away to be drawn"))
+        return near
 
     def _add_sphere(self, sphere: Sphere, world_from_object: npt.NDArray[np.float64]) -> None:
         if self._hole[sphere.surface]:
@@ -216,13 +264,16 @@ class ShapeUpload:
         for name, _, width, values in self._inputs.primvars(sphere.primvars):
             self._builder.add_sphere_primvar(name, width, values)
 
-    def _add_part(self, mesh: Mesh, world_from_object: npt.NDArray[np.float64], *, cutout: bool) -> None:
+    def _add_part(self, mesh: Mesh, world_from_object: npt.NDArray[np.float64], near: Flags | None, *, cutout: bool) -> None:
         if isinstance(mesh.surface, int):
             if self._cutout[mesh.surface] == cutout and not self._hole[mesh.surface]:
-                self._add_mesh(whole(mesh, self._alone[mesh.surface]), world_from_object, cutout)
+                part = whole(mesh, self._alone[mesh.surface])
+                self._add_mesh(part if near is None else part_of(part, near), world_from_object, cutout)
             return
         surfaces = np.atleast_1d(np.asarray(mesh.surface, np.int32))
         wanted = (self._cutout[surfaces] == cutout) & ~self._hole[surfaces]
+        if near is not None:
+            wanted &= near
         if not wanted.any():
             return
         part = whole(mesh, surfaces) if wanted.all() else part_of(whole(mesh, surfaces), wanted)
@@ -234,6 +285,12 @@ class ShapeUpload:
         )  # fmt: skip
         for name, number, width, values in self._inputs.primvars(part.primvars):
             self._builder.add_mesh_primvar(name, number, width, values)
+
+
+def core_from_object(world_from_object: Doubles, center: Doubles, scale: float) -> Doubles:
+    m = world_from_object * scale
+    m[:3, 3] -= center * scale
+    return m
 
 
 def whole(mesh: Mesh, surfaces: Ints) -> Part:
@@ -258,7 +315,7 @@ def part_of(p: Part, wanted: npt.NDArray[np.bool_]) -> Part:
     return replace(
         p,
         triangles=np.ascontiguousarray(p.triangles[wanted]),
-        surfaces=p.surfaces[wanted],
+        surfaces=p.surfaces[wanted] if len(p.surfaces) == len(wanted) else p.surfaces,
         normals=values(p.normals),
         colors=values(p.colors),
         primvars=tuple(primvar(v) for v in p.primvars),
@@ -302,7 +359,7 @@ def points_and_triangles(shapes: Sequence[Shape]) -> tuple[int, int]:
 def boxes_of_prototypes(d: SceneDescription, boxes: Doubles) -> list[Box]:
     """Each in its own space."""
     leaves = [
-        union([transformed_box(p.matrix, (boxes[p.shape, 0], boxes[p.shape, 1])) for p in proto.shapes])
+        usual_union(np.array([transformed_box(p.matrix, (boxes[p.shape, 0], boxes[p.shape, 1])) for p in proto.shapes]))
         for proto in d.prototypes
     ]
     return [

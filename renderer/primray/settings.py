@@ -34,7 +34,8 @@ DEFAULT_DICING_RATE = 4.0
 PURPOSES = ("default", "render", "proxy", "guide")  # UsdGeomImageable's
 
 # Beyond these a request is a mistake or an attack, not a picture.
-MAX_RESOLUTION = 65536
+MAX_RESOLUTION = 2**17  # a side: in floats a pixel beyond is known to less than its 128th part
+MAX_PIXELS = 2**28
 MAX_SPP = 2**24
 DEFAULT_SPP = 64
 # Samples a pixel that stand together: each replicate takes one of them. Ranges of samples begin and end between blocks.
@@ -152,7 +153,13 @@ class RenderSettings:
 def _check_resolution(width: int, height: int) -> None:
     whole = _is_whole(width) and _is_whole(height) and min(width, height) >= 0 and max(width, height) > 0
     _require(whole, f"the resolution must be whole pixels above 0 (one of them 0: by the aspect), not {width} x {height}")
-    _limit(max(width, height) <= MAX_RESOLUTION, f"{width} x {height} pixels: {MAX_RESOLUTION} a side are allowed")
+    limit_pixels(width, height)
+
+
+def limit_pixels(width: int, height: int, where: str = "") -> None:
+    """LimitError if an image of this size is too large; `where`: who asks for it."""
+    fits = max(width, height) <= MAX_RESOLUTION and width * height <= MAX_PIXELS
+    _limit(fits, f"{width} x {height} pixels: {MAX_RESOLUTION} a side and {MAX_PIXELS} in all are allowed", where)
 
 
 def _is_whole(value: object) -> bool:
@@ -164,6 +171,6 @@ def _require(holds: bool, sentence: str) -> None:
         raise SettingsError(sentence)
 
 
-def _limit(holds: bool, sentence: str) -> None:
+def _limit(holds: bool, sentence: str, where: str = "") -> None:
     if not holds:
-        raise LimitError(sentence)
+        raise LimitError(sentence, where=where)

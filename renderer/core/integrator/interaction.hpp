@@ -12,14 +12,39 @@ template <int W>
 struct Interaction {
   vvec3<W> p, ng, ns;  // ng outwards as authored, ns on its side
   vfloat<W> offset;
+  vfloat<W> edge_on;  // below this cosine it cannot be told which side of the surface a ray comes from
+  vbool<W> on_edge;   // of a triangle, to rounding: it may have been missed, and its neighbour beyond been met
   vint<W> surface;
   vint<W> mesh, triangle, sphere;  // where the hit is one: row of the MeshTable and triangle of the scene, or sphere
   vvec3<W> color;                  // multiplies the diffuse albedo
+  vbool<W> smooth;                 // ns is interpolated from normals
 };
 
 // Multiples of 2^-24 times the largest coordinate involved. Barycentric interpolation, the instance's transform and its inverse
 // in Embree each round a few times; 16 is a choice with room for that, neither derived nor the smallest that works.
 constexpr float kOffsetUlps = 16 * 0x1p-24f;
+// Rounding of a normal's direction: some ulps, times |e1| |e2| / |e1 x e2| for thin triangles; beyond that thin, light may
+// come through rather than slivers be black.
+constexpr float kNormalUlps = 4 * 0x1p-24f, kThinnest = 64;
+// Embree takes hits that lie outside a triangle by 2^-23 of it, and more where its signs are rounded: with 2^-22, 1 of 2e7 rays
+// at closed boxes still came in past an outline, with this none of 1e8.
+constexpr float kEdge = 0x1p-19f;
+
+// Rows of normals or colours at the three corners of triangles.
+template <int W>
+PRIMRAY_INLINE void gather_corners(const Scene& scene, vbool<W> lanes, vint<W> mesh, vint<W> triangle, const vint<W> corner[3],
+                                   const float* data, vint<W> kind, vint<W> base, vvec3<W> value[3]) {
+  const MeshTable& t = scene.meshes;
+  // Vertex values are counted within the mesh's vertices, triangle and corner values within its triangles.
+  const vint<W> local_triangle = triangle - gather<W>(t.triangle_base.data(), mesh),
+                first_vertex = gather<W>(t.vertex_base.data(), mesh);
+  const vbool<W> by_vertex = kind == vint<W>(int(Attribute::kVertex)), by_corner = kind == vint<W>(int(Attribute::kCorner));
+  for (int k = 0; k < 3; ++k) {
+    const vint<W> i = select(by_vertex, corner[k] - first_vertex,
+                             select(by_corner, local_triangle * vint<W>(3) + vint<W>(k), local_triangle));
+    value[k] = gather_vec3<W>(data, select(lanes, base + i * vint<W>(3), vint<W>(0)));
+  }
+}
 
 template <int W>
 PRIMRAY_INLINE void add_attributes(const Scene& scene, vbool<W> m, vint<W> mesh, vint<W> triangle, const vint<W> corner[3],
@@ -27,16 +52,8 @@ PRIMRAY_INLINE void add_attributes(const Scene& scene, vbool<W> m, vint<W> mesh,
   const MeshTable& t = scene.meshes;
   const vfloat<W> b0 = 1.0f - h.u - h.v;
   const auto interpolate = [&](const float* data, vint<W> kind, vint<W> base, vbool<W> lanes) {
-    // Vertex values are counted within the mesh's vertices, triangle and corner values within its triangles.
-    const vint<W> local_triangle = triangle - gather<W>(t.triangle_base.data(), mesh),
-                  first_vertex = gather<W>(t.vertex_base.data(), mesh);
-    const vbool<W> by_vertex = kind == vint<W>(int(Attribute::kVertex)), by_corner = kind == vint<W>(int(Attribute::kCorner));
     vvec3<W> value[3];
-    for (int k = 0; k < 3; ++k) {
-      const vint<W> i = select(by_vertex, corner[k] - first_vertex,
-                               select(by_corner, local_triangle * vint<W>(3) + vint<W>(k), local_triangle));
-      value[k] = gather_vec3<W>(data, select(lanes, base + i * vint<W>(3), vint<W>(0)));
-    }
+    gather_corners(scene, lanes, mesh, triangle, corner, data, kind, base, value);
     return value[0] * b0 + value[1] * h.u + value[2] * h.v;
   };
   const vint<W> zero(0);
@@ -93,6 +110,8 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   }
   vvec3<W> ng = cross(e1, e2);
   vfloat<W> reach = max(max_component(abs(p)), max(max_component(abs(e1)), max_component(abs(e2))));
+  r.on_edge = is_triangle & (min(min(h.u, h.v), 1.0f - h.u - h.v) < kEdge);
+  r.edge_on = min(max(length(e1) * length(e2) / length(ng), 1.0f), kThinnest) * kNormalUlps;
   if (any_sphere) ng = select(is_sphere, sphere_normal, ng);
   r.p = p;
   if (any_instanced) {
@@ -112,8 +131,10 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   if (any(smooth)) {
     const vvec3<W> n = normalize(normal);
     const vfloat<W> side = dot(n, r.ng);
-    r.ns = select(smooth & (abs(side) > vfloat<W>(0.0f)), n * copysign(vfloat<W>(1.0f), side), r.ns);
+    smooth &= abs(side) > vfloat<W>(0.0f);
+    r.ns = select(smooth, n * copysign(vfloat<W>(1.0f), side), r.ns);
   }
+  r.smooth = smooth;
   return r;
 }
 

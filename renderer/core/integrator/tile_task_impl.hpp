@@ -7,6 +7,7 @@
 #include "integrator/emission.hpp"
 #include "integrator/emitter.hpp"
 #include "integrator/ray_recorder.hpp"
+#include "integrator/smooth_origin.hpp"
 #include "integrator/tile_task.hpp"
 
 namespace primray {
@@ -18,6 +19,8 @@ namespace primray {
 constexpr float kLobeSpread = 0.0705236979f;
 // Below this cosine the area that a cone cuts out of a surface is taken as no larger.
 constexpr float kGrazing = 0.05f;
+// How far inside a triangle, of the way to its middle, a hit on its edge is looked at again.
+constexpr float kWithin = 0x1p-12f;
 
 template <int W>
 PRIMRAY_INLINE vbool<W> has_inputs(const Scene& scene, vint<W> surface) {
@@ -186,6 +189,7 @@ class TilePaths {
     Frame<F> frame;
     V wo;  // in that frame
     Bsdf<W> bsdf;
+    const Hits<W>& hits;
   };
 
   // One vertex of the paths at [at, at + W): light met, light sampled, next ray.
@@ -218,18 +222,24 @@ class TilePaths {
     if (scene_.has_emission) gathered += select(hit, emitted(hit, hits, it, rows, p), V(F(0.0f)));
     add(active, p.slot, p.beta * gathered);
 
-    // Scatter, on the side of the surface where the ray came from.
-    const B scatters = hit & ((p.depth < I(settings_.max_depth)) | B(scene_.has_thin));
-    if (!any(scatters)) return;
+    // Scatter, on the side of the surface where the ray came from. Where rounding hides which that is, the path ends: taking
+    // the wrong one lets light through closed surfaces at their edges. Such hits are seen edge-on, or lie behind the ray's
+    // start (Embree's distance is wrong where the start is almost in the triangle's plane; the point is not), or on the edge
+    // of a triangle's back whose inside the ray would not see: it came in past the outline of a body.
     const V wo = -p.ray.d;
-    const B front = dot(it.ng, wo) > F(0.0f);
+    const F facing = dot(it.ng, wo);
+    B certain = (abs(facing) > it.edge_on) & (dot(it.p - p.ray.o, p.ray.d) > it.offset * 0.25f);
+    if (const B back = hit & it.on_edge & !(facing > F(0.0f)); any(back)) certain &= !back | sees_within(back, p, hits, it);
+    const B scatters = hit & certain & ((p.depth < I(settings_.max_depth)) | B(scene_.has_thin));
+    if (!any(scatters)) return;
+    const B front = facing > F(0.0f);
     const F side = select(front, F(1.0f), F(-1.0f));
     const V ng = it.ng * side;
     // A shading normal that faces away from the viewer cannot be seen: use the true one.
     const V ns = it.ns * side;
     const Frame<F> frame(select(dot(ns, wo) > F(1e-4f), ns, ng));
     const V wo_local = frame.to_local(wo);
-    Vertex v{it, ng, frame, wo_local, Bsdf<W>(rows, scatters, wo_local, front)};
+    Vertex v{it, ng, frame, wo_local, Bsdf<W>(rows, scatters, wo_local, front), hits};
     v.bsdf.diffuse *= it.color;
     if (scene_.lights.count > 0) sample_light(scatters & (p.depth < I(settings_.max_depth)), v, p);
     scatter(scatters, v, p);
@@ -270,7 +280,8 @@ class TilePaths {
       }
     }
     const V wi = v.frame.to_local(s.wi);
-    useful &= (s.pdf > F(0.0f)) & (dot(v.ng, s.wi) > F(0.0f)) & (wi.z > F(0.0f));
+    const B above = dot(v.ng, s.wi) > F(0.0f);
+    useful &= (s.pdf > F(0.0f)) & (wi.z > F(0.0f)) & (above | v.it.smooth);
     if (!any(useful)) return;
     const BsdfEval<W> f = v.bsdf.eval(v.wo, wi);
     V reflected = f.diffuse + f.specular;
@@ -282,7 +293,44 @@ class TilePaths {
     const F weight = select(s.is_delta, F(1.0f), mis_weight(pdf, f.pdf));
     const V carried = p.beta * reflected * s.L * (weight / pdf);
     useful &= max_component(carried) > F(0.0f);
-    if (any(useful)) w_.shadows.append(useful, from, s.wi, s.t * kNearlyOne, carried, p.slot);
+    V o = from;
+    if (const B below = useful & !above; any(below)) {
+      const B lifted = start_lifted(below, v, s.wi, o);
+      useful &= above | lifted;
+      // On to the same point of the light.
+      const V to = s.wi * s.t - (o - from);
+      const F t = length(to);
+      const B near = lifted & (t < F(kInfinity)) & (t > F(0.0f));
+      s.wi = select(near, to * (1.0f / t), s.wi), s.t = select(near, t, s.t);
+    }
+    if (any(useful)) w_.shadows.append(useful, o, s.wi, s.t * kNearlyOne, carried, p.slot);
+  }
+
+  // Whether a ray that met the edge of a triangle also meets it a little further inside.
+  B sees_within(B m, const PathLanes<W>& p, const Hits<W>& h, const Interaction<W>& it) {
+    const SurfacePoint<W> at(scene_, m, h);
+    const V to = it.p + (at.e1 * (1.0f / 3 - at.u) + at.e2 * (1.0f / 3 - at.v)) * kWithin - p.ray.o;
+    const Rays<W> rays{p.ray.o, normalize(to), F(0.0f), F(kInfinity)};
+    if (recorder_) recorder_->record(false, false, m, rays);
+    w_.scattered_rays += __builtin_popcount(bits(m));
+    const Hits<W> seen = intersect_single(scene_.accel(), m, rays);
+    return m & (seen.geom == h.geom) & (seen.prim == h.prim) & (seen.inst == h.inst) & (seen.inst_prim == h.inst_prim);
+  }
+
+  // Which rays along `wi` of lanes `below`, smooth ones and below the triangle's plane, go out all the same: from `o`. Nothing
+  // may stand on the way there, or light would come through it.
+  B start_lifted(B below, const Vertex& v, const V& wi, V& o) {
+    V shift;
+    B lifted = lift_to_smooth(scene_, below, v.hits, v.it.offset, v.ng, wi, shift);
+    if (!any(lifted)) return lifted;
+    const V from = v.it.p + v.ng * v.it.offset;
+    const F far = length(shift);
+    const Rays<W> way{from, shift * (1.0f / far), F(0.0f), far + 2.0f * v.it.offset};
+    if (recorder_) recorder_->record(true, false, lifted, way);
+    w_.shadow_rays += __builtin_popcount(bits(lifted));
+    lifted &= !occluded_single(scene_.accel(), lifted, way);
+    o = select(lifted, from + shift, o);
+    return lifted;
   }
 
   // Sends the paths on; a path at its first surface that is no mirror is split, which spends more on what comes after
@@ -314,9 +362,14 @@ class TilePaths {
     PathLanes<W> n = p;
     n.ray.d = select(s.straight, p.ray.d, v.frame.to_world(s.wi));
     const F out = dot(v.ng, n.ray.d);
-    // The true surface decides which side a direction is on, whatever the shading normal says.
-    B alive = scatters & ((s.transmits & (out < F(0.0f))) | ((!s.transmits) & (out > F(0.0f))));
     n.beta = p.beta * s.weight;
+    n.ray.o = v.it.p + v.ng * (v.it.offset * select(out > F(0.0f), F(1.0f), F(-1.0f)));
+    // The true surface, or the one that its smooth normals stand for, decides which side a direction is on, whatever the
+    // shading normal says.
+    B above = out > F(0.0f);
+    if (const B below = scatters & v.it.smooth & !above & !s.transmits & (max_component(n.beta) > F(0.0f)); any(below))
+      above |= start_lifted(below, v, n.ray.d, n.ray.o);
+    B alive = scatters & ((s.transmits & (out < F(0.0f))) | (above & !s.transmits));
     alive &= max_component(n.beta) > F(0.0f);
     n.vertex = bounce;
     n.depth = p.depth + select(s.straight, I(0), I(1));
@@ -340,7 +393,6 @@ class TilePaths {
       n.beta = select(roulette, n.beta * (1.0f / survive), n.beta);
     }
     if (!any(alive)) return;
-    n.ray.o = v.it.p + v.ng * (v.it.offset * select(out > F(0.0f), F(1.0f), F(-1.0f)));
     // What the camera does not see beyond its far plane it does not see through a gap either.
     n.ray.tnear = F(0.0f);
     n.ray.tfar = select(s.straight & (p.depth == I(0)), p.ray.tfar - dot(n.ray.o - p.ray.o, p.ray.d), F(kInfinity));

@@ -15,10 +15,12 @@ def ear_clip(polygon: Doubles) -> Ints:
     x, y = xy[:, 0].tolist(), xy[:, 1].tolist()
     ring = list(range(n))
     triangles: list[tuple[int, int, int]] = []
+    _drop_flat(x, y, ring, triangles, 0, n)
     at = 0
     misses = 0
     while len(ring) > 3:
         m = len(ring)
+        at %= m
         a, b, c = ring[at - 1], ring[at], ring[(at + 1) % m]
         if _turn(x, y, a, b, c) > 0 and not _holds_a_vertex(x, y, ring, a, b, c):
             ear = True
@@ -29,15 +31,38 @@ def ear_clip(polygon: Doubles) -> Ints:
             triangles.append((a, b, c))
             del ring[at]
             misses = 0
-            at = at % len(ring)  # the next vertex, so that ears do not all share one
+            _drop_flat(x, y, ring, triangles, at - 1, 2)  # and go on after them, so that ears do not all share one
         else:
-            at = (at + 1) % m
+            at += 1
     triangles.append((ring[0], ring[1], ring[2]))
     return np.array(triangles, np.int32)
 
 
 def _turn(x: list[float], y: list[float], a: int, b: int, c: int) -> float:
     return (x[b] - x[a]) * (y[c] - y[a]) - (y[b] - y[a]) * (x[c] - x[a])
+
+
+def _drop_flat(
+    x: list[float], y: list[float], ring: list[int], triangles: list[tuple[int, int, int]], at: int, count: int
+) -> None:
+    """Clip repeated vertices and tips of spikes among the `count` corners from `at` on, and what becomes such: ears beside
+    them would reach outside the polygon."""
+    while count > 0 and len(ring) > 3:
+        m = len(ring)
+        a, b, c = ring[(at - 1) % m], ring[at % m], ring[(at + 1) % m]
+        if _turn(x, y, a, b, c) == 0 and _goes_back(x, y, a, b, c):
+            triangles.append((a, b, c))
+            del ring[at % m]
+            at = at % m - 1
+            count += 1
+        else:
+            at += 1
+            count -= 1
+
+
+def _goes_back(x: list[float], y: list[float], a: int, b: int, c: int) -> bool:
+    """Whether b, in line with a and c, is where one of them is or the tip of a spike: no area is cut off with it."""
+    return (x[b] - x[a]) * (x[c] - x[b]) + (y[b] - y[a]) * (y[c] - y[b]) <= 0
 
 
 def _holds_a_vertex(x: list[float], y: list[float], ring: list[int], a: int, b: int, c: int) -> bool:

@@ -17,6 +17,7 @@ from .resolve import ResolvedPrim
 Flags = npt.NDArray[np.bool_]
 
 
+LARGEST = np.float32(1e37)  # of a coordinate: sums of a few, as subdivision makes them, stay finite
 SHARED_CORNERS = 1024  # meshes with more are rarely alike, and cost more than looking at them
 
 
@@ -76,16 +77,16 @@ def read_topology(prim: ResolvedPrim, ctx: Context) -> tuple[Floats, Faces] | No
 def usable_faces(prim: ResolvedPrim, points: Floats, faces: Faces, ctx: Context) -> tuple[Floats, Flags | None]:
     """The points with 0 for those that are not finite, and the faces that can be rendered; None for all of them."""
     in_range = faces.low >= 0 and faces.high < len(points)
-    all_finite = bool(np.isfinite(points).all())
+    all_finite = _largest(points) <= LARGEST
     if in_range and all_finite and faces.has_area:
         return points, None
     counts, indices = faces.counts, faces.indices
     bad_corner = (indices < 0) | (indices >= len(points))
     reasons = [] if in_range else ["indices out of range"]
     if not all_finite:
-        finite = np.asarray(np.isfinite(points).all(axis=1))
+        finite = np.asarray((np.abs(points) <= LARGEST).all(axis=1))
         bad_corner |= ~finite[np.clip(indices, 0, len(points) - 1)]
-        reasons.append("points that are not finite")
+        reasons.append("points that are not finite or beyond 1e37")
         points = np.where(finite[:, None], points, np.float32(0))  # belongs to no face that is kept
     too_small = counts < 3
     if too_small.any():
@@ -95,6 +96,11 @@ def usable_faces(prim: ResolvedPrim, points: Floats, faces: Faces, ctx: Context)
     if not keep.all():
         ctx.warn("faces-dropped", prim.path, f"{int((~keep).sum())} of {len(counts)} faces: {', '.join(reasons)}.")
     return points, keep
+
+
+def _largest(points: Floats) -> float:
+    """The largest coordinate's size; NaN where one is."""
+    return max(float(points.max()), -float(points.min())) if points.size else 0.0
 
 
 def hole_indices(prim: ResolvedPrim, faces: int, ctx: Context) -> Ints | None:

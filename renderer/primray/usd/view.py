@@ -8,6 +8,7 @@ from pxr import Sdf, Usd, UsdGeom
 
 from ..description import Camera
 from ..errors import SettingsError
+from ..settings import limit_pixels
 from .adapters.camera import Aperture, camera, read_aperture
 from .adapters.render_settings import StageSettings
 from .context import Context
@@ -70,4 +71,5 @@ def _resolution(asked: tuple[int, int] | None, stage_settings: StageSettings, ap
         height = max(1, round(width / aspect))
     elif width == 0:
         width = max(1, round(height * aspect))
+    limit_pixels(width, height)
     return width, height

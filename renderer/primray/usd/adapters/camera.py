@@ -17,6 +17,10 @@ from .render_settings import StageSettings
 
 MM = 0.1  # camera lengths are tenths of scene units (UsdGeomCamera)
 
+# Beyond these floats would overflow: tangents are squared, an exposure is multiplied by radiance.
+WIDEST_WINDOW = 1e15
+BRIGHTEST = 2.0**64
+
 
 @dataclass(frozen=True)
 class Aperture:
@@ -77,13 +81,19 @@ def camera(
     if focal <= 0 and not orthographic:
         diagnostics.add("camera-input", path, f"focalLength = {focal:g} is not positive: 50 is used.")
         focal = 50.0
+    window = window_of(aperture, MM if orthographic else 1.0 / focal)
+    if not _is_usable(window):
+        shown = ", ".join(f"{side:g}" for side in window)
+        diagnostics.add("camera-input", path, f"No film can be as wide as ({shown}) at unit distance: apertures are ignored.")
+        focal, aperture = max(focal, 50.0), conform(Aperture(20.955, 15.2908), resolution, StageSettings())
+        window = window_of(aperture, MM if orthographic else 1.0 / focal)
     lens_radius, focus = (0.0, 0.0) if orthographic else _lens(prim, focal, when, stage_settings, diagnostics)
     _note_ignored(prim, when, diagnostics)
     return Camera(
         path,
         _world_from_camera(prim, when, diagnostics),
         Projection.ORTHOGRAPHIC if orthographic else Projection.PERSPECTIVE,
-        window_of(aperture, MM if orthographic else 1.0 / focal),
+        window,
         _clipping_range(prim, when, orthographic, diagnostics),
         lens_radius,
         focus,
@@ -97,6 +107,13 @@ def window_of(aperture: Aperture, scale: float) -> tuple[float, float, float, fl
     return ((x - w) * scale, (x + w) * scale, (y - h) * scale, (y + h) * scale)
 
 
+def _is_usable(window: tuple[float, float, float, float]) -> bool:
+    """Whether floats can tell its sides apart, and square them."""
+    with np.errstate(over="ignore"):
+        left, right, bottom, top = map(np.float32, window)
+    return bool(left < right and bottom < top and np.abs([left, right, bottom, top]).max() < WIDEST_WINDOW)
+
+
 def _lens(
     prim: Usd.Prim, focal: float, when: When, stage_settings: StageSettings, diagnostics: Diagnostics
 ) -> tuple[float, float]:
@@ -105,7 +122,12 @@ def _lens(
     focus = number(prim, "focusDistance", when, 0.0, diagnostics)
     if f_stop <= 0 or focus <= 0 or not stage_settings.depth_of_field:
         return (0.0, 0.0)
-    return (MM * focal / (2.0 * f_stop), focus)
+    lens_radius = MM * focal / (2.0 * f_stop)
+    if max(lens_radius, lens_radius / focus) < WIDEST_WINDOW:
+        return (lens_radius, focus)
+    sentence = f"A lens of radius {lens_radius:g} cannot focus at {focus:g}: a pinhole is used."
+    diagnostics.add("camera-input", str(prim.GetPath()), sentence)
+    return (0.0, 0.0)
 
 
 def _clipping_range(prim: Usd.Prim, when: When, orthographic: bool, diagnostics: Diagnostics) -> tuple[float, float]:
@@ -122,12 +144,26 @@ def _exposure_scale(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> flo
     def get(name: str, default: float) -> float:
         return number(prim, name, when, default, diagnostics)
 
+    def note(what: str) -> None:
+        diagnostics.add("camera-input", str(prim.GetPath()), what)
+
     f_stop = get("exposure:fStop", 1.0)
     time, iso, responsivity = get("exposure:time", 1.0), get("exposure:iso", 100.0), get("exposure:responsivity", 1.0)
-    if f_stop == 0:
-        diagnostics.add("camera-input", str(prim.GetPath()), "exposure:fStop = 0 would be infinitely bright: 1 is used.")
+    if f_stop <= 0:
+        note(f"exposure:fStop = {f_stop:g} is not positive: 1 is used.")
         f_stop = 1.0
-    return responsivity * time * iso / 100.0 * math.pow(2.0, min(get("exposure", 0.0), 1000.0)) / f_stop**2
+    if min(time, iso, responsivity) < 0:
+        note("An exposure (time, iso or responsivity) below 0 is ignored: 1 is used for all.")
+        return 1.0
+    # In double, where neither these floats' products nor their squares overflow; powers of two would.
+    scale = responsivity * time * iso / 100.0 / f_stop / f_stop
+    scale *= math.pow(2.0, min(max(get("exposure", 0.0), -1000.0), 400.0))
+    if not scale < BRIGHTEST:
+        note(f"The exposure multiplies the picture by {scale:g}, beyond what its floats hold: 1 is used.")
+        return 1.0
+    if scale < 1e-37:
+        note(f"The exposure multiplies the picture by {scale:g}: it is black.")
+    return scale
 
 
 def _world_from_camera(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Doubles:
