@@ -21,6 +21,26 @@ struct Interaction {
 // in Embree each round a few times; 16 is a choice with room for that, neither derived nor the smallest that works.
 constexpr float kOffsetUlps = 16 * 0x1p-24f;
 
+// The unit vector along `a`, however short or long it is: its square may be beyond what a float holds.
+template <int W>
+PRIMRAY_INLINE vvec3<W> direction_of(const vvec3<W>& a) {
+  return normalize(a * (1.0f / max_component(abs(a))));
+}
+
+// The height above its plane that rounding can put a point of a triangle at, in multiples of 2^-24 as above: the point's own
+// coordinates are rounded, of which only what lies along the normal counts, and Embree takes the edges from corners that it
+// rounded relative to the ray's origin, which turns the plane about the point. A ground of 1e6 units that lies along the axes
+// so has the offset of its height alone, and what stands on it keeps its shadow.
+template <int W>
+PRIMRAY_INLINE vfloat<W> plane_reach(const vvec3<W>& n, const vvec3<W>& p0, const vvec3<W>& e1, const vvec3<W>& e2) {
+  const vvec3<W> extent = abs(e1) + abs(e2);
+  const vfloat<W> size = max_component(extent);
+  const vfloat<W> unit = 1.0f / size;
+  const vvec3<W> e = extent * unit;
+  const vfloat<W> turned = e.x * e.y * e.z / length(cross(e1 * unit, e2 * unit)) * size;
+  return dot(abs(n), abs(p0) + extent) + 2.0f * turned;
+}
+
 template <int W>
 PRIMRAY_INLINE void add_attributes(const Scene& scene, vbool<W> m, vint<W> mesh, vint<W> triangle, const vint<W> corner[3],
                                    const Hits<W>& h, vvec3<W>& normal, vbool<W>& has_normal, vvec3<W>& color) {
@@ -62,7 +82,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   const bool any_instanced = in.any_instanced;
   const vbool<W> is_triangle = in.is_triangle(scene, active);
   vvec3<W> e1(vfloat<W>(0.0f)), e2(vfloat<W>(0.0f)), normal(vfloat<W>(0.0f)), p(vfloat<W>(0.0f));
-  vvec3<W> sphere_normal(vfloat<W>(0.0f));
+  vvec3<W> p0(vfloat<W>(0.0f)), sphere_normal(vfloat<W>(0.0f)), sphere_spread(vfloat<W>(0.0f));
   vbool<W> smooth(false);
   if (any(is_triangle)) {
     const vint<W> triangle = in.triangle(scene, is_triangle, h);
@@ -74,7 +94,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     for (int k = 0; k < 3; ++k)
       corner[k] = first + gather<W>(reinterpret_cast<const int32_t*>(scene.indices.data()) + k, triangle * vint<W>(3));
     const float* positions = scene.positions.data();
-    const vvec3<W> p0 = gather_vec3<W>(positions, corner[0] * vint<W>(3));
+    p0 = gather_vec3<W>(positions, corner[0] * vint<W>(3));
     // Lanes that met a sphere have no edges: `reach` below must not see those of another lane's triangle.
     e1 = select(is_triangle, gather_vec3<W>(positions, corner[1] * vint<W>(3)) - p0, e1);
     e2 = select(is_triangle, gather_vec3<W>(positions, corner[2] * vint<W>(3)) - p0, e2);
@@ -90,27 +110,38 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     const InstanceLanes<W> m(scene.spheres[0].group_from_object, sphere * vint<W>(int(sizeof(SphereRecord) / sizeof(float))));
     p = select(is_sphere, m.vector(h.ng) + m.o, p);
     sphere_normal = m.normal(h.ng);
+    // The centre of a big sphere is further away than its surface, and rounded so.
+    sphere_spread = abs(m.x * h.ng.x) + abs(m.y * h.ng.y) + abs(m.z * h.ng.z) + abs(m.o);
   }
-  vvec3<W> ng = cross(e1, e2);
-  vfloat<W> reach = max(max_component(abs(p)), max(max_component(abs(e1)), max_component(abs(e2))));
-  if (any_sphere) ng = select(is_sphere, sphere_normal, ng);
+  const vfloat<W> size = max(max_component(abs(e1)), max_component(abs(e2)));
+  const vfloat<W> unit = 1.0f / size;  // keeps the product of the edges of small triangles from vanishing
+  vvec3<W> ng = cross(e1 * unit, e2 * unit);
+  vfloat<W> reach = max(max_component(abs(p)), size);
+  if (any(is_triangle & !instanced)) {
+    const vfloat<W> bound = plane_reach(direction_of(ng), p0, e1, e2);
+    // A triangle so thin that its plane is lost in rounding has no such bound.
+    reach = select(is_triangle & (bound < reach), bound, reach);
+  }
+  if (any_sphere) ng = select(is_sphere, sphere_normal, ng), reach = select(is_sphere, max_component(sphere_spread), reach);
   r.p = p;
   if (any_instanced) {
     vvec3<W> far;
     const InstanceLanes<W> m = in.matrix(scene, far);
     const vvec3<W> q = m.vector(p) + m.o;
     r.p = select(instanced, q, p);
-    const vvec3<W> spread = abs(m.x * p.x) + abs(m.y * p.y) + abs(m.z * p.z) + abs(m.o) + far;
+    vvec3<W> inner = abs(p);
+    if (any_sphere) inner = select(is_sphere, sphere_spread, inner);
+    const vvec3<W> spread = abs(m.x) * inner.x + abs(m.y) * inner.y + abs(m.z) * inner.z + abs(m.o) + far;
     const vvec3<W> edges = abs(m.vector(e1)) + abs(m.vector(e2));
     reach = select(instanced, max(max_component(spread), max_component(edges)), reach);
     ng = select(instanced, m.normal(ng), ng);
     if (any(smooth)) normal = select(instanced, m.normal(normal), normal);
   }
   r.offset = reach * kOffsetUlps;
-  r.ng = normalize(ng);
+  r.ng = direction_of(ng);
   r.ns = r.ng;
   if (any(smooth)) {
-    const vvec3<W> n = normalize(normal);
+    const vvec3<W> n = direction_of(normal);
     const vfloat<W> side = dot(n, r.ng);
     r.ns = select(smooth & (abs(side) > vfloat<W>(0.0f)), n * copysign(vfloat<W>(1.0f), side), r.ns);
   }
