@@ -91,6 +91,9 @@ CODES: dict[str, Code] = {
     "invalid-instancer": Code(
         Severity.ERROR, "Instances that cannot be placed are missing: bad arrays, indices or prototypes."
     ),
+    "instances-coincident": Code(
+        Severity.INFO, "Instances that stand exactly where others of the same prototype do are left out; nothing is missing."
+    ),
     "invalid-transform": Code(Severity.ERROR, "What stands at a transform that is not finite is missing."),
     "reset-xform-in-prototype": Code(
         Severity.WARNING, "resetXformStack inside a prototype resets to the prototype, not to the world."
