@@ -128,7 +128,7 @@ CODES: dict[str, Code] = {
         Severity.INFO,
         "The stage has no light and nothing that emits: a white dome and a key light are added.",
     ),
-    "singular-transform": Code(Severity.ERROR, "Instances whose matrix has no inverse (a scale of 0) are missing."),
+    "singular-transform": Code(Severity.ERROR, "Instances or spheres whose matrix has no inverse (a scale of 0) are missing."),
     "emitters-unsampled": Code(Severity.INFO, "More than 262,144 instances emit: beyond, rays find them by chance (noise)."),
     "invalid-samples": Code(Severity.WARNING, "Samples that came out infinite or not a number are left out of the picture."),
     "texture-bad-texels": Code(

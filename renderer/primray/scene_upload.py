@@ -28,6 +28,7 @@ from .description import (
     TextureFile,
 )
 from .placement import Box, placed_box, transformed_box, transformed_boxes
+from .skewed import bake_skewed
 from .surface_upload import MutableTextures, SurfaceUpload, Textures, is_cutout, is_hole
 
 # Order of LightType in light/light.hpp.
@@ -63,17 +64,17 @@ def upload(
 
     `shapes`, where given, takes the place of the description's: emptied when the core has copies, before it accelerates these.
     """
-    d = description
-    shapes = list(d.shapes) if shapes is None else shapes
+    shapes = list(description.shapes) if shapes is None else shapes
+    d = bake_skewed(description, shapes)
     boxes = shape_boxes(core, shapes)
     prototype_boxes = boxes_of_prototypes(d, boxes)
     origin = d.camera.world_from_camera[:3, 3]
     builder = core.SceneBuilder(origin, power_of_two_scale(scene_reach(d, boxes, prototype_boxes, origin)))
     inputs = SurfaceUpload(builder, textures)
     builder.reserve_triangles(*points_and_triangles(shapes))
-    handing = ShapeUpload(builder, inputs, inputs.add_surfaces(d.surfaces), shapes)
-    handing.add(d.static)
     warnings: list[tuple[str, str, str]] = []
+    handing = ShapeUpload(builder, inputs, inputs.add_surfaces(d.surfaces), shapes, warnings)
+    handing.add(d.static)
     builder.reserve_instances(sum(map(len, [*d.placements, *(p for proto in d.prototypes for p in proto.placements)])))
     numbers: dict[int, int] = {}
     placements = PlacementUpload(builder, inputs, d, numbers, warnings)
@@ -187,7 +188,15 @@ class Part:
 class ShapeUpload:
     """Shapes for the builder's current group: its cut-outs after its other meshes, as the core wants them."""
 
-    def __init__(self, builder: Any, inputs: SurfaceUpload, surfaces: Sequence[Surface], shapes: Sequence[Shape]) -> None:
+    def __init__(
+        self,
+        builder: Any,
+        inputs: SurfaceUpload,
+        surfaces: Sequence[Surface],
+        shapes: Sequence[Shape],
+        warnings: list[tuple[str, str, str]],
+    ) -> None:
+        self._warnings = warnings
         self._builder = builder
         self._inputs = inputs
         self._shapes = shapes
@@ -212,7 +221,8 @@ class ShapeUpload:
     def _add_sphere(self, sphere: Sphere, world_from_object: npt.NDArray[np.float64]) -> None:
         if self._hole[sphere.surface]:
             return
-        self._builder.add_sphere(sphere.radius, sphere.surface, world_from_object)
+        if not self._builder.add_sphere(sphere.radius, sphere.surface, world_from_object) and sphere.radius != 0:
+            self._warnings.append(("singular-transform", sphere.path, "A sphere with a singular matrix is left out"))
         for name, _, width, values in self._inputs.primvars(sphere.primvars):
             self._builder.add_sphere_primvar(name, width, values)
 

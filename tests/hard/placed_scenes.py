@@ -28,9 +28,7 @@ def stage_of(text: str) -> Usd.Stage:
 
 
 def shot(text: str, **settings: Any) -> Image:
-    """A small picture with a box filter."""
-    defaults = {"resolution": (64, 48), "spp": 16, "max_depth": 3, "filter": Filter.BOX, "threads": 2}
-    return render(stage_of(text), RenderSettings(**(defaults | settings)))
+    return picture_of(stage_of(text), **settings)
 
 
 def codes(image: Image) -> list[str]:
@@ -58,3 +56,9 @@ def problems(image: Image) -> list[str]:
 def bound(value: float) -> str:
     """A power of ten at or above a figure that is small and not the same on every machine."""
     return "nothing" if value == 0 else f"below 1e{math.floor(math.log10(value)) + 1:d}"
+
+
+def picture_of(stage: Usd.Stage, **settings: Any) -> Image:
+    """A small picture with a box filter."""
+    defaults = {"resolution": (64, 48), "spp": 16, "max_depth": 3, "filter": Filter.BOX, "threads": 2}
+    return render(stage, RenderSettings(**(defaults | settings)))
