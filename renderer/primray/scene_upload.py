@@ -27,7 +27,7 @@ from .description import (
     Surface,
     TextureFile,
 )
-from .placement import Box, placed_box, transformed_box, transformed_boxes
+from .placement import Box, chunks, placed_box, transformed_box, transformed_boxes
 from .skewed import bake_skewed
 from .surface_upload import MutableTextures, SurfaceUpload, Textures, is_cutout, is_hole
 
@@ -333,8 +333,6 @@ def scene_reach(d: SceneDescription, boxes: Doubles, prototype_boxes: list[Box],
         reach = float(np.fmax.reduce(found, initial=0.0))
         if not np.isfinite(reach):
             return 0.0
-        if reach <= OUTLYING:  # so nothing can lie that much further than the rest, unless that is very small
-            return reach
         usual = [*found[: len(d.static)], *(_usual_distance(p, origin) for p in d.placements)]
         return min(reach, OUTLYING * min((r for r in usual if r > 0), default=reach))
 
@@ -345,7 +343,7 @@ def _reach(box: Box, origin: npt.NDArray[np.float64]) -> float:
 
 def _usual_distance(placement: Placement, origin: npt.NDArray[np.float64]) -> float:
     """The lower median of its instances, or of a part of many."""
-    for rows in placement.chunks():
+    for rows in chunks(placement.levels, 1024):
         return float(np.quantile(np.abs(rows[:, :, 3] - origin).max(axis=1), 0.5, method="lower"))
     return 0.0
 

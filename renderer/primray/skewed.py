@@ -122,4 +122,3 @@ def _is_skewed(rows: Doubles) -> npt.NDArray[np.bool_]:
         area = np.max([np.linalg.norm(n, axis=1) for n in (normals, np.cross(z, x), np.cross(x, y))], axis=0)
         skewed = ~(volume > SKEWED * lengths[0] * lengths[1] * lengths[2])
         return np.asarray(finite & skewed & (area > 1e-15))
-

@@ -123,7 +123,6 @@ def DistantLight "sun"
 )
 
 
-
 @pytest.fixture(scope="module")
 def texture(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A checker board of 16 fields a side."""

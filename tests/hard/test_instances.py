@@ -263,7 +263,9 @@ def test_native_instances_and_instancers_in_one_place() -> None:
         f'def PointInstancer "p{k}"\n{{\nrel prototypes = </_toy>\nint[] protoIndices = [0]\npoint3f[] positions = [(0, 0, 0)]\n}}\n'
         for k in range(50)
     )
-    assert "instances-coincident" in codes(picture(toy.replace("class", "def", 1).replace("_toy", "toy") + each.replace("_toy", "toy")))
+    assert "instances-coincident" in codes(
+        picture(toy.replace("class", "def", 1).replace("_toy", "toy") + each.replace("_toy", "toy"))
+    )
 
 
 def test_what_differs_is_kept() -> None:
@@ -295,9 +297,7 @@ def test_nearly_in_one_place(measured) -> None:
 @pytest.mark.hard_case("Meshes", "two and three equal opaque meshes in one place", expected="the picture of one")
 @pytest.mark.parametrize("count", [2, 3])
 def test_equal_meshes_in_one_place(count: int, measured) -> None:
-    texts = [
-        "".join(placed(f"copy{k}", SHOWN, (0, 0, 0), "", block(np.eye(3))) for k in range(n)) for n in (1, count)
-    ]
+    texts = ["".join(placed(f"copy{k}", SHOWN, (0, 0, 0), "", block(np.eye(3))) for k in range(n)) for n in (1, count)]
     one, image = (picture(text) for text in texts)
     np.testing.assert_array_equal(image.pixels, one.pixels)
     measured("the same picture, bit for bit")
@@ -306,7 +306,9 @@ def test_equal_meshes_in_one_place(count: int, measured) -> None:
 # --- nesting
 
 DEPTH = 20
-STEP = "double3 xformOp:translate = (0.21, 0.05, -0.1)\n double xformOp:rotateZ = 9\n double3 xformOp:scale = (0.97, 1.01, -0.98)"
+STEP = (
+    "double3 xformOp:translate = (0.21, 0.05, -0.1)\n double xformOp:rotateZ = 9\n double3 xformOp:scale = (0.97, 1.01, -0.98)"
+)
 ORDER = 'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateZ", "xformOp:scale"]'
 
 
@@ -380,7 +382,8 @@ def test_half_quaternions(measured) -> None:
     worst = float(np.abs((half.astype(np.float64) ** 2).sum(axis=1) - 1).max())
     assert worst > 1e-4
     level, same = (
-        PointInstances(np.eye(4)[:3], np.zeros((len(q), 3)), values).rows(0, len(q)) for values in (half, half.astype(np.float32))
+        PointInstances(np.eye(4)[:3], np.zeros((len(q), 3)), values).rows(0, len(q))
+        for values in (half, half.astype(np.float32))
     )
     np.testing.assert_array_equal(level, same)
     gram = level[:, :, :3].transpose(0, 2, 1) @ level[:, :, :3]
@@ -396,4 +399,6 @@ def test_half_quaternions(measured) -> None:
         make(array)
         pictures.append(picture_of(stage).pixels)
     np.testing.assert_array_equal(*pictures)
-    measured(f"axes perpendicular and of length 1 to 1e-15; the same picture bit for bit (the halves' lengths are {worst:.0e} off)")
+    measured(
+        f"axes perpendicular and of length 1 to 1e-15; the same picture bit for bit (the halves' lengths are {worst:.0e} off)"
+    )

@@ -1,6 +1,7 @@
 // Where a ray met the scene: point, normals, surface and colour of W hits, in world space.
 //
-// Points come from barycentrics, never from o + t d; `offset` bounds their rounding and Embree's, so that a ray started that
+// Points come from barycentrics, as o + t d is off by more; but not where triangles and spheres are so large that it is off by
+// far less (kNearer). `offset` bounds their rounding and Embree's, so that a ray started that
 // far off the surface does not meet it again.
 #pragma once
 
@@ -71,8 +72,12 @@ PRIMRAY_INLINE void add_attributes(const Scene& scene, vbool<W> m, vint<W> mesh,
   }
 }
 
+// How much smaller the ray's coordinates must be than the shape's for the point to come from the ray: a 2^24th of a ground's
+// size is what barycentrics tell its points apart by, which may be more than what stands there.
+constexpr float kNearer = 0x1p-8f;
+
 template <int W>
-PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, const Hits<W>& h) {
+PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, const Rays<W>& rays, const Hits<W>& h) {
   const vint<W> zero(0);
   Interaction<W> r;
   r.color = vvec3<W>(vfloat<W>(1.0f));
@@ -117,12 +122,20 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   const vfloat<W> unit = 1.0f / size;  // keeps the product of the edges of small triangles from vanishing
   vvec3<W> ng = cross(e1 * unit, e2 * unit);
   vfloat<W> reach = max(max_component(abs(p)), size);
+  if (any_sphere) ng = select(is_sphere, sphere_normal, ng), reach = select(is_sphere, max_component(sphere_spread), reach);
+  const vfloat<W> ray_reach = max_component(abs(rays.o) + abs(rays.d) * h.t);
+  const vbool<W> from_ray = active & !instanced & (ray_reach < reach * kNearer);
+  if (any(from_ray)) {
+    p = select(from_ray, rays.o + rays.d * h.t, p);
+    reach = select(from_ray & is_sphere, ray_reach, reach);
+  }
   if (any(is_triangle & !instanced)) {
-    const vfloat<W> bound = plane_reach(direction_of(ng), p0, e1, e2);
+    const vvec3<W> n = direction_of(ng);
+    const vfloat<W> bound = plane_reach(n, p0, e1, e2);
     // A triangle so thin that its plane is lost in rounding has no such bound.
     reach = select(is_triangle & (bound < reach), bound, reach);
+    p = select(from_ray & is_triangle, p - n * dot(n, p - p0), p);
   }
-  if (any_sphere) ng = select(is_sphere, sphere_normal, ng), reach = select(is_sphere, max_component(sphere_spread), reach);
   r.p = p;
   if (any_instanced) {
     vvec3<W> far;
