@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from .description import Mesh, Placed, Placement, Prototype, SceneDescription, Shape
-from .placement import Doubles, Instances, MatrixInstances, PointInstances, chunks
+from .description import Doubles, Mesh, Placed, Placement, Prototype, SceneDescription, Shape
+from .placement import Instances, MatrixInstances, PointInstances, chunks
 
 # The volume that the images of the axes span, in that of a box of their lengths: below, an instance is skewed.
 SKEWED = 0.02

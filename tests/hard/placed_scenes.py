@@ -60,5 +60,5 @@ def bound(value: float) -> str:
 
 def picture_of(stage: Usd.Stage, **settings: Any) -> Image:
     """A small picture with a box filter."""
-    defaults = {"resolution": (64, 48), "spp": 16, "max_depth": 3, "filter": Filter.BOX, "threads": 2}
+    defaults: dict[str, Any] = {"resolution": (64, 48), "spp": 16, "max_depth": 3, "filter": Filter.BOX, "threads": 2}
     return render(stage, RenderSettings(**(defaults | settings)))

@@ -129,6 +129,7 @@ def texture(tmp_path_factory: pytest.TempPathFactory) -> str:
     file = tmp_path_factory.mktemp("far") / "checks.png"
     light = (np.indices((64, 64)) // 4).sum(axis=0) % 2 == 0
     out = oiio.ImageOutput.create(str(file))
+    assert out is not None
     assert out.open(str(file), oiio.ImageSpec(64, 64, 3, "uint8"))
     assert out.write_image(np.repeat(np.where(light, 180, 50)[..., None], 3, axis=2).astype(np.uint8))
     out.close()
@@ -236,7 +237,7 @@ def test_moved(way: Way, texture: str, measured) -> None:
     measured(f"at most {bound(max(found))} of the variance (the same random numbers)")
 
 
-# Two edges that cross every row of the picture, in the plane z = 0, and a point where they would meet: (x at y = -1, x at y = 1).
+# Two edges that cross every row of the picture, in the plane z = 0: (x at y = -1, x at y = 1).
 LEFT, RIGHT = (-1.1, -0.7), (1.3, 0.9)
 WEDGE = f"""def Mesh "wedge"
 {{
@@ -282,7 +283,7 @@ def float_edges(distance: float) -> float:
     at = DIRECTION * distance
     corners = np.array([[LEFT[0], -1, 0], [RIGHT[0], -1, 0], [RIGHT[1], 1, 0], [LEFT[1], 1, 0]])
     true = corners - [0, 0, 10]
-    rounded = np.float32(corners + at).astype(np.float64) - np.float32(at + [0, 0, 10]).astype(np.float64)
+    rounded = (corners + at).astype(np.float32).astype(np.float64) - (at + [0, 0, 10]).astype(np.float32)
     with np.errstate(divide="ignore", invalid="ignore"):
         off = np.abs(rounded[:, :2] / -rounded[:, 2:] - true[:, :2] / -true[:, 2:]).max() * 10 * EDGE_SIZE[0] / 3.2
     return float(off) if np.isfinite(off) else math.inf
@@ -301,7 +302,6 @@ def test_edges(way: Way, measured) -> None:
     assert np.abs((near - exact_edges()).mean(axis=0)).max() < 3e-3
     found = {distance: edges(way, distance) for distance in DISTANCES}
     off = [float(np.abs(found[distance] - near).max()) for distance in DISTANCES]
-    print(off, [float_edges(d) for d in DISTANCES])
     assert max(off) < 0.01
     # With the samples' own error averaged over the rows.
     exact = max(np.abs((found[distance] - exact_edges()).mean(axis=0)).max() for distance in DISTANCES)

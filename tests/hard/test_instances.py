@@ -260,7 +260,8 @@ def test_native_instances_and_instancers_in_one_place() -> None:
     assert "instances-coincident" in codes(image)
     assert image.report["scene"]["instances"] == 0
     each = "\n".join(
-        f'def PointInstancer "p{k}"\n{{\nrel prototypes = </_toy>\nint[] protoIndices = [0]\npoint3f[] positions = [(0, 0, 0)]\n}}\n'
+        f'def PointInstancer "p{k}"\n{{\nrel prototypes = </_toy>\nint[] protoIndices = [0]\n'
+        "point3f[] positions = [(0, 0, 0)]\n}\n"
         for k in range(50)
     )
     assert "instances-coincident" in codes(
@@ -320,7 +321,8 @@ def nested(kinds: str) -> str:
         if kinds[k % len(kinds)] == "n":
             header = f"(\n prepend references = <{below}>\n instanceable = true\n)"
             one = f'def Xform "a" {header}\n{{\n {STEP}\n {ORDER}\n}}\n'
-            two = f'def Xform "b" {header}\n{{\n double3 xformOp:translate = (-0.4, 0.3, 0.1)\n uniform token[] xformOpOrder = ["xformOp:translate"]\n}}\n'
+            order = 'uniform token[] xformOpOrder = ["xformOp:translate"]'
+            two = f'def Xform "b" {header}\n{{\n double3 xformOp:translate = (-0.4, 0.3, 0.1)\n {order}\n}}\n'
             inside = one + (two if twice else "")
         else:
             positions = "[(0.2, 0.1, 0), (-0.4, -0.2, 0.1)]" if twice else "[(0.2, 0.1, 0)]"
@@ -398,7 +400,7 @@ def test_half_quaternions(measured) -> None:
         array = (Vt.QuathArray if kind is Gf.Quath else Vt.QuatfArray)([kind(*map(float, row)) for row in half[:2]])
         make(array)
         pictures.append(picture_of(stage).pixels)
-    np.testing.assert_array_equal(*pictures)
+    np.testing.assert_array_equal(pictures[0], pictures[1])
     measured(
         f"axes perpendicular and of length 1 to 1e-15; the same picture bit for bit (the halves' lengths are {worst:.0e} off)"
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from tests.hard.placed_scenes import CUBE, apart, bound, problems, shot
@@ -27,7 +29,7 @@ def times(s: float, *v: float) -> tuple[float, ...]:
     return tuple(s * x for x in v)
 
 
-def points(s: float, corners: list[tuple[float, ...]]) -> str:
+def points(s: float, corners: Sequence[tuple[float, ...]]) -> str:
     return "point3f[] points = [" + ", ".join(repr(times(s, *c)) for c in corners) + "]"
 
 
@@ -264,7 +266,6 @@ def test_contact_shadow_tilted(sizes: tuple[float, float], measured) -> None:
     size, ground = sizes
     expected, image = (shot(on_the_ground(g, size, 30), spp=4, max_depth=1) for g in (20 * size, ground))
     different = int(np.count_nonzero(np.abs(image.pixels - expected.pixels).max(axis=2) > 0.3))
-    print(different)
     assert different <= 3
     measured(f"at most 3 of {expected.pixels[..., 0].size} pixels differ; things below 1e-4 of the triangle lose their shadow")
 
