@@ -54,8 +54,8 @@ def problems(image: Image) -> list[str]:
 
 
 def bound(value: float) -> str:
-    """A power of ten at or above a figure that is small and not the same on every machine."""
-    return "nothing" if value == 0 else f"below 1e{math.floor(math.log10(value)) + 1:d}"
+    """A power of ten above a figure that is small and not the same on every machine; whatever is less than 1e-6 is that."""
+    return f"below 1e{max(math.floor(math.log10(max(value, 1e-30))) + 1, -6):d}"
 
 
 def picture_of(stage: Usd.Stage, **settings: Any) -> Image:

@@ -148,10 +148,10 @@ LEFT_HANDED = 'uniform token orientation = "leftHanded"'
 
 @pytest.mark.hard_case(
     "Instances",
-    "a thing of glowing and of one-sided faces, leftHanded, mirrored by its instance",
+    "a leftHanded block and a glowing square, instanced at 1e-4, %s",
     expected="the picture of the same as a prim of its own, lit by it",
 )
-@pytest.mark.parametrize("mirror", [1, -1])
+@pytest.mark.parametrize("mirror", [1, -1], ids=["as it is", "mirrored"])
 def test_handedness_and_emitters(mirror: int, measured) -> None:
     m = SHOWN @ np.diag([1e-4, 1e-4, mirror * 1e-4])
     inside = block(np.eye(3) * 1e4, LEFT_HANDED) + GLOWING
@@ -191,9 +191,9 @@ SHINE = """def Material "shine"
 
 
 @pytest.mark.hard_case(
-    "Instances", "scaled by 0 along one axis", expected="flat, as the same prim without instancing is", plain_float="missing"
+    "Instances", "scaled by 0 along %s", expected="flat, as the same prim without instancing is", plain_float="missing"
 )
-@pytest.mark.parametrize("axis", [0, 2])
+@pytest.mark.parametrize("axis", [0, 2], ids=["x", "z"])
 def test_flat(axis: int, measured) -> None:
     m = turn(0.4, 0.7, 0.2) @ np.diag([float(k != axis) for k in range(3)])
     expected, again = (picture(plain(m, block(np.eye(3))), seed) for seed in (0, 1))
@@ -296,11 +296,12 @@ def test_nearly_in_one_place(measured) -> None:
 
 
 @pytest.mark.hard_case("Meshes", "two and three equal opaque meshes in one place", expected="the picture of one")
-@pytest.mark.parametrize("count", [2, 3])
-def test_equal_meshes_in_one_place(count: int, measured) -> None:
-    texts = ["".join(placed(f"copy{k}", SHOWN, (0, 0, 0), "", block(np.eye(3))) for k in range(n)) for n in (1, count)]
-    one, image = (picture(text) for text in texts)
-    np.testing.assert_array_equal(image.pixels, one.pixels)
+def test_equal_meshes_in_one_place(measured) -> None:
+    one, *more = (
+        picture("".join(placed(f"copy{k}", SHOWN, (0, 0, 0), "", block(np.eye(3))) for k in range(n))) for n in (1, 2, 3)
+    )
+    for image in more:
+        np.testing.assert_array_equal(image.pixels, one.pixels)
     measured("the same picture, bit for bit")
 
 

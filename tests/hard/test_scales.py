@@ -202,6 +202,40 @@ def test_all_sizes_at_once(measured) -> None:
     measured("shading to 1e-5, coverage but for single samples at edges")
 
 
+@pytest.mark.hard_case(
+    "Scales",
+    "an instance with triangles of 1e-6 units in a thing of 1e-3, beside a triangle of 1e6",
+    expected="seen and shaded as when it is not instanced and all have size 1",
+    plain_float="the cofactors of its matrix times the triangle's normal are 1e-28, and their square 0",
+)
+@pytest.mark.parametrize("mirror", [1.0, -1.0], ids=["", "mirrored"])
+def test_small_in_an_instance(mirror: float, measured) -> None:
+    sizes = np.array([1e-6, 1e-3])
+    text = f'class Xform "_toy"\n{{\n{triangles(sizes)}}}\n'
+    for name, x in (("one", 0.0), ("other", 9.0)):
+        text += f"""def Xform "{name}" (
+    prepend references = </_toy>
+    instanceable = true
+)
+{{
+    double3 xformOp:translate = ({x}, 0, 0)
+    float3 xformOp:scale = ({mirror}, 1, 1)
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]
+}}
+"""
+    far = triangles(np.array([1e6])).replace("triangle0", "far").replace("(-", "(2")
+    image = shot(text + far + SUN % "(0, 0, 0)" + AT_ORIGIN, resolution=(64, 64), max_depth=1)
+    alike = shot(triangles(np.ones(2)) + SUN % "(0, 0, 0)" + AT_ORIGIN, resolution=(64, 64), max_depth=1)
+    assert problems(image) == []
+    assert image.report["scene"]["instances"] == 2
+    expected = alike.pixels if mirror > 0 else alike.pixels[:, ::-1]
+    for columns in (slice(0, 16), slice(16, 32)) if mirror > 0 else (slice(48, 64), slice(32, 48)):
+        found, wanted = (p[48:, columns].mean(axis=(0, 1)) for p in (image.pixels, expected))
+        assert wanted[3] > 0.1
+        np.testing.assert_allclose(found, wanted, rtol=0.02)
+    measured("to the noise of 16 samples")
+
+
 def on_the_ground(ground: float, size: float, tilt_deg: float) -> str:
     """A block of `size` that stands on a square of `ground`, lit from aside and seen from above; all tilted about x."""
     tilted = f"""double xformOp:rotateX = {tilt_deg}
