@@ -304,6 +304,24 @@ def test_contact_shadow_tilted(sizes: tuple[float, float], measured) -> None:
     measured(f"at most 3 of {expected.pixels[..., 0].size} pixels differ; things below 1e-4 of the triangle lose their shadow")
 
 
+@pytest.mark.hard_case(
+    "Scales",
+    "a block of %s units on a sphere of 1e6",
+    expected="shadow and light as on a flat ground",
+    plain_float="points of the sphere are rounded by 0.06 units: acne, and shadows from elsewhere",
+)
+@pytest.mark.parametrize("size", [1e-2, 1.0, 10.0])
+def test_planet(size: float, measured) -> None:
+    flat = on_the_ground(20 * size, size, 0)
+    start, end = flat.index('    def Mesh "ground"'), flat.index('    def Mesh "block"')
+    planet = 'def Sphere "planet"\n{\ndouble radius = 1e6\n' + op((0, -1e6, 0)) + "\n}\n"
+    expected, image = (shot(text, spp=4, max_depth=1) for text in (flat, flat[:start] + planet + flat[end:]))
+    assert problems(image) == []
+    different = int(np.count_nonzero(np.abs(image.pixels - expected.pixels).max(axis=2) > 0.3))
+    assert different <= 3
+    measured(f"{different} of {expected.pixels[..., 0].size} pixels differ")
+
+
 @pytest.mark.parametrize("size", [1e-6, 1e-3, 1.0])
 def test_lost_on_a_tilted_ground(size: float) -> None:
     """What floats cannot tell apart is not right, but neither NaN nor black."""
