@@ -92,6 +92,9 @@ CODES: dict[str, Code] = {
     "invalid-instancer": Code(
         Severity.ERROR, "Instances that cannot be placed are missing: bad arrays, indices or prototypes."
     ),
+    "instances-coincident": Code(
+        Severity.INFO, "Instances that stand exactly where others of the same prototype do are left out; nothing is missing."
+    ),
     "invalid-transform": Code(Severity.ERROR, "What stands at a transform that is not finite is missing."),
     "reset-xform-in-prototype": Code(
         Severity.WARNING, "resetXformStack inside a prototype resets to the prototype, not to the world."
@@ -130,7 +133,7 @@ CODES: dict[str, Code] = {
         Severity.INFO,
         "The stage has no light and nothing that emits: a white dome and a key light are added.",
     ),
-    "singular-transform": Code(Severity.ERROR, "Instances whose matrix has no inverse (a scale of 0) are missing."),
+    "singular-transform": Code(Severity.ERROR, "Instances or spheres whose matrix has no inverse (a scale of 0) are missing."),
     "too-far": Code(
         Severity.ERROR, "Geometry too large or too far away for floats (1e18 times the rest of the scene) is missing."
     ),

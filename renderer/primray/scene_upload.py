@@ -28,7 +28,8 @@ from .description import (
     TextureFile,
 )
 from .far_geometry import FARTHEST, OUTLYING, FarInstances, Flags, near_triangles, usual_boxes, usual_union
-from .placement import Box, placed_box, transformed_box, transformed_boxes
+from .placement import Box, chunks, placed_box, transformed_box, transformed_boxes
+from .skewed import bake_skewed
 from .surface_upload import MutableTextures, SurfaceUpload, Textures, is_cutout, is_hole
 
 # Order of LightType in light/light.hpp.
@@ -60,8 +61,8 @@ def upload(
 
     `shapes`, where given, takes the place of the description's: emptied when the core has copies, before it accelerates these.
     """
-    d = description
-    shapes = list(d.shapes) if shapes is None else shapes
+    shapes = list(description.shapes) if shapes is None else shapes
+    d = bake_skewed(description, shapes)
     full_boxes = shape_boxes(core, shapes)
     boxes = usual_boxes(full_boxes, shapes)
     prototype_boxes = boxes_of_prototypes(d, boxes)
@@ -260,7 +261,8 @@ class ShapeUpload:
     def _add_sphere(self, sphere: Sphere, world_from_object: npt.NDArray[np.float64]) -> None:
         if self._hole[sphere.surface]:
             return
-        self._builder.add_sphere(sphere.radius, sphere.surface, world_from_object)
+        if not self._builder.add_sphere(sphere.radius, sphere.surface, world_from_object) and sphere.radius != 0:
+            self._warnings.append(("singular-transform", sphere.path, "A sphere with a singular matrix is left out"))
         for name, _, width, values in self._inputs.primvars(sphere.primvars):
             self._builder.add_sphere_primvar(name, width, values)
 
@@ -380,8 +382,6 @@ def scene_reach(d: SceneDescription, boxes: Doubles, prototype_boxes: list[Box],
         reach = float(np.fmax.reduce(found, initial=0.0))
         if not np.isfinite(reach):
             return 0.0
-        if reach <= OUTLYING:  # so nothing can lie that much further than the rest, unless that is very small
-            return reach
         usual = [*found[: len(d.static)], *(_usual_distance(p, origin) for p in d.placements)]
         return min(reach, OUTLYING * min((r for r in usual if r > 0), default=reach))
 
@@ -392,7 +392,7 @@ def _reach(box: Box, origin: npt.NDArray[np.float64]) -> float:
 
 def _usual_distance(placement: Placement, origin: npt.NDArray[np.float64]) -> float:
     """The lower median of its instances, or of a part of many."""
-    for rows in placement.chunks():
+    for rows in chunks(placement.levels, 1024):
         return float(np.quantile(np.abs(rows[:, :, 3] - origin).max(axis=1), 0.5, method="lower"))
     return 0.0
 

@@ -149,7 +149,7 @@ void bind_scene(nb::module_& m) {
            [](SceneBuilder& b, nb::handle center, double scale) { return b.begin_prototype(dvec3_of(center), scale); })
       .def("add_mesh", &add_mesh)
       .def("add_sphere", [](SceneBuilder& b, double radius, int surface,
-                            InArray<double> matrix) { b.add_sphere(radius, surface, affine_of(matrix)); })
+                            InArray<double> matrix) { return b.add_sphere(radius, surface, affine_of(matrix)); })
       .def("reserve_triangles", &SceneBuilder::reserve_triangles)
       .def("reserve_instances", &SceneBuilder::reserve_instances)
       .def("begin_placement", &SceneBuilder::begin_placement)

@@ -282,7 +282,7 @@ nb::dict intersect(const Scene& scene, InArray<double> o_, InFloats d_, int lane
     geometry.put(at, select(hit, h.geom, vint<W>(-1))), primitive.put(at, select(hit, h.prim, vint<W>(-1)));
     instance.put(at, select(hit, h.inst, vint<W>(-1)));
     if (!any(hit)) return;
-    const Interaction<W> it = interact(scene, hit, h);
+    const Interaction<W> it = interact(scene, hit, rays, h);
     ng.put(at, it.ng), ns.put(at, it.ns), p.put(at, it.p * vfloat<W>(unit)), color.put(at, it.color),
         surface.put(at, it.surface);
     offset.put(at, it.offset * unit);

@@ -70,7 +70,7 @@ PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, c
   const vfloat<W> b1 = select(upper, u * 0.5f, u - v * 0.5f), b2 = select(upper, v - u * 0.5f, v * 0.5f);
   const vvec3<W> doubled_area = cross(t.e1, t.e2), exact = t.p0 + t.e1 * b1 + t.e2 * b2;
   // A little in front of the triangle on p's side, so that its own rounding does not block the shadow ray.
-  const vvec3<W> to = exact - p, n = normalize(doubled_area);
+  const vvec3<W> to = exact - p, n = direction_of(doubled_area);
   const vfloat<W> side = copysign(vfloat<W>(1.0f), -dot(to, n));
   const vvec3<W> d = to + n * (side * (t.reach * kOffsetUlps));
   const vfloat<W> distance = length(d);

@@ -1,6 +1,7 @@
 // Where a ray met the scene: point, normals, surface and colour of W hits, in world space.
 //
-// Points come from barycentrics, never from o + t d; `offset` bounds their rounding and Embree's, so that a ray started that
+// Points come from barycentrics, as o + t d is off by more; but not where triangles and spheres are so large that it is off by
+// far less (kNearer). `offset` bounds their rounding and Embree's, so that a ray started that
 // far off the surface does not meet it again.
 #pragma once
 
@@ -46,6 +47,26 @@ PRIMRAY_INLINE void gather_corners(const Scene& scene, vbool<W> lanes, vint<W> m
   }
 }
 
+// The unit vector along `a`, however short or long it is: its square may be beyond what a float holds.
+template <int W>
+PRIMRAY_INLINE vvec3<W> direction_of(const vvec3<W>& a) {
+  return normalize(a * (1.0f / max_component(abs(a))));
+}
+
+// The height above its plane that rounding can put a point of a triangle at, in multiples of 2^-24 as above: the point's own
+// coordinates are rounded, of which only what lies along the normal counts, and Embree takes the edges from corners that it
+// rounded relative to the ray's origin, which turns the plane about the point. A ground of 1e6 units that lies along the axes
+// so has the offset of its height alone, and what stands on it keeps its shadow.
+template <int W>
+PRIMRAY_INLINE vfloat<W> plane_reach(const vvec3<W>& n, const vvec3<W>& p0, const vvec3<W>& e1, const vvec3<W>& e2) {
+  const vvec3<W> extent = abs(e1) + abs(e2);
+  const vfloat<W> size = max_component(extent);
+  const vfloat<W> unit = 1.0f / size;
+  const vvec3<W> e = extent * unit;
+  const vfloat<W> turned = e.x * e.y * e.z / length(cross(e1 * unit, e2 * unit)) * size;
+  return dot(abs(n), abs(p0) + extent) + 2.0f * turned;
+}
+
 template <int W>
 PRIMRAY_INLINE void add_attributes(const Scene& scene, vbool<W> m, vint<W> mesh, vint<W> triangle, const vint<W> corner[3],
                                    const Hits<W>& h, vvec3<W>& normal, vbool<W>& has_normal, vvec3<W>& color) {
@@ -68,8 +89,12 @@ PRIMRAY_INLINE void add_attributes(const Scene& scene, vbool<W> m, vint<W> mesh,
   }
 }
 
+// How much smaller the ray's coordinates must be than the shape's for the point to come from the ray: a 2^24th of a ground's
+// size is what barycentrics tell its points apart by, which may be more than what stands there.
+constexpr float kNearer = 0x1p-8f;
+
 template <int W>
-PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, const Hits<W>& h) {
+PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, const Rays<W>& rays, const Hits<W>& h) {
   const vint<W> zero(0);
   Interaction<W> r;
   r.color = vvec3<W>(vfloat<W>(1.0f));
@@ -79,7 +104,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   const bool any_instanced = in.any_instanced;
   const vbool<W> is_triangle = in.is_triangle(scene, active);
   vvec3<W> e1(vfloat<W>(0.0f)), e2(vfloat<W>(0.0f)), normal(vfloat<W>(0.0f)), p(vfloat<W>(0.0f));
-  vvec3<W> sphere_normal(vfloat<W>(0.0f));
+  vvec3<W> p0(vfloat<W>(0.0f)), sphere_normal(vfloat<W>(0.0f)), sphere_spread(vfloat<W>(0.0f));
   vbool<W> smooth(false);
   if (any(is_triangle)) {
     const vint<W> triangle = in.triangle(scene, is_triangle, h);
@@ -91,7 +116,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     for (int k = 0; k < 3; ++k)
       corner[k] = first + gather<W>(reinterpret_cast<const int32_t*>(scene.indices.data()) + k, triangle * vint<W>(3));
     const float* positions = scene.positions.data();
-    const vvec3<W> p0 = gather_vec3<W>(positions, corner[0] * vint<W>(3));
+    p0 = gather_vec3<W>(positions, corner[0] * vint<W>(3));
     // Lanes that met a sphere have no edges: `reach` below must not see those of another lane's triangle.
     e1 = select(is_triangle, gather_vec3<W>(positions, corner[1] * vint<W>(3)) - p0, e1);
     e2 = select(is_triangle, gather_vec3<W>(positions, corner[2] * vint<W>(3)) - p0, e2);
@@ -107,29 +132,49 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     const InstanceLanes<W> m(scene.spheres[0].group_from_object, sphere * vint<W>(int(sizeof(SphereRecord) / sizeof(float))));
     p = select(is_sphere, m.vector(h.ng) + m.o, p);
     sphere_normal = m.normal(h.ng);
+    // The centre of a big sphere is further away than its surface, and rounded so.
+    sphere_spread = abs(m.x * h.ng.x) + abs(m.y * h.ng.y) + abs(m.z * h.ng.z) + abs(m.o);
   }
-  vvec3<W> ng = cross(e1, e2);
-  vfloat<W> reach = max(max_component(abs(p)), max(max_component(abs(e1)), max_component(abs(e2))));
+  const vfloat<W> size = max(max_component(abs(e1)), max_component(abs(e2)));
+  const vfloat<W> unit = 1.0f / size;  // keeps the product of the edges of small triangles from vanishing
+  const vvec3<W> triangle_ng = cross(e1 * unit, e2 * unit);
+  vvec3<W> ng = triangle_ng;
+  vfloat<W> reach = max(max_component(abs(p)), size);
+  if (any_sphere) ng = select(is_sphere, sphere_normal, ng), reach = select(is_sphere, max_component(sphere_spread), reach);
+  const vfloat<W> ray_reach = max_component(abs(rays.o) + abs(rays.d) * h.t);
+  const vbool<W> from_ray = active & !instanced & (ray_reach < reach * kNearer);
+  if (any(from_ray)) {
+    p = select(from_ray, rays.o + rays.d * h.t, p);
+    reach = select(from_ray & is_sphere, ray_reach, reach);
+  }
+  if (any(is_triangle & !instanced)) {
+    const vvec3<W> n = direction_of(ng);
+    const vfloat<W> bound = plane_reach(n, p0, e1, e2);
+    // A triangle so thin that its plane is lost in rounding has no such bound.
+    reach = select(is_triangle & (bound < reach), bound, reach);
+    p = select(from_ray & is_triangle, p - n * dot(n, p - p0), p);
+  }
   r.on_edge = is_triangle & (min(min(h.u, h.v), 1.0f - h.u - h.v) < kEdge);
-  r.edge_on = min(max(length(e1) * length(e2) / length(ng), 1.0f), kThinnest) * kNormalUlps;
-  if (any_sphere) ng = select(is_sphere, sphere_normal, ng);
+  r.edge_on = min(max(length(e1 * unit) * length(e2 * unit) / length(triangle_ng), 1.0f), kThinnest) * kNormalUlps;
   r.p = p;
   if (any_instanced) {
     vvec3<W> far;
     const InstanceLanes<W> m = in.matrix(scene, far);
     const vvec3<W> q = m.vector(p) + m.o;
     r.p = select(instanced, q, p);
-    const vvec3<W> spread = abs(m.x * p.x) + abs(m.y * p.y) + abs(m.z * p.z) + abs(m.o) + far;
+    vvec3<W> inner = abs(p);
+    if (any_sphere) inner = select(is_sphere, sphere_spread, inner);
+    const vvec3<W> spread = abs(m.x) * inner.x + abs(m.y) * inner.y + abs(m.z) * inner.z + abs(m.o) + far;
     const vvec3<W> edges = abs(m.vector(e1)) + abs(m.vector(e2));
     reach = select(instanced, max(max_component(spread), max_component(edges)), reach);
     ng = select(instanced, m.normal(ng), ng);
     if (any(smooth)) normal = select(instanced, m.normal(normal), normal);
   }
   r.offset = reach * kOffsetUlps;
-  r.ng = normalize(ng);
+  r.ng = direction_of(ng);
   r.ns = r.ng;
   if (any(smooth)) {
-    const vvec3<W> n = normalize(normal);
+    const vvec3<W> n = direction_of(normal);
     const vfloat<W> side = dot(n, r.ng);
     smooth &= abs(side) > vfloat<W>(0.0f);
     r.ns = select(smooth, n * copysign(vfloat<W>(1.0f), side), r.ns);

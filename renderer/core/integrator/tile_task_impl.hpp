@@ -211,7 +211,7 @@ class TilePaths {
       return;
     }
 
-    Interaction<W> it = interact(scene_, hit, hits);
+    Interaction<W> it = interact(scene_, hit, p.ray, hits);
     SurfaceRows<W> rows(scene_.surfaces, it.surface);
     LaneRows<W> varying;
     if (scene_.has_inputs && any(hit & has_inputs(scene_, it.surface))) {
@@ -439,7 +439,7 @@ class TilePaths {
       arrived |= active & !hit;
       active = hit;
       if (!any(active)) break;
-      const Interaction<W> it = interact(scene_, active, hits);
+      const Interaction<W> it = interact(scene_, active, rays, hits);
       const F cosine = dot(it.ns, rays.d);
       const B front = dot(it.ng, rays.d) < F(0.0f);
       const F z = clamp(abs(cosine), 0.0f, 1.0f);

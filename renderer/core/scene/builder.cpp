@@ -79,12 +79,11 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
   };
   const dvec3 cx = cross(group_from_object.y, group_from_object.z), cy = cross(group_from_object.z, group_from_object.x),
               cz = cross(group_from_object.x, group_from_object.y);
-  const double sign = mirrored ? -1 : 1;
-  const int32_t normals = add_vectors(s.normals, mesh.normals, mesh.normal_kind, [&](const dvec3& n) {
-    const dvec3 m = (cx * n.x + cy * n.y + cz * n.z) * sign;
-    const double len = length(m);
-    return len > 0 ? m * (1 / len) : n;
-  });
+  // All by one factor and not each to length 1: normals are interpolated as the object has them, here as in instances.
+  const double largest = std::max({length(cx), length(cy), length(cz)});
+  const double factor = (mirrored ? -1 : 1) / (largest > 0 ? largest : 1.0);
+  const int32_t normals = add_vectors(s.normals, mesh.normals, mesh.normal_kind,
+                                      [&](const dvec3& n) { return (cx * n.x + cy * n.y + cz * n.z) * factor; });
   const int32_t colors = add_vectors(s.colors, mesh.colors, mesh.color_kind, [](const dvec3& c) { return c; });
 
   last_mesh_rows_ = table.surface.size(), last_mirrored_ = mirrored;
@@ -113,11 +112,11 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
   s.has_attributes |= mesh.normal_kind != Attribute::kNone || mesh.color_kind != Attribute::kNone;
 }
 
-void SceneBuilder::add_sphere(double radius, int32_t surface, const daffine& group_from_object) {
+bool SceneBuilder::add_sphere(double radius, int32_t surface, const daffine& group_from_object) {
   last_sphere_taken_ = false;
   const daffine size{{radius, 0, 0}, {0, radius, 0}, {0, 0, radius}, dvec3(0.0)};
   const daffine m = group_from_outside_.back() * group_from_object * size;
-  if (!is_regular(m)) return;
+  if (!is_regular(m)) return false;
   const daffine inv = inverse(m);
   SphereRecord r;
   const dvec3 *columns[] = {&m.x, &m.y, &m.z, &m.o}, *inverse_columns[] = {&inv.x, &inv.y, &inv.z, &inv.o};
@@ -133,6 +132,7 @@ void SceneBuilder::add_sphere(double radius, int32_t surface, const daffine& gro
   last_sphere_taken_ = true;
   scene_->groups.back().sphere_count++;
   scene_->has_spheres = true;
+  return true;
 }
 
 void SceneBuilder::reserve_triangles(size_t points, size_t triangles) {

@@ -63,7 +63,8 @@ class SceneBuilder {
   int begin_prototype(dvec3 center, double scale);
   // A group's cut-outs come after its other meshes.
   void add_mesh(const MeshInput& mesh, const daffine& group_from_object);
-  void add_sphere(double radius, int32_t surface, const daffine& group_from_object);
+  // False where the matrix has no inverse: there is no such sphere then.
+  bool add_sphere(double radius, int32_t surface, const daffine& group_from_object);
   // `width` numbers a row, of the shape that was added last.
   void add_mesh_primvar(int name, PrimvarKind kind, int width, std::span<const float> values);
   void add_sphere_primvar(int name, int width, std::span<const float> values);

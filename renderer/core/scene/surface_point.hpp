@@ -24,10 +24,12 @@ struct InstanceLanes {
     x = select(lanes, outer.vector(x), x), y = select(lanes, outer.vector(y), y), z = select(lanes, outer.vector(z), z);
     return select(lanes, spread, vvec3<W>(vfloat<W>(0.0f)));
   }
-  // Normals go by the cofactors: the inverse transpose times the determinant, whose sign counts (mirrored instances).
+  // Normals go by the cofactors: the inverse transpose times the determinant, whose sign counts (mirrored instances). The
+  // length means nothing: the matrix is brought to size 1, as products of three small columns would vanish.
   PRIMRAY_INLINE vvec3<W> normal(const vvec3<W>& n) const {
-    const vvec3<W> a = cross(y, z), b = cross(z, x), c = cross(x, y);
-    return (a * n.x + b * n.y + c * n.z) * copysign(vfloat<W>(1.0f), dot(a, x));
+    const vfloat<W> unit = 1.0f / max_component(vvec3<W>(max_component(abs(x)), max_component(abs(y)), max_component(abs(z))));
+    const vvec3<W> i = x * unit, j = y * unit, k = z * unit, a = cross(j, k), b = cross(k, i), c = cross(i, j);
+    return (a * n.x + b * n.y + c * n.z) * copysign(vfloat<W>(1.0f), dot(a, i));
   }
 };
 
@@ -137,7 +139,8 @@ struct SurfacePoint {
         e1 = select(instanced, m.vector(e1), e1), e2 = select(instanced, m.vector(e2), e2);
       }
     }
-    area2 = length(cross(e1, e2));
+    const vfloat<W> size = max(max(max_component(abs(e1)), max_component(abs(e2))), 1e-18f);
+    area2 = length(cross(e1 * (1.0f / size), e2 * (1.0f / size))) * size * size;
   }
 };
 

@@ -8,11 +8,13 @@ out. `grouping` says which groups keep their own instances together because all 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
 import numpy as np
 
+from ..coincident import distinct
 from ..errors import LimitError
 from ..placement import Instances, MatrixInstances, chunks
 
@@ -45,6 +47,42 @@ class Arrangement:
     top: Chains
     inside: dict[int, Chains]  # by the group that keeps its instances together: what stands in it
     cyclic: list[tuple[int, int]]  # instancings left out because a group contains itself
+
+
+def merge_coincident(groups: list[Group[Leaf]], adds_up: Callable[[Leaf], bool]) -> dict[int, int]:
+    """Leave out instances that stand exactly where another one of the same group does: how many, by that group.
+
+    Lights in one place add up, so groups with leaves that do are left as they are, and all that hold them.
+    """
+    holders: dict[int, list[int]] = {}
+    for g, group in enumerate(groups):
+        for child, _ in group.instances:
+            holders.setdefault(child, []).append(g)
+    lit = {g for g, group in enumerate(groups) if any(adds_up(leaf) for leaf in group.leaves)}
+    queue = list(lit)
+    while queue:
+        new = set(holders.get(queue.pop(), ())) - lit
+        lit |= new
+        queue += new
+    merged: dict[int, int] = {}
+    for group in groups:
+        by_child: dict[int, list[Instances]] = {}
+        for child, some in group.instances:
+            by_child.setdefault(child, []).append(some)
+        fewer = {child: levels if child in lit else _distinct(levels) for child, levels in by_child.items()}
+        group.instances = [(child, level) for child, levels in fewer.items() for level in levels]
+        for child, levels in by_child.items():
+            gone = sum(map(len, levels)) - sum(map(len, fewer[child]))
+            if gone:
+                merged[child] = merged.get(child, 0) + gone
+    return merged
+
+
+def _distinct(levels: list[Instances]) -> list[Instances]:
+    """Many small levels, as of an instancer each, may stand in one place as well."""
+    if len(levels) > 1 and not any(level.primvars for level in levels) and sum(map(len, levels)) <= MAX_MERGED:
+        return [distinct(MatrixInstances(np.concatenate([level.rows(0, len(level)) for level in levels])))]
+    return [distinct(level) for level in levels]
 
 
 def count_of(chain: Chain) -> int:

@@ -39,7 +39,7 @@ from .convert import square, squares
 from .default_light import default_lights
 from .framing import Bounds, shape_bounds, stage_bounds
 from .instance_primvars import without_unread
-from .instances import Arrangement, Chain, Group, arrange, count_of
+from .instances import Arrangement, Chain, Group, arrange, count_of, merge_coincident
 from .pose import posed, prototypes_hold_skeletons
 from .primvars_read import primvars_read
 from .read import when_of
@@ -132,6 +132,8 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     camera_prim = select_camera(stage, ctx, stage_settings, cameras)
     kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
     groups = walk(ctx, kinds, point_instances)
+    for g, count in merge_coincident(groups, lambda leaf: leaf.type_name in LIGHTS).items():
+        ctx.warn("instances-coincident", groups[g].path, f"{count:,} instances stand exactly where another does: left out.")
     where = arrange(groups, settings.max_memory_bytes or _physical_memory() // 2)
     for parent, child in where.cyclic:
         diagnostics.add(
