@@ -84,15 +84,15 @@ def _relmse(sums: Mapping[str, Any], values: int) -> Estimate:
     total = float(sums["relative"])
     if not total > 0:
         return Estimate(0.0, 0.0, 0.0)
-    # By chance, and by what the weights rest on: how far the two kinds are apart, and those without the spread of R.
+    # By chance, and by what the weights rest on: how far the two kinds are apart, and how much the spread of R does.
     chance = math.sqrt(max(float(sums["relative_variance"]), 0.0)) / total
-    kinds = _half_log(sums["relative_alike"], sums["relative_alone"])
-    spread = _half_log(total, sums["relative_plain"])
+    kinds = _log_ratio(sums["relative_alike"], sums["relative_alone"]) / 2
+    spread = _log_ratio(total, sums["relative_plain"])
     return Estimate.around(total / values, math.sqrt(chance**2 + kinds**2 + spread**2))
 
 
-def _half_log(a: float, b: float) -> float:
-    return abs(math.log(max(a, 1e-300) / max(b, 1e-300))) / 2
+def _log_ratio(a: float, b: float) -> float:
+    return abs(math.log(max(a, 1e-300) / max(b, 1e-300)))
 
 
 def _mean_square(total: float, variance: float, values: int) -> Estimate:

@@ -30,9 +30,13 @@ STAGES = {
     "lens": ("camera-lens", 4),
     "glass": ("glass", 8),
     "emission": ("emission", 6),
-    "rectangle": ("light-rect", 6),
     "clearcoat": ("clearcoat", 6),
+    "instancer": ("point-instancer", 4),
+    # Bright lights in view, small in it: a few pixels at their corners hold most of the error.
+    "rectangle": ("light-rect", 6),
+    "sphere": ("light-sphere", 6),
 }
+ROUGH = ("rectangle", "sphere")
 RESOLUTION = (64, 48)
 
 
