@@ -7,6 +7,7 @@
 // A term as large as the largest is kept whole, others to 2^-40 of it at least. 2^23 terms fit.
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstdint>
@@ -20,6 +21,12 @@ constexpr int kLowestBin = -4;  // holds 2^-160 to 2^-120; the largest float lie
 inline int bin_of(float magnitude) {
   const int exponent = int(std::bit_cast<uint32_t>(magnitude) >> 23 & 255) - 127;
   return (exponent - kLowestBin * kBinBits) / kBinBits + kLowestBin;
+}
+
+// 2^(40 bin), from one below the lowest to one above the highest.
+inline double unit_of(int bin) {
+  constexpr double kUnits[] = {0x1p-200, 0x1p-160, 0x1p-120, 0x1p-80, 0x1p-40, 1, 0x1p40, 0x1p80, 0x1p120, 0x1p160, 0x1p200};
+  return kUnits[bin - kLowestBin + 1];
 }
 
 // One sum: high * 2^(40 bin) + low * 2^(40 (bin - 1)).
@@ -38,23 +45,22 @@ struct ExactSum {
     o.raise(bin), raise(o.bin);
     high += o.high, low += o.low;
   }
-  double value() const { return std::ldexp(double(high), kBinBits * bin) + std::ldexp(double(low), kBinBits * (bin - 1)); }
+  double value() const { return double(high) * unit_of(bin) + double(low) * unit_of(bin - 1); }
 };
 
 // Of floats that are finite.
 inline ExactSum exact_sum(const float* terms, int count) {
-  float largest = 0;
-  for (int i = 0; i < count; ++i) largest = std::fmax(largest, std::fabs(terms[i]));
+  uint32_t largest = 0;  // magnitudes are ordered as their bits are
+  for (int i = 0; i < count; ++i) largest = std::max(largest, std::bit_cast<uint32_t>(terms[i]) & 0x7fffffffu);
   ExactSum sum;
-  sum.bin = bin_of(largest);
-  const double unit = std::ldexp(1.0, -kBinBits * (sum.bin - 1));
+  sum.bin = bin_of(std::bit_cast<float>(largest));
+  const double scale = unit_of(1 - sum.bin);
   constexpr double kBin = double(int64_t(1) << kBinBits);
-  double high = 0, low = 0;  // whole numbers, exact: below 2^53 for 8192 terms
   for (int i = 0; i < count; ++i) {
-    const double scaled = std::trunc(double(terms[i]) * unit), top = std::trunc(scaled * (1 / kBin));
-    high += top, low += scaled - top * kBin;
+    const double scaled = double(terms[i]) * scale;
+    const int64_t top = int64_t(scaled * (1 / kBin));
+    sum.high += top, sum.low += int64_t(scaled - double(top) * kBin);
   }
-  sum.high = int64_t(high), sum.low = int64_t(low);
   return sum;
 }
 

@@ -229,7 +229,7 @@ class TilePaths {
     const V wo = -p.ray.d;
     const F facing = dot(it.ng, wo);
     B certain = (abs(facing) > it.edge_on) & (dot(it.p - p.ray.o, p.ray.d) > it.offset * 0.25f);
-    if (const B back = hit & it.on_edge & !(facing > F(0.0f)); any(back)) certain &= !back | sees_within(back, p, hits, it);
+    if (const B back = hit & it.on_edge & !(facing > F(0.0f)); any(back)) certain &= (!back) | sees_within(back, p, hits, it);
     const B scatters = hit & certain & ((p.depth < I(settings_.max_depth)) | B(scene_.has_thin));
     if (!any(scatters)) return;
     const B front = facing > F(0.0f);
