@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import importlib.metadata
 import os
@@ -92,6 +93,12 @@ def module() -> Any:
     core = importlib.import_module(f"primray._core_{isa()}")
     core.load_embree(str(_embree_path()))
     return core
+
+
+@cache
+def build_digest() -> str:
+    """Of the module's file: two builds need not agree in every bit."""
+    return hashlib.sha256(Path(str(module().__file__)).read_bytes()).hexdigest()[:16]
 
 
 def versions() -> dict[str, str]:

@@ -8,6 +8,7 @@ import typer
 
 from .doctor import doctor
 from .inspect import inspect
+from .merge import merge
 from .render import render
 from .sheet import sheet
 
@@ -38,6 +39,7 @@ def primray(
 
 
 app.command()(render)
+app.command()(merge)
 app.command()(inspect)
 app.command()(sheet)
 app.command()(doctor)
