@@ -134,10 +134,10 @@ def _opened(path: Path) -> Iterator[Any]:
 
 def _header(path: Path, file: BinaryIO) -> dict[str, Any]:
     size = os.fstat(file.fileno()).st_size
-    magic = file.read(len(_MAGIC))
+    magic = file.readline(len(_MAGIC) + 10)
     if magic != _MAGIC:
         number = magic[len(_NAME) :].strip()
-        if magic.startswith(_NAME) and number.isdigit():
+        if magic.startswith(_NAME) and magic.endswith(b"\n") and number.isdigit():
             raise CheckpointError(
                 f"the checkpoint is of format {int(number)}, this primray reads {FORMAT}",
                 where=str(path),

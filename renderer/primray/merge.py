@@ -20,7 +20,6 @@ from .report import Costs, header_of, make_report, settings_as_json
 from .sampling import Sampling
 from .settings import RenderSettings, settings_of_json
 
-
 # What is told of the samples that are merged, anew each time.
 OF_SAMPLES = ("samples-missing", "invalid-samples")
 
