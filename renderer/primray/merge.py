@@ -16,7 +16,7 @@ from .checkpoint_file import write_checkpoint
 from .diagnostics import Diagnostics
 from .errors import CheckpointError
 from .image import Image, pixels_sha256
-from .report import Costs, header_of, make_report, settings_as_json
+from .report import Costs, header_of, make_report, settings_as_json, usable_threads
 from .sampling import Sampling
 from .settings import RenderSettings, settings_of_json
 
@@ -128,7 +128,7 @@ def _settings(part: Checkpoint, ranges: tuple[Range, ...]) -> RenderSettings:
                 "target_error": None,
                 "time_limit_s": None,
                 "adaptive": None,
-                "threads": None,
+                "threads": usable_threads(),
             }
         )
     except (TypeError, ValueError) as error:

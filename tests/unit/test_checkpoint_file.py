@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from primray import checkpoint_file
 from primray.checkpoint_file import read_checkpoint, read_header, write_checkpoint
 from primray.errors import CheckpointError, PrimrayError
 
@@ -127,7 +126,12 @@ def hostile(header: bytes, length: int | None = None, body: bytes = b"") -> byte
 )
 def test_headers_that_lie_allocate_nothing(tmp_path: Path, text: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[Any] = []
-    monkeypatch.setattr(checkpoint_file.np, "empty", lambda *a: made.append(a) or np.zeros(*a))
+
+    def empty(*of: Any) -> Any:
+        made.append(of)
+        return np.zeros(*of)
+
+    monkeypatch.setattr(np, "empty", empty)
     path = tmp_path / "a.prc"
     path.write_bytes(hostile(text, body=b"12345678"))
     assert code_of(path) == "checkpoint-damaged"

@@ -32,19 +32,18 @@ def changed(value: Any) -> Any:
         return other
     if value is None:
         return np.zeros((1, 3), np.float32)
-    return value + ("" if isinstance(value, str) else type(value)(1)) if not isinstance(value, str) else value + "x"
+    return value + ("x" if isinstance(value, str) else 1)
 
 
 def variants(value: Any) -> list[tuple[str, Any]]:
     """The value with one thing changed, for each thing in it."""
     if is_dataclass(value) and not isinstance(value, type):
-        found = [
-            (f"{f.name}.{where}", replace(value, **{f.name: other}))  # type: ignore[type-var]
+        return [
+            (f"{f.name}.{where}", replace(value, **{f.name: other}))
             for f in fields(value)
             for where, other in variants(getattr(value, f.name))
             if f.name not in UNSEEN
         ]
-        return found
     if isinstance(value, tuple):
         found = [
             (f"{k}.{where}", (*value[:k], other, *value[k + 1 :]))
