@@ -7,6 +7,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -133,6 +134,32 @@ def test_a_cap_leaves_no_trace(cap: int, tmp_path: Path, first_error: float) -> 
     assert_same(run(target_error=first_error / 4), going_on)
 
 
+@pytest.mark.parametrize("factor", [1.3, 1.7, 2.1])
+def test_no_cap_decides(factor: float, tmp_path: Path, first_error: float) -> None:
+    """Caps before, at and after where a render without them looks at the error; some end below the target by chance."""
+    rules: dict[str, Any] = {"target_error": first_error / factor, "adaptive": False}
+    direct = run(**rules)
+    assert 16 < direct.done < 48
+    for cap in range(17, direct.done + 2):
+        going_on = go_on(save(run(spp=cap, **rules), tmp_path / "a.prc"), **rules)
+        going_on.run()
+        assert (going_on.done, going_on.stop) == (direct.done, direct.stop), cap
+        assert_same(direct, going_on)
+
+
+@pytest.mark.parametrize("factor", [1.3, 1.7, 2.1])
+def test_a_target_for_what_had_none(factor: float, tmp_path: Path, first_error: float) -> None:
+    """Up to where it looks at the error for the first time beyond an anchor: there too, though that is measured already."""
+    rules: dict[str, Any] = {"target_error": first_error / factor, "adaptive": False}
+    direct = run(**rules)
+    first = round(next(row.samples for row in direct.rows if row.due))
+    for samples in (14, 17, first - 2, first):
+        going_on = go_on(save(run(spp=samples, adaptive=False), tmp_path / "a.prc"), **rules)
+        going_on.run()
+        assert going_on.stop == direct.stop
+        assert_same(direct, going_on)
+
+
 def test_the_metric_may_change(tmp_path: Path) -> None:
     shown = run(spp=64, adaptive=False).rows[-1].error.of(Metric.DISPLAY).value
     path = save(run(spp=40, adaptive=False), tmp_path / "a.prc")
@@ -225,7 +252,7 @@ def kill_and_resume(folder: Path, kills: int, seed: int) -> None:
     whole = replace(SETTINGS, spp=reached(load(path).film["next"]))
     image = primray.render(STAGE, whole, checkpointing=Checkpointing(path, resume=path))
     assert image.report["pixels_sha256"] == primray.render(STAGE, whole).report["pixels_sha256"]
-    assert image.report["checkpoint"]["resumed_at"] > means[-1]
+    assert image.report["checkpoint"]["resumed_at"] >= means[-1]
     assert sorted(file.name for file in folder.iterdir()) == ["a.exr", "a.json", "a.prc"]
 
 
@@ -281,6 +308,23 @@ def test_a_disk_that_is_full_costs_no_picture(tmp_path: Path, monkeypatch: pytes
     assert "No space left" in image.report["checkpoint"]["failed"]
     assert "checkpoint-unwritten" in [d["code"] for d in image.report["diagnostics"]]
     assert list(tmp_path.iterdir()) == []
+
+
+def test_one_checkpoint_is_written_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    writing, most = threading.Semaphore(1), []
+
+    def slowly(*of: Any) -> None:
+        most.append(writing.acquire(blocking=False))
+        time.sleep(0.15)
+        writing.release()
+
+    monkeypatch.setattr("primray.checkpoint_file.write_checkpoint", slowly)
+    limited = replace(SETTINGS, spp=LONG, time_limit_s=0.6)
+    image = primray.render(STAGE, limited, checkpointing=Checkpointing(tmp_path / "a.prc", every_s=0.01))
+    assert len(most) >= 3
+    assert all(most)
+    assert image.report["checkpoint"]["written"] == len(most)
+    assert image.report["stop"]["reason"] == "time-limit"
 
 
 # ---- what cannot be resumed ---------------------------------------------------------------------------------------------

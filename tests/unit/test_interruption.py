@@ -9,7 +9,10 @@ from typing import Any
 
 import pytest
 
+from primray import render
 from primray.interruption import interruption, terminate_as_interrupt
+
+from .conftest import FakePipeline
 
 
 @pytest.fixture(autouse=True)
@@ -60,6 +63,17 @@ def test_ignored_signals_stay_ignored() -> None:
         signal.raise_signal(signal.SIGINT)
     assert not asked.asked
     assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+
+
+def test_a_signal_at_the_very_end_keeps_further_frames_from_beginning(pipeline: FakePipeline) -> None:
+    def progress(fraction: float, samples: int, rays: int) -> None:
+        if fraction == 1:
+            signal.raise_signal(signal.SIGINT)
+
+    image = render("a.usda", on_interrupt="partial", progress=progress)
+    assert image.report["interrupted"] is True
+    with pytest.raises(KeyboardInterrupt):
+        render("a.usda", progress=progress)
 
 
 def test_other_threads_cannot_and_need_not() -> None:
