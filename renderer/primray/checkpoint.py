@@ -28,6 +28,7 @@ from .sampling import Row, Sampling
 from .settings import MAX_RESOLUTION, MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
 
 REPLICATES, COLORS = 2, 3
+SPLITS = (1, 2)  # what core.choose_splits answers; others would be taken for what they are not
 BINS = (-4, 3)  # exact_sum.hpp: kLowestBin, and that of the largest float
 
 # Settings that decide about pixels once the scene is translated, and those that decide what is translated.
@@ -164,6 +165,8 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
         _valid(0 < int(header["plan"]) <= MAX_SPP and begin.min() >= 0 and end.max() <= 4 * MAX_SPP)
         plan = Plan(int(header["plan"]), begin, end)
     busy, shaded = header["lanes"]
+    _valid(header["splits"] in SPLITS and 0 <= int(busy) <= int(shaded) < 2**63)
+    _valid(_is_number(header["seconds"]))
     target, metric = header["target"]
     return Checkpoint(
         path=path,
@@ -193,6 +196,10 @@ def _valid(holds: bool) -> None:
         raise ValueError
 
 
+def _is_number(value: Any) -> bool:
+    return math.isfinite(float(value)) and float(value) >= 0
+
+
 def _check_film(film: Arrays, width: int, height: int, tiles: int) -> None:
     pixels = (REPLICATES, height, width)
     shapes: dict[str, tuple[str, tuple[int, ...]]] = {
@@ -220,6 +227,9 @@ def _row(row: Mapping[str, Any], tiles: npt.NDArray[np.float64]) -> Row:
         metric.value: None if e is None else Estimate(float(e["value"]), float(e["low"]), float(e["high"]))
         for metric, e in found.items()
     }
+    for number in (row["samples"], row["seconds"], *(v for e in found.values() if e is not None for v in e.values())):
+        _valid(_is_number(number))
+    _valid(float(row["samples"]) > 0)
     relmse, rmse = estimates["relmse"], estimates["rmse"]
     if relmse is None or rmse is None:
         raise ValueError

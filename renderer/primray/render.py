@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from .summary import ImageSize
     from .texture import Texture
 
+FILM_BYTES = 118  # a pixel: both replicates' exact sums and counts, film.hpp
+
 OnInterrupt = Literal["raise", "partial"]
 
 
@@ -156,7 +158,7 @@ def prepare(
         if settings.strict:
             diagnostics.raise_if_strict()
     images = image_sizes(textures)
-    check_memory(description, settings, images)
+    check_memory(description, settings, images, film_copies=int(fingerprinted))
     digests = fingerprint(description, textures) if fingerprinted else {}
     with costs.stage("dice"):
         description, limits = core.dice(description, settings)
@@ -218,14 +220,20 @@ def image_sizes(textures: dict[TextureFile, list[tuple[int, Texture]]]) -> list[
     return [ImageSize(i.shape[1], i.shape[0], i.shape[2], i.stored.itemsize) for i in different.values()]
 
 
-def check_memory(description: SceneDescription, settings: RenderSettings, images: list[ImageSize]) -> None:
-    """LimitError if the scene is estimated to need more memory than is allowed, before anything of it is built."""
+def check_memory(
+    description: SceneDescription, settings: RenderSettings, images: list[ImageSize], film_copies: int = 0
+) -> None:
+    """LimitError if the scene is estimated to need more memory than is allowed, before anything of it is built.
+
+    A copy of the film is what a checkpoint is written from, or read into.
+    """
     limit_bytes = settings.max_memory_bytes
     if limit_bytes is None:
         return
     from .summary import summary
 
-    needed = summary(description, settings.dicing_rate, images).memory_bytes
+    width, height = description.resolution
+    needed = summary(description, settings.dicing_rate, images).memory_bytes + film_copies * FILM_BYTES * width * height
     if needed > limit_bytes:
         sentence = f"the scene needs about {needed / 2**20:.0f} MiB, {limit_bytes / 2**20:.0f} MiB are allowed"
         raise LimitError(sentence, code="memory-limit")
