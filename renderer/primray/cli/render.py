@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -230,7 +231,7 @@ def _render_frames(
             image = next(images)
         write(image, files, _name(report, frame.time_code) if report else None, looks)
         if image.report["interrupted"]:
-            print("interrupted: the picture so far was saved", file=sys.stderr)
+            print(f"interrupted: the picture so far was saved{_how_to_go_on(image.report)}", file=sys.stderr)
             raise typer.Exit(130)
         unsaved = unsaved or image.report.get("checkpoint", {}).get("failed") is not None
         missed = missed or image.report["stop"]["target_met"] is False
@@ -238,6 +239,11 @@ def _render_frames(
         raise typer.Exit(1)
     if missed:
         raise typer.Exit(TARGET_MISSED)
+
+
+def _how_to_go_on(report: Mapping[str, Any]) -> str:
+    saved = report.get("checkpoint", {"failed": "none was asked for"})
+    return "" if saved["failed"] else f"; --resume {saved['file']} goes on"
 
 
 def write(image: Image, files: list[str], report_file: str | None, looks: Looks) -> None:
