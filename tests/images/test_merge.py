@@ -164,7 +164,7 @@ def test_the_whole_way(tmp_path: Path) -> None:
     for name in ("error", "scene", "features", "diagnostics", "samples", "rays_by_kind", "splits", "versions"):
         assert facts[name] == json.loads(json.dumps(direct.report[name])), name
     assert facts["parts"] == parts
-    headers, own = [], ("primray:lane_occupancy", "oiio:SourcePath")
+    headers, own = [], ("primray:lane_occupancy", "oiio:SourcePath", "DateTime")
     for file in (out, tmp_path / "direct.exr"):
         spec = oiio.ImageBuf(str(file)).spec()
         headers.append({a.name: a.value for a in spec.extra_attribs if a.name not in own})

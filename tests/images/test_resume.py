@@ -201,6 +201,21 @@ def test_a_time_limit_is_continued(tmp_path: Path) -> None:
     assert_same(run(spp=samples), last)
 
 
+@pytest.mark.parametrize("adaptive", [False, True])
+def test_a_target_in_many_short_runs(adaptive: bool, tmp_path: Path, first_error: float) -> None:
+    """As in a queue that gives each job a few moments."""
+    path, target = tmp_path / "a.prc", first_error / 25
+    sampling, runs = begin(target_error=target, adaptive=adaptive, time_limit_s=0.01), 1
+    while sampling.run() and sampling.stop is not None and sampling.stop.reason == "time-limit":
+        sampling = go_on(save(sampling, path), target_error=target, time_limit_s=0.01 * (1 + runs))
+        runs += 1
+        assert runs < 100
+    direct = run(target_error=target, adaptive=adaptive)
+    assert runs > 1
+    assert_same(direct, sampling)
+    assert direct.stop == sampling.stop
+
+
 def test_a_time_limit_does_not_decide_before_the_first_anchor(first_error: float) -> None:
     """A target that is met by chance at 2 samples would stop only those renders that have a time limit."""
     free, limited = (run(target_error=first_error * 4, time_limit_s=limit) for limit in (None, 60.0))
@@ -326,12 +341,15 @@ def test_one_checkpoint_is_written_at_a_time(tmp_path: Path, monkeypatch: pytest
         writing.release()
 
     monkeypatch.setattr("primray.checkpoint_file.write_checkpoint", slowly)
-    limited = replace(SETTINGS, spp=LONG, time_limit_s=0.6)
-    image = primray.render(STAGE, limited, checkpointing=Checkpointing(tmp_path / "a.prc", every_s=0.01))
-    assert len(most) >= 2
+    image = primray.render(
+        STAGE,
+        replace(SETTINGS, spp=LONG),
+        progress=lambda *_: len(most) < 3,
+        on_interrupt="partial",
+        checkpointing=Checkpointing(tmp_path / "a.prc", every_s=0.01),
+    )
     assert all(most)
-    assert image.report["checkpoint"]["written"] == len(most)
-    assert image.report["stop"]["reason"] == "time-limit"
+    assert image.report["checkpoint"]["written"] == len(most) == 4  # the last one at the end
 
 
 # ---- what cannot be resumed ---------------------------------------------------------------------------------------------
