@@ -246,7 +246,7 @@ class Rendered:
 
     def pixels(self, exposure: float = 1.0) -> Floats:
         """Mean R, G, B, coverage (H, W, 4)."""
-        return self.film.image(exposure, False)[0]
+        return self.film.image(exposure)[0]
 
 
 def replicate_means(result: Any) -> Doubles:

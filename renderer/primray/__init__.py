@@ -12,11 +12,12 @@ from .render import render, render_frames
 from .settings import Filter, RenderSettings
 
 if TYPE_CHECKING:
+    from .checkpointing import Checkpointing
     from .description import Camera
     from .image import Image
 
 __version__ = "0.1.0"
-__all__ = ["Camera", "Filter", "Image", "PrimrayError", "RenderSettings", "render", "render_frames"]
+__all__ = ["Camera", "Checkpointing", "Filter", "Image", "PrimrayError", "RenderSettings", "render", "render_frames"]
 
 
 def __getattr__(name: str) -> Any:
@@ -24,6 +25,10 @@ def __getattr__(name: str) -> Any:
         from .image import Image
 
         return Image
+    if name == "Checkpointing":
+        from .checkpointing import Checkpointing
+
+        return Checkpointing
     if name == "Camera":
         from .description import Camera
 

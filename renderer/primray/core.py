@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import importlib.metadata
 import os
@@ -94,6 +95,12 @@ def module() -> Any:
     return core
 
 
+@cache
+def build_digest() -> str:
+    """Of the module's file: two builds need not agree in every bit."""
+    return hashlib.sha256(Path(str(module().__file__)).read_bytes()).hexdigest()[:16]
+
+
 def versions() -> dict[str, str]:
     return {"embree": "4.4.0", "embreex": importlib.metadata.version("embreex")}
 
@@ -137,21 +144,19 @@ class CoreScene:
 
 
 class Film:
-    """What a scene's render has gathered so far; arrays are of shape (H, W, ...), R = 2 replicates.
-
-    `halves`: replicates weigh alike whatever their numbers of samples, as they must where these were chosen while rendering.
-    """
+    """What a scene's render has gathered so far; arrays are of shape (H, W, ...), R = 2 replicates."""
 
     def __init__(self, scene: CoreScene, state: Mapping[str, npt.NDArray[Any]] | None = None) -> None:
         width, height = scene.resolution
         self._film = module().Film(width, height) if state is None else module().Film.from_state(width, height, dict(state))
         self._exposure_scale = scene._exposure_scale
-        self.halves = False
+        self._image: tuple[int, tuple[Floats, Floats]] | None = None
 
     def image(self) -> tuple[Floats, Floats]:
         """Mean R, G, B, coverage (H, W, 4) and the standard errors of R, G, B (H, W, 3); inf where there is no estimate."""
-        pixels, errors = self._film.image(self._exposure_scale, self.halves)
-        return pixels, errors
+        if self._image is None or self._image[0] != self.samples:
+            self._image = (self.samples, self._film.image(self._exposure_scale))
+        return self._image[1]
 
     @property
     def pixels(self) -> Floats:
@@ -229,7 +234,7 @@ class Film:
 
     def error_sums(self, most_pixels: int, threads: int) -> dict[str, Any]:
         """Sums behind the error's estimates; see film/frame_error.hpp, and error.py for what is made of them."""
-        sums: dict[str, Any] = self._film.error(self._exposure_scale, self.halves, most_pixels, threads)
+        sums: dict[str, Any] = self._film.error(self._exposure_scale, most_pixels, threads)
         return sums
 
 

@@ -142,6 +142,10 @@ CODES: dict[str, Code] = {
     ),
     "emitters-unsampled": Code(Severity.INFO, "More than 262,144 instances emit: beyond, rays find them by chance (noise)."),
     "invalid-samples": Code(Severity.WARNING, "Samples that came out infinite or not a number are left out of the picture."),
+    "checkpoint-unwritten": Code(
+        Severity.WARNING, "A checkpoint could not be written; the one before it, if there was one, is still there."
+    ),
+    "samples-missing": Code(Severity.WARNING, "The parts that were merged leave samples out; the picture lacks them."),
     "texture-bad-texels": Code(
         Severity.WARNING,
         "Texels that are not finite, or negative in a light's texture, are read as 0; a light's above 1e15 as that.",

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 Z95 = 1.959964  # a normal distribution has 95 % within as many standard deviations
 ALL_PIXELS = 1 << 62
-DISPLAY_PIXELS = 1 << 15  # a view costs 0.6 microseconds a pixel; as many pixels know its error to a percent
+DISPLAY_PIXELS = 1 << 14  # a view costs 0.6 microseconds a pixel; as many pixels know its error to a percent
 
 
 @dataclass(frozen=True)

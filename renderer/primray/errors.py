@@ -3,6 +3,7 @@
     PrimrayError
       SceneError             the input is at fault: StageOpenError, AssetError, InvalidSceneError, UnsupportedError
       SettingsError          the request is at fault: unknown camera, impossible resolution
+        CheckpointError      a checkpoint is missing, damaged or of another render
       LimitError             a stated limit was reached: memory, triangles, texture size
       RenderCancelled        asked for, not a fault
       InternalError          ours: a failed core invariant, an unexpected Embree code
@@ -55,6 +56,10 @@ class UnsupportedError(SceneError):
 class SettingsError(PrimrayError):
     code = "settings-error"
     exit_code = 2
+
+
+class CheckpointError(SettingsError):
+    code = "checkpoint"
 
 
 class LimitError(PrimrayError):

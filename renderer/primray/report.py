@@ -28,6 +28,7 @@ class Costs:
 
     stages_s: dict[str, float] = field(default_factory=lambda: dict.fromkeys(STAGES, 0.0))
     render_cpu_s: float = 0.0
+    checkpoint: dict[str, Any] | None = None  # what a report says of checkpoints, if any are written
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
@@ -112,7 +113,7 @@ def make_report(
     film, settings, stop = sampling.film, sampling.settings, sampling.stop
     assert stop is not None
     error = sampling.rows[-1].error.as_json() if sampling.rows else dict.fromkeys(metric.value for metric in Metric)
-    return {
+    return ({} if costs.checkpoint is None else {"checkpoint": costs.checkpoint}) | {
         "stages_s": costs.stages_s,
         "samples": int(film.samples),
         "samples_per_pixel": [int(n) for n in film.samples_per_pixel],
@@ -125,7 +126,7 @@ def make_report(
         "convergence": [row.as_json() for row in sampling.rows],
         "stop": stop.as_json(),
         "sampling_s": sampling.seconds,
-        "rays_per_s": film.rays / render_s if render_s > 0 else 0.0,
+        "rays_per_s": (film.rays - sampling.earlier_rays) / render_s if render_s > 0 else 0.0,
         "cpu_s": costs.render_cpu_s,
         "cpu_total_s": cpu_seconds(),
         "peak_rss_bytes": peak_rss_bytes(),
@@ -155,6 +156,7 @@ _COSTS = (
     "scene",
     "features",
     "diagnostics",
+    "checkpoint",
 )
 
 

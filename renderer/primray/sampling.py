@@ -3,7 +3,8 @@
 What is decided depends on the samples alone, never on time or threads, but for a time limit and for what is outside: so a
 render that was stopped and went on takes the samples of one that ran through. The error is measured at 8 samples a pixel and
 each time their number has doubled (anchors); between these it is taken to go on falling as it did. Where that
-says that the target is reached, the error is measured again, and the render stops or goes on from there.
+says that the target is reached, the error is measured again, and the render stops or goes on from there. Rows of the error
+that a render has for other reasons (it was interrupted, its samples were at an end, it had another target) decide nothing.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy.typing as npt
 from . import core
 from .adaptive import Plan, make_plan
 from .error import DisplayView, FrameError, measure
-from .settings import SAMPLE_BLOCK, Metric, RenderSettings
+from .settings import MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
 
 FIRST_ANCHOR = 8
 FIRST_PLAN = 16  # adaptive sampling begins here
@@ -43,6 +44,12 @@ class Row:
     seconds: float
     error: FrameError
     anchor: bool
+    due: bool = False  # the target was expected to be reached here
+
+    @property
+    def decides(self) -> bool:
+        """Whether any render of these samples with this target would have measured here."""
+        return self.anchor or self.due
 
     def as_json(self) -> dict[str, Any]:
         found = {"samples": self.samples, "seconds": self.seconds, "relmse": self.error.relmse.value}
@@ -76,6 +83,11 @@ class Sampling:
     rows: list[Row] = field(default_factory=list)
     busy_lanes: int = 0
     shaded_lanes: int = 0
+    # Of earlier runs, of a render that goes on from a checkpoint: what a time limit and rates don't count.
+    earlier_seconds: float = 0.0
+    earlier_done: int = 0
+    earlier_rays: int = 0
+    resumable: bool = False  # measure at anchors what any error metric may be told by later
     stop: Stop | None = None
     most_fraction: float = 0.0
 
@@ -102,12 +114,16 @@ class Sampling:
                 self.stop = self._stop_at_boundary()
                 if self.stop is not None:
                     break
-                self.goal = self._next_goal()
-                self.ends = self._ends_at(self.goal)
+                self.aim()
             if self._render_pass(progress, pause) == "paused":
                 return False
         self._measure_at_end()
         return True
+
+    def aim(self) -> None:
+        """Choose where the next pass ends, or anew where the pass under way does: by `done` and what decides alone."""
+        self.goal = max(self._next_goal(), self.done)
+        self.ends = self._ends_at(self.goal)
 
     def _render_pass(self, progress: Progress | None, pause: Callable[[], bool] | None) -> str:
         why = ""
@@ -119,13 +135,17 @@ class Sampling:
             seconds = before + time.perf_counter() - start
             if progress is not None and progress(self._fraction(fraction, seconds), self.film.samples, self.film.rays) is False:
                 why = "interrupted"
-            elif limit is not None and seconds > limit:
+            elif limit is not None and seconds - self.earlier_seconds > limit:
                 why = "time-limit"
-            elif pause is not None and pause():
+            elif pause is not None and fraction > 0 and pause():
                 why = "paused"
             return not why
 
         assert self.ends is not None
+        # Passes that are over before they are polled would never be interrupted. Pausing here would never get anywhere.
+        if not poll(0.0):
+            self._end(why)
+            return why
         done = core.render_pass(self.scene, self.film, self.ends, self.splits, self.settings, poll)
         self.seconds = before + time.perf_counter() - start
         self.busy_lanes += done.busy_lanes
@@ -144,11 +164,12 @@ class Sampling:
         while anchor <= self.done:
             anchor *= 2
         goal = min(anchor, most)
+        after = (self.done // SAMPLE_BLOCK + 1) * SAMPLE_BLOCK  # an earlier run may have stopped inside a block
         expected = self._expected_end()
         if expected is not None:
-            goal = min(goal, max(expected, self.done + SAMPLE_BLOCK))
+            goal = min(goal, max(expected, after))
         if self.settings.time_limit_s is not None:
-            goal = min(goal, max(self.done + SAMPLE_BLOCK, self._within_time()))
+            goal = min(goal, max(after, self._within_time()))
         return min(goal, most)
 
     def _within_time(self) -> int:
@@ -157,13 +178,14 @@ class Sampling:
         if self.done == 0:
             return SAMPLE_BLOCK
         each = self.seconds / max(self.done, 1)
-        more = (self.settings.time_limit_s - self.seconds) / each
+        more = (self.settings.time_limit_s - self.seconds + self.earlier_seconds) / each
         share = more if more < 2 * SAMPLE_BLOCK else max(SHARE_OF_TIME * more, 2 * SAMPLE_BLOCK)
-        return self.done + int(share) // SAMPLE_BLOCK * SAMPLE_BLOCK
+        return (self.done + int(share)) // SAMPLE_BLOCK * SAMPLE_BLOCK
 
     def _expected_end(self) -> int | None:
         """The first boundary at which the error should have fallen to the target, from the last measurements."""
-        target, row = self.settings.target_error, self._last_row()
+        target = self.settings.target_error
+        row = next((row for row in reversed(self.rows) if row.decides), None)
         if target is None or row is None:
             return None
         metric = self.settings.error_metric
@@ -173,7 +195,7 @@ class Sampling:
         if self.plan is not None and row.samples >= self.plan.samples:
             planned = self.plan.samples_for(row.error.tiles, row.samples, part, 0.5**rate)
             samples = planned if math.isfinite(planned) else max(samples, 2.0 * self.plan.samples + SAMPLE_BLOCK)
-        samples = min(samples, float(self.settings.most_samples))
+        samples = min(samples, float(MAX_SPP))  # whatever else ends the render: see Row.due
         return math.ceil(samples / SAMPLE_BLOCK - 1e-9) * SAMPLE_BLOCK
 
     def rate(self) -> float:
@@ -201,18 +223,23 @@ class Sampling:
 
     def _is_anchor(self) -> bool:
         ratio = self.done / FIRST_ANCHOR
-        return ratio >= 1 and ratio == 2 ** round(math.log2(ratio)) and self.settings.sample_range is None
+        if self.settings.sample_range is not None or ratio < 1:
+            return False
+        # Where no target can need them, every other one does for the curve.
+        needed = self.settings.target_error is not None or self.settings.adapts or self.resumable
+        return ratio == (2 if needed else 4) ** round(math.log(ratio, 2 if needed else 4))
 
-    def _measure(self, anchor: bool) -> None:
+    def _measure(self, *, anchor: bool = False, due: bool = False) -> None:
         last = self._last_row()
         if last is not None and last.samples == self.mean_samples():
+            self.rows[-1] = replace(last, anchor=last.anchor or anchor, due=last.due or due)
             return
         start = time.perf_counter()
-        view = DisplayView() if self.settings.error_metric is Metric.DISPLAY else None
-        error = measure(self.film, core.threads(self.settings), view)
+        shown = self.resumable or self.settings.error_metric is Metric.DISPLAY
+        error = measure(self.film, core.threads(self.settings), DisplayView() if shown else None)
         self.seconds += time.perf_counter() - start
         if error is not None:
-            self.rows.append(Row(self.mean_samples(), self.seconds, error, anchor))
+            self.rows.append(Row(self.mean_samples(), self.seconds, error, anchor, due))
 
     def _measure_at_anchor(self) -> None:
         if self._is_anchor():
@@ -221,22 +248,21 @@ class Sampling:
                 self.plan = make_plan(self.film, self.rows[-1].error.tiles, self.done)
         elif self.settings.target_error is not None and self.done > 0:
             expected = self._expected_end()
-            if expected is None or self.done >= expected or self.done >= self.settings.most_samples:
-                self._measure(anchor=False)
+            due = expected is not None and self.done >= expected
+            if due or self.done >= self.settings.most_samples:
+                self._measure(due=due)
 
     def _measure_at_end(self) -> None:
         """The last row has the whole picture's error, in every measure."""
-        if self.rows and self.rows[-1].samples == self.mean_samples() and self.rows[-1].error.display is not None:
-            return
-        start = time.perf_counter()
-        error = measure(self.film, core.threads(self.settings), DisplayView())
-        self.seconds += time.perf_counter() - start
-        if error is None:
-            return
-        if self.rows and self.rows[-1].samples == self.mean_samples():
-            self.rows[-1] = replace(self.rows[-1], error=error)
-        else:
-            self.rows.append(Row(self.mean_samples(), self.seconds, error, anchor=False))
+        last = self._last_row()
+        if last is None or last.samples != self.mean_samples() or last.error.display is None:
+            start = time.perf_counter()
+            error = measure(self.film, core.threads(self.settings), DisplayView())
+            self.seconds += time.perf_counter() - start
+            if error is not None and last is not None and last.samples == self.mean_samples():
+                self.rows[-1] = replace(last, error=error)
+            elif error is not None:
+                self.rows.append(Row(self.mean_samples(), self.seconds, error, anchor=False))
         if self.stop is not None:
             self.stop = replace(self.stop, target_met=self._target_met())
 
@@ -250,13 +276,14 @@ class Sampling:
 
     def _stop_at_boundary(self) -> Stop | None:
         row, limit = self._last_row(), self.settings.time_limit_s
-        if row is not None and row.samples == self.mean_samples() and self._target_met():
+        at_end = self.done >= self.settings.most_samples
+        if row is not None and (row.decides or at_end) and self._target_met():
             return Stop("target-error", True)
-        if self.done >= self.settings.most_samples:
+        if at_end:
             return Stop("samples", None)
-        if limit is not None and self.done > 0:
+        if limit is not None and self.done > self.earlier_done:
             each = self.seconds / self.done
-            if self.seconds + each * SAMPLE_BLOCK > limit:
+            if self.seconds - self.earlier_seconds + each * SAMPLE_BLOCK > limit:
                 return Stop("time-limit", None)
         return None
 
@@ -283,6 +310,6 @@ class Sampling:
         if expected is not None:
             by.append(min(now / expected, 0.99))
         if self.settings.time_limit_s is not None:
-            by.append(min(seconds / self.settings.time_limit_s, 0.99))
+            by.append(min((seconds - self.earlier_seconds) / self.settings.time_limit_s, 0.99))
         self.most_fraction = max(self.most_fraction, *by)
         return self.most_fraction

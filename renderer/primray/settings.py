@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 from .composition import Composition
 from .errors import LimitError, SettingsError
@@ -148,6 +150,14 @@ class RenderSettings:
             spp is None and not self.stops_early and not self.adaptive,
             "a sample range says which samples are taken: no spp, target error, time limit or adaptive sampling with it",
         )
+
+
+def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
+    """What report.settings_as_json made; TypeError or ValueError for names or choices that there are not."""
+    names = ("resolution", "sample_range", "purposes", "variants", "load", "mask")
+    tuples = {name: tuple(values[name]) for name in names if values.get(name) is not None}
+    chosen = {"filter": Filter(values["filter"]), "error_metric": Metric(values["error_metric"])}
+    return RenderSettings(**{**values, **tuples, **chosen})
 
 
 def _check_resolution(width: int, height: int) -> None:

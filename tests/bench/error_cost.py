@@ -1,4 +1,4 @@
-"""What measuring the error costs, and what adaptive sampling gains: python -m tests.bench.error_cost [--spp N] [--repetitions N].
+"""What measuring the error costs, and what adaptive sampling gains: python -m tests.bench.error_cost [--spp N].
 
 Cost: CPU seconds of a render that measures its error on the way, against one pass of the same samples that does not, by turns.
 Gain: error times CPU seconds, uniform against adaptive, at the same mean number of samples; the error is the estimated one.

@@ -107,7 +107,7 @@ class FakeSampling:
         self.scene = scene
         self.settings = settings
         self.stop: Stop | None = None
-        self.splits, self.lane_occupancy, self.seconds = 1, 0.97, 0.5
+        self.splits, self.lane_occupancy, self.seconds, self.earlier_rays = 1, 0.97, 0.5, 0
         self.rows: list[Row] = []
 
     def run(self, progress: Any, pause: Any = None) -> bool:

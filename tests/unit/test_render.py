@@ -12,6 +12,8 @@ import primray
 from primray import Filter, RenderSettings, render, render_frames
 from primray.errors import LimitError, RenderCancelled, StageOpenError, UnsupportedError
 from primray.image import pixels_sha256
+from primray.render import check_memory
+from primray.summary import summary
 
 from .conftest import FakePipeline, make_description, make_dome
 
@@ -129,6 +131,15 @@ def test_memory_is_checked_before_building(pipeline: FakePipeline) -> None:
     assert caught.value.exit_code == 4
     assert "build" not in pipeline.calls
     render("a.usda", RenderSettings(max_memory_bytes=2**30))
+
+
+def test_a_checkpoints_copy_of_the_film_counts_as_memory() -> None:
+    description = make_description(resolution=(1000, 1000))
+    needed = summary(description).memory_bytes
+    check_memory(description, RenderSettings(max_memory_bytes=needed), [])
+    with pytest.raises(LimitError):
+        check_memory(description, RenderSettings(max_memory_bytes=needed + 100_000_000), [], film_copies=1)
+    check_memory(description, RenderSettings(max_memory_bytes=needed + 120_000_000), [], film_copies=1)
 
 
 def test_errors_of_opening_pass_through(pipeline: FakePipeline) -> None:

@@ -47,13 +47,12 @@ std::unique_ptr<Film> film_from(int width, int height, const nb::dict& state) {
 }
 
 // (H, W, 4) colours with coverage and (H, W, 3) standard errors; infinite where a pixel has samples of one replicate only.
-nb::tuple image(const Film& f, double exposure, bool halves) {
-  const Weighting weighting = halves ? Weighting::kHalves : Weighting::kShares;
+nb::tuple image(const Film& f, double exposure) {
   std::vector<float> pixels(f.pixels() * 4), errors(f.pixels() * Film::kColors);
   {
     const nb::gil_scoped_release release;
     for (size_t p = 0; p < f.pixels(); ++p) {
-      const PixelEstimate e = estimate_pixel(f, p, weighting, exposure);
+      const PixelEstimate e = estimate_pixel(f, p, exposure);
       for (int c = 0; c < Film::kColors; ++c) {
         pixels[4 * p + c] = float(e.mean[c]);
         errors[Film::kColors * p + c] = e.measured ? float(std::abs(e.difference[c])) : std::numeric_limits<float>::infinity();
@@ -65,11 +64,11 @@ nb::tuple image(const Film& f, double exposure, bool halves) {
   return nb::make_tuple(to_numpy(std::move(pixels), {h, w, 4}), to_numpy(std::move(errors), {h, w, size_t(Film::kColors)}));
 }
 
-nb::dict error_of(const Film& f, double exposure, bool halves, int64_t most_pixels, int threads) {
+nb::dict error_of(const Film& f, double exposure, int64_t most_pixels, int threads) {
   FrameError e;
   {
     const nb::gil_scoped_release release;
-    e = frame_error(f, halves ? Weighting::kHalves : Weighting::kShares, exposure, most_pixels, threads);
+    e = frame_error(f, exposure, most_pixels, threads);
   }
   nb::dict sums;
   sums["values"] = e.values;
@@ -112,8 +111,8 @@ void bind_film(nb::module_& m) {
       .def("merge", &Film::merge, nb::arg("other"))
       .def(
           "start_at", [](Film& f, uint32_t first) { std::fill(f.next.begin(), f.next.end(), first); }, nb::arg("first"))
-      .def("image", &image, nb::arg("exposure"), nb::arg("halves"))
-      .def("error", &error_of, nb::arg("exposure"), nb::arg("halves"), nb::arg("most_pixels"), nb::arg("threads"),
+      .def("image", &image, nb::arg("exposure"))
+      .def("error", &error_of, nb::arg("exposure"), nb::arg("most_pixels"), nb::arg("threads"),
            "Sums over pixels and colours; see film/frame_error.hpp.")
       .def_prop_ro("replicates", &replicates)
       .def_prop_ro("counts",

@@ -33,14 +33,14 @@ void Film::merge(const Film& other) {
   invalid_samples += other.invalid_samples, samples += other.samples;
 }
 
-PixelEstimate estimate_pixel(const Film& film, size_t pixel, Weighting weighting, double exposure) {
+PixelEstimate estimate_pixel(const Film& film, size_t pixel, double exposure) {
   const size_t other = pixel + film.pixels();
   const double n[] = {double(film.counts[pixel]), double(film.counts[other])}, total = n[0] + n[1];
   PixelEstimate e{};
   if (total == 0) return e;
   e.measured = n[0] > 0 && n[1] > 0;
   e.coverage = (double(film.covered[pixel]) + double(film.covered[other])) / total;
-  const double w = weighting == Weighting::kHalves && e.measured ? 0.5 : n[0] / total;
+  const double w = n[0] / total;
   for (int c = 0; c < Film::kColors; ++c) {
     const double a = film.mean(pixel, c) * exposure, b = film.mean(other, c) * exposure;
     e.mean[c] = w * a + (1 - w) * b;

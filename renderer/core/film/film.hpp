@@ -55,18 +55,14 @@ struct Film {
   void merge(const Film& other);
 };
 
-// What each replicate's mean weighs in the picture: halves where each has its own number of samples (so that the number,
-// which may have been chosen by looking at the other replicate, shows in no mean), shares of the samples where the numbers
-// were fixed in advance.
-enum class Weighting { kHalves, kShares };
-
-// A pixel's colour, the replicates' weighted mean, and a difference of them, sqrt(w_0 w_1) (a - b), whose square is expected
-// to be the mean's variance if a replicate's variance is proportional to 1 / weight. `exposure` multiplies colours.
+// A pixel's colour, the replicates' mean weighted by their samples, and a difference of them, sqrt(w_0 w_1) (a - b), whose
+// square is expected to be the mean's variance if a replicate's variance is proportional to 1 / weight. `exposure` multiplies
+// colours.
 struct PixelEstimate {
   double mean[Film::kColors], difference[Film::kColors];
   double coverage;
   bool measured;  // both replicates have samples
 };
-PixelEstimate estimate_pixel(const Film& film, size_t pixel, Weighting weighting, double exposure);
+PixelEstimate estimate_pixel(const Film& film, size_t pixel, double exposure);
 
 }  // namespace primray

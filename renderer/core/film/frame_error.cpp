@@ -48,7 +48,7 @@ struct Planes {
 // One strip of the picture, and its share of the sums.
 class Strip {
  public:
-  Strip(const Film& film, Weighting weighting, double exposure, int number)
+  Strip(const Film& film, double exposure, int number)
       : film_(film),
         y0_(number * kStrip),
         height_(std::min(kStrip, film.height - y0_)),
@@ -60,7 +60,7 @@ class Strip {
         alike_variance_(width_, height_),
         total_(size_t(width_) * height_),
         measured_(size_t(width_) * height_) {
-    read(weighting, exposure);
+    read(exposure);
     pool();
     average();
   }
@@ -75,11 +75,11 @@ class Strip {
   }
 
  private:
-  void read(Weighting weighting, double exposure) {
+  void read(double exposure) {
     for (int y = -kHalo; y < height_ + kHalo; ++y) {
       const int from = reflected(y0_ + y, film_.height);
       for (int x = -kHalo; x < width_ + kHalo; ++x) {
-        const PixelEstimate e = estimate_pixel(film_, film_.at(0, reflected(x, width_), from), weighting, exposure);
+        const PixelEstimate e = estimate_pixel(film_, film_.at(0, reflected(x, width_), from), exposure);
         for (int c = 0; c < kColors; ++c)
           mean_.row(c, y)[x] = float(e.mean[c]), difference_.row(c, y)[x] = float(e.difference[c]);
         if (x >= 0 && x < width_ && y >= 0 && y < height_) measured_[size_t(y) * width_ + x] = e.measured;
@@ -205,7 +205,7 @@ class Strip {
 
 }  // namespace
 
-FrameError frame_error(const Film& film, Weighting weighting, double exposure, int64_t most_pixels, int threads) {
+FrameError frame_error(const Film& film, double exposure, int64_t most_pixels, int threads) {
   const int all_strips = (film.height + kStrip - 1) / kStrip;
   const int64_t wanted = std::max<int64_t>(most_pixels / (int64_t(film.width) * kStrip), 1);
   const int strips = int(std::min<int64_t>(wanted, all_strips));
@@ -214,7 +214,7 @@ FrameError frame_error(const Film& film, Weighting weighting, double exposure, i
   const auto work = [&] {
     for (int i; (i = next++) < strips;) {
       const int strip = int((2 * int64_t(i) + 1) * all_strips / (2 * strips));
-      parts[size_t(i)] = Strip(film, weighting, exposure, strip).sums();
+      parts[size_t(i)] = Strip(film, exposure, strip).sums();
     }
   };
   std::vector<std::thread> pool;

@@ -26,6 +26,6 @@ struct FrameError {
 
 // Colours are multiplied by `exposure`. At most about `most_pixels` are looked at, in rows of tiles spread evenly over the
 // picture. Rows are shared among `threads`; the result does not depend on their number.
-FrameError frame_error(const Film& film, Weighting weighting, double exposure, int64_t most_pixels, int threads);
+FrameError frame_error(const Film& film, double exposure, int64_t most_pixels, int threads);
 
 }  // namespace primray

@@ -1,7 +1,7 @@
 """The command `primray`: one file per subcommand; this one turns errors into a line and an exit code.
 
 Exit codes: 0 done, 1 render failed, 2 usage, 3 scene rejected, 4 a limit was reached, 5 ended above the target error,
-130 interrupted.
+130 interrupted (Ctrl-C, SIGTERM).
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ from .compare import compare
 from .doctor import doctor
 from .estimate import estimate
 from .inspect import inspect
+from .merge import merge
 from .render import render
 from .sheet import sheet
 
@@ -41,6 +42,7 @@ def primray(
 
 app.command()(render)
 app.command()(estimate)
+app.command()(merge)
 app.command()(inspect)
 app.command()(sheet)
 app.command()(compare)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ..errors import SettingsError
-from ..settings import Filter, Metric
+from ..settings import SAMPLE_BLOCK, Filter, Metric
 
 Scene = Annotated[str, typer.Argument(metavar="SCENE", help="The USD stage: usda, usdc, usd or usdz.", show_default=False)]
 Camera = Annotated[
@@ -89,6 +89,15 @@ SessionLayer = Annotated[
 DicingRate = Annotated[
     float, typer.Option("--dicing-rate", metavar="PIXELS", help="Longest edges of subdivision surfaces on the picture.")
 ]
+View = Annotated[
+    str | None, typer.Option("--view", metavar="NAME", help="OCIO view of PNG and JPEG.", show_default="the display's default")
+]
+Exposure = Annotated[float, typer.Option("--exposure", metavar="STOPS", help="Of PNG and JPEG.")]
+Report = Annotated[str | None, typer.Option("--report", metavar="FILE", help="Write the report as JSON.", show_default=False)]
+Checkpoint = Annotated[
+    str | None,
+    typer.Option("--checkpoint", metavar="FILE", help="Write what is needed to go on from there.", show_default=False),
+]
 Json = Annotated[bool, typer.Option("--json", help="JSON lines on stdout.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-V", help="Every diagnostic and prim; tracebacks of errors.")]
 
@@ -126,6 +135,19 @@ def _paths(texts: list[str] | None) -> tuple[str, ...] | None:
 
 def purposes_of(text: str | None) -> tuple[str, ...] | None:
     return None if text is None else tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def sample_range_of(text: str | None) -> tuple[int, int] | None:
+    """ "A:B", whole numbers; RenderSettings checks them."""
+    if text is None:
+        return None
+    match = re.fullmatch(r"\s*(\d{1,12}):(\d{1,12})\s*", text)
+    if match is None:
+        raise SettingsError(
+            f"{text!r} is no range of samples; write one like 0:64, in multiples of the sample block, which is {SAMPLE_BLOCK}",
+            code="sample-range",
+        )
+    return int(match[1]), int(match[2])
 
 
 def bytes_of(text: str | None) -> int | None:

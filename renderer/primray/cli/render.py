@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +17,7 @@ from . import options
 from .frames import check_names, name_of_frame, parse_frames
 
 if TYPE_CHECKING:
+    from ..checkpointing import Checkpointing
     from ..image import Image
 
 
@@ -38,22 +41,34 @@ def render(
         float | None,
         typer.Option(metavar="S", help="Stop after so many seconds of sampling (set-up comes before).", show_default=False),
     ] = None,
+    sample_range: Annotated[
+        str | None,
+        typer.Option(
+            metavar="A:B", help="Only these of each pixel's samples, for `primray merge`; multiples of 2.", show_default=False
+        ),
+    ] = None,
+    checkpoint: options.Checkpoint = None,
+    checkpoint_every: Annotated[
+        float | None, typer.Option(metavar="S", help="Seconds between checkpoints.", show_default="60")
+    ] = None,
+    resume: Annotated[
+        str | None,
+        typer.Option(metavar="FILE", help="Go on from a checkpoint, and with it unless --checkpoint names another."),
+    ] = None,
     adaptive: options.Adaptive = None,
     max_depth: options.MaxDepth = None,
     pixel_filter: options.PixelFilter = Filter.BOX,
     filter_width: options.FilterWidth = None,
     threads: options.Threads = None,
     seed: options.Seed = 0,
-    view: Annotated[
-        str | None, typer.Option(metavar="NAME", help="OCIO view of PNG and JPEG.", show_default="the display's default")
-    ] = None,
-    exposure: Annotated[float, typer.Option(metavar="STOPS", help="Of PNG and JPEG.")] = 0.0,
+    view: options.View = None,
+    exposure: options.Exposure = 0.0,
     strict: Annotated[bool, typer.Option("--strict", help="Refuse a stage with warnings.")] = False,
     max_memory: Annotated[
         str | None, typer.Option(metavar="SIZE", help="Refuse larger scenes: 4G, 500M.", show_default="no limit")
     ] = None,
     dicing_rate: options.DicingRate = DEFAULT_DICING_RATE,
-    report: Annotated[str | None, typer.Option(metavar="FILE", help="Write the report as JSON.", show_default=False)] = None,
+    report: options.Report = None,
     json: options.Json = False,
     no_default_light: options.NoDefaultLight = False,
     purposes: options.Purposes = None,
@@ -79,6 +94,7 @@ def render(
             error_metric=error_metric,
             time_limit_s=time_limit,
             adaptive=adaptive,
+            sample_range=options.sample_range_of(sample_range),
             max_depth=max_depth,
             filter=pixel_filter,
             filter_width=filter_width,
@@ -96,15 +112,18 @@ def render(
         )
         for time_code in shots
     ]
-    check_names(names + ([report] if report else []), time_codes)
-    _check_outputs(names, report, time_codes, view, exposure)
-    _render_frames(scene, settings, names, report, _Looks(view, exposure, json, verbose))
+    saved = [name for name in (report, checkpoint, resume if checkpoint is None else None) if name]
+    check_names(names + saved, time_codes)
+    check_outputs(names, report, time_codes, view, exposure)
+    checkpointing = [_checkpointing(checkpoint, checkpoint_every, resume, time_code) for time_code in shots]
+    checkpointing = _check_checkpoints(checkpointing)
+    _render_frames(scene, settings, names, report, Looks(view, exposure, json, verbose), checkpointing)
 
 
 TARGET_MISSED = 5  # the exit code of a render that ended above its target error
 
 
-class _Looks:
+class Looks:
     """How pictures and messages are to look."""
 
     def __init__(self, view: str | None, exposure: float, as_json: bool, verbose: bool) -> None:
@@ -120,7 +139,7 @@ def _default_name(scene: str, time_codes: list[float] | None) -> str:
     return f"{Path(member).stem}{'.####' if many else ''}.exr"
 
 
-def _check_outputs(
+def check_outputs(
     names: list[str], report: str | None, time_codes: list[float] | None, view: str | None, exposure: float
 ) -> None:
     """Find out before rendering what cannot be written after it."""
@@ -140,32 +159,80 @@ def _check_outputs(
         raise SettingsError(f"the exposure must be a number of stops, not {exposure}")
 
 
+def _checkpointing(
+    checkpoint: str | None, every_s: float | None, resume: str | None, time_code: float | None
+) -> Checkpointing | None:
+    from ..checkpointing import DEFAULT_EVERY_S, Checkpointing
+
+    file = checkpoint or resume
+    if file is None:
+        if every_s is not None:
+            raise SettingsError("--checkpoint-every says how often; --checkpoint FILE says where", code="checkpoint")
+        return None
+    going_on = None if resume is None else Path(_name(resume, time_code))
+    return Checkpointing(Path(_name(file, time_code)), DEFAULT_EVERY_S if every_s is None else every_s, going_on)
+
+
+def _check_checkpoints(frames: list[Checkpointing | None]) -> list[Checkpointing | None]:
+    """Before rendering; of several frames, those that have no checkpoint to go on from yet begin."""
+    begun = [c is not None and c.resume is not None and c.resume.exists() for c in frames]
+    some = len(frames) > 1 and any(begun)
+    found = [c if c is None or there or not some else replace(c, resume=None) for c, there in zip(frames, begun, strict=True)]
+    for checkpointing in found:
+        if checkpointing is not None:
+            checkpointing.check()
+    return found
+
+
 def _name(name: str, time_code: float | None) -> str:
     return name if time_code is None else name_of_frame(name, time_code)
 
 
-def _render_frames(scene: str, settings: list[RenderSettings], names: list[str], report: str | None, looks: _Looks) -> None:
+def _render_frames(
+    scene: str,
+    settings: list[RenderSettings],
+    names: list[str],
+    report: str | None,
+    looks: Looks,
+    checkpointing: list[Checkpointing | None],
+) -> None:
+    from ..interruption import terminate_as_interrupt
     from ..render import render_frames
     from .progress import Show, showing
 
     showing_now: list[Show] = []
-    missed = False
-    images = render_frames(scene, settings, progress=lambda *now: showing_now[-1](*now), on_interrupt="partial")
+    missed = unsaved = False
+    terminate_as_interrupt()
+    images = render_frames(
+        scene,
+        settings,
+        progress=lambda *now: showing_now[-1](*now),
+        on_interrupt="partial",
+        checkpointing=checkpointing,
+    )
     for frame in settings:
         files = [_name(name, frame.time_code) for name in names]
         with showing(files[0], looks.as_json) as show:
             showing_now.append(show)
             image = next(images)
-        _write(image, files, _name(report, frame.time_code) if report else None, looks)
+        write(image, files, _name(report, frame.time_code) if report else None, looks)
         if image.report["interrupted"]:
-            print("interrupted: the picture so far was saved", file=sys.stderr)
+            print(f"interrupted: the picture so far was saved{_how_to_go_on(image.report)}", file=sys.stderr)
             raise typer.Exit(130)
+        unsaved = unsaved or image.report.get("checkpoint", {}).get("failed") is not None
         missed = missed or image.report["stop"]["target_met"] is False
+    if unsaved:
+        raise typer.Exit(1)
     if missed:
         raise typer.Exit(TARGET_MISSED)
 
 
-def _write(image: Image, files: list[str], report_file: str | None, looks: _Looks) -> None:
+def _how_to_go_on(report: Mapping[str, Any]) -> str:
+    saved = report.get("checkpoint", {"failed": "none was asked for"})
+    return "" if saved["failed"] else f"; --resume {saved['file']} goes on"
+
+
+def write(image: Image, files: list[str], report_file: str | None, looks: Looks) -> None:
     from ..image import write_text
     from .json_lines import dumps, print_line
 
@@ -183,7 +250,7 @@ def _write(image: Image, files: list[str], report_file: str | None, looks: _Look
         print(_summary_line(image, report, files))
 
 
-def _print_diagnostics(report: dict[str, Any], looks: _Looks) -> None:
+def _print_diagnostics(report: dict[str, Any], looks: Looks) -> None:
     from .diagnostics_text import diagnostics_lines
 
     for line in diagnostics_lines(report["diagnostics"], verbose=looks.verbose):

@@ -1,0 +1,39 @@
+"""`primray merge`: checkpoints of renders of one picture's samples to the picture of all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from . import options
+from .render import Looks, check_outputs, write
+
+
+def merge(
+    parts: Annotated[
+        list[Path],
+        typer.Argument(metavar="PART...", help="Checkpoints, as `render --sample-range` writes them.", show_default=False),
+    ],
+    outputs: Annotated[
+        list[str], typer.Option("--output", "-o", metavar="FILE", help="EXR, PNG or JPEG; may be repeated.", show_default=False)
+    ],
+    checkpoint: options.Checkpoint = None,
+    report: options.Report = None,
+    view: options.View = None,
+    exposure: options.Exposure = 0.0,
+    json: options.Json = False,
+    verbose: options.Verbose = False,
+) -> None:
+    """Merge checkpoints of different samples of one picture: the bits of one render that took them all."""
+    from ..checkpointing import Checkpointing
+    from ..merge import merge
+
+    check_outputs(outputs, report, None, view, exposure)
+    if checkpoint is not None:
+        Checkpointing(Path(checkpoint)).check()
+    merged = merge(parts)
+    write(merged.image, outputs, report, Looks(view, exposure, json, verbose))
+    if checkpoint is not None:
+        merged.save_checkpoint(Path(checkpoint))
