@@ -135,7 +135,7 @@ class Sampling:
             seconds = before + time.perf_counter() - start
             if progress is not None and progress(self._fraction(fraction, seconds), self.film.samples, self.film.rays) is False:
                 why = "interrupted"
-            elif limit is not None and seconds - self.earlier_seconds > limit:
+            elif limit is not None and self.film.samples > 0 and seconds - self.earlier_seconds > limit:
                 why = "time-limit"
             elif pause is not None and fraction > 0 and pause():
                 why = "paused"
@@ -222,12 +222,14 @@ class Sampling:
         return self.rows[-1] if self.rows else None
 
     def _is_anchor(self) -> bool:
-        ratio = self.done / FIRST_ANCHOR
-        if self.settings.sample_range is not None or ratio < 1:
+        if self.settings.sample_range is not None or self.done % FIRST_ANCHOR:
+            return False
+        doublings = (self.done // FIRST_ANCHOR).bit_length() - 1
+        if self.done == 0 or self.done != FIRST_ANCHOR << doublings:
             return False
         # Where no target can need them, every other one does for the curve.
         needed = self.settings.target_error is not None or self.settings.adapts or self.resumable
-        return ratio == (2 if needed else 4) ** round(math.log(ratio, 2 if needed else 4))
+        return needed or doublings % 2 == 1
 
     def _measure(self, *, anchor: bool = False, due: bool = False) -> None:
         last = self._last_row()

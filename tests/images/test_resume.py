@@ -22,6 +22,7 @@ from primray.checkpoint import load
 from primray.checkpoint_file import read_checkpoint, write_checkpoint
 from primray.checkpointing import Checkpointing
 from primray.errors import CheckpointError, RenderCancelled, SettingsError
+from primray.sampling import FIRST_ANCHOR
 from primray.settings import Metric, RenderSettings
 
 from .resuming import Cutter, assert_same, begin, cutter, go_on, run, save, scene, settings, sha256
@@ -51,7 +52,7 @@ def first_error() -> float:
 
 @pytest.mark.parametrize("adaptive", [False, True])
 def test_threads_show_in_no_bit(adaptive: bool, first_error: float) -> None:
-    renders = [run(target_error=first_error / 5, adaptive=adaptive, threads=threads) for threads in (1, 2, 16)]
+    renders = [run(spp=48, target_error=first_error / 50, adaptive=adaptive, threads=threads) for threads in (1, 2, 16)]
     for other in renders[1:]:
         assert_same(renders[0], other)
     low, high = renders[0].film.samples_per_pixel
@@ -220,7 +221,7 @@ def test_a_time_limit_does_not_decide_before_the_first_anchor(first_error: float
     """A target that is met by chance at 2 samples would stop only those renders that have a time limit."""
     free, limited = (run(target_error=first_error * 4, time_limit_s=limit) for limit in (None, 60.0))
     assert_same(free, limited)
-    assert free.done == 16
+    assert free.done == FIRST_ANCHOR
 
 
 # ---- the whole way: files, processes, signals ---------------------------------------------------------------------------

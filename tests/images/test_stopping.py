@@ -30,7 +30,7 @@ def test_samples_end_a_render_by_default() -> None:
     r = report(spp=24)
     assert r["stop"] == {"reason": "samples", "target_met": None}
     assert r["samples_per_pixel"] == [24, 24]
-    assert [row["samples"] for row in r["convergence"]] == [8, 16, 24]
+    assert [row["samples"] for row in r["convergence"]] == [16, 24]
     assert all(a["seconds"] <= b["seconds"] for a, b in zip(r["convergence"], r["convergence"][1:], strict=False))
 
 
