@@ -51,7 +51,7 @@ class Case:
     reference_mse: float
 
     def render(self, **changes: Any) -> Sampling:
-        sampling = Sampling.begin(self.scene, replace(self.settings, **changes))
+        sampling = Sampling.begin(self.scene, replace(self.settings, **{"spp": None, **changes}))
         sampling.run()
         return sampling
 

@@ -10,7 +10,8 @@
 //
 // The variance: given the weights, the true sum less the estimated is a sum of w e_a e_b over pixels, with e the replicates'
 // errors, of variance w^2 4 E[d^2]^2 (colours of a pixel with their covariances). E[d^2]^2 is estimated by d^2 times its mean
-// over 3 x 3 pixels, which a pixel unlike its neighbours makes too small, averaged with d^4 / 3, exact for normal errors.
+// over 3 x 3 pixels, which a pixel unlike its neighbours makes too small, averaged with d^4 / 3, exact for normal errors;
+// squared errors without weights, which such pixels rule, take the larger of that and d^4 / 3.
 #include "film/frame_error.hpp"
 
 #include <algorithm>
@@ -190,8 +191,9 @@ class Strip {
     }
     for (int c = 0; c < kColors; ++c)
       for (int k = 0; k < kColors; ++k) {
-        const double product = d[c] * d[k], square = 2 * (product * product / 3 + product * pooled(c, k, x, y));
-        e.squared_variance += square, e.relative_variance += w[c] * w[k] * square;
+        const double product = d[c] * d[k], fourth = product * product / 3;
+        const double both = (fourth + product * pooled(c, k, x, y)) / 2;
+        e.relative_variance += 4 * w[c] * w[k] * both, e.squared_variance += 4 * std::max(fourth, both);
       }
     e.values += kColors;
   }
