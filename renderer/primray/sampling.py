@@ -28,6 +28,7 @@ FIRST_PLAN = 16  # adaptive sampling begins here
 # A squared error that falls slower than 1 / sqrt(samples), or faster than 1 / samples^2, is noise in its measurement; of how
 # far the measured power is from 1, the rest is.
 SLOWEST, FASTEST, TRUST = 0.5, 2.0, 0.7
+USUAL_RATE = 1.2  # at first, before it has been measured
 # A pass under a time limit takes at most so much of what is left, so that what it takes is known before the end comes near.
 SHARE_OF_TIME = 0.35
 
@@ -203,10 +204,10 @@ class Sampling:
         metric = self.settings.error_metric
         anchors = [row for row in self.rows if row.anchor]
         if len(anchors) < 2:
-            return 1.0
+            return USUAL_RATE
         before, after = anchors[-2].error.of(metric).value, anchors[-1].error.of(metric).value
         if not (before > 0 and after > 0):
-            return 1.0
+            return USUAL_RATE
         seen = math.log(before / after) / math.log(anchors[-1].samples / anchors[-2].samples)
         if metric is not Metric.RELMSE:
             seen *= 2

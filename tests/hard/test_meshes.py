@@ -116,7 +116,7 @@ TWICE = {
 @pytest.mark.parametrize("tilt", [0, 35])
 @pytest.mark.hard_case(
     "Meshes",
-    "two surfaces in one plane, the second: %s degrees",
+    "two surfaces in one plane, the second: %s",
     expected="each sample is one or the other, never black, the same in every run",
     plain_float="samples between the two are black where their own twin shadows them",
 )

@@ -96,7 +96,7 @@ def test_no_light_leaves(box: str, where: str) -> None:
 @pytest.mark.parametrize("box", ["quads", "triangles", "smooth normals"])
 @pytest.mark.hard_case(
     "Meshes",
-    "a closed box with a bright light inside, seen all over and exactly along its edges: %s",
+    "a closed box with a bright light inside, seen all over (its edges and corners from very near apart): %s",
     expected="exactly black at 1e8 rays",
 )
 def test_no_light_leaves_at_length(box: str, where: str, measured: Measured) -> None:

@@ -56,7 +56,7 @@ def of_predictions(of: Case, target: float, renders: int) -> dict[str, Any]:
     samples, seconds = [], []
     for seed in range(renders):
         settings = replace(of.settings, spp=None, target_error=target, seed=9000 + seed)
-        pilot = run_pilot(of.scene, settings, 0.03)
+        pilot = run_pilot(of.scene, settings, 0.1)
         assert pilot is not None
         found = pilot.predict(target)
         real = of.render(target_error=target, seed=9000 + seed)
