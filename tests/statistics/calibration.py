@@ -69,9 +69,9 @@ class Case:
 
 
 @cache
-def case(name: str, reference_spp: int) -> Case:
+def case(name: str, reference_spp: int, resolution: tuple[int, int] = RESOLUTION) -> Case:
     folder, depth = STAGES[name]
-    settings = RenderSettings(resolution=RESOLUTION, max_depth=depth)
+    settings = RenderSettings(resolution=resolution, max_depth=depth)
     diagnostics = Diagnostics()
     stage = usd.open_stage(str(FEATURES / folder / "scene.usda"), diagnostics, settings.composition)
     prepared = prepare(stage, diagnostics, settings, Costs(), Diagnostics())

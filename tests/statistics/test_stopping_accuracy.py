@@ -20,7 +20,8 @@ from tests.statistics.calibration import Case, case
 from primray.prediction import run_pilot
 
 RESULTS = Path(__file__).resolve().parents[1] / "bench" / "results" / "stopping-accuracy.json"
-REFERENCE_SPP = 1 << 15
+REFERENCE_SPP = 1 << 14
+RESOLUTION = (128, 96)  # of 64 x 48 pixels the true error itself varies by 8 to 14 % from seed to seed
 # relMSE that takes some 30 and some 150 samples.
 TARGETS = {
     "texture": (4e-4, 6e-5),
@@ -56,7 +57,7 @@ def of_predictions(of: Case, target: float, renders: int) -> dict[str, Any]:
     samples, seconds = [], []
     for seed in range(renders):
         settings = replace(of.settings, spp=None, target_error=target, seed=9000 + seed)
-        pilot = run_pilot(of.scene, settings, 0.1)
+        pilot = run_pilot(of.scene, settings, 0.3)
         assert pilot is not None
         found = pilot.predict(target)
         real = of.render(target_error=target, seed=9000 + seed)
@@ -99,7 +100,7 @@ def test_adaptive_pictures_have_no_bias() -> None:
 @pytest.mark.parametrize("name", TARGETS)
 def test_many_targets(name: str) -> None:
     for target in TARGETS[name]:
-        cell = of_targets(case(name, REFERENCE_SPP), target, 30)
+        cell = of_targets(case(name, REFERENCE_SPP, RESOLUTION), target, 30)
         # Where the true error varies more than the range is wide, no rule could stay inside.
         assert cell["inside"] >= (0.85 if cell["deviation"] < 0.08 else 0.5), cell
 
@@ -107,26 +108,26 @@ def test_many_targets(name: str) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("name", TARGETS)
 def test_many_predictions(name: str) -> None:
-    cell = of_predictions(case(name, REFERENCE_SPP), TARGETS[name][1], 30)
+    cell = of_predictions(case(name, REFERENCE_SPP, RESOLUTION), TARGETS[name][1], 30)
     assert cell["samples_within_25_percent"] >= 0.8, cell
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", TARGETS)
 def test_adaptive_pictures_have_no_bias_in_many(name: str) -> None:
-    found, error = bias(case(name, REFERENCE_SPP), 48, 200)
+    found, error = bias(case(name, REFERENCE_SPP, RESOLUTION), 48, 100)
     assert abs(found) < 3 * error + 3e-4
 
 
 def main() -> None:
     rows: dict[str, Any] = {}
     for name in sys.argv[1:] or TARGETS:
-        of = case(name, REFERENCE_SPP)
-        found, error = bias(of, 48, 200)
+        of = case(name, REFERENCE_SPP, RESOLUTION)
+        found, error = bias(of, 48, 100)
         rows[name] = {
-            "targets": [of_targets(of, target, 50) for target in TARGETS[name]],
-            "prediction": of_predictions(of, TARGETS[name][1], 50),
-            "bias": {"relative": found, "standard_error": error, "renders": 200, "spp": 48},
+            "targets": [of_targets(of, target, 30) for target in TARGETS[name]],
+            "prediction": of_predictions(of, TARGETS[name][1], 30),
+            "bias": {"relative": found, "standard_error": error, "renders": 100, "spp": 48},
         }
         print(name, json.dumps(rows[name]), flush=True)
     command = "python -m tests.statistics.test_stopping_accuracy"
