@@ -20,7 +20,7 @@ Doubles = npt.NDArray[np.float64]
 ROUGHNESSES, COSINES, LOSSES = 48, 64, 129
 SMOOTHEST = 0.01  # sqrt(kMinAlpha); below it surfaces are mirrors
 FINER = 4  # points of each cell, along each axis, where the bounds are checked
-MARGIN = 1e-5  # of the bounds, for what lies between these points
+MARGIN = 1e-6  # of the bounds, for what lies between these points
 ORDER = (32, 48)  # of the quadrature: around and along the slopes
 BATCH = 256
 
@@ -87,7 +87,7 @@ def interpolated(table: Doubles, y: Doubles, x: Doubles) -> Doubles:
 
 
 def bounded(exact: Doubles) -> Doubles:
-    """Every FINER-th value of `exact`, raised until interpolation between them is nowhere below it."""
+    """Every FINER-th value of `exact`, moved until interpolation between them is nowhere below it, and close above."""
     table = exact[::FINER, ::FINER].copy()
     y, x = np.meshgrid(np.arange(exact.shape[0]) / FINER, np.arange(exact.shape[1]) / FINER, indexing="ij")
     for _ in range(8):
@@ -99,6 +99,19 @@ def bounded(exact: Doubles) -> Doubles:
                 j = np.minimum(np.minimum(x.astype(int), table.shape[1] - 2) + dj, table.shape[1] - 1)
                 near = (np.abs(y - i) < 1) & (np.abs(x - j) < 1)
                 np.maximum.at(table, (i[near], j[near]), table[i[near], j[near]] + 0.6 * missing[near])
+    # Neighbours raised each other too far. Nodes two apart share no cell and go down together; half the way at first, so
+    # that what one could give up is not all taken by the other.
+    for step in (0.5, 0.5, 0.5, 1.0):
+        for parity_i in range(2):
+            for parity_j in range(2):
+                spare = np.maximum(interpolated(table, y, x) - exact - MARGIN, 0)
+                i = 2 * np.round((y - parity_i) / 2).astype(int) + parity_i
+                j = 2 * np.round((x - parity_j) / 2).astype(int) + parity_j
+                weight = (1 - np.abs(y - i)) * (1 - np.abs(x - j))
+                near = (np.abs(y - i) < 1) & (np.abs(x - j) < 1) & (i < table.shape[0]) & (j < table.shape[1])
+                lower = np.full(table.shape, np.inf)
+                np.minimum.at(lower, (i[near], j[near]), spare[near] / weight[near])
+                table -= step * np.where(np.isinf(lower), 0, lower)
     return table
 
 
@@ -109,10 +122,13 @@ def lobe_tables() -> tuple[Doubles, Doubles]:
     alpha = roughness**2
     mu = np.clip(3 * alpha * column**2 / (1 + 3 * alpha - column**2), 1e-6 * alpha, 1)
     total, share = lobe_albedo_grid(mu, alpha)
-    # Of the last 1e-4 mu^4 M takes no notice: at mu = 1 its fifth root would be far from any neighbour's.
+    # Below a roughness of 0.3 the fifth root of almost nothing, towards mu = 1, is far from its neighbours: M goes to mu there
+    # instead, and the bound may fail by 1e-5.
     fresnel_cosine = 1 - (share / total) ** 0.2
-    loose = 1 - (np.maximum(share - 1e-4 * mu**4, 0) / total) ** 0.2
-    fresnel_cosine = np.minimum(loose, np.maximum(fresnel_cosine, mu))
+    tame = np.maximum(fresnel_cosine, mu)
+    tame += (fresnel_cosine - tame) * np.clip(5 * roughness - 0.5, 0, 1)
+    loose = 1 - (np.maximum(share - 1e-5 * mu**4, 0) / total) ** 0.2
+    fresnel_cosine = np.minimum(loose, tame)
     excess = (fresnel_cosine - mu) * (roughness + 0.05) / alpha
     return bounded(total), -bounded(-excess)
 
