@@ -1,7 +1,9 @@
 """Directional albedos of the surface model in double precision, from the formulas in bsdf.hpp's head and not from its code.
 
-Each lobe is integrated in the variables that make it smooth: the diffuse one over cosine-distributed directions, a GGX
-lobe over its slopes (tan theta_h = alpha r, so that D(h) cos theta_h dh = r dr dphi / (pi (1 + r^2)^2)).
+Each lobe is integrated in the variables that make it smooth: the diffuse one over cosines and azimuths, a GGX lobe over its
+slopes p towards the viewer and q across (D(h) cos theta_h dh = alpha^2 dp dq / (pi (alpha^2 + p^2 + q^2)^2)). What reflects
+above the horizon fills a disc of slopes, around tan theta_o with radius 1 / cos theta_o. The tables' generator goes through
+it along rays from the origin, this module along lines of constant p, so neither repeats the other's mistakes.
 """
 
 from __future__ import annotations
@@ -14,14 +16,34 @@ import numpy.typing as npt
 from primray.description import Surface
 
 Doubles = npt.NDArray[np.float64]
-STEPS = 224
-NODES = 97  # of the one-dimensional tables of albedos
+NODES = 64  # of the one-dimensional interpolants of albedos
 
 
-def unit_grid(steps: int) -> tuple[Doubles, Doubles]:
-    x = (np.arange(steps) + 0.5) / steps
-    u, v = np.meshgrid(x, x, indexing="ij")
-    return u.ravel(), v.ravel()
+@cache
+def gauss(order: int) -> tuple[Doubles, Doubles]:
+    """Gauss-Legendre nodes and weights on (0, 1)."""
+    x, w = np.polynomial.legendre.leggauss(order)
+    return (x + 1) / 2, w / 2
+
+
+@cache
+def dense_at_0(order: int) -> tuple[Doubles, Doubles]:
+    """The same after x = y^3: for a root or a logarithm at 0."""
+    y, w = gauss(order)
+    return y**3, 3 * y * y * w
+
+
+@cache
+def diffuse_directions() -> tuple[Doubles, Doubles, Doubles]:
+    """Cosines of wi, azimuths in [0, pi] from wo's, and weights of a cosine-distributed direction, flat."""
+    (x, wx), (y, wy) = gauss(48), gauss(96)
+    azimuth, cos_in = np.meshgrid(np.pi * (1 - x * x), y, indexing="ij")  # dense where wi faces wo at the horizon
+    return cos_in.ravel(), azimuth.ravel(), np.outer(2 * x * wx, 2 * y * wy).ravel()
+
+
+def cosine_to_half(mu: float, cos_in: Doubles, azimuth: Doubles) -> Doubles:
+    between = mu * cos_in + np.sqrt((1 - mu * mu) * (1 - cos_in**2)) * np.cos(azimuth)
+    return np.sqrt((1 + np.clip(between, -1, 1)) / 2)
 
 
 def lambda_(cos: Doubles | float, alpha: float) -> Doubles | float:
@@ -30,26 +52,30 @@ def lambda_(cos: Doubles | float, alpha: float) -> Doubles | float:
     return (np.sqrt(1 + alpha * alpha * (1 - c2) / c2) - 1) / 2
 
 
-def view(mu: float) -> Doubles:
-    return np.array([np.sqrt(max(1 - mu * mu, 0.0)), 0.0, mu])
-
-
+@cache
 def lobe_directions(mu: float, alpha: float) -> tuple[Doubles, Doubles, Doubles]:
     """Cosines of wi, of wo against h, and weights whose sum over F(wo.h) is the lobe's integral of f cos."""
-    # r^2 / (1 + r^2) = 1 - (1 - t)^2 is even in probability but for the factor 2 (1 - t), which tames the far slopes that
-    # grazing views weigh most.
-    t, phi = unit_grid(STEPS)
-    phi = 0.5 * phi  # both halves are the same
-    r = alpha * np.sqrt(t * (2 - t)) / (1 - t)
-    slopes = np.stack([r * np.cos(2 * np.pi * phi), r * np.sin(2 * np.pi * phi), np.ones_like(r)], axis=1)
-    h = slopes / np.linalg.norm(slopes, axis=1)[:, None]
-    wo = view(mu)
-    cos_h = h @ wo
-    cos_in = 2 * cos_h * h[:, 2] - mu
-    up = (cos_h > 0) & (cos_in > 0)
-    g2 = 1 / (1 + lambda_(mu, alpha) + lambda_(np.where(up, cos_in, 1.0), alpha))
-    weight = np.where(up, g2 * cos_h / (mu * h[:, 2]), 0.0) * 2 * (1 - t) / len(t)
-    return np.where(up, cos_in, 0.5), np.clip(cos_h, 0, 1), weight
+    sine = np.sqrt((1 - mu) * (1 + mu))
+    near, far = mu / (1 + sine), (1 + sine) / mu  # the disc spans p from -near to far
+    start, end = np.arcsinh(-near / alpha), np.arcsinh(far / alpha)
+    (x, wx), (y, wy) = dense_at_0(80), gauss(40)
+    # p = alpha sinh; the other end of the disc is far out, where little is left.
+    at = start + (end - start) * x
+    p, dp = alpha * np.sinh(at), alpha * np.cosh(at) * (end - start) * wx
+    # q = width tan(angle), up to the disc's rim; both signs of q are the same.
+    width = np.sqrt(alpha**2 + p * p)
+    rim = np.arctan(np.sqrt(np.maximum((p + near) * (far - p), 0)) / width)
+    p, width = p[:, None], width[:, None]
+    angle = rim[:, None] * y
+    q = width * np.tan(angle)
+    density = alpha**2 / np.pi / width**3 * np.cos(angle) ** 2 * 2 * dp[:, None] * rim[:, None] * wy
+    up = 1 / np.sqrt(1 + p * p + q * q)  # h.z
+    cos_h = (mu + sine * p) * up
+    cos_in = 2 * cos_h * up - mu
+    above = (cos_h > 0) & (cos_in > 0)
+    g2 = 1 / (1 + lambda_(mu, alpha) + lambda_(np.where(above, cos_in, 1.0), alpha))
+    weight = np.where(above, g2 * (mu + sine * p) / mu * density, 0.0)
+    return np.where(above, cos_in, 0.5).ravel(), np.clip(cos_h, 0, 1).ravel(), weight.ravel()
 
 
 @cache
@@ -60,26 +86,37 @@ def lobe_albedo(mu: float, alpha: float) -> tuple[float, float]:
     return float(np.sum(weight * (1 - s))), float(np.sum(weight * s))
 
 
-@cache
-def lobe_albedo_curve(alpha: float) -> tuple[Doubles, Doubles, Doubles]:
-    """Cosines, denser towards grazing, and a, b there."""
-    mu = np.linspace(0.02, 1, NODES) ** 2
-    pairs = np.array([lobe_albedo(float(m), alpha) for m in mu])
-    return mu, pairs[:, 0], pairs[:, 1]
+def nodes(low: float, high: float) -> Doubles:
+    """Chebyshev's, of NODES terms."""
+    return low + (high - low) * (1 - np.polynomial.chebyshev.chebpts1(NODES)) / 2
+
+
+def fitted(low: float, high: float, values: Doubles) -> np.polynomial.Chebyshev:
+    """The interpolant of values (NODES,) at nodes(low, high)."""
+    return np.polynomial.Chebyshev.fit(nodes(low, high), values, NODES - 1, domain=[low, high])
 
 
 @cache
-def fresnel_loss_curve() -> tuple[Doubles, Doubles]:
-    """Cosines and the integral of (1 - wo.h)^5 cos / pi over wi."""
-    mu = np.linspace(0.0, 1, NODES)
-    u, v = unit_grid(STEPS)
-    r = np.sqrt(u)
-    wi = np.stack([r * np.cos(2 * np.pi * v), r * np.sin(2 * np.pi * v), np.sqrt(1 - u)], axis=1)
-    loss = []
-    for m in mu:
-        h = wi + view(float(m))
-        loss.append(np.mean((1 - np.sum(h * wi, axis=1) / np.linalg.norm(h, axis=1)) ** 5))
-    return mu, np.array(loss)
+def lobe_albedo_curve(alpha: float) -> tuple[np.polynomial.Chebyshev, np.polynomial.Chebyshev]:
+    """a and b of sqrt(arcsinh(mu / alpha)); there is a logarithm at 0."""
+    end = float(np.sqrt(np.arcsinh(1 / alpha)))
+    pairs = np.array([lobe_albedo(float(alpha * np.sinh(x * x)), alpha) for x in nodes(0, end)])
+    return fitted(0, end, pairs[:, 0]), fitted(0, end, pairs[:, 1])
+
+
+def lobe_albedos(mu: Doubles | float, alpha: float) -> tuple[Doubles, Doubles]:
+    """lobe_albedo for an array of cosines."""
+    a, b = lobe_albedo_curve(alpha)
+    x = np.sqrt(np.arcsinh(np.asarray(mu) / alpha))
+    return np.asarray(a(x)), np.asarray(b(x))
+
+
+@cache
+def fresnel_loss_curve() -> np.polynomial.Chebyshev:
+    """The integral of (1 - wo.h)^5 cos / pi over wi, of sqrt(mu)."""
+    cos_in, azimuth, weight = diffuse_directions()
+    loss = [np.sum(weight * (1 - cosine_to_half(float(x * x), cos_in, azimuth)) ** 5) for x in nodes(0, 1)]
+    return fitted(0, 1, np.array(loss))
 
 
 class PreviewSurface:
@@ -105,30 +142,24 @@ class PreviewSurface:
         """E, of the base's GGX lobe or mirror alone."""
         if self.alpha == 0:
             return np.asarray(self.fresnel(mu))
-        nodes, a, b = lobe_albedo_curve(self.alpha)
-        return np.asarray(self.f0 * np.interp(mu, nodes, a) + self.f90 * np.interp(mu, nodes, b))
+        a, b = lobe_albedos(mu, self.alpha)
+        return np.asarray(self.f0 * a + self.f90 * b)
 
     def keep_diffuse(self, mu: Doubles | float) -> Doubles:
-        nodes, loss = fresnel_loss_curve()
-        d = 1 - (self.f0 + (self.f90 - self.f0) * np.interp(mu, nodes, loss))
+        d = 1 - (self.f0 + (self.f90 - self.f0) * fresnel_loss_curve()(np.sqrt(mu)))
         return np.minimum((1 - np.minimum(self.specular_albedo(mu), 1)) / np.maximum(d, 1e-6), 1)
 
     def keep_under_coat(self, mu: Doubles | float) -> Doubles:
-        nodes, a, b = lobe_albedo_curve(self.coat_alpha)
-        return np.asarray(1 - self.coat * (self.coat_f0 * np.interp(mu, nodes, a) + np.interp(mu, nodes, b)))
+        a, b = lobe_albedos(mu, self.coat_alpha)
+        return np.asarray(1 - self.coat * (self.coat_f0 * a + b))
 
     def albedo(self, mu: float) -> float:
         """Fraction of light from one direction that is reflected or passes."""
         coat_out = self.keep_under_coat(mu)
-        # The diffuse lobe over cosine-distributed directions.
-        u, v = unit_grid(STEPS)
-        r = np.sqrt(u)
-        cos_in = np.sqrt(1 - u)
-        wi = np.stack([r * np.cos(2 * np.pi * v), r * np.sin(2 * np.pi * v), cos_in], axis=1)
-        h = wi + view(mu)
-        cos_h = np.sum(h * wi, axis=1) / np.linalg.norm(h, axis=1)
-        base = self.diffuse * (1 - self.fresnel(cos_h)) * self.keep_diffuse(mu) * self.keep_diffuse(cos_in)
-        total = float(np.mean(base * coat_out * self.keep_under_coat(cos_in)))
+        cos_in, azimuth, weight = diffuse_directions()
+        base = self.diffuse * (1 - self.fresnel(cosine_to_half(mu, cos_in, azimuth)))
+        base *= self.keep_diffuse(mu) * self.keep_diffuse(cos_in)
+        total = float(np.sum(weight * base * coat_out * self.keep_under_coat(cos_in)))
         # The specular lobe over its slopes, or as a mirror.
         if self.alpha == 0:
             total += float(self.fresnel(mu) * coat_out * coat_out)
