@@ -60,15 +60,17 @@ class Plan:
         return self.samples + 2 * float(self.spent[steps + enough[0]]) / self.pixels if len(enough) else float("inf")
 
 
-def make_plan(film: Film, tile_errors: Doubles, samples: int, doublings: int = DOUBLINGS) -> Plan:
+def make_plan(film: Film, tile_errors: Doubles, samples: int, begin: Counts | None = None, doublings: int = DOUBLINGS) -> Plan:
     """For the error that each tile has (its part of the frame's) when pixels have `samples` on average.
 
-    Each tile doubles as often as `doublings` at most.
+    `begin`: samples of a replicate that tiles have then, if not what the film has now. A tile doubles as often as `doublings`
+    at most.
     """
-    begin = film.next[0].astype(np.int64)
+    now = film.next[0].astype(np.int64)
+    begin = now if begin is None else begin
     pixels = tile_pixels(film)
     variance = _around(tile_errors * begin / pixels, film.tiles)  # of one sample of one pixel
-    cost = np.maximum(film.tile_rays / np.maximum(2 * begin * pixels, 1), 1.0)
+    cost = np.maximum(film.tile_rays / np.maximum(2 * now * pixels, 1), 1.0)
     value = variance / cost
     usual = float(np.sqrt(value).mean()) ** 2
     value = np.clip(value, LEAST**2 * usual, MOST**2 * usual) if usual > 0 else np.ones_like(value)

@@ -18,16 +18,19 @@ import numpy as np
 from . import core
 from .adaptive import make_plan
 from .error import ALL_PIXELS, Z95, Estimate
-from .sampling import FIRST_ANCHOR, FIRST_PLAN, Progress, Sampling
+from .sampling import FIRST_ANCHOR, FIRST_PLAN, SLOWEST, Progress, Sampling
 from .settings import MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
 
 if TYPE_CHECKING:
     from .sampling import Row
 
 DOUBLINGS = 20
+# A render plans anew at each doubling, with better knowledge than one plan from the pilot has: as many samples of those that
+# this would take, a doubling. By 30 renders each of five stages, from pilots of 16 samples to targets that took about 100.
+REPLANNING = 0.94
 # How uncertain (as a logarithm) the samples are: for every doubling beyond the pilot, and by how targets fall between blocks;
 # and the seconds beyond that, since other work shares the machine.
-PER_DOUBLING, BETWEEN_BLOCKS, OF_SPEED = 0.04, 0.04, 0.08
+PER_DOUBLING, BETWEEN_BLOCKS, OF_SPEED = 0.06, 0.04, 0.08
 
 
 @dataclass(frozen=True)
@@ -60,41 +63,64 @@ class Pilot:
 
     def predict(self, target: float) -> Prediction:
         """Samples and seconds until the error is no larger than `target`."""
-        known = self.row.error.of(self.metric)
-        width = math.log(max(known.high, 1e-300) / max(known.low, 1e-300)) / (2 * Z95) if known.value > 0 else 0.0
-        if self.metric is not Metric.RELMSE:
-            width *= 2
-        part = min(target / max(known.value, 1e-300), 1.0) ** (1 if self.metric is Metric.RELMSE else 2)
-        samples, seconds = self._to(part)
+        rows = self.sampling.rows
+        met = next((i for i, row in enumerate(rows) if row.error.of(self.metric).value <= target), None)
+        if met == 0:
+            samples, rays, width = rows[0].samples, self._rays(rows[0].samples), 0.0
+        else:
+            # From the last measurement above the target; how fast the error falls from there the pilot may have seen.
+            start = rows[-1] if met is None else rows[met - 1]
+            rate = self.sampling.rate() if met is None else self._rate(start, rows[met])
+            part = self._part(target, start)
+            samples, rays = self._to(part, start, rate, replanning=met is None)
+            width = self._width(start) / rate
         if samples > (self.sampling.settings.spp or MAX_SPP):
             return Prediction(target, None, None)
-        # What a real render would have stopped at before the pilot's end.
-        for row in self.sampling.rows:
-            if row.error.of(self.metric).value <= target:
-                samples, seconds, width = min(samples, row.samples), min(seconds, row.seconds), 0.0
-        rate = self.sampling.rate()
         further = max(math.log2(samples / self.row.samples), 0.0)
-        spread = math.hypot(width / rate, BETWEEN_BLOCKS, PER_DOUBLING * further)
+        spread = math.hypot(width, BETWEEN_BLOCKS, PER_DOUBLING * further)
+        # Measured at the anchors, where the target should be reached, and of what is shown at the end.
+        measurements = max(math.log2(samples / FIRST_ANCHOR), 0.0) + 3
+        seconds = rays * self.seconds_per_ray + measurements * self.seconds_per_measurement
         return Prediction(target, Estimate.around(samples, spread), Estimate.around(seconds, math.hypot(spread, OF_SPEED)))
 
-    def _to(self, part: float) -> tuple[float, float]:
-        """Samples a pixel and seconds at which the error has fallen to `part` of the pilot's."""
-        film, row, rate = self.sampling.film, self.row, self.sampling.rate()
-        if part >= 1:
-            return row.samples, row.seconds
-        if self.sampling.settings.adapts and row.samples >= FIRST_PLAN:
-            plan = make_plan(film, row.error.tiles, round(row.samples), DOUBLINGS)
-            samples = plan.samples_for(row.error.tiles, row.samples, part, 0.5**rate)
-            added = plan.ends(math.ceil(samples))[0] - plan.begin if math.isfinite(samples) else plan.begin
-        else:
-            samples = math.ceil(row.samples * part ** (-1 / rate) / SAMPLE_BLOCK) * SAMPLE_BLOCK
-            added = np.full(len(film.tile_rays), (samples - row.samples) / 2)
+    def _squared(self, row: Row) -> float:
+        value = max(row.error.of(self.metric).value, 1e-150)
+        return value if self.metric is Metric.RELMSE else value * value
+
+    def _part(self, target: float, row: Row) -> float:
+        return (target if self.metric is Metric.RELMSE else target * target) / self._squared(row)
+
+    def _rate(self, before: Row, after: Row) -> float:
+        return max(math.log(self._squared(before) / self._squared(after)) / math.log(after.samples / before.samples), SLOWEST)
+
+    def _width(self, row: Row) -> float:
+        """How uncertain the logarithm of the squared error is."""
+        known = row.error.of(self.metric)
+        width = math.log(max(known.high, 1e-300) / max(known.low, 1e-300)) / (2 * Z95)
+        return width if self.metric is Metric.RELMSE else 2 * width
+
+    def _rays(self, samples: float) -> float:
+        """Of so many samples a pixel, the same number everywhere."""
+        film = self.sampling.film
+        width, height = film.resolution
+        return film.rays * samples * width * height / film.samples
+
+    def _to(self, part: float, row: Row, rate: float, replanning: bool) -> tuple[float, float]:
+        """Samples a pixel and rays at which the error has fallen to `part` of the row's."""
+        film = self.sampling.film
+        if not self.sampling.settings.adapts or row.samples < FIRST_PLAN:
+            samples = float(math.ceil(row.samples * part ** (-1 / rate) / SAMPLE_BLOCK) * SAMPLE_BLOCK)
+            return samples, self._rays(samples)
+        begin = np.full(len(film.tile_rays), round(row.samples) // 2, np.int64)
+        plan = make_plan(film, row.error.tiles, round(row.samples), begin, DOUBLINGS)
+        samples = plan.samples_for(row.error.tiles, row.samples, part, 0.5**rate)
         if not math.isfinite(samples):
             return math.inf, math.inf
         each = film.tile_rays / np.maximum(film.next.sum(axis=0), 1)  # rays a sample, over a tile
-        rays = float((2 * added * each).sum())
-        measurements = max(math.log2(samples / row.samples), 0.0) + 2
-        return samples, row.seconds + rays * self.seconds_per_ray + measurements * self.seconds_per_measurement
+        added = float((2 * (plan.ends(math.ceil(samples))[0] - begin) * each).sum())
+        fewer = REPLANNING ** math.log2(samples / row.samples) if replanning else 1.0
+        more = max(samples * fewer, row.samples + SAMPLE_BLOCK)
+        return more, self._rays(row.samples) + added * (more - row.samples) / (samples - row.samples)
 
 
 def run_pilot(
@@ -107,6 +133,7 @@ def run_pilot(
     samples = FIRST_ANCHOR
     uniform = replace(settings, spp=samples, time_limit_s=3 * seconds, target_error=None, adaptive=False)
     sampling = Sampling.begin(scene, uniform)
+    sampling.pilot = True
     while True:
         sampling.run(progress)
         assert sampling.stop is not None

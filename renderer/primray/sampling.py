@@ -89,6 +89,7 @@ class Sampling:
     earlier_done: int = 0
     earlier_rays: int = 0
     resumable: bool = False  # measure at anchors what any error metric may be told by later
+    pilot: bool = False  # measure at every anchor, and at the end only where there was none
     stop: Stop | None = None
     most_fraction: float = 0.0
 
@@ -118,7 +119,8 @@ class Sampling:
                 self.aim()
             if self._render_pass(progress, pause) == "paused":
                 return False
-        self._measure_at_end()
+        if not (self.pilot and self.rows):
+            self._measure_at_end()
         return True
 
     def aim(self) -> None:
@@ -229,7 +231,7 @@ class Sampling:
         if self.done == 0 or self.done != FIRST_ANCHOR << doublings:
             return False
         # Where no target can need them, every other one does for the curve.
-        needed = self.settings.target_error is not None or self.settings.adapts or self.resumable
+        needed = self.settings.target_error is not None or self.settings.adapts or self.resumable or self.pilot
         return needed or doublings % 2 == 1
 
     def _measure(self, *, anchor: bool = False, due: bool = False) -> None:

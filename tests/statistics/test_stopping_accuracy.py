@@ -52,12 +52,12 @@ def of_targets(of: Case, target: float, renders: int) -> dict[str, Any]:
     }
 
 
-def of_predictions(of: Case, target: float, renders: int) -> dict[str, Any]:
+def of_predictions(of: Case, target: float, renders: int, pilot_s: float = 0.3) -> dict[str, Any]:
     """Predicted over real samples and seconds, by pilots that stop well before the target."""
     samples, seconds = [], []
     for seed in range(renders):
         settings = replace(of.settings, spp=None, target_error=target, seed=9000 + seed)
-        pilot = run_pilot(of.scene, settings, 0.3)
+        pilot = run_pilot(of.scene, settings, pilot_s)
         assert pilot is not None
         found = pilot.predict(target)
         real = of.render(target_error=target, seed=9000 + seed)
