@@ -21,7 +21,7 @@ TRIANGLE_BYTES = 120  # Embree's hierarchy, and what building it takes
 DICED_TRIANGLE_BYTES = 70  # half a vertex with its normal, and three indices, twice, and dicing
 SHAPE_BYTES = 2000
 INSTANCE_BYTES = 210  # Embree's INSTANCE_ARRAY and the core's matrix; what the description holds is counted
-PIXEL_BYTES = 104  # the film's sums of both replicates in double, and the image
+PIXEL_BYTES = 146  # the exact sums and counts of both replicates, and the image with its errors
 # Images are kept as their files have them until the core has taken what it keeps: levels as fine as the view needs (about
 # four texels a pixel, and a third for the coarser ones, two bytes a channel), one image at a time, which stands as floats then,
 # with its first coarser levels, or is converted between colour spaces before.
