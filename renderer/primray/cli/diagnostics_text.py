@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping
 
 _ORDER = ("error", "warning", "info")
 _PRIMS_SHOWN = 3
+
+
+def print_diagnostics(diagnostics: Iterable[Mapping[str, str]], *, verbose: bool) -> None:
+    """To stderr: stdout is for what was asked for."""
+    for line in diagnostics_lines(diagnostics, verbose=verbose):
+        print(line, file=sys.stderr)
 
 
 def diagnostics_lines(diagnostics: Iterable[Mapping[str, str]], *, verbose: bool = False) -> list[str]:

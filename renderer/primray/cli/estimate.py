@@ -83,20 +83,17 @@ def estimate(
 
 
 def _pilot(scene: str, settings: RenderSettings, seconds: float, verbose: bool) -> Pilot:
-    import sys
-
     from .. import usd
     from ..diagnostics import Diagnostics
     from ..prediction import run_pilot
     from ..render import prepare
     from ..report import Costs
-    from .diagnostics_text import diagnostics_lines
+    from .diagnostics_text import print_diagnostics
 
     opening, diagnostics = Diagnostics(), Diagnostics()
     stage = usd.open_stage(scene, opening, settings.composition)
     prepared = prepare(stage, opening, settings, Costs(), diagnostics)
-    for line in diagnostics_lines([diagnostic.as_json() for diagnostic in diagnostics], verbose=verbose):
-        print(line, file=sys.stderr)
+    print_diagnostics([diagnostic.as_json() for diagnostic in diagnostics], verbose=verbose)
     pilot = run_pilot(prepared.scene, prepared.settings, seconds)
     if pilot is None:
         raise KeyboardInterrupt

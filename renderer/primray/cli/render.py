@@ -234,6 +234,7 @@ def _how_to_go_on(report: Mapping[str, Any]) -> str:
 
 def write(image: Image, files: list[str], report_file: str | None, looks: Looks) -> None:
     from ..image import write_text
+    from .diagnostics_text import print_diagnostics
     from .json_lines import dumps, print_line
 
     start = time.perf_counter()
@@ -243,18 +244,11 @@ def write(image: Image, files: list[str], report_file: str | None, looks: Looks)
     report = {**image.report, "outputs": files, "stages_s": stages_s}
     if report_file is not None:
         write_text(Path(report_file), dumps(report, indent=2) + "\n")
-    _print_diagnostics(report, looks)
+    print_diagnostics(report["diagnostics"], verbose=looks.verbose)
     if looks.as_json:
         print_line({"type": "report", **report})
     else:
         print(_summary_line(image, report, files))
-
-
-def _print_diagnostics(report: dict[str, Any], looks: Looks) -> None:
-    from .diagnostics_text import diagnostics_lines
-
-    for line in diagnostics_lines(report["diagnostics"], verbose=looks.verbose):
-        print(line, file=sys.stderr)
 
 
 def _summary_line(image: Image, report: dict[str, Any], files: list[str]) -> str:
