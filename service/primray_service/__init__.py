@@ -1,1 +1,18 @@
-"""The HTTP job service: job -> store -> worker -> one render process. Empty so far; it knows neither USD nor C++."""
+"""The render service: USD in over HTTP, images and their error out.
+
+    routes/, app.py     HTTP: parse, call one function, answer
+    jobs.py, models.py  what a job is (pure); what clients send and get
+    problems.py         everything that is answered as an error
+    limits.py           what is allowed
+    store/              the only SQL: SQLite or PostgreSQL
+    files.py            the data directory
+    scenes/             uploads: streamed, recognised, unpacked, safely
+    dispatcher/         holds the lease, gives frames to an executor, adopts what comes back
+    executor/           where chunks run: base.py is the interface
+    worker/             the program that runs one
+    sandbox/            the walls around it
+    page/               the web page
+    cli/, client/       `primray serve`, `submit`, ...; the Python client
+
+The server process never parses USD and never decodes an image that somebody sent: workers do, one process a chunk.
+"""

@@ -1,0 +1,56 @@
+"""What `primray serve` was asked to do; checked when made."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from .limits import Limits, Quotas
+
+
+@dataclass(frozen=True)
+class ServeConfig:
+    """`host` and `port`: where to listen (port 0: any that is free)."""
+
+    data: Path
+    host: str = "127.0.0.1"
+    port: int = 8700
+    database: str | None = (
+        None  # an SQLAlchemy URL (sqlite:///... or postgresql+psycopg://...); None: SQLite in the data directory
+    )
+    limits: Limits = Limits()
+    quotas: Quotas = Quotas()  # of tenants whose keys name none
+    slots: int | None = None  # renders at a time; None: one for eight cores
+    cores: int | None = None  # None: all that this process may use
+    require_keys: bool | None = None  # None: unless on loopback
+    allow_unsandboxed: bool = False
+    allowed_hosts: tuple[str, ...] = ()  # names, beside its own address, that the server answers for
+    dispatch: bool = True  # whether this server takes part in holding the lease
+    metrics_key: bool = True  # /metrics needs an admin key where keys are needed
+    webhook_networks: tuple[str, ...] = ()  # private networks that webhooks may call, for tests and closed networks
+    webhook_http: bool = False  # plain http is allowed
+    warm: bool = True  # keep workers ready before there is work
+    log_json: bool = True
+
+    @property
+    def on_loopback(self) -> bool:
+        if self.host == "localhost":
+            return True
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return False
+
+    @property
+    def needs_keys(self) -> bool:
+        return not self.on_loopback if self.require_keys is None else self.require_keys
+
+    @property
+    def database_url(self) -> str:
+        return self.database or f"sqlite:///{(self.data / 'primray.sqlite').resolve()}"
+
+    @property
+    def usable_cores(self) -> int:
+        return self.cores or len(os.sched_getaffinity(0))

@@ -1,0 +1,96 @@
+"""Where chunks run: the interface that the dispatcher uses and every executor keeps; tests/service/executor_contract.py
+holds it.
+
+A chunk is one process's work: the check of a scene, or a frame from its last checkpoint until it ends or is told to yield. Its
+worker sends messages (worker/protocol.py) while it runs and leaves files in a folder. At-least-once: the same chunk may
+run twice, in parallel even, after a server or a node died; whoever adopts results does so once (store.accept_checkpoint).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from ..jobs import Json
+
+Message = Mapping[str, Any]
+OnMessage = Callable[[Message], None]  # called in the event loop, in order; must not block
+
+
+@dataclass(frozen=True)
+class Capacity:
+    slots: int  # chunks of renders at a time; checks have a slot of their own
+    cores: int
+    memory_bytes: int  # of one chunk
+    nodes: int = 1
+
+    @property
+    def threads(self) -> int:
+        """Of one render chunk."""
+        return max(1, self.cores // self.slots)
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """`inputs`: files by the path that the worker finds them at, below its read-only job folder."""
+
+    id: str
+    kind: str  # "render" or "check"
+    command: Json  # the worker's first line: worker/protocol.py
+    inputs: Mapping[str, Path] = field(default_factory=dict)
+    folders: Mapping[str, Path] = field(default_factory=dict)  # folders whose files are all inputs, by the path to find them at
+    load_cpu_s: float = 60.0  # CPU seconds before the message that sampling has begun (a check: in all)
+    memory_bytes: int | None = None  # None: the executor's
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a chunk's process ended. Its files are in `folder` until `Handle.release()`."""
+
+    reason: (
+        str  # "exited", "signal", "memory-limit", "time-limit", "storage-limit", "killed" (by Handle.kill), "lost" (its node)
+    )
+    exit_code: int | None
+    signal: int | None
+    folder: Path
+    cpu_s: float
+    peak_rss_bytes: int
+    log: str  # the tail of what it printed to stderr
+
+
+class Handle(Protocol):
+    """A chunk that runs."""
+
+    @property
+    def folder(self) -> Path:
+        """Where the worker's files appear while it runs."""
+
+    async def result(self) -> Ended:
+        """When its process is gone; never raises for what the process did."""
+
+    def tell(self, command: Json) -> None:
+        """Send a later line: stop, yield or preview. Nothing happens if it is gone."""
+
+    def kill(self) -> None:
+        """End it now."""
+
+    def release(self) -> None:
+        """Its files are not needed any more."""
+
+
+class Executor(Protocol):
+    def capacity(self) -> Capacity: ...
+
+    async def start(self) -> None:
+        """Get ready; raises Problem("unavailable") where no chunk could run, saying why."""
+
+    def submit(self, chunk: Chunk, on_message: OnMessage) -> Handle:
+        """Run a chunk now; the caller keeps to `capacity()`."""
+
+    def health(self) -> Json:
+        """For /readyz: {"ok": bool, "sandbox": {layer: "on" | "off: why"}, ...}."""
+
+    async def close(self) -> None:
+        """End every chunk and wait for their processes."""

@@ -1,0 +1,95 @@
+"""The data directory: where bytes lie that are not rows. Files are written beside their place, synced, and renamed into it.
+
+scenes/<hex>/upload         a scene as sent; scenes/<hex>/package/... a zip's members (nothing else is unpacked)
+jobs/<id>/outputs/...       what a job made; jobs/<id>/frames/<n>/ checkpoint-<k>.prc, preview.raw, log.txt
+slots/<id>/job, out         the two folders that a worker sees; removed when it is done
+incoming/                   uploads under way
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+
+from .problems import Problem
+
+
+@dataclass(frozen=True)
+class DataDirectory:
+    root: Path
+
+    def create(self) -> None:
+        for folder in (self.root, self.scenes, self.jobs, self.slots, self.incoming):
+            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+
+    @property
+    def scenes(self) -> Path:
+        return self.root / "scenes"
+
+    @property
+    def jobs(self) -> Path:
+        return self.root / "jobs"
+
+    @property
+    def slots(self) -> Path:
+        return self.root / "slots"
+
+    @property
+    def incoming(self) -> Path:
+        return self.root / "incoming"
+
+    def scene(self, scene_id: str) -> Path:
+        return self.scenes / _hex_of(scene_id)
+
+    def job(self, job_id: str) -> Path:
+        return self.jobs / _plain(job_id)
+
+    def outputs(self, job_id: str) -> Path:
+        return self.job(job_id) / "outputs"
+
+    def frame(self, job_id: str, number: int) -> Path:
+        return self.job(job_id) / "frames" / str(number)
+
+    def free_bytes(self) -> int:
+        return shutil.disk_usage(self.root).free
+
+
+def _hex_of(scene_id: str) -> str:
+    digest = scene_id.removeprefix("sha256:")
+    if len(digest) != 64 or set(digest) - set("0123456789abcdef"):
+        raise Problem("not-found", "A scene's id is sha256: and 64 hexadecimal digits.")
+    return digest
+
+
+def _plain(name: str) -> str:
+    if not name or not name.replace("_", "").isalnum() or not name.isascii():
+        raise ValueError(f"{name!r} is no name of a folder")
+    return name
+
+
+def adopt(source: Path, target: Path, most_bytes: int) -> int:
+    """Take a file that a worker left, durably, and tell its size; ValueError unless it is a plain file of at most so many
+    bytes.
+
+    It is renamed, not copied: the two lie on one file system, and the worker must not go on writing to it.
+    """
+    found = os.lstat(source)
+    if not stat.S_ISREG(found.st_mode) or found.st_nlink != 1 or found.st_size > most_bytes:
+        raise ValueError(f"{source.name} is not a plain file of at most {most_bytes} bytes")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    sync(source)
+    os.replace(source, target)
+    sync(target.parent)
+    return found.st_size
+
+
+def sync(path: Path) -> None:
+    """What was written to a file, or renamed in a folder, is on the disk afterwards."""
+    handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

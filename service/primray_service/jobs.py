@@ -1,0 +1,171 @@
+"""What a job and its frames are, and which moves between their states are legal. Pure: time and ids are arguments.
+
+    queued -> preparing -> running -> succeeded | failed | canceled | expired         (canceling on the way to canceled)
+
+Terminal states never change, except that `continue` makes a new attempt, which is queued again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+Json = dict[str, Any]
+
+
+class JobState(StrEnum):
+    QUEUED = "queued"
+    PREPARING = "preparing"  # its scene is checked, or opened and built by a worker
+    RUNNING = "running"  # at least one frame has taken samples in this attempt
+    CANCELING = "canceling"
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    CANCELED = "canceled"
+    EXPIRED = "expired"  # not finished before its time to live ran out
+
+
+class FrameState(StrEnum):
+    QUEUED = "queued"
+    RUNNING = "running"
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    CANCELED = "canceled"
+
+
+_J, _F = JobState, FrameState
+TERMINAL = frozenset({_J.SUCCEEDED, _J.FAILED, _J.CANCELED, _J.EXPIRED})
+FRAME_TERMINAL = frozenset({_F.SUCCEEDED, _F.FAILED, _F.CANCELED})
+
+# A dispatcher that died, or a frame that gave way to another, takes a job back to queued. Terminal states go on by `continue`.
+MOVES: Mapping[JobState, frozenset[JobState]] = {
+    _J.QUEUED: frozenset({_J.PREPARING, _J.FAILED, _J.CANCELED, _J.EXPIRED}),
+    _J.PREPARING: frozenset({_J.RUNNING, _J.QUEUED, _J.SUCCEEDED, _J.FAILED, _J.CANCELING, _J.CANCELED, _J.EXPIRED}),
+    _J.RUNNING: frozenset({_J.QUEUED, _J.SUCCEEDED, _J.FAILED, _J.CANCELING, _J.CANCELED, _J.EXPIRED}),
+    _J.CANCELING: frozenset({_J.CANCELED}),
+    _J.SUCCEEDED: frozenset({_J.QUEUED}),
+    _J.FAILED: frozenset({_J.QUEUED}),
+    _J.CANCELED: frozenset({_J.QUEUED}),
+    _J.EXPIRED: frozenset({_J.QUEUED}),
+}
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame of a job: what is known of it, and the checkpoint from which it goes on."""
+
+    job_id: str
+    number: int  # 0-based place in the job's list of frames
+    time_code: float | None  # None: the stage's default time
+    state: FrameState = FrameState.QUEUED
+    attempt: int = 1
+    # Checkpoints merged so far in all attempts, and the file of the last (a name in the job's folder; "" for none).
+    checkpoint: int = 0
+    checkpoint_file: str = ""
+    # Deaths of its worker since the last checkpoint: by a fault of its own (SIGSEGV, SIGABRT, ...), and by others (SIGKILL).
+    crashes: int = 0
+    kills: int = 0
+    phase: str = ""  # opening, translating, building, sampling, writing
+    progress: Json = field(default_factory=dict)
+    effective_settings: Json | None = None
+    convergence: list[Json] = field(default_factory=list)
+    result: Json | None = None
+    error: Json | None = None
+    cpu_s: float = 0.0
+    peak_rss_bytes: int = 0
+    started_at: float | None = None
+    finished_at: float | None = None
+
+
+@dataclass(frozen=True)
+class Job:
+    """A job's row. Times are seconds since 1970 UTC; `version` grows with every change of the row (ETag)."""
+
+    id: str
+    tenant: str
+    state: JobState
+    scene_id: str  # "sha256:..."
+    entry: str | None
+    settings: Json  # as asked: models.Settings
+    created_at: float
+    queued_at: float
+    expires_at: float
+    ttl_s: float
+    attempt: int = 1
+    version: int = 1
+    priority: int = 50  # larger goes first
+    labels: Mapping[str, str] = field(default_factory=dict)
+    webhook: Json | None = None
+    started_at: float | None = None
+    finished_at: float | None = None
+    effective_settings: Json | None = None
+    progress: Json = field(default_factory=dict)
+    result: Json | None = None
+    warnings: list[Json] = field(default_factory=list)
+    error: Json | None = None
+    usage: Json = field(default_factory=dict)
+    request_id: str = ""
+    traceparent: str = ""
+
+
+@dataclass(frozen=True)
+class Event:
+    """A row of a job's history: `type` is state, progress, preview, frame, warning or end."""
+
+    id: int  # grows over all jobs
+    job_id: str
+    type: str
+    created_at: float
+    data: Json
+
+
+@dataclass(frozen=True)
+class Output:
+    """A file that a job made: `file` is its name in the job's outputs folder, and in URLs."""
+
+    job_id: str
+    name: str
+    frame: int | None
+    bytes: int
+    sha256: str
+    media_type: str
+    created_at: float
+
+
+class SceneState(StrEnum):
+    CHECKING = "checking"
+    READY = "ready"
+    REJECTED = "rejected"
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A tenant's uploaded scene; the bytes lie once in the data directory, whoever sent them."""
+
+    id: str  # "sha256:<hex>" of the body as sent
+    tenant: str
+    state: SceneState
+    kind: str  # usda, usdc, usdz, zip
+    name: str  # the file name that the client gave, or ""
+    bytes: int  # as sent
+    stored_bytes: int  # unpacked
+    created_at: float
+    used_at: float
+    facts: Json = field(default_factory=dict)  # what the check found: entries, files, cameras, frame range, ...
+    warnings: list[Json] = field(default_factory=list)
+    problem: Json | None = None
+
+
+def is_legal(state: JobState, to: JobState) -> bool:
+    return to in MOVES[state]
+
+
+def state_of(frames: list[Frame]) -> JobState | None:
+    """The terminal state that a job's frames add up to, or None while some are not at an end."""
+    if any(frame.state not in FRAME_TERMINAL for frame in frames):
+        return None
+    states = {frame.state for frame in frames}
+    if FrameState.CANCELED in states:
+        return JobState.CANCELED
+    return JobState.FAILED if FrameState.FAILED in states else JobState.SUCCEEDED

@@ -1,0 +1,71 @@
+"""What clients send and get: the API's JSON as pydantic models, from which the OpenAPI document is made."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Fraction = Annotated[float, Field(ge=0, le=1)]
+
+
+class Sent(BaseModel):
+    """Members that are not known are refused, not ignored."""
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, strict=True)
+
+
+class SceneReference(Sent):
+    id: str = Field(pattern=r"^sha256:[0-9a-f]{64}$", description="What POST /v1/scenes answered.")
+    entry: str | None = Field(None, max_length=1024, description="The root layer in a package that has several.")
+
+
+class StopRules(Sent):
+    """A frame ends when the first of these is reached; none given: 64 samples a pixel."""
+
+    target_error: float | None = Field(None, gt=0, description="Stop when the estimate of the error is not above this.")
+    metric: Literal["relmse", "rmse", "display"] = "relmse"
+    max_samples: int | None = Field(None, ge=1, description="Samples a pixel.")
+    max_seconds: float | None = Field(None, gt=0, description="Seconds of sampling, a frame.")
+
+
+class Settings(Sent):
+    """As RenderSettings of the library and the flags of `primray render`."""
+
+    camera: str | None = Field(None, max_length=1024, description="A prim path, or a name that only one camera has.")
+    frames: str | None = Field(
+        None, max_length=4096, description='"1", "1:10", "1-10x2" or "1,5"; not given: the default time.'
+    )
+    resolution: tuple[int, int] | None = Field(None, description="Width and height; one of them 0: by the camera's aspect.")
+    stop: StopRules = StopRules()
+    seed: int = Field(0, ge=0, lt=2**32)
+    max_depth: int | None = Field(None, ge=1, le=2**20, description="Scatterings; 1: direct light only.")
+    adaptive: bool | None = None
+    filter: Literal["box", "gaussian", "blackman-harris"] = "box"
+    filter_width: float | None = Field(None, gt=0, le=64)
+    default_light: bool = True
+    purposes: list[Literal["default", "render", "proxy", "guide"]] | None = Field(None, min_length=1, max_length=4)
+    strict: bool = Field(False, description="Refuse a scene with warnings.")
+    dicing_rate: float | None = Field(None, gt=0, le=1e6)
+    variants: list[Annotated[str, Field(max_length=1024)]] = Field(default=[], max_length=64)
+    load: list[Annotated[str, Field(max_length=1024)]] | None = Field(None, max_length=256)
+    mask: list[Annotated[str, Field(max_length=1024)]] | None = Field(None, max_length=256)
+
+
+class Webhook(Sent):
+    url: str = Field(max_length=2048)
+    events: list[Literal["started", "frame.completed", "completed"]] = Field(default=["completed"], min_length=1, max_length=3)
+    secret: str | None = Field(
+        None, pattern=r"^whsec_[A-Za-z0-9+/]{32,88}={0,2}$", description="Not given: made, and shown once."
+    )
+
+
+class JobRequest(Sent):
+    scene: SceneReference
+    settings: Settings = Settings()
+    priority: int = Field(50, ge=0, le=100, description="Larger goes first.")
+    labels: dict[str, str] = Field(default={}, description="To find jobs by.")
+    ttl_s: float | None = Field(
+        None, gt=0, description="Kept so long after its end; expired if not finished so long after it was made."
+    )
+    webhook: Webhook | None = None

@@ -1,0 +1,34 @@
+"""The parts of a running server, by the names that routes use."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from .config import ServeConfig
+from .files import DataDirectory
+from .limits import Limits, Quotas
+
+if TYPE_CHECKING:
+    from .changes import Changes
+    from .dispatcher import Dispatcher
+    from .executor.base import Executor
+    from .store.base import Store
+
+
+@dataclass
+class Service:
+    config: ServeConfig
+    store: Store
+    data: DataDirectory
+    executor: Executor
+    dispatcher: Dispatcher
+    changes: Changes  # who waits for a change of a job
+
+    @property
+    def limits(self) -> Limits:
+        return self.config.limits
+
+    @property
+    def quotas(self) -> Quotas:
+        return self.config.quotas

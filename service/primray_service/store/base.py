@@ -1,0 +1,248 @@
+"""What the service asks of its database. Every method is one transaction; every method may be called from any thread.
+
+A method that changes something may be repeated after the connection broke in the middle: it then finds its own change and
+answers as it did, or would have. Times are arguments. `Lost` from a method with a `fence` says that another dispatcher
+has taken over: what was to be written is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from ..jobs import Event, Frame, Job, JobState, Json, Output, Scene
+from ..limits import Quotas
+
+
+class Lost(Exception):
+    """The lease is another's now."""
+
+
+class Conflict(Exception):
+    """The row's version is not the one expected, or its state does not allow the change."""
+
+
+class QuotaExceeded(Exception):
+    """args[0] names the quota: "queued_jobs", "running_jobs", "stored_bytes", "cpu_s_per_day"."""
+
+
+class KeyReused(Exception):
+    """The idempotency key came with another request."""
+
+
+@dataclass(frozen=True)
+class ApiKey:
+    id: str
+    tenant: str
+    name: str
+    prefix: str  # the key's first characters, to recognise it by
+    sha256: str  # of the key; the key itself is not kept
+    scopes: frozenset[str]  # submit, read, admin
+    quotas: Quotas
+    created_at: float
+    expires_at: float | None = None
+    revoked_at: float | None = None
+
+
+@dataclass(frozen=True)
+class Page:
+    items: Sequence[Job]
+    next_cursor: str | None  # opaque
+
+
+@dataclass(frozen=True)
+class JobFilter:
+    states: frozenset[JobState] = frozenset()  # empty: all
+    labels: Mapping[str, str] = field(default_factory=dict)
+    scene_id: str | None = None
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A frame that the dispatcher is to run now, its state running."""
+
+    job: Job
+    frame: Frame
+
+
+@dataclass(frozen=True)
+class WebhookDelivery:
+    id: str  # the message's, the same for all tries
+    job_id: str
+    url: str
+    secret: str
+    event: str
+    payload: Json
+    tries: int
+    next_at: float
+    state: str = "due"  # due, delivered, failed (given up)
+    last_error: str = ""
+
+
+@dataclass(frozen=True)
+class Usage:
+    queued_jobs: int
+    running_jobs: int
+    stored_bytes: int
+    cpu_s_today: float
+    cpu_s_total: float
+
+
+class Store(Protocol):
+    # ---- life ------------------------------------------------------------------------------------------------------------
+    def migrate(self) -> None:
+        """Bring the schema up to date (Alembic); several servers may do so at once."""
+
+    def check(self) -> None:
+        """Raises if the database does not answer."""
+
+    def close(self) -> None: ...
+
+    def subscribe(self, on_change: Callable[[str], None]) -> Callable[[], None]:
+        """Call `on_change(job_id)`, from whatever thread, after each commit that changed a job through this store object
+        (other processes' changes are not told); answers a function that ends it."""
+
+    # ---- jobs ------------------------------------------------------------------------------------------------------------
+    def create_job(
+        self, job: Job, time_codes: Sequence[float | None], quotas: Quotas, idempotency: tuple[str, str] | None = None
+    ) -> tuple[Job, bool]:
+        """A job with its frames and its first state event; False with the earlier job if its idempotency key (key, sha256 of
+        the request) came before (kept for a day at least). KeyReused, QuotaExceeded; Conflict if there is no such scene of
+        this tenant."""
+
+    def job(self, job_id: str, tenant: str | None = None) -> Job | None: ...
+
+    def jobs(self, tenant: str, where: JobFilter, limit: int, cursor: str | None, newest_first: bool = True) -> Page:
+        """By creation, keyset pages: as fast at the end of 100,000 rows as at the start. ValueError for a bad cursor."""
+
+    def frames(self, job_id: str, limit: int = 1000, after: int = -1) -> Sequence[Frame]: ...
+
+    def frame(self, job_id: str, number: int) -> Frame | None: ...
+
+    def frame_counts(self, job_id: str) -> Mapping[str, int]:
+        """By state."""
+
+    def outputs(self, job_id: str) -> Sequence[Output]: ...
+
+    def update_job(self, job_id: str, now: float, *, version: int | None, changes: Json) -> Job:
+        """`changes`: of priority, labels, ttl_s; Conflict if `version` is given and not the row's."""
+
+    def request_cancel(self, job_id: str, now: float) -> Job:
+        """Queued: canceled at once; preparing or running: canceling (canceled if none of its frames runs); canceling,
+        canceled: no
+        change; else Conflict."""
+
+    def continue_job(self, job_id: str, stop: Json, now: float, quotas: Quotas) -> Job:
+        """A new attempt of a terminal job with other stop rules: every frame queued again, from its checkpoint. Conflict,
+        QuotaExceeded."""
+
+    def delete_job(self, job_id: str) -> bool:
+        """The row and all that hangs on it. Conflict while a frame runs."""
+
+    # ---- events ----------------------------------------------------------------------------------------------------------
+    def events(self, job_id: str, after: int, limit: int) -> Sequence[Event]: ...
+
+    # ---- scenes ----------------------------------------------------------------------------------------------------------
+    def put_scene(self, scene: Scene, quotas: Quotas) -> tuple[Scene, bool]:
+        """The tenant's scene of these bytes, made if there was none (True). If another tenant's same scene was checked
+        already, the
+        new row takes its findings. QuotaExceeded."""
+
+    def scene(self, tenant: str, scene_id: str) -> Scene | None: ...
+
+    def scenes(self, tenant: str, limit: int, cursor: str | None) -> tuple[Sequence[Scene], str | None]: ...
+
+    def delete_scene(self, tenant: str, scene_id: str) -> bool:
+        """Whether the bytes are nobody's now. Conflict while jobs that are not terminal use it; KeyError if there is none."""
+
+    def next_check(self, fence: int) -> Scene | None:
+        """A scene that waits for its check, oldest first."""
+
+    def scene_checked(
+        self, fence: int, scene_id: str, now: float, *, facts: Json, warnings: list[Json], problem: Json | None
+    ) -> None:
+        """Ready, or rejected with a problem; all tenants' rows. Queued jobs of a rejected scene fail with the problem."""
+
+    # ---- the dispatcher --------------------------------------------------------------------------------------------------
+    def acquire_lease(self, holder: str, now: float, ttl_s: float) -> int | None:
+        """A fence, larger than all before, if nobody holds the lease or its holder's time is over. Jobs whose frames were
+        running go back to queued (canceling ones with no frame left to run: canceled)."""
+
+    def renew_lease(self, fence: int, now: float, ttl_s: float) -> None:
+        """Lost if another has it."""
+
+    def release_lease(self, fence: int) -> None: ...
+
+    def lease_expires_at(self) -> float | None: ...
+
+    def claim_frame(self, fence: int, now: float, quotas_of: Callable[[str], Quotas]) -> Claim | None:
+        """The next frame to run: of jobs by (priority, fewest frames running of that tenant, created), frames in order; only
+        jobs whose scene
+        is ready, whose tenant is within running_jobs and cpu_s_per_day. The frame becomes running, a queued job preparing."""
+
+    def waiting(self, fence: int) -> Sequence[tuple[int, str]]:
+        """(priority, tenant) of the best waiting job of each tenant that could run, for deciding who gives way."""
+
+    def report(
+        self, fence: int, frame: Frame, now: float, *, job_changes: Json | None = None, event: tuple[str, Json] | None = None
+    ) -> Job:
+        """Store a running frame's phase, progress, effective settings, convergence, cpu_s and peak_rss_bytes, and with it
+        what it changes of its job
+        (progress, effective_settings, warnings, state running) and one event."""
+
+    def accept_checkpoint(
+        self, fence: int, chunk_id: str, job_id: str, number: int, *, attempt: int, follows: int, file: str, now: float
+    ) -> bool:
+        """Take over the checkpoint `follows + 1` of a frame, once: False if the frame is at another one, or not running, or
+        in another attempt.
+        Its deaths are forgotten. Repeating the call with the same chunk_id answers True again."""
+
+    def end_frame(
+        self,
+        fence: int,
+        frame: Frame,
+        now: float,
+        *,
+        outputs: Sequence[Output],
+        job_changes: Json,
+        webhook_events: Sequence[str] = (),
+    ) -> Job:
+        """A running frame reached `frame.state` (terminal). Its outputs take the place of its earlier ones. If it was the
+        last, the job ends
+        (jobs.state_of; canceling: canceled) with `job_changes` (result, error, warnings, usage, progress,
+        effective_settings), an end
+        event, and its webhooks; CPU seconds are counted to the tenant's day."""
+
+    def requeue_frame(self, fence: int, frame: Frame, now: float) -> Job:
+        """A running frame goes back to queued (it gave way, or its worker died: `crashes` and `kills` say how often); its
+        job to queued if no
+        other frame of it runs. Of a job that is canceling, it becomes canceled."""
+
+    def expire(self, fence: int, now: float, limit: int) -> tuple[Sequence[Job], Sequence[str]]:
+        """Jobs that were not finished in time and are expired now (running ones too: their workers are to be killed), and
+        ids of
+        terminal jobs past their time, to be deleted."""
+
+    def unused_scenes(self, fence: int, before: float, limit: int) -> Sequence[Scene]:
+        """Scenes that no job uses and nobody touched since."""
+
+    # ---- keys, quotas, webhooks ------------------------------------------------------------------------------------------
+    def create_key(self, key: ApiKey) -> None: ...
+
+    def key_by_sha256(self, sha256: str) -> ApiKey | None: ...
+
+    def keys(self, tenant: str | None = None) -> Sequence[ApiKey]: ...
+
+    def revoke_key(self, key_id: str, now: float) -> bool: ...
+
+    def usage(self, tenant: str, now: float) -> Usage: ...
+
+    def counts(self) -> Mapping[str, int]:
+        """Jobs by state, over all tenants, for metrics: cheap at 100,000 jobs."""
+
+    def due_webhooks(self, fence: int, now: float, limit: int) -> Sequence[WebhookDelivery]: ...
+
+    def webhook_tried(self, fence: int, delivery_id: str, *, state: str, next_at: float, error: str) -> None: ...
+
+    def webhooks(self, job_id: str) -> Sequence[WebhookDelivery]: ...

@@ -1,0 +1,39 @@
+"""What a server and a worker say to each other: one JSON object a line, commands to its stdin, messages from its stdout.
+
+The first command says what to do; a worker does one thing and ends. Paths are relative: those of commands to the job folder
+(read-only), those of messages to the output folder. The server believes nothing of a message before it has checked it.
+
+Commands
+    {"do": "check", "file": "scene.usdz" | "package", "kind": "usda|usdc|usdz|zip", "entry": "shot.usda" | null, "limits": {..}}
+    {"do": "render", "file": "package/shot.usda", "settings": {RenderSettings as JSON}, "checkpoint": "checkpoint.prc" | null,
+     "number": 3, "checkpoint_every_s": 10, "picture_only": false, "preview": true, "limits": {..}, "traceparent": ".."}
+        goes on from `checkpoint` (whose number is `number`), or begins; `picture_only`: take no more samples, write the outputs
+    {"do": "stop"}     end soon with a checkpoint and the picture so far           (then: checkpoint, done)
+    {"do": "yield"}    end soon with a checkpoint                                  (then: checkpoint, yielded)
+    {"do": "preview"}  write a preview soon, and for the next ten seconds after each pass
+
+Messages, by "at"
+    ready      it has imported what takes long, and waits for its first command
+    phase      {"phase": "opening|translating|building|sampling|writing"}
+    effective  {"settings": {..}, "features": [..], "scene": {counts}, "resolution": [w, h]}: what scene and request resolved to
+    warning    {"code", "prim", "detail", "severity"}
+    progress   {"fraction", "samples_done" (mean a pixel), "samples_min", "samples_max", "rays", "rays_per_s", "elapsed_s"
+    (sampling),
+                "error": {"metric", "estimate", "ci95", "target", "kind": "estimated"} | null, "eta_s" | null, "eta_ci95" |
+                null, "pass"}
+    row        a row of the convergence curve: {"t_s", "samples", "relmse", "ci95", "rmse"}
+    preview    {"pass", "file", "bytes"}: worker/preview.py says what is in the file
+    checkpoint {"number": 4, "file", "bytes", "samples", "seconds"}: takes the place of number 3
+    facts      {..}: what a check found
+    done       {"outputs": [{"name", "file", "bytes", "sha256", "media_type"}], "report": {..}}
+    yielded    {"number": 4}
+    failed     {"problem": {"type": "/problems/..", "title", "status", "detail", ...}}
+After done, yielded, facts or failed a worker exits with 0; any other end is a crash.
+"""
+
+from __future__ import annotations
+
+MAX_LINE_BYTES = 4 * 2**20
+
+PHASES = ("opening", "translating", "building", "sampling", "writing")
+LAST = ("facts", "done", "yielded", "failed")
