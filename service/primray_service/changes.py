@@ -6,7 +6,7 @@ from __future__ import annotations
 import asyncio
 from collections import defaultdict
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 LOOK_EVERY_S = 1.0
 
@@ -49,8 +49,6 @@ class Changes:
 
 async def wait(event: asyncio.Event, timeout_s: float) -> None:
     """Until the event is set, or it is time to look anyway."""
-    try:
+    with suppress(TimeoutError):
         await asyncio.wait_for(event.wait(), min(timeout_s, LOOK_EVERY_S))
-    except TimeoutError:
-        pass
     event.clear()

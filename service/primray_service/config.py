@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from .limits import Limits, Quotas
@@ -17,11 +17,10 @@ class ServeConfig:
     data: Path
     host: str = "127.0.0.1"
     port: int = 8700
-    database: str | None = (
-        None  # an SQLAlchemy URL (sqlite:///... or postgresql+psycopg://...); None: SQLite in the data directory
-    )
-    limits: Limits = Limits()
-    quotas: Quotas = Quotas()  # of tenants whose keys name none
+    # An SQLAlchemy URL (sqlite:///... or postgresql+psycopg://...); None: SQLite in the data directory.
+    database: str | None = None
+    limits: Limits = field(default_factory=Limits)
+    quotas: Quotas = field(default_factory=Quotas)  # of tenants whose keys name none
     slots: int | None = None  # renders at a time; None: one for eight cores
     cores: int | None = None  # None: all that this process may use
     require_keys: bool | None = None  # None: unless on loopback
