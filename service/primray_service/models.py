@@ -69,3 +69,30 @@ class JobRequest(Sent):
         None, gt=0, description="Kept so long after its end; expired if not finished so long after it was made."
     )
     webhook: Webhook | None = None
+
+
+class JobPatch(Sent):
+    """Only what is to change."""
+
+    priority: int = Field(50, ge=0, le=100)
+    labels: dict[str, str] = Field(default={}, description="Instead of all labels that there were.")
+    ttl_s: float | None = Field(None, gt=0, description="null: this server's default.")
+
+
+class ContinuedRules(Sent):
+    """Members that are left out stay as they were; null removes one."""
+
+    target_error: float | None = Field(None, gt=0)
+    metric: Literal["relmse", "rmse", "display"] = "relmse"
+    max_samples: int | None = Field(None, ge=1, description="In all, those of earlier attempts with them.")
+    max_seconds: float | None = Field(None, gt=0, description="In all, those of earlier attempts with them.")
+
+
+class ContinueRequest(Sent):
+    """A job that succeeded needs rules that go further; one that was canceled, failed or expired may go on as it was."""
+
+    stop: ContinuedRules = ContinuedRules()
+
+
+class SessionRequest(Sent):
+    key: str = Field(max_length=256, description="An API key.")
