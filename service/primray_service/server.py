@@ -27,6 +27,7 @@ from .files import DataDirectory
 from .problems import Problem
 from .routes.answers import json_bytes
 from .service import Service
+from .shared_reads import SharedReads
 from .store import open_store
 from .tenants import quotas_of
 
@@ -34,6 +35,7 @@ SHUTDOWN_S = 5
 HEADER_BYTES = 32 * 1024
 FIRST_HEADER_S = 30.0  # a connection that has not sent a request's head by then is closed
 KEEP_ALIVE_S = 75
+SHARED_READ_S = 1.0
 
 
 def serve(config: ServeConfig) -> None:
@@ -89,9 +91,12 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
     store = await asyncio.to_thread(open_store, config.database_url)
     await asyncio.to_thread(store.migrate)
     changes = Changes()
-    unsubscribe = store.subscribe(changes.changed)
+    # Another server's changes are not told: what is read here may be shared by all who ask only if there is no other.
+    reads = SharedReads(SHARED_READ_S if config.database_url.startswith("sqlite") else 0.0)
+    # In this order: whoever is woken by a change reads it.
+    unsubscribe = [store.subscribe(reads.changed), store.subscribe(changes.changed)]
     executor = new_executor(config, data)
-    service = Service(config, store, data, executor, None, changes)  # type: ignore[arg-type]
+    service = Service(config, store, data, executor, None, changes, reads)  # type: ignore[arg-type]
     service.dispatcher = Dispatcher(store, executor, data, config.limits, quotas_of(store, config.quotas))
     dispatching: asyncio.Task[None] | None = None
     try:
@@ -106,7 +111,8 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
             with contextlib.suppress(asyncio.CancelledError):
                 await dispatching
         await executor.close()
-        unsubscribe()
+        for end in unsubscribe:
+            end()
         store.close()
 
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from .changes import Changes
     from .dispatcher import Dispatcher
     from .executor.base import Executor
+    from .shared_reads import SharedReads
     from .store.base import Store
 
 
@@ -24,6 +25,7 @@ class Service:
     executor: Executor
     dispatcher: Dispatcher
     changes: Changes  # who waits for a change of a job
+    reads: SharedReads  # of jobs that many ask for at once
 
     @property
     def limits(self) -> Limits:

@@ -66,5 +66,31 @@ def _names(header: str, etag: str, weakly: bool) -> bool:
     return any(tag == etag and (weakly or not weak) for weak, tag in _ETAG.findall(header))
 
 
+def accepted(request: Request, *offered: str) -> str:
+    """The media type, of those offered, that Accept likes best (RFC 9110, 12.5.1), the first of equals; Problem if none."""
+    header = ",".join(request.headers.getlist("accept")) or "*/*"
+    ranges = [_media_range(part) for part in header.split(",")]
+
+    def quality(media_type: str) -> float:
+        kind = media_type.partition("/")[0]
+        matching = [(name.count("*"), q) for name, q in ranges if name in (media_type, f"{kind}/*", "*/*")]
+        return min(matching, default=(0, 0.0))[1]
+
+    best = max(offered, key=quality)
+    if quality(best) <= 0:
+        raise Problem("not-acceptable", f"There is {' and '.join(offered)}.", offered=list(offered))
+    return best
+
+
+def _media_range(text: str) -> tuple[str, float]:
+    name, *parameters = (part.strip().lower() for part in text.split(";"))
+    weight = next((part[2:] for part in parameters if part.startswith("q=")), "1")
+    try:
+        q = float(weight)
+    except ValueError:
+        q = 0.0
+    return name, q if 0 <= q <= 1 else 0.0
+
+
 def not_modified(etag: str, headers: Mapping[str, str] | None = None) -> Response:
     return Response(status_code=304, headers={"etag": etag, "cache-control": "private, no-cache", **(headers or {})})
