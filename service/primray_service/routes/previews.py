@@ -9,7 +9,7 @@ from fastapi.concurrency import run_in_threadpool
 
 from ..auth import Caller
 from ..jobs import FRAME_TERMINAL, Frame, FrameState
-from ..pictures.encoder import PictureEncoder, revision
+from ..pictures.encoder import revision
 from ..pictures.request import MOST_STOPS, MOST_WIDTH, VIEWS, Channel, Format, PictureRequest
 from ..problems import Problem
 from ..service import Service
@@ -56,8 +56,7 @@ async def preview(
     etag = f'"{found_revision}-{asked.tag}"'
     if not none_match(request, etag):
         return Response(status_code=304, headers={"etag": etag, **headers})
-    encoder: PictureEncoder = request.app.state.pictures
-    made = await encoder.picture(path, found_revision, asked)
+    made = await service.pictures.picture(path, found_revision, asked)
     return Response(made.data, 200, {"etag": etag, **headers, **made.headers}, media_type=made.media_type)
 
 

@@ -6,6 +6,7 @@ from fastapi import Request
 from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from ..problems import Problem
 from ..quotas import RequestRates
 from .access import caller_of_request, service_of
 
@@ -14,7 +15,10 @@ HEADERS = "primray.rate_headers"
 
 async def spend_request(request: Request) -> None:
     """Problem("too-many-requests") where the key's bucket is empty. Who needs no key (on loopback) has no bucket."""
-    caller = await caller_of_request(request)
+    try:
+        caller = await caller_of_request(request)
+    except Problem:
+        return  # the route says so, if it needs a key at all
     if caller.key is None:
         return
     rates: RequestRates = request.app.state.rates
