@@ -126,7 +126,14 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
 def new_executor(config: ServeConfig, data: DataDirectory) -> Executor:
     from .executor.local import LocalExecutor
 
-    return LocalExecutor(config, data)
+    return LocalExecutor(
+        data,
+        config.limits,
+        slots=config.slots,
+        cores=config.usable_cores,
+        sandboxed=not config.allow_unsandboxed,
+        warm=config.warm,
+    )
 
 
 class Server(uvicorn.Server):

@@ -244,9 +244,4 @@ def target_warning(frame: Frame, result: Json, frames: int) -> Json | None:
     ended = {"samples": "its samples were used up", "time-limit": "its time was over"}.get(stop["reason"], "it ended")
     reached = "" if error is None else f" at an error of {error['estimate']:.3g}"
     wanted = "" if error is None or error["target"] is None else f", above the {error['target']:g} asked for"
-    return {
-        "code": "target-not-met",
-        "prim": "",
-        "detail": f"{which} stopped{reached}{wanted}: {ended}.",
-        "severity": "warning",
-    }
+    return {"code": "target-not-met", "prim": "", "detail": f"{which} stopped{reached}{wanted}: {ended}.", "severity": "warning"}
