@@ -119,7 +119,14 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
 def new_executor(config: ServeConfig, data: DataDirectory) -> Executor:
     from .executor.local import LocalExecutor
 
-    return LocalExecutor(config, data)
+    return LocalExecutor(
+        data,
+        config.limits,
+        slots=config.slots,
+        cores=config.usable_cores,
+        sandboxed=not config.allow_unsandboxed,
+        warm=config.warm,
+    )
 
 
 class Server(uvicorn.Server):
@@ -163,7 +170,7 @@ class Connection(H11Protocol):
         self.timeout_keep_alive_task = self.loop.call_later(FIRST_HEADER_S, self._close_silent)
 
     def _close_silent(self) -> None:
-        if self.cycle is None and not self.transport.is_closing():
+        if self.conn.their_state is h11.IDLE and not self.transport.is_closing():
             self.transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:

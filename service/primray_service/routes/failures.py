@@ -7,7 +7,7 @@ from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 
 from ..problems import Problem
-from ..store.base import QuotaExceeded
+from ..store.base import QuotaExceeded, Unavailable
 from .answers import problem_answer
 from .guard import request_id_of
 
@@ -15,6 +15,7 @@ from .guard import request_id_of
 def add_handlers(app: FastAPI) -> None:
     app.add_exception_handler(Problem, _of_problem)
     app.add_exception_handler(QuotaExceeded, _of_quota)
+    app.add_exception_handler(Unavailable, _of_unavailable)
     app.add_exception_handler(RequestValidationError, _of_validation)
     app.add_exception_handler(HTTPException, _of_http)
 
@@ -29,6 +30,11 @@ async def _of_quota(request: Request, error: Exception) -> Response:
     problem = Problem(
         "quota-exceeded", f"The quota {quota} of this tenant is used up.", headers={"retry-after": "60"}, quota=quota
     )
+    return problem_answer(problem, request_id_of(request))
+
+
+async def _of_unavailable(request: Request, error: Exception) -> Response:
+    problem = Problem("unavailable", "The database does not answer.", headers={"retry-after": "5"})
     return problem_answer(problem, request_id_of(request))
 
 
