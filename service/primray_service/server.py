@@ -18,6 +18,7 @@ import h11
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from . import logs
 from .app import create_app
 from .changes import Changes
 from .config import ServeConfig
@@ -26,6 +27,7 @@ from .executor.base import Executor
 from .files import DataDirectory
 from .problems import Problem
 from .routes.answers import json_bytes
+from .scenes.keep import sweep
 from .service import Service
 from .shared_reads import SharedReads
 from .store import open_store
@@ -40,6 +42,7 @@ SHARED_READ_S = 1.0
 
 def serve(config: ServeConfig) -> None:
     """Until SIGTERM or Ctrl-C."""
+    logs.configure(config.log_json)
     listener = listen(config)
     allow_many_connections()
     asyncio.run(run(config, listener))
@@ -90,6 +93,7 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
     data.create()
     store = await asyncio.to_thread(open_store, config.database_url)
     await asyncio.to_thread(store.migrate)
+    await asyncio.to_thread(sweep, store, data)
     changes = Changes()
     # Another server's changes are not told: what is read here may be shared by all who ask only if there is no other.
     reads = SharedReads(SHARED_READ_S if config.database_url.startswith("sqlite") else 0.0)
@@ -103,6 +107,8 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
         if config.dispatch:
             await executor.start()
             dispatching = asyncio.create_task(service.dispatcher.run())
+        if config.warm:
+            await service.pictures.warm()
         yield service
     finally:
         changes.close()
@@ -111,6 +117,7 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
             with contextlib.suppress(asyncio.CancelledError):
                 await dispatching
         await executor.close()
+        await service.pictures.close()
         for end in unsubscribe:
             end()
         store.close()

@@ -47,13 +47,23 @@ def problem_answer(problem: Problem, request_id: str) -> Response:
 def none_match(request: Request, etag: str) -> bool:
     """Whether the client lacks this version: If-None-Match does not name it."""
     header = request.headers.get("if-none-match")
-    return header is None or not _names(header, etag)
+    return header is None or not _names(header, etag, weakly=True)
 
 
-def _names(header: str, etag: str) -> bool:
+def check_match(request: Request, etag: str) -> bool:
+    """Whether If-Match was sent; Problem if it does not name this version."""
+    header = request.headers.get("if-match")
+    if header is None:
+        return False
+    if not _names(header, etag, weakly=False):
+        raise Problem("precondition-failed", f"It is at {etag} now.", headers={"etag": etag})
+    return True
+
+
+def _names(header: str, etag: str, weakly: bool) -> bool:
     if header.strip() == "*":
         return True
-    return any(tag == etag for _, tag in ETAG.findall(header))
+    return any(tag == etag and (weakly or not weak) for weak, tag in ETAG.findall(header))
 
 
 def accepted(request: Request, *offered: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from typing import Any, Literal
 
@@ -23,9 +24,11 @@ DESCRIPTION = (
 TAGS = (
     ("scenes", "USD files, uploaded once and known by their digest."),
     ("jobs", "Renders: queued, watched, canceled, continued."),
-    ("outputs", "What a job makes: previews while it runs, files, its log."),
-    ("keys", "Who may do what."),
-    ("server", "What this server can do, and how it is."),
+    ("previews", "A job's picture as it is now."),
+    ("outputs", "The files that a job makes."),
+    ("keys", "API keys, and browsers' sessions."),
+    ("account", "Who asks, what was used, what is allowed."),
+    ("health", "How the server is."),
 )
 # What any request may meet, under /v1.
 ALWAYS = {
@@ -41,14 +44,16 @@ HEAD_TOLD = ("/v1/scenes/{scene_id}",)  # where HEAD is worth a line of its own
 
 
 def openapi(app: FastAPI) -> Json:
-    found = get_openapi(
-        title="primray",
-        version=app.version,
-        description=DESCRIPTION,
-        license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
-        tags=[{"name": name, "description": text} for name, text in TAGS],
-        routes=app.routes,
-    )
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Duplicate Operation ID")  # GET and HEAD are one route
+        found = get_openapi(
+            title="primray",
+            version=app.version,
+            description=DESCRIPTION,
+            license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
+            tags=[{"name": name, "description": text} for name, text in TAGS],
+            routes=app.routes,
+        )
     paths: Json = {path: dict(_operations(path, methods)) for path, methods in found["paths"].items()}
     models: list[tuple[type[BaseModel], Literal["validation"]]] = [(model, "validation") for model in MODELS.values()]
     _, definitions = models_json_schema([*models, (views.Problem, "validation")], ref_template=REF + "{model}")

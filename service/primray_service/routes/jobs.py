@@ -49,7 +49,7 @@ def found(service: Service, caller: Caller, job_id: str) -> Job:
     return job
 
 
-def check_match(request: Request, job: Job) -> bool:
+def check_version(request: Request, job: Job) -> bool:
     """Whether If-Match was sent; Problem if it names no version of the job's that this change could be meant for.
 
     Progress is not the change of another: jobs.Job says why.
@@ -207,7 +207,7 @@ def change(
 ) -> Response:
     """Change a job's priority, labels or time to live."""
     job = found(service, caller, job_id)
-    version = job.version if check_match(request, job) else None
+    version = job.version if check_version(request, job) else None
     changes = changes_of(patch, service.limits)
     try:
         job = service.store.update_job(job_id, time.time(), version=version, changes=changes)
