@@ -126,7 +126,5 @@ def no_scene() -> Problem:
 def idempotency_key(request: Request) -> str | None:
     key = request.headers.get("idempotency-key")
     if key is not None and not _IDEMPOTENCY_KEY.fullmatch(key):
-        raise Problem(
-            "invalid-request", "Idempotency-Key: 1 to 255 characters of ASCII, no spaces.", member="Idempotency-Key"
-        )
+        raise Problem("invalid-request", "Idempotency-Key: 1 to 255 characters of ASCII, no spaces.", member="Idempotency-Key")
     return key
