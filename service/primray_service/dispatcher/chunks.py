@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from primray.report import settings_as_json
-from primray.settings import DEFAULT_SPP, Filter, Metric, RenderSettings
+from primray.settings import RenderSettings
 
+from ..admission import render_settings
 from ..executor.base import Capacity, Chunk
 from ..files import DataDirectory
 from ..jobs import Frame, Job, Json, Scene
 from ..limits import Limits
+from ..models import Settings
 from ..problems import Problem
+from ..scenes.entries import choose
 
 CHECKPOINT = "checkpoint.prc"  # by this name a worker finds the one it goes on from
-LEAST_S = 1e-3  # of a time limit
 
 
 @dataclass(frozen=True)
 class Asked:
     """What a frame's chunk is to do, beyond what its job says."""
 
+    frames: int  # of its job
     picture_only: bool = False
-    preview: bool = False
-    spent_s: float = 0.0  # of the time that the job gives a frame
 
 
 def render_chunk(
@@ -38,17 +39,17 @@ def render_chunk(
     begin = saved is None or not saved.is_file()
     if saved is not None and not begin:
         inputs[CHECKPOINT] = saved
-    settings = replace(render_settings(job.settings, frame, capacity), time_limit_s=_time_left(job.settings, asked.spent_s))
     command: Json = {
         "do": "render",
         "file": f"package/{_entry(job, scene)}" if scene.kind == "zip" else root,
-        "settings": settings_as_json(settings),
+        "settings": settings_as_json(frame_settings(job.settings, frame, capacity)),
         "checkpoint": None if begin else CHECKPOINT,
         "number": frame.checkpoint,
         "checkpoint_every_s": limits.checkpoint_every_s,
         "picture_only": asked.picture_only and not begin,
-        "preview": asked.preview,
-        "outputs": list(worker_names()),
+        "preview": True,
+        "names": list(output_names(job, frame, asked.frames)),
+        "fraction": 0.0 if begin else float(frame.progress.get("fraction", 0.0)),
         "limits": asdict(limits),
         "traceparent": job.traceparent,
     }
@@ -83,73 +84,32 @@ def _require(path: Path) -> None:
 
 
 def _entry(job: Job, scene: Scene) -> str:
-    entry = job.entry or scene.facts.get("entry")
-    if not isinstance(entry, str):
-        raise Problem("ambiguous-entry", "The package has several root layers; say which as `entry`.")
+    entry = choose(job.entry, scene.facts.get("entries", ()), scene.facts.get("layers"))
+    if entry is None:
+        raise Problem("not-usd", "The package has no layer that could be the root.")
     return entry
 
 
-def render_settings(asked: Mapping[str, object], frame: Frame, capacity: Capacity) -> RenderSettings:
-    """The library's settings of a job's (models.Settings), for one frame."""
-    from ..models import Settings
-
-    settings = Settings.model_validate(asked, strict=False)
-    stop = settings.stop
-    early = stop.target_error is not None or stop.max_seconds is not None
-    return RenderSettings(
-        camera=settings.camera,
-        resolution=settings.resolution,
-        time_code=frame.time_code,
-        spp=stop.max_samples if early or stop.max_samples is not None else DEFAULT_SPP,
-        target_error=stop.target_error,
-        error_metric=Metric(stop.metric),
-        time_limit_s=stop.max_seconds,
-        adaptive=settings.adaptive,
-        max_depth=settings.max_depth,
-        filter=Filter(settings.filter),
-        filter_width=settings.filter_width,
-        threads=capacity.threads,
-        seed=settings.seed,
-        default_light=settings.default_light,
-        purposes=_tuple(settings.purposes),
-        strict=settings.strict,
-        max_memory_bytes=capacity.memory_bytes,
-        **({} if settings.dicing_rate is None else {"dicing_rate": settings.dicing_rate}),
-        variants=tuple(settings.variants),
-        load=_tuple(settings.load),
-        mask=_tuple(settings.mask),
-    )
-
-
-def _tuple(values: list[str] | None) -> tuple[str, ...] | None:
-    return None if values is None else tuple(values)
-
-
-def _time_left(settings: Json, spent_s: float) -> float | None:
-    """The renderer counts the seconds of one run; those of earlier chunks of the same attempt come off here."""
-    most = settings.get("stop", {}).get("max_seconds")
-    return None if most is None else max(float(most) - spent_s, LEAST_S)
+def frame_settings(asked: Json, frame: Frame, capacity: Capacity) -> RenderSettings:
+    """The library's settings of a job's, for one frame on this executor."""
+    settings = render_settings(Settings.model_validate_json(json.dumps(asked)))
+    return replace(settings, time_code=frame.time_code, threads=capacity.threads, max_memory_bytes=capacity.memory_bytes)
 
 
 # ---- what outputs are called ------------------------------------------------------------------------------------------------
 
 
-def worker_names() -> tuple[str, ...]:
-    return "beauty.exr", "beauty.png", "report.json"
-
-
-def output_name(name: str, job: Job, frame: Frame, frames: int) -> str:
-    """A job's name for what a worker calls `name`. Jobs of several frames have the time code in it; later attempts have their
-    number, since what a name once meant may be kept by whoever fetched it."""
-    stem, dot, suffix = name.lower().partition(".")
+def output_names(job: Job, frame: Frame, frames: int) -> tuple[str, ...]:
+    """In the job's outputs folder and in URLs. Jobs of several frames have the time code in them; later attempts have their
+    number, since whoever fetched a name may keep what it meant."""
     attempt = f"-{job.attempt}" if job.attempt > 1 else ""
     code = f".{_code_text(frame)}" if frames > 1 else ""
-    return f"{stem}{attempt}{code}{dot}{suffix}"
+    return tuple(
+        f"{stem}{attempt}{code}.{suffix}" for stem, suffix in (("beauty", "exr"), ("beauty", "png"), ("report", "json"))
+    )
 
 
 def _code_text(frame: Frame) -> str:
     """ "0012", "-003", "0012.500"; the frame's place where it has no time code."""
     code = float(frame.number) if frame.time_code is None else frame.time_code
-    if code == int(code):
-        return f"{int(code):04d}"
-    return f"{code:08.3f}"
+    return f"{int(code):04d}" if code == int(code) else f"{code:08.3f}"

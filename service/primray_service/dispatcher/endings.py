@@ -69,7 +69,7 @@ def outcome_of(frame: Frame, last: Last | None, ended: Ended, about: Circumstanc
         return Again(frame, "yield")
     if isinstance(last, Failed):
         return _of_failure(frame, last, about, limits)
-    if about.killed_for == "not-believed":
+    if about.killed_for == "not-believed" or ended.protocol_error:
         return Broken(Problem("render-failed", "The render process sent what it should not.").as_json())
     if about.killed_for == "silent":
         return _killed(frame, limits, "silent", "It did nothing for too long, again and again.")

@@ -11,7 +11,7 @@ from ..executor.base import Ended
 from ..jobs import TERMINAL, Frame, FrameState, Job, JobState, Json, Output
 from ..limits import Limits
 from ..problems import Problem
-from . import adoption, chunks, endings
+from . import adoption, endings
 from .chunk_run import ChunkRun
 from .endings import Again, Broken, Given, Outcome
 from .lease import TTL_S
@@ -103,7 +103,10 @@ class Ending:
 
     async def _adopt(self, done: Done) -> list[Output]:
         parts, job, frame = self.parts, self.job, self.frame
-        assert self.run is not None and self.ended is not None
+        assert self.run is not None
+        assert self.ended is not None
+        if {made.name for made in done.outputs} - set(self.run.chunk.command["names"]):
+            raise adoption.NotAdopted("there is one that was not asked for")
         adopted = await parts.calls.disk(
             adoption.adopt_outputs,
             done.outputs,
@@ -115,12 +118,11 @@ class Ending:
         outputs, now = [], time.time()
         folder = parts.data.outputs(job.id)
         for made, kept in adopted:
-            name = chunks.output_name(made.name, job, frame, len(self.shared.totals))
-            if not await parts.calls.disk(adoption.publish_new, kept, folder / name):
+            if not await parts.calls.disk(adoption.publish_new, kept, folder / made.name):
                 # A server that died left it before its row was written; or one that has the lease now has been here.
                 await parts.calls.store(parts.store.renew_lease, parts.fence, time.time(), TTL_S)
-                await parts.calls.disk(adoption.publish_over, kept, folder / name)
-            outputs.append(Output(job.id, name, frame.number, made.bytes, made.sha256, made.media_type, now))
+                await parts.calls.disk(adoption.publish_over, kept, folder / made.name)
+            outputs.append(Output(job.id, made.name, frame.number, made.bytes, made.sha256, made.media_type, now))
         await parts.calls.disk(adoption.published, folder)
         return outputs
 

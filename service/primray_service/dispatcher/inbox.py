@@ -1,4 +1,4 @@
-"""What has come from a chunk's worker and is not dealt with yet: of what replaces itself the newest, of the rest all in order."""
+"""What has come from a chunk's worker and is not dealt with yet: of what replaces itself the newest, else all in order."""
 
 from __future__ import annotations
 

@@ -28,6 +28,7 @@ class Lease:
         self._thread = ThreadPoolExecutor(1, "dispatcher-lease")
         self._until = 0.0
         self._reached_at = 0.0
+        self._given_up: int | None = None  # a fence that may be the store's still
         self.fence: int | None = None
 
     @property
@@ -40,6 +41,9 @@ class Lease:
 
     async def acquire(self) -> bool:
         """Whether it is ours now; raises what the database raises."""
+        if self._given_up is not None:
+            self.fence, self._given_up = self._given_up, None
+            await self.release()
         asked = time.monotonic()
         loop = asyncio.get_running_loop()
         fence = await loop.run_in_executor(self._thread, self._store.acquire_lease, self._holder, time.time(), TTL_S)
@@ -57,6 +61,7 @@ class Lease:
         while True:
             await asyncio.sleep(min(pause, max(self._left(), 0.0)))
             if not self.is_held:
+                self._given_up = self.fence
                 break
             pause = RENEW_EVERY_S if await self._renewed() else TRY_AGAIN_S
             if self.fence is None:
@@ -78,7 +83,7 @@ class Lease:
             self.fence = None
         except TimeoutError:
             LOG.warning("the lease could not be renewed in time")
-            self.fence = None
+            self.fence, self._given_up = None, self.fence
         except Exception as error:
             LOG.warning("the lease was not renewed: %r", error)
         else:

@@ -1,5 +1,5 @@
-"""How often a job's progress is told: often at first, when somebody watches; seldom later, so that a long render's history stays
-short. Some 500 events in the first hour, 360 an hour afterwards."""
+"""How often a job's progress is told: often at first, when somebody watches; seldom later, so that a long render's history
+stays short. Some 500 events in the first hour, 360 an hour afterwards."""
 
 from __future__ import annotations
 

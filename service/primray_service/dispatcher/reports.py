@@ -62,7 +62,7 @@ async def tell_preview(parts: Parts, shared: SharedJob, frame: Frame, number: in
 def updated(frame: Frame, run: ChunkRun) -> Frame:
     """The frame with what its worker has said."""
     inbox = run.inbox
-    progress = frame.progress if inbox.progress is None else with_spent(inbox.progress, frame, spent_s(frame))
+    progress = frame.progress if inbox.progress is None else inbox.progress
     return replace(
         frame,
         phase=inbox.phase or frame.phase,
@@ -81,15 +81,3 @@ def _warning_events(shared: SharedJob, warnings: list[Json], frame: Frame) -> li
     left = max(MOST_WARNING_EVENTS - shared.warning_events, 0)
     shared.warning_events += len(warnings)
     return [("warning", {**warning, "frame": frame.number}) for warning in warnings[:left]]
-
-
-# ---- seconds of sampling up to the last checkpoint, in all chunks of an attempt: what a time limit counts -----------------------
-
-
-def spent_s(frame: Frame) -> float:
-    spent = frame.progress.get("spent")
-    return float(spent[1]) if isinstance(spent, list) and spent[0] == frame.attempt else 0.0
-
-
-def with_spent(progress: Json, frame: Frame, seconds: float) -> Json:
-    return {**progress, "spent": [frame.attempt, seconds]}

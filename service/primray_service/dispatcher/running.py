@@ -34,19 +34,17 @@ DROPPED = frozenset({"lost", "expired", "gone"})
 class RunningFrame:
     """`has_slot`: its chunk runs, or is about to; `going`: it was told to end, or to give way."""
 
-    def __init__(self, parts: Parts, jobs: SharedJobs, claim: Claim, make_room: Callable[[], Awaitable[None]]) -> None:
+    def __init__(self, parts: Parts, jobs: SharedJobs, claim: Claim, on_free: Callable[[], Awaitable[None]]) -> None:
         self.job: Job = claim.job
         self.frame: Frame = claim.frame
         self.has_slot = True
         self.going = False
-        self.wants_preview = False
         self._parts = parts
         self._jobs = jobs
-        self._make_room = make_room  # called when a chunk has given way, before its frame waits again
+        self._on_free = on_free  # gives its slot to another
         self._run: ChunkRun | None = None
         self._kill_for = ""  # before there is a run, or after
         self._out_of_time = False
-        self._spent_s = reports.spent_s(claim.frame)  # when its chunk began
         self._claimed_at = asyncio.get_running_loop().time()
 
     @property
@@ -95,7 +93,6 @@ class RunningFrame:
             self._run.tell("yield")
 
     def ask_preview(self) -> None:
-        self.wants_preview = True
         if self._run is not None:
             self._run.ask_preview()
 
@@ -124,6 +121,10 @@ class RunningFrame:
         if isinstance(outcome, Given) and self.frame.checkpoint_file and not self._kill_for:
             await self._close()
             ended, outcome = await self._render(reading, picture_only=True)
+        # Its process is gone, so that another can begin: while this one's outputs are adopted, and, if it has given way,
+        # before it waits again itself, or it would be first in the queue.
+        self.has_slot = False
+        await self._on_free()
         shared = await reading
         try:
             if self._kill_for not in DROPPED:
@@ -159,8 +160,9 @@ class RunningFrame:
         parts, job, frame = self._parts, self.job, self.frame
         tidied = parts.calls.disk(adoption.tidy_frame, parts.data, job.id, frame.number, frame.checkpoint_file)
         read = parts.calls.store(parts.store.scene, job.tenant, job.scene_id)
-        scene, _ = await asyncio.gather(read, tidied)
-        asked = chunks.Asked(picture_only, self.wants_preview, self._spent_s)
+        counted = parts.calls.store(parts.store.frame_counts, job.id)
+        scene, counts, _ = await asyncio.gather(read, counted, tidied)
+        asked = chunks.Asked(sum(counts.values()), picture_only)
         try:
             if scene is None:
                 raise Problem("internal", "The scene is not on the server any more; upload it again.")
@@ -204,7 +206,7 @@ class RunningFrame:
         limits = self._parts.limits
         if run.silent_s > SILENT_S:
             run.kill("silent")
-        elif not self.going and self._spent_s + run.sampled_s > limits.seconds:
+        elif not self.going and float(self.frame.progress.get("elapsed_s", 0.0)) > limits.seconds:
             self.going = self._out_of_time = True
             run.tell_to_end("stop", max(limits.stop_grace_s, YIELD_S), "silent")
 
@@ -251,10 +253,7 @@ class RunningFrame:
         parts.metrics.checkpoints += 1
         parts.metrics.adopt_checkpoint.observe(time.monotonic() - began)
         older = frame.checkpoint_file
-        # Seconds of this chunk come on top of those that were spent when it began.
-        progress = reports.with_spent(self.frame.progress, frame, self._spent_s + run.sampled_s)
-        taken = replace(self.frame, checkpoint=message.number, checkpoint_file=name, crashes=0, kills=0)
-        self.frame = replace(taken, progress=progress)
+        self.frame = replace(frame, checkpoint=message.number, checkpoint_file=name, crashes=0, kills=0)
         if older and older != name:
             await parts.calls.disk(adoption.remove, folder / older)
 
@@ -279,19 +278,15 @@ class RunningFrame:
     async def _settle(self, shared: SharedJob, ended: Ended | None, outcome: Outcome) -> None:
         run, parts = self._run, self._parts
         ending = frame_end.Ending(parts, shared, self.job, self.frame, run, ended)
-        if isinstance(outcome, Picture) and run is not None:
-            outcome = await ending.with_picture(outcome.done, out_of_time=self._out_of_time)
-        if outcome is None:
-            pass
-        elif isinstance(outcome, Broken):
-            await ending.without(FrameState.FAILED, outcome.problem)
-        elif isinstance(outcome, Given):
+        left: Outcome | None = outcome
+        if isinstance(outcome, Picture):
+            left = await ending.with_picture(outcome.done, out_of_time=self._out_of_time)
+        if isinstance(left, Broken):
+            await ending.without(FrameState.FAILED, left.problem)
+        elif isinstance(left, Given):
             await ending.without(FrameState.CANCELED, None)
-        elif isinstance(outcome, Again):
-            self.has_slot = False
-            if outcome.why == "yield":
-                await self._make_room()
-            await ending.again(outcome)
+        elif isinstance(left, Again):
+            await ending.again(left)
         if ending.is_over:
             self._jobs.forget(self.job)
 

@@ -119,8 +119,8 @@ class JobTotals:
         return max((self._frames[n] for n in numbers), key=_size_of_error, default=FrameTotals(FrameState.QUEUED))
 
     def _eta(self) -> tuple[float | None, list[float] | None]:
-        """Seconds until the job is done, and their interval: frames to come are taken to last as long as those that ended, or as
-        those that run will have; as many side by side as run now."""
+        """Seconds until the job is done, and their interval: frames to come are taken to last as long as those that ended, or
+        as those that run will have; as many side by side as run now."""
         frames = self._frames.values()
         running = [frame for frame in frames if frame.state is FrameState.RUNNING]
         waiting = [frame for frame in frames if frame.state is FrameState.QUEUED]
@@ -217,7 +217,7 @@ def _sums(rows: Iterable[Mapping[str, float]]) -> dict[str, float]:
     return found
 
 
-# ---- a frame's own --------------------------------------------------------------------------------------------------------------
+# ---- a frame's own -----------------------------------------------------------------------------------------------------
 
 
 def frame_result(report: Mapping[str, object], stop: Json, job: Job, outputs: Sequence[str]) -> Json:
@@ -244,4 +244,9 @@ def target_warning(frame: Frame, result: Json, frames: int) -> Json | None:
     ended = {"samples": "its samples were used up", "time-limit": "its time was over"}.get(stop["reason"], "it ended")
     reached = "" if error is None else f" at an error of {error['estimate']:.3g}"
     wanted = "" if error is None or error["target"] is None else f", above the {error['target']:g} asked for"
-    return {"code": "target-not-met", "prim": "", "detail": f"{which} stopped{reached}{wanted}: {ended}.", "severity": "warning"}
+    return {
+        "code": "target-not-met",
+        "prim": "",
+        "detail": f"{which} stopped{reached}{wanted}: {ended}.",
+        "severity": "warning",
+    }

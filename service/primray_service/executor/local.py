@@ -59,16 +59,17 @@ class LocalExecutor:
             self._slots.open()
         except OSError as error:
             raise Problem("unavailable", f"The folder of the workers cannot be used: {error.strerror}.") from error
-        for kind in KINDS:
-            worker = self._start_worker(kind)
-            if not await worker.is_ready_within(READY_WITHIN_S):
-                why = worker.process.log.tail().strip().splitlines()
-                await self._end(worker)
-                raise Problem("unavailable", f"No worker could be started: {why[-1] if why else 'it said nothing'}.")
-            if self._keeps_warm:
+        workers = {kind: self._start_worker(kind) for kind in KINDS}
+        ready = await asyncio.gather(*(worker.is_ready_within(READY_WITHIN_S) for worker in workers.values()))
+        why = [worker.process.log.tail().strip().splitlines() for worker in workers.values()]
+        for kind, worker in workers.items():
+            if all(ready) and self._keeps_warm:
                 self._keep(kind, worker)
             else:
                 await self._end(worker)
+        if not all(ready):
+            last = [lines[-1] for lines, is_ready in zip(why, ready, strict=True) if lines and not is_ready]
+            raise Problem("unavailable", f"No worker could be started: {last[0] if last else 'it said nothing'}.")
         self._why_not = ""
 
     def submit(self, chunk: Chunk, on_message: OnMessage) -> Handle:
