@@ -95,6 +95,11 @@ class Run:
         self._process.exit.add_done_callback(self._on_exit)
         self._work = asyncio.ensure_future(self._run())
 
+    @property
+    def pid(self) -> int:
+        """Of the process that was started; a sandbox's processes may be around the worker."""
+        return self._process.pid
+
     # ---- Handle -----------------------------------------------------------------------------------------------------------
 
     @property
