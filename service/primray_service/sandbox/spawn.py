@@ -67,6 +67,7 @@ def _environment(out: str, threads: int) -> dict[str, str]:
         "LANG": "C.UTF-8",
         "LC_ALL": "C.UTF-8",
         "PXR_WORK_THREAD_LIMIT": str(threads),
+        "TF_ENV_SETTING_ALERTS_ENABLED": "0",  # or USD prints a banner that the line above was there
         "OPENBLAS_NUM_THREADS": "1",  # numpy's; each thread reserves memory and none has work
     }
 
