@@ -12,14 +12,19 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from .error import Z95, Estimate
-from .prediction import BETWEEN_BLOCKS, OF_SPEED, PER_DOUBLING
+from .prediction import BETWEEN_BLOCKS, OF_SPEED
+from .sampling import FASTEST, FIRST_ANCHOR, FIRST_PLAN, SLOWEST
 from .settings import MAX_SPP, Metric
 
 if TYPE_CHECKING:
     from .sampling import Row, Sampling
 
-# How uncertain the logarithm of a squared error is for every doubling, until two anchors have told its rate.
-UNKNOWN_RATE = 0.35
+# How uncertain the logarithm of a squared error is for every doubling, until two anchors have told its rate; and after that,
+# since the rate changes.
+UNKNOWN_RATE, KNOWN_RATE = 0.35, 0.15
+# How fast errors fall when adaptive sampling has begun (its first doubling gains more than those after), and how much of what
+# a doubling showed beyond 1 the next ones keep. By renders of five stages to twelve targets (tests/bench/forecasts.py).
+ADAPTIVE_RATE, ADAPTIVE_TRUST = 1.35, 0.5
 WINDOW = 0.5  # speeds are of this last part of what was sampled
 
 
@@ -63,13 +68,31 @@ class Forecaster:
             return measured
         half = 1.0 if self._is_squared() else 0.5
         spread = math.hypot(_width(measured), half * self._per_doubling() * doublings)
-        return Estimate.around(measured.value * 2 ** (-half * self.sampling.rate() * doublings), spread)
+        return Estimate.around(measured.value * 2 ** (-half * self._rate() * doublings), spread)
 
     def _is_squared(self) -> bool:
         return self.sampling.settings.error_metric is Metric.RELMSE
 
+    def _alike(self) -> list[Row]:
+        """Measurements between which samples were chosen as they will be: from the first plan on, where there is one."""
+        first = 2 * FIRST_PLAN if self.sampling.settings.adapts else FIRST_ANCHOR
+        return [row for row in self.sampling.rows if row.anchor and row.samples >= 0.9 * first]
+
+    def _rate(self) -> float:
+        """The power of 1 / samples with which squared errors will fall."""
+        if not self.sampling.settings.adapts:
+            return self.sampling.rate()
+        rows = self._alike()
+        if len(rows) < 2:
+            return ADAPTIVE_RATE
+        before, after = (row.error.of(self.sampling.settings.error_metric).value for row in rows[-2:])
+        if not (before > 0 and after > 0):
+            return ADAPTIVE_RATE
+        seen = math.log(before / after) / math.log(rows[-1].samples / rows[-2].samples) * (1 if self._is_squared() else 2)
+        return min(max(1 + ADAPTIVE_TRUST * (seen - 1), SLOWEST), FASTEST)
+
     def _per_doubling(self) -> float:
-        return PER_DOUBLING if sum(row.anchor for row in self.sampling.rows) >= 2 else UNKNOWN_RATE
+        return KNOWN_RATE if len(self._alike()) >= 2 else UNKNOWN_RATE
 
     # ---- the end ----------------------------------------------------------------------------------------------------------
 
@@ -108,12 +131,11 @@ class Forecaster:
         measured = row.error.of(self.sampling.settings.error_metric)
         if not measured.value > 0:
             return samples, 0.0
-        end = self.sampling.expected_end()
-        if end is None:  # no anchor yet
-            power = 1.0 if self._is_squared() else 2.0
-            end = math.ceil(row.samples * max(measured.value / target, 1.0) ** (power / self.sampling.rate()))
+        power = 1.0 if self._is_squared() else 2.0
+        end = row.samples * max(measured.value / target, 1.0) ** (power / self._rate())
+        end = max(end, self.sampling.expected_end() or 0)  # before that it will not look
         further = max(math.log2(min(end, MAX_SPP) / row.samples), 0.0)
-        width = _width(measured) * (1.0 if self._is_squared() else 2.0) / self.sampling.rate()
+        width = _width(measured) * (1.0 if self._is_squared() else 2.0) / self._rate()
         return min(float(end), float(MAX_SPP)), math.hypot(width, BETWEEN_BLOCKS, self._per_doubling() * further)
 
 

@@ -106,9 +106,9 @@ class Sampling:
             film.start_at(sampling.done // SAMPLE_BLOCK)
         return sampling
 
-    def limit_all_runs(self) -> None:
-        """The time limit is of this run and the earlier ones together."""
-        self.earlier_seconds, self.earlier_done = 0.0, 0
+    def count_as_spent(self, seconds: float) -> None:
+        """So much of the time limit is used up, before this run."""
+        self.earlier_seconds = self.seconds - seconds
 
     # ---- what comes next ------------------------------------------------------------------------------------------------
 

@@ -15,6 +15,10 @@ from .metrics import RequestMetrics
 from .quotas import RequestRates
 from .routes import (
     account,
+    convergence,
+    documents,
+    events,
+    frames,
     health,
     jobs,
     keys,
@@ -23,8 +27,10 @@ from .routes import (
     outputs,
     previews,
     scenes,
+    sessions,
+    submissions,
 )
-from .routes.failures import add_handlers
+from .routes.failures import MethodsByPath, add_handlers
 from .routes.guard import OriginGuard, RequestGuard
 from .routes.metrics import Measured
 from .routes.rates import RateHeaders, spend_request
@@ -33,30 +39,32 @@ from .tracing import instrument
 
 # Every router there is, in the order of the document. A path is looked for from the first to the last.
 ROUTERS: tuple[APIRouter, ...] = (
-    jobs.router,
     scenes.router,
+    submissions.router,
+    jobs.router,
+    events.router,
+    frames.router,
+    convergence.router,
+    previews.router,
     outputs.router,
     logs.router,
-    previews.router,
     keys.router,
+    sessions.router,
     account.router,
     health.router,
     metrics.router,
+    documents.router,
 )
 
 
 def create_app(service: Service) -> FastAPI:
-    app = FastAPI(title="primray", version=__version__, openapi_url=None, docs_url=None, redoc_url=None)
-    app.router.redirect_slashes = False
+    app = create_routes()
     app.state.service = service
     app.state.keys = Keys(service.store.key_by_sha256)
     app.state.sessions = Sessions(session_secret(service.data.root / "session.secret"))
     app.state.rates = RequestRates()
     app.state.request_metrics = RequestMetrics()
-    for router in ROUTERS:
-        _answer_head(router)
-        limited = [Depends(spend_request)] if router.prefix.startswith("/v1") else []
-        app.include_router(router, dependencies=limited)
+    app.state.methods = MethodsByPath(ROUTERS)
     add_handlers(app)
     # The last that is added comes first: Measured, RequestGuard, OriginGuard, RateHeaders, then the routers.
     app.add_middleware(RateHeaders)
@@ -65,6 +73,29 @@ def create_app(service: Service) -> FastAPI:
     app.add_middleware(Measured, metrics=app.state.request_metrics)
     instrument(app)
     return app
+
+
+def create_routes() -> FastAPI:
+    """The operations alone: enough for the document."""
+    app = FastAPI(
+        title="primray",
+        version=__version__,
+        openapi_url=None,
+        docs_url=None,
+        redoc_url=None,
+        generate_unique_id_function=_operation_id,
+    )
+    app.router.redirect_slashes = False
+    for router in ROUTERS:
+        _answer_head(router)
+        limited = [Depends(spend_request)] if router.prefix.startswith("/v1") else []
+        app.include_router(router, dependencies=limited)
+    return app
+
+
+def _operation_id(route: APIRoute) -> str:
+    """jobs_show: the resource and what is done."""
+    return f"{route.endpoint.__module__.rpartition('.')[2]}_{route.name}"
 
 
 def _answer_head(router: APIRouter) -> None:

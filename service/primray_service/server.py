@@ -15,6 +15,7 @@ from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 
 import h11
+import structlog
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
@@ -27,11 +28,14 @@ from .executor.base import Executor
 from .files import DataDirectory
 from .problems import Problem
 from .routes.answers import json_bytes
+from .sandbox import SelfTest, self_test
 from .scenes.keep import sweep
 from .service import Service
 from .shared_reads import SharedReads
 from .store import open_store
 from .tenants import quotas_of
+
+log = structlog.get_logger("primray.server")
 
 SHUTDOWN_S = 5
 HEADER_BYTES = 32 * 1024
@@ -52,9 +56,13 @@ def listen(config: ServeConfig) -> socket.socket:
     """Problem("unavailable") where the port cannot be had."""
     family = socket.AF_INET6 if ":" in config.host else socket.AF_INET
     try:
-        return socket.create_server((config.host, config.port), family=family, backlog=2048)
+        listener = socket.create_server((config.host, config.port), family=family, backlog=2048)
     except (OSError, OverflowError) as error:
         raise Problem("unavailable", f"Cannot listen on {config.host} port {config.port}: {error}.") from None
+    # Connections inherit it. asyncio sets it only where a socket names its protocol, and this one does not: without it an
+    # answer of two writes waits 40 ms for the acknowledgement of the first.
+    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return listener
 
 
 def allow_many_connections() -> None:
@@ -105,6 +113,7 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
     dispatching: asyncio.Task[None] | None = None
     try:
         if config.dispatch:
+            service.self_test = await asyncio.to_thread(check_walls, config, data)
             await executor.start()
             dispatching = asyncio.create_task(service.dispatcher.run())
         if config.warm:
@@ -123,6 +132,20 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
         store.close()
 
 
+def check_walls(config: ServeConfig, data: DataDirectory) -> SelfTest:
+    """What a worker cannot do here; Problem("unavailable") if that is too little for a server that others can reach."""
+    found = self_test(data.slots)
+    if not found.ok and not config.allow_unsandboxed:
+        log.warning("the sandbox does not hold", **found.as_json())
+        if not config.on_loopback:
+            raise Problem(
+                "unavailable",
+                f"The sandbox does not hold here: {found.problem}. Scenes of strangers would be opened without walls: listen on "
+                "127.0.0.1 only, or start with --allow-unsandboxed.",
+            )
+    return found
+
+
 def new_executor(config: ServeConfig, data: DataDirectory) -> Executor:
     from .executor.local import LocalExecutor
 
@@ -131,7 +154,6 @@ def new_executor(config: ServeConfig, data: DataDirectory) -> Executor:
         config.limits,
         slots=config.slots,
         cores=config.usable_cores,
-        sandboxed=not config.allow_unsandboxed,
         warm=config.warm,
     )
 
@@ -177,7 +199,7 @@ class Connection(H11Protocol):
         self.timeout_keep_alive_task = self.loop.call_later(FIRST_HEADER_S, self._close_silent)
 
     def _close_silent(self) -> None:
-        if self.cycle is None and not self.transport.is_closing():
+        if self.conn.their_state is h11.IDLE and not self.transport.is_closing():
             self.transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:

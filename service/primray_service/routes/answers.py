@@ -12,7 +12,7 @@ from fastapi import Request, Response
 
 from ..problems import Problem
 
-_ETAG = re.compile(r'(W/)?("[\x21\x23-\x7e\x80-\xff]*")')
+ETAG = re.compile(r'(W/)?("[\x21\x23-\x7e\x80-\xff]*")')
 
 
 def json_bytes(value: Any) -> bytes:
@@ -56,14 +56,14 @@ def check_match(request: Request, etag: str) -> bool:
     if header is None:
         return False
     if not _names(header, etag, weakly=False):
-        raise Problem("precondition-failed", f"It is at {etag} now, not at {header[:200]}.", headers={"etag": etag})
+        raise Problem("precondition-failed", f"It is at {etag} now.", headers={"etag": etag})
     return True
 
 
 def _names(header: str, etag: str, weakly: bool) -> bool:
     if header.strip() == "*":
         return True
-    return any(tag == etag and (weakly or not weak) for weak, tag in _ETAG.findall(header))
+    return any(tag == etag and (weakly or not weak) for weak, tag in ETAG.findall(header))
 
 
 def accepted(request: Request, *offered: str) -> str:

@@ -18,7 +18,7 @@ from ..admission import changes_of
 from ..auth import Caller
 from ..changes import wait
 from ..job_json import job_json
-from ..jobs import TERMINAL, Job, JobState
+from ..jobs import TERMINAL, Job, JobState, etag, version_in
 from ..limits import Limits
 from ..models import ContinueRequest, JobPatch
 from ..problems import Problem
@@ -26,7 +26,7 @@ from ..service import Service
 from ..stop_rules import continued
 from ..store.base import Conflict, JobFilter
 from .access import Reader, Serving, Submitter
-from .answers import check_match, json_answer, json_bytes, none_match, not_modified
+from .answers import ETAG, json_answer, json_bytes, none_match, not_modified
 from .bodies import json_body
 from .described import answer, described, json_request
 
@@ -41,16 +41,25 @@ _PREFER_WAIT = re.compile(r"(?:^|[,;\s])wait=(\d{1,6})(?:$|[,;\s])", re.IGNORECA
 JobId = Annotated[str, Path(description="As POST /v1/jobs answered.", json_schema_extra={"pattern": f"^{_JOB_ID.pattern}$"})]
 
 
-def etag_of(job: Job) -> str:
-    return f'"{job.version}"'
-
-
 def found(service: Service, caller: Caller, job_id: str) -> Job:
     """The tenant's job; another tenant's is as if it did not exist."""
     job = service.store.job(job_id, caller.tenant) if _JOB_ID.fullmatch(job_id) else None
     if job is None:
         raise no_job()
     return job
+
+
+def check_version(request: Request, job: Job) -> bool:
+    """Whether If-Match was sent; Problem if it names no version of the job's that this change could be meant for.
+
+    Progress is not the change of another: jobs.Job says why.
+    """
+    header = request.headers.get("if-match")
+    if header is None:
+        return False
+    if header.strip() != "*" and job.version not in [version_in(tag) for weak, tag in ETAG.findall(header) if not weak]:
+        raise Problem("precondition-failed", f"It is at {etag(job)} now.", headers={"etag": etag(job)})
+    return True
 
 
 def no_job() -> Problem:
@@ -81,7 +90,7 @@ def prefer_wait(request: Request, limits: Limits) -> float | None:
 
 
 def job_answer(job: Job, status: int = 200, headers: dict[str, str] | None = None, body: bytes | None = None) -> Response:
-    more = {"cache-control": "private, no-cache", "etag": etag_of(job), **(headers or {})}
+    more = {"cache-control": "private, no-cache", "etag": etag(job), **(headers or {})}
     if job.state not in TERMINAL:
         more["retry-after"] = str(RETRY_AFTER_S)
     return Response(body or json_bytes(job_json(job)), status, more, media_type="application/json")
@@ -163,12 +172,12 @@ async def show(job_id: JobId, request: Request, caller: Reader, service: Serving
     if seconds is not None:
         headers["preference-applied"] = f"wait={seconds:g}"
         news = "if-none-match" in request.headers
-        is_enough = (lambda now: none_match(request, etag_of(now))) if news else has_ended
+        is_enough = (lambda now: none_match(request, etag(now))) if news else has_ended
         before = job
         job = await changed(service, caller, job, seconds, is_enough)
         body = body if job is before else json_bytes(job_json(job))
-    if not none_match(request, etag_of(job)):
-        return not_modified(etag_of(job), headers)
+    if not none_match(request, etag(job)):
+        return not_modified(etag(job), headers)
     return job_answer(job, headers=headers, body=body)
 
 
@@ -198,10 +207,10 @@ def change(
 ) -> Response:
     """Change a job's priority, labels or time to live."""
     job = found(service, caller, job_id)
-    matched = check_match(request, etag_of(job))
+    version = job.version if check_version(request, job) else None
     changes = changes_of(patch, service.limits)
     try:
-        job = service.store.update_job(job_id, time.time(), version=job.version if matched else None, changes=changes)
+        job = service.store.update_job(job_id, time.time(), version=version, changes=changes)
     except Conflict:
         raise Problem("precondition-failed", "It has changed since it was read.") from None
     except KeyError:

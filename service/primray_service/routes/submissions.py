@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 import time
-from typing import Annotated
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
 from .. import views
@@ -14,16 +13,17 @@ from ..admission import fingerprint, new_job
 from ..auth import Caller
 from ..job_json import job_json
 from ..jobs import TERMINAL, Job, SceneState
-from ..models import JobRequest
+from ..models import FormJob, JobRequest
 from ..problems import Problem, problem_of
 from ..service import Service
 from ..store.base import Conflict, KeyReused
 from .access import Serving, Submitter
 from .answers import json_bytes
-from .bodies import json_body
-from .described import answer, described, json_request
+from .bodies import json_body, parsed
+from .described import answer, described, json_request, schema_of
 from .guard import request_id_of
 from .jobs import changed, has_ended, job_answer, prefer_wait
+from .uploads import receive_scene, refused
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -33,6 +33,16 @@ EXAMPLE = {
     "scene": {"id": f"sha256:{'0' * 64}"},
     "settings": {"camera": "/cam", "resolution": [960, 540], "stop": {"target_error": 0.01, "max_seconds": 60}},
     "labels": {"shot": "010"},
+}
+BODY = json_request(JobRequest, EXAMPLE)
+BODY["requestBody"]["content"]["multipart/form-data"] = {
+    "schema": {
+        "type": "object",
+        "required": ["file"],
+        "properties": {"file": {"type": "string", "format": "binary"}, "job": schema_of(FormJob)},
+        "additionalProperties": False,
+    },
+    "encoding": {"job": {"contentType": "application/json"}},
 }
 
 
@@ -55,21 +65,27 @@ EXAMPLE = {
             "invalid-json",
             "not-found",
             "request-too-large",
+            "upload-too-large",
             "unsupported-media-type",
+            "not-usd",
+            "package-unsafe",
+            "package-too-large",
             "invalid-request",
             "limit-exceeded",
             "idempotency-key-reused",
             "webhook-address",
             "quota-exceeded",
         ),
-        request=json_request(JobRequest, EXAMPLE),
+        request=BODY,
         headers=("Idempotency-Key", "Prefer"),
     ),
 )
-async def submit(
-    request: Request, caller: Submitter, service: Serving, asked: Annotated[JobRequest, Depends(json_body(JobRequest))]
-) -> Response:
-    """Queue a job."""
+async def submit(request: Request, caller: Submitter, service: Serving) -> Response:
+    """Queue a job: for a scene that was uploaded before (JSON), or for the file that comes with it (a form)."""
+    try:
+        asked = await (read_form if is_form(request) else read_json)(request, service, caller)
+    except Problem as problem:
+        return refused(request, problem)
     job, is_new = await run_in_threadpool(create, service, caller, asked, request)
     headers = {"location": f"/v1/jobs/{job.id}"}
     if not is_new:
@@ -80,6 +96,23 @@ async def submit(
         job = await changed(service, caller, job, seconds, has_ended)
     status = 200 if seconds is not None and job.state in TERMINAL else 202
     return job_answer(job, status, headers, with_secret(job))
+
+
+def is_form(request: Request) -> bool:
+    return request.headers.get("content-type", "").partition(";")[0].strip().lower() == "multipart/form-data"
+
+
+async def read_json(request: Request, service: Service, caller: Caller) -> JobRequest:
+    return await json_body(JobRequest)(request)
+
+
+async def read_form(request: Request, service: Service, caller: Caller) -> JobRequest:
+    """The part `job` (JSON; may be left out) and the part `file`, in any order."""
+    scene, _, parts = await receive_scene(request, service, caller, ("job",))
+    if scene is None:
+        raise Problem("invalid-request", "file: the form has no such part.", member="file")
+    job = parsed(FormJob, parts.get("job") or b"{}", "job")
+    return job.with_scene(scene.id)
 
 
 def create(service: Service, caller: Caller, asked: JobRequest, request: Request) -> tuple[Job, bool]:

@@ -67,6 +67,9 @@ class Channel:
         assert self._first is not None
         return self._first
 
+    def ask_preview(self) -> None:
+        self._previews_until = time.monotonic() + PREVIEWS_FOR_S
+
     def wants_preview(self) -> bool:
         return time.monotonic() < self._previews_until
 
@@ -96,7 +99,7 @@ class Channel:
             self._first = command
             self._came.set()
         elif does == "preview":
-            self._previews_until = time.monotonic() + PREVIEWS_FOR_S
+            self.ask_preview()
         elif does == "stop":
             self.stop = True
         elif does == "yield":

@@ -37,17 +37,12 @@ class Preview:
 
     channels: Values
     picture: tuple[int, int]  # width, height of what it is a preview of
-    passes: int
+    passes: int  # grows with every preview of a frame
     samples: int
 
     @property
     def resolution(self) -> tuple[int, int]:
         return self.channels.shape[2], self.channels.shape[1]
-
-    @property
-    def revision(self) -> str:
-        """Tells the previews of one frame apart."""
-        return f"{self.passes}-{self.samples}"
 
     @property
     def rgb(self) -> Values:

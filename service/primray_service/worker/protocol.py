@@ -7,10 +7,11 @@ Commands
     {"do": "check", "file": "scene.usdz" | "package", "kind": "usda|usdc|usdz|zip", "entry": "shot.usda" | null, "limits": {..}}
     {"do": "render", "file": "package/shot.usda", "settings": {RenderSettings as JSON}, "checkpoint": "checkpoint.prc" | null,
      "number": 3, "checkpoint_every_s": 10, "picture_only": false, "preview": true, "limits": {..}, "traceparent": "..",
-     "names": ["beauty.exr", "beauty.png", "report.json"], "fraction": 0.4}
+     "outputs": ["beauty.exr", "beauty.png", "report.json"], "spent_s": 3.5, "fraction": 0.4}
         goes on from `checkpoint` (whose number is `number`), or begins; `picture_only`: take no more samples, write the
-        outputs; `names`: of the outputs, by whose endings the worker knows what they are; `fraction`: of progress told before.
-        A time limit in the settings is of all runs together, those before the checkpoint too.
+        outputs; `preview`: as the command of that name, from the start; `outputs`: what files are to be called, by whose
+        endings the worker knows what they are; `spent_s`: seconds of sampling before this run that the settings' time limit
+        counts; `fraction`: of progress that was told before
     {"do": "stop"}     end soon with a checkpoint and the picture so far           (then: checkpoint, done; done with no outputs
                        and a report {"interrupted": true, "samples": 0} where there is no picture yet)
     {"do": "yield"}    end soon with a checkpoint                                  (then: checkpoint, yielded)
@@ -26,7 +27,8 @@ Messages, by "at"
                 "error": {"metric", "estimate", "ci95", "target", "kind": "estimated"} | null, "eta_s" | null, "eta_ci95" |
                 null, "pass"}
     row        a row of the convergence curve: {"t_s", "samples", "relmse", "ci95", "rmse"}
-    preview    {"pass", "file", "bytes", "samples"}: worker/preview.py says what is in the file
+    preview    {"pass", "file", "bytes", "samples"}: worker/preview.py says what is in the file; each has a larger pass than the
+               one before
     checkpoint {"number": 4, "file", "bytes", "samples", "seconds"}: takes the place of number 3
     facts      {..}: what a check found
     done       {"outputs": [{"name", "file", "bytes", "sha256", "media_type"}], "report": {..}}

@@ -6,6 +6,7 @@ frame's pixels are does not depend on how often that happened.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,10 +18,11 @@ from primray.diagnostics import Diagnostics
 from primray.forecast import Forecaster
 from primray.render import Prepared, picture_of, prepare
 from primray.report import Costs, settings_as_json
-from primray.sampling import FIRST_ANCHOR, Sampling
-from primray.settings import RenderSettings, settings_of_json
+from primray.sampling import Sampling
+from primray.settings import SAMPLE_BLOCK, RenderSettings, settings_of_json
 
 from ..problems import Problem
+from ..sandbox import end_phase
 from .channel import Channel
 from .outputs import DEFAULT_NAMES, to_send, write_outputs
 from .preview import preview_of, write_preview
@@ -56,13 +58,16 @@ def render_frame(command: Mapping[str, Any], job: Path, out: Path, channel: Chan
     checkpoint = command.get("checkpoint")
     with costs.stage("render"):
         sampling, about = begin(prepared, list(diagnostics), job / checkpoint if checkpoint else None)
-        sampling.limit_all_runs()
+        sampling.count_as_spent(float(command.get("spent_s") or 0.0))
         channel.send("effective", **_effective(prepared, sampling))
         channel.nothing_to_save(None)
         channel.send("phase", phase="sampling")
+        end_phase()
         names = _Numbers(number, out)
         saver = Saver(about, float(command.get("checkpoint_every_s") or 60.0), names.next_file, names.send_to(channel))
-        watch = _Watch(sampling, saver, channel, out, bool(command.get("preview", True)))
+        watch = _Watch(sampling, saver, channel, out)
+        if command.get("preview"):
+            channel.ask_preview()
         if command.get("picture_only"):
             _stop_at_once(sampling)
         else:
@@ -76,7 +81,7 @@ def render_frame(command: Mapping[str, Any], job: Path, out: Path, channel: Chan
     image = picture_of(prepared, sampling, costs, diagnostics)
     warned.send(diagnostics)
     costs.on_stage("write") if costs.on_stage else None
-    outputs, report = write_outputs(image, command.get("names") or DEFAULT_NAMES, out)
+    outputs, report = write_outputs(image, command.get("outputs") or DEFAULT_NAMES, out)
     channel.leave("done", outputs=outputs, report=to_send(report, REPORT_BYTES))
 
 
@@ -111,11 +116,9 @@ def _stop_at_once(sampling: Sampling) -> None:
     sampling.run(lambda fraction, samples, rays: False)
 
 
-def passes_of(samples: int) -> int:
-    """Complete passes over the picture: one of a block, one to 8 samples a pixel, and one for each doubling from there."""
-    if samples < FIRST_ANCHOR:
-        return int(samples > 0)
-    return 1 + (samples // FIRST_ANCHOR).bit_length()
+def passes_of(sampling: Sampling) -> int:
+    """As many times as each pixel has got a block of samples, on average: the same after a resume as before it."""
+    return int(sampling.mean_samples() / SAMPLE_BLOCK)
 
 
 class _Phases:
@@ -177,7 +180,7 @@ class _Numbers:
 class _Watch:
     """Between the sampling and the server: progress, rows, previews, checkpoints, and being told to stop."""
 
-    def __init__(self, sampling: Sampling, saver: Saver, channel: Channel, out: Path, preview: bool) -> None:
+    def __init__(self, sampling: Sampling, saver: Saver, channel: Channel, out: Path) -> None:
         self._sampling = sampling
         self._saver = saver
         self._channel = channel
@@ -187,8 +190,8 @@ class _Watch:
         self._forecaster = Forecaster(sampling, TAIL_S + TAIL_S_PER_PIXEL * self._pixels)
         self._next_progress = 0.0
         self._rows = len(sampling.rows)
-        self._shown = not preview  # whether the first picture is out
-        self._previewed = 0  # samples in the last one
+        self._shown = -1  # the pass of the last preview
+        self._shown_samples = -1
         self._next_preview = 0.0
         self._start = time.perf_counter()
         self._first_rays = sampling.film.rays
@@ -216,7 +219,7 @@ class _Watch:
         """The last rows, progress and preview of a picture that is complete now."""
         self._send_rows()
         self._send_progress(1.0)
-        if self._sampling.film.samples != self._previewed or not self._previewed:
+        if self._sampling.film.samples != self._shown_samples:
             self._preview()
 
     # ---- called by the sampling -------------------------------------------------------------------------------------------
@@ -233,26 +236,26 @@ class _Watch:
         return self._channel.give_way or self._wants_preview() or self._saver.is_due()
 
     def _on_pass(self) -> None:
-        if not self._shown:
+        if self._shown < 0:
             self._preview()
 
     # ---- telling ----------------------------------------------------------------------------------------------------------
 
     def _wants_preview(self) -> bool:
-        if time.monotonic() < self._next_preview or self._sampling.film.samples == self._previewed:
+        """The first one as soon as every pixel has samples; that of a frame that goes on from a checkpoint may at once."""
+        if time.monotonic() < self._next_preview or self._sampling.done == 0:
             return False
-        if not self._shown:  # of a frame that goes on from a checkpoint
-            return self._sampling.done > 0
-        return self._channel.wants_preview() and self._sampling.done > 0
+        return self._shown < 0 or (self._channel.wants_preview() and passes_of(self._sampling) > self._shown)
 
     def _preview(self) -> None:
         start = time.monotonic()
         film = self._sampling.film
         pixels, errors = film.image()
-        preview = preview_of(pixels, errors, passes_of(self._sampling.done), film.samples)
+        number = max(passes_of(self._sampling), self._shown + 1)
+        preview = preview_of(pixels, errors, number, film.samples)
         file, size = write_preview(preview, self._out)
         self._channel.send("preview", **{"pass": preview.passes, "file": file, "bytes": size, "samples": preview.samples})
-        self._shown, self._previewed = True, film.samples
+        self._shown, self._shown_samples = number, film.samples
         took = time.monotonic() - start
         self._next_preview = time.monotonic() + max(PREVIEW_EVERY_S, 9 * took)
 
@@ -260,7 +263,8 @@ class _Watch:
         rows = self._sampling.rows
         for row in rows[self._rows :]:
             found = row.as_json()
-            self._channel.send("row", t_s=found.pop("seconds"), **found)
+            if math.isfinite(row.error.relmse.high) and math.isfinite(row.error.rmse.high):
+                self._channel.send("row", t_s=found.pop("seconds"), **found)
         self._rows = len(rows)
 
     def _send_progress(self, fraction: float) -> None:
@@ -272,7 +276,7 @@ class _Watch:
         ended = sampling.stop is not None
         left = None if ended else forecast.left_s
         error: dict[str, Any] | None = None
-        if forecast.error is not None:
+        if forecast.error is not None and math.isfinite(forecast.error.high):
             settings = sampling.settings
             ci95 = [forecast.error.low, forecast.error.high]
             error = {"metric": settings.error_metric.value, "estimate": forecast.error.value, "ci95": ci95}
@@ -289,5 +293,5 @@ class _Watch:
             error=error,
             eta_s=0.0 if ended else None if left is None else left.value,
             eta_ci95=None if left is None else [left.low, left.high],
-            **{"pass": passes_of(sampling.done)},
+            **{"pass": passes_of(sampling)},
         )
