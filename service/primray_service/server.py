@@ -135,7 +135,6 @@ def new_executor(config: ServeConfig, data: DataDirectory) -> Executor:
         config.limits,
         slots=config.slots,
         cores=config.usable_cores,
-        sandboxed=not config.allow_unsandboxed,
         warm=config.warm,
     )
 
