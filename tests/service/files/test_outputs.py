@@ -143,7 +143,8 @@ def test_conditions(path: str, client: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["nothing.exr", "..%2F..%2F..%2Fprimray.sqlite", "%2Fetc%2Fpasswd", "%2e%2e", "%2e", "%00", "beauty.exr%00", "BEAUTY.EXR"]
+    "name",
+    ["nothing.exr", "..%2F..%2F..%2Fprimray.sqlite", "%2Fetc%2Fpasswd", "%2e%2e", "%2e", "%00", "beauty.exr%00", "BEAUTY.EXR"],
 )
 def test_what_is_not_an_output_is_not_there(name: str, job: str, client: Any) -> None:
     assert client.get(f"/v1/jobs/{job}/outputs/{name}").status_code == 404
