@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable
 
 from fastapi import APIRouter, FastAPI, Request, Response
@@ -45,6 +46,11 @@ async def _of_quota(request: Request, error: Exception) -> Response:
     service, caller = service_of(request), await caller_of_request(request)
     usage = await run_in_threadpool(service.store.usage, caller.tenant, time.time())
     return problem_answer(exceeded(str(error.args[0]), caller.quotas(service.quotas), usage), request_id_of(request))
+
+
+async def _of_unavailable(request: Request, error: Exception) -> Response:
+    problem = Problem("unavailable", "The database does not answer.", headers={"retry-after": "5"})
+    return problem_answer(problem, request_id_of(request))
 
 
 async def _of_validation(request: Request, error: Exception) -> Response:
