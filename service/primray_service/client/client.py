@@ -35,7 +35,8 @@ def nothing(done: int, of: int) -> None:
 class Client:
     """`server` and `key` come from $PRIMRAY_SERVER and $PRIMRAY_API_KEY where they are not given.
 
-    Not for several threads at once. `retries` are those after a first try; see transport.py for what is tried again.
+    Not for several threads at once. `retries` are those after a first try, `first_retries` those before
+    the server has answered at all (None: as many); see transport.py for what is tried again.
     """
 
     def __init__(
@@ -44,13 +45,15 @@ class Client:
         key: str | None = None,
         *,
         retries: int = 6,
+        first_retries: int | None = None,
         timeout_s: float = 30.0,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         server = server or os.environ.get("PRIMRAY_SERVER") or DEFAULT_SERVER
         key = key or os.environ.get("PRIMRAY_API_KEY")
         self._sleep = sleep
-        self._transport = Transport(server, key, retries=retries, timeout_s=timeout_s, sleep=sleep)
+        self.has_key = bool(key)
+        self._transport = Transport(server, key, retries=retries, first_retries=first_retries, timeout_s=timeout_s, sleep=sleep)
 
     @property
     def server(self) -> str:
@@ -154,12 +157,18 @@ class Client:
     def job(self, job_id: str) -> Job:
         return read(Job, self._get(_job(job_id)))
 
-    def jobs(
-        self, *, state: str | None = None, labels: Mapping[str, str] | None = None, scene: str | None = None
-    ) -> Iterator[Job]:
+    def document(self, job_id: str) -> Json:
+        """A job as the server says it, whole."""
+        return _object(self._get(_job(job_id)))
+
+    def documents(self, *, state: str | None = None, labels: Mapping[str, str] | None = None) -> Iterator[Json]:
+        """As `jobs`, each as the server says it."""
+        params: dict[str, Any] = {"state": state, "label": [f"{name}:{value}" for name, value in (labels or {}).items()]}
+        return (_object(item) for item in self._items("/v1/jobs", {name: value for name, value in params.items() if value}))
+
+    def jobs(self, *, state: str | None = None, labels: Mapping[str, str] | None = None) -> Iterator[Job]:
         """Newest first; pages are asked for as they are needed."""
-        params: dict[str, Any] = {"state": state, "scene": scene, "label": [f"{k}:{v}" for k, v in (labels or {}).items()]}
-        return self._pages("/v1/jobs", {name: value for name, value in params.items() if value}, Job)
+        return (read(Job, document) for document in self.documents(state=state, labels=labels))
 
     def wait(self, job_id: str, timeout_s: float | None = None, on_change: Callable[[Job], None] | None = None) -> Job:
         """Until it has ended, however it ended; TimedOut if that takes longer."""
@@ -276,10 +285,11 @@ class Client:
         return _object(self._get("/v1/capabilities"))
 
     def create_key(
-        self, name: str, *, tenant: str | None = None, scopes: list[str] | None = None, ttl_s: float | None = None
+        self, tenant: str, *, name: str = "", scopes: list[str] | None = None, expires_in_s: float | None = None
     ) -> Key:
         """Its `key` is shown this once."""
-        body = {"name": name} | {k: v for k, v in {"tenant": tenant, "scopes": scopes, "ttl_s": ttl_s}.items() if v is not None}
+        optional = {"scopes": scopes, "expires_in_s": expires_in_s}
+        body = {"tenant": tenant, "name": name} | {name: value for name, value in optional.items() if value is not None}
         return read(Key, _json(self._transport.request("POST", "/v1/keys", body=body)))
 
     def keys(self) -> Iterator[Key]:
@@ -293,10 +303,14 @@ class Client:
         return _json(self._transport.request("GET", path, params=params, headers={"Accept": "application/json"}))
 
     def _pages(self, path: str, params: Mapping[str, Any], kind: type[T]) -> Iterator[T]:
+        return (read(kind, item) for item in self._items(path, params))
+
+    def _items(self, path: str, params: Mapping[str, Any]) -> Iterator[Any]:
+        """Of all pages; a page is asked for when it is needed."""
         cursor: str | None = None
         while True:
             page = self._get(path, {**params, **({"limit": PAGE_ITEMS, "cursor": cursor} if cursor else {})})
-            yield from (read(kind, item) for item in _items(page))
+            yield from _items(page)
             cursor = page.get("next_cursor") if isinstance(page, dict) else None
             if cursor is None:
                 return

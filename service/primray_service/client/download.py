@@ -53,7 +53,7 @@ def _has(path: Path, output: Output) -> bool:
 
 def _fetch(transport: Transport, job_id: str, output: Output, part: Path, show: Show) -> None:
     """Until the part has all its bytes; a broken connection is taken up again, patience is renewed by every byte."""
-    url = f"/v1/jobs/{quote(job_id, safe='')}/outputs/{quote(output.name)}"
+    url = f"/v1/jobs/{quote(job_id, safe='')}/outputs/{quote(output.name, safe='')}"
     tries = 0
     while True:
         have = part.stat().st_size if part.exists() else 0

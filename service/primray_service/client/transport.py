@@ -34,13 +34,22 @@ class Transport:
     """`retries`: tries after the first; `sleep` takes seconds."""
 
     def __init__(
-        self, server: str, key: str | None, *, retries: int, timeout_s: float, sleep: Callable[[float], None] = time.sleep
+        self,
+        server: str,
+        key: str | None,
+        *,
+        retries: int,
+        timeout_s: float,
+        first_retries: int | None = None,
+        sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self.server = server.rstrip("/")
         url = httpx2.URL(self.server)
         if url.scheme not in ("http", "https") or not url.host:
             raise ValueError(f"{server!r} is no address of a server; write one like http://127.0.0.1:8700")
         self._retries = retries
+        self._first_retries = retries if first_retries is None else first_retries
+        self._has_answered = False
         self._sleep = sleep
         headers = {"User-Agent": f"primray-client/{__version__}"} | ({"Authorization": f"Bearer {key}"} if key else {})
         self._http = httpx2.Client(
@@ -80,6 +89,7 @@ class Transport:
                 self._wait_or_raise(tries, _unreachable(self.server, error), not_sent(error) or may_repeat, None)
                 continue
             was_deleted = method == "DELETE" and answer.status_code == 404 and tries > 0  # by a try whose answer was lost
+            self._has_answered = True
             if answer.status_code < 300 or answer.status_code in accept or was_deleted:
                 return answer
             problem = problem_of(answer)
@@ -95,6 +105,7 @@ class Transport:
         timeout = httpx2.Timeout(timeout_s, connect=10.0)
         try:
             with self._http.stream("GET", path, headers=dict(headers), params=params, timeout=timeout) as answer:
+                self._has_answered = True
                 if answer.status_code >= 300 and answer.status_code != 416:
                     read_error(answer)
                     raise problem_of(answer)
@@ -110,7 +121,8 @@ class Transport:
             self._wait_or_raise(tries, error, isinstance(error, ServerUnreachable), None)
 
     def _wait_or_raise(self, tries: int, error: Exception, again: bool, asked_s: float | None) -> None:
-        if not again or tries >= self._retries or (asked_s or 0.0) > LONGEST_WAIT_S:
+        most = self._retries if self._has_answered else self._first_retries
+        if not again or tries >= most or (asked_s or 0.0) > LONGEST_WAIT_S:
             raise error
         delay = min(LONGEST_DELAY_S, FIRST_DELAY_S * 2**tries) * random.uniform(0.5, 1.0)
         self._sleep(max(delay, asked_s or 0.0))
