@@ -161,6 +161,9 @@ class Store(Protocol):
     def delete_scene(self, tenant: str, scene_id: str) -> bool:
         """Whether the bytes are nobody's now. Conflict while jobs that are not terminal use it; KeyError if there is none."""
 
+    def has_scene(self, scene_id: str) -> bool:
+        """Whether any tenant has a scene of these bytes."""
+
     def next_check(self, fence: int) -> Scene | None:
         """A scene that waits for its check, oldest first."""
 

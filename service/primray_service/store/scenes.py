@@ -93,6 +93,10 @@ class Scenes(Part):
 
         return self._db.write(work)
 
+    def has_scene(self, scene_id: str) -> bool:
+        any_of_them = select(scenes.c.id).where(scenes.c.id == scene_id).limit(1)
+        return self._db.read(lambda db: db.execute(any_of_them).first()) is not None
+
     def next_check(self, fence: int) -> Scene | None:
         def work(db: Connection) -> Scene | None:
             look_at_fence(db, fence)
