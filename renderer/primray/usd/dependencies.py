@@ -68,7 +68,7 @@ def _all_of(path: str) -> tuple[set[str], set[str], set[str]]:
 
 def _file(path: str) -> str:
     """The file on the disk: of a member of a usdz, the usdz."""
-    return os.path.abspath(Ar.SplitPackageRelativePathOuter(path)[0])
+    return os.path.abspath(str(Ar.SplitPackageRelativePathOuter(path)[0]))
 
 
 def _is_tiles(text: str, assets: list[str]) -> bool:

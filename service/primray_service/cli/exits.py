@@ -15,13 +15,27 @@ if TYPE_CHECKING:
 
 FAILED, USAGE, SCENE_REJECTED, LIMIT, TARGET_MISSED, INTERRUPTED = 1, 2, 3, 4, 5, 130
 
-_SCENE = """not-usd ambiguous-entry entry-missing package-unsafe package-too-large asset-path-outside-job asset-missing
-    layer-unreadable scene-rejected settings-rejected strict-warnings""".split()
-_USAGE = """invalid-request invalid-json unsupported-media-type unsupported-setting view-unavailable webhook-address
-    idempotency-key-reused""".split()
-_LIMIT = """limit-exceeded upload-too-large request-too-large quota-exceeded too-many-requests scene-too-large time-limit
-    memory-limit storage-limit job-expired storage-full""".split()
-_EXITS = dict.fromkeys(_SCENE, SCENE_REJECTED) | dict.fromkeys(_USAGE, USAGE) | dict.fromkeys(_LIMIT, LIMIT)
+_EXITS = {
+    slug: exit_code
+    for exit_code, slugs in (
+        (
+            SCENE_REJECTED,
+            "not-usd ambiguous-entry entry-missing package-unsafe package-too-large asset-path-outside-job asset-missing "
+            "layer-unreadable scene-rejected settings-rejected strict-warnings",
+        ),
+        (
+            USAGE,
+            "invalid-request invalid-json unsupported-media-type unsupported-setting view-unavailable webhook-address "
+            "idempotency-key-reused",
+        ),
+        (
+            LIMIT,
+            "limit-exceeded upload-too-large request-too-large quota-exceeded too-many-requests scene-too-large time-limit "
+            "memory-limit storage-limit job-expired storage-full",
+        ),
+    )
+    for slug in slugs.split()
+}
 
 # Members of a problem document that say where it is.
 _PLACES = ("member", "layer", "line", "prim", "asset_path", "entry", "limit", "count", "signal")

@@ -74,7 +74,8 @@ def _lines(job_id: str) -> Show:
 @contextmanager
 def _bar(job_id: str) -> Iterator[Show]:
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
 
     columns = (
         TextColumn("{task.description}", markup=False),
@@ -83,13 +84,13 @@ def _bar(job_id: str) -> Iterator[Show]:
         TextColumn("{task.fields[details]}", markup=False),
         TimeElapsedColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True)) as bar:
+    with Bar(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(job_id, total=1.0, details="")
 
-        def show(state: str, progress: Progress) -> None:  # type: ignore[valid-type]
+        def show(state: str, progress: Progress) -> None:
             eta = f"ETA {seconds_text(progress.eta_s)}" if progress.eta_s and state == "running" else ""
             doing = progress.phase if state in ("preparing", "running") and progress.phase else state
             details = "  ".join(filter(None, (frames_text(progress), error_text(progress), eta)))
             bar.update(task, completed=progress.fraction, description=plain(doing), details=plain(details))
 
-        yield show  # type: ignore[misc]
+        yield show

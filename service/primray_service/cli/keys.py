@@ -17,7 +17,11 @@ from .exits import USAGE, CommandError, problems_as_errors
 from .job_text import plain
 
 keys = typer.Typer(
-    help="Make, list and revoke API keys.", no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False
+    help="Make, list and revoke API keys.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
 )
 
 SCOPES = ("submit", "read", "admin")
@@ -84,7 +88,7 @@ def list_keys(server: Server = None, key_file: KeyFile = None, json: Json = Fals
     """List all keys, without their text."""
     with connected("keys", server, key_file) as client:
         rows = [("KEY", "TENANT", "SCOPES", "BEGINS", "CREATED", "STATE", "NAME")]
-        for key in client.keys():
+        for key in client.list_keys():
             state = "revoked" if key.revoked_at else f"until {key.expires_at:%Y-%m-%d}" if key.expires_at else "valid"
             if json:
                 facts = {"id": key.id, "tenant": key.tenant, "name": key.name, "prefix": key.prefix, "scopes": key.scopes}

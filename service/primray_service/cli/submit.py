@@ -16,7 +16,7 @@ from primray.cli.json_lines import print_line
 from primray.settings import Filter, Metric
 
 from .connection import Json, KeyFile, Server, connected
-from .exits import INTERRUPTED, SCENE_REJECTED, USAGE, CommandError, error_of
+from .exits import FAILED, INTERRUPTED, SCENE_REJECTED, USAGE, CommandError, error_of
 from .fetch import download_all
 from .job_text import plain
 from .labels import Labels, labels_of
@@ -162,10 +162,9 @@ def upload(client: Client, scene: Path, name: str | None, as_json: bool) -> tupl
         except KeyboardInterrupt:
             raise CommandError("interrupted", "nothing was submitted", INTERRUPTED) from None
     if uploaded.state == "rejected":
-        error = error_of(uploaded.problem or {"detail": "the server rejects the scene"})
-        raise CommandError(
-            error.code, error.message, error.exit_code if error.exit_code != 1 else SCENE_REJECTED, where=error.where
-        )
+        refusal = error_of(uploaded.problem or {"detail": "the server rejects the scene"})
+        exit_code = SCENE_REJECTED if refusal.exit_code == FAILED else refusal.exit_code
+        raise CommandError(refusal.code, refusal.message, exit_code, where=refusal.where)
     return uploaded, packed
 
 

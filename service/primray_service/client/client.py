@@ -292,7 +292,7 @@ class Client:
         body = {"tenant": tenant, "name": name} | {name: value for name, value in optional.items() if value is not None}
         return read(Key, _json(self._transport.request("POST", "/v1/keys", body=body)))
 
-    def keys(self) -> Iterator[Key]:
+    def list_keys(self) -> Iterator[Key]:
         return self._pages("/v1/keys", {}, Key)
 
     def revoke_key(self, key_id: str) -> None:
