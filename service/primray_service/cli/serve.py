@@ -75,8 +75,7 @@ def serve(
     need_extra("serve")
     from ..config import ServeConfig
 
-    if webhook_network:
-        check_networks(webhook_network)
+    check_networks(webhook_network or [])
     chosen_limits, quotas = limit_options.limits_of(limit or [])
     config = ServeConfig(
         data=data or default_data(),
