@@ -61,11 +61,12 @@ export function token() {
 export const jobPath = (id, rest = "") => `/v1/jobs/${encodeURIComponent(id)}${rest}`;
 export const scenePath = (id) => `/v1/scenes/${encodeURIComponent(id)}`;
 
-const HASHED_AT_MOST = 2 ** 28; // bytes; digest() wants the whole file in memory
+// Bytes. Less is sent sooner than it is asked about; digest() wants the whole file in memory.
+const [HASHED_AT_LEAST, HASHED_AT_MOST] = [2 ** 23, 2 ** 28];
 
 // The scene of these bytes, if the server has it already: then nothing is sent.
 export async function known(blob) {
-  if (!globalThis.crypto?.subtle || blob.size > HASHED_AT_MOST) return null;
+  if (!globalThis.crypto?.subtle || blob.size < HASHED_AT_LEAST || blob.size > HASHED_AT_MOST) return null;
   const digest = new Uint8Array(await crypto.subtle.digest("SHA-256", await blob.arrayBuffer()));
   const id = `sha256:${[...digest].map((byte) => byte.toString(16).padStart(2, "0")).join("")}`;
   try {
@@ -80,11 +81,10 @@ export async function known(blob) {
 export function upload(blob, name, onProgress, signal) {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
-    request.open("POST", "/v1/scenes");
+    request.open("POST", `/v1/scenes?name=${encodeURIComponent(name)}`);
     request.responseType = "text";
     request.setRequestHeader("accept", "application/json");
     request.setRequestHeader("content-type", mediaType(name));
-    request.setRequestHeader("content-disposition", `attachment; filename*=UTF-8''${encodeURIComponent(name)}`);
     request.upload.addEventListener("progress", (event) => onProgress(event.loaded, blob.size));
     request.addEventListener("load", () => {
       if (request.status >= 200 && request.status < 300) resolve(JSON.parse(request.responseText));

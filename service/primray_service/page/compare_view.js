@@ -48,7 +48,7 @@ export function compareView(root, [first, second]) {
 
   async function start() {
     try {
-      const { items } = await get(`/v1/jobs?limit=${OFFERED}&order=desc`);
+      const { items } = await get(`/v1/jobs?limit=${OFFERED}`);
       for (const side of [sides.a, sides.b]) {
         if (side.id && !items.some(({ id }) => id === side.id)) items.unshift(await get(jobPath(side.id)));
       }

@@ -51,8 +51,7 @@ export function curve() {
     // A half-width or a pair, and only for the measure that the intervals belong to.
     const low = rows.map((row) => bound(row, 0));
     const high = rows.map((row) => bound(row, 1));
-    const goals = rows.map(() => target);
-    return [xs, high, low, values, goals];
+    return [xs, high, low, values];
   }
 
   function bound(row, side) {
@@ -75,7 +74,8 @@ export function curve() {
     if (!globalThis.uPlot || box.clientWidth === 0) return;
     const style = getComputedStyle(root);
     const color = (name) => style.getPropertyValue(name).trim();
-    const axis = { stroke: color("--soft"), grid: { stroke: color("--line"), width: 1 }, ticks: { stroke: color("--line"), width: 1, size: 4 }, font: "11px system-ui, sans-serif" };
+    const only = (_, splits) => splits.map((value) => (isDecade(value) ? value : null));
+    const axis = { stroke: color("--soft"), grid: { stroke: color("--line"), width: 1, filter: only }, ticks: { stroke: color("--line"), width: 1, size: 4 }, font: "11px system-ui, sans-serif" };
     const hidden = { stroke: "transparent", points: { show: false } };
     plot = new uPlot(
       {
@@ -96,14 +96,33 @@ export function curve() {
           hidden,
           hidden,
           { stroke: color("--accent"), width: 2, points: { show: rows.length < 3, size: 6, fill: color("--accent") } },
-          { stroke: color("--goal"), width: 1.5, dash: [6, 4], points: { show: false } },
         ],
         bands: [{ series: [1, 2], fill: color("--band") }],
-        hooks: { setCursor: [tell] },
+        hooks: { setCursor: [tell], draw: [(self) => drawTarget(self, color("--goal"))] },
       },
       data(),
       box,
     );
+  }
+
+  // From edge to edge, whatever has been measured.
+  function drawTarget(self, stroke) {
+    if (!target) return;
+    const { ctx, bbox } = self;
+    const y = Math.round(self.valToPos(target, "y", true)) + 0.5;
+    ctx.save();
+    ctx.strokeStyle = stroke;
+    ctx.fillStyle = stroke;
+    ctx.lineWidth = 1.5 * devicePixelRatio;
+    ctx.setLineDash([6 * devicePixelRatio, 4 * devicePixelRatio]);
+    ctx.beginPath();
+    ctx.moveTo(bbox.left, y);
+    ctx.lineTo(bbox.left + bbox.width, y);
+    ctx.stroke();
+    ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
+    ctx.textAlign = "right";
+    ctx.fillText(`target ${format.error(target)}`, bbox.left + bbox.width - 4, y - 5 * devicePixelRatio);
+    ctx.restore();
   }
 
   function update() {

@@ -14,7 +14,7 @@ export function frameStrip(job, onChoose) {
   const follow = button("Follow", () => choose(null), { "aria-pressed": "true", class: "quiet", title: "Show the frame that is being rendered" });
   const root = element("section", { class: "strip", hidden: true }, element("div", { class: "strip-head" }, element("h2", {}, "Frames"), follow, pages), list);
   const chips = new Map();
-  let [frames, first, chosen, shown] = [[], 0, null, null];
+  let [frames, first, chosen] = [[], 0, null];
   let total = 0;
 
   function choose(number) {
@@ -50,10 +50,7 @@ export function frameStrip(job, onChoose) {
       total > SHOWN && element("span", {}, `${first + 1}–${Math.min(first + SHOWN, total)} of ${total}`),
       first + SHOWN < total && button(`Later`, () => page(SHOWN), { class: "quiet" }),
     );
-    if (now !== shown) {
-      shown = now;
-      onChoose(now, frames.find((frame) => frame.number === now));
-    }
+    onChoose(now, frames.find((frame) => frame.number === now));
   }
 
   function page(by) {

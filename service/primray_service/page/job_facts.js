@@ -27,7 +27,7 @@ export function facts() {
       ["Made", format.when(job.created_at)],
       ["Started", format.when(job.started_at)],
       ["Ended", format.when(job.finished_at)],
-      ["It ended because", job.result?.stop && (STOPPED[job.result.stop] ?? job.result.stop)],
+      ["It ended because", STOPPED[job.result?.stop?.reason] ?? job.result?.stop?.reason],
       ["CPU time", format.duration(job.usage?.cpu_s)],
       ["Most memory", format.bytes(job.usage?.peak_rss_bytes)],
       ["Kept until", format.when(job.expires_at)],

@@ -8,7 +8,7 @@ import * as format from "./format.js";
 import { frameStrip } from "./frame_strip.js";
 import { actions } from "./job_actions.js";
 import { facts } from "./job_facts.js";
-import { labels } from "./jobs_view.js";
+import { labels, otherLabels } from "./jobs_view.js";
 import { live } from "./live.js";
 import { outputs } from "./outputs.js";
 import { problemBox } from "./problem_view.js";
@@ -19,6 +19,7 @@ import { TERMINAL, phaseWords } from "./words.js";
 const LOOK_EVERY_S = 5; // where no event stream can be had
 const CURVE_EVERY_S = 0.9;
 const SAY_EVERY_S = 15;
+const READ_EVERY_S = 1;
 
 export function jobView(root, [id]) {
   const title = element("h1", {});
@@ -38,7 +39,9 @@ export function jobView(root, [id]) {
   let scene = null;
   let rows = { frame: -1, attempt: 0, items: [] };
   let frame = 0;
+  let chosen = null; // the row of the frame that is shown, of a job that has several
   let [closed, stop, timer, saidAt, saidPhase, curveAt, curveTimer] = [false, null, 0, 0, "", 0, 0];
+  let soonTimer = 0;
   let [refreshing, again] = [false, false];
   let ended = false;
 
@@ -62,24 +65,31 @@ export function jobView(root, [id]) {
       return;
     }
     refreshing = true;
-    do {
-      again = false;
-      try {
-        const found = await get(jobPath(id));
-        if (closed) return;
-        await show(found);
-        fill(trouble);
-      } catch (failure) {
-        if (closed) return;
-        if (!failure.problem) throw failure;
-        fill(trouble, problemBox(failure.problem, { retry: refresh, retryAfter: failure.retryAfter }));
-        if (failure.problem.status === 404) {
-          stop?.();
-          picture.live(false);
-        }
+    try {
+      do {
+        again = false;
+        await read();
+      } while (again && !closed);
+    } finally {
+      refreshing = false;
+    }
+  }
+
+  async function read() {
+    try {
+      const found = await get(jobPath(id));
+      if (closed) return;
+      await show(found);
+      if (!closed) fill(trouble);
+    } catch (failure) {
+      if (closed) return;
+      if (!failure.problem) throw failure;
+      fill(trouble, problemBox(failure.problem, { retry: refresh, retryAfter: failure.retryAfter }));
+      if (failure.problem.status === 404) {
+        stop?.();
+        picture.live(false, false);
       }
-    } while (again);
-    refreshing = false;
+    }
   }
 
   async function show(found) {
@@ -95,11 +105,11 @@ export function jobView(root, [id]) {
     await strip.load(job.progress?.frames?.total ?? 1);
     await loadCurve();
     if (terminal && !wasEnded) {
-      picture.live(false);
+      picture.live(false, hasPicture());
       await files.load();
       say(`${title.textContent}: ${phaseWords(job)}.`);
     } else if (!terminal) {
-      picture.live(true);
+      picture.live(true, hasPicture());
       if ((job.progress?.frames?.succeeded ?? 0) > 0) await files.load();
     }
   }
@@ -107,8 +117,7 @@ export function jobView(root, [id]) {
   function draw() {
     const name = job.labels?.name || scene?.name || job.scene.entry || "Scene";
     write(title, name);
-    const shownLabels = Object.fromEntries(Object.entries(job.labels ?? {}).filter(([label]) => label !== "name"));
-    fill(tags, labels(shownLabels));
+    fill(tags, labels(otherLabels(job)));
     write(state, phaseWords(job));
     state.dataset.state = job.state;
     const fraction = job.progress?.fraction ?? 0;
@@ -142,7 +151,7 @@ export function jobView(root, [id]) {
     try {
       const found = await get(jobPath(id, `/convergence?frame=${frame}`));
       if (closed) return;
-      rows = { frame, items: found.items ?? found };
+      rows = { frame, items: found };
     } catch (failure) {
       if (!failure.problem || failure.problem.status === 0) return;
       rows = { frame, items: [] };
@@ -151,20 +160,36 @@ export function jobView(root, [id]) {
     plot.show(rows.items, stopRules.target_error ?? null, metricOf(rows.items, stopRules.metric ?? "relmse"));
   }
 
-  function chooseFrame(number) {
+  function chooseFrame(number, row) {
     frame = number;
+    chosen = row;
     picture.frame(number);
-    if (job) loadCurve();
+    if (job) {
+      picture.live(!ended, hasPicture());
+      loadCurve();
+    }
   }
+
+  // Asking for a picture that cannot be there yet only makes errors in a browser's console.
+  const hasPicture = () => (chosen?.progress ?? job.progress)?.samples_done > 0;
 
   function onEvent(type, data) {
     if (type === "preview") {
-      if ((data.frame ?? frame) === frame) picture.refresh();
+      if ((data.frame ?? data.number ?? frame) === frame) picture.refresh();
     } else if (type === "progress" && job && (data.progress ?? data).fraction !== undefined && (job.progress?.frames?.total ?? 1) === 1) {
       job = { ...job, progress: { ...job.progress, ...(data.progress ?? data) } };
       draw();
       loadCurve();
-    } else refresh();
+    } else if (type === "progress") soon();
+    else refresh();
+  }
+
+  // Of a job with many frames, events come faster than its frames are worth being read again.
+  function soon() {
+    soonTimer ||= setTimeout(() => {
+      soonTimer = 0;
+      refresh();
+    }, 1000 * READ_EVERY_S);
   }
 
   function follow() {
@@ -196,6 +221,7 @@ export function jobView(root, [id]) {
     stop?.();
     clearInterval(timer);
     clearTimeout(curveTimer);
+    clearTimeout(soonTimer);
     picture.close();
     plot.close();
   };

@@ -1,6 +1,6 @@
 // The job list: filter by state and label, pages, two jobs chosen to be compared.
 
-import { get } from "./api.js";
+import { get, jobPath } from "./api.js";
 import { button, choice, element, field, fill, say } from "./dom.js";
 import * as format from "./format.js";
 import { problemBox } from "./problem_view.js";
@@ -11,8 +11,8 @@ const LOOK_EVERY_S = 4;
 
 export function jobsView(root) {
   const state = choice([["", "any state"], ...Object.entries(STATES)], "", { on: { change: restart } });
-  const label = element("input", { type: "search", placeholder: "shot=010", on: { change: restart } });
-  const order = choice([["desc", "newest first"], ["asc", "oldest first"]], "desc", { on: { change: restart } });
+  const label = element("input", { type: "search", placeholder: "shot: 010", on: { change: restart } });
+  const order = choice([["newest", "newest first"], ["oldest", "oldest first"]], "newest", { on: { change: restart } });
   const list = element("ul", { class: "jobs" });
   const pages = element("div", { class: "pages" });
   const trouble = element("div", {});
@@ -41,7 +41,7 @@ export function jobsView(root) {
     clearTimeout(timer);
     const query = new URLSearchParams({ limit: String(PAGE), order: order.value });
     if (state.value) query.set("state", state.value);
-    if (label.value.trim()) query.set("label", label.value.trim());
+    for (const words of label.value.split(",").filter((text) => text.trim())) query.append("label", labelOf(words));
     if (cursors.at(-1)) query.set("cursor", cursors.at(-1));
     try {
       const page = await get(`/v1/jobs?${query}`);
@@ -65,9 +65,9 @@ export function jobsView(root) {
     fill(list, items.map(row));
     if (focused) list.querySelector(`[data-key="${CSS.escape(focused)}"]`)?.focus();
     if (items.length === 0) fill(list, element("li", { class: "empty" }, state.value || label.value ? "No job is like that." : "There are no jobs yet. ", !state.value && element("a", { href: "#/" }, "Make the first")));
-    const back = cursors.length > 1 && button("Newer page", () => (cursors.pop(), load()));
+    const back = cursors.length > 1 && button("Page before", () => (cursors.pop(), load()));
     const on = next && button("Next page", () => (cursors.push(next), load()));
-    fill(pages, back && (order.value === "asc" ? button("Page before", () => (cursors.pop(), load())) : back), on);
+    fill(pages, back, on);
   }
 
   function row(job) {
@@ -78,11 +78,12 @@ export function jobsView(root) {
       "li",
       { data: { state: job.state } },
       mark,
+      thumb(job),
       element("a", { href: `#/jobs/${encodeURIComponent(job.id)}`, data: { key: job.id } }, nameOf(job)),
       element("span", { class: "state" }, TERMINAL.has(job.state) ? stateWords(job.state) : phaseWords(job)),
       element("span", { class: "soft" }, TERMINAL.has(job.state) || job.state === "queued" ? "" : format.percent(job.progress?.fraction ?? 0)),
       element("span", { class: "soft numbers" }, error?.estimate > 0 ? `error ${format.error(error.estimate)}` : ""),
-      element("span", { class: "labels" }, labels(job.labels)),
+      element("span", { class: "labels" }, labels(otherLabels(job))),
       element("time", { datetime: job.created_at, class: "soft" }, format.when(job.created_at)),
     );
 
@@ -100,6 +101,20 @@ export function jobsView(root) {
     closed = true;
     clearTimeout(timer);
   };
+}
+
+// "shot: 010" and "shot=010" alike; a word alone is a name.
+function labelOf(text) {
+  const [name, ...rest] = text.split(/[:=]/);
+  return rest.length ? `${name.trim()}:${rest.join(":").trim()}` : `name:${name.trim()}`;
+}
+
+export const otherLabels = (job) => Object.fromEntries(Object.entries(job.labels ?? {}).filter(([name]) => name !== "name"));
+
+// A small picture, where there is one: its address has what it shows, so that a browser keeps it.
+function thumb(job) {
+  if (!(job.progress?.samples_done > 0)) return element("span", { class: "thumb" });
+  return element("img", { class: "thumb", alt: "", loading: "lazy", width: 80, height: 45, src: jobPath(job.id, "/preview?width=160&format=jpeg") });
 }
 
 export const nameOf = (job) => `${job.labels?.name || job.scene?.name || job.scene?.entry || "scene"} ${format.shortId(job.id)}`;

@@ -30,7 +30,7 @@ function show(moveFocus) {
     else link.removeAttribute("aria-current");
   }
   document.title = "primray";
-  main.className = page;
+  main.dataset.page = page;
   fill(main);
   let words;
   try {

@@ -10,13 +10,15 @@ const PLACES = {
   column: "Column",
   asset_path: "Path in the scene",
   prim: "Prim",
-  member: "Member of the package",
+  member: "Place",
   candidates: "Root layers found",
   signal: "Signal",
   limit: "Allowed",
   count: "Found",
   asked: "Asked for",
   where: "Where",
+  state: "State",
+  scope: "Scope",
   frame: "Frame",
   attempt: "Attempt",
   quota: "Quota",
@@ -63,8 +65,7 @@ function errors(found) {
     "ul",
     {},
     found.map((item) => {
-      const place = item.pointer ?? item.place ?? (Array.isArray(item.loc) ? item.loc.join(".") : item.loc) ?? "";
-      return element("li", {}, place && element("code", {}, String(place)), " ", item.detail ?? item.msg ?? item.message ?? "");
+      return element("li", {}, item.member && element("code", {}, String(item.member)), " ", item.detail ?? "");
     }),
   );
 }
