@@ -6,6 +6,7 @@ import math
 import os
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -48,9 +49,9 @@ class Checkpointing:
 
     def run(self, prepared: Prepared, diagnostics: list[Diagnostic], progress: Progress) -> tuple[Sampling, dict[str, Any]]:
         """Sample until something stops it; and what the report says of checkpoints."""
-        sampling, about = self._begin(prepared, diagnostics)
+        sampling, about = begin(prepared, diagnostics, self.resume)
         resumed_at = sampling.mean_samples()
-        saver = _Saver(self, about)
+        saver = Saver(about, self.every_s, lambda: self.file)
         try:
             while not sampling.run(progress, saver.is_due):
                 saver.save_meanwhile(sampling)
@@ -59,38 +60,49 @@ class Checkpointing:
         saver.save(sampling)
         return sampling, saver.as_json() | ({} if self.resume is None else {"resumed_at": resumed_at})
 
-    def _begin(self, prepared: Prepared, diagnostics: list[Diagnostic]) -> tuple[Sampling, About]:
-        from . import checkpoint
-        from .report import settings_as_json
-        from .sampling import Sampling
 
-        held = None if self.resume is None else checkpoint.load(self.resume)
-        settings = prepared.settings if held is None else checkpoint.settings_to_go_on(prepared.settings, held)
-        about = checkpoint.About(
-            identity=checkpoint.identity(settings, prepared.fingerprint),
-            settings=settings_as_json(settings),
-            camera=prepared.camera,
-            counts=prepared.counts,
-            features=list(prepared.scene.features),
-            diagnostics=[diagnostic.as_json() for diagnostic in diagnostics],
-        )
-        if held is None:
-            sampling = Sampling.begin(prepared.scene, settings)
-        else:
-            sampling = checkpoint.resume(prepared.scene, settings, about, held)
-        sampling.resumable = True
-        return sampling, about
+def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None) -> tuple[Sampling, About]:
+    """The sampling of a scene, from a checkpoint where one is given, and what its checkpoints are to say of it."""
+    from . import checkpoint
+    from .report import settings_as_json
+    from .sampling import Sampling
+
+    held = None if resume is None else checkpoint.load(resume)
+    settings = prepared.settings if held is None else checkpoint.settings_to_go_on(prepared.settings, held)
+    about = checkpoint.About(
+        identity=checkpoint.identity(settings, prepared.fingerprint),
+        settings=settings_as_json(settings),
+        camera=prepared.camera,
+        counts=prepared.counts,
+        features=list(prepared.scene.features),
+        diagnostics=[diagnostic.as_json() for diagnostic in diagnostics],
+    )
+    if held is None:
+        sampling = Sampling.begin(prepared.scene, settings)
+    else:
+        sampling = checkpoint.resume(prepared.scene, settings, about, held)
+    sampling.resumable = True
+    return sampling, about
 
 
-class _Saver:
+class Saver:
     """Writes checkpoints, one at a time, from copies, so that rendering need not wait for the disk.
 
-    A render does not end because a checkpoint cannot be written; the report says so.
+    `name` says where the next one goes; `written` hears of each (its file, samples a pixel, seconds of sampling), in the
+    thread that wrote it. A render does not end because a checkpoint cannot be written; the report says so.
     """
 
-    def __init__(self, checkpointing: Checkpointing, about: About) -> None:
-        self._file = checkpointing.file
-        self._every_s = checkpointing.every_s
+    def __init__(
+        self,
+        about: About,
+        every_s: float,
+        name: Callable[[], Path],
+        written: Callable[[Path, float, float], None] | None = None,
+    ) -> None:
+        self._name = name
+        self._on_written = written
+        self._file = Path()
+        self._every_s = every_s
         self._about = about
         self._thread: threading.Thread | None = None
         self._next = time.monotonic() + self._every_s
@@ -107,7 +119,8 @@ class _Saver:
 
         start = time.perf_counter()
         copy = contents(sampling, self._about)
-        self._thread = threading.Thread(target=self._write, args=copy, name="checkpoint")
+        work = (*copy, sampling.mean_samples(), sampling.seconds)
+        self._thread = threading.Thread(target=self._write, args=work, name="checkpoint")
         self._thread.start()
         self._paused_s += time.perf_counter() - start
         self._next = time.monotonic() + self._every_s
@@ -116,20 +129,23 @@ class _Saver:
         from .checkpoint import contents
 
         start = time.perf_counter()
-        self._write(*contents(sampling, self._about))
+        self._write(*contents(sampling, self._about), sampling.mean_samples(), sampling.seconds)
         self._paused_s += time.perf_counter() - start
 
     def wait(self) -> None:
         if self._thread is not None:
             self._thread.join()
 
-    def _write(self, header: dict[str, Any], arrays: dict[str, Any]) -> None:
+    def _write(self, header: dict[str, Any], arrays: dict[str, Any], samples: float, seconds: float) -> None:
         from .checkpoint_file import write_checkpoint
 
         start = time.perf_counter()
+        self._file = self._name()
         try:
             write_checkpoint(self._file, header, arrays)
             self._written, self._failed = self._written + 1, None
+            if self._on_written is not None:
+                self._on_written(self._file, samples, seconds)
         except PrimrayError as error:
             self._failed = str(error)
         self._write_s += time.perf_counter() - start

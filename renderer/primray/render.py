@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .diagnostics import Diagnostics
     from .image import Image
     from .report import Costs
-    from .sampling import Progress
+    from .sampling import Progress, Sampling
     from .summary import ImageSize
     from .texture import Texture
 
@@ -88,8 +88,6 @@ def _render_one(
     checkpointing: Checkpointing | None,
 ) -> Image:
     from .diagnostics import Diagnostics
-    from .image import Image, pixels_sha256
-    from .report import header_of, make_report
     from .sampling import Sampling
 
     diagnostics = Diagnostics()
@@ -104,12 +102,7 @@ def _render_one(
             sampling.run(watched)
         else:
             sampling, saved = checkpointing.run(prepared, list(diagnostics), watched)
-        pixels, errors = sampling.film.image()
-    if saved.get("failed"):
-        diagnostics.add("checkpoint-unwritten", "", saved["failed"])
-    film = sampling.film
-    if film.invalid_samples:
-        diagnostics.add("invalid-samples", "", f"{film.invalid_samples} of {film.samples} samples are left out")
+        sampling.film.image()
     assert sampling.stop is not None
     if asked.asked:  # even if all was done by then, frames may follow
         sampling.stop = replace(sampling.stop, reason="interrupted")
@@ -120,6 +113,20 @@ def _render_one(
 
     if saved:
         costs.checkpoint = saved
+    return picture_of(prepared, sampling, costs, diagnostics)
+
+
+def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics: Diagnostics) -> Image:
+    """What a render that has stopped made, with its report; what sampling has to tell goes to `diagnostics`."""
+    from .image import Image, pixels_sha256
+    from .report import header_of, make_report
+
+    film, failed = sampling.film, (costs.checkpoint or {}).get("failed")
+    if failed:
+        diagnostics.add("checkpoint-unwritten", "", failed)
+    if film.invalid_samples:
+        diagnostics.add("invalid-samples", "", f"{film.invalid_samples} of {film.samples} samples are left out")
+    pixels, errors = film.image()
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels))
     return Image(pixels, report, header_of(report), prepared.camera, errors=errors)

@@ -6,7 +6,7 @@ import os
 import resource
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from importlib import metadata
@@ -29,9 +29,12 @@ class Costs:
     stages_s: dict[str, float] = field(default_factory=lambda: dict.fromkeys(STAGES, 0.0))
     render_cpu_s: float = 0.0
     checkpoint: dict[str, Any] | None = None  # what a report says of checkpoints, if any are written
+    on_stage: Callable[[str], None] | None = None  # told as each stage begins
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
+        if self.on_stage is not None:
+            self.on_stage(name)
         start, cpu = time.perf_counter(), cpu_seconds()
         try:
             yield

@@ -84,12 +84,16 @@ class Sampling:
     rows: list[Row] = field(default_factory=list)
     busy_lanes: int = 0
     shaded_lanes: int = 0
-    # Of earlier runs, of a render that goes on from a checkpoint: what a time limit and rates don't count.
+    # Of earlier runs, of a render that goes on from a checkpoint: what a time limit (unless told to) and rates don't count.
     earlier_seconds: float = 0.0
     earlier_done: int = 0
     earlier_rays: int = 0
     resumable: bool = False  # measure at anchors what any error metric may be told by later
     pilot: bool = False  # measure at every anchor, and at the end only where there was none
+    # For those who watch: a first pass of one block, whose error is measured too, and who is told when a pass is complete.
+    first_look: bool = False
+    on_pass: Callable[[], None] | None = None
+    now_s: float = 0.0  # seconds of sampling, those of the pass under way too
     stop: Stop | None = None
     most_fraction: float = 0.0
 
@@ -101,6 +105,10 @@ class Sampling:
             sampling.done = settings.sample_range[0]
             film.start_at(sampling.done // SAMPLE_BLOCK)
         return sampling
+
+    def count_as_spent(self, seconds: float) -> None:
+        """So much of the time limit is used up, before this run."""
+        self.earlier_seconds = self.seconds - seconds
 
     # ---- what comes next ------------------------------------------------------------------------------------------------
 
@@ -135,7 +143,7 @@ class Sampling:
 
         def poll(fraction: float) -> bool:
             nonlocal why
-            seconds = before + time.perf_counter() - start
+            self.now_s = seconds = before + time.perf_counter() - start
             if progress is not None and progress(self._fraction(fraction, seconds), self.film.samples, self.film.rays) is False:
                 why = "interrupted"
             elif limit is not None and self.film.samples > 0 and seconds - self.earlier_seconds > limit:
@@ -155,6 +163,8 @@ class Sampling:
         self.shaded_lanes += done.shaded_lanes
         if not done.interrupted:
             self.done, self.ends = self.goal, None
+            if self.on_pass is not None:
+                self.on_pass()
             return "done"
         if why != "paused":
             self._end(why or "interrupted")
@@ -167,8 +177,10 @@ class Sampling:
         while anchor <= self.done:
             anchor *= 2
         goal = min(anchor, most)
+        if self.first_look and self.done == 0:
+            goal = min(SAMPLE_BLOCK, most)
         after = (self.done // SAMPLE_BLOCK + 1) * SAMPLE_BLOCK  # an earlier run may have stopped inside a block
-        expected = self._expected_end()
+        expected = self.expected_end()
         if expected is not None:
             goal = min(goal, max(expected, after))
         if self.settings.time_limit_s is not None:
@@ -185,7 +197,7 @@ class Sampling:
         share = more if more < 2 * SAMPLE_BLOCK else max(SHARE_OF_TIME * more, 2 * SAMPLE_BLOCK)
         return (self.done + int(share)) // SAMPLE_BLOCK * SAMPLE_BLOCK
 
-    def _expected_end(self) -> int | None:
+    def expected_end(self) -> int | None:
         """The first boundary at which the error should have fallen to the target, from the last measurements."""
         target = self.settings.target_error
         row = next((row for row in reversed(self.rows) if row.decides), None)
@@ -251,8 +263,10 @@ class Sampling:
             self._measure(anchor=True)
             if self.settings.adapts and self.rows and self.done >= FIRST_PLAN:
                 self.plan = make_plan(self.film, self.rows[-1].error.tiles, self.done)
+        elif self.first_look and self.done == SAMPLE_BLOCK:
+            self._measure()
         elif self.settings.target_error is not None and self.done > 0:
-            expected = self._expected_end()
+            expected = self.expected_end()
             due = expected is not None and self.done >= expected
             if due or self.done >= self.settings.most_samples:
                 self._measure(due=due)
@@ -311,7 +325,7 @@ class Sampling:
         first = self.settings.sample_range[0] if self.settings.sample_range else 0
         now = self.done + of_pass * (self.goal - self.done)
         by = [(now - first) / (self.settings.most_samples - first)]
-        expected = self._expected_end()
+        expected = self.expected_end()
         if expected is not None:
             by.append(min(now / expected, 0.99))
         if self.settings.time_limit_s is not None:

@@ -139,7 +139,7 @@ def check_stop(stop: StopRules, limits: Limits, member: str) -> None:
     if stop.max_samples is not None and stop.max_samples > limits.samples:
         raise over_limit(f"{member}.max_samples", f"{limits.samples} samples a pixel are allowed", limits.samples)
     if stop.max_seconds is not None and stop.max_seconds > limits.seconds:
-        raise over_limit(f"{member}.max_seconds", f"{limits.seconds:g} seconds are allowed", limits.seconds)
+        raise over_limit(f"{member}.max_seconds", f"{limits.seconds:.0f} seconds are allowed", limits.seconds)
 
 
 def render_settings(settings: Settings) -> RenderSettings:
@@ -185,7 +185,7 @@ def check_labels(labels: Mapping[str, str], limits: Limits) -> None:
 
 def checked_ttl(ttl_s: float | None, limits: Limits) -> float:
     if ttl_s is not None and ttl_s > limits.ttl_s:
-        raise over_limit("ttl_s", f"{limits.ttl_s:g} seconds are allowed", limits.ttl_s)
+        raise over_limit("ttl_s", f"{limits.ttl_s:.0f} seconds are allowed", limits.ttl_s)
     return limits.default_ttl_s if ttl_s is None else ttl_s
 
 

@@ -71,6 +71,33 @@ class JobRequest(Sent):
     webhook: Webhook | None = None
 
 
+class SceneOfForm(Sent):
+    """The scene is the form's file."""
+
+    entry: str | None = Field(None, max_length=1024, description="The root layer in a package that has several.")
+
+
+class FormJob(Sent):
+    """As JobRequest, for a file that comes in the same form."""
+
+    scene: SceneOfForm = SceneOfForm()
+    settings: Settings = Settings()
+    priority: int = Field(50, ge=0, le=100, description="Larger goes first.")
+    labels: dict[str, str] = Field(default={}, description="To find jobs by.")
+    ttl_s: float | None = Field(None, gt=0, description="As in JobRequest.")
+    webhook: Webhook | None = None
+
+    def with_scene(self, scene_id: str) -> JobRequest:
+        return JobRequest(
+            scene=SceneReference(id=scene_id, entry=self.scene.entry),
+            settings=self.settings,
+            priority=self.priority,
+            labels=self.labels,
+            ttl_s=self.ttl_s,
+            webhook=self.webhook,
+        )
+
+
 class JobPatch(Sent):
     """Only what is to change."""
 

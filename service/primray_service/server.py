@@ -18,6 +18,7 @@ import h11
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from . import logs
 from .app import create_app
 from .changes import Changes
 from .config import ServeConfig
@@ -26,7 +27,9 @@ from .executor.base import Executor
 from .files import DataDirectory
 from .problems import Problem
 from .routes.answers import json_bytes
+from .scenes.keep import sweep
 from .service import Service
+from .shared_reads import SharedReads
 from .store import open_store
 from .tenants import quotas_of
 
@@ -34,10 +37,12 @@ SHUTDOWN_S = 5
 HEADER_BYTES = 32 * 1024
 FIRST_HEADER_S = 30.0  # a connection that has not sent a request's head by then is closed
 KEEP_ALIVE_S = 75
+SHARED_READ_S = 1.0
 
 
 def serve(config: ServeConfig) -> None:
     """Until SIGTERM or Ctrl-C."""
+    logs.configure(config.log_json)
     listener = listen(config)
     allow_many_connections()
     asyncio.run(run(config, listener))
@@ -47,9 +52,13 @@ def listen(config: ServeConfig) -> socket.socket:
     """Problem("unavailable") where the port cannot be had."""
     family = socket.AF_INET6 if ":" in config.host else socket.AF_INET
     try:
-        return socket.create_server((config.host, config.port), family=family, backlog=2048)
+        listener = socket.create_server((config.host, config.port), family=family, backlog=2048)
     except (OSError, OverflowError) as error:
         raise Problem("unavailable", f"Cannot listen on {config.host} port {config.port}: {error}.") from None
+    # Connections inherit it. asyncio sets it only where a socket names its protocol, and this one does not: without it an
+    # answer of two writes waits 40 ms for the acknowledgement of the first.
+    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return listener
 
 
 def allow_many_connections() -> None:
@@ -88,16 +97,22 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
     data.create()
     store = await asyncio.to_thread(open_store, config.database_url)
     await asyncio.to_thread(store.migrate)
+    await asyncio.to_thread(sweep, store, data)
     changes = Changes()
-    unsubscribe = store.subscribe(changes.changed)
+    # Another server's changes are not told: what is read here may be shared by all who ask only if there is no other.
+    reads = SharedReads(SHARED_READ_S if config.database_url.startswith("sqlite") else 0.0)
+    # In this order: whoever is woken by a change reads it.
+    unsubscribe = [store.subscribe(reads.changed), store.subscribe(changes.changed)]
     executor = new_executor(config, data)
-    service = Service(config, store, data, executor, None, changes)  # type: ignore[arg-type]
+    service = Service(config, store, data, executor, None, changes, reads)  # type: ignore[arg-type]
     service.dispatcher = Dispatcher(store, executor, data, config.limits, quotas_of(store, config.quotas))
     dispatching: asyncio.Task[None] | None = None
     try:
         if config.dispatch:
             await executor.start()
             dispatching = asyncio.create_task(service.dispatcher.run())
+        if config.warm:
+            await service.pictures.warm()
         yield service
     finally:
         changes.close()
@@ -106,14 +121,23 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
             with contextlib.suppress(asyncio.CancelledError):
                 await dispatching
         await executor.close()
-        unsubscribe()
+        await service.pictures.close()
+        for end in unsubscribe:
+            end()
         store.close()
 
 
 def new_executor(config: ServeConfig, data: DataDirectory) -> Executor:
     from .executor.local import LocalExecutor
 
-    return LocalExecutor(config, data)
+    return LocalExecutor(
+        data,
+        config.limits,
+        slots=config.slots,
+        cores=config.usable_cores,
+        sandboxed=not config.allow_unsandboxed,
+        warm=config.warm,
+    )
 
 
 class Server(uvicorn.Server):
@@ -157,7 +181,7 @@ class Connection(H11Protocol):
         self.timeout_keep_alive_task = self.loop.call_later(FIRST_HEADER_S, self._close_silent)
 
     def _close_silent(self) -> None:
-        if self.cycle is None and not self.transport.is_closing():
+        if self.conn.their_state is h11.IDLE and not self.transport.is_closing():
             self.transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:

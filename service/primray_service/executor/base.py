@@ -58,6 +58,8 @@ class Ended:
     cpu_s: float
     peak_rss_bytes: int
     log: str  # the tail of what it printed to stderr
+    log_file: Path | None = None  # all of it that was kept, until `Handle.release()`
+    protocol_error: str = ""  # what was wrong with its messages or its files, where it was ended for that
 
 
 class Handle(Protocol):

@@ -22,7 +22,14 @@ def service_of(request: Request) -> Service:
 
 
 async def caller_of_request(request: Request) -> Caller:
-    """Problem("unauthenticated") unless a valid key or session came along, or none is needed."""
+    """Problem("unauthenticated") unless a valid key or session came along, or none is needed; found once a request."""
+    known: Caller | None = request.scope.get("primray.caller")
+    if known is None:
+        known = request.scope["primray.caller"] = await _caller_of(request)
+    return known
+
+
+async def _caller_of(request: Request) -> Caller:
     sha256 = _key_sha256(request)
     if sha256 is None:
         if service_of(request).config.needs_keys:

@@ -12,7 +12,7 @@ from fastapi import Request, Response
 
 from ..problems import Problem
 
-_ETAG = re.compile(r'(W/)?("[\x21\x23-\x7e\x80-\xff]*")')
+ETAG = re.compile(r'(W/)?("[\x21\x23-\x7e\x80-\xff]*")')
 
 
 def json_bytes(value: Any) -> bytes:
@@ -56,14 +56,40 @@ def check_match(request: Request, etag: str) -> bool:
     if header is None:
         return False
     if not _names(header, etag, weakly=False):
-        raise Problem("precondition-failed", f"It is at {etag} now, not at {header[:200]}.", headers={"etag": etag})
+        raise Problem("precondition-failed", f"It is at {etag} now.", headers={"etag": etag})
     return True
 
 
 def _names(header: str, etag: str, weakly: bool) -> bool:
     if header.strip() == "*":
         return True
-    return any(tag == etag and (weakly or not weak) for weak, tag in _ETAG.findall(header))
+    return any(tag == etag and (weakly or not weak) for weak, tag in ETAG.findall(header))
+
+
+def accepted(request: Request, *offered: str) -> str:
+    """The media type, of those offered, that Accept likes best (RFC 9110, 12.5.1), the first of equals; Problem if none."""
+    header = ",".join(request.headers.getlist("accept")) or "*/*"
+    ranges = [_media_range(part) for part in header.split(",")]
+
+    def quality(media_type: str) -> float:
+        kind = media_type.partition("/")[0]
+        matching = [(name.count("*"), q) for name, q in ranges if name in (media_type, f"{kind}/*", "*/*")]
+        return min(matching, default=(0, 0.0))[1]
+
+    best = max(offered, key=quality)
+    if quality(best) <= 0:
+        raise Problem("not-acceptable", f"There is {' and '.join(offered)}.", offered=list(offered))
+    return best
+
+
+def _media_range(text: str) -> tuple[str, float]:
+    name, *parameters = (part.strip().lower() for part in text.split(";"))
+    weight = next((part[2:] for part in parameters if part.startswith("q=")), "1")
+    try:
+        q = float(weight)
+    except ValueError:
+        q = 0.0
+    return name, q if 0 <= q <= 1 else 0.0
 
 
 def not_modified(etag: str, headers: Mapping[str, str] | None = None) -> Response:

@@ -14,6 +14,7 @@ from ..problems import Problem
 from .access import service_of
 
 Model = TypeVar("Model", bound=BaseModel)
+MORE_BYTES = 2**20
 MAX_DIGITS = 40  # of a whole number: more is refused before it is converted
 
 
@@ -37,30 +38,35 @@ def check_json_type(request: Request) -> None:
 
 
 async def read(request: Request, most_bytes: int) -> bytes:
-    """The body; its bytes are counted, whatever Content-Length says."""
-    body = bytearray()
+    """The body; its bytes are counted, whatever Content-Length says.
+
+    Of one that is too large a little more is read: a connection that is closed with bytes unread is reset, and the client
+    would see that instead of the answer.
+    """
+    body, size = bytearray(), 0
     try:
         async for part in request.stream():
-            body += part
-            if len(body) > most_bytes:
-                raise Problem(
-                    "request-too-large",
-                    f"The JSON may have {most_bytes} bytes.",
-                    headers={"connection": "close"},
-                    limit=most_bytes,
-                )
+            size += len(part)
+            if size <= most_bytes:
+                body += part
+            elif size > most_bytes + MORE_BYTES:
+                break
     except ClientDisconnect:
         raise Problem("upload-incomplete", "The connection ended before the body did.") from None
+    if size > most_bytes:
+        close = {"connection": "close"}
+        raise Problem("request-too-large", f"The JSON may have {most_bytes} bytes.", headers=close, limit=most_bytes)
+    request.state.body_was_read = True
     return bytes(body)
 
 
-def parsed(model: type[Model], body: bytes) -> Model:
-    """Problem with the member that is at fault."""
+def parsed(model: type[Model], body: bytes, where: str = "") -> Model:
+    """Problem with the member that is at fault, below `where`."""
     check_json(body)
     try:
         return model.model_validate_json(body)
     except ValidationError as error:
-        raise invalid(error) from None
+        raise invalid(error, where) from None
 
 
 def check_json(body: bytes) -> None:
@@ -117,12 +123,12 @@ def _check_text(value: Any) -> None:
             _check_text(member)
 
 
-def invalid(error: ValidationError) -> Problem:
+def invalid(error: ValidationError, where: str = "") -> Problem:
     """All that a model found, in a few words each; nothing of what was sent is repeated but names."""
     errors = [
-        {"member": ".".join(str(part)[:100] for part in found["loc"]), "detail": found["msg"]}
+        {"member": ".".join([where] * bool(where) + [str(part)[:100] for part in found["loc"]]), "detail": found["msg"]}
         for found in error.errors(include_url=False, include_input=False, include_context=False)[:20]
     ]
     first = errors[0]
-    where = f"{first['member']}: " if first["member"] else ""
-    return Problem("invalid-request", f"{where}{first['detail']}.", member=first["member"], errors=errors)
+    place = f"{first['member']}: " if first["member"] else ""
+    return Problem("invalid-request", f"{place}{first['detail']}.", member=first["member"], errors=errors)

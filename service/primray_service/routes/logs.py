@@ -19,7 +19,6 @@ router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 FILE = "log.txt"
 
 
-@router.head("/{job_id}/log")
 @router.get("/{job_id}/log")
 async def log(
     job_id: str,

@@ -31,7 +31,6 @@ def list_outputs(job_id: str, caller: Reader, service: Serving) -> Response:
     return json_answer({"items": [output_json(output) for output in outputs]})
 
 
-@router.head("/{job_id}/outputs/{name}")
 @router.get("/{job_id}/outputs/{name}")
 async def output(
     job_id: str, name: str, request: Request, caller: Reader, service: Serving, sha256: str | None = None

@@ -78,7 +78,6 @@ def list_scenes(
     return json_answer({"items": [scene_json(scene) for scene in scenes], "next_cursor": next_cursor}, headers=headers)
 
 
-@router.head("/{scene_id}")
 @router.get("/{scene_id}")
 async def show(scene_id: str, request: Request, caller: Reader, service: Serving) -> Response:
     """A scene: whether it is checked yet, and what is in it. HEAD tells whether it has to be uploaded at all."""

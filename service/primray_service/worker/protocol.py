@@ -6,9 +6,14 @@ The first command says what to do; a worker does one thing and ends. Paths are r
 Commands
     {"do": "check", "file": "scene.usdz" | "package", "kind": "usda|usdc|usdz|zip", "entry": "shot.usda" | null, "limits": {..}}
     {"do": "render", "file": "package/shot.usda", "settings": {RenderSettings as JSON}, "checkpoint": "checkpoint.prc" | null,
-     "number": 3, "checkpoint_every_s": 10, "picture_only": false, "preview": true, "limits": {..}, "traceparent": ".."}
-        goes on from `checkpoint` (whose number is `number`), or begins; `picture_only`: take no more samples, write the outputs
-    {"do": "stop"}     end soon with a checkpoint and the picture so far           (then: checkpoint, done)
+     "number": 3, "checkpoint_every_s": 10, "picture_only": false, "preview": true, "limits": {..}, "traceparent": "..",
+     "outputs": ["beauty.exr", "beauty.png", "report.json"], "spent_s": 3.5, "fraction": 0.4}
+        goes on from `checkpoint` (whose number is `number`), or begins; `picture_only`: take no more samples, write the
+        outputs; `preview`: as the command of that name, from the start; `outputs`: what files are to be called, by whose
+        endings the worker knows what they are; `spent_s`: seconds of sampling before this run that the settings' time limit
+        counts; `fraction`: of progress that was told before
+    {"do": "stop"}     end soon with a checkpoint and the picture so far           (then: checkpoint, done; done with no outputs
+                       and a report {"interrupted": true, "samples": 0} where there is no picture yet)
     {"do": "yield"}    end soon with a checkpoint                                  (then: checkpoint, yielded)
     {"do": "preview"}  write a preview soon, and for the next ten seconds after each pass
 
@@ -22,10 +27,12 @@ Messages, by "at"
                 "error": {"metric", "estimate", "ci95", "target", "kind": "estimated"} | null, "eta_s" | null, "eta_ci95" |
                 null, "pass"}
     row        a row of the convergence curve: {"t_s", "samples", "relmse", "ci95", "rmse"}
-    preview    {"pass", "file", "bytes"}: worker/preview.py says what is in the file
+    preview    {"pass", "file", "bytes", "samples"}: worker/preview.py says what is in the file; each has a larger pass than the
+               one before
     checkpoint {"number": 4, "file", "bytes", "samples", "seconds"}: takes the place of number 3
     facts      {..}: what a check found
     done       {"outputs": [{"name", "file", "bytes", "sha256", "media_type"}], "report": {..}}
+               (the report without its diagnostics, which were warnings: the file has them)
     yielded    {"number": 4}
     failed     {"problem": {"type": "/problems/..", "title", "status", "detail", ...}}
 After done, yielded, facts or failed a worker exits with 0; any other end is a crash.

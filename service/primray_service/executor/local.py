@@ -1,0 +1,137 @@
+"""LocalExecutor: each chunk is a process on this machine, in a sandbox and a folder of its own, under a watchdog.
+
+One worker of each kind waits, warm, with all that takes long imported; it serves one chunk, and another is started at a quieter
+moment. All methods are to be called in the event loop of the main thread.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from contextlib import suppress
+
+from ..files import DataDirectory
+from ..ids import ulid
+from ..jobs import Json
+from ..limits import Limits
+from ..problems import Problem
+from .base import Capacity, Chunk, Handle, OnMessage
+from .local_run import KINDS, Run, Worker
+from .slots import Slots
+
+LOG = logging.getLogger(__name__)
+
+CORES_A_SLOT = 8
+READY_WITHIN_S = 120.0  # of a machine under load
+WARM_AGAIN_AFTER_S = 1.0  # a chunk began: its scene is read then, which the next worker's imports would slow down
+WARM_AGAIN_AFTER_DEATH_S = 10.0
+
+
+class LocalExecutor:
+    """`slots`: renders at a time (None: one for eight cores); `sandboxed`: with every wall that stands here, or without."""
+
+    def __init__(
+        self,
+        data: DataDirectory,
+        limits: Limits,
+        *,
+        slots: int | None = None,
+        cores: int,
+        sandboxed: bool = True,
+        warm: bool = True,
+    ) -> None:
+        self._limits = limits
+        self._capacity = Capacity(slots or max(1, cores // CORES_A_SLOT), cores, limits.memory_bytes)
+        self._sandboxed = sandboxed
+        self._keeps_warm = warm
+        self._slots = Slots(data.slots, ulid(time.time()))
+        self._warm: dict[str, Worker] = {}
+        self._runs: set[Run] = set()
+        self._closing = False
+        self._why_not = "it was not started"
+
+    def capacity(self) -> Capacity:
+        return self._capacity
+
+    async def start(self) -> None:
+        try:
+            self._slots.open()
+        except OSError as error:
+            raise Problem("unavailable", f"The folder of the workers cannot be used: {error.strerror}.") from error
+        workers = {kind: self._start_worker(kind) for kind in KINDS}
+        ready = await asyncio.gather(*(worker.is_ready_within(READY_WITHIN_S) for worker in workers.values()))
+        why = [worker.process.log.tail().strip().splitlines() for worker in workers.values()]
+        for kind, worker in workers.items():
+            if all(ready) and self._keeps_warm:
+                self._keep(kind, worker)
+            else:
+                await self._end(worker)
+        if not all(ready):
+            last = [lines[-1] for lines, is_ready in zip(why, ready, strict=True) if lines and not is_ready]
+            raise Problem("unavailable", f"No worker could be started: {last[0] if last else 'it said nothing'}.")
+        self._why_not = ""
+
+    def submit(self, chunk: Chunk, on_message: OnMessage) -> Handle:
+        if self._closing:
+            raise Problem("unavailable", "The server is stopping.")
+        memory = chunk.memory_bytes or self._limits.memory_bytes
+        waiting = self._warm.get(chunk.kind)
+        if waiting is not None and memory <= waiting.memory_bytes:
+            worker = self._warm.pop(chunk.kind)
+        else:
+            worker = self._start_worker(chunk.kind, memory)
+        run = Run(chunk, worker, on_message, self._limits, self._capacity.threads)
+        self._runs.add(run)
+        run.ended.add_done_callback(lambda _: self._runs.discard(run))
+        self._warm_later(chunk.kind, WARM_AGAIN_AFTER_S)
+        return run
+
+    def health(self) -> Json:
+        return {"ok": not self._why_not and not self._closing, "sandbox": {}} | (
+            {"why": self._why_not} if self._why_not else {}
+        )
+
+    async def close(self) -> None:
+        self._closing = True
+        for run in list(self._runs):
+            run.kill()
+        for kind in list(self._warm):
+            await self._end(self._warm.pop(kind))
+        await asyncio.gather(*(run.result() for run in list(self._runs)))
+        await asyncio.to_thread(self._slots.close)
+
+    # ---- warm workers -----------------------------------------------------------------------------------------------------
+
+    def _start_worker(self, kind: str, memory_bytes: int | None = None) -> Worker:
+        memory = memory_bytes or self._limits.memory_bytes
+        return Worker(kind, self._slots.make(), memory, self._capacity.threads, self._limits, self._sandboxed)
+
+    def _keep(self, kind: str, worker: Worker) -> None:
+        self._warm[kind] = worker
+
+        def died(_: object) -> None:
+            if self._warm.get(kind) is worker:
+                del self._warm[kind]
+                LOG.warning("a waiting worker died: %s", worker.process.log.tail()[-500:])
+                worker.slot.remove()
+                self._warm_later(kind, WARM_AGAIN_AFTER_DEATH_S)
+
+        worker.process.exit.add_done_callback(died)
+
+    def _warm_later(self, kind: str, delay_s: float) -> None:
+        if self._keeps_warm:
+            asyncio.get_running_loop().call_later(delay_s, self._warm_up, kind)
+
+    def _warm_up(self, kind: str) -> None:
+        if not self._closing and kind not in self._warm:
+            try:
+                self._keep(kind, self._start_worker(kind))
+            except OSError as error:  # no processes or no space: chunks will say so
+                LOG.warning("no worker could be started: %s", error)
+
+    async def _end(self, worker: Worker) -> None:
+        worker.process.kill()
+        with suppress(asyncio.CancelledError):
+            await asyncio.shield(worker.process.exit)
+        await asyncio.to_thread(worker.slot.remove)

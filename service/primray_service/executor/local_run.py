@@ -1,0 +1,228 @@
+"""A worker on this machine, and one chunk's life in it: its files are put there, it is watched, its end is told."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import os
+import signal
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..jobs import Json
+from ..limits import Limits
+from ..worker.protocol import LAST
+from . import watchdog
+from .base import Chunk, Ended, OnMessage
+from .messages import BadMessage, parse
+from .process import Exit, WorkerProcess
+from .slots import Slot, fill
+
+LOG = logging.getLogger(__name__)
+
+KINDS = ("render", "check")
+LOOK_EVERY_S = 0.15
+LOOK_AT_FOLDER_EVERY_S = 0.6
+LEAVE_WITHIN_S = 5.0  # after its last message
+# The wall clock is the last resort, for a worker that sleeps: others may have the CPU.
+LOAD_WALL_PER_CPU = 20.0
+SIGNALS = {signal.SIGXCPU: "time-limit", signal.SIGXFSZ: "storage-limit"}
+
+
+@dataclass(frozen=True)
+class _Start:
+    argv: list[str]
+    env: dict[str, str]
+    cwd: str
+
+
+class Worker:
+    """A process that waits for its chunk in a slot of its own."""
+
+    def __init__(self, kind: str, slot: Slot, memory_bytes: int, threads: int, limits: Limits, sandboxed: bool) -> None:
+        self.slot = slot
+        self.memory_bytes = memory_bytes
+        self.wrapped = False
+        argv = [sys.executable, "-m", "primray_service.worker", kind, str(slot.job), str(slot.out)]
+        self._ready = asyncio.Event()
+        self.process = WorkerProcess(_Start(argv, dict(os.environ), "/"), slot.log, limits.log_bytes, self._on_line)
+
+    def _on_line(self, line: bytes) -> None:
+        if line == b'{"at": "ready"}':
+            self._ready.set()
+
+    async def is_ready_within(self, seconds: float) -> bool:
+        """Or has ended before."""
+        waited: set[asyncio.Future[Any]] = {asyncio.ensure_future(self._ready.wait()), self.process.exit}
+        await asyncio.wait(waited, timeout=seconds, return_when=asyncio.FIRST_COMPLETED)
+        for future in waited - {self.process.exit}:
+            future.cancel()
+        return self._ready.is_set()
+
+
+def exit_of(returncode: int, wrapped: bool) -> tuple[int | None, int | None]:
+    """Exit code and signal, one of them None; bubblewrap tells a signal as 128 and its number."""
+    if returncode < 0:
+        return None, -returncode
+    return (None, returncode - 128) if wrapped and returncode > 128 else (returncode, None)
+
+
+class Run:
+    """A Handle."""
+
+    def __init__(self, chunk: Chunk, worker: Worker, on_message: OnMessage, limits: Limits, threads: int) -> None:
+        self.chunk = chunk
+        self.ended: asyncio.Future[Ended] = asyncio.get_running_loop().create_future()
+        self._worker = worker
+        self._process = worker.process
+        self._on_message = on_message
+        self._limits = limits
+        self._memory_bytes = min(chunk.memory_bytes or limits.memory_bytes, worker.memory_bytes)
+        self._command = self._completed(chunk.command, threads)
+        self._told: list[bytes] | None = []  # until its first command is sent
+        self._reason = ""
+        self._said = ""  # what was wrong with its messages
+        self._last = ""
+        self._sampling = False
+        self._released = False
+        self._used = watchdog.used_by(self._process.pid)
+        self._cpu_before_s = self._used.cpu_s
+        self._peak_bytes = 0
+        self._process.on_line = self._on_line
+        self._process.exit.add_done_callback(self._on_exit)
+        self._work = asyncio.ensure_future(self._run())
+
+    # ---- Handle -----------------------------------------------------------------------------------------------------------
+
+    @property
+    def folder(self) -> Path:
+        return self._worker.slot.out
+
+    async def result(self) -> Ended:
+        return await asyncio.shield(self.ended)
+
+    def tell(self, command: Json) -> None:
+        line = json.dumps(command).encode() + b"\n"
+        if self._told is not None:
+            self._told.append(line)
+        else:
+            self._process.write(line)
+
+    def kill(self) -> None:
+        self._kill("killed")
+
+    def release(self) -> None:
+        if not self._released:
+            self._released = True
+            if self.ended.done():
+                self._remove()
+
+    # ---- its life ---------------------------------------------------------------------------------------------------------
+
+    def _completed(self, command: Json, threads: int) -> Json:
+        """What this machine decides about where the chunk leaves it open."""
+        limits = {
+            "output_bytes": self._limits.output_bytes,
+            "log_bytes": self._limits.log_bytes,
+            **(command.get("limits") or {}),
+        }
+        limits["memory_bytes"] = self._memory_bytes
+        completed = {**command, "limits": limits}
+        if "settings" in command and command["settings"].get("threads") is None:
+            completed["settings"] = {**command["settings"], "threads": threads}
+        return completed
+
+    async def _run(self) -> None:
+        try:
+            await asyncio.to_thread(fill, self._worker.slot.job, self.chunk.inputs, self.chunk.folders)
+        except (OSError, ValueError) as error:
+            LOG.error("the files of %s cannot be put in place: %s", self.chunk.id, error)
+            self._said = f"its files cannot be put in place: {error}"
+            self._kill("lost")
+            return
+        told, self._told = self._told or [], None
+        self._process.write(json.dumps(self._command).encode() + b"\n" + b"".join(told))
+        await self._watch()
+
+    async def _watch(self) -> None:
+        start = time.monotonic()
+        load_wall_s = LOAD_WALL_PER_CPU * self.chunk.load_cpu_s
+        next_folder = start
+        while not self._process.exit.done():
+            self._look()
+            now = time.monotonic()
+            if now >= next_folder:
+                next_folder = now + LOOK_AT_FOLDER_EVERY_S
+                if watchdog.folder_bytes(self.folder, self._limits.output_bytes) > self._limits.output_bytes:
+                    self._kill("storage-limit")
+            if now - start > load_wall_s + (2 * self._limits.seconds if self._sampling else 0):
+                self._kill("time-limit")
+            await asyncio.wait({self._process.exit}, timeout=LOOK_EVERY_S)
+
+    def _look(self) -> None:
+        used = watchdog.used_by(self._process.pid)
+        if used.cpu_s == 0:
+            return  # it has just ended
+        self._used = used
+        peak = watchdog.peak_rss_bytes(watchdog.innermost(self._process.pid))
+        self._peak_bytes = max(self._peak_bytes, used.rss_bytes, peak)
+        if used.rss_bytes > self._memory_bytes:
+            self._kill("memory-limit")
+        elif not self._sampling and used.cpu_s - self._cpu_before_s > self.chunk.load_cpu_s:
+            self._kill("time-limit")
+
+    def _on_line(self, line: bytes) -> None:
+        if self._reason:
+            return  # what it says after it was ended counts no more
+        try:
+            message = parse(line)
+            if self._last:
+                raise BadMessage(f"a message after {self._last!r}")
+        except BadMessage as error:
+            self._said = f"the worker sent {error}"
+            self._kill("exited")
+            return
+        at = message["at"]
+        if at == "ready":
+            return
+        if at == "phase" and message["phase"] == "sampling":
+            self._sampling = True
+        if at in LAST:
+            self._last = at
+            asyncio.get_running_loop().call_later(LEAVE_WITHIN_S, self._should_be_gone)
+        try:
+            self._on_message(message)
+        except Exception:
+            LOG.exception("a message %r of %s was not taken", at, self.chunk.id)
+
+    def _should_be_gone(self) -> None:
+        if not self._process.exit.done():
+            self._said = f"the worker did not leave after {self._last!r}"
+            self._kill("exited")
+
+    # ---- its end ----------------------------------------------------------------------------------------------------------
+
+    def _kill(self, reason: str) -> None:
+        if not self._process.exit.done():
+            self._reason = self._reason or reason
+            self._process.kill(watchdog.innermost(self._process.pid))
+
+    def _on_exit(self, found: asyncio.Future[Exit]) -> None:
+        end = found.result()
+        code, number = exit_of(end.returncode, self._worker.wrapped)
+        reason = self._reason or ("exited" if number is None else SIGNALS.get(signal.Signals(number), "signal"))
+        peak = self._peak_bytes
+        if end.max_rss_bytes > self._process.parent_peak_bytes:  # so it is its own
+            peak = max(peak, end.max_rss_bytes)
+        cpu_s = max(end.cpu_s, self._used.cpu_s) - self._cpu_before_s
+        log = self._process.log
+        self.ended.set_result(Ended(reason, code, number, self.folder, max(cpu_s, 0.0), peak, log.tail(), log.path, self._said))
+        if self._released:
+            self._remove()
+
+    def _remove(self) -> None:
+        asyncio.get_running_loop().run_in_executor(None, self._worker.slot.remove)

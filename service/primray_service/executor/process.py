@@ -1,0 +1,195 @@
+"""One worker process and its three pipes, in the event loop that started it: lines in, commands out, its end.
+
+All of it is bounded: a line, what is printed, and how fast a worker may talk. It belongs to the loop's thread, which must be
+the main one: workers die with the thread that started them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from ..worker.protocol import MAX_LINE_BYTES
+from .process_log import ProcessLog
+
+READ_BYTES = 2**16
+# A worker that says more in a second waits: reading it must not keep the server from its clients.
+BYTES_A_SECOND, LINES_A_SECOND = 8 * 2**20, 2000
+
+
+class Start(Protocol):
+    """How to start it."""
+
+    @property
+    def argv(self) -> list[str]: ...
+    @property
+    def env(self) -> dict[str, str]: ...
+    @property
+    def cwd(self) -> str: ...
+
+
+@dataclass(frozen=True)
+class Exit:
+    returncode: int  # negative: a signal
+    cpu_s: float  # of it and of what it has waited for, in all its life
+    max_rss_bytes: int
+
+
+OnLine = Callable[[bytes], None]
+
+
+class WorkerProcess:
+    """`on_line` gets whole lines without their end, in order; b"" stands for one that was too long."""
+
+    def __init__(self, start: Start, log: Path, log_bytes: int, on_line: OnLine) -> None:
+        self._loop = asyncio.get_running_loop()
+        self.on_line = on_line
+        self.log = ProcessLog(log, log_bytes)
+        self.exit: asyncio.Future[Exit] = self._loop.create_future()
+        # What a child inherits of its parent's peak, by vfork, shows in its own.
+        self.parent_peak_bytes = _own_peak_bytes()
+        child = subprocess.Popen(
+            start.argv,
+            env=start.env,
+            cwd=start.cwd,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+            bufsize=0,
+        )
+        child.returncode = 0  # it is waited for here; Popen must not
+        self.pid = child.pid
+        assert child.stdin is not None
+        assert child.stdout is not None
+        assert child.stderr is not None
+        self._stdin, self._stdout, self._stderr = child.stdin, child.stdout, child.stderr
+        for pipe in (self._stdin, self._stdout, self._stderr):
+            os.set_blocking(pipe.fileno(), False)
+        self._to_write = bytearray()
+        self._line = bytearray()
+        self._second = time.monotonic()
+        self._bytes = self._lines = 0
+        self._pidfd = os.pidfd_open(self.pid)
+        self._loop.add_reader(self._stdout.fileno(), self._read_messages)
+        self._loop.add_reader(self._stderr.fileno(), self._read_log)
+        self._loop.add_reader(self._pidfd, self._ended)
+
+    # ---- to it ------------------------------------------------------------------------------------------------------------
+
+    def write(self, line: bytes) -> None:
+        if self.exit.done() or self._stdin.closed:
+            return
+        self._to_write += line
+        self._flush()
+
+    def _flush(self) -> None:
+        try:
+            while self._to_write:
+                del self._to_write[: os.write(self._stdin.fileno(), self._to_write)]
+        except BlockingIOError:
+            self._loop.add_writer(self._stdin.fileno(), self._flush)
+            return
+        except OSError:  # it is gone, or has closed its stdin: its end is told elsewhere
+            self._to_write.clear()
+        self._loop.remove_writer(self._stdin.fileno())
+
+    def kill(self, inner: int | None = None) -> None:
+        """End it; `inner`: the process to be killed first, so that those around it can tell what it used."""
+        if self.exit.done():
+            return
+        if inner is not None and inner != self.pid:
+            with suppress(ProcessLookupError):
+                os.kill(inner, signal.SIGKILL)
+            self._loop.call_later(0.25, self.kill)
+            return
+        with suppress(ProcessLookupError):
+            os.killpg(self.pid, signal.SIGKILL)
+
+    # ---- from it ----------------------------------------------------------------------------------------------------------
+
+    def _read_messages(self) -> None:
+        data = _read(self._stdout.fileno())
+        if data is None:
+            return
+        if not data:
+            self._loop.remove_reader(self._stdout.fileno())
+            return
+        self._take(data)
+        now = time.monotonic()
+        if now - self._second >= 1:
+            self._second, self._bytes, self._lines = now, 0, 0
+        if self._bytes > BYTES_A_SECOND or self._lines > LINES_A_SECOND:
+            self._loop.remove_reader(self._stdout.fileno())
+            self._loop.call_later(self._second + 1 - now, self._listen_again)
+
+    def _listen_again(self) -> None:
+        if not self._stdout.closed:
+            self._loop.add_reader(self._stdout.fileno(), self._read_messages)
+
+    def _take(self, data: bytes) -> None:
+        self._bytes += len(data)
+        self._line += data
+        *lines, rest = self._line.split(b"\n")
+        self._line = rest
+        self._lines += len(lines)
+        for line in lines:
+            self.on_line(bytes(line) if len(line) <= MAX_LINE_BYTES else b"")
+        if len(self._line) > MAX_LINE_BYTES:
+            self._line.clear()
+            self.on_line(b"")
+
+    def _read_log(self) -> None:
+        data = _read(self._stderr.fileno())
+        if data:
+            self.log.add(data)
+        elif data is not None:
+            self._loop.remove_reader(self._stderr.fileno())
+
+    # ---- its end ----------------------------------------------------------------------------------------------------------
+
+    def _ended(self) -> None:
+        _, status, usage = os.wait4(self.pid, 0)
+        self._loop.remove_reader(self._pidfd)
+        os.close(self._pidfd)
+        # What it said last is in the pipes still: as much as they hold, whoever else has them open.
+        for pipe, take in ((self._stdout, self._take), (self._stderr, self.log.add)):
+            self._loop.remove_reader(pipe.fileno())
+            for _ in range(64):
+                data = _read(pipe.fileno())
+                if not data:
+                    break
+                take(data)
+            pipe.close()
+        self._loop.remove_writer(self._stdin.fileno())
+        self._stdin.close()
+        self.log.close()
+        code = os.waitstatus_to_exitcode(status)
+        if not self.exit.done():
+            self.exit.set_result(Exit(code, usage.ru_utime + usage.ru_stime, usage.ru_maxrss * 1024))
+
+
+def _read(handle: int) -> bytes | None:
+    """None: nothing now; b"": nothing any more."""
+    try:
+        return os.read(handle, READ_BYTES)
+    except BlockingIOError:
+        return None
+    except OSError:
+        return b""
+
+
+def _own_peak_bytes() -> int:
+    with open("/proc/self/status", encoding="ascii", errors="replace") as file:
+        for line in file:
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024
+    return 0

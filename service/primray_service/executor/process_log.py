@@ -1,0 +1,37 @@
+"""What a worker printed, in a file that it cannot write to itself: beginning and end, where it was more than allowed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+TAIL_BYTES = 8192
+
+
+class ProcessLog:
+    """`most_bytes` in the file at most."""
+
+    def __init__(self, path: Path, most_bytes: int) -> None:
+        self.path = path
+        self._file = open(path, "xb", buffering=0)  # noqa: SIM115 - open as long as the process
+        self._left = max(most_bytes - TAIL_BYTES - 200, 0)
+        self._omitted = 0
+        self._tail = bytearray()
+
+    def add(self, data: bytes) -> None:
+        kept, rest = data[: self._left], data[self._left :]
+        if kept:
+            self._left -= len(kept)
+            self._file.write(kept)
+        self._omitted += len(rest)
+        self._tail = (self._tail + data)[-TAIL_BYTES:]
+
+    def tail(self) -> str:
+        return self._tail.decode("utf-8", "replace")
+
+    def close(self) -> None:
+        if self._omitted:
+            end = self._tail[-min(self._omitted, TAIL_BYTES) :]
+            more = self._omitted - len(end)
+            self._file.write(b"\n[%d bytes are left out here]\n" % more + end if more else end)
+            self._omitted = 0
+        self._file.close()

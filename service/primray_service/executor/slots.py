@@ -1,0 +1,131 @@
+"""The private folders of workers, slots/<executor>-<n>/{job,out}, and their removal, also after a server that died.
+
+A file slots/<executor>.lock is locked by its server as long as it lives; whoever gets the lock may remove what is its.
+"""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import shutil
+import stat
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+NO_LINKS = {errno.EXDEV, errno.EPERM, errno.EMLINK, errno.ENOTSUP, errno.ENOSYS}
+
+
+@dataclass(frozen=True)
+class Slot:
+    """`job`: what its worker may read; `out`: where it may write; the log lies outside of both."""
+
+    root: Path
+
+    @property
+    def job(self) -> Path:
+        return self.root / "job"
+
+    @property
+    def out(self) -> Path:
+        return self.root / "out"
+
+    @property
+    def log(self) -> Path:
+        return self.root / "log.txt"
+
+    def remove(self) -> None:
+        shutil.rmtree(self.root, ignore_errors=True)
+
+
+class Slots:
+    """The slots of one executor."""
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self._folder = folder
+        self._name = name
+        self._made = 0
+        self._lock: int | None = None
+
+    def open(self) -> None:
+        """Remove what dead servers left, and begin."""
+        self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        for lock in self._folder.glob("*.lock"):
+            _remove_if_dead(lock)
+        for slot in self._folder.iterdir():
+            if slot.is_dir() and not self._folder.joinpath(f"{slot.name.rsplit('-', 1)[0]}.lock").exists():
+                shutil.rmtree(slot, ignore_errors=True)
+        self._lock = os.open(self._folder / f"{self._name}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        fcntl.flock(self._lock, fcntl.LOCK_EX)
+
+    def make(self) -> Slot:
+        self._made += 1
+        slot = Slot(self._folder / f"{self._name}-{self._made}")
+        slot.root.mkdir(mode=0o700)
+        slot.job.mkdir(mode=0o700)
+        slot.out.mkdir(mode=0o700)
+        return slot
+
+    def close(self) -> None:
+        """All that is left of them."""
+        for slot in self._folder.glob(f"{self._name}-*"):
+            shutil.rmtree(slot, ignore_errors=True)
+        if self._lock is not None:
+            (self._folder / f"{self._name}.lock").unlink(missing_ok=True)
+            os.close(self._lock)
+            self._lock = None
+
+
+def _remove_if_dead(lock: Path) -> None:
+    try:
+        handle = os.open(lock, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW)
+    except OSError:
+        return
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return  # its server lives
+    else:
+        for slot in lock.parent.glob(f"{lock.stem}-*"):
+            shutil.rmtree(slot, ignore_errors=True)
+        lock.unlink(missing_ok=True)
+    finally:
+        os.close(handle)
+
+
+# ---- what a worker is to find -----------------------------------------------------------------------------------------
+
+
+def fill(job: Path, inputs: Mapping[str, Path], folders: Mapping[str, Path]) -> None:
+    """Give the job folder its files: links to what lies there, copies where links cannot be."""
+    for name, source in inputs.items():
+        _put(source, _below(job, name))
+    for name, folder in folders.items():
+        begin = _below(job, name)
+        begin.mkdir(parents=True, exist_ok=True)
+        for inside, _, files in os.walk(folder):
+            to = begin / Path(inside).relative_to(folder)
+            to.mkdir(parents=True, exist_ok=True)
+            for file in files:
+                _put(Path(inside, file), to / file)
+
+
+def _below(job: Path, name: str) -> Path:
+    path = PurePosixPath(name)
+    if path.is_absolute() or ".." in path.parts or not path.parts:
+        raise ValueError(f"{name!r} is no place in a job's folder")
+    return job / path
+
+
+def _put(source: Path, target: Path) -> None:
+    """Only plain files: a link in a package would lead out of the folder."""
+    if not stat.S_ISREG(os.lstat(source).st_mode):
+        raise ValueError(f"{source.name} is not a plain file")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        os.link(source, target, follow_symlinks=False)
+    except OSError as error:
+        if error.errno not in NO_LINKS:
+            raise
+        shutil.copyfile(source, target, follow_symlinks=False)

@@ -1,0 +1,40 @@
+"""The walls around a worker process. A scene is somebody else's program for USD's parsers: what it may reach is decided here.
+
+    call_numbers.py, system_calls.py   the kernel by ctypes
+    limits.py                          rlimits: memory, files, file size, CPU
+    privileges.py                      capabilities, inherited files, life without a parent
+    landlock.py                        which files can be opened; TCP, abstract sockets and signals too on newer kernels
+    seccomp.py                         which system calls can be made
+    readable.py, bubblewrap.py         an empty root with only what Python needs
+    layers.py                          which of these work on this machine
+    spawn.py                           argument list and environment of a worker (the server's side)
+    entry.py                           `enter()` (the worker's side), before anything large is imported
+    attempts.py, self_test.py          tries from inside what must fail; for /readyz
+
+In Python by ctypes rather than in the C++ core: the same system calls without a build, for every Python process.
+"""
+
+from .entry import Entered, SandboxError, enter
+from .layers import layers, usable_layers, works
+from .limits import Budget, end_phase, limit_cpu, limit_cpu_of_phase
+from .self_test import SelfTest, self_test
+from .spawn import Spawn, decode_exit, worker_pid, worker_spawn
+
+__all__ = [
+    "Budget",
+    "Entered",
+    "SandboxError",
+    "SelfTest",
+    "Spawn",
+    "decode_exit",
+    "end_phase",
+    "enter",
+    "layers",
+    "limit_cpu",
+    "limit_cpu_of_phase",
+    "self_test",
+    "usable_layers",
+    "worker_pid",
+    "worker_spawn",
+    "works",
+]

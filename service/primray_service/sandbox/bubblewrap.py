@@ -1,0 +1,85 @@
+"""A worker inside bubblewrap: an empty root with only what Python needs, its own process ids, network, users and mounts.
+
+The outermost wall, where the kernel and the container around the server allow namespaces; the others stand without it.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+
+from .readable import DEVICES, interpreter_links, readable_paths
+
+JOB, OUT = "/job", "/out"
+_TRY_S = 20.0
+
+
+def wrap(slot: Path, environment: Mapping[str, str], command: Sequence[str]) -> list[str]:
+    """The argument list that runs a command with slot/job at /job (read-only) and slot/out at /out."""
+    program = shutil.which("bwrap")
+    if program is None:
+        raise FileNotFoundError("bwrap")
+    return [program, *_root(_with_proc()), *_folders(slot), *_environment(environment), "--chdir", OUT, "--", *command]
+
+
+def missing() -> str | None:
+    """Why it cannot be used here, or None; tried once."""
+    if shutil.which("bwrap") is None:
+        return "not installed"
+    first = _trial(with_proc=True)
+    if first is None:
+        return None
+    return first if _trial(with_proc=False) is not None else None
+
+
+@cache
+def _with_proc() -> bool:
+    return _trial(with_proc=True) is None
+
+
+@cache
+def _trial(*, with_proc: bool) -> str | None:
+    """Start Python in the empty root; what went wrong, or None."""
+    command = [shutil.which("bwrap") or "bwrap", *_root(with_proc), "--", sys.executable, "-I", "-S", "-c", "pass"]
+    try:
+        ended = subprocess.run(command, env={}, stdin=subprocess.DEVNULL, capture_output=True, timeout=_TRY_S, check=False)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return str(error)
+    if ended.returncode == 0:
+        return None
+    lines = ended.stderr.decode("utf-8", "replace").strip().splitlines()
+    return lines[0][:200] if lines else f"it ended with {ended.returncode}"
+
+
+def _root(with_proc: bool) -> list[str]:
+    arguments = ["--unshare-all", "--die-with-parent", "--new-session", "--clearenv", "--cap-drop", "ALL"]
+    arguments += ["--uid", "65534", "--gid", "65534", "--hostname", "worker"]
+    for path in readable_paths():
+        if os.path.islink(path):  # /lib on most systems
+            arguments += ["--symlink", os.readlink(path), path]
+        else:
+            arguments += ["--ro-bind", path, path]
+    for link, target in interpreter_links():
+        if not _is_below(link, readable_paths()):
+            arguments += ["--symlink", target, link]
+    for device in (*DEVICES, "/dev/urandom", "/dev/zero"):
+        arguments += ["--dev-bind", device, device]
+    arguments += ["--ro-bind-try", "/sys/devices/system/cpu", "/sys/devices/system/cpu"]
+    return [*arguments, *(["--proc", "/proc"] if with_proc else [])]
+
+
+def _folders(slot: Path) -> list[str]:
+    return ["--ro-bind", str(slot / "job"), JOB, "--bind", str(slot / "out"), OUT, "--remount-ro", "/"]
+
+
+def _environment(environment: Mapping[str, str]) -> list[str]:
+    return [word for name, value in environment.items() for word in ("--setenv", name, value)]
+
+
+def _is_below(path: str, folders: Sequence[str]) -> bool:
+    return any(path == folder or path.startswith(folder + "/") for folder in folders)

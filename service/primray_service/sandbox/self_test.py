@@ -1,0 +1,105 @@
+"""Whether the walls hold: a real worker process tries to get out (attempts.py), towards targets that are really there."""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import shutil
+import socket
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from .layers import layers, works
+from .limits import Budget
+from .spawn import worker_spawn
+
+_PROGRAM = "primray_service.sandbox.attempts"
+_TIMEOUT_S = 20.0
+_LAST = "execute a program"
+
+
+@dataclass(frozen=True)
+class SelfTest:
+    """`attempts`: by what was tried, "refused: why" or "allowed"; `ok`: all were refused."""
+
+    ok: bool
+    layers: dict[str, str]
+    attempts: dict[str, str] = field(default_factory=dict)
+    problem: str | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        return {"ok": self.ok, "layers": self.layers, "attempts": self.attempts, "problem": self.problem}
+
+
+def self_test(folder: Path, only: frozenset[str] | None = None) -> SelfTest:
+    """Blocks for some 0.2 s. `folder`: below the data directory, where slots lie; `only`: fewer layers than stand here."""
+    slot = Path(tempfile.mkdtemp(prefix="self-test-", dir=folder))
+    try:
+        with _targets(slot) as targets:
+            attempts, problem = _run(slot, targets, only)
+    finally:
+        shutil.rmtree(slot, ignore_errors=True)
+    allowed = sorted(name for name, result in attempts.items() if result == "allowed")
+    if problem is None and _LAST not in attempts:
+        problem = "it ended before all was tried"
+    if problem is None and allowed:
+        problem = f"a worker can {', '.join(allowed)}"
+    if problem is None and not works(only):
+        problem = "neither Landlock nor bubblewrap with seccomp works here"
+    return SelfTest(problem is None, layers(), attempts, problem)
+
+
+def _run(slot: Path, targets: dict[str, Any], only: frozenset[str] | None) -> tuple[dict[str, str], str | None]:
+    spawn = worker_spawn(slot, Budget(2**30), ("-m", _PROGRAM, json.dumps(targets)), only)
+    try:
+        ended = subprocess.run(
+            spawn.argv,
+            env=spawn.env,
+            cwd=spawn.cwd,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            start_new_session=True,
+            timeout=_TIMEOUT_S,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return {}, f"a worker cannot be started: {error}"
+    attempts: dict[str, str] = {}
+    for line in ended.stdout.splitlines():
+        attempts.update(json.loads(line))
+    if ended.returncode == 0:
+        return attempts, None
+    last = ended.stderr.decode("utf-8", "replace").strip().splitlines()[-1:]
+    return attempts, f"a worker ended with {ended.returncode}: {' '.join(last)[:300]}"
+
+
+@contextmanager
+def _targets(slot: Path) -> Iterator[dict[str, Any]]:
+    """Things that could be reached if no wall stood."""
+    for name in ("job", "out"):
+        (slot / name).mkdir()
+    (slot / "job" / "scene").write_bytes(b"#usda 1.0\n")
+    outside = slot / "outside"
+    outside.write_bytes(b"secret")
+    name = f"\0primray-{secrets.token_hex(8)}"
+    with ExitStack() as stack:
+        tcp = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+        udp = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        udp.bind(("127.0.0.1", 0))
+        abstract = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+        abstract.bind(name)
+        abstract.listen()
+        yield {
+            "server_pid": os.getpid(),
+            "file": str(outside),
+            "folder": str(slot),
+            "tcp_port": tcp.getsockname()[1],
+            "udp_port": udp.getsockname()[1],
+            "abstract": name,
+        }

@@ -1,0 +1,100 @@
+"""How to start a worker: its argument list and its environment, with every wall that stands here.
+
+    spawn = worker_spawn(slot, Budget(memory_bytes=..., threads=...))
+    subprocess.Popen(spawn.argv, env=spawn.env, cwd=spawn.cwd, start_new_session=True, stdin=PIPE, stdout=PIPE, stderr=PIPE)
+
+slot/job and slot/out are there and the worker's alone; files may be put into slot/job (by hard links) at any time later. The
+program calls `enter()` first of all (entry.py).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from . import bubblewrap
+from .layers import usable_layers
+from .limits import Budget, limits_of
+from .readable import DEVICES, machine_paths, readable_paths
+
+WORKER = ("-m", "primray_service.worker")
+PLAN = "PRIMRAY_SANDBOX"  # the environment variable that tells `enter` what to do
+
+
+@dataclass(frozen=True)
+class Spawn:
+    argv: list[str]
+    env: dict[str, str]
+    cwd: str
+    job: str  # the two folders as the worker sees them
+    out: str
+    wrapped: bool  # the child is bubblewrap, and the worker its grandchild
+
+
+def worker_spawn(slot: Path, budget: Budget, program: Sequence[str] = WORKER, layers: frozenset[str] | None = None) -> Spawn:
+    """`layers`: fewer than stand here, for tests of one at a time. Make it and start it in the thread that lives longest:
+    the worker dies with it."""
+    on = usable_layers() if layers is None else layers
+    wrapped = "bubblewrap" in on
+    slot = slot.resolve()
+    job, out = (bubblewrap.JOB, bubblewrap.OUT) if wrapped else (str(slot / "job"), str(slot / "out"))
+    plan = {
+        "job": job,
+        "out": out,
+        "layers": sorted(on),
+        "limits": limits_of(budget),
+        "readable": [*readable_paths(), *machine_paths(), job],
+        "devices": list(DEVICES),
+        "parent": None if wrapped else os.getpid(),
+    }
+    env = {**_environment(out, budget.threads), PLAN: json.dumps(plan)}
+    # Isolated: no PYTHON* variables, no user's site-packages, not the current folder. No .pyc files are written.
+    command = [sys.executable, "-I", "-B", *program]
+    argv = bubblewrap.wrap(slot, env, command) if wrapped else command
+    # bubblewrap's own environment is empty: what is not there cannot be read from /proc.
+    return Spawn(argv, {} if wrapped else env, "/", job, out, wrapped)
+
+
+def _environment(out: str, threads: int) -> dict[str, str]:
+    """All of it: nothing is inherited, so no plug-in path, search path, OCIO configuration or token is."""
+    return {
+        "HOME": f"{out}/tmp",
+        "TMPDIR": f"{out}/tmp",
+        "LANG": "C.UTF-8",
+        "LC_ALL": "C.UTF-8",
+        "PXR_WORK_THREAD_LIMIT": str(threads),
+        "TF_ENV_SETTING_ALERTS_ENABLED": "0",  # or USD prints a banner that the line above was there
+        "OPENBLAS_NUM_THREADS": "1",  # numpy's; each thread reserves memory and none has work
+    }
+
+
+def decode_exit(returncode: int, wrapped: bool) -> tuple[int | None, int | None]:
+    """Exit code and signal of the worker, one of them None. bubblewrap tells a signal as 128 and its number, as shells do."""
+    if returncode < 0:
+        return None, -returncode
+    if wrapped and returncode > 128:
+        return None, returncode - 128
+    return returncode, None
+
+
+def worker_pid(child: int) -> int | None:
+    """The process that runs the worker, of a spawned child: itself or, in bubblewrap, the last of its line; None while it is
+    not there."""
+    pid = child
+    for _ in range(3):
+        below = _children(pid)
+        if not below:
+            return pid
+        pid = below[0]
+    return pid
+
+
+def _children(pid: int) -> list[int]:
+    try:
+        return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text("ascii").split()]
+    except (OSError, ValueError):
+        return []

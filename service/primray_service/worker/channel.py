@@ -1,0 +1,116 @@
+"""A worker's end of the protocol: messages out, commands in. Its server's death (the end of stdin) ends it at once."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import threading
+import time
+from collections.abc import Mapping
+from typing import Any, BinaryIO
+
+from .protocol import LAST, MAX_LINE_BYTES
+
+SERVER_GONE = 4  # exit code
+PREVIEWS_FOR_S = 10.0  # after somebody asked for one
+
+
+def claim_stdout() -> BinaryIO:
+    """The pipe of messages; what libraries print to stdout from now on goes to stderr, which is the log."""
+    messages = os.fdopen(os.dup(1), "wb", buffering=0)
+    os.dup2(2, 1)
+    return messages
+
+
+class Channel:
+    """Messages may be sent by any thread; commands are read by one of its own."""
+
+    def __init__(self, commands: BinaryIO, messages: BinaryIO) -> None:
+        self._commands = commands
+        self._messages = messages
+        self._lock = threading.Lock()
+        self._first: Mapping[str, Any] | None = None
+        self._came = threading.Event()
+        self._previews_until = 0.0
+        self._number: int | None = None
+        self.stop = False
+        self.give_way = False
+
+    def start(self) -> None:
+        threading.Thread(target=self._read, name="commands", daemon=True).start()
+
+    def send(self, at: str, **members: Any) -> None:
+        line = json.dumps(finite({"at": at, **members}), ensure_ascii=True, allow_nan=False).encode() + b"\n"
+        if len(line) > MAX_LINE_BYTES:
+            raise ValueError(f"a message {at!r} of {len(line)} bytes")
+        with self._lock:
+            try:
+                self._write(line)
+            except OSError:
+                os._exit(SERVER_GONE)
+
+    def _write(self, line: bytes) -> None:
+        view = memoryview(line)
+        while view:
+            view = view[self._messages.write(view) or 0 :]
+
+    def leave(self, at: str, **members: Any) -> None:
+        """The last message, and the end of the process: nothing that libraries do at exit is waited for."""
+        assert at in LAST
+        self.send(at, **members)
+        os._exit(0)
+
+    def first(self) -> Mapping[str, Any]:
+        """The command that says what to do."""
+        self._came.wait()
+        assert self._first is not None
+        return self._first
+
+    def ask_preview(self) -> None:
+        self._previews_until = time.monotonic() + PREVIEWS_FOR_S
+
+    def wants_preview(self) -> bool:
+        return time.monotonic() < self._previews_until
+
+    def nothing_to_save(self, number: int | None) -> None:
+        """From now on stop and yield are answered at once, since there is no more than checkpoint `number`; None: not any
+        more, whoever samples looks at them."""
+        self._number = number
+        self._leave_if_told()
+
+    def _leave_if_told(self) -> None:
+        number = self._number
+        if number is not None and self.give_way:
+            self.leave("yielded", number=number)
+        if number == 0 and self.stop:  # where there is a checkpoint, the picture is made from it
+            self.leave("done", outputs=[], report={"interrupted": True, "samples": 0})
+
+    def _read(self) -> None:
+        while True:
+            line = self._commands.readline(MAX_LINE_BYTES + 1)
+            if not line.endswith(b"\n"):
+                os._exit(SERVER_GONE)
+            self._heed(json.loads(line))
+
+    def _heed(self, command: Mapping[str, Any]) -> None:
+        does = command["do"]
+        if self._first is None:
+            self._first = command
+            self._came.set()
+        elif does == "preview":
+            self.ask_preview()
+        elif does == "stop":
+            self.stop = True
+        elif does == "yield":
+            self.give_way = True
+        self._leave_if_told()
+
+
+def finite(value: Any) -> Any:
+    """JSON in the strict sense has no NaN and no infinity; they become null."""
+    if isinstance(value, Mapping):
+        return {str(name): finite(inner) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(inner) for inner in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

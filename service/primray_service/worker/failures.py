@@ -1,0 +1,68 @@
+"""What a worker's exceptions are called on the outside: problem documents, with places inside of the job's own files.
+
+What USD says of a syntax error quotes the file, so that only its line number is passed on.
+"""
+
+from __future__ import annotations
+
+import errno
+import re
+from pathlib import PurePosixPath
+from typing import Any
+
+from primray import errors
+
+from ..problems import Problem
+
+_LINE = re.compile(r"line[ :]+(\d+)")
+_LIMITS = {"memory-limit": "memory-limit", "out-of-memory": "memory-limit", "limit": "limit-exceeded"}
+_DISK = {errno.EFBIG, errno.EDQUOT, errno.ENOSPC}
+
+
+def problem_of_error(error: BaseException, job_folder: str) -> Problem:
+    """The problem that tells a client what happened; what it does not tell is in the log."""
+    if isinstance(error, Problem):
+        return error
+    if isinstance(error, MemoryError):
+        return Problem("memory-limit", "The worker could get no more memory.")
+    if isinstance(error, OSError) and error.errno in _DISK:
+        return Problem("storage-limit", f"A file could not be written: {error.strerror}.")
+    if not isinstance(error, errors.PrimrayError):
+        return Problem("render-failed", "The renderer met something it did not expect; the log says more.")
+    return _of_primray(error, job_folder)
+
+
+def _of_primray(error: errors.PrimrayError, job_folder: str) -> Problem:
+    where = _inside(error, job_folder)
+    place: dict[str, Any] = {"code": error.code} | ({"where": where} if where else {})
+    if isinstance(error, errors.StageOpenError):
+        line = _LINE.search(error.message)
+        extra = place | {"layer": where} | ({"line": int(line[1])} if line else {})
+        return Problem("layer-unreadable", f"USD cannot open it{f' (line {line[1]})' if line else ''}.", **extra)
+    if isinstance(error, errors.CheckpointError):
+        return Problem("checkpoint-unusable", _sentence(error, job_folder), code=error.code)
+    if isinstance(error, errors.SettingsError):
+        return Problem("settings-rejected", _sentence(error, job_folder), **place)
+    if isinstance(error, errors.LimitError):
+        return Problem(_LIMITS.get(error.code, "scene-too-large"), _sentence(error, job_folder), **place)
+    if isinstance(error, errors.UnsupportedError) and error.code == "strict":
+        return Problem("strict-warnings", _sentence(error, job_folder).removeprefix("--strict: "), prim=error.where)
+    if isinstance(error, errors.SceneError):
+        return Problem("scene-rejected", _sentence(error, job_folder), **place)
+    if error.code == "write-failed" and isinstance(error.__cause__, OSError) and error.__cause__.errno in _DISK:
+        return Problem("storage-limit", "A file could not be written: more than is allowed, or than there is room for.")
+    return Problem("render-failed", _sentence(error, job_folder), code=error.code)
+
+
+def _sentence(error: errors.PrimrayError, job_folder: str) -> str:
+    text = error.message.replace(job_folder + "/", "")[:1000]
+    return text[:1].upper() + text[1:]
+
+
+def _inside(error: errors.PrimrayError, job_folder: str) -> str:
+    """A place as the client knows it: a path below the job's folder, a prim's path; of another file its name alone."""
+    where = error.where
+    if where.startswith(job_folder + "/"):
+        return where[len(job_folder) + 1 :]
+    is_file = isinstance(error, errors.StageOpenError | errors.AssetError)
+    return PurePosixPath(where).name if is_file else where[:1000]
