@@ -34,7 +34,10 @@ export function compareView(root, [first, second]) {
   const placeField = field("Between A and B", place);
   const gainField = element("div", { class: "field exposure" }, element("label", { for: (gain.id = "gain") }, "Difference times"), gain, times);
   const exposureField = element("div", { class: "field exposure" }, element("label", { for: (exposure.id = "compare-exposure") }, "Exposure"), exposure, stops);
-  const picture = element("section", { class: "viewer", hidden: true }, board.root, element("div", { class: "under" }, values), element("div", { class: "bar" }, mode, placeField, gainField, exposureField, board.tools), numbers);
+  const picture = element("section", { class: "viewer", hidden: true }, board.root, element("div", { class: "under" }, values), element("div", { class: "bar" }, mode, frameField, placeField, gainField, exposureField, board.tools), numbers);
+  const frame = element("input", { type: "number", min: "1", value: "1", step: "1", on: { change: () => load() } });
+  const frameField = field("Frame, by place", frame);
+  frameField.hidden = true;
   const sides = { a: { id: first, raw: null }, b: { id: second, raw: null } };
   let shown = "split";
   let pixel = null;
@@ -85,6 +88,9 @@ export function compareView(root, [first, second]) {
     try {
       const changed = await Promise.all([sides.a, sides.b].map(fetchSide));
       if (closed) return;
+      const most = Math.max(...[sides.a, sides.b].map(({ job }) => job.progress?.frames?.total ?? 1));
+      frameField.hidden = most < 2;
+      frame.max = String(most);
       fill(trouble, notes());
       if (changed.some(Boolean)) redraw();
       if ([sides.a, sides.b].some(({ job }) => !TERMINAL.has(job.state))) timer = setTimeout(load, 1000 * LOOK_EVERY_S);
@@ -96,9 +102,11 @@ export function compareView(root, [first, second]) {
 
   async function fetchSide(side) {
     side.job = await get(jobPath(side.id));
-    const response = await call("GET", jobPath(side.id, "/preview?format=raw"), { accept: "*/*" });
-    const tag = response.headers.get("etag");
-    if (tag && tag === side.tag) return false;
+    const total = side.job.progress?.frames?.total ?? 1;
+    const number = Math.min(total, Math.max(1, Math.round(Number(frame.value)) || 1)) - 1;
+    const response = await call("GET", jobPath(side.id, `/preview?format=raw&frame=${number}`), { accept: "*/*" });
+    const tag = `${number} ${response.headers.get("etag")}`;
+    if (tag === side.tag) return false;
     side.raw = decodeRaw(await response.arrayBuffer());
     side.tag = tag;
     return true;

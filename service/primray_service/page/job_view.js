@@ -52,10 +52,9 @@ export function jobView(root, [id]) {
     element(
       "div",
       { class: "job" },
-      element("div", { class: "left" }, picture.root, strip.root),
+      element("div", { class: "left" }, picture.root, strip.root, notes.root),
       element("div", { class: "right" }, element("section", { class: "card", "aria-label": "Progress" }, bar.root, doing.root, link), element("section", { class: "card", "aria-label": "Error" }, plot.root), files.root, details.root),
     ),
-    notes.root,
   );
 
   // One request at a time; whatever happens meanwhile causes one more.
@@ -174,6 +173,7 @@ export function jobView(root, [id]) {
   const hasPicture = () => (chosen?.progress ?? job.progress)?.samples_done > 0;
 
   function onEvent(type, data) {
+    if (type === "end") stop?.(); // nothing follows; left open, the browser would ask again and again
     if (type === "preview") {
       if ((data.frame ?? data.number ?? frame) === frame) picture.refresh();
     } else if (type === "progress" && job && (data.progress ?? data).fraction !== undefined && (job.progress?.frames?.total ?? 1) === 1) {
@@ -202,10 +202,7 @@ export function jobView(root, [id]) {
         refresh();
       },
       onLost: () => {
-        if (ended) {
-          stop(); // the server ends the stream of a job that has ended
-          return;
-        }
+        if (ended) return;
         write(link, "The connection was lost; trying again.");
         clearInterval(timer);
         timer = setInterval(refresh, 1000 * LOOK_EVERY_S);

@@ -9,6 +9,7 @@ export function progress() {
   const phase = element("p", { class: "phase" });
   const left = element("p", { class: "left-time soft" });
   const cells = Object.fromEntries(["error", "target", "samples", "time", "rays", "frames"].map((name) => [name, element("dd", {})]));
+  cells.error.append(element("span", { class: "large" }), element("small", {}));
   const names = { error: "Error now", target: "Target", samples: "Samples a pixel", time: "Time", rays: "Rays", frames: "Frames" };
   const list = element("dl", { class: "numbers-list" }, Object.entries(cells).map(([name, cell]) => element("div", {}, element("dt", {}, names[name]), cell)));
   const root = element("div", { class: "progress" }, element("div", { class: "phase-line" }, phase, left), bar, list);
@@ -21,7 +22,8 @@ export function progress() {
     bar.hidden = ended;
     write(left, ended ? "" : leftWords(found, job.state));
     const error = found.error;
-    write(cells.error, error ? `${format.error(error.estimate)}${interval(error)}` : "–");
+    write(cells.error.firstChild, error ? format.error(error.estimate) : "–");
+    write(cells.error.lastChild, error ? interval(error) : "");
     write(cells.target, targetWords(job));
     write(cells.samples, samplesWords(found));
     write(cells.time, format.duration(found.elapsed_s) || "–");
@@ -36,7 +38,7 @@ export function progress() {
 
 function interval(error) {
   const [low, high] = error.ci95 ?? [];
-  return Number.isFinite(low) && Number.isFinite(high) ? ` (${format.error(low)} – ${format.error(high)})` : "";
+  return Number.isFinite(low) && Number.isFinite(high) ? `95 %: ${format.error(low)} – ${format.error(high)}` : "";
 }
 
 function targetWords(job) {

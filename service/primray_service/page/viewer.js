@@ -89,7 +89,7 @@ export function viewer(job, { onFirst = () => {} } = {}) {
       write(note, "");
     } catch (failure) {
       if (!failure.problem) throw failure;
-      if (!front) pause = AGAIN_S;
+      if (!front) pause = Math.max(AGAIN_S, failure.retryAfter ?? 0);
       if (failure.problem.status === 422) write(note, failure.problem.detail);
       else if (shownAs && shownAs !== source && failure.problem.status !== 0) write(note, failure.problem.detail);
     } finally {
