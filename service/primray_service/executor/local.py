@@ -16,8 +16,9 @@ from ..ids import ulid
 from ..jobs import Json
 from ..limits import Limits
 from ..problems import Problem
+from ..sandbox import layers
 from .base import Capacity, Chunk, Handle, OnMessage
-from .local_run import KINDS, Run, Worker
+from .local_run import KINDS, Run, Walls, Worker
 from .slots import Slots
 
 LOG = logging.getLogger(__name__)
@@ -29,7 +30,8 @@ WARM_AGAIN_AFTER_DEATH_S = 10.0
 
 
 class LocalExecutor:
-    """`slots`: renders at a time (None: one for eight cores); `sandboxed`: with every wall that stands here, or without."""
+    """`slots`: renders at a time (None: one for eight cores); `walls`: fewer than all that stand here, or another program, for
+    tests and machines without them."""
 
     def __init__(
         self,
@@ -38,12 +40,12 @@ class LocalExecutor:
         *,
         slots: int | None = None,
         cores: int,
-        sandboxed: bool = True,
+        walls: Walls = Walls(),  # noqa: B008 - immutable
         warm: bool = True,
     ) -> None:
         self._limits = limits
         self._capacity = Capacity(slots or max(1, cores // CORES_A_SLOT), cores, limits.memory_bytes)
-        self._sandboxed = sandboxed
+        self._walls = walls
         self._keeps_warm = warm
         self._slots = Slots(data.slots, ulid(time.time()))
         self._warm: dict[str, Worker] = {}
@@ -88,9 +90,14 @@ class LocalExecutor:
         return run
 
     def health(self) -> Json:
-        return {"ok": not self._why_not and not self._closing, "sandbox": {}} | (
-            {"why": self._why_not} if self._why_not else {}
-        )
+        """The self-test of the sandbox is the server's to make: it takes a moment."""
+        found: Json = {"ok": not self._why_not and not self._closing, "sandbox": self._layers()}
+        found |= {"warm": sorted(self._warm), "running": len(self._runs), "slots": self._capacity.slots}
+        return found | ({"why": self._why_not} if self._why_not else {})
+
+    def _layers(self) -> dict[str, str]:
+        wanted = self._walls.layers
+        return {name: state if wanted is None or name in wanted else "off: by choice" for name, state in layers().items()}
 
     async def close(self) -> None:
         self._closing = True
@@ -105,7 +112,7 @@ class LocalExecutor:
 
     def _start_worker(self, kind: str, memory_bytes: int | None = None) -> Worker:
         memory = memory_bytes or self._limits.memory_bytes
-        return Worker(kind, self._slots.make(), memory, self._capacity.threads, self._limits, self._sandboxed)
+        return Worker(kind, self._slots.make(), memory, self._capacity.threads, self._limits, self._walls)
 
     def _keep(self, kind: str, worker: Worker) -> None:
         self._warm[kind] = worker

@@ -5,16 +5,17 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
-import os
 import signal
-import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..jobs import Json
 from ..limits import Limits
+from ..sandbox import Budget, decode_exit, worker_spawn
+from ..sandbox.spawn import WORKER
 from ..worker.protocol import LAST
 from . import watchdog
 from .base import Chunk, Ended, OnMessage
@@ -25,6 +26,7 @@ from .slots import Slot, fill
 LOG = logging.getLogger(__name__)
 
 KINDS = ("render", "check")
+READY = b'{"at": "ready"}'
 LOOK_EVERY_S = 0.15
 LOOK_AT_FOLDER_EVERY_S = 0.6
 LEAVE_WITHIN_S = 5.0  # after its last message
@@ -34,26 +36,30 @@ SIGNALS = {signal.SIGXCPU: "time-limit", signal.SIGXFSZ: "storage-limit"}
 
 
 @dataclass(frozen=True)
-class _Start:
-    argv: list[str]
-    env: dict[str, str]
-    cwd: str
+class Walls:
+    """How workers are started: `layers` of the sandbox (None: all that stand here), and what program they are."""
+
+    layers: frozenset[str] | None = None
+    program: Sequence[str] = WORKER
 
 
 class Worker:
     """A process that waits for its chunk in a slot of its own."""
 
-    def __init__(self, kind: str, slot: Slot, memory_bytes: int, threads: int, limits: Limits, sandboxed: bool) -> None:
+    def __init__(self, kind: str, slot: Slot, memory_bytes: int, threads: int, limits: Limits, walls: Walls) -> None:
         self.slot = slot
         self.memory_bytes = memory_bytes
-        self.wrapped = False
-        argv = [sys.executable, "-m", "primray_service.worker", kind, str(slot.job), str(slot.out)]
+        budget = Budget(memory_bytes, threads, limits.output_bytes)
+        spawn = worker_spawn(slot.root, budget, (*walls.program, kind), walls.layers)
+        self.wrapped = spawn.wrapped
         self._ready = asyncio.Event()
-        self.process = WorkerProcess(_Start(argv, dict(os.environ), "/"), slot.log, limits.log_bytes, self._on_line)
+        self.process = WorkerProcess(spawn, slot.log, limits.log_bytes, self._on_line)
 
     def _on_line(self, line: bytes) -> None:
-        if line == b'{"at": "ready"}':
+        """Before it has a chunk; what it printed until it was ready is of no use to whoever reads a chunk's log."""
+        if line == READY:
             self._ready.set()
+            self.process.begin_log()
 
     async def is_ready_within(self, seconds: float) -> bool:
         """Or has ended before."""
@@ -62,13 +68,6 @@ class Worker:
         for future in waited - {self.process.exit}:
             future.cancel()
         return self._ready.is_set()
-
-
-def exit_of(returncode: int, wrapped: bool) -> tuple[int | None, int | None]:
-    """Exit code and signal, one of them None; bubblewrap tells a signal as 128 and its number."""
-    if returncode < 0:
-        return None, -returncode
-    return (None, returncode - 128) if wrapped and returncode > 128 else (returncode, None)
 
 
 class Run:
@@ -95,6 +94,11 @@ class Run:
         self._process.on_line = self._on_line
         self._process.exit.add_done_callback(self._on_exit)
         self._work = asyncio.ensure_future(self._run())
+
+    @property
+    def pid(self) -> int:
+        """Of the process that was started; a sandbox's processes may be around the worker."""
+        return self._process.pid
 
     # ---- Handle -----------------------------------------------------------------------------------------------------------
 
@@ -130,7 +134,7 @@ class Run:
             "log_bytes": self._limits.log_bytes,
             **(command.get("limits") or {}),
         }
-        limits["memory_bytes"] = self._memory_bytes
+        limits |= {"memory_bytes": self._memory_bytes, "load_cpu_s": self.chunk.load_cpu_s}
         completed = {**command, "limits": limits}
         if "settings" in command and command["settings"].get("threads") is None:
             completed["settings"] = {**command["settings"], "threads": threads}
@@ -165,8 +169,8 @@ class Run:
 
     def _look(self) -> None:
         used = watchdog.used_by(self._process.pid)
-        if used.cpu_s == 0:
-            return  # it has just ended
+        if used.cpu_s < self._used.cpu_s:
+            return  # it has just ended, or what is around it alone is there
         self._used = used
         peak = watchdog.peak_rss_bytes(watchdog.innermost(self._process.pid))
         self._peak_bytes = max(self._peak_bytes, used.rss_bytes, peak)
@@ -188,11 +192,13 @@ class Run:
             return
         at = message["at"]
         if at == "ready":
+            self._process.begin_log()
             return
         if at == "phase" and message["phase"] == "sampling":
             self._sampling = True
         if at in LAST:
             self._last = at
+            self._look()  # for what it used in all
             asyncio.get_running_loop().call_later(LEAVE_WITHIN_S, self._should_be_gone)
         try:
             self._on_message(message)
@@ -213,7 +219,7 @@ class Run:
 
     def _on_exit(self, found: asyncio.Future[Exit]) -> None:
         end = found.result()
-        code, number = exit_of(end.returncode, self._worker.wrapped)
+        code, number = decode_exit(end.returncode, self._worker.wrapped)
         reason = self._reason or ("exited" if number is None else SIGNALS.get(signal.Signals(number), "signal"))
         peak = self._peak_bytes
         if end.max_rss_bytes > self._process.parent_peak_bytes:  # so it is its own

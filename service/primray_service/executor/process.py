@@ -154,6 +154,11 @@ class WorkerProcess:
         elif data is not None:
             self._loop.remove_reader(self._stderr.fileno())
 
+    def begin_log(self) -> None:
+        """What was printed so far is forgotten."""
+        self._read_log()
+        self.log.begin()
+
     # ---- its end ----------------------------------------------------------------------------------------------------------
 
     def _ended(self) -> None:

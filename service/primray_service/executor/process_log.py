@@ -13,7 +13,14 @@ class ProcessLog:
     def __init__(self, path: Path, most_bytes: int) -> None:
         self.path = path
         self._file = open(path, "xb", buffering=0)  # noqa: SIM115 - open as long as the process
-        self._left = max(most_bytes - TAIL_BYTES - 200, 0)
+        self._most = max(most_bytes - TAIL_BYTES - 200, 0)
+        self.begin()
+
+    def begin(self) -> None:
+        """Anew."""
+        self._file.seek(0)
+        self._file.truncate()
+        self._left = self._most
         self._omitted = 0
         self._tail = bytearray()
 
@@ -23,7 +30,8 @@ class ProcessLog:
             self._left -= len(kept)
             self._file.write(kept)
         self._omitted += len(rest)
-        self._tail = (self._tail + data)[-TAIL_BYTES:]
+        self._tail += data
+        del self._tail[:-TAIL_BYTES]
 
     def tail(self) -> str:
         return self._tail.decode("utf-8", "replace")

@@ -10,12 +10,14 @@ from fastapi import APIRouter, Request, Response
 
 from primray import __version__
 
+from .. import account_views
 from ..jobs import Json
 from ..pictures.request import MEDIA_TYPES as PREVIEW_TYPES
 from ..pictures.request import VIEWS
 from ..scenes.recognize import MEDIA_TYPES as SCENE_TYPES
 from .access import COOKIE, Reader, Serving
 from .answers import json_answer
+from .described import answer, described
 from .keys import key_json
 
 router = APIRouter(prefix="/v1", tags=["account"])
@@ -23,7 +25,7 @@ router = APIRouter(prefix="/v1", tags=["account"])
 SUFFIXES = {"usda": [".usda", ".usd"], "usdc": [".usdc", ".usd"], "usdz": [".usdz"], "zip": [".zip"]}
 
 
-@router.get("/whoami")
+@router.get("/whoami", **described(answer(account_views.WhoAmI)))
 def whoami(request: Request, caller: Reader) -> Response:
     """The tenant and the key that a request is made with."""
     return json_answer(
@@ -37,7 +39,7 @@ def whoami(request: Request, caller: Reader) -> Response:
     )
 
 
-@router.get("/usage")
+@router.get("/usage", **described(answer(account_views.Usage)))
 def usage(caller: Reader, service: Serving) -> Response:
     """What the tenant uses now, beside what it may use (null: as much as there is)."""
     used = service.store.usage(caller.tenant, time.time())
@@ -55,14 +57,14 @@ def usage(caller: Reader, service: Serving) -> Response:
     )
 
 
-@router.get("/capabilities")
+@router.get("/capabilities", **described(answer(account_views.Capabilities)))
 def capabilities(caller: Reader, service: Serving) -> Response:
     """Version, what may be sent, what comes back, and what is allowed of each."""
     capacity = service.executor.capacity()
     inputs: list[Json] = [
         {"kind": kind, "media_type": media_type, "suffixes": SUFFIXES[kind]} for kind, media_type in SCENE_TYPES.items()
     ]
-    answer: dict[str, Any] = {
+    found: dict[str, Any] = {
         "version": __version__,
         "api": "v1",
         "inputs": inputs,
@@ -84,4 +86,4 @@ def capabilities(caller: Reader, service: Serving) -> Response:
         },
         "sandbox": service.executor.health().get("sandbox", {}),
     }
-    return json_answer(answer)
+    return json_answer(found)

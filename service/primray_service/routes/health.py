@@ -9,23 +9,31 @@ from collections.abc import Awaitable, Callable
 from fastapi import APIRouter, Response
 from fastapi.concurrency import run_in_threadpool
 
+from .. import scene_views
 from ..jobs import Json
 from ..service import Service
 from .access import Serving
 from .answers import json_answer
+from .described import answer, described
 
 router = APIRouter(tags=["health"])
 
 CHECK_TIMEOUT_S = 5.0
 
 
-@router.get("/healthz")
+@router.get("/healthz", **described(answer(scene_views.Health)))
 async def alive() -> Response:
     """The process answers; nothing else is asked."""
     return json_answer({"status": "ok"}, headers={"cache-control": "no-store"})
 
 
-@router.get("/readyz")
+@router.get(
+    "/readyz",
+    **described(
+        answer(scene_views.Readiness, description="All is in order."),
+        answer(scene_views.Readiness, 503, "Something is not in order, or the server stops."),
+    ),
+)
 async def ready(service: Serving) -> Response:
     """Database, disk, executor and sandbox, each with what is wrong; 503 if one of them is not in order."""
     names: dict[str, Callable[[Service], Awaitable[Json]]] = {
@@ -37,8 +45,8 @@ async def ready(service: Serving) -> Response:
     found = await asyncio.gather(*(_checked(check, service) for check in names.values()))
     checks = dict(zip(names, found, strict=True))
     is_ready = all(check["ok"] for check in checks.values()) and not service.changes.closing
-    answer = {"status": "ready" if is_ready else "stopping" if service.changes.closing else "not ready", "checks": checks}
-    return json_answer(answer, 200 if is_ready else 503, {"cache-control": "no-store"})
+    found_now = {"status": "ready" if is_ready else "stopping" if service.changes.closing else "not ready", "checks": checks}
+    return json_answer(found_now, 200 if is_ready else 503, {"cache-control": "no-store"})
 
 
 async def _checked(check: Callable[[Service], Awaitable[Json]], service: Service) -> Json:

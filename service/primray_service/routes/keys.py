@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Depends, Query, Request, Response
 from pydantic import Field
 
+from .. import account_views
 from ..auth import Keys
 from ..job_json import time_text
 from ..jobs import Json
@@ -20,6 +21,7 @@ from ..store.base import ApiKey
 from .access import Admin, Serving
 from .answers import json_answer
 from .bodies import json_body
+from .described import answer, described, json_request
 
 router = APIRouter(prefix="/v1/keys", tags=["keys"])
 
@@ -45,7 +47,14 @@ class KeyRequest(Sent):
     expires_in_s: float | None = Field(None, gt=0, le=MOST_EXPIRY_S)
 
 
-@router.post("", status_code=201)
+@router.post(
+    "",
+    **described(
+        answer(account_views.NewKey, 201, "The key, shown once.", headers=("Location",)),
+        problems=("invalid-json", "request-too-large", "unsupported-media-type", "invalid-request"),
+        request=json_request(KeyRequest, {"tenant": "lighting", "scopes": ["submit", "read"], "name": "farm"}),
+    ),
+)
 def create_key(
     request: Request, caller: Admin, service: Serving, asked: Annotated[KeyRequest, Depends(json_body(KeyRequest))]
 ) -> Response:
@@ -58,7 +67,7 @@ def create_key(
     return json_answer({**key_json(row), "key": text}, 201, {"location": f"/v1/keys/{row.id}", "cache-control": "no-store"})
 
 
-@router.get("")
+@router.get("", **described(answer(account_views.KeyList), problems=("invalid-request",)))
 def list_keys(
     caller: Admin,
     service: Serving,
@@ -68,13 +77,13 @@ def list_keys(
     return json_answer({"items": [key_json(row) for row in service.store.keys(tenant)]})
 
 
-@router.get("/{key_id}")
+@router.get("/{key_id}", **described(answer(account_views.Key), problems=("not-found",)))
 def show(key_id: str, caller: Admin, service: Serving) -> Response:
     """One key, without its text."""
     return json_answer(key_json(_found(service, key_id)))
 
 
-@router.delete("/{key_id}", status_code=204)
+@router.delete("/{key_id}", **described(answer(None, 204, "It is refused from now on."), problems=("not-found",)))
 def revoke(key_id: str, request: Request, caller: Admin, service: Serving) -> Response:
     """Refuse a key from now on (another server over the same database: within seconds). What it made stays."""
     _found(service, key_id)

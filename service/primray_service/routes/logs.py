@@ -11,21 +11,31 @@ from fastapi.concurrency import run_in_threadpool
 
 from ..problems import Problem
 from .access import Reader, Serving
+from .described import answer, described
 from .file_answer import file_answer
-from .jobs import found
+from .jobs import JobId, found
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 FILE = "log.txt"
 
 
-@router.get("/{job_id}/log")
+@router.get(
+    "/{job_id}/log",
+    **described(
+        answer(content={"text/plain": {"type": "string"}}, headers=("ETag", "Accept-Ranges")),
+        answer(status=206, description="The range.", content={"text/plain": {"type": "string"}}, headers=("Content-Range",)),
+        answer(status=304, description="It is as If-None-Match says.", headers=("ETag",)),
+        problems=("not-found", "precondition-failed", "range-not-satisfiable", "invalid-request"),
+        headers=("Range", "If-Range", "If-None-Match"),
+    ),
+)
 async def log(
-    job_id: str,
+    job_id: JobId,
     request: Request,
     caller: Reader,
     service: Serving,
-    frame: Annotated[int, Query(ge=0, description="The frame's number, from 0.")] = 0,
+    frame: Annotated[int, Query(ge=0, lt=2**31, description="The frame's number, from 0.")] = 0,
 ) -> Response:
     """The log of one frame; it grows while the frame runs, so read on with Range: bytes=<what you have>-."""
     await run_in_threadpool(found, service, caller, job_id)

@@ -12,6 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from ..metrics import RequestMetrics, exposition
 from ..problems import Problem
 from .access import Serving, caller_of_request
+from .described import answer, described
 
 router = APIRouter(tags=["health"])
 
@@ -19,7 +20,9 @@ MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 NO_ROUTE = "none"
 
 
-@router.get("/metrics")
+@router.get(
+    "/metrics", **described(answer(content={"text/plain": {"type": "string"}}), problems=("unauthenticated", "forbidden"))
+)
 async def metrics(request: Request, service: Serving) -> Response:
     """For Prometheus. Where keys are needed, an admin's: the numbers are of all tenants."""
     if service.config.metrics_key and service.config.needs_keys:

@@ -7,14 +7,16 @@ from urllib.parse import quote
 from fastapi import APIRouter, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
+from .. import scene_views
 from ..job_json import time_text
 from ..jobs import Json, Output
 from ..problems import Problem
 from ..scenes.digests import sha256_header
 from .access import Reader, Serving
 from .answers import json_answer
+from .described import answer, described
 from .file_answer import file_answer
-from .jobs import found
+from .jobs import JobId, found
 
 router = APIRouter(prefix="/v1/jobs", tags=["outputs"])
 
@@ -23,17 +25,33 @@ CACHING = "private, no-cache"
 IMMUTABLE = "private, max-age=31536000, immutable"
 
 
-@router.get("/{job_id}/outputs")
-def list_outputs(job_id: str, caller: Reader, service: Serving) -> Response:
+@router.get("/{job_id}/outputs", **described(answer(scene_views.OutputList), problems=("not-found",)))
+def list_outputs(job_id: JobId, caller: Reader, service: Serving) -> Response:
     """The files that the job has made so far, frame by frame."""
     found(service, caller, job_id)
     outputs = service.store.outputs(job_id)
     return json_answer({"items": [output_json(output) for output in outputs]})
 
 
-@router.get("/{job_id}/outputs/{name}")
+_BINARY = {"type": "string", "format": "binary"}
+
+
+@router.get(
+    "/{job_id}/outputs/{name}",
+    **described(
+        answer(
+            description="The file, whatever its media type.",
+            content={"*/*": _BINARY},
+            headers=("ETag", "Accept-Ranges", "Content-Disposition", "Repr-Digest"),
+        ),
+        answer(status=206, description="The ranges.", content={"*/*": _BINARY}, headers=("ETag",)),
+        answer(status=304, description="It is as If-None-Match says.", headers=("ETag",)),
+        problems=("not-found", "precondition-failed", "range-not-satisfiable", "invalid-request"),
+        headers=("Range", "If-Range", "If-None-Match"),
+    ),
+)
 async def output(
-    job_id: str, name: str, request: Request, caller: Reader, service: Serving, sha256: str | None = None
+    job_id: JobId, name: str, request: Request, caller: Reader, service: Serving, sha256: str | None = None
 ) -> Response:
     """One file. With ?sha256= (as in the list's URLs) the answer is that version or none, and can be kept for ever."""
     row = await run_in_threadpool(_row, service, caller, job_id, name)

@@ -15,8 +15,9 @@ from ..problems import Problem
 from ..service import Service
 from .access import Reader, Serving
 from .answers import none_match
+from .described import answer, described
 from .file_answer import file_answer
-from .jobs import found
+from .jobs import JobId, found
 
 router = APIRouter(prefix="/v1/jobs", tags=["previews"])
 
@@ -24,13 +25,27 @@ FILE = "preview.raw"
 RETRY_AFTER_S = 1
 
 
-@router.get("/{job_id}/preview")
+_BINARY = {"type": "string", "format": "binary"}
+
+
+@router.get(
+    "/{job_id}/preview",
+    **described(
+        answer(content=dict.fromkeys(("image/png", "image/jpeg", "application/octet-stream"), _BINARY), headers=("ETag",)),
+        answer(status=206, description="A range of half floats.", content={"application/octet-stream": _BINARY}),
+        answer(status=304, description="It is as If-None-Match says.", headers=("ETag",)),
+        problems=("not-found", "range-not-satisfiable", "invalid-request", "view-unavailable"),
+        headers=("If-None-Match",),
+    ),
+)
 async def preview(
-    job_id: str,
+    job_id: JobId,
     request: Request,
     caller: Reader,
     service: Serving,
-    frame: Annotated[int | None, Query(ge=0, description="The frame's number, from 0; not given: the one that runs.")] = None,
+    frame: Annotated[
+        int | None, Query(ge=0, lt=2**31, description="The frame's number, from 0; not given: the one that runs.")
+    ] = None,
     view: Annotated[str, Query(max_length=64, description=f"One of: {', '.join(VIEWS)}.")] = "beauty",
     channel: Annotated[Channel, Query(description="One channel alone, in grey.")] = "rgb",
     exposure: Annotated[float, Query(ge=-MOST_STOPS, le=MOST_STOPS, allow_inf_nan=False, description="In stops.")] = 0.0,

@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Annotated, Any
 from urllib.parse import urlencode
 
-from fastapi import APIRouter, Query, Request, Response
+from fastapi import APIRouter, Path, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
+from .. import scene_views
 from ..job_json import time_text
 from ..jobs import Json, Scene, SceneState
 from ..problems import Problem
@@ -16,11 +17,14 @@ from ..scenes.recognize import MEDIA_TYPES
 from ..store.base import Conflict
 from .access import Reader, Serving, Submitter
 from .answers import json_answer, none_match, not_modified
+from .described import answer, described
 from .uploads import receive_scene, refused
 
 router = APIRouter(prefix="/v1/scenes", tags=["scenes"])
 
 RETRY_AFTER_S = 1  # while a scene is checked
+# Any text is looked for, and not found: the pattern is only told.
+SceneId = Annotated[str, Path(json_schema_extra={"pattern": "^sha256:[0-9a-f]{64}$"})]
 
 _BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
 UPLOAD_BODY: dict[str, Any] = {
@@ -43,7 +47,27 @@ UPLOAD_BODY: dict[str, Any] = {
 }
 
 
-@router.post("", status_code=201, openapi_extra=UPLOAD_BODY)
+@router.post(
+    "",
+    **described(
+        answer(scene_views.Scene, 201, "It is kept, and is checked.", headers=("Location", "ETag", "Retry-After")),
+        answer(scene_views.Scene, 200, "The same bytes were sent before.", headers=("Location", "ETag", "Retry-After")),
+        problems=(
+            "upload-incomplete",
+            "upload-too-large",
+            "unsupported-media-type",
+            "invalid-request",
+            "not-usd",
+            "package-unsafe",
+            "package-too-large",
+            "digest-mismatch",
+            "quota-exceeded",
+            "storage-full",
+        ),
+        request=UPLOAD_BODY,
+        headers=("Repr-Digest",),
+    ),
+)
 async def upload(
     request: Request,
     caller: Submitter,
@@ -60,7 +84,7 @@ async def upload(
     return scene_answer(scene, 201 if is_new else 200, {"location": f"/v1/scenes/{scene.id}"})
 
 
-@router.get("")
+@router.get("", **described(answer(scene_views.ScenePage, headers=("Link",)), problems=("invalid-request",)))
 def list_scenes(
     caller: Reader,
     service: Serving,
@@ -78,8 +102,16 @@ def list_scenes(
     return json_answer({"items": [scene_json(scene) for scene in scenes], "next_cursor": next_cursor}, headers=headers)
 
 
-@router.get("/{scene_id}")
-async def show(scene_id: str, request: Request, caller: Reader, service: Serving) -> Response:
+@router.get(
+    "/{scene_id}",
+    **described(
+        answer(scene_views.Scene, headers=("ETag", "Retry-After")),
+        answer(status=304, description="It is as If-None-Match says.", headers=("ETag",)),
+        problems=("not-found",),
+        headers=("If-None-Match",),
+    ),
+)
+async def show(scene_id: SceneId, request: Request, caller: Reader, service: Serving) -> Response:
     """A scene: whether it is checked yet, and what is in it. HEAD tells whether it has to be uploaded at all."""
     scene = await run_in_threadpool(service.store.scene, caller.tenant, scene_id)
     if scene is None:
@@ -89,8 +121,8 @@ async def show(scene_id: str, request: Request, caller: Reader, service: Serving
     return scene_answer(scene)
 
 
-@router.delete("/{scene_id}", status_code=204)
-def delete(scene_id: str, caller: Submitter, service: Serving) -> Response:
+@router.delete("/{scene_id}", **described(answer(None, 204, "It is gone."), problems=("not-found", "scene-in-use")))
+def delete(scene_id: SceneId, caller: Submitter, service: Serving) -> Response:
     """Delete a scene that no job waits for or renders."""
     try:
         remove(scene_id, caller.tenant, service.store, service.data)

@@ -29,7 +29,7 @@ from ..store.base import QuotaExceeded
 from .answers import problem_answer
 from .guard import request_id_of
 
-LINGER_S = 2.0
+LINGER_S = 1.0
 LINGER_BYTES = 64 * MiB
 
 

@@ -8,33 +8,35 @@ import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..sandbox import enter, limit_cpu_of_phase
 from .channel import Channel, claim_stdout
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from typing import Any
 
+# The server comes first: its clients wait for it. Checks are short, and somebody waits for them too.
+NICE = {"check": 5, "render": 10}
+LATER_S = 2.0  # than the server's watchdog, which can say why
+
 
 def main(arguments: list[str]) -> None:
-    kind, job, out = arguments
+    (kind,) = arguments
     messages = claim_stdout()
-    enter(job, out)
+    os.nice(NICE[kind])
+    entered = enter((messages.fileno(),))
     channel = Channel(os.fdopen(0, "rb", closefd=False), messages)
     channel.start()
     warm(kind)
     channel.send("ready")
     command = channel.first()
     try:
-        do(command, Path(job), Path(out), channel)
+        do(command, entered.job, entered.out, channel)
     except BaseException as error:
         traceback.print_exc()
         from .failures import problem_of_error
 
-        channel.leave("failed", problem=problem_of_error(error, job).as_json())
-
-
-def enter(job: str, out: str) -> None:
-    os.nice(10)
+        channel.leave("failed", problem=problem_of_error(error, str(entered.job)).as_json())
 
 
 def warm(kind: str) -> None:
@@ -48,6 +50,9 @@ def warm(kind: str) -> None:
 
 
 def do(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
+    limits = command.get("limits") or {}
+    if limits.get("load_cpu_s"):
+        limit_cpu_of_phase(limits["load_cpu_s"] + LATER_S)
     if command["do"] != "render":
         raise ValueError(f"no command {command['do']!r}")
     from .render_task import render_frame

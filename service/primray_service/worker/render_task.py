@@ -22,6 +22,7 @@ from primray.sampling import Sampling
 from primray.settings import SAMPLE_BLOCK, RenderSettings, settings_of_json
 
 from ..problems import Problem
+from ..sandbox import end_phase
 from .channel import Channel
 from .outputs import DEFAULT_NAMES, to_send, write_outputs
 from .preview import preview_of, write_preview
@@ -61,6 +62,7 @@ def render_frame(command: Mapping[str, Any], job: Path, out: Path, channel: Chan
         channel.send("effective", **_effective(prepared, sampling))
         channel.nothing_to_save(None)
         channel.send("phase", phase="sampling")
+        end_phase()
         names = _Numbers(number, out)
         saver = Saver(about, float(command.get("checkpoint_every_s") or 60.0), names.next_file, names.send_to(channel))
         watch = _Watch(sampling, saver, channel, out)

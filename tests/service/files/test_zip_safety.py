@@ -22,7 +22,7 @@ UNPACKED = 64 * 2**20
 
 @pytest.fixture(scope="module")
 def server(start_server: Any) -> RunningServer:
-    return start_server(limits={"package_entries": ENTRIES, "unpacked_bytes": UNPACKED}, dispatch=False)
+    return start_server(limits={"package_entries": ENTRIES, "unpacked_bytes": UNPACKED}, dispatch=False, warm=False)
 
 
 @pytest.fixture
