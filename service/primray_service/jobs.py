@@ -7,7 +7,8 @@ Terminal states never change, except that `continue` makes a new attempt, which 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
@@ -80,7 +81,13 @@ class Frame:
 
 @dataclass(frozen=True)
 class Job:
-    """A job's row. Times are seconds since 1970 UTC; `version` grows with every change of the row (ETag)."""
+    """A job's row. Times are seconds since 1970 UTC.
+
+    Two counters: `revision` grows with every commit that changes anything of the job (progress, a frame, an event), `version`
+    only when its state, attempt, priority, labels or ttl_s change. `etag` holds both. What a client read is stale when the
+    whole tag differs (If-None-Match, 304); what it is about to change is another's when `version` differs (If-Match, 412):
+    a render that makes progress twice a second would otherwise never let anybody change its priority.
+    """
 
     id: str
     tenant: str
@@ -94,6 +101,7 @@ class Job:
     ttl_s: float
     attempt: int = 1
     version: int = 1
+    revision: int = 1
     priority: int = 50  # larger goes first
     labels: Mapping[str, str] = field(default_factory=dict)
     webhook: Json | None = None
@@ -161,11 +169,30 @@ def is_legal(state: JobState, to: JobState) -> bool:
     return to in MOVES[state]
 
 
+class IllegalMove(Exception):
+    """A job was to go from one state to another that does not follow it: a fault of ours, never of a request."""
+
+
+def etag(job: Job) -> str:
+    """A strong entity tag of the job's JSON."""
+    return f'"{job.version}.{job.revision}"'
+
+
+def version_in(tag: str) -> int | None:
+    """The version in one of our entity tags, for If-Match; None: it is none of ours."""
+    found = re.fullmatch(r'"([0-9]{1,15})\.[0-9]{1,15}"', tag, re.ASCII)
+    return int(found[1]) if found else None
+
+
 def state_of(frames: list[Frame]) -> JobState | None:
     """The terminal state that a job's frames add up to, or None while some are not at an end."""
-    if any(frame.state not in FRAME_TERMINAL for frame in frames):
+    return state_of_all(frame.state for frame in frames)
+
+
+def state_of_all(frame_states: Iterable[FrameState]) -> JobState | None:
+    states = set(frame_states)
+    if states - FRAME_TERMINAL:
         return None
-    states = {frame.state for frame in frames}
     if FrameState.CANCELED in states:
         return JobState.CANCELED
     return JobState.FAILED if FrameState.FAILED in states else JobState.SUCCEEDED

@@ -22,6 +22,7 @@ class Limits:
     package_entries: int = 20_000
     path_bytes: int = 1024
     usdz_depth: int = 2
+    upload_idle_s: float = 60.0  # between two pieces of a body
     # A request
     json_bytes: int = 256 * KiB
     labels: int = 32

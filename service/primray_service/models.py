@@ -69,3 +69,57 @@ class JobRequest(Sent):
         None, gt=0, description="Kept so long after its end; expired if not finished so long after it was made."
     )
     webhook: Webhook | None = None
+
+
+class SceneOfForm(Sent):
+    """The scene is the form's file."""
+
+    entry: str | None = Field(None, max_length=1024, description="The root layer in a package that has several.")
+
+
+class FormJob(Sent):
+    """As JobRequest, for a file that comes in the same form."""
+
+    scene: SceneOfForm = SceneOfForm()
+    settings: Settings = Settings()
+    priority: int = Field(50, ge=0, le=100, description="Larger goes first.")
+    labels: dict[str, str] = Field(default={}, description="To find jobs by.")
+    ttl_s: float | None = Field(None, gt=0, description="As in JobRequest.")
+    webhook: Webhook | None = None
+
+    def with_scene(self, scene_id: str) -> JobRequest:
+        return JobRequest(
+            scene=SceneReference(id=scene_id, entry=self.scene.entry),
+            settings=self.settings,
+            priority=self.priority,
+            labels=self.labels,
+            ttl_s=self.ttl_s,
+            webhook=self.webhook,
+        )
+
+
+class JobPatch(Sent):
+    """Only what is to change."""
+
+    priority: int = Field(50, ge=0, le=100)
+    labels: dict[str, str] = Field(default={}, description="Instead of all labels that there were.")
+    ttl_s: float | None = Field(None, gt=0, description="null: this server's default.")
+
+
+class ContinuedRules(Sent):
+    """Members that are left out stay as they were; null removes one."""
+
+    target_error: float | None = Field(None, gt=0)
+    metric: Literal["relmse", "rmse", "display"] = "relmse"
+    max_samples: int | None = Field(None, ge=1, description="In all, those of earlier attempts with them.")
+    max_seconds: float | None = Field(None, gt=0, description="In all, those of earlier attempts with them.")
+
+
+class ContinueRequest(Sent):
+    """A job that succeeded needs rules that go further; one that was canceled, failed or expired may go on as it was."""
+
+    stop: ContinuedRules = ContinuedRules()
+
+
+class SessionRequest(Sent):
+    key: str = Field(max_length=256, description="An API key.")

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from .config import ServeConfig
 from .files import DataDirectory
 from .limits import Limits, Quotas
+from .pictures.encoder import PictureEncoder
 
 if TYPE_CHECKING:
     from .changes import Changes
     from .dispatcher import Dispatcher
     from .executor.base import Executor
+    from .shared_reads import SharedReads
     from .store.base import Store
 
 
@@ -24,6 +26,8 @@ class Service:
     executor: Executor
     dispatcher: Dispatcher
     changes: Changes  # who waits for a change of a job
+    reads: SharedReads  # of jobs that many ask for at once
+    pictures: PictureEncoder = field(default_factory=PictureEncoder)
 
     @property
     def limits(self) -> Limits:

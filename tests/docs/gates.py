@@ -9,7 +9,8 @@ from pathlib import PurePosixPath
 
 MAX_LINES = 500
 VAGUE_NAMES = {"utils", "util", "common", "misc", "helpers", "helper", "manager"}
-WEB = {"fastapi", "starlette", "uvicorn"}
+WEB = {"fastapi", "starlette"}
+HTTP_SERVER = {"uvicorn", "h11"}
 SERVICE = "service/primray_service"
 SQL = {"sqlalchemy", "alembic", "sqlite3", "psycopg"}
 
@@ -60,6 +61,8 @@ def one_gate_per_dependency(path: PurePosixPath, text: str) -> Iterator[str]:
                 yield "imports pxr outside primray/usd"
             if root in WEB and path.name != "app.py" and not is_under(path, f"{SERVICE}/routes"):
                 yield f"imports {root} outside app.py and routes/"
+            if root in HTTP_SERVER and path != PurePosixPath(f"{SERVICE}/server.py"):
+                yield f"imports {root} outside server.py"
             if root in SQL and not is_under(path, f"{SERVICE}/store"):
                 yield f"imports {root} outside store/"
     if is_under(path, "renderer/core") and path.suffix in (".cpp", ".hpp", ".h"):

@@ -40,6 +40,7 @@ def test_the_sources_are_found():
         ("renderer/primray/render.py", "from . import _core_v3\n"),
         ("renderer/primray/render.py", "import primray_service\n"),
         ("service/primray_service/worker.py", "from fastapi import FastAPI\n"),
+        ("service/primray_service/app.py", "import uvicorn\n"),
         ("service/primray_service/routes.py", "import sqlalchemy\n"),
         ("renderer/core/film/film.cpp", "// film\nrtcIntersect1(scene, &ray);\n"),
         ("renderer/core/film/film.cpp", "// film\nRTCScene scene;\n"),

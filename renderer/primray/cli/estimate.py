@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import SettingsError
+from ..frame_numbers import parse_frames
 from ..settings import DEFAULT_DICING_RATE, Filter, Metric, RenderSettings
 from . import options
-from .frames import parse_frames
 
 if TYPE_CHECKING:
     from ..prediction import Pilot, Prediction

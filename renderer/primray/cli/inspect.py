@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ..errors import SettingsError
+from ..frame_numbers import parse_frames
 from ..settings import DEFAULT_DICING_RATE, RenderSettings
 from . import options
-from .frames import parse_frames
 
 if TYPE_CHECKING:
     from ..description import SceneDescription

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import SettingsError
+from ..frame_numbers import check_names, name_of_frame, parse_frames
 from ..settings import DEFAULT_DICING_RATE, Filter, Metric, RenderSettings
 from . import options
-from .frames import check_names, name_of_frame, parse_frames
 
 if TYPE_CHECKING:
     from ..checkpointing import Checkpointing

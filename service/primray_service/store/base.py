@@ -27,6 +27,10 @@ class QuotaExceeded(Exception):
     """args[0] names the quota: "queued_jobs", "running_jobs", "stored_bytes", "cpu_s_per_day"."""
 
 
+class Unavailable(Exception):
+    """The database did not answer, however often it was asked for the better part of a minute (503)."""
+
+
 class KeyReused(Exception):
     """The idempotency key came with another request."""
 
@@ -126,7 +130,8 @@ class Store(Protocol):
     def outputs(self, job_id: str) -> Sequence[Output]: ...
 
     def update_job(self, job_id: str, now: float, *, version: int | None, changes: Json) -> Job:
-        """`changes`: of priority, labels, ttl_s; Conflict if `version` is given and not the row's."""
+        """`changes`: of priority, labels, ttl_s; Conflict if `version` is given and not the row's (jobs.version_in gives it
+        from an entity tag)."""
 
     def request_cancel(self, job_id: str, now: float) -> Job:
         """Queued: canceled at once; preparing or running: canceling (canceled if none of its frames runs); canceling,
@@ -156,6 +161,9 @@ class Store(Protocol):
     def delete_scene(self, tenant: str, scene_id: str) -> bool:
         """Whether the bytes are nobody's now. Conflict while jobs that are not terminal use it; KeyError if there is none."""
 
+    def has_scene(self, scene_id: str) -> bool:
+        """Whether any tenant has a scene of these bytes."""
+
     def next_check(self, fence: int) -> Scene | None:
         """A scene that waits for its check, oldest first."""
 
@@ -181,8 +189,11 @@ class Store(Protocol):
         jobs whose scene
         is ready, whose tenant is within running_jobs and cpu_s_per_day. The frame becomes running, a queued job preparing."""
 
-    def waiting(self, fence: int) -> Sequence[tuple[int, str]]:
-        """(priority, tenant) of the best waiting job of each tenant that could run, for deciding who gives way."""
+    def waiting(
+        self, fence: int, now: float | None = None, quotas_of: Callable[[str], Quotas] | None = None
+    ) -> Sequence[tuple[int, str]]:
+        """(priority, tenant) of the best waiting job of each tenant that could run, for deciding who gives way; with `now`
+        and `quotas_of`: of those that claim_frame would give."""
 
     def report(
         self, fence: int, frame: Frame, now: float, *, job_changes: Json | None = None, event: tuple[str, Json] | None = None

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal, DecimalException, InvalidOperation
 
-from ..errors import LimitError, SettingsError
+from .errors import LimitError, SettingsError
 
 MAX_FRAMES = 100_000
 
@@ -35,9 +35,13 @@ def _parse_range(part: str, text: str) -> list[float]:
     stop, step = _number(last, text), abs(_number(stride, text)) if x else Decimal(1)
     if step == 0:
         raise _no_frames(text)
-    count = int(abs(stop - start) / step) + 1
-    if count > MAX_FRAMES:
-        raise LimitError(f"{count} frames are more than the {MAX_FRAMES} of one command", where=text)
+    try:
+        steps = abs(stop - start) / step
+    except DecimalException:  # beyond 10^999999: "0:1x1e-9999999"
+        steps = Decimal("inf")
+    if steps >= MAX_FRAMES:
+        raise LimitError(f"{part} holds more than the {MAX_FRAMES} frames of one command", where=text)
+    count = int(steps) + 1
     direction = 1 if stop >= start else -1
     return [float(start + direction * index * step) for index in range(count)]
 

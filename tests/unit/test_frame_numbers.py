@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from primray.cli.frames import check_names, name_of_frame, parse_frames
 from primray.errors import LimitError, SettingsError
+from primray.frame_numbers import check_names, name_of_frame, parse_frames
 
 
 @pytest.mark.parametrize(
@@ -34,7 +34,7 @@ def test_what_is_no_frame_list(text: str) -> None:
         parse_frames(text)
 
 
-@pytest.mark.parametrize("text", ["1:1000000000", "0:1x1e-9", "1:90000,1:90000"])
+@pytest.mark.parametrize("text", ["1:1000000000", "0:1x1e-9", "1:90000,1:90000", "0:1x1e-9999999", "0:1e9x1e-9999"])
 def test_too_many_frames(text: str) -> None:
     with pytest.raises(LimitError):
         parse_frames(text)

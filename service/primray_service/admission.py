@@ -1,0 +1,205 @@
+"""From a request to a job: limits before anything is made, then the settings as the renderer itself checks them. Pure."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from decimal import Decimal, DecimalException
+from typing import Any
+
+from primray.errors import LimitError, SettingsError
+from primray.frame_numbers import parse_frames
+from primray.settings import Filter, Metric, RenderSettings
+
+from . import ids
+from .jobs import Job, JobState, Json
+from .limits import Limits
+from .models import JobPatch, JobRequest, Settings, StopRules
+from .problems import Problem
+
+_NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
+_RANGE = re.compile(rf"\s*({_NUMBER})\s*(?:[:-]\s*({_NUMBER})\s*(?:x\s*({_NUMBER}))?)?\s*", re.ASCII)
+# RenderSettings' names of what the API calls otherwise; what it says of others is of the member of the same name.
+_MEMBERS = (
+    ("resolution", "settings.resolution"),
+    ("pixels", "settings.resolution"),
+    ("samples per pixel", "settings.stop.max_samples"),
+    ("target error", "settings.stop.target_error"),
+    ("time limit", "settings.stop.max_seconds"),
+    ("depth", "settings.max_depth"),
+    ("filter", "settings.filter_width"),
+    ("seed", "settings.seed"),
+    ("dicing rate", "settings.dicing_rate"),
+    ("purpose", "settings.purposes"),
+    ("variant", "settings.variants"),
+    ("load", "settings.load"),
+    ("mask", "settings.mask"),
+)
+
+
+def over_limit(member: str, detail: str, limit: float) -> Problem:
+    return Problem("limit-exceeded", f"{member}: {detail}.", member=member, limit=limit)
+
+
+def invalid(member: str, detail: str) -> Problem:
+    return Problem("invalid-request", f"{member}: {detail.rstrip('.')}.", member=member)
+
+
+def new_job(
+    request: JobRequest, tenant: str, limits: Limits, now: float, *, request_id: str = "", traceparent: str = ""
+) -> tuple[Job, list[float | None]]:
+    """A queued job and its frames' time codes; Problem with the member that is at fault."""
+    check_labels(request.labels, limits)
+    times = time_codes(request.settings.frames, limits)
+    check_settings(request.settings, limits)
+    ttl_s = checked_ttl(request.ttl_s, limits)
+    job = Job(
+        id=ids.job_id(now),
+        tenant=tenant,
+        state=JobState.QUEUED,
+        scene_id=request.scene.id,
+        entry=request.scene.entry,
+        settings=request.settings.model_dump(mode="json"),
+        created_at=now,
+        queued_at=now,
+        expires_at=now + ttl_s,
+        ttl_s=ttl_s,
+        priority=request.priority,
+        labels=request.labels,
+        webhook=None if request.webhook is None else request.webhook.model_dump(mode="json"),
+        progress=first_progress(len(times)),
+        request_id=request_id,
+        traceparent=traceparent,
+    )
+    return job, times
+
+
+def first_progress(frames: int) -> Json:
+    counts = {"total": frames, "queued": frames, "running": 0, "succeeded": 0, "failed": 0, "canceled": 0}
+    return {"fraction": 0.0, "phase": "queued", "frames": counts}
+
+
+def time_codes(text: str | None, limits: Limits) -> list[float | None]:
+    """A job's frames, counted before they are listed."""
+    if text is None:
+        return [None]
+    member, count, parts = "settings.frames", 0, []
+    for part in text.split(","):
+        match = _RANGE.fullmatch(part)
+        if match is None:
+            parts.append(part)  # the parser says what is wrong with it
+            continue
+        first, last, step = match.groups()
+        count += 1 if last is None else _count(first, last, step, limits)
+        if count > limits.frames:
+            raise over_limit(member, f"{limits.frames} frames are allowed", limits.frames)
+        parts.append(first if last is None else f"{first}:{last}" + (f"x{step}" if step is not None else ""))
+    try:
+        frames = parse_frames(",".join(parts))
+    except LimitError:
+        raise over_limit(member, f"{limits.frames} frames are allowed", limits.frames) from None
+    except SettingsError as error:
+        raise invalid(member, error.message) from None
+    if len(set(frames)) < len(frames):
+        twice = next(frame for frame in frames if frames.count(frame) > 1)
+        raise invalid(member, f"frame {twice:g} is asked for twice")
+    return list(frames)
+
+
+def _count(first: str, last: str, step: str | None, limits: Limits) -> int:
+    """At most one more than is allowed, so that no number grows large."""
+    try:
+        steps = abs(Decimal(last) - Decimal(first)) / abs(Decimal(step or 1))
+    except DecimalException:
+        return 1 if Decimal(step or 1) == 0 else limits.frames + 1  # a step of 0 is the parser's to refuse
+    return int(min(steps, Decimal(limits.frames))) + 1
+
+
+def check_settings(settings: Settings, limits: Limits) -> None:
+    """This server's limits, then the renderer's own checks."""
+    if settings.resolution is not None:
+        width, height = settings.resolution
+        member = "settings.resolution"
+        if max(width, height) > limits.image_side:
+            raise over_limit(member, f"{limits.image_side} pixels a side are allowed", limits.image_side)
+        if width * height > limits.image_pixels:
+            raise over_limit(member, f"{limits.image_pixels} pixels are allowed", limits.image_pixels)
+    check_stop(settings.stop, limits, "settings.stop")
+    try:
+        render_settings(settings)
+    except LimitError as error:
+        raise Problem("limit-exceeded", f"{_member(error)}: {error.message}.", member=_member(error)) from None
+    except SettingsError as error:
+        raise invalid(_member(error), error.message) from None
+
+
+def check_stop(stop: StopRules, limits: Limits, member: str) -> None:
+    if stop.max_samples is not None and stop.max_samples > limits.samples:
+        raise over_limit(f"{member}.max_samples", f"{limits.samples} samples a pixel are allowed", limits.samples)
+    if stop.max_seconds is not None and stop.max_seconds > limits.seconds:
+        raise over_limit(f"{member}.max_seconds", f"{limits.seconds:.0f} seconds are allowed", limits.seconds)
+
+
+def render_settings(settings: Settings) -> RenderSettings:
+    """What a frame's worker will be told, but for its time and its share of the machine."""
+    stop = settings.stop
+    chosen: dict[str, Any] = {} if settings.dicing_rate is None else {"dicing_rate": settings.dicing_rate}
+    return RenderSettings(
+        camera=settings.camera,
+        resolution=settings.resolution,
+        spp=stop.max_samples,
+        target_error=stop.target_error,
+        error_metric=Metric(stop.metric),
+        time_limit_s=stop.max_seconds,
+        adaptive=settings.adaptive,
+        max_depth=settings.max_depth,
+        filter=Filter(settings.filter),
+        filter_width=settings.filter_width,
+        seed=settings.seed,
+        default_light=settings.default_light,
+        purposes=None if settings.purposes is None else tuple(settings.purposes),
+        strict=settings.strict,
+        variants=tuple(settings.variants),
+        load=None if settings.load is None else tuple(settings.load),
+        mask=None if settings.mask is None else tuple(settings.mask),
+        **chosen,
+    )
+
+
+def _member(error: SettingsError | LimitError) -> str:
+    text = f"{error.code} {error.message}"
+    return next((member for words, member in _MEMBERS if words in text), "settings")
+
+
+def check_labels(labels: Mapping[str, str], limits: Limits) -> None:
+    if len(labels) > limits.labels:
+        raise over_limit("labels", f"{limits.labels} labels are allowed", limits.labels)
+    for name, value in labels.items():
+        if not name or ":" in name or "=" in name:
+            raise invalid("labels", "a label's name has a character at least, and neither : nor =")
+        if max(len(name), len(value)) > limits.label_chars:
+            raise over_limit("labels", f"{limits.label_chars} characters are allowed", limits.label_chars)
+
+
+def checked_ttl(ttl_s: float | None, limits: Limits) -> float:
+    if ttl_s is not None and ttl_s > limits.ttl_s:
+        raise over_limit("ttl_s", f"{limits.ttl_s:.0f} seconds are allowed", limits.ttl_s)
+    return limits.default_ttl_s if ttl_s is None else ttl_s
+
+
+def changes_of(patch: JobPatch, limits: Limits) -> Json:
+    """What a PATCH asks for, as the store takes it."""
+    changes = patch.model_dump(mode="json", exclude_unset=True)
+    if "labels" in changes:
+        check_labels(changes["labels"], limits)
+    if "ttl_s" in changes:
+        changes["ttl_s"] = checked_ttl(patch.ttl_s, limits)
+    return changes
+
+
+def fingerprint(request: JobRequest) -> str:
+    """The same for requests that ask for the same, however their JSON is written."""
+    text = json.dumps(request.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()

@@ -1,0 +1,99 @@
+"""The HTTP application: which routers there are, and what surrounds them, in order.
+
+It starts and stops nothing: server.py does, and hands over the running parts.
+"""
+
+from __future__ import annotations
+
+from fastapi import APIRouter, Depends, FastAPI
+from fastapi.routing import APIRoute
+
+from primray import __version__
+
+from .auth import Keys, Sessions, session_secret
+from .metrics import RequestMetrics
+from .quotas import RequestRates
+from .routes import (
+    account,
+    convergence,
+    documents,
+    events,
+    frames,
+    health,
+    jobs,
+    keys,
+    logs,
+    metrics,
+    outputs,
+    previews,
+    scenes,
+    sessions,
+    submissions,
+)
+from .routes.failures import MethodsByPath, add_handlers
+from .routes.guard import OriginGuard, RequestGuard
+from .routes.metrics import Measured
+from .routes.rates import RateHeaders, spend_request
+from .service import Service
+from .tracing import instrument
+
+# Every router there is, in the order of the document. A path is looked for from the first to the last.
+ROUTERS: tuple[APIRouter, ...] = (
+    scenes.router,
+    submissions.router,
+    jobs.router,
+    events.router,
+    frames.router,
+    convergence.router,
+    previews.router,
+    outputs.router,
+    logs.router,
+    keys.router,
+    sessions.router,
+    account.router,
+    health.router,
+    metrics.router,
+    documents.router,
+)
+
+
+def create_app(service: Service) -> FastAPI:
+    app = FastAPI(
+        title="primray",
+        version=__version__,
+        openapi_url=None,
+        docs_url=None,
+        redoc_url=None,
+        generate_unique_id_function=_operation_id,
+    )
+    app.router.redirect_slashes = False
+    app.state.service = service
+    app.state.keys = Keys(service.store.key_by_sha256)
+    app.state.sessions = Sessions(session_secret(service.data.root / "session.secret"))
+    app.state.rates = RequestRates()
+    app.state.request_metrics = RequestMetrics()
+    app.state.methods = MethodsByPath(ROUTERS)
+    for router in ROUTERS:
+        _answer_head(router)
+        limited = [Depends(spend_request)] if router.prefix.startswith("/v1") else []
+        app.include_router(router, dependencies=limited)
+    add_handlers(app)
+    # The last that is added comes first: Measured, RequestGuard, OriginGuard, RateHeaders, then the routers.
+    app.add_middleware(RateHeaders)
+    app.add_middleware(OriginGuard, config=service.config)
+    app.add_middleware(RequestGuard)
+    app.add_middleware(Measured, metrics=app.state.request_metrics)
+    instrument(app)
+    return app
+
+
+def _operation_id(route: APIRoute) -> str:
+    """jobs_show: the resource and what is done."""
+    return f"{route.endpoint.__module__.rpartition('.')[2]}_{route.name}"
+
+
+def _answer_head(router: APIRouter) -> None:
+    """HEAD wherever GET is; the server leaves the body out."""
+    for route in router.routes:
+        if isinstance(route, APIRoute) and route.methods is not None and "GET" in route.methods:
+            route.methods.add("HEAD")

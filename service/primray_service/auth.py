@@ -1,0 +1,145 @@
+"""Who asks: API keys, and the sessions that stand for a key where no header can be sent (EventSource, <img>).
+
+Knows no HTTP; routes/access.py takes what it needs out of requests. A session is a signed cookie: it outlives a restart
+of the server, is checked against its key on every use, and is forgotten when it is logged out of.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import os
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .limits import Quotas
+from .problems import Problem
+
+if TYPE_CHECKING:
+    from .store.base import ApiKey
+
+SCOPES = frozenset({"submit", "read", "admin"})
+LOCAL_TENANT = "local"
+SESSION_S = 12 * 3600.0
+KEY_AGE_S = 2.0  # a key that another server revokes is refused after so long
+KEYS_KEPT = 1024
+
+
+@dataclass(frozen=True)
+class Caller:
+    """Who a request comes from; `key` is None for who needs none (on loopback)."""
+
+    tenant: str
+    scopes: frozenset[str]
+    key: ApiKey | None = None
+
+    def allows(self, scope: str) -> bool:
+        """An admin may do what the others may, within the tenant."""
+        return scope in self.scopes or "admin" in self.scopes
+
+    def quotas(self, default: Quotas) -> Quotas:
+        return default if self.key is None else self.key.quotas
+
+
+LOCAL = Caller(LOCAL_TENANT, SCOPES)
+
+
+def sha256_of(key: str) -> str:
+    return hashlib.sha256(key.encode("utf-8", "surrogateescape")).hexdigest()
+
+
+class Keys:
+    """Keys by their hash, remembered for a moment so that a request costs no read of them; from any thread."""
+
+    def __init__(self, find: Callable[[str], ApiKey | None]) -> None:
+        self._find = find
+        self._known: dict[str, tuple[float, ApiKey | None]] = {}
+        self._lock = threading.Lock()
+
+    def remembered(self, sha256: str) -> tuple[ApiKey | None, bool]:
+        """The key, and whether that is known without asking the store."""
+        known = self._known.get(sha256)
+        if known is None or time.monotonic() - known[0] > KEY_AGE_S:
+            return None, False
+        return known[1], True
+
+    def key(self, sha256: str) -> ApiKey | None:
+        found = self._find(sha256)
+        with self._lock:
+            if len(self._known) >= KEYS_KEPT:
+                self._known.clear()
+            self._known[sha256] = (time.monotonic(), found)
+        return found
+
+    def forget(self) -> None:
+        """After a key was revoked here: it is refused at once."""
+        with self._lock:
+            self._known.clear()
+
+
+def caller_of(key: ApiKey | None, now: float) -> Caller:
+    """Problem unless the key is one that counts now. All that do not are refused in the same words."""
+    if key is None or key.revoked_at is not None or (key.expires_at is not None and key.expires_at <= now):
+        raise unauthenticated("This API key is not known, or not valid any more.")
+    return Caller(key.tenant, key.scopes, key)
+
+
+def unauthenticated(detail: str) -> Problem:
+    return Problem("unauthenticated", detail, headers={"www-authenticate": 'Bearer realm="primray"'})
+
+
+class Sessions:
+    """Cookies that stand for a key: `<random id>.<sha256 of the key>.<time it ends>.<signature>`."""
+
+    def __init__(self, secret: bytes) -> None:
+        self._secret = secret
+        self._ended: dict[str, float] = {}  # logged out, until they would have ended anyway
+        self._lock = threading.Lock()
+
+    def begin(self, key_sha256: str, now: float) -> str:
+        body = f"{os.urandom(16).hex()}.{key_sha256}.{int(now + SESSION_S)}"
+        return f"{body}.{self._signature(body)}"
+
+    def key_sha256(self, cookie: str, now: float) -> str | None:
+        """None if it is not a session that goes on."""
+        body, _, signature = cookie.rpartition(".")
+        if not hmac.compare_digest(signature.encode(), self._signature(body).encode()):
+            return None
+        session, sha256, ends = body.split(".")
+        return None if int(ends) <= now or session in self._ended else sha256
+
+    def end(self, cookie: str, now: float) -> None:
+        if self.key_sha256(cookie, now) is None:
+            return
+        session, _, ends = cookie.split(".")[:3]
+        with self._lock:
+            self._ended = {kept: until for kept, until in self._ended.items() if until > now}
+            self._ended[session] = float(ends)
+
+    def _signature(self, body: str) -> str:
+        return hmac.new(self._secret, body.encode("utf-8", "surrogateescape"), hashlib.sha256).hexdigest()
+
+
+def session_secret(file: Path) -> bytes:
+    """The secret that signs sessions, made when it is first needed; servers that share a data directory share it."""
+    draft = file.with_name(f"{file.name}.{os.urandom(6).hex()}")
+    if not file.exists():
+        handle = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(handle, "wb") as out:
+            out.write(os.urandom(32))
+            out.flush()
+            os.fsync(out.fileno())
+        try:
+            os.link(draft, file)  # the first of two servers that do this at once wins
+        except FileExistsError:
+            pass
+        finally:
+            draft.unlink()
+    secret = file.read_bytes()
+    if len(secret) != 32:
+        raise ValueError(f"{file} does not hold 32 bytes; remove it, and sessions begin anew")
+    return secret

@@ -1,0 +1,136 @@
+"""Taking over the files that a worker leaves: checked, whole, and on the disk before any row names them."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..files import DataDirectory, adopt, sync
+from .messages import MadeFile
+
+PREVIEW = "preview.raw"
+LOG = "log.txt"
+PREVIEW_BYTES = 32 * 2**20
+
+
+class NotAdopted(Exception):
+    """What the worker left is not what it said."""
+
+
+@dataclass(frozen=True)
+class Adopted:
+    name: str
+    bytes: int
+    sha256: str
+    media_type: str
+
+
+def checkpoint_file(number: int, frame: int, chunk_id: str) -> str:
+    """A name in the job's folder that no other chunk uses, not even one of a server that believes to have the lease still."""
+    return f"frames/{frame}/checkpoint-{number}-{chunk_id}.prc"
+
+
+def adopt_checkpoint(source: Path, target: Path, most_bytes: int) -> int:
+    try:
+        return adopt(source, target, most_bytes)
+    except (ValueError, FileNotFoundError) as error:
+        raise NotAdopted(str(error)) from error
+
+
+def adopt_preview(source: Path, folder: Path) -> bool:
+    """False if a newer one has taken its place, whose message follows."""
+    try:
+        adopt(source, folder / PREVIEW, PREVIEW_BYTES)
+    except FileNotFoundError:
+        return False
+    except ValueError as error:
+        raise NotAdopted(str(error)) from error
+    return True
+
+
+def adopt_outputs(
+    made: Iterable[MadeFile], source: Path, frame_folder: Path, most_bytes: int, chunk_id: str
+) -> list[tuple[Adopted, Path]]:
+    """Take the files over to names of this chunk in the frame's folder, and see whether they are what was said; their process
+    must have ended. They get their own names by `publish`."""
+    found, left = [], most_bytes
+    for i, item in enumerate(made):
+        kept = frame_folder / f"output-{i}-{chunk_id}"
+        try:
+            size = adopt(source / item.file, kept, left)
+        except (ValueError, FileNotFoundError) as error:
+            raise NotAdopted(str(error)) from error
+        left -= size
+        with open(kept, "rb") as file:
+            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+        if sha256 != item.sha256:
+            raise NotAdopted(f"{item.name} does not have the digest that was told")
+        found.append((Adopted(item.name, size, sha256, item.media_type), kept))
+    return found
+
+
+def publish_new(kept: Path, target: Path) -> bool:
+    """Give an adopted file its name; False if there is a file of that name."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        os.link(kept, target)
+    except FileExistsError:
+        return False
+    kept.unlink()
+    return True
+
+
+def publish_over(kept: Path, target: Path) -> None:
+    os.replace(kept, target)
+
+
+def published(folder: Path) -> None:
+    """The names in the folder are on the disk."""
+    sync(folder)
+
+
+def remove(path: Path) -> None:
+    path.unlink(missing_ok=True)
+
+
+def tidy_frame(data: DataDirectory, job_id: str, number: int, keep: str) -> None:
+    """Remove what chunks that died left in a frame's folder: all but its checkpoint (`keep`, by its name in the job's folder),
+    preview and log."""
+    folder = data.frame(job_id, number)
+    if not folder.is_dir():
+        return
+    for path in folder.iterdir():
+        if path.name not in (PREVIEW, LOG) and f"frames/{number}/{path.name}" != keep:
+            remove(path)
+
+
+def remove_job(data: DataDirectory, job_id: str) -> None:
+    shutil.rmtree(data.job(job_id), ignore_errors=True)
+
+
+def remove_outputs(folder: Path, names: Iterable[str]) -> None:
+    for name in names:
+        remove(folder / name)
+
+
+def append_log(path: Path, title: str, text: str, most_bytes: int) -> None:
+    """Add a run's log to the frame's; of more than so many bytes the beginning goes."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    stamp = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+    added = f"==== {stamp} {title}\n{text}{'' if not text or text.endswith(chr(10)) else chr(10)}".encode(errors="replace")
+    earlier = path.read_bytes() if path.exists() else b""
+    whole = earlier + added
+    if len(whole) <= most_bytes:
+        with open(path, "ab") as file:
+            file.write(added)
+        return
+    note = b"[earlier lines are left out]\n"
+    kept = whole[len(whole) - max(most_bytes - len(note), 0) :]
+    beside = path.with_name("log.new")
+    beside.write_bytes(note + kept[kept.find(b"\n") + 1 :])
+    os.replace(beside, path)

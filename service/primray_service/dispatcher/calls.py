@@ -1,0 +1,72 @@
+"""Calling the store and the disk from the event loop: in threads of our own, so that nothing here waits for another part's
+work, and again where the database broke off."""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+import logging
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import ParamSpec, TypeVar
+
+from ..store.base import Conflict, KeyReused, Lost, QuotaExceeded
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+LOG = logging.getLogger(__name__)
+
+# What a store says, and mistakes of the caller; everything else is the database's, and goes away or does not.
+_FINAL = (
+    *(Lost, Conflict, KeyReused, QuotaExceeded),
+    *(LookupError, ValueError, TypeError, AttributeError, AssertionError, NotImplementedError),
+)
+TRIES = 6
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.05, 0.5
+
+
+class Calls:
+    """The threads of one dispatcher. `is_up` tells whether the database was reached after a time of the monotonic clock."""
+
+    def __init__(self, is_up: Callable[[float], bool], is_over: Callable[[], bool]) -> None:
+        self._is_up = is_up
+        self._is_over = is_over
+        self._database = ThreadPoolExecutor(4, "dispatcher-store")
+        self._disk = ThreadPoolExecutor(3, "dispatcher-disk")
+
+    async def store(self, method: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
+        """A method of the store that may be repeated. Lost when the lease is over.
+
+        A call that fails although the database is reached in between will go on failing: its exception is raised.
+        """
+        loop = asyncio.get_running_loop()
+        began, pause = loop.time(), FIRST_PAUSE_S
+        failures = 0
+        while True:
+            if self._is_over():
+                raise Lost
+            try:
+                return await self.store_once(method, *args, **kwargs)
+            except _FINAL:
+                raise
+            except Exception as error:
+                failures += 1
+                if failures >= TRIES and self._is_up(began):
+                    raise
+                LOG.warning("the database failed in %s, once more: %r", method.__name__, error)
+            await asyncio.sleep(pause)
+            pause = min(2 * pause, LONGEST_PAUSE_S)
+
+    async def store_once(self, method: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self._database, functools.partial(method, *args, **kwargs))
+
+    async def disk(self, work: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
+        """Work on files: it may take a while."""
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(self._disk, functools.partial(work, *args, **kwargs))
+
+    def close(self) -> None:
+        self._database.shutdown(wait=False)
+        self._disk.shutdown(wait=False)

@@ -1,0 +1,115 @@
+"""The chunk that runs a frame, or checks a scene: its command and the files it may see."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+from primray.report import settings_as_json
+from primray.settings import RenderSettings
+
+from ..admission import render_settings
+from ..executor.base import Capacity, Chunk
+from ..files import DataDirectory
+from ..jobs import Frame, Job, Json, Scene
+from ..limits import Limits
+from ..models import Settings
+from ..problems import Problem
+from ..scenes.entries import choose
+
+CHECKPOINT = "checkpoint.prc"  # by this name a worker finds the one it goes on from
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a frame's chunk is to do, beyond what its job says."""
+
+    frames: int  # of its job
+    picture_only: bool = False
+
+
+def render_chunk(
+    chunk_id: str, job: Job, frame: Frame, scene: Scene, data: DataDirectory, capacity: Capacity, limits: Limits, asked: Asked
+) -> Chunk:
+    """Problem if there is nothing to render with."""
+    root, inputs, folders = _files(scene, data)
+    saved = data.job(job.id) / frame.checkpoint_file if frame.checkpoint_file else None
+    # A checkpoint that is gone (a disk was lost, or short) costs time, nothing else: samples are a function of the seed.
+    begin = saved is None or not saved.is_file()
+    if saved is not None and not begin:
+        inputs[CHECKPOINT] = saved
+    command: Json = {
+        "do": "render",
+        "file": f"package/{_entry(job, scene)}" if scene.kind == "zip" else root,
+        "settings": settings_as_json(frame_settings(job.settings, frame, capacity)),
+        "checkpoint": None if begin else CHECKPOINT,
+        "number": frame.checkpoint,
+        "checkpoint_every_s": limits.checkpoint_every_s,
+        "picture_only": asked.picture_only and not begin,
+        "preview": True,
+        "names": list(output_names(job, frame, asked.frames)),
+        "fraction": 0.0 if begin else float(frame.progress.get("fraction", 0.0)),
+        "limits": asdict(limits),
+        "traceparent": job.traceparent,
+    }
+    return Chunk(chunk_id, "render", command, inputs, folders, load_cpu_s=limits.load_cpu_s)
+
+
+def check_chunk(chunk_id: str, scene: Scene, data: DataDirectory, limits: Limits) -> Chunk:
+    root, inputs, folders = _files(scene, data)
+    command: Json = {
+        "do": "check",
+        "file": "package" if scene.kind == "zip" else root,
+        "kind": scene.kind,
+        "entry": None,
+        "limits": asdict(limits),
+    }
+    return Chunk(chunk_id, "check", command, inputs, folders, load_cpu_s=limits.check_cpu_s)
+
+
+def _files(scene: Scene, data: DataDirectory) -> tuple[str, dict[str, Path], dict[str, Path]]:
+    """The root layer's name, files and folders; Problem where the scene's bytes are gone."""
+    folder = data.scene(scene.id)
+    if scene.kind == "zip":
+        _require(folder / "package")
+        return "", {}, {"package": folder / "package"}
+    _require(folder / "upload")
+    return f"scene.{scene.kind}", {f"scene.{scene.kind}": folder / "upload"}, {}
+
+
+def _require(path: Path) -> None:
+    if not path.exists():
+        raise Problem("internal", "The scene's files are not on the server any more; upload it again.")
+
+
+def _entry(job: Job, scene: Scene) -> str:
+    entry = choose(job.entry, scene.facts.get("entries", ()), scene.facts.get("layers"))
+    if entry is None:
+        raise Problem("not-usd", "The package has no layer that could be the root.")
+    return entry
+
+
+def frame_settings(asked: Json, frame: Frame, capacity: Capacity) -> RenderSettings:
+    """The library's settings of a job's, for one frame on this executor."""
+    settings = render_settings(Settings.model_validate_json(json.dumps(asked)))
+    return replace(settings, time_code=frame.time_code, threads=capacity.threads, max_memory_bytes=capacity.memory_bytes)
+
+
+# ---- what outputs are called ------------------------------------------------------------------------------------------------
+
+
+def output_names(job: Job, frame: Frame, frames: int) -> tuple[str, ...]:
+    """In the job's outputs folder and in URLs. Jobs of several frames have the time code in them; later attempts have their
+    number, since whoever fetched a name may keep what it meant."""
+    attempt = f"-{job.attempt}" if job.attempt > 1 else ""
+    code = f".{_code_text(frame)}" if frames > 1 else ""
+    return tuple(
+        f"{stem}{attempt}{code}.{suffix}" for stem, suffix in (("beauty", "exr"), ("beauty", "png"), ("report", "json"))
+    )
+
+
+def _code_text(frame: Frame) -> str:
+    """ "0012", "-003", "0012.500"; the frame's place where it has no time code."""
+    code = float(frame.number) if frame.time_code is None else frame.time_code
+    return f"{int(code):04d}" if code == int(code) else f"{code:08.3f}"

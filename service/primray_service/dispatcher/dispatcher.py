@@ -1,0 +1,119 @@
+"""The dispatcher itself: it takes the lease when it can be had, and lives one term after another."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import socket
+from collections.abc import Callable
+
+from ..executor.base import Executor
+from ..files import DataDirectory
+from ..ids import ulid
+from ..limits import Limits, Quotas
+from ..store.base import Store
+from .calls import Calls
+from .lease import Lease
+from .metrics import Metrics
+from .parts import Parts
+from .term import Term
+
+LOG = logging.getLogger(__name__)
+
+TRY_EVERY_S = 0.5  # for the lease
+FAILED_PAUSE_S = 1.0  # after a term that ended by a fault of ours
+
+
+class Dispatcher:
+    """One a server; those of several servers take turns by the store's lease."""
+
+    def __init__(
+        self,
+        store: Store,
+        executor: Executor,
+        data: DataDirectory,
+        limits: Limits,
+        quotas_of: Callable[[str], Quotas],
+    ) -> None:
+        self.metrics = Metrics()
+        self._store = store
+        self._executor = executor
+        self._data = data
+        self._limits = limits
+        self._quotas_of = quotas_of
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._term: Term | None = None
+        self._stopping = asyncio.Event()
+        self._ended = asyncio.Event()
+
+    async def run(self) -> None:
+        """Until `stop`: hold the lease when it can be had, and work."""
+        self._loop = asyncio.get_running_loop()
+        lease = Lease(self._store, f"{socket.gethostname()}/{os.getpid()}/{ulid(0.0)[10:]}")
+        try:
+            while not self._stopping.is_set():
+                if await self._has(lease):
+                    await self._live(lease)
+                else:
+                    await self._pause(TRY_EVERY_S)
+        finally:
+            lease.close()
+            self._ended.set()
+
+    async def _has(self, lease: Lease) -> bool:
+        try:
+            return await lease.acquire()
+        except Exception as error:
+            LOG.warning("the lease cannot be asked for: %r", error)
+            return False
+
+    async def _live(self, lease: Lease) -> None:
+        assert lease.fence is not None
+        calls = Calls(lease.was_reached_since, lambda: not lease.is_held)
+        parts = Parts(
+            *(self._store, self._executor, self._data, self._limits, self._quotas_of), calls, self.metrics, lease.fence
+        )
+        self.metrics.leases += 1
+        self.metrics.holds_lease = True
+        self._term = Term(parts, lease)
+        try:
+            if self._stopping.is_set():
+                self._term.stop()
+            await self._term.live()
+        except Exception:
+            LOG.exception("the dispatcher failed, and begins anew")
+            await self._pause(FAILED_PAUSE_S)
+        finally:
+            self._term = None
+            self.metrics.holds_lease = False
+            self.metrics.running = 0
+            self.metrics.leases_lost += not self._stopping.is_set()
+            calls.close()
+            await lease.release()
+
+    async def _pause(self, seconds: float) -> None:
+        try:
+            await asyncio.wait_for(self._stopping.wait(), seconds)
+        except TimeoutError:
+            return
+
+    def wake(self) -> None:
+        """Something was queued or is to be canceled; from any thread."""
+        self._in_loop(lambda: self._term.wake() if self._term is not None else None)
+
+    def ask_preview(self, job_id: str, frame: int) -> None:
+        """Somebody looks at this frame: its worker is to write previews; from any thread."""
+        self._in_loop(lambda: self._term.ask_preview(job_id, frame) if self._term is not None else None)
+
+    def _in_loop(self, work: Callable[[], None]) -> None:
+        if self._loop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(work)
+
+    async def stop(self) -> None:
+        """Let running frames write a checkpoint (a few seconds), queue them again, and release the lease."""
+        self._stopping.set()
+        if self._term is not None:
+            self._term.stop()
+        if self._loop is not None:
+            await self._ended.wait()

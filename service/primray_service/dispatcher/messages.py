@@ -1,0 +1,247 @@
+"""What a worker says, checked: a worker has read what somebody uploaded, and is believed nothing.
+
+Texts lose what a database or a terminal stumbles over, numbers must be numbers, and there is only so much of everything.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ..jobs import Json
+from ..problems import KINDS
+from ..worker.protocol import PHASES
+
+FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
+SLUG = re.compile(r"[a-z0-9-]{1,60}")
+SHA256 = re.compile(r"[0-9a-f]{64}")
+MEDIA_TYPE = re.compile(r"[a-z]+/[a-z0-9.+-]{1,60}")
+MOST_OUTPUTS = 64
+MOST_VALUES = 50_000  # of one message, nested ones counted
+MOST_DEPTH = 12
+TEXT_CHARS = 4000
+# What of a render's report goes into results; the whole is one of the outputs.
+OF_REPORT = (
+    *("stop", "samples", "rays", "error", "convergence", "sampling_s", "stages_s", "pixels_sha256", "interrupted"),
+    *("invalid_samples", "isa", "threads", "versions", "settings"),
+)
+
+
+class NotBelieved(Exception):
+    """The message is not one that our worker sends."""
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    number: int
+    file: str
+
+
+@dataclass(frozen=True)
+class Preview:
+    number: int  # of the pass that it shows
+    file: str
+
+
+@dataclass(frozen=True)
+class MadeFile:
+    """A file that a worker says it made."""
+
+    name: str
+    file: str
+    sha256: str
+    media_type: str
+
+
+@dataclass(frozen=True)
+class Done:
+    outputs: tuple[MadeFile, ...]
+    report: Json
+
+
+@dataclass(frozen=True)
+class Yielded:
+    pass
+
+
+@dataclass(frozen=True)
+class Failed:
+    problem: Json
+
+
+def clean_text(value: object, most: int = TEXT_CHARS) -> str:
+    """Without control characters (NUL is no text for PostgreSQL) and lone surrogates (no UTF-8)."""
+    if not isinstance(value, str):
+        raise NotBelieved("a text is missing")
+    return "".join(c if _is_text(c) else "?" for c in value[:most])
+
+
+def _is_text(character: str) -> bool:
+    if character < " ":
+        return character in "\n\t"
+    return character != "\x7f" and not "\ud800" <= character <= "\udfff"
+
+
+def clean(value: object) -> Any:
+    """A JSON value that can be stored; NotBelieved for numbers that are none, or where there is too much of it."""
+    left = MOST_VALUES
+
+    def cleaned(item: object, depth: int) -> Any:
+        nonlocal left
+        left -= 1
+        if left < 0 or depth > MOST_DEPTH:
+            raise NotBelieved("a message holds too much")
+        if item is None or isinstance(item, bool):
+            return item
+        if isinstance(item, str):
+            return clean_text(item)
+        if isinstance(item, int | float):
+            return number(item)
+        if isinstance(item, Mapping):
+            return {clean_text(name, 200): cleaned(inner, depth + 1) for name, inner in item.items()}
+        if isinstance(item, list | tuple):
+            return [cleaned(inner, depth + 1) for inner in item]
+        raise NotBelieved("a message is not JSON")
+
+    return cleaned(value, 0)
+
+
+def number(value: object) -> float | int:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or abs(value) > 1e300:
+        raise NotBelieved("a number is missing")
+    return value
+
+
+def whole(value: object, most: int = 2**53) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:
+        raise NotBelieved("a whole number is missing")
+    return value
+
+
+def mapping(value: object) -> Json:
+    """Cleaned."""
+    if not isinstance(value, Mapping):
+        raise NotBelieved("an object is missing")
+    found: Json = clean(value)
+    return found
+
+
+def file_name(value: object) -> str:
+    """A plain name in the worker's output folder."""
+    if not isinstance(value, str) or not FILE_NAME.fullmatch(value) or ".." in value:
+        raise NotBelieved("a file's name is not one of ours")
+    return value
+
+
+def phase_of(message: Mapping[str, Any]) -> str:
+    phase = message.get("phase")
+    if phase not in PHASES:
+        raise NotBelieved("there is no such phase")
+    return str(phase)
+
+
+_PROGRESS = ("samples_done", "samples_min", "samples_max", "rays", "rays_per_s", "elapsed_s", "pass")
+
+
+def progress_of(message: Mapping[str, Any]) -> Json:
+    """A frame's progress, with the names of the protocol and no others."""
+    found: Json = {"fraction": min(max(float(number(message.get("fraction"))), 0.0), 1.0)}
+    for name in _PROGRESS:
+        if message.get(name) is not None:
+            found[name] = number(message[name])
+    found["error"] = None if message.get("error") is None else _error_of(message["error"])
+    found["eta_s"] = None if message.get("eta_s") is None else max(number(message["eta_s"]), 0)
+    found["eta_ci95"] = None if message.get("eta_ci95") is None else _interval_of(message["eta_ci95"])
+    return found
+
+
+def _error_of(value: object) -> Json:
+    error = mapping(value)
+    return {
+        "metric": clean_text(error.get("metric"), 20),
+        "estimate": number(error.get("estimate")),
+        "ci95": _interval_of(error.get("ci95")),
+        "target": None if error.get("target") is None else number(error["target"]),
+        "kind": clean_text(error.get("kind", "estimated"), 20),
+    }
+
+
+def _interval_of(value: object) -> list[float | int]:
+    if not isinstance(value, list | tuple) or len(value) != 2:
+        raise NotBelieved("an interval is missing")
+    return [number(value[0]), number(value[1])]
+
+
+def row_of(message: Mapping[str, Any]) -> Json:
+    """A row of the convergence curve."""
+    found: Json = {name: number(message.get(name)) for name in ("t_s", "samples", "relmse")}
+    if message.get("ci95") is not None:
+        found["ci95"] = _interval_of(message["ci95"])
+    if message.get("rmse") is not None:
+        found["rmse"] = number(message["rmse"])
+    return found
+
+
+def warning_of(message: Mapping[str, Any]) -> Json:
+    found = {
+        "code": clean_text(message.get("code"), 100),
+        "prim": clean_text(message.get("prim") or "", 1024),
+        "detail": clean_text(message.get("detail") or ""),
+    }
+    if message.get("severity") is not None:
+        found["severity"] = clean_text(message["severity"], 20)
+    return found
+
+
+def checkpoint_of(message: Mapping[str, Any]) -> Checkpoint:
+    return Checkpoint(whole(message.get("number")), file_name(message.get("file")))
+
+
+def preview_of(message: Mapping[str, Any]) -> Preview:
+    return Preview(whole(message.get("pass")), file_name(message.get("file")))
+
+
+def done_of(message: Mapping[str, Any]) -> Done:
+    outputs = message.get("outputs")
+    if not isinstance(outputs, list) or len(outputs) > MOST_OUTPUTS:
+        raise NotBelieved("the outputs are missing")
+    made = tuple(_made_of(mapping(item)) for item in outputs)
+    if len({item.name for item in made}) != len(made) or len({item.file for item in made}) != len(made):
+        raise NotBelieved("two outputs have one name")
+    report = message.get("report")
+    if not isinstance(report, Mapping):
+        raise NotBelieved("the report is missing")
+    return Done(made, {name: clean(report[name]) for name in OF_REPORT if name in report})
+
+
+def _made_of(item: Json) -> MadeFile:
+    sha256, media_type = item.get("sha256"), item.get("media_type")
+    if not isinstance(sha256, str) or not SHA256.fullmatch(sha256):
+        raise NotBelieved("an output's digest is missing")
+    if not isinstance(media_type, str) or not MEDIA_TYPE.fullmatch(media_type):
+        raise NotBelieved("an output's media type is missing")
+    return MadeFile(file_name(item.get("name")), file_name(item.get("file")), sha256, media_type)
+
+
+def failed_of(message: Mapping[str, Any]) -> Failed:
+    """A problem document of a known type; its title and status are the table's, whatever was said."""
+    said = mapping(message.get("problem"))
+    slug = str(said.get("type", "")).removeprefix("/problems/")
+    if not SLUG.fullmatch(slug) or slug not in KINDS:
+        raise NotBelieved("there is no such problem")
+    kind = KINDS[slug]
+    extra = {name: value for name, value in said.items() if name not in ("type", "title", "status", "detail", "retryable")}
+    detail = clean_text(said.get("detail", kind.title))
+    return Failed(
+        {
+            "type": f"/problems/{slug}",
+            "title": kind.title,
+            "status": kind.status,
+            "detail": detail,
+            "retryable": kind.retryable,
+            **extra,
+        }
+    )

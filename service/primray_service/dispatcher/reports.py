@@ -1,0 +1,83 @@
+"""Telling the store how a frame that runs is doing: at most twice a second a job, and what matters at once."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from dataclasses import replace
+
+from ..jobs import Frame, Job, JobState, Json
+from .chunk_run import ChunkRun
+from .parts import Parts, SharedJob
+
+MOST_WARNING_EVENTS = 20  # of a job; its row has the rest
+
+Event = tuple[str, Json]
+
+
+def wait_s(run: ChunkRun, shared: SharedJob, now: float) -> float | None:
+    """Seconds until what is new may be told; None if nothing is."""
+    if not run.inbox.has_news:
+        return None
+    return 0.0 if run.inbox.is_urgent else shared.pace.report_in(now)
+
+
+async def report(parts: Parts, shared: SharedJob, job: Job, frame: Frame, run: ChunkRun) -> tuple[Job, Frame]:
+    """Write what is new; the job and the frame as they are then."""
+    loop, inbox = asyncio.get_running_loop(), run.inbox
+    async with shared.lock:
+        inbox.has_news = inbox.is_urgent = False
+        frame = updated(frame, run)
+        warnings = shared.totals.add_warnings(taken_warnings(run))
+        shared.totals.set(frame)
+        now = time.time()
+        changes: Json = {"progress": shared.totals.progress(now)}
+        if warnings:
+            changes["warnings"] = shared.totals.warnings
+        if inbox.effective is not None and job.effective_settings is None:
+            changes["effective_settings"] = inbox.effective
+        if inbox.sampling_since is not None and job.state is JobState.PREPARING:
+            changes["state"] = JobState.RUNNING
+        events = _warning_events(shared, warnings, frame)
+        if shared.pace.takes_event("progress", loop.time()):
+            events.append(("progress", changes["progress"]))
+        shared.pace.reported(loop.time())
+        job = await parts.calls.store(
+            parts.store.report, parts.fence, frame, now, job_changes=changes, event=events[0] if events else None
+        )
+        for event in events[1:]:
+            job = await parts.calls.store(parts.store.report, parts.fence, frame, now, event=event)
+    return job, frame
+
+
+async def tell_preview(parts: Parts, shared: SharedJob, frame: Frame, number: int) -> None:
+    """That there is a new preview; of many only some are told."""
+    loop = asyncio.get_running_loop()
+    async with shared.lock:
+        if shared.pace.takes_event(f"preview {frame.number}", loop.time()):
+            event = ("preview", {"frame": frame.number, "pass": number})
+            await parts.calls.store(parts.store.report, parts.fence, frame, time.time(), event=event)
+
+
+def updated(frame: Frame, run: ChunkRun) -> Frame:
+    """The frame with what its worker has said."""
+    inbox = run.inbox
+    progress = frame.progress if inbox.progress is None else inbox.progress
+    return replace(
+        frame,
+        phase=inbox.phase or frame.phase,
+        progress=progress,
+        effective_settings=inbox.effective or frame.effective_settings,
+        convergence=inbox.convergence,
+    )
+
+
+def taken_warnings(run: ChunkRun) -> list[Json]:
+    warnings, run.inbox.warnings = run.inbox.warnings, []
+    return warnings
+
+
+def _warning_events(shared: SharedJob, warnings: list[Json], frame: Frame) -> list[Event]:
+    left = max(MOST_WARNING_EVENTS - shared.warning_events, 0)
+    shared.warning_events += len(warnings)
+    return [("warning", {**warning, "frame": frame.number}) for warning in warnings[:left]]

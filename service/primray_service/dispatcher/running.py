@@ -1,0 +1,296 @@
+"""A claimed frame, until its row says how it ended or that it waits again.
+
+It lives in one task of the event loop. What others tell it (`saw`, `give_way`, `kill`) is only passed on to the worker, or ends
+it; the task then finds out why its chunk ended, and decides by endings.py.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+
+from .. import ids
+from ..executor.base import Ended
+from ..jobs import TERMINAL, Frame, FrameState, Job, JobState
+from ..problems import Problem
+from ..store.base import Claim, Lost
+from . import adoption, chunks, frame_end, reports
+from .chunk_run import ChunkRun
+from .endings import Again, Broken, Circumstances, Given, Outcome, Picture, outcome_of
+from .messages import Checkpoint
+from .parts import Parts, SharedJob, SharedJobs
+
+SILENT_S = 900.0  # a worker that says nothing for so long is taken to hang
+PICTURE_S = 20.0  # to make a canceled frame's picture from its checkpoint
+YIELD_S = 60.0  # a frame that was told to give way is killed after so long; it does so between two parts of a pass
+LOOK_S = 5.0
+
+# A chunk killed for one of these leaves no trace: the row is another's, or says already what became of the frame.
+DROPPED = frozenset({"lost", "expired", "gone"})
+
+
+class RunningFrame:
+    """`has_slot`: its chunk runs, or is about to; `going`: it was told to end, or to give way."""
+
+    def __init__(self, parts: Parts, jobs: SharedJobs, claim: Claim, on_free: Callable[[], Awaitable[None]]) -> None:
+        self.job: Job = claim.job
+        self.frame: Frame = claim.frame
+        self.has_slot = True
+        self.going = False
+        self._parts = parts
+        self._jobs = jobs
+        self._on_free = on_free  # gives its slot to another
+        self._run: ChunkRun | None = None
+        self._kill_for = ""  # before there is a run, or after
+        self._out_of_time = False
+        self._claimed_at = asyncio.get_running_loop().time()
+
+    @property
+    def key(self) -> tuple[str, int]:
+        return self.job.id, self.frame.number
+
+    @property
+    def sampled_s(self) -> float:
+        return self._run.sampled_s if self._run is not None else 0.0
+
+    @property
+    def is_canceling(self) -> bool:
+        return self.job.state is JobState.CANCELING
+
+    # ---- what others tell it ------------------------------------------------------------------------------------------------
+
+    def saw(self, job: Job | None) -> None:
+        """The job's row as it is now."""
+        if job is None or job.attempt != self.job.attempt or job.state in TERMINAL:
+            self.kill("gone")
+            return
+        was_canceling, self.job = self.is_canceling, job
+        if self.is_canceling and not was_canceling:
+            self.going = True
+            if self._run is not None:
+                self._stop_for_cancel(self._run)
+
+    def _stop_for_cancel(self, run: ChunkRun) -> None:
+        """With a picture if there can be one: of the samples taken by now, or of the checkpoint that it is just reading."""
+        if run.inbox.sampling_since is not None:
+            run.tell_to_end("stop", self._parts.limits.stop_grace_s, "cancel")
+        elif self.frame.checkpoint_file:
+            run.tell_to_end("stop", PICTURE_S, "cancel")
+        else:
+            run.kill("cancel")
+
+    def give_way(self) -> None:
+        if not self.going:
+            self.going = True
+            if self._run is not None:
+                self._run.tell_to_end("yield", YIELD_S, "yield")
+
+    def shut_down(self) -> None:
+        self.going = True
+        if self._run is not None and not self.is_canceling:
+            self._run.tell("yield")
+
+    def ask_preview(self) -> None:
+        if self._run is not None:
+            self._run.ask_preview()
+
+    def kill(self, why: str) -> None:
+        self._kill_for = self._kill_for or why
+        if self._run is not None:
+            self._run.kill(why)
+
+    # ---- its life -----------------------------------------------------------------------------------------------------------
+
+    async def live(self) -> None:
+        metrics = self._parts.metrics
+        metrics.frames_started += 1
+        metrics.queue_wait.observe(max(time.time() - self.job.queued_at, 0.0))
+        reading = asyncio.create_task(self._jobs.get(self.job))
+        try:
+            await self._live(reading)
+        except Lost:
+            pass  # another dispatcher has it now
+        finally:
+            self.has_slot = False
+            reading.cancel()
+
+    async def _live(self, reading: asyncio.Task[SharedJob]) -> None:
+        ended, outcome = await self._render(reading, picture_only=False)
+        if isinstance(outcome, Given) and self.frame.checkpoint_file and not self._kill_for:
+            await self._close()
+            ended, outcome = await self._render(reading, picture_only=True)
+        # Its process is gone, so that another can begin: while this one's outputs are adopted, and, if it has given way,
+        # before it waits again itself, or it would be first in the queue.
+        self.has_slot = False
+        await self._on_free()
+        shared = await reading
+        try:
+            if self._kill_for not in DROPPED:
+                await self._settle(shared, ended, outcome)
+        finally:
+            await self._close()
+
+    async def _render(self, reading: asyncio.Task[SharedJob], *, picture_only: bool) -> tuple[Ended | None, Outcome]:
+        """Run a chunk of the frame to its end, and what becomes of the frame; no `Ended` where there was no chunk."""
+        run = await self._start(picture_only)
+        if not isinstance(run, ChunkRun):
+            return None, run
+        try:
+            if picture_only:
+                run.kill_in(PICTURE_S, "cancel")
+            elif self.is_canceling:
+                self._stop_for_cancel(run)
+            shared = await self._follow(run, reading)
+            ended = await run.ended()
+            await self._take_checkpoints(run)
+            self.frame = reports.updated(self.frame, run)
+            shared.totals.add_warnings(reports.taken_warnings(run))
+        except BaseException:
+            await self._close()
+            raise
+        spent = replace(self.frame, cpu_s=self.frame.cpu_s + ended.cpu_s)
+        self.frame = replace(spent, peak_rss_bytes=max(spent.peak_rss_bytes, ended.peak_rss_bytes))
+        disk_is_full = self._parts.disk_is_full or run.killed_for == "storage"
+        about = Circumstances(self.is_canceling, run.killed_for, disk_is_full, run.chunk.command["checkpoint"] is not None)
+        return ended, outcome_of(self.frame, run.inbox.last, ended, about, self._parts.limits)
+
+    async def _start(self, picture_only: bool) -> ChunkRun | Outcome:
+        parts, job, frame = self._parts, self.job, self.frame
+        tidied = parts.calls.disk(adoption.tidy_frame, parts.data, job.id, frame.number, frame.checkpoint_file)
+        read = parts.calls.store(parts.store.scene, job.tenant, job.scene_id)
+        counted = parts.calls.store(parts.store.frame_counts, job.id)
+        scene, counts, _ = await asyncio.gather(read, counted, tidied)
+        asked = chunks.Asked(sum(counts.values()), picture_only)
+        try:
+            if scene is None:
+                raise Problem("internal", "The scene is not on the server any more; upload it again.")
+            chunk_id = f"c{ids.ulid(time.time())}"
+            capacity = parts.executor.capacity()
+            chunk = chunks.render_chunk(chunk_id, job, frame, scene, parts.data, capacity, parts.limits, asked)
+            if self._kill_for or (self.is_canceling and not picture_only):
+                return Given() if self.is_canceling else Again(frame, self._kill_for)
+            self._run = ChunkRun(parts.executor, chunk, frame.convergence)
+        except (Problem, ValueError, OSError) as error:
+            return frame_end.not_begun(frame, error, parts.limits)
+        if self.going and not self.is_canceling:  # told to before there was anybody to tell
+            self._run.tell_to_end("yield", YIELD_S, "yield")
+        return self._run
+
+    async def _follow(self, run: ChunkRun, reading: asyncio.Task[SharedJob]) -> SharedJob:
+        """Deal with what comes until nothing more does."""
+        loop, parts = asyncio.get_running_loop(), self._parts
+        shared: SharedJob | None = None
+        first_sample = True
+        while not run.is_over:
+            if shared is None and reading.done():
+                shared = reading.result()
+            wait_s = reports.wait_s(run, shared, loop.time()) if shared is not None else 0.05
+            if wait_s != 0.0:
+                await run.news(LOOK_S if wait_s is None else min(wait_s, LOOK_S))
+            if first_sample and run.inbox.sampling_since is not None:
+                first_sample = False
+                parts.metrics.first_sample.observe(run.inbox.sampling_since - self._claimed_at)
+            await self._take_checkpoints(run)
+            if shared is None:
+                continue
+            await self._take_preview(run, shared)
+            if not run.is_over and reports.wait_s(run, shared, loop.time()) == 0.0:
+                job, self.frame = await reports.report(parts, shared, self.job, self.frame, run)
+                self.saw(job)
+            self._watch(run)
+        return shared or await reading
+
+    def _watch(self, run: ChunkRun) -> None:
+        limits = self._parts.limits
+        if run.silent_s > SILENT_S:
+            run.kill("silent")
+        elif not self.going and float(self.frame.progress.get("elapsed_s", 0.0)) > limits.seconds:
+            self.going = self._out_of_time = True
+            run.tell_to_end("stop", max(limits.stop_grace_s, YIELD_S), "silent")
+
+    # ---- what comes from it -------------------------------------------------------------------------------------------------
+
+    async def _take_checkpoints(self, run: ChunkRun) -> None:
+        while run.inbox.checkpoints and self._kill_for not in DROPPED:
+            await self._take_checkpoint(run, run.inbox.checkpoints.popleft())
+
+    async def _take_checkpoint(self, run: ChunkRun, message: Checkpoint) -> None:
+        """On the disk first, then in the row; the one before goes last. Whatever happens between, the row's file is there."""
+        parts, frame = self._parts, self.frame
+        began = time.monotonic()
+        if message.number != frame.checkpoint + 1:
+            run.kill("not-believed")
+            return
+        name = adoption.checkpoint_file(message.number, frame.number, run.chunk.id)
+        folder = parts.data.job(self.job.id)
+        source = run.handle.folder / message.file
+        try:
+            await parts.calls.disk(adoption.adopt_checkpoint, source, folder / name, parts.limits.output_bytes)
+        except adoption.NotAdopted:
+            run.kill("not-believed")
+            return
+        except OSError:
+            parts.disk_is_full = True
+            run.kill("storage")
+            return
+        accepted = await parts.calls.store(
+            parts.store.accept_checkpoint,
+            parts.fence,
+            f"{run.chunk.id}-{message.number}",
+            self.job.id,
+            frame.number,
+            attempt=frame.attempt,
+            follows=frame.checkpoint,
+            file=name,
+            now=time.time(),
+        )
+        if not accepted:
+            await parts.calls.disk(adoption.remove, folder / name)
+            self.kill("gone")
+            return
+        parts.metrics.checkpoints += 1
+        parts.metrics.adopt_checkpoint.observe(time.monotonic() - began)
+        older = frame.checkpoint_file
+        self.frame = replace(frame, checkpoint=message.number, checkpoint_file=name, crashes=0, kills=0)
+        if older and older != name:
+            await parts.calls.disk(adoption.remove, folder / older)
+
+    async def _take_preview(self, run: ChunkRun, shared: SharedJob) -> None:
+        preview, run.inbox.preview = run.inbox.preview, None
+        if preview is None:
+            return
+        parts = self._parts
+        folder = parts.data.frame(self.job.id, self.frame.number)
+        try:
+            taken = await parts.calls.disk(adoption.adopt_preview, run.handle.folder / preview.file, folder)
+        except adoption.NotAdopted:
+            run.kill("not-believed")
+            return
+        except OSError:
+            return  # there is no room for it; nobody's picture depends on it
+        if taken:
+            await reports.tell_preview(parts, shared, self.frame, preview.number)
+
+    # ---- the end ------------------------------------------------------------------------------------------------------------
+
+    async def _settle(self, shared: SharedJob, ended: Ended | None, outcome: Outcome) -> None:
+        run, parts = self._run, self._parts
+        ending = frame_end.Ending(parts, shared, self.job, self.frame, run, ended)
+        left: Outcome | None = outcome
+        if isinstance(outcome, Picture):
+            left = await ending.with_picture(outcome.done, out_of_time=self._out_of_time)
+        if isinstance(left, Broken):
+            await ending.without(FrameState.FAILED, left.problem)
+        elif isinstance(left, Given):
+            await ending.without(FrameState.CANCELED, None)
+        elif isinstance(left, Again):
+            await ending.again(left)
+        if ending.is_over:
+            self._jobs.forget(self.job)
+
+    async def _close(self) -> None:
+        run, self._run = self._run, None
+        if run is not None:
+            await run.close()

@@ -1,0 +1,229 @@
+"""One hold of the lease, from getting it until it is lost or given back: what runs, what waits, who is told what.
+
+Everything that runs here ends before the term does: the next holder, maybe this same process, begins with nothing under way.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections import Counter
+from collections.abc import Coroutine, Sequence
+from typing import Any
+
+from ..store.base import Claim, Lost
+from . import turns
+from .checks import check_scene
+from .giving_way import Running, who_gives_way
+from .lease import Lease
+from .parts import Parts, SharedJobs
+from .retention import Retention
+from .running import RunningFrame
+
+LOG = logging.getLogger(__name__)
+
+LOOK_EVERY_S = 0.5
+LOOK_AT_DISK_EVERY_S = 2.0
+STOP_WITHIN_S = 4.0
+PREVIEW_ASKED_S = 15.0
+
+
+class Term:
+    def __init__(self, parts: Parts, lease: Lease) -> None:
+        self._parts = parts
+        self._lease = lease
+        self._jobs = SharedJobs(parts)
+        self._running: dict[tuple[str, int], RunningFrame] = {}
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._awake = asyncio.Event()
+        self._starting = asyncio.Lock()  # one claim after another, or more frames than slots would be claimed
+        self._stopping = False
+        self._failed = False
+        self._check: asyncio.Task[None] | None = None
+        self._served: dict[str, float] = {}  # when each tenant's frame was claimed last
+        self._asked: dict[tuple[str, int], float] = {}  # previews of frames that did not run yet
+        self._disk_at = 0.0
+
+    # ---- what others tell it ------------------------------------------------------------------------------------------------
+
+    def wake(self) -> None:
+        self._awake.set()
+
+    def ask_preview(self, job_id: str, frame: int) -> None:
+        running = self._running.get((job_id, frame))
+        if running is not None:
+            running.ask_preview()
+
+    def stop(self) -> None:
+        self._stopping = True
+        self._awake.set()
+
+    # ---- its life -----------------------------------------------------------------------------------------------------------
+
+    async def live(self) -> None:
+        """Until the lease is lost, or `stop` and all that ran has been written down."""
+        keeping = asyncio.create_task(self._lease.keep())
+        keeping.add_done_callback(lambda _: self._awake.set())
+        self._spawn(Retention(self._parts, self._expired).keep_on(), "retention")
+        try:
+            while not keeping.done() and not self._stopping and not self._failed:
+                await self._round()
+                await self._pause()
+            if self._stopping and not keeping.done():
+                await self._shut_down()
+        except Lost:
+            pass
+        finally:
+            await self._end_all()
+            keeping.cancel()
+            await asyncio.wait([keeping])
+
+    async def _pause(self) -> None:
+        try:
+            await asyncio.wait_for(self._awake.wait(), LOOK_EVERY_S)
+        except TimeoutError:
+            return
+        self._awake.clear()
+
+    async def _round(self) -> None:
+        await self._fill_slots()
+        await self._start_check()
+        await self._look_at_jobs()
+        await self._ask_to_give_way()
+
+    async def _shut_down(self) -> None:
+        """Running frames write a checkpoint and wait again, for this server's next start or another one."""
+        for running in list(self._running.values()):
+            running.shut_down()
+        frames = {task for task in self._tasks if task.get_name() == "frame"}
+        if frames:
+            await asyncio.wait(frames, timeout=STOP_WITHIN_S)
+        for running in list(self._running.values()):
+            running.kill("shutdown")
+        frames = {task for task in frames if not task.done()}
+        if frames:
+            await asyncio.wait(frames, timeout=1.0)
+
+    async def _end_all(self) -> None:
+        """Chunks are killed and nothing more is written; whoever has the lease next finds frames running, and takes them."""
+        for running in list(self._running.values()):
+            running.kill("lost")
+        while self._tasks:
+            for task in self._tasks:
+                task.cancel()
+            await asyncio.wait(self._tasks, timeout=1.0)
+
+    def _spawn(self, work: Coroutine[Any, Any, None], name: str) -> asyncio.Task[None]:
+        task = asyncio.create_task(work, name=name)
+        self._tasks.add(task)
+        task.add_done_callback(self._ended)
+        return task
+
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        self._parts.metrics.running = len(self._running)
+        error = None if task.cancelled() else task.exception()
+        if isinstance(error, Lost):
+            self._failed = True
+        elif error is not None:
+            # Rows may say what is not so any more. Taking the lease anew puts them right.
+            LOG.error("the dispatcher's %s failed, so it begins anew", task.get_name(), exc_info=error)
+            self._failed = True
+        self._awake.set()
+
+    # ---- frames -------------------------------------------------------------------------------------------------------------
+
+    def _free_slots(self) -> int:
+        taken = sum(running.has_slot for running in self._running.values())
+        return self._parts.executor.capacity().slots - taken
+
+    async def _start_frame(self) -> bool:
+        """False if no frame waits."""
+        claim = await self._claim()
+        if claim is None:
+            return False
+        self._served[claim.job.tenant] = time.monotonic()
+        running = RunningFrame(self._parts, self._jobs, claim, self._fill_slots)
+        self._running[running.key] = running
+        self._parts.metrics.running = len(self._running)
+        self._spawn(self._live_frame(running), "frame")
+        return True
+
+    async def _live_frame(self, running: RunningFrame) -> None:
+        try:
+            await running.live()
+        finally:
+            if self._running.get(running.key) is running:
+                del self._running[running.key]
+
+    async def _fill_slots(self) -> None:
+        """A frame has left its slot; rounds that go on meanwhile do the same."""
+        if not self._stopping:
+            async with self._starting:
+                while self._free_slots() > 0 and await self._has_disk():
+                    if not await self._start_frame():
+                        return
+
+    async def _claim(self) -> Claim | None:
+        parts = self._parts
+        waiting = await self._waiting()
+        if not waiting:
+            return None
+        turn = turns.quotas_of(parts.quotas_of, waiting, self._slots_of_tenants(), self._served)
+        claim = await parts.calls.store(parts.store.claim_frame, parts.fence, time.time(), turn)
+        if claim is None and turn is not parts.quotas_of:  # whose turn it was has nothing any more
+            claim = await parts.calls.store(parts.store.claim_frame, parts.fence, time.time(), parts.quotas_of)
+        return claim
+
+    async def _waiting(self) -> Sequence[tuple[int, str]]:
+        parts = self._parts
+        return await parts.calls.store(parts.store.waiting, parts.fence, time.time(), parts.quotas_of)
+
+    def _slots_of_tenants(self) -> Counter[str]:
+        return Counter(running.job.tenant for running in self._running.values())
+
+    async def _has_disk(self) -> bool:
+        parts, now = self._parts, time.monotonic()
+        if now >= self._disk_at:
+            self._disk_at = now + LOOK_AT_DISK_EVERY_S
+            free = await parts.calls.disk(parts.data.free_bytes)
+            was_full, parts.disk_is_full = parts.disk_is_full, free < parts.limits.free_disk_bytes
+            if parts.disk_is_full and not was_full:
+                LOG.warning("only %d bytes are free: nothing new is rendered", free)
+        return not parts.disk_is_full
+
+    async def _look_at_jobs(self) -> None:
+        """Whether they are to be canceled, or are gone."""
+        parts = self._parts
+        for job_id in {job_id for job_id, _ in self._running}:
+            job = await parts.calls.store(parts.store.job, job_id)
+            for running in list(self._running.values()):
+                if running.job.id == job_id:
+                    running.saw(job)
+
+    def _expired(self, job_id: str) -> None:
+        for running in list(self._running.values()):
+            if running.job.id == job_id:
+                running.kill("expired")
+
+    async def _ask_to_give_way(self) -> None:
+        if self._free_slots() > 0 or self._parts.disk_is_full:
+            return
+        waiting = await self._waiting()
+        if not waiting:
+            return
+        seen = [
+            Running(r.key, r.job.priority, r.job.tenant, r.sampled_s, r.going) for r in self._running.values() if r.has_slot
+        ]
+        for key in who_gives_way(seen, waiting, self._parts.limits.time_slice_s):
+            self._running[key].give_way()
+
+    # ---- checks -------------------------------------------------------------------------------------------------------------
+
+    async def _start_check(self) -> None:
+        if self._check is not None and not self._check.done():
+            return
+        scene = await self._parts.calls.store(self._parts.store.next_check, self._parts.fence)
+        if scene is not None:
+            self._check = self._spawn(check_scene(self._parts, scene), "check")

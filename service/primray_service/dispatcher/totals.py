@@ -1,0 +1,252 @@
+"""What a job's frames add up to while they run and at the end: its progress, warnings, usage and result. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+
+from ..jobs import FRAME_TERMINAL, Frame, FrameState, Job, Json
+
+MOST_WARNINGS = 500
+MOST_DIGESTS = 256  # frames whose digests a job's result lists; each frame's own result has it anyway
+# Ends from best to worst: a job's is the worst of its frames'.
+STOPS = ("target-error", "samples", "time-limit", "interrupted")
+
+
+@dataclass
+class FrameTotals:
+    """One frame's part; `seconds`: that it took in all, known at its end."""
+
+    state: FrameState
+    progress: Json = field(default_factory=dict)
+    phase: str = ""
+    result: Json | None = None
+    error: Json | None = None
+    cpu_s: float = 0.0
+    peak_rss_bytes: int = 0
+
+    @property
+    def fraction(self) -> float:
+        return 1.0 if self.state is FrameState.SUCCEEDED else float(self.progress.get("fraction", 0.0))
+
+    @property
+    def sampling_s(self) -> float:
+        return float(self.progress.get("elapsed_s", 0.0))
+
+
+class JobTotals:
+    """Of one attempt of a job."""
+
+    def __init__(self, job: Job, frames: Iterable[Frame]) -> None:
+        self.job_id, self.attempt = job.id, job.attempt
+        self._frames: dict[int, FrameTotals] = {}
+        for frame in frames:
+            self.set(frame)
+        self._fraction = float(job.progress.get("fraction", 0.0))
+        self._warnings: dict[tuple[str, str, str], Json] = {}
+        self._left_out = 0
+        self.add_warnings(job.warnings)
+
+    def set(self, frame: Frame) -> None:
+        self._frames[frame.number] = FrameTotals(
+            frame.state, frame.progress, frame.phase, frame.result, frame.error, frame.cpu_s, frame.peak_rss_bytes
+        )
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def count(self, state: FrameState) -> int:
+        return sum(frame.state is state for frame in self._frames.values())
+
+    @property
+    def is_over(self) -> bool:
+        return all(frame.state in FRAME_TERMINAL for frame in self._frames.values())
+
+    # ---- warnings -----------------------------------------------------------------------------------------------------------
+
+    def add_warnings(self, warnings: Iterable[Json]) -> list[Json]:
+        """Those that are new: what several frames say of a prim is said once."""
+        new = []
+        for warning in warnings:
+            key = (str(warning.get("code")), str(warning.get("prim", "")), str(warning.get("detail", "")))
+            if key in self._warnings:
+                continue
+            if len(self._warnings) >= MOST_WARNINGS:
+                self._left_out += 1
+                continue
+            self._warnings[key] = warning
+            new.append(warning)
+        return new
+
+    @property
+    def warnings(self) -> list[Json]:
+        listed = list(self._warnings.values())
+        if self._left_out:
+            sentence = f"{self._left_out} more warnings are left out here; the frames' reports have them."
+            listed.append({"code": "more-warnings", "prim": "", "detail": sentence})
+        return listed
+
+    # ---- progress -----------------------------------------------------------------------------------------------------------
+
+    def progress(self, now: float) -> Json:
+        frames = self._frames.values()
+        mean = sum(frame.fraction for frame in frames) / max(len(frames), 1)
+        self._fraction = min(max(self._fraction, mean), 1.0)
+        shown = self._shown()
+        eta_s, eta_ci95 = self._eta()
+        running = [frame for frame in frames if frame.state is FrameState.RUNNING]
+        of_shown = {name: shown.progress.get(name) for name in ("samples_done", "samples_min", "samples_max", "error", "pass")}
+        return of_shown | {
+            "fraction": self._fraction,
+            "phase": next((frame.phase for frame in running if frame.phase), shown.phase if running else ""),
+            "frames": {"total": len(frames)} | {state.value: self.count(state) for state in FrameState},
+            "rays": sum(frame.progress.get("rays") or 0 for frame in frames),
+            "rays_per_s": sum(frame.progress.get("rays_per_s") or 0.0 for frame in running),
+            "elapsed_s": sum(frame.sampling_s for frame in frames),
+            "eta_s": eta_s,
+            "eta_ci95": eta_ci95,
+            "updated_at": datetime.fromtimestamp(now, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z"),
+        }
+
+    def _shown(self) -> FrameTotals:
+        """The frame whose samples and error stand for the job's: the first of those that run, else the one of largest error."""
+        numbers = sorted(self._frames)
+        running = [self._frames[n] for n in numbers if self._frames[n].state is FrameState.RUNNING]
+        known = [frame for frame in running if frame.progress.get("error")] or running
+        if known:
+            return known[0]
+        return max((self._frames[n] for n in numbers), key=_size_of_error, default=FrameTotals(FrameState.QUEUED))
+
+    def _eta(self) -> tuple[float | None, list[float] | None]:
+        """Seconds until the job is done, and their interval: frames to come are taken to last as long as those that ended, or
+        as those that run will have; as many side by side as run now."""
+        frames = self._frames.values()
+        running = [frame for frame in frames if frame.state is FrameState.RUNNING]
+        waiting = [frame for frame in frames if frame.state is FrameState.QUEUED]
+        if not running:
+            return (None, None) if waiting else (0.0, [0.0, 0.0])
+        if any(frame.progress.get("eta_s") is None for frame in running):
+            return None, None
+        left = [float(frame.progress["eta_s"]) for frame in running]
+        if not waiting:
+            eta = max(left)
+            slowest = max(running, key=lambda frame: float(frame.progress["eta_s"]))
+            interval = slowest.progress.get("eta_ci95")
+            return eta, None if interval is None else [float(interval[0]), float(interval[1])]
+        whole = [frame.sampling_s for frame in frames if frame.state is FrameState.SUCCEEDED]
+        whole = whole or [frame.sampling_s + eta for frame, eta in zip(running, left, strict=True)]
+        each = sum(whole) / len(whole)
+        more = sum(max(each - frame.sampling_s, 0.0) for frame in waiting)
+        eta = (sum(left) + more) / len(running)
+        width = _spread(running, left)
+        return eta, None if width is None else [eta * (1 - width[0]), eta * (1 + width[1])]
+
+    # ---- the end ------------------------------------------------------------------------------------------------------------
+
+    def usage(self) -> Json:
+        frames = self._frames.values()
+        return {
+            "cpu_s": sum(frame.cpu_s for frame in frames),
+            "peak_rss_bytes": max((frame.peak_rss_bytes for frame in frames), default=0),
+        }
+
+    def first_error(self) -> Json | None:
+        """Of the failed frames the first, told with its number where there are others."""
+        for number in sorted(self._frames):
+            error = self._frames[number].error
+            if self._frames[number].state is FrameState.FAILED and error is not None:
+                return {**error, "attempt": self.attempt} | ({"frame": number} if len(self) > 1 else {})
+        return None
+
+    def cancel_waiting(self) -> None:
+        """The job is being canceled: frames that wait will not run."""
+        for frame in self._frames.values():
+            if frame.state is FrameState.QUEUED:
+                frame.state = FrameState.CANCELED
+
+    def result(self) -> Json | None:
+        """None if no frame made a picture."""
+        made = {n: r for n in sorted(self._frames) if (r := self._frames[n].result) is not None and r.get("stop")}
+        if not made:
+            return None
+        results = list(made.values())
+        found: Json = {
+            "stop": _stop_of(results),
+            "error": max((r["error"] for r in results if r.get("error")), key=lambda e: float(e["estimate"]), default=None),
+            "samples": sum(r.get("samples") or 0 for r in results),
+            "rays": sum(r.get("rays") or 0 for r in results),
+            "stages_s": _sums(r.get("stages_s") or {} for r in results),
+            "sampling_s": sum(r.get("sampling_s") or 0.0 for r in results),
+            "outputs": sum(len(r.get("outputs") or ()) for r in results),
+        }
+        if len(made) <= MOST_DIGESTS:
+            found["pixels_sha256"] = [{"frame": n, "sha256": r.get("pixels_sha256")} for n, r in made.items()]
+        return found
+
+
+def _size_of_error(frame: FrameTotals) -> float:
+    error = frame.progress.get("error")
+    return -1.0 if not error else float(error["estimate"])
+
+
+def _spread(running: Sequence[FrameTotals], left: Sequence[float]) -> tuple[float, float] | None:
+    """How far the interval of the seconds left goes below and above, as parts of them; of the widest."""
+    found = []
+    for frame, eta in zip(running, left, strict=True):
+        interval = frame.progress.get("eta_ci95")
+        if interval is None:
+            return None
+        if eta > 0:
+            found.append((min(max(1 - interval[0] / eta, 0.0), 1.0), max(interval[1] / eta - 1, 0.0)))
+    return (max(low for low, _ in found), max(high for _, high in found)) if found else (0.0, 0.0)
+
+
+def _stop_of(results: Sequence[Json]) -> Json:
+    stops = [r["stop"] for r in results]
+    reasons = [stop["reason"] for stop in stops]
+    met = [stop["target_met"] for stop in stops if stop.get("target_met") is not None]
+    return {"reason": max(reasons, key=STOPS.index), "target_met": all(met) if met else None}
+
+
+def _sums(rows: Iterable[Mapping[str, float]]) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for row in rows:
+        for name, value in row.items():
+            found[name] = found.get(name, 0.0) + value
+    return found
+
+
+# ---- a frame's own -----------------------------------------------------------------------------------------------------
+
+
+def frame_result(report: Mapping[str, object], stop: Json, job: Job, outputs: Sequence[str]) -> Json:
+    """What a frame's row keeps of the report that its worker made."""
+    asked = job.settings.get("stop", {})
+    metric = asked.get("metric", "relmse")
+    errors = report.get("error")
+    measured = errors.get(metric) if isinstance(errors, Mapping) else None
+    error = None
+    if isinstance(measured, Mapping) and measured.get("estimate") is not None:
+        target = asked.get("target_error")
+        error = {"metric": metric, "estimate": measured["estimate"], "ci95": measured.get("ci95"), "target": target}
+        error["kind"] = "estimated"
+    kept = ("samples", "rays", "stages_s", "sampling_s", "pixels_sha256", "invalid_samples", "versions", "isa", "threads")
+    return {"stop": stop, "error": error} | {name: report.get(name) for name in kept} | {"outputs": list(outputs)}
+
+
+def target_warning(frame: Frame, result: Json, frames: int) -> Json | None:
+    """That a frame ended above the error that was asked for."""
+    stop, error = result["stop"], result["error"]
+    if stop.get("target_met") is not False or stop["reason"] == "interrupted":
+        return None
+    which = f"Frame {frame.number}" if frames > 1 else "It"
+    ended = {"samples": "its samples were used up", "time-limit": "its time was over"}.get(stop["reason"], "it ended")
+    reached = "" if error is None else f" at an error of {error['estimate']:.3g}"
+    wanted = "" if error is None or error["target"] is None else f", above the {error['target']:g} asked for"
+    return {
+        "code": "target-not-met",
+        "prim": "",
+        "detail": f"{which} stopped{reached}{wanted}: {ended}.",
+        "severity": "warning",
+    }

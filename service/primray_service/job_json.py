@@ -1,0 +1,75 @@
+"""Jobs, frames and events as the API tells them: plain dictionaries, for the routes, the events and the webhooks."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+
+from .jobs import Event, Frame, Job, Json
+
+
+def time_text(seconds: float | None) -> str | None:
+    """RFC 3339, in UTC, to the millisecond."""
+    if seconds is None:
+        return None
+    return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def job_json(job: Job) -> Json:
+    here = f"/v1/jobs/{job.id}"
+    return {
+        "id": job.id,
+        "object": "job",
+        "state": job.state.value,
+        "attempt": job.attempt,
+        "priority": job.priority,
+        "created_at": time_text(job.created_at),
+        "queued_at": time_text(job.queued_at),
+        "started_at": time_text(job.started_at),
+        "finished_at": time_text(job.finished_at),
+        "expires_at": time_text(job.expires_at),
+        "ttl_s": job.ttl_s,
+        "scene": {"id": job.scene_id, "entry": job.entry},
+        "labels": dict(job.labels),
+        "settings": job.settings,
+        "effective_settings": job.effective_settings,
+        "progress": job.progress,
+        "result": job.result,
+        "warnings": job.warnings,
+        "error": job.error,
+        "usage": job.usage,
+        "urls": {
+            "self": here,
+            "cancel": f"{here}/cancel",
+            "continue": f"{here}/continue",
+            "events": f"{here}/events",
+            "frames": f"{here}/frames",
+            "convergence": f"{here}/convergence",
+            "preview": f"{here}/preview",
+            "outputs": f"{here}/outputs",
+            "log": f"{here}/log",
+            "scene": f"/v1/scenes/{job.scene_id}",
+        },
+        "webhook": None if job.webhook is None else {"url": job.webhook["url"], "events": job.webhook["events"]},
+    }
+
+
+def frame_json(frame: Frame) -> Json:
+    return {
+        "number": frame.number,
+        "time_code": frame.time_code,
+        "state": frame.state.value,
+        "attempt": frame.attempt,
+        "phase": frame.phase,
+        "checkpoint": frame.checkpoint,
+        "progress": frame.progress,
+        "effective_settings": frame.effective_settings,
+        "result": frame.result,
+        "error": frame.error,
+        "usage": {"cpu_s": frame.cpu_s, "peak_rss_bytes": frame.peak_rss_bytes},
+        "started_at": time_text(frame.started_at),
+        "finished_at": time_text(frame.finished_at),
+    }
+
+
+def event_json(event: Event) -> Json:
+    return {"id": event.id, "type": event.type, "created_at": time_text(event.created_at), "data": event.data}

@@ -1,0 +1,108 @@
+"""A preview's numbers as 8-bit values: the picture as its PNG will be, one channel of it, or its error in false colours."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from primray.image import encode
+
+from ..worker.preview import Preview
+from .request import PictureRequest
+
+Values = npt.NDArray[Any]
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec. ITU-R BT.709-6, 3.2
+# viridis at even steps, by S. van der Walt and N. Smith, CC0: https://bids.github.io/colormap/
+VIRIDIS = np.array([
+    (68, 1, 84), (72, 40, 120), (62, 74, 137), (49, 104, 142), (38, 130, 142),
+    (31, 158, 137), (53, 183, 121), (109, 205, 89), (180, 222, 44), (253, 231, 37),
+], np.float32)  # fmt: skip
+NO_ESTIMATE = (96, 96, 96)  # grey, which is not in the map
+NO_ERROR = (0, 0, 0)
+MOST_DECADES = 4
+DARK = 1e-3  # luminance below which an error is told relative to this: relative to black it says nothing
+
+
+def picture(preview: Preview, request: PictureRequest) -> tuple[Values, dict[str, str]]:
+    """(H, W, 1, 3 or 4) uint8, and what the answer's headers say of it."""
+    if request.view == "beauty":
+        values = _beauty(_narrowed(preview.rgb, request), _narrowed(preview.alpha[..., None], request), request)
+        return values, {}
+    return _error_map(preview, request)
+
+
+def _beauty(rgb: Values, alpha: Values, request: PictureRequest) -> Values:
+    if request.channel == "a":
+        return (np.clip(alpha, 0, 1) * 255 + 0.5).astype(np.uint8)
+    if request.channel == "rgb":
+        return encode(np.concatenate([rgb, alpha], axis=2), exposure=request.exposure)
+    grey = np.repeat(_one_channel(rgb, request.channel)[..., None], 3, axis=2)
+    return encode(np.concatenate([grey, np.ones_like(alpha)], axis=2), exposure=request.exposure)
+
+
+def _one_channel(values: Values, channel: str) -> Values:
+    one: Values = values @ LUMINANCE if channel in ("rgb", "luminance") else values[..., "rgb".index(channel)]
+    return one
+
+
+def _error_map(preview: Preview, request: PictureRequest) -> tuple[Values, dict[str, str]]:
+    """The standard error of luminance (or of one channel) on a logarithmic scale of whole decades, so that it stays put.
+
+    Channels see the same paths, so their errors add up as they are, not as squares: that is their luminance's at most.
+    """
+    deviation = _one_channel(preview.stderr, request.channel)
+    side = _side(deviation.shape[1], request)
+    if side > 1:
+        counts = np.float32(side * side)
+        deviation = np.sqrt(_box_mean(np.square(deviation)[..., None], side)[..., 0] / counts)
+    if request.view == "relative-error":
+        mean = _one_channel(_box_mean(preview.rgb, side), request.channel)
+        deviation = deviation / np.maximum(np.abs(mean), DARK)
+    else:
+        deviation = deviation * np.float32(2.0**request.exposure)
+    known = np.isfinite(deviation) & (deviation > 0)
+    low, high = _decades(deviation[known])
+    position = np.zeros_like(deviation)
+    position[known] = (np.log10(deviation[known]) - low) / (high - low)
+    steps = np.clip(position, 0, 1) * (len(VIRIDIS) - 1)
+    below = np.minimum(steps.astype(np.int32), len(VIRIDIS) - 2)
+    share = (steps - below)[..., None]
+    colors = VIRIDIS[below] * (1 - share) + VIRIDIS[below + 1] * share
+    colors[deviation == 0] = NO_ERROR
+    colors[~np.isfinite(deviation)] = NO_ESTIMATE
+    unit = "1" if request.view == "relative-error" else "radiance"
+    scale = f'log10;low=1e{low:d};high=1e{high:d};unit={unit};map=viridis;none="#000000";unknown="#606060"'
+    return (colors + 0.5).astype(np.uint8), {"preview-scale": scale}
+
+
+def _decades(values: Values) -> tuple[int, int]:
+    """Whole powers of ten around all but the most extreme thousandth."""
+    if not values.size:
+        return -MOST_DECADES, 0
+    low, high = (float(x) for x in np.log10(np.quantile(values, (0.001, 0.999))))
+    top = int(np.ceil(high))
+    return min(max(int(np.floor(low)), top - MOST_DECADES), top - 1), top
+
+
+def _narrowed(values: Values, request: PictureRequest) -> Values:
+    return _box_mean(values, _side(values.shape[1], request))
+
+
+def _side(width: int, request: PictureRequest) -> int:
+    """Of the boxes that make the picture no wider than asked for; it is never made wider than it is."""
+    return 1 if request.width is None else max(1, -(-width // request.width))
+
+
+def _box_mean(values: Values, side: int) -> Values:
+    """(H, W, C) averaged over boxes of side x side, the last of a row or column smaller."""
+    if side == 1:
+        return values
+    height, width = values.shape[:2]
+    rows, columns = np.arange(0, height, side), np.arange(0, width, side)
+    sums = np.add.reduceat(np.add.reduceat(values, rows, axis=0), columns, axis=1)
+    counts = np.diff(np.append(rows, height))[:, None, None] * np.diff(np.append(columns, width))[None, :, None]
+    mean: Values = (sums / counts).astype(np.float32)
+    return mean

@@ -1,0 +1,102 @@
+"""What a tenant may still do: a bucket of requests for each key, and what to answer when a quota is used up. No HTTP here."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from .limits import Quotas
+from .problems import Problem
+from .store.base import Usage
+
+DAY_S = 86_400.0
+SOON_S = 30  # for quotas that free up whenever a job ends or something is deleted
+BUCKETS_KEPT = 10_000
+
+
+@dataclass(frozen=True)
+class Allowance:
+    """What a request's answer says of the bucket: draft-ietf-httpapi-ratelimit-headers-10."""
+
+    is_allowed: bool
+    limit: int  # the burst
+    per_s: float
+    remaining: int
+    reset_s: int  # until the bucket is full again
+    retry_after_s: int
+
+    def headers(self) -> dict[str, str]:
+        window = max(1, math.ceil(self.limit / self.per_s))
+        return {
+            "ratelimit-policy": f'"requests";q={self.limit};w={window}',
+            "ratelimit": f'"requests";r={self.remaining};t={self.reset_s}',
+        }
+
+    def problem(self) -> Problem:
+        return Problem(
+            "too-many-requests",
+            f"{self.per_s:g} requests a second are allowed, and {self.limit} at once; wait {self.retry_after_s} s.",
+            headers={"retry-after": str(self.retry_after_s), **self.headers()},
+        )
+
+
+class RequestRates:
+    """Token buckets by key or tenant, in this process: each of several servers counts its own requests. From any thread."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._buckets: dict[str, tuple[float, float]] = {}  # tokens, when they were counted
+        self._lock = threading.Lock()
+
+    def take(self, who: str, quotas: Quotas) -> Allowance | None:
+        """One request's allowance; None where there is no limit."""
+        if quotas.requests_per_s is None:
+            return None
+        rate, burst = quotas.requests_per_s, max(1, quotas.burst)
+        now = self._clock()
+        with self._lock:
+            tokens, then = self._buckets.get(who, (float(burst), now))
+            tokens = min(float(burst), tokens + (now - then) * rate)
+            is_allowed = tokens >= 1.0
+            if is_allowed:
+                tokens -= 1.0
+            self._buckets[who] = (tokens, now)
+            if len(self._buckets) > BUCKETS_KEPT:
+                self._forget_full(now, rate, burst)
+        wait = 0 if is_allowed else max(1, math.ceil((1.0 - tokens) / rate))
+        return Allowance(is_allowed, burst, rate, int(tokens), math.ceil((burst - tokens) / rate), wait)
+
+    def _forget_full(self, now: float, rate: float, burst: int) -> None:
+        """A bucket that had time to fill up is as good as none."""
+        self._buckets = {
+            who: (tokens, then) for who, (tokens, then) in self._buckets.items() if tokens + (now - then) * rate < burst
+        }
+
+
+def exceeded(quota: str, quotas: Quotas, usage: Usage, coming: int = 0) -> Problem:
+    """The answer where a quota stands in the way; `coming`: what the request would have added."""
+    limit = getattr(quotas, quota)
+    used = {
+        "queued_jobs": usage.queued_jobs,
+        "running_jobs": usage.running_jobs,
+        "stored_bytes": usage.stored_bytes,
+        "cpu_s_per_day": usage.cpu_s_today,
+    }[quota]
+    what = {
+        "queued_jobs": "jobs may wait",
+        "running_jobs": "jobs may run at a time",
+        "stored_bytes": "bytes may be stored; delete scenes or jobs",
+        "cpu_s_per_day": "CPU seconds may be used in a day (UTC)",
+    }[quota]
+    wait = math.ceil(DAY_S - time.time() % DAY_S) if quota == "cpu_s_per_day" else SOON_S
+    return Problem(
+        "quota-exceeded",
+        f"{limit:,} {what}, and {used:,.0f} are in use{f'; this needs {coming:,} more' if coming else ''}.",
+        headers={"retry-after": str(wait)},
+        quota=quota,
+        limit=limit,
+        used=used,
+    )

@@ -1,0 +1,89 @@
+"""Who asks and what is left of their quotas; what this server can do."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+
+from primray import __version__
+
+from .. import account_views
+from ..jobs import Json
+from ..pictures.request import MEDIA_TYPES as PREVIEW_TYPES
+from ..pictures.request import VIEWS
+from ..scenes.recognize import MEDIA_TYPES as SCENE_TYPES
+from .access import COOKIE, Reader, Serving
+from .answers import json_answer
+from .described import answer, described
+from .keys import key_json
+
+router = APIRouter(prefix="/v1", tags=["account"])
+
+SUFFIXES = {"usda": [".usda", ".usd"], "usdc": [".usdc", ".usd"], "usdz": [".usdz"], "zip": [".zip"]}
+
+
+@router.get("/whoami", **described(answer(account_views.WhoAmI)))
+def whoami(request: Request, caller: Reader) -> Response:
+    """The tenant and the key that a request is made with."""
+    return json_answer(
+        {
+            "tenant": caller.tenant,
+            "name": "" if caller.key is None else caller.key.name,
+            "scopes": sorted(caller.scopes),
+            "key": None if caller.key is None else key_json(caller.key),
+            "session": COOKIE in request.cookies and "authorization" not in request.headers,
+        }
+    )
+
+
+@router.get("/usage", **described(answer(account_views.Usage)))
+def usage(caller: Reader, service: Serving) -> Response:
+    """What the tenant uses now, beside what it may use (null: as much as there is)."""
+    used = service.store.usage(caller.tenant, time.time())
+    quotas = caller.quotas(service.quotas)
+    return json_answer(
+        {
+            "tenant": caller.tenant,
+            "queued_jobs": {"used": used.queued_jobs, "limit": quotas.queued_jobs},
+            "running_jobs": {"used": used.running_jobs, "limit": quotas.running_jobs},
+            "stored_bytes": {"used": used.stored_bytes, "limit": quotas.stored_bytes},
+            "cpu_s_per_day": {"used": used.cpu_s_today, "limit": quotas.cpu_s_per_day},
+            "cpu_s_total": used.cpu_s_total,
+            "requests_per_s": {"limit": quotas.requests_per_s, "burst": quotas.burst},
+        }
+    )
+
+
+@router.get("/capabilities", **described(answer(account_views.Capabilities)))
+def capabilities(caller: Reader, service: Serving) -> Response:
+    """Version, what may be sent, what comes back, and what is allowed of each."""
+    capacity = service.executor.capacity()
+    inputs: list[Json] = [
+        {"kind": kind, "media_type": media_type, "suffixes": SUFFIXES[kind]} for kind, media_type in SCENE_TYPES.items()
+    ]
+    found: dict[str, Any] = {
+        "version": __version__,
+        "api": "v1",
+        "inputs": inputs,
+        "outputs": [
+            {"name": "beauty.exr", "media_type": "image/x-exr"},
+            {"name": "beauty.png", "media_type": "image/png"},
+            {"name": "report.json", "media_type": "application/json"},
+        ],
+        "previews": {"views": list(VIEWS), "formats": PREVIEW_TYPES},
+        "error_metrics": ["relmse", "rmse", "display"],
+        "limits": asdict(service.limits),
+        "quotas": asdict(caller.quotas(service.quotas)),
+        "executor": {
+            "slots": capacity.slots,
+            "cores": capacity.cores,
+            "threads": capacity.threads,
+            "memory_bytes": capacity.memory_bytes,
+            "nodes": capacity.nodes,
+        },
+        "sandbox": service.executor.health().get("sandbox", {}),
+    }
+    return json_answer(found)

@@ -1,0 +1,134 @@
+"""JSON bodies: read up to a limit, refused if a name comes twice, a number is not one, or the model does not know them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Coroutine
+from typing import Any, TypeVar
+
+from fastapi import Request
+from pydantic import BaseModel, ValidationError
+from starlette.requests import ClientDisconnect
+
+from ..problems import Problem
+from .access import service_of
+
+Model = TypeVar("Model", bound=BaseModel)
+MORE_BYTES = 2**20
+MAX_DIGITS = 40  # of a whole number: more is refused before it is converted
+
+
+def json_body(model: type[Model]) -> Callable[[Request], Coroutine[Any, Any, Model]]:
+    """A dependency: the body as this model."""
+
+    async def body(request: Request) -> Model:
+        check_json_type(request)
+        return parsed(model, await read(request, service_of(request).limits.json_bytes))
+
+    return body
+
+
+def check_json_type(request: Request) -> None:
+    media_type, _, parameters = request.headers.get("content-type", "").partition(";")
+    charset = parameters.lower().replace(" ", "").replace('"', "")
+    if media_type.strip().lower() != "application/json" or charset not in ("", "charset=utf-8"):
+        raise Problem(
+            "unsupported-media-type", "The body must be application/json, in UTF-8.", headers={"accept": "application/json"}
+        )
+
+
+async def read(request: Request, most_bytes: int) -> bytes:
+    """The body; its bytes are counted, whatever Content-Length says.
+
+    Of one that is too large a little more is read: a connection that is closed with bytes unread is reset, and the client
+    would see that instead of the answer.
+    """
+    body, size = bytearray(), 0
+    try:
+        async for part in request.stream():
+            size += len(part)
+            if size <= most_bytes:
+                body += part
+            elif size > most_bytes + MORE_BYTES:
+                break
+    except ClientDisconnect:
+        raise Problem("upload-incomplete", "The connection ended before the body did.") from None
+    if size > most_bytes:
+        close = {"connection": "close"}
+        raise Problem("request-too-large", f"The JSON may have {most_bytes} bytes.", headers=close, limit=most_bytes)
+    request.state.body_was_read = True
+    return bytes(body)
+
+
+def parsed(model: type[Model], body: bytes, where: str = "") -> Model:
+    """Problem with the member that is at fault, below `where`."""
+    check_json(body)
+    try:
+        return model.model_validate_json(body)
+    except ValidationError as error:
+        raise invalid(error, where) from None
+
+
+def check_json(body: bytes) -> None:
+    """What pydantic lets pass: names that come twice, NaN, numbers of many digits; and NUL, which PostgreSQL cannot store."""
+    try:
+        value = json.loads(
+            body.decode("utf-8"), object_pairs_hook=_members, parse_constant=_no_constant, parse_int=_whole, parse_float=_finite
+        )
+        _check_text(value)
+    except UnicodeDecodeError as error:
+        raise Problem("invalid-json", f"The body is not UTF-8 at byte {error.start}.") from None
+    except RecursionError:
+        raise Problem("invalid-json", "The JSON is nested too deep.") from None
+    except json.JSONDecodeError as error:
+        raise Problem("invalid-json", f"{error.msg} at line {error.lineno}, column {error.colno}.") from None
+
+
+def _members(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    members = dict(pairs)
+    if len(members) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise Problem("invalid-json", f"The member {twice[:100]!r} comes twice.")
+    return members
+
+
+def _no_constant(name: str) -> None:
+    raise Problem("invalid-json", f"{name} is no number in JSON.")
+
+
+def _whole(digits: str) -> int:
+    if len(digits) > MAX_DIGITS:
+        raise Problem("invalid-json", f"A number has {len(digits)} digits.")
+    return int(digits)
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if value in (float("inf"), float("-inf")):
+        raise Problem("invalid-json", f"{text[:40]} is larger than any number here.")
+    return value
+
+
+def _check_text(value: Any) -> None:
+    if isinstance(value, str):
+        if "\0" in value or any("\ud800" <= char <= "\udfff" for char in value):
+            raise Problem("invalid-json", "A text has a NUL, or half of a surrogate pair.")
+    elif isinstance(value, dict):
+        for name, member in value.items():
+            _check_text(name)
+            _check_text(member)
+    elif isinstance(value, list):
+        for member in value:
+            _check_text(member)
+
+
+def invalid(error: ValidationError, where: str = "") -> Problem:
+    """All that a model found, in a few words each; nothing of what was sent is repeated but names."""
+    errors = [
+        {"member": ".".join([where] * bool(where) + [str(part)[:100] for part in found["loc"]]), "detail": found["msg"]}
+        for found in error.errors(include_url=False, include_input=False, include_context=False)[:20]
+    ]
+    first = errors[0]
+    place = f"{first['member']}: " if first["member"] else ""
+    return Problem("invalid-request", f"{place}{first['detail']}.", member=first["member"], errors=errors)

@@ -1,0 +1,79 @@
+"""How a job's error fell: the rows of its frames' convergence curves, as JSON or CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Request, Response
+
+from .. import views
+from ..jobs import Frame, Json
+from ..problems import Problem
+from ..service import Service
+from .access import Reader, Serving
+from .answers import accepted, json_answer
+from .described import answer, described
+from .jobs import JobId, found
+
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+
+COLUMNS = ("frame", "t_s", "samples", "relmse", "ci95_low", "ci95_high", "rmse")
+FRAMES_AT_A_TIME = 200
+
+
+@router.get(
+    "/{job_id}/convergence",
+    **described(
+        answer(views.ConvergenceRow, many=True, content={"text/csv": {"type": "string"}}),
+        problems=("not-found", "not-acceptable", "invalid-request"),
+    ),
+)
+def convergence(
+    job_id: JobId,
+    request: Request,
+    caller: Reader,
+    service: Serving,
+    frame: Annotated[int | None, Query(ge=0, lt=2**31, description="Only of this frame.")] = None,
+) -> Response:
+    """The error's estimate after so many samples and seconds, frame after frame.
+
+    `Accept: text/csv` gives a table with a head line.
+    """
+    kind = accepted(request, "application/json", "text/csv")
+    found(service, caller, job_id)
+    rows = [{"frame": each.number, **row} for each in frames_of(service, job_id, frame) for row in each.convergence]
+    if kind == "application/json":
+        return json_answer(rows)
+    return Response(csv_of(rows), media_type="text/csv", headers={"cache-control": "private, no-cache"})
+
+
+def frames_of(service: Service, job_id: str, number: int | None) -> Iterable[Frame]:
+    if number is not None:
+        row = service.store.frame(job_id, number)
+        if row is None:
+            raise Problem("not-found", "The job has no such frame.", member="frame")
+        yield row
+        return
+    after = -1
+    while rows := service.store.frames(job_id, FRAMES_AT_A_TIME, after):
+        yield from rows
+        after = rows[-1].number
+
+
+def csv_of(rows: Sequence[Json]) -> bytes:
+    """RFC 4180; the interval in two columns."""
+    text = io.StringIO()
+    table = csv.writer(text)
+    table.writerow(COLUMNS)
+    for row in rows:
+        low, high = row.get("ci95") or (None, None)
+        cells: Json = {**row, "ci95_low": low, "ci95_high": high}
+        table.writerow([_cell(cells.get(column)) for column in COLUMNS])
+    return text.getvalue().encode()
+
+
+def _cell(value: Any) -> Any:
+    return "" if value is None else value

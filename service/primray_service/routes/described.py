@@ -1,0 +1,144 @@
+"""What the OpenAPI document says of an operation: `@router.get(path, **described(answer(views.Job), problems=(...)))`.
+
+Routes answer by themselves (no response model is run on the way out); tests hold what is said here against what is sent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from fastapi import Response
+from pydantic import BaseModel
+
+from ..problems import KINDS, Problem
+
+MODEL = "x-model"  # stands for a model's schema until the document is put together
+MODELS: dict[str, type[BaseModel]] = {}  # all that are named here
+
+Json = dict[str, Any]
+
+HEADERS: Mapping[str, Json] = {
+    "ETag": {"description": "The version, for If-None-Match and If-Match.", "schema": {"type": "string"}},
+    "Retry-After": {"description": "Seconds to wait before asking again.", "schema": {"type": "integer", "minimum": 0}},
+    "Location": {"description": "Where it is.", "schema": {"type": "string"}},
+    "Link": {"description": 'The next page: rel="next".', "schema": {"type": "string"}},
+    "Preference-Applied": {"description": "wait=<seconds>, if Prefer asked to wait.", "schema": {"type": "string"}},
+    "Idempotency-Replayed": {"description": "true: an earlier request made it.", "schema": {"type": "string"}},
+    "Allow": {"description": "The methods that there are.", "schema": {"type": "string"}},
+    "Set-Cookie": {"description": "The session.", "schema": {"type": "string"}},
+    "Accept-Ranges": {"description": "bytes", "schema": {"type": "string"}},
+    "Content-Range": {"description": "Which bytes these are.", "schema": {"type": "string"}},
+    "Content-Disposition": {"description": "A file name to save it by.", "schema": {"type": "string"}},
+    "Repr-Digest": {"description": "sha-256 of the file (RFC 9530).", "schema": {"type": "string"}},
+    "X-Request-Id": {"description": "Sent, or made; it is in the log.", "schema": {"type": "string"}},
+}
+
+_TAG = {"type": "string", "examples": ['"3"']}
+REQUEST_HEADERS: Mapping[str, Json] = {
+    "Prefer": {
+        "description": "wait=<seconds>: answer when there is more to say, or after so long (RFC 7240).",
+        "schema": {"type": "string", "examples": ["wait=30", "respond-async"]},
+    },
+    "Idempotency-Key": {
+        "description": "The same request with the same key makes one job, however often it is sent within a day.",
+        "schema": {"type": "string", "pattern": "^[!-~]{1,255}$", "examples": ["3f0c1d5e-shot-010"]},
+    },
+    "If-None-Match": {"description": "304 if this is still the version.", "schema": _TAG},
+    "If-Match": {"description": "412 if this is not the version any more.", "schema": _TAG},
+    "Last-Event-ID": {
+        "description": "Go on after this event.",
+        "schema": {"type": "string", "pattern": "^[0-9]{1,18}$", "examples": ["17"]},
+    },
+    "Range": {"description": "Only these bytes (RFC 9110, 14.2).", "schema": {"type": "string", "examples": ["bytes=0-99"]}},
+    "If-Range": {"description": "The range only of this version, else all.", "schema": _TAG},
+    "Repr-Digest": {
+        "description": "sha-256 of the body, which is checked (RFC 9530).",
+        "schema": {"type": "string", "examples": ["sha-256=:47DEQpj8HBSa+/TImW+5JCeuQeRkm5NMpJWZG3hSuFU=:"]},
+    },
+}
+
+
+@dataclass(frozen=True)
+class Answer:
+    status: int
+    description: str
+    content: Json
+    headers: Sequence[str] = ()
+    links: Json = field(default_factory=dict)
+
+
+def schema_of(model: type[BaseModel]) -> Json:
+    MODELS[model.__name__] = model
+    return {MODEL: model.__name__}
+
+
+def answer(
+    model: type[BaseModel] | None = None,
+    status: int = 200,
+    description: str = "As asked.",
+    *,
+    headers: Sequence[str] = (),
+    content: Mapping[str, Json] | None = None,
+    many: bool = False,
+    example: Any = None,
+    links: Json | None = None,
+) -> Answer:
+    """JSON of a model (`many`: a list of them), and `content`: other media types with their schemas."""
+    kinds: Json = {media_type: {"schema": schema} for media_type, schema in (content or {}).items()}
+    if model is not None:
+        schema = schema_of(model)
+        kinds["application/json"] = {"schema": {"type": "array", "items": schema} if many else schema}
+        if example is not None:
+            kinds["application/json"]["example"] = example
+    return Answer(status, description, kinds, headers, links or {})
+
+
+def json_request(model: type[BaseModel], example: Any = None, *, required: bool = True) -> Json:
+    media = {"schema": schema_of(model), **({} if example is None else {"example": example})}
+    return {"requestBody": {"required": required, "content": {"application/json": media}}}
+
+
+def described(
+    *answers: Answer,
+    problems: Sequence[str] = (),
+    request: Json | None = None,
+    headers: Sequence[str] = (),
+    **more: Any,
+) -> Json:
+    """Keyword arguments for a route's decorator. `headers`: of the request, from REQUEST_HEADERS; `more`: as they are."""
+    responses: dict[int | str, Json] = {
+        one.status: {
+            "description": one.description,
+            **({"content": one.content} if one.content else {}),
+            "headers": {name: HEADERS[name] for name in one.headers},
+            **({"links": one.links} if one.links else {}),
+        }
+        for one in answers
+    }
+    for status in sorted({KINDS[slug].status for slug in problems}):
+        responses[status] = problem_response([slug for slug in problems if KINDS[slug].status == status])
+    extra = dict(request or {})
+    if headers:
+        extra["parameters"] = [{"name": name, "in": "header", "required": False, **REQUEST_HEADERS[name]} for name in headers]
+    return {
+        "responses": responses,
+        "response_class": Response,
+        "status_code": answers[0].status,
+        "response_description": answers[0].description,
+        "openapi_extra": extra,
+        **more,
+    }
+
+
+def problem_response(slugs: Sequence[str]) -> Json:
+    return {
+        "description": "; ".join(f"{slug}: {KINDS[slug].title.lower()}" for slug in slugs),
+        "content": {
+            "application/problem+json": {
+                "schema": {"$ref": "#/components/schemas/Problem"},
+                "examples": {slug: {"value": Problem(slug, f"{KINDS[slug].title}.").as_json()} for slug in slugs},
+            }
+        },
+    }

@@ -1,0 +1,114 @@
+"""The OpenAPI document: FastAPI's, with our schemas, problem documents and what holds for every operation."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from typing import Any, Literal
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+from pydantic import BaseModel
+from pydantic.json_schema import models_json_schema
+
+from .. import views
+from .access import COOKIE
+from .described import HEADERS, MODEL, MODELS, problem_response
+
+Json = dict[str, Any]
+REF = "#/components/schemas/"
+DESCRIPTION = (
+    "USD in over HTTP, images and their error out: upload a scene, queue a job for it, watch its error fall, fetch its files. "
+    "Every error is a problem document (RFC 9457) whose type is stable. Every GET can be a HEAD."
+)
+TAGS = (
+    ("scenes", "USD files, uploaded once and known by their digest."),
+    ("jobs", "Renders: queued, watched, canceled, continued."),
+    ("previews", "A job's picture as it is now."),
+    ("outputs", "The files that a job makes."),
+    ("keys", "API keys, and browsers' sessions."),
+    ("account", "Who asks, what was used, what is allowed."),
+    ("health", "How the server is."),
+)
+# What any request may meet, under /v1.
+ALWAYS = {
+    "401": ("unauthenticated",),
+    "403": ("forbidden", "cross-origin"),
+    "421": ("host-not-allowed",),
+    "429": ("too-many-requests",),
+    "500": ("internal",),
+    "503": ("unavailable",),
+}
+METHODS = ("get", "head", "post", "put", "patch", "delete")
+HEAD_TOLD = ("/v1/scenes/{scene_id}",)  # where HEAD is worth a line of its own
+
+
+def openapi(app: FastAPI) -> Json:
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Duplicate Operation ID")  # GET and HEAD are one route
+        found = get_openapi(
+            title="primray",
+            version=app.version,
+            description=DESCRIPTION,
+            license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
+            tags=[{"name": name, "description": text} for name, text in TAGS],
+            routes=app.routes,
+        )
+    paths: Json = {path: dict(_operations(path, methods)) for path, methods in found["paths"].items()}
+    models: list[tuple[type[BaseModel], Literal["validation"]]] = [(model, "validation") for model in MODELS.values()]
+    _, definitions = models_json_schema([*models, (views.Problem, "validation")], ref_template=REF + "{model}")
+    schemas = dict(sorted(definitions["$defs"].items()))
+    return {
+        **{name: found[name] for name in ("openapi", "info", "tags")},
+        "security": [{"key": []}, {"session": []}, {}],
+        "paths": _with_refs(paths),
+        "components": {
+            "schemas": schemas,
+            "headers": {"X-Request-Id": HEADERS["X-Request-Id"]},
+            "securitySchemes": {
+                "key": {"type": "http", "scheme": "bearer", "description": "An API key; none is needed on loopback."},
+                "session": {"type": "apiKey", "in": "cookie", "name": COOKIE, "description": "Of POST /v1/session."},
+            },
+        },
+    }
+
+
+def _operations(path: str, methods: Json) -> Iterator[tuple[str, Json]]:
+    for method in METHODS:
+        operation = methods.get(method)
+        if operation is None or (method == "head" and path not in HEAD_TOLD):
+            continue
+        yield method, _completed(path, method, operation)
+
+
+def _completed(path: str, method: str, operation: Json) -> Json:
+    responses = {
+        status: response for status, response in operation["responses"].items() if "HTTPValidationError" not in str(response)
+    }
+    if len(responses) < len(operation["responses"]):
+        responses["422"] = problem_response(["invalid-request"])
+    if path.startswith("/v1"):
+        for status, slugs in ALWAYS.items():
+            told = [slug for slug in slugs if not (slug == "cross-origin" and method in ("get", "head"))]
+            responses.setdefault(status, problem_response(told))
+    for response in responses.values():
+        response["headers"] = {**response.get("headers", {}), "X-Request-Id": {"$ref": "#/components/headers/X-Request-Id"}}
+    if method == "head":
+        responses = {status: {**response, "content": {}} for status, response in responses.items()}
+        for response in responses.values():
+            del response["content"]
+    name = operation["operationId"]
+    return {
+        **operation,
+        "operationId": f"{name}_head" if method == "head" else name,
+        "responses": dict(sorted(responses.items())),
+    }
+
+
+def _with_refs(value: Any) -> Any:
+    """References in the place of models."""
+    if isinstance(value, dict):
+        if set(value) == {MODEL}:
+            return {"$ref": REF + value[MODEL]}
+        return {name: _with_refs(member) for name, member in value.items()}
+    return [_with_refs(member) for member in value] if isinstance(value, list) else value

@@ -1,0 +1,65 @@
+"""The API's own documents: openapi.json, a page that shows it, and a page for each kind of problem."""
+
+from __future__ import annotations
+
+import hashlib
+
+from fastapi import APIRouter, Request, Response
+
+from ..api_pages import STYLE, STYLESHEET, operations_page, problem_page, problems_page
+from ..problems import KINDS, Problem
+from .answers import json_bytes, none_match, not_modified
+from .document import openapi
+
+router = APIRouter(include_in_schema=False)
+
+# Nothing but the one style sheet: no script, nothing from elsewhere.
+CSP = "default-src 'none'; style-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+
+
+@router.get("/openapi.json")
+async def document(request: Request) -> Response:
+    """The OpenAPI document of this server."""
+    body, etag = _document(request)
+    if not none_match(request, etag):
+        return not_modified(etag)
+    return Response(body, headers={"etag": etag, "cache-control": "no-cache"}, media_type="application/json")
+
+
+def _document(request: Request) -> tuple[bytes, str]:
+    """Made once."""
+    state = request.app.state
+    if not hasattr(state, "openapi"):
+        body = json_bytes(openapi(request.app))
+        state.openapi = (body, f'"{hashlib.sha256(body).hexdigest()[:32]}"')
+    made: tuple[bytes, str] = state.openapi
+    return made
+
+
+@router.get("/docs")
+async def docs(request: Request) -> Response:
+    """The OpenAPI document, to be read by people."""
+    return _html(operations_page(openapi(request.app)))
+
+
+@router.get(STYLESHEET)
+async def style() -> Response:
+    return Response(STYLE, media_type="text/css", headers={"cache-control": "no-cache"})
+
+
+@router.get("/problems")
+async def problems() -> Response:
+    """Every kind of problem."""
+    return _html(problems_page())
+
+
+@router.get("/problems/{slug}")
+async def problem(slug: str) -> Response:
+    """What a problem's `type` leads to."""
+    if slug not in KINDS:
+        raise Problem("not-found", "There is no such kind of problem.")
+    return _html(problem_page(slug))
+
+
+def _html(text: str) -> Response:
+    return Response(text, headers={"content-security-policy": CSP, "cache-control": "no-cache"}, media_type="text/html")

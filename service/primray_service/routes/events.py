@@ -1,0 +1,125 @@
+"""A job's events: as a stream (server-sent events) or as pages of JSON, by what the client accepts.
+
+Ids are the rows' numbers, so whoever comes back with Last-Event-ID (or ?after=) misses nothing. The stream ends after the
+end of the job; who asks again then is told with 204 that nothing will come, which stops a browser's EventSource.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import AsyncIterator, Sequence
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import StreamingResponse
+
+from .. import views
+from ..auth import Caller
+from ..changes import wait
+from ..job_json import event_json
+from ..jobs import TERMINAL, Event, Job
+from ..problems import Problem
+from ..service import Service
+from .access import Reader, Serving
+from .answers import accepted, json_answer, json_bytes
+from .described import answer, described
+from .jobs import JobId, found_shared
+
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+
+HEARTBEAT_S = 10.0
+RETRY_MS = 2000  # before a browser comes back
+PAGE = 500
+SHARED_S = 0.5  # streams of one job share what one of them read
+STREAM, PAGES = "text/event-stream", "application/json"
+
+
+@router.get(
+    "/{job_id}/events",
+    **described(
+        answer(views.EventPage, content={STREAM: {"type": "string"}}),
+        answer(None, 204, "A stream was asked for, the job has ended, and nothing follows the last event that was seen."),
+        problems=("not-found", "not-acceptable", "invalid-request"),
+        headers=("Last-Event-ID",),
+    ),
+)
+async def events(
+    job_id: JobId,
+    request: Request,
+    caller: Reader,
+    service: Serving,
+    after: Annotated[int | None, Query(ge=0, lt=2**63, description="Only events with larger ids.")] = None,
+    limit: Annotated[int, Query(ge=1, le=PAGE, description="Of a page of JSON.")] = PAGE,
+) -> Response:
+    """What happened to a job, and what happens.
+
+    `Accept: text/event-stream` (as EventSource sends it) gives a stream that goes on until the job ends; else there is a page
+    of the events so far. A comment comes every 10 seconds, so that a dead connection is noticed.
+    """
+    kind = accepted(request, PAGES, STREAM)
+    first = last_seen(request) if after is None else after
+    job = await found_shared(service, caller, job_id)
+    rows = await read(service, job_id, first, limit if kind == PAGES else PAGE)
+    if kind == PAGES:
+        items = [event_json(row) for row in rows]
+        ended = job.state in TERMINAL and len(rows) < limit
+        return json_answer({"items": items, "next_after": rows[-1].id if rows else first, "ended": ended})
+    if job.state in TERMINAL and not rows:
+        return Response(status_code=204)
+    headers = {"cache-control": "no-store", "x-accel-buffering": "no"}
+    if request.method == "HEAD":
+        return Response(headers=headers, media_type=STREAM)
+    return StreamingResponse(stream(service, caller, job_id, first), headers=headers, media_type=STREAM)
+
+
+def last_seen(request: Request) -> int:
+    text = request.headers.get("last-event-id", "0")
+    if re.fullmatch(r"[0-9]{1,18}", text) is None:
+        raise Problem("invalid-request", "Last-Event-ID: this is no event's id.", member="Last-Event-ID")
+    return int(text)
+
+
+async def read(service: Service, job_id: str, after: int, limit: int) -> Sequence[Event]:
+    return await service.reads.read(
+        job_id, ("events", after, limit), lambda: service.store.events(job_id, after, limit), age_s=SHARED_S
+    )
+
+
+async def stream(service: Service, caller: Caller, job_id: str, after: int) -> AsyncIterator[bytes]:
+    """Until the job has ended and all of it is told, the job is deleted, or the server stops."""
+    yield f"retry: {RETRY_MS}\n\n".encode()
+    loop = asyncio.get_running_loop()
+    spoke = loop.time()
+    with service.changes.watching(job_id) as changed:
+        while not service.changes.closing:
+            rows = await read(service, job_id, after, PAGE)
+            for row in rows:
+                after = row.id
+            if rows:
+                spoke = loop.time()
+                yield b"".join(sse(row) for row in rows)
+                continue
+            if await is_over(service, caller, job_id, after):
+                return
+            if loop.time() - spoke >= HEARTBEAT_S:
+                spoke = loop.time()
+                yield b": alive\n\n"
+            await wait(changed, HEARTBEAT_S)
+
+
+async def is_over(service: Service, caller: Caller, job_id: str, after: int) -> bool:
+    """Whether there is no such job any more, or it has ended and there is no event that the stream has not told."""
+    try:
+        job: Job = await found_shared(service, caller, job_id)
+    except Problem:
+        return True
+    if job.state not in TERMINAL:
+        return False
+    # The end may have come between the last look at the events and that at the job.
+    return not await asyncio.to_thread(service.store.events, job_id, after, 1)
+
+
+def sse(event: Event) -> bytes:
+    """JSON has no line breaks in it here, so one data line is enough."""
+    return b"id: %d\nevent: %s\ndata: %s\n\n" % (event.id, event.type.encode(), json_bytes(event.data))

@@ -1,0 +1,83 @@
+"""Exceptions that routes let pass, as problem documents: the only place where they become answers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from fastapi import APIRouter, FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from fastapi.routing import APIRoute
+from starlette.exceptions import HTTPException
+
+from ..problems import Problem
+from ..store.base import QuotaExceeded, Unavailable
+from .answers import problem_answer
+from .guard import request_id_of
+
+
+class MethodsByPath:
+    """What can be done at a path, over all routes that it matches: the framework names those of the first only."""
+
+    def __init__(self, routers: Iterable[APIRouter]) -> None:
+        self._routes = [route for router in routers for route in router.routes if isinstance(route, APIRoute)]
+
+    def at(self, path: str) -> list[str]:
+        return sorted({method for route in self._routes if route.path_regex.match(path) for method in route.methods or ()})
+
+
+def add_handlers(app: FastAPI) -> None:
+    app.add_exception_handler(Problem, _of_problem)
+    app.add_exception_handler(QuotaExceeded, _of_quota)
+    app.add_exception_handler(Unavailable, _of_unavailable)
+    app.add_exception_handler(RequestValidationError, _of_validation)
+    app.add_exception_handler(HTTPException, _of_http)
+
+
+async def _of_problem(request: Request, problem: Exception) -> Response:
+    assert isinstance(problem, Problem)
+    return problem_answer(problem, request_id_of(request))
+
+
+async def _of_quota(request: Request, error: Exception) -> Response:
+    quota = str(error.args[0])
+    problem = Problem(
+        "quota-exceeded", f"The quota {quota} of this tenant is used up.", headers={"retry-after": "60"}, quota=quota
+    )
+    return problem_answer(problem, request_id_of(request))
+
+
+async def _of_unavailable(request: Request, error: Exception) -> Response:
+    problem = Problem("unavailable", "The database does not answer.", headers={"retry-after": "5"})
+    return problem_answer(problem, request_id_of(request))
+
+
+async def _of_validation(request: Request, error: Exception) -> Response:
+    """Parameters of the path, the query and the header."""
+    assert isinstance(error, RequestValidationError)
+    found = [
+        {"member": ".".join(str(part)[:100] for part in one["loc"][1:]), "in": str(one["loc"][0]), "detail": one["msg"]}
+        for one in error.errors()[:20]
+    ]
+    first = found[0]
+    problem = Problem(
+        "invalid-request", f"{first['member']} in the {first['in']}: {first['detail']}.", member=first["member"], errors=found
+    )
+    return problem_answer(problem, request_id_of(request))
+
+
+async def _of_http(request: Request, error: Exception) -> Response:
+    """The framework's own: no such path, no such method, a body that it refuses."""
+    assert isinstance(error, HTTPException)
+    headers = {name.lower(): value for name, value in (error.headers or {}).items()}
+    if error.status_code == 404:
+        problem = Problem("not-found", "There is nothing at this path.", headers=headers)
+    elif error.status_code == 405:
+        allowed = ", ".join(request.app.state.methods.at(request.url.path))
+        problem = Problem("method-not-allowed", f"Allowed here: {allowed}.", headers={"allow": allowed})
+    elif error.status_code == 413:
+        problem = Problem("request-too-large", "The body is larger than is allowed.", headers=headers)
+    elif error.status_code >= 500:
+        problem = Problem("internal", "The server failed.", headers=headers)
+    else:
+        problem = Problem("invalid-request", str(error.detail), status=error.status_code, headers=headers)
+    return problem_answer(problem, request_id_of(request))

@@ -1,0 +1,51 @@
+"""The frames of a job, each with its own state."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Query, Response
+
+from .. import views
+from ..job_json import frame_json
+from ..problems import Problem
+from .access import Reader, Serving
+from .answers import json_answer
+from .described import answer, described
+from .jobs import JobId, found
+
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+
+FrameNumber = Annotated[int, Path(ge=0, lt=2**31, description="Its place among the job's frames, from 0.")]
+
+
+@router.get(
+    "/{job_id}/frames",
+    **described(answer(views.FramePage, headers=("Link",)), problems=("not-found", "invalid-request")),
+)
+def frames(
+    job_id: JobId,
+    caller: Reader,
+    service: Serving,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 200,
+    after: Annotated[int | None, Query(ge=-1, lt=2**31, description="Only frames with larger numbers.")] = None,
+    cursor: Annotated[str | None, Query(pattern="^[0-9]{1,9}$", description="The page before gave it.")] = None,
+) -> Response:
+    """A job's frames, in order, a page at a time."""
+    found(service, caller, job_id)
+    first = int(cursor) if cursor is not None else -1 if after is None else after
+    rows = service.store.frames(job_id, limit + 1, first)
+    more = len(rows) > limit
+    next_cursor = str(rows[limit - 1].number) if more else None
+    headers = {"link": f'</v1/jobs/{job_id}/frames?limit={limit}&cursor={next_cursor}>; rel="next"'} if more else {}
+    return json_answer({"items": [frame_json(row) for row in rows[:limit]], "next_cursor": next_cursor}, headers=headers)
+
+
+@router.get("/{job_id}/frames/{number}", **described(answer(views.Frame), problems=("not-found", "invalid-request")))
+def frame(job_id: JobId, number: FrameNumber, caller: Reader, service: Serving) -> Response:
+    """One frame."""
+    found(service, caller, job_id)
+    row = service.store.frame(job_id, number)
+    if row is None:
+        raise Problem("not-found", "The job has no such frame.")
+    return json_answer(frame_json(row))

@@ -1,0 +1,167 @@
+"""What surrounds every request, outermost first: an id, headers of safety, the log line, and an answer when all else fails;
+then the checks of where it comes from. Plain ASGI, so that streams pass untouched.
+
+A page of another site reaches a server on loopback through its visitor's browser: by a name that it points there (DNS
+rebinding: the Host header tells), or by posting a form (the Origin header tells).
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+import socket
+import time
+from collections.abc import Mapping
+from urllib.parse import urlsplit
+
+import structlog
+from fastapi import Request
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from ..config import ServeConfig
+from ..ids import ulid
+from ..problems import Problem
+from .answers import problem_answer
+
+log = structlog.get_logger("primray.http")
+
+SAFE_HEADERS: Mapping[str, str] = {
+    "x-content-type-options": "nosniff",
+    "referrer-policy": "no-referrer",
+    "x-frame-options": "DENY",
+    "cross-origin-resource-policy": "same-origin",
+    "content-security-policy": "default-src 'none'; frame-ancestors 'none'",
+}
+SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+_REQUEST_ID = re.compile(r"[A-Za-z0-9._:/+=-]{1,128}")
+
+
+def request_id_of(request: Request) -> str:
+    found: str = request.scope.get("primray.request_id", "")
+    return found
+
+
+class RequestGuard:
+    """Every answer has a request id and the headers of safety; whatever is raised becomes a problem, without its traceback."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        sent = Headers(scope=scope).get("x-request-id", "")
+        request_id = sent if _REQUEST_ID.fullmatch(sent) else ulid(time.time())
+        scope["primray.request_id"] = request_id
+        status = 0
+
+        async def send_with_headers(message: Message) -> None:
+            nonlocal status
+            if message["type"] == "http.response.start":
+                status = message["status"]
+                headers = MutableHeaders(scope=message)
+                headers["x-request-id"] = request_id
+                for name, value in SAFE_HEADERS.items():
+                    headers.setdefault(name, value)
+            await send(message)
+
+        began = time.perf_counter()
+        with structlog.contextvars.bound_contextvars(request_id=request_id):
+            try:
+                await self._app(scope, receive, send_with_headers)
+            except Exception:
+                log.exception("request failed", method=scope["method"], path=scope["path"])
+                if status:
+                    raise  # the answer has begun: the connection is closed, so that nobody takes it for complete
+                problem = Problem("internal", "The server failed; its log says more under this request id.")
+                await problem_answer(problem, request_id)(scope, receive, send_with_headers)
+            log.info(
+                "request",
+                method=scope["method"],
+                path=scope["path"],
+                status=status,
+                seconds=round(time.perf_counter() - began, 6),
+            )
+
+
+class OriginGuard:
+    """Only for hosts that are this server, and changes only from its own pages."""
+
+    def __init__(self, app: ASGIApp, config: ServeConfig) -> None:
+        self._app = app
+        self._hosts = hosts_of(config)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "http":
+            try:
+                check_origin(Headers(scope=scope), scope["method"], self._hosts)
+            except Problem as problem:
+                await problem_answer(problem, scope["primray.request_id"])(scope, receive, send)
+                return
+        await self._app(scope, receive, send)
+
+
+def hosts_of(config: ServeConfig) -> frozenset[str]:
+    """Names that this server answers for, beside all numeric addresses; "*" for any."""
+    own = {"localhost", config.host, *config.allowed_hosts}
+    if not config.on_loopback:
+        own |= {socket.gethostname(), socket.getfqdn()}
+    return frozenset(name.lower().rstrip(".") for name in own)
+
+
+def check_origin(headers: Headers, method: str, hosts: frozenset[str]) -> None:
+    """Problem unless Host is one of ours and, where something may change, Origin is that host."""
+    host = headers.get("host", "")
+    name = _name_of(host)
+    if "*" not in hosts and name not in hosts and not _is_address(name):
+        raise Problem(
+            "host-not-allowed",
+            f"Start the server with --allowed-host {name[:200] or 'NAME'} to reach it by this name.",
+            host=host[:200],
+        )
+    if method in SAFE_METHODS:
+        return
+    origin = headers.get("origin")
+    if origin is not None and _authority(urlsplit_or_none(origin)) != _with_port(host, origin):
+        raise Problem("cross-origin", "Changes are taken only from this server's own pages.", origin=origin[:200])
+    if origin is None and headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
+        raise Problem("cross-origin", "Changes are taken only from this server's own pages.")
+
+
+def urlsplit_or_none(url: str) -> tuple[str, str]:
+    """Scheme and authority; empty for what is no URL ("null" too)."""
+    try:
+        parts = urlsplit(url)
+    except ValueError:
+        return "", ""
+    return parts.scheme, parts.netloc.lower()
+
+
+def _authority(origin: tuple[str, str]) -> str:
+    scheme, authority = origin
+    return _with_port(authority, f"{scheme}://")
+
+
+def _with_port(host: str, origin: str) -> str:
+    """host:port with the port that the origin's scheme implies."""
+    default = {"http": ":80", "https": ":443"}.get(origin.partition(":")[0], "")
+    host = host.lower()
+    has_port = host.rpartition(":")[1] and not host.endswith("]")
+    return host if has_port else host + default
+
+
+def _name_of(host: str) -> str:
+    """Without its port, lower case."""
+    if host.startswith("["):
+        return host[1:].partition("]")[0]
+    return host.partition(":")[0].lower().rstrip(".")
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True

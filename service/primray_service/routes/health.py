@@ -1,0 +1,97 @@
+"""Whether the server is alive, and whether it is ready: without a key, so that whoever restarts it can ask."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable
+
+from fastapi import APIRouter, Response
+from fastapi.concurrency import run_in_threadpool
+
+from .. import scene_views
+from ..jobs import Json
+from ..service import Service
+from .access import Serving
+from .answers import json_answer
+from .described import answer, described
+
+router = APIRouter(tags=["health"])
+
+CHECK_TIMEOUT_S = 5.0
+
+
+@router.get("/healthz", **described(answer(scene_views.Health)))
+async def alive() -> Response:
+    """The process answers; nothing else is asked."""
+    return json_answer({"status": "ok"}, headers={"cache-control": "no-store"})
+
+
+@router.get(
+    "/readyz",
+    **described(
+        answer(scene_views.Readiness, description="All is in order."),
+        answer(scene_views.Readiness, 503, "Something is not in order, or the server stops."),
+    ),
+)
+async def ready(service: Serving) -> Response:
+    """Database, disk, executor and sandbox, each with what is wrong; 503 if one of them is not in order."""
+    names: dict[str, Callable[[Service], Awaitable[Json]]] = {
+        "database": _database,
+        "disk": _disk,
+        "executor": _executor,
+        "sandbox": _sandbox,
+    }
+    found = await asyncio.gather(*(_checked(check, service) for check in names.values()))
+    checks = dict(zip(names, found, strict=True))
+    is_ready = all(check["ok"] for check in checks.values()) and not service.changes.closing
+    found_now = {"status": "ready" if is_ready else "stopping" if service.changes.closing else "not ready", "checks": checks}
+    return json_answer(found_now, 200 if is_ready else 503, {"cache-control": "no-store"})
+
+
+async def _checked(check: Callable[[Service], Awaitable[Json]], service: Service) -> Json:
+    """Never raises. Only an error's kind is told: its text may name hosts and users of a database."""
+    began = time.perf_counter()
+    try:
+        async with asyncio.timeout(CHECK_TIMEOUT_S):
+            found = await check(service)
+    except TimeoutError:
+        found = {"ok": False, "detail": f"no answer within {CHECK_TIMEOUT_S:g} s"}
+    except Exception as error:
+        found = {"ok": False, "detail": f"it fails with {type(error).__name__}; the server's log says more"}
+    return {**found, "seconds": round(time.perf_counter() - began, 4)}
+
+
+async def _database(service: Service) -> Json:
+    await run_in_threadpool(service.store.check)
+    return {"ok": True, "detail": service.config.database_url.partition(":")[0].partition("+")[0]}
+
+
+async def _disk(service: Service) -> Json:
+    free = await run_in_threadpool(service.data.free_bytes)
+    least = service.limits.free_disk_bytes
+    return {"ok": free >= least, "detail": f"{free} bytes are free; {least} are kept free", "free_bytes": free}
+
+
+async def _executor(service: Service) -> Json:
+    if not service.config.dispatch:
+        return {"ok": True, "detail": "this server does not render; others do"}
+    health = service.executor.health()
+    return {"ok": bool(health["ok"]), "detail": str(health.get("why", "ready")), **_rest(health)}
+
+
+def _rest(health: Json) -> Json:
+    return {name: value for name, value in health.items() if name not in ("ok", "why", "detail", "sandbox")}
+
+
+async def _sandbox(service: Service) -> Json:
+    """The layers as the self-test at the start found them."""
+    if not service.config.dispatch:
+        return {"ok": True, "detail": "this server runs no workers", "layers": {}}
+    layers: Json = service.executor.health().get("sandbox", {})
+    off = [name for name, state in layers.items() if str(state) != "on"]
+    is_walled = any(str(state) == "on" for state in layers.values())
+    if service.config.allow_unsandboxed and not is_walled:
+        return {"ok": True, "detail": "off, as --allow-unsandboxed asked", "layers": layers}
+    detail = f"on, without {', '.join(off)}" if is_walled and off else "on" if is_walled else "off"
+    return {"ok": is_walled, "detail": detail, "layers": layers}

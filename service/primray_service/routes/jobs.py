@@ -1,0 +1,307 @@
+"""Jobs: list, look at, change, cancel, go on, delete; submissions.py makes them."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import shutil
+import time
+from collections.abc import Callable
+from typing import Annotated, Literal
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Depends, Path, Query, Request, Response
+from fastapi.concurrency import run_in_threadpool
+
+from .. import views
+from ..admission import changes_of
+from ..auth import Caller
+from ..changes import wait
+from ..job_json import job_json
+from ..jobs import TERMINAL, Job, JobState, etag, version_in
+from ..limits import Limits
+from ..models import ContinueRequest, JobPatch
+from ..problems import Problem
+from ..service import Service
+from ..stop_rules import continued
+from ..store.base import Conflict, JobFilter
+from .access import Reader, Serving, Submitter
+from .answers import ETAG, json_answer, json_bytes, none_match, not_modified
+from .bodies import json_body
+from .described import answer, described, json_request
+
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+
+RETRY_AFTER_S = 2  # for who asks again and again
+CANCEL_S = 10.0  # for a deleted job's workers to be gone
+_JOB_ID = re.compile(r"job_[0-9A-HJKMNP-TV-Z]{26}")
+_PREFER_WAIT = re.compile(r"(?:^|[,;\s])wait=(\d{1,6})(?:$|[,;\s])", re.IGNORECASE)
+
+# Any text is looked for, and not found: the pattern is only told.
+JobId = Annotated[str, Path(description="As POST /v1/jobs answered.", json_schema_extra={"pattern": f"^{_JOB_ID.pattern}$"})]
+
+
+def found(service: Service, caller: Caller, job_id: str) -> Job:
+    """The tenant's job; another tenant's is as if it did not exist."""
+    job = service.store.job(job_id, caller.tenant) if _JOB_ID.fullmatch(job_id) else None
+    if job is None:
+        raise no_job()
+    return job
+
+
+def check_version(request: Request, job: Job) -> bool:
+    """Whether If-Match was sent; Problem if it names no version of the job's that this change could be meant for.
+
+    Progress is not the change of another: jobs.Job says why.
+    """
+    header = request.headers.get("if-match")
+    if header is None:
+        return False
+    if header.strip() != "*" and job.version not in [version_in(tag) for weak, tag in ETAG.findall(header) if not weak]:
+        raise Problem("precondition-failed", f"It is at {etag(job)} now.", headers={"etag": etag(job)})
+    return True
+
+
+def no_job() -> Problem:
+    return Problem("not-found", "There is no such job.")
+
+
+async def found_shared(service: Service, caller: Caller, job_id: str) -> Job:
+    return (await _shared(service, caller, job_id))[0]
+
+
+async def _shared(service: Service, caller: Caller, job_id: str) -> tuple[Job, bytes]:
+    """The job and its JSON, read and written once for all who ask at the same time."""
+
+    def load() -> tuple[Job, bytes] | None:
+        job = service.store.job(job_id)
+        return None if job is None else (job, json_bytes(job_json(job)))
+
+    seen = await service.reads.read(job_id, "job", load) if _JOB_ID.fullmatch(job_id) else None
+    if seen is None or seen[0].tenant != caller.tenant:
+        raise no_job()
+    return seen
+
+
+def prefer_wait(request: Request, limits: Limits) -> float | None:
+    """Seconds that the client would wait for an answer with more in it (RFC 7240), at most as long as is allowed."""
+    match = _PREFER_WAIT.search(",".join(request.headers.getlist("prefer")))
+    return None if match is None else min(float(match[1]), limits.wait_s)
+
+
+def job_answer(job: Job, status: int = 200, headers: dict[str, str] | None = None, body: bytes | None = None) -> Response:
+    more = {"cache-control": "private, no-cache", "etag": etag(job), **(headers or {})}
+    if job.state not in TERMINAL:
+        more["retry-after"] = str(RETRY_AFTER_S)
+    return Response(body or json_bytes(job_json(job)), status, more, media_type="application/json")
+
+
+async def changed(service: Service, caller: Caller, job: Job, seconds: float, is_enough: Callable[[Job], bool]) -> Job:
+    """The job when it is enough, or as it is after so many seconds, or when the server stops."""
+    until = time.monotonic() + seconds
+    with service.changes.watching(job.id) as event:
+        while not is_enough(job) and not service.changes.closing and (left := until - time.monotonic()) > 0:
+            job = await found_shared(service, caller, job.id)
+            if not is_enough(job):
+                await wait(event, left)
+    return job
+
+
+def has_ended(job: Job) -> bool:
+    return job.state in TERMINAL
+
+
+@router.get(
+    "",
+    **described(answer(views.JobPage, headers=("Link",)), problems=("invalid-request",)),
+)
+def list_jobs(
+    caller: Reader,
+    service: Serving,
+    state: Annotated[list[JobState] | None, Query(description="Any of these.")] = None,
+    label: Annotated[
+        list[Annotated[str, Query(pattern=r"^[^:=\x00]+[:=][^\x00]*$", max_length=600)]] | None,
+        Query(max_length=32, description="name:value (or name=value); all of these."),
+    ] = None,
+    scene: Annotated[str | None, Query(pattern="^sha256:[0-9a-f]{64}$")] = None,
+    limit: Annotated[int, Query(ge=1, le=200)] = 50,
+    cursor: Annotated[str | None, Query(max_length=512, description="The page before gave it.")] = None,
+    order: Annotated[Literal["desc", "asc"], Query(description="By creation: desc has the newest first.")] = "desc",
+) -> Response:
+    """The tenant's jobs, a page at a time."""
+    labels = dict(split_label(text) for text in label or [])
+    where = JobFilter(frozenset(state or ()), labels, scene)
+    try:
+        page = service.store.jobs(caller.tenant, where, limit, cursor, order == "desc")
+    except ValueError:
+        raise Problem("invalid-request", "cursor: this is not a cursor that the server gave.", member="cursor") from None
+    headers = {}
+    if page.next_cursor is not None:
+        query: list[tuple[str, str]] = [("state", each.value) for each in state or ()]
+        query += [("label", text) for text in label or ()] + ([] if scene is None else [("scene", scene)])
+        query += [("limit", str(limit)), ("order", order), ("cursor", page.next_cursor)]
+        headers["link"] = f'</v1/jobs?{urlencode(query)}>; rel="next"'
+    return json_answer({"items": [job_json(job) for job in page.items], "next_cursor": page.next_cursor}, headers=headers)
+
+
+def split_label(text: str) -> tuple[str, str]:
+    match = re.fullmatch(r"([^:=\0]+)[:=]([^\0]*)", text, re.DOTALL)
+    if match is None:
+        raise Problem("invalid-request", "label: write it name:value.", member="label")
+    return match[1], match[2]
+
+
+@router.get(
+    "/{job_id}",
+    **described(
+        answer(views.Job, headers=("ETag", "Retry-After", "Preference-Applied")),
+        answer(None, 304, "It is as If-None-Match says.", headers=("ETag",)),
+        problems=("not-found",),
+        headers=("If-None-Match", "Prefer"),
+    ),
+)
+async def show(job_id: JobId, request: Request, caller: Reader, service: Serving) -> Response:
+    """A job as it is now.
+
+    With `Prefer: wait=N` the answer comes when the job has ended; with If-None-Match beside it, when the job is not at that
+    version any more; at the latest after N seconds.
+    """
+    job, body = await _shared(service, caller, job_id)
+    headers: dict[str, str] = {}
+    seconds = prefer_wait(request, service.limits)
+    if seconds is not None:
+        headers["preference-applied"] = f"wait={seconds:g}"
+        news = "if-none-match" in request.headers
+        is_enough = (lambda now: none_match(request, etag(now))) if news else has_ended
+        before = job
+        job = await changed(service, caller, job, seconds, is_enough)
+        body = body if job is before else json_bytes(job_json(job))
+    if not none_match(request, etag(job)):
+        return not_modified(etag(job), headers)
+    return job_answer(job, headers=headers, body=body)
+
+
+@router.patch(
+    "/{job_id}",
+    **described(
+        answer(views.Job, headers=("ETag", "Retry-After")),
+        problems=(
+            "invalid-json",
+            "not-found",
+            "precondition-failed",
+            "request-too-large",
+            "unsupported-media-type",
+            "invalid-request",
+            "limit-exceeded",
+        ),
+        request=json_request(JobPatch, {"priority": 80}),
+        headers=("If-Match",),
+    ),
+)
+def change(
+    job_id: JobId,
+    request: Request,
+    caller: Submitter,
+    service: Serving,
+    patch: Annotated[JobPatch, Depends(json_body(JobPatch))],
+) -> Response:
+    """Change a job's priority, labels or time to live."""
+    job = found(service, caller, job_id)
+    version = job.version if check_version(request, job) else None
+    changes = changes_of(patch, service.limits)
+    try:
+        job = service.store.update_job(job_id, time.time(), version=version, changes=changes)
+    except Conflict:
+        raise Problem("precondition-failed", "It has changed since it was read.") from None
+    except KeyError:
+        raise no_job() from None
+    service.dispatcher.wake()
+    return job_answer(job)
+
+
+@router.post(
+    "/{job_id}/cancel",
+    **described(
+        answer(views.Job, 202, "It has ended, or ends soon.", headers=("ETag", "Retry-After")),
+        problems=("not-found", "conflict"),
+    ),
+)
+def cancel(job_id: JobId, caller: Submitter, service: Serving) -> Response:
+    """End a job; the picture made so far is kept. It may be asked for again."""
+    found(service, caller, job_id)
+    try:
+        job = service.store.request_cancel(job_id, time.time())
+    except Conflict:
+        raise Problem("conflict", "The job has ended already, in another way.") from None
+    service.dispatcher.wake()
+    return job_answer(job, 202)
+
+
+@router.post(
+    "/{job_id}/continue",
+    **described(
+        answer(views.Job, 202, "It is queued again.", headers=("ETag", "Location", "Retry-After")),
+        problems=(
+            "invalid-json",
+            "not-found",
+            "conflict",
+            "request-too-large",
+            "unsupported-media-type",
+            "invalid-request",
+            "limit-exceeded",
+            "quota-exceeded",
+        ),
+        request=json_request(ContinueRequest, {"stop": {"target_error": 0.005}}),
+    ),
+)
+def go_on(
+    job_id: JobId,
+    caller: Submitter,
+    service: Serving,
+    asked: Annotated[ContinueRequest, Depends(json_body(ContinueRequest))],
+) -> Response:
+    """Go on from where the job ended, to a lower error, more samples or more time."""
+    job = found(service, caller, job_id)
+    if job.state not in TERMINAL:
+        raise Problem("conflict", f"The job is {job.state.value}; only one that has ended can go on.", state=job.state.value)
+    stop = continued(job, asked.stop, service.limits)
+    try:
+        job = service.store.continue_job(job_id, stop, time.time(), caller.quotas(service.quotas))
+    except Conflict:
+        raise Problem("conflict", "The job cannot go on: it does so already, or its scene is gone.") from None
+    except KeyError:
+        raise no_job() from None
+    service.dispatcher.wake()
+    return job_answer(job, 202, {"location": f"/v1/jobs/{job.id}"})
+
+
+@router.delete(
+    "/{job_id}",
+    **described(answer(None, 204, "It is gone, with all that it made."), problems=("not-found", "unavailable")),
+)
+async def delete(job_id: JobId, caller: Submitter, service: Serving) -> Response:
+    """Cancel a job if it has not ended, and remove it with all its outputs."""
+    await run_in_threadpool(found, service, caller, job_id)
+    until = time.monotonic() + CANCEL_S
+    while not await run_in_threadpool(removed, service, job_id):
+        if time.monotonic() > until or service.changes.closing:
+            raise Problem("unavailable", "The job is being canceled; ask again.", headers={"retry-after": "1"})
+        await asyncio.sleep(0.05)
+    return Response(status_code=204)
+
+
+def removed(service: Service, job_id: str) -> bool:
+    """False while a frame of it runs, which is being stopped."""
+    job = service.store.job(job_id)
+    try:
+        if job is not None and job.state not in TERMINAL:
+            job = service.store.request_cancel(job_id, time.time())
+            service.dispatcher.wake()
+        if job is not None:
+            service.store.delete_job(job_id)
+    except Conflict:
+        return False
+    except KeyError:
+        pass  # somebody else removed it in between
+    shutil.rmtree(service.data.job(job_id), ignore_errors=True)
+    return True

@@ -1,0 +1,115 @@
+"""API keys, for the server's operator: an admin's key makes and revokes those of any tenant."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, fields
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Depends, Query, Request, Response
+from pydantic import Field
+
+from .. import account_views
+from ..auth import Keys
+from ..job_json import time_text
+from ..jobs import Json
+from ..keys import TENANT, create
+from ..limits import Quotas
+from ..models import Sent
+from ..problems import Problem
+from ..store.base import ApiKey
+from .access import Admin, Serving
+from .answers import json_answer
+from .bodies import json_body
+from .described import answer, described, json_request
+
+router = APIRouter(prefix="/v1/keys", tags=["keys"])
+
+MOST_EXPIRY_S = 100 * 365 * 86_400.0
+
+
+class QuotaRequest(Sent):
+    """Members that are left out are this server's; null: no limit."""
+
+    requests_per_s: float | None = Field(None, gt=0, le=1e6)
+    burst: int = Field(1, ge=1, le=10**6)
+    queued_jobs: int | None = Field(None, ge=0, le=10**9)
+    running_jobs: int | None = Field(None, ge=0, le=10**6)
+    stored_bytes: int | None = Field(None, ge=0, le=2**60)
+    cpu_s_per_day: float | None = Field(None, ge=0, le=1e12)
+
+
+class KeyRequest(Sent):
+    tenant: str = Field(pattern=f"^{TENANT.pattern}$", description="Whose jobs and scenes it is for; made by naming it.")
+    scopes: list[Literal["submit", "read", "admin"]] = Field(default=["submit", "read"], min_length=1, max_length=3)
+    name: str = Field("", max_length=200, description="To recognise it by.")
+    quotas: QuotaRequest | None = Field(None, description="The newest valid key's quotas are the tenant's.")
+    expires_in_s: float | None = Field(None, gt=0, le=MOST_EXPIRY_S)
+
+
+@router.post(
+    "",
+    **described(
+        answer(account_views.NewKey, 201, "The key, shown once.", headers=("Location",)),
+        problems=("invalid-json", "request-too-large", "unsupported-media-type", "invalid-request"),
+        request=json_request(KeyRequest, {"tenant": "lighting", "scopes": ["submit", "read"], "name": "farm"}),
+    ),
+)
+def create_key(
+    request: Request, caller: Admin, service: Serving, asked: Annotated[KeyRequest, Depends(json_body(KeyRequest))]
+) -> Response:
+    """Make a key. Its text is in this answer and nowhere else, ever."""
+    now = time.time()
+    changes = {} if asked.quotas is None else asked.quotas.model_dump(exclude_unset=True)
+    quotas = Quotas(**{**asdict(service.quotas), **changes})
+    expires_at = None if asked.expires_in_s is None else now + asked.expires_in_s
+    row, text = create(service.store, asked.tenant, asked.scopes, now, name=asked.name, quotas=quotas, expires_at=expires_at)
+    return json_answer({**key_json(row), "key": text}, 201, {"location": f"/v1/keys/{row.id}", "cache-control": "no-store"})
+
+
+@router.get("", **described(answer(account_views.KeyList), problems=("invalid-request",)))
+def list_keys(
+    caller: Admin,
+    service: Serving,
+    tenant: Annotated[str | None, Query(max_length=64, description="Only this tenant's.")] = None,
+) -> Response:
+    """All keys, without their text; revoked and expired ones too."""
+    return json_answer({"items": [key_json(row) for row in service.store.keys(tenant)]})
+
+
+@router.get("/{key_id}", **described(answer(account_views.Key), problems=("not-found",)))
+def show(key_id: str, caller: Admin, service: Serving) -> Response:
+    """One key, without its text."""
+    return json_answer(key_json(_found(service, key_id)))
+
+
+@router.delete("/{key_id}", **described(answer(None, 204, "It is refused from now on."), problems=("not-found",)))
+def revoke(key_id: str, request: Request, caller: Admin, service: Serving) -> Response:
+    """Refuse a key from now on (another server over the same database: within seconds). What it made stays."""
+    _found(service, key_id)
+    service.store.revoke_key(key_id, time.time())
+    keys: Keys = request.app.state.keys
+    keys.forget()
+    return Response(status_code=204)
+
+
+def _found(service: Serving, key_id: str) -> ApiKey:
+    row = next((row for row in service.store.keys(None) if row.id == key_id), None)
+    if row is None:
+        raise Problem("not-found", "There is no such key.")
+    return row
+
+
+def key_json(row: ApiKey) -> Json:
+    return {
+        "id": row.id,
+        "object": "key",
+        "tenant": row.tenant,
+        "name": row.name,
+        "prefix": row.prefix,
+        "scopes": sorted(row.scopes),
+        "quotas": {field.name: getattr(row.quotas, field.name) for field in fields(row.quotas)},
+        "created_at": time_text(row.created_at),
+        "expires_at": time_text(row.expires_at),
+        "revoked_at": time_text(row.revoked_at),
+    }

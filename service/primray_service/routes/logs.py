@@ -1,0 +1,62 @@
+"""What a job's workers printed, frame by frame, as plain text: for people who look for the reason."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.concurrency import run_in_threadpool
+
+from ..problems import Problem
+from .access import Reader, Serving
+from .described import answer, described
+from .file_answer import file_answer
+from .jobs import JobId, found
+
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+
+FILE = "log.txt"
+
+
+@router.get(
+    "/{job_id}/log",
+    **described(
+        answer(content={"text/plain": {"type": "string"}}, headers=("ETag", "Accept-Ranges")),
+        answer(status=206, description="The range.", content={"text/plain": {"type": "string"}}, headers=("Content-Range",)),
+        answer(status=304, description="It is as If-None-Match says.", headers=("ETag",)),
+        problems=("not-found", "precondition-failed", "range-not-satisfiable", "invalid-request"),
+        headers=("Range", "If-Range", "If-None-Match"),
+    ),
+)
+async def log(
+    job_id: JobId,
+    request: Request,
+    caller: Reader,
+    service: Serving,
+    frame: Annotated[int, Query(ge=0, lt=2**31, description="The frame's number, from 0.")] = 0,
+) -> Response:
+    """The log of one frame; it grows while the frame runs, so read on with Range: bytes=<what you have>-."""
+    await run_in_threadpool(found, service, caller, job_id)
+    if await run_in_threadpool(service.store.frame, job_id, frame) is None:
+        raise Problem("not-found", f"The job has no frame {frame}.")
+    path = service.data.frame(job_id, frame) / FILE
+    size, etag = await run_in_threadpool(_state, path)
+    headers = {
+        "cache-control": "private, no-cache",
+        "content-security-policy": "default-src 'none'; sandbox",
+        "x-content-type-options": "nosniff",
+    }
+    if size == 0 and not path.exists():
+        return Response("", 200, {**headers, "etag": etag}, media_type="text/plain; charset=utf-8")
+    return await file_answer(request, path, "text/plain; charset=utf-8", etag, headers, most_bytes=size)
+
+
+def _state(path: Path) -> tuple[int, str]:
+    """Its size, and an ETag for what it holds up to there: it only grows, or is another file."""
+    try:
+        found = os.lstat(path)
+    except FileNotFoundError:
+        return 0, '"none"'
+    return found.st_size, f'"{found.st_ino:x}-{found.st_size:x}-{found.st_mtime_ns:x}"'

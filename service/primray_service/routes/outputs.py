@@ -1,0 +1,90 @@
+"""What a job made: the list, and the files themselves. A file never changes under its digest, which is its ETag."""
+
+from __future__ import annotations
+
+from urllib.parse import quote
+
+from fastapi import APIRouter, Request, Response
+from fastapi.concurrency import run_in_threadpool
+
+from .. import scene_views
+from ..job_json import time_text
+from ..jobs import Json, Output
+from ..problems import Problem
+from ..scenes.digests import sha256_header
+from .access import Reader, Serving
+from .answers import json_answer
+from .described import answer, described
+from .file_answer import file_answer
+from .jobs import JobId, found
+
+router = APIRouter(prefix="/v1/jobs", tags=["outputs"])
+
+# A `continue` puts another file at the same name: caches may keep a file, but ask whether it is still the one.
+CACHING = "private, no-cache"
+IMMUTABLE = "private, max-age=31536000, immutable"
+
+
+@router.get("/{job_id}/outputs", **described(answer(scene_views.OutputList), problems=("not-found",)))
+def list_outputs(job_id: JobId, caller: Reader, service: Serving) -> Response:
+    """The files that the job has made so far, frame by frame."""
+    found(service, caller, job_id)
+    outputs = service.store.outputs(job_id)
+    return json_answer({"items": [output_json(output) for output in outputs]})
+
+
+_BINARY = {"type": "string", "format": "binary"}
+
+
+@router.get(
+    "/{job_id}/outputs/{name}",
+    **described(
+        answer(
+            description="The file, whatever its media type.",
+            content={"*/*": _BINARY},
+            headers=("ETag", "Accept-Ranges", "Content-Disposition", "Repr-Digest"),
+        ),
+        answer(status=206, description="The ranges.", content={"*/*": _BINARY}, headers=("ETag",)),
+        answer(status=304, description="It is as If-None-Match says.", headers=("ETag",)),
+        problems=("not-found", "precondition-failed", "range-not-satisfiable", "invalid-request"),
+        headers=("Range", "If-Range", "If-None-Match"),
+    ),
+)
+async def output(
+    job_id: JobId, name: str, request: Request, caller: Reader, service: Serving, sha256: str | None = None
+) -> Response:
+    """One file. With ?sha256= (as in the list's URLs) the answer is that version or none, and can be kept for ever."""
+    row = await run_in_threadpool(_row, service, caller, job_id, name)
+    if sha256 is not None and sha256 != row.sha256:
+        raise Problem("not-found", "The job has made another version of this file; list its outputs again.", sha256=row.sha256)
+    headers = {
+        "cache-control": CACHING if sha256 is None else IMMUTABLE,
+        "content-disposition": f"attachment; filename*=UTF-8''{quote(row.name, safe='')}",
+        "x-content-type-options": "nosniff",
+        "content-security-policy": "default-src 'none'; sandbox",
+        "repr-digest": sha256_header(row.sha256),
+    }
+    path = service.data.outputs(job_id) / row.name
+    return await file_answer(request, path, row.media_type, f'"{row.sha256}"', headers, exactly=row.bytes)
+
+
+def _row(service: Serving, caller: Reader, job_id: str, name: str) -> Output:
+    """By its row: a name that is in no row is never looked for on the disk."""
+    found(service, caller, job_id)
+    row = next((each for each in service.store.outputs(job_id) if each.name == name), None)
+    if row is None:
+        raise Problem("not-found", "The job has made no file of this name.")
+    return row
+
+
+def output_json(output: Output) -> Json:
+    here = f"/v1/jobs/{output.job_id}/outputs/{quote(output.name, safe='')}"
+    return {
+        "name": output.name,
+        "frame": output.frame,
+        "bytes": output.bytes,
+        "sha256": output.sha256,
+        "media_type": output.media_type,
+        "created_at": time_text(output.created_at),
+        "urls": {"self": here, "immutable": f"{here}?sha256={output.sha256}"},
+    }

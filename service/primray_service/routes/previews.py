@@ -1,0 +1,101 @@
+"""The picture of a job as it is now. Asking for it is what makes the worker write it."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.concurrency import run_in_threadpool
+
+from ..auth import Caller
+from ..jobs import FRAME_TERMINAL, Frame, FrameState
+from ..pictures.encoder import revision
+from ..pictures.request import MOST_STOPS, MOST_WIDTH, VIEWS, Channel, Format, PictureRequest
+from ..problems import Problem
+from ..service import Service
+from .access import Reader, Serving
+from .answers import none_match
+from .described import answer, described
+from .file_answer import file_answer
+from .jobs import JobId, found
+
+router = APIRouter(prefix="/v1/jobs", tags=["previews"])
+
+FILE = "preview.raw"
+RETRY_AFTER_S = 1
+
+
+_BINARY = {"type": "string", "format": "binary"}
+
+
+@router.get(
+    "/{job_id}/preview",
+    **described(
+        answer(content=dict.fromkeys(("image/png", "image/jpeg", "application/octet-stream"), _BINARY), headers=("ETag",)),
+        answer(status=206, description="A range of half floats.", content={"application/octet-stream": _BINARY}),
+        answer(status=304, description="It is as If-None-Match says.", headers=("ETag",)),
+        problems=("not-found", "range-not-satisfiable", "invalid-request", "view-unavailable"),
+        headers=("If-None-Match",),
+    ),
+)
+async def preview(
+    job_id: JobId,
+    request: Request,
+    caller: Reader,
+    service: Serving,
+    frame: Annotated[
+        int | None, Query(ge=0, lt=2**31, description="The frame's number, from 0; not given: the one that runs.")
+    ] = None,
+    view: Annotated[str, Query(max_length=64, description=f"One of: {', '.join(VIEWS)}.")] = "beauty",
+    channel: Annotated[Channel, Query(description="One channel alone, in grey.")] = "rgb",
+    exposure: Annotated[float, Query(ge=-MOST_STOPS, le=MOST_STOPS, allow_inf_nan=False, description="In stops.")] = 0.0,
+    format: Annotated[Format, Query(description="raw: half floats, as worker/preview.py says.")] = "png",
+    width: Annotated[int | None, Query(ge=1, le=MOST_WIDTH, description="At most so many pixels.")] = None,
+) -> Response:
+    """The frame's picture so far as PNG, JPEG or half floats, or a map of its error; the ETag is that of its pass."""
+    if view not in VIEWS:
+        raise Problem("view-unavailable", f"There is no view {view!r}; there are: {', '.join(VIEWS)}.", views=list(VIEWS))
+    if view != "beauty" and channel == "a":
+        raise Problem("view-unavailable", "Coverage has no estimate of its error.", views=list(VIEWS))
+    row = await run_in_threadpool(_frame, service, caller, job_id, frame)
+    if row.state is FrameState.RUNNING:
+        service.dispatcher.ask_preview(job_id, row.number)
+    path = service.data.frame(job_id, row.number) / FILE
+    found_revision = await run_in_threadpool(revision, path)
+    if found_revision is None:
+        raise _none_yet(row)
+    asked = PictureRequest(view, channel, exposure, format, width)
+    headers = {"cache-control": "private, no-cache", "preview-frame": str(row.number)}
+    if format == "raw":
+        return await file_answer(request, path, "application/octet-stream", f'"{found_revision}-raw"', headers)
+    etag = f'"{found_revision}-{asked.tag}"'
+    if not none_match(request, etag):
+        return Response(status_code=304, headers={"etag": etag, **headers})
+    made = await service.pictures.picture(path, found_revision, asked)
+    return Response(made.data, 200, {"etag": etag, **headers, **made.headers}, media_type=made.media_type)
+
+
+def _frame(service: Service, caller: Caller, job_id: str, number: int | None) -> Frame:
+    """The one asked for; else the first that runs, else the last that has been begun, else the first."""
+    found(service, caller, job_id)
+    if number is not None:
+        row = service.store.frame(job_id, number)
+        if row is None:
+            raise Problem("not-found", f"The job has no frame {number}.")
+        return row
+    frames = service.store.frames(job_id)
+    running = [each for each in frames if each.state is FrameState.RUNNING]
+    begun = [each for each in frames if each.started_at is not None]
+    return running[0] if running else begun[-1] if begun else frames[0]
+
+
+def _none_yet(row: Frame) -> Problem:
+    if row.state in FRAME_TERMINAL:
+        return Problem("not-found", f"Frame {row.number} ended without a picture.", frame=row.number, state=row.state.value)
+    return Problem(
+        "not-found",
+        f"There is no picture of frame {row.number} yet: it is {row.state.value}{f' ({row.phase})' if row.phase else ''}.",
+        headers={"retry-after": str(RETRY_AFTER_S)},
+        frame=row.number,
+        state=row.state.value,
+    )

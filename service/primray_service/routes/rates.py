@@ -1,0 +1,45 @@
+"""How many requests a key may make: a dependency of all of /v1 that spends one, and the headers that tell what is left."""
+
+from __future__ import annotations
+
+from fastapi import Request
+from starlette.datastructures import MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from ..problems import Problem
+from ..quotas import RequestRates
+from .access import caller_of_request, service_of
+
+HEADERS = "primray.rate_headers"
+
+
+async def spend_request(request: Request) -> None:
+    """Problem("too-many-requests") where the key's bucket is empty. Who needs no key (on loopback) has no bucket."""
+    try:
+        caller = await caller_of_request(request)
+    except Problem:
+        return  # the route says so, if it needs a key at all
+    if caller.key is None:
+        return
+    rates: RequestRates = request.app.state.rates
+    allowance = rates.take(caller.key.id, caller.quotas(service_of(request).quotas))
+    if allowance is None:
+        return
+    if not allowance.is_allowed:
+        raise allowance.problem()
+    request.scope[HEADERS] = allowance.headers()
+
+
+class RateHeaders:
+    """Puts what `spend_request` found on the answer."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start" and HEADERS in scope:
+                MutableHeaders(scope=message).update(scope[HEADERS])
+            await send(message)
+
+        await self._app(scope, receive, send_with_headers if scope["type"] == "http" else send)

@@ -1,0 +1,167 @@
+"""Scenes: upload, list, look at, delete. Their bytes are only ever stored here; a worker's check says what is in them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+from urllib.parse import urlencode
+
+from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi.concurrency import run_in_threadpool
+
+from .. import scene_views
+from ..job_json import time_text
+from ..jobs import Json, Scene, SceneState
+from ..problems import Problem
+from ..scenes.keep import remove
+from ..scenes.recognize import MEDIA_TYPES
+from ..store.base import Conflict
+from .access import Reader, Serving, Submitter
+from .answers import json_answer, none_match, not_modified
+from .described import answer, described
+from .uploads import receive_scene, refused
+
+router = APIRouter(prefix="/v1/scenes", tags=["scenes"])
+
+RETRY_AFTER_S = 1  # while a scene is checked
+# Any text is looked for, and not found: the pattern is only told.
+SceneId = Annotated[str, Path(json_schema_extra={"pattern": "^sha256:[0-9a-f]{64}$"})]
+
+_BINARY: dict[str, Any] = {"schema": {"type": "string", "format": "binary"}}
+UPLOAD_BODY: dict[str, Any] = {
+    "requestBody": {
+        "required": True,
+        "description": "The file itself (its kind is seen from its first bytes), or a form with a part `file`.",
+        "content": {
+            **dict.fromkeys(MEDIA_TYPES.values(), _BINARY),
+            "application/octet-stream": _BINARY,
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["file"],
+                    "properties": {"file": {"type": "string", "format": "binary"}},
+                    "additionalProperties": False,
+                }
+            },
+        },
+    }
+}
+
+
+@router.post(
+    "",
+    **described(
+        answer(scene_views.Scene, 201, "It is kept, and is checked.", headers=("Location", "ETag", "Retry-After")),
+        answer(scene_views.Scene, 200, "The same bytes were sent before.", headers=("Location", "ETag", "Retry-After")),
+        problems=(
+            "upload-incomplete",
+            "upload-too-large",
+            "unsupported-media-type",
+            "invalid-request",
+            "not-usd",
+            "package-unsafe",
+            "package-too-large",
+            "digest-mismatch",
+            "quota-exceeded",
+            "storage-full",
+        ),
+        request=UPLOAD_BODY,
+        headers=("Repr-Digest",),
+    ),
+)
+async def upload(
+    request: Request,
+    caller: Submitter,
+    service: Serving,
+    name: Annotated[str | None, Query(max_length=1024, description="A file name, to recognise it by.")] = None,
+) -> Response:
+    """Upload a scene; the same bytes are stored once, and answered with 200 when they are sent again."""
+    try:
+        scene, is_new, _ = await receive_scene(request, service, caller)
+        if scene is None:
+            raise Problem("invalid-request", "The form has no part `file`.", member="file")
+    except Problem as problem:
+        return refused(request, problem)
+    return scene_answer(scene, 201 if is_new else 200, {"location": f"/v1/scenes/{scene.id}"})
+
+
+@router.get("", **described(answer(scene_views.ScenePage, headers=("Link",)), problems=("invalid-request",)))
+def list_scenes(
+    caller: Reader,
+    service: Serving,
+    limit: Annotated[int, Query(ge=1, le=200)] = 50,
+    cursor: Annotated[str | None, Query(max_length=512)] = None,
+) -> Response:
+    """The tenant's scenes, newest first, a page at a time."""
+    try:
+        scenes, next_cursor = service.store.scenes(caller.tenant, limit, cursor)
+    except ValueError:
+        raise Problem("invalid-request", "cursor: this is not a cursor that the server gave.", member="cursor") from None
+    headers = {}
+    if next_cursor is not None:
+        headers["link"] = f'</v1/scenes?{urlencode({"limit": limit, "cursor": next_cursor})}>; rel="next"'
+    return json_answer({"items": [scene_json(scene) for scene in scenes], "next_cursor": next_cursor}, headers=headers)
+
+
+@router.get(
+    "/{scene_id}",
+    **described(
+        answer(scene_views.Scene, headers=("ETag", "Retry-After")),
+        answer(status=304, description="It is as If-None-Match says.", headers=("ETag",)),
+        problems=("not-found",),
+        headers=("If-None-Match",),
+    ),
+)
+async def show(scene_id: SceneId, request: Request, caller: Reader, service: Serving) -> Response:
+    """A scene: whether it is checked yet, and what is in it. HEAD tells whether it has to be uploaded at all."""
+    scene = await run_in_threadpool(service.store.scene, caller.tenant, scene_id)
+    if scene is None:
+        raise no_scene()
+    if not none_match(request, etag_of(scene)):
+        return not_modified(etag_of(scene))
+    return scene_answer(scene)
+
+
+@router.delete("/{scene_id}", **described(answer(None, 204, "It is gone."), problems=("not-found", "scene-in-use")))
+def delete(scene_id: SceneId, caller: Submitter, service: Serving) -> Response:
+    """Delete a scene that no job waits for or renders."""
+    try:
+        remove(scene_id, caller.tenant, service.store, service.data)
+    except KeyError:
+        raise no_scene() from None
+    except Conflict:
+        raise Problem("scene-in-use", "Jobs that have not ended use this scene; cancel them first.") from None
+    return Response(status_code=204)
+
+
+def no_scene() -> Problem:
+    return Problem("not-found", "There is no such scene.")
+
+
+def etag_of(scene: Scene) -> str:
+    """A scene's bytes never change; its state does once."""
+    return f'"{scene.state.value}-{scene.id[7:23]}"'
+
+
+def scene_answer(scene: Scene, status: int = 200, headers: dict[str, str] | None = None) -> Response:
+    more = {"etag": etag_of(scene), **(headers or {})}
+    if scene.state is SceneState.CHECKING:
+        more["retry-after"] = str(RETRY_AFTER_S)
+    return json_answer(scene_json(scene), status, more)
+
+
+def scene_json(scene: Scene) -> Json:
+    """What the check found stands beside what is known of every scene."""
+    return {
+        **scene.facts,
+        "id": scene.id,
+        "object": "scene",
+        "state": scene.state.value,
+        "kind": scene.kind,
+        "name": scene.name,
+        "bytes": scene.bytes,
+        "stored_bytes": scene.stored_bytes,
+        "created_at": time_text(scene.created_at),
+        "warnings": scene.warnings,
+        "problem": scene.problem,
+        "urls": {"self": f"/v1/scenes/{scene.id}"},
+    }

@@ -1,0 +1,60 @@
+"""Sessions of browsers: a key is exchanged for a cookie, which goes along where no header can be sent."""
+
+from __future__ import annotations
+
+import time
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Request, Response
+from fastapi.concurrency import run_in_threadpool
+
+from .. import views
+from ..auth import SESSION_S, caller_of, sha256_of
+from ..job_json import time_text
+from ..models import SessionRequest
+from .access import COOKIE
+from .answers import json_answer
+from .bodies import json_body
+from .described import answer, described, json_request
+
+router = APIRouter(prefix="/v1/session", tags=["keys"])
+
+
+@router.post(
+    "",
+    **described(
+        answer(views.Session, 201, "The cookie is set.", headers=("Set-Cookie",)),
+        problems=("invalid-json", "unauthenticated", "request-too-large", "unsupported-media-type", "invalid-request"),
+        request=json_request(SessionRequest, {"key": "primray_..."}),
+    ),
+)
+async def begin(request: Request, asked: Annotated[SessionRequest, Depends(json_body(SessionRequest))]) -> Response:
+    """Log a browser in: the cookie is HttpOnly, for this site only, and good for 12 hours."""
+    now = time.time()
+    sha256 = sha256_of(asked.key.strip())
+    caller = caller_of(await run_in_threadpool(request.app.state.keys.key, sha256), now)
+    shown = {
+        "tenant": caller.tenant,
+        "scopes": sorted(caller.scopes),
+        "expires_at": time_text(now + SESSION_S),
+    }
+    response = json_answer(shown, 201)
+    response.set_cookie(
+        COOKIE,
+        request.app.state.sessions.begin(sha256, now),
+        max_age=int(SESSION_S),
+        path="/",
+        secure=request.url.scheme == "https",
+        httponly=True,
+        samesite="strict",
+    )
+    return response
+
+
+@router.delete("", **described(answer(None, 204, "The session, if there was one, has ended.", headers=("Set-Cookie",))))
+async def end(request: Request) -> Response:
+    """Log out."""
+    request.app.state.sessions.end(request.cookies.get(COOKIE, ""), time.time())
+    response = Response(status_code=204)
+    response.delete_cookie(COOKIE, path="/", httponly=True, samesite="strict")
+    return response

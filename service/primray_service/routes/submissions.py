@@ -1,0 +1,163 @@
+"""POST /v1/jobs: a job for a scene that was uploaded, or for the file that comes with it."""
+
+from __future__ import annotations
+
+import re
+import time
+
+from fastapi import APIRouter, Request, Response
+from fastapi.concurrency import run_in_threadpool
+
+from .. import views
+from ..admission import fingerprint, new_job
+from ..auth import Caller
+from ..job_json import job_json
+from ..jobs import TERMINAL, Job, SceneState
+from ..models import FormJob, JobRequest
+from ..problems import Problem, problem_of
+from ..service import Service
+from ..store.base import Conflict, KeyReused
+from .access import Serving, Submitter
+from .answers import json_bytes
+from .bodies import json_body, parsed
+from .described import answer, described, json_request, schema_of
+from .guard import request_id_of
+from .jobs import changed, has_ended, job_answer, prefer_wait
+from .uploads import receive_scene, refused
+
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
+
+_IDEMPOTENCY_KEY = re.compile(r"[!-~]{1,255}")
+_TRACEPARENT = re.compile(r"[0-9a-f]{2}-[0-9a-f]{32}-[0-9a-f]{16}-[0-9a-f]{2}")
+EXAMPLE = {
+    "scene": {"id": f"sha256:{'0' * 64}"},
+    "settings": {"camera": "/cam", "resolution": [960, 540], "stop": {"target_error": 0.01, "max_seconds": 60}},
+    "labels": {"shot": "010"},
+}
+BODY = json_request(JobRequest, EXAMPLE)
+BODY["requestBody"]["content"]["multipart/form-data"] = {
+    "schema": {
+        "type": "object",
+        "required": ["file"],
+        "properties": {"file": {"type": "string", "format": "binary"}, "job": schema_of(FormJob)},
+        "additionalProperties": False,
+    },
+    "encoding": {"job": {"contentType": "application/json"}},
+}
+
+
+@router.post(
+    "",
+    **described(
+        answer(
+            views.Job,
+            202,
+            "It is queued.",
+            headers=("Location", "ETag", "Retry-After", "Preference-Applied", "Idempotency-Replayed"),
+        ),
+        answer(
+            views.Job,
+            200,
+            "Prefer asked to wait, and it has ended.",
+            headers=("Location", "ETag", "Preference-Applied", "Idempotency-Replayed"),
+        ),
+        problems=(
+            "invalid-json",
+            "not-found",
+            "request-too-large",
+            "upload-too-large",
+            "unsupported-media-type",
+            "not-usd",
+            "package-unsafe",
+            "package-too-large",
+            "invalid-request",
+            "limit-exceeded",
+            "idempotency-key-reused",
+            "webhook-address",
+            "quota-exceeded",
+        ),
+        request=BODY,
+        headers=("Idempotency-Key", "Prefer"),
+    ),
+)
+async def submit(request: Request, caller: Submitter, service: Serving) -> Response:
+    """Queue a job: for a scene that was uploaded before (JSON), or for the file that comes with it (a form)."""
+    try:
+        asked = await (read_form if is_form(request) else read_json)(request, service, caller)
+    except Problem as problem:
+        return refused(request, problem)
+    job, is_new = await run_in_threadpool(create, service, caller, asked, request)
+    headers = {"location": f"/v1/jobs/{job.id}"}
+    if not is_new:
+        headers["idempotency-replayed"] = "true"
+    seconds = prefer_wait(request, service.limits)
+    if seconds is not None:
+        headers["preference-applied"] = f"wait={seconds:g}"
+        job = await changed(service, caller, job, seconds, has_ended)
+    status = 200 if seconds is not None and job.state in TERMINAL else 202
+    return job_answer(job, status, headers, with_secret(job))
+
+
+def is_form(request: Request) -> bool:
+    return request.headers.get("content-type", "").partition(";")[0].strip().lower() == "multipart/form-data"
+
+
+async def read_json(request: Request, service: Service, caller: Caller) -> JobRequest:
+    return await json_body(JobRequest)(request)
+
+
+async def read_form(request: Request, service: Service, caller: Caller) -> JobRequest:
+    """The part `job` (JSON; may be left out) and the part `file`, in any order."""
+    scene, _, parts = await receive_scene(request, service, caller, ("job",))
+    if scene is None:
+        raise Problem("invalid-request", "file: the form has no such part.", member="file")
+    job = parsed(FormJob, parts.get("job") or b"{}", "job")
+    return job.with_scene(scene.id)
+
+
+def create(service: Service, caller: Caller, asked: JobRequest, request: Request) -> tuple[Job, bool]:
+    """The new job, or the earlier one of the same idempotency key (False)."""
+    traceparent = request.headers.get("traceparent", "")
+    job, times = new_job(
+        asked,
+        caller.tenant,
+        service.limits,
+        time.time(),
+        request_id=request_id_of(request),
+        traceparent=traceparent if _TRACEPARENT.fullmatch(traceparent) else "",
+    )
+    key = idempotency_key(request)
+    scene = service.store.scene(caller.tenant, asked.scene.id)
+    if scene is None:
+        raise no_scene()
+    if scene.state is SceneState.REJECTED and scene.problem is not None:
+        raise problem_of(scene.problem)
+    try:
+        job, is_new = service.store.create_job(
+            job, times, caller.quotas(service.quotas), None if key is None else (key, fingerprint(asked))
+        )
+    except KeyReused:
+        raise Problem("idempotency-key-reused", "The first request with this key asked for something else.") from None
+    except Conflict:
+        raise no_scene() from None
+    service.dispatcher.wake()
+    return job, is_new
+
+
+def with_secret(job: Job) -> bytes:
+    """The job as always, but for the webhook's secret, which is shown to who makes it and never again."""
+    shown = job_json(job)
+    if job.webhook is not None:
+        shown["webhook"] = job.webhook
+    return json_bytes(shown)
+
+
+def no_scene() -> Problem:
+    return Problem("not-found", "scene.id: there is no such scene; upload it first (POST /v1/scenes).", member="scene.id")
+
+
+def idempotency_key(request: Request) -> str | None:
+    key = request.headers.get("idempotency-key")
+    if key is not None and not _IDEMPOTENCY_KEY.fullmatch(key):
+        raise Problem("invalid-request", "Idempotency-Key: 1 to 255 characters of ASCII, no spaces.", member="Idempotency-Key")
+    return key

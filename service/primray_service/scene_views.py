@@ -1,0 +1,64 @@
+"""What clients get of scenes and of files, as models; views.py says how these are used."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any, Literal
+
+from pydantic import Field
+
+from .jobs import SceneState
+from .views import Problem, View, Warning
+
+
+class SceneUrls(View):
+    self: str
+
+
+class Scene(View):
+    """What the check found stands beside these members, once the state is ready."""
+
+    id: str = Field(pattern="^sha256:[0-9a-f]{64}$", description="The digest of the bytes as sent.")
+    object: Literal["scene"]
+    state: SceneState
+    kind: Literal["usda", "usdc", "usdz", "zip"]
+    name: str
+    bytes: int
+    stored_bytes: int
+    created_at: datetime
+    warnings: list[Warning]
+    problem: Problem | None = Field(description="Why it was rejected.")
+    urls: SceneUrls
+
+
+class ScenePage(View):
+    items: list[Scene]
+    next_cursor: str | None
+
+
+class OutputUrls(View):
+    self: str
+    immutable: str = Field(description="This version or none: may be kept for ever.")
+
+
+class Output(View):
+    name: str
+    frame: int | None
+    bytes: int
+    sha256: str = Field(pattern="^[0-9a-f]{64}$")
+    media_type: str
+    created_at: datetime
+    urls: OutputUrls
+
+
+class OutputList(View):
+    items: list[Output]
+
+
+class Health(View):
+    status: Literal["ok"]
+
+
+class Readiness(View):
+    status: Literal["ready", "not ready", "stopping"]
+    checks: dict[str, dict[str, Any]] = Field(description="Of database, disk, executor and sandbox: ok, detail, seconds.")

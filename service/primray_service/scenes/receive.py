@@ -1,0 +1,220 @@
+"""A body that is a scene, or a form with one in it, to a folder in incoming/: streamed, counted, hashed on the way.
+
+Content-Length is never believed; it is used to refuse at once what would be refused later. Blocking work (writing, hashing)
+is done in threads, a mebibyte at a time.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+import hashlib
+from collections.abc import AsyncIterator, Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from ..files import DataDirectory
+from ..limits import KiB, Limits, MiB
+from ..problems import Problem
+from .digests import BodyDigests
+from .multipart import PartBegins, boundary_of, part_events
+from .recognize import display_name, disposition_name
+from .threads import to_the_end
+
+WRITE_BYTES = 1 * MiB
+FORM_OVERHEAD_BYTES = 64 * KiB  # boundaries and part headers, beside the fields that are asked for
+FILE_FIELD = "file"
+
+
+@dataclass(frozen=True)
+class UploadHead:
+    """What a request's head says of its body; header names as in RFC 9530 and lower-case alike are found."""
+
+    headers: Mapping[str, str]
+    name: str = ""  # ?name=
+
+    @property
+    def content_type(self) -> str:
+        return self.headers.get("content-type", "")
+
+    @property
+    def length(self) -> int | None:
+        text = self.headers.get("content-length", "")
+        return int(text) if text.isascii() and text.isdigit() else None
+
+    @property
+    def file_name(self) -> str:
+        return display_name(self.name) or disposition_name(self.headers.get("content-disposition", ""))
+
+
+@dataclass(frozen=True)
+class Received:
+    """A file that arrived whole; `path` lies in the staging folder that was given."""
+
+    path: Path
+    sha256: str
+    bytes: int
+    name: str
+    media_type: str
+
+    @property
+    def scene_id(self) -> str:
+        return f"sha256:{self.sha256}"
+
+
+async def receive(
+    body: AsyncIterator[bytes],
+    head: UploadHead,
+    staged: Path,
+    data: DataDirectory,
+    limits: Limits,
+    fields: Collection[str] = (),
+) -> tuple[Received | None, dict[str, bytes]]:
+    """The file of a raw body, or the part `file` of a form, and the form's parts named in `fields` (each of json_bytes at
+    most). A form may lack a file; a raw body may not be empty."""
+    boundary = boundary_of(head.content_type)
+    encoding = head.headers.get("content-encoding", "identity").lower()
+    if encoding != "identity":
+        raise Problem("unsupported-media-type", f"Content-Encoding {encoding!r} is not read; send the file as it is.")
+    most = limits.upload_bytes
+    if boundary is not None:
+        most += FORM_OVERHEAD_BYTES + limits.json_bytes * len(fields)
+    if head.length is not None and head.length > most:
+        raise too_large(limits)
+    _refuse_without_room(data, limits, head.length or 0)
+    digests = BodyDigests(head.headers)
+    arriving = _counted(body, digests, most, limits)
+    if boundary is None:
+        with _Writer(staged, data, limits) as writer:
+            async for piece in arriving:
+                await writer.add(piece)
+            digests.check()
+            received = await writer.finish(head.file_name, head.content_type)
+        if not received.bytes:
+            raise Problem(
+                "upload-incomplete", "The body is empty; send the file's bytes as the body, or a form with a part `file`."
+            )
+        return received, {}
+    form = await _receive_form(part_events(arriving, boundary), staged, data, limits, fields, head.name)
+    digests.check()
+    return form
+
+
+async def _receive_form(
+    events: AsyncIterator[PartBegins | bytes | None],
+    staged: Path,
+    data: DataDirectory,
+    limits: Limits,
+    fields: Collection[str],
+    name: str,
+) -> tuple[Received | None, dict[str, bytes]]:
+    received: Received | None = None
+    found: dict[str, bytes] = {}
+    part = PartBegins("", "", "")
+    text = bytearray()
+    with _Writer(staged, data, limits) as writer:
+        async for event in events:
+            if isinstance(event, PartBegins):
+                part = event
+                text.clear()
+                if part.field in found or (part.field == FILE_FIELD and received is not None):
+                    raise Problem("invalid-request", f"The form has two parts named {part.field!r}.")
+                if part.field != FILE_FIELD and part.field not in fields:
+                    expected = ", ".join([FILE_FIELD, *fields])
+                    raise Problem("invalid-request", f"The form has a part {part.field[:100]!r}; expected: {expected}.")
+            elif isinstance(event, bytes) and part.field == FILE_FIELD:
+                await writer.add(event)
+            elif isinstance(event, bytes):
+                text += event
+                if len(text) > limits.json_bytes:
+                    raise Problem(
+                        "request-too-large",
+                        f"The part {part.field!r} has more than {limits.json_bytes} bytes.",
+                        limit=limits.json_bytes,
+                    )
+            elif part.field == FILE_FIELD:
+                received = await writer.finish(display_name(name) or part.file_name, part.media_type)
+                if not received.bytes:
+                    raise Problem("upload-incomplete", "The form's part `file` is empty.")
+            else:
+                found[part.field] = bytes(text)
+    return received, found
+
+
+async def _counted(body: AsyncIterator[bytes], digests: BodyDigests, most: int, limits: Limits) -> AsyncIterator[bytes]:
+    """The body's pieces; Problem if there are too many bytes, or none for too long."""
+    total = 0
+    pieces = aiter(body)
+    while True:
+        try:
+            async with asyncio.timeout(limits.upload_idle_s):
+                data = await anext(pieces)
+        except StopAsyncIteration:
+            return
+        except TimeoutError:
+            raise Problem("upload-incomplete", f"Nothing arrived for {limits.upload_idle_s:g} seconds.") from None
+        total += len(data)
+        if total > most:
+            raise too_large(limits)
+        digests.update(data)
+        yield data
+
+
+def too_large(limits: Limits) -> Problem:
+    return Problem(
+        "upload-too-large",
+        f"The body has more than {limits.upload_bytes} bytes.",
+        headers={"Connection": "close"},
+        limit=limits.upload_bytes,
+    )
+
+
+def _refuse_without_room(data: DataDirectory, limits: Limits, coming: int) -> None:
+    if data.free_bytes() < limits.free_disk_bytes + coming:
+        raise Problem("storage-full", "The server's disk has no room for this upload.", headers={"Connection": "close"})
+
+
+class _Writer:
+    """The staging folder's file `upload`, gathered to pieces that are worth a thread's turn."""
+
+    def __init__(self, staged: Path, data: DataDirectory, limits: Limits) -> None:
+        self._path = staged / "upload"
+        self._data, self._limits = data, limits
+        self._buffer = bytearray()
+        self._sha256 = hashlib.sha256()
+        self._bytes = 0
+        self._file = self._path.open("xb", buffering=0)
+
+    def __enter__(self) -> _Writer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._file.close()
+
+    async def add(self, data: bytes) -> None:
+        self._bytes += len(data)
+        if self._bytes > self._limits.upload_bytes:
+            raise too_large(self._limits)
+        self._buffer += data
+        if len(self._buffer) >= WRITE_BYTES:
+            await self._flush()
+
+    async def finish(self, name: str, media_type: str) -> Received:
+        await self._flush()
+        return Received(self._path, self._sha256.hexdigest(), self._bytes, name, media_type)
+
+    async def _flush(self) -> None:
+        data, self._buffer = self._buffer, bytearray()
+        await to_the_end(lambda: self._write(data))
+
+    def _write(self, data: bytearray) -> None:
+        _refuse_without_room(self._data, self._limits, len(data))
+        self._sha256.update(data)
+        view = memoryview(data)
+        try:
+            while view:
+                view = view[self._file.write(view) :]
+        except OSError as error:
+            if error.errno in (errno.ENOSPC, errno.EDQUOT):
+                raise Problem("storage-full", "The server's disk has no room for this upload.") from None
+            raise

@@ -1,0 +1,103 @@
+"""What kind of file was sent, by its first bytes and, between usdz and zip, by how its members lie; and names for display."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Sequence
+from typing import Literal
+from urllib.parse import unquote
+
+from ..problems import Problem
+from .zip_directory import STORED, Member, unsafe
+
+SceneKind = Literal["usda", "usdc", "usdz", "zip"]
+
+HEAD_BYTES = 4096
+USDZ_ALIGNMENT = 64  # of a member's data in a usdz: https://openusd.org/release/spec_usdz.html
+LAYER_SUFFIXES = (".usd", ".usda", ".usdc")
+MEDIA_TYPES = {
+    "usda": "model/vnd.usda",
+    "usdc": "model/vnd.usdc",
+    "usdz": "model/vnd.usdz+zip",
+    "zip": "application/zip",
+}
+MAX_NAME_CHARS = 255
+
+
+def recognize(head: bytes) -> SceneKind:
+    """`head`: the file's first HEAD_BYTES, or all. A usdz is "zip" here: see is_usdz. Problem("not-usd") for anything else."""
+    if head.startswith(b"#usda "):
+        return "usda"
+    if head.startswith(b"PXR-USDC"):
+        return "usdc"
+    if head.startswith((b"PK\x03\x04", b"PK\x05\x06")):
+        return "zip"
+    raise Problem(
+        "not-usd",
+        "The file begins neither with #usda, nor with PXR-USDC, nor as a zip or usdz does; "
+        f"its first bytes are {head[:8].hex(' ')}{_guess(head)}.",
+    )
+
+
+def called_usdz(media_type: str, name: str) -> bool:
+    return media_type.partition(";")[0].strip().lower() == MEDIA_TYPES["usdz"] or name.lower().endswith(".usdz")
+
+
+def wrong_as_usdz(members: Sequence[Member]) -> Problem | None:
+    """Why a zip is no usdz, or None if it is one. It depends on the bytes alone, so that the same bytes are always the same
+    kind of scene, whatever they were called."""
+    if not members:
+        return unsafe("A usdz without members is not USD.")
+    first = min(members, key=lambda member: member.header_at)
+    for member in members:
+        if member.is_folder:
+            continue
+        if member.method != STORED:
+            return unsafe("The members of a usdz are not compressed; this one is.", member.name)
+        if member.data_at % USDZ_ALIGNMENT:
+            return unsafe(
+                f"The members of a usdz begin at multiples of {USDZ_ALIGNMENT} bytes; this one does not.", member.name
+            )
+    if not first.name.lower().endswith(LAYER_SUFFIXES):
+        return unsafe("The first member of a usdz is its root layer; this is none.", first.name)
+    return None
+
+
+def _guess(head: bytes) -> str:
+    known = {
+        b"\xef\xbb\xbf#usda": "a usda file with a byte order mark; save it without one",
+        b"\x89PNG": "a PNG image",
+        b"v/1\x01": "an OpenEXR image",
+        b"\x1f\x8b": "gzip",
+        b"7z\xbc\xaf": "7-Zip",
+        b"glTF": "glTF",
+        b"Kaydara": "FBX",
+        b"Ogawa": "Alembic",
+        b"<?xml": "XML",
+        b"{": "perhaps JSON",
+        b"--": "perhaps multipart form data sent without its Content-Type",
+    }
+    found = next((what for start, what in known.items() if head.startswith(start)), None)
+    return f" ({found})" if found else ""
+
+
+def display_name(given: str) -> str:
+    """A file name for people to read, never for opening: without folders and control characters, at most 255 characters."""
+    name = unicodedata.normalize("NFC", given).replace("\\", "/").rpartition("/")[2]
+    # Category C: control, format (bidirectional overrides among them), surrogates, private use.
+    name = "".join(char for char in name if not unicodedata.category(char).startswith("C")).strip()
+    return "" if name in (".", "..") else name[:MAX_NAME_CHARS]
+
+
+def disposition_name(value: str) -> str:
+    """The file name in a Content-Disposition header (RFC 6266); "" if there is none."""
+    extended = re.search(r"filename\*\s*=\s*utf-8'[^']*'([^;\s]+)", value, re.IGNORECASE)
+    if extended:
+        return display_name(unquote(extended.group(1), errors="replace"))
+    plain = re.search(r'filename\s*=\s*(?:"((?:[^"\\]|\\.)*)"|([^;\s]+))', value, re.IGNORECASE)
+    if plain is None:
+        return ""
+    quoted = plain.group(1)
+    # Browsers send backslashes and quotes of names percent-encoded or escaped; both read back the same.
+    return display_name(re.sub(r'\\(["\\])', r"\1", quoted) if quoted is not None else plain.group(2))

@@ -1,0 +1,219 @@
+"""A zip's members as its central directory and every local header agree on them; nothing is unpacked here.
+
+Written for this service because the standard library's reader believes the central directory, keeps all of it in memory
+whatever its size, and renames what it does not like. Layout: PKWARE APPNOTE 6.3.10, sections 4.3 to 4.5.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import BinaryIO
+
+from ..limits import Limits
+from ..problems import Problem
+
+LOCAL, CENTRAL, END = b"PK\x03\x04", b"PK\x01\x02", b"PK\x05\x06"
+END64, END64_LOCATOR = b"PK\x06\x06", b"PK\x06\x07"
+STORED, DEFLATED = 0, 8
+ENCRYPTED, DESCRIPTOR, STRONG, UTF8, MASKED = 1 << 0, 1 << 3, 1 << 6, 1 << 11, 1 << 13
+EXTRA_ZIP64, EXTRA_UNICODE_PATH = 0x0001, 0x7075
+ALL16, ALL32 = 0xFFFF, 0xFFFFFFFF
+MAX_EXTRA_BYTES = 1024  # of one member's extra fields, on the average: those that are written take some 30
+
+
+@dataclass(frozen=True)
+class Member:
+    raw_name: bytes
+    name: str
+    flags: int
+    method: int
+    crc: int
+    packed_bytes: int
+    bytes: int
+    unix_mode: int  # 0 where the maker was not Unix
+    dos_attributes: int
+    header_at: int
+    data_at: int
+
+    @property
+    def is_folder(self) -> bool:
+        return self.name.endswith("/")
+
+
+def unsafe(detail: str, member: str | bytes | None = None) -> Problem:
+    name = shown(member) if member is not None else None
+    return Problem("package-unsafe", detail, member=name)
+
+
+def shown(name: str | bytes) -> str:
+    """A member's name for a message: what cannot be printed is escaped."""
+    text = name.decode("utf-8", "backslashreplace") if isinstance(name, bytes) else name
+    return "".join(char if char.isprintable() else char.encode("unicode_escape").decode() for char in text)[:300]
+
+
+def read_directory(file: BinaryIO, limits: Limits) -> list[Member]:
+    """In the order of the directory. Problem for anything inconsistent, encrypted, or read by no reader here."""
+    total = file.seek(0, os.SEEK_END)
+    count, size, start = _end_record(file, total)
+    if count > limits.package_entries:
+        raise unsafe(f"The package says that it has {count} members; {limits.package_entries} are allowed.")
+    if size > count * (46 + limits.path_bytes + MAX_EXTRA_BYTES):
+        raise unsafe(f"The package's directory of {size} bytes is too large for {count} members.")
+    file.seek(start)
+    members = list(_members(file, file.read(size), count, start))
+    _refuse_overlaps(members, start)
+    return members
+
+
+def _end_record(file: BinaryIO, total: int) -> tuple[int, int, int]:
+    """Number of members, size and place of the central directory."""
+    tail_at = max(0, total - 22 - ALL16)
+    file.seek(tail_at)
+    tail = file.read(total - tail_at)
+    at = len(tail) - 22
+    # The record's comment must end where the file ends; look from the back, as all readers do.
+    while at >= 0 and not (
+        tail[at : at + 4] == END and at + 22 + int.from_bytes(tail[at + 20 : at + 22], "little") == len(tail)
+    ):
+        at = tail.rfind(END, 0, at + 3) if at else -1
+    if at < 0:
+        raise unsafe("The zip file has no directory at its end: it was cut off, or something was appended to it.")
+    disk, first_disk, here, count, size, start = struct.unpack_from("<HHHHII", tail, at + 4)
+    end_at = tail_at + at
+    if ALL16 in (disk, first_disk, here, count) or ALL32 in (size, start):
+        disk, first_disk, here, count, size, start, end_at = _end_record_64(file, end_at)
+    if disk or first_disk or here != count:
+        raise unsafe("The zip file is one part of several.")
+    if start + size != end_at:
+        raise unsafe("The zip file's directory does not lie where its end says.")
+    return count, size, start
+
+
+def _end_record_64(file: BinaryIO, end_at: int) -> tuple[int, int, int, int, int, int, int]:
+    broken = unsafe("The zip file's zip64 end record is damaged.")
+    if end_at < 20 + 56:
+        raise broken
+    file.seek(end_at - 20)
+    signature, _, record_at, disks = struct.unpack("<4sIQI", file.read(20))
+    if signature != END64_LOCATOR or disks != 1 or record_at > end_at - 20 - 56:
+        raise broken
+    file.seek(record_at)
+    record = file.read(56)
+    signature, size, _, _, disk, first_disk, here, count, directory, start = struct.unpack("<4sQHHIIQQQQ", record)
+    if signature != END64 or record_at + 12 + size != end_at - 20:
+        raise broken
+    return disk, first_disk, here, count, directory, start, record_at
+
+
+def _members(file: BinaryIO, directory: bytes, count: int, directory_at: int) -> Iterator[Member]:
+    at = 0
+    for _ in range(count):
+        if directory[at : at + 4] != CENTRAL or at + 46 > len(directory):
+            raise unsafe("The zip file's directory is damaged.")
+        fields = struct.unpack_from("<BBHHHHHIIIHHHHHII", directory, at + 4)
+        made_by, flags, method, crc, packed, size = fields[1], fields[3], fields[4], fields[7], fields[8], fields[9]
+        name_bytes, extra_bytes, comment_bytes, disk, attributes, header_at = *fields[10:14], fields[15], fields[16]
+        end = at + 46 + name_bytes + extra_bytes + comment_bytes
+        if end > len(directory):
+            raise unsafe("The zip file's directory is damaged.")
+        raw_name = directory[at + 46 : at + 46 + name_bytes]
+        extra = directory[at + 46 + name_bytes : at + 46 + name_bytes + extra_bytes]
+        size, packed, header_at, disk = _large(extra, size, packed, header_at, disk, raw_name)
+        if disk:
+            raise unsafe("The zip file is one part of several.", raw_name)
+        name = _decode(raw_name, flags, extra)
+        _refuse_unreadable(name, flags, method, size, packed)
+        if header_at + 30 > directory_at:
+            raise unsafe("The member's place lies outside of the file.", name)
+        mode = attributes >> 16 if made_by in (3, 19) or attributes >> 16 else 0  # Unix, macOS, or says so all the same
+        member = Member(raw_name, name, flags, method, crc, packed, size, mode, attributes & 0xFF, header_at, 0)
+        yield _with_local_header(file, member, directory_at)
+        at = end
+    if at != len(directory):
+        raise unsafe("The zip file's directory has more members than its end says.")
+
+
+def _large(extra: bytes, size: int, packed: int, header_at: int, disk: int, name: bytes) -> tuple[int, int, int, int]:
+    """Sizes and place from the zip64 field, where the 32-bit ones say that they are there (4.5.3)."""
+    field = dict(_extra_fields(extra, name)).get(EXTRA_ZIP64, b"")
+    values = []
+    at = 0
+    for value, all_ones, width in ((size, ALL32, 8), (packed, ALL32, 8), (header_at, ALL32, 8), (disk, ALL16, 4)):
+        if value == all_ones:
+            if at + width > len(field):
+                raise unsafe("The member's zip64 field is damaged.", name)
+            value = int.from_bytes(field[at : at + width], "little")
+            at += width
+        values.append(value)
+    return values[0], values[1], values[2], values[3]
+
+
+def _extra_fields(extra: bytes, name: bytes) -> Iterator[tuple[int, bytes]]:
+    at = 0
+    while at + 4 <= len(extra):
+        kind, size = struct.unpack_from("<HH", extra, at)
+        if at + 4 + size > len(extra):
+            raise unsafe("The member's extra fields are damaged.", name)
+        yield kind, extra[at + 4 : at + 4 + size]
+        at += 4 + size  # what is left over, less than a field's head, is padding: alignment tools leave it
+
+
+def _decode(raw_name: bytes, flags: int, extra: bytes) -> str:
+    """Flag 11 says UTF-8; without it, some write UTF-8 all the same. Old code pages cannot be told apart: refused."""
+    try:
+        name = raw_name.decode("utf-8")
+    except UnicodeDecodeError:
+        said = "although it says so" if flags & UTF8 else "nor ASCII; make the zip with UTF-8 names"
+        raise unsafe(f"The member's name is not UTF-8, {said}.", raw_name) from None
+    # An Info-ZIP field with another name would be used by some readers and not by others (4.6.9).
+    other = dict(_extra_fields(extra, raw_name)).get(EXTRA_UNICODE_PATH)
+    if other is not None and other[5:] != raw_name:
+        raise unsafe("The member has two different names.", name)
+    return name
+
+
+def _refuse_unreadable(name: str, flags: int, method: int, size: int, packed: int) -> None:
+    if flags & (ENCRYPTED | STRONG | MASKED):
+        raise unsafe("The member is encrypted.", name)
+    if method not in (STORED, DEFLATED):
+        raise unsafe(f"The member is compressed by method {method}; only stored and deflated ones are read.", name)
+    if method == STORED and size != packed:
+        raise unsafe("The member is stored, but its two sizes differ.", name)
+
+
+def _with_local_header(file: BinaryIO, member: Member, directory_at: int) -> Member:
+    """The member with the place of its data; its local header must say what the directory says (4.3.7)."""
+    file.seek(member.header_at)
+    head = file.read(30)
+    if len(head) < 30 or head[:4] != LOCAL:
+        raise unsafe("There is no member where the directory says.", member.name)
+    flags, method, _, _, crc, packed, size, name_bytes, extra_bytes = struct.unpack_from("<HHHHIIIHH", head, 6)
+    raw_name, extra = file.read(name_bytes), file.read(extra_bytes)
+    data_at = member.header_at + 30 + name_bytes + extra_bytes
+    if data_at + member.packed_bytes > directory_at:
+        raise unsafe("The member reaches beyond the place where the directory begins.", member.name)
+    size, packed, _, _ = _large(extra, size, packed, 0, 0, raw_name)
+    differs = [what for what, there, here in (
+        ("name", raw_name, member.raw_name), ("method", method, member.method), ("flags", flags, member.flags),
+    ) if there != here]  # fmt: skip
+    # Sizes and sum follow the data where flag 3 is set; the header then holds zeros, or them all the same.
+    sums = (("sum", crc, member.crc), ("packed size", packed, member.packed_bytes), ("size", size, member.bytes))
+    differs += [what for what, there, here in sums if there != here and not (flags & DESCRIPTOR and there == 0)]
+    if differs:
+        raise unsafe(f"The member's own header and the directory disagree about its {' and '.join(differs)}.", member.name)
+    _decode(raw_name, flags, extra)
+    return Member(**{**member.__dict__, "data_at": data_at})
+
+
+def _refuse_overlaps(members: list[Member], directory_at: int) -> None:
+    """Members that share bytes are how a small zip becomes petabytes (Fifield, "A better zip bomb", 2019)."""
+    end = 0
+    for member in sorted(members, key=lambda m: m.header_at):
+        if member.header_at < end:
+            raise unsafe("The member shares bytes with another.", member.name)
+        end = member.data_at + member.packed_bytes
+    if end > directory_at:
+        raise unsafe("The last member reaches into the directory.")

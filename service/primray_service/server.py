@@ -1,0 +1,211 @@
+"""The running server: puts the parts together, listens, and takes them apart again when it is told to stop.
+
+One process. SIGTERM or Ctrl-C: no new connections, open streams end, running frames write a checkpoint and are queued
+again; all within a few seconds. A second one ends it at once.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import resource
+import signal
+import socket
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager
+
+import h11
+import uvicorn
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from . import logs
+from .app import create_app
+from .changes import Changes
+from .config import ServeConfig
+from .dispatcher import Dispatcher
+from .executor.base import Executor
+from .files import DataDirectory
+from .problems import Problem
+from .routes.answers import json_bytes
+from .scenes.keep import sweep
+from .service import Service
+from .shared_reads import SharedReads
+from .store import open_store
+from .tenants import quotas_of
+
+SHUTDOWN_S = 5
+HEADER_BYTES = 32 * 1024
+FIRST_HEADER_S = 30.0  # a connection that has not sent a request's head by then is closed
+KEEP_ALIVE_S = 75
+SHARED_READ_S = 1.0
+
+
+def serve(config: ServeConfig) -> None:
+    """Until SIGTERM or Ctrl-C."""
+    logs.configure(config.log_json)
+    listener = listen(config)
+    allow_many_connections()
+    asyncio.run(run(config, listener))
+
+
+def listen(config: ServeConfig) -> socket.socket:
+    """Problem("unavailable") where the port cannot be had."""
+    family = socket.AF_INET6 if ":" in config.host else socket.AF_INET
+    try:
+        listener = socket.create_server((config.host, config.port), family=family, backlog=2048)
+    except (OSError, OverflowError) as error:
+        raise Problem("unavailable", f"Cannot listen on {config.host} port {config.port}: {error}.") from None
+    # Connections inherit it. asyncio sets it only where a socket names its protocol, and this one does not: without it an
+    # answer of two writes waits 40 ms for the acknowledgement of the first.
+    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return listener
+
+
+def allow_many_connections() -> None:
+    """As many open files as this process may have: each connection is one."""
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with contextlib.suppress(ValueError, OSError):
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
+
+
+async def run(config: ServeConfig, listener: socket.socket) -> None:
+    async with running(config) as service:
+        options = uvicorn.Config(
+            create_app(service),
+            http=Connection,
+            ws="none",
+            lifespan="off",
+            access_log=False,
+            log_config=None,
+            server_header=False,
+            h11_max_incomplete_event_size=HEADER_BYTES,
+            timeout_keep_alive=KEEP_ALIVE_S,
+            timeout_graceful_shutdown=SHUTDOWN_S,
+        )
+        await Server(options, service, url_of(config, listener)).serve([listener])
+
+
+def url_of(config: ServeConfig, listener: socket.socket) -> str:
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(config.host, config.host)
+    return f"http://{f'[{host}]' if ':' in host else host}:{listener.getsockname()[1]}"
+
+
+@asynccontextmanager
+async def running(config: ServeConfig) -> AsyncIterator[Service]:
+    """The parts of a server, started; stopped afterwards."""
+    data = DataDirectory(config.data)
+    data.create()
+    store = await asyncio.to_thread(open_store, config.database_url)
+    await asyncio.to_thread(store.migrate)
+    await asyncio.to_thread(sweep, store, data)
+    changes = Changes()
+    # Another server's changes are not told: what is read here may be shared by all who ask only if there is no other.
+    reads = SharedReads(SHARED_READ_S if config.database_url.startswith("sqlite") else 0.0)
+    # In this order: whoever is woken by a change reads it.
+    unsubscribe = [store.subscribe(reads.changed), store.subscribe(changes.changed)]
+    executor = new_executor(config, data)
+    service = Service(config, store, data, executor, None, changes, reads)  # type: ignore[arg-type]
+    service.dispatcher = Dispatcher(store, executor, data, config.limits, quotas_of(store, config.quotas))
+    dispatching: asyncio.Task[None] | None = None
+    try:
+        if config.dispatch:
+            await executor.start()
+            dispatching = asyncio.create_task(service.dispatcher.run())
+        if config.warm:
+            await service.pictures.warm()
+        yield service
+    finally:
+        changes.close()
+        if dispatching is not None:
+            await service.dispatcher.stop()
+            with contextlib.suppress(asyncio.CancelledError):
+                await dispatching
+        await executor.close()
+        await service.pictures.close()
+        for end in unsubscribe:
+            end()
+        store.close()
+
+
+def new_executor(config: ServeConfig, data: DataDirectory) -> Executor:
+    from .executor.local import LocalExecutor
+
+    return LocalExecutor(
+        data,
+        config.limits,
+        slots=config.slots,
+        cores=config.usable_cores,
+        sandboxed=not config.allow_unsandboxed,
+        warm=config.warm,
+    )
+
+
+class Server(uvicorn.Server):
+    """Says where it listens, and tells open streams and the dispatcher at once when it is to stop."""
+
+    def __init__(self, config: uvicorn.Config, service: Service, url: str) -> None:
+        super().__init__(config)
+        self._service = service
+        self._url = url
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        print(f"primray listens at {self._url}", flush=True)
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._service.changes.close()
+        await super().shutdown(sockets)
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """uvicorn's would raise the signal again afterwards, before the parts are stopped."""
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            loop.add_signal_handler(number, self._told_to_stop)
+        try:
+            yield
+        finally:
+            for number in (signal.SIGINT, signal.SIGTERM):
+                loop.remove_signal_handler(number)
+
+    def _told_to_stop(self) -> None:
+        self.force_exit = self.should_exit  # the second time
+        self.should_exit = True
+
+
+class Connection(H11Protocol):
+    """uvicorn's, which closes connections that never send a request, and tells bad ones so in a problem document."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self.timeout_keep_alive_task = self.loop.call_later(FIRST_HEADER_S, self._close_silent)
+
+    def _close_silent(self) -> None:
+        if self.conn.their_state is h11.IDLE and not self.transport.is_closing():
+            self.transport.close()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        super().connection_lost(exc)
+        super()._unset_keepalive_if_required()
+
+    def _unset_keepalive_if_required(self) -> None:
+        """Not before a request's head is complete: one that trickles in is no reason to wait longer."""
+        if self.conn.their_state is not h11.IDLE:
+            super()._unset_keepalive_if_required()
+
+    def send_400_response(self, msg: str) -> None:
+        problem = Problem("invalid-request", "This is not an HTTP request that can be read.", status=400)
+        body = json_bytes(problem.as_json())
+        headers = [
+            (b"content-type", b"application/problem+json"),
+            (b"content-length", str(len(body)).encode()),
+            (b"x-content-type-options", b"nosniff"),
+            (b"connection", b"close"),
+        ]
+        for event in (
+            h11.Response(status_code=400, headers=headers, reason=b"Bad Request"),
+            h11.Data(data=body),
+            h11.EndOfMessage(),
+        ):
+            self.transport.write(self.conn.send(event) or b"")
+        self.transport.close()

@@ -1,0 +1,24 @@
+"""Where a page ended: the last row's time and id, in a form that clients have no reason to look into."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+
+
+def write_cursor(at: float, row_id: str, order: str) -> str:
+    """`order`: which listing, so that a cursor is not used in another."""
+    return base64.urlsafe_b64encode(json.dumps([at, row_id, order]).encode()).decode().rstrip("=")
+
+
+def read_cursor(cursor: str, order: str) -> tuple[float, str]:
+    """ValueError if it is none of this listing's."""
+    try:
+        at, row_id, of = json.loads(base64.b64decode(cursor + "=" * (-len(cursor) % 4), altchars=b"-_", validate=True))
+        is_one = of == order and type(at) in (int, float) and math.isfinite(at) and isinstance(row_id, str)
+    except (ValueError, TypeError, RecursionError):
+        is_one = False
+    if not is_one:
+        raise ValueError("The cursor is not one that this listing gave.")
+    return float(at), row_id

@@ -1,0 +1,227 @@
+"""A database and its transactions: connections, locks and retries, for SQLite and PostgreSQL alike.
+
+SQLite: readers have connections of their own and never wait (WAL); writers of this process take turns by a lock, those of
+several processes by BEGIN IMMEDIATE. PostgreSQL: a pool, READ COMMITTED, and row locks. A transaction that another one or a
+broken connection ended is tried again; whether its commit arrived is not known then, so each finds its own change
+(`Transaction.previous`, and the rows themselves).
+"""
+
+from __future__ import annotations
+
+import random
+import sqlite3
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any, Generic, TypeVar
+
+from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
+from sqlalchemy.exc import DBAPIError, SQLAlchemyError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
+
+from .base import Unavailable
+from .transaction import Transaction
+
+T = TypeVar("T")
+
+KEEP_TRYING_S = 45.0  # a PostgreSQL server that restarts is back within half a minute
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.02, 2.0
+SQLITE_BUSY_S = 10.0
+
+# PostgreSQL's SQLSTATEs after which the same transaction may well succeed: connection exceptions, serialization failure,
+# deadlock, lock not available, shutting down or starting up, too many connections, cut off while idle in a transaction.
+PASSING_CLASSES = ("08",)
+PASSING_STATES = frozenset({"40001", "40P01", "55P03", "57P01", "57P02", "57P03", "57P05", "53300", "25P03"})
+PASSING_SQLITE = frozenset({sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED})
+
+
+def engine_url(url: str) -> URL:
+    """The URL with the driver that is used; ValueError for a database that is none of the two."""
+    made = make_url(url)
+    backend = made.get_backend_name()
+    if backend in ("postgresql", "postgres"):
+        return made.set(drivername="postgresql+psycopg")
+    if backend == "sqlite" and made.database and made.database != ":memory:":
+        return made.set(drivername="sqlite+pysqlite")
+    raise ValueError(f"{made.render_as_string()} is neither sqlite:///FILE nor postgresql://...")
+
+
+def is_passing(error: SQLAlchemyError) -> bool:
+    """Whether trying again may help."""
+    if isinstance(error, PoolTimeout):
+        return True
+    if not isinstance(error, DBAPIError):
+        return False
+    if isinstance(error.orig, sqlite3.Error):
+        return (getattr(error.orig, "sqlite_errorcode", 0) & 0xFF) in PASSING_SQLITE
+    state: str | None = getattr(error.orig, "sqlstate", None)
+    if state is None:  # no answer at all
+        return error.connection_invalidated or type(error.orig).__name__ == "OperationalError"
+    return error.connection_invalidated or state in PASSING_STATES or state.startswith(PASSING_CLASSES)
+
+
+class Database:
+    def __init__(self, url: str) -> None:
+        self.url = engine_url(url)
+        self.is_sqlite = self.url.get_backend_name() == "sqlite"
+        self._turn = threading.Lock()  # of SQLite's writers
+        self._subscribers: list[Callable[[str], None]] = []
+        if self.is_sqlite:
+            self._writer = _sqlite_engine(self.url, begin="BEGIN IMMEDIATE", connections=1)
+            self._reader = _sqlite_engine(self.url, begin="BEGIN", connections=16)
+        else:
+            self._writer = _postgresql_engine(self.url)
+            self._reader = self._writer.execution_options(isolation_level="AUTOCOMMIT")
+
+    def close(self) -> None:
+        self._reader.dispose()
+        self._writer.dispose()
+
+    def subscribe(self, on_change: Callable[[str], None]) -> Callable[[], None]:
+        def called(job_id: str) -> None:  # an object of its own: one function may subscribe twice
+            on_change(job_id)
+
+        self._subscribers = [*self._subscribers, called]
+
+        def end() -> None:
+            self._subscribers = [one for one in self._subscribers if one is not called]
+
+        return end
+
+    def read(self, work: Callable[[Connection], T]) -> T:
+        def once(_: T | None) -> T:
+            with self._reader.connect() as connection:
+                return work(connection)
+
+        return self._until_it_passes(once)
+
+    def check(self) -> None:
+        try:
+            with self._reader.connect() as connection:
+                connection.exec_driver_sql("SELECT fence FROM leader").all()
+        except SQLAlchemyError as error:
+            raise Unavailable(f"The database does not answer: {_first_line(error)}") from error
+
+    def write(self, work: Callable[[Transaction[T]], T], *, durable: bool = True) -> T:
+        """One transaction, tried until it passes. Not `durable`: may be lost with the machine's power, not with the process."""
+        changed: list[str] = []
+
+        def once(previous: T | None) -> T:
+            committing = _Committing[T]()
+            try:
+                with self._writing(durable) as connection:
+                    transaction = Transaction[T](connection, previous)
+                    answer = work(transaction)
+                    transaction.flush()
+                    changed[:] = transaction.changed
+                    committing.answer = answer
+                    committing.under_way = True
+                    connection.commit()
+                    return answer
+            except DBAPIError as error:
+                if committing.under_way:
+                    raise _Unsure(committing.answer) from error
+                raise
+
+        answer = self._until_it_passes(once)
+        for job_id in dict.fromkeys(changed):
+            for called in self._subscribers:
+                called(job_id)
+        return answer
+
+    @contextmanager
+    def writing_alone(self) -> Iterator[Connection]:
+        """A connection in a transaction, without retries: for migrations."""
+        with self._writing(durable=True) as connection:
+            yield connection
+            connection.commit()
+
+    @contextmanager
+    def _writing(self, durable: bool) -> Iterator[Connection]:
+        if not self.is_sqlite:
+            with self._writer.connect() as connection:
+                connection.begin()
+                yield connection
+            return
+        with self._turn, self._writer.connect() as connection:
+            raw = connection.connection.driver_connection
+            assert isinstance(raw, sqlite3.Connection)
+            # Outside of the transaction: inside it would have no effect until the next.
+            raw.execute(f"PRAGMA synchronous={'FULL' if durable else 'NORMAL'}")
+            connection.begin()
+            yield connection
+
+    def _until_it_passes(self, once: Callable[[T | None], T]) -> T:
+        until = time.monotonic() + KEEP_TRYING_S
+        pause = FIRST_PAUSE_S
+        previous: T | None = None
+        while True:
+            try:
+                return once(previous)
+            except _Unsure as unsure:
+                previous = unsure.answer
+                error = unsure.__cause__
+                assert isinstance(error, SQLAlchemyError)
+            except SQLAlchemyError as caught:
+                error = caught
+            if not is_passing(error):
+                raise error
+            if time.monotonic() + pause > until:
+                raise Unavailable(f"The database does not answer: {_first_line(error)}") from error
+            time.sleep(pause * random.uniform(0.5, 1.0))
+            pause = min(2 * pause, LONGEST_PAUSE_S)
+
+
+class _Committing(Generic[T]):
+    under_way = False
+    answer: T
+
+
+class _Unsure(Exception):
+    """The connection broke while the commit was under way: it may have arrived."""
+
+    def __init__(self, answer: Any) -> None:
+        super().__init__()
+        self.answer = answer
+
+
+def _first_line(error: SQLAlchemyError) -> str:
+    return str(getattr(error, "orig", None) or error).partition("\n")[0]
+
+
+def _sqlite_engine(url: URL, *, begin: str, connections: int) -> Engine:
+    engine = create_engine(
+        url,
+        pool_size=connections,
+        max_overflow=0 if connections == 1 else 48,
+        connect_args={"timeout": SQLITE_BUSY_S, "check_same_thread": False},
+    )
+
+    def on_connect(raw: sqlite3.Connection, _: Any) -> None:
+        raw.isolation_level = None  # the driver begins no transactions: `on_begin` does
+        for pragma in ("journal_mode=WAL", "foreign_keys=ON", "synchronous=FULL", "journal_size_limit=67108864"):
+            with suppress(StopIteration):
+                next(raw.execute(f"PRAGMA {pragma}"))
+
+    def on_begin(connection: Connection) -> None:
+        connection.exec_driver_sql(begin)
+
+    event.listen(engine, "connect", on_connect)
+    event.listen(engine, "begin", on_begin)
+    return engine
+
+
+def _postgresql_engine(url: URL) -> Engine:
+    """Timeouts so that neither a hung server nor a hung client of ours holds everybody up."""
+    defaults = {
+        "connect_timeout": "5",
+        "application_name": "primray",
+        "keepalives_idle": "10",
+        "tcp_user_timeout": "20000",
+        "options": "-c lock_timeout=15s -c idle_in_transaction_session_timeout=60s",
+    }
+    connect_args = {name: value for name, value in defaults.items() if name not in url.query}
+    return create_engine(
+        url, pool_size=10, max_overflow=30, pool_timeout=10, pool_pre_ping=True, pool_recycle=3600, connect_args=connect_args
+    )

@@ -1,0 +1,260 @@
+"""Jobs as clients see and change them: made, read, changed, canceled, continued, deleted; and their time running out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from sqlalchemy import delete, insert, select, update
+
+from ..jobs import TERMINAL, Event, FrameState, Job, JobState, Json, Output
+from ..limits import Quotas
+from ..problems import Problem
+from . import schema
+from .base import Conflict, KeyReused
+from .leases import check_fence
+from .open_job import OpenJob, open_job
+from .part import Part
+from .rows import JOB_COLUMNS, event_of, job_of, output_of, values_of_job
+from .scenes import lock_scene
+from .transaction import Transaction
+from .usage import check_room_for_job, count_bytes
+
+jobs, frames, keys = schema.jobs, schema.frames, schema.idempotency_keys
+
+CHANGEABLE = frozenset({"priority", "labels", "ttl_s"})
+KEYS_KEPT_S = 25 * 3600.0
+
+
+class Jobs(Part):
+    def create_job(
+        self, job: Job, time_codes: Sequence[float | None], quotas: Quotas, idempotency: tuple[str, str] | None = None
+    ) -> tuple[Job, bool]:
+        if not time_codes:
+            raise ValueError("a job has at least one frame")
+
+        def work(transaction: Transaction[tuple[Job, bool]]) -> tuple[Job, bool]:
+            earlier = _earlier(transaction, job, idempotency)
+            if earlier is not None:
+                return earlier, earlier.id == job.id
+            scene = lock_scene(transaction, job.tenant, job.scene_id, used_at=job.created_at)
+            if scene is None:
+                raise Conflict(f"there is no scene {job.scene_id}")
+            check_room_for_job(transaction, job.tenant, quotas)
+            earlier = _earlier(transaction, job, idempotency)  # again, now that nobody else of this tenant makes one
+            if earlier is not None:
+                return earlier, earlier.id == job.id
+            opened = _insert_job(transaction, job, time_codes, scene_ready=scene.state == "ready")
+            if idempotency is not None:
+                key, request = idempotency
+                values = {"key": key, "request_sha256": request, "job_id": job.id, "created_at": job.created_at}
+                transaction.execute(insert(keys).values(tenant=job.tenant, **values))
+            if scene.state == "rejected":
+                opened.reject(scene.problem, job.created_at)
+            return opened.save(), True
+
+        return self._db.write(work)
+
+    def job(self, job_id: str, tenant: str | None = None) -> Job | None:
+        found = select(*JOB_COLUMNS).where(jobs.c.id == job_id)
+        if tenant is not None:
+            found = found.where(jobs.c.tenant == tenant)
+        row = self._db.read(lambda db: db.execute(found).first())
+        return job_of(row) if row else None
+
+    def outputs(self, job_id: str) -> Sequence[Output]:
+        outputs = schema.outputs
+        found = select(outputs).where(outputs.c.job_id == job_id).order_by(outputs.c.frame, outputs.c.name)
+        return [output_of(row) for row in self._db.read(lambda db: db.execute(found).all())]
+
+    def events(self, job_id: str, after: int, limit: int) -> Sequence[Event]:
+        events = schema.events
+        after = max(0, min(after, 2**63 - 1))
+        found = select(events).where(events.c.job_id == job_id, events.c.id > after).order_by(events.c.id).limit(limit)
+        return [event_of(row) for row in self._db.read(lambda db: db.execute(found).all())]
+
+    def update_job(self, job_id: str, now: float, *, version: int | None, changes: Json) -> Job:
+        if changes.keys() - CHANGEABLE:
+            raise ValueError(f"{sorted(changes.keys() - CHANGEABLE)} cannot be changed")
+
+        def work(transaction: Transaction[Job]) -> Job:
+            opened = _opened(transaction, job_id)
+            job = opened.job
+            done = all(getattr(job, name) == value for name, value in changes.items())
+            if version is not None and job.version != version and not (done and job.version == version + 1):
+                raise Conflict(f"{job_id} has version {job.version}, not {version}")
+            if done:
+                return job
+            opened.change(changes)
+            if "ttl_s" in changes:
+                since = job.queued_at if job.finished_at is None else job.finished_at
+                opened.change({"expires_at": since + changes["ttl_s"]})
+            if "labels" in changes:
+                transaction.execute(delete(schema.job_labels).where(schema.job_labels.c.job_id == job_id))
+                _insert_labels(transaction, opened.job)
+            return opened.save()
+
+        return self._db.write(work)
+
+    def request_cancel(self, job_id: str, now: float) -> Job:
+        def work(transaction: Transaction[Job]) -> Job:
+            opened = _opened(transaction, job_id)
+            if opened.job.state in (JobState.CANCELING, JobState.CANCELED):
+                return opened.job
+            if opened.job.state in TERMINAL:
+                raise Conflict(f"{job_id} is {opened.job.state}")
+            opened.cancel_frames(FrameState.QUEUED, now)
+            if opened.frames[FrameState.RUNNING]:
+                opened.move(JobState.CANCELING, now)
+            else:
+                opened.end(JobState.CANCELED, now)
+            return opened.save()
+
+        return self._db.write(work)
+
+    def continue_job(self, job_id: str, stop: Json, now: float, quotas: Quotas) -> Job:
+        def work(transaction: Transaction[Job]) -> Job:
+            found = transaction.execute(select(*JOB_COLUMNS).where(jobs.c.id == job_id)).first()
+            if found is None:
+                raise KeyError(job_id)
+            scene = lock_scene(transaction, found.tenant, found.scene_id, used_at=now)
+            opened = _opened(transaction, job_id)
+            job = opened.job
+            settings = {**job.settings, "stop": stop}
+            if job.state == JobState.QUEUED and job.queued_at == now and job.settings == settings and job.attempt > 1:
+                return job  # this very call, repeated
+            if job.state not in TERMINAL:
+                raise Conflict(f"{job_id} is {job.state}")
+            if scene is None or scene.state == "rejected":
+                raise Conflict(f"the scene of {job_id} is not there any more, or cannot be rendered")
+            check_room_for_job(transaction, job.tenant, quotas)
+            _begin_attempt(transaction, opened, settings, now)
+            opened.scene_ready = scene.state == "ready"
+            return opened.save()
+
+        return self._db.write(work)
+
+    def delete_job(self, job_id: str) -> bool:
+        def work(transaction: Transaction[bool]) -> bool:
+            opened = open_job(transaction, job_id)
+            if opened is None:
+                return bool(transaction.previous)
+            if opened.frames[FrameState.RUNNING]:
+                raise Conflict(f"{job_id} has frames that run")
+            outputs = schema.outputs
+            sizes = transaction.execute(select(outputs.c.bytes).where(outputs.c.job_id == job_id)).scalars()
+            count_bytes(transaction, opened.job.tenant, -sum(sizes))
+            transaction.execute(delete(jobs).where(jobs.c.id == job_id))
+            transaction.count_job(opened.job.tenant, opened.job.state.value, -1)
+            transaction.changed.append(job_id)
+            return True
+
+        return self._db.write(work)
+
+    def expire(self, fence: int, now: float, limit: int) -> tuple[Sequence[Job], Sequence[str]]:
+        def work(transaction: Transaction[tuple[list[Job], list[str]]]) -> tuple[list[Job], list[str]]:
+            check_fence(transaction, fence)
+            transaction.execute(delete(keys).where(keys.c.created_at < now - KEYS_KEPT_S))
+            past = select(jobs.c.id).where(jobs.c.expires_at <= now).order_by(jobs.c.expires_at).limit(limit)
+            may_expire = [JobState.QUEUED.value, JobState.PREPARING.value, JobState.RUNNING.value]
+            expired = list(transaction.previous[0]) if transaction.previous else []
+            for job_id in transaction.execute(past.where(jobs.c.state.in_(may_expire))).scalars().all():
+                opened = open_job(transaction, job_id)
+                if opened is not None and opened.job.state in may_expire and opened.job.expires_at <= now:
+                    expired.append(_expire_job(opened, now))
+            ended = past.where(jobs.c.state.in_([state.value for state in TERMINAL]))
+            return expired, list(transaction.execute(ended).scalars())
+
+        return self._db.write(work)
+
+
+def _opened(transaction: Transaction[Any], job_id: str) -> OpenJob:
+    opened = open_job(transaction, job_id)
+    if opened is None:
+        raise KeyError(job_id)
+    return opened
+
+
+def _earlier(transaction: Transaction[Any], job: Job, idempotency: tuple[str, str] | None) -> Job | None:
+    """The job that this call, or another with its idempotency key, made before. KeyReused."""
+    if idempotency is not None:
+        key, request = idempotency
+        found = transaction.execute(select(keys).where(keys.c.tenant == job.tenant, keys.c.key == key)).first()
+        if found is not None and found.request_sha256 != request:
+            raise KeyReused(key)
+        if found is not None:
+            return job_of(transaction.execute(select(*JOB_COLUMNS).where(jobs.c.id == found.job_id)).one())
+    row = transaction.execute(select(*JOB_COLUMNS).where(jobs.c.id == job.id)).first()
+    return job_of(row) if row else None
+
+
+def _insert_job(transaction: Transaction[Any], job: Job, time_codes: Sequence[float | None], *, scene_ready: bool) -> OpenJob:
+    job = replace(job, state=JobState.QUEUED, attempt=1, version=1, revision=1, started_at=None, finished_at=None)
+    none = {f"frames_{state}": 0 for state in FrameState} | {"frames_queued": len(time_codes)}
+    rank = -job.priority if scene_ready else None
+    transaction.execute(insert(jobs).values(**values_of_job(job), **none, scene_ready=scene_ready, queue_rank=rank))
+    new = {
+        "job_id": job.id,
+        "state": FrameState.QUEUED.value,
+        "attempt": 1,
+        "checkpoint": 0,
+        "checkpoint_file": "",
+        "checkpoint_chunk": "",
+        "claim": "",
+        "crashes": 0,
+        "kills": 0,
+        "phase": "",
+        "progress": {},
+        "convergence": [],
+        "cpu_s": 0.0,
+        "peak_rss_bytes": 0,
+    }
+    rows = [{**new, "number": number, "time_code": time_code} for number, time_code in enumerate(time_codes)]
+    transaction.execute(insert(frames), rows)
+    _insert_labels(transaction, job)
+    transaction.event(job.id, "state", job.created_at, {"state": job.state.value, "attempt": 1})
+    transaction.count_job(job.tenant, job.state.value, 1)
+    transaction.changed.append(job.id)
+    opened = open_job(transaction, job.id)
+    assert opened is not None
+    return opened
+
+
+def _insert_labels(transaction: Transaction[Any], job: Job) -> None:
+    of_job = {"job_id": job.id, "tenant": job.tenant, "created_at": job.created_at}
+    if job.labels:
+        rows = [{**of_job, "name": name, "value": value} for name, value in job.labels.items()]
+        transaction.execute(insert(schema.job_labels), rows)
+
+
+def _begin_attempt(transaction: Transaction[Any], opened: OpenJob, settings: Json, now: float) -> None:
+    """Every frame waits again, from its checkpoint; what the last attempt found is gone, but for its files and events."""
+    begun: Mapping[str, Any] = {
+        "state": FrameState.QUEUED.value,
+        "attempt": opened.job.attempt + 1,
+        "crashes": 0,
+        "kills": 0,
+        "phase": "",
+        "progress": {},
+        "result": None,
+        "error": None,
+        "claim": "",
+        "started_at": None,
+        "finished_at": None,
+    }
+    transaction.execute(update(frames).where(frames.c.job_id == opened.job.id).values(**begun))
+    total = sum(opened.frames.values())
+    for state in FrameState:
+        opened.frames[state] = total if state == FrameState.QUEUED else 0
+    again = {"settings": settings, "attempt": opened.job.attempt + 1, "queued_at": now, "expires_at": now + opened.job.ttl_s}
+    gone: Json = {"started_at": None, "finished_at": None, "progress": {}, "result": None, "error": None}
+    opened.move(JobState.QUEUED, now, {**again, **gone})
+
+
+def _expire_job(opened: OpenJob, now: float) -> Job:
+    opened.cancel_frames(FrameState.QUEUED, now)
+    opened.cancel_frames(FrameState.RUNNING, now)
+    problem = Problem("job-expired", f"It was not finished {opened.job.ttl_s:g} s after it was queued.")
+    opened.end(JobState.EXPIRED, now, {"error": {**problem.as_json(), "attempt": opened.job.attempt}})
+    return opened.save()

@@ -1,0 +1,45 @@
+"""API keys: what is kept of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sqlalchemy import select, update
+
+from . import schema
+from .base import ApiKey
+from .part import Part
+from .rows import key_of, values_of_key
+from .transaction import Transaction
+
+api_keys = schema.api_keys
+
+
+class Keys(Part):
+    def create_key(self, key: ApiKey) -> None:
+        def work(transaction: Transaction[None]) -> None:
+            transaction.insert_new(api_keys, values_of_key(key))
+
+        self._db.write(work)
+
+    def key_by_sha256(self, sha256: str) -> ApiKey | None:
+        found = select(api_keys).where(api_keys.c.sha256 == sha256)
+        row = self._db.read(lambda db: db.execute(found).first())
+        return key_of(row) if row else None
+
+    def keys(self, tenant: str | None = None) -> Sequence[ApiKey]:
+        found = select(api_keys).order_by(api_keys.c.created_at, api_keys.c.id)
+        if tenant is not None:
+            found = found.where(api_keys.c.tenant == tenant)
+        return [key_of(row) for row in self._db.read(lambda db: db.execute(found).all())]
+
+    def revoke_key(self, key_id: str, now: float) -> bool:
+        def work(transaction: Transaction[bool]) -> bool:
+            found = select(api_keys.c.revoked_at).where(api_keys.c.id == key_id).with_for_update()
+            row = transaction.execute(found).first()
+            if row is None or row.revoked_at is not None:
+                return row is not None and row.revoked_at == now  # this very call, repeated
+            transaction.execute(update(api_keys).where(api_keys.c.id == key_id).values(revoked_at=now))
+            return True
+
+        return self._db.write(work)

@@ -1,0 +1,136 @@
+"""A job under its row's lock: every change of a job and of its frames' states goes through here, and is saved once."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from sqlalchemy import Row, select, update
+
+from ..jobs import TERMINAL, FrameState, IllegalMove, Job, JobState, Json, is_legal, state_of_all
+from . import schema
+from .rows import job_of
+from .transaction import Transaction
+from .webhook_messages import job_message
+
+jobs, frames = schema.jobs, schema.frames
+
+WAITING = frozenset({JobState.QUEUED, JobState.PREPARING, JobState.RUNNING})  # their queued frames may be claimed
+OF_VERSION = frozenset({"state", "attempt", "priority", "labels", "ttl_s"})  # see jobs.Job
+
+
+class OpenJob:
+    """Of one transaction. `job` is what will be stored; nothing is before `save`, which the transaction's end calls."""
+
+    def __init__(self, transaction: Transaction[Any], row: Row[Any]) -> None:
+        self.job = job_of(row)
+        self.frames = Counter({state: int(row._mapping[jobs.c[f"frames_{state}"]]) for state in FrameState})
+        self.scene_ready = bool(row._mapping[jobs.c.scene_ready])
+        self._transaction = transaction
+        self._stored_state = self.job.state
+        self._changed: set[str] = set()
+        self._touched = False
+        transaction.to_save.append(self.save)
+
+    def change(self, values: Mapping[str, Any]) -> None:
+        different = {name: value for name, value in values.items() if getattr(self.job, name) != value}
+        self.job = replace(self.job, **different)
+        self._changed |= different.keys()
+        self.touch()
+
+    def touch(self) -> None:
+        """Something that belongs to the job changed."""
+        self._touched = True
+
+    def event(self, type_: str, now: float, data: Json) -> None:
+        self._transaction.event(self.job.id, type_, now, data)
+        self.touch()
+
+    def move(self, to: JobState, now: float, values: Mapping[str, Any] | None = None) -> None:
+        """To another state, with its event; IllegalMove if it does not follow this one."""
+        if not is_legal(self.job.state, to):
+            raise IllegalMove(f"{self.job.id} is {self.job.state}, and cannot be {to}")
+        self.change({**(values or {}), "state": to})
+        self.event("state", now, {"state": to.value, "attempt": self.job.attempt})
+
+    def move_frames(self, of: FrameState, to: FrameState, number: int = 1) -> None:
+        """Count frames whose rows went from one state to another."""
+        self.frames[of] -= number
+        self.frames[to] += number
+        self.touch()
+
+    def cancel_frames(self, of: FrameState, now: float) -> None:
+        """All of its frames that are in this state."""
+        if self.frames[of] == 0:
+            return
+        canceled = update(frames).where(frames.c.job_id == self.job.id, frames.c.state == of.value)
+        moved = self._transaction.execute(canceled.values(state=FrameState.CANCELED.value, finished_at=now)).rowcount
+        self.move_frames(of, FrameState.CANCELED, moved)
+
+    def end(self, to: JobState, now: float, values: Mapping[str, Any] | None = None) -> None:
+        """To a terminal state: kept for its time to live from now on, with an end event and a webhook."""
+        assert to in TERMINAL
+        self.move(to, now, {**(values or {}), "finished_at": now, "expires_at": now + self.job.ttl_s})
+        error = {"error": self.job.error} if self.job.error else {}
+        self.event("end", now, {"state": to.value, "attempt": self.job.attempt, **error})
+        self.send("completed", now)
+
+    def reject(self, problem: Json | None, now: float) -> None:
+        """End a queued job whose scene cannot be rendered."""
+        self.cancel_frames(FrameState.QUEUED, now)
+        self.end(JobState.FAILED, now, {"error": problem})
+
+    def end_if_done(self, now: float, values: Mapping[str, Any]) -> bool:
+        """End a job all of whose frames are at an end, as they add up; one that was to be canceled: canceled."""
+        to = state_of_all(state for state, number in self.frames.items() if number > 0)
+        if to is None:
+            return False
+        self.end(JobState.CANCELED if self.job.state == JobState.CANCELING else to, now, values)
+        return True
+
+    def send(self, event: str, now: float, frame: Json | None = None) -> None:
+        """A webhook, if the job asks for this event."""
+        message = job_message(self.job, event, now, self._transaction.next_message(), frame)
+        if message:
+            self._transaction.insert_new(schema.webhooks, message)
+
+    def save(self) -> Job:
+        if not self._touched:
+            return self.job
+        self._touched = False
+        job = self.job
+        self.job = replace(job, revision=job.revision + 1, version=job.version + bool(self._changed & OF_VERSION))
+        values = {name: getattr(self.job, name) for name in self._changed}
+        counts = {f"frames_{state}": number for state, number in self.frames.items()}
+        self._transaction.execute(
+            update(jobs)
+            .where(jobs.c.id == job.id)
+            .values(
+                **values,
+                **counts,
+                revision=self.job.revision,
+                version=self.job.version,
+                scene_ready=self.scene_ready,
+                queue_rank=self.queue_rank,
+            )
+        )
+        if job.state != self._stored_state:
+            self._transaction.count_job(job.tenant, self._stored_state.value, -1)
+            self._transaction.count_job(job.tenant, job.state.value, 1)
+        self._changed = set()
+        self._stored_state = job.state
+        self._transaction.changed.append(job.id)
+        return self.job
+
+    @property
+    def queue_rank(self) -> int | None:
+        may_run = self.scene_ready and self.job.state in WAITING and self.frames[FrameState.QUEUED] > 0
+        return -self.job.priority if may_run else None
+
+
+def open_job(transaction: Transaction[Any], job_id: str) -> OpenJob | None:
+    """Locks the job's row."""
+    row = transaction.execute(select(jobs).where(jobs.c.id == job_id).with_for_update()).first()
+    return OpenJob(transaction, row) if row else None

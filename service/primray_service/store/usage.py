@@ -1,0 +1,75 @@
+"""What tenants use, and whether it is within their quotas. Sums are kept, never counted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+from sqlalchemy import Connection, func, select
+
+from ..jobs import JobState
+from ..limits import Quotas
+from . import schema
+from .base import QuotaExceeded, Usage
+from .part import Part
+from .transaction import Transaction
+
+tenants, job_counts, usage_days = schema.tenants, schema.job_counts, schema.usage_days
+
+ACTIVE = (JobState.PREPARING, JobState.RUNNING, JobState.CANCELING)
+
+
+def utc_day(now: float) -> str:
+    return datetime.fromtimestamp(now, UTC).date().isoformat()
+
+
+def count_cpu(transaction: Transaction[Any], tenant: str, now: float, cpu_s: float) -> None:
+    if cpu_s > 0:
+        transaction.add(usage_days, {"cpu_s": cpu_s}, tenant=tenant, day=utc_day(now))
+        transaction.add(tenants, {"cpu_s": cpu_s, "stored_bytes": 0}, tenant=tenant)
+
+
+def count_bytes(transaction: Transaction[Any], tenant: str, number: int) -> None:
+    if number != 0:
+        transaction.add(tenants, {"cpu_s": 0.0, "stored_bytes": number}, tenant=tenant)
+
+
+def lock_tenant(transaction: Transaction[Any], tenant: str) -> int:
+    """Its stored bytes. Two requests of one tenant cannot both take the last place of a quota."""
+    transaction.insert_new(tenants, {"tenant": tenant, "stored_bytes": 0, "cpu_s": 0.0})
+    locked = select(tenants.c.stored_bytes).where(tenants.c.tenant == tenant).with_for_update()
+    return int(transaction.execute(locked).scalar_one())
+
+
+def check_room_for_job(transaction: Transaction[Any], tenant: str, quotas: Quotas) -> None:
+    """One more job waits, and will store something. QuotaExceeded."""
+    stored_bytes = lock_tenant(transaction, tenant)
+    queued = select(job_counts.c.jobs).where(job_counts.c.tenant == tenant, job_counts.c.state == JobState.QUEUED.value)
+    if quotas.queued_jobs is not None and (transaction.execute(queued).scalar() or 0) >= quotas.queued_jobs:
+        raise QuotaExceeded("queued_jobs")
+    if quotas.stored_bytes is not None and stored_bytes >= quotas.stored_bytes:
+        raise QuotaExceeded("stored_bytes")
+
+
+class Sums(Part):
+    def usage(self, tenant: str, now: float) -> Usage:
+        def work(db: Connection) -> Usage:
+            by_state = select(job_counts.c.state, job_counts.c.jobs).where(job_counts.c.tenant == tenant)
+            of_state = {state: int(number) for state, number in db.execute(by_state)}
+            total = db.execute(select(tenants.c.stored_bytes, tenants.c.cpu_s).where(tenants.c.tenant == tenant)).first()
+            today = select(usage_days.c.cpu_s).where(usage_days.c.tenant == tenant, usage_days.c.day == utc_day(now))
+            return Usage(
+                queued_jobs=of_state.get(JobState.QUEUED.value, 0),
+                running_jobs=sum(of_state.get(state.value, 0) for state in ACTIVE),
+                stored_bytes=int(total.stored_bytes) if total else 0,
+                cpu_s_today=float(db.execute(today).scalar() or 0.0),
+                cpu_s_total=float(total.cpu_s) if total else 0.0,
+            )
+
+        return self._db.read(work)
+
+    def counts(self) -> Mapping[str, int]:
+        sums = select(job_counts.c.state, func.sum(job_counts.c.jobs)).group_by(job_counts.c.state)
+        found = self._db.read(lambda db: db.execute(sums).all())
+        return {state.value: 0 for state in JobState} | {state: int(number) for state, number in found}

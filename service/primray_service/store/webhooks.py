@@ -1,0 +1,46 @@
+"""Webhooks to be sent: rows that were written with what they tell of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sqlalchemy import Connection, literal, select, update
+from sqlalchemy.sql.elements import ColumnElement
+
+from . import schema
+from .base import WebhookDelivery
+from .leases import check_fence, look_at_fence
+from .part import Part
+from .rows import delivery_of
+from .transaction import Transaction
+
+webhooks = schema.webhooks
+
+# As in the index's condition, to the letter: SQLite takes a partial index for no other.
+_DUE: ColumnElement[bool] = webhooks.c.state == literal("due", literal_execute=True)
+
+
+class Webhooks(Part):
+    def due_webhooks(self, fence: int, now: float, limit: int) -> Sequence[WebhookDelivery]:
+        def work(db: Connection) -> list[WebhookDelivery]:
+            look_at_fence(db, fence)
+            due = select(webhooks).where(_DUE, webhooks.c.next_at <= now)
+            return [delivery_of(row) for row in db.execute(due.order_by(webhooks.c.next_at, webhooks.c.id).limit(limit))]
+
+        return self._db.read(work)
+
+    def webhook_tried(self, fence: int, delivery_id: str, *, state: str, next_at: float, error: str) -> None:
+        def work(transaction: Transaction[None]) -> None:
+            check_fence(transaction, fence)
+            mine = webhooks.c.id == delivery_id
+            row = transaction.execute(select(webhooks).where(mine).with_for_update()).first()
+            if row is None or row.state != "due" or (row.tries > 0 and row.next_at == next_at and row.last_error == error):
+                return  # gone with its job, or this very call, repeated
+            tried = {"tries": row.tries + 1, "state": state, "next_at": next_at, "last_error": error}
+            transaction.execute(update(webhooks).where(mine).values(**tried))
+
+        self._db.write(work, durable=False)
+
+    def webhooks(self, job_id: str) -> Sequence[WebhookDelivery]:
+        found = select(webhooks).where(webhooks.c.job_id == job_id).order_by(webhooks.c.id)
+        return [delivery_of(row) for row in self._db.read(lambda db: db.execute(found).all())]

@@ -1,0 +1,57 @@
+"""Optional OpenTelemetry: on where the extra `otel` is installed and an exporter is named by OTEL_* in the environment.
+
+Spans of requests; the W3C traceparent of the one that submits a job is kept in its row and told to its workers.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+ENDPOINTS = ("OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT")
+UNTRACED = "healthz,readyz,metrics"  # asked every few seconds
+
+
+def is_wanted() -> bool:
+    if os.environ.get("OTEL_SDK_DISABLED", "").lower() == "true":
+        return False
+    return any(os.environ.get(name) for name in ENDPOINTS) or os.environ.get("OTEL_TRACES_EXPORTER") == "console"
+
+
+def instrument(app: Any) -> str:
+    """Trace a FastAPI application's requests, if that is wanted; a sentence for the log, "" if it is not."""
+    if not is_wanted():
+        return ""
+    try:
+        from opentelemetry import trace
+        from opentelemetry.instrumentation.fastapi import FastAPIInstrumentor
+        from opentelemetry.sdk.resources import SERVICE_NAME, Resource
+        from opentelemetry.sdk.trace import TracerProvider
+        from opentelemetry.sdk.trace.export import BatchSpanProcessor
+    except ImportError:
+        return "OTEL_* is set, but the extra is not installed: pip install 'primray[server,otel]'"
+    provider = TracerProvider(resource=Resource.create({SERVICE_NAME: os.environ.get("OTEL_SERVICE_NAME", "primray")}))
+    provider.add_span_processor(BatchSpanProcessor(_exporter()))
+    trace.set_tracer_provider(provider)
+    FastAPIInstrumentor.instrument_app(app, excluded_urls=UNTRACED, exclude_spans=["receive", "send"])
+    return "requests are traced by OpenTelemetry"
+
+
+def _exporter() -> Any:
+    if os.environ.get("OTEL_TRACES_EXPORTER") == "console":
+        from opentelemetry.sdk.trace.export import ConsoleSpanExporter
+
+        return ConsoleSpanExporter()
+    from opentelemetry.exporter.otlp.proto.http.trace_exporter import OTLPSpanExporter
+
+    return OTLPSpanExporter()
+
+
+def traceparent() -> str:
+    """Of the current span, in W3C's form (https://www.w3.org/TR/trace-context/); "" where nothing is traced."""
+    try:
+        from opentelemetry import trace
+    except ImportError:
+        return ""
+    context = trace.get_current_span().get_span_context()
+    return f"00-{context.trace_id:032x}-{context.span_id:016x}-{int(context.trace_flags):02x}" if context.is_valid else ""

@@ -1,0 +1,99 @@
+"""A server of its own process for tests: started on a free port over a data directory, asked over HTTP, stopped."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import re
+import select
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx2
+
+from primray_service.config import ServeConfig
+from primray_service.limits import Limits, Quotas
+
+ROOT = Path(__file__).parents[2]
+START_S = 30.0
+
+
+@dataclass
+class RunningServer:
+    """`log` is what it printed, on both channels."""
+
+    process: subprocess.Popen[bytes]
+    url: str
+    data: Path
+    log: Path
+    clients: list[httpx2.Client] = field(default_factory=list)
+
+    def client(self, key: str | None = None, **options: Any) -> httpx2.Client:
+        headers = {} if key is None else {"authorization": f"Bearer {key}"}
+        client = httpx2.Client(base_url=self.url, headers=headers, timeout=30, trust_env=False, **options)
+        self.clients.append(client)
+        return client
+
+    def stop(self, number: int = signal.SIGTERM, timeout_s: float = 20.0) -> int:
+        """Its exit code."""
+        for client in self.clients:
+            client.close()
+        if self.process.poll() is None:
+            self.process.send_signal(number)
+        try:
+            return self.process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+            raise
+
+
+def start(data: Path, **settings: Any) -> RunningServer:
+    """`settings` are ServeConfig's, but for `data`; limits and quotas as dictionaries."""
+    data.mkdir(parents=True, exist_ok=True)
+    log = data.with_name(f"{data.name}.log")
+    with log.open("ab") as stderr:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "tests.service.serving", json.dumps({"data": str(data), "port": 0, **settings})],
+            cwd=ROOT,
+            stdout=subprocess.PIPE,
+            stderr=stderr,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "renderer"), str(ROOT / "service")])},
+        )
+    assert process.stdout is not None
+    printed, until = b"", time.monotonic() + START_S
+    while time.monotonic() < until and process.poll() is None:
+        if select.select([process.stdout], [], [], 0.1)[0]:
+            printed += os.read(process.stdout.fileno(), 4096)
+            if match := re.search(rb"listens at (http://\S+)\s", printed):
+                return RunningServer(process, match[1].decode(), data, log)
+    process.kill()
+    process.wait()
+    raise AssertionError(f"the server did not start:\n{printed.decode()}\n{log.read_text()[-4000:]}")
+
+
+def config_of(settings: dict[str, Any]) -> ServeConfig:
+    known = {field.name for field in dataclasses.fields(ServeConfig)}
+    assert set(settings) <= known, set(settings) - known
+    tuples: dict[str, Any] = {name: tuple(settings[name]) for name in ("allowed_hosts", "webhook_networks") if name in settings}
+    return ServeConfig(
+        **{
+            **settings,
+            **tuples,
+            "data": Path(settings["data"]),
+            "limits": Limits(**settings.get("limits", {})),
+            "quotas": Quotas(**settings.get("quotas", {})),
+        }
+    )
+
+
+if __name__ == "__main__":
+    from primray_service.server import serve
+
+    serve(config_of(json.loads(sys.argv[1])))
