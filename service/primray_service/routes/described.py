@@ -12,7 +12,7 @@ from typing import Any
 from fastapi import Response
 from pydantic import BaseModel
 
-from ..problems import KINDS, Problem
+from ..problems import KINDS
 
 MODEL = "x-model"  # stands for a model's schema until the document is put together
 MODELS: dict[str, type[BaseModel]] = {}  # all that are named here
@@ -138,7 +138,7 @@ def problem_response(slugs: Sequence[str]) -> Json:
         "content": {
             "application/problem+json": {
                 "schema": {"$ref": "#/components/schemas/Problem"},
-                "examples": {slug: {"value": Problem(slug, f"{KINDS[slug].title}.").as_json()} for slug in slugs},
+                "examples": {slug: {"$ref": f"#/components/examples/{slug}"} for slug in slugs},
             }
         },
     }
