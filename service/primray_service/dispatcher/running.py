@@ -45,6 +45,7 @@ class RunningFrame:
         self._run: ChunkRun | None = None
         self._kill_for = ""  # before there is a run, or after
         self._out_of_time = False
+        self._wants_preview = False  # before there is a run to be asked
         self._claimed_at = asyncio.get_running_loop().time()
 
     @property
@@ -93,6 +94,7 @@ class RunningFrame:
             self._run.tell("yield")
 
     def ask_preview(self) -> None:
+        self._wants_preview = True
         if self._run is not None:
             self._run.ask_preview()
 
@@ -163,7 +165,7 @@ class RunningFrame:
         read = parts.calls.store(parts.store.scene, job.tenant, job.scene_id)
         counted = parts.calls.store(parts.store.frame_counts, job.id)
         scene, counts, _ = await asyncio.gather(read, counted, tidied)
-        asked = chunks.Asked(sum(counts.values()), picture_only)
+        asked = chunks.Asked(sum(counts.values()), picture_only, self._wants_preview)
         try:
             if scene is None:
                 raise Problem("internal", "The scene is not on the server any more; upload it again.")
@@ -207,7 +209,7 @@ class RunningFrame:
         limits = self._parts.limits
         if run.silent_s > SILENT_S:
             run.kill("silent")
-        elif not self.going and float(self.frame.progress.get("elapsed_s", 0.0)) > limits.seconds:
+        elif not self.going and float(run.chunk.command["spent_s"]) + run.sampled_s > limits.seconds:
             self.going = self._out_of_time = True
             run.tell_to_end("stop", max(limits.stop_grace_s, YIELD_S), "silent")
 
@@ -254,7 +256,10 @@ class RunningFrame:
         parts.metrics.checkpoints += 1
         parts.metrics.adopt_checkpoint.observe(time.monotonic() - began)
         older = frame.checkpoint_file
-        self.frame = replace(frame, checkpoint=message.number, checkpoint_file=name, crashes=0, kills=0)
+        # What a time limit counts: by the wall clock, which is near enough, and all that is known of every kind of worker.
+        progress = frame.progress | {"spent_s": float(run.chunk.command["spent_s"]) + run.sampled_s}
+        taken = replace(frame, checkpoint=message.number, checkpoint_file=name, crashes=0, kills=0)
+        self.frame = replace(taken, progress=progress)
         if older and older != name:
             await parts.calls.disk(adoption.remove, folder / older)
 
