@@ -33,9 +33,12 @@ def main(arguments: list[str]) -> None:
     try:
         do(command, entered.job, entered.out, channel)
     except BaseException as error:
-        traceback.print_exc()
-        from .failures import problem_of_error
+        from .failures import is_expected, problem_of_error
 
+        if is_expected(error):
+            print(error, file=sys.stderr, flush=True)
+        else:
+            traceback.print_exc()
         channel.leave("failed", problem=problem_of_error(error, str(entered.job)).as_json())
 
 
@@ -53,6 +56,11 @@ def do(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> No
     limits = command.get("limits") or {}
     if limits.get("load_cpu_s"):
         limit_cpu_of_phase(limits["load_cpu_s"] + LATER_S)
+    if command["do"] == "check":
+        from .check import check_scene
+
+        check_scene(command, job, out, channel)
+        return
     if command["do"] != "render":
         raise ValueError(f"no command {command['do']!r}")
     from .render_task import render_frame
