@@ -110,7 +110,7 @@ def test_everything_that_the_client_can_ask(server: RunningServer, scene: Path, 
         client.delete_scene(uploaded.id)
         assert client.find_scene(uploaded.id) is None
         usage = client.usage()
-        assert usage.running_jobs == 0
+        assert usage.running_jobs.used == 0
         assert usage.cpu_s_total > 0
         assert client.whoami()["tenant"] == "local"
         assert "limits" in client.capabilities()
@@ -124,7 +124,13 @@ def test_a_job_is_made_once_whatever_happens_to_the_answers(server: RunningServe
         with pytest.raises(ProblemError) as caught:
             client.submit(uploaded, idempotency_key="once-and-for-all")
         assert caught.value.slug == "idempotency-key-reused"
-        client.wait(*jobs, timeout_s=60)
+        client.wait(jobs.pop(), timeout_s=60)
+
+
+@pytest.fixture(scope="module")
+def keyed(start_server: StartServer) -> RunningServer:
+    """One that wants keys, and calls webhooks here."""
+    return start_server(require_keys=True, webhook_networks=["127.0.0.0/8"], webhook_http=True)
 
 
 class Done(NamedTuple):
@@ -201,9 +207,9 @@ def test_a_scene_that_is_refused_and_a_request_that_is_too_much(
     assert "Traceback" not in done.stderr
 
 
-def test_keys(start_server: StartServer, primray: Command) -> None:
+def test_keys(keyed: RunningServer, primray: Command) -> None:
     """The first is made in the data directory while the server runs; that one makes and revokes others over HTTP."""
-    server = start_server(require_keys=True)
+    server = keyed
     assert "Set PRIMRAY_API_KEY" in primray("status", PRIMRAY_SERVER=server.url).stderr
     made = primray("keys", "create", "--data", str(server.data), "--scopes", "admin", "--name", "first")
     assert made.returncode == 0, made.stderr
@@ -215,7 +221,7 @@ def test_keys(start_server: StartServer, primray: Command) -> None:
     refused = primray("submit", __file__, **studio)
     assert refused.returncode != 0
     listed = primray("keys", "list", **admin).stdout.splitlines()
-    assert len(listed) == 3
+    assert len(listed) >= 3
     assert any("studio" in line and "until 20" in line for line in listed)
     assert key["key"] not in "".join(listed)
     assert primray("keys", "revoke", key["id"], **admin).returncode == 0
@@ -223,9 +229,9 @@ def test_keys(start_server: StartServer, primray: Command) -> None:
     assert primray("keys", "list", **studio).returncode == 1
 
 
-def test_a_webhook_arrives_signed(start_server: StartServer, scene: Path) -> None:
-    server = start_server(webhook_networks=["127.0.0.0/8"], webhook_http=True)
-    with receiving(answering(204)) as receiver, Client(server.url) as client:
+def test_a_webhook_arrives_signed(keyed: RunningServer, primray: Command, scene: Path) -> None:
+    key = primray("keys", "create", "--data", str(keyed.data)).stdout.strip()
+    with receiving(answering(204)) as receiver, Client(keyed.url, key) as client:
         uploaded = client.upload(scene)
         job = client.submit(uploaded, settings=QUICK, webhook={"url": receiver.url(), "events": ["started", "completed"]})
         assert job.webhook is not None
