@@ -17,7 +17,7 @@ export async function sceneForm(scene) {
   const limits = (await get("/v1/capabilities").catch(() => ({}))).limits ?? {};
   const name = element("input", { type: "text", maxlength: "200", value: scene.name ?? "", autocomplete: "off" });
   const entry = facts.entries.length > 1 ? choice(facts.entries.map((name) => [name, name]), facts.entry) : null;
-  const camera = choice(facts.cameras.map(({ path, name }) => [path, name]), facts.camera);
+  const camera = choice(facts.cameras.map(({ path }) => [path, path]), facts.camera);
   const width = number({ min: "1", max: String(limits.image_side ?? 32768), step: "1", required: true });
   const height = number({ min: "1", max: String(limits.image_side ?? 32768), step: "1", required: true });
   const keep = element("input", { type: "checkbox", checked: true });
@@ -45,7 +45,7 @@ export async function sceneForm(scene) {
       { class: "columns" },
       field("Name", name, "a label, to find it by"),
       entry && field("Root layer", entry),
-      facts.cameras.length > 1 ? field("Camera", camera) : element("div", { class: "field" }, element("span", { class: "name" }, "Camera"), element("span", {}, facts.cameras[0]?.name ?? "none in the scene: one is placed to see everything")),
+      facts.cameras.length > 1 ? field("Camera", camera) : element("div", { class: "field" }, element("span", { class: "name" }, "Camera"), element("span", {}, facts.cameras[0]?.path ?? "none in the scene: one is placed to see everything")),
       element("fieldset", { class: "size" }, element("legend", {}, "Resolution"), labelled("Width", width), element("span", { "aria-hidden": "true" }, "×"), labelled("Height", height), ticked("keep the shape", keep), element("div", { class: "segments" }, SCALES.map(([scale, name]) => button(name, () => scaled(Number(scale)))))),
       element("fieldset", {}, element("legend", {}, "Frames"), ticked("several frames", range), frames, element("small", {}, facts.frames ? `The scene has ${facts.frames}. ` : "The scene names no range. ", "“1:10”, “1-10x2” or “1,5”")),
     ),
