@@ -145,14 +145,15 @@ class RunningFrame:
             shared = await self._follow(run, reading)
             ended = await run.ended()
             await self._take_checkpoints(run)
+            if (run.inbox.is_urgent or run.inbox.warnings) and self._kill_for not in DROPPED:
+                self.job, self.frame = await reports.report(self._parts, shared, self.job, self.frame, run)
             self.frame = reports.updated(self.frame, run)
-            shared.totals.add_warnings(reports.taken_warnings(run))
         except BaseException:
             await self._close()
             raise
         spent = replace(self.frame, cpu_s=self.frame.cpu_s + ended.cpu_s)
         self.frame = replace(spent, peak_rss_bytes=max(spent.peak_rss_bytes, ended.peak_rss_bytes))
-        disk_is_full = self._parts.disk_is_full or run.killed_for == "storage"
+        disk_is_full = run.killed_for == "storage" or await self._parts.look_at_disk()
         about = Circumstances(self.is_canceling, run.killed_for, disk_is_full, run.chunk.command["checkpoint"] is not None)
         return ended, outcome_of(self.frame, run.inbox.last, ended, about, self._parts.limits)
 

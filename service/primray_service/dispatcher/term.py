@@ -184,14 +184,11 @@ class Term:
         return Counter(running.job.tenant for running in self._running.values())
 
     async def _has_disk(self) -> bool:
-        parts, now = self._parts, time.monotonic()
+        now = time.monotonic()
         if now >= self._disk_at:
             self._disk_at = now + LOOK_AT_DISK_EVERY_S
-            free = await parts.calls.disk(parts.data.free_bytes)
-            was_full, parts.disk_is_full = parts.disk_is_full, free < parts.limits.free_disk_bytes
-            if parts.disk_is_full and not was_full:
-                LOG.warning("only %d bytes are free: nothing new is rendered", free)
-        return not parts.disk_is_full
+            await self._parts.look_at_disk()
+        return not self._parts.disk_is_full
 
     async def _look_at_jobs(self) -> None:
         """Whether they are to be canceled, or are gone."""
