@@ -153,6 +153,14 @@ def upgrade() -> None:
         sqlite_autoincrement=True,
     )
     op.create_index("ix_events_of_job", "events", ["job_id", "id"], unique=False)
+    op.create_index(
+        "ix_events_passing",
+        "events",
+        ["created_at"],
+        unique=False,
+        sqlite_where=sa.text("type IN ('progress', 'preview')"),
+        postgresql_where=sa.text("type IN ('progress', 'preview')"),
+    )
     op.create_table(
         "frames",
         sa.Column("job_id", sa.Text(), nullable=False),
