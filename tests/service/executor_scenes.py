@@ -34,14 +34,15 @@ def Xform "World" {
 BROKEN = '#usda 1.0\n\ndef Xform "World" {\n    string secret = "do not tell"\n    double3 oops = (1, 2\n}\n'
 
 MISSING_TEXTURE = ROOM.replace(
-    'def RectLight "lamp" {', 'def RectLight "lamp" {\n        asset inputs:texture:file = @textures/not_there.png@'
+    'def RectLight "lamp" {',
+    'def DomeLight "sky" {\n        asset inputs:texture:file = @textures/not_there.png@\n    }\n    def RectLight "lamp" {',
 )
 
 
 def reference_bomb(levels: int = 9, wide: int = 10) -> str:
     """3 kB that compose to wide^levels prims."""
-    prims = [f'def Xform "L{levels}" {{ def Sphere "s" {{ }} }}']
+    prims = [f'def Xform "L{levels}" {{\n    def Sphere "s" {{\n    }}\n}}']
     for level in range(levels - 1, -1, -1):
-        inside = "\n".join(f'    def "p{i}" (references = </L{level + 1}>) {{ }}' for i in range(wide))
+        inside = "\n".join(f'    def "p{i}" (references = </L{level + 1}>) {{\n    }}' for i in range(wide))
         prims.append(f'def Xform "L{level}" {{\n{inside}\n}}')
     return '#usda 1.0\n(\n    defaultPrim = "L0"\n)\n' + "\n".join(prims) + "\n"

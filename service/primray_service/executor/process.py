@@ -47,7 +47,7 @@ OnLine = Callable[[bytes], None]
 
 
 class WorkerProcess:
-    """`on_line` gets whole lines without their end, in order; b"" stands for one that was too long."""
+    """`on_line` gets whole lines without their end, in order, and the beginning of one that is too long."""
 
     def __init__(self, start: Start, log: Path, log_bytes: int, on_line: OnLine) -> None:
         self._loop = asyncio.get_running_loop()
@@ -137,15 +137,15 @@ class WorkerProcess:
 
     def _take(self, data: bytes) -> None:
         self._bytes += len(data)
-        self._line += data
-        *lines, rest = self._line.split(b"\n")
-        self._line = rest
+        *lines, rest = data.split(b"\n")
         self._lines += len(lines)
         for line in lines:
-            self.on_line(bytes(line) if len(line) <= MAX_LINE_BYTES else b"")
+            whole, self._line = self._line + line, bytearray()
+            self.on_line(bytes(whole))
+        self._line += rest
         if len(self._line) > MAX_LINE_BYTES:
-            self._line.clear()
-            self.on_line(b"")
+            whole, self._line = self._line, bytearray()
+            self.on_line(bytes(whole))
 
     def _read_log(self) -> None:
         data = _read(self._stderr.fileno())

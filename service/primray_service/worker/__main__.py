@@ -33,9 +33,12 @@ def main(arguments: list[str]) -> None:
     try:
         do(command, entered.job, entered.out, channel)
     except BaseException as error:
-        traceback.print_exc()
-        from .failures import problem_of_error
+        from .failures import is_expected, problem_of_error
 
+        if is_expected(error):
+            print(error, file=sys.stderr, flush=True)
+        else:
+            traceback.print_exc()
         channel.leave("failed", problem=problem_of_error(error, str(entered.job)).as_json())
 
 

@@ -14,9 +14,14 @@ from primray import errors
 
 from ..problems import Problem
 
-_LINE = re.compile(r"line[ :]+(\d+)")
+_LINE = re.compile(r":(\d+):\d+: ")  # after the layer's path
 _LIMITS = {"memory-limit": "memory-limit", "out-of-memory": "memory-limit", "limit": "limit-exceeded"}
 _DISK = {errno.EFBIG, errno.EDQUOT, errno.ENOSPC}
+
+
+def is_expected(error: BaseException) -> bool:
+    """Whether it says what is wrong without the place in the program where it was found."""
+    return isinstance(error, Problem | errors.PrimrayError) and not isinstance(error, errors.InternalError)
 
 
 def problem_of_error(error: BaseException, job_folder: str) -> Problem:
@@ -37,8 +42,9 @@ def _of_primray(error: errors.PrimrayError, job_folder: str) -> Problem:
     place: dict[str, Any] = {"code": error.code} | ({"where": where} if where else {})
     if isinstance(error, errors.StageOpenError):
         line = _LINE.search(error.message)
+        at = f": there is a syntax error in line {line[1]}" if line else ""
         extra = place | {"layer": where} | ({"line": int(line[1])} if line else {})
-        return Problem("layer-unreadable", f"USD cannot open it{f' (line {line[1]})' if line else ''}.", **extra)
+        return Problem("layer-unreadable", f"USD cannot read {where or 'the scene'}{at}.", **extra)
     if isinstance(error, errors.CheckpointError):
         return Problem("checkpoint-unusable", _sentence(error, job_folder), code=error.code)
     if isinstance(error, errors.SettingsError):
