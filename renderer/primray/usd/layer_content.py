@@ -1,7 +1,7 @@
 """One layer by itself, opened without any other: the files that it names anywhere, and its prims with their arcs.
 
-Composing would open what is named (UsdUtils.ComputeAllDependencies does too), so nothing is composed here. Asset paths are those
-of all variants, time samples, arrays, clips and metadata; expressions are evaluated with the layer's own variables only.
+Composing would open what is named (UsdUtils.ComputeAllDependencies does too), so nothing is composed here. Asset paths are
+those of all variants, time samples, arrays, clips and metadata; expressions are evaluated with the layer's own variables only.
 """
 
 from __future__ import annotations

@@ -30,15 +30,20 @@ _STEP[list(_OPEN)] = 1
 _STEP[list(_CLOSE)] = -1
 
 
-def nesting_depth(path: str | os.PathLike[str], most: int) -> int:
-    """The deepest nesting in a text file; counting ends where it is above `most`."""
+def nesting_depth(path: str | os.PathLike[str], most: int, start: int = 0, size: int | None = None) -> int:
+    """The deepest nesting in a text file or in a stretch of one; counting ends where it is above `most`."""
     if os.path.getsize(path) == 0:
         return 0
-    with Path(path).open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as text:
+    with (
+        Path(path).open("rb") as file,
+        mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as mapped,
+        memoryview(mapped) as whole,
+        whole[start : None if size is None else start + size] as text,
+    ):
         return nesting_of(text, most)
 
 
-def nesting_of(text: bytes | mmap.mmap, most: int) -> int:
+def nesting_of(text: bytes | memoryview, most: int) -> int:
     depth = deepest = at = 0
     for quoted in _QUOTED.finditer(text):
         depth, deepest = _count(text, at, quoted.start(), depth, deepest)
@@ -48,7 +53,7 @@ def nesting_of(text: bytes | mmap.mmap, most: int) -> int:
     return _count(text, at, len(text), depth, deepest)[1]
 
 
-def _count(text: bytes | mmap.mmap, start: int, end: int, depth: int, deepest: int) -> tuple[int, int]:
+def _count(text: bytes | memoryview, start: int, end: int, depth: int, deepest: int) -> tuple[int, int]:
     """Depth behind a stretch without quotations, and the deepest so far."""
     if end - start < _LONG:
         for bracket in _BRACKET.findall(text[start:end]):

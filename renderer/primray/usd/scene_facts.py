@@ -73,6 +73,7 @@ def scene_facts(path: str | os.PathLike[str]) -> SceneFacts:
     unused = Diagnostics()
     chosen = render_settings(stage, settings, unused)
     types: dict[str, int] = found["prim_types"]
+    used_layers = sum(not layer.anonymous for layer in stage.GetUsedLayers())
     lights = sum(count for name, count in types.items() if name in LIGHTS)
     facts = {
         "cameras": [_camera(prim) for prim in cameras[:MOST]],
@@ -91,13 +92,13 @@ def scene_facts(path: str | os.PathLike[str]) -> SceneFacts:
             "meshes": types.get("Mesh", 0),
             "native_instances": found["native_instances"],
             "point_instances": sum(instancer["instances"] for instancer in found["point_instancers"]),
-            "layers": len(stage.GetUsedLayers()),
+            "layers": used_layers,
         },
         "prim_types": dict(list(types.items())[:MOST]),
     }
     notes += [*broken, *_product_notes(settings), *_unsupported(prims)]
     drawable = lights + sum(count for name, count in types.items() if name in _DRAWN)
-    return SceneFacts(facts, notes, missing, drawable, len(stage.GetUsedLayers()))
+    return SceneFacts(facts, notes, missing, drawable, used_layers)
 
 
 def _composition_errors(stage: Usd.Stage) -> tuple[list[MissingLayer], list[Note]]:
@@ -218,7 +219,7 @@ def _unsupported(prims: list[Usd.Prim]) -> list[Note]:
 
 
 def _is_drawn(prim: Usd.Prim) -> bool:
-    return prim.IsA(UsdGeom.Gprim) or prim.HasAPI(UsdLux.LightAPI)
+    return bool(prim.IsA(UsdGeom.Gprim) or prim.HasAPI(UsdLux.LightAPI))
 
 
 def layer_file(identifier: str) -> str:

@@ -56,6 +56,11 @@ def do(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> No
     limits = command.get("limits") or {}
     if limits.get("load_cpu_s"):
         limit_cpu_of_phase(limits["load_cpu_s"] + LATER_S)
+    if command["do"] == "check":
+        from .check import check_scene
+
+        check_scene(command, job, out, channel)
+        return
     if command["do"] != "render":
         raise ValueError(f"no command {command['do']!r}")
     from .render_task import render_frame

@@ -1,0 +1,224 @@
+"""The check of a scene: what was uploaded is looked at once, so that jobs fail early and the page knows what to offer.
+
+First every layer by itself (what it names, how deep, how far it would expand), then the composed stage. Problems end it; what
+can be rendered around is a warning. All of it runs in the sandbox, which is the wall: this is here for clear messages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, Protocol
+
+from primray.errors import StageOpenError
+from primray.usd.expansion import expansion
+from primray.usd.layer_content import LayerContent, layer_content, line_of
+from primray.usd.nesting import nesting_depth
+from primray.usd.scene_facts import MissingLayer, SceneFacts, layer_file, scene_facts
+
+from ..limits import Limits
+from ..problems import Problem
+from ..scenes.entries import candidates, choose
+from ..scenes.entries import layers as layers_of
+from .asset_paths import Found, find, refuse_expression, split_package
+from .package import Container, File, read_file, read_folder, scene_layers
+
+MOST_WARNINGS = 300
+MOST_LISTED = 2_000  # files
+MOST_COMPOSED = 10_000_000  # prims: what USD composes in some minutes
+
+
+class Sends(Protocol):
+    def send(self, at: str, **members: Any) -> None: ...
+
+    def leave(self, at: str, **members: Any) -> None: ...
+
+
+def check_scene(command: Mapping[str, Any], job: Path, out: Path, channel: Sends) -> None:
+    """Problem where the scene is refused; else `facts`, after its warnings."""
+    check = _Check(command, job, channel)
+    channel.send("phase", phase="opening")
+    facts = check.run()
+    channel.leave("facts", **facts)
+
+
+class _Check:
+    def __init__(self, command: Mapping[str, Any], job: Path, channel: Sends) -> None:
+        self.limits = _limits(command.get("limits") or {})
+        self.asked: str | None = command.get("entry")
+        self.job = job
+        self.channel = channel
+        self.warned: set[tuple[str, str, str]] = set()
+        place = job / command["file"]
+        self.is_package = command["kind"] == "zip"
+        self.root = place if self.is_package else place.parent  # of the files' names
+        self.files = read_folder(place, self.limits) if self.is_package else read_file(place, self.limits)
+        self.contents: dict[str, LayerContent] = {}
+        self.places: dict[str, tuple[Container, File]] = {}
+        self.leads_to: dict[tuple[str, str], str | None] = {}
+
+    def run(self) -> dict[str, Any]:
+        self._read_layers()
+        entries = self._entries()
+        entry = choose(self.asked, entries, layers_of(self.files.files)) if self.asked or len(entries) == 1 else None
+        self._warn_of_programs()
+        self._resolve_all()
+        package = self._package_facts(entries, entry)
+        if entry is None:
+            self._warn("ambiguous-entry", "", f"The package has {len(entries)} layers that could be the root; jobs name one.")
+            return package
+        self._refuse_bombs(entry)
+        stage = self._compose(entry)
+        return {**package, **stage.facts}
+
+    # ---- layers by themselves ------------------------------------------------------------------------------------------------
+
+    def _read_layers(self) -> None:
+        layers = scene_layers(self.files)
+        if not layers:
+            raise Problem("not-usd", f"None of the {len(self.files.files)} files is a usd, usda, usdc or usdz layer.")
+        if len(layers) > self.limits.layers:
+            raise _too_large("layers", len(layers), self.limits.layers)
+        for container, file in layers:
+            name = container.shown(file.name)
+            if file.kind == "?":
+                slug = "not-usd" if len(self.files.files) == 1 else "layer-unreadable"
+                raise Problem(slug, f"The file {name!r} does not begin as a layer of its kind does.", layer=name, line=None)
+            self._refuse_deep_text(name, file)
+            try:
+                content = layer_content(str(self.root / name), name)
+            except StageOpenError as error:
+                raise Problem("layer-unreadable", error.message, layer=name, line=line_of(error)) from None
+            if content.depth > self.limits.prim_depth:
+                raise _too_large("nested prims", content.depth, self.limits.prim_depth, layer=name)
+            self.contents[name] = content
+            self.places[name] = (container, file)
+
+    def _refuse_deep_text(self, name: str, file: File) -> None:
+        """Before USD's parser, which recurses, sees it."""
+        if file.kind != "usda":
+            return
+        depth = nesting_depth(file.path, self.limits.prim_depth, file.at, file.bytes)
+        if depth > self.limits.prim_depth:
+            raise _too_large("nested brackets", depth, self.limits.prim_depth, layer=name)
+
+    def _entries(self) -> list[str]:
+        """Those of the outermost layers that no other layer names; all of them if each is named by another."""
+        outermost = candidates(self.files.files)
+        named = {
+            found.name
+            for name in self.contents
+            for path in self.contents[name].asset_paths
+            if (found := self._find(name, path)) is not None and found.name != name
+        }
+        named |= {name.partition("[")[0] for name in named}
+        return [name for name in outermost if name not in named] or outermost
+
+    def _find(self, layer: str, path: str) -> Found | None:
+        container, file = self.places[layer]
+        return find(container, file.name, path)
+
+    def _resolve_all(self) -> None:
+        """Every path in every layer: refused if it leads out, a warning if it leads to nothing."""
+        for name, content in self.contents.items():
+            for expression in content.expressions:
+                refuse_expression(self.places[name][0], self.places[name][1].name, expression)
+            for path in content.asset_paths:
+                found = self._find(name, path)
+                self.leads_to[name, path] = _layer_of(found)
+                is_needed = path not in content.identifiers and path not in content.composition and "#" not in path
+                if found is None and is_needed and not content.has_variables:
+                    self._warn("asset-missing", "", f"The layer {name!r} names {path!r}, which was not uploaded.", "error")
+
+    def _refuse_bombs(self, entry: str) -> None:
+        found = expansion(self.contents, _root_layer(self.files, entry), lambda layer, path: self.leads_to.get((layer, path)))
+        if found is None:
+            return
+        if found.composed > MOST_COMPOSED:
+            raise _too_large("prims", found.composed, MOST_COMPOSED)
+        if found.expanded > self.limits.instances:
+            raise _too_large("prims of instances", found.expanded, self.limits.instances)
+
+    # ---- the composed stage --------------------------------------------------------------------------------------------------
+
+    def _compose(self, entry: str) -> SceneFacts:
+        stage = scene_facts(self.root / entry)
+        if stage.used_layers > self.limits.layers:
+            raise _too_large("layers", stage.used_layers, self.limits.layers)
+        if stage.missing and stage.drawable == 0:
+            first = stage.missing[0]
+            layer, path = self._shown(first)
+            raise Problem(
+                "asset-missing", f"{_says(first.arc, layer, path)} Nothing else is in the scene.", layer=layer, asset_path=path
+            )
+        for missing in stage.missing:
+            self._warn("asset-missing", missing.prim, _says(missing.arc, *self._shown(missing)), "error")
+        for note in stage.notes:
+            self._warn(note.code, note.prim, note.detail.replace(f"{self.root}/", ""), note.severity)
+        return stage
+
+    def _shown(self, missing: MissingLayer) -> tuple[str, str]:
+        """Layer and path as the sender knows them: the same words whether there is such a file on this machine or not, and of
+        this machine's folders none. Of what leads out by composing, the last part."""
+        root = f"{self.root}/"
+        path = missing.asset_path
+        if path.startswith(root):  # of a usdz's members, USD tells whole paths
+            path = split_package(path.removeprefix(root))[1] or path.removeprefix(root)
+        elif path.startswith("/"):
+            path = f".../{path.rpartition('/')[2]}"
+        return layer_file(missing.layer).removeprefix(root), path
+
+    # ---- what is told --------------------------------------------------------------------------------------------------------
+
+    def _package_facts(self, entries: list[str], entry: str | None) -> dict[str, Any]:
+        files = [(container.shown(file.name), file) for container, file in self.files.walk()]
+        return {
+            "entry": entry,
+            "entries": entries[:MOST_LISTED],
+            "layers": layers_of(self.files.files)[:MOST_LISTED],
+            "files": [{"name": name, "bytes": file.bytes, "kind": file.kind} for name, file in files[:MOST_LISTED]],
+            "file_count": len(files),
+        }
+
+    def _warn_of_programs(self) -> None:
+        for container, file in self.files.walk():
+            if file.kind == "program":
+                detail = f"The file {container.shown(file.name)!r} is a program or a plug-in's description: it is never loaded."
+                self._warn("file-ignored", "", detail, "info")
+
+    def _warn(self, code: str, prim: str, detail: str, severity: str = "warning") -> None:
+        key = (code, prim, detail)
+        if key in self.warned or len(self.warned) > MOST_WARNINGS:
+            return
+        self.warned.add(key)
+        if len(self.warned) > MOST_WARNINGS:
+            code, prim, detail, severity = "more-warnings", "", f"There are more than {MOST_WARNINGS} warnings.", "info"
+        self.channel.send("warning", code=code, prim=prim[:1024], detail=detail[:4000], severity=severity)
+
+
+def _limits(asked: Mapping[str, Any]) -> Limits:
+    known = {field.name for field in fields(Limits)}
+    return Limits(**{name: value for name, value in asked.items() if name in known})
+
+
+def _says(arc: str, layer: str, path: str) -> str:
+    return f"The layer {layer!r} names {path!r} as a {arc}, which was not uploaded or cannot be opened."
+
+
+def _too_large(what: str, count: int, limit: int, layer: str | None = None) -> Problem:
+    extra: dict[str, Any] = {"count": count, "limit": limit} | ({"layer": layer} if layer is not None else {})
+    return Problem("scene-too-large", f"The scene has {count:,} {what}; {limit:,} are allowed.", **extra)
+
+
+def _root_layer(files: Container, name: str) -> str:
+    """The layer that opening a file begins with: of a usdz its first member, and so on."""
+    inner = files.inner.get(name)
+    if inner is None or not inner.files:
+        return files.shown(name)
+    first = min(inner.files.values(), key=lambda file: file.at)
+    return _root_layer(inner, first.name)
+
+
+def _layer_of(found: Found | None) -> str | None:
+    return None if found is None else _root_layer(found.container, found.file.name)

@@ -1,0 +1,180 @@
+"""The files of a scene as its check sees them: those of the job's folder, and inside of each usdz those of its directory.
+
+Nothing is unpacked: members of a usdz are stored, so they are stretches of the file, which USD opens as `package.usdz[member]`.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import stat
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import BinaryIO, cast
+
+from ..limits import Limits
+from ..problems import Problem
+from ..scenes.entries import layers as layers_of
+from ..scenes.recognize import wrong_as_usdz
+from ..scenes.zip_directory import Member, read_directory
+from ..scenes.zip_names import refuse_names
+
+IMAGES = {".png", ".jpg", ".jpeg", ".exr", ".hdr", ".tif", ".tiff", ".tga", ".bmp", ".webp", ".tx", ".psd", ".avif"}
+# What a plug-in or a script would be; never loaded.
+PROGRAMS = {".py", ".pyc", ".pyd", ".so", ".dll", ".dylib", ".sh", ".exe", ".lua"}
+_MAGIC = ((b"#usda ", "usda"), (b"#sdf ", "usda"), (b"PXR-USDC", "usdc"), (b"PK\x03\x04", "usdz"))
+_SUFFIXES = {".usd", ".usda", ".usdc", ".usdz"}
+
+
+@dataclass(frozen=True)
+class File:
+    name: str  # in its container, with /
+    kind: str  # usda, usdc, usdz (by their first bytes), image, program, other; "?": called USD, but is none
+    bytes: int
+    path: Path  # of the file on the disk that has it, from `at` on
+    at: int
+
+    def open(self) -> BinaryIO:
+        return cast(BinaryIO, io.BufferedReader(_Stretch(self.path, self.at, self.bytes)))
+
+
+@dataclass
+class Container:
+    """A folder or the inside of a usdz. `prefix` and `suffix`: what stands around a member's name to name it from outside."""
+
+    prefix: str = ""
+    suffix: str = ""
+    files: dict[str, File] = field(default_factory=dict)
+    inner: dict[str, Container] = field(default_factory=dict)  # of the usdz among the files
+
+    def shown(self, name: str) -> str:
+        return f"{self.prefix}{name}{self.suffix}"
+
+    def walk(self) -> Iterator[tuple[Container, File]]:
+        for file in self.files.values():
+            yield self, file
+            if file.name in self.inner:
+                yield from self.inner[file.name].walk()
+
+
+def read_folder(folder: Path, limits: Limits) -> Container:
+    """Everything below a folder. Problem for what is no plain file, and for packages that are none."""
+    found = Container()
+    for path in sorted(_plain_files(folder)):
+        name = path.relative_to(folder).as_posix()
+        _add(found, _file(name, path, 0, path.stat().st_size), limits, depth=1)
+    return found
+
+
+def read_file(path: Path, limits: Limits) -> Container:
+    """One file by itself."""
+    found = Container()
+    _add(found, _file(path.name, path, 0, path.stat().st_size), limits, depth=1)
+    return found
+
+
+def _plain_files(folder: Path) -> Iterator[Path]:
+    for inside, folders, names in os.walk(folder, onerror=_raise):
+        for name in (*folders, *names):
+            path = Path(inside, name)
+            mode = path.lstat().st_mode
+            if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+                member = path.relative_to(folder).as_posix()
+                raise Problem("package-unsafe", "A member of the package is no plain file.", member=member)
+            if stat.S_ISREG(mode):
+                yield path
+
+
+def _raise(error: OSError) -> None:
+    raise error
+
+
+def _add(container: Container, file: File, limits: Limits, depth: int) -> None:
+    container.files[file.name] = file
+    if file.kind != "usdz":
+        return
+    shown = container.shown(file.name)
+    if depth > limits.usdz_depth:
+        raise Problem("package-unsafe", f"Packages are nested more than {limits.usdz_depth} deep.", member=shown)
+    opening, closing = ("[", "]") if not container.suffix else ("[", "]" + container.suffix)
+    inside = Container(f"{container.prefix}{file.name}{opening}", closing)
+    container.inner[file.name] = inside
+    for member in _members(file, limits, inside if depth > 1 or "/" in shown or container.prefix else None):
+        start = file.at + member.data_at
+        _add(inside, _file(member.name, file.path, start, member.bytes), limits, depth + 1)
+
+
+def _members(file: File, limits: Limits, inside: Container | None) -> list[Member]:
+    """Of a usdz; what is wrong with one is told with the member's name, from outside where the package is one of several."""
+    try:
+        with file.open() as opened:
+            members = read_directory(opened, limits)
+        refuse_names(members, limits)
+        wrong = wrong_as_usdz(members)
+    except Problem as problem:
+        wrong = problem
+    if wrong is not None:
+        member = wrong.extra.get("member")
+        name = (inside.shown(member) if member else inside.prefix.removesuffix("[")) if inside else member or file.name
+        raise Problem("package-unsafe", wrong.detail, **{**wrong.extra, "member": name})
+    return [member for member in members if not member.is_folder]
+
+
+def _file(name: str, path: Path, at: int, size: int) -> File:
+    suffix = PurePosixPath(name).suffix.lower()
+    if suffix in _SUFFIXES:
+        with path.open("rb") as opened:
+            opened.seek(at)
+            head = opened.read(min(size, 8))
+        kind = next((kind for magic, kind in _MAGIC if head.startswith(magic)), "?")
+        # .usd may be text or binary; the others are what they are called.
+        fits = kind in {".usd": ("usda", "usdc"), ".usda": ("usda",), ".usdc": ("usdc",), ".usdz": ("usdz",)}[suffix]
+        return File(name, kind if fits else "?", size, path, at)
+    if suffix in PROGRAMS or PurePosixPath(name).name.lower() == "pluginfo.json":
+        return File(name, "program", size, path, at)
+    return File(name, "image" if suffix in IMAGES else "other", size, path, at)
+
+
+def scene_layers(container: Container) -> list[tuple[Container, File]]:
+    """All layers, those in packages too; not what macOS leaves in zips, nor hidden files."""
+    named = set(layers_of(container.files))
+    return [
+        (inside, file)
+        for inside, file in container.walk()
+        if file.kind in ("usda", "usdc", "?") and (inside is not container or file.name in named)
+    ]
+
+
+class _Stretch(io.RawIOBase):
+    """A part of a file, read as if it were one."""
+
+    def __init__(self, path: Path, at: int, size: int) -> None:
+        self._file = path.open("rb", buffering=0)
+        self._start, self._size, self._place = at, size, 0
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        base = {os.SEEK_SET: 0, os.SEEK_CUR: self._place, os.SEEK_END: self._size}[whence]
+        self._place = max(0, base + offset)
+        return self._place
+
+    def tell(self) -> int:
+        return self._place
+
+    def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
+        wanted = min(len(buffer), max(0, self._size - self._place))
+        self._file.seek(self._start + self._place)
+        data = self._file.read(wanted)
+        buffer[: len(data)] = data
+        self._place += len(data)
+        return len(data)
+
+    def close(self) -> None:
+        self._file.close()
+        super().close()
