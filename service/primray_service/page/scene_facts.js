@@ -1,17 +1,19 @@
 // What the check of a scene found, in the form that the settings are offered in.
 
+const MOST_VARIANTS = 24; // sets that are offered; a scene may have thousands
+
 export function factsOf(scene) {
   const entries = scene.entries ?? [];
   const cameras = (scene.cameras ?? []).map(({ path, aspect }) => ({ path, aspect: aspect > 0 ? aspect : null }));
   const isKnown = (path) => cameras.some((camera) => camera.path === path);
   return {
     entries,
-    entry: likeliest(entries, scene.name ?? ""),
+    entry: entries.includes(scene.entry) ? scene.entry : likeliest(entries, scene.name ?? ""),
     cameras,
     camera: isKnown(scene.camera) ? scene.camera : (cameras[0]?.path ?? ""),
     resolution: scene.resolution ?? scene.render_settings?.find(({ resolution }) => resolution)?.resolution ?? null,
     frames: rangeOf(scene.frame_range),
-    isAnimated: Boolean(scene.frame_range?.sampled),
+    variants: (scene.variants ?? []).slice(0, MOST_VARIANTS),
   };
 }
 
