@@ -95,7 +95,8 @@ def disturbed(url: str, disturb: Callable[[], None], jobs: int, clients: int) ->
     store.close()
 
 
-def cutter(server: Server, database: str, rng: random.Random, kills: list[int]) -> Callable[[], None]:
+def cutter(server: Server, database: str, rng: random.Random, kills: list[int], most: int) -> Callable[[], None]:
+    """So many cuts: on a busy machine a transaction may take longer than the time between two."""
     with_ = server.admin_url.replace("+psycopg", "")
     connection = psycopg.connect(with_, autocommit=True)
     one = (
@@ -104,23 +105,24 @@ def cutter(server: Server, database: str, rng: random.Random, kills: list[int]) 
     )
 
     def cut() -> None:
-        time.sleep(rng.uniform(0.0, 0.06))
-        kills.append(len(connection.execute(one, (database, rng.choice((1, 1, 2, 50)))).fetchall()))
+        time.sleep(rng.uniform(0.0, 0.15))
+        if len(kills) < most:
+            kills.append(len(connection.execute(one, (database, rng.choice((1, 1, 2, 50)))).fetchall()))
 
     return cut
 
 
 def test_connections_are_cut_at_random(postgres_server: Server, postgres_url: str):
     kills: list[int] = []
-    cut = cutter(postgres_server, database_of(postgres_url), random.Random(1), kills)
+    cut = cutter(postgres_server, database_of(postgres_url), random.Random(1), kills, 25)
     disturbed(postgres_url, cut, jobs=24, clients=4)
-    assert sum(kills) >= 10
+    assert sum(kills) >= 8
 
 
 @pytest.mark.long
 def test_connections_are_cut_at_random_for_long(postgres_server: Server, postgres_url: str):
     kills: list[int] = []
-    cut = cutter(postgres_server, database_of(postgres_url), random.Random(2), kills)
+    cut = cutter(postgres_server, database_of(postgres_url), random.Random(2), kills, 400)
     disturbed(postgres_url, cut, jobs=400, clients=8)
     print(f"{sum(kills)} connections cut")
     assert sum(kills) >= 200
