@@ -13,6 +13,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import psycopg
 import pytest
@@ -63,7 +64,7 @@ def disturbed(url: str, disturb: Callable[[], None], jobs: int, clients: int) ->
             job_id, number = frame.job_id, frame.number
             half = replace(frame, cpu_s=CPU_S / 2)
             store.report(world.fence, half, now, job_changes={"state": JobState.RUNNING}, event=("progress", {"n": number}))
-            given = {"attempt": 1, "follows": 0, "file": "checkpoint-1.prc", "now": now}
+            given: Any = {"attempt": 1, "follows": 0, "file": "checkpoint-1.prc", "now": now}
             assert store.accept_checkpoint(world.fence, f"{job_id} {number}", job_id, number, **given)
             done = replace(frame, state=FrameState.SUCCEEDED, cpu_s=CPU_S, checkpoint=1)
             job = store.end_frame(world.fence, done, now, outputs=[], job_changes={})
@@ -231,7 +232,7 @@ def test_accepted_jobs_are_synced_progress_is_not(tmp_path: Path, monkeypatch: p
             def __enter__(self):
                 self.inner = writing(durable)
                 connection = self.inner.__enter__()
-                levels.append(connection.exec_driver_sql("PRAGMA synchronous").scalar())
+                levels.append(connection.exec_driver_sql("PRAGMA synchronous").scalar_one())
                 return connection
 
             def __exit__(self, *error):

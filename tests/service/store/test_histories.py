@@ -92,7 +92,7 @@ class Histories(RuleBasedStateMachine):
         if says == "runs":
             call = lambda: store.report(fence, frame, now, job_changes={"state": JobState.RUNNING})  # noqa: E731
         elif says == "checkpoint":
-            given = {"attempt": frame.attempt, "follows": frame.checkpoint, "file": "f", "now": now}
+            given: Any = {"attempt": frame.attempt, "follows": frame.checkpoint, "file": "f", "now": now}
             call = lambda: store.accept_checkpoint(fence, f"c{number}", frame.job_id, frame.number, **given)  # noqa: E731
         elif says == "gives way":
             call = lambda: store.requeue_frame(fence, frame, now)  # noqa: E731
