@@ -25,7 +25,7 @@ def test_numbers_are_the_kernel_s(place: int) -> None:
         pytest.skip("skipped: no kernel headers")
     found = {n: int(v) for n, v in re.findall(r"#define __NR(?:3264)?_(\w+)\s+(\d+)\n", header.read_text())}
     newest = max(found.values())
-    for name, numbers in (REFUSED | BY_ARGUMENT | OURS).items():
+    for name, numbers in {**REFUSED, **BY_ARGUMENT, **OURS}.items():
         number = numbers[place]
         if number is None:
             assert name not in found
