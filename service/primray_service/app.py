@@ -25,6 +25,7 @@ from .routes import (
     logs,
     metrics,
     outputs,
+    page,
     previews,
     scenes,
     sessions,
@@ -54,10 +55,30 @@ ROUTERS: tuple[APIRouter, ...] = (
     health.router,
     metrics.router,
     documents.router,
+    page.router,
 )
 
 
 def create_app(service: Service) -> FastAPI:
+    app = create_routes()
+    app.state.service = service
+    app.state.keys = Keys(service.store.key_by_sha256)
+    app.state.sessions = Sessions(session_secret(service.data.root / "session.secret"))
+    app.state.rates = RequestRates()
+    app.state.request_metrics = RequestMetrics()
+    app.state.methods = MethodsByPath(ROUTERS)
+    add_handlers(app)
+    # The last that is added comes first: Measured, RequestGuard, OriginGuard, RateHeaders, then the routers.
+    app.add_middleware(RateHeaders)
+    app.add_middleware(OriginGuard, config=service.config)
+    app.add_middleware(RequestGuard)
+    app.add_middleware(Measured, metrics=app.state.request_metrics)
+    instrument(app)
+    return app
+
+
+def create_routes() -> FastAPI:
+    """The operations alone: enough for the document."""
     app = FastAPI(
         title="primray",
         version=__version__,
@@ -67,23 +88,10 @@ def create_app(service: Service) -> FastAPI:
         generate_unique_id_function=_operation_id,
     )
     app.router.redirect_slashes = False
-    app.state.service = service
-    app.state.keys = Keys(service.store.key_by_sha256)
-    app.state.sessions = Sessions(session_secret(service.data.root / "session.secret"))
-    app.state.rates = RequestRates()
-    app.state.request_metrics = RequestMetrics()
-    app.state.methods = MethodsByPath(ROUTERS)
     for router in ROUTERS:
         _answer_head(router)
         limited = [Depends(spend_request)] if router.prefix.startswith("/v1") else []
         app.include_router(router, dependencies=limited)
-    add_handlers(app)
-    # The last that is added comes first: Measured, RequestGuard, OriginGuard, RateHeaders, then the routers.
-    app.add_middleware(RateHeaders)
-    app.add_middleware(OriginGuard, config=service.config)
-    app.add_middleware(RequestGuard)
-    app.add_middleware(Measured, metrics=app.state.request_metrics)
-    instrument(app)
     return app
 
 

@@ -15,6 +15,7 @@ from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
 
 import h11
+import structlog
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
@@ -27,11 +28,15 @@ from .executor.base import Executor
 from .files import DataDirectory
 from .problems import Problem
 from .routes.answers import json_bytes
+from .sandbox import SelfTest, self_test
 from .scenes.keep import sweep
 from .service import Service
 from .shared_reads import SharedReads
 from .store import open_store
 from .tenants import quotas_of
+from .webhooks import WebhookSender
+
+log = structlog.get_logger("primray.server")
 
 SHUTDOWN_S = 5
 HEADER_BYTES = 32 * 1024
@@ -107,15 +112,22 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
     service = Service(config, store, data, executor, None, changes, reads)  # type: ignore[arg-type]
     service.dispatcher = Dispatcher(store, executor, data, config.limits, quotas_of(store, config.quotas))
     dispatching: asyncio.Task[None] | None = None
+    sender = WebhookSender(store, config)
+    sending: asyncio.Task[None] | None = None
     try:
         if config.dispatch:
+            service.self_test = await asyncio.to_thread(check_walls, config, data)
             await executor.start()
             dispatching = asyncio.create_task(service.dispatcher.run())
+            sending = asyncio.create_task(sender.run(lambda: service.dispatcher.fence))
         if config.warm:
             await service.pictures.warm()
         yield service
     finally:
         changes.close()
+        if sending is not None:
+            await sender.stop()
+            await sending
         if dispatching is not None:
             await service.dispatcher.stop()
             with contextlib.suppress(asyncio.CancelledError):
@@ -127,6 +139,20 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
         store.close()
 
 
+def check_walls(config: ServeConfig, data: DataDirectory) -> SelfTest:
+    """What a worker cannot do here; Problem("unavailable") if that is too little for a server that others can reach."""
+    found = self_test(data.slots)
+    if not found.ok and not config.allow_unsandboxed:
+        log.warning("the sandbox does not hold", **found.as_json())
+        if not config.on_loopback:
+            raise Problem(
+                "unavailable",
+                f"The sandbox does not hold here: {found.problem}. Strangers' scenes would be opened without walls: listen on "
+                "127.0.0.1 only, or start with --allow-unsandboxed.",
+            )
+    return found
+
+
 def new_executor(config: ServeConfig, data: DataDirectory) -> Executor:
     from .executor.local import LocalExecutor
 
@@ -135,7 +161,6 @@ def new_executor(config: ServeConfig, data: DataDirectory) -> Executor:
         config.limits,
         slots=config.slots,
         cores=config.usable_cores,
-        sandboxed=not config.allow_unsandboxed,
         warm=config.warm,
     )
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from .changes import Changes
     from .dispatcher import Dispatcher
     from .executor.base import Executor
+    from .sandbox import SelfTest
     from .shared_reads import SharedReads
     from .store.base import Store
 
@@ -27,6 +28,7 @@ class Service:
     dispatcher: Dispatcher
     changes: Changes  # who waits for a change of a job
     reads: SharedReads  # of jobs that many ask for at once
+    self_test: SelfTest | None = None  # of the sandbox, at the start; None: this server runs no workers
     pictures: PictureEncoder = field(default_factory=PictureEncoder)
 
     @property

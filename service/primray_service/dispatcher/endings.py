@@ -68,7 +68,7 @@ def outcome_of(frame: Frame, last: Last | None, ended: Ended, about: Circumstanc
     if isinstance(last, Yielded):
         return Again(frame, "yield")
     if isinstance(last, Failed):
-        return _of_failure(frame, last, about, limits)
+        return _of_failure(frame, last, about)
     if about.killed_for == "not-believed" or ended.protocol_error:
         return Broken(Problem("render-failed", "The render process sent what it should not.").as_json())
     if about.killed_for == "silent":
@@ -84,13 +84,12 @@ def outcome_of(frame: Frame, last: Last | None, ended: Ended, about: Circumstanc
     return _killed(frame, limits, "kill", "Its process was killed from outside, again and again.")
 
 
-def _of_failure(frame: Frame, last: Failed, about: Circumstances, limits: Limits) -> Outcome:
+def _of_failure(frame: Frame, last: Failed, about: Circumstances) -> Outcome:
     slug = str(last.problem["type"]).removeprefix("/problems/")
     if _is_disk(slug, about):
         return Again(frame, "storage")
-    if slug == "checkpoint-unusable" and about.had_checkpoint and frame.crashes + 1 < limits.crashes:
-        # All that it holds can be rendered again.
-        return Again(replace(frame, crashes=frame.crashes + 1), "checkpoint", drop_checkpoint=True)
+    if slug == "checkpoint-unusable" and about.had_checkpoint:
+        return Again(frame, "checkpoint", drop_checkpoint=True)  # all that it holds can be rendered again
     return Broken(last.problem)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -15,6 +16,8 @@ from .calls import Calls
 from .metrics import Metrics
 from .pace import Pace
 from .totals import JobTotals
+
+LOG = logging.getLogger(__name__)
 
 PAGE = 500
 
@@ -29,7 +32,15 @@ class Parts:
     calls: Calls
     metrics: Metrics
     fence: int
-    disk_is_full: bool = False
+    disk_is_full: bool = False  # as it was seen last
+
+    async def look_at_disk(self) -> bool:
+        """Whether so little is free that nothing new is begun."""
+        was_full, free = self.disk_is_full, await self.calls.disk(self.data.free_bytes)
+        self.disk_is_full = free < self.limits.free_disk_bytes
+        if self.disk_is_full and not was_full:
+            LOG.warning("only %d bytes are free: nothing new is rendered", free)
+        return self.disk_is_full
 
 
 @dataclass

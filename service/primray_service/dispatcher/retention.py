@@ -95,9 +95,8 @@ class Retention:
         """A checkpoint of a frame that has ended saves time if its job is continued; nothing else depends on it."""
         parts = self._parts
         wanted = ENOUGH * parts.limits.free_disk_bytes
-        free = await parts.calls.disk(parts.data.free_bytes)
-        parts.disk_is_full = free < parts.limits.free_disk_bytes
-        if free >= wanted:
+        await parts.look_at_disk()
+        if await parts.calls.disk(parts.data.free_bytes) >= wanted:
             return
         for path in await parts.calls.disk(_checkpoints, parts.data):
             job = await parts.calls.store(parts.store.job, path.parents[2].name)

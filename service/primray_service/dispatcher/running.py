@@ -15,7 +15,7 @@ from .. import ids
 from ..executor.base import Ended
 from ..jobs import TERMINAL, Frame, FrameState, Job, JobState
 from ..problems import Problem
-from ..store.base import Claim, Lost
+from ..store.base import Claim
 from . import adoption, chunks, frame_end, reports
 from .chunk_run import ChunkRun
 from .endings import Again, Broken, Circumstances, Given, Outcome, Picture, outcome_of
@@ -45,6 +45,7 @@ class RunningFrame:
         self._run: ChunkRun | None = None
         self._kill_for = ""  # before there is a run, or after
         self._out_of_time = False
+        self._wants_preview = False  # before there is a run to be asked
         self._claimed_at = asyncio.get_running_loop().time()
 
     @property
@@ -93,6 +94,7 @@ class RunningFrame:
             self._run.tell("yield")
 
     def ask_preview(self) -> None:
+        self._wants_preview = True
         if self._run is not None:
             self._run.ask_preview()
 
@@ -104,14 +106,13 @@ class RunningFrame:
     # ---- its life -----------------------------------------------------------------------------------------------------------
 
     async def live(self) -> None:
+        """Lost if another dispatcher has the frame now."""
         metrics = self._parts.metrics
         metrics.frames_started += 1
         metrics.queue_wait.observe(max(time.time() - self.job.queued_at, 0.0))
         reading = asyncio.create_task(self._jobs.get(self.job))
         try:
             await self._live(reading)
-        except Lost:
-            pass  # another dispatcher has it now
         finally:
             self.has_slot = False
             reading.cancel()
@@ -145,14 +146,15 @@ class RunningFrame:
             shared = await self._follow(run, reading)
             ended = await run.ended()
             await self._take_checkpoints(run)
+            if (run.inbox.is_urgent or run.inbox.warnings) and self._kill_for not in DROPPED:
+                self.job, self.frame = await reports.report(self._parts, shared, self.job, self.frame, run)
             self.frame = reports.updated(self.frame, run)
-            shared.totals.add_warnings(reports.taken_warnings(run))
         except BaseException:
             await self._close()
             raise
         spent = replace(self.frame, cpu_s=self.frame.cpu_s + ended.cpu_s)
         self.frame = replace(spent, peak_rss_bytes=max(spent.peak_rss_bytes, ended.peak_rss_bytes))
-        disk_is_full = self._parts.disk_is_full or run.killed_for == "storage"
+        disk_is_full = run.killed_for == "storage" or await self._parts.look_at_disk()
         about = Circumstances(self.is_canceling, run.killed_for, disk_is_full, run.chunk.command["checkpoint"] is not None)
         return ended, outcome_of(self.frame, run.inbox.last, ended, about, self._parts.limits)
 
@@ -162,7 +164,7 @@ class RunningFrame:
         read = parts.calls.store(parts.store.scene, job.tenant, job.scene_id)
         counted = parts.calls.store(parts.store.frame_counts, job.id)
         scene, counts, _ = await asyncio.gather(read, counted, tidied)
-        asked = chunks.Asked(sum(counts.values()), picture_only)
+        asked = chunks.Asked(sum(counts.values()), picture_only, self._wants_preview)
         try:
             if scene is None:
                 raise Problem("internal", "The scene is not on the server any more; upload it again.")
@@ -206,7 +208,7 @@ class RunningFrame:
         limits = self._parts.limits
         if run.silent_s > SILENT_S:
             run.kill("silent")
-        elif not self.going and float(self.frame.progress.get("elapsed_s", 0.0)) > limits.seconds:
+        elif not self.going and float(run.chunk.command["spent_s"]) + run.sampled_s > limits.seconds:
             self.going = self._out_of_time = True
             run.tell_to_end("stop", max(limits.stop_grace_s, YIELD_S), "silent")
 
@@ -253,7 +255,10 @@ class RunningFrame:
         parts.metrics.checkpoints += 1
         parts.metrics.adopt_checkpoint.observe(time.monotonic() - began)
         older = frame.checkpoint_file
-        self.frame = replace(frame, checkpoint=message.number, checkpoint_file=name, crashes=0, kills=0)
+        # What a time limit counts: by the wall clock, which is near enough, and all that is known of every kind of worker.
+        progress = frame.progress | {"spent_s": float(run.chunk.command["spent_s"]) + run.sampled_s}
+        taken = replace(frame, checkpoint=message.number, checkpoint_file=name, crashes=0, kills=0)
+        self.frame = replace(taken, progress=progress)
         if older and older != name:
             await parts.calls.disk(adoption.remove, folder / older)
 

@@ -26,7 +26,8 @@ LOG = logging.getLogger(__name__)
 LOOK_EVERY_S = 0.5
 LOOK_AT_DISK_EVERY_S = 2.0
 STOP_WITHIN_S = 4.0
-PREVIEW_ASKED_S = 15.0
+PREVIEW_ASKED_S = 15.0  # who asked so long before the frame began looks still
+MOST_ASKED = 1000
 
 
 class Term:
@@ -54,6 +55,11 @@ class Term:
         running = self._running.get((job_id, frame))
         if running is not None:
             running.ask_preview()
+            return
+        now = time.monotonic()
+        self._asked = {key: at for key, at in self._asked.items() if now - at < PREVIEW_ASKED_S}
+        if len(self._asked) < MOST_ASKED:
+            self._asked[job_id, frame] = now
 
     def stop(self) -> None:
         self._stopping = True
@@ -146,6 +152,8 @@ class Term:
         self._served[claim.job.tenant] = time.monotonic()
         running = RunningFrame(self._parts, self._jobs, claim, self._fill_slots)
         self._running[running.key] = running
+        if time.monotonic() - self._asked.pop(running.key, -PREVIEW_ASKED_S) < PREVIEW_ASKED_S:
+            running.ask_preview()
         self._parts.metrics.running = len(self._running)
         self._spawn(self._live_frame(running), "frame")
         return True
@@ -184,14 +192,11 @@ class Term:
         return Counter(running.job.tenant for running in self._running.values())
 
     async def _has_disk(self) -> bool:
-        parts, now = self._parts, time.monotonic()
+        now = time.monotonic()
         if now >= self._disk_at:
             self._disk_at = now + LOOK_AT_DISK_EVERY_S
-            free = await parts.calls.disk(parts.data.free_bytes)
-            was_full, parts.disk_is_full = parts.disk_is_full, free < parts.limits.free_disk_bytes
-            if parts.disk_is_full and not was_full:
-                LOG.warning("only %d bytes are free: nothing new is rendered", free)
-        return not parts.disk_is_full
+            await self._parts.look_at_disk()
+        return not self._parts.disk_is_full
 
     async def _look_at_jobs(self) -> None:
         """Whether they are to be canceled, or are gone."""

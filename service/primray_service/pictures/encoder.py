@@ -29,7 +29,6 @@ class Picture:
     data: bytes = field(repr=False)
     media_type: str
     headers: dict[str, str]
-    revision: str
 
 
 def revision(path: Path) -> str | None:
@@ -105,7 +104,7 @@ class PictureEncoder:
             raise
         if "error" in head:
             raise _not_now(f"The picture could not be made: {head['error']}.")
-        return Picture(data, head["media_type"], head["headers"], head["revision"])
+        return Picture(data, head["media_type"], head["headers"])
 
     async def _ask(self, asked: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
         process = await self._running()

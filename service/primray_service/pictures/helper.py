@@ -38,8 +38,8 @@ def answer(asked: dict[str, Any]) -> tuple[dict[str, Any], bytes]:
     preview = read_preview(Path(asked["path"]))
     values, headers = picture(preview, request)
     data = jpeg(values) if request.format == "jpeg" else png(values)
-    head = {"bytes": len(data), "media_type": MEDIA_TYPES[request.format], "headers": {**headers, **facts(preview)}}
-    return {**head, "revision": preview.revision}, data
+    headers |= facts(preview)
+    return {"bytes": len(data), "media_type": MEDIA_TYPES[request.format], "headers": headers}, data
 
 
 def facts(preview: Preview) -> dict[str, str]:

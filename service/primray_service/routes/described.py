@@ -12,7 +12,7 @@ from typing import Any
 from fastapi import Response
 from pydantic import BaseModel
 
-from ..problems import KINDS, Problem
+from ..problems import KINDS
 
 MODEL = "x-model"  # stands for a model's schema until the document is put together
 MODELS: dict[str, type[BaseModel]] = {}  # all that are named here
@@ -95,6 +95,11 @@ def answer(
     return Answer(status, description, kinds, headers, links or {})
 
 
+def leading_to(parameter: str, *operations: str) -> Json:
+    """Links (OpenAPI 3.1, 4.8.20) from an answer with an id to what can be done with it."""
+    return {name: {"operationId": name, "parameters": {parameter: "$response.body#/id"}} for name in operations}
+
+
 def json_request(model: type[BaseModel], example: Any = None, *, required: bool = True) -> Json:
     media = {"schema": schema_of(model), **({} if example is None else {"example": example})}
     return {"requestBody": {"required": required, "content": {"application/json": media}}}
@@ -138,7 +143,7 @@ def problem_response(slugs: Sequence[str]) -> Json:
         "content": {
             "application/problem+json": {
                 "schema": {"$ref": "#/components/schemas/Problem"},
-                "examples": {slug: {"value": Problem(slug, f"{KINDS[slug].title}.").as_json()} for slug in slugs},
+                "examples": {slug: {"$ref": f"#/components/examples/{slug}"} for slug in slugs},
             }
         },
     }

@@ -12,6 +12,7 @@ from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
 from .. import views
+from ..problems import KINDS, Problem
 from .access import COOKIE
 from .described import HEADERS, MODEL, MODELS, problem_response
 
@@ -39,6 +40,16 @@ ALWAYS = {
     "500": ("internal",),
     "503": ("unavailable",),
 }
+REQUEST_ID = {"X-Request-Id": {"$ref": "#/components/headers/X-Request-Id"}}
+PARAMETERS = {
+    "limit": "At most so many.",
+    "cursor": "The page before gave it.",
+    "scene": "Only of this scene.",
+    "scene_id": "As POST /v1/scenes answered.",
+    "key_id": "As POST /v1/keys answered.",
+    "name": "As the list of outputs has it.",
+    "sha256": "This version or none.",
+}
 METHODS = ("get", "head", "post", "put", "patch", "delete")
 HEAD_TOLD = ("/v1/scenes/{scene_id}",)  # where HEAD is worth a line of its own
 
@@ -64,6 +75,11 @@ def openapi(app: FastAPI) -> Json:
         "paths": _with_refs(paths),
         "components": {
             "schemas": schemas,
+            "responses": {
+                slugs[0]: {**problem_response(slugs), "headers": REQUEST_ID}
+                for slugs in (*ALWAYS.values(), ("invalid-request",))
+            },
+            "examples": {slug: {"value": Problem(slug, f"{kind.title}.").as_json()} for slug, kind in KINDS.items()},
             "headers": {"X-Request-Id": HEADERS["X-Request-Id"]},
             "securitySchemes": {
                 "key": {"type": "http", "scheme": "bearer", "description": "An API key; none is needed on loopback."},
@@ -82,27 +98,37 @@ def _operations(path: str, methods: Json) -> Iterator[tuple[str, Json]]:
 
 
 def _completed(path: str, method: str, operation: Json) -> Json:
-    responses = {
-        status: response for status, response in operation["responses"].items() if "HTTPValidationError" not in str(response)
-    }
-    if len(responses) < len(operation["responses"]):
-        responses["422"] = problem_response(["invalid-request"])
+    responses: Json = {}
+    for status, response in operation["responses"].items():
+        if "HTTPValidationError" in str(response):
+            responses[status] = _shared("invalid-request")
+        else:
+            responses[status] = {**response, "headers": {**response.get("headers", {}), **REQUEST_ID}}
     if path.startswith("/v1"):
         for status, slugs in ALWAYS.items():
-            told = [slug for slug in slugs if not (slug == "cross-origin" and method in ("get", "head"))]
-            responses.setdefault(status, problem_response(told))
-    for response in responses.values():
-        response["headers"] = {**response.get("headers", {}), "X-Request-Id": {"$ref": "#/components/headers/X-Request-Id"}}
+            responses.setdefault(status, _shared(slugs[0]))
     if method == "head":
-        responses = {status: {**response, "content": {}} for status, response in responses.items()}
-        for response in responses.values():
-            del response["content"]
+        responses = {status: _without_content(response) for status, response in responses.items()}
+    for parameter in operation.get("parameters", []):
+        parameter.setdefault("description", PARAMETERS.get(parameter["name"], ""))
     name = operation["operationId"]
     return {
         **operation,
         "operationId": f"{name}_head" if method == "head" else name,
         "responses": dict(sorted(responses.items())),
     }
+
+
+def _shared(slug: str) -> Json:
+    return {"$ref": f"#/components/responses/{slug}"}
+
+
+def _without_content(response: Json) -> Json:
+    """An answer to HEAD; one that is shared has a body elsewhere."""
+    if "$ref" in response:
+        slug = response["$ref"].rpartition("/")[2]
+        response = {"description": KINDS[slug].title, "headers": REQUEST_ID}
+    return {name: member for name, member in response.items() if name != "content"}
 
 
 def _with_refs(value: Any) -> Any:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable
 
 from fastapi import APIRouter, FastAPI, Request, Response
+from fastapi.concurrency import run_in_threadpool
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException
 
 from ..problems import Problem
+from ..quotas import exceeded
 from ..store.base import QuotaExceeded, Unavailable
+from .access import caller_of_request, service_of
 from .answers import problem_answer
 from .guard import request_id_of
 
@@ -39,11 +43,9 @@ async def _of_problem(request: Request, problem: Exception) -> Response:
 
 
 async def _of_quota(request: Request, error: Exception) -> Response:
-    quota = str(error.args[0])
-    problem = Problem(
-        "quota-exceeded", f"The quota {quota} of this tenant is used up.", headers={"retry-after": "60"}, quota=quota
-    )
-    return problem_answer(problem, request_id_of(request))
+    service, caller = service_of(request), await caller_of_request(request)
+    usage = await run_in_threadpool(service.store.usage, caller.tenant, time.time())
+    return problem_answer(exceeded(str(error.args[0]), caller.quotas(service.quotas), usage), request_id_of(request))
 
 
 async def _of_unavailable(request: Request, error: Exception) -> Response:

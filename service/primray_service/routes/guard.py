@@ -97,6 +97,7 @@ class OriginGuard:
         if scope["type"] == "http":
             try:
                 check_origin(Headers(scope=scope), scope["method"], self._hosts)
+                check_text(scope["path"], scope["query_string"])
             except Problem as problem:
                 await problem_answer(problem, scope["primray.request_id"])(scope, receive, send)
                 return
@@ -128,6 +129,14 @@ def check_origin(headers: Headers, method: str, hosts: frozenset[str]) -> None:
         raise Problem("cross-origin", "Changes are taken only from this server's own pages.", origin=origin[:200])
     if origin is None and headers.get("sec-fetch-site", "none") not in ("same-origin", "none"):
         raise Problem("cross-origin", "Changes are taken only from this server's own pages.")
+
+
+def check_text(path: str, query: bytes) -> None:
+    """NUL is in no name of ours, and no text that PostgreSQL can store."""
+    if "\0" in path:
+        raise Problem("not-found", "There is nothing at this path.")
+    if b"%00" in query:
+        raise Problem("invalid-request", "There is a NUL in the query.", member="query")
 
 
 def urlsplit_or_none(url: str) -> tuple[str, str]:

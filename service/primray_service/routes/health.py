@@ -6,6 +6,7 @@ import asyncio
 import time
 from collections.abc import Awaitable, Callable
 
+import structlog
 from fastapi import APIRouter, Response
 from fastapi.concurrency import run_in_threadpool
 
@@ -16,6 +17,7 @@ from .access import Serving
 from .answers import json_answer
 from .described import answer, described
 
+log = structlog.get_logger("primray.health")
 router = APIRouter(tags=["health"])
 
 CHECK_TIMEOUT_S = 5.0
@@ -58,6 +60,7 @@ async def _checked(check: Callable[[Service], Awaitable[Json]], service: Service
     except TimeoutError:
         found = {"ok": False, "detail": f"no answer within {CHECK_TIMEOUT_S:g} s"}
     except Exception as error:
+        log.warning("not ready", check=check.__name__.strip("_"), exc_info=error)
         found = {"ok": False, "detail": f"it fails with {type(error).__name__}; the server's log says more"}
     return {**found, "seconds": round(time.perf_counter() - began, 4)}
 
@@ -85,13 +88,12 @@ def _rest(health: Json) -> Json:
 
 
 async def _sandbox(service: Service) -> Json:
-    """The layers as the self-test at the start found them."""
-    if not service.config.dispatch:
-        return {"ok": True, "detail": "this server runs no workers", "layers": {}}
-    layers: Json = service.executor.health().get("sandbox", {})
-    off = [name for name, state in layers.items() if str(state) != "on"]
-    is_walled = any(str(state) == "on" for state in layers.values())
-    if service.config.allow_unsandboxed and not is_walled:
-        return {"ok": True, "detail": "off, as --allow-unsandboxed asked", "layers": layers}
-    detail = f"on, without {', '.join(off)}" if is_walled and off else "on" if is_walled else "off"
-    return {"ok": is_walled, "detail": detail, "layers": layers}
+    """What a process tried from inside the sandbox when the server started."""
+    found = service.self_test
+    if found is None:
+        return {"ok": True, "detail": "this server runs no workers", "layers": {}, "attempts": {}}
+    is_waived = not found.ok and service.config.allow_unsandboxed
+    detail = (
+        "holds" if found.ok else f"{found.problem or 'does not hold'}{'; waived by --allow-unsandboxed' if is_waived else ''}"
+    )
+    return {"ok": found.ok or is_waived, "detail": detail, "layers": found.layers, "attempts": found.attempts}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import structlog
 from fastapi import Request
 from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -19,6 +20,7 @@ async def spend_request(request: Request) -> None:
         caller = await caller_of_request(request)
     except Problem:
         return  # the route says so, if it needs a key at all
+    structlog.contextvars.bind_contextvars(**_whose(request, caller.tenant))
     if caller.key is None:
         return
     rates: RequestRates = request.app.state.rates
@@ -28,6 +30,14 @@ async def spend_request(request: Request) -> None:
     if not allowance.is_allowed:
         raise allowance.problem()
     request.scope[HEADERS] = allowance.headers()
+
+
+def _whose(request: Request, tenant: str) -> dict[str, str]:
+    """What every line of the log about this request tells as well."""
+    found = {"tenant": tenant}
+    if "job_id" in request.path_params:
+        found["job_id"] = request.path_params["job_id"][:64]
+    return found
 
 
 class RateHeaders:
