@@ -66,8 +66,10 @@ def test_each_checkpoint_has_its_own_name_and_is_told(tmp_path: Path) -> None:
         lambda: tmp_path / f"{len(told)}.prc",
         lambda file, samples, seconds: told.append((file.name, samples)),
     )
-    for stop in (2, 8, 16):
-        sampling.run(lambda fraction, samples, rays, stop=stop: sampling.done < stop)
+    ends = [2, 8, 16]
+    while ends:
+        sampling.run(lambda fraction, samples, rays: sampling.done < ends[0])
+        del ends[0]
         assert saver.is_due()
         saver.save_meanwhile(sampling)
         saver.wait()
