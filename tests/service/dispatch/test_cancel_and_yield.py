@@ -14,7 +14,6 @@ from tests.service.dispatch.scripted import ScriptedExecutor, Worker
 from primray_service.files import DataDirectory
 from primray_service.jobs import FrameState, JobState
 
-
 # Some 0.1 s on a machine that does nothing else; less than the 5 s after which a worker is killed.
 QUICKLY_S = 3.0
 

@@ -120,7 +120,6 @@ def test_a_server_that_slept_through_its_lease_changes_nothing(tmp_path: Path) -
     play(tmp_path, late, act)
 
 
-@pytest.mark.usefixtures("short_lease")
 def test_two_servers_take_turns(tmp_path: Path) -> None:
     """Both wait for work all the time; every job is run by the one that has the lease, once."""
 
