@@ -1,6 +1,6 @@
 """A real PostgreSQL server for tests: the one at $PRIMRAY_TEST_POSTGRES, or a private one that lives as long as the session.
 
-    from tests.service.postgres import postgres_server, postgres_url    (fixtures: import them where they are used)
+    from tests.service.postgres import postgres_server, postgres_template, postgres_url    (fixtures: import all three)
 
 `postgres_url` is a fresh, migrated database for each test.
 """
@@ -132,6 +132,9 @@ def _end(server: Server) -> None:
     shutil.rmtree(server.folder, ignore_errors=True)
 
 
+_running: list[Server] = []  # wherever the fixture is imported to, there is one server
+
+
 @pytest.fixture(scope="session")
 def postgres_server() -> Iterator[Server]:
     given = os.environ.get("PRIMRAY_TEST_POSTGRES")
@@ -139,13 +142,17 @@ def postgres_server() -> Iterator[Server]:
         from primray_service.store.engine import engine_url
 
         yield Server(engine_url(given).render_as_string(hide_password=False))
-        return
-    with private_server() as server:
-        yield server
+    elif _running:
+        yield _running[0]
+    else:
+        with private_server() as server:
+            _running.append(server)
+            yield server
+            _running.clear()
 
 
 @pytest.fixture(scope="session")
-def _postgres_template(postgres_server: Server) -> Iterator[str]:
+def postgres_template(postgres_server: Server) -> Iterator[str]:
     """A migrated database, copied for each test: quicker than migrating each."""
     name = postgres_server.new_database()
     store = open_store(postgres_server.url_of(name))
@@ -156,7 +163,7 @@ def _postgres_template(postgres_server: Server) -> Iterator[str]:
 
 
 @pytest.fixture
-def postgres_url(postgres_server: Server, _postgres_template: str) -> Iterator[str]:
-    name = postgres_server.new_database(_postgres_template)
+def postgres_url(postgres_server: Server, postgres_template: str) -> Iterator[str]:
+    name = postgres_server.new_database(postgres_template)
     yield postgres_server.url_of(name)
     postgres_server.drop(name)

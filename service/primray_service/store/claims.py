@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 from sqlalchemy import Connection, Integer, Select, cast, func, literal, select, update
-from sqlalchemy.sql.elements import ColumnElement
 
 from ..ids import ulid
 from ..jobs import FrameState, JobState
@@ -17,17 +16,14 @@ from . import schema
 from .base import Claim
 from .engine import Database
 from .leases import check_fence, look_at_fence
-from .open_job import OpenJob, open_job
+from .open_job import IS_ACTIVE, OpenJob, open_job
 from .part import Part
-from .rows import frame_of, job_of
+from .rows import JOB_COLUMNS, frame_of, job_of
 from .transaction import Transaction
 from .usage import utc_day
 
 jobs, frames = schema.jobs, schema.frames
 QuotasOf = Callable[[str], Quotas]
-
-# As in the index's condition, to the letter: SQLite takes a partial index for no other.
-_HAS_RUNNING: ColumnElement[bool] = jobs.c.frames_running > literal(0, literal_execute=True)
 
 
 class Claims(Part):
@@ -37,23 +33,32 @@ class Claims(Part):
         self._claiming = threading.Lock()
 
     def claim_frame(self, fence: int, now: float, quotas_of: QuotasOf) -> Claim | None:
-        if not self._db.read(lambda db: _something_waits(db, fence) or bool(self._claim)):
+        if not self._claim and not self._db.read(lambda db: _something_waits(db, fence)):
             return None
         with self._claiming:
+            repeated = bool(self._claim)
             self._claim = self._claim or ulid(now)
-            claimed = self._db.write(lambda transaction: self._claim_in(transaction, fence, now, quotas_of), durable=False)
+
+            def work(transaction: Transaction[Claim | None]) -> Claim | None:
+                return self._claim_in(transaction, fence, now, quotas_of, repeated)
+
+            claimed = self._db.write(work, durable=False)
             self._claim = ""
             return claimed
 
-    def _claim_in(self, transaction: Transaction[Claim | None], fence: int, now: float, quotas_of: QuotasOf) -> Claim | None:
+    def _claim_in(
+        self, transaction: Transaction[Claim | None], fence: int, now: float, quotas_of: QuotasOf, repeated: bool
+    ) -> Claim | None:
         check_fence(transaction, fence, alone=True)
-        mine = select(frames).join(jobs).where(_HAS_RUNNING, frames.c.claim == self._claim)
-        found = transaction.execute(mine.where(frames.c.state == FrameState.RUNNING.value)).first()
-        if found is not None:
-            frame = frame_of(found)
-            return Claim(job_of(transaction.execute(select(jobs).where(jobs.c.id == frame.job_id)).one()), frame)
+        if repeated or transaction.previous is not None:
+            mine = select(frames).join(jobs).where(IS_ACTIVE, frames.c.claim == self._claim)
+            found = transaction.execute(mine.where(frames.c.state == FrameState.RUNNING.value)).first()
+            if found is not None:
+                frame = frame_of(found)
+                job = transaction.execute(select(*JOB_COLUMNS).where(jobs.c.id == frame.job_id)).one()
+                return Claim(job_of(job), frame)
         while True:
-            job_id = next(_candidates(transaction.connection, now, quotas_of), None)
+            job_id = _best(transaction.connection, now, quotas_of)
             if job_id is None:
                 return None
             opened = open_job(transaction, job_id)
@@ -132,7 +137,7 @@ class _Allowed:
         self._db = db
         self._quotas_of = quotas_of
         self._day = utc_day(now)
-        sums = select(jobs.c.tenant, func.count(), func.sum(jobs.c.frames_running)).where(_HAS_RUNNING)
+        sums = select(jobs.c.tenant, func.count(), func.sum(jobs.c.frames_running)).where(IS_ACTIVE)
         found = db.execute(sums.group_by(jobs.c.tenant)).all()
         self._jobs = {tenant: int(number) for tenant, number, _ in found}
         self._frames = {tenant: int(number) for tenant, _, number in found}
@@ -148,7 +153,7 @@ class _Allowed:
         most = self._quotas_of(tenant).running_jobs
         if most is None or self._jobs.get(tenant, 0) < most:
             return oldest
-        begun = select(jobs.c.id).where(_HAS_RUNNING, jobs.c.tenant == tenant, jobs.c.queue_rank == rank)
+        begun = select(jobs.c.id).where(IS_ACTIVE, jobs.c.tenant == tenant, jobs.c.queue_rank == rank)
         found: str | None = self._db.execute(begun.order_by(jobs.c.created_at, jobs.c.id).limit(1)).scalar()
         return found
 
@@ -161,16 +166,17 @@ class _Allowed:
         return self._out_of_time[tenant]
 
 
-def _candidates(db: Connection, now: float, quotas_of: QuotasOf) -> Iterator[str]:
-    """Ids of jobs, best first."""
+def _best(db: Connection, now: float, quotas_of: QuotasOf) -> str | None:
+    """The job whose frame runs next."""
     allowed = _Allowed(db, now, quotas_of)
     for rank in _ranks(db):
-        of_tenants = []
+        of_tenants: dict[int, list[str]] = {}
         for tenant, oldest in _tenants(db, rank):
             job_id = allowed.job_of(tenant, rank, oldest)
             if job_id is not None:
-                of_tenants.append((allowed.frames_of(tenant), job_id))
-        if not of_tenants:
-            continue
-        ages = dict(db.execute(select(jobs.c.id, jobs.c.created_at).where(jobs.c.id.in_([i for _, i in of_tenants]))).all())
-        yield from (i for _, i in sorted(of_tenants, key=lambda one: (one[0], ages.get(one[1], now), one[1])))
+                of_tenants.setdefault(allowed.frames_of(tenant), []).append(job_id)
+        if of_tenants:
+            fewest = of_tenants[min(of_tenants)]
+            oldest_first = select(jobs.c.id).where(jobs.c.id.in_(fewest)).order_by(jobs.c.created_at, jobs.c.id).limit(1)
+            return fewest[0] if len(fewest) == 1 else db.execute(oldest_first).scalar()
+    return None

@@ -16,7 +16,14 @@ def read_cursor(cursor: str, order: str) -> tuple[float, str]:
     """ValueError if it is none of this listing's."""
     try:
         at, row_id, of = json.loads(base64.b64decode(cursor + "=" * (-len(cursor) % 4), altchars=b"-_", validate=True))
-        is_one = of == order and type(at) in (int, float) and math.isfinite(at) and isinstance(row_id, str)
+        is_one = (
+            of == order
+            and type(at) in (int, float)
+            and math.isfinite(at)
+            and isinstance(row_id, str)
+            and row_id.isascii()
+            and row_id.isprintable()
+        )
     except (ValueError, TypeError, RecursionError):
         is_one = False
     if not is_one:

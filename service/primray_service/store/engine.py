@@ -8,12 +8,13 @@ broken connection ended is tried again; whether its commit arrived is not known 
 
 from __future__ import annotations
 
+import logging
 import random
 import sqlite3
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import Any, Generic, TypeVar
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
@@ -24,6 +25,8 @@ from .base import Unavailable
 from .transaction import Transaction
 
 T = TypeVar("T")
+
+LOG = logging.getLogger(__name__)
 
 KEEP_TRYING_S = 45.0  # a PostgreSQL server that restarts is back within half a minute
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.02, 2.0
@@ -126,16 +129,25 @@ class Database:
 
         answer = self._until_it_passes(once)
         for job_id in dict.fromkeys(changed):
-            for called in self._subscribers:
-                called(job_id)
+            self._tell(job_id)
         return answer
 
-    @contextmanager
-    def writing_alone(self) -> Iterator[Connection]:
-        """A connection in a transaction, without retries: for migrations."""
-        with self._writing(durable=True) as connection:
-            yield connection
-            connection.commit()
+    def _tell(self, job_id: str) -> None:
+        for called in self._subscribers:
+            try:
+                called(job_id)
+            except Exception:  # the change is made, whatever becomes of those who are told
+                LOG.exception("a subscriber failed")
+
+    def write_plainly(self, work: Callable[[Connection], None]) -> None:
+        """A transaction that may be repeated as it is, and tells nobody: for migrations."""
+
+        def once(_: None) -> None:
+            with self._writing(durable=True) as connection:
+                work(connection)
+                connection.commit()
+
+        self._until_it_passes(once)
 
     @contextmanager
     def _writing(self, durable: bool) -> Iterator[Connection]:
@@ -200,9 +212,9 @@ def _sqlite_engine(url: URL, *, begin: str, connections: int) -> Engine:
 
     def on_connect(raw: sqlite3.Connection, _: Any) -> None:
         raw.isolation_level = None  # the driver begins no transactions: `on_begin` does
-        for pragma in ("journal_mode=WAL", "foreign_keys=ON", "synchronous=FULL", "journal_size_limit=67108864"):
-            with suppress(StopIteration):
-                next(raw.execute(f"PRAGMA {pragma}"))
+        _use_wal(raw)
+        for pragma in ("foreign_keys=ON", "synchronous=FULL", "journal_size_limit=67108864"):
+            raw.execute(f"PRAGMA {pragma}").fetchall()
 
     def on_begin(connection: Connection) -> None:
         connection.exec_driver_sql(begin)
@@ -212,6 +224,19 @@ def _sqlite_engine(url: URL, *, begin: str, connections: int) -> Engine:
     return engine
 
 
+def _use_wal(raw: sqlite3.Connection) -> None:
+    """Of several processes that do so first, all but one are refused at once, whatever their timeout."""
+    until = time.monotonic() + SQLITE_BUSY_S
+    while True:
+        try:
+            raw.execute("PRAGMA journal_mode=WAL").fetchall()
+            return
+        except sqlite3.OperationalError as error:
+            if error.sqlite_errorcode & 0xFF not in PASSING_SQLITE or time.monotonic() > until:
+                raise
+            time.sleep(0.02)
+
+
 def _postgresql_engine(url: URL) -> Engine:
     """Timeouts so that neither a hung server nor a hung client of ours holds everybody up."""
     defaults = {
@@ -219,7 +244,8 @@ def _postgresql_engine(url: URL) -> Engine:
         "application_name": "primray",
         "keepalives_idle": "10",
         "tcp_user_timeout": "20000",
-        "options": "-c lock_timeout=15s -c idle_in_transaction_session_timeout=60s",
+        # Plans are made anew each time: one made while a table was empty reads all of it when it holds 10,000 rows.
+        "options": "-c lock_timeout=15s -c idle_in_transaction_session_timeout=60s -c plan_cache_mode=force_custom_plan",
     }
     connect_args = {name: value for name, value in defaults.items() if name not in url.query}
     return create_engine(

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from sqlalchemy import delete, insert, select, update
+from sqlalchemy import delete, insert, select, text, update
 
 from ..jobs import TERMINAL, Event, FrameState, Job, JobState, Json, Output
 from ..limits import Quotas
@@ -25,6 +25,9 @@ jobs, frames, keys = schema.jobs, schema.frames, schema.idempotency_keys
 
 CHANGEABLE = frozenset({"priority", "labels", "ttl_s"})
 KEYS_KEPT_S = 25 * 3600.0
+PASSING_EVENTS_KEPT_S = 3600.0
+# As in the index's condition, to the letter: SQLite takes a partial index for no other.
+_PASSING = text("type IN ('progress', 'preview')")
 
 
 class Jobs(Part):
@@ -156,9 +159,10 @@ class Jobs(Part):
         def work(transaction: Transaction[tuple[list[Job], list[str]]]) -> tuple[list[Job], list[str]]:
             check_fence(transaction, fence)
             transaction.execute(delete(keys).where(keys.c.created_at < now - KEYS_KEPT_S))
+            _forget_passing_events(transaction, now - PASSING_EVENTS_KEPT_S)
             past = select(jobs.c.id).where(jobs.c.expires_at <= now).order_by(jobs.c.expires_at).limit(limit)
             may_expire = [JobState.QUEUED.value, JobState.PREPARING.value, JobState.RUNNING.value]
-            expired = list(transaction.previous[0]) if transaction.previous else []
+            expired = _expired_before(transaction, now)
             for job_id in transaction.execute(past.where(jobs.c.state.in_(may_expire))).scalars().all():
                 opened = open_job(transaction, job_id)
                 if opened is not None and opened.job.state in may_expire and opened.job.expires_at <= now:
@@ -250,6 +254,22 @@ def _begin_attempt(transaction: Transaction[Any], opened: OpenJob, settings: Jso
     again = {"settings": settings, "attempt": opened.job.attempt + 1, "queued_at": now, "expires_at": now + opened.job.ttl_s}
     gone: Json = {"started_at": None, "finished_at": None, "progress": {}, "result": None, "error": None}
     opened.move(JobState.QUEUED, now, {**again, **gone})
+
+
+def _forget_passing_events(transaction: Transaction[Any], before: float) -> None:
+    """Later ones say more: a day's render would leave a hundred thousand."""
+    events = schema.events
+    old = select(events.c.id).where(_PASSING, events.c.created_at < before).order_by(events.c.created_at).limit(10_000)
+    transaction.execute(delete(events).where(events.c.id.in_(old)))
+
+
+def _expired_before(transaction: Transaction[tuple[list[Job], list[str]]], now: float) -> list[Job]:
+    """What a former try of the same call expired, if its commit arrived."""
+    if transaction.previous is None:
+        return []
+    mine = jobs.c.id.in_([job.id for job in transaction.previous[0]])
+    found = select(*JOB_COLUMNS).where(mine, jobs.c.state == JobState.EXPIRED.value, jobs.c.finished_at == now)
+    return [job_of(row) for row in transaction.execute(found)]
 
 
 def _expire_job(opened: OpenJob, now: float) -> Job:

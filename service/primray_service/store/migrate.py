@@ -29,13 +29,16 @@ def configuration(connection: Connection | None = None) -> Config:
 
 
 def migrate(database: Database, revision: str = "head") -> None:
-    """SchemaTooNew; whatever the database says."""
-    with database.writing_alone() as connection:
+    """SchemaTooNew; Unavailable: waits for a server that only starts, for the better part of a minute."""
+
+    def work(connection: Connection) -> None:
         if connection.dialect.name == "postgresql":
             connection.execute(text("SET LOCAL lock_timeout = '120s'"))
             connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": LOCK})
         _refuse_newer(connection)
         command.upgrade(configuration(connection), revision)
+
+    database.write_plainly(work)
 
 
 def _refuse_newer(connection: Connection) -> None:

@@ -6,6 +6,7 @@ Text that clients chose is stored so that both databases take it, and JSON as te
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 
 from sqlalchemy import (
@@ -33,9 +34,7 @@ class Words(TypeDecorator[str]):
     cache_ok = True
 
     def process_bind_param(self, value: str | None, dialect: Dialect) -> str | None:
-        if value is None or (value.isascii() and "\0" not in value):
-            return value
-        return value.encode("utf-8", "replace").decode().replace("\0", "\ufffd")
+        return None if value is None else re.sub("[\0\ud800-\udfff]", "\ufffd", value)
 
 
 class Document(TypeDecorator[Any]):
@@ -117,10 +116,10 @@ Index(
     postgresql_where=text("queue_rank IS NOT NULL"),
 )
 Index(
-    "ix_jobs_with_running_frames",
+    "ix_jobs_active",
     jobs.c.tenant,
-    sqlite_where=text("frames_running > 0"),
-    postgresql_where=text("frames_running > 0"),
+    sqlite_where=text("state IN ('preparing', 'running', 'canceling')"),
+    postgresql_where=text("state IN ('preparing', 'running', 'canceling')"),
 )
 Index("ix_jobs_listed", jobs.c.tenant, jobs.c.created_at, jobs.c.id)
 Index("ix_jobs_listed_by_state", jobs.c.tenant, jobs.c.state, jobs.c.created_at, jobs.c.id)
@@ -187,6 +186,12 @@ events = Table(
     sqlite_autoincrement=True,  # a number is never used again, not even after its row was deleted
 )
 Index("ix_events_of_job", events.c.job_id, events.c.id)
+Index(
+    "ix_events_passing",
+    events.c.created_at,
+    sqlite_where=text("type IN ('progress', 'preview')"),
+    postgresql_where=text("type IN ('progress', 'preview')"),
+)
 
 outputs = Table(
     "outputs",
