@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any, Literal, TypedDict
 
-from .reading import member
+from .reading import REST
 
 Json = dict[str, Any]
 
@@ -47,14 +47,16 @@ class Webhook(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Scene:
+    """`facts`: what its check found in it: cameras, frame range, files, ..."""
+
     id: str
     state: str  # checking, ready, rejected
     kind: str = ""
     name: str = ""
     bytes: int = 0
-    facts: Json = field(default_factory=dict)
     warnings: list[Json] = field(default_factory=list)
     problem: Json | None = None
+    facts: Json = field(default_factory=dict, metadata=REST)
 
 
 @dataclass(frozen=True)
@@ -82,15 +84,14 @@ class Progress:
     phase: str | None = None
     frames: FrameCounts | None = None
     samples_done: float | None = None
-    samples_min: int | None = None
-    samples_max: int | None = None
+    samples_min: float | None = None
+    samples_max: float | None = None
     rays: float | None = None
     rays_per_s: float | None = None
     error: ErrorOfNow | None = None
     elapsed_s: float | None = None
     eta_s: float | None = None
     eta_ci95: tuple[float, float] | None = None
-    pass_: int | None = member("pass")
 
 
 @dataclass(frozen=True)
@@ -153,8 +154,9 @@ class Output:
 class Convergence:
     """A row of a frame's curve: `t_s` seconds of sampling, and the error after so many samples a pixel."""
 
-    t_s: float
-    samples: float
+    frame: int
+    t_s: float | None = None
+    samples: float | None = None
     relmse: float | None = None
     rmse: float | None = None
     ci95: tuple[float, float] | None = None
@@ -170,11 +172,20 @@ class Event:
 
 
 @dataclass(frozen=True)
+class Share:
+    """Of a quota; `limit` None: as much as there is."""
+
+    used: float
+    limit: float | None = None
+
+
+@dataclass(frozen=True)
 class Usage:
-    queued_jobs: int
-    running_jobs: int
-    stored_bytes: int
-    cpu_s_today: float
+    tenant: str
+    queued_jobs: Share
+    running_jobs: Share
+    stored_bytes: Share
+    cpu_s_per_day: Share
     cpu_s_total: float
 
 

@@ -1,6 +1,6 @@
 """JSON into dataclasses, by their fields' types. Members that no field is for are left out; what is missing takes its default.
 
-A field whose name Python does not allow says the member's by `member("pass")`.
+But a field with the metadata REST takes all those that no other is for.
 """
 
 from __future__ import annotations
@@ -17,12 +17,7 @@ from .errors import UnexpectedAnswer
 T = TypeVar("T")
 
 
-def member(name: str, default: Any = None) -> Any:
-    return dataclasses.field(default=default, metadata={"member": name})
-
-
-def member_of(field: dataclasses.Field[Any]) -> str:
-    return str(field.metadata.get("member", field.name))
+REST = {"rest": True}
 
 
 def read(kind: type[T], document: Any, where: str = "") -> T:
@@ -31,11 +26,14 @@ def read(kind: type[T], document: Any, where: str = "") -> T:
     if not isinstance(document, Mapping):
         raise UnexpectedAnswer(f"{place} is not a JSON object")
     hints = _hints(cast(Hashable, kind))
-    values = {}
-    for field in dataclasses.fields(kind):  # type: ignore[arg-type]
-        name = member_of(field)
-        if name in document:
-            values[field.name] = _value(hints[field.name], document[name], f"{place}.{name}")
+    values: dict[str, Any] = {}
+    fields = dataclasses.fields(kind)  # type: ignore[arg-type]
+    for field in fields:
+        name = field.name
+        if field.metadata.get("rest"):
+            values[name] = {other: document[other] for other in document if all(other != each.name for each in fields)}
+        elif name in document:
+            values[name] = _value(hints[name], document[name], f"{place}.{name}")
         elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             raise UnexpectedAnswer(f"{place} has no {name}")
     return kind(**values)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+from dataclasses import replace
 
 from fastapi import APIRouter, Request, Response
 from fastapi.concurrency import run_in_threadpool
@@ -18,6 +19,7 @@ from ..problems import Problem, problem_of
 from ..scenes.recognize import MEDIA_TYPES
 from ..service import Service
 from ..store.base import Conflict, KeyReused
+from ..webhooks import accepted_webhook
 from .access import Serving, Submitter
 from .answers import json_bytes
 from .bodies import json_body, parsed
@@ -145,6 +147,8 @@ def create(service: Service, caller: Caller, asked: JobRequest, request: Request
         request_id=request_id_of(request),
         traceparent=traceparent if _TRACEPARENT.fullmatch(traceparent) else "",
     )
+    if asked.webhook is not None:
+        job = replace(job, webhook=accepted_webhook(asked.webhook, service.config))
     key = idempotency_key(request)
     scene = service.store.scene(caller.tenant, asked.scene.id)
     if scene is None:

@@ -162,14 +162,14 @@ def test_an_upload_that_broke_off_is_sent_again(tmp_path: Path, sleeps: Sleeps) 
 
 # ---- waiting and watching ------------------------------------------------------------------------------------------------
 def test_waiting_polls_long_and_sees_each_state_once(sleeps: Sleeps) -> None:
-    running = {**JOB, "state": "running", "progress": {"fraction": 0.5, "pass": 3}}
+    running = {**JOB, "state": "running", "progress": {"fraction": 0.5, "eta_ci95": [3, 4], "new": 1}}
     script = [as_json(JOB, ETag='"1"'), Answer(304), as_json(running, ETag='"2"'), as_json(DONE, ETag='"3"')]
     seen: list[Job] = []
     with serving(script) as server:
         job = client_of(server, sleeps).wait("job_1", on_change=seen.append)
     assert job.state == "succeeded"
     assert [each.state for each in seen] == ["queued", "running"]
-    assert seen[1].progress.pass_ == 3
+    assert seen[1].progress.eta_ci95 == (3.0, 4.0)
     assert [request.headers.get("If-None-Match") for request in server.requests] == [None, '"1"', '"1"', '"2"']
     assert server.requests[0].headers["Prefer"] == "wait=30"
 
