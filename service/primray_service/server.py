@@ -147,7 +147,7 @@ def check_walls(config: ServeConfig, data: DataDirectory) -> SelfTest:
         if not config.on_loopback:
             raise Problem(
                 "unavailable",
-                f"The sandbox does not hold here: {found.problem}. Scenes of strangers would be opened without walls: listen on "
+                f"The sandbox does not hold here: {found.problem}. Strangers' scenes would be opened without walls: listen on "
                 "127.0.0.1 only, or start with --allow-unsandboxed.",
             )
     return found

@@ -16,7 +16,6 @@ from typing import Any
 
 import pytest
 
-from primray_service.executor import slots
 from primray_service.executor.base import Chunk, Ended, Message
 from primray_service.executor.local import LocalExecutor
 from primray_service.executor.local_run import Run, Walls
@@ -250,7 +249,7 @@ def test_it_finds_its_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lin
         def no_link(*_: object, **__: object) -> None:
             raise OSError(18, "Invalid cross-device link")
 
-        monkeypatch.setattr(slots.os, "link", no_link)
+        monkeypatch.setattr("os.link", no_link)
 
     async def go() -> None:
         async with started(tmp_path / "data") as executor:
