@@ -25,6 +25,7 @@ from .routes import (
     logs,
     metrics,
     outputs,
+    page,
     previews,
     scenes,
     sessions,
@@ -54,6 +55,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     health.router,
     metrics.router,
     documents.router,
+    page.router,
 )
 
 

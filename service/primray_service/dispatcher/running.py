@@ -15,7 +15,7 @@ from .. import ids
 from ..executor.base import Ended
 from ..jobs import TERMINAL, Frame, FrameState, Job, JobState
 from ..problems import Problem
-from ..store.base import Claim, Lost
+from ..store.base import Claim
 from . import adoption, chunks, frame_end, reports
 from .chunk_run import ChunkRun
 from .endings import Again, Broken, Circumstances, Given, Outcome, Picture, outcome_of
@@ -106,14 +106,13 @@ class RunningFrame:
     # ---- its life -----------------------------------------------------------------------------------------------------------
 
     async def live(self) -> None:
+        """Lost if another dispatcher has the frame now."""
         metrics = self._parts.metrics
         metrics.frames_started += 1
         metrics.queue_wait.observe(max(time.time() - self.job.queued_at, 0.0))
         reading = asyncio.create_task(self._jobs.get(self.job))
         try:
             await self._live(reading)
-        except Lost:
-            pass  # another dispatcher has it now
         finally:
             self.has_slot = False
             reading.cancel()

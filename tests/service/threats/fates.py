@@ -38,6 +38,8 @@ class Fate:
 
 
 def usda(body: str = "", head: str = "") -> str:
+    """A layer; a statement has to end with its line, or with a semicolon."""
+    body, head = body.replace(" }", "\n}"), head.replace(" }", "\n}")
     return f"#usda 1.0\n(\n{head}\n)\n{body}\n" if head else f"#usda 1.0\n{body}\n"
 
 

@@ -1,0 +1,71 @@
+// What was found in a scene, beside the prims it concerns: grouped by prim or by kind, filtered by words.
+
+import { choice, element, field, fill, write } from "./dom.js";
+import { plural } from "./format.js";
+
+const SHOWN = 300; // rows; a scene can have a warning for each of 100,000 prims
+const ORDER = { error: 0, warning: 1, info: 2 };
+
+export function diagnostics() {
+  const filter = element("input", { type: "search", placeholder: "prim, kind or words", on: { input: draw } });
+  const by = choice([["prim", "prim"], ["code", "kind"]], "prim", { on: { change: draw } });
+  const list = element("div", { class: "found" });
+  const heading = element("h2", {});
+  const controls = element("div", { class: "bar" }, field("Filter", filter), field("Group by", by));
+  const root = element("section", { class: "card diagnostics", "aria-label": "Diagnostics" }, heading, controls, list);
+  let rows = [];
+  let drawn = "";
+
+  function show(given) {
+    const text = JSON.stringify(given);
+    if (text === drawn) return;
+    drawn = text;
+    rows = given.map((row) => ({ severity: "warning", prim: "", code: "", detail: "", ...row }));
+    draw();
+  }
+
+  function draw() {
+    const words = filter.value.toLowerCase().split(/\s+/).filter(Boolean);
+    const kept = rows.filter((row) => {
+      const text = `${row.prim} ${row.code} ${row.detail}`.toLowerCase();
+      return words.every((word) => text.includes(word));
+    });
+    write(heading, rows.length === 0 ? "Nothing to report about the scene" : plural(rows.length, "note") + " on the scene");
+    controls.hidden = rows.length < 2;
+    const groups = new Map();
+    for (const row of kept.slice(0, SHOWN)) {
+      const name = row[by.value] || "the whole scene";
+      groups.set(name, [...(groups.get(name) ?? []), row]);
+    }
+    fill(
+      list,
+      [...groups].map(([name, members]) => group(name, members)),
+      kept.length > SHOWN && element("p", { class: "note" }, `${plural(kept.length - SHOWN, "more note")}: narrow the filter to see them.`),
+      rows.length > 0 && kept.length === 0 && element("p", { class: "note" }, "None of the notes matches."),
+    );
+  }
+
+  function group(name, members) {
+    members.sort((a, b) => (ORDER[a.severity] ?? 1) - (ORDER[b.severity] ?? 1));
+    return element(
+      "div",
+      { class: "group" },
+      element("h3", {}, element("code", {}, name)),
+      element(
+        "ul",
+        {},
+        members.map((row) =>
+          element(
+            "li",
+            { data: { severity: row.severity } },
+            element("span", { class: "kind" }, by.value === "prim" ? row.code : row.prim || "the whole scene"),
+            " ",
+            element("span", {}, row.detail),
+          ),
+        ),
+      ),
+    );
+  }
+
+  return { root, show };
+}

@@ -1,0 +1,60 @@
+// What was dropped or chosen, as one file to upload: a scene or package as it is, several files or a folder packed into a zip.
+
+import { stored } from "./zip.js";
+
+const SCENE = /\.(usd|usda|usdc|usdz|zip)$/i;
+const PICTURE = /\.(usd|usda|usdc|usdz)$/i;
+// Files that desktops leave in folders.
+const LITTER = /(^|\/)(\.DS_Store|Thumbs\.db|desktop\.ini|\._[^/]*|__MACOSX\/.*|\.git\/.*)$/;
+
+// [{path, file}] of a drop; must be called while the drop event is handled.
+export async function filesOfDrop(transfer) {
+  const entries = [...transfer.items].map((item) => item.webkitGetAsEntry?.()).filter(Boolean);
+  if (entries.length === 0) return filesOfInput(transfer.files);
+  const found = [];
+  for (const entry of entries) await collect(entry, "", found);
+  return found;
+}
+
+export function filesOfInput(files) {
+  return [...files].map((file) => ({ path: file.webkitRelativePath || file.name, file }));
+}
+
+async function collect(entry, above, found) {
+  const path = above + entry.name;
+  if (entry.isFile) {
+    found.push({ path, file: await new Promise((resolve, reject) => entry.file(resolve, reject)) });
+    return;
+  }
+  const reader = entry.createReader();
+  for (;;) {
+    const batch = await new Promise((resolve, reject) => reader.readEntries(resolve, reject));
+    if (batch.length === 0) return; // it gives at most 100 at a time, and none at the end
+    for (const inner of batch) await collect(inner, `${path}/`, found);
+  }
+}
+
+// {name, blob, notes}; throws an Error with a sentence where nothing could be rendered.
+export async function packed(files, onProgress, signal) {
+  const litter = files.filter(({ path }) => LITTER.test(path));
+  const kept = files.filter(({ path }) => !LITTER.test(path));
+  const notes = litter.length ? [`Left out: ${litter.map(({ path }) => path).join(", ")}`] : [];
+  if (kept.length === 0) throw new Error("There is no file in what was dropped.");
+  if (kept.length === 1 && SCENE.test(kept[0].file.name)) return { name: kept[0].file.name, blob: kept[0].file, notes };
+  if (!kept.some(({ path }) => PICTURE.test(path))) {
+    throw new Error("None of these files is a USD layer (.usd, .usda, .usdc or .usdz).");
+  }
+  const { entries, folder } = rooted(kept);
+  // In the same order every time: the same files are the same scene.
+  entries.sort((a, b) => (a.path < b.path ? -1 : a.path > b.path ? 1 : 0));
+  const blob = await stored(entries, onProgress, signal);
+  return { name: `${folder || entries.find(({ path }) => PICTURE.test(path)).path.replace(/\.\w+$/, "")}.zip`, blob, notes };
+}
+
+// Paths below the one folder that holds everything.
+function rooted(files) {
+  const folder = files[0].path.split("/")[0];
+  const inside = files.every(({ path }) => path.startsWith(`${folder}/`));
+  if (!inside) return { entries: files, folder: "" };
+  return { entries: files.map(({ path, file }) => ({ path: path.slice(folder.length + 1), file })), folder };
+}

@@ -1,0 +1,97 @@
+"""The web page: the files of page/, and the only headers that let a browser run them."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from fastapi import APIRouter, Request, Response
+
+from ..problems import Problem
+
+FOLDER = Path(__file__).resolve().parents[1] / "page"
+MEDIA_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+    ".txt": "text/plain; charset=utf-8",
+    "": "text/plain; charset=utf-8",  # licences
+}
+# Everything from this server, nothing inline. blob: is for pictures that the page fetched itself, to know of their failure.
+POLICY = (
+    "default-src 'self'; img-src 'self' blob:; object-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+# A browser asks each time whether its copy is still good: after an upgrade, old modules must not meet new ones.
+HEADERS = {
+    "cache-control": "no-cache",
+    "content-security-policy": POLICY,
+    "cross-origin-opener-policy": "same-origin",
+    "referrer-policy": "no-referrer",
+    "vary": "accept-encoding",
+    "x-content-type-options": "nosniff",
+    "x-frame-options": "DENY",
+}
+
+router = APIRouter(include_in_schema=False)
+
+
+@dataclass(frozen=True)
+class Static:
+    content: bytes
+    packed: bytes
+    media_type: str
+    etag: str
+
+
+@lru_cache(maxsize=1)
+def files() -> dict[str, Static]:
+    """By path below page/. All of them are read once: what is not among them cannot be asked for."""
+    return {
+        path.relative_to(FOLDER).as_posix(): _static(path)
+        for path in sorted(FOLDER.rglob("*"))
+        if path.is_file() and path.suffix in MEDIA_TYPES
+    }
+
+
+def _static(path: Path) -> Static:
+    content = path.read_bytes()
+    etag = hashlib.sha256(content).hexdigest()[:32]
+    return Static(content, gzip.compress(content, 9, mtime=0), MEDIA_TYPES[path.suffix], etag)
+
+
+@router.api_route("/", methods=["GET", "HEAD"])
+async def index(request: Request) -> Response:
+    return _answer(request, "index.html")
+
+
+@router.api_route("/page/{path:path}", methods=["GET", "HEAD"])
+async def file(request: Request, path: str) -> Response:
+    return _answer(request, path)
+
+
+def _answer(request: Request, path: str) -> Response:
+    found = files().get(path)
+    if found is None:
+        raise Problem("not-found", "The page has no such file.")
+    packed = _takes_gzip(request.headers.get("accept-encoding", "")) and len(found.packed) < len(found.content)
+    # The packed bytes are another representation, so they have an entity tag of their own (RFC 9110, section 8.8.3).
+    etag = f'"{found.etag}-gz"' if packed else f'"{found.etag}"'
+    headers = {**HEADERS, "etag": etag}
+    known = {tag.strip().removeprefix("W/") for tag in request.headers.get("if-none-match", "").split(",")}
+    if etag in known or "*" in known:
+        return Response(status_code=304, headers=headers)
+    if packed:
+        headers["content-encoding"] = "gzip"
+    return Response(found.packed if packed else found.content, headers=headers, media_type=found.media_type)
+
+
+def _takes_gzip(accept: str) -> bool:
+    for item in accept.split(","):
+        name, _, weight = item.replace(" ", "").partition(";")
+        if name.lower() == "gzip":
+            return weight not in ("q=0", "q=0.0", "q=0.00", "q=0.000")
+    return False
