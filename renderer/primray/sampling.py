@@ -32,6 +32,8 @@ USUAL_RATE = 1.2  # at first, before it has been measured
 # A pass under a time limit takes at most so much of what is left, so that what it takes is known before the end comes near.
 SHARE_OF_TIME = 0.35
 
+LOOK_PIXELS = 1 << 15  # of the first look
+
 # progress(fraction, samples, rays), some ten times a second; False stops the render.
 Progress = Callable[[float, int, int], bool | None]
 Ends = npt.NDArray[np.uint32]
@@ -90,7 +92,7 @@ class Sampling:
     earlier_rays: int = 0
     resumable: bool = False  # measure at anchors what any error metric may be told by later
     pilot: bool = False  # measure at every anchor, and at the end only where there was none
-    # For those who watch: a first pass of one block, whose error is measured too, and who is told when a pass is complete.
+    # For those who watch: a first pass of one block, whose error is looked at, and who is told when a pass is complete.
     first_look: bool = False
     on_pass: Callable[[], None] | None = None
     now_s: float = 0.0  # seconds of sampling, those of the pass under way too
@@ -258,13 +260,22 @@ class Sampling:
         if error is not None:
             self.rows.append(Row(self.mean_samples(), self.seconds, error, anchor, due))
 
+    def _look(self) -> None:
+        """What a few pixels tell of the error, for those who watch."""
+        start = time.perf_counter()
+        view = DisplayView() if self.settings.error_metric is Metric.DISPLAY else None
+        error = measure(self.film, core.threads(self.settings), view, LOOK_PIXELS)
+        self.seconds += time.perf_counter() - start
+        if error is not None:
+            self.rows.append(Row(self.mean_samples(), self.seconds, error, anchor=False))
+
     def _measure_at_anchor(self) -> None:
         if self._is_anchor():
             self._measure(anchor=True)
             if self.settings.adapts and self.rows and self.done >= FIRST_PLAN:
                 self.plan = make_plan(self.film, self.rows[-1].error.tiles, self.done)
         elif self.first_look and self.done == SAMPLE_BLOCK:
-            self._measure()
+            self._look()
         elif self.settings.target_error is not None and self.done > 0:
             expected = self.expected_end()
             due = expected is not None and self.done >= expected

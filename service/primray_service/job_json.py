@@ -32,7 +32,7 @@ def job_json(job: Job) -> Json:
         "labels": dict(job.labels),
         "settings": job.settings,
         "effective_settings": job.effective_settings,
-        "progress": job.progress,
+        "progress": {"fraction": 0.0, **job.progress},  # empty at the begin of an attempt
         "result": job.result,
         "warnings": job.warnings,
         "error": job.error,

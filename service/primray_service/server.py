@@ -34,6 +34,7 @@ from .service import Service
 from .shared_reads import SharedReads
 from .store import open_store
 from .tenants import quotas_of
+from .webhooks import WebhookSender
 
 log = structlog.get_logger("primray.server")
 
@@ -111,16 +112,22 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
     service = Service(config, store, data, executor, None, changes, reads)  # type: ignore[arg-type]
     service.dispatcher = Dispatcher(store, executor, data, config.limits, quotas_of(store, config.quotas))
     dispatching: asyncio.Task[None] | None = None
+    sender = WebhookSender(store, config)
+    sending: asyncio.Task[None] | None = None
     try:
         if config.dispatch:
             service.self_test = await asyncio.to_thread(check_walls, config, data)
             await executor.start()
             dispatching = asyncio.create_task(service.dispatcher.run())
+            sending = asyncio.create_task(sender.run(lambda: service.dispatcher.fence))
         if config.warm:
             await service.pictures.warm()
         yield service
     finally:
         changes.close()
+        if sending is not None:
+            await sender.stop()
+            await sending
         if dispatching is not None:
             await service.dispatcher.stop()
             with contextlib.suppress(asyncio.CancelledError):
@@ -140,7 +147,7 @@ def check_walls(config: ServeConfig, data: DataDirectory) -> SelfTest:
         if not config.on_loopback:
             raise Problem(
                 "unavailable",
-                f"The sandbox does not hold here: {found.problem}. Scenes of strangers would be opened without walls: listen on "
+                f"The sandbox does not hold here: {found.problem}. Strangers' scenes would be opened without walls: listen on "
                 "127.0.0.1 only, or start with --allow-unsandboxed.",
             )
     return found

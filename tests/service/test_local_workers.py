@@ -16,7 +16,6 @@ from typing import Any
 
 import pytest
 
-from primray_service.executor import slots
 from primray_service.executor.base import Chunk, Ended, Message
 from primray_service.executor.local import LocalExecutor
 from primray_service.executor.local_run import Run, Walls
@@ -250,7 +249,7 @@ def test_it_finds_its_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lin
         def no_link(*_: object, **__: object) -> None:
             raise OSError(18, "Invalid cross-device link")
 
-        monkeypatch.setattr(slots.os, "link", no_link)
+        monkeypatch.setattr("os.link", no_link)
 
     async def go() -> None:
         async with started(tmp_path / "data") as executor:
@@ -318,9 +317,7 @@ def test_a_waiting_worker_that_died_is_not_given_work(tmp_path: Path) -> None:
     asyncio.run(go())
 
 
-def test_one_worker_waits_for_each_kind_and_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("primray_service.executor.local.WARM_AGAIN_AFTER_S", 0.0)
-
+def test_one_worker_waits_for_each_kind_and_is_replaced(tmp_path: Path) -> None:
     async def go() -> None:
         async with started(tmp_path, warm=True) as executor:
             assert executor.health()["warm"] == ["check", "render"]
@@ -328,6 +325,7 @@ def test_one_worker_waits_for_each_kind_and_is_replaced(tmp_path: Path, monkeypa
             handle = executor.submit(chunk(DONE), lambda _: None)
             assert isinstance(handle, Run)
             assert handle.pid == before
+            assert executor.health()["warm"] == ["check"]
             await handle.result()
             await asyncio.sleep(0.1)
             assert executor._warm["render"].process.pid != before

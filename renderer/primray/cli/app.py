@@ -1,4 +1,4 @@
-"""The commands of `primray`, put together."""
+"""The commands of `primray`, put together; those of other packages come in by `installed`."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from .compare import compare
 from .doctor import doctor
 from .estimate import estimate
 from .inspect import inspect
+from .installed import CommandGroup
 from .merge import merge
 from .render import render
 from .sheet import sheet
 
 app = typer.Typer(
+    cls=CommandGroup,
     help="Render USD stages on CPUs.",
     no_args_is_help=True,
     add_completion=True,

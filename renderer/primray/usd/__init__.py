@@ -7,9 +7,20 @@ column-vector.
 """
 
 from .asset import read_asset
+from .dependencies import Dependencies, dependencies, write_usdz
 from .stage import open_stage
 from .stage_facts import stage_facts
 from .stage_metadata import used_files
 from .translate import camera_paths, translate
 
-__all__ = ["camera_paths", "open_stage", "read_asset", "stage_facts", "translate", "used_files"]
+__all__ = [
+    "Dependencies",
+    "camera_paths",
+    "dependencies",
+    "open_stage",
+    "read_asset",
+    "stage_facts",
+    "translate",
+    "used_files",
+    "write_usdz",
+]

@@ -16,7 +16,7 @@ from .parts import Parts
 LOG = logging.getLogger(__name__)
 
 TRIES = 2  # of a check that crashes
-KILLS = 20  # from outside
+KILLS = 5  # from outside, in a row
 
 
 async def check_scene(parts: Parts, scene: Scene) -> None:
@@ -66,5 +66,5 @@ def _judged(parts: Parts, run: CheckRun, ended: Ended) -> tuple[Json | None, str
     if ended.reason in endings.LIMITS_REACHED:
         return endings.limit_problem(ended, limits, cpu_s=limits.check_cpu_s).as_json(), ""
     if endings.was_killed(ended):
-        return Problem("unavailable", "The check of the scene was killed from outside, again and again.").as_json(), "kill"
+        return endings.crash_problem(ended).as_json(), "kill"
     return endings.crash_problem(ended).as_json(), "crash"

@@ -27,6 +27,7 @@ class Asked:
 
     frames: int  # of its job
     picture_only: bool = False
+    preview: bool = False  # somebody looks at it already
 
 
 def render_chunk(
@@ -47,13 +48,19 @@ def render_chunk(
         "number": frame.checkpoint,
         "checkpoint_every_s": limits.checkpoint_every_s,
         "picture_only": asked.picture_only and not begin,
-        "preview": True,
-        "names": list(output_names(job, frame, asked.frames)),
+        "preview": asked.preview,
+        "outputs": list(output_names(job, frame, asked.frames)),
+        "spent_s": 0.0 if begin else spent_s(frame),
         "fraction": 0.0 if begin else float(frame.progress.get("fraction", 0.0)),
         "limits": asdict(limits),
         "traceparent": job.traceparent,
     }
     return Chunk(chunk_id, "render", command, inputs, folders, load_cpu_s=limits.load_cpu_s)
+
+
+def spent_s(frame: Frame) -> float:
+    """Seconds of sampling up to the last checkpoint, in all chunks of this attempt: what a time limit counts."""
+    return float(frame.progress.get("spent_s", 0.0))
 
 
 def check_chunk(chunk_id: str, scene: Scene, data: DataDirectory, limits: Limits) -> Chunk:

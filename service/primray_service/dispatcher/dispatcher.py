@@ -44,13 +44,19 @@ class Dispatcher:
         self._quotas_of = quotas_of
         self._loop: asyncio.AbstractEventLoop | None = None
         self._term: Term | None = None
+        self._lease: Lease | None = None
         self._stopping = asyncio.Event()
         self._ended = asyncio.Event()
+
+    @property
+    def fence(self) -> int | None:
+        """Of the lease, while this server holds it: for others that work under it."""
+        return self._lease.fence if self._lease is not None and self._lease.is_held else None
 
     async def run(self) -> None:
         """Until `stop`: hold the lease when it can be had, and work."""
         self._loop = asyncio.get_running_loop()
-        lease = Lease(self._store, f"{socket.gethostname()}/{os.getpid()}/{ulid(0.0)[10:]}")
+        self._lease = lease = Lease(self._store, f"{socket.gethostname()}/{os.getpid()}/{ulid(0.0)[10:]}")
         try:
             while not self._stopping.is_set():
                 if await self._has(lease):

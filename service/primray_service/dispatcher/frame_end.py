@@ -105,7 +105,7 @@ class Ending:
         parts, job, frame = self.parts, self.job, self.frame
         assert self.run is not None
         assert self.ended is not None
-        if {made.name for made in done.outputs} - set(self.run.chunk.command["names"]):
+        if {made.name for made in done.outputs} - set(self.run.chunk.command["outputs"]):
             raise adoption.NotAdopted("there is one that was not asked for")
         adopted = await parts.calls.disk(
             adoption.adopt_outputs,

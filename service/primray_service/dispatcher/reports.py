@@ -62,7 +62,8 @@ async def tell_preview(parts: Parts, shared: SharedJob, frame: Frame, number: in
 def updated(frame: Frame, run: ChunkRun) -> Frame:
     """The frame with what its worker has said."""
     inbox = run.inbox
-    progress = frame.progress if inbox.progress is None else inbox.progress
+    spent = {name: value for name, value in frame.progress.items() if name == "spent_s"}
+    progress = frame.progress if inbox.progress is None else inbox.progress | spent
     return replace(
         frame,
         phase=inbox.phase or frame.phase,

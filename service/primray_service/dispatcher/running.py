@@ -15,7 +15,7 @@ from .. import ids
 from ..executor.base import Ended
 from ..jobs import TERMINAL, Frame, FrameState, Job, JobState
 from ..problems import Problem
-from ..store.base import Claim, Lost
+from ..store.base import Claim
 from . import adoption, chunks, frame_end, reports
 from .chunk_run import ChunkRun
 from .endings import Again, Broken, Circumstances, Given, Outcome, Picture, outcome_of
@@ -45,6 +45,7 @@ class RunningFrame:
         self._run: ChunkRun | None = None
         self._kill_for = ""  # before there is a run, or after
         self._out_of_time = False
+        self._wants_preview = False  # before there is a run to be asked
         self._claimed_at = asyncio.get_running_loop().time()
 
     @property
@@ -93,6 +94,7 @@ class RunningFrame:
             self._run.tell("yield")
 
     def ask_preview(self) -> None:
+        self._wants_preview = True
         if self._run is not None:
             self._run.ask_preview()
 
@@ -104,14 +106,13 @@ class RunningFrame:
     # ---- its life -----------------------------------------------------------------------------------------------------------
 
     async def live(self) -> None:
+        """Lost if another dispatcher has the frame now."""
         metrics = self._parts.metrics
         metrics.frames_started += 1
         metrics.queue_wait.observe(max(time.time() - self.job.queued_at, 0.0))
         reading = asyncio.create_task(self._jobs.get(self.job))
         try:
             await self._live(reading)
-        except Lost:
-            pass  # another dispatcher has it now
         finally:
             self.has_slot = False
             reading.cancel()
@@ -163,7 +164,7 @@ class RunningFrame:
         read = parts.calls.store(parts.store.scene, job.tenant, job.scene_id)
         counted = parts.calls.store(parts.store.frame_counts, job.id)
         scene, counts, _ = await asyncio.gather(read, counted, tidied)
-        asked = chunks.Asked(sum(counts.values()), picture_only)
+        asked = chunks.Asked(sum(counts.values()), picture_only, self._wants_preview)
         try:
             if scene is None:
                 raise Problem("internal", "The scene is not on the server any more; upload it again.")
@@ -207,7 +208,7 @@ class RunningFrame:
         limits = self._parts.limits
         if run.silent_s > SILENT_S:
             run.kill("silent")
-        elif not self.going and float(self.frame.progress.get("elapsed_s", 0.0)) > limits.seconds:
+        elif not self.going and float(run.chunk.command["spent_s"]) + run.sampled_s > limits.seconds:
             self.going = self._out_of_time = True
             run.tell_to_end("stop", max(limits.stop_grace_s, YIELD_S), "silent")
 
@@ -254,7 +255,10 @@ class RunningFrame:
         parts.metrics.checkpoints += 1
         parts.metrics.adopt_checkpoint.observe(time.monotonic() - began)
         older = frame.checkpoint_file
-        self.frame = replace(frame, checkpoint=message.number, checkpoint_file=name, crashes=0, kills=0)
+        # What a time limit counts: by the wall clock, which is near enough, and all that is known of every kind of worker.
+        progress = frame.progress | {"spent_s": float(run.chunk.command["spent_s"]) + run.sampled_s}
+        taken = replace(frame, checkpoint=message.number, checkpoint_file=name, crashes=0, kills=0)
+        self.frame = replace(taken, progress=progress)
         if older and older != name:
             await parts.calls.disk(adoption.remove, folder / older)
 

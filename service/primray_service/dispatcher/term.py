@@ -26,7 +26,8 @@ LOG = logging.getLogger(__name__)
 LOOK_EVERY_S = 0.5
 LOOK_AT_DISK_EVERY_S = 2.0
 STOP_WITHIN_S = 4.0
-PREVIEW_ASKED_S = 15.0
+PREVIEW_ASKED_S = 15.0  # who asked so long before the frame began looks still
+MOST_ASKED = 1000
 
 
 class Term:
@@ -54,6 +55,11 @@ class Term:
         running = self._running.get((job_id, frame))
         if running is not None:
             running.ask_preview()
+            return
+        now = time.monotonic()
+        self._asked = {key: at for key, at in self._asked.items() if now - at < PREVIEW_ASKED_S}
+        if len(self._asked) < MOST_ASKED:
+            self._asked[job_id, frame] = now
 
     def stop(self) -> None:
         self._stopping = True
@@ -146,6 +152,8 @@ class Term:
         self._served[claim.job.tenant] = time.monotonic()
         running = RunningFrame(self._parts, self._jobs, claim, self._fill_slots)
         self._running[running.key] = running
+        if time.monotonic() - self._asked.pop(running.key, -PREVIEW_ASKED_S) < PREVIEW_ASKED_S:
+            running.ask_preview()
         self._parts.metrics.running = len(self._running)
         self._spawn(self._live_frame(running), "frame")
         return True

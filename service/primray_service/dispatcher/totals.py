@@ -99,7 +99,7 @@ class JobTotals:
         of_shown = {name: shown.progress.get(name) for name in ("samples_done", "samples_min", "samples_max", "error", "pass")}
         return of_shown | {
             "fraction": self._fraction,
-            "phase": next((frame.phase for frame in running if frame.phase), shown.phase if running else ""),
+            "phase": next((frame.phase for frame in running if frame.phase), "" if self.is_over else "queued"),
             "frames": {"total": len(frames)} | {state.value: self.count(state) for state in FrameState},
             "rays": sum(frame.progress.get("rays") or 0 for frame in frames),
             "rays_per_s": sum(frame.progress.get("rays_per_s") or 0.0 for frame in running),

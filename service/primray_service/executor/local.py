@@ -25,7 +25,9 @@ LOG = logging.getLogger(__name__)
 
 CORES_A_SLOT = 8
 READY_WITHIN_S = 120.0  # of a machine under load
-WARM_AGAIN_AFTER_S = 1.0  # a chunk began: its scene is read then, which the next worker's imports would slow down
+# Starting a worker takes half a CPU second, which a render would miss: the next one is started when the chunk has ended, or
+# while it runs, sooner where more could come at any time.
+WARM_AGAIN_AFTER_S, WARM_AGAIN_IF_FREE_AFTER_S = 8.0, 1.0
 WARM_AGAIN_AFTER_DEATH_S = 10.0
 
 
@@ -85,9 +87,17 @@ class LocalExecutor:
             worker = self._start_worker(chunk.kind, memory)
         run = Run(chunk, worker, on_message, self._limits, self._capacity.threads)
         self._runs.add(run)
-        run.ended.add_done_callback(lambda _: self._runs.discard(run))
-        self._warm_later(chunk.kind, WARM_AGAIN_AFTER_S)
+        run.ended.add_done_callback(lambda _: self._on_end(run))
+        is_full = chunk.kind == "render" and self._renders() >= self._capacity.slots
+        self._warm_later(chunk.kind, WARM_AGAIN_AFTER_S if is_full else WARM_AGAIN_IF_FREE_AFTER_S)
         return run
+
+    def _renders(self) -> int:
+        return sum(run.chunk.kind == "render" for run in self._runs)
+
+    def _on_end(self, run: Run) -> None:
+        self._runs.discard(run)
+        self._warm_later(run.chunk.kind, 0.0)
 
     def health(self) -> Json:
         """The self-test of the sandbox is the server's to make: it takes a moment."""

@@ -95,6 +95,11 @@ def answer(
     return Answer(status, description, kinds, headers, links or {})
 
 
+def leading_to(parameter: str, *operations: str) -> Json:
+    """Links (OpenAPI 3.1, 4.8.20) from an answer with an id to what can be done with it."""
+    return {name: {"operationId": name, "parameters": {parameter: "$response.body#/id"}} for name in operations}
+
+
 def json_request(model: type[BaseModel], example: Any = None, *, required: bool = True) -> Json:
     media = {"schema": schema_of(model), **({} if example is None else {"example": example})}
     return {"requestBody": {"required": required, "content": {"application/json": media}}}

@@ -58,7 +58,8 @@ async def events(
     of the events so far. A comment comes every 10 seconds, so that a dead connection is noticed.
     """
     kind = accepted(request, PAGES, STREAM)
-    first = last_seen(request) if after is None else after
+    seen = last_seen(request)
+    first = seen if after is None else after
     job = await found_shared(service, caller, job_id)
     rows = await read(service, job_id, first, limit if kind == PAGES else PAGE)
     if kind == PAGES:

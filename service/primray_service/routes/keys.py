@@ -21,7 +21,7 @@ from ..store.base import ApiKey
 from .access import Admin, Serving
 from .answers import json_answer
 from .bodies import json_body
-from .described import answer, described, json_request
+from .described import answer, described, json_request, leading_to
 
 router = APIRouter(prefix="/v1/keys", tags=["keys"])
 
@@ -50,7 +50,13 @@ class KeyRequest(Sent):
 @router.post(
     "",
     **described(
-        answer(account_views.NewKey, 201, "The key, shown once.", headers=("Location",)),
+        answer(
+            account_views.NewKey,
+            201,
+            "The key, shown once.",
+            headers=("Location",),
+            links=leading_to("key_id", "keys_show", "keys_revoke"),
+        ),
         problems=("invalid-json", "request-too-large", "unsupported-media-type", "invalid-request"),
         request=json_request(KeyRequest, {"tenant": "lighting", "scopes": ["submit", "read"], "name": "farm"}),
     ),

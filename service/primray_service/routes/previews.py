@@ -46,7 +46,9 @@ async def preview(
     frame: Annotated[
         int | None, Query(ge=0, lt=2**31, description="The frame's number, from 0; not given: the one that runs.")
     ] = None,
-    view: Annotated[str, Query(max_length=64, description=f"One of: {', '.join(VIEWS)}.")] = "beauty",
+    view: Annotated[
+        str, Query(max_length=64, description="Of the picture, or of its error.", json_schema_extra={"enum": list(VIEWS)})
+    ] = "beauty",
     channel: Annotated[Channel, Query(description="One channel alone, in grey.")] = "rgb",
     exposure: Annotated[float, Query(ge=-MOST_STOPS, le=MOST_STOPS, allow_inf_nan=False, description="In stops.")] = 0.0,
     format: Annotated[Format, Query(description="raw: half floats, as worker/preview.py says.")] = "png",

@@ -17,7 +17,7 @@ from ..scenes.recognize import MEDIA_TYPES
 from ..store.base import Conflict
 from .access import Reader, Serving, Submitter
 from .answers import json_answer, none_match, not_modified
-from .described import answer, described
+from .described import answer, described, leading_to
 from .uploads import receive_scene, refused
 
 router = APIRouter(prefix="/v1/scenes", tags=["scenes"])
@@ -46,12 +46,19 @@ UPLOAD_BODY: dict[str, Any] = {
     }
 }
 
+LINKS: dict[str, Any] = {
+    **leading_to("scene_id", "scenes_show", "scenes_show_head", "scenes_delete"),
+    "submissions_submit": {"operationId": "submissions_submit", "requestBody": {"scene": {"id": "$response.body#/id"}}},
+}
+
 
 @router.post(
     "",
     **described(
-        answer(scene_views.Scene, 201, "It is kept, and is checked.", headers=("Location", "ETag", "Retry-After")),
-        answer(scene_views.Scene, 200, "The same bytes were sent before.", headers=("Location", "ETag", "Retry-After")),
+        answer(scene_views.Scene, 201, "It is kept, and is checked.", headers=("Location", "ETag", "Retry-After"), links=LINKS),
+        answer(
+            scene_views.Scene, 200, "The same bytes were sent before.", headers=("Location", "ETag", "Retry-After"), links=LINKS
+        ),
         problems=(
             "upload-incomplete",
             "upload-too-large",

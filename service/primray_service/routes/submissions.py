@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+from dataclasses import replace
 
 from fastapi import APIRouter, Request, Response
 from fastapi.concurrency import run_in_threadpool
@@ -15,12 +16,14 @@ from ..job_json import job_json
 from ..jobs import TERMINAL, Job, SceneState
 from ..models import FormJob, JobRequest
 from ..problems import Problem, problem_of
+from ..scenes.recognize import MEDIA_TYPES
 from ..service import Service
 from ..store.base import Conflict, KeyReused
+from ..webhooks import accepted_webhook
 from .access import Serving, Submitter
 from .answers import json_bytes
 from .bodies import json_body, parsed
-from .described import answer, described, json_request, schema_of
+from .described import answer, described, json_request, leading_to, schema_of
 from .guard import request_id_of
 from .jobs import changed, has_ended, job_answer, prefer_wait
 from .uploads import receive_scene, refused
@@ -42,8 +45,24 @@ BODY["requestBody"]["content"]["multipart/form-data"] = {
         "properties": {"file": {"type": "string", "format": "binary"}, "job": schema_of(FormJob)},
         "additionalProperties": False,
     },
-    "encoding": {"job": {"contentType": "application/json"}},
+    "encoding": {"job": {"contentType": "application/json"}, "file": {"contentType": ", ".join(MEDIA_TYPES.values())}},
 }
+
+LINKS = leading_to(
+    "job_id",
+    "jobs_show",
+    "jobs_change",
+    "jobs_cancel",
+    "jobs_go_on",
+    "events_events",
+    "frames_frames",
+    "frames_frame",
+    "convergence_convergence",
+    "previews_preview",
+    "outputs_list_outputs",
+    "logs_log",
+    "jobs_delete",
+)
 
 
 @router.post(
@@ -54,12 +73,14 @@ BODY["requestBody"]["content"]["multipart/form-data"] = {
             202,
             "It is queued.",
             headers=("Location", "ETag", "Retry-After", "Preference-Applied", "Idempotency-Replayed"),
+            links=LINKS,
         ),
         answer(
             views.Job,
             200,
             "Prefer asked to wait, and it has ended.",
             headers=("Location", "ETag", "Preference-Applied", "Idempotency-Replayed"),
+            links=LINKS,
         ),
         problems=(
             "invalid-json",
@@ -126,6 +147,8 @@ def create(service: Service, caller: Caller, asked: JobRequest, request: Request
         request_id=request_id_of(request),
         traceparent=traceparent if _TRACEPARENT.fullmatch(traceparent) else "",
     )
+    if asked.webhook is not None:
+        job = replace(job, webhook=accepted_webhook(asked.webhook, service.config))
     key = idempotency_key(request)
     scene = service.store.scene(caller.tenant, asked.scene.id)
     if scene is None:

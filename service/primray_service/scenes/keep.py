@@ -22,7 +22,7 @@ from ..jobs import Json, Scene, SceneState
 from ..limits import Limits, Quotas
 from ..problems import Problem, problem_of
 from ..store.base import Store
-from .entries import candidates, layers
+from .entries import candidates
 from .receive import Received
 from .recognize import HEAD_BYTES, called_usdz, recognize, wrong_as_usdz
 from .staging import sweep as sweep_incoming
@@ -31,7 +31,6 @@ from .zip_directory import read_directory
 from .zip_names import refuse_names
 
 ABOUT = "about.json"  # what was found while unpacking, for the next tenant who sends the same bytes
-MAX_LISTED = 1000
 LIBC = ctypes.CDLL(None, use_errno=True)
 
 
@@ -120,12 +119,10 @@ def _prepare(received: Received, data: DataDirectory, limits: Limits) -> Json:
                 about["no_usdz_because"] = wrong.as_json()
                 _refuse_as_usdz(received, about)
                 paths = [member.name for member in members if not member.is_folder]
-                roots = candidates(paths)
-                if not roots:
+                if not candidates(paths):
                     raise Problem("not-usd", f"None of the package's {len(paths)} files is a usd, usda, usdc or usdz layer.")
                 unpacked = unpack(file, members, staged / "package", limits, data.free_bytes)
                 about |= {"files": unpacked.files, "unpacked_bytes": unpacked.bytes}
-                about |= {"entries": roots[:MAX_LISTED], "layers": layers(paths)[:MAX_LISTED]}
     (staged / ABOUT).write_text(json.dumps(about))
     _sync_all(staged)
     return about
@@ -148,7 +145,6 @@ def _sync_all(folder: Path) -> None:
 
 
 def _scene(received: Received, tenant: str, about: Json, now: float) -> Scene:
-    facts: Json = {name: about[name] for name in ("files", "entries", "layers") if name in about}
     return Scene(
         id=received.scene_id,
         tenant=tenant,
@@ -159,5 +155,4 @@ def _scene(received: Received, tenant: str, about: Json, now: float) -> Scene:
         stored_bytes=received.bytes + about["unpacked_bytes"],
         created_at=now,
         used_at=now,
-        facts=facts,
     )

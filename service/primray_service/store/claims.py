@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 from sqlalchemy import Connection, Integer, Select, cast, func, literal, select, update
-from sqlalchemy.sql.elements import ColumnElement
 
 from ..ids import ulid
 from ..jobs import FrameState, JobState
@@ -17,7 +16,7 @@ from . import schema
 from .base import Claim
 from .engine import Database
 from .leases import check_fence, look_at_fence
-from .open_job import OpenJob, open_job
+from .open_job import IS_ACTIVE, OpenJob, open_job
 from .part import Part
 from .rows import JOB_COLUMNS, frame_of, job_of
 from .transaction import Transaction
@@ -25,9 +24,6 @@ from .usage import utc_day
 
 jobs, frames = schema.jobs, schema.frames
 QuotasOf = Callable[[str], Quotas]
-
-# As in the index's condition, to the letter: SQLite takes a partial index for no other.
-_HAS_RUNNING: ColumnElement[bool] = jobs.c.frames_running > literal(0, literal_execute=True)
 
 
 class Claims(Part):
@@ -55,7 +51,7 @@ class Claims(Part):
     ) -> Claim | None:
         check_fence(transaction, fence, alone=True)
         if repeated or transaction.previous is not None:
-            mine = select(frames).join(jobs).where(_HAS_RUNNING, frames.c.claim == self._claim)
+            mine = select(frames).join(jobs).where(IS_ACTIVE, frames.c.claim == self._claim)
             found = transaction.execute(mine.where(frames.c.state == FrameState.RUNNING.value)).first()
             if found is not None:
                 frame = frame_of(found)
@@ -141,7 +137,7 @@ class _Allowed:
         self._db = db
         self._quotas_of = quotas_of
         self._day = utc_day(now)
-        sums = select(jobs.c.tenant, func.count(), func.sum(jobs.c.frames_running)).where(_HAS_RUNNING)
+        sums = select(jobs.c.tenant, func.count(), func.sum(jobs.c.frames_running)).where(IS_ACTIVE)
         found = db.execute(sums.group_by(jobs.c.tenant)).all()
         self._jobs = {tenant: int(number) for tenant, number, _ in found}
         self._frames = {tenant: int(number) for tenant, _, number in found}
@@ -157,7 +153,7 @@ class _Allowed:
         most = self._quotas_of(tenant).running_jobs
         if most is None or self._jobs.get(tenant, 0) < most:
             return oldest
-        begun = select(jobs.c.id).where(_HAS_RUNNING, jobs.c.tenant == tenant, jobs.c.queue_rank == rank)
+        begun = select(jobs.c.id).where(IS_ACTIVE, jobs.c.tenant == tenant, jobs.c.queue_rank == rank)
         found: str | None = self._db.execute(begun.order_by(jobs.c.created_at, jobs.c.id).limit(1)).scalar()
         return found
 

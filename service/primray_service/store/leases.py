@@ -6,10 +6,10 @@ from typing import Any
 
 from sqlalchemy import Connection, select, update
 
-from ..jobs import FrameState, JobState
+from ..jobs import TERMINAL, FrameState, JobState
 from . import schema
 from .base import Lost
-from .open_job import OpenJob, open_job
+from .open_job import IS_ACTIVE, OpenJob, open_job
 from .part import Part
 from .transaction import Transaction
 
@@ -41,9 +41,9 @@ class Leases(Part):
             fence = int(row.fence) + 1
             held = {"fence": fence, "holder": holder, "acquired_at": now, "expires_at": now + ttl_s}
             transaction.execute(update(leader).where(leader.c.id == 1).values(**held))
-            for job_id in transaction.execute(select(jobs.c.id).where(jobs.c.frames_running > 0)).scalars().all():
+            for job_id in transaction.execute(select(jobs.c.id).where(IS_ACTIVE).order_by(jobs.c.id)).scalars().all():
                 opened = open_job(transaction, job_id)
-                if opened is not None:
+                if opened is not None and opened.job.state not in TERMINAL:
                     _take_back(transaction, opened, now)
             return fence
 
@@ -77,4 +77,5 @@ def _take_back(transaction: Transaction[Any], opened: OpenJob, now: float) -> No
     running = (frames.c.job_id == opened.job.id, frames.c.state == FrameState.RUNNING.value)
     moved = transaction.execute(update(frames).where(*running).values(state=FrameState.QUEUED.value, claim="")).rowcount
     opened.move_frames(FrameState.RUNNING, FrameState.QUEUED, moved)
-    opened.move(JobState.QUEUED, now)
+    if opened.job.state != JobState.QUEUED:
+        opened.move(JobState.QUEUED, now)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from sqlalchemy import Row, select, update
+from sqlalchemy import Row, select, text, update
 
 from ..jobs import TERMINAL, FrameState, IllegalMove, Job, JobState, Json, is_legal, state_of_all
 from . import schema
@@ -19,6 +19,9 @@ jobs, frames = schema.jobs, schema.frames
 
 WAITING = frozenset({JobState.QUEUED, JobState.PREPARING, JobState.RUNNING})  # their queued frames may be claimed
 OF_VERSION = frozenset({"state", "attempt", "priority", "labels", "ttl_s"})  # see jobs.Job
+# As in the index's condition, to the letter: SQLite takes a partial index for no other. Begun, and not at an end: of such a
+# job some frames run, or the next is about to be claimed.
+IS_ACTIVE = text("jobs.state IN ('preparing', 'running', 'canceling')")
 
 
 class OpenJob:

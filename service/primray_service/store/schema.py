@@ -116,10 +116,10 @@ Index(
     postgresql_where=text("queue_rank IS NOT NULL"),
 )
 Index(
-    "ix_jobs_with_running_frames",
+    "ix_jobs_active",
     jobs.c.tenant,
-    sqlite_where=text("frames_running > 0"),
-    postgresql_where=text("frames_running > 0"),
+    sqlite_where=text("state IN ('preparing', 'running', 'canceling')"),
+    postgresql_where=text("state IN ('preparing', 'running', 'canceling')"),
 )
 Index("ix_jobs_listed", jobs.c.tenant, jobs.c.created_at, jobs.c.id)
 Index("ix_jobs_listed_by_state", jobs.c.tenant, jobs.c.state, jobs.c.created_at, jobs.c.id)

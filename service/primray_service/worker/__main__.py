@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..sandbox import enter, limit_cpu_of_phase
 from .channel import Channel, claim_stdout
+from .warm import warm_up
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -27,7 +28,7 @@ def main(arguments: list[str]) -> None:
     entered = enter((messages.fileno(),))
     channel = Channel(os.fdopen(0, "rb", closefd=False), messages)
     channel.start()
-    warm(kind)
+    warm_up(kind, entered.out / "tmp")
     channel.send("ready")
     command = channel.first()
     try:
@@ -40,16 +41,6 @@ def main(arguments: list[str]) -> None:
         else:
             traceback.print_exc()
         channel.leave("failed", problem=problem_of_error(error, str(entered.job)).as_json())
-
-
-def warm(kind: str) -> None:
-    """Import what takes long, and what opens files of its own."""
-    from primray import core
-
-    core.module()
-    core.build_digest()
-    core.lanes()
-    from . import render_task  # noqa: F401
 
 
 def do(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:

@@ -18,21 +18,25 @@ MEDIA_TYPES = {".exr": "image/x-exr", ".png": "image/png", ".json": "application
 DEFAULT_NAMES = ("beauty.exr", "beauty.png", "report.json")
 
 
-def write_outputs(image: Image, names: Sequence[str], folder: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    """What `done` says of each file, and the report with what writing took."""
+def write_pictures(image: Image, names: Sequence[str], folder: Path) -> dict[str, Any]:
+    """The report, with what writing took."""
     start = time.perf_counter()
     for name in names:
         if not name.endswith(".json"):
             image.save(folder / name)
     stages_s = {**image.report["stages_s"], "write": time.perf_counter() - start}
-    report = finite({**image.report, "outputs": list(names), "stages_s": stages_s})
+    return {**image.report, "outputs": list(names), "stages_s": stages_s}
+
+
+def write_report(report: Mapping[str, Any], names: Sequence[str], folder: Path) -> None:
+    text = json.dumps(finite(report), indent=2, ensure_ascii=False) + "\n"
     for name in names:
         if name.endswith(".json"):
-            (folder / name).write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-    return [_described(folder / name) for name in names], report
+            (folder / name).write_text(text, encoding="utf-8")
 
 
-def _described(path: Path) -> dict[str, Any]:
+def described(path: Path) -> dict[str, Any]:
+    """What `done` says of a file."""
     with open(path, "rb") as file:
         sha256 = hashlib.file_digest(file, "sha256").hexdigest()
     return {

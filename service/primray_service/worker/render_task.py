@@ -6,8 +6,6 @@ frame's pixels are does not depend on how often that happened.
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,74 +13,72 @@ from typing import Any
 from primray import usd
 from primray.checkpointing import Saver, begin
 from primray.diagnostics import Diagnostics
-from primray.forecast import Forecaster
 from primray.render import Prepared, picture_of, prepare
 from primray.report import Costs, settings_as_json
 from primray.sampling import Sampling
-from primray.settings import SAMPLE_BLOCK, RenderSettings, settings_of_json
+from primray.settings import RenderSettings, settings_of_json
 
 from ..problems import Problem
 from ..sandbox import end_phase
 from .channel import Channel
-from .outputs import DEFAULT_NAMES, to_send, write_outputs
-from .preview import preview_of, write_preview
+from .outputs import DEFAULT_NAMES, described, to_send, write_pictures, write_report
+from .render_watch import Numbers, Phases, Warnings, Watch
 
-PHASES = {
-    "open": "opening",
-    "translate": "translating",
-    "dice": "building",
-    "build": "building",
-    "write": "writing",
-}
-PROGRESS_EVERY_S = 0.5
-PREVIEW_EVERY_S = 0.5  # at most, and at most a tenth of the time
-MOST_WARNINGS = 1000
 REPORT_BYTES = 2**20
-# Seconds from the last sample to the end of all work: encoding the files, a second for 4 megapixels.
-TAIL_S, TAIL_S_PER_PIXEL = 0.1, 2.5e-7
 
 
 def render_frame(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
     """Do it, and leave; or raise what went wrong."""
     number = int(command.get("number") or 0)
     channel.nothing_to_save(number)
-    settings = _settings(command)
-    _limit_images(command.get("limits") or {})
-    costs, diagnostics, warned = Costs(on_stage=_Phases(channel)), Diagnostics(), _Warnings(channel)
-    opening = Diagnostics()
-    with costs.stage("open"):
-        stage = usd.open_stage(str(job / command["file"]), opening, settings.composition)
-    prepared = prepare(stage, opening, settings, costs, diagnostics, fingerprinted=True)
-    del stage
+    phases, warned, costs, diagnostics = Phases(channel), Warnings(channel), Costs(), Diagnostics()
+    costs.on_stage = phases
+    prepared = _prepare(command, job, costs, diagnostics)
     warned.send(diagnostics)
-    checkpoint = command.get("checkpoint")
     with costs.stage("render"):
-        sampling, about = begin(prepared, list(diagnostics), job / checkpoint if checkpoint else None)
+        sampling, about = begin(prepared, list(diagnostics), _checkpoint(command, job))
         sampling.count_as_spent(float(command.get("spent_s") or 0.0))
         channel.send("effective", **_effective(prepared, sampling))
         channel.nothing_to_save(None)
         channel.send("phase", phase="sampling")
         end_phase()
-        names = _Numbers(number, out)
-        saver = Saver(about, float(command.get("checkpoint_every_s") or 60.0), names.next_file, names.send_to(channel))
-        watch = _Watch(sampling, saver, channel, out)
+        numbers = Numbers(number, out)
+        saver = Saver(about, float(command.get("checkpoint_every_s") or 60.0), numbers.next_file, numbers.send_to(channel))
+        watch = Watch(sampling, saver, channel, out)
         if command.get("preview"):
             channel.ask_preview()
         if command.get("picture_only"):
-            _stop_at_once(sampling)
-        else:
-            gave_way = watch.run(float(command.get("fraction") or 0.0))
-            if gave_way:
-                channel.leave("yielded", number=names.number)
+            sampling.run(lambda fraction, samples, rays: False)
+        elif watch.run(float(command.get("fraction") or 0.0)) == "gave way":
+            channel.leave("yielded", number=numbers.number)
         watch.last_words()
-    costs.checkpoint = saver.as_json() | {"file": f"checkpoint-{names.number}.prc"}
     if not sampling.film.samples:  # it was stopped before there was a picture
+        saver.wait()
         channel.leave("done", outputs=[], report={"interrupted": True, "samples": 0})
-    image = picture_of(prepared, sampling, costs, diagnostics)
+    phases("write")
+    files = command.get("outputs") or DEFAULT_NAMES
+    report = write_pictures(picture_of(prepared, sampling, costs, diagnostics), files, out)
+    saver.wait()
+    report["checkpoint"] = saver.as_json() | {"file": f"checkpoint-{numbers.number}.prc"}
+    if report["checkpoint"]["failed"]:
+        diagnostics.add("checkpoint-unwritten", "", report["checkpoint"]["failed"])
     warned.send(diagnostics)
-    costs.on_stage("write") if costs.on_stage else None
-    outputs, report = write_outputs(image, command.get("outputs") or DEFAULT_NAMES, out)
-    channel.leave("done", outputs=outputs, report=to_send(report, REPORT_BYTES))
+    report["diagnostics"] = [diagnostic.as_json() for diagnostic in diagnostics]
+    write_report(report, files, out)
+    channel.leave("done", outputs=[described(out / file) for file in files], report=to_send(report, REPORT_BYTES))
+
+
+def _prepare(command: Mapping[str, Any], job: Path, costs: Costs, diagnostics: Diagnostics) -> Prepared:
+    settings, opening = _settings(command), Diagnostics()
+    _limit_images(command.get("limits") or {})
+    with costs.stage("open"):
+        stage = usd.open_stage(str(job / command["file"]), opening, settings.composition)
+    return prepare(stage, opening, settings, costs, diagnostics, fingerprinted=True)
+
+
+def _checkpoint(command: Mapping[str, Any], job: Path) -> Path | None:
+    name = command.get("checkpoint")
+    return None if name is None else job / str(name)
 
 
 def _settings(command: Mapping[str, Any]) -> RenderSettings:
@@ -110,188 +106,3 @@ def _effective(prepared: Prepared, sampling: Sampling) -> dict[str, Any]:
         "scene": dict(prepared.counts),
         "resolution": list(prepared.scene.resolution),
     }
-
-
-def _stop_at_once(sampling: Sampling) -> None:
-    sampling.run(lambda fraction, samples, rays: False)
-
-
-def passes_of(sampling: Sampling) -> int:
-    """As many times as each pixel has got a block of samples, on average: the same after a resume as before it."""
-    return int(sampling.mean_samples() / SAMPLE_BLOCK)
-
-
-class _Phases:
-    """Tells each phase once."""
-
-    def __init__(self, channel: Channel) -> None:
-        self._channel = channel
-        self._last = ""
-
-    def __call__(self, stage: str) -> None:
-        phase = PHASES.get(stage, "")
-        if phase and phase != self._last:
-            self._last = phase
-            self._channel.send("phase", phase=phase)
-
-
-class _Warnings:
-    """Tells each diagnostic once; of very many the first, and how many more there are."""
-
-    def __init__(self, channel: Channel) -> None:
-        self._channel = channel
-        self._sent = 0
-
-    def send(self, diagnostics: Diagnostics) -> None:
-        for found in list(diagnostics)[self._sent :]:
-            self._sent += 1
-            if self._sent <= MOST_WARNINGS:
-                self._channel.send(
-                    "warning",
-                    code=found.code,
-                    prim=found.prim_path[:1000],
-                    detail=found.message[:1000],
-                    severity=found.severity.value,
-                )
-        if self._sent > MOST_WARNINGS:
-            more = f"{self._sent - MOST_WARNINGS} more are in the report."
-            self._channel.send("warning", code="more-diagnostics", prim="", detail=more, severity="info")
-
-
-class _Numbers:
-    """Names of checkpoints: each takes the place of the one before, which stays until the server has the new one."""
-
-    def __init__(self, number: int, out: Path) -> None:
-        self.number = number
-        self._out = out
-
-    def next_file(self) -> Path:
-        return self._out / f"checkpoint-{self.number + 1}.prc"
-
-    def send_to(self, channel: Channel) -> Any:
-        def written(file: Path, samples: float, seconds: float) -> None:
-            self.number += 1
-            size = file.stat().st_size
-            channel.send("checkpoint", number=self.number, file=file.name, bytes=size, samples=samples, seconds=seconds)
-
-        return written
-
-
-class _Watch:
-    """Between the sampling and the server: progress, rows, previews, checkpoints, and being told to stop."""
-
-    def __init__(self, sampling: Sampling, saver: Saver, channel: Channel, out: Path) -> None:
-        self._sampling = sampling
-        self._saver = saver
-        self._channel = channel
-        self._out = out
-        width, height = sampling.scene.resolution
-        self._pixels = width * height
-        self._forecaster = Forecaster(sampling, TAIL_S + TAIL_S_PER_PIXEL * self._pixels)
-        self._next_progress = 0.0
-        self._rows = len(sampling.rows)
-        self._shown = -1  # the pass of the last preview
-        self._shown_samples = -1
-        self._next_preview = 0.0
-        self._start = time.perf_counter()
-        self._first_rays = sampling.film.rays
-
-    def run(self, fraction: float) -> bool:
-        """Sample until something stops it; True if it was told to give way. `fraction` was reached by earlier runs."""
-        sampling = self._sampling
-        sampling.most_fraction = min(max(fraction, 0.0), 0.99)
-        sampling.first_look = True
-        sampling.on_pass = self._on_pass
-        try:
-            while not sampling.run(self._on_progress, self._is_paused):
-                if self._channel.give_way and not self._channel.stop:
-                    break
-                if self._wants_preview():
-                    self._preview()
-                if self._saver.is_due():
-                    self._saver.save_meanwhile(sampling)
-        finally:
-            self._saver.wait()
-        self._saver.save(sampling)
-        return sampling.stop is None
-
-    def last_words(self) -> None:
-        """The last rows, progress and preview of a picture that is complete now."""
-        self._send_rows()
-        self._send_progress(1.0)
-        if self._sampling.film.samples != self._shown_samples:
-            self._preview()
-
-    # ---- called by the sampling -------------------------------------------------------------------------------------------
-
-    def _on_progress(self, fraction: float, samples: int, rays: int) -> bool:
-        now = time.monotonic()
-        if now >= self._next_progress:
-            self._next_progress = now + PROGRESS_EVERY_S
-            self._send_rows()
-            self._send_progress(fraction)
-        return not self._channel.stop
-
-    def _is_paused(self) -> bool:
-        return self._channel.give_way or self._wants_preview() or self._saver.is_due()
-
-    def _on_pass(self) -> None:
-        if self._shown < 0:
-            self._preview()
-
-    # ---- telling ----------------------------------------------------------------------------------------------------------
-
-    def _wants_preview(self) -> bool:
-        """The first one as soon as every pixel has samples; that of a frame that goes on from a checkpoint may at once."""
-        if time.monotonic() < self._next_preview or self._sampling.done == 0:
-            return False
-        return self._shown < 0 or (self._channel.wants_preview() and passes_of(self._sampling) > self._shown)
-
-    def _preview(self) -> None:
-        start = time.monotonic()
-        film = self._sampling.film
-        pixels, errors = film.image()
-        number = max(passes_of(self._sampling), self._shown + 1)
-        preview = preview_of(pixels, errors, number, film.samples)
-        file, size = write_preview(preview, self._out)
-        self._channel.send("preview", **{"pass": preview.passes, "file": file, "bytes": size, "samples": preview.samples})
-        self._shown, self._shown_samples = number, film.samples
-        took = time.monotonic() - start
-        self._next_preview = time.monotonic() + max(PREVIEW_EVERY_S, 9 * took)
-
-    def _send_rows(self) -> None:
-        rows = self._sampling.rows
-        for row in rows[self._rows :]:
-            found = row.as_json()
-            if math.isfinite(row.error.relmse.high) and math.isfinite(row.error.rmse.high):
-                self._channel.send("row", t_s=found.pop("seconds"), **found)
-        self._rows = len(rows)
-
-    def _send_progress(self, fraction: float) -> None:
-        sampling, film = self._sampling, self._sampling.film
-        forecast = self._forecaster.look()
-        least, most = film.samples_per_pixel
-        elapsed = max(sampling.now_s, sampling.seconds)
-        ran = elapsed - self._forecaster.start_s
-        ended = sampling.stop is not None
-        left = None if ended else forecast.left_s
-        error: dict[str, Any] | None = None
-        if forecast.error is not None and math.isfinite(forecast.error.high):
-            settings = sampling.settings
-            ci95 = [forecast.error.low, forecast.error.high]
-            error = {"metric": settings.error_metric.value, "estimate": forecast.error.value, "ci95": ci95}
-            error |= {"target": settings.target_error, "kind": "estimated"}
-        self._channel.send(
-            "progress",
-            fraction=fraction,
-            samples_done=sampling.mean_samples(),
-            samples_min=least,
-            samples_max=most,
-            rays=film.rays,
-            rays_per_s=(film.rays - self._first_rays) / ran if ran > 0 else 0.0,
-            elapsed_s=elapsed,
-            error=error,
-            eta_s=0.0 if ended else None if left is None else left.value,
-            eta_ci95=None if left is None else [left.low, left.high],
-            **{"pass": passes_of(sampling)},
-        )

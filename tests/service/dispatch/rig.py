@@ -17,6 +17,7 @@ from primray_service.files import DataDirectory
 from primray_service.jobs import TERMINAL, Event, Frame, Job, JobState, Json, Output, Scene, SceneState
 from primray_service.limits import Limits, Quotas
 from primray_service.models import Settings
+from primray_service.scenes.keep import _locked
 from primray_service.store import open_store
 from primray_service.store.base import Store
 
@@ -79,13 +80,14 @@ class Rig:
 
 def put_scene(store: Store, data: DataDirectory, body: bytes, tenant: str, *, ready: bool) -> Scene:
     scene_id = f"sha256:{hashlib.sha256(body).hexdigest()}"
-    folder = data.scene(scene_id)
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "upload").write_bytes(body)
     now = time.time()
     state = SceneState.READY if ready else SceneState.CHECKING
     scene = Scene(scene_id, tenant, state, "usda", "scene.usda", len(body), len(body), now, now)
-    return store.put_scene(scene, NO_QUOTAS)[0]
+    with _locked(data):  # or the sweep of a dispatcher that begins would take its files away
+        folder = data.scene(scene_id)
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "upload").write_bytes(body)
+        return store.put_scene(scene, NO_QUOTAS)[0]
 
 
 def put_job(

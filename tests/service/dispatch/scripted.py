@@ -69,7 +69,7 @@ class Worker:
 
     def done(self, reason: str = "samples", pixels: str = "0" * 64, met: bool | None = None, **changes: Any) -> None:
         outputs = []
-        for name in self.command["names"]:
+        for name in self.command["outputs"]:
             body = f"{name} {pixels}".encode()
             self.write(name, body)
             digest = hashlib.sha256(body).hexdigest()

@@ -71,6 +71,14 @@ def upgrade() -> None:
         sa.PrimaryKeyConstraint("id", name="pk_jobs"),
         postgresql_with={"fillfactor": "70"},
     )
+    op.create_index(
+        "ix_jobs_active",
+        "jobs",
+        ["tenant"],
+        unique=False,
+        sqlite_where=sa.text("state IN ('preparing', 'running', 'canceling')"),
+        postgresql_where=sa.text("state IN ('preparing', 'running', 'canceling')"),
+    )
     op.create_index("ix_jobs_expires_at", "jobs", ["expires_at"], unique=False)
     op.create_index("ix_jobs_listed", "jobs", ["tenant", "created_at", "id"], unique=False)
     op.create_index("ix_jobs_listed_by_scene", "jobs", ["tenant", "scene_id", "created_at", "id"], unique=False)
@@ -84,14 +92,6 @@ def upgrade() -> None:
         postgresql_where=sa.text("queue_rank IS NOT NULL"),
     )
     op.create_index("ix_jobs_waiting_for_scene", "jobs", ["scene_id", "state"], unique=False)
-    op.create_index(
-        "ix_jobs_with_running_frames",
-        "jobs",
-        ["tenant"],
-        unique=False,
-        sqlite_where=sa.text("frames_running > 0"),
-        postgresql_where=sa.text("frames_running > 0"),
-    )
     op.create_table(
         "leader",
         sa.Column("id", sa.Integer(), autoincrement=False, nullable=False),

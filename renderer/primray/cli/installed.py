@@ -1,0 +1,74 @@
+"""Commands that other packages add, by the entry-point group `primray.commands`: the render service's, if it is there.
+
+An entry point leads to a table of name -> ("module:function", one line of help), in a module that imports nothing heavy.
+The function's module is imported when its command is used; `--help` shows the lines of the table.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command
+
+GROUP = "primray.commands"
+
+Table = Mapping[str, tuple[str, str]]
+
+
+class LazyCommand(TyperCommand):
+    """Stands for a command in lists; makes way for it when it is to run."""
+
+    def __init__(self, name: str, target: str, help: str) -> None:
+        super().__init__(name, help=help)
+        self.target = target
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
+        return loaded(str(self.name), self.target).make_context(info_name, args, parent=parent, **extra)
+
+
+def loaded(name: str, target: str) -> Any:
+    """The command of "module:function", or of "module:app" for one that has commands of its own."""
+    module, _, attribute = target.partition(":")
+    found = getattr(import_module(module), attribute)
+    if not isinstance(found, typer.Typer):
+        app = typer.Typer(add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False)
+        app.command(name)(found)
+        found = app
+    return get_command(found)
+
+
+class CommandGroup(TyperGroup):
+    """The command line's own commands, and after them those of other packages; the latter are looked for when needed."""
+
+    _is_complete = False
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        if cmd_name not in self.commands:
+            self._complete()
+        return super().get_command(ctx, cmd_name)
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        self._complete()
+        return super().list_commands(ctx)
+
+    def _complete(self) -> None:
+        if not self._is_complete:
+            self._is_complete = True
+            for name, (target, help) in installed().items():
+                self.commands.setdefault(name, LazyCommand(name, target, help))
+
+
+def installed() -> dict[str, tuple[str, str]]:
+    """The tables of all packages, the first that has a name."""
+    from importlib.metadata import entry_points
+
+    commands: dict[str, tuple[str, str]] = {}
+    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
+        table: Table = entry.load()
+        for name, command in table.items():
+            commands.setdefault(name, command)
+    return commands

@@ -1,0 +1,23 @@
+"""The service's commands of `primray`: one file each, which renderer/primray/cli/installed.py finds by COMMANDS.
+
+    serve.py                                    starts a service (its limits' texts: limit_options.py)
+    submit.py, scene_file.py                    sends a scene, with what it refers to, and asks for pictures of it
+    status.py, watch.py, fetch.py, cancel.py    looks at jobs, follows them, gets their pictures, ends them
+    keys.py                                     API keys: over HTTP, or in a data directory for the first one
+    connection.py, exits.py, following.py, job_text.py    which server and key; exit codes; progress; a job in words
+
+stdout is for results (ids, names of files, tables, JSON lines), stderr for everything else. Nothing heavy is imported
+before a command runs.
+"""
+
+from __future__ import annotations
+
+COMMANDS = {
+    "serve": ("primray_service.cli.serve:serve", "Start a render service."),
+    "submit": ("primray_service.cli.submit:submit", "Send a scene to a render service."),
+    "status": ("primray_service.cli.status:status", "Show a service's jobs, or one of them."),
+    "watch": ("primray_service.cli.watch:watch", "Follow a job until it has ended."),
+    "fetch": ("primray_service.cli.fetch:fetch", "Download what a job has made."),
+    "cancel": ("primray_service.cli.cancel:cancel", "End jobs; their pictures so far are kept."),
+    "keys": ("primray_service.cli.keys:keys", "Make, list and revoke API keys."),
+}

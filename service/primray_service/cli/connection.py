@@ -1,0 +1,93 @@
+"""Which server a command talks to, with which key, and what is said when that does not work."""
+
+from __future__ import annotations
+
+import os
+import stat
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from .exits import USAGE, CommandError, error_of
+
+if TYPE_CHECKING:
+    from ..client import Client
+
+Server = Annotated[
+    str | None,
+    typer.Option("--server", metavar="URL", help="The service.", show_default="$PRIMRAY_SERVER, or http://127.0.0.1:8700"),
+]
+KeyFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--key-file", metavar="FILE", help="Holds the API key.", show_default="$PRIMRAY_API_KEY, or $PRIMRAY_API_KEY_FILE"
+    ),
+]
+Json = Annotated[bool, typer.Option("--json", help="JSON lines on stdout.")]
+
+EXTRA = ("httpx2", "fastapi", "uvicorn", "sqlalchemy", "alembic", "structlog", "prometheus_client", "python_multipart")
+FIRST_RETRIES = 2  # before the server has answered at all: somebody waits for an error
+
+
+def need_extra(command: str) -> None:
+    """CommandError unless what `pip install primray[server]` brings is there."""
+    missing = [name for name in EXTRA if find_spec(name) is None]
+    if missing:
+        how = "install it with: pip install 'primray[server]'"
+        raise CommandError("extra-missing", f"`primray {command}` needs the extra `server`; {how}", where=", ".join(missing))
+
+
+@contextmanager
+def connected(command: str, server: str | None, key_file: Path | None) -> Iterator[Client]:
+    """A client; its errors become the command's."""
+    need_extra(command)
+    from ..client import Client, ClientError, ProblemError, ServerUnreachable
+
+    try:
+        client = Client(server or None, key_of(key_file), first_retries=FIRST_RETRIES)
+    except ValueError as error:
+        raise CommandError("server-address", str(error), USAGE) from None
+    with client:
+        try:
+            yield client
+        except ServerUnreachable as error:
+            advice = "`primray serve` starts one; --server or PRIMRAY_SERVER says where it is"
+            raise CommandError("no-server", f"{error}. {advice}") from None
+        except ProblemError as error:
+            document = {"type": f"/problems/{error.slug}", "detail": error.detail, **error.document}
+            raise error_of(document, _advice(error.status, client.has_key)) from None
+        except ClientError as error:
+            raise CommandError("unexpected-answer", str(error)) from None
+
+
+def _advice(status: int, has_key: bool) -> str:
+    if status == 401 and not has_key:
+        return " Set PRIMRAY_API_KEY, or name a file that holds the key with --key-file."
+    if status == 401:
+        return " The key was sent, and the server does not accept it: was it revoked, cut off, or made for another server?"
+    return ""
+
+
+def key_of(file: Path | None) -> str | None:
+    """Never from the command line itself, which every user of the machine can read."""
+    if file is None:
+        if os.environ.get("PRIMRAY_API_KEY"):
+            return os.environ["PRIMRAY_API_KEY"].strip()
+        if not os.environ.get("PRIMRAY_API_KEY_FILE"):
+            return None
+        file = Path(os.environ["PRIMRAY_API_KEY_FILE"])
+    try:
+        key = file.read_text().strip()
+        readable = file.stat().st_mode & (stat.S_IRGRP | stat.S_IROTH)
+    except (OSError, UnicodeDecodeError) as error:
+        raise CommandError("key-file", f"the key cannot be read: {error}", USAGE) from None
+    if not key or len(key.split()) != 1 or not key.isascii():
+        raise CommandError("key-file", f"{file} does not hold one API key", USAGE)
+    if readable:
+        print(f"note: {file} can be read by other users of this machine; `chmod 600` it", file=sys.stderr)
+    return key

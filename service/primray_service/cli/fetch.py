@@ -1,0 +1,90 @@
+"""`primray fetch`: what a job has made, checked, and gone on with where an earlier download broke off."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from primray.cli.json_lines import print_line
+
+from .connection import Json, KeyFile, Server, connected
+from .exits import USAGE, CommandError
+from .job_text import plain
+from .watch import JobId, watched
+
+if TYPE_CHECKING:
+    from ..client import Client, Output
+
+Show = Callable[[int, int], None]
+
+
+def fetch(
+    job: JobId,
+    folder: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Where to.")] = Path("."),
+    only: Annotated[
+        list[str] | None, typer.Option(metavar="PATTERN", help="Only names like *.exr; may be repeated.", show_default=False)
+    ] = None,
+    wait: Annotated[bool, typer.Option("--wait", help="For the job's end first.")] = False,
+    server: Server = None,
+    key_file: KeyFile = None,
+    json: Json = False,
+) -> None:
+    """Download a job's files; of one that has not ended, those of its frames that are done."""
+    with connected("fetch", server, key_file) as client:
+        found = client.job(job)
+        if wait and not found.is_terminal:
+            found = watched(client, found, json)
+        fetched = download_all(client, job, folder, json, only)
+        if not fetched:
+            advice = "" if found.is_terminal else "; --wait waits for its end"
+            raise CommandError("no-outputs", f"{job} is {found.state} and has made no such file{advice}")
+
+
+def download_all(client: Client, job_id: str, folder: Path, as_json: bool, only: list[str] | None = None) -> list[Path]:
+    """The files' paths; each is printed when it is there."""
+    outputs = [
+        output for output in client.outputs(job_id) if not only or any(fnmatchcase(output.name, pattern) for pattern in only)
+    ]
+    fetched = []
+    with _showing(outputs, as_json) as show_of:
+        for output in outputs:
+            try:
+                path = client.download(job_id, output, folder, show=show_of(output))
+            except OSError as error:
+                raise CommandError("cannot-write", f"{plain(output.name)} cannot be written: {error}", USAGE) from None
+            fetched.append(path)
+            if as_json:
+                line = {"type": "output", "job": job_id, "name": output.name, "path": str(path), "bytes": output.bytes}
+                print_line({**line, "sha256": output.sha256})
+            else:
+                print(path, flush=True)
+    return fetched
+
+
+@contextmanager
+def _showing(outputs: list[Output], as_json: bool) -> Iterator[Callable[[Output], Show]]:
+    if as_json or not sys.stderr.isatty():
+        yield lambda output: lambda done, of: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
+
+    text = TextColumn("{task.description}", markup=False)
+    with Progress(
+        text, BarColumn(), DownloadColumn(), TransferSpeedColumn(), console=Console(stderr=True), transient=True
+    ) as bar:
+        task = bar.add_task("", total=sum(output.bytes for output in outputs))
+        before = 0
+
+        def show_of(output: Output) -> Show:
+            nonlocal before
+            begun, before = before, before + output.bytes
+            return lambda done, of: bar.update(task, description=plain(output.name), completed=begun + done)
+
+        yield show_of

@@ -1,0 +1,96 @@
+"""Following a job to its end: a bar on a terminal, JSON lines where asked for, else a line whenever its state changes."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from primray.cli.json_lines import print_line
+
+from .job_text import error_text, frames_text, plain, seconds_text
+
+if TYPE_CHECKING:
+    from ..client import Client, Event, Job, Progress
+
+Show = Callable[[str, "Progress"], None]  # the job's state, and how far it is
+
+
+def follow(client: Client, job: Job, as_json: bool) -> Job:
+    """The job when it has ended. KeyboardInterrupt goes through: the job does not end with it."""
+    from ..client import Progress
+    from ..client.reading import read
+
+    if as_json:
+        for event in client.watch(job.id):
+            print_line({"type": "event", "job": job.id, "id": event.id, "event": event.type, "data": event.data})
+        return client.job(job.id)
+    state, progress = job.state, job.progress
+    with _showing(job.id) as show:
+        show(state, progress)
+        for event in client.watch(job.id):
+            if event.type == "progress":
+                progress = read(Progress, event.data)
+            elif event.type in ("state", "end"):
+                state = str(event.data.get("state", state))
+            elif event.type == "warning":
+                _say(event)
+            show(state, progress)
+        ended = client.job(job.id)
+        show(ended.state, ended.progress)
+    return ended
+
+
+def _say(event: Event) -> None:
+    warning = event.data.get("warning", event.data)
+    if isinstance(warning, dict):
+        place = f" [{plain(warning['prim'])}]" if warning.get("prim") else ""
+        print(f"warning: {plain(warning.get('code', ''))}: {plain(warning.get('detail', ''))}{place}", file=sys.stderr)
+
+
+@contextmanager
+def _showing(job_id: str) -> Iterator[Show]:
+    if sys.stderr.isatty():
+        with _bar(job_id) as show:
+            yield show
+    else:
+        yield _lines(job_id)
+
+
+def _lines(job_id: str) -> Show:
+    last = ""
+
+    def show(state: str, progress: Progress) -> None:
+        nonlocal last
+        if state != last:
+            last = state
+            details = ", ".join(filter(None, (frames_text(progress), error_text(progress))))
+            print(f"{job_id} {plain(state)}{f': {plain(details)}' if details else ''}", file=sys.stderr, flush=True)
+
+    return show
+
+
+@contextmanager
+def _bar(job_id: str) -> Iterator[Show]:
+    from rich.console import Console
+    from rich.progress import BarColumn, TaskProgressColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bar
+
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TaskProgressColumn(),
+        TextColumn("{task.fields[details]}", markup=False),
+        TimeElapsedColumn(),
+    )
+    with Bar(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task(job_id, total=1.0, details="")
+
+        def show(state: str, progress: Progress) -> None:
+            eta = f"ETA {seconds_text(progress.eta_s)}" if progress.eta_s and state == "running" else ""
+            doing = progress.phase if state in ("preparing", "running") and progress.phase else state
+            details = "  ".join(filter(None, (frames_text(progress), error_text(progress), eta)))
+            bar.update(task, completed=progress.fraction, description=plain(doing), details=plain(details))
+
+        yield show

@@ -1,0 +1,96 @@
+"""A job in words and in a table."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ..client import Job, Output, Progress
+
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
+
+
+def plain(text: object) -> str:
+    """What somebody else wrote, without what would move a terminal's cursor."""
+    return _CONTROL.sub("?", str(text))
+
+
+def seconds_text(seconds: float) -> str:
+    whole = round(seconds)
+    hours, minutes = divmod(whole // 60, 60)
+    return f"{hours}:{minutes:02d}:{whole % 60:02d}" if hours else f"{minutes}:{whole % 60:02d}"
+
+
+def error_text(progress: Progress) -> str:
+    """ "error 0.021 (0.019 to 0.023), target 0.01"."""
+    error = progress.error
+    if error is None or error.estimate is None:
+        return ""
+    interval = f" ({error.ci95[0]:.3g} to {error.ci95[1]:.3g})" if error.ci95 else ""
+    target = f", target {error.target:.3g}" if error.target is not None else ""
+    return f"{error.metric} {error.estimate:.3g}{interval}{target}"
+
+
+def frames_text(progress: Progress) -> str:
+    frames = progress.frames
+    return f"{frames.succeeded}/{frames.total} frames" if frames is not None and frames.total > 1 else ""
+
+
+def block(job: Job, outputs: Sequence[Output]) -> list[str]:
+    """Everything worth a line."""
+    progress = job.progress
+    running = [f"{progress.fraction:.0%}", progress.phase or "", frames_text(progress), error_text(progress)]
+    running.append(f"{seconds_text(progress.eta_s)} to go" if progress.eta_s and not job.is_terminal else "")
+    lines = [
+        ("job", job.id),
+        ("state", job.state + (f", attempt {job.attempt}" if job.attempt > 1 else "")),
+        ("progress", ", ".join(filter(None, running))),
+        ("samples", f"{progress.samples_done:.0f} a pixel" if progress.samples_done else ""),
+        ("scene", job.scene.id + (f", {job.scene.entry}" if job.scene.entry else "")),
+        ("labels", " ".join(f"{name}={value}" for name, value in sorted(job.labels.items()))),
+        ("priority", str(job.priority)),
+        ("created", _time(job.created_at)),
+        ("started", _time(job.started_at)),
+        ("finished", _time(job.finished_at)),
+        ("expires", _time(job.expires_at)),
+        ("cpu", f"{job.usage['cpu_s']:.1f} s" if job.usage.get("cpu_s") else ""),
+    ]
+    lines += [("warning", _warning(warning)) for warning in job.warnings]
+    if job.error is not None:
+        lines.append(("error", f"{str(job.error.get('type', '')).removeprefix('/problems/')}: {job.error.get('detail', '')}"))
+    lines += [("output", f"{output.name}  {output.bytes:,} bytes") for output in outputs]
+    return [f"{name:9} {plain(text)}" for name, text in lines if text]
+
+
+def _warning(warning: dict[str, object]) -> str:
+    place = f" [{warning['prim']}]" if warning.get("prim") else ""
+    return f"{warning.get('code', '')}: {warning.get('detail', '')}{place}"
+
+
+def _time(moment: datetime | None) -> str:
+    return "" if moment is None else moment.astimezone().strftime("%Y-%m-%d %H:%M:%S")
+
+
+def table(jobs: Sequence[Job]) -> list[str]:
+    """A line a job, under a heading."""
+    rows = [("JOB", "STATE", "DONE", "FRAMES", "ERROR", "TARGET", "ETA", "AGE", "LABELS"), *map(_row, jobs)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def _row(job: Job) -> tuple[str, ...]:
+    progress, error, frames = job.progress, job.progress.error, job.progress.frames
+    return (
+        plain(job.id),
+        plain(job.state),
+        f"{progress.fraction:.0%}",
+        f"{frames.succeeded}/{frames.total}" if frames else "",
+        f"{error.estimate:.3g}" if error and error.estimate is not None else "",
+        f"{error.target:.3g}" if error and error.target is not None else "",
+        seconds_text(progress.eta_s) if progress.eta_s and not job.is_terminal else "",
+        seconds_text((datetime.now(UTC) - job.created_at).total_seconds()),
+        plain(" ".join(f"{name}={value}" for name, value in sorted(job.labels.items()))),
+    )

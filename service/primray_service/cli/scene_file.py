@@ -1,0 +1,101 @@
+"""A scene as it is sent: one file as it is, or packed with what it refers to.
+
+    files beside or below it, or reached by ../  -> a zip of their folders' common part, every byte as it was
+    files named by absolute or searched paths    -> a usdz, whose layers USD rewrites to lead to each other
+
+The packages of equal files are equal, so that one that the server has is not sent again.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import struct
+import zipfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from .exits import SCENE_REJECTED, CommandError
+
+PACKAGES = (".zip", ".usdz")
+EPOCH = (1980, 1, 1, 0, 0, 0)  # zip's earliest
+_MOST_NAMED = 10
+
+
+@dataclass(frozen=True)
+class SceneFile:
+    path: Path  # what to send
+    name: str
+    entry: str | None = None
+    files: int = 1
+    notes: list[str] = field(default_factory=list)  # what the user should know
+
+
+def scene_file(scene: Path, scratch: Path) -> SceneFile:
+    """What to send for a scene; packages are written into `scratch`."""
+    if not scene.is_file():
+        raise CommandError("no-scene", "there is no such file", SCENE_REJECTED, where=str(scene))
+    if scene.suffix.lower() in PACKAGES:
+        return SceneFile(scene, scene.name)
+    from primray import usd
+
+    found = usd.dependencies(str(scene))
+    notes = _notes("cannot be found, and will be missing", list(found.missing))
+    if found.fixed:
+        target = scratch / f"{scene.stem}.usdz"
+        usd.write_usdz(str(scene), str(target))
+        forget_times(target)
+        named = [f"{asset} (in {os.path.relpath(layer)})" for layer, asset in found.fixed]
+        notes = _notes("leads to the same file only on this machine; sent as a usdz with rewritten paths", named) + notes
+        return SceneFile(target, target.name, None, len(found.files), notes)
+    if len(found.files) == 1:
+        return SceneFile(scene, scene.name, None, 1, notes)
+    root = Path(os.path.commonpath([os.path.dirname(file) for file in found.files]))
+    folder = os.path.dirname(os.path.abspath(scene))
+    outside = [os.path.relpath(file, folder) for file in found.files if not Path(file).is_relative_to(folder)]
+    notes = _notes("is outside of the scene's folder; sent too", outside) + notes
+    target = scratch / f"{scene.stem}.zip"
+    write_zip(target, root, [Path(file) for file in found.files])
+    return SceneFile(target, target.name, Path(found.files[0]).relative_to(root).as_posix(), len(found.files), notes)
+
+
+def _notes(what: str, named: list[str]) -> list[str]:
+    notes = [f"{name}: {what}" for name in named[:_MOST_NAMED]]
+    return notes + ([f"... and {len(named) - _MOST_NAMED} more"] if len(named) > _MOST_NAMED else [])
+
+
+def write_zip(target: Path, root: Path, files: list[Path]) -> None:
+    """Stored, in order of their names and without their times."""
+    with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED, allowZip64=True) as package:
+        for file in sorted(files):
+            member = zipfile.ZipInfo(file.relative_to(root).as_posix(), EPOCH)
+            member.external_attr = 0o644 << 16
+            try:
+                with file.open("rb") as source, package.open(member, "w", force_zip64=file.stat().st_size >= 2**31) as place:
+                    shutil.copyfileobj(source, place, 2**20)
+            except OSError as error:
+                raise CommandError(
+                    "unreadable-file", f"it cannot be read: {error.strerror}", SCENE_REJECTED, where=str(file)
+                ) from None
+
+
+def forget_times(package: Path) -> None:
+    """Give every member of a zip the same time, in place: a usdz's alignment must stay as it is.
+
+    APPNOTE.TXT 4.3.7 and 4.3.12: time and date are 4 bytes, 10 into a local header and 12 into a central one.
+    """
+    time = struct.pack("<HH", 0, 1 << 5 | 1)
+    with zipfile.ZipFile(package) as members:
+        headers, directory = [member.header_offset for member in members.infolist()], members.start_dir
+    with package.open("r+b") as file:
+        for offset in headers:
+            file.seek(offset + 10)
+            file.write(time)
+        for _ in headers:
+            file.seek(directory)
+            header = file.read(46)
+            if header[:4] != b"PK\x01\x02":
+                raise ValueError("this is no central directory")
+            file.seek(directory + 12)
+            file.write(time)
+            directory += 46 + sum(struct.unpack("<HHH", header[28:34]))

@@ -1,0 +1,141 @@
+"""`primray serve`: a render service on this machine, with nothing else installed."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from . import limit_options
+from .connection import need_extra
+from .exits import USAGE, CommandError, problems_as_errors
+
+if TYPE_CHECKING:
+    from ..config import ServeConfig
+
+
+def _print_limits(asked: bool) -> None:
+    if asked:
+        print("\n".join(limit_options.lines()))
+        raise typer.Exit
+
+
+def serve(
+    host: Annotated[
+        str, typer.Option(metavar="ADDRESS", help="Where to listen. Other than loopback needs keys and a sandbox.")
+    ] = ("127.0.0.1"),
+    port: Annotated[int, typer.Option(metavar="N", help="0: any that is free.", min=0, max=65535)] = 8700,
+    data: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="What is kept.", show_default="$PRIMRAY_DATA, or a folder of this user's"),
+    ] = None,
+    database: Annotated[
+        str | None,
+        typer.Option(
+            metavar="URL",
+            help="Such as postgresql+psycopg://user@host/name.",
+            show_default="$PRIMRAY_DATABASE, or SQLite in DIR",
+        ),
+    ] = None,
+    slots: Annotated[
+        int | None, typer.Option(metavar="N", help="Renders at a time.", show_default="by the cores", min=1)
+    ] = None,
+    cores: Annotated[int | None, typer.Option(metavar="N", help="For all renders together.", show_default="all", min=1)] = None,
+    require_keys: Annotated[bool, typer.Option("--require-keys", help="On loopback too.")] = False,
+    allow_unsandboxed: Annotated[
+        bool, typer.Option("--allow-unsandboxed", help="Serve although the sandbox does not work here: trusted users only.")
+    ] = False,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="Such as upload_bytes=4G; may be repeated.", show_default=False),
+    ] = None,
+    limits: Annotated[
+        bool, typer.Option("--limits", callback=_print_limits, is_eager=True, help="List what --limit can set.")
+    ] = False,
+    allow_host: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="A name that the service answers for; may be repeated.", show_default=False),
+    ] = None,
+    webhook_network: Annotated[
+        list[str] | None,
+        typer.Option(metavar="CIDR", help="A private network that webhooks may call; may be repeated.", show_default=False),
+    ] = None,
+    webhook_http: Annotated[bool, typer.Option("--webhook-http", help="Webhooks may be called without TLS.")] = False,
+    no_dispatch: Annotated[bool, typer.Option("--no-dispatch", help="Answer requests, render nothing.")] = False,
+    open_metrics: Annotated[bool, typer.Option("--open-metrics", help="/metrics without a key.")] = False,
+    log: Annotated[
+        Literal["json", "text"] | None, typer.Option(help="Form of the log.", show_default="text on a terminal, else json")
+    ] = None,
+) -> None:
+    """Start a render service: an HTTP API and a page. Ctrl-C stops it; jobs go on when it is started again."""
+    need_extra("serve")
+    from ..config import ServeConfig
+
+    check_networks(webhook_network or [])
+    chosen_limits, quotas = limit_options.limits_of(limit or [])
+    config = ServeConfig(
+        data=data or default_data(),
+        host=host,
+        port=port,
+        database=database or os.environ.get("PRIMRAY_DATABASE") or None,
+        limits=chosen_limits,
+        quotas=quotas,
+        slots=slots,
+        cores=cores,
+        require_keys=True if require_keys else None,
+        allow_unsandboxed=allow_unsandboxed,
+        allowed_hosts=tuple(allow_host or ()),
+        dispatch=not no_dispatch,
+        metrics_key=not open_metrics,
+        webhook_networks=tuple(webhook_network or ()),
+        webhook_http=webhook_http,
+        log_json=log == "json" or (log is None and not sys.stderr.isatty()),
+    )
+    run(config)
+
+
+def run(config: ServeConfig) -> None:
+    from ..server import serve as serve_until_told
+
+    print(f"data in {config.data}", file=sys.stderr, flush=True)
+    with problems_as_errors():
+        prepare(config)
+        serve_until_told(config)
+
+
+def prepare(config: ServeConfig) -> None:
+    """Find out before anything is started whether the data directory and the database can be used; tell how to get in."""
+    from ..files import DataDirectory
+    from .offline import opened_store
+
+    try:
+        DataDirectory(config.data).create()
+    except OSError as error:
+        raise CommandError(
+            "data-directory", f"{config.data} cannot be used: {error.strerror}; choose one with --data"
+        ) from None
+    with opened_store(config.database_url) as store:
+        if config.needs_keys and not store.keys():
+            where = f"--data {config.data}" + (f" --database {config.database}" if config.database else "")
+            print(f"no API key exists yet; make the first: primray keys create {where} --scopes admin", file=sys.stderr)
+
+
+def check_networks(networks: list[str]) -> None:
+    for text in networks:
+        try:
+            ipaddress.ip_network(text)
+        except ValueError as error:
+            raise CommandError("webhook-network", f"--webhook-network {text}: {error}", USAGE) from None
+
+
+def default_data() -> Path:
+    """$PRIMRAY_DATA, else a folder of this user's, where the system keeps such."""
+    if os.environ.get("PRIMRAY_DATA"):
+        return Path(os.environ["PRIMRAY_DATA"])
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Application Support" / "primray"
+    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "primray"

@@ -1,0 +1,35 @@
+"""`primray status`: the latest jobs, or one."""
+
+from __future__ import annotations
+
+from itertools import islice
+from typing import Annotated
+
+import typer
+
+from primray.cli.json_lines import print_line
+
+from .connection import Json, KeyFile, Server, connected
+from .job_text import block, table
+from .labels import Labels, labels_of
+
+
+def status(
+    job: Annotated[str | None, typer.Argument(metavar="JOB", help="One job.", show_default="the latest")] = None,
+    count: Annotated[int, typer.Option("--count", "-n", metavar="N", help="So many of the latest.", min=1)] = 20,
+    state: Annotated[str | None, typer.Option(metavar="STATE", help="Only those.", show_default=False)] = None,
+    label: Labels = None,
+    server: Server = None,
+    key_file: KeyFile = None,
+    json: Json = False,
+) -> None:
+    """Show a service's jobs, newest first, or one of them with everything that is known of it."""
+    with connected("status", server, key_file) as client:
+        if json:
+            found = [client.document(job)] if job else islice(client.documents(state=state, labels=labels_of(label)), count)
+            for document in found:
+                print_line({"type": "job", **document})
+        elif job:
+            print("\n".join(block(client.job(job), client.outputs(job))))
+        else:
+            print("\n".join(table(list(islice(client.jobs(state=state, labels=labels_of(label)), count)))))

@@ -1,0 +1,184 @@
+"""`primray submit`: a scene to a service, and a job on it."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from primray.cli import options
+from primray.cli.json_lines import print_line
+from primray.settings import Filter, Metric
+
+from .connection import Json, KeyFile, Server, connected
+from .exits import FAILED, INTERRUPTED, SCENE_REJECTED, USAGE, CommandError, error_of
+from .fetch import download_all
+from .job_text import plain
+from .labels import Labels, labels_of
+from .scene_file import SceneFile, scene_file
+from .watch import end_as, watched
+
+if TYPE_CHECKING:
+    from ..client import Client, Scene
+    from ..client.documents import Settings, Webhook
+
+
+def submit(
+    scene: Annotated[
+        Path, typer.Argument(metavar="SCENE", help="usda, usdc, usd, usdz, or a zip of them.", show_default=False)
+    ],
+    camera: options.Camera = None,
+    res: options.Resolution = None,
+    image_width: options.ImageWidth = None,
+    frames: Annotated[
+        str | None,
+        typer.Option("--frames", "--frame", "-f", metavar="LIST", help="1, 1:10, 1:10x2 or 1,5.", show_default="default time"),
+    ] = None,
+    target_error: options.TargetError = None,
+    error_metric: options.ErrorMetric = Metric.RELMSE,
+    time_limit: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="Of sampling, a frame.", show_default=False)
+    ] = None,
+    spp: options.Samples = None,
+    seed: options.Seed = 0,
+    adaptive: options.Adaptive = None,
+    max_depth: options.MaxDepth = None,
+    pixel_filter: options.PixelFilter = Filter.BOX,
+    filter_width: options.FilterWidth = None,
+    no_default_light: options.NoDefaultLight = False,
+    purposes: options.Purposes = None,
+    variants: options.Variants = None,
+    no_payloads: options.NoPayloads = False,
+    load: options.Load = None,
+    mask: options.Mask = None,
+    dicing_rate: Annotated[
+        float | None, typer.Option("--dicing-rate", metavar="PIXELS", help="Edges of subdivision surfaces.", show_default=False)
+    ] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Refuse a scene with warnings.")] = False,
+    entry: Annotated[
+        str | None, typer.Option(metavar="LAYER", help="The root layer in a zip that has several.", show_default=False)
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option(metavar="TEXT", help="The scene's name, and a label.", show_default="the file's")
+    ] = None,
+    priority: Annotated[int | None, typer.Option(metavar="N", help="0 to 100, larger goes first.", show_default="50")] = None,
+    label: Labels = None,
+    ttl: Annotated[float | None, typer.Option(metavar="DAYS", help="Kept so long.", show_default="the server's")] = None,
+    webhook: Annotated[
+        str | None, typer.Option(metavar="URL", help="Called when the job has ended.", show_default=False)
+    ] = None,
+    wait: Annotated[bool, typer.Option("--wait", "--watch", help="Follow the job to its end, and end as it does.")] = False,
+    fetch: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Follow the job, then download what it made.", show_default=False)
+    ] = None,
+    server: Server = None,
+    key_file: KeyFile = None,
+    json: Json = False,
+) -> None:
+    """Send a scene with the files that it refers to, and ask for pictures of it. Prints the job's id."""
+    stop = {
+        "target_error": target_error,
+        "metric": error_metric.value if error_metric is not Metric.RELMSE else None,
+        "max_samples": spp,
+        "max_seconds": time_limit,
+    }
+    settings: dict[str, Any] = {
+        "camera": options.camera_of(camera),
+        "resolution": options.resolution_of(res, image_width),
+        "frames": frames,
+        "stop": given(stop),
+        "seed": seed or None,
+        "adaptive": adaptive,
+        "max_depth": max_depth,
+        "filter": pixel_filter.value if pixel_filter is not Filter.BOX else None,
+        "filter_width": filter_width,
+        "default_light": False if no_default_light else None,
+        "purposes": _list(options.purposes_of(purposes)),
+        "variants": variants,
+        "load": _list(options.load_of(no_payloads, load)),
+        "mask": _list(options.mask_of(mask)),
+        "dicing_rate": dicing_rate,
+        "strict": strict or None,
+    }
+    labels = ({"name": name} if name else {}) | labels_of(label)
+    with connected("submit", server, key_file) as client:
+        uploaded, packed = upload(client, scene, name, json)
+        job = client.submit(
+            uploaded,
+            entry=entry or packed.entry,
+            settings=_settings(given(settings)),
+            priority=priority,
+            labels=labels,
+            ttl_s=None if ttl is None else ttl * 86_400,
+            webhook=_webhook(webhook),
+        )
+        if json:
+            print_line({"type": "job", **client.document(job.id)})
+        else:
+            print(job.id, flush=True)
+        if job.webhook and job.webhook.get("secret") and not json:
+            print(f"the webhook's secret, shown this once: {job.webhook['secret']}", file=sys.stderr)
+        if wait or fetch is not None:
+            job = watched(client, job, json)
+            if fetch is not None:
+                download_all(client, job.id, fetch, json)
+            end_as(job)
+
+
+def given(settings: dict[str, Any]) -> dict[str, Any]:
+    """What is not None or empty; what was not asked for is the server's to choose."""
+    return {name: value for name, value in settings.items() if value is not None and value != {}}
+
+
+def _list(values: tuple[str, ...] | None) -> list[str] | None:
+    return None if values is None else list(values)
+
+
+def _settings(settings: dict[str, Any]) -> Settings | None:
+    return settings or None  # type: ignore[return-value]  # the server says what is wrong with it
+
+
+def _webhook(url: str | None) -> Webhook | None:
+    return None if url is None else {"url": url}
+
+
+def upload(client: Client, scene: Path, name: str | None, as_json: bool) -> tuple[Scene, SceneFile]:
+    """Packed where that is needed, sent unless the server has it."""
+    with tempfile.TemporaryDirectory(prefix="primray-submit-") as scratch:
+        try:
+            packed = scene_file(scene, Path(scratch))
+        except OSError as error:
+            raise CommandError("unreadable-file", f"the scene cannot be packed: {error}", USAGE) from None
+        for note in packed.notes:
+            print(f"note: {plain(note)}", file=sys.stderr)
+        try:
+            with _showing(packed, as_json) as show:
+                uploaded = client.upload(packed.path, name=name or packed.name, show=show)
+        except KeyboardInterrupt:
+            raise CommandError("interrupted", "nothing was submitted", INTERRUPTED) from None
+    if uploaded.state == "rejected":
+        refusal = error_of(uploaded.problem or {"detail": "the server rejects the scene"})
+        exit_code = SCENE_REJECTED if refusal.exit_code == FAILED else refusal.exit_code
+        raise CommandError(refusal.code, refusal.message, exit_code, where=refusal.where)
+    return uploaded, packed
+
+
+@contextmanager
+def _showing(packed: SceneFile, as_json: bool) -> Iterator[Callable[[int, int], None]]:
+    if as_json or not sys.stderr.isatty():
+        yield lambda done, of: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
+
+    text = TextColumn("{task.description}", markup=False)
+    with Progress(
+        text, BarColumn(), DownloadColumn(), TransferSpeedColumn(), console=Console(stderr=True), transient=True
+    ) as bar:
+        task = bar.add_task(f"sending {packed.name}", total=packed.path.stat().st_size)
+        yield lambda done, of: bar.update(task, completed=done)

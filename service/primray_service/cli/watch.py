@@ -1,0 +1,45 @@
+"""`primray watch`: a job's progress until it has ended."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from primray.cli.json_lines import print_line
+
+from .connection import Json, KeyFile, Server, connected
+from .exits import INTERRUPTED, CommandError, error_of_end
+from .following import follow
+
+if TYPE_CHECKING:
+    from ..client import Client, Job
+
+JobId = Annotated[str, typer.Argument(metavar="JOB", help="A job's id.", show_default=False)]
+
+
+def watch(job: JobId, server: Server = None, key_file: KeyFile = None, json: Json = False) -> None:
+    """Follow a job until it has ended; ends as the job did. Ctrl-C ends only the watching."""
+    with connected("watch", server, key_file) as client:
+        end_as(watched(client, client.job(job), json))
+
+
+def watched(client: Client, job: Job, as_json: bool) -> Job:
+    """The job at its end; CommandError where the user does not want to wait for that."""
+    try:
+        ended = follow(client, job, as_json)
+    except KeyboardInterrupt:
+        advice = f"the job goes on: `primray watch {job.id}` to see more, `primray cancel {job.id}` to end it"
+        raise CommandError("interrupted", advice, INTERRUPTED) from None
+    if as_json:
+        print_line({"type": "job", **client.document(job.id)})
+    return ended
+
+
+def end_as(job: Job) -> None:
+    """The command's end is the job's."""
+    error = error_of_end(job)
+    if error is not None:
+        raise error
+    print(f"{job.id} {job.state}", file=sys.stderr)

@@ -1,0 +1,349 @@
+"""The client: a method for each thing that can be asked of the service."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import os
+import time
+import uuid
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, TypeVar
+from urllib.parse import quote
+
+from .documents import Convergence, Event, Frame, Job, Json, Key, Output, Scene, Settings, StopRules, Usage, Webhook
+from .download import Show, download, target_of
+from .errors import ProblemError, ServerUnreachable, TimedOut, UnexpectedAnswer
+from .events import Reading
+from .reading import read
+from .transport import Transport
+
+DEFAULT_SERVER = "http://127.0.0.1:8700"
+LONG_POLL_S = 30.0
+PAGE_ITEMS = 200
+QUIET_S = 90.0  # a stream that says nothing for so long is taken for dead
+
+T = TypeVar("T")
+
+
+def nothing(done: int, of: int) -> None:
+    """Shows no progress."""
+
+
+class Client:
+    """`server` and `key` come from $PRIMRAY_SERVER and $PRIMRAY_API_KEY where they are not given.
+
+    Not for several threads at once. `retries` are those after a first try, `first_retries` those before
+    the server has answered at all (None: as many); see transport.py for what is tried again.
+    """
+
+    def __init__(
+        self,
+        server: str | None = None,
+        key: str | None = None,
+        *,
+        retries: int = 6,
+        first_retries: int | None = None,
+        timeout_s: float = 30.0,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        server = server or os.environ.get("PRIMRAY_SERVER") or DEFAULT_SERVER
+        key = key or os.environ.get("PRIMRAY_API_KEY")
+        self._sleep = sleep
+        self.has_key = bool(key)
+        self._transport = Transport(server, key, retries=retries, first_retries=first_retries, timeout_s=timeout_s, sleep=sleep)
+
+    @property
+    def server(self) -> str:
+        return self._transport.server
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._transport.close()
+
+    # ---- scenes ----------------------------------------------------------------------------------------------------------
+    def upload(self, path: str | os.PathLike[str], *, name: str | None = None, show: Show = nothing) -> Scene:
+        """Upload a usda, usdc, usdz or zip; only its digest is sent where the server has it already."""
+        file = Path(path)
+        with file.open("rb") as opened:
+            digest = hashlib.file_digest(opened, "sha256")
+        known = self.find_scene(f"sha256:{digest.hexdigest()}")
+        if known is not None:
+            return known
+        size = file.stat().st_size
+
+        def parts() -> Iterator[bytes]:
+            done = 0
+            with file.open("rb") as opened:
+                while part := opened.read(2**20):
+                    done += len(part)
+                    yield part
+                    show(done, size)
+
+        headers = {
+            "Content-Type": "application/octet-stream",
+            "Content-Length": str(size),
+            "Repr-Digest": f"sha-256=:{base64.b64encode(digest.digest()).decode()}:",
+        }
+        answer = self._transport.request(
+            "POST",
+            "/v1/scenes",
+            params={"name": name or file.name},
+            headers=headers,
+            content=parts,
+            repeatable=True,
+            timeout_s=300.0,
+        )
+        return read(Scene, _json(answer))
+
+    def find_scene(self, scene_id: str) -> Scene | None:
+        """None if the server does not have it."""
+        path = f"/v1/scenes/{quote(scene_id, safe=':')}"
+        if self._transport.request("HEAD", path, accept=frozenset({404})).status_code == 404:
+            return None
+        return self.scene(scene_id)
+
+    def scene(self, scene_id: str) -> Scene:
+        return read(Scene, self._get(f"/v1/scenes/{quote(scene_id, safe=':')}"))
+
+    def wait_for_scene(self, scene_id: str, timeout_s: float | None = None) -> Scene:
+        """Until it is checked: its state is then ready or rejected."""
+        deadline = _deadline(timeout_s)
+        delay = 0.05
+        while (scene := self.scene(scene_id)).state == "checking":
+            _check(deadline, f"{scene_id} was not checked in time")
+            self._sleep(delay)
+            delay = min(1.0, delay * 1.5)
+        return scene
+
+    def scenes(self) -> Iterator[Scene]:
+        return self._pages("/v1/scenes", {}, Scene)
+
+    def delete_scene(self, scene_id: str) -> None:
+        self._transport.request("DELETE", f"/v1/scenes/{quote(scene_id, safe=':')}")
+
+    # ---- jobs ------------------------------------------------------------------------------------------------------------
+    def submit(
+        self,
+        scene: Scene | str,
+        *,
+        entry: str | None = None,
+        settings: Settings | None = None,
+        priority: int | None = None,
+        labels: Mapping[str, str] | None = None,
+        ttl_s: float | None = None,
+        webhook: Webhook | None = None,
+        idempotency_key: str | None = None,
+    ) -> Job:
+        """A new job; however often its request has to be repeated, there is one. `idempotency_key`: to have that hold over
+        restarts of the caller, too."""
+        body: Json = {"scene": {"id": scene if isinstance(scene, str) else scene.id}}
+        if entry is not None:
+            body["scene"]["entry"] = entry
+        optional = {"settings": settings, "priority": priority, "ttl_s": ttl_s, "webhook": webhook}
+        body |= {name: value for name, value in optional.items() if value is not None}
+        if labels:
+            body["labels"] = dict(labels)
+        headers = {"Idempotency-Key": idempotency_key or str(uuid.uuid4())}
+        return read(Job, _json(self._transport.request("POST", "/v1/jobs", body=body, headers=headers, repeatable=True)))
+
+    def job(self, job_id: str) -> Job:
+        return read(Job, self._get(_job(job_id)))
+
+    def document(self, job_id: str) -> Json:
+        """A job as the server says it, whole."""
+        return _object(self._get(_job(job_id)))
+
+    def documents(self, *, state: str | None = None, labels: Mapping[str, str] | None = None) -> Iterator[Json]:
+        """As `jobs`, each as the server says it."""
+        params: dict[str, Any] = {"state": state, "label": [f"{name}:{value}" for name, value in (labels or {}).items()]}
+        return (_object(item) for item in self._items("/v1/jobs", {name: value for name, value in params.items() if value}))
+
+    def jobs(self, *, state: str | None = None, labels: Mapping[str, str] | None = None) -> Iterator[Job]:
+        """Newest first; pages are asked for as they are needed."""
+        return (read(Job, document) for document in self.documents(state=state, labels=labels))
+
+    def wait(self, job_id: str, timeout_s: float | None = None, on_change: Callable[[Job], None] | None = None) -> Job:
+        """Until it has ended, however it ended; TimedOut if that takes longer."""
+        deadline = _deadline(timeout_s)
+        etag: str | None = None
+        while True:
+            left = LONG_POLL_S if deadline is None else max(0.0, min(LONG_POLL_S, deadline - time.monotonic()))
+            headers = {"Prefer": f"wait={int(left)}"} | ({"If-None-Match": etag} if etag else {})
+            begun = time.monotonic()
+            answer = self._transport.request(
+                "GET", _job(job_id), headers=headers, timeout_s=LONG_POLL_S + 30, accept=frozenset({304})
+            )
+            if answer.status_code != 304:
+                etag = answer.headers.get("ETag")
+                job = read(Job, _json(answer))
+                if job.is_terminal:
+                    return job
+                if on_change is not None:
+                    on_change(job)
+            _check(deadline, f"{job_id} did not end in time")
+            if time.monotonic() - begun < 0.25:  # a server that does not wait, or a job that changes all the time
+                self._sleep(0.25)
+
+    def watch(self, job_id: str, after: int | None = None) -> Iterator[Event]:
+        """What happens to a job, from its beginning or after an event, until it has ended; through broken connections."""
+        reading = Reading(last_id=after)
+        tries = 0
+        while True:
+            before = reading.last_id
+            try:
+                headers = {"Accept": "text/event-stream", "Accept-Encoding": "identity"}
+                if reading.last_id is not None:
+                    headers["Last-Event-ID"] = str(reading.last_id)
+                with self._transport.stream(f"{_job(job_id)}/events", headers, timeout_s=QUIET_S) as answer:
+                    if answer.status_code == 204:  # nothing happened since, and nothing will
+                        return
+                    if not answer.headers.get("Content-Type", "").startswith("text/event-stream"):
+                        raise UnexpectedAnswer(f"the events of {job_id} are not a stream of events")
+                    for event in reading.events(answer.iter_raw()):
+                        yield event
+                        if event.type == "end" and self._is_last(job_id, event):
+                            return
+            except (ServerUnreachable, ProblemError) as error:
+                tries = 0 if reading.last_id != before else tries + 1
+                self._transport.patiently(max(0, tries - 1), error)
+                continue
+            # The server closed it: it stops, or there is nothing more.
+            if self.job(job_id).is_terminal and reading.last_id == before:
+                return
+            self._sleep(reading.retry_s)
+
+    def _is_last(self, job_id: str, end: Event) -> bool:
+        """Whether nothing follows this end: a job that was continued has one for each attempt."""
+        job = self.job(job_id)
+        return job.is_terminal and bool(end.data.get("attempt", job.attempt) == job.attempt)
+
+    def change(
+        self, job_id: str, *, priority: int | None = None, labels: Mapping[str, str] | None = None, ttl_s: float | None = None
+    ) -> Job:
+        changes = {"priority": priority, "labels": None if labels is None else dict(labels), "ttl_s": ttl_s}
+        body = {name: value for name, value in changes.items() if value is not None}
+        return read(Job, _json(self._transport.request("PATCH", _job(job_id), body=body, repeatable=True)))
+
+    def cancel(self, job_id: str) -> Job:
+        """It ends soon, and keeps the picture made so far."""
+        return read(Job, _json(self._transport.request("POST", f"{_job(job_id)}/cancel", repeatable=True)))
+
+    def continue_(self, job_id: str, stop: StopRules) -> Job:
+        """A new attempt, from the checkpoints of the last, with other stop rules."""
+        headers = {"Idempotency-Key": str(uuid.uuid4())}
+        return read(
+            Job, _json(self._transport.request("POST", f"{_job(job_id)}/continue", body={"stop": stop}, headers=headers))
+        )
+
+    def delete(self, job_id: str) -> None:
+        """Canceled if it runs, and gone with everything it made."""
+        self._transport.request("DELETE", _job(job_id))
+
+    # ---- what a job has --------------------------------------------------------------------------------------------------
+    def frames(self, job_id: str) -> Iterator[Frame]:
+        return self._pages(f"{_job(job_id)}/frames", {}, Frame)
+
+    def frame(self, job_id: str, number: int) -> Frame:
+        return read(Frame, self._get(f"{_job(job_id)}/frames/{number}"))
+
+    def convergence(self, job_id: str, frame: int = 0) -> list[Convergence]:
+        rows = self._get(f"{_job(job_id)}/convergence", {"frame": frame})
+        return [read(Convergence, row) for row in _items(rows)]
+
+    def preview(self, job_id: str, *, frame: int = 0, exposure: float = 0.0, view: str = "beauty") -> bytes:
+        """A PNG of now."""
+        params = {"frame": frame, "exposure": exposure, "view": view}
+        headers = {"Accept": "image/png"}
+        return self._transport.request("GET", f"{_job(job_id)}/preview", params=params, headers=headers).content
+
+    def log(self, job_id: str) -> str:
+        return self._transport.request("GET", f"{_job(job_id)}/log", headers={"Accept": "text/plain"}).text
+
+    def outputs(self, job_id: str) -> list[Output]:
+        return list(self._pages(f"{_job(job_id)}/outputs", {}, Output))
+
+    def download(self, job_id: str, output: Output, folder: str | os.PathLike[str] = ".", *, show: Show = nothing) -> Path:
+        """An output into a folder, by its name; what an earlier call left unfinished is gone on with."""
+        return download(self._transport, job_id, output, target_of(output, Path(folder)), show)
+
+    # ---- the service -----------------------------------------------------------------------------------------------------
+    def whoami(self) -> Json:
+        return _object(self._get("/v1/whoami"))
+
+    def usage(self) -> Usage:
+        return read(Usage, self._get("/v1/usage"))
+
+    def capabilities(self) -> Json:
+        return _object(self._get("/v1/capabilities"))
+
+    def create_key(
+        self, tenant: str, *, name: str = "", scopes: list[str] | None = None, expires_in_s: float | None = None
+    ) -> Key:
+        """Its `key` is shown this once."""
+        optional = {"scopes": scopes, "expires_in_s": expires_in_s}
+        body = {"tenant": tenant, "name": name} | {name: value for name, value in optional.items() if value is not None}
+        return read(Key, _json(self._transport.request("POST", "/v1/keys", body=body)))
+
+    def list_keys(self) -> Iterator[Key]:
+        return self._pages("/v1/keys", {}, Key)
+
+    def revoke_key(self, key_id: str) -> None:
+        self._transport.request("DELETE", f"/v1/keys/{quote(key_id, safe='')}")
+
+    # ---- reading ---------------------------------------------------------------------------------------------------------
+    def _get(self, path: str, params: Mapping[str, Any] | None = None) -> Any:
+        return _json(self._transport.request("GET", path, params=params, headers={"Accept": "application/json"}))
+
+    def _pages(self, path: str, params: Mapping[str, Any], kind: type[T]) -> Iterator[T]:
+        return (read(kind, item) for item in self._items(path, params))
+
+    def _items(self, path: str, params: Mapping[str, Any]) -> Iterator[Any]:
+        """Of all pages; a page is asked for when it is needed."""
+        cursor: str | None = None
+        while True:
+            page = self._get(path, {**params, **({"limit": PAGE_ITEMS, "cursor": cursor} if cursor else {})})
+            yield from _items(page)
+            cursor = page.get("next_cursor") if isinstance(page, dict) else None
+            if cursor is None:
+                return
+
+
+def _job(job_id: str) -> str:
+    return f"/v1/jobs/{quote(job_id, safe='')}"
+
+
+def _json(answer: Any) -> Any:
+    try:
+        return answer.json()
+    except ValueError:
+        raise UnexpectedAnswer(f"{answer.request.url} answered {answer.status_code} without JSON") from None
+
+
+def _object(document: Any) -> Json:
+    if not isinstance(document, dict):
+        raise UnexpectedAnswer("a JSON object was expected")
+    return document
+
+
+def _items(page: Any) -> list[Any]:
+    items = page.get("items") if isinstance(page, dict) else page
+    if not isinstance(items, list):
+        raise UnexpectedAnswer("a list was expected")
+    return items
+
+
+def _deadline(timeout_s: float | None) -> float | None:
+    return None if timeout_s is None else time.monotonic() + timeout_s
+
+
+def _check(deadline: float | None, message: str) -> None:
+    if deadline is not None and time.monotonic() > deadline:
+        raise TimedOut(message)

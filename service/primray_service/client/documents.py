@@ -1,0 +1,204 @@
+"""What the service answers and takes, as Python knows it; schemas/openapi.json says what each member means."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any, Literal, TypedDict
+
+from .reading import REST
+
+Json = dict[str, Any]
+
+TERMINAL = frozenset({"succeeded", "failed", "canceled", "expired"})
+
+
+class StopRules(TypedDict, total=False):
+    target_error: float | None
+    metric: Literal["relmse", "rmse", "display"]
+    max_samples: int | None
+    max_seconds: float | None
+
+
+class Settings(TypedDict, total=False):
+    camera: str | None
+    frames: str | None
+    resolution: tuple[int, int] | None
+    stop: StopRules
+    seed: int
+    max_depth: int | None
+    adaptive: bool | None
+    filter: Literal["box", "gaussian", "blackman-harris"]
+    filter_width: float | None
+    default_light: bool
+    purposes: list[Literal["default", "render", "proxy", "guide"]] | None
+    strict: bool
+    dicing_rate: float | None
+    variants: list[str]
+    load: list[str] | None
+    mask: list[str] | None
+
+
+class Webhook(TypedDict, total=False):
+    url: str
+    events: list[Literal["started", "frame.completed", "completed"]]
+    secret: str | None
+
+
+@dataclass(frozen=True)
+class Scene:
+    """`facts`: what its check found in it: cameras, frame range, files, ..."""
+
+    id: str
+    state: str  # checking, ready, rejected
+    kind: str = ""
+    name: str = ""
+    bytes: int = 0
+    warnings: list[Json] = field(default_factory=list)
+    problem: Json | None = None
+    facts: Json = field(default_factory=dict, metadata=REST)
+
+
+@dataclass(frozen=True)
+class ErrorOfNow:
+    metric: str
+    estimate: float | None = None
+    ci95: tuple[float, float] | None = None
+    target: float | None = None
+    kind: str = "estimated"
+
+
+@dataclass(frozen=True)
+class FrameCounts:
+    total: int = 0
+    queued: int = 0
+    running: int = 0
+    succeeded: int = 0
+    failed: int = 0
+    canceled: int = 0
+
+
+@dataclass(frozen=True)
+class Progress:
+    fraction: float = 0.0
+    phase: str | None = None
+    frames: FrameCounts | None = None
+    samples_done: float | None = None
+    samples_min: float | None = None
+    samples_max: float | None = None
+    rays: float | None = None
+    rays_per_s: float | None = None
+    error: ErrorOfNow | None = None
+    elapsed_s: float | None = None
+    eta_s: float | None = None
+    eta_ci95: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class SceneOfJob:
+    id: str
+    entry: str | None = None
+
+
+@dataclass(frozen=True)
+class Job:
+    id: str
+    state: str  # queued, preparing, running, canceling, succeeded, failed, canceled, expired
+    created_at: datetime
+    scene: SceneOfJob
+    attempt: int = 1
+    priority: int = 50
+    queued_at: datetime | None = None
+    started_at: datetime | None = None
+    finished_at: datetime | None = None
+    expires_at: datetime | None = None
+    labels: dict[str, str] = field(default_factory=dict)
+    settings: Json = field(default_factory=dict)
+    effective_settings: Json | None = None
+    progress: Progress = Progress()
+    result: Json | None = None
+    warnings: list[Json] = field(default_factory=list)
+    error: Json | None = None
+    usage: Json = field(default_factory=dict)
+    webhook: Json | None = None
+
+    @property
+    def is_terminal(self) -> bool:
+        return self.state in TERMINAL
+
+
+@dataclass(frozen=True)
+class Frame:
+    number: int
+    state: str  # queued, running, succeeded, failed, canceled
+    time_code: float | None = None
+    attempt: int = 1
+    phase: str | None = None
+    progress: Json = field(default_factory=dict)
+    result: Json | None = None
+    error: Json | None = None
+    started_at: datetime | None = None
+    finished_at: datetime | None = None
+
+
+@dataclass(frozen=True)
+class Output:
+    name: str
+    bytes: int
+    sha256: str
+    media_type: str = "application/octet-stream"
+    frame: int | None = None
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """A row of a frame's curve: `t_s` seconds of sampling, and the error after so many samples a pixel."""
+
+    frame: int
+    t_s: float | None = None
+    samples: float | None = None
+    relmse: float | None = None
+    rmse: float | None = None
+    ci95: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Event:
+    """`type` is state, progress, preview, frame, warning or end; `id` grows over a job's events."""
+
+    id: int
+    type: str
+    data: Json = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Share:
+    """Of a quota; `limit` None: as much as there is."""
+
+    used: float
+    limit: float | None = None
+
+
+@dataclass(frozen=True)
+class Usage:
+    tenant: str
+    queued_jobs: Share
+    running_jobs: Share
+    stored_bytes: Share
+    cpu_s_per_day: Share
+    cpu_s_total: float
+
+
+@dataclass(frozen=True)
+class Key:
+    """`key` only in the answer to the request that made it."""
+
+    id: str
+    tenant: str
+    prefix: str
+    name: str = ""
+    scopes: list[str] = field(default_factory=list)
+    created_at: datetime | None = None
+    expires_at: datetime | None = None
+    revoked_at: datetime | None = None
+    key: str | None = None

@@ -1,0 +1,98 @@
+"""Files of a job: to a name beside the target, gone on with where it broke off, checked, and only then renamed."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path, PurePosixPath
+from urllib.parse import quote
+
+from .documents import Output
+from .errors import ClientError, DigestMismatch, ServerUnreachable, UnexpectedAnswer
+from .transport import Transport
+
+PART = ".part"
+Show = Callable[[int, int], None]  # bytes so far, bytes in all
+
+
+def target_of(output: Output, folder: Path) -> Path:
+    """Where an output goes in a folder; UnexpectedAnswer if its name would lead out of it."""
+    path = PurePosixPath(output.name)
+    if path.is_absolute() or not path.parts or ".." in path.parts or "\\" in output.name or "\0" in output.name:
+        raise UnexpectedAnswer(f"the server calls an output {output.name!r}, which is no name of a file")
+    return folder.joinpath(*path.parts)
+
+
+def download(transport: Transport, job_id: str, output: Output, target: Path, show: Show) -> Path:
+    """The file at `target` has the output's digest afterwards; nothing is sent if it has it already."""
+    if _has(target, output):
+        show(output.bytes, output.bytes)
+        return target
+    target.parent.mkdir(parents=True, exist_ok=True)
+    # Two downloads of different pictures to one name do not go on with each other's bytes.
+    part = target.with_name(f"{target.name}.{output.sha256[:16]}{PART}")
+    for is_last in (False, True):
+        _fetch(transport, job_id, output, part, show)
+        if _has(part, output):
+            os.replace(part, target)
+            return target
+        part.unlink()  # what was there before may have been damaged: once more from the start
+        if is_last:
+            break
+    raise DigestMismatch(f"{output.name} arrived with other bytes than the server says it has")
+
+
+def _has(path: Path, output: Output) -> bool:
+    if not path.is_file() or path.stat().st_size != output.bytes:
+        return False
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest() == output.sha256
+
+
+def _fetch(transport: Transport, job_id: str, output: Output, part: Path, show: Show) -> None:
+    """Until the part has all its bytes; a broken connection is taken up again, patience is renewed by every byte."""
+    url = f"/v1/jobs/{quote(job_id, safe='')}/outputs/{quote(output.name, safe='')}"
+    tries = 0
+    while True:
+        have = part.stat().st_size if part.exists() else 0
+        if have > output.bytes:
+            part.unlink()
+            have = 0
+        if have == output.bytes and part.exists():
+            return
+        try:
+            _read_on(transport, url, output, part, have, show)
+        except ClientError as error:
+            now = part.stat().st_size if part.exists() else 0
+            tries = 0 if now > have else tries + 1
+            transport.patiently(max(0, tries - 1), error)
+
+
+def _read_on(transport: Transport, url: str, output: Output, part: Path, have: int, show: Show) -> None:
+    headers = {"Accept-Encoding": "identity"}
+    if have:
+        headers |= {"Range": f"bytes={have}-", "If-Range": f'"{output.sha256}"'}
+    with transport.stream(url, headers, timeout_s=60.0) as answer:
+        if answer.status_code == 416:
+            part.unlink()
+            return
+        goes_on = answer.status_code == 206 and _starts_at(answer.headers.get("Content-Range", ""), have)
+        if answer.status_code == 206 and not goes_on:
+            raise UnexpectedAnswer(f"{output.name}: the server sent another range than was asked for")
+        done = have if goes_on else 0
+        with part.open("ab" if goes_on else "wb") as file:
+            for data in answer.iter_raw():  # as it comes: what would wait to fill a buffer is lost when it breaks off
+                done += len(data)
+                if done > output.bytes:
+                    raise DigestMismatch(f"{output.name} is larger than the server says")
+                file.write(data)
+                show(done, output.bytes)
+        if done < output.bytes:
+            raise ServerUnreachable(f"{output.name} broke off after {done} of {output.bytes} bytes")
+
+
+def _starts_at(content_range: str, first: int) -> bool:
+    match = re.fullmatch(r"bytes (\d+)-\d+/(?:\d+|\*)", content_range)
+    return match is not None and int(match[1]) == first

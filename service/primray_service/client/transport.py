@@ -1,0 +1,172 @@
+"""One request to the service: tried again where that cannot do harm, waiting as long as the server asks, errors as exceptions.
+
+What may be repeated after its answer was lost: GET, HEAD, DELETE, and whatever the caller says the server recognises
+(an upload by its digest, a job by its Idempotency-Key). A request that was refused with 429 or 503, or whose connection
+was never made, was not carried out and is always repeated.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import json
+import random
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from email.utils import parsedate_to_datetime
+from typing import Any
+
+import httpx2
+
+from primray import __version__
+
+from .errors import ProblemError, ServerUnreachable, UnexpectedAnswer
+
+RETRIED_STATUSES = frozenset({429, 502, 503, 504})
+REPEATABLE = frozenset({"GET", "HEAD", "DELETE"})
+FIRST_DELAY_S = 0.25
+LONGEST_DELAY_S = 20.0
+LONGEST_WAIT_S = 120.0  # that a server may ask for before the error is raised instead
+MOST_ERROR_BYTES = 2**20
+
+
+class Transport:
+    """`retries`: tries after the first; `sleep` takes seconds."""
+
+    def __init__(
+        self,
+        server: str,
+        key: str | None,
+        *,
+        retries: int,
+        timeout_s: float,
+        first_retries: int | None = None,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.server = server.rstrip("/")
+        url = httpx2.URL(self.server)
+        if url.scheme not in ("http", "https") or not url.host:
+            raise ValueError(f"{server!r} is no address of a server; write one like http://127.0.0.1:8700")
+        self._retries = retries
+        self._first_retries = retries if first_retries is None else first_retries
+        self._has_answered = False
+        self._sleep = sleep
+        headers = {"User-Agent": f"primray-client/{__version__}"} | ({"Authorization": f"Bearer {key}"} if key else {})
+        self._http = httpx2.Client(
+            base_url=self.server,
+            headers=headers,
+            timeout=httpx2.Timeout(timeout_s, connect=min(10.0, timeout_s)),
+            trust_env=not _is_loopback(url.host),  # a proxy is of no use for this machine
+        )
+
+    def close(self) -> None:
+        self._http.close()
+
+    def request(
+        self,
+        method: str,
+        path: str,
+        *,
+        params: Mapping[str, Any] | None = None,
+        headers: Mapping[str, str] | None = None,
+        body: Any = None,
+        content: Callable[[], Iterator[bytes]] | None = None,
+        repeatable: bool | None = None,
+        timeout_s: float | None = None,
+        accept: frozenset[int] = frozenset(),
+    ) -> httpx2.Response:
+        """The answer, read; ProblemError unless it is 2xx or in `accept`. `content` makes the body anew for each try."""
+        headers = dict(headers or {})
+        if body is not None:
+            headers["Content-Type"] = "application/json"
+        may_repeat = method in REPEATABLE if repeatable is None else repeatable
+        for tries in range(self._retries + 1):
+            sent = json.dumps(body).encode() if body is not None else content() if content is not None else None
+            timeout = httpx2.Timeout(timeout_s, connect=10.0) if timeout_s is not None else httpx2.USE_CLIENT_DEFAULT
+            try:
+                answer = self._http.request(method, path, params=params, headers=headers, content=sent, timeout=timeout)
+            except httpx2.TransportError as error:
+                self._wait_or_raise(tries, _unreachable(self.server, error), not_sent(error) or may_repeat, None)
+                continue
+            was_deleted = method == "DELETE" and answer.status_code == 404 and tries > 0  # by a try whose answer was lost
+            self._has_answered = True
+            if answer.status_code < 300 or answer.status_code in accept or was_deleted:
+                return answer
+            problem = problem_of(answer)
+            again = answer.status_code in (429, 503) or (may_repeat and answer.status_code in RETRIED_STATUSES)
+            self._wait_or_raise(tries, problem, again, getattr(problem, "retry_after_s", None))
+        raise AssertionError("the last try returned or raised")
+
+    @contextmanager
+    def stream(
+        self, path: str, headers: Mapping[str, str], *, timeout_s: float, params: Mapping[str, Any] | None = None
+    ) -> Iterator[httpx2.Response]:
+        """A GET whose answer is read by the caller, tried once; ServerUnreachable also where reading breaks off."""
+        timeout = httpx2.Timeout(timeout_s, connect=10.0)
+        try:
+            with self._http.stream("GET", path, headers=dict(headers), params=params, timeout=timeout) as answer:
+                self._has_answered = True
+                if answer.status_code >= 300 and answer.status_code != 416:
+                    read_error(answer)
+                    raise problem_of(answer)
+                yield answer
+        except httpx2.TransportError as error:
+            raise _unreachable(self.server, error) from None
+
+    def patiently(self, tries: int, error: Exception) -> None:
+        """Wait before another try of a stream, or raise the error: the last try, or one that would not help."""
+        if isinstance(error, ProblemError):
+            self._wait_or_raise(tries, error, error.status in RETRIED_STATUSES, error.retry_after_s)
+        else:
+            self._wait_or_raise(tries, error, isinstance(error, ServerUnreachable), None)
+
+    def _wait_or_raise(self, tries: int, error: Exception, again: bool, asked_s: float | None) -> None:
+        most = self._retries if self._has_answered else self._first_retries
+        if not again or tries >= most or (asked_s or 0.0) > LONGEST_WAIT_S:
+            raise error
+        delay = min(LONGEST_DELAY_S, FIRST_DELAY_S * 2**tries) * random.uniform(0.5, 1.0)
+        self._sleep(max(delay, asked_s or 0.0))
+
+
+def not_sent(error: httpx2.TransportError) -> bool:
+    return isinstance(error, httpx2.ConnectError | httpx2.ConnectTimeout | httpx2.PoolTimeout)
+
+
+def read_error(answer: httpx2.Response) -> None:
+    """An error's body is small; what is not is not read."""
+    if int(answer.headers.get("Content-Length", 0) or 0) <= MOST_ERROR_BYTES:
+        answer.read()
+
+
+def problem_of(answer: httpx2.Response) -> ProblemError | UnexpectedAnswer:
+    asked = _retry_after(answer.headers)
+    try:
+        document = answer.json() if answer.request.method != "HEAD" else {}
+    except (ValueError, httpx2.ResponseNotRead):
+        document = None
+    is_problem = isinstance(document, dict) and (str(document.get("type", "")).startswith("/problems/") or document == {})
+    if is_problem or answer.status_code in RETRIED_STATUSES:
+        return ProblemError(answer.status_code, document if isinstance(document, dict) else {}, asked)
+    return UnexpectedAnswer(f"{answer.request.url} answered {answer.status_code}, and not as a primray service does")
+
+
+def _retry_after(headers: httpx2.Headers) -> float | None:
+    text = headers.get("Retry-After", "").strip()
+    if text.isascii() and text.isdigit():
+        return float(text[:9])
+    try:
+        return max(0.0, parsedate_to_datetime(text).timestamp() - time.time())
+    except (ValueError, TypeError, OverflowError):
+        return None
+
+
+def _unreachable(server: str, error: httpx2.TransportError) -> ServerUnreachable:
+    reason = str(error) or type(error).__name__
+    return ServerUnreachable(f"no answer from {server}: {reason}")
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"

@@ -1,0 +1,150 @@
+"""Which addresses webhooks may call: public ones, and those of networks that the server's owner opened.
+
+A name is looked up when a job is submitted, for a clear answer, and again for each try, whose connection goes to the
+very address that was found and checked then. What a name means in between is of no importance.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import socket
+import threading
+from collections.abc import Callable, Sequence
+
+from ..config import ServeConfig
+from ..problems import Problem
+
+# The address families as the system's own library orders them; OSError (socket.gaierror) if there is none.
+Resolve = Callable[[str, int], Sequence[str]]
+Address = ipaddress.IPv4Address | ipaddress.IPv6Address
+
+LOOK_UP_S = 3.0
+LONGEST_URL = 2048
+
+# https://www.iana.org/assignments/iana-ipv4-special-registry, -ipv6-special-registry: what is not globally reachable, or
+# reaches IPv4 by another way (6to4, Teredo). Metadata services lie in 169.254.0.0/16, 100.64.0.0/10 and fc00::/7;
+# 168.63.129.16 is Azure's, a public number that each of its machines sees as its own host.
+_CLOSED_4 = tuple(
+    ipaddress.IPv4Network(text)
+    for text in [
+        "0.0.0.0/8",
+        "10.0.0.0/8",
+        "100.64.0.0/10",
+        "127.0.0.0/8",
+        "168.63.129.16/32",
+        "169.254.0.0/16",
+        "172.16.0.0/12",
+        "192.0.0.0/24",
+        "192.0.2.0/24",
+        "192.31.196.0/24",
+        "192.52.193.0/24",
+        "192.88.99.0/24",
+        "192.168.0.0/16",
+        "192.175.48.0/24",
+        "198.18.0.0/15",
+        "198.51.100.0/24",
+        "203.0.113.0/24",
+        "224.0.0.0/4",
+        "240.0.0.0/4",
+    ]
+)
+_OPEN_6 = ipaddress.IPv6Network("2000::/3")  # all that was ever given out
+_CLOSED_6 = tuple(
+    ipaddress.IPv6Network(text) for text in ["2001::/23", "2001:db8::/32", "2002::/16", "2620:4f:8000::/48", "3fff::/20"]
+)
+
+
+def is_public(address: Address) -> bool:
+    if isinstance(address, ipaddress.IPv4Address):
+        return not any(address in network for network in _CLOSED_4)
+    return address in _OPEN_6 and not any(address in network for network in _CLOSED_6)
+
+
+def may_be_called(text: str, networks: Sequence[str]) -> bool:
+    """Whether an address is public, or of one of the opened networks; an IPv4 address in IPv6's clothes is an IPv4 address."""
+    address = ipaddress.ip_address(text)
+    if isinstance(address, ipaddress.IPv6Address):
+        if address.scope_id is not None:
+            return False
+        address = address.ipv4_mapped or address
+    opened = (ipaddress.ip_network(network) for network in networks)
+    return is_public(address) or any(address in network for network in opened)
+
+
+def resolve_now(host: str, port: int) -> Sequence[str]:
+    """By the system's resolver, however long that takes."""
+    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_ADDRCONFIG)
+    return list(dict.fromkeys(str(sockaddr[0]) for *_, sockaddr in found))
+
+
+class Target:
+    """The parts of a webhook's URL that decide where a request goes; Problem if it is none that can be called."""
+
+    def __init__(self, text: str, http_is_allowed: bool) -> None:
+        # Heavy, and needed only by who has webhooks.
+        import httpx2
+
+        if len(text) > LONGEST_URL:
+            raise _refused(f"The address is longer than {LONGEST_URL} characters.")
+        try:
+            self.url = httpx2.URL(text)
+        except (httpx2.InvalidURL, ValueError) as error:
+            raise _refused(f"The address is not a URL: {error}") from None
+        schemes = ("https", "http") if http_is_allowed else ("https",)
+        if self.url.scheme not in schemes:
+            raise _refused(f"The address starts with {' or '.join(f'{scheme}://' for scheme in schemes)}.")
+        if self.url.userinfo:
+            raise _refused("The address holds a user name or password; the receiver knows the call by its signature.")
+        self.host = self.url.raw_host.decode("ascii")
+        if not self.host:
+            raise _refused("The address names no host.")
+        self.port = {"https": 443, "http": 80}[self.url.scheme] if self.url.port is None else self.url.port
+        if not 0 < self.port < 65536:
+            raise _refused("The address names no port that exists.")
+
+    def closed_among(self, addresses: Sequence[str], networks: Sequence[str]) -> str | None:
+        """The first address that may not be called: one is enough to refuse a name, whatever else it means."""
+        return next((address for address in addresses if not may_be_called(address, networks)), None)
+
+
+def check_address(text: str, config: ServeConfig, resolve: Resolve = resolve_now) -> None:
+    """Problem("webhook-address") unless it may be called. A name may be looked up for LOOK_UP_S; call it in a thread.
+
+    A name that cannot be looked up now is let through: each try looks again.
+    """
+    target = Target(text, config.webhook_http)
+    try:
+        addresses = _looked_up(target, resolve)
+    except socket.gaierror as error:
+        if error.errno in (socket.EAI_AGAIN, socket.EAI_FAIL, socket.EAI_SYSTEM):
+            return
+        raise _refused(f"There is no host of the name {target.host}.") from None
+    except (OSError, UnicodeError):
+        raise _refused(f"There is no host of the name {target.host}.") from None
+    if addresses is not None and target.closed_among(addresses, config.webhook_networks):
+        # Which address a name has inside of the server's network is nothing to tell.
+        raise _refused(f"{target.host} is not on the public internet, or is reserved; this server does not call there.")
+
+
+def _looked_up(target: Target, resolve: Resolve) -> Sequence[str] | None:
+    """None if it took too long: the system's resolver cannot be told to give up."""
+    found: list[Sequence[str] | BaseException] = []
+
+    def look() -> None:
+        try:
+            found.append(resolve(target.host, target.port))
+        except BaseException as error:
+            found.append(error)
+
+    thread = threading.Thread(target=look, name="webhook address", daemon=True)
+    thread.start()
+    thread.join(LOOK_UP_S)
+    if not found:
+        return None
+    if isinstance(found[0], BaseException):
+        raise found[0]
+    return found[0]
+
+
+def _refused(detail: str) -> Problem:
+    return Problem("webhook-address", detail)

@@ -1,0 +1,155 @@
+"""Sends what is due, again and again: run by the server that holds the lease, beside its dispatcher.
+
+At-least-once: a try whose end could not be written down is made again; receivers know it by its webhook-id. Receivers
+that hang keep only their own calls waiting: so many at a time to one host, whatever the number that is due.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import random
+import ssl
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from urllib.parse import urlsplit
+
+import structlog
+
+from ..config import ServeConfig
+from ..store.base import Lost, Store, WebhookDelivery
+from .addresses import Resolve, resolve_now
+from .delivery import TIMEOUT_S, Outcome, deliver
+
+# Between a try and the next; the first is made at once. The Standard Webhooks specification's example, without the last two.
+DELAYS_S: tuple[float, ...] = (5, 5 * 60, 30 * 60, 2 * 3600, 5 * 3600, 10 * 3600, 14 * 3600)
+JITTER = 0.2  # of a delay: so much later at most
+LONGEST_WAIT_S = 24 * 3600.0  # that a receiver may ask for
+LOOK_EVERY_S = 1.0
+AT_A_TIME = 32
+AT_A_TIME_TO_A_HOST = 4
+LOOK_AT = 500  # due ones, among which hosts that are not busy are looked for
+STOP_GRACE_S = 2.0
+
+_log = structlog.get_logger("primray.webhooks")
+
+
+class WebhookSender:
+    """`run` until `stop`; `wake` from the event loop when something became due."""
+
+    def __init__(
+        self,
+        store: Store,
+        config: ServeConfig,
+        *,
+        resolve: Resolve = resolve_now,
+        tls: ssl.SSLContext | None = None,
+        delays_s: Sequence[float] = DELAYS_S,
+        timeout_s: float = TIMEOUT_S,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        self._store = store
+        self._config = config
+        self._resolve = resolve
+        self._tls = tls
+        self._delays_s = tuple(delays_s)
+        self._timeout_s = timeout_s
+        self._clock = clock
+        self._woken = asyncio.Event()
+        self._stopping = False
+        self._tries: dict[str, asyncio.Task[None]] = {}  # by delivery id
+        self._hosts: Counter[str] = Counter()
+        self._ended: set[str] = set()  # since the store was last asked: what it answered may be older than their end
+
+    async def run(self, fence: Callable[[], int | None]) -> None:
+        """`fence`: of the lease that this server holds now, or None."""
+        while not self._stopping:
+            held = fence()
+            if held is not None:
+                try:
+                    await self._start_due(held)
+                except Lost:
+                    pass
+                except Exception as error:  # the database is away: look again, as the dispatcher does
+                    _log.warning("webhooks_not_read", error=f"{type(error).__name__}: {error}"[:300])
+            self._woken.clear()
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._woken.wait(), LOOK_EVERY_S)
+        if self._tries:
+            _, late = await asyncio.wait(self._tries.values(), timeout=STOP_GRACE_S)
+            for task in late:
+                task.cancel()
+            await asyncio.gather(*late, return_exceptions=True)
+
+    def wake(self) -> None:
+        self._woken.set()
+
+    async def stop(self) -> None:
+        """No new try; those under way have STOP_GRACE_S. `run` then returns."""
+        self._stopping = True
+        self._woken.set()
+
+    async def _start_due(self, fence: int) -> None:
+        if len(self._tries) >= AT_A_TIME:
+            return
+        now = self._clock()
+        self._ended.clear()
+        due = await asyncio.to_thread(self._store.due_webhooks, fence, now, LOOK_AT)
+        for delivery in due:
+            if len(self._tries) >= AT_A_TIME:
+                return
+            host = urlsplit(delivery.url).netloc
+            is_known = delivery.id in self._tries or delivery.id in self._ended
+            if not is_known and self._hosts[host] < AT_A_TIME_TO_A_HOST and not self._stopping:
+                self._hosts[host] += 1
+                self._tries[delivery.id] = asyncio.create_task(self._try(fence, delivery, host))
+
+    async def _try(self, fence: int, delivery: WebhookDelivery, host: str) -> None:
+        try:
+            now = self._clock()
+            if self._tls is None:
+                self._tls = await asyncio.to_thread(_default_tls)
+            outcome = await deliver(delivery, now, self._config, self._resolve, self._tls, self._timeout_s)
+            state, next_at = self._decided(delivery, outcome)
+            await asyncio.to_thread(
+                self._store.webhook_tried, fence, delivery.id, state=state, next_at=next_at, error=outcome.error
+            )
+            tell = _log.info if state == "delivered" else _log.warning
+            tell(
+                "webhook",
+                job_id=delivery.job_id,
+                webhook_id=delivery.id,
+                tries=delivery.tries + 1,
+                state=state,
+                error=outcome.error,
+            )
+        except Lost:
+            pass  # its next holder tries again
+        except Exception as error:
+            _log.warning("webhook_not_noted", webhook_id=delivery.id, error=f"{type(error).__name__}: {error}"[:300])
+            await asyncio.sleep(LOOK_EVERY_S)  # it is due still, and is not to be sent over and over
+        finally:
+            self._ended.add(delivery.id)
+            del self._tries[delivery.id]
+            self._hosts[host] -= 1
+            if not self._hosts[host]:
+                del self._hosts[host]
+            self._woken.set()
+
+    def _decided(self, delivery: WebhookDelivery, outcome: Outcome) -> tuple[str, float]:
+        """The delivery's next state, and when it is to be tried again."""
+        now = self._clock()
+        if outcome.state == "delivered":
+            return "delivered", now
+        if outcome.state == "hopeless" or delivery.tries >= len(self._delays_s):
+            return "failed", now
+        delay = self._delays_s[delivery.tries] * (1 + JITTER * random.random())
+        return "due", now + max(delay, min(outcome.wait_s or 0.0, LONGEST_WAIT_S))
+
+
+def _default_tls() -> ssl.SSLContext:
+    """The system's certificates; slow to load, so once."""
+    import httpx2
+
+    return httpx2.create_ssl_context(trust_env=False)

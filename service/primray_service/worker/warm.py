@@ -1,0 +1,40 @@
+"""What a worker does before it has work: all that is done once in a process, by rendering a stage of one cube.
+
+Libraries are loaded, their plug-ins and configurations read, threads started, so that the first picture of a job is not late.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+STAGE = '#usda 1.0\ndef Cube "cube" {\n}\n'
+
+
+def warm_up(kind: str, folder: Path) -> None:
+    """`folder`: for files that are gone afterwards."""
+    from primray import usd
+    from primray.composition import Composition
+    from primray.diagnostics import Diagnostics
+
+    stage = folder / "warm.usda"
+    stage.write_text(STAGE)
+    if kind == "check":
+        from . import check  # noqa: F401
+
+        usd.open_stage(str(stage), Diagnostics(), Composition())
+    else:
+        _render(stage, folder)
+    stage.unlink()
+
+
+def _render(stage: Path, folder: Path) -> None:
+    from primray import core
+    from primray.render import render
+    from primray.settings import RenderSettings
+
+    from . import render_task  # noqa: F401
+
+    core.build_digest()
+    image = render(str(stage), RenderSettings(resolution=(16, 16), spp=2, threads=1))
+    for name in ("warm.exr", "warm.png"):
+        image.save(folder / name).unlink()

@@ -1,0 +1,126 @@
+"""What is sent for a scene: as it is, or packed so that every path leads to the same file."""
+
+from __future__ import annotations
+
+import os
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from primray import usd
+from primray_service.cli.exits import CommandError
+from primray_service.cli.scene_file import SceneFile, scene_file
+
+
+def write(file: Path, text: str = "content") -> Path:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(text)
+    return file
+
+
+def scene_of(file: Path, *asset_paths: str) -> Path:
+    assets = "\n".join(f" asset a{n} = @{path}@" for n, path in enumerate(asset_paths))
+    return write(file, f'#usda 1.0\n(defaultPrim = "A")\ndef "A" {{\n{assets}\n}}\n')
+
+
+@pytest.fixture
+def show(tmp_path: Path) -> Path:
+    return tmp_path / "show"
+
+
+@pytest.fixture
+def scratch(tmp_path: Path) -> Path:
+    folder = tmp_path / "scratch"
+    folder.mkdir()
+    return folder
+
+
+def members(sent: SceneFile) -> list[str]:
+    with zipfile.ZipFile(sent.path) as package:
+        return package.namelist()
+
+
+def unpacked(sent: SceneFile, folder: Path) -> Path:
+    """The root layer as the server finds it."""
+    assert sent.entry is not None
+    with zipfile.ZipFile(sent.path) as package:
+        package.extractall(folder)
+    return folder / sent.entry
+
+
+def test_a_file_that_refers_to_none_is_sent_as_it_is(show: Path, scratch: Path) -> None:
+    scene = scene_of(show / "shot.usda")
+    assert scene_file(scene, scratch) == SceneFile(scene, "shot.usda", None, 1, [])
+
+
+def test_packages_are_sent_as_they_are(show: Path, scratch: Path) -> None:
+    for name in ("a.usdz", "b.ZIP"):
+        package = write(show / name, "not even a zip: the server says so")
+        assert scene_file(package, scratch) == SceneFile(package, name)
+
+
+def test_files_beside_and_below_are_packed(show: Path, scratch: Path, tmp_path: Path) -> None:
+    write(show / "tex/wood.png", "wood")
+    scene_of(show / "lib.usda", "./tex/wood.png")
+    scene = write(show / "shot.usda", "#usda 1.0\n(subLayers = [@./lib.usda@])\n")
+    write(show / "not_named.png")
+    sent = scene_file(scene, scratch)
+    assert (sent.name, sent.entry, sent.files, sent.notes) == ("shot.zip", "shot.usda", 3, [])
+    assert members(sent) == ["lib.usda", "shot.usda", "tex/wood.png"]
+    root = unpacked(sent, tmp_path / "server")
+    assert usd.dependencies(str(root)).missing == ()
+    assert root.read_bytes() == scene.read_bytes()
+
+
+def test_files_above_keep_their_places_and_are_told(show: Path, scratch: Path, tmp_path: Path) -> None:
+    write(show / "tex/wood.png", "wood")
+    scene = scene_of(show / "shots/010/shot.usda", "../../tex/wood.png")
+    sent = scene_file(scene, scratch)
+    assert sent.entry == "shots/010/shot.usda"
+    assert members(sent) == ["shots/010/shot.usda", "tex/wood.png"]
+    assert sent.notes == ["../../tex/wood.png: is outside of the scene's folder; sent too"]
+    assert usd.dependencies(str(unpacked(sent, tmp_path / "server"))).missing == ()
+
+
+def test_absolute_paths_are_rewritten_in_a_usdz(show: Path, scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    wood = write(show / "elsewhere/wood.png", "wood")
+    scene = scene_of(show / "shots/shot.usda", str(wood))
+    monkeypatch.chdir(show)
+    sent = scene_file(scene, scratch)
+    assert (sent.name, sent.entry, sent.files) == ("shot.usdz", None, 2)
+    assert sent.notes == [
+        f"{wood} (in shots/shot.usda): leads to the same file only on this machine; sent as a usdz with rewritten paths"
+    ]
+    found = usd.dependencies(str(sent.path))
+    assert found.files == (str(sent.path),)
+    assert found.missing == found.fixed == ()
+    assert scene.read_text().count(str(wood)) == 1  # the user's file is left alone
+
+
+def test_missing_files_are_told_and_not_too_many(show: Path, scratch: Path) -> None:
+    scene = scene_of(show / "shot.usda", *[f"./lost{n:02}.png" for n in range(14)])
+    notes = scene_file(scene, scratch).notes
+    assert len(notes) == 11
+    assert notes[0].endswith("lost00.png: cannot be found, and will be missing")
+    assert notes[-1] == "... and 4 more"
+
+
+@pytest.mark.parametrize("absolute", [False, True])
+def test_equal_files_make_equal_packages(show: Path, scratch: Path, absolute: bool) -> None:
+    """At other times, too: a package that the server has is not sent again."""
+    wood = write(show / "tex/wood.png", "wood")
+    scene_of(show / "lib.usda", str(wood) if absolute else "./tex/wood.png")
+    scene = write(show / "shot.usda", "#usda 1.0\n(subLayers = [@./lib.usda@])\n")
+    first = scene_file(scene, scratch).path.read_bytes()
+    for file in (scene, wood):
+        os.utime(file, (1_500_000_000, 1_500_000_000))
+    other = scratch / "other"
+    other.mkdir()
+    assert scene_file(scene, other).path.read_bytes() == first
+
+
+def test_what_cannot_be_read_is_said(show: Path, scratch: Path) -> None:
+    with pytest.raises(CommandError, match="no such file") as caught:
+        scene_file(show / "none.usda", scratch)
+    assert caught.value.exit_code == 3
