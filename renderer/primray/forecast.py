@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 # since the rate changes.
 UNKNOWN_RATE, KNOWN_RATE = 0.35, 0.15
 # How fast errors fall when adaptive sampling has begun (its first doubling gains more than those after), and how much of what
-# a doubling showed beyond 1 the next ones keep. By renders of five stages to twelve targets (tests/bench/forecasts.py).
-ADAPTIVE_RATE, ADAPTIVE_TRUST = 1.35, 0.5
+# a doubling showed beyond 1 the next ones keep. By five stages and twelve targets; test_forecast_accuracy.py has some.
+ADAPTIVE_RATE, ADAPTIVE_TRUST = 1.35, 0.4
 WINDOW = 0.5  # speeds are of this last part of what was sampled
 
 
