@@ -69,7 +69,10 @@ def _variants(prims: list[Usd.Prim]) -> Iterator[dict[str, Any]]:
 
 def _payloads(stage: Usd.Stage) -> dict[str, Any]:
     loaded = set(stage.GetLoadSet())
-    unloaded = sorted(str(path) for path in set(stage.FindLoadable()) - loaded)
+    # Where all is loaded nothing is asked: FindLoadable goes through every instance of every instance, a thousand million of nine
+    # levels of ten.
+    all_loaded = stage.GetLoadRules() == Usd.StageLoadRules.LoadAll()
+    unloaded = [] if all_loaded else sorted(str(path) for path in set(stage.FindLoadable()) - loaded)
     return {"loaded": sorted(map(str, loaded)), "unloaded": unloaded}
 
 

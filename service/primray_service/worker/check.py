@@ -110,7 +110,7 @@ class _Check:
             found.name
             for name in self.contents
             for path in self.contents[name].asset_paths
-            if (found := self._find(name, path)) is not None and found.name != name
+            if (found := self._find(name, split_package(path)[0])) is not None and found.name != name
         }
         named |= {name.partition("[")[0] for name in named}
         return [name for name in outermost if name not in named] or outermost

@@ -47,6 +47,7 @@ class Container:
     suffix: str = ""
     files: dict[str, File] = field(default_factory=dict)
     inner: dict[str, Container] = field(default_factory=dict)  # of the usdz among the files
+    is_one_file: bool = False  # the scene is its only file
 
     def shown(self, name: str) -> str:
         return f"{self.prefix}{name}{self.suffix}"
@@ -69,7 +70,7 @@ def read_folder(folder: Path, limits: Limits) -> Container:
 
 def read_file(path: Path, limits: Limits) -> Container:
     """One file by itself."""
-    found = Container()
+    found = Container(is_one_file=True)
     _add(found, _file(path.name, path, 0, path.stat().st_size), limits, depth=1)
     return found
 
@@ -100,13 +101,13 @@ def _add(container: Container, file: File, limits: Limits, depth: int) -> None:
     opening, closing = ("[", "]") if not container.suffix else ("[", "]" + container.suffix)
     inside = Container(f"{container.prefix}{file.name}{opening}", closing)
     container.inner[file.name] = inside
-    for member in _members(file, limits, inside if depth > 1 or "/" in shown or container.prefix else None):
+    for member in _members(file, limits, None if container.is_one_file else inside):
         start = file.at + member.data_at
         _add(inside, _file(member.name, file.path, start, member.bytes), limits, depth + 1)
 
 
 def _members(file: File, limits: Limits, inside: Container | None) -> list[Member]:
-    """Of a usdz; what is wrong with one is told with the member's name, from outside where the package is one of several."""
+    """Of a usdz; what is wrong with one is told with the member's name, as seen from outside unless it is all that was sent."""
     try:
         with file.open() as opened:
             members = read_directory(opened, limits)

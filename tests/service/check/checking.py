@@ -125,3 +125,85 @@ def run(slot: Path, command: dict[str, Any], layers: frozenset[str] | None = Non
 
 
 CRASHES = {signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS}
+
+
+# Enters the sandbox as a worker does, and then checks one scene after the other, each with a folder of its own.
+_MANY = """
+import json, os, sys
+messages = os.fdopen(os.dup(1), "w")
+os.dup2(2, 1)
+from primray_service.sandbox import enter
+entered = enter((messages.fileno(),))
+from primray_service.worker.check import check_scene
+from primray_service.worker.failures import problem_of_error
+
+class Left(BaseException):
+    pass
+
+class Channel:
+    def send(self, at, **members):
+        print(json.dumps({"at": at, **members}), file=messages)
+    def leave(self, at, **members):
+        self.send(at, **members)
+        raise Left
+
+for name, command in json.loads(sys.stdin.read()).items():
+    channel = Channel()
+    channel.send("case", name=name)
+    try:
+        check_scene(command, entered.job / name, entered.out, channel)
+    except Left:
+        pass
+    except BaseException as error:
+        channel.send("failed", problem=problem_of_error(error, str(entered.job / name)).as_json())
+messages.flush()
+os._exit(0)
+"""
+
+
+def check_many(
+    slot: Path,
+    scenes: dict[str, Files],
+    layers: frozenset[str] | None = None,
+    wrapper: tuple[str, ...] = (),
+    entries: dict[str, str] | None = None,
+    **limits: float,
+) -> dict[str, Checked]:
+    """As `check`, of many small scenes in one process, as starting one costs more than looking at a scene."""
+    shutil.rmtree(slot, ignore_errors=True)
+    (slot / "out").mkdir(parents=True)
+    commands = {}
+    for name, files in scenes.items():
+        single = next(iter(files)) if len(files) == 1 and next(iter(files)).startswith("scene.") else None
+        write(slot / "job" / name if single else slot / "job" / name / "package", files)
+        kind = single.rpartition(".")[2] if single else "zip"
+        commands[name] = {
+            "do": "check",
+            "file": single or "package",
+            "kind": kind,
+            "entry": (entries or {}).get(name),
+            "limits": limits,
+        }
+    spawn = worker_spawn(slot, Budget(2 * GiB, threads=2), ("-c", _MANY), layers)
+    ended = subprocess.run(
+        [*wrapper, *spawn.argv],
+        env=spawn.env,
+        cwd=spawn.cwd,
+        input=json.dumps(commands).encode(),
+        capture_output=True,
+        timeout=120,
+    )
+    found: dict[str, Checked] = {}
+    for line in ended.stdout.splitlines():
+        message = json.loads(line)
+        if message["at"] == "case":
+            checked = found[message["name"]] = Checked(exit_code=0)
+        elif message["at"] == "warning":
+            checked.warnings.append(message)
+        elif message["at"] == "facts":
+            checked.facts = message
+        elif message["at"] == "failed":
+            checked.problem = message["problem"]
+    assert ended.returncode == 0, ended.stderr.decode("utf-8", "replace")
+    assert set(found) == set(scenes)
+    return found
