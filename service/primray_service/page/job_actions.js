@@ -9,7 +9,7 @@ export function actions(id, { changed, failed }) {
   const row = element("div", { class: "actions" });
   const panel = element("div", {});
   const root = element("div", {}, row, panel);
-  const self = { root, show, onContinued: () => {} };
+  const self = { root, show, onContinued: () => {}, onDelete: () => {} };
   let drawn = "";
 
   function show(job) {
@@ -70,6 +70,7 @@ export function actions(id, { changed, failed }) {
   // Asked in the page: a browser's own question box blocks everything, the picture too.
   function remove() {
     const sure = button("Delete it", () => run(async () => {
+      self.onDelete();
       await send("DELETE", jobPath(id));
       location.hash = "#/jobs";
     }), { class: "danger" });

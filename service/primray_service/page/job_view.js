@@ -162,15 +162,13 @@ export function jobView(root, [id]) {
   function chooseFrame(number, row) {
     frame = number;
     chosen = row;
-    picture.frame(number);
-    if (job) {
-      picture.live(!ended, hasPicture());
-      loadCurve();
-    }
+    picture.frame(number, hasPicture());
+    picture.live(!ended, hasPicture());
+    loadCurve();
   }
 
   // Asking for a picture that cannot be there yet only makes errors in a browser's console.
-  const hasPicture = () => (chosen?.progress ?? job.progress)?.samples_done > 0;
+  const hasPicture = () => (chosen ?? job).progress?.samples_done > 0;
 
   function onEvent(type, data) {
     if (type === "end") stop?.(); // nothing follows; left open, the browser would ask again and again
@@ -211,6 +209,10 @@ export function jobView(root, [id]) {
   }
 
   doing.onContinued = follow;
+  doing.onDelete = () => {
+    closed = true; // what is gone must not be asked for
+    stop?.();
+  };
   refresh();
   follow();
   return () => {

@@ -162,7 +162,10 @@ export function viewer(job, { onFirst = () => {} } = {}) {
   return {
     root,
     refresh,
-    frame: (number) => set({ frame: number }),
+    frame: (number, hasPicture) => {
+      if (number !== state.frame) isThere = hasPicture;
+      set({ frame: number });
+    },
     live: (now, hasPicture) => {
       const ended = isLive && !now;
       isLive = now;
