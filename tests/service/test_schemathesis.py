@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 import pytest
-
 from tests.service.conftest import StartServer
 from tests.service.serving import RunningServer
 
