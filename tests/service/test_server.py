@@ -59,8 +59,11 @@ def test_it_stops_soon_whatever_is_open(start_server, number):
             heard.append(stream.headers["content-type"])
             heard.append("".join(stream.iter_lines())[:20])
 
-    streams = [threading.Thread(target=listen, args=(f"{here}/events",), kwargs={"accept": "text/event-stream"}) for _ in "abc"]
-    poll = threading.Thread(target=listen, args=(here,), kwargs={"prefer": "wait=50"})
+    streams = [
+        threading.Thread(daemon=True, target=listen, args=(f"{here}/events",), kwargs={"accept": "text/event-stream"})
+        for _ in "abc"
+    ]
+    poll = threading.Thread(daemon=True, target=listen, args=(here,), kwargs={"prefer": "wait=50"})
     for thread in (*streams, poll):
         thread.start()
     wait_until(lambda: len(heard) >= 3)
