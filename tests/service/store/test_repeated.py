@@ -26,7 +26,7 @@ class Broken:
         self.commits: list[str] = []
         self._dialect = store._db._writer.dialect
         self._real = self._dialect.do_commit
-        self._dialect.do_commit = self._commit  # type: ignore[method-assign]
+        self._dialect.do_commit = self._commit  # type: ignore
 
     def _commit(self, connection: Any) -> None:
         how = self.commits.pop(0) if self.commits else "arrives"
@@ -107,14 +107,21 @@ def checking(world: World) -> None:
     world.store.create_job(FIXED, [None], ANY)
 
 
+def rejected(world: World) -> None:
+    world.store.put_scene(new_scene(), ANY)
+    world.store.scene_checked(world.fence, scene_id(), world.now, facts={}, warnings=[], problem={"type": "x"})
+
+
+def half_ended(world: World) -> None:
+    claimed(world)
+    world.end(world.claim().frame)
+
+
 OPERATIONS: dict[str, tuple[Step, Step]] = {
     "create_job": (ready, lambda w: w.store.create_job(FIXED, [None, 2.0], Quotas(queued_jobs=1))),
     "create_job with a key": (ready, lambda w: w.store.create_job(FIXED, [None], Quotas(queued_jobs=1), ("k", "r"))),
     "create_job of a rejected scene": (
-        lambda w: (
-            w.store.put_scene(new_scene(), ANY),
-            w.store.scene_checked(w.fence, scene_id(), w.now, facts={}, warnings=[], problem={"type": "x"}),
-        ),
+        rejected,
         lambda w: w.store.create_job(FIXED, [None], ANY),
     ),
     "update_job": (made, lambda w: w.store.update_job(FIXED.id, w.now, version=1, changes={"priority": 9, "labels": {}})),
@@ -149,7 +156,7 @@ OPERATIONS: dict[str, tuple[Step, Step]] = {
     "accept_checkpoint": (claimed, checkpoint),
     "end_frame": (claimed, lambda w: w.end(replace(frame_of(w), cpu_s=2.0))),
     "end_frame, the last": (
-        lambda w: (claimed(w), w.end(w.claim().frame)),
+        half_ended,
         lambda w: w.end(replace(frame_of(w), cpu_s=2.0), FrameState.FAILED, error={"type": "x"}),
     ),
     "end_frame of a canceled job": (canceling, lambda w: w.end(frame_of(w), FrameState.CANCELED)),
