@@ -126,6 +126,7 @@ def _image(kind: str) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         path = f"{folder}/a.{kind}"
         file = oiio.ImageOutput.create(path)
+        assert file is not None
         file.open(path, oiio.ImageSpec(24, 16, 3, "uint8" if kind == "png" else "half"))
         file.write_image(pixels)
         file.close()

@@ -66,7 +66,8 @@ def slug(response: Any) -> tuple[int, str]:
 def png(data: bytes) -> np.ndarray:
     """Decoded here, by a reader of this test's own: any filter, 8 bits."""
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
-    at, chunks = 8, {}
+    at = 8
+    chunks: dict[bytes, bytes] = {}
     while at < len(data):
         (size,), kind = struct.unpack(">I", data[at : at + 4]), data[at + 4 : at + 8]
         body = data[at + 8 : at + 8 + size]
@@ -134,6 +135,7 @@ def test_jpeg_is_a_jpeg_of_the_same(job: str, client: Any, tmp_path: Path) -> No
     shown = oiio.ImageBuf(str(tmp_path / "a.jpg")).get_pixels(oiio.UINT8)
     expected = encode(halves()).astype(float)
     over_black = expected[..., :3] * expected[..., 3:] / 255
+    assert shown is not None
     assert shown.shape == (HEIGHT, WIDTH, 3)
     assert np.abs(shown - over_black).mean() < 6
 
