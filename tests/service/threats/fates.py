@@ -128,6 +128,6 @@ def workers_of(server: RunningServer) -> list[str]:
     for pid, parent, command in sorted(lines):
         if parent in family:
             family.add(pid)
-            if "pictures.helper" not in command:
+            if "pictures.process" not in command:
                 found.append(command)
     return found
