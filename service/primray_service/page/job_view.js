@@ -101,7 +101,9 @@ export function jobView(root, [id]) {
       scene = await get(scenePath(job.scene.id)).catch(() => ({}));
       draw();
     }
-    await strip.load(job.progress?.frames?.total ?? 1);
+    const frames = job.progress?.frames?.total ?? 1;
+    if (frames > 1) await strip.load(frames);
+    else chooseFrame(0, null);
     await loadCurve();
     if (terminal && !wasEnded) {
       picture.live(false, hasPicture());
@@ -160,11 +162,12 @@ export function jobView(root, [id]) {
   }
 
   function chooseFrame(number, row) {
+    const isOther = frame !== number;
     frame = number;
     chosen = row;
     picture.frame(number, hasPicture());
     picture.live(!ended, hasPicture());
-    loadCurve();
+    if (isOther) loadCurve();
   }
 
   // Asking for a picture that cannot be there yet only makes errors in a browser's console.
@@ -173,7 +176,7 @@ export function jobView(root, [id]) {
   function onEvent(type, data) {
     if (type === "end") stop?.(); // nothing follows; left open, the browser would ask again and again
     if (type === "preview") {
-      if ((data.frame ?? data.number ?? frame) === frame) picture.refresh();
+      if (job && data.frame === frame) picture.refresh();
     } else if (type === "progress" && job && (data.progress ?? data).fraction !== undefined && (job.progress?.frames?.total ?? 1) === 1) {
       job = { ...job, progress: { ...job.progress, ...(data.progress ?? data) } };
       draw();

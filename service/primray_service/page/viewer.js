@@ -99,8 +99,8 @@ export function viewer(job, { onFirst = () => {} } = {}) {
       isLoading = false;
     }
     if (closed) return;
-    if (isWanted) load();
-    else if (isLive) timer = setTimeout(() => (document.hidden ? (isWanted = true) : load()), 1000 * pause);
+    if (isWanted) ask();
+    else if (isLive) timer = setTimeout(() => (document.hidden ? (isWanted = true) : ask()), 1000 * pause);
   }
 
   // A page that is not looked at does not ask; it does at once when it is.

@@ -83,7 +83,7 @@ def open_page(browser: Browser, site: RunningServer) -> Iterator[OpenPage]:
         context = browser.new_context(**{"viewport": {"width": 1280, "height": 900}, "locale": "en-GB", **options})
         contexts.append(context)
         page = context.new_page()
-        page.set_default_timeout(20_000)
+        page.set_default_timeout(60_000)
         watched = Watched(page, url)
         opened.append(watched)
         page.goto(f"{url}/{fragment}")
@@ -119,11 +119,11 @@ def render(page: Page, *, width: int = 64, target: str | None = None, samples: i
     return page.url.rpartition("/")[2]
 
 
-def wait_for_state(page: Page, state: str, timeout_s: float = 30.0) -> None:
+def wait_for_state(page: Page, state: str, timeout_s: float = 60.0) -> None:
     page.wait_for_selector(f'.head .state[data-state="{state}"]', timeout=1000 * timeout_s)
 
 
-def until(page: Page, expression: str, timeout_s: float = 20.0) -> None:
+def until(page: Page, expression: str, timeout_s: float = 60.0) -> None:
     """Until the expression is true. Playwright's own waiting evaluates text inside the page, which its policy forbids."""
     end = time.monotonic() + timeout_s
     while not page.evaluate(expression):
