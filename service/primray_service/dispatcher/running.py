@@ -109,7 +109,8 @@ class RunningFrame:
         """Lost if another dispatcher has the frame now."""
         metrics = self._parts.metrics
         metrics.frames_started += 1
-        metrics.queue_wait.observe(max(time.time() - self.job.queued_at, 0.0))
+        if self.job.started_at is None:  # of a job the first; the others wait for each other
+            metrics.queue_wait.observe(max(time.time() - self.job.queued_at, 0.0))
         reading = asyncio.create_task(self._jobs.get(self.job))
         try:
             await self._live(reading)
