@@ -202,7 +202,9 @@ class RunningFrame:
                 job, self.frame = await reports.report(parts, shared, self.job, self.frame, run)
                 self.saw(job)
             self._watch(run)
-        return shared or await reading
+        shared = shared or await reading
+        await self._take_preview(run, shared)  # of a short frame, the only one may have come with its last words
+        return shared
 
     def _watch(self, run: ChunkRun) -> None:
         limits = self._parts.limits
