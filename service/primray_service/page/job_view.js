@@ -43,7 +43,7 @@ export function jobView(root, [id]) {
   let [closed, stop, timer, saidAt, saidPhase, curveAt, curveTimer] = [false, null, 0, 0, "", 0, 0];
   let soonTimer = 0;
   let [refreshing, again] = [false, false];
-  let ended = false;
+  let [ended, gone] = [false, false];
 
   fill(
     root,
@@ -59,8 +59,8 @@ export function jobView(root, [id]) {
 
   // One request at a time; whatever happens meanwhile causes one more.
   async function refresh() {
-    if (refreshing) {
-      again = true;
+    if (refreshing || gone) {
+      again = !gone;
       return;
     }
     refreshing = true;
@@ -68,7 +68,7 @@ export function jobView(root, [id]) {
       do {
         again = false;
         await read();
-      } while (again && !closed);
+      } while (again && !closed && !gone);
     } finally {
       refreshing = false;
     }
@@ -81,7 +81,7 @@ export function jobView(root, [id]) {
       await show(found);
       if (!closed) fill(trouble);
     } catch (failure) {
-      if (closed) return;
+      if (closed || gone) return;
       if (!failure.problem) throw failure;
       fill(trouble, problemBox(failure.problem, { retry: refresh, retryAfter: failure.retryAfter }));
       if (failure.problem.status === 404) {
@@ -212,9 +212,12 @@ export function jobView(root, [id]) {
   }
 
   doing.onContinued = follow;
-  doing.onDelete = () => {
-    closed = true; // what is gone must not be asked for
-    stop?.();
+  // What may be gone must not be asked for.
+  doing.onDelete = (now) => {
+    gone = now;
+    picture.live(false, false);
+    if (now) stop?.();
+    else follow();
   };
   refresh();
   follow();

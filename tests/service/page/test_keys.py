@@ -12,7 +12,7 @@ def test_a_key_is_asked_for_and_exchanged(open_page, start_server):
     watched = open_page("#/jobs", url=server.url)
     page = watched.page
     watched.expected = {401}
-    field = page.get_by_label("API key")
+    field = page.get_by_label("API key", exact=True)
     field.wait_for()
     field.fill("wrong")
     page.keyboard.press("Enter")
@@ -33,4 +33,4 @@ def test_a_key_is_asked_for_and_exchanged(open_page, start_server):
     wait_for_state(page, "succeeded", 60)
     watched.expected = {401}
     page.get_by_role("button", name="Log out").click()
-    page.get_by_label("API key").wait_for()
+    page.get_by_label("API key", exact=True).wait_for()

@@ -55,7 +55,7 @@ def test_a_dropped_scene_fills_the_form(open_page):
 def test_a_picture_refines_is_canceled_and_goes_on(open_page, site):
     page = open_page().page
     choose(page, content=SMALL + "# refines")
-    job = render(page, width=300, target="0.0000001")
+    job = render(page, width=180, target="0.0000001")
     page.wait_for_selector(".stage img")
     # It refines: pictures take each other's place, the curve gets rows, the error is told with its target.
     until_pictures(page, 2)
@@ -64,7 +64,7 @@ def test_a_picture_refines_is_canceled_and_goes_on(open_page, site):
     assert re.fullmatch(r"\d+ %", page.title().split(" · ")[0])
     assert page.get_by_role("progressbar", name="Progress").is_visible()
     # Values under the cursor, by mouse and by keys, are those of the raw preview.
-    page.locator(".stage").hover(position={"x": 150, "y": 100})
+    page.locator(".stage").hover(position={"x": 300, "y": 200})
     until(page, r"/\d\.\d{4}/.test(document.querySelector('.values').textContent)")
     page.get_by_role("button", name="Cancel").click()
     wait_for_state(page, "canceled")
@@ -75,13 +75,13 @@ def test_a_picture_refines_is_canceled_and_goes_on(open_page, site):
         # It goes on from there, and ends by its new rule.
         page.get_by_role("button", name="Continue…").click()
         page.get_by_label("Target error").fill("")
-        page.get_by_label("Or samples a pixel in all").fill(str(int(before) + 64))
+        page.get_by_label("Or samples a pixel in all").fill(str(int(before) + 16))
         page.get_by_label("Or seconds in all").fill("")
         page.get_by_role("button", name="Go on").click()
         wait_for_state(page, "succeeded", 60)
         after = client.get(f"/v1/jobs/{job}").json()
         assert after["attempt"] == 2
-        assert after["progress"]["samples_done"] >= int(before) + 64
+        assert after["progress"]["samples_done"] >= int(before) + 16
     until_pictures(page, before_pictures)
 
 
