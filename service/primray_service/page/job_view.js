@@ -40,7 +40,8 @@ export function jobView(root, [id]) {
   let rows = { frame: -1, attempt: 0, items: [] };
   let frame = 0;
   let chosen = null; // the row of the frame that is shown, of a job that has several
-  let [closed, stop, timer, saidAt, saidPhase, curveAt, curveTimer] = [false, null, 0, 0, "", 0, 0];
+  let [closed, timer, saidAt, saidPhase, curveAt, curveTimer] = [false, 0, 0, "", 0, 0];
+  let isEnding = false;
   let soonTimer = 0;
   let [refreshing, again] = [false, false];
   let [ended, gone] = [false, false];
@@ -83,9 +84,11 @@ export function jobView(root, [id]) {
     } catch (failure) {
       if (closed || gone) return;
       if (!failure.problem) throw failure;
-      fill(trouble, problemBox(failure.problem, { retry: refresh, retryAfter: failure.retryAfter }));
-      if (failure.problem.status === 404) {
-        stop?.();
+      gone = failure.problem.status === 404;
+      fill(trouble, problemBox(failure.problem, { retry: gone ? null : refresh, retryAfter: failure.retryAfter }));
+      if (gone) {
+        events.stop();
+        clearInterval(timer);
         picture.live(false, false);
       }
     }
@@ -105,6 +108,11 @@ export function jobView(root, [id]) {
     if (frames > 1) await strip.load(frames);
     else chooseFrame(0, null);
     await loadCurve();
+    if (terminal) {
+      events.stop(); // left open, the browser would ask again and again
+      clearInterval(timer);
+      write(link, "");
+    }
     if (terminal && !wasEnded) {
       picture.live(false, hasPicture());
       await files.load();
@@ -174,7 +182,7 @@ export function jobView(root, [id]) {
   const hasPicture = () => (chosen ?? job).progress?.samples_done > 0;
 
   function onEvent(type, data) {
-    if (type === "end") stop?.(); // nothing follows; left open, the browser would ask again and again
+    if (type === "end" && data.attempt === job?.attempt) isEnding = true; // the server closes the stream now
     if (type === "preview") {
       if (job && data.frame === frame) picture.refresh();
     } else if (type === "progress" && job && (data.progress ?? data).fraction !== undefined && (job.progress?.frames?.total ?? 1) === 1) {
@@ -193,22 +201,24 @@ export function jobView(root, [id]) {
     }, 1000 * READ_EVERY_S);
   }
 
+  const events = live(jobPath(id, "/events"), {
+    onEvent,
+    onOpen: () => {
+      write(link, "");
+      clearInterval(timer);
+      refresh();
+    },
+    onLost: () => {
+      if (ended || isEnding) return;
+      write(link, "The connection was lost; trying again.");
+      clearInterval(timer);
+      timer = setInterval(refresh, 1000 * LOOK_EVERY_S);
+    },
+  });
+
   function follow() {
-    stop?.();
-    stop = live(jobPath(id, "/events"), {
-      onEvent,
-      onOpen: () => {
-        write(link, "");
-        clearInterval(timer);
-        refresh();
-      },
-      onLost: () => {
-        if (ended) return;
-        write(link, "The connection was lost; trying again.");
-        clearInterval(timer);
-        timer = setInterval(refresh, 1000 * LOOK_EVERY_S);
-      },
-    });
+    isEnding = false;
+    events.start();
   }
 
   doing.onContinued = follow;
@@ -216,14 +226,13 @@ export function jobView(root, [id]) {
   doing.onDelete = (now) => {
     gone = now;
     picture.live(false, false);
-    if (now) stop?.();
+    if (now) events.stop();
     else follow();
   };
-  refresh();
-  follow();
+  refresh().then(() => !ended && !closed && !gone && follow());
   return () => {
     closed = true;
-    stop?.();
+    events.stop();
     clearInterval(timer);
     clearTimeout(curveTimer);
     clearTimeout(soonTimer);

@@ -81,7 +81,7 @@ def test_a_picture_refines_is_canceled_and_goes_on(open_page, site):
         wait_for_state(page, "succeeded", 60)
         after = client.get(f"/v1/jobs/{job}").json()
         assert after["attempt"] == 2
-        assert after["progress"]["samples_done"] >= int(before) + 16
+        assert after["progress"]["samples_done"] > before
     until_pictures(page, before_pictures)
 
 
