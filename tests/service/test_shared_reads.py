@@ -53,7 +53,8 @@ def test_a_read_that_a_change_overtook_is_not_kept():
 
 def test_a_failure_is_told_to_who_waited_and_forgotten():
     async def scenario() -> None:
-        reads, answers = SharedReads(60.0), [ValueError("no"), "yes"]
+        reads = SharedReads(60.0)
+        answers: list[str | Exception] = [ValueError("no"), "yes"]
 
         def load() -> str:
             found = answers.pop(0)

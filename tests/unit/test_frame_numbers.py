@@ -28,7 +28,9 @@ def test_frame_lists(text: str, frames: list[float]) -> None:
     assert parse_frames(text) == frames
 
 
-@pytest.mark.parametrize("text", ["", "a", "1:", ":3", "1:2:3", "1x2", "1:5x0", "1,,2", "nan", "inf", "1:1e99", "1e9999999", "0:1x1e-9999999"])
+@pytest.mark.parametrize(
+    "text", ["", "a", "1:", ":3", "1:2:3", "1x2", "1:5x0", "1,,2", "nan", "inf", "1:1e99", "1e9999999", "0:1x1e-9999999"]
+)
 def test_what_is_no_frame_list(text: str) -> None:
     with pytest.raises(SettingsError, match="no frame list"):
         parse_frames(text)
