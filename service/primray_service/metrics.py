@@ -74,7 +74,7 @@ def _of_dispatcher(found: DispatcherMetrics) -> Iterable[Metric]:
     yield _counter("primray_leases", "Times that this server got the lease.", {"": found.leases})
     yield _counter("primray_leases_lost", "Times that another took it.", {"": found.leases_lost})
     yield _counter("primray_jobs_deleted", "At the end of their time.", {"": found.jobs_deleted})
-    yield _counter("primray_worker_cpu_seconds", "Of workers that have ended.", {"": getattr(found, "cpu_s", 0.0)})
+    yield _counter("primray_worker_cpu_seconds", "Of renders' workers that have ended.", {"": found.worker_cpu_s})
     yield _histogram("primray_queue_wait_seconds", "From queued to claimed, a frame.", found.queue_wait)
     yield _histogram("primray_first_sample_seconds", "From claimed to sampling, a frame.", found.first_sample)
     yield _histogram("primray_checkpoint_seconds", "From a checkpoint's message to its row.", found.adopt_checkpoint)

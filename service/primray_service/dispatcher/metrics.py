@@ -44,6 +44,7 @@ class Metrics:
     leases_lost: int = 0
     holds_lease: bool = False
     running: int = 0
+    worker_cpu_s: float = 0.0  # of renders' workers that have ended
     jobs_deleted: int = 0
     queue_wait: Timings = field(default_factory=lambda: Timings(WAIT_S))  # from queued to claimed, a frame
     first_sample: Timings = field(default_factory=lambda: Timings(WAIT_S))  # from claimed to sampling

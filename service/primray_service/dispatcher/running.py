@@ -109,8 +109,7 @@ class RunningFrame:
         """Lost if another dispatcher has the frame now."""
         metrics = self._parts.metrics
         metrics.frames_started += 1
-        if self.job.started_at is None:  # of a job the first; the others wait for each other
-            metrics.queue_wait.observe(max(time.time() - self.job.queued_at, 0.0))
+        metrics.queue_wait.observe(max(time.time() - self.job.queued_at, 0.0))
         reading = asyncio.create_task(self._jobs.get(self.job))
         try:
             await self._live(reading)
@@ -203,7 +202,9 @@ class RunningFrame:
                 job, self.frame = await reports.report(parts, shared, self.job, self.frame, run)
                 self.saw(job)
             self._watch(run)
-        return shared or await reading
+        shared = shared or await reading
+        await self._take_preview(run, shared)  # of a short frame, the only one may have come with its last words
+        return shared
 
     def _watch(self, run: ChunkRun) -> None:
         limits = self._parts.limits

@@ -3,6 +3,6 @@
 request.py   which picture is asked for
 views.py     the numbers of a preview as 8-bit values (numpy, OpenColorIO)
 png.py       those as PNG
-helper.py    the process in which that happens, so that the server's event loop never waits for it
+process.py   the process in which that happens, so that the server's event loop never waits for it
 encoder.py   the server's end of it, and what it has made lately
 """

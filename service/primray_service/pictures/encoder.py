@@ -118,7 +118,7 @@ class PictureEncoder:
     async def _running(self) -> asyncio.subprocess.Process:
         if self._process is None or self._process.returncode is not None:
             self._process = await asyncio.create_subprocess_exec(
-                sys.executable, "-m", "primray_service.pictures.helper",
+                sys.executable, "-m", "primray_service.pictures.process",
                 stdin=asyncio.subprocess.PIPE, stdout=asyncio.subprocess.PIPE, limit=LINE_BYTES,
                 env=_environment(),
             )  # fmt: skip

@@ -147,14 +147,14 @@ def create(service: Service, caller: Caller, asked: JobRequest, request: Request
         request_id=request_id_of(request),
         traceparent=traceparent if _TRACEPARENT.fullmatch(traceparent) else "",
     )
-    if asked.webhook is not None:
-        job = replace(job, webhook=accepted_webhook(asked.webhook, service.config))
     key = idempotency_key(request)
     scene = service.store.scene(caller.tenant, asked.scene.id)
     if scene is None:
         raise no_scene()
     if scene.state is SceneState.REJECTED and scene.problem is not None:
         raise problem_of(scene.problem)
+    if asked.webhook is not None:
+        job = replace(job, webhook=accepted_webhook(asked.webhook, service.config))
     try:
         job, is_new = service.store.create_job(
             job, times, caller.quotas(service.quotas), None if key is None else (key, fingerprint(asked))

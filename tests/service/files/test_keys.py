@@ -93,7 +93,7 @@ def test_an_expired_key_is_refused(server: RunningServer, admin: Any) -> None:
 @pytest.mark.parametrize("key", ["-", "primray_x", "Basic abc", "primray_" + "A" * 43 + "_000000", "\u00e9", "x" * 5000])
 def test_what_is_no_key_gets_the_same_refusal(key: str, server: RunningServer) -> None:
     client = server.client()
-    response = client.get("/v1/whoami", headers={"authorization": f"Bearer {key}".encode()})
+    response = client.get("/v1/whoami", headers={b"authorization": f"Bearer {key}".encode()})
     assert slug(response) == (401, "unauthenticated")
     assert slug(client.get("/v1/whoami")) == (401, "unauthenticated")
 
@@ -172,7 +172,7 @@ def test_another_tenants_ids_are_as_if_they_did_not_exist(server: RunningServer,
         texts = [{k: v for k, v in answer.json().items() if k != "request_id"} for answer in (refused, missing)]
         assert texts[0] == texts[1]
     for verb, rest in (("post", "/cancel"), ("post", "/continue"), ("delete", ""), ("patch", "")):
-        body = {"json": {}} if verb in ("post", "patch") and rest != "/cancel" else {}
+        body: dict[str, Any] = {"json": {}} if verb in ("post", "patch") and rest != "/cancel" else {}
         assert getattr(theirs, verb)(f"/v1/jobs/{job}{rest}", **body).status_code == 404
     assert slug(theirs.post("/v1/jobs", json={"scene": {"id": scene}})) == (404, "not-found")
     assert mine.get(f"/v1/jobs/{job}").json()["state"] == "queued"

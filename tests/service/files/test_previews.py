@@ -66,7 +66,8 @@ def slug(response: Any) -> tuple[int, str]:
 def png(data: bytes) -> np.ndarray:
     """Decoded here, by a reader of this test's own: any filter, 8 bits."""
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
-    at, chunks = 8, {}
+    at = 8
+    chunks: dict[bytes, bytes] = {}
     while at < len(data):
         (size,), kind = struct.unpack(">I", data[at : at + 4]), data[at + 4 : at + 8]
         body = data[at + 8 : at + 8 + size]
@@ -134,6 +135,7 @@ def test_jpeg_is_a_jpeg_of_the_same(job: str, client: Any, tmp_path: Path) -> No
     shown = oiio.ImageBuf(str(tmp_path / "a.jpg")).get_pixels(oiio.UINT8)
     expected = encode(halves()).astype(float)
     over_black = expected[..., :3] * expected[..., 3:] / 255
+    assert shown is not None
     assert shown.shape == (HEIGHT, WIDTH, 3)
     assert np.abs(shown - over_black).mean() < 6
 
@@ -212,7 +214,7 @@ def test_a_damaged_preview_is_no_picture(damage: Any, server: RunningServer, cli
 def helper_of(server: RunningServer) -> int | None:
     found = subprocess.run(["ps", "-o", "pid=,args=", "--ppid", str(server.process.pid)], capture_output=True, text=True)
     lines = [line.split(None, 1) for line in found.stdout.splitlines()]
-    return next((int(pid) for pid, command in lines if "pictures.helper" in command), None)
+    return next((int(pid) for pid, command in lines if "pictures.process" in command), None)
 
 
 def test_a_helper_that_dies_is_started_again_and_ends_with_its_server(server: RunningServer, start_server: Any) -> None:

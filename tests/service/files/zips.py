@@ -32,21 +32,22 @@ class Entry:
     offset: int | None = None  # where the directory says that the header is
     align: bool = False
     body: bytes = field(default=b"", init=False)
+    raw_name: bytes = field(default=b"", init=False)
 
     def __post_init__(self) -> None:
         if isinstance(self.name, str):
-            raw = self.name.encode()
-            if len(raw) != len(self.name):
-                self.flags |= 0x800
-            self.name = raw
-        deflated = zlib.compressobj(9, zlib.DEFLATED, -15)
-        self.body = self.packed
-        if self.body is None:
-            self.body = deflated.compress(self.data) + deflated.flush() if self.deflate else self.data
+            self.flags |= 0 if self.name.isascii() else 0x800
+            self.name = self.name.encode()
+        self.raw_name = self.name
+        self.body = self._packed() if self.packed is None else self.packed
         self.method = (8 if self.deflate else 0) if self.method is None else self.method
         self.crc = zlib.crc32(self.data) if self.crc is None else self.crc
         self.size = len(self.data) if self.size is None else self.size
         self.packed_size = len(self.body) if self.packed_size is None else self.packed_size
+
+    def _packed(self) -> bytes:
+        deflated = zlib.compressobj(6, zlib.DEFLATED, -15)
+        return deflated.compress(self.data) + deflated.flush() if self.deflate else self.data
 
 
 def zip_of(*entries: Entry, before: bytes = b"", after: bytes = b"", count: int | None = None) -> bytes:
@@ -54,7 +55,7 @@ def zip_of(*entries: Entry, before: bytes = b"", after: bytes = b"", count: int 
     directory = bytearray()
     for entry in entries:
         at = len(out) if entry.offset is None else entry.offset
-        name = entry.name if entry.local_name is None else entry.local_name
+        name = entry.raw_name if entry.local_name is None else entry.local_name
         raw_name = name.encode() if isinstance(name, str) else name
         extra = entry.extra
         if entry.align:
@@ -66,12 +67,12 @@ def zip_of(*entries: Entry, before: bytes = b"", after: bytes = b"", count: int 
             entry.size if entry.local_size is None else entry.local_size, len(raw_name), len(extra),
         )  # fmt: skip
         out += raw_name + extra + entry.body
-        folder = 0x10 if entry.name.endswith(b"/") else 0
+        folder = 0x10 if entry.raw_name.endswith(b"/") else 0
         directory += struct.pack(
             "<4sBBHHHHHIIIHHHHHII", b"PK\x01\x02", 20, entry.made_by, 20, entry.flags, entry.method, 0, 0x21, entry.crc,
-            entry.packed_size, entry.size, len(entry.name), len(entry.extra), 0, 0, 0, entry.mode << 16 | folder, at,
+            entry.packed_size, entry.size, len(entry.raw_name), len(entry.extra), 0, 0, 0, entry.mode << 16 | folder, at,
         )  # fmt: skip
-        directory += entry.name + entry.extra
+        directory += entry.raw_name + entry.extra
     start = len(out)
     out += directory
     number = len(entries) if count is None else count

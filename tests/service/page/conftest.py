@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 import shutil
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -82,7 +83,7 @@ def open_page(browser: Browser, site: RunningServer) -> Iterator[OpenPage]:
         context = browser.new_context(**{"viewport": {"width": 1280, "height": 900}, "locale": "en-GB", **options})
         contexts.append(context)
         page = context.new_page()
-        page.set_default_timeout(20_000)
+        page.set_default_timeout(60_000)
         watched = Watched(page, url)
         opened.append(watched)
         page.goto(f"{url}/{fragment}")
@@ -118,6 +119,22 @@ def render(page: Page, *, width: int = 64, target: str | None = None, samples: i
     return page.url.rpartition("/")[2]
 
 
-def wait_for_state(page: Page, state: str, timeout_s: float = 30.0) -> None:
+def wait_for_state(page: Page, state: str, timeout_s: float = 60.0) -> None:
     page.wait_for_selector(f'.head .state[data-state="{state}"]', timeout=1000 * timeout_s)
 
+
+def until(page: Page, expression: str, timeout_s: float = 60.0) -> None:
+    """Until the expression is true. Playwright's own waiting evaluates text inside the page, which its policy forbids."""
+    end = time.monotonic() + timeout_s
+    while not page.evaluate(expression):
+        assert time.monotonic() < end, f"not in {timeout_s} s: {expression}"
+        page.wait_for_timeout(50)
+
+
+def pictures(page: Page) -> int:
+    """How many have been shown one after the other."""
+    return int(page.locator(".viewer").get_attribute("data-pictures") or 0)
+
+
+def until_pictures(page: Page, more_than: int) -> None:
+    until(page, f"Number(document.querySelector('.viewer').dataset.pictures) > {more_than}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -51,11 +52,11 @@ def DistantLight "sun" { float inputs:intensity = 2 }
 """
 
 
-def package(files: dict[str, str | bytes]) -> bytes:
+def package(files: Mapping[str, str | bytes]) -> bytes:
     return zip_of(*(Entry(name, data.encode() if isinstance(data, str) else data) for name, data in files.items()))
 
 
-def usdz(files: dict[str, str | bytes]) -> bytes:
+def usdz(files: Mapping[str, str | bytes]) -> bytes:
     entries = [Entry(name, data.encode() if isinstance(data, str) else data, align=True) for name, data in files.items()]
     return zip_of(*entries)
 
@@ -127,6 +128,6 @@ def workers_of(server: RunningServer) -> list[str]:
     for pid, parent, command in sorted(lines):
         if parent in family:
             family.add(pid)
-            if "pictures.helper" not in command:
+            if "pictures.process" not in command:
                 found.append(command)
     return found

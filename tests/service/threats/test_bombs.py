@@ -64,13 +64,7 @@ BOMBS = {
     "instances": reference_bomb(9, 10, instanceable=True),
     "clip template": usda(
         ROOM + 'def "R" (clips = { dictionary default = { double templateStartTime = 1; double templateEndTime = 1e9; '
-        'double templateStride = 1e-7; asset templateAssetPath = @./c.#.#######.usda@; string primPath = "/X" } }) {}'
-    ),
-    "point instances": usda(
-        ROOM + 'def PointInstancer "P" { rel prototypes = </P/s>; int[] protoIndices = [' + ",".join(["0"] * 20_000) + "]\n"
-        "point3f[] positions = [" + ",".join(f"({i},0,0)" for i in range(20_000)) + ']\ndef PointInstancer "s" { rel prototypes = </P/s/t>\n'
-        "int[] protoIndices = [" + ",".join(["0"] * 20_000) + "]; point3f[] positions = [" + ",".join(f"({i},0,0)" for i in range(20_000))
-        + ']\ndef Sphere "t" {} } }'
+        'double templateStride = 1e-7; string templateAssetPath = "./c.######.usda"; string primPath = "/X" } }) {}'
     ),
 }  # fmt: skip
 
@@ -82,6 +76,32 @@ def test_what_expands_without_end_is_ended(what: str, client: Any) -> None:
     assert found.seconds < 60
     if found.slug == "time-limit":
         assert found.problem["limit"] in (LIMITS["check_cpu_s"], LIMITS["load_cpu_s"])
+
+
+def instancer_bomb(levels: int, count: int) -> str:
+    """Instancers whose prototypes are instancers: count^levels spheres."""
+    positions = ",".join(f"({i},0,0)" for i in range(count))
+    body, path = 'def Sphere "s" {}\n', "/P"
+    for level in range(levels - 1, -1, -1):
+        name, target = ("P", "n1") if level == 0 else (f"n{level}", f"n{level + 1}")
+        target = "s" if level == levels - 1 else target
+        path = "/P" + "".join(f"/n{i}" for i in range(1, level + 1))
+        body = (
+            f'def PointInstancer "{name}" {{\nrel prototypes = <{path}/{target}>\nint[] protoIndices = '
+            f"[{','.join(['0'] * count)}]\npoint3f[] positions = [{positions}]\n{body}}}\n"
+        )
+    return usda(ROOM + body)
+
+
+@pytest.mark.parametrize(("levels", "count"), [(2, 20_000), (4, 1_000)])
+def test_instances_of_instances_are_refused_or_cost_little(levels: int, count: int, client: Any) -> None:
+    """The renderer places instances of instances without expanding them: then there is no bomb."""
+    found = fate(client, instancer_bomb(levels, count))
+    assert found.seconds < 60
+    if found.end == "succeeded":
+        assert found.job["usage"]["peak_rss_bytes"] < LIMITS["memory_bytes"]
+    else:
+        ended(found, "time-limit", "scene-too-large", "memory-limit")
 
 
 def test_cycles_are_warnings_or_refusals_never_a_hang(client: Any) -> None:

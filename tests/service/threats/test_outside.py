@@ -77,7 +77,10 @@ FORMS = {
 @pytest.mark.parametrize("form", FORMS)
 def test_every_form_of_a_path_outside(form: str, client: Any, canary: Canary) -> None:
     path = FORMS[form](canary)
-    files = {"root.usda": usda(ROOM + f'def "R" (references = @{path}@</X>) {{}}'), "in.usdz": usdz({"a.usda": usda()})}
+    files: dict[str, str | bytes] = {
+        "root.usda": usda(ROOM + f'def "R" (references = @{path}@</X>) {{}}'),
+        "in.usdz": usdz({"a.usda": usda()}),
+    }
     found = fate(client, package(files), entry="root.usda")
     assert found.end in ("failed", "rejected")
     assert found.slug in ("asset-path-outside-job", "package-unsafe"), found.problem
@@ -175,7 +178,7 @@ def test_a_texture_that_is_missing_inside_is_a_warning_or_strict(client: Any) ->
 def test_what_looks_like_a_program_is_never_loaded(client: Any, server: Any, tmp_path: Any) -> None:
     marks = [str(server.data / f"ran-{kind}") for kind in ("py", "plug", "pth")]
     plug = '{"Plugins": [{"Type": "python", "Name": "evil", "Root": ".", "LibraryPath": "evil.so", "Info": {}}]}'
-    files = {
+    files: dict[str, str | bytes] = {
         "root.usda": usda(ROOM),
         "plugInfo.json": plug,
         "evil/plugInfo.json": plug,

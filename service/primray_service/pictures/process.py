@@ -1,4 +1,4 @@
-"""The process that turns previews into pictures: `python -m primray_service.pictures.helper`, spoken to over pipes.
+"""The process that turns previews into pictures: `python -m primray_service.pictures.process`, spoken to over pipes.
 
 A request is a line of JSON, {"path", and PictureRequest's members}; an answer is a line of JSON, {"bytes", "media_type",
 "headers"} or {"error"}, and then so many bytes. It ends when its standard input does, however its server died.
