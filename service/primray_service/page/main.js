@@ -34,7 +34,7 @@ function show(moveFocus) {
   fill(main);
   let words;
   try {
-    words = (pattern?.exec(path) ?? []).slice(1).map((word) => word && decodeURIComponent(word));
+    words = (pattern?.exec(path) ?? []).slice(1).map((word) => word && word !== "-" ? decodeURIComponent(word) : undefined);
   } catch {
     return lost(main);
   }

@@ -7,7 +7,7 @@ import * as format from "./format.js";
 import { problemBox } from "./problem_view.js";
 import { sceneForm } from "./scene_form.js";
 
-const LOOK_EVERY_S = 0.15;
+const LOOK_EVERY_S = 0.1;
 
 export function newView(root) {
   const file = element("input", { type: "file", multiple: true, class: "unseen", tabindex: "-1", "aria-hidden": "true", accept: ".usd,.usda,.usdc,.usdz,.zip,*" });
@@ -24,6 +24,7 @@ export function newView(root) {
   const below = element("div", { class: "below" });
   let running = null;
   let closed = false;
+  const limits = get("/v1/capabilities").then((found) => found.limits, () => ({}));
   fill(root, zone, below);
 
   file.addEventListener("change", () => begin(filesOfInput(file.files)));
@@ -77,7 +78,7 @@ export function newView(root) {
         box.append(problemBox(scene.problem));
         return;
       }
-      const form = await sceneForm(scene);
+      const form = sceneForm(scene, await limits);
       if (closed || signal.aborted) return;
       below.append(form.root);
       form.focus();

@@ -1,30 +1,37 @@
 // What the check of a scene found, in the form that the settings are offered in.
 
+const MOST_VARIANTS = 24; // sets that are offered; a scene may have thousands
+
 export function factsOf(scene) {
-  const facts = scene.facts ?? scene;
-  const entries = (facts.entries ?? []).map((entry) => (typeof entry === "string" ? entry : entry.path));
-  const cameras = (facts.cameras ?? []).map(camera);
-  const settings = facts.render_settings?.[0];
-  const chosen = settings?.camera ?? facts.camera?.path ?? facts.camera ?? cameras[0]?.path ?? "";
+  const entries = scene.entries ?? [];
+  const cameras = (scene.cameras ?? []).map(({ path, aspect }) => ({ path, aspect: aspect > 0 ? aspect : null }));
+  const isKnown = (path) => cameras.some((camera) => camera.path === path);
   return {
     entries,
-    entry: facts.entry ?? entries[0] ?? "",
+    entry: entries.includes(scene.entry) ? scene.entry : likeliest(entries, scene.name ?? ""),
     cameras,
-    camera: cameras.some(({ path }) => path === chosen) ? chosen : (cameras[0]?.path ?? ""),
-    resolution: settings?.resolution ?? facts.resolution ?? null,
-    frames: rangeOf(facts),
+    camera: isKnown(scene.camera) ? scene.camera : (cameras[0]?.path ?? ""),
+    resolution: scene.resolution ?? scene.render_settings?.find(({ resolution }) => resolution)?.resolution ?? null,
+    frames: rangeOf(scene.frame_range),
+    variants: (scene.variants ?? []).slice(0, MOST_VARIANTS),
   };
 }
 
-// A prim path and, if it has it, the shape of the camera's window.
-function camera(found) {
-  const path = typeof found === "string" ? found : found.path;
-  const aspect = typeof found === "string" ? null : (found.aspect ?? null);
-  return { path, aspect, name: path };
+const USUAL = /^(scene|main|root|shot|stage|asset|index)\b/i;
+
+// Of several layers that could be the root: the one called as the package is, or as roots usually are, or the only text.
+function likeliest(entries, name) {
+  const stem = (path) => path.split("/").at(-1).replace(/\.\w+$/, "").toLowerCase();
+  const texts = entries.filter((path) => path.endsWith(".usda"));
+  return (
+    entries.find((path) => stem(path) === stem(name)) ??
+    entries.find((path) => USUAL.test(stem(path))) ??
+    (texts.length === 1 ? texts[0] : entries[0]) ??
+    ""
+  );
 }
 
-function rangeOf(facts) {
-  const range = facts.frame_range ?? facts.frames ?? facts.time ?? null;
-  const [start, end] = Array.isArray(range) ? range : [range?.start, range?.end];
+function rangeOf(range) {
+  const { start, end } = range ?? {};
   return Number.isFinite(start) && Number.isFinite(end) && end > start ? `${start}:${end}` : "";
 }

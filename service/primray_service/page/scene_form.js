@@ -1,6 +1,6 @@
 // The settings of a render, offered from what the scene's check found; sends the job.
 
-import { get, send, token } from "./api.js";
+import { send, token } from "./api.js";
 import { button, choice, element, field, fill, freshId } from "./dom.js";
 import { diagnostics } from "./diagnostics.js";
 import * as format from "./format.js";
@@ -12,12 +12,11 @@ const SCALES = [["1", "full"], ["0.5", "half"], ["0.25", "quarter"]];
 
 const number = (attributes) => element("input", { type: "number", inputmode: "decimal", ...attributes });
 
-export async function sceneForm(scene) {
+export function sceneForm(scene, limits) {
   const facts = factsOf(scene);
-  const limits = (await get("/v1/capabilities").catch(() => ({}))).limits ?? {};
   const name = element("input", { type: "text", maxlength: "200", value: scene.name ?? "", autocomplete: "off" });
   const entry = facts.entries.length > 1 ? choice(facts.entries.map((name) => [name, name]), facts.entry) : null;
-  const camera = choice(facts.cameras.map(({ path, name }) => [path, name]), facts.camera);
+  const camera = choice(facts.cameras.map(({ path }) => [path, path]), facts.camera);
   const width = number({ min: "1", max: String(limits.image_side ?? 32768), step: "1", required: true });
   const height = number({ min: "1", max: String(limits.image_side ?? 32768), step: "1", required: true });
   const keep = element("input", { type: "checkbox", checked: true });
@@ -30,6 +29,9 @@ export async function sceneForm(scene) {
   const priority = number({ min: "0", max: "100", step: "1", value: "50", required: true });
   const strict = element("input", { type: "checkbox" });
   const light = element("input", { type: "checkbox", checked: true });
+  const variants = facts.variants.map(({ prim, set, selection, names }) =>
+    field(`${set} of ${prim}`, choice([["", `as in the scene: ${selection || "none"}`], ...names.map((each) => [`${prim}:${set}=${each}`, each])], "")),
+  );
   const labels = element("textarea", { rows: "2", placeholder: "shot = 010", spellcheck: "false" });
   const own = number({ min: "0", step: "any", placeholder: "0.005", "aria-label": "Own target error", on: { input: () => (form.elements.quality.value = "own"), focus: () => (form.elements.quality.value = "own") } });
   const trouble = element("div", {});
@@ -45,7 +47,7 @@ export async function sceneForm(scene) {
       { class: "columns" },
       field("Name", name, "a label, to find it by"),
       entry && field("Root layer", entry),
-      facts.cameras.length > 1 ? field("Camera", camera) : element("div", { class: "field" }, element("span", { class: "name" }, "Camera"), element("span", {}, facts.cameras[0]?.name ?? "none in the scene: one is placed to see everything")),
+      facts.cameras.length > 1 ? field("Camera", camera) : element("div", { class: "field" }, element("span", { class: "name" }, "Camera"), element("span", {}, facts.cameras[0]?.path ?? "none in the scene: one is placed to see everything")),
       element("fieldset", { class: "size" }, element("legend", {}, "Resolution"), labelled("Width", width), element("span", { "aria-hidden": "true" }, "×"), labelled("Height", height), ticked("keep the shape", keep), element("div", { class: "segments" }, SCALES.map(([scale, name]) => button(name, () => scaled(Number(scale)))))),
       element("fieldset", {}, element("legend", {}, "Frames"), ticked("several frames", range), frames, element("small", {}, facts.frames ? `The scene has ${facts.frames}. ` : "The scene names no range. ", "“1:10”, “1-10x2” or “1,5”")),
     ),
@@ -57,7 +59,7 @@ export async function sceneForm(scene) {
       quality("own", "Own error", own, false),
     ),
     element("div", { class: "columns" }, field("Or after seconds", seconds, "of sampling, each frame"), field("Or after samples a pixel", samples)),
-    element("details", {}, element("summary", {}, "More"), element("div", { class: "columns" }, field("Seed", seed), field("Scatterings", depth, "1: direct light only"), field("Priority", priority, "0 to 100; larger goes first"), field("Labels", labels, "name = value, one a line"), ticked("light a scene that has no lights", light), ticked("refuse a scene with warnings", strict))),
+    element("details", {}, element("summary", {}, "More"), element("div", { class: "columns" }, field("Seed", seed), field("Scatterings", depth, "1: direct light only"), field("Priority", priority, "0 to 100; larger goes first"), field("Labels", labels, "name = value, one a line"), variants, ticked("light a scene that has no lights", light), ticked("refuse a scene with warnings", strict))),
     trouble,
     element("div", { class: "submit" }, submit, summary),
   );
@@ -116,6 +118,7 @@ export async function sceneForm(scene) {
       max_depth: optional(depth),
       default_light: light.checked,
       strict: strict.checked,
+      variants: variants.map((each) => each.querySelector("select").value).filter(Boolean),
     };
     return { scene: { id: scene.id, ...(entry && { entry: entry.value }) }, settings, priority: Number(priority.value), labels: labelsOf(labels.value, name.value.trim()) };
   }

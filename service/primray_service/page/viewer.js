@@ -4,6 +4,8 @@
 
 import { call, jobPath } from "./api.js";
 import { button, choice, element, field, fill, write } from "./dom.js";
+import { legend } from "./legend.js";
+import { drop, fetchPicture } from "./picture.js";
 import { decodeRaw } from "./raw_image.js";
 import { stage } from "./stage.js";
 
@@ -50,9 +52,10 @@ export function viewer(job, { onFirst = () => {} } = {}) {
     exposure.focus();
   }, { class: "quiet", hidden: true, "aria-label": "Reset exposure" });
   const note = element("p", { class: "note", role: "status" });
+  const colors = legend();
   const exposureField = element("div", { class: "field exposure" }, element("label", { for: (exposure.id = "exposure") }, "Exposure, stops"), exposure, stops, reset);
   const bar = element("div", { class: "bar" }, field("View", view), field("Channel", channel), exposureField, board.tools);
-  const root = element("div", { class: "viewer" }, board.root, element("div", { class: "under" }, values), bar, note);
+  const root = element("div", { class: "viewer" }, board.root, element("div", { class: "under" }, values, colors.root), bar, note);
 
   function expose() {
     const value = Number(exposure.value);
@@ -69,7 +72,7 @@ export function viewer(job, { onFirst = () => {} } = {}) {
     if (sourceOf(state) !== before) ask();
   }
 
-  const sourceOf = (now) => new URLSearchParams(Object.entries(now).filter(([, value]) => value !== null)).toString();
+  const sourceOf = (now) => JSON.stringify(now);
 
   function ask() {
     isWanted = true;
@@ -82,10 +85,10 @@ export function viewer(job, { onFirst = () => {} } = {}) {
     const source = sourceOf(state);
     let pause = ASK_S;
     try {
-      const response = await call("GET", jobPath(job, `/preview?${source}`), { accept: "image/png,image/jpeg,*/*" });
-      const now = `${source} ${response.headers.get("etag")}`;
-      if (now !== tag) await swap(await response.blob());
-      [tag, shownAs] = [now, source];
+      const found = await fetchPicture(job, state, tag);
+      if (found.image) swap(found.image);
+      [tag, shownAs] = [found.tag, source];
+      colors.show(found.scale);
       write(note, "");
     } catch (failure) {
       if (!failure.problem) throw failure;
@@ -104,30 +107,17 @@ export function viewer(job, { onFirst = () => {} } = {}) {
   const seen = () => !document.hidden && isWanted && ask();
   document.addEventListener("visibilitychange", seen);
 
-  async function swap(blob) {
-    const url = URL.createObjectURL(blob);
-    const next = new Image();
-    next.alt = "";
-    next.draggable = false;
-    next.src = url;
-    try {
-      await next.decode();
-    } catch {
-      URL.revokeObjectURL(url);
-      return;
-    }
+  function swap(next) {
     if (closed) {
-      URL.revokeObjectURL(url);
+      drop(next);
       return;
     }
     board.size(next.naturalWidth, next.naturalHeight);
     board.sheet.prepend(next);
     const before = front;
     front = next;
-    if (before) {
-      before.remove();
-      URL.revokeObjectURL(before.src);
-    } else {
+    if (before) drop(before);
+    else {
       wait.remove();
       onFirst();
     }
@@ -185,7 +175,7 @@ export function viewer(job, { onFirst = () => {} } = {}) {
       clearTimeout(timer);
       clearTimeout(exposeTimer);
       document.removeEventListener("visibilitychange", seen);
-      if (front) URL.revokeObjectURL(front.src);
+      drop(front);
       board.close();
     },
   };

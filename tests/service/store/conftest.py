@@ -10,10 +10,10 @@ import pytest
 
 from primray_service.store import SqlStore, open_store
 
-from ..postgres import postgres_server, postgres_template, postgres_url
+from ..postgres import postgres_databases, postgres_server, postgres_url
 from .world import World, broken_rules
 
-__all__ = ["postgres_server", "postgres_template", "postgres_url"]
+__all__ = ["postgres_databases", "postgres_server", "postgres_url"]
 
 
 @pytest.fixture(params=["sqlite", "postgresql"])

@@ -1,0 +1,84 @@
+"""Two jobs on top of each other: what is shown and measured is what the half floats say."""
+
+from __future__ import annotations
+
+import numpy as np
+from tests.service.page.scenes import submit, upload
+
+from primray_service.worker.preview import decode_preview
+
+PIXELS = """(selector) => {
+  const canvas = document.querySelector(selector);
+  return [...canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data];
+}"""
+
+
+def srgb(linear):
+    linear = np.clip(linear, 0, 1)
+    return np.round(255 * np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055))
+
+
+def test_slider_difference_and_values(open_page, site):
+    with site.client() as client:
+        scene = upload(client)
+        first, second = (submit(client, scene, wait_s=20, seed=seed) for seed in (1, 2))
+        a, b = (
+            decode_preview(client.get(f"/v1/jobs/{job}/preview", params={"format": "raw"}).content).rgb.astype(np.float64)
+            for job in (first, second)
+        )
+    page = open_page(f"#/compare/{first}/{second}").page
+    page.wait_for_selector(".layer img")
+    assert page.locator(".layer img").count() == 2
+    # The slider clips B.
+    slider = page.get_by_label("Between A and B")
+    slider.fill("25")
+    assert page.evaluate("document.querySelectorAll('.layer')[1].style.clipPath") == "inset(0px 0px 0px 25%)"
+    # The measures.
+    square = (a - b) ** 2
+    numbers = page.locator(".numbers-list").inner_text()
+    assert f"{float(np.sqrt(square.mean())):.2g}" in numbers
+    assert f"{float((square / (b**2 + 0.01)).mean()):.2g}" in numbers
+    # The difference, and both as plain sRGB.
+    page.get_by_role("button", name="Difference", exact=True).click()
+    page.get_by_label("Difference times").fill("2")
+    page.wait_for_timeout(200)
+    shown = np.array(page.evaluate(PIXELS, ".sheet > canvas")).reshape(32, 48, 4)
+    assert np.abs(shown[..., :3] - srgb(4 * np.abs(a - b))).max() <= 1
+    page.get_by_role("button", name="A", exact=True).click()
+    page.get_by_label("Look").select_option("srgb")
+    page.get_by_label("Exposure, stops").fill("-1")
+    page.wait_for_timeout(200)
+    shown = np.array(page.evaluate(PIXELS, ".layer canvas")).reshape(32, 48, 4)
+    assert np.abs(shown[..., :3] - srgb(a / 2)).max() <= 1
+    # The values of both under the cursor.
+    stage = page.locator(".stage")
+    stage.focus()
+    stage.press("Shift+ArrowRight")
+    text = page.locator(".values").inner_text()
+    x, y = 25, 16
+    assert f"x {x}, y {y}" in text
+    assert "A " + "  ".join(f"{v:.4f}" for v in a[y, x]) in text
+    assert "B " + "  ".join(f"{v:.4f}" for v in b[y, x]) in text
+
+
+def test_a_job_is_no_different_from_itself(open_page, site):
+    with site.client() as client:
+        scene = upload(client)
+        first, second = (submit(client, scene, wait_s=20, seed=3) for _ in range(2))
+    page = open_page(f"#/compare/{first}/{second}").page
+    page.get_by_text("none: every value is the same").wait_for()
+    page.get_by_role("button", name="Swap").click()
+    page.wait_for_url(f"**/{second}/{first}")
+
+
+def test_other_sizes_are_told(open_page, site):
+    with site.client() as client:
+        scene = upload(client)
+        first = submit(client, scene, wait_s=20)
+        second = submit(client, scene, wait_s=20, resolution=[30, 20])
+    page = open_page(f"#/compare/{first}").page
+    page.get_by_text("Choose two jobs.").wait_for()
+    page.get_by_label("B", exact=True).select_option(second)
+    page.get_by_text("The sizes differ (48 × 32 and 30 × 20)").wait_for()
+    page.get_by_role("button", name="Difference", exact=True).click()
+    assert page.locator(".viewer").get_attribute("data-shown") == "split"
