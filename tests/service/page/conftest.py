@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, FilePayload, Page, sync_playwright
 from tests.service.page.scenes import SMALL
 from tests.service.serving import RunningServer, start
 
@@ -103,7 +103,8 @@ def open_page(browser: Browser, site: RunningServer) -> Iterator[OpenPage]:
 def choose(page: Page, name: str = "small.usda", content: bytes | str = SMALL) -> None:
     """Choose a file by the input behind the button, and wait for the form."""
     data = content.encode() if isinstance(content, str) else content
-    page.set_input_files("input[type=file]:not([webkitdirectory])", files=[{"name": name, "mimeType": "", "buffer": data}])
+    chosen: FilePayload = {"name": name, "mimeType": "", "buffer": data}
+    page.set_input_files("input[type=file]:not([webkitdirectory])", files=[chosen])
     page.wait_for_selector("form.settings")
 
 
