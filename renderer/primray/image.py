@@ -16,6 +16,7 @@ import numpy as np
 from . import color
 from .description import Camera, Doubles, Floats, Projection
 from .errors import PrimrayError, SettingsError
+from .image_error import last_error
 
 CHANNELS = ("R", "G", "B", "A")
 ERROR_CHANNELS = ("stderr.R", "stderr.G", "stderr.B")
@@ -200,6 +201,6 @@ def _write(path: str, spec: Any, pixels: np.ndarray[Any, Any]) -> None:
 
     out = oiio.ImageOutput.create(path)
     if out is None:
-        raise PrimrayError(f"the file cannot be written: {oiio.geterror().strip()}", where=path, code="write-failed")
+        raise PrimrayError(f"the file cannot be written: {last_error(oiio)}", where=path, code="write-failed")
     if not out.open(path, spec) or not out.write_image(pixels) or not out.close():
-        raise PrimrayError(f"the file cannot be written: {out.geterror().strip()}", where=path, code="write-failed")
+        raise PrimrayError(f"the file cannot be written: {last_error(out)}", where=path, code="write-failed")

@@ -12,6 +12,7 @@ import numpy as np
 
 from .description import Floats
 from .errors import SettingsError
+from .image_error import last_error
 
 COLORS = ("R", "G", "B")
 ERROR_CHANNELS = tuple(f"stderr.{name}" for name in COLORS)
@@ -67,7 +68,7 @@ def read_image(path: str | os.PathLike[str]) -> MeasuredImage:
         raise SettingsError("there is no such picture", where=name, code="image-missing")
     file = oiio.ImageInput.open(name)
     if file is None:
-        raise SettingsError(f"the picture cannot be read: {oiio.geterror().strip()}", where=name, code="image-unreadable")
+        raise SettingsError(f"the picture cannot be read: {last_error(oiio)}", where=name, code="image-unreadable")
     try:
         spec = file.spec()
         channels = tuple(spec.channelnames)
@@ -77,7 +78,7 @@ def read_image(path: str | os.PathLike[str]) -> MeasuredImage:
             raise SettingsError(f"the picture {why}", where=name, code="image-channels")
         values = file.read_image(0, 0, 0, spec.nchannels, oiio.FLOAT)
         if values is None:
-            raise SettingsError(f"the picture is damaged: {file.geterror().strip()}", where=name, code="image-unreadable")
+            raise SettingsError(f"the picture is damaged: {last_error(file)}", where=name, code="image-unreadable")
         values = np.asarray(values).reshape(spec.height, spec.width, spec.nchannels)
         metadata = {
             attribute.name.removeprefix(HEADER_PREFIX): attribute.value

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from . import color
 from .description import Floats, TextureFile, Wrap
 from .errors import AssetError, LimitError, SettingsError
+from .image_error import last_error
 from .texture_format import Layout, is_srgb, layout_of, wraps_of
 
 MAX_TEXTURE_MB = 4096  # as float: a little more than 16384 x 16384 in RGB
@@ -93,7 +94,7 @@ def _load(path: str, shown: str, color_space: str, wanted: frozenset[str]) -> Te
     config.attribute("oiio:UnassociatedAlpha", 1)  # colours as stored, not multiplied by alpha
     image = oiio.ImageInput.open(path, config)
     if image is None:
-        raise AssetError(f"the texture cannot be read: {oiio.geterror().strip()}", where=shown, code="texture-unreadable")
+        raise AssetError(f"the texture cannot be read: {last_error(oiio)}", where=shown, code="texture-unreadable")
     try:
         spec = image.spec()
         layout = layout_of(tuple(spec.channelnames)).reduced(wanted)
@@ -136,7 +137,7 @@ def _read(image: Any, spec: Any, layout: Layout, shown: str) -> npt.NDArray[Any]
     kinds = {oiio.UINT8: oiio.UINT8, oiio.UINT16: oiio.UINT16}
     pixels: Any = image.read_image(0, 0, 0, max(layout.channels) + 1, kinds.get(spec.format.basetype, oiio.FLOAT))
     if pixels is None:
-        raise AssetError(f"the texture is damaged: {image.geterror().strip()}", where=shown, code="texture-unreadable")
+        raise AssetError(f"the texture is damaged: {last_error(image)}", where=shown, code="texture-unreadable")
     found: npt.NDArray[Any] = pixels.reshape(spec.height, spec.width, -1)
     if layout.channels == tuple(range(found.shape[2])):
         return found

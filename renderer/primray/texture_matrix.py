@@ -9,6 +9,7 @@ from pathlib import PurePath
 import numpy as np
 
 from .description import Doubles
+from .image_error import last_error
 
 # OpenImageIO before 2.2 wrote the first under the name of the second.
 _NAMES = ("worldtoscreen", "worldToNDC")
@@ -29,7 +30,7 @@ def _of_file(path: str) -> Doubles | None:
 
     image = oiio.ImageInput.open(path)
     if image is None:
-        oiio.geterror()
+        last_error(oiio)
         return None
     try:
         for name in _NAMES:

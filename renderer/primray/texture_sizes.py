@@ -8,6 +8,7 @@ from pathlib import PurePath
 
 from .description import SceneDescription
 from .errors import AssetError
+from .image_error import last_error
 from .summary import ImageSize, texture_files
 
 
@@ -33,7 +34,7 @@ def _of_file(path: str) -> ImageSize | None:
 
     image = oiio.ImageInput.open(path)
     if image is None:
-        oiio.geterror()
+        last_error(oiio)
         return None
     spec = image.spec()
     image.close()

@@ -125,9 +125,11 @@ def _image(kind: str) -> bytes:
     pixels = np.random.default_rng(5).random((16, 24, 3), np.float32)
     with tempfile.TemporaryDirectory() as folder:
         path = f"{folder}/a.{kind}"
+        spec = oiio.ImageSpec(24, 16, 3, "uint8" if kind == "png" else "half")
+        spec.attribute("DateTime", "2026:01:01 00:00:00")  # else it is that of now, and no two corpora are the same
         file = oiio.ImageOutput.create(path)
         assert file is not None
-        file.open(path, oiio.ImageSpec(24, 16, 3, "uint8" if kind == "png" else "half"))
+        file.open(path, spec)
         file.write_image(pixels)
         file.close()
         return Path(path).read_bytes()

@@ -9,13 +9,14 @@ from dataclasses import replace
 from fastapi import APIRouter, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
-from .. import views
+from .. import tracing, views
 from ..admission import fingerprint, new_job
 from ..auth import Caller
 from ..job_json import job_json
 from ..jobs import TERMINAL, Job, SceneState
 from ..models import FormJob, JobRequest
 from ..problems import Problem, problem_of
+from ..scenes.entries import choose
 from ..scenes.recognize import MEDIA_TYPES
 from ..service import Service
 from ..store.base import Conflict, KeyReused
@@ -95,6 +96,8 @@ LINKS = leading_to(
             "limit-exceeded",
             "idempotency-key-reused",
             "webhook-address",
+            "ambiguous-entry",
+            "entry-missing",
             "quota-exceeded",
         ),
         request=BODY,
@@ -138,7 +141,8 @@ async def read_form(request: Request, service: Service, caller: Caller) -> JobRe
 
 def create(service: Service, caller: Caller, asked: JobRequest, request: Request) -> tuple[Job, bool]:
     """The new job, or the earlier one of the same idempotency key (False)."""
-    traceparent = request.headers.get("traceparent", "")
+    # This request's own span, where requests are traced; else what the client is in.
+    traceparent = tracing.traceparent() or request.headers.get("traceparent", "")
     job, times = new_job(
         asked,
         caller.tenant,
@@ -155,6 +159,8 @@ def create(service: Service, caller: Caller, asked: JobRequest, request: Request
         raise problem_of(scene.problem)
     if asked.webhook is not None:
         job = replace(job, webhook=accepted_webhook(asked.webhook, service.config))
+    if scene.state is SceneState.READY:  # else the job says so, once it is known
+        choose(asked.scene.entry, scene.facts.get("entries", ()), scene.facts.get("layers"))
     try:
         job, is_new = service.store.create_job(
             job, times, caller.quotas(service.quotas), None if key is None else (key, fingerprint(asked))

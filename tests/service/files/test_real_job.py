@@ -24,7 +24,7 @@ def client(start_server: Any) -> Any:
 
 @pytest.fixture(scope="module")
 def job(client: Any) -> str:
-    scene = client.post("/v1/scenes", content=ROOM.encode()).json()["id"]
+    scene = client.post("/v1/scenes", content=ROOM.replace("intensity = 4", "intensity = 80").encode()).json()["id"]
     settings = {"resolution": [160, 90], "stop": {"max_seconds": 6, "max_samples": 4096}}
     return str(client.post("/v1/jobs", json={"scene": {"id": scene}, "settings": settings}).json()["id"])
 

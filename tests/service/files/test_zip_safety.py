@@ -143,6 +143,17 @@ def test_a_bomb_is_refused_while_it_is_unpacked_and_its_disk_freed(case: str, po
     assert left_over(server.data) == []
 
 
+def test_a_member_inside_of_another_is_refused(post: Any) -> None:
+    """All headers agree: the outer member's data are the inner one's header and data (Fifield's quoting)."""
+    first = Entry("shot.usda", LAYER)
+    inner = zip_of(Entry("inner.dat", b"\0" * 500, deflate=True))
+    outer = Entry("outer.dat", inner[: inner.index(b"PK\x01\x02")])
+    at = len(LAYER) + 30 + len("shot.usda") + 30 + len("outer.dat")
+    answer = post(zip_of(first, outer, Entry("inner.dat", b"\0" * 500, deflate=True, offset=at)))
+    assert (answer.status_code, answer.json()["type"]) == (422, "/problems/package-unsafe"), answer.text
+    assert "shares bytes" in answer.json()["detail"]
+
+
 def test_members_that_share_bytes_are_refused(post: Any) -> None:
     answer = post(quoted_bomb(20, 2**20))
     assert answer.status_code == 422

@@ -67,9 +67,9 @@ def test_two_roots_need_an_entry(client: Any) -> None:
     found = fate(client, body)
     ended(found, "ambiguous-entry")
     assert found.problem["candidates"] == ["a.usda", "b.usda"]
-    again = client.post("/v1/jobs", json={"scene": {"id": found.scene["id"]}})
-    if again.status_code == 422:  # the scene is checked by now: told at once
-        assert again.json()["type"] == "/problems/ambiguous-entry"
+    again = client.post("/v1/jobs", json={"scene": {"id": found.scene["id"]}})  # the scene is checked by now: told at once
+    assert (again.status_code, again.json()["type"]) == (422, "/problems/ambiguous-entry")
+    assert again.json()["candidates"] == ["a.usda", "b.usda"]
     assert fate(client, body, entry="b.usda").end == "succeeded"
     missing = fate(client, body, entry="c.usda")
     ended(missing, "entry-missing")

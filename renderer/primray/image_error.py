@@ -1,0 +1,13 @@
+"""Why OpenImageIO could not read or write something: its messages quote the file, whose bytes need not be text."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+def last_error(source: Any) -> str:
+    """Of OpenImageIO itself or one of its objects; forgotten there afterwards."""
+    try:
+        return str(source.geterror()).strip()
+    except UnicodeDecodeError:
+        return "its header holds bytes that are no text"
