@@ -27,6 +27,8 @@ from .package import Container, File, read_file, read_folder, scene_layers
 MOST_WARNINGS = 300
 MOST_LISTED = 2_000  # files
 MOST_COMPOSED = 10_000_000  # prims: what USD composes in some minutes
+# What USD's own Python makes of a binary layer whose tables were damaged: names that are no text, prims that are None.
+DAMAGED = (UnicodeDecodeError, AttributeError)
 
 
 class Sends(Protocol):
@@ -90,6 +92,8 @@ class _Check:
                 content = layer_content(str(self.root / name), name)
             except StageOpenError as error:
                 raise Problem("layer-unreadable", error.message, layer=name, line=line_of(error)) from None
+            except DAMAGED:
+                raise _damaged(name) from None
             if content.depth > self.limits.prim_depth:
                 raise _too_large("nested prims", content.depth, self.limits.prim_depth, layer=name)
             self.contents[name] = content
@@ -143,7 +147,10 @@ class _Check:
     # ---- the composed stage --------------------------------------------------------------------------------------------------
 
     def _compose(self, entry: str) -> SceneFacts:
-        stage = scene_facts(self.root / entry)
+        try:
+            stage = scene_facts(self.root / entry)
+        except DAMAGED:
+            raise _damaged(entry) from None
         if stage.used_layers > self.limits.layers:
             raise _too_large("layers", stage.used_layers, self.limits.layers)
         if stage.missing and stage.drawable == 0:
@@ -204,6 +211,10 @@ def _limits(asked: Mapping[str, Any]) -> Limits:
 
 def _says(arc: str, layer: str, path: str) -> str:
     return f"The layer {layer!r} names {path!r} as a {arc}, which was not uploaded or cannot be opened."
+
+
+def _damaged(layer: str) -> Problem:
+    return Problem("layer-unreadable", "The layer is damaged: it has names or prims that cannot be.", layer=layer, line=None)
 
 
 def _too_large(what: str, count: int, limit: int, layer: str | None = None) -> Problem:

@@ -31,7 +31,9 @@ def job(client: Any) -> str:
 
 def test_the_picture_refines_while_it_runs(client: Any, job: str, tmp_path: Path) -> None:
     path = f"/v1/jobs/{job}/preview"
-    tags, passes, until = [], [], time.monotonic() + 60
+    tags: list[str] = []
+    passes: list[int] = []
+    until = time.monotonic() + 60
     while client.get(f"/v1/jobs/{job}").json()["state"] in ("queued", "preparing", "running"):
         assert time.monotonic() < until
         response = client.get(path, headers={"if-none-match": tags[-1]} if tags else {})

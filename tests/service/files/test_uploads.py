@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import fcntl
 import hashlib
 import os
 import signal
@@ -119,6 +120,11 @@ def test_a_body_at_the_limit_is_taken(size: int, client: Any) -> None:
 
 def test_a_form_over_the_limit_is_refused(client: Any, server: RunningServer) -> None:
     assert slug(client.post("/v1/scenes", files={"file": ("a.usda", layer(LIMIT + 1))})) == (413, "upload-too-large")
+    # What is in no part counts as well, and is sent without saying how much it is.
+    part = b'--B\r\nContent-Disposition: form-data; name="file"; filename="a.usda"\r\n\r\n' + layer() + b"\r\n--B--\r\n"
+    pieces = iter([part, *[b"#" * 2**16] * (2 * LIMIT // 2**16)])
+    response = client.post("/v1/scenes", content=pieces, headers={"content-type": "multipart/form-data; boundary=B"})
+    assert slug(response) == (413, "upload-too-large")
     assert left_over(server) == []
 
 
@@ -280,6 +286,29 @@ def test_many_uploads_of_the_same_bytes_at_once_make_one(server: RunningServer) 
     assert sorted(status for status, _ in found) == [200] * 11 + [201]
     assert len({scene for _, scene in found}) == 1
     assert left_over(server) == []
+
+
+@pytest.mark.parametrize("verb", ["post", "delete"])
+def test_keeping_and_removing_wait_for_whoever_else_does(verb: str, server: RunningServer) -> None:
+    """Another server over the same data directory may be about to take away the bytes that this one relies on."""
+    client, body, done = server.client(), layer(), threading.Event()
+    if verb == "delete":
+        client.post("/v1/scenes", content=body)
+    path = f"/v1/scenes/sha256:{hashlib.sha256(body).hexdigest()}"
+
+    def work() -> None:
+        response = client.post("/v1/scenes", content=body) if verb == "post" else client.delete(path)
+        assert response.status_code in (201, 204)
+        done.set()
+
+    lock = os.open(server.data / "scenes", os.O_RDONLY)
+    fcntl.flock(lock, fcntl.LOCK_EX)
+    working = threading.Thread(target=work)
+    working.start()
+    assert not done.wait(0.7)
+    os.close(lock)
+    assert done.wait(10)
+    working.join()
 
 
 def test_uploads_and_deletions_of_the_same_bytes_never_leave_a_scene_without_bytes(server: RunningServer) -> None:

@@ -111,6 +111,7 @@ def test_an_unsafe_package_is_refused_with_the_member(case: str, post: Any, serv
     assert problem["type"] == "/problems/package-unsafe"
     if member is not None:
         assert problem["member"] == member
+    assert ("symbolic link" in problem["detail"]) == case.startswith("symlink")
     assert left_over(server.data) == []
 
 
