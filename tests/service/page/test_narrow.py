@@ -40,6 +40,7 @@ def test_nothing_sticks_out(open_page, site, scheme):
     check_width(page, "frames")
     page.goto(f"{site.url}/#/jobs")
     page.locator(".jobs li[data-state]").first.wait_for()
+    assert page.locator(".jobs li input").first.is_visible()
     check_width(page, "jobs")
     page.goto(f"{site.url}/#/compare/{jobs[0]}/{jobs[1]}")
     page.wait_for_selector(".layer img")
