@@ -16,7 +16,7 @@ def check_width(page, where):
     assert found == [360, []], where
 
 
-@pytest.mark.parametrize("scheme", ["dark", "light"])
+@pytest.mark.parametrize("scheme", ["dark", pytest.param("light", marks=pytest.mark.long)])
 def test_nothing_sticks_out(open_page, site, scheme):
     with site.client() as client:
         scene = upload(client, SMALL + f'def "x" (references = @./{LONG}.usda@)\n{{\n}}\n', name=f"{LONG}.usda")
