@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from tests.service.page.scenes import submit, upload
 
 from primray_service.worker.preview import decode_preview
@@ -71,6 +72,7 @@ def test_a_job_is_no_different_from_itself(open_page, site):
     page.wait_for_url(f"**/{second}/{first}")
 
 
+@pytest.mark.long
 def test_other_sizes_are_told(open_page, site):
     with site.client() as client:
         scene = upload(client)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from tests.service.page.conftest import until, until_pictures, wait_for_state
 from tests.service.page.scenes import SMALL, submit, upload
 
@@ -78,6 +79,7 @@ def test_progress_is_announced(open_page, site):
     assert page.locator("#say").get_attribute("aria-live") == "polite"
 
 
+@pytest.mark.long
 def test_every_control_has_a_name(open_page, site):
     with site.client() as client:
         scene = upload(client)

@@ -16,7 +16,7 @@ def check_width(page, where):
     assert found == [360, []], where
 
 
-@pytest.mark.parametrize("scheme", ["dark", "light"])
+@pytest.mark.parametrize("scheme", ["dark", pytest.param("light", marks=pytest.mark.long)])
 def test_nothing_sticks_out(open_page, site, scheme):
     with site.client() as client:
         scene = upload(client, SMALL + f'def "x" (references = @./{LONG}.usda@)\n{{\n}}\n', name=f"{LONG}.usda")
@@ -40,6 +40,7 @@ def test_nothing_sticks_out(open_page, site, scheme):
     check_width(page, "frames")
     page.goto(f"{site.url}/#/jobs")
     page.locator(".jobs li[data-state]").first.wait_for()
+    assert page.locator(".jobs li input").first.is_visible()
     check_width(page, "jobs")
     page.goto(f"{site.url}/#/compare/{jobs[0]}/{jobs[1]}")
     page.wait_for_selector(".layer img")

@@ -6,6 +6,7 @@ import hashlib
 import re
 from pathlib import Path
 
+import pytest
 from tests.service.page.conftest import choose, pictures, render, until, until_pictures, wait_for_state
 from tests.service.page.scenes import FOREVER, SMALL, submit, upload
 
@@ -205,6 +206,7 @@ def test_notes_stand_beside_their_prims(open_page, site):
     page.get_by_text("None of the notes matches.").wait_for()
 
 
+@pytest.mark.long
 def test_a_queued_job_says_so(open_page, site):
     """While another runs in the only slot."""
     with site.client() as client:
