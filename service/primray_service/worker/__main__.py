@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import os
+import random
 import sys
+import time
 import traceback
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
 
 # The server comes first: its clients wait for it. Checks are short, and somebody waits for them too.
 NICE = {"check": 5, "render": 10}
+AUTOGROUP_TRIES = 8
 LATER_S = 2.0  # than the server's watchdog, which can say why
 
 
@@ -50,9 +53,17 @@ def give_way(nice: int) -> None:
     os.nice(nice)
     with contextlib.suppress(PermissionError):  # it leads a group already, and is in a session of its own
         os.setsid()
-    if os.getsid(0) == os.getpid():
-        with contextlib.suppress(OSError):  # there is no such file, or no such feature
+    if os.getsid(0) != os.getpid():
+        return
+    for _ in range(AUTOGROUP_TRIES):
+        try:
             Path("/proc/self/autogroup").write_text(str(nice))
+        except BlockingIOError:  # the kernel takes one in 0.1 s from all who are not privileged
+            time.sleep(0.1 * random.random())
+        except OSError:  # there is no such feature
+            return
+        else:
+            return
 
 
 def do(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
