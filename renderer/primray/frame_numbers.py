@@ -51,7 +51,7 @@ def _number(digits: str, text: str) -> Decimal:
         value = Decimal(digits.strip())
     except InvalidOperation:
         raise _no_frames(text) from None
-    if not value.is_finite() or abs(value) > 10**9:
+    if not value.is_finite() or value.copy_abs() > 10**9:  # abs() would overflow
         raise _no_frames(text)
     return value
 

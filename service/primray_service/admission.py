@@ -111,7 +111,7 @@ def time_codes(text: str | None, limits: Limits) -> list[float | None]:
 def _count(first: str, last: str, step: str | None, limits: Limits) -> int:
     """At most one more than is allowed, so that no number grows large."""
     try:
-        steps = abs(Decimal(last) - Decimal(first)) / abs(Decimal(step or 1))
+        steps = (Decimal(last) - Decimal(first)).copy_abs() / Decimal(step or 1).copy_abs()
     except DecimalException:
         return 1 if Decimal(step or 1) == 0 else limits.frames + 1  # a step of 0 is the parser's to refuse
     return int(min(steps, Decimal(limits.frames))) + 1

@@ -294,8 +294,10 @@ class ExecutorContract:
             self.shoot(watched.handle, signal.SIGKILL)
             ended = await watched.ended()
             assert (ended.reason, ended.signal) == ("signal", signal.SIGKILL)
+            saved = watched.said("checkpoint")[-1]["samples"]
             number, checkpoint = self.checkpoint_of(watched, ended, tmp_path)
             watched, ended = await self.run(executor, self.render(scene, spp=1000, checkpoint=checkpoint, number=number))
+            assert watched.said("progress")[0]["samples_done"] >= saved > 0
             assert self.done(watched, ended)["pixels_sha256"] == expected
             assert watched.said("checkpoint")[0]["number"] == number + 1
 

@@ -7,7 +7,7 @@ import time
 
 import httpx2
 import pytest
-from tests.service.api import problem, stored, submit
+from tests.service.api import Json, problem, stored, submit
 from tests.service.conftest import StartServer, make_key
 from tests.service.serving import RunningServer
 
@@ -74,8 +74,8 @@ def test_another_tenants_things_do_not_exist(locked, keys):
         ("GET", f"{here}/frames/0"),
         ("GET", f"{here}/convergence"),
     ):
-        body = {"json": {}} if method in ("POST", "PATCH") else {}
-        document = problem(stranger.request(method, path, **body), 404, "not-found")
+        body: Json | None = {} if method in ("POST", "PATCH") else None
+        document = problem(stranger.request(method, path, json=body), 404, "not-found")
         assert {**document, "request_id": ""} == {**missing, "request_id": ""}, path
     problem(stranger.post("/v1/jobs", json={"scene": {"id": scene}}), 404, "not-found")
     assert stranger.get("/v1/jobs").json()["items"] == []

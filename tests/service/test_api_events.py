@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import httpx2
 import pytest
-from tests.service.api import problem, stored, submit, wait_until
+from tests.service.api import Json, problem, stored, submit, wait_until
 from tests.service.conftest import StartServer
 from tests.service.serving import RunningServer
 
@@ -34,7 +34,7 @@ def here(client: httpx2.Client) -> str:
     return f"/v1/jobs/{submit(client, stored(client))['id']}"
 
 
-def read(lines: Iterator[str]) -> Iterator[tuple[int, str, dict]]:
+def read(lines: Iterator[str]) -> Iterator[tuple[int, str, Json]]:
     """(id, type, data) of each event."""
     event: dict[str, str] = {}
     for line in lines:
@@ -76,7 +76,7 @@ def test_who_comes_back_misses_nothing_and_gets_nothing_twice(client, here):
 
 
 def test_a_stream_tells_at_once_and_goes_on_over_attempts(server, client, here):
-    told: list[tuple[float, str, dict]] = []
+    told: list[tuple[float, str, Json]] = []
 
     def listen() -> None:
         with server.client() as mine, mine.stream("GET", f"{here}/events", headers=STREAM) as stream:

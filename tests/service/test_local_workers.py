@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import signal
 import subprocess
@@ -19,6 +20,7 @@ import pytest
 from primray_service.executor.base import Chunk, Ended, Message
 from primray_service.executor.local import LocalExecutor
 from primray_service.executor.local_run import Run, Walls
+from primray_service.executor.process import READ_BYTES
 from primray_service.files import DataDirectory
 from primray_service.limits import GiB, Limits, MiB
 from primray_service.problems import Problem
@@ -143,7 +145,8 @@ def test_that_of_its_children_too(ends: Ends) -> None:
     assert ended.reason == "memory-limit"
 
 
-def test_cpu_seconds_before_sampling_are_watched(ends: Ends) -> None:
+def test_cpu_seconds_before_sampling_are_watched(ends: Ends, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("primray_service.executor.local_run.LOAD_WALL_PER_CPU", 1e6)
     ended, _ = ends("while True: pass", load_cpu_s=0.4)
     assert ended.reason == "time-limit"
     assert 0.4 <= ended.cpu_s < 2
@@ -193,19 +196,23 @@ def test_its_log_is_bounded(tmp_path: Path) -> None:
     asyncio.run(go())
 
 
-def test_one_that_talks_without_end_does_not_keep_the_loop(tmp_path: Path) -> None:
+def test_one_that_talks_without_end_is_made_to_wait(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("primray_service.executor.process.LINES_A_SECOND", 50)
+
     async def go() -> None:
         async with started(tmp_path) as executor:
-            row = "say(at='row', t_s=1, samples=1, relmse=1, ci95=[1, 1], rmse=1)"
-            handle = executor.submit(chunk(f"while True: {row}"), lambda _: None)
-            worst = 0.0
-            for _ in range(150):
-                start = time.monotonic()
+            row = json.dumps({"at": "row", "t_s": 1, "samples": 1, "relmse": 1, "ci95": [1, 1], "rmse": 1}) + "\n"
+            heard: list[Message] = []
+            handle = executor.submit(chunk(f"while True: sys.stdout.write({row * 1000!r})"), heard.append)
+            while not heard:
                 await asyncio.sleep(0.01)
-                worst = max(worst, time.monotonic() - start - 0.01)
+            start = time.monotonic()
+            await asyncio.sleep(0.8)
+            seconds = time.monotonic() - start
             handle.kill()
-            await handle.result()
-            assert worst < 0.5, worst
+            assert (await handle.result()).reason == "killed"
+            # One read of 64 KiB more than is allowed, each second.
+            assert len(heard) < (50 + READ_BYTES / len(row) + 1) * (seconds + 2)
 
     asyncio.run(go())
 
@@ -267,8 +274,8 @@ def test_it_finds_its_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lin
 
 @pytest.mark.parametrize("bad", ["missing", "link", "outside"])
 def test_files_that_cannot_be_put_in_place(tmp_path: Path, bad: str) -> None:
-    (tmp_path / "link").symlink_to("/etc/passwd")
     (tmp_path / "there").write_text("x")
+    (tmp_path / "link").symlink_to(tmp_path / "there")
     inputs = {
         "missing": {"scene.usda": tmp_path / "missing"},
         "link": {"scene.usda": tmp_path / "link"},
@@ -301,6 +308,23 @@ def test_close_ends_all_and_leaves_nothing(tmp_path: Path) -> None:
     assert len(pids) == 3
     assert not any(Path(f"/proc/{pid}").exists() for pid in pids)
     assert list((tmp_path / "slots").iterdir()) == []
+
+
+def test_released_while_it_runs(tmp_path: Path) -> None:
+    async def go() -> None:
+        async with started(tmp_path) as executor:
+            handle = executor.submit(chunk("time.sleep(60)"), lambda _: None)
+            handle.release()
+            assert handle.folder.is_dir()
+            handle.kill()
+            await handle.result()
+            for _ in range(200):
+                if not handle.folder.exists():
+                    return
+                await asyncio.sleep(0.02)
+            pytest.fail("its files are still there")
+
+    asyncio.run(go())
 
 
 def test_a_waiting_worker_that_died_is_not_given_work(tmp_path: Path) -> None:

@@ -8,7 +8,6 @@ import sys
 from pathlib import Path
 
 import pytest
-
 from tests.service.conftest import StartServer
 from tests.service.serving import RunningServer
 
@@ -51,4 +50,4 @@ def test_sequences_of_operations(start_server: StartServer):
 @pytest.mark.long
 def test_at_length_while_jobs_are_rendered(start_server: StartServer):
     server = start_server(limits={**LIMITS, "samples": 64, "seconds": 5, "image_pixels": 2**16, "frames": 20})
-    check(run(server, "--phases", "examples,coverage,fuzzing,stateful", "--max-examples", "100", timeout_s=1800))
+    check(run(server, "--phases", "examples,coverage,fuzzing,stateful", "--max-examples", "40", timeout_s=1800))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import signal
 import socket
 import threading
@@ -39,7 +38,7 @@ def answers(found: bytes) -> list[tuple[int, bytes]]:
     all_of_them = []
     while found:
         head, _, found = found.partition(b"\r\n\r\n")
-        length = int(re.search(rb"content-length: (\d+)", head)[1])
+        length = int(head.lower().partition(b"content-length: ")[2].split()[0])
         all_of_them.append((int(head.split()[1]), found[:length]))
         found = found[length:]
     return all_of_them
@@ -60,8 +59,11 @@ def test_it_stops_soon_whatever_is_open(start_server, number):
             heard.append(stream.headers["content-type"])
             heard.append("".join(stream.iter_lines())[:20])
 
-    streams = [threading.Thread(target=listen, args=(f"{here}/events",), kwargs={"accept": "text/event-stream"}) for _ in "abc"]
-    poll = threading.Thread(target=listen, args=(here,), kwargs={"prefer": "wait=50"})
+    streams = [
+        threading.Thread(daemon=True, target=listen, args=(f"{here}/events",), kwargs={"accept": "text/event-stream"})
+        for _ in "abc"
+    ]
+    poll = threading.Thread(daemon=True, target=listen, args=(here,), kwargs={"prefer": "wait=50"})
     for thread in (*streams, poll):
         thread.start()
     wait_until(lambda: len(heard) >= 3)

@@ -28,13 +28,15 @@ def test_frame_lists(text: str, frames: list[float]) -> None:
     assert parse_frames(text) == frames
 
 
-@pytest.mark.parametrize("text", ["", "a", "1:", ":3", "1:2:3", "1x2", "1:5x0", "1,,2", "nan", "inf", "1:1e99"])
+@pytest.mark.parametrize(
+    "text", ["", "a", "1:", ":3", "1:2:3", "1x2", "1:5x0", "1,,2", "nan", "inf", "1:1e99", "1e9999999", "0:1x1e-9999999"]
+)
 def test_what_is_no_frame_list(text: str) -> None:
     with pytest.raises(SettingsError, match="no frame list"):
         parse_frames(text)
 
 
-@pytest.mark.parametrize("text", ["1:1000000000", "0:1x1e-9", "1:90000,1:90000", "0:1x1e-9999999", "0:1e9x1e-9999"])
+@pytest.mark.parametrize("text", ["1:1000000000", "0:1x1e-9", "1:90000,1:90000", "0:1e9x1e-9999"])
 def test_too_many_frames(text: str) -> None:
     with pytest.raises(LimitError):
         parse_frames(text)

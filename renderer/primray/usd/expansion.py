@@ -75,10 +75,10 @@ def _prim(counter: _Counter, name: str, node: Node) -> tuple[int, int]:
     counter.entered.add(key)
     expanded, composed = _children(counter, name, node)
     for alternatives in node.variants:
-        most = (0, 0)
+        most = (1, 1)  # a variant is no prim of its own
         for alternative in alternatives:
             most = max(most, _prim(counter, name, alternative))
-        expanded, composed = expanded + most[0], composed + most[1]
+        expanded, composed = expanded + most[0] - 1, composed + most[1] - 1
     for arc in node.arcs:
         of_arc = _target(counter, name, arc)
         expanded, composed = expanded + of_arc[0], composed + of_arc[1]

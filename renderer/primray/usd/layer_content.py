@@ -18,7 +18,7 @@ from ..errors import StageOpenError
 from .stage import tf_message, usd_messages
 
 # Prims that are looked at for their arcs; a layer that has more is not a small text that expands to a large scene.
-MOST_NODES = 100_000
+MOST_NODES = 20_000
 _LINE = re.compile(r"\.usda?[^:\s]*:(\d+):\d+")
 _FORMAT_ARGUMENTS = ":SDF_FORMAT_ARGS:"
 
@@ -117,7 +117,7 @@ def _without_arguments(path: str) -> str:
 
 @dataclass
 class _Tree:
-    root: Node | None = field(default_factory=Node)
+    root: Node | None = None
     identifiers: set[str] = field(default_factory=set)
     depth: int = 0
 
@@ -125,21 +125,23 @@ class _Tree:
 def _tree(layer: Sdf.Layer) -> _Tree:
     """Without recursion: prims may be nested as deep as a binary layer can say."""
     tree = _Tree()
-    assert tree.root is not None
-    waiting: list[tuple[Any, Node, int]] = [(spec, _child(tree.root, spec.name), 1) for spec in layer.rootPrims]
-    count = len(waiting)
+    root = Node()
+    waiting: list[tuple[Any, Node, int]] = [(layer.pseudoRoot, root, 0)]
+    count = 0
     while waiting:
         spec, node, depth = waiting.pop()
         tree.depth = max(tree.depth, depth)
-        _read(spec, node, tree.identifiers)
-        inner = [(child, _child(node, child.name), depth + 1) for child in spec.nameChildren]
-        for variant, alternative in _variants(spec, node):
-            inner.append((variant, alternative, depth))
-        count += len(inner)
+        if depth:
+            _read(spec, node, tree.identifiers)
+        children = spec.nameChildren
+        count += len(children)
         if count > MOST_NODES:
-            tree.root = None
             return tree
-        waiting += inner
+        waiting += [(child, _child(node, child.name), depth + 1) for child in children]
+        for variant, alternative in _variants(spec, node):
+            waiting.append((variant, alternative, depth))
+            count += 1
+    tree.root = root
     return tree
 
 

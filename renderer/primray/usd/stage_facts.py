@@ -69,8 +69,8 @@ def _variants(prims: list[Usd.Prim]) -> Iterator[dict[str, Any]]:
 
 def _payloads(stage: Usd.Stage) -> dict[str, Any]:
     loaded = set(stage.GetLoadSet())
-    # Where all is loaded nothing is asked: FindLoadable goes through every instance of every instance, a thousand million of nine
-    # levels of ten.
+    # Where all is loaded nothing is asked: FindLoadable goes through every instance of every instance, which may be a thousand
+    # million in a small file.
     all_loaded = stage.GetLoadRules() == Usd.StageLoadRules.LoadAll()
     unloaded = [] if all_loaded else sorted(str(path) for path in set(stage.FindLoadable()) - loaded)
     return {"loaded": sorted(map(str, loaded)), "unloaded": unloaded}

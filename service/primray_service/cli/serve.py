@@ -120,7 +120,7 @@ def prepare(config: ServeConfig) -> None:
         ) from None
     with opened_store(config.database_url) as store:
         if config.needs_keys and not store.keys():
-            where = f"--data {config.data}" + (f" --database {config.database}" if config.database else "")
+            where = f"--data {config.data}" + (" --database ..." if config.database else "")  # which may hold a password
             print(f"no API key exists yet; make the first: primray keys create {where} --scopes admin", file=sys.stderr)
 
 

@@ -118,7 +118,7 @@ def submit(
             webhook=_webhook(webhook),
         )
         if json:
-            print_line({"type": "job", **client.document(job.id)})
+            print_line({"type": "job", **client.document(job.id), "webhook": job.webhook})  # with its secret, this once
         else:
             print(job.id, flush=True)
         if job.webhook and job.webhook.get("secret") and not json:

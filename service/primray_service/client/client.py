@@ -237,11 +237,9 @@ class Client:
         return read(Job, _json(self._transport.request("POST", f"{_job(job_id)}/cancel", repeatable=True)))
 
     def continue_(self, job_id: str, stop: StopRules) -> Job:
-        """A new attempt, from the checkpoints of the last, with other stop rules."""
-        headers = {"Idempotency-Key": str(uuid.uuid4())}
-        return read(
-            Job, _json(self._transport.request("POST", f"{_job(job_id)}/continue", body={"stop": stop}, headers=headers))
-        )
+        """A new attempt, from the checkpoints of the last, with other stop rules. Not repeated where its answer is lost: the
+        job says then whether it goes on."""
+        return read(Job, _json(self._transport.request("POST", f"{_job(job_id)}/continue", body={"stop": stop})))
 
     def delete(self, job_id: str) -> None:
         """Canceled if it runs, and gone with everything it made."""

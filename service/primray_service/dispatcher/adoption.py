@@ -118,9 +118,13 @@ def remove_outputs(folder: Path, names: Iterable[str]) -> None:
         remove(folder / name)
 
 
-def append_log(path: Path, title: str, text: str, most_bytes: int) -> None:
-    """Add a run's log to the frame's; of more than so many bytes the beginning goes."""
+def append_log(path: Path, title: str, text: str | Path, most_bytes: int) -> None:
+    """Add a run's log, or what is in that file, to the frame's; of more than so many bytes the beginning goes."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    if isinstance(text, Path):
+        with open(text, "rb") as file:
+            file.seek(max(os.fstat(file.fileno()).st_size - most_bytes, 0))
+            text = file.read(most_bytes).decode(errors="replace")
     stamp = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
     added = f"==== {stamp} {title}\n{text}{'' if not text or text.endswith(chr(10)) else chr(10)}".encode(errors="replace")
     earlier = path.read_bytes() if path.exists() else b""

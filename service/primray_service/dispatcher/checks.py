@@ -33,6 +33,9 @@ async def check_scene(parts: Parts, scene: Scene) -> None:
             if error.slug == "unavailable":
                 return  # the scene waits still; somebody looks again soon
             problem, again = error.as_json(), ""
+        except OSError as error:
+            LOG.warning("a check could not begin: %s", error)
+            return
         finally:
             if run is not None:
                 await run.close()

@@ -87,6 +87,8 @@ class Dispatcher:
             if self._stopping.is_set():
                 self._term.stop()
             await self._term.live()
+            if self._term.has_failed:
+                await self._pause(FAILED_PAUSE_S)
         except Exception:
             LOG.exception("the dispatcher failed, and begins anew")
             await self._pause(FAILED_PAUSE_S)

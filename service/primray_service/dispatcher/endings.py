@@ -14,9 +14,7 @@ from .messages import Done, Failed, Yielded
 Last = Done | Yielded | Failed
 
 # From outside, as by an administrator or the kernel's out-of-memory killer: no fault of the scene's.
-_FROM_OUTSIDE = frozenset(
-    {signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGPIPE, signal.SIGSTOP}
-)
+_FROM_OUTSIDE = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT, signal.SIGPIPE})
 
 
 @dataclass(frozen=True)

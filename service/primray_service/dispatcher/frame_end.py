@@ -147,13 +147,15 @@ class Ending:
             totals.add_warnings(warnings or [])
             if self.job.state is JobState.CANCELING:
                 totals.cancel_waiting()
-            changes = {
+            changes: Json = {
                 "progress": totals.progress(now),
                 "warnings": totals.warnings,
                 "usage": totals.usage(),
-                "result": totals.result(),
-                "error": totals.first_error(),
             }
+            if totals.is_over:
+                changes["result"] = totals.result()
+                if (first := totals.first_error()) is not None:
+                    changes["error"] = first
             job = await parts.calls.store(
                 parts.store.end_frame,
                 parts.fence,
@@ -175,7 +177,8 @@ class Ending:
         how = f"{self.ended.reason}{signal}, {self.ended.cpu_s:.1f} CPU s, {self.ended.peak_rss_bytes / 2**20:.0f} MiB"
         title = f"attempt {self.frame.attempt}, chunk {self.run.chunk.id}: {how}; {became}"
         try:
-            await self.parts.calls.disk(adoption.append_log, path, title, self.ended.log, self.parts.limits.log_bytes)
+            text = self.ended.log if self.ended.log_file is None else self.ended.log_file
+            await self.parts.calls.disk(adoption.append_log, path, title, text, self.parts.limits.log_bytes)
         except OSError:
             self.parts.disk_is_full = True
 

@@ -56,7 +56,7 @@ class SharedJob:
 class SharedJobs:
     """The jobs of which frames run, or ran a moment ago, read once."""
 
-    MOST = 64
+    MOST = 8  # beside those that fill the slots; a job may have thousands of frames
 
     def __init__(self, parts: Parts) -> None:
         self._parts = parts

@@ -152,7 +152,6 @@ class RunningFrame:
         except BaseException:
             await self._close()
             raise
-        self._parts.metrics.worker_cpu_s += ended.cpu_s
         spent = replace(self.frame, cpu_s=self.frame.cpu_s + ended.cpu_s)
         self.frame = replace(spent, peak_rss_bytes=max(spent.peak_rss_bytes, ended.peak_rss_bytes))
         disk_is_full = run.killed_for == "storage" or await self._parts.look_at_disk()
@@ -203,7 +202,9 @@ class RunningFrame:
                 job, self.frame = await reports.report(parts, shared, self.job, self.frame, run)
                 self.saw(job)
             self._watch(run)
-        return shared or await reading
+        shared = shared or await reading
+        await self._take_preview(run, shared)  # of a short frame, the only one may have come with its last words
+        return shared
 
     def _watch(self, run: ChunkRun) -> None:
         limits = self._parts.limits

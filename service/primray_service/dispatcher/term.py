@@ -40,7 +40,8 @@ class Term:
         self._awake = asyncio.Event()
         self._starting = asyncio.Lock()  # one claim after another, or more frames than slots would be claimed
         self._stopping = False
-        self._failed = False
+        self._is_lost = False
+        self.has_failed = False  # by a fault of ours
         self._check: asyncio.Task[None] | None = None
         self._served: dict[str, float] = {}  # when each tenant's frame was claimed last
         self._asked: dict[tuple[str, int], float] = {}  # previews of frames that did not run yet
@@ -73,7 +74,7 @@ class Term:
         keeping.add_done_callback(lambda _: self._awake.set())
         self._spawn(Retention(self._parts, self._expired).keep_on(), "retention")
         try:
-            while not keeping.done() and not self._stopping and not self._failed:
+            while not keeping.done() and not self._stopping and not self.has_failed and not self._is_lost:
                 await self._round()
                 await self._pause()
             if self._stopping and not keeping.done():
@@ -131,11 +132,11 @@ class Term:
         self._parts.metrics.running = len(self._running)
         error = None if task.cancelled() else task.exception()
         if isinstance(error, Lost):
-            self._failed = True
+            self._is_lost = True
         elif error is not None:
             # Rows may say what is not so any more. Taking the lease anew puts them right.
             LOG.error("the dispatcher's %s failed, so it begins anew", task.get_name(), exc_info=error)
-            self._failed = True
+            self.has_failed = True
         self._awake.set()
 
     # ---- frames -------------------------------------------------------------------------------------------------------------

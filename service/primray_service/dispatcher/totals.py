@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -34,6 +35,12 @@ class FrameTotals:
     def sampling_s(self) -> float:
         return float(self.progress.get("elapsed_s", 0.0))
 
+    @property
+    def whole_s(self) -> float:
+        """With reading the scene and writing the picture; of a frame that has ended."""
+        stages = (self.result or {}).get("stages_s") or {}
+        return max(float(sum(stages.values())), self.sampling_s)
+
 
 class JobTotals:
     """Of one attempt of a job."""
@@ -41,6 +48,7 @@ class JobTotals:
     def __init__(self, job: Job, frames: Iterable[Frame]) -> None:
         self.job_id, self.attempt = job.id, job.attempt
         self._frames: dict[int, FrameTotals] = {}
+        self._running: set[int] = set()
         for frame in frames:
             self.set(frame)
         self._fraction = float(job.progress.get("fraction", 0.0))
@@ -52,12 +60,13 @@ class JobTotals:
         self._frames[frame.number] = FrameTotals(
             frame.state, frame.progress, frame.phase, frame.result, frame.error, frame.cpu_s, frame.peak_rss_bytes
         )
+        if frame.state is FrameState.RUNNING:
+            self._running.add(frame.number)
+        else:
+            self._running.discard(frame.number)
 
     def __len__(self) -> int:
         return len(self._frames)
-
-    def count(self, state: FrameState) -> int:
-        return sum(frame.state is state for frame in self._frames.values())
 
     @property
     def is_over(self) -> bool:
@@ -90,55 +99,62 @@ class JobTotals:
     # ---- progress -----------------------------------------------------------------------------------------------------------
 
     def progress(self, now: float) -> Json:
-        frames = self._frames.values()
-        mean = sum(frame.fraction for frame in frames) / max(len(frames), 1)
-        self._fraction = min(max(self._fraction, mean), 1.0)
-        shown = self._shown()
-        eta_s, eta_ci95 = self._eta()
-        running = [frame for frame in frames if frame.state is FrameState.RUNNING]
+        counts, sums = self._added_up()
+        running = [self._frames[number] for number in sorted(self._running)]
+        shown = self._shown(running)
+        self._fraction = min(max(self._fraction, sums["fraction"] / max(len(self), 1)), 1.0)
+        eta_s, eta_ci95 = self._eta(running, counts)
         of_shown = {name: shown.progress.get(name) for name in ("samples_done", "samples_min", "samples_max", "error", "pass")}
+        waits = counts[FrameState.QUEUED] > 0
         return of_shown | {
             "fraction": self._fraction,
-            "phase": next((frame.phase for frame in running if frame.phase), "" if self.is_over else "queued"),
-            "frames": {"total": len(frames)} | {state.value: self.count(state) for state in FrameState},
-            "rays": sum(frame.progress.get("rays") or 0 for frame in frames),
+            "phase": next((frame.phase for frame in running if frame.phase), "queued" if waits or running else ""),
+            "frames": {"total": len(self)} | {state.value: counts[state] for state in FrameState},
+            "rays": int(sums["rays"]),
             "rays_per_s": sum(frame.progress.get("rays_per_s") or 0.0 for frame in running),
-            "elapsed_s": sum(frame.sampling_s for frame in frames),
+            "elapsed_s": sums["elapsed_s"],
             "eta_s": eta_s,
             "eta_ci95": eta_ci95,
             "updated_at": datetime.fromtimestamp(now, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z"),
         }
 
-    def _shown(self) -> FrameTotals:
-        """The frame whose samples and error stand for the job's: the first of those that run, else the one of largest error."""
-        numbers = sorted(self._frames)
-        running = [self._frames[n] for n in numbers if self._frames[n].state is FrameState.RUNNING]
-        known = [frame for frame in running if frame.progress.get("error")] or running
-        if known:
-            return known[0]
-        return max((self._frames[n] for n in numbers), key=_size_of_error, default=FrameTotals(FrameState.QUEUED))
+    def _added_up(self) -> tuple[Counter[FrameState], Counter[str]]:
+        """Frames by state, and sums over them: in one pass, since a job may have 10,000."""
+        counts: Counter[FrameState] = Counter()
+        fraction, rays, elapsed_s = 0.0, 0, 0.0
+        for frame in self._frames.values():
+            counts[frame.state] += 1
+            if frame.progress:
+                fraction += frame.fraction
+                rays += frame.progress.get("rays") or 0
+                elapsed_s += frame.sampling_s
+            elif frame.state is FrameState.SUCCEEDED:
+                fraction += 1.0
+        return counts, Counter({"fraction": fraction, "rays": rays, "elapsed_s": elapsed_s})
 
-    def _eta(self) -> tuple[float | None, list[float] | None]:
+    def _shown(self, running: Sequence[FrameTotals]) -> FrameTotals:
+        """The frame whose samples and error stand for the job's: the first of those that run, else the one of largest error."""
+        known = [frame for frame in running if frame.progress.get("error")] or running
+        return known[0] if known else max(self._frames.values(), key=_size_of_error, default=FrameTotals(FrameState.QUEUED))
+
+    def _eta(self, running: Sequence[FrameTotals], counts: Mapping[FrameState, int]) -> tuple[float | None, list[float] | None]:
         """Seconds until the job is done, and their interval: frames to come are taken to last as long as those that ended, or
         as those that run will have; as many side by side as run now."""
-        frames = self._frames.values()
-        running = [frame for frame in frames if frame.state is FrameState.RUNNING]
-        waiting = [frame for frame in frames if frame.state is FrameState.QUEUED]
+        waits = counts[FrameState.QUEUED] > 0
         if not running:
-            return (None, None) if waiting else (0.0, [0.0, 0.0])
+            return (None, None) if waits else (0.0, [0.0, 0.0])
         if any(frame.progress.get("eta_s") is None for frame in running):
             return None, None
         left = [float(frame.progress["eta_s"]) for frame in running]
-        if not waiting:
-            eta = max(left)
+        if not waits:
             slowest = max(running, key=lambda frame: float(frame.progress["eta_s"]))
             interval = slowest.progress.get("eta_ci95")
-            return eta, None if interval is None else [float(interval[0]), float(interval[1])]
-        whole = [frame.sampling_s for frame in frames if frame.state is FrameState.SUCCEEDED]
+            return max(left), None if interval is None else [float(interval[0]), float(interval[1])]
+        whole = [frame.whole_s for frame in self._frames.values() if frame.state is FrameState.SUCCEEDED]
         whole = whole or [frame.sampling_s + eta for frame, eta in zip(running, left, strict=True)]
         each = sum(whole) / len(whole)
-        more = sum(max(each - frame.sampling_s, 0.0) for frame in waiting)
-        eta = (sum(left) + more) / len(running)
+        waiting = (frame for frame in self._frames.values() if frame.state is FrameState.QUEUED)
+        eta = (sum(left) + sum(max(each - frame.sampling_s, 0.0) for frame in waiting)) / len(running)
         width = _spread(running, left)
         return eta, None if width is None else [eta * (1 - width[0]), eta * (1 + width[1])]
 

@@ -61,9 +61,9 @@ class LocalExecutor:
     async def start(self) -> None:
         try:
             self._slots.open()
+            workers = {kind: self._start_worker(kind) for kind in KINDS}
         except OSError as error:
-            raise Problem("unavailable", f"The folder of the workers cannot be used: {error.strerror}.") from error
-        workers = {kind: self._start_worker(kind) for kind in KINDS}
+            raise Problem("unavailable", f"No worker could be started: {error.strerror}.") from error
         ready = await asyncio.gather(*(worker.is_ready_within(READY_WITHIN_S) for worker in workers.values()))
         why = [worker.process.log.tail().strip().splitlines() for worker in workers.values()]
         for kind, worker in workers.items():
@@ -121,8 +121,12 @@ class LocalExecutor:
     # ---- warm workers -----------------------------------------------------------------------------------------------------
 
     def _start_worker(self, kind: str, memory_bytes: int | None = None) -> Worker:
-        memory = memory_bytes or self._limits.memory_bytes
-        return Worker(kind, self._slots.make(), memory, self._capacity.threads, self._limits, self._walls)
+        memory, slot = memory_bytes or self._limits.memory_bytes, self._slots.make()
+        try:
+            return Worker(kind, slot, memory, self._capacity.threads, self._limits, self._walls)
+        except BaseException:
+            slot.remove()
+            raise
 
     def _keep(self, kind: str, worker: Worker) -> None:
         self._warm[kind] = worker

@@ -127,7 +127,7 @@ class Run:
 
     # ---- its life ---------------------------------------------------------------------------------------------------------
 
-    def _completed(self, command: Json, threads: int) -> Json:
+    def _completed(self, command: Json, threads: int) -> bytes:
         """What this machine decides about where the chunk leaves it open."""
         limits = {
             "output_bytes": self._limits.output_bytes,
@@ -138,7 +138,7 @@ class Run:
         completed = {**command, "limits": limits}
         if "settings" in command and command["settings"].get("threads") is None:
             completed["settings"] = {**command["settings"], "threads": threads}
-        return completed
+        return json.dumps(completed).encode()
 
     async def _run(self) -> None:
         try:
@@ -149,7 +149,7 @@ class Run:
             self._kill("lost")
             return
         told, self._told = self._told or [], None
-        self._process.write(json.dumps(self._command).encode() + b"\n" + b"".join(told))
+        self._process.write(self._command + b"\n" + b"".join(told))
         await self._watch()
 
     async def _watch(self) -> None:

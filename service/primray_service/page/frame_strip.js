@@ -25,8 +25,7 @@ export function frameStrip(job, onChoose) {
 
   async function load(count) {
     total = count;
-    root.hidden = count < 2;
-    if (count < 2) return;
+    root.hidden = false;
     const after = first > 0 ? `&after=${first - 1}` : "";
     frames = (await get(jobPath(job, `/frames?limit=${SHOWN}${after}`))).items;
     update();

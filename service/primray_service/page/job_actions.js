@@ -9,7 +9,7 @@ export function actions(id, { changed, failed }) {
   const row = element("div", { class: "actions" });
   const panel = element("div", {});
   const root = element("div", {}, row, panel);
-  const self = { root, show, onContinued: () => {} };
+  const self = { root, show, onContinued: () => {}, onDelete: () => {} };
   let drawn = "";
 
   function show(job) {
@@ -69,10 +69,17 @@ export function actions(id, { changed, failed }) {
 
   // Asked in the page: a browser's own question box blocks everything, the picture too.
   function remove() {
-    const sure = button("Delete it", () => run(async () => {
-      await send("DELETE", jobPath(id));
-      location.hash = "#/jobs";
-    }), { class: "danger" });
+    const sure = button("Delete it", async () => {
+      self.onDelete(true);
+      try {
+        await send("DELETE", jobPath(id));
+        location.hash = "#/jobs";
+      } catch (failure) {
+        self.onDelete(false);
+        if (!failure.problem) throw failure;
+        failed(failure);
+      }
+    }, { class: "danger" });
     fill(panel, element("div", { class: "continue" }, element("p", {}, "Its pictures and files are deleted with it."), element("div", { class: "actions" }, sure, button("Keep it", () => fill(panel)))));
     sure.focus();
   }

@@ -40,10 +40,11 @@ export function jobView(root, [id]) {
   let rows = { frame: -1, attempt: 0, items: [] };
   let frame = 0;
   let chosen = null; // the row of the frame that is shown, of a job that has several
-  let [closed, stop, timer, saidAt, saidPhase, curveAt, curveTimer] = [false, null, 0, 0, "", 0, 0];
+  let [closed, timer, saidAt, saidPhase, curveAt, curveTimer] = [false, 0, 0, "", 0, 0];
+  let isEnding = false;
   let soonTimer = 0;
   let [refreshing, again] = [false, false];
-  let ended = false;
+  let [ended, gone] = [false, false];
 
   fill(
     root,
@@ -59,8 +60,8 @@ export function jobView(root, [id]) {
 
   // One request at a time; whatever happens meanwhile causes one more.
   async function refresh() {
-    if (refreshing) {
-      again = true;
+    if (refreshing || gone) {
+      again = !gone;
       return;
     }
     refreshing = true;
@@ -68,7 +69,7 @@ export function jobView(root, [id]) {
       do {
         again = false;
         await read();
-      } while (again && !closed);
+      } while (again && !closed && !gone);
     } finally {
       refreshing = false;
     }
@@ -81,11 +82,13 @@ export function jobView(root, [id]) {
       await show(found);
       if (!closed) fill(trouble);
     } catch (failure) {
-      if (closed) return;
+      if (closed || gone) return;
       if (!failure.problem) throw failure;
-      fill(trouble, problemBox(failure.problem, { retry: refresh, retryAfter: failure.retryAfter }));
-      if (failure.problem.status === 404) {
-        stop?.();
+      gone = failure.problem.status === 404;
+      fill(trouble, problemBox(failure.problem, { retry: gone ? null : refresh, retryAfter: failure.retryAfter }));
+      if (gone) {
+        events.stop();
+        clearInterval(timer);
         picture.live(false, false);
       }
     }
@@ -101,8 +104,15 @@ export function jobView(root, [id]) {
       scene = await get(scenePath(job.scene.id)).catch(() => ({}));
       draw();
     }
-    await strip.load(job.progress?.frames?.total ?? 1);
+    const frames = job.progress?.frames?.total ?? 1;
+    if (frames > 1) await strip.load(frames);
+    else chooseFrame(0, null);
     await loadCurve();
+    if (terminal) {
+      events.stop(); // left open, the browser would ask again and again
+      clearInterval(timer);
+      write(link, "");
+    }
     if (terminal && !wasEnded) {
       picture.live(false, hasPicture());
       await files.load();
@@ -160,22 +170,21 @@ export function jobView(root, [id]) {
   }
 
   function chooseFrame(number, row) {
+    const isOther = frame !== number;
     frame = number;
     chosen = row;
-    picture.frame(number);
-    if (job) {
-      picture.live(!ended, hasPicture());
-      loadCurve();
-    }
+    picture.frame(number, hasPicture());
+    picture.live(!ended, hasPicture());
+    if (isOther) loadCurve();
   }
 
   // Asking for a picture that cannot be there yet only makes errors in a browser's console.
-  const hasPicture = () => (chosen?.progress ?? job.progress)?.samples_done > 0;
+  const hasPicture = () => (chosen ?? job).progress?.samples_done > 0;
 
   function onEvent(type, data) {
-    if (type === "end") stop?.(); // nothing follows; left open, the browser would ask again and again
+    if (type === "end" && data.attempt === job?.attempt) isEnding = true; // the server closes the stream now
     if (type === "preview") {
-      if ((data.frame ?? data.number ?? frame) === frame) picture.refresh();
+      if (job && data.frame === frame) picture.refresh();
     } else if (type === "progress" && job && (data.progress ?? data).fraction !== undefined && (job.progress?.frames?.total ?? 1) === 1) {
       job = { ...job, progress: { ...job.progress, ...(data.progress ?? data) } };
       draw();
@@ -192,30 +201,38 @@ export function jobView(root, [id]) {
     }, 1000 * READ_EVERY_S);
   }
 
+  const events = live(jobPath(id, "/events"), {
+    onEvent,
+    onOpen: () => {
+      write(link, "");
+      clearInterval(timer);
+      refresh();
+    },
+    onLost: () => {
+      if (ended || isEnding) return;
+      write(link, "The connection was lost; trying again.");
+      clearInterval(timer);
+      timer = setInterval(refresh, 1000 * LOOK_EVERY_S);
+    },
+  });
+
   function follow() {
-    stop?.();
-    stop = live(jobPath(id, "/events"), {
-      onEvent,
-      onOpen: () => {
-        write(link, "");
-        clearInterval(timer);
-        refresh();
-      },
-      onLost: () => {
-        if (ended) return;
-        write(link, "The connection was lost; trying again.");
-        clearInterval(timer);
-        timer = setInterval(refresh, 1000 * LOOK_EVERY_S);
-      },
-    });
+    isEnding = false;
+    events.start();
   }
 
   doing.onContinued = follow;
-  refresh();
-  follow();
+  // What may be gone must not be asked for.
+  doing.onDelete = (now) => {
+    gone = now;
+    picture.live(false, false);
+    if (now) events.stop();
+    else follow();
+  };
+  refresh().then(() => !ended && !closed && !gone && follow());
   return () => {
     closed = true;
-    stop?.();
+    events.stop();
     clearInterval(timer);
     clearTimeout(curveTimer);
     clearTimeout(soonTimer);

@@ -12,7 +12,7 @@ const LOOK_EVERY_S = 4;
 export function jobsView(root) {
   const state = choice([["", "any state"], ...Object.entries(STATES)], "", { on: { change: restart } });
   const label = element("input", { type: "search", placeholder: "shot: 010", on: { change: restart } });
-  const order = choice([["newest", "newest first"], ["oldest", "oldest first"]], "newest", { on: { change: restart } });
+  const order = choice([["desc", "newest first"], ["asc", "oldest first"]], "desc", { on: { change: restart } });
   const list = element("ul", { class: "jobs" });
   const pages = element("div", { class: "pages" });
   const trouble = element("div", {});

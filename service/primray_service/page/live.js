@@ -1,6 +1,6 @@
 // A job's events as they happen. EventSource reconnects by itself after a broken connection; after an answer that is not a
-// stream (the server restarts, a key ran out) it gives up, so a new one is made after a while. Whoever listens reads the job
-// again on "open": nothing that happened in between is missed.
+// stream (the server restarts, a key ran out) it gives up, so a new one is made after a while, from the last event seen.
+// Whoever listens reads the job again on "open": nothing that happened in between is missed.
 
 const WAIT_S = [1, 2, 4, 8, 15];
 const TYPES = ["state", "progress", "preview", "frame", "warning", "end"];
@@ -9,35 +9,40 @@ export function live(url, { onEvent, onOpen, onLost }) {
   let source = null;
   let failures = 0;
   let timer = 0;
+  let last = 0;
 
-  function connect() {
-    source = new EventSource(url);
+  function start() {
+    stop();
+    source = new EventSource(`${url}?after=${last}`);
     source.addEventListener("open", () => {
       failures = 0;
       onOpen();
     });
     source.addEventListener("error", () => {
       onLost();
-      if (source.readyState !== EventSource.CLOSED) return;
-      timer = setTimeout(connect, 1000 * WAIT_S[Math.min(failures, WAIT_S.length - 1)]);
+      if (source?.readyState !== EventSource.CLOSED) return;
+      timer = setTimeout(start, 1000 * WAIT_S[Math.min(failures, WAIT_S.length - 1)]);
       failures += 1;
     });
-    for (const type of TYPES) {
-      source.addEventListener(type, (event) => {
-        let data = {};
-        try {
-          data = JSON.parse(event.data);
-        } catch {
-          return;
-        }
-        onEvent(type, data);
-      });
-    }
+    for (const type of TYPES) source.addEventListener(type, (event) => tell(type, event));
   }
 
-  connect();
-  return () => {
+  function tell(type, event) {
+    last = Number(event.lastEventId) || last;
+    let data;
+    try {
+      data = JSON.parse(event.data);
+    } catch {
+      return;
+    }
+    onEvent(type, data);
+  }
+
+  function stop() {
     clearTimeout(timer);
-    source.close();
-  };
+    source?.close();
+    source = null;
+  }
+
+  return { start, stop };
 }

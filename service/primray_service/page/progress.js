@@ -27,7 +27,8 @@ export function progress() {
     write(cells.target, targetWords(job));
     write(cells.samples, samplesWords(found));
     write(cells.time, format.duration(found.elapsed_s) || "–");
-    write(cells.rays, format.rate(found.rays_per_s) || "–");
+    cells.rays.parentElement.hidden = !(found.rays_per_s > 0);
+    write(cells.rays, format.rate(found.rays_per_s));
     const frames = found.frames;
     cells.frames.parentElement.hidden = !(frames?.total > 1);
     if (frames?.total > 1) write(cells.frames, `${frames.succeeded} of ${frames.total}${frames.failed ? `, ${frames.failed} failed` : ""}`);

@@ -99,8 +99,8 @@ export function viewer(job, { onFirst = () => {} } = {}) {
       isLoading = false;
     }
     if (closed) return;
-    if (isWanted) load();
-    else if (isLive) timer = setTimeout(() => (document.hidden ? (isWanted = true) : load()), 1000 * pause);
+    if (isWanted) ask();
+    else if (isLive) timer = setTimeout(() => (document.hidden ? (isWanted = true) : ask()), 1000 * pause);
   }
 
   // A page that is not looked at does not ask; it does at once when it is.
@@ -162,7 +162,10 @@ export function viewer(job, { onFirst = () => {} } = {}) {
   return {
     root,
     refresh,
-    frame: (number) => set({ frame: number }),
+    frame: (number, hasPicture) => {
+      if (number !== state.frame) isThere = hasPicture;
+      set({ frame: number });
+    },
     live: (now, hasPicture) => {
       const ended = isLive && !now;
       isLive = now;

@@ -15,7 +15,7 @@ from ..auth import Caller
 from ..job_json import job_json
 from ..jobs import TERMINAL, Job, SceneState
 from ..models import FormJob, JobRequest
-from ..problems import Problem, problem_of
+from ..problems import Problem
 from ..scenes.entries import choose
 from ..scenes.recognize import MEDIA_TYPES
 from ..service import Service
@@ -151,14 +151,12 @@ def create(service: Service, caller: Caller, asked: JobRequest, request: Request
         request_id=request_id_of(request),
         traceparent=traceparent if _TRACEPARENT.fullmatch(traceparent) else "",
     )
-    if asked.webhook is not None:
-        job = replace(job, webhook=accepted_webhook(asked.webhook, service.config))
     key = idempotency_key(request)
     scene = service.store.scene(caller.tenant, asked.scene.id)
     if scene is None:
         raise no_scene()
-    if scene.state is SceneState.REJECTED and scene.problem is not None:
-        raise problem_of(scene.problem)
+    if asked.webhook is not None:
+        job = replace(job, webhook=accepted_webhook(asked.webhook, service.config))
     if scene.state is SceneState.READY:  # else the job says so, once it is known
         choose(asked.scene.entry, scene.facts.get("entries", ()), scene.facts.get("layers"))
     try:

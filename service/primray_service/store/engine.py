@@ -15,7 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, Generic, TypeVar
+from typing import Any, TypeVar
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
@@ -111,21 +111,17 @@ class Database:
         changed: list[str] = []
 
         def once(previous: T | None) -> T:
-            committing = _Committing[T]()
-            try:
-                with self._writing(durable) as connection:
-                    transaction = Transaction[T](connection, previous)
-                    answer = work(transaction)
-                    transaction.flush()
-                    changed[:] = transaction.changed
-                    committing.answer = answer
-                    committing.under_way = True
+            with self._writing(durable) as connection:
+                transaction = Transaction[T](connection, previous)
+                answer = work(transaction)
+                transaction.flush()
+                changed.extend(transaction.changed)  # of all tries: each may have arrived
+                try:
                     connection.commit()
-                    return answer
-            except DBAPIError as error:
-                if committing.under_way:
-                    raise _Unsure(committing.answer) from error
-                raise
+                except DBAPIError as error:
+                    connection.invalidate()  # it may still be in the transaction, which nobody would end
+                    raise _Unsure(answer) from error
+                return answer
 
         answer = self._until_it_passes(once)
         for job_id in dict.fromkeys(changed):
@@ -183,11 +179,6 @@ class Database:
                 raise Unavailable(f"The database does not answer: {_first_line(error)}") from error
             time.sleep(pause * random.uniform(0.5, 1.0))
             pause = min(2 * pause, LONGEST_PAUSE_S)
-
-
-class _Committing(Generic[T]):
-    under_way = False
-    answer: T
 
 
 class _Unsure(Exception):

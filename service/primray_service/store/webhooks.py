@@ -34,7 +34,7 @@ class Webhooks(Part):
             check_fence(transaction, fence)
             mine = webhooks.c.id == delivery_id
             row = transaction.execute(select(webhooks).where(mine).with_for_update()).first()
-            if row is None or row.state != "due" or (row.tries > 0 and row.next_at == next_at and row.last_error == error):
+            if row is None or row.state != "due" or (row.tries > 0 and row.next_at == next_at):
                 return  # gone with its job, or this very call, repeated
             tried = {"tries": row.tries + 1, "state": state, "next_at": next_at, "last_error": error}
             transaction.execute(update(webhooks).where(mine).values(**tried))

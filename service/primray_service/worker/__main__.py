@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
 import traceback
@@ -24,7 +25,7 @@ LATER_S = 2.0  # than the server's watchdog, which can say why
 def main(arguments: list[str]) -> None:
     (kind,) = arguments
     messages = claim_stdout()
-    os.nice(NICE[kind])
+    give_way(NICE[kind])
     entered = enter((messages.fileno(),))
     channel = Channel(os.fdopen(0, "rb", closefd=False), messages)
     channel.start()
@@ -41,6 +42,17 @@ def main(arguments: list[str]) -> None:
         else:
             traceback.print_exc()
         channel.leave("failed", problem=problem_of_error(error, str(entered.job)).as_json())
+
+
+def give_way(nice: int) -> None:
+    """Let other processes go first. Where the kernel shares time between sessions, nice says nothing beyond this one's own:
+    then the session has to give way as well (sched(7), "The autogroup feature")."""
+    os.nice(nice)
+    with contextlib.suppress(PermissionError):  # it leads a group already, and is in a session of its own
+        os.setsid()
+    if os.getsid(0) == os.getpid():
+        with contextlib.suppress(OSError):  # there is no such file, or no such feature
+            Path("/proc/self/autogroup").write_text(str(nice))
 
 
 def do(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:

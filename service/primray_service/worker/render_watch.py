@@ -189,7 +189,7 @@ class Watch:
     def _send_progress(self, fraction: float) -> None:
         sampling, film = self._sampling, self._sampling.film
         forecast = self._forecaster.look()
-        least, most = film.samples_per_pixel
+        of_tiles = film.next.sum(axis=0)
         elapsed = max(sampling.now_s, sampling.seconds)
         ran = elapsed - self._forecaster.start_s
         ended = sampling.stop is not None
@@ -204,8 +204,8 @@ class Watch:
             "progress",
             fraction=fraction,
             samples_done=sampling.mean_samples(),
-            samples_min=least,
-            samples_max=most,
+            samples_min=int(of_tiles.min()),
+            samples_max=int(of_tiles.max()),
             rays=film.rays,
             rays_per_s=(film.rays - self._first_rays) / ran if ran > 0 else 0.0,
             elapsed_s=elapsed,

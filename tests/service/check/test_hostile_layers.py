@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from pxr import Sdf, Usd
-from tests.service.check.checking import SPHERE, Files, check, check_many, run, usda, write
+from tests.service.check.checking import CRASHES, SPHERE, Files, check, check_many, run, usda, write
 
 
 def bomb(levels: int, metadata: str = "") -> str:
@@ -89,6 +89,13 @@ def test_deep_nesting_never_reaches_the_parser(tmp_path: Path) -> None:
     problem = found["0"].problem
     assert problem is not None
     assert (problem["layer"], problem["limit"]) == ("scene.usda", 1000)
+
+
+def test_a_parser_that_crashes_takes_only_its_process_with_it(tmp_path: Path) -> None:
+    """As it would where the limit is set too high, or by something that is not counted."""
+    found = check(tmp_path / "slot", {"scene.usda": NESTED["dictionaries"](60_000)}, prim_depth=10**6)
+    assert (found.problem, found.facts) == (None, None)
+    assert found.signal in CRASHES
 
 
 def test_nesting_within_the_limit_is_read(tmp_path: Path) -> None:

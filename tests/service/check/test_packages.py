@@ -163,7 +163,8 @@ def test_links_in_the_job_folder_are_refused(tmp_path: Path) -> None:
     slot = tmp_path / "slot"
     (slot / "out").mkdir(parents=True)
     write(slot / "job" / "package", {"a.usda": usda(SPHERE)})
-    (slot / "job" / "package" / "b.usda").symlink_to("/etc/passwd")
+    write(tmp_path, {"outside.usda": usda(SPHERE)})
+    (slot / "job" / "package" / "b.usda").symlink_to(tmp_path / "outside.usda")
     found = run(slot, {"do": "check", "file": "package", "kind": "zip", "entry": None, "limits": {}}).problem
     assert found is not None
     assert (found["type"], found["member"]) == ("/problems/package-unsafe", "b.usda")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import os
 import shutil
 import signal
 from collections.abc import Awaitable, Callable
@@ -14,6 +15,7 @@ from primray_service.executor.base import Capacity, Chunk, Ended, OnMessage
 from primray_service.files import DataDirectory
 from primray_service.jobs import Json
 from primray_service.problems import Problem
+from primray_service.worker.protocol import LAST
 
 
 class Dies(Exception):
@@ -40,18 +42,28 @@ class Worker:
         self.command: Json = chunk.command
         self.out = folder
         self.told: list[str] = []
+        self._has_left = False
         self._on_message = on_message
         self._commands: asyncio.Queue[str] = asyncio.Queue()
         inputs = {name: path.read_bytes() for name, path in chunk.inputs.items()}
         self.went_on_from = inputs.get(self.command.get("checkpoint") or "", b"")
         self.number = int(self.command.get("number", 0))
 
+    @property
+    def has_left(self) -> bool:
+        """It has said its last word."""
+        return self._has_left
+
     def say(self, at: str, **members: Any) -> None:
+        self._has_left = self._has_left or at in LAST
         self._on_message({"at": at, **members})
 
     def write(self, name: str, body: bytes) -> Path:
+        """A new file: what a link of that name points to is not ours to write."""
         path = self.out / name
-        path.write_bytes(body)
+        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, 0o600)
+        with os.fdopen(handle, "wb") as file:
+            file.write(body)
         return path
 
     def sampling(self) -> None:

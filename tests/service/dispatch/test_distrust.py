@@ -19,7 +19,8 @@ from primray_service.jobs import JobState
 
 
 def links_checkpoint(worker: Worker) -> None:
-    (worker.out / "c.prc").symlink_to("/etc/passwd")
+    worker.write("d.prc", b"x")
+    (worker.out / "c.prc").symlink_to(worker.out / "d.prc")
     worker.say("checkpoint", number=1, file="c.prc")
 
 
@@ -74,8 +75,8 @@ def makes_what_was_not_asked(worker: Worker) -> None:
 def links_output(worker: Worker) -> None:
     worker.done()
     for name in worker.command["outputs"]:
-        (worker.out / name).unlink()
-        (worker.out / name).symlink_to("/etc/passwd")
+        (worker.out / name).rename(worker.out / f"kept-{name}")
+        (worker.out / name).symlink_to(worker.out / f"kept-{name}")
 
 
 def tells_of_no_stop(worker: Worker) -> None:
@@ -111,6 +112,8 @@ def test_the_frame_fails_and_nothing_is_adopted(tmp_path: Path, does: Callable[[
         if worker.command["settings"]["seed"] == 1:
             does(worker)
             await asyncio.sleep(0.2)
+            if worker.has_left:
+                return
         worker.done()
 
     async def act(rig: Rig, executor: ScriptedExecutor) -> None:

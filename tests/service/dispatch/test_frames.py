@@ -272,3 +272,20 @@ def test_a_continued_job_goes_on_from_its_checkpoint(tmp_path: Path) -> None:
     executor = play(tmp_path, script, act)
     assert executor.workers[1].went_on_from == b"1"
     assert executor.workers[1].command["settings"]["spp"] == 128
+
+
+def test_the_preview_of_a_frame_that_ends_at_once_is_kept(tmp_path: Path) -> None:
+    """Nobody had looked at the worker's messages before it was gone."""
+
+    async def script(worker: Worker) -> None:
+        worker.sampling()
+        worker.write("preview.raw", b"a preview")
+        worker.say("preview", **{"pass": 1, "file": "preview.raw", "bytes": 9})
+        worker.done()
+
+    async def act(rig: Rig, executor: ScriptedExecutor) -> None:
+        job = rig.submit(rig.scene())
+        await rig.ended(job.id)
+        assert (rig.data.frame(job.id, 0) / "preview.raw").read_bytes() == b"a preview"
+
+    play(tmp_path, script, act)

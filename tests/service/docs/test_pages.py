@@ -26,6 +26,12 @@ DOCS = ROOT / "docs/service"
 PNG, EXR = b"\x89PNG", b"\x76\x2f\x31\x01"
 
 
+# A page may ask whether something is there (-sSf); all other answers have to be good ones.
+STRICT = """set -euo pipefail
+curl() { if [[ $* == *-sSf* ]]; then command curl "$@"; else command curl --fail-with-body "$@"; fi; }
+"""
+
+
 def blocks(page: str, kind: str) -> list[str]:
     return re.findall(rf"^```{kind}\n(.*?)^```$", (DOCS / page).read_text(), re.DOTALL | re.MULTILINE)
 
@@ -34,10 +40,9 @@ def bash(script: str, folder: Path, **environment: str) -> str:
     """What it prints; every command in it has to succeed, and every answer too."""
     if shutil.which("curl") is None:
         pytest.skip("skipped: no curl")
-    strict = 'set -euo pipefail\ncurl() { if [[ $* == *-sSf* ]]; then command curl "$@"; else command curl --fail-with-body "$@"; fi; }\n'
     clean = {name: value for name, value in os.environ.items() if not name.startswith("PRIMRAY_")}
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    command = ["bash", "-c", strict + script]
+    command = ["bash", "-c", STRICT + script]
     done = subprocess.run(
         command, cwd=folder, env=clean | {"PATH": path, **environment}, capture_output=True, text=True, timeout=180
     )

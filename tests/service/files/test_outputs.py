@@ -157,7 +157,8 @@ def test_a_file_of_another_size_than_its_row_is_never_sent(server: RunningServer
     assert slug(client.get(f"/v1/jobs/{job}/outputs/beauty.exr")) == (503, "unavailable")
     (server.data / "jobs" / job / "outputs/beauty.exr").unlink()
     assert slug(client.get(f"/v1/jobs/{job}/outputs/beauty.exr")) == (404, "not-found")
-    os.symlink("/etc/passwd", server.data / "jobs" / job / "outputs/beauty.exr")
+    (server.data / "elsewhere").write_bytes(EXR)
+    os.symlink(server.data / "elsewhere", server.data / "jobs" / job / "outputs/beauty.exr")
     assert slug(client.get(f"/v1/jobs/{job}/outputs/beauty.exr")) == (404, "not-found")
 
 

@@ -8,7 +8,16 @@ import zipfile
 import schemathesis
 from hypothesis import strategies as st
 
-TEXT = '#usda 1.0\n(defaultPrim = "w")\ndef Xform "w"\n{{\n    def Sphere "s"\n    {{\n        double radius = {radius}\n    }}\n}}\n'
+TEXT = """#usda 1.0
+(defaultPrim = "w")
+def Xform "w"
+{{
+    def Sphere "s"
+    {{
+        double radius = {radius}
+    }}
+}}
+"""
 
 usda = st.floats(0.1, 10).map(lambda radius: TEXT.format(radius=radius).encode())
 

@@ -6,12 +6,13 @@ from __future__ import annotations
 import re
 import shutil
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, FilePayload, Page, sync_playwright
 from tests.service.page.scenes import SMALL
 from tests.service.serving import RunningServer, start
 
@@ -82,7 +83,7 @@ def open_page(browser: Browser, site: RunningServer) -> Iterator[OpenPage]:
         context = browser.new_context(**{"viewport": {"width": 1280, "height": 900}, "locale": "en-GB", **options})
         contexts.append(context)
         page = context.new_page()
-        page.set_default_timeout(20_000)
+        page.set_default_timeout(60_000)
         watched = Watched(page, url)
         opened.append(watched)
         page.goto(f"{url}/{fragment}")
@@ -102,7 +103,8 @@ def open_page(browser: Browser, site: RunningServer) -> Iterator[OpenPage]:
 def choose(page: Page, name: str = "small.usda", content: bytes | str = SMALL) -> None:
     """Choose a file by the input behind the button, and wait for the form."""
     data = content.encode() if isinstance(content, str) else content
-    page.set_input_files("input[type=file]:not([webkitdirectory])", files=[{"name": name, "mimeType": "", "buffer": data}])
+    chosen: FilePayload = {"name": name, "mimeType": "", "buffer": data}
+    page.set_input_files("input[type=file]:not([webkitdirectory])", files=[chosen])
     page.wait_for_selector("form.settings")
 
 
@@ -118,6 +120,22 @@ def render(page: Page, *, width: int = 64, target: str | None = None, samples: i
     return page.url.rpartition("/")[2]
 
 
-def wait_for_state(page: Page, state: str, timeout_s: float = 30.0) -> None:
+def wait_for_state(page: Page, state: str, timeout_s: float = 60.0) -> None:
     page.wait_for_selector(f'.head .state[data-state="{state}"]', timeout=1000 * timeout_s)
 
+
+def until(page: Page, expression: str, timeout_s: float = 60.0) -> None:
+    """Until the expression is true. Playwright's own waiting evaluates text inside the page, which its policy forbids."""
+    end = time.monotonic() + timeout_s
+    while not page.evaluate(expression):
+        assert time.monotonic() < end, f"not in {timeout_s} s: {expression}"
+        page.wait_for_timeout(50)
+
+
+def pictures(page: Page) -> int:
+    """How many have been shown one after the other."""
+    return int(page.locator(".viewer").get_attribute("data-pictures") or 0)
+
+
+def until_pictures(page: Page, more_than: int) -> None:
+    until(page, f"Number(document.querySelector('.viewer').dataset.pictures) > {more_than}")

@@ -79,7 +79,7 @@ def upload(client: httpx2.Client, content: str = SMALL, name: str = "small.usda"
     answer = client.post("/v1/scenes", params={"name": name}, content=content.encode())
     assert answer.status_code in (200, 201), answer.text
     scene: dict[str, Any] = answer.json()
-    until = time.monotonic() + 20
+    until = time.monotonic() + 60
     while scene["state"] == "checking":
         assert time.monotonic() < until
         time.sleep(0.05)

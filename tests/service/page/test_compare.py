@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from tests.service.page.scenes import submit, upload
 
 from primray_service.worker.preview import decode_preview
@@ -21,7 +22,7 @@ def srgb(linear):
 def test_slider_difference_and_values(open_page, site):
     with site.client() as client:
         scene = upload(client)
-        first, second = (submit(client, scene, wait_s=20, seed=seed) for seed in (1, 2))
+        first, second = (submit(client, scene, wait_s=60, seed=seed) for seed in (1, 2))
         a, b = (
             decode_preview(client.get(f"/v1/jobs/{job}/preview", params={"format": "raw"}).content).rgb.astype(np.float64)
             for job in (first, second)
@@ -64,18 +65,19 @@ def test_slider_difference_and_values(open_page, site):
 def test_a_job_is_no_different_from_itself(open_page, site):
     with site.client() as client:
         scene = upload(client)
-        first, second = (submit(client, scene, wait_s=20, seed=3) for _ in range(2))
+        first, second = (submit(client, scene, wait_s=60, seed=3) for _ in range(2))
     page = open_page(f"#/compare/{first}/{second}").page
     page.get_by_text("none: every value is the same").wait_for()
     page.get_by_role("button", name="Swap").click()
     page.wait_for_url(f"**/{second}/{first}")
 
 
+@pytest.mark.long
 def test_other_sizes_are_told(open_page, site):
     with site.client() as client:
         scene = upload(client)
-        first = submit(client, scene, wait_s=20)
-        second = submit(client, scene, wait_s=20, resolution=[30, 20])
+        first = submit(client, scene, wait_s=60)
+        second = submit(client, scene, wait_s=60, resolution=[30, 20])
     page = open_page(f"#/compare/{first}").page
     page.get_by_text("Choose two jobs.").wait_for()
     page.get_by_label("B", exact=True).select_option(second)

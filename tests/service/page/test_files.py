@@ -85,7 +85,9 @@ def test_data_never_becomes_markup():
     for path in OWN:
         if path.suffix == ".js":
             code = re.sub(r"^\s*//.*$", "", path.read_text(), flags=re.MULTILINE)
-            assert not re.search(r"innerHTML|outerHTML|insertAdjacent|document\.write|DOMParser|\beval\b|new Function", code), path.name
+            assert not re.search(r"innerHTML|outerHTML|insertAdjacent|document\.write|DOMParser|\beval\b|new Function", code), (
+                path.name
+            )
 
 
 def test_files_are_short_and_say_what_they_are():

@@ -12,7 +12,6 @@ import pytest
 from primray_service.worker.preview import preview_of, write_preview
 
 
-
 @pytest.fixture(scope="module")
 def page(browser, site):
     """One for all of them: they leave nothing behind."""
@@ -76,7 +75,8 @@ def test_what_is_dropped_becomes_one_file(page, paths, name, members):
 
 
 @pytest.mark.parametrize(
-    ("paths", "sentence"), [([], "no file"), (["a.png", "b.txt"], "None of these files is a USD layer"), ([".DS_Store"], "no file")]
+    ("paths", "sentence"),
+    [([], "no file"), (["a.png", "b.txt"], "None of these files is a USD layer"), ([".DS_Store"], "no file")],
 )
 def test_what_cannot_be_rendered_is_said(page, paths, sentence):
     script = """async (paths) => {

@@ -93,10 +93,11 @@ def test_who_used_up_the_days_seconds_waits_for_tomorrow(world: World):
     world.job("a", frames=2, priority=90)
     other = world.job("b")
     world.end(replace(world.claim().frame, cpu_s=10.0))
-    assert world.store.claim_frame(world.fence, world.tick(), quotas.__getitem__).job.id == other.id
+    assert world.claim_within(quotas.__getitem__).job.id == other.id
     assert not world.store.waiting(world.fence, world.now, quotas.__getitem__)
     assert world.store.claim_frame(world.fence, world.tick(), quotas.__getitem__) is None
-    assert world.store.claim_frame(world.fence, world.tick(24 * 3600), quotas.__getitem__).job.tenant == "a"
+    world.tick(24 * 3600)
+    assert world.claim_within(quotas.__getitem__).job.tenant == "a"
 
 
 def test_a_changed_priority_changes_the_queue(world: World):
@@ -166,7 +167,7 @@ def test_a_dispatcher_that_lost_the_lease_in_between_claims_nothing(url: str, wo
     other = open_store(url)
     old = world.fence
     write = world.store._db.write
-    taken = []
+    taken: list[int | None] = []
 
     def late(work, **options):
         if not taken:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -44,7 +45,8 @@ def test_a_report_is_stored_with_its_event_and_what_it_changes_of_the_job(world:
 def test_a_report_takes_nothing_that_only_an_end_may_say(world: World):
     world.job()
     frame = world.claim().frame
-    for changes in ({"state": JobState.SUCCEEDED}, {"result": {}}, {"error": {}}, {"priority": 3}, {"tenant": "u"}):
+    refused: list[Any] = [{"state": JobState.SUCCEEDED}, {"result": {}}, {"error": {}}, {"priority": 3}, {"tenant": "u"}]
+    for changes in refused:
         with pytest.raises(ValueError, match="cannot be reported"):
             world.store.report(world.fence, frame, world.tick(), job_changes=changes)
 
@@ -70,7 +72,7 @@ def test_a_checkpoint_is_taken_over_once(world: World):
     assert (frame.crashes, frame.kills) == (1, 4)
 
     def accept(chunk: str, follows: int, file: str, attempt: int = 1) -> bool:
-        given = {"attempt": attempt, "follows": follows, "file": file, "now": world.tick()}
+        given: Any = {"attempt": attempt, "follows": follows, "file": file, "now": world.tick()}
         return world.store.accept_checkpoint(world.fence, chunk, job.id, 0, **given)
 
     assert not accept("c1", 1, "checkpoint-2.prc")  # there is no first

@@ -98,6 +98,16 @@ class World:
         assert found is not None
         return found
 
+    def scene(self, tenant: str = "t", name: str = "a") -> Scene:
+        found = self.store.scene(tenant, scene_id(name))
+        assert found is not None
+        return found
+
+    def claim_within(self, quotas_of: Any) -> Claim:
+        claim = self.store.claim_frame(self.fence, self.tick(), quotas_of)
+        assert claim is not None
+        return claim
+
     def states(self, job: Job) -> list[str]:
         return [event.data["state"] for event in self.store.events(job.id, 0, 10_000) if event.type == "state"]
 

@@ -1,0 +1,108 @@
+"""What the commands show on a terminal, and how Ctrl-C ends them."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import select
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+from tests.service.client.scripted import Answer, Request, as_json, serving
+
+JOB = {"id": "job_1", "state": "running", "created_at": "2026-01-01T00:00:00Z", "scene": {"id": "sha256:0"}}
+PROGRESS = {
+    "fraction": 0.42,
+    "phase": "sampling",
+    "error": {"metric": "relmse", "estimate": 0.021, "target": 0.01, "kind": "estimated"},
+    "frames": {"total": 3, "succeeded": 1, "queued": 1, "running": 1, "failed": 0, "canceled": 0},
+    "eta_s": 75.0,
+}
+
+
+def event(number: int, type: str, data: object) -> str:
+    return f"id: {number}\nevent: {type}\ndata: {json.dumps(data)}\n\n"
+
+
+def start(*arguments: str, stderr: int, **environment: str) -> subprocess.Popen[bytes]:
+    clean = {name: value for name, value in os.environ.items() if not name.startswith("PRIMRAY_")}
+    command = [sys.executable, "-c", "import primray.cli; primray.cli.main()", *arguments]
+    return subprocess.Popen(
+        command, env=clean | {"TERM": "xterm", "COLUMNS": "120"} | environment, stdout=subprocess.PIPE, stderr=stderr
+    )
+
+
+def read_until(handle: int, text: str, timeout_s: float = 20.0) -> str:
+    seen, until = b"", time.monotonic() + timeout_s
+    while text not in plain(seen) and time.monotonic() < until:
+        if select.select([handle], [], [], 0.1)[0]:
+            try:
+                seen += os.read(handle, 65536)
+            except OSError:  # the terminal's other end is closed
+                break
+    assert text in plain(seen), plain(seen)
+    return plain(seen)
+
+
+def plain(shown: bytes) -> str:
+    return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", shown.decode("utf-8", "replace"))
+
+
+def test_a_bar_on_a_terminal() -> None:
+    streamed = (
+        event(1, "state", {"state": "running"})
+        + event(2, "progress", PROGRESS)
+        + event(3, "end", {"state": "succeeded", "attempt": 1})
+    )
+
+    def script(request: Request) -> Answer:
+        if request.path.endswith("/events"):
+            return Answer(200, streamed.encode(), {"Content-Type": "text/event-stream", "Connection": "close"})
+        return as_json({**JOB, "state": "succeeded", "progress": PROGRESS})
+
+    ours, theirs = pty.openpty()
+    with serving(script) as server:
+        process = start("watch", "job_1", stderr=theirs, PRIMRAY_SERVER=server.url)
+        os.close(theirs)
+        shown = read_until(ours, "job_1 succeeded")
+        assert process.wait(20) == 0
+        assert process.stdout is not None
+        assert process.stdout.read() == b""
+        process.stdout.close()
+    os.close(ours)
+    assert "42%" in shown
+    assert "1/3 frames  relmse 0.021, target 0.01" in shown
+
+
+@pytest.mark.parametrize("as_json_lines", [False, True])
+def test_ctrl_c_ends_the_watching_and_not_the_job(as_json_lines: bool) -> None:
+    released = threading.Event()
+
+    def script(request: Request) -> Answer:
+        if request.path.endswith("/events") and "Last-Event-ID" in request.headers:
+            released.wait(20)
+        if request.path.endswith("/events"):
+            text = event(1, "state", {"state": "running"})
+            return Answer(200, text.encode(), {"Content-Type": "text/event-stream", "Connection": "close"})
+        return as_json(JOB)
+
+    with serving(script) as server:
+        process = start("watch", "job_1", *["--json"] * as_json_lines, stderr=subprocess.PIPE, PRIMRAY_SERVER=server.url)
+        until = time.monotonic() + 20
+        while not any("Last-Event-ID" in request.headers for request in server.requests) and time.monotonic() < until:
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=20)
+        released.set()
+    assert process.returncode == 130
+    assert b"the job goes on: `primray watch job_1`" in err
+    assert b"Traceback" not in err
+    assert all(method == "GET" for method in (request.method for request in server.requests))
+    if as_json_lines:
+        assert json.loads(out.splitlines()[-1])["exit_code"] == 130

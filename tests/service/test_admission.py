@@ -1,0 +1,97 @@
+"""From requests to jobs, and from one attempt's stop rules to the next's; pure."""
+
+from __future__ import annotations
+
+import pytest
+
+from primray_service.admission import new_job, time_codes
+from primray_service.jobs import Job, JobState, Json
+from primray_service.limits import Limits
+from primray_service.models import ContinuedRules, JobRequest
+from primray_service.problems import Problem
+from primray_service.stop_rules import continued
+
+LIMITS = Limits(frames=5, samples=1000)
+SCENE = {"id": f"sha256:{'0' * 64}"}
+
+
+@pytest.mark.parametrize(
+    ("text", "frames"),
+    [
+        (None, [None]),
+        ("3", [3]),
+        ("1:3", [1, 2, 3]),
+        ("1-3", [1, 2, 3]),
+        ("-3--1", [-3, -2, -1]),
+        ("1-9x2", [1, 3, 5, 7, 9]),
+        ("5:1", [5, 4, 3, 2, 1]),
+        (" 1 , 4:5 ", [1, 4, 5]),
+        ("0:1x0.25", [0, 0.25, 0.5, 0.75, 1]),
+    ],
+)
+def test_frames(text, frames):
+    assert time_codes(text, LIMITS) == frames
+
+
+@pytest.mark.parametrize("text", ["1:6", "1,2,3,4,5,6", "1:3,1:3", "1:1e15", "0:1x1e-9", "0:1x1e-99999", "0:9e99"])
+def test_too_many_frames(text):
+    with pytest.raises(Problem) as raised:
+        time_codes(text, LIMITS)
+    assert (raised.value.slug, raised.value.extra["limit"]) == ("limit-exceeded", 5)
+
+
+@pytest.mark.parametrize("text", ["", "1:", "a", "1:2x0", "1:2:3", "1 2", "1,1", "1e9999999999", "1:2x1e9999999999"])
+def test_what_is_no_frame_list(text):
+    with pytest.raises(Problem) as raised:
+        time_codes(text, LIMITS)
+    assert raised.value.slug == "invalid-request"
+
+
+def job(stop: Json, state: JobState = JobState.SUCCEEDED) -> Job:
+    request = JobRequest.model_validate({"scene": SCENE, "settings": {"stop": stop}})
+    made, _ = new_job(request, "a", LIMITS, 0.0)
+    return Job(**{**vars(made), "state": state})
+
+
+@pytest.mark.parametrize(
+    ("before", "asked", "after"),
+    [
+        ({"target_error": 0.1}, {"target_error": 0.05}, {"target_error": 0.05}),
+        ({"max_samples": 16}, {"max_samples": 32}, {"max_samples": 32}),
+        ({}, {"max_samples": 65}, {"max_samples": 65}),  # no rule: 64 samples
+        ({}, {"target_error": 0.1}, {"target_error": 0.1}),
+        ({"max_samples": 16}, {"target_error": 0.1, "max_samples": None}, {"target_error": 0.1}),
+        ({"target_error": 0.1, "max_samples": 16}, {"max_samples": None}, {"target_error": 0.1}),
+        ({"target_error": 0.1, "max_seconds": 5}, {"max_seconds": 9}, {"target_error": 0.1, "max_seconds": 9}),
+        ({"target_error": 0.1}, {"metric": "display", "target_error": 0.2}, {"metric": "display", "target_error": 0.2}),
+    ],
+)
+def test_a_job_that_succeeded_goes_further(before, asked, after):
+    found = continued(job(before), ContinuedRules.model_validate(asked), LIMITS)
+    empty = {"target_error": None, "metric": "relmse", "max_samples": None, "max_seconds": None}
+    assert found == {**empty, **after}
+
+
+@pytest.mark.parametrize(
+    ("before", "asked", "member"),
+    [
+        ({"target_error": 0.1}, {}, "stop"),
+        ({"target_error": 0.1}, {"target_error": 0.1}, "stop"),
+        ({"target_error": 0.1}, {"target_error": 0.2}, "stop.target_error"),
+        ({"max_samples": 16}, {"max_samples": 8}, "stop.max_samples"),
+        ({"max_samples": 16, "target_error": 0.1}, {"max_samples": 8, "target_error": 0.01}, "stop.max_samples"),
+        ({}, {"max_samples": 64}, "stop"),
+        ({}, {"max_samples": 10}, "stop.max_samples"),
+        ({"max_samples": 16}, {"max_samples": 10**6}, "stop.max_samples"),
+    ],
+)
+def test_a_job_that_succeeded_is_not_asked_for_less(before, asked, member):
+    with pytest.raises(Problem) as raised:
+        continued(job(before), ContinuedRules.model_validate(asked), LIMITS)
+    assert raised.value.extra["member"] == member
+
+
+@pytest.mark.parametrize("state", [JobState.CANCELED, JobState.FAILED, JobState.EXPIRED])
+def test_one_that_did_not_reach_its_end_goes_on_as_it_was(state):
+    before = {"target_error": 0.1, "metric": "rmse", "max_samples": 16, "max_seconds": None}
+    assert continued(job(before, state), ContinuedRules(), LIMITS) == before
