@@ -152,6 +152,7 @@ class RunningFrame:
         except BaseException:
             await self._close()
             raise
+        self._parts.metrics.worker_cpu_s += ended.cpu_s
         spent = replace(self.frame, cpu_s=self.frame.cpu_s + ended.cpu_s)
         self.frame = replace(spent, peak_rss_bytes=max(spent.peak_rss_bytes, ended.peak_rss_bytes))
         disk_is_full = run.killed_for == "storage" or await self._parts.look_at_disk()
