@@ -8,7 +8,7 @@ export class Failure extends Error {
   }
 }
 
-export const keyNeeded = new EventTarget(); // "needed" when an answer says that a key is missing
+export const keyNeeded = Object.assign(new EventTarget(), { since: 0 }); // "needed" when an answer says that a key is missing
 
 const silence = (detail) =>
   new Failure({ type: "/problems/no-answer", title: "The server does not answer", status: 0, detail, retryable: true });
@@ -19,6 +19,7 @@ export async function call(method, path, { json, headers = {}, signal, accept = 
     request.body = JSON.stringify(json);
     request.headers["content-type"] = "application/json";
   }
+  const began = performance.now();
   let response;
   try {
     response = await fetch(path, request);
@@ -27,10 +28,10 @@ export async function call(method, path, { json, headers = {}, signal, accept = 
     throw silence("The request did not reach it, or its answer was lost.");
   }
   if (response.ok) return response;
-  throw failureOf(response.status, await response.text(), response.headers.get("retry-after"));
+  throw failureOf(response.status, await response.text(), response.headers.get("retry-after"), began);
 }
 
-function failureOf(status, text, retryAfter) {
+function failureOf(status, text, retryAfter, began = performance.now()) {
   let problem;
   try {
     problem = JSON.parse(text);
@@ -40,7 +41,8 @@ function failureOf(status, text, retryAfter) {
   if (typeof problem?.title !== "string") {
     problem = { type: "", title: `The server answered with status ${status}`, status, detail: text.slice(0, 300) };
   }
-  if (status === 401) keyNeeded.dispatchEvent(new CustomEvent("needed", { detail: problem }));
+  // Not for an answer to a request from before the key was given.
+  if (status === 401 && began >= keyNeeded.since) keyNeeded.dispatchEvent(new CustomEvent("needed", { detail: problem }));
   return new Failure(problem, retryAfter && /^\d+$/.test(retryAfter) ? Number(retryAfter) : null);
 }
 

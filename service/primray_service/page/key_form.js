@@ -1,7 +1,7 @@
 // Asks for an API key in a dialog and exchanges it for a cookie, so that pictures and event streams, which carry no headers,
 // are let in as well. The key itself is not kept in the page.
 
-import { send } from "./api.js";
+import { keyNeeded, send } from "./api.js";
 import { element, field, fill } from "./dom.js";
 import { problemBox } from "./problem_view.js";
 
@@ -26,6 +26,7 @@ export function keyForm(problem, onDone) {
     try {
       await send("POST", "/v1/session", { key: key.value.trim() });
       key.value = "";
+      keyNeeded.since = performance.now();
       open.close();
     } catch (failure) {
       fill(answer, problemBox(failure.problem));
