@@ -47,6 +47,7 @@ format: setup  ## format Python and C++
 docs: setup  ## bring the generated pages and parts of README.md up to date
 	$(BIN)/python -m tests.docs.supported
 	$(BIN)/python -m tests.docs.hard_cases
+	$(BIN)/python -m tests.docs.openapi
 
 bench: setup  ## run the benchmarks of tests/bench
 	$(BIN)/python -m tests.bench
