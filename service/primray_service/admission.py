@@ -118,7 +118,11 @@ def _count(first: str, last: str, step: str | None, limits: Limits) -> int:
 
 
 def check_settings(settings: Settings, limits: Limits) -> None:
-    """This server's limits, then the renderer's own checks."""
+    """What is not made yet, this server's limits, then the renderer's own checks."""
+    asked = {"render_settings": settings.render_settings, "aovs": settings.aovs, "products": settings.products != ["beauty"]}
+    for name, value in asked.items():
+        if value:
+            raise Problem("unsupported-setting", f"settings.{name}: only beauty is rendered so far.", member=f"settings.{name}")
     if settings.resolution is not None:
         width, height = settings.resolution
         member = "settings.resolution"

@@ -33,6 +33,11 @@ class Settings(Sent):
     """As RenderSettings of the library and the flags of `primray render`."""
 
     camera: str | None = Field(None, max_length=1024, description="A prim path, or a name that only one camera has.")
+    render_settings: str | None = Field(None, max_length=1024, description="Not supported yet: the stage's own are found.")
+    products: list[Annotated[str, Field(max_length=256)]] = Field(
+        default=["beauty"], max_length=64, description='["beauty"] is what there is so far.'
+    )
+    aovs: list[Annotated[str, Field(max_length=256)]] = Field(default=[], max_length=64, description="None so far.")
     frames: str | None = Field(
         None, max_length=4096, description='"1", "1:10", "1-10x2" or "1,5"; not given: the default time.'
     )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from primray_service.admission import new_job, time_codes
+from primray_service.admission import check_settings, new_job, time_codes
 from primray_service.jobs import Job, JobState, Json
 from primray_service.limits import Limits
-from primray_service.models import ContinuedRules, JobRequest
+from primray_service.models import ContinuedRules, JobRequest, Settings
 from primray_service.problems import Problem
 from primray_service.stop_rules import continued
 
@@ -95,3 +95,18 @@ def test_a_job_that_succeeded_is_not_asked_for_less(before, asked, member):
 def test_one_that_did_not_reach_its_end_goes_on_as_it_was(state):
     before = {"target_error": 0.1, "metric": "rmse", "max_samples": 16, "max_seconds": None}
     assert continued(job(before, state), ContinuedRules(), LIMITS) == before
+
+
+@pytest.mark.parametrize(
+    ("member", "value"), [("aovs", ["normal"]), ("products", ["beauty", "x"]), ("render_settings", "/Render/S")]
+)
+def test_what_is_not_made_yet_is_refused_by_name(member, value):
+    settings = Settings.model_validate({member: value})
+    with pytest.raises(Problem) as refused:
+        check_settings(settings, Limits())
+    assert refused.value.slug == "unsupported-setting"
+    assert refused.value.extra["member"] == f"settings.{member}"
+
+
+def test_beauty_alone_is_what_there_is():
+    check_settings(Settings.model_validate({"aovs": [], "products": ["beauty"], "render_settings": None}), Limits())

@@ -25,8 +25,9 @@ ARGUMENTS = (
 REFUSED = re.compile(r"the server responded with a status of (\d+)")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
+    """Gone when the page's tests are over: Playwright keeps an event loop running, and no other test could start one."""
     if not Path(CHROMIUM).exists():
         pytest.skip("skipped: no Chromium")
     with sync_playwright() as playwright:

@@ -22,6 +22,7 @@ def tab_to(page, name, most=60):
 
 def test_a_run_by_keyboard_alone(open_page):
     page = open_page().page
+    page.wait_for_load_state("networkidle")  # what comes late may move the focus
     page.keyboard.press("Tab")
     assert page.evaluate(FOCUSED) == "To the content"
     tab_to(page, "Choose a file")
