@@ -91,7 +91,7 @@ def test_limits_hold(walls: tuple[str, ...], tmp_path: Path) -> None:
     program = """
 def allocate():
     try:
-        return len(bytearray(1800 * 2**20))
+        return len(bytearray(2800 * 2**20))
     except MemoryError:
         return "MemoryError"
 def write():
