@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 GiB = 2**30
 # Beyond the budget, address space that is reserved and never touched: pxr alone reserves 561 MB of which 90 MB are resident,
-# glibc an arena of 64 MiB and a stack of 8 MiB for each thread; with 1 GiB, oneTBB sometimes found no room to start its threads.
+# glibc an arena of 64 MiB and a stack of 8 MiB for each thread. With 1 GiB, oneTBB sometimes found no room for its threads.
 RESERVED_BYTES = 2 * GiB
 RESERVED_BYTES_PER_THREAD = 72 * 2**20
 OPEN_FILES = 4096
