@@ -22,6 +22,9 @@ class StopRules(TypedDict, total=False):
 
 class Settings(TypedDict, total=False):
     camera: str | None
+    render_settings: str | None  # these three: only None, ["beauty"] and [] so far
+    products: list[str]
+    aovs: list[str]
     frames: str | None
     resolution: tuple[int, int] | None
     stop: StopRules
