@@ -244,7 +244,11 @@ def test_the_end_of_jobs(client, scene):
     assert (as_before.status_code, as_before.json()["attempt"]) == (202, 3), "without a body: by the rules that it had"
     assert as_before.json()["settings"] == on.json()["settings"]
     problem(client.post(f"{here}/continue", content=b"{}"), 415, "unsupported-media-type")
-    assert client.delete(here).status_code == 204
+    for method, path in (("POST", "/cancel"), ("POST", "/continue"), ("DELETE", "")):
+        stale = client.request(method, f"{here}{path}", headers={"if-match": '"1.1"'})
+        problem(stale, 412, "precondition-failed")
+    assert client.get(here).json()["attempt"] == 3
+    assert client.delete(here, headers={"if-match": client.get(here).headers["etag"]}).status_code == 204
     for answer in (client.get(here), client.delete(here), client.post(f"{here}/cancel"), client.get(f"{here}/events")):
         problem(answer, 404, "not-found")
 
