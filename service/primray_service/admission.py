@@ -119,10 +119,15 @@ def _count(first: str, last: str, step: str | None, limits: Limits) -> int:
 
 def check_settings(settings: Settings, limits: Limits) -> None:
     """What is not made yet, this server's limits, then the renderer's own checks."""
-    asked = {"render_settings": settings.render_settings, "aovs": settings.aovs, "products": settings.products != ["beauty"]}
-    for name, value in asked.items():
+    beauty = "only beauty is rendered so far"
+    asked = {
+        "render_settings": (settings.render_settings, "the stage's own are used; another cannot be named yet"),
+        "aovs": (settings.aovs, beauty),
+        "products": (settings.products != ["beauty"], beauty),
+    }
+    for name, (value, why) in asked.items():
         if value:
-            raise Problem("unsupported-setting", f"settings.{name}: only beauty is rendered so far.", member=f"settings.{name}")
+            raise Problem("unsupported-setting", f"settings.{name}: {why}.", member=f"settings.{name}")
     if settings.resolution is not None:
         width, height = settings.resolution
         member = "settings.resolution"

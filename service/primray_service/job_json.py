@@ -14,6 +14,23 @@ def time_text(seconds: float | None) -> str | None:
     return datetime.fromtimestamp(seconds, UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
+# Before the first report of an attempt: clients find every member, whatever the state.
+NOTHING_YET: Json = {
+    "fraction": 0.0,
+    "phase": "",
+    "samples_done": 0,
+    "samples_min": 0,
+    "samples_max": 0,
+    "rays": 0,
+    "rays_per_s": 0,
+    "error": None,
+    "elapsed_s": 0.0,
+    "eta_s": None,
+    "eta_ci95": None,
+    "pass": 0,
+}
+
+
 def job_json(job: Job) -> Json:
     here = f"/v1/jobs/{job.id}"
     return {
@@ -32,7 +49,7 @@ def job_json(job: Job) -> Json:
         "labels": dict(job.labels),
         "settings": job.settings,
         "effective_settings": job.effective_settings,
-        "progress": {"fraction": 0.0, **job.progress},  # empty at the begin of an attempt
+        "progress": {**NOTHING_YET, "updated_at": time_text(job.queued_at), **job.progress},
         "result": job.result,
         "warnings": job.warnings,
         "error": job.error,

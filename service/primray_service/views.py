@@ -61,6 +61,9 @@ class Progress(View):
     samples_done: float | None = Field(None, description="A pixel, on average.")
     samples_min: float | None = None
     samples_max: float | None = None
+    pass_: int | None = Field(
+        None, alias="pass", description="Passes over the picture so far; a preview's ETag begins with it."
+    )
     rays: float | None = None
     rays_per_s: float | None = None
     error: ErrorOfNow | None = None
@@ -75,6 +78,7 @@ class JobUrls(View):
 
     self: str
     cancel: str
+    continue_: str = Field(alias="continue")
     events: str
     frames: str
     convergence: str

@@ -107,7 +107,7 @@ def test_no_key_is_needed_on_loopback_but_one_that_is_sent_counts(open_to_all):
 @pytest.mark.parametrize("host", ["evil.example", "localhost.evil.example", "", "render.example"])
 def test_other_hosts_are_refused(open_to_all, host):
     answer = open_to_all.client().get("/v1/jobs", headers={"host": host})
-    problem(answer, 421, "host-not-allowed")
+    assert "--allow-host " in problem(answer, 421, "host-not-allowed")["detail"], "as `primray serve --help` calls it"
 
 
 @pytest.mark.parametrize("host", ["localhost:1", "LOCALHOST.", "127.0.0.1", "[::1]:80", "10.1.2.3:8700"])

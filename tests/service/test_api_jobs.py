@@ -38,6 +38,11 @@ def test_a_job_is_accepted_and_shown(client, scene):
     assert job.progress.frames is not None
     assert (job.state, job.progress.frames.total, job.labels) == ("queued", 4, {"shot": "010"})
     assert int(shown.headers["retry-after"]) > 0
+    progress = shown.json()["progress"]
+    zero = ("fraction", "samples_done", "samples_min", "samples_max", "rays", "rays_per_s", "elapsed_s", "pass")
+    assert {name: progress[name] for name in zero} == dict.fromkeys(zero, 0), "clients find every member from the start"
+    assert (progress["error"], progress["eta_s"], progress["eta_ci95"]) == (None, None, None)
+    assert shown.json()["urls"]["continue"].endswith("/continue")
 
 
 def test_a_job_from_a_form(client):
@@ -121,6 +126,8 @@ def test_what_is_no_json(client, body, said):
 def test_other_bodies(client):
     problem(client.post("/v1/jobs", content=b"{}", headers={"content-type": "text/plain"}), 415, "unsupported-media-type")
     problem(client.post("/v1/jobs", data={"scene": "x"}), 415, "unsupported-media-type")
+    packed = {"content-type": "application/json", "content-encoding": "gzip"}
+    problem(client.post("/v1/jobs", content=b"\x1f\x8b", headers=packed), 415, "unsupported-media-type")
     large = b'{"labels": {"a": "' + b"x" * 400_000 + b'"}}'
     problem(client.post("/v1/jobs", content=large, headers={"content-type": "application/json"}), 413, "request-too-large")
     parts = (large[at : at + 10_000] for at in range(0, len(large), 10_000))  # chunked: no length is told
@@ -183,6 +190,8 @@ def test_long_polls_end_with_the_news_or_the_time(client, scene):
     ended = client.get(here, headers={"prefer": "respond-async, wait=20"})
     assert (ended.status_code, ended.json()["state"]) == (200, "canceled")
     assert "retry-after" not in ended.headers
+    still = client.get(here, headers={"prefer": "wait=20", "if-none-match": ended.headers["etag"]})
+    assert still.status_code == 304, "nothing is to come of a job that has ended"
     assert time.perf_counter() - began < 1
     late = post(client, scene, {}, prefer="wait=0")
     assert (late.status_code, late.headers["preference-applied"]) == (202, "wait=0")
@@ -222,11 +231,24 @@ def test_the_end_of_jobs(client, scene):
     job = submit(client, scene)
     here = f"/v1/jobs/{job['id']}"
     problem(client.post(f"{here}/continue", json={}), 409, "conflict")
-    assert [client.post(f"{here}/cancel").json()["state"] for _ in range(2)] == ["canceled", "canceled"]
+    canceled = [client.post(f"{here}/cancel").json() for _ in range(2)]
+    assert [job["state"] for job in canceled] == ["canceled", "canceled"]
+    none = {"total": 1, "queued": 0, "running": 0, "succeeded": 0, "failed": 0, "canceled": 0}
+    assert canceled[0]["progress"]["frames"] == {**none, "canceled": 1}
     on = client.post(f"{here}/continue", json={"stop": {"target_error": 0.5}})
     assert (on.status_code, on.json()["state"], on.json()["attempt"]) == (202, "queued", 2)
     assert on.json()["settings"]["stop"]["target_error"] == 0.5
-    assert client.delete(here).status_code == 204
+    assert on.json()["progress"]["frames"] == {**none, "queued": 1}
+    client.post(f"{here}/cancel")
+    as_before = client.post(f"{here}/continue")
+    assert (as_before.status_code, as_before.json()["attempt"]) == (202, 3), "without a body: by the rules that it had"
+    assert as_before.json()["settings"] == on.json()["settings"]
+    problem(client.post(f"{here}/continue", content=b"{}"), 415, "unsupported-media-type")
+    for method, path in (("POST", "/cancel"), ("POST", "/continue"), ("DELETE", "")):
+        stale = client.request(method, f"{here}{path}", headers={"if-match": '"1.1"'})
+        problem(stale, 412, "precondition-failed")
+    assert client.get(here).json()["attempt"] == 3
+    assert client.delete(here, headers={"if-match": client.get(here).headers["etag"]}).status_code == 204
     for answer in (client.get(here), client.delete(here), client.post(f"{here}/cancel"), client.get(f"{here}/events")):
         problem(answer, 404, "not-found")
 
@@ -254,6 +276,9 @@ def test_convergence_of_a_job_that_has_not_begun(client, scene):
         "text/csv; charset=utf-8",
         "frame,t_s,samples,relmse,ci95_low,ci95_high,rmse\r\n",
     )
+    assert table.headers["vary"] == "Accept"
+    assert client.get(f"{here}?format=csv").text == table.text
+    assert client.get(f"{here}?format=json", headers={"accept": "text/csv"}).json() == []
     problem(client.get(here, headers={"accept": "image/png"}), 406, "not-acceptable")
     problem(client.get(f"{here}?frame=7"), 404, "not-found")
 

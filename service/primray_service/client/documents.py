@@ -22,7 +22,7 @@ class StopRules(TypedDict, total=False):
 
 class Settings(TypedDict, total=False):
     camera: str | None
-    render_settings: str | None
+    render_settings: str | None  # these three: only None, ["beauty"] and [] so far
     products: list[str]
     aovs: list[str]
     frames: str | None

@@ -19,7 +19,7 @@ from .parts import Parts
 
 LOG = logging.getLogger(__name__)
 
-EXPIRE_EVERY_S = 10.0
+EXPIRE_EVERY_S = 2.0
 SCENES_EVERY_S = 600.0
 SWEEP_EVERY_S = 6 * 3600.0
 A_TIME = 100

@@ -104,7 +104,8 @@ class JobTotals:
         shown = self._shown(running)
         self._fraction = min(max(self._fraction, sums["fraction"] / max(len(self), 1)), 1.0)
         eta_s, eta_ci95 = self._eta(running, counts)
-        of_shown = {name: shown.progress.get(name) for name in ("samples_done", "samples_min", "samples_max", "error", "pass")}
+        of_shown = {name: shown.progress.get(name) or 0 for name in ("samples_done", "samples_min", "samples_max", "pass")}
+        of_shown["error"] = shown.progress.get("error")
         waits = counts[FrameState.QUEUED] > 0
         return of_shown | {
             "fraction": self._fraction,

@@ -15,17 +15,25 @@ from .access import service_of
 
 Model = TypeVar("Model", bound=BaseModel)
 MORE_BYTES = 2**20
+AS_IT_IS = {"accept-encoding": "identity"}
 MAX_DIGITS = 40  # of a whole number: more is refused before it is converted
 
 
-def json_body(model: type[Model]) -> Callable[[Request], Coroutine[Any, Any, Model]]:
-    """A dependency: the body as this model."""
+def json_body(model: type[Model], *, may_lack: bool = False) -> Callable[[Request], Coroutine[Any, Any, Model]]:
+    """A dependency: the body as this model; `may_lack`: a request without any is as one with {}."""
 
     async def body(request: Request) -> Model:
+        if may_lack and has_no_body(request):
+            return model()
         check_json_type(request)
         return parsed(model, await read(request, service_of(request).limits.json_bytes))
 
     return body
+
+
+def has_no_body(request: Request) -> bool:
+    """RFC 9112, 6.3: a request has one only if one of these says so."""
+    return request.headers.get("content-length", "0") == "0" and "transfer-encoding" not in request.headers
 
 
 def check_json_type(request: Request) -> None:
@@ -35,6 +43,8 @@ def check_json_type(request: Request) -> None:
         raise Problem(
             "unsupported-media-type", "The body must be application/json, in UTF-8.", headers={"accept": "application/json"}
         )
+    if request.headers.get("content-encoding", "identity").strip().lower() not in ("", "identity"):
+        raise Problem("unsupported-media-type", "JSON is read only as it is, without a Content-Encoding.", headers=AS_IT_IS)
 
 
 async def read(request: Request, most_bytes: int) -> bytes:

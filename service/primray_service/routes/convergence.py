@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable, Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 
@@ -21,6 +21,7 @@ from .jobs import JobId, found
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
 COLUMNS = ("frame", "t_s", "samples", "relmse", "ci95_low", "ci95_high", "rmse")
+FORMATS = {"json": "application/json", "csv": "text/csv"}
 FRAMES_AT_A_TIME = 200
 
 
@@ -37,17 +38,19 @@ def convergence(
     caller: Reader,
     service: Serving,
     frame: Annotated[int | None, Query(ge=0, lt=2**31, description="Only of this frame.")] = None,
+    format: Annotated[Literal["json", "csv"] | None, Query(description="Whatever Accept says; for links.")] = None,
 ) -> Response:
     """The error's estimate after so many samples and seconds, frame after frame.
 
-    `Accept: text/csv` gives a table with a head line.
+    `Accept: text/csv`, or ?format=csv, gives a table with a head line.
     """
-    kind = accepted(request, "application/json", "text/csv")
+    kind = FORMATS[format] if format else accepted(request, *FORMATS.values())
     found(service, caller, job_id)
     rows = [{"frame": each.number, **row} for each in frames_of(service, job_id, frame) for row in each.convergence]
-    if kind == "application/json":
-        return json_answer(rows)
-    return Response(csv_of(rows), media_type="text/csv", headers={"cache-control": "private, no-cache"})
+    headers = {"vary": "Accept", "cache-control": "private, no-cache"}
+    if kind == FORMATS["json"]:
+        return json_answer(rows, headers=headers)
+    return Response(csv_of(rows), media_type=kind, headers=headers)
 
 
 def frames_of(service: Service, job_id: str, number: int | None) -> Iterable[Frame]:

@@ -65,10 +65,11 @@ async def events(
     if kind == PAGES:
         items = [event_json(row) for row in rows]
         ended = job.state in TERMINAL and len(rows) < limit
-        return json_answer({"items": items, "next_after": rows[-1].id if rows else first, "ended": ended})
+        page = {"items": items, "next_after": rows[-1].id if rows else first, "ended": ended}
+        return json_answer(page, headers={"vary": "Accept"})
     if job.state in TERMINAL and not rows:
         return Response(status_code=204)
-    headers = {"cache-control": "no-store", "x-accel-buffering": "no"}
+    headers = {"cache-control": "no-store", "x-accel-buffering": "no", "vary": "Accept"}
     if request.method == "HEAD":
         return Response(headers=headers, media_type=STREAM)
     return StreamingResponse(stream(service, caller, job_id, first), headers=headers, media_type=STREAM)

@@ -119,7 +119,7 @@ def check_origin(headers: Headers, method: str, hosts: frozenset[str]) -> None:
     if "*" not in hosts and name not in hosts and not _is_address(name):
         raise Problem(
             "host-not-allowed",
-            f"Start the server with --allowed-host {name[:200] or 'NAME'} to reach it by this name.",
+            f"Start the server with --allow-host {name[:200] or 'NAME'} to reach it by this name.",
             host=host[:200],
         )
     if method in SAFE_METHODS:

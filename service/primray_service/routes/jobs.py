@@ -164,7 +164,7 @@ async def show(job_id: JobId, request: Request, caller: Reader, service: Serving
     """A job as it is now.
 
     With `Prefer: wait=N` the answer comes when the job has ended; with If-None-Match beside it, when the job is not at that
-    version any more; at the latest after N seconds.
+    version any more or has ended; at the latest after N seconds.
     """
     job, body = await _shared(service, caller, job_id)
     headers: dict[str, str] = {}
@@ -172,7 +172,7 @@ async def show(job_id: JobId, request: Request, caller: Reader, service: Serving
     if seconds is not None:
         headers["preference-applied"] = f"wait={seconds:g}"
         news = "if-none-match" in request.headers
-        is_enough = (lambda now: none_match(request, etag(now))) if news else has_ended
+        is_enough = (lambda now: has_ended(now) or none_match(request, etag(now))) if news else has_ended
         before = job
         job = await changed(service, caller, job, seconds, is_enough)
         body = body if job is before else json_bytes(job_json(job))
@@ -223,12 +223,13 @@ def change(
     "/{job_id}/cancel",
     **described(
         answer(views.Job, 202, "It has ended, or ends soon.", headers=("ETag", "Retry-After")),
-        problems=("not-found", "conflict"),
+        problems=("not-found", "conflict", "precondition-failed"),
+        headers=("If-Match",),
     ),
 )
-def cancel(job_id: JobId, caller: Submitter, service: Serving) -> Response:
+def cancel(job_id: JobId, request: Request, caller: Submitter, service: Serving) -> Response:
     """End a job; the picture made so far is kept. It may be asked for again."""
-    found(service, caller, job_id)
+    check_version(request, found(service, caller, job_id))
     try:
         job = service.store.request_cancel(job_id, time.time())
     except Conflict:
@@ -249,19 +250,26 @@ def cancel(job_id: JobId, caller: Submitter, service: Serving) -> Response:
             "unsupported-media-type",
             "invalid-request",
             "limit-exceeded",
+            "precondition-failed",
             "quota-exceeded",
         ),
-        request=json_request(ContinueRequest, {"stop": {"target_error": 0.005}}),
+        request=json_request(ContinueRequest, {"stop": {"target_error": 0.005}}, required=False),
+        headers=("If-Match",),
     ),
 )
 def go_on(
     job_id: JobId,
+    request: Request,
     caller: Submitter,
     service: Serving,
-    asked: Annotated[ContinueRequest, Depends(json_body(ContinueRequest))],
+    asked: Annotated[ContinueRequest, Depends(json_body(ContinueRequest, may_lack=True))],
 ) -> Response:
-    """Go on from where the job ended, to a lower error, more samples or more time."""
+    """Go on from where the job ended, to a lower error, more samples or more time.
+
+    One that did not reach its end (canceled, failed, expired) needs no body: it goes on by the rules that it had.
+    """
     job = found(service, caller, job_id)
+    check_version(request, job)
     if job.state not in TERMINAL:
         raise Problem("conflict", f"The job is {job.state.value}; only one that has ended can go on.", state=job.state.value)
     stop = continued(job, asked.stop, service.limits)
@@ -277,11 +285,15 @@ def go_on(
 
 @router.delete(
     "/{job_id}",
-    **described(answer(None, 204, "It is gone, with all that it made."), problems=("not-found", "unavailable")),
+    **described(
+        answer(None, 204, "It is gone, with all that it made."),
+        problems=("not-found", "precondition-failed", "unavailable"),
+        headers=("If-Match",),
+    ),
 )
-async def delete(job_id: JobId, caller: Submitter, service: Serving) -> Response:
+async def delete(job_id: JobId, request: Request, caller: Submitter, service: Serving) -> Response:
     """Cancel a job if it has not ended, and remove it with all its outputs."""
-    await run_in_threadpool(found, service, caller, job_id)
+    check_version(request, await run_in_threadpool(found, service, caller, job_id))
     until = time.monotonic() + CANCEL_S
     while not await run_in_threadpool(removed, service, job_id):
         if time.monotonic() > until or service.changes.closing:

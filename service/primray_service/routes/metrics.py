@@ -51,7 +51,7 @@ class Measured:
             nonlocal status, progress
             if message["type"] == "http.response.start":
                 status = message["status"]
-                progress = metrics.in_progress.labels(scope["method"], template_of(scope))
+                progress = metrics.in_progress.labels(_method(scope), template_of(scope))
                 progress.inc()
             elif message["type"] == "http.response.body":
                 metrics.sent_bytes.inc(len(message.get("body", b"")))

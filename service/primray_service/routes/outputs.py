@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from urllib.parse import quote
 
 from fastapi import APIRouter, Request, Response
@@ -20,8 +21,7 @@ from .jobs import JobId, found
 
 router = APIRouter(prefix="/v1/jobs", tags=["outputs"])
 
-# A `continue` puts another file at the same name: caches may keep a file, but ask whether it is still the one.
-CACHING = "private, no-cache"
+# A name means the same bytes for ever: what a `continue` makes has other names (dispatcher/chunks.py, output_names).
 IMMUTABLE = "private, max-age=31536000, immutable"
 
 
@@ -50,13 +50,13 @@ def list_outputs(job_id: JobId, caller: Reader, service: Serving) -> Response:
 async def output(
     job_id: JobId, name: str, request: Request, caller: Reader, service: Serving, sha256: str | None = None
 ) -> Response:
-    """One file. With ?sha256= (as in the list's URLs) the answer is that version or none, and can be kept for ever."""
+    """One file, which can be kept for ever. With ?sha256= (as in the list's URLs) it is the file of that digest, or none."""
     row = await run_in_threadpool(_row, service, caller, job_id, name)
     if sha256 is not None and sha256 != row.sha256:
         raise Problem("not-found", "The job has made another version of this file; list its outputs again.", sha256=row.sha256)
     headers = {
-        "cache-control": CACHING if sha256 is None else IMMUTABLE,
-        "content-disposition": f"attachment; filename*=UTF-8''{quote(row.name, safe='')}",
+        "cache-control": IMMUTABLE,
+        "content-disposition": attachment(row.name),
         "x-content-type-options": "nosniff",
         "content-security-policy": "default-src 'none'; sandbox",
         "repr-digest": sha256_header(row.sha256),
@@ -68,10 +68,20 @@ async def output(
 def _row(service: Serving, caller: Reader, job_id: str, name: str) -> Output:
     """By its row: a name that is in no row is never looked for on the disk."""
     found(service, caller, job_id)
-    row = next((each for each in service.store.outputs(job_id) if each.name == name), None)
+    rows = service.store.outputs(job_id)
+    row = next((each for each in rows if each.name == name), None)
     if row is None:
-        raise Problem("not-found", "The job has made no file of this name.")
+        raise Problem(
+            "not-found", "The job has no file of this name; see the list of its outputs.", outputs=[r.name for r in rows[:20]]
+        )
     return row
+
+
+def attachment(name: str) -> str:
+    """Content-Disposition (RFC 6266): curl -J and older clients read only the plain form."""
+    if re.fullmatch(r"[\w.-]+", name, re.ASCII):
+        return f'attachment; filename="{name}"'
+    return f"attachment; filename*=UTF-8''{quote(name, safe='')}"
 
 
 def output_json(output: Output) -> Json:

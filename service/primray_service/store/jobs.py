@@ -252,7 +252,8 @@ def _begin_attempt(transaction: Transaction[Any], opened: OpenJob, settings: Jso
     for state in FrameState:
         opened.frames[state] = total if state == FrameState.QUEUED else 0
     again = {"settings": settings, "attempt": opened.job.attempt + 1, "queued_at": now, "expires_at": now + opened.job.ttl_s}
-    gone: Json = {"started_at": None, "finished_at": None, "progress": {}, "result": None, "error": None}
+    progress = {"fraction": 0.0, "phase": "queued", "frames": opened.counts}
+    gone: Json = {"started_at": None, "finished_at": None, "progress": progress, "result": None, "error": None}
     opened.move(JobState.QUEUED, now, {**again, **gone})
 
 

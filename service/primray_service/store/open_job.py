@@ -71,6 +71,12 @@ class OpenJob:
         canceled = update(frames).where(frames.c.job_id == self.job.id, frames.c.state == of.value)
         moved = self._transaction.execute(canceled.values(state=FrameState.CANCELED.value, finished_at=now)).rowcount
         self.move_frames(of, FrameState.CANCELED, moved)
+        self.change({"progress": {**self.job.progress, "frames": self.counts}})
+
+    @property
+    def counts(self) -> Json:
+        """Its frames by state, as its progress tells them."""
+        return {"total": sum(self.frames.values())} | {state.value: self.frames[state] for state in FrameState}
 
     def end(self, to: JobState, now: float, values: Mapping[str, Any] | None = None) -> None:
         """To a terminal state: kept for its time to live from now on, with an end event and a webhook."""
@@ -83,7 +89,7 @@ class OpenJob:
     def reject(self, problem: Json | None, now: float) -> None:
         """End a queued job whose scene cannot be rendered."""
         self.cancel_frames(FrameState.QUEUED, now)
-        self.end(JobState.FAILED, now, {"error": problem})
+        self.end(JobState.FAILED, now, {"error": problem and {**problem, "attempt": self.job.attempt}})
 
     def end_if_done(self, now: float, values: Mapping[str, Any]) -> bool:
         """End a job all of whose frames are at an end, as they add up; one that was to be canceled: canceled."""

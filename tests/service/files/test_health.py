@@ -98,6 +98,14 @@ def test_metrics_can_be_parsed_and_count_what_happened(client: Any) -> None:
     assert "primray_dispatcher_leader{}" in after
 
 
+def test_methods_that_nobody_knows_make_no_new_series(client: Any) -> None:
+    for method in ("FOO", "BAR"):
+        assert client.request(method, "/v1/jobs").status_code == 405
+    text = client.get("/metrics").text
+    assert 'method="other"' in text
+    assert not {"FOO", "BAR"} & set(re.findall(r'method="(\w+)"', text))
+
+
 def test_event_streams_are_seen_while_they_are_open(server: RunningServer) -> None:
     client = server.client()
     scene = client.post("/v1/scenes", content=LAYER + b"# stream").json()["id"]

@@ -60,7 +60,8 @@ def test_a_whole_file_says_what_it_is(path: str, client: Any) -> None:
     assert response.headers["etag"] == ETAG
     assert response.headers["content-type"] == "image/x-exr"
     assert response.headers["accept-ranges"] == "bytes"
-    assert response.headers["content-disposition"].startswith("attachment; filename")
+    assert response.headers["content-disposition"] == 'attachment; filename="beauty.exr"'
+    assert "immutable" in response.headers["cache-control"]
     assert response.headers["x-content-type-options"] == "nosniff"
     assert "sandbox" in response.headers["content-security-policy"]
     assert response.headers["repr-digest"] == f"sha-256=:{base64.b64encode(bytes.fromhex(SHA256)).decode()}:"

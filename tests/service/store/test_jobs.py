@@ -78,7 +78,7 @@ def test_a_job_of_a_rejected_scene_fails_at_once(world: World):
     world.store.scene_checked(world.fence, scene_id(), world.tick(), facts={}, warnings=[], problem=problem)
     job, is_new = world.store.create_job(new_job(), [None], ANY)
     assert is_new
-    assert (job.state, job.error) == (JobState.FAILED, problem)
+    assert (job.state, job.error) == (JobState.FAILED, {**problem, "attempt": 1})
     assert world.states(job) == ["queued", "failed"]
 
 

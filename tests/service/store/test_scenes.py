@@ -72,7 +72,7 @@ def test_jobs_of_a_rejected_scene_fail_with_its_problem(world: World):
     job, _ = world.store.create_job(new_job(webhook=webhook), [0.0, 1.0], ANY)
     world.store.scene_checked(world.fence, scene_id(), world.tick(), facts={}, warnings=[], problem=PROBLEM)
     failed = world.get(job)
-    assert (failed.state, failed.error) == (JobState.FAILED, PROBLEM)
+    assert (failed.state, failed.error) == (JobState.FAILED, {**PROBLEM, "attempt": 1})
     assert world.scene().problem == PROBLEM
     assert world.claims_nothing()
     assert [w.event for w in world.store.webhooks(job.id)] == ["completed"]
