@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from playwright.sync_api import FileChooser
+from playwright.sync_api import FileChooser, FilePayload
 from tests.service.page.conftest import until, until_pictures, wait_for_state
 from tests.service.page.scenes import SMALL, submit, upload
 
@@ -34,7 +34,8 @@ def test_a_run_by_keyboard_alone(open_page):
         page.wait_for_timeout(500)
         if choosers:
             break
-    choosers[0].set_files([{"name": "keys.usda", "mimeType": "", "buffer": (SMALL + "# by keys").encode()}])
+    chosen: FilePayload = {"name": "keys.usda", "mimeType": "", "buffer": (SMALL + "# by keys").encode()}
+    choosers[0].set_files([chosen])
     page.wait_for_selector("form.settings")
     assert page.evaluate(FOCUSED) == "Render"  # the next step is one key away
     page.keyboard.press("Shift+Tab")
