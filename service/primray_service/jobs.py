@@ -184,12 +184,8 @@ def version_in(tag: str) -> int | None:
     return int(found[1]) if found else None
 
 
-def state_of(frames: list[Frame]) -> JobState | None:
-    """The terminal state that a job's frames add up to, or None while some are not at an end."""
-    return state_of_all(frame.state for frame in frames)
-
-
 def state_of_all(frame_states: Iterable[FrameState]) -> JobState | None:
+    """The terminal state that a job's frames add up to, or None while some are not at an end."""
     states = set(frame_states)
     if states - FRAME_TERMINAL:
         return None

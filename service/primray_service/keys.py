@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import hmac
 import os
 import re
 import zlib
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
-from .auth import SCOPES, sha256_of
+from .auth import SCOPES
 from .ids import ulid
 from .limits import Quotas
 from .problems import Problem
@@ -44,10 +43,6 @@ def is_whole(key: str) -> bool:
     """Whether it is a key as `make` makes them, not cut off or mistyped; says nothing of whether it is known."""
     match = _FORM.fullmatch(key)
     return match is not None and match[2] == _checksum(match[1])
-
-
-def is_same(key: str, sha256: str) -> bool:
-    return hmac.compare_digest(sha256_of(key), sha256)
 
 
 def _checksum(body: str) -> str:

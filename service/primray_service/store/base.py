@@ -221,7 +221,7 @@ class Store(Protocol):
     ) -> Job:
         """A running frame reached `frame.state` (terminal). Its outputs take the place of its earlier ones. If it was the
         last, the job ends
-        (jobs.state_of; canceling: canceled) with `job_changes` (result, error, warnings, usage, progress,
+        (jobs.state_of_all; canceling: canceled) with `job_changes` (result, error, warnings, usage, progress,
         effective_settings), an end
         event, and its webhooks; CPU seconds are counted to the tenant's day."""
 

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
-from primray_service.jobs import MOVES, TERMINAL, Frame, FrameState, Job, JobState, is_legal, state_of
+from primray_service.jobs import MOVES, TERMINAL, FrameState, Job, JobState, is_legal, state_of_all
 from primray_service.store import open_store
 from primray_service.store.base import Claim, Conflict, QuotaExceeded
 
@@ -22,7 +22,7 @@ frame_states = st.sampled_from(list(FrameState))
 
 @given(st.lists(frame_states, min_size=1, max_size=8))
 def test_frames_add_up_to_a_state(states: list[FrameState]):
-    total = state_of([Frame("job", number, None, state) for number, state in enumerate(states)])
+    total = state_of_all(states)
     ended = {FrameState.SUCCEEDED, FrameState.FAILED, FrameState.CANCELED}
     assert (total is None) == bool(set(states) - ended)
     if total is not None:
