@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .geometry import Doubles, Floats, Interpolation, Ints, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
+from .lighting import IesProfile, Light, LightType, Shadow, Shaping
 from .placement import Instances, MatrixInstances, Placement, PointInstances
 from .shading import Input, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
 
@@ -21,6 +22,7 @@ __all__ = [
     "Camera",
     "Doubles",
     "Floats",
+    "IesProfile",
     "Input",
     "Instances",
     "Interpolation",
@@ -37,7 +39,9 @@ __all__ = [
     "Projection",
     "Prototype",
     "SceneDescription",
+    "Shadow",
     "Shape",
+    "Shaping",
     "Sphere",
     "SubdivisionMesh",
     "Surface",
@@ -65,40 +69,6 @@ class Prototype:
     path: str
     shapes: tuple[Placed, ...]
     placements: tuple[Placement, ...] = ()
-
-
-class LightType(Enum):
-    DISTANT = "distant"
-    POINT = "point"
-    SPHERE = "sphere"
-    DISK = "disk"
-    RECT = "rect"
-    CYLINDER = "cylinder"
-    DOME = "dome"
-
-
-@dataclass(frozen=True)
-class Light:
-    """One UsdLux light, already reduced to what it emits.
-
-    Local frames as in UsdLux: rect, disk in the XY plane emitting along -Z; cylinder along X; distant emits along -Z;
-    dome's pole +Y, image centre +Z, left edge of the image at +Z rotated by pi, s = 0.5 - atan2(x, z) / 2 pi.
-    `emission`: DISTANT with angle 0: irradiance at normal incidence; POINT: radiant intensity per steradian, in scene units
-    squared; all others: radiance (for a dome the factor of its texture).
-    """
-
-    path: str
-    type: LightType
-    world_from_light: Doubles  # (4, 4), with all scaling
-    emission: tuple[float, float, float]
-    width: float = 1.0
-    height: float = 1.0
-    radius: float = 0.5
-    length: float = 1.0
-    angle_deg: float = 0.0  # full angle of a distant light
-    diffuse: float = 1.0
-    specular: float = 1.0
-    texture: TextureFile | None = None  # dome
 
 
 class Projection(Enum):

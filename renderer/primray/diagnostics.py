@@ -24,6 +24,7 @@ class Diagnostic:
     code: str
     prim_path: str
     message: str
+    attribute: str = ""  # the attribute or relationship in question, as the schema names it; "": the prim as a whole
 
     def as_json(self) -> dict[str, str]:
         return {"severity": self.severity.value, "code": self.code, "prim_path": self.prim_path, "message": self.message}
@@ -169,9 +170,9 @@ class Diagnostics:
     def __init__(self) -> None:
         self._seen: dict[Diagnostic, None] = {}
 
-    def add(self, code: str, prim_path: str, message: str) -> None:
+    def add(self, code: str, prim_path: str, message: str, attribute: str = "") -> None:
         """Record one; KeyError if the code is not in `CODES`."""
-        self._seen.setdefault(Diagnostic(CODES[code].severity, code, prim_path, message))
+        self._seen.setdefault(Diagnostic(CODES[code].severity, code, prim_path, message, attribute))
 
     def extend(self, others: Iterable[Diagnostic]) -> None:
         for diagnostic in others:

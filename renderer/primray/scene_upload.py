@@ -78,19 +78,8 @@ def upload(
         placements.add(proto.placements, numbers[i], center, unit, prototype_boxes)
     placements.add(d.placements, 0, origin, scale, prototype_boxes)
     for light in d.lights:
-        builder.add_light(
-            LIGHT_NUMBERS[light.type],
-            matrix(light.world_from_light),
-            light.emission,
-            light.width,
-            light.height,
-            light.radius,
-            light.length,
-            light.angle_deg,
-            light.diffuse,
-            light.specular,
-            dome_pixels(light.texture, textures),
-        )
+        number = LIGHT_NUMBERS[light.type]
+        builder.add_light(number, matrix(light.world_from_light), light, dome_pixels(light.texture, textures))
     set_camera(builder, d.camera, d.resolution, filter_width, filter_inverse_cdf)
     inputs.add_images()
     shapes.clear()

@@ -15,7 +15,9 @@ from primray.description import Input, PrimvarInput, SceneDescription, TextureIn
 from primray.diagnostics import Diagnostic
 
 LONGEST = 36  # longer arrays are summarised
-SPARSE = frozenset({"primvars", "inputs", "tiles", "opacity_threshold"})  # named only where there are any
+# Named only where they differ from their defaults.
+SPARSE = frozenset({"primvars", "inputs", "tiles", "opacity_threshold"})
+SPARSE |= {"shaping", "shadow", "light_link", "shadow_link", "visible_to_camera"}
 
 
 def describe(description: SceneDescription, diagnostics: Iterable[Diagnostic], root: str) -> str:
@@ -32,7 +34,7 @@ def _plain(value: Any) -> Any:
         return _input(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         kind = {"kind": type(value).__name__} if type(value).__name__ in ("Mesh", "SubdivisionMesh", "Sphere") else {}
-        shown = (f.name for f in dataclasses.fields(value) if f.name not in SPARSE or getattr(value, f.name))
+        shown = (f.name for f in dataclasses.fields(value) if f.name not in SPARSE or getattr(value, f.name) != f.default)
         return kind | {name: _plain(getattr(value, name)) for name in shown}
     if isinstance(value, Enum):
         return value.value

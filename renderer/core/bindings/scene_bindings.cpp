@@ -82,12 +82,13 @@ nb::list texture_images(const Scene& scene) {
   return r;
 }
 
-void add_light(SceneBuilder& b, int type, InArray<double> matrix, nb::handle emission, double width, double height,
-               double radius, double length, double angle_deg, float diffuse, float specular, InArray<float> texture) {
+// `light`: a Light of lighting.py.
+void add_light(SceneBuilder& b, int type, InArray<double> matrix, nb::handle light, InArray<float> texture) {
+  const auto number = [&](const char* name) { return nb::cast<double>(light.attr(name)); };
   LightInput l;
-  l.type = LightType(type), l.world_from_light = affine_of(matrix), l.emission = vec3_of(emission);
-  l.width = width, l.height = height, l.radius = radius, l.length = length, l.angle_deg = angle_deg;
-  l.diffuse = diffuse, l.specular = specular;
+  l.type = LightType(type), l.world_from_light = affine_of(matrix), l.emission = vec3_of(light.attr("emission"));
+  l.width = number("width"), l.height = number("height"), l.radius = number("radius"), l.length = number("length");
+  l.angle_deg = number("angle_deg"), l.diffuse = float(number("diffuse")), l.specular = float(number("specular"));
   if (texture.size() > 0) l.texture_height = int(texture.shape(0)), l.texture_width = int(texture.shape(1));
   l.texels = span_of(texture);
   b.add_light(l);

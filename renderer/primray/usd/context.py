@@ -45,5 +45,5 @@ class Context:
         """The index of an equal surface, added if there is none."""
         return self.surfaces.setdefault(surface, len(self.surfaces))
 
-    def warn(self, code: str, path: str, message: str) -> None:
-        self.diagnostics.add(code, path, message)
+    def warn(self, code: str, path: str, message: str, attribute: str = "") -> None:
+        self.diagnostics.add(code, path, message, attribute)

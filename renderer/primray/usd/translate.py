@@ -115,7 +115,7 @@ def _with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
     shown = Diagnostics()
     for d in diagnostics:
         path, message = (_PROTOTYPE.sub(lambda m: names.get(m[0], m[0]), text) for text in (d.prim_path, d.message))
-        shown.add(d.code, path, message)
+        shown.add(d.code, path, message, d.attribute)
     return shown
 
 

@@ -1,0 +1,87 @@
+"""The seam's lights: what UsdLux lights emit, how that is shaped, what it reaches. Part of description.py."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from .geometry import Doubles, Floats
+from .shading import TextureFile
+
+Color = tuple[float, float, float]
+
+
+class LightType(Enum):
+    DISTANT = "distant"
+    POINT = "point"
+    SPHERE = "sphere"
+    DISK = "disk"
+    RECT = "rect"
+    CYLINDER = "cylinder"
+    DOME = "dome"
+
+
+@dataclass(frozen=True, eq=False)
+class IesProfile:
+    """A photometric file as luminous intensity over directions of the light, ready to be read bilinearly.
+
+    Angles ascend; outside `vertical_deg` there is no light. `horizontal_deg` spans 0 to 360, one value means all round.
+    """
+
+    vertical_deg: Floats  # (V,), from -Z of the light
+    horizontal_deg: Floats  # (H,), about it
+    candela: Floats  # (H, V), with all of the file's multipliers
+    power: float  # what normalize divides by
+
+
+@dataclass(frozen=True)
+class Shaping:
+    """UsdLux ShapingAPI; these defaults change nothing."""
+
+    focus: float = 0.0
+    focus_tint: Color = (0.0, 0.0, 0.0)
+    cone_angle_deg: float = 180.0
+    cone_softness: float = 0.0
+    ies: IesProfile | None = None
+    ies_angle_scale: float = 0.0
+
+
+@dataclass(frozen=True)
+class Shadow:
+    """UsdLux ShadowAPI; these defaults change nothing. Lengths are scene units, negative: no limit."""
+
+    enabled: bool = True
+    color: Color = (0.0, 0.0, 0.0)
+    distance: float = -1.0
+    falloff: float = -1.0
+    falloff_gamma: float = 1.0
+
+
+@dataclass(frozen=True)
+class Light:
+    """One UsdLux light, already reduced to what it emits.
+
+    Local frames as in UsdLux: rect, disk in the XY plane emitting along -Z; cylinder along X; distant emits along -Z;
+    dome's pole +Y, image centre +Z, left edge of the image at +Z rotated by pi, s = 0.5 - atan2(x, z) / 2 pi.
+    `emission`: DISTANT with angle 0: irradiance at normal incidence; POINT: radiant intensity per steradian, in scene units
+    squared; all others: radiance (with a texture the factor of that).
+    """
+
+    path: str
+    type: LightType
+    world_from_light: Doubles  # (4, 4), with all scaling
+    emission: Color
+    width: float = 1.0
+    height: float = 1.0
+    radius: float = 0.5
+    length: float = 1.0
+    angle_deg: float = 0.0  # full angle of a distant light
+    diffuse: float = 1.0
+    specular: float = 1.0
+    texture: TextureFile | None = None  # dome
+    shaping: Shaping | None = None
+    shadow: Shadow | None = None
+    # Numbers of SceneDescription.linked: whom the light reaches and who casts its shadows; 0 is everybody.
+    light_link: int = 0
+    shadow_link: int = 0
+    visible_to_camera: bool = True
