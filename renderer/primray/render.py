@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from . import core
     from .checkpointing import Checkpointing
     from .composition import Composition
-    from .description import Camera, SceneDescription, TextureFile
+    from .description import Camera, Frame, SceneDescription, TextureFile
     from .diagnostics import Diagnostics
     from .image import Image
     from .report import Costs
@@ -129,7 +129,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     pixels, errors = film.image()
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels))
-    return Image(pixels, report, header_of(report), prepared.camera, errors=errors)
+    return Image(pixels, report, header_of(report), prepared.camera, errors=errors, frame=prepared.frame)
 
 
 @dataclass(frozen=True)
@@ -140,6 +140,7 @@ class Prepared:
     settings: RenderSettings
     counts: dict[str, int]
     camera: Camera
+    frame: Frame
     fingerprint: dict[str, str]  # empty unless it was asked for
 
 
@@ -181,7 +182,7 @@ def prepare(
         diagnostics.add(code, path, message)
     if settings.strict:
         diagnostics.raise_if_strict()
-    return Prepared(scene, settings, counted, description.camera, digests)
+    return Prepared(scene, settings, counted, description.camera, description.frame, digests)
 
 
 def core_says(scene: core.CoreScene) -> dict[str, Any]:
@@ -239,7 +240,7 @@ def check_memory(
         return
     from .summary import summary
 
-    width, height = description.resolution
+    width, height = description.frame.size
     needed = summary(description, settings.dicing_rate, images).memory_bytes + film_copies * FILM_BYTES * width * height
     if needed > limit_bytes:
         sentence = f"the scene needs about {needed / 2**20:.0f} MiB, {limit_bytes / 2**20:.0f} MiB are allowed"

@@ -16,6 +16,7 @@ from pxr import Tf, Usd
 from ..description import (
     Camera,
     Doubles,
+    Frame,
     Light,
     Placed,
     Placement,
@@ -42,6 +43,7 @@ from .default_light import default_lights
 from .framing import Bounds, shape_bounds, stage_bounds
 from .instance_primvars import without_unread
 from .instances import Arrangement, Chain, Group, arrange, count_of, merge_coincident
+from .motion import note_motion
 from .pose import posed, prototypes_hold_skeletons
 from .primvars_read import primvars_read
 from .read import When, when_of
@@ -153,9 +155,10 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
         whole = None if where.cyclic or _is_crowded(groups) else stage_bounds(stage, ctx.when, ctx.purposes)
         return whole or shape_bounds(scene.shapes, scene.static, scene.prototypes, scene.placements)
 
-    camera, resolution = view_through(camera_prim, ctx, product, bounds)
+    camera, frame = view_through(camera_prim, ctx, product, bounds)
+    note_motion(camera, ctx)
     _add_default_lights(scene, camera, ctx)
-    return _describe(scene, ctx, camera, resolution)
+    return _describe(scene, ctx, camera, frame)
 
 
 def _context(
@@ -293,7 +296,7 @@ def _emits(surface: Surface) -> bool:
     return any(surface.emissive_color) or any(name == "emissive_color" for name, _ in surface.inputs)
 
 
-def _describe(scene: _Scene, ctx: Context, camera: Camera, resolution: tuple[int, int]) -> SceneDescription:
+def _describe(scene: _Scene, ctx: Context, camera: Camera, frame: Frame) -> SceneDescription:
     return SceneDescription(
         tuple(scene.shapes),
         tuple(ctx.surfaces),
@@ -302,10 +305,12 @@ def _describe(scene: _Scene, ctx: Context, camera: Camera, resolution: tuple[int
         without_unread(scene.placements, scene.prototypes, scene.shapes, tuple(ctx.surfaces)),
         tuple(scene.lights),
         camera,
-        resolution,
+        frame.resolution,
         up_axis(ctx.stage, ctx.diagnostics),
         meters_per_unit(ctx.stage, ctx.diagnostics),
         ctx.settings.time_code,
+        None if frame.is_whole else frame.pixels,
+        frame.pixel_aspect_ratio,
     )
 
 
