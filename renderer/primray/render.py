@@ -18,7 +18,6 @@ from .settings import RenderSettings
 if TYPE_CHECKING:
     from . import core
     from .checkpointing import Checkpointing
-    from .composition import Composition
     from .description import Camera, Frame, SceneDescription, TextureFile
     from .diagnostics import Diagnostics
     from .image import Image
@@ -48,8 +47,34 @@ def render(
     return next(render_frames(stage, [settings], progress=progress, on_interrupt=on_interrupt, checkpointing=[checkpointing]))
 
 
+@dataclass(frozen=True)
+class OpenedStage:
+    """A stage that has been composed, with what there was to tell of it."""
+
+    stage: Any  # Usd.Stage
+    composed_by: tuple[Any, ...]  # the settings that decide how
+    diagnostics: Diagnostics
+    seconds: float
+
+
+def _composed_by(settings: RenderSettings) -> tuple[Any, ...]:
+    return settings.variants, settings.load, settings.mask, settings.session_layer
+
+
+def open_once(stage: str | os.PathLike[str] | Any, settings: RenderSettings) -> OpenedStage:
+    """Open a stage as `settings` compose it, for `render_frames` and to look at before."""
+    from . import usd
+    from .diagnostics import Diagnostics
+    from .report import Costs
+
+    costs, diagnostics = Costs(), Diagnostics()
+    with costs.stage("open"):
+        opened = usd.open_stage(stage, diagnostics, settings.composition)
+    return OpenedStage(opened, _composed_by(settings), diagnostics, costs.stages_s["open"])
+
+
 def render_frames(
-    stage: str | os.PathLike[str] | Any,
+    stage: str | os.PathLike[str] | OpenedStage | Any,
     frames: Iterable[RenderSettings],
     *,
     progress: Progress | None = None,
@@ -60,22 +85,18 @@ def render_frames(
 
     `checkpointing`, where given, has one item a frame.
     """
-    from . import usd
-    from .diagnostics import Diagnostics
     from .report import Costs
 
-    costs = Costs()
-    opening = Diagnostics()
-    opened: Composition | None = None
+    opened, told = stage if isinstance(stage, OpenedStage) else None, False
     for settings, saved in zip(frames, chain(checkpointing, repeat(None)), strict=False):
         if opened is None:
-            opened = settings.composition
-            with costs.stage("open"):
-                stage = usd.open_stage(stage, opening, opened)
-        elif settings.composition != opened:
+            opened = open_once(stage, settings)
+        if _composed_by(settings) != opened.composed_by:
             raise SettingsError("all frames must compose the stage alike: variants, load, mask, session_layer")
-        yield _render_one(stage, opening, settings, costs, progress, on_interrupt, saved)
         costs = Costs()
+        if not told:
+            costs.stages_s["open"], told = opened.seconds, True
+        yield _render_one(opened.stage, opened.diagnostics, settings, costs, progress, on_interrupt, saved)
 
 
 def _render_one(

@@ -33,9 +33,14 @@ class Settings(Sent):
     """As RenderSettings of the library and the flags of `primray render`."""
 
     camera: str | None = Field(None, max_length=1024, description="A prim path, or a name that only one camera has.")
-    render_settings: str | None = Field(None, max_length=1024, description="Not supported yet: the stage's own are found.")
+    render_settings: str | None = Field(
+        None, max_length=1024, description="Path of a RenderSettings prim; not given: the stage's own."
+    )
     products: list[Annotated[str, Field(max_length=256)]] = Field(
-        default=["beauty"], max_length=64, description='["beauty"] is what there is so far.'
+        default=["beauty"],
+        min_length=1,
+        max_length=64,
+        description='["beauty"]: the first product of the render settings; or the path of one RenderProduct. One a job.',
     )
     aovs: list[Annotated[str, Field(max_length=256)]] = Field(default=[], max_length=64, description="None so far.")
     frames: str | None = Field(

@@ -30,7 +30,7 @@ def merge(
     from ..checkpointing import Checkpointing
     from ..merge import merge
 
-    check_outputs(outputs, report, None, view, exposure)
+    check_outputs(outputs, report, view, exposure)
     if checkpoint is not None:
         Checkpointing(Path(checkpoint)).check()
     merged = merge(parts)

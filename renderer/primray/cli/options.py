@@ -26,6 +26,19 @@ RenderSettingsPrim = Annotated[
         show_default="the stage's",
     ),
 ]
+Products = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--product",
+        metavar="PRIM",
+        help="Path or name of a RenderProduct, written under its own name; may be repeated.",
+        show_default="the first",
+    ),
+]
+AllProducts = Annotated[bool, typer.Option("--all-products", help="Every product of the RenderSettings, under its own name.")]
+OutputDir = Annotated[
+    str | None, typer.Option(metavar="DIR", help="Where products are written.", show_default="the current folder")
+]
 Resolution = Annotated[
     tuple[int, int] | None,
     typer.Option("--res", "-r", metavar="W H", help="Pixels; one of them 0: by the camera's aspect.", show_default=False),
