@@ -19,24 +19,30 @@ class LightType(Enum):
     RECT = "rect"
     CYLINDER = "cylinder"
     DOME = "dome"
+    LINE = "line"
 
 
 @dataclass(frozen=True, eq=False)
 class IesProfile:
     """A photometric file as luminous intensity over directions of the light, ready to be read bilinearly.
 
-    Angles ascend; outside `vertical_deg` there is no light. `horizontal_deg` spans 0 to 360, one value means all round.
+    Angles ascend; outside `vertical_deg` there is no light. `horizontal_deg` spans 0 to 360, one value means all round; an
+    angle that stands twice is a step. Horizontal angle 0 is the light's -X, 90 its -Y (ies.py says why).
+
+    With `horizontal_pole` (photometric type B) a direction has vertical angle v about the light's Y, from its -Z towards its
+    -X, and leans by h from there towards its +Y; outside the angles of either kind there is no light.
     """
 
     vertical_deg: Floats  # (V,), from -Z of the light
     horizontal_deg: Floats  # (H,), about it
     candela: Floats  # (H, V), with all of the file's multipliers
     power: float  # what normalize divides by
+    horizontal_pole: bool = False
 
 
 @dataclass(frozen=True)
 class Shaping:
-    """UsdLux ShapingAPI; these defaults change nothing."""
+    """UsdLux ShapingAPI; these defaults change nothing. Of all lights but distant ones and domes."""
 
     focus: float = 0.0
     focus_tint: Color = (0.0, 0.0, 0.0)
@@ -44,6 +50,7 @@ class Shaping:
     cone_softness: float = 0.0
     ies: IesProfile | None = None
     ies_angle_scale: float = 0.0
+    ies_normalize: bool = False
 
 
 @dataclass(frozen=True)
@@ -64,7 +71,8 @@ class Light:
     Local frames as in UsdLux: rect, disk in the XY plane emitting along -Z; cylinder along X; distant emits along -Z;
     dome's pole +Y, image centre +Z, left edge of the image at +Z rotated by pi, s = 0.5 - atan2(x, z) / 2 pi.
     `emission`: DISTANT with angle 0: irradiance at normal incidence; POINT: radiant intensity per steradian, in scene units
-    squared; all others: radiance (with a texture the factor of that).
+    squared; LINE (along X, without a radius): radiant intensity per length at a right angle to it, in scene units; all others:
+    radiance (with a texture the factor of that).
     """
 
     path: str

@@ -20,6 +20,7 @@ from .description import (
     Projection,
     SceneDescription,
     Shape,
+    Shaping,
     Sphere,
     TextureFile,
 )
@@ -38,6 +39,7 @@ LIGHT_NUMBERS = {
     LightType.CYLINDER: 4,
     LightType.DISTANT: 5,
     LightType.DOME: 6,
+    LightType.LINE: 8,
 }
 NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
 
@@ -78,9 +80,10 @@ def upload(
         handing.add(proto.shapes, center, unit)
         placements.add(proto.placements, numbers[i], center, unit, prototype_boxes)
     placements.add(d.placements, 0, origin, scale, prototype_boxes)
+    profiles: dict[int, int] = {}
     for light in d.lights:
-        number = LIGHT_NUMBERS[light.type]
-        builder.add_light(number, matrix(light.world_from_light), light, dome_pixels(light.texture, textures))
+        number, ies = LIGHT_NUMBERS[light.type], ies_number(builder, light.shaping, profiles)
+        builder.add_light(number, matrix(light.world_from_light), light, dome_pixels(light.texture, textures), ies)
     set_camera(builder, d.camera, d.frame, filter_width, filter_inverse_cdf)
     inputs.add_images()
     shapes.clear()
@@ -164,6 +167,19 @@ def dome_pixels(file: TextureFile | None, textures: Textures) -> Floats:
     if not tiles:
         return NO_TEXTURE
     return tiles[0][1].rgb()
+
+
+def ies_number(builder: Any, shaping: Shaping | None, numbers: dict[int, int]) -> int:
+    """The core's number of a light's photometric profile, -1 without one; `numbers` by identity, since lights share them."""
+    if shaping is None or shaping.ies is None:
+        return -1
+    profile = shaping.ies
+    if id(profile) not in numbers:
+        horizontal, candela = profile.horizontal_deg, profile.candela
+        if len(horizontal) == 1:
+            horizontal, candela = np.array([0.0, 360.0], np.float32), np.concatenate([candela, candela])
+        numbers[id(profile)] = builder.add_ies_profile(profile.vertical_deg, horizontal, candela, profile.horizontal_pole)
+    return numbers[id(profile)]
 
 
 def shape_boxes(core: Any, shapes: Sequence[Shape]) -> Doubles:

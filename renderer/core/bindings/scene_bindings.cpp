@@ -82,8 +82,20 @@ nb::list texture_images(const Scene& scene) {
   return r;
 }
 
+// `shaping`: a Shaping of lighting.py; `ies`: its profile's number, or -1.
+ShapingInput shaping_of(nb::handle shaping, int ies) {
+  const auto number = [&](const char* name) { return nb::cast<double>(shaping.attr(name)); };
+  ShapingInput s;
+  s.focus = number("focus"), s.focus_tint = vec3_of(shaping.attr("focus_tint"));
+  s.cone_angle_deg = number("cone_angle_deg"), s.cone_softness = number("cone_softness");
+  s.ies = ies, s.ies_angle_scale = number("ies_angle_scale");
+  if (ies >= 0 && nb::cast<bool>(shaping.attr("ies_normalize")))
+    s.ies_divisor = nb::cast<double>(shaping.attr("ies").attr("power"));
+  return s;
+}
+
 // `light`: a Light of lighting.py.
-void add_light(SceneBuilder& b, int type, InArray<double> matrix, nb::handle light, InArray<float> texture) {
+void add_light(SceneBuilder& b, int type, InArray<double> matrix, nb::handle light, InArray<float> texture, int ies) {
   const auto number = [&](const char* name) { return nb::cast<double>(light.attr(name)); };
   LightInput l;
   l.type = LightType(type), l.world_from_light = affine_of(matrix), l.emission = vec3_of(light.attr("emission"));
@@ -91,6 +103,7 @@ void add_light(SceneBuilder& b, int type, InArray<double> matrix, nb::handle lig
   l.angle_deg = number("angle_deg"), l.diffuse = float(number("diffuse")), l.specular = float(number("specular"));
   if (texture.size() > 0) l.texture_height = int(texture.shape(0)), l.texture_width = int(texture.shape(1));
   l.texels = span_of(texture);
+  if (!light.attr("shaping").is_none()) l.shaping = shaping_of(light.attr("shaping"), ies);
   b.add_light(l);
 }
 
@@ -129,6 +142,7 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("unsampled_emitters", [](const Scene& s) { return s.emitters.unsampled; })
       .def_prop_ro("sampled_lights", [](const Scene& s) { return s.lights.count; })
       .def_prop_ro("domes", [](const Scene& s) { return s.lights.domes.size(); })
+      .def_prop_ro("has_shaping", [](const Scene& s) { return s.lights.has_shaping; })
       .def_prop_ro("has_lobe_factors", [](const Scene& s) { return s.lights.lobe_factors; })
       .def_prop_ro("resolution",  // of its films
                    [](const Scene& s) { return nb::make_tuple(s.camera.pixels.width, s.camera.pixels.height); })
@@ -164,7 +178,16 @@ void bind_scene(nb::module_& m) {
              return to_numpy(std::move(left_out), {count});
            })
       .def("end_placement", &SceneBuilder::end_placement)
-      .def("add_light", &add_light)
+      .def("add_ies_profile",
+           [](SceneBuilder& b, InArray<float> vertical_deg, InArray<float> horizontal_deg, InArray<float> candela,
+              bool horizontal_pole) {
+             if (candela.size() != vertical_deg.size() * horizontal_deg.size() || vertical_deg.size() < 2 ||
+                 horizontal_deg.size() < 2)
+               throw Error("internal", "a profile needs an intensity for every pair of angles, two or more of each");
+             return b.add_ies_profile({span_of(vertical_deg), span_of(horizontal_deg), span_of(candela), horizontal_pole});
+           })
+      .def("add_light", &add_light, nb::arg("type"), nb::arg("matrix"), nb::arg("light"), nb::arg("texture"),
+           nb::arg("ies") = -1)
       .def("set_camera",
            [](SceneBuilder& b, InArray<double> matrix, bool orthographic, nb::handle window, double near, double far,
               double lens_radius, double focus_distance, int blades, double blade_rotation_deg, InArray<double> clipping_planes,

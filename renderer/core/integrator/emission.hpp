@@ -46,7 +46,7 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
   const auto meet = [&](int i, vbool<W> lanes) {
     const float* row = lights.row(i);
     const LightType type = LightType(int(row[kType]));
-    if (type == LightType::kPoint || type == LightType::kDome) return;
+    if (type == LightType::kPoint || type == LightType::kLine || type == LightType::kDome) return;
     const LocalHit<W> h = light_hit<W>(row, from, p.ray.d);
     const F t = h.t - p.travelled;
     vbool<W> met = lanes & (h.pdf > F(0.0f));
@@ -56,8 +56,9 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
       met &= (t * kNearlyOne <= t_surface) & (t >= p.ray.tnear) & (t <= p.ray.tfar);
     }
     if (!any(met)) return;
-    const vvec3<W> L = vvec3<W>(F(row[kRadiance]), F(row[kRadiance + 1]), F(row[kRadiance + 2])) *
-                       lobe_factor({row[kDiffuseFactor], row[kSpecularFactor]}, p);
+    vvec3<W> L = vvec3<W>(F(row[kRadiance]), F(row[kRadiance + 1]), F(row[kRadiance + 2])) *
+                 lobe_factor({row[kDiffuseFactor], row[kSpecularFactor]}, p);
+    if (lights.has_shaping) L *= met_shaping(lights, row, p.ray.d);
     const vbool<W> direct = met & sees_body & ((t < nearest) | vbool<W>(type == LightType::kDistant));
     if (type == LightType::kDistant) {
       gathered += select(direct, L, zero);

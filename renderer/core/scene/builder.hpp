@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 
 #include "scene/scene.hpp"
@@ -26,6 +27,20 @@ struct ImageInput {
   int width = 0, height = 0;
 };
 
+// A photometric profile: angles in degrees, ascending, two or more of each; `candela` by horizontal angle. See light/ies.hpp.
+struct IesInput {
+  std::span<const float> vertical_deg, horizontal_deg, candela;
+  bool horizontal_pole = false;
+};
+
+struct ShapingInput {
+  double focus = 0;
+  vec3 focus_tint;
+  double cone_angle_deg = 180, cone_softness = 0;
+  int ies = -1;  // what add_ies_profile gave
+  double ies_angle_scale = 0, ies_divisor = 1;
+};
+
 struct LightInput {
   LightType type = LightType::kPoint;
   daffine world_from_light;
@@ -34,6 +49,7 @@ struct LightInput {
   float diffuse = 1, specular = 1;
   int texture_width = 0, texture_height = 0;
   std::span<const float> texels;  // 3 (width) (height), first row at the pole
+  std::optional<ShapingInput> shaping;
 };
 
 struct CameraInput {
@@ -85,6 +101,8 @@ class SceneBuilder {
   void end_placement();
   // A row for every instance that was not left out of the last placement.
   void add_placement_primvar(int name, int width, std::span<const float> values);
+  // Its number, for ShapingInput.
+  int add_ies_profile(const IesInput& profile);
   void add_light(const LightInput& light);
   void set_camera(const CameraInput& camera);
   // After all shapes, placements and the camera, which decide the levels that are kept. `tile`: 0, or 1001 to 1100.
