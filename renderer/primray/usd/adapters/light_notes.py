@@ -1,19 +1,16 @@
-"""What a light asks for and does not get, as diagnostics: shaping, shadows, filters, linking, rectangle textures."""
+"""What a light asks for and does not get, as diagnostics: shaping, filters, rectangle textures."""
 
 from __future__ import annotations
 
-from pxr import Sdf, Usd
+from pxr import Sdf
 
 from ..context import Context
 from ..read import read
 from ..resolve import ResolvedPrim
 
-# UsdLux ShapingAPI and ShadowAPI: attribute -> the value that changes nothing.
+# UsdLux ShapingAPI: attribute -> the value that changes nothing.
 _NEUTRAL: dict[str, object] = {
     "inputs:shaping:focus": 0.0,
-    "inputs:shadow:enable": True,
-    "inputs:shadow:color": (0.0, 0.0, 0.0),
-    "inputs:shadow:distance": -1.0,
 }
 _FILES = frozenset({"inputs:shaping:ies:file"})
 
@@ -28,7 +25,6 @@ def note_ignored_inputs(prim: ResolvedPrim, ctx: Context) -> None:
         ctx.warn("light-input", prim.path, "The texture of a RectLight is ignored.")
     if "light:filters" in prim.names and prim.prim.GetRelationship("light:filters").GetTargets():
         ctx.warn("light-input", prim.path, "Light filters are ignored.")
-    _note_linking(prim.prim, prim, ctx)
 
 
 def _authored(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, object]]:
@@ -44,8 +40,6 @@ def _matters(name: str, raw: object) -> bool:
         return False
     if isinstance(neutral, tuple):
         return tuple(raw) != neutral  # type: ignore[arg-type]
-    if name == "inputs:shadow:distance":
-        return isinstance(raw, int | float) and raw >= 0
     return bool(raw != neutral)
 
 
@@ -63,17 +57,3 @@ def _has_cone(prim: ResolvedPrim, ctx: Context) -> bool:
 def _soft(prim: ResolvedPrim, ctx: Context) -> bool:
     softness = read(prim.prim, "inputs:shaping:cone:softness", ctx.when)
     return isinstance(softness, int | float) and softness != 0
-
-
-def _note_linking(light: Usd.Prim, prim: ResolvedPrim, ctx: Context) -> None:
-    """Light and shadow linking: a collection that leaves something out (the default includes everything)."""
-    for name in ("lightLink", "shadowLink"):
-        collection = Usd.CollectionAPI(light, name)
-        authored = [n for n in prim.names if n.startswith(f"collection:{name}:")]
-        if not authored:
-            continue
-        root = collection.GetIncludeRootAttr().Get()
-        excludes = collection.GetExcludesRel().HasAuthoredTargets()
-        expression = any(n.endswith("membershipExpression") for n in authored)
-        if not root or excludes or expression:
-            ctx.warn("light-input", prim.path, f"{name} is ignored: the light reaches everything.")
