@@ -180,7 +180,7 @@ def test_the_first_opaque_caster_decides() -> None:
 def test_through_panes(pane_row: int, shadow: Shadow | None) -> None:
     """Panes weaken the light as casters, each by its distance, and not at all where they cast no shadow of it."""
     x = light(LightType.DISTANT, rotation([1, 0, 0], -90), shadow=shadow, shadow_link=1)
-    found = irradiance(plane([x], [roof(0.1, 2, row=pane_row), roof(0.4, 2, row=pane_row)], ONE_OUT), 2)
+    found = irradiance(plane([x], [roof(0.1, 2, row=pane_row), roof(0.4, 2, row=pane_row)], ONE_OUT), 2, max_depth=1)
     through = 0.25 if pane_row == 0 else 1.0
     if shadow is not None and shadow.distance > 0 and pane_row == 0:
         through = (1 - 0.9 * 0.5) * (1 - 0.6 * 0.5)
@@ -208,7 +208,7 @@ def test_two_spheres_lit_by_a_light_each() -> None:
     assert (b[..., 0] == 0).all()
     assert ((a[..., 0] > 0) <= (a[..., 3] > 0)).all()
     assert a[..., 0].max() > 0.1
-    assert b[..., 1].max() > 0.1
+    assert b[..., 1].max() > 0.05
 
 
 @pytest.mark.parametrize("row", [0, 1, 2, 3])
@@ -234,7 +234,7 @@ def test_irradiance_of_linked_lights(row: int, others: int) -> None:
             total += 0.2 * math.pi
         else:
             e = irradiances(x, p.reshape(-1, 3), [0, 1, 0], 48)
-            total += e.reshape(RESOLUTION, RESOLUTION, 9) @ weights
+            total += x.emission[0] * (e.reshape(RESOLUTION, RESOLUTION, 9) @ weights)
     compare(render(d.build(), 4 * SPP), total)
 
 
@@ -272,9 +272,9 @@ def test_camera_sees_a_light_or_what_is_behind(visible: bool, pane: bool) -> Non
     if not pane:
         assert np.all(pixels == ([3, 3, 3, 1] if visible else [0, 0, 0, 0]))
     else:
-        assert pixels[..., 0].max() == (3 if visible else 0)
+        assert pixels[..., 0].max() == (1.5 if visible else 0)
     wall = seen(describe([*shapes, (facing(-3, 1), np.eye(4))], [HALF_THERE, lambert(0.0, emission=0.25)], [x], FORWARD))
-    assert wall[..., 0].min() == (0.0 if pane else 3.0 if visible else 0.25)
+    assert wall[..., 0].min() == (0.5 if pane else 1.0) * (3.0 if visible else 0.25)
     assert wall[..., 3].min() == 1
 
 

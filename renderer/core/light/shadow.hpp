@@ -37,7 +37,7 @@ struct ShadowLanes {
   // on, in between the share of the zone that is left, to the power of gamma (ShadowAPI's text, read as strength^gamma).
   PRIMRAY_INLINE vfloat<W> strength(vfloat<W> distance) const {
     const vfloat<W> left = end - distance;
-    const vbool<W> fades = (fade > vfloat<W>(0.0f)) & (left < fade);
+    const vbool<W> fades = (left > vfloat<W>(0.0f)) & (left < fade);
     const vfloat<W> share = clamp(left / select(fades, fade, vfloat<W>(1.0f)), 0.0f, 1.0f);
     const vfloat<W> whole = select(left > vfloat<W>(0.0f), vfloat<W>(1.0f), vfloat<W>(0.0f));
     return any(fades) ? select(fades, power_of_unit<W>(share, gamma), whole) : whole;
