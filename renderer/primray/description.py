@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from .frame import Frame, PixelWindow, whole_frame
 from .geometry import Doubles, Floats, Interpolation, Ints, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
-from .lighting import IesProfile, Light, LightType, Shadow, Shaping
+from .lighting import NO_LINKS, IesProfile, Light, LightType, Linked, Shadow, Shaping
 from .placement import Instances, MatrixInstances, Placement, PointInstances
 from .shading import Input, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
 
@@ -31,6 +31,7 @@ __all__ = [
     "Ints",
     "Light",
     "LightType",
+    "Linked",
     "MatrixInstances",
     "Mesh",
     "PixelWindow",
@@ -130,6 +131,7 @@ class SceneDescription:
     time_code: float | None  # None: USD's default time
     pixels: PixelWindow | None = None  # those that are rendered; None: the whole of `resolution`
     pixel_aspect_ratio: float = 1.0
+    linked: Linked = NO_LINKS
 
     @property
     def frame(self) -> Frame:

@@ -18,7 +18,7 @@ LONGEST = 36  # longer arrays are summarised
 # Named only where they differ from their defaults.
 SPARSE = frozenset({"primvars", "inputs", "tiles", "opacity_threshold"})
 SPARSE |= {"blades", "blade_rotation_deg", "clipping_planes", "shutter", "pixels", "pixel_aspect_ratio"}
-SPARSE |= {"shaping", "shadow", "light_link", "shadow_link", "visible_to_camera"}
+SPARSE |= {"shaping", "shadow", "light_link", "shadow_link", "visible_to_camera", "linked", "link_row"}
 
 
 def describe(description: SceneDescription, diagnostics: Iterable[Diagnostic], root: str) -> str:

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "integrator/interaction.hpp"
-#include "light/selection.hpp"
+#include "light/linked_selection.hpp"
 #include "scene/surface_emission.hpp"
 
 namespace primray {
@@ -128,10 +128,26 @@ PRIMRAY_INLINE vint<W> emitter_light(const Scene& scene, vbool<W> m, const Hits<
   return select((number >= zero) & (base >= zero), base + number, none);
 }
 
-// Density per solid angle with which light sampling at `from` chooses the point that a ray along unit `d` met at `distance`.
+// Of lanes `m`, which met a light that is geometry: those that get its light, by linking and special shadows.
+template <int W>
+PRIMRAY_INLINE vbool<W> emitter_reaches(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
+                                        vint<W> link, vbool<W> scattered) {
+  const vint<W> light = emitter_light(scene, m, h, it);
+  const vbool<W> known = m & (light >= vint<W>(0));
+  if (!any(known)) return m;
+  const vint<W> valid = select(known, light, vint<W>(0));
+  vbool<W> reached = m;
+  if (scene.lights.links.any())
+    reached &= (!known) | in_collection(scene.lights.links, link, gather<W>(scene.lights.light_link.data(), valid));
+  const LightRow<W> row(scene.lights, valid);
+  return reached & !(known & scattered & ((row.flags() & vint<W>(kSpecial)) != vint<W>(0)));
+}
+
+// Density per solid angle with which light sampling at `from`, on a surface that wears row `link`, chooses the point that a ray
+// along unit `d` met at `distance`.
 template <int W>
 PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
-                                     const vvec3<W>& from, const vvec3<W>& d, vfloat<W> distance) {
+                                     const vvec3<W>& from, const vvec3<W>& d, vfloat<W> distance, vint<W> link) {
   const vfloat<W> none(0.0f);
   const vint<W> light = emitter_light(scene, m, h, it);
   m &= light >= vint<W>(0);
@@ -157,7 +173,10 @@ PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<
     const vfloat<W> stretched = select(sheared, cone * row(kInverseDet) / (len * len * len), cone);
     pdf = select(sphere & is_outside(row, from, local), stretched, pdf);
   }
-  return select(m, pdf * probability_of(scene.lights, light, m, from), none);
+  const LightTable& lights = scene.lights;
+  const vfloat<W> chosen =
+      lights.links.any() ? linked_probability_of(lights, light, m, from, link) : probability_of(lights, light, m, from);
+  return select(m, pdf * chosen, none);
 }
 
 }  // namespace primray

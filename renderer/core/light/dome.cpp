@@ -26,14 +26,10 @@ std::vector<double> texel_means(const Dome& d) {
   return mean;
 }
 
-}  // namespace
+constexpr double pi = 3.14159265358979323846;
 
-void build_dome_distribution(Dome& d) {
-  constexpr double pi = 3.14159265358979323846;
-  if (d.width == 0) {
-    d.sampled = false;  // the BSDF's rays alone are as good as it gets under a constant sky
-    return;
-  }
+// `rest`: the part of the mean that is left to the BSDF's rays.
+void build_distribution(Dome& d, double rest) {
   const int w = d.width, h = d.height;
   std::vector<double> weight = texel_means(d), solid_angle(h);
   d.row_edges.clear();
@@ -49,12 +45,12 @@ void build_dome_distribution(Dome& d) {
     solid_angle[y] = 4 * pi / w * std::sin(pi * (y + 0.5) / h) * std::sin(0.5 * pi / h);
     for (int x = 0; x < w; ++x) total += weight[size_t(y) * w + x] * solid_angle[y];
   }
-  const double mean = total / (4 * pi);
+  const double left = rest * total / (4 * pi);
   total = 0;
   for (int y = 0; y < h; ++y)
     for (int x = 0; x < w; ++x) {
       double& v = weight[size_t(y) * w + x];
-      v = std::max(0.0, v - mean);
+      v = std::max(0.0, v - left);
       total += v * solid_angle[y];
     }
   d.sampled = total > 0;
@@ -79,6 +75,18 @@ void build_dome_distribution(Dome& d) {
     row_sum += sum * solid_angle[y];
   }
   d.row_cdf[h] = 1;
+}
+
+}  // namespace
+
+void build_dome_distribution(Dome& d) {
+  d.sampled = false;
+  if (d.width > 0) build_distribution(d, 1.0);  // under a constant sky the BSDF's rays alone are as good as it gets
+}
+
+void build_whole_dome_distribution(Dome& d) {
+  if (d.width == 0) d.width = d.height = 1, d.texels.assign(3, 1.0f);
+  build_distribution(d, 0.0);
 }
 
 }  // namespace primray

@@ -30,6 +30,8 @@ struct Dome {
 
 // Fills the distributions from the texels.
 void build_dome_distribution(Dome& dome);
+// The same for a dome that nothing but light sampling finds: all of its light is sampled, also a constant one's.
+void build_whole_dome_distribution(Dome& dome);
 
 // The last i in [0, n) with cdf[base + i] <= u, for cdf ascending from 0.
 template <int W>

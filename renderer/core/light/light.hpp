@@ -14,6 +14,7 @@
 #include "light/dome.hpp"
 #include "light/hierarchy.hpp"
 #include "light/line.hpp"
+#include "light/linking.hpp"
 #include "light/rect.hpp"
 #include "light/shaping.hpp"
 #include "light/sphere.hpp"
@@ -51,11 +52,19 @@ enum LightField : int {
 enum LightFlag : int32_t {
   kSheared = 1,
   kGeometry = 2,  // rays meet it as a shape of the scene, not as a light
+  kHidden = 16,   // the camera does not see it
+  kSpecial = 32,  // its shadows are not the geometry's: light sampling alone finds it, with weight 1 (light/shadow.hpp)
 };
 
 // A light's multipliers of what surfaces reflect diffusely and specularly (UsdLux inputs:diffuse, inputs:specular).
 struct LobeFactors {
   float diffuse = 1, specular = 1;
+};
+
+// What else there is to know of a dome, sampled or not.
+struct DomeTraits {
+  int link = 0;
+  bool hidden = false, special = false;  // as LightFlag has them
 };
 
 struct LightTable {
@@ -65,6 +74,7 @@ struct LightTable {
   std::vector<Dome> domes;      // all of them, sampled or not
   std::vector<int> dome_light;  // by dome: its row, or -1
   std::vector<LobeFactors> dome_factors;
+  std::vector<DomeTraits> dome_traits;
   std::vector<float> power_cdf;  // count + 1; used where there are too many lights to weigh each
   LightHierarchy met;            // of the lights that rays can meet, where there are many
   bool needs_hit_test = false;   // some light has area or a cone that BSDF rays can meet
@@ -72,6 +82,12 @@ struct LightTable {
   bool lobe_factors = false;  // some light's diffuse or specular factor is not 1
   ShapingTable shaping;
   bool has_shaping = false;            // some light's emission depends on its direction
+  // Linking; all empty where nothing is linked. Row by row, the collection that a light reaches.
+  LinkTable links;
+  std::vector<int32_t> light_link;
+  LinkedLights linked;
+  std::vector<float> shadow_rows;      // kShadowFields a row, where some light is special; else empty
+  bool geometry_rules = false;         // a light that is geometry is linked or special
   static constexpr int kWeighed = 16;  // at most so many are weighed at every vertex
 
   const float* row(int light) const { return rows.data() + light * kLightFields; }

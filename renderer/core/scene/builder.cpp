@@ -102,6 +102,7 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
       table.normals.push_back(int32_t(mesh.normal_kind)), table.colors.push_back(int32_t(mesh.color_kind));
       table.normal_base.push_back(normals), table.color_base.push_back(colors);
       table.triangle_base.push_back(first_triangle), table.vertex_base.push_back(first_vertex);
+      if (s.lights.links.any()) table.link.push_back(link_row_);
       s.primvars.of_mesh.insert(s.primvars.of_mesh.end(), s.primvars.names, -1);
     }
     s.triangle_mesh.push_back(row->second);
@@ -129,6 +130,7 @@ bool SceneBuilder::add_sphere(double radius, int32_t surface, const daffine& gro
   }
   scene_->spheres.push_back(r);
   scene_->sphere_surface.push_back(surface);
+  if (scene_->lights.links.any()) scene_->sphere_link.push_back(link_row_);
   scene_->primvars.of_sphere.insert(scene_->primvars.of_sphere.end(), scene_->primvars.names, -1);
   last_sphere_taken_ = true;
   scene_->groups.back().sphere_count++;
@@ -192,6 +194,15 @@ void SceneBuilder::end_placement() {
 }
 
 int SceneBuilder::add_ies_profile(const IesInput& profile) { return add_ies(profile, scene_->lights.shaping.profiles); }
+
+void SceneBuilder::set_links(int rows, int collections, std::span<const uint8_t> members) {
+  LinkTable& links = scene_->lights.links;
+  links.rows = rows, links.words = (collections + 31) / 32;
+  links.bits.assign(size_t(rows) * links.words, 0);
+  for (int r = 0; r < rows; ++r)
+    for (int c = 0; c < collections; ++c)
+      if (members[size_t(r) * collections + c]) links.bits[size_t(r) * links.words + (c >> 5)] |= kBits[c & 31];
+}
 
 void SceneBuilder::add_light(const LightInput& light) { add_light_rows(light, scene_->origin, scene_->scale, scene_->lights); }
 

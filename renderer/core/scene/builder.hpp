@@ -50,6 +50,12 @@ struct LightInput {
   int texture_width = 0, texture_height = 0;
   std::span<const float> texels;  // 3 (width) (height), first row at the pole
   std::optional<ShapingInput> shaping;
+  // Collections that it reaches, and that cast its shadows; 0: all surfaces.
+  int link = 0, casters = 0;
+  bool visible_to_camera = true;
+  bool casts_shadows = true;
+  vec3 shadow_color{0.0f, 0.0f, 0.0f};
+  double shadow_distance = -1, shadow_falloff = -1, shadow_gamma = 1;  // negative: none; lengths in scene units
 };
 
 struct CameraInput {
@@ -103,6 +109,10 @@ class SceneBuilder {
   void add_placement_primvar(int name, int width, std::span<const float> values);
   // Its number, for ShapingInput.
   int add_ies_profile(const IesInput& profile);
+  // Before shapes and lights: whether what wears row r is in collection c, (rows) (collections) flags; number 0 has all.
+  void set_links(int rows, int collections, std::span<const uint8_t> members);
+  // Of the shapes that follow.
+  void set_link_row(int row) { link_row_ = row; }
   void add_light(const LightInput& light);
   void set_camera(const CameraInput& camera);
   // After all shapes, placements and the camera, which decide the levels that are kept. `tile`: 0, or 1001 to 1100.
@@ -127,6 +137,7 @@ class SceneBuilder {
   size_t last_mesh_rows_ = 0;  // first row of the mesh
   bool last_mirrored_ = false, last_sphere_taken_ = false, last_placement_taken_ = false;
   bool levels_measured_ = false;
+  int32_t link_row_ = 0;
 };
 
 }  // namespace primray
