@@ -202,7 +202,8 @@ def _mesh(cage: SubdivisionMesh, made: dict[str, Any]) -> Mesh:
         None if colors is None else _colors(colors, triangles, points),
         surface,
         tuple(primvars[id(p)] for p in cage.primvars),
-        cage.link_row,
+        link_row=cage.link_row,
+        light=cage.light,
     )
 
 

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from .lighting import Light
 
 Floats = npt.NDArray[np.float32]
 Doubles = npt.NDArray[np.float64]
@@ -46,6 +50,7 @@ class Mesh:
     surface: int | Ints  # index into SceneDescription.surfaces, or (T,) of them
     primvars: tuple[Primvar, ...] = ()
     link_row: int = 0  # of SceneDescription.linked
+    light: Light | None = None  # of type GEOMETRY: what it gives as a light
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +78,7 @@ class SubdivisionMesh:
     triangle_rule: str = "catmullClark"  # triangleSubdivisionRule: catmullClark, smooth
     primvars: tuple[Primvar, ...] = ()
     link_row: int = 0
+    light: Light | None = None
 
 
 @dataclass(frozen=True)
@@ -84,6 +90,7 @@ class Sphere:
     surface: int
     primvars: tuple[Primvar, ...] = ()  # constant ones
     link_row: int = 0
+    light: Light | None = None
 
 
 Shape = Mesh | SubdivisionMesh | Sphere
