@@ -6,6 +6,7 @@
 
 #include "integrator/pool.hpp"
 #include "light/linked_selection.hpp"
+#include "light/portal.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
@@ -64,7 +65,8 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
     const float* row = lights.row(i);
     const LightType type = LightType(int(row[kType]));
     if (type == LightType::kPoint || type == LightType::kDome) return;
-    const LocalHit<W> h = light_hit<W>(row, from, p.ray.d);
+    vvec3<W> L{F(row[kRadiance]), F(row[kRadiance + 1]), F(row[kRadiance + 2])};
+    const LocalHit<W> h = light_hit<W>(lights, i, from, p.ray.d, L);
     const F t = h.t - p.travelled;
     vbool<W> met = lanes & (h.pdf > F(0.0f));
     const int flags = int(row[kLightFlags]);
@@ -76,8 +78,7 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
       met &= (t * kNearlyOne <= t_surface) & (t >= p.ray.tnear) & (t <= p.ray.tfar);
     }
     if (!any(met)) return;
-    const vvec3<W> L = vvec3<W>(F(row[kRadiance]), F(row[kRadiance + 1]), F(row[kRadiance + 2])) *
-                       lobe_factor({row[kDiffuseFactor], row[kSpecularFactor]}, p);
+    L *= lobe_factor({row[kDiffuseFactor], row[kSpecularFactor]}, p);
     const vbool<W> direct = met & sees_body & ((t < nearest) | vbool<W>(type == LightType::kDistant));
     if (type == LightType::kDistant) {
       gathered += select(direct, L, zero);
@@ -120,6 +121,7 @@ PRIMRAY_INLINE vvec3<W> meet_domes(const LightTable& lights, const PathLanes<W>&
     const int light = lights.dome_light[k];
     if (light >= 0 && !traits.special) {
       const vvec3<W> from = p.ray.o - p.ray.d * p.travelled;
+      if (!lights.portals.empty()) pdf = dome_pdf(lights, int(k), from, p.ray.d, pdf);
       const F total = total_at(lights, from, p.link);
       const F light_pdf = pdf * probability_at(lights, light, !direct, from, total, p.link);
       L *= select(direct, F(1.0f), mis_weight(p.bsdf_pdf, light_pdf));

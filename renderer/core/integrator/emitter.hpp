@@ -3,6 +3,7 @@
 #pragma once
 
 #include "integrator/interaction.hpp"
+#include "integrator/pool.hpp"
 #include "light/linked_selection.hpp"
 #include "scene/surface_emission.hpp"
 
@@ -78,8 +79,11 @@ PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, c
   const vfloat<W> probability = to_float(width) * (1.0f / float(EmitterTable::kWhole));
   const vfloat<W> pdf = area_to_solid_angle(probability, doubled_area, wi, distance);
   const vbool<W> usable = (distance > vfloat<W>(0.0f)) & (pdf < vfloat<W>(kInfinity));
-  const vvec3<W> L =
-      triangle_emission(scene, m, triangle, vertex_base, truncate(row(kMeshPlacement)), truncate(row(kMeshInstance)), b1, b2);
+  const bool lights = scene.geometry_lights.any();
+  const vbool<W> own = lights ? (row.flags() & vint<W>(kOwnRadiance)) != vint<W>(0) : vbool<W>(false);
+  vvec3<W> L = triangle_emission(scene, m, triangle, vertex_base, truncate(row(kMeshPlacement)), truncate(row(kMeshInstance)),
+                                 b1, b2, own);
+  if (lights) L *= row.vector(kGlow);
   s.wi = select(m, wi, s.wi), s.t = select(m, distance, s.t), s.L = select(m, L, s.L);
   s.pdf = select(m, select(usable, pdf, vfloat<W>(0.0f)), s.pdf);
 }
@@ -128,23 +132,47 @@ PRIMRAY_INLINE vint<W> emitter_light(const Scene& scene, vbool<W> m, const Hits<
   return select((number >= zero) & (base >= zero), base + number, none);
 }
 
-// Of lanes `m`, which met a light that is geometry: those that get its light, by linking and special shadows.
+// What lanes `m`, which met surfaces that emit `glow` and are there by `presence`, show of it where some shapes are lights
+// (scene/geometry_lights.hpp): bodies to the camera, mirrors and refractions, and what they light with to other rays.
 template <int W>
-PRIMRAY_INLINE vbool<W> emitter_reaches(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
-                                        vint<W> link, vbool<W> scattered) {
-  const vint<W> light = emitter_light(scene, m, h, it);
-  const vbool<W> known = m & (light >= vint<W>(0));
-  if (!any(known)) return m;
-  const vint<W> valid = select(known, light, vint<W>(0));
-  vbool<W> reached = m;
-  if (scene.lights.links.any())
-    reached &= (!known) | in_collection(scene.lights.links, link, gather<W>(scene.lights.light_link.data(), valid));
-  const LightRow<W> row(scene.lights, valid);
-  return reached & !(known & scattered & ((row.flags() & vint<W>(kSpecial)) != vint<W>(0)));
+PRIMRAY_INLINE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
+                                       const PathLanes<W>& p, const vvec3<W>& glow, vfloat<W> presence) {
+  const GeometryLights& lights = scene.geometry_lights;
+  const vint<W> zero(0), none(-1);
+  const HitGroup<W> in(scene, m, h);
+  const vbool<W> is_triangle = in.is_triangle(scene, m);
+  const vbool<W> is_sphere = scene.has_spheres ? in.is(m, kSphereGeometry) : vbool<W>(false);
+  vint<W> number = none;
+  if (any(is_triangle))
+    number = select(is_triangle, gather<W>(lights.of_mesh.data(), select(is_triangle, it.mesh, zero)), none);
+  if (any(is_sphere))
+    number = select(is_sphere, gather<W>(lights.of_sphere.data(), select(is_sphere, it.sphere, zero)), number);
+  m &= number >= zero;
+  if (!any(m)) return glow;
+  number = select(m, number, zero);
+  const vint<W> flags = gather<W>(lights.flags.data(), number);
+  const auto has = [&](int32_t flag) { return (flags & vint<W>(flag)) != zero; };
+  // As bright as where this instance stands, if that is known.
+  vvec3<W> radiance = gather_vec3<W>(lights.radiance.data(), number * vint<W>(3));
+  const vint<W> light = scene.emitters.any() ? emitter_light(scene, m, h, it) : none;
+  if (const vbool<W> placed = m & (light >= zero); any(placed))
+    radiance = select(placed, LightRow<W>(scene.lights, select(placed, light, zero)).vector(kGlow), radiance);
+  const vvec3<W> one(vfloat<W>(1.0f));
+  vvec3<W> given = radiance * select(has(GeometryLights::kOwn), one * presence, glow);
+  if (scene.lights.lobe_factors) {
+    const vfloat<W> diffuse = gather<W>(lights.diffuse.data(), number), specular = gather<W>(lights.specular.data(), number);
+    given = select(p.depth == zero, given, given * (p.share * diffuse + (one - p.share) * specular));
+  }
+  if (scene.lights.links.any()) {
+    const vbool<W> reached = in_collection(scene.lights.links, p.link, gather<W>(lights.link.data(), number));
+    given = select(reached, given, vvec3<W>(vfloat<W>(0.0f)));
+  }
+  const vbool<W> body = (p.bsdf_pdf == vfloat<W>(0.0f)) & !has(GeometryLights::kShown);
+  return select(m & !body, given, glow);
 }
 
 // Density per solid angle with which light sampling at `from`, on a surface that wears row `link`, chooses the point that a ray
-// along unit `d` met at `distance`.
+// along unit `d` met at `distance`; infinite where nothing but light sampling is to find it.
 template <int W>
 PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
                                      const vvec3<W>& from, const vvec3<W>& d, vfloat<W> distance, vint<W> link) {
@@ -176,7 +204,12 @@ PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<
   const LightTable& lights = scene.lights;
   const vfloat<W> chosen =
       lights.links.any() ? linked_probability_of(lights, light, m, from, link) : probability_of(lights, light, m, from);
-  return select(m, pdf * chosen, none);
+  pdf = pdf * chosen;
+  if (!lights.shadow_rows.empty()) {
+    const vbool<W> special = (row.flags() & vint<W>(kSpecial)) != vint<W>(0);
+    pdf = select(special & (pdf > none), vfloat<W>(kInfinity), pdf);
+  }
+  return select(m, pdf, none);
 }
 
 }  // namespace primray

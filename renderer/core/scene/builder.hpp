@@ -5,6 +5,7 @@
 #include <memory>
 #include <span>
 
+#include "scene/light_rules.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
@@ -26,20 +27,24 @@ struct ImageInput {
   int width = 0, height = 0;
 };
 
-struct LightInput {
+// A rectangle that a dome is sampled through.
+struct PortalInput {
+  daffine world_from_portal;
+  double width = 1, height = 1;
+};
+
+struct LightInput : LightRules {
   LightType type = LightType::kPoint;
   daffine world_from_light;
   vec3 emission;
   double width = 1, height = 1, radius = 0.5, length = 1, angle_deg = 0;
   float diffuse = 1, specular = 1;
   int texture_width = 0, texture_height = 0;
-  std::span<const float> texels;  // 3 (width) (height), first row at the pole
-  // Collections that it reaches, and that cast its shadows; 0: all surfaces.
-  int link = 0, casters = 0;
-  bool visible_to_camera = true;
-  bool casts_shadows = true;
-  vec3 shadow_color{0.0f, 0.0f, 0.0f};
-  double shadow_distance = -1, shadow_falloff = -1, shadow_gamma = 1;  // negative: none; lengths in scene units
+  std::span<const float> texels;  // a dome's: 3 (width) (height), first row at the top
+  DomeFormat format = DomeFormat::kLatLong;
+  std::vector<PortalInput> portals;  // of a dome
+  // Of geometry: see GeometryLight.
+  bool own = false, shown = false, normalize = false;
 };
 
 struct CameraInput {
@@ -90,7 +95,14 @@ class SceneBuilder {
   void set_links(int rows, int collections, std::span<const uint8_t> members);
   // Of the shapes that follow.
   void set_link_row(int row) { link_row_ = row; }
-  void add_light(const LightInput& light);
+  // An image for rectangle lights; its number.
+  int add_light_image(const ImageInput& image);
+  // `image`: of a rectangle, or -1.
+  void add_light(const LightInput& light, int image = -1);
+  // A light that shapes wear; its number.
+  int add_geometry_light(const LightInput& light);
+  // The shape that was added last is a part of that light.
+  void wear_light(int light, const daffine& group_from_object);
   void set_camera(const CameraInput& camera);
   // After all shapes, placements and the camera, which decide the levels that are kept. `tile`: 0, or 1001 to 1100.
   void set_texture_image(int texture, int tile, const ImageInput& image);
@@ -112,6 +124,7 @@ class SceneBuilder {
   daffine undo_, redo_;
   // Of the shape and the placement that were added last.
   size_t last_mesh_rows_ = 0;  // first row of the mesh
+  bool last_is_sphere_ = false;
   bool last_mirrored_ = false, last_sphere_taken_ = false, last_placement_taken_ = false;
   bool levels_measured_ = false;
   int32_t link_row_ = 0;

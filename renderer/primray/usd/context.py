@@ -35,6 +35,9 @@ class Context:
     primvars_read: frozenset[str] = frozenset()  # "primvars:NAME" of all that materials of the stage read
     property_names: set[frozenset[str]] = field(default_factory=set)  # what prims have authored, each set of names once
     links: Links | None = None  # where lights are linked, once that is known
+    light_shapes: set[str] = field(default_factory=set)  # paths of shapes that LightAPI makes lights
+    portals_met: list[str] = field(default_factory=list)  # paths of PortalLights
+    portals_named: set[str] = field(default_factory=set)  # of those that a dome names
     prototype_names: dict[str, str] = field(default_factory=dict)  # /__Prototype_N -> its first instance
 
     def shown(self, path: str) -> str:
