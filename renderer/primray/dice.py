@@ -202,8 +202,8 @@ def _mesh(cage: SubdivisionMesh, made: dict[str, Any]) -> Mesh:
         None if colors is None else _colors(colors, triangles, points),
         surface,
         tuple(primvars[id(p)] for p in cage.primvars),
-        link_row=cage.link_row,
-        light=cage.light,
+        cage.light,
+        cage.link_row,
     )
 
 

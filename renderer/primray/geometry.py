@@ -49,8 +49,8 @@ class Mesh:
     colors: Floats | None  # None: the surface's own; (T, 3), (N, 3) or (3T, 3): multiplies diffuse_color (made white)
     surface: int | Ints  # index into SceneDescription.surfaces, or (T,) of them
     primvars: tuple[Primvar, ...] = ()
-    link_row: int = 0  # of SceneDescription.linked
     light: Light | None = None  # of type GEOMETRY: what it gives as a light
+    link_row: int = 0  # of SceneDescription.linked
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +77,8 @@ class SubdivisionMesh:
     face_varying_interpolation: str = "cornersPlus1"  # none, cornersOnly, cornersPlus1, cornersPlus2, boundaries, all
     triangle_rule: str = "catmullClark"  # triangleSubdivisionRule: catmullClark, smooth
     primvars: tuple[Primvar, ...] = ()
-    link_row: int = 0
     light: Light | None = None
+    link_row: int = 0
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,8 @@ class Sphere:
     radius: float
     surface: int
     primvars: tuple[Primvar, ...] = ()  # constant ones
-    link_row: int = 0
     light: Light | None = None
+    link_row: int = 0
 
 
 Shape = Mesh | SubdivisionMesh | Sphere

@@ -132,21 +132,6 @@ PRIMRAY_INLINE vint<W> emitter_light(const Scene& scene, vbool<W> m, const Hits<
   return select((number >= zero) & (base >= zero), base + number, none);
 }
 
-// Of lanes `m`, which met a light that is geometry: those that get its light, by linking and special shadows.
-template <int W>
-PRIMRAY_INLINE vbool<W> emitter_reaches(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
-                                        vint<W> link, vbool<W> scattered) {
-  const vint<W> light = emitter_light(scene, m, h, it);
-  const vbool<W> known = m & (light >= vint<W>(0));
-  if (!any(known)) return m;
-  const vint<W> valid = select(known, light, vint<W>(0));
-  vbool<W> reached = m;
-  if (scene.lights.links.any())
-    reached &= (!known) | in_collection(scene.lights.links, link, gather<W>(scene.lights.light_link.data(), valid));
-  const LightRow<W> row(scene.lights, valid);
-  return reached & !(known & scattered & ((row.flags() & vint<W>(kSpecial)) != vint<W>(0)));
-}
-
 // What lanes `m`, which met surfaces that emit `glow` and are there by `presence`, show of it where some shapes are lights
 // (scene/geometry_lights.hpp): bodies to the camera, mirrors and refractions, and what they light with to other rays.
 template <int W>
@@ -178,12 +163,16 @@ PRIMRAY_INLINE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hit
     const vfloat<W> diffuse = gather<W>(lights.diffuse.data(), number), specular = gather<W>(lights.specular.data(), number);
     given = select(p.depth == zero, given, given * (p.share * diffuse + (one - p.share) * specular));
   }
+  if (scene.lights.links.any()) {
+    const vbool<W> reached = in_collection(scene.lights.links, p.link, gather<W>(lights.link.data(), number));
+    given = select(reached, given, vvec3<W>(vfloat<W>(0.0f)));
+  }
   const vbool<W> body = (p.bsdf_pdf == vfloat<W>(0.0f)) & !has(GeometryLights::kShown);
   return select(m & !body, given, glow);
 }
 
 // Density per solid angle with which light sampling at `from`, on a surface that wears row `link`, chooses the point that a ray
-// along unit `d` met at `distance`.
+// along unit `d` met at `distance`; infinite where nothing but light sampling is to find it.
 template <int W>
 PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
                                      const vvec3<W>& from, const vvec3<W>& d, vfloat<W> distance, vint<W> link) {
@@ -215,7 +204,12 @@ PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<
   const LightTable& lights = scene.lights;
   const vfloat<W> chosen =
       lights.links.any() ? linked_probability_of(lights, light, m, from, link) : probability_of(lights, light, m, from);
-  return select(m, pdf * chosen, none);
+  pdf = pdf * chosen;
+  if (!lights.shadow_rows.empty()) {
+    const vbool<W> special = (row.flags() & vint<W>(kSpecial)) != vint<W>(0);
+    pdf = select(special & (pdf > none), vfloat<W>(kInfinity), pdf);
+  }
+  return select(m, pdf, none);
 }
 
 }  // namespace primray

@@ -264,8 +264,6 @@ class TilePaths {
   V emitted(B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows, const PathLanes<W>& p) const {
     V L = rows.color(kEmission) * rows(kPresence);
     if (scene_.geometry_lights.any()) L = shown_emission(scene_, hit, hits, it, p, L, rows(kPresence));
-    if (scene_.lights.geometry_rules)
-      L = select(emitter_reaches(scene_, hit, hits, it, p.link, p.bsdf_pdf > F(0.0f)), L, V(F(0.0f)));
     // A camera ray, or one after a mirror or refraction, could not have come from light sampling.
     const B sampled = hit & (max_component(L) > F(0.0f)) & (p.bsdf_pdf > F(0.0f));
     if (scene_.emitters.any() && any(sampled)) {

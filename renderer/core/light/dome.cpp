@@ -140,14 +140,15 @@ void finish_dome_image(Dome& d) {
 }
 
 void build_dome_distribution(Dome& d) {
-  if (d.width > 0) return build_distribution(d, 1.0);
-  d.sampled = false;  // the BSDF's rays alone are as good as it gets under a constant sky
+  d.sampled = false;
   d.mean = luminance(dvec3(d.tint));
+  if (d.width > 0) build_distribution(d, 1.0);  // under a constant sky the BSDF's rays alone are as good as it gets
 }
 
 void build_whole_dome_distribution(Dome& d) {
   if (d.width == 0) d.width = d.height = d.columns = d.rows = 1, d.texels.assign(3, 1.0f);
-  build_distribution(d, 0.0);
+  // Where a cell is looked at here and there only, none is left out: -0.001 of the mean.
+  build_distribution(d, d.format == DomeFormat::kLatLong ? 0.0 : -1e-3);
 }
 
 }  // namespace primray

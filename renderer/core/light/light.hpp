@@ -97,7 +97,6 @@ struct LightTable {
   std::vector<int32_t> light_link;
   LinkedLights linked;
   std::vector<float> shadow_rows;      // kShadowFields a row, where some light is special; else empty
-  bool geometry_rules = false;         // a light that is geometry is linked or special
   static constexpr int kWeighed = 16;  // at most so many are weighed at every vertex
 
   const float* row(int light) const { return rows.data() + light * kLightFields; }

@@ -195,15 +195,6 @@ void SceneBuilder::end_placement() {
 
 int SceneBuilder::add_ies_profile(const IesInput& profile) { return add_ies(profile, scene_->lights.shaping.profiles); }
 
-void SceneBuilder::set_links(int rows, int collections, std::span<const uint8_t> members) {
-  LinkTable& links = scene_->lights.links;
-  links.rows = rows, links.words = (collections + 31) / 32;
-  links.bits.assign(size_t(rows) * links.words, 0);
-  for (int r = 0; r < rows; ++r)
-    for (int c = 0; c < collections; ++c)
-      if (members[size_t(r) * collections + c]) links.bits[size_t(r) * links.words + (c >> 5)] |= kBits[c & 31];
-}
-
 void SceneBuilder::set_camera(const CameraInput& c) {
   Scene& s = *scene_;
   Camera& camera = s.camera;

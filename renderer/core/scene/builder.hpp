@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 
+#include "scene/light_rules.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
@@ -47,7 +48,7 @@ struct PortalInput {
   double width = 1, height = 1;
 };
 
-struct LightInput {
+struct LightInput : LightRules {
   LightType type = LightType::kPoint;
   daffine world_from_light;
   vec3 emission;
@@ -58,12 +59,6 @@ struct LightInput {
   DomeFormat format = DomeFormat::kLatLong;
   std::vector<PortalInput> portals;  // of a dome
   std::optional<ShapingInput> shaping;
-  // Collections that it reaches, and that cast its shadows; 0: all surfaces.
-  int link = 0, casters = 0;
-  bool visible_to_camera = true;
-  bool casts_shadows = true;
-  vec3 shadow_color{0.0f, 0.0f, 0.0f};
-  double shadow_distance = -1, shadow_falloff = -1, shadow_gamma = 1;  // negative: none; lengths in scene units
   // Of geometry: see GeometryLight.
   bool own = false, shown = false, normalize = false;
 };

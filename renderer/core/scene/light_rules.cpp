@@ -7,12 +7,12 @@
 
 namespace primray {
 
-bool is_special(const LightInput& light) {
+bool is_special(const LightRules& light) {
   const vec3& c = light.shadow_color;
   return light.casters != 0 || !light.casts_shadows || c.x != 0 || c.y != 0 || c.z != 0 || light.shadow_distance >= 0;
 }
 
-void add_light_rules(const LightInput& light, double scale, LightTable& table) {
+void add_light_rules(const LightRules& light, double scale, LightTable& table) {
   const size_t row = size_t(table.count) - 1;
   const bool special = is_special(light);
   float& flags = table.rows[row * kLightFields + kLightFlags];
@@ -43,9 +43,6 @@ void finish_light_rules(LightTable& table) {
       throw Error("internal", "a collection that there is not casts a light's shadows");
   for (const DomeTraits& dome : table.dome_traits)
     if (dome.link != 0 && dome.link >= limit) throw Error("internal", "a dome reaches a collection that there is not");
-  for (int i = table.listed; i < table.count; ++i)
-    table.geometry_rules |=
-        (int(table.row(i)[kLightFlags]) & kSpecial) || (!table.light_link.empty() && table.light_link[i] != 0);
 }
 
 }  // namespace primray
