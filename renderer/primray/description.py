@@ -13,12 +13,14 @@ from enum import Enum
 import numpy as np
 import numpy.typing as npt
 
+from .aov_names import AovRequest
 from .geometry import Doubles, Floats, Interpolation, Ints, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
 from .lighting import IesProfile, Light, LightType, Shadow, Shaping
 from .placement import Instances, MatrixInstances, Placement, PointInstances
 from .shading import Input, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
 
 __all__ = [
+    "AovRequest",
     "Camera",
     "Doubles",
     "Floats",
@@ -120,3 +122,4 @@ class SceneDescription:
     up_axis: str
     meters_per_unit: float
     time_code: float | None  # None: USD's default time
+    aovs: tuple[AovRequest, ...] = ()

@@ -17,6 +17,8 @@ from .settings import RenderSettings
 
 if TYPE_CHECKING:
     from . import core
+    from .aov import Aov
+    from .aov_names import AovRequest
     from .checkpointing import Checkpointing
     from .composition import Composition
     from .description import Camera, SceneDescription, TextureFile
@@ -127,9 +129,21 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     if film.invalid_samples:
         diagnostics.add("invalid-samples", "", f"{film.invalid_samples} of {film.samples} samples are left out")
     pixels, errors = film.image()
+    aovs = find_aovs(prepared, sampling, costs)
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels))
-    return Image(pixels, report, header_of(report), prepared.camera, errors=errors)
+    report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
+    return Image(pixels, report, header_of(report), prepared.camera, errors=errors, aovs=aovs)
+
+
+def find_aovs(prepared: Prepared, sampling: Sampling, costs: Costs) -> dict[str, Aov]:
+    """The outputs beside the picture, by name."""
+    if not prepared.aovs:
+        return {}
+    from .first_hit import aovs_of
+
+    with costs.stage("aovs"):
+        return aovs_of(prepared.scene, prepared.aovs, prepared.camera, sampling.film.counts, prepared.settings)
 
 
 @dataclass(frozen=True)
@@ -141,6 +155,7 @@ class Prepared:
     counts: dict[str, int]
     camera: Camera
     fingerprint: dict[str, str]  # empty unless it was asked for
+    aovs: tuple[AovRequest, ...] = ()
 
 
 def prepare(
@@ -181,7 +196,7 @@ def prepare(
         diagnostics.add(code, path, message)
     if settings.strict:
         diagnostics.raise_if_strict()
-    return Prepared(scene, settings, counted, description.camera, digests)
+    return Prepared(scene, settings, counted, description.camera, digests, description.aovs)
 
 
 def core_says(scene: core.CoreScene) -> dict[str, Any]:
@@ -237,10 +252,12 @@ def check_memory(
     limit_bytes = settings.max_memory_bytes
     if limit_bytes is None:
         return
+    from .aov_names import aov_bytes
     from .summary import summary
 
     width, height = description.resolution
-    needed = summary(description, settings.dicing_rate, images).memory_bytes + film_copies * FILM_BYTES * width * height
+    pixel_bytes = film_copies * FILM_BYTES + aov_bytes(description.aovs)
+    needed = summary(description, settings.dicing_rate, images).memory_bytes + pixel_bytes * width * height
     if needed > limit_bytes:
         sentence = f"the scene needs about {needed / 2**20:.0f} MiB, {limit_bytes / 2**20:.0f} MiB are allowed"
         raise LimitError(sentence, code="memory-limit")

@@ -82,6 +82,17 @@ nb::list texture_images(const Scene& scene) {
   return r;
 }
 
+// By placement: its group, its first instance, and the group that it stands in (0: the world); then the number of instances.
+nb::tuple placements_of(const Scene& scene) {
+  const size_t count = scene.placement_group.size();
+  std::vector<int32_t> parent(count);
+  for (size_t g = 0; g < scene.groups.size(); ++g)
+    for (uint32_t k = 0; k < scene.groups[g].placement_count; ++k) parent[scene.groups[g].placement_base + k] = int32_t(g);
+  return nb::make_tuple(to_numpy(std::vector(scene.placement_group), {count}),
+                        to_numpy(std::vector(scene.placement_instance), {count}), to_numpy(std::move(parent), {count}),
+                        scene.world_from_group.size() / 12);
+}
+
 // `light`: a Light of lighting.py.
 void add_light(SceneBuilder& b, int type, InArray<double> matrix, nb::handle light, InArray<float> texture) {
   const auto number = [&](const char* name) { return nb::cast<double>(light.attr(name)); };
@@ -131,6 +142,7 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("domes", [](const Scene& s) { return s.lights.domes.size(); })
       .def_prop_ro("has_lobe_factors", [](const Scene& s) { return s.lights.lobe_factors; })
       .def_prop_ro("resolution", [](const Scene& s) { return nb::make_tuple(s.camera.width, s.camera.height); })
+      .def_prop_ro("placements", &placements_of)
       .def_prop_ro("has_lens", [](const Scene& s) { return s.camera.lens_radius > 0; });
   nb::class_<SceneBuilder>(m, "SceneBuilder")
       .def("__init__", [](SceneBuilder* b, nb::handle origin, double scale) { new (b) SceneBuilder(dvec3_of(origin), scale); })
@@ -151,6 +163,9 @@ void bind_scene(nb::module_& m) {
       .def("add_mesh", &add_mesh)
       .def("add_sphere", [](SceneBuilder& b, double radius, int surface,
                             InArray<double> matrix) { return b.add_sphere(radius, surface, affine_of(matrix)); })
+      .def_prop_ro("mesh_rows", &SceneBuilder::mesh_rows)
+      .def_prop_ro("sphere_rows", &SceneBuilder::sphere_rows)
+      .def_prop_ro("placement_rows", &SceneBuilder::placement_rows)
       .def("reserve_triangles", &SceneBuilder::reserve_triangles)
       .def("reserve_instances", &SceneBuilder::reserve_instances)
       .def("begin_placement", &SceneBuilder::begin_placement)

@@ -32,6 +32,8 @@ class Context:
     told_apart: set[Any] = field(default_factory=set)  # paths of prims below which such a collection has members
     expressed: set[Any] = field(default_factory=set)  # paths of prims that bind a collection which is an expression
     primvars_read: frozenset[str] = frozenset()  # "primvars:NAME" of all that materials of the stage read
+    aov_primvars: tuple[str, ...] = ()  # that AOVs ask for, without their namespace
+    names_instances: bool = False  # an AOV asks for instances
     prototype_names: dict[str, str] = field(default_factory=dict)  # /__Prototype_N -> its first instance
 
     def shown(self, path: str) -> str:

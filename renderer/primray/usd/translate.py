@@ -13,6 +13,7 @@ from itertools import islice
 import numpy as np
 from pxr import Tf, Usd
 
+from ..aov_names import AovRequest, primvars_of, requests_of
 from ..description import (
     Camera,
     Doubles,
@@ -26,6 +27,7 @@ from ..description import (
 )
 from ..diagnostics import Diagnostics
 from ..placement import IDENTITY, MatrixInstances, chunks, rows_of_levels
+from ..scene_record import WIDE
 from ..settings import RenderSettings
 from .adapters.draw_mode import DRAW_MODES
 from .adapters.implicit import sphere, tessellated
@@ -34,6 +36,7 @@ from .adapters.mesh import mesh
 from .adapters.point_instancer import point_instances
 from .adapters.points import POINT, point_sphere
 from .adapters.render_settings import StageSettings, render_settings
+from .adapters.render_var import aovs_of_variables
 from .context import Context
 from .convert import square, squares
 from .default_light import default_lights
@@ -128,7 +131,10 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     stage_settings = render_settings(stage, settings_prims, diagnostics)
     ctx = _context(stage, settings, stage_settings, diagnostics)
     ctx.prototype_names = names
-    ctx.primvars_read = primvars_read(shaders, ctx)
+    aovs = _aovs(settings, stage_settings, diagnostics)
+    ctx.aov_primvars = primvars_of(aovs)
+    ctx.names_instances = any(request.source == "instance" for request in aovs)
+    ctx.primvars_read = primvars_read(shaders, ctx) | {f"primvars:{name}" for name in ctx.aov_primvars}
     camera_prim = select_camera(stage, ctx, stage_settings, cameras)
     kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
     groups = walk(ctx, kinds, point_instances)
@@ -151,13 +157,28 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
 
     camera, resolution = view_through(camera_prim, ctx, stage_settings, bounds)
     _add_default_lights(scene, camera, ctx)
-    return _describe(scene, ctx, camera, resolution)
+    _note_missing_primvars(scene, ctx)
+    return _describe(scene, ctx, camera, resolution, aovs)
 
 
 def _context(stage: Usd.Stage, settings: RenderSettings, wanted: StageSettings, diagnostics: Diagnostics) -> Context:
     when = when_of(stage, settings.time_code)
     purposes = settings.purposes if settings.purposes is not None else wanted.purposes
     return Context(stage, settings, when, purposes, wanted.material_purposes, diagnostics)
+
+
+def _aovs(settings: RenderSettings, wanted: StageSettings, diagnostics: Diagnostics) -> tuple[AovRequest, ...]:
+    """What the settings ask for, else what the stage's product orders."""
+    if settings.aovs is not None:
+        return requests_of(settings.aovs)
+    return aovs_of_variables(getattr(wanted, "variables", ()), diagnostics)
+
+
+def _note_missing_primvars(scene: _Scene, ctx: Context) -> None:
+    there = {p.name.removeprefix(WIDE) for owner in (*scene.shapes, *scene.placements) for p in owner.primvars}
+    for name in ctx.aov_primvars:
+        if name not in there:
+            ctx.warn("aov-empty", "", f"Nothing in the picture has primvars:{name}: its AOV is 0 everywhere.")
 
 
 def camera_paths(stage: Usd.Stage) -> list[str]:
@@ -288,19 +309,22 @@ def _emits(surface: Surface) -> bool:
     return any(surface.emissive_color) or any(name == "emissive_color" for name, _ in surface.inputs)
 
 
-def _describe(scene: _Scene, ctx: Context, camera: Camera, resolution: tuple[int, int]) -> SceneDescription:
+def _describe(
+    scene: _Scene, ctx: Context, camera: Camera, resolution: tuple[int, int], aovs: tuple[AovRequest, ...]
+) -> SceneDescription:
     return SceneDescription(
         tuple(scene.shapes),
         tuple(ctx.surfaces),
         tuple(scene.static),
         tuple(scene.prototypes),
-        without_unread(scene.placements, scene.prototypes, scene.shapes, tuple(ctx.surfaces)),
+        without_unread(scene.placements, scene.prototypes, scene.shapes, tuple(ctx.surfaces), ctx.aov_primvars),
         tuple(scene.lights),
         camera,
         resolution,
         up_axis(ctx.stage, ctx.diagnostics),
         meters_per_unit(ctx.stage, ctx.diagnostics),
         ctx.settings.time_code,
+        aovs,
     )
 
 
