@@ -7,26 +7,12 @@ variables (ray:hitP ...) and those of Omniverse.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Protocol
 
 from ...aov import data_type_of
 from ...aov_names import AOVS, LONGEST_NAME, PRIMVAR, AovRequest, check_names
 from ...diagnostics import Diagnostics
 from ...errors import SettingsError
-
-
-class Variable(Protocol):
-    @property
-    def path(self) -> str: ...
-    @property
-    def name(self) -> str: ...
-    @property
-    def data_type(self) -> str: ...
-    @property
-    def source_name(self) -> str: ...
-    @property
-    def source_type(self) -> str: ...
-
+from .render_product import RenderVariable
 
 # In the picture's own part, whatever they are called.
 BEAUTY = frozenset({"Ci", "C", "C.*", "color", "rgb", "rgba", "RGB", "RGBA", "beauty", "Beauty", "LdrColor", "HdrColor"})
@@ -54,7 +40,7 @@ LPE_BEAUTY = frozenset({"C.*", "C.*[LO]", "C.*<[LO].>", "C[.]*[LO]", "C.*[<L.>O]
 LPE_EMISSION = frozenset({"C[LO]", "C<[LO].>", "C[<L.>O]"})
 
 
-def aovs_of_variables(variables: Iterable[Variable], diagnostics: Diagnostics) -> tuple[AovRequest, ...]:
+def aovs_of_variables(variables: Iterable[RenderVariable], diagnostics: Diagnostics) -> tuple[AovRequest, ...]:
     """Those of a product, in order; what the picture holds anyway needs none, what cannot be had is noted."""
     found: dict[str, AovRequest] = {}
     for request, path in _requests(variables, diagnostics):
@@ -65,7 +51,7 @@ def aovs_of_variables(variables: Iterable[Variable], diagnostics: Diagnostics) -
     return tuple(found.values())
 
 
-def _requests(variables: Iterable[Variable], diagnostics: Diagnostics) -> Iterator[tuple[AovRequest, str]]:
+def _requests(variables: Iterable[RenderVariable], diagnostics: Diagnostics) -> Iterator[tuple[AovRequest, str]]:
     for var in variables:
         source = _source(var, diagnostics)
         if source is not None:
@@ -77,7 +63,7 @@ def _requests(variables: Iterable[Variable], diagnostics: Diagnostics) -> Iterat
             yield AovRequest(var.name, source, data_type), var.path
 
 
-def _source(var: Variable, diagnostics: Diagnostics) -> str | None:
+def _source(var: RenderVariable, diagnostics: Diagnostics) -> str | None:
     """None where the picture has it, or nothing has."""
     name = var.source_name or var.name  # "an output of this name": without one, the variable's own says what it is
     if var.source_type == "primvar":
@@ -102,7 +88,7 @@ def _source(var: Variable, diagnostics: Diagnostics) -> str | None:
     return None
 
 
-def _primvar(name: str, var: Variable, diagnostics: Diagnostics) -> str | None:
+def _primvar(name: str, var: RenderVariable, diagnostics: Diagnostics) -> str | None:
     source = PRIMVAR + name
     try:
         check_names([source])
