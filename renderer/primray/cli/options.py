@@ -159,17 +159,23 @@ def purposes_of(text: str | None) -> tuple[str, ...] | None:
     return None if text is None else tuple(name.strip() for name in text.split(",") if name.strip())
 
 
-def aovs_of(texts: list[str] | None, outputs: Sequence[str]) -> tuple[str, ...] | None:
+def aovs_for(texts: list[str] | None, outputs: Sequence[str]) -> tuple[str, ...] | None:
     """None: as the stage's product says, unless no output could hold them."""
-    can_hold = any(name.lower().endswith(".exr") for name in outputs)
+    chosen = aovs_of(texts)
+    if any(name.lower().endswith(".exr") for name in outputs):
+        return chosen
+    if chosen:
+        raise SettingsError("--aov writes parts of an EXR, and no output is one: name one with -o", code="aov-output")
+    return ()
+
+
+def aovs_of(texts: list[str] | None) -> tuple[str, ...] | None:
+    """None: as the stage's product says."""
     if texts is None:
-        return None if can_hold else ()
+        return None
     names = tuple(name.strip() for text in texts for name in text.split(",") if name.strip())
     chosen = tuple(AOVS) if "all" in names else ()
-    chosen += tuple(name for name in names if name not in ("all", "none", *chosen))
-    if chosen and not can_hold:
-        raise SettingsError("--aov writes parts of an EXR, and no output is one: name one with -o", code="aov-output")
-    return chosen
+    return chosen + tuple(name for name in names if name not in ("all", "none", *chosen))
 
 
 def sample_range_of(text: str | None) -> tuple[int, int] | None:

@@ -109,7 +109,7 @@ def render(
             load=options.load_of(no_payloads, load),
             mask=options.mask_of(mask),
             session_layer=session_layer,
-            aovs=options.aovs_of(aovs, names),
+            aovs=options.aovs_for(aovs, names),
             strict=strict,
             max_memory_bytes=options.bytes_of(max_memory),
             dicing_rate=dicing_rate,

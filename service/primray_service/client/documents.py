@@ -22,9 +22,9 @@ class StopRules(TypedDict, total=False):
 
 class Settings(TypedDict, total=False):
     camera: str | None
-    render_settings: str | None  # these three: only None, ["beauty"] and [] so far
+    render_settings: str | None  # these two: only None and ["beauty"] so far
     products: list[str]
-    aovs: list[str]
+    aovs: list[str] | None
     frames: str | None
     resolution: tuple[int, int] | None
     stop: StopRules
