@@ -59,6 +59,7 @@ class Placed:
 
     shape: int
     matrix: Doubles  # (4, 4)
+    instance: str = ""  # what the instance is called that it is the only one of; where an AOV asks for instances
 
 
 @dataclass(frozen=True)

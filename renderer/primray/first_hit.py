@@ -17,8 +17,8 @@ from .scene_record import WIDE, SceneRecord
 from .settings import RenderSettings
 
 MOST_NUMBERS = 2**32 - 1
-# The core's planes are called as the AOVs; these are made of another, or of none.
-_MADE_OF = {"camera_normal": "normal", "samples": "", "st": ""}
+# The core's planes are called as the AOVs; these are made of others, or of none.
+_MADE_OF: dict[str, tuple[str, ...]] = {"camera_normal": ("normal",), "samples": (), "instance": ("instance", "prim")}
 
 
 def aovs_of(
@@ -33,8 +33,8 @@ def aovs_of(
     assert record is not None
     primvars = [name for name in primvars_of(requests) if record.width_of(name)]
     wanted = [(record.primvar_names[n], record.primvar_names[WIDE + n], record.width_of(n)) for n in primvars]
-    planes = dict.fromkeys(_MADE_OF.get(r.source, r.source) for r in requests if not r.source.startswith("primvar:"))
-    found = core.first_hits(scene, [name for name in planes if name], wanted, settings)
+    planes = dict.fromkeys(p for r in requests if primvar_of(r.source) is None for p in _MADE_OF.get(r.source, (r.source,)))
+    found = core.first_hits(scene, list(planes), wanted, settings)
     found |= {f"primvar:{name}": values for name, values in zip(primvars, found["primvars"], strict=True)}
     made: dict[str, Aov] = {}
     ids = _Ids(scene, record)
@@ -82,13 +82,9 @@ class _Ids:
         self._record = record
 
     def prim(self, found: dict[str, Any]) -> tuple[Values, dict[int, str]]:
-        rows, record = found["prim"], self._record
+        record = self._record
         numbers, paths = _numbered(record.shape_paths)
-        meshes = numbers[np.array(record.mesh_shapes, np.int64)]
-        spheres = numbers[np.array(record.sphere_shapes, np.int64)]
-        ids = np.zeros(rows.shape, np.uint32)
-        ids[rows >= 0] = meshes[rows[rows >= 0]]
-        ids[rows <= -2] = spheres[-2 - rows[rows <= -2]]
+        ids = _of_rows(found["prim"], *([numbers[shape] for shape, _ in rows] for rows in (record.meshes, record.spheres)))
         return ids, _seen(ids, lambda n: paths[n - 1])
 
     def material(self, found: dict[str, Any]) -> tuple[Values, dict[int, str]]:
@@ -99,12 +95,26 @@ class _Ids:
         return ids, _seen(ids, lambda n: paths[n - 1])
 
     def instance(self, found: dict[str, Any]) -> tuple[Values, dict[int, str]]:
-        instances = self._scene.instance_numbers
+        """After those that the core has: instances of which there is one alone, whose shapes stand in the world themselves."""
+        instances, record = self._scene.instance_numbers, self._record
         _, most = instances.bases()
-        if most > MOST_NUMBERS:
+        alone, names = _numbered([name for rows in (record.meshes, record.spheres) for _, name in rows])
+        if most + len(names) > MOST_NUMBERS:
             raise LimitError(f"{most} instances are more than an AOV's 32 bits can number", code="aov-instances")
         ids = instances.number(found["instance"], found.get("outer"))
-        return ids, _seen(ids, instances.name)
+        if names:
+            numbers = np.where(alone > 0, alone + np.uint32(most), 0)
+            at = len(record.meshes)
+            ids = np.where(ids > 0, ids, _of_rows(found["prim"], numbers[:at], numbers[at:]))
+        return ids, _seen(ids, lambda n: instances.name(n) if n <= most else names[n - most - 1])
+
+
+def _of_rows(rows: Values, meshes: Sequence[int] | Values, spheres: Sequence[int] | Values) -> Values:
+    """The numbers of the core's rows of meshes and spheres, 0 where it saw none."""
+    ids = np.zeros(rows.shape, np.uint32)
+    ids[rows >= 0] = np.asarray(meshes, np.uint32)[rows[rows >= 0]]
+    ids[rows <= -2] = np.asarray(spheres, np.uint32)[-2 - rows[rows <= -2]]
+    return ids
 
 
 def _numbered(paths: Sequence[str]) -> tuple[npt.NDArray[np.uint32], list[str]]:

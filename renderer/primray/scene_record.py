@@ -20,15 +20,16 @@ class SceneRecord:
 
     shape_paths: list[str] = field(default_factory=list)
     surface_paths: list[str] = field(default_factory=list)
-    mesh_shapes: list[int] = field(default_factory=list)  # by the core's row: number of the shape
-    sphere_shapes: list[int] = field(default_factory=list)
+    # By the core's row: number of the shape, and the instance's name where it stands in the world as the only one.
+    meshes: list[tuple[int, str]] = field(default_factory=list)
+    spheres: list[tuple[int, str]] = field(default_factory=list)
     # By the core's placement: its levels' names, and the rows that it has, or None for all.
     placements: list[tuple[Levels, Numbers | None]] = field(default_factory=list)
     primvar_names: dict[str, int] = field(default_factory=dict)  # the core's number of each
     primvar_widths: dict[str, int] = field(default_factory=dict)  # the widest of any shape
 
-    def note_shape(self, rows: list[int], shape: int, end: int) -> None:
-        rows.extend([shape] * (end - len(rows)))
+    def note_shape(self, rows: list[tuple[int, str]], shape: int, instance: str, end: int) -> None:
+        rows.extend([(shape, instance)] * (end - len(rows)))
 
     def note_primvar(self, name: str, width: int) -> None:
         self.primvar_widths[name] = max(self.primvar_widths.get(name, 0), width)

@@ -67,25 +67,25 @@ class ShapeUpload:
             shape = self._shapes[p.shape]
             if isinstance(shape, Mesh):
                 self._add_part(shape, matrix(p.matrix), near.get(i), cutout=False)
-                self._note_mesh(p.shape)
+                self._note_mesh(p)
             elif not isinstance(shape, Sphere):
                 raise ValueError(f"{shape.path} is not diced")
             elif i not in near:
                 self._add_sphere(shape, matrix(p.matrix))
-                self._note_sphere(p.shape)
+                self._note_sphere(p)
         for i, p in enumerate(placed) if self._cutout.any() else []:
             shape = self._shapes[p.shape]
             if isinstance(shape, Mesh):
                 self._add_part(shape, matrix(p.matrix), near.get(i), cutout=True)
-                self._note_mesh(p.shape)
+                self._note_mesh(p)
 
-    def _note_mesh(self, shape: int) -> None:
+    def _note_mesh(self, placed: Placed) -> None:
         if self._record is not None:
-            self._record.note_shape(self._record.mesh_shapes, shape, self._builder.mesh_rows)
+            self._record.note_shape(self._record.meshes, placed.shape, placed.instance, self._builder.mesh_rows)
 
-    def _note_sphere(self, shape: int) -> None:
+    def _note_sphere(self, placed: Placed) -> None:
         if self._record is not None:
-            self._record.note_shape(self._record.sphere_shapes, shape, self._builder.sphere_rows)
+            self._record.note_shape(self._record.spheres, placed.shape, placed.instance, self._builder.sphere_rows)
 
     def _near(self, placed: Sequence[Placed], center: Doubles, scale: float) -> dict[int, Flags]:
         """By number, of shapes that are too far away in part: the triangles that are not. Notes what is."""

@@ -35,14 +35,14 @@ def stage_of(text: str, place: Sequence[float] = (0, 0, 6), turn: Sequence[float
 
 @dataclass(frozen=True)
 class Ball:
-    center: Sequence[float]
+    center: Sequence[float] | Doubles
     radius: float
 
 
 @dataclass(frozen=True)
 class Box:
-    low: Sequence[float]
-    high: Sequence[float]
+    low: Sequence[float] | Doubles
+    high: Sequence[float] | Doubles
 
 
 @dataclass(frozen=True)

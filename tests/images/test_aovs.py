@@ -119,10 +119,7 @@ def test_far_from_the_worlds_origin_only_the_distance_to_the_camera_counts(offse
     text = moved + '\n    uniform token[] xformOpOrder = ["xformOp:translate"]\n' + BODIES + "}\n"
     image = picture(stage_of(text, tuple(at + (1, 0.5, 6)), (-5, 9, 3)), PLACES)
     assert image.camera is not None
-    shapes = [
-        Ball(s.center + at, s.radius) if isinstance(s, Ball) else Box(s.low + at, s.high + at)  # type: ignore[operator]
-        for s in SHAPES
-    ]
+    shapes = [Ball(at + s.center, s.radius) if isinstance(s, Ball) else Box(at + s.low, at + s.high) for s in SHAPES]
     seen = look(image.camera, SIZE, shapes)
     assert image.aovs["position"].values.dtype == np.float64
     check_places(image, seen, SIZE, 12.0)

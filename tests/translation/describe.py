@@ -16,7 +16,7 @@ from primray.diagnostics import Diagnostic
 
 LONGEST = 36  # longer arrays are summarised
 # Named only where they differ from their defaults.
-SPARSE = frozenset({"primvars", "inputs", "tiles", "opacity_threshold", "names", "aovs"})
+SPARSE = frozenset({"primvars", "inputs", "tiles", "opacity_threshold", "names", "instance", "aovs"})
 SPARSE |= {"shaping", "shadow", "light_link", "shadow_link", "visible_to_camera"}
 
 

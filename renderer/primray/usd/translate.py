@@ -26,7 +26,8 @@ from ..description import (
     Surface,
 )
 from ..diagnostics import Diagnostics
-from ..placement import IDENTITY, MatrixInstances, chunks, rows_of_levels
+from ..instance_names import name_of
+from ..placement import IDENTITY, MatrixInstances, chunks, named_levels, rows_of_levels
 from ..scene_record import WIDE
 from ..settings import RenderSettings
 from .adapters.draw_mode import DRAW_MODES
@@ -234,6 +235,7 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
     if count == 0:
         return
     once = square(next(chunks(chains[0]))[0]) if count == 1 and not rows_of_levels(chains[0]) else None
+    alone = "" if once is None or not ctx.names_instances else name_of(named_levels(chains[0]), 0)
     members: list[Placed] = []
     leaves, group.leaves = group.leaves[::-1], []
     matrices = squares([leaf.gf_matrix for leaf in leaves])
@@ -247,7 +249,7 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
         elif leaf.type_name in LIGHTS:
             _add_lights(scene, leaf, chains, count, ctx)
         elif (shape := _shape(leaf, ctx)) is not None:
-            members.append(Placed(len(scene.shapes), placed[len(leaves)]))
+            members.append(Placed(len(scene.shapes), placed[len(leaves)], alone))
             scene.shapes.append(shape)
     if once is not None:
         scene.static += members
