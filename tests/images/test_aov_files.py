@@ -50,7 +50,8 @@ def ordered(*variables: tuple[str, ...]) -> str:
 
 def parts(path: Path) -> dict[str, Any]:
     """By part: its ImageSpec and its values as they are stored."""
-    file, found, number = oiio.ImageInput.open(str(path)), {}, 0
+    file: Any = oiio.ImageInput.open(str(path))
+    found, number = {}, 0
     while file.seek_subimage(number, 0):
         spec = file.spec(number)
         found[spec.get_string_attribute("oiio:subimagename")] = (spec, file.read_image(number, 0, 0, spec.nchannels, oiio.UNKNOWN))
@@ -96,7 +97,7 @@ def test_who_reads_the_picture_alone_finds_it(tmp_path: Path) -> None:
 
 def test_without_aovs_a_file_has_one_part_as_ever(tmp_path: Path) -> None:
     path = picture(stage_of(BODIES), ()).save(tmp_path / "a.exr")
-    file = oiio.ImageInput.open(str(path))
+    file: Any = oiio.ImageInput.open(str(path))
     assert not file.seek_subimage(1, 0)
     assert not file.spec(0).get_string_attribute("oiio:subimagename")
     assert read_aovs(path) == {}
