@@ -119,7 +119,7 @@ class CoreScene:
     ) -> None:
         self._scene = scene
         self.record = record  # where AOVs are asked for
-        self.resolution = resolution
+        self.resolution = resolution  # of the film
         self._exposure_scale = exposure_scale
         self.warnings = warnings  # code, prim path, message
 
@@ -153,6 +153,8 @@ class CoreScene:
             (s.emitters > 0, "emitting geometry sampled as lights", f"{s.emitters} shapes emit"),
             (s.has_thin, "see-through shadows", "a surface lets light straight through"),
             (s.has_lens, "thin lens", "the camera has an fStop and a focus distance"),
+            (s.has_clipping_planes, "clipping planes", "the camera has clippingPlanes"),
+            (s.has_shutter, "ray times", "the camera's shutter is open for a while"),
             (s.domes > 0, "dome", "the scene has a DomeLight"),
             (s.has_lobe_factors, "lobe factors", "a light's diffuse or specular multiplier is not 1"),
             (s.sampled_lights > 0, f"light sampling ({s.sampled_lights})", "lights that are sampled at every vertex"),
@@ -285,7 +287,7 @@ def build(
         scene, warnings = upload(module(), description, textures, width, inverse_cdf(settings.filter, width), shapes, record)
     except module().CoreError as error:
         _raise(error)
-    return CoreScene(scene, description.camera.exposure_scale, warnings, description.resolution, record)
+    return CoreScene(scene, description.camera.exposure_scale, warnings, description.frame.size, record)
 
 
 def threads(settings: RenderSettings) -> int:

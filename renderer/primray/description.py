@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .aov_names import AovRequest
+from .frame import Frame, PixelWindow, whole_frame
 from .geometry import Doubles, Floats, Interpolation, Ints, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
 from .lighting import IesProfile, Light, LightType, Shadow, Shaping
 from .placement import Instances, MatrixInstances, Placement, PointInstances
@@ -24,6 +25,7 @@ __all__ = [
     "Camera",
     "Doubles",
     "Floats",
+    "Frame",
     "IesProfile",
     "Input",
     "Instances",
@@ -33,6 +35,7 @@ __all__ = [
     "LightType",
     "MatrixInstances",
     "Mesh",
+    "PixelWindow",
     "Placed",
     "Placement",
     "PointInstances",
@@ -82,7 +85,7 @@ class Projection(Enum):
 @dataclass(frozen=True)
 class Camera:
     """Looks along -Z of its frame, +Y up. `window` = (left, right, bottom, top) at unit distance (perspective) or in
-    scene units (orthographic), already conformed to the image's aspect ratio."""
+    scene units (orthographic), already conformed to the image's aspect ratio: what the whole frame shows."""
 
     path: str  # "" for the automatic one
     world_from_camera: Doubles  # (4, 4), rigid
@@ -92,6 +95,11 @@ class Camera:
     lens_radius: float = 0.0  # scene units; 0: pinhole
     focus_distance: float = 0.0  # scene units, along -Z
     exposure_scale: float = 1.0  # multiplies the image
+    # Sides of the lens, a regular polygon whose corners lie on the circle of `lens_radius`; 0: the circle.
+    blades: int = 0
+    blade_rotation_deg: float = 0.0  # of a corner from +X, towards +Y
+    clipping_planes: tuple[tuple[float, float, float, float], ...] = ()  # a x + b y + c z + d < 0 is cut off, camera space
+    shutter: tuple[float, float] = (0.0, 0.0)  # opens and closes, in time codes from the frame on; equal: an instant
 
     def project(self, points: npt.ArrayLike, resolution: tuple[int, int]) -> Doubles:
         """Pixel positions (N, 2), x right and y down from the upper left corner, of world `points` (N, 3).
@@ -124,3 +132,11 @@ class SceneDescription:
     meters_per_unit: float
     time_code: float | None  # None: USD's default time
     aovs: tuple[AovRequest, ...] = ()
+    pixels: PixelWindow | None = None  # those that are rendered; None: the whole of `resolution`
+    pixel_aspect_ratio: float = 1.0
+
+    @property
+    def frame(self) -> Frame:
+        if self.pixels is None:
+            return whole_frame(*self.resolution, self.pixel_aspect_ratio)
+        return Frame(self.resolution, self.pixels, self.pixel_aspect_ratio)

@@ -24,7 +24,7 @@ TextureSet = Mapping[TextureFile, Sequence[tuple[int, Texture]]]
 
 
 def fingerprint(description: SceneDescription, textures: TextureSet) -> dict[str, str]:
-    """Digests by what an error can name: geometry, materials, lights and camera."""
+    """Digests by what an error can name: geometry, materials, lights, camera and the frame that is rendered."""
     d = description
     digests = _Digests(textures)
     parts = {
@@ -32,6 +32,7 @@ def fingerprint(description: SceneDescription, textures: TextureSet) -> dict[str
         "materials": d.surfaces,
         "lights": d.lights,
         "camera": d.camera,
+        "frame": (d.pixels, d.pixel_aspect_ratio),
     }
     return {name: digests.of(part) for name, part in parts.items()}
 

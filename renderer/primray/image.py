@@ -16,7 +16,7 @@ import numpy as np
 from . import color
 from .aov import Aov
 from .aov_parts import parts_of
-from .description import Camera, Doubles, Floats, Projection
+from .description import Camera, Doubles, Floats, Frame, Projection
 from .errors import PrimrayError, SettingsError
 from .image_error import last_error
 
@@ -38,6 +38,7 @@ class Image:
     # (H, W, 3) standard errors of R, G, B, read-only; inf where a pixel has too few samples to tell. One degree of freedom
     # each: their squares are to be averaged over pixels before they are relied on.
     errors: Floats | None = None
+    frame: Frame | None = None  # where the pixels lie; None: they are the whole
     aovs: Mapping[str, Aov] = field(default_factory=dict)  # outputs beside the picture; an EXR holds each as a part
 
     def __post_init__(self) -> None:
@@ -55,9 +56,12 @@ class Image:
         for name, aov in self.aovs.items():
             if aov.values.shape[:2] != pixels.shape[:2]:
                 raise ValueError(f"{name} of shape {aov.values.shape} does not go with pixels of shape {pixels.shape}")
+        if self.frame is not None and self.frame.size != self.resolution:
+            raise ValueError(f"pixels of shape {pixels.shape} do not fill {self.frame}")
 
     @property
     def resolution(self) -> tuple[int, int]:
+        """Of the pixels that are there; `frame` says of which whole."""
         return self.pixels.shape[1], self.pixels.shape[0]
 
     def save(
@@ -157,8 +161,8 @@ def _write_exr(image: Image, path: str) -> None:
         channels, values = channels + ERROR_CHANNELS, np.concatenate([image.pixels, image.errors], axis=2)
     spec = oiio.ImageSpec(width, height, len(channels), oiio.FLOAT)
     spec.channelnames = channels
+    _place(spec, image.frame)
     spec.attribute("compression", "zip")
-    spec.attribute("PixelAspectRatio", 1.0)
     spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
     for name, value in image.metadata.items():
         fits = not isinstance(value, int) or -(2**31) <= value < 2**31
@@ -168,6 +172,15 @@ def _write_exr(image: Image, path: str) -> None:
         spec.attribute("worldtocamera", oiio.TypeMatrix, _row_vector_floats(camera_matrix))
         spec.attribute("worldtoNDC", oiio.TypeMatrix, _row_vector_floats(ndc_matrix))
     _write(path, spec, values, image.aovs)
+
+
+def _place(spec: Any, frame: Frame | None) -> None:
+    """Data and display window, and the shape of a pixel."""
+    spec.attribute("PixelAspectRatio", 1.0 if frame is None else frame.pixel_aspect_ratio)
+    if frame is not None:
+        spec.x, spec.y = frame.pixels.x, frame.pixels.y
+        spec.full_x = spec.full_y = 0
+        spec.full_width, spec.full_height = frame.resolution
 
 
 def exr_matrices(camera: Camera) -> tuple[Doubles, Doubles]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .description import Floats
+from .description import Floats, Frame, PixelWindow
 from .errors import SettingsError
 from .image_error import last_error
 
@@ -28,6 +28,7 @@ class MeasuredImage:
     stderr: Floats | None  # (H, W, 3); +inf: no estimate. None: the picture is taken as exact
     metadata: Mapping[str, Any] = field(default_factory=dict)  # the header's primray:<name>, by name
     name: str = ""
+    frame: Frame | None = None  # where the pixels lie; None: they are the whole
 
     @property
     def resolution(self) -> tuple[int, int]:
@@ -87,7 +88,13 @@ def read_image(path: str | os.PathLike[str]) -> MeasuredImage:
         }
     finally:
         file.close()
-    return _measured(values, channels, metadata, name)
+    return replace(_measured(values, channels, metadata, name), frame=_frame(spec))
+
+
+def _frame(spec: Any) -> Frame:
+    """The display window's corner need not be at 0, as those written here are."""
+    pixels = PixelWindow(spec.x - spec.full_x, spec.y - spec.full_y, spec.width, spec.height)
+    return Frame((spec.full_width, spec.full_height), pixels, spec.get_float_attribute("PixelAspectRatio", 1.0))
 
 
 def _measured(values: np.ndarray[Any, Any], channels: tuple[str, ...], metadata: Mapping[str, Any], name: str) -> MeasuredImage:

@@ -49,7 +49,7 @@ def merge(paths: Sequence[Path]) -> Merged:
     report = make_report(sampling, costs, about.counts, diagnostics, says, pixels_sha256(pixels))
     metadata = header_of(report)
     report |= {"parts": [str(path) for path in paths], "sample_ranges": [list(r) for r in ranges]}
-    image = Image(pixels, report, metadata, about.camera, errors=errors)
+    image = Image(pixels, report, metadata, about.camera, errors=errors, frame=about.frame)
     header, arrays = contents(sampling, about)
     return Merged(image, header | {"ranges": [list(r) for r in ranges]}, arrays)
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from .aov_names import AovRequest
     from .checkpointing import Checkpointing
     from .composition import Composition
-    from .description import Camera, SceneDescription, TextureFile
+    from .description import Camera, Frame, SceneDescription, TextureFile
     from .diagnostics import Diagnostics
     from .image import Image
     from .report import Costs
@@ -133,7 +133,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels))
     report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
-    return Image(pixels, report, header_of(report), prepared.camera, errors=errors, aovs=aovs)
+    return Image(pixels, report, header_of(report), prepared.camera, errors=errors, frame=prepared.frame, aovs=aovs)
 
 
 def find_aovs(prepared: Prepared, sampling: Sampling, costs: Costs) -> dict[str, Aov]:
@@ -154,6 +154,7 @@ class Prepared:
     settings: RenderSettings
     counts: dict[str, int]
     camera: Camera
+    frame: Frame
     fingerprint: dict[str, str]  # empty unless it was asked for
     aovs: tuple[AovRequest, ...] = ()
 
@@ -196,7 +197,7 @@ def prepare(
         diagnostics.add(code, path, message)
     if settings.strict:
         diagnostics.raise_if_strict()
-    return Prepared(scene, settings, counted, description.camera, digests, description.aovs)
+    return Prepared(scene, settings, counted, description.camera, description.frame, digests, description.aovs)
 
 
 def core_says(scene: core.CoreScene) -> dict[str, Any]:
@@ -255,7 +256,7 @@ def check_memory(
     from .aov_names import aov_bytes
     from .summary import summary
 
-    width, height = description.resolution
+    width, height = description.frame.size
     pixel_bytes = film_copies * FILM_BYTES + aov_bytes(description.aovs)
     needed = summary(description, settings.dicing_rate, images).memory_bytes + pixel_bytes * width * height
     if needed > limit_bytes:

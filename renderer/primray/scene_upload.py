@@ -14,6 +14,7 @@ from .description import (
     Camera,
     Doubles,
     Floats,
+    Frame,
     LightType,
     Mesh,
     Placement,
@@ -87,7 +88,7 @@ def upload(
     for light in d.lights:
         number = LIGHT_NUMBERS[light.type]
         builder.add_light(number, matrix(light.world_from_light), light, dome_pixels(light.texture, textures))
-    set_camera(builder, d.camera, d.resolution, filter_width, filter_inverse_cdf)
+    set_camera(builder, d.camera, d.frame, filter_width, filter_inverse_cdf)
     inputs.add_images()
     shapes.clear()
     scene = builder.finish()
@@ -158,10 +159,9 @@ def add_placement(
     return np.concatenate(left_out)
 
 
-def set_camera(
-    builder: Any, c: Camera, resolution: tuple[int, int], filter_width: float, inverse_cdf: npt.NDArray[np.float32]
-) -> None:
+def set_camera(builder: Any, c: Camera, frame: Frame, filter_width: float, inverse_cdf: npt.NDArray[np.float32]) -> None:
     near, far = c.clipping_range
+    pixels = frame.pixels
     builder.set_camera(
         matrix(c.world_from_camera),
         c.projection is Projection.ORTHOGRAPHIC,
@@ -170,7 +170,12 @@ def set_camera(
         far,
         c.lens_radius,
         c.focus_distance,
-        *resolution,
+        c.blades,
+        c.blade_rotation_deg,
+        np.array(c.clipping_planes, np.float64).ravel(),
+        c.shutter[0] < c.shutter[1],
+        *frame.resolution,
+        (pixels.x, pixels.y, pixels.width, pixels.height),
         filter_width,
         inverse_cdf,
     )

@@ -29,6 +29,7 @@ from primray.description import (
     Doubles,
     Interpolation,
     LightType,
+    PixelWindow,
     Placed,
     PrimvarInput,
     Prototype,
@@ -85,6 +86,23 @@ def materials() -> Described:
         light(LightType.RECT, translation(0, 2, 0) @ rotation([1, 0, 0], -90)),
     ]
     return describe(shapes, SURFACES, lights, perspective(VIEW, 0.4, ASPECT), RESOLUTION, dome_texture=texture)
+
+
+def through_a_camera() -> Described:
+    """Everything that a camera can have: blades, planes that clip, an open shutter, a window that reaches beyond the frame."""
+    scene = materials()
+    planes = ((0.3, 1.0, 0.2, 1.0), (0.0, 0.0, 1.0, 4.5))
+    eye = replace(
+        scene.description.camera,
+        lens_radius=0.05,
+        focus_distance=3.0,
+        blades=5,
+        blade_rotation_deg=20.0,
+        clipping_planes=planes,
+        shutter=(-0.2, 0.3),
+    )
+    pixels = PixelWindow(-7, -3, RESOLUTION[0] + 9, RESOLUTION[1] + 2)
+    return replace(scene, description=replace(scene.description, camera=eye, pixels=pixels))
 
 
 def instances() -> Described:
@@ -260,6 +278,7 @@ SCENES: dict[str, Callable[[], Described]] = {
     "grouped": grouped,
     "smooth, lens": smooth,
     "orthographic": from_above,
+    "blades, planes, shutter": through_a_camera,
     "emitters": emitters,
     "textures": textured,
 }

@@ -18,7 +18,7 @@ struct FirstHits {
 void make(FirstHits* self, const Scene& scene, nb::list names, nb::list primvars) {
   new (self) FirstHits{scene, {}};
   FirstHitPlanes& p = self->planes;
-  const size_t pixels = size_t(scene.camera.width) * scene.camera.height;
+  const size_t pixels = size_t(scene.camera.pixels.width) * scene.camera.pixels.height;
   for (nb::handle each : names) {
     const std::string name = nb::cast<std::string>(each);
     if (name == "depth") p.depth.resize(pixels);
@@ -46,7 +46,7 @@ void make(FirstHits* self, const Scene& scene, nb::list names, nb::list primvars
 // The planes, which are gone afterwards.
 nb::dict take(FirstHits& self) {
   FirstHitPlanes& p = self.planes;
-  const size_t h = size_t(self.scene.camera.height), w = size_t(self.scene.camera.width);
+  const size_t h = size_t(self.scene.camera.pixels.height), w = size_t(self.scene.camera.pixels.width);
   nb::dict d;
   const auto add = [&](const char* name, auto& plane, size_t channels) {
     if (!plane.empty()) d[name] = to_numpy(std::move(plane), {h, w, channels});

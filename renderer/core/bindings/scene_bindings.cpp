@@ -141,8 +141,11 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("sampled_lights", [](const Scene& s) { return s.lights.count; })
       .def_prop_ro("domes", [](const Scene& s) { return s.lights.domes.size(); })
       .def_prop_ro("has_lobe_factors", [](const Scene& s) { return s.lights.lobe_factors; })
-      .def_prop_ro("resolution", [](const Scene& s) { return nb::make_tuple(s.camera.width, s.camera.height); })
       .def_prop_ro("placements", &placements_of)
+      .def_prop_ro("resolution",  // of its films
+                   [](const Scene& s) { return nb::make_tuple(s.camera.pixels.width, s.camera.pixels.height); })
+      .def_prop_ro("has_clipping_planes", [](const Scene& s) { return !s.camera.clipping_planes.empty(); })
+      .def_prop_ro("has_shutter", [](const Scene& s) { return s.camera.shutter_open; })
       .def_prop_ro("has_lens", [](const Scene& s) { return s.camera.lens_radius > 0; });
   nb::class_<SceneBuilder>(m, "SceneBuilder")
       .def("__init__", [](SceneBuilder* b, nb::handle origin, double scale) { new (b) SceneBuilder(dvec3_of(origin), scale); })
@@ -177,18 +180,22 @@ void bind_scene(nb::module_& m) {
            })
       .def("end_placement", &SceneBuilder::end_placement)
       .def("add_light", &add_light)
-      .def(
-          "set_camera",
-          [](SceneBuilder& b, InArray<double> matrix, bool orthographic, nb::handle window, double near, double far,
-             double lens_radius, double focus_distance, int width, int height, float filter_width, InArray<float> inverse_cdf) {
-            CameraInput c;
-            c.world_from_camera = affine_of(matrix), c.orthographic = orthographic;
-            for (int i = 0; i < 4; ++i) c.window[i] = nb::cast<double>(window[i]);
-            c.near = near, c.far = far, c.lens_radius = lens_radius, c.focus_distance = focus_distance, c.width = width,
-            c.height = height;
-            c.filter_width = filter_width, c.filter_inverse_cdf = span_of(inverse_cdf);
-            b.set_camera(c);
-          })
+      .def("set_camera",
+           [](SceneBuilder& b, InArray<double> matrix, bool orthographic, nb::handle window, double near, double far,
+              double lens_radius, double focus_distance, int blades, double blade_rotation_deg, InArray<double> clipping_planes,
+              bool shutter_open, int width, int height, nb::handle pixels, float filter_width, InArray<float> inverse_cdf) {
+             CameraInput c;
+             c.world_from_camera = affine_of(matrix), c.orthographic = orthographic;
+             for (int i = 0; i < 4; ++i) c.window[i] = nb::cast<double>(window[i]);
+             c.near = near, c.far = far, c.lens_radius = lens_radius, c.focus_distance = focus_distance, c.width = width,
+             c.height = height;
+             const auto side = [&](int i) { return nb::cast<int>(pixels[i]); };
+             c.pixels = {side(0), side(1), side(2), side(3)};
+             c.blades = blades, c.blade_rotation_deg = blade_rotation_deg, c.shutter_open = shutter_open;
+             c.clipping_planes = span_of(clipping_planes);
+             c.filter_width = filter_width, c.filter_inverse_cdf = span_of(inverse_cdf);
+             b.set_camera(c);
+           })
       .def("finish", &SceneBuilder::finish, nb::call_guard<nb::gil_scoped_release>());
 }
 

@@ -45,7 +45,7 @@ Run run_of(int lanes) {
 
 void find_first_hits(const Scene& scene, int lanes, int threads, int first_row, int end_row, FirstHitPlanes& planes) {
   const Run run_tile = run_of(lanes);
-  const int width = scene.camera.width, end = std::min(end_row, scene.camera.height);
+  const int width = scene.camera.pixels.width, end = std::min(end_row, scene.camera.pixels.height);
   const int across = (width + kTile - 1) / kTile, down = (std::max(end - first_row, 0) + kTile - 1) / kTile;
   std::atomic<int> next{0};
   const auto work = [&] {

@@ -43,7 +43,7 @@ struct FirstHitPlanes {
   bool wants_filtered() const { return !(albedo.empty() && emission.empty()); }
 };
 
-// Fills the pixels of rows [first_row, end_row) on threads, W = `lanes` rays at a time; no bit depends on either.
+// Fills the pixels of the film's rows [first_row, end_row) on threads, W = `lanes` rays at a time; no bit depends on either.
 void find_first_hits(const Scene& scene, int lanes, int threads, int first_row, int end_row, FirstHitPlanes& planes);
 
 }  // namespace primray

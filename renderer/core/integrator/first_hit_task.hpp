@@ -52,7 +52,7 @@ class FirstHitTask {
         x[i] = r.x0 + k % width, y[i] = r.y0 + k / width;
       }
       const F half(0.5f), zero(0.0f);
-      const CameraRay<W> ray = center_.ray<W>(load<W>(x), load<W>(y), half, half, zero, zero);
+      const CameraRay<W> ray = center_.ray<W>(frame_x(x), frame_y(y), half, half, zero, zero);
       B active = n < I(count);
       clear(active, x, y);
       follow(
@@ -75,7 +75,7 @@ class FirstHitTask {
         const int slot = at + i < slots ? at + i : slots - 1, pixel = slot / kFilteredSamples;
         x[i] = r.x0 + pixel % width, y[i] = r.y0 + pixel / width, index[i] = uint32_t(slot % kFilteredSamples);
       }
-      const I px = load<W>(x), py = load<W>(y);
+      const I px = frame_x(x), py = frame_y(y);
       const Sampler<W> sampler{reverse_bits(load<W>(index)), Sampler<W>::pixel_seed(kFirstHitSeed, px, py, vuint<W>(0u))};
       const Pair<W> film = sampler.pair(I(0), Purpose::kFilm), lens = sampler.pair(I(0), Purpose::kLens);
       const CameraRay<W> ray = scene_.camera.ray<W>(px, py, film.u, film.v, lens.u, lens.v);
@@ -113,7 +113,10 @@ class FirstHitTask {
   using B = vbool<W>;
   using V = vvec3<W>;
 
-  size_t pixel_of(int x, int y) const { return size_t(y) * scene_.camera.width + x; }
+  // Pixels are counted on the film, and by the camera on the frame that holds it.
+  size_t pixel_of(int x, int y) const { return size_t(y) * scene_.camera.pixels.width + x; }
+  I frame_x(const int32_t* x) const { return load<W>(x) + I(scene_.camera.pixels.x); }
+  I frame_y(const int32_t* y) const { return load<W>(y) + I(scene_.camera.pixels.y); }
 
   // Goes along the rays from surface to surface. `light(lanes, L)`: L comes from lights and domes that are met before the next
   // surface; `surface(lanes, ...)` gives the lanes that look through what they met.

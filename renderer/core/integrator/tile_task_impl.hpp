@@ -40,7 +40,7 @@ class TilePaths {
         block_(block),
         w_(worker),
         recorder_(recorder),
-        needs_{scene.has_thin, scene.has_inputs, scene.lights.lobe_factors},
+        needs_{scene.has_thin, scene.has_inputs, scene.lights.lobe_factors, scene.camera.shutter_open},
         samples_(block.count[0] + block.count[1]) {}
 
   void run() {
@@ -138,6 +138,7 @@ class TilePaths {
       if (scene_.camera.lens_radius > 0) lens = p.sampler.pair(I(0), Purpose::kLens);
       const CameraRay<W> ray = scene_.camera.ray<W>(px, py, film.u, film.v, lens.u, lens.v);
       p.ray = {ray.o, ray.d, ray.tnear, ray.tfar};
+      if (needs_.time) p.ray.time = p.sampler.single(I(0), kShutterTime);
       p.beta = V(F(1.0f)), p.share = V(F(0.0f));
       p.bsdf_pdf = p.travelled = F(0.0f), p.splits = F(1.0f);
       p.cone_width = F(scene_.camera.cone_width()), p.cone_spread = F(scene_.camera.cone_spread());
@@ -153,7 +154,8 @@ class TilePaths {
     PathPool& pool = *w_.pool;
     for (int at = 0; at < pool.count; at += W) {
       const B active = lane_numbers<W>() < I(pool.count - at);
-      const Rays<W> rays = pool.rays<W>(at);
+      Rays<W> rays = pool.rays<W>(at);
+      if (needs_.time) rays.time = load<W>(pool.time + at);
       EntryChoice& entry = at >= first_camera_ ? w_.camera_entry : w_.scattered_entry;
       const bool packet = entry.packet();
       if (recorder_) recorder_->record(false, packet, active, rays);
@@ -301,7 +303,7 @@ class TilePaths {
     useful &= max_component(carried) > F(0.0f);
     V o = from;
     if (const B below = useful & !above; any(below)) {
-      const B lifted = start_lifted(below, v, s.wi, o);
+      const B lifted = start_lifted(below, v, s.wi, p.ray.time, o);
       useful &= above | lifted;
       // On to the same point of the light.
       const V to = s.wi * s.t - (o - from);
@@ -309,14 +311,14 @@ class TilePaths {
       const B near = lifted & (t < F(kInfinity)) & (t > F(0.0f));
       s.wi = select(near, to * (1.0f / t), s.wi), s.t = select(near, t, s.t);
     }
-    if (any(useful)) w_.shadows.append(useful, o, s.wi, s.t * kNearlyOne, carried, p.slot);
+    if (any(useful)) w_.shadows.append(useful, o, s.wi, s.t * kNearlyOne, carried, p.slot, p.ray.time, needs_);
   }
 
   // Whether a ray that met the edge of a triangle also meets it a little further inside.
   B sees_within(B m, const PathLanes<W>& p, const Hits<W>& h, const Interaction<W>& it) {
     const SurfacePoint<W> at(scene_, m, h);
     const V to = it.p + (at.e1 * (1.0f / 3 - at.u) + at.e2 * (1.0f / 3 - at.v)) * kWithin - p.ray.o;
-    const Rays<W> rays{p.ray.o, normalize(to), F(0.0f), F(kInfinity)};
+    const Rays<W> rays{p.ray.o, normalize(to), F(0.0f), F(kInfinity), p.ray.time};
     if (recorder_) recorder_->record(false, false, m, rays);
     w_.scattered_rays += __builtin_popcount(bits(m));
     const Hits<W> seen = intersect_single(scene_.accel(), m, rays);
@@ -325,13 +327,13 @@ class TilePaths {
 
   // Which rays along `wi` of lanes `below`, smooth ones and below the triangle's plane, go out all the same: from `o`. Nothing
   // may stand on the way there, or light would come through it.
-  B start_lifted(B below, const Vertex& v, const V& wi, V& o) {
+  B start_lifted(B below, const Vertex& v, const V& wi, F time, V& o) {
     V shift;
     B lifted = lift_to_smooth(scene_, below, v.hits, v.it.offset, v.ng, wi, shift);
     if (!any(lifted)) return lifted;
     const V from = v.it.p + v.ng * v.it.offset;
     const F far = length(shift);
-    const Rays<W> way{from, shift * (1.0f / far), F(0.0f), far + 2.0f * v.it.offset};
+    const Rays<W> way{from, shift * (1.0f / far), F(0.0f), far + 2.0f * v.it.offset, time};
     if (recorder_) recorder_->record(true, false, lifted, way);
     w_.shadow_rays += __builtin_popcount(bits(lifted));
     lifted &= !occluded_single(scene_.accel(), lifted, way);
@@ -374,7 +376,7 @@ class TilePaths {
     // shading normal says.
     B above = out > F(0.0f);
     if (const B below = scatters & v.it.smooth & !above & !s.transmits & (max_component(n.beta) > F(0.0f)); any(below))
-      above |= start_lifted(below, v, n.ray.d, n.ray.o);
+      above |= start_lifted(below, v, n.ray.d, p.ray.time, n.ray.o);
     B alive = scatters & ((s.transmits & (out < F(0.0f))) | (above & !s.transmits));
     alive &= max_component(n.beta) > F(0.0f);
     n.vertex = bounce;
@@ -407,7 +409,7 @@ class TilePaths {
       const B sky = alive & last & !s.straight;
       const V carried = n.beta * meet_domes(scene_.lights, n);
       const B lit = sky & (max_component(carried) > F(0.0f));
-      if (any(lit)) w_.shadows.append(lit, n.ray.o, n.ray.d, F(kInfinity), carried, p.slot);
+      if (any(lit)) w_.shadows.append(lit, n.ray.o, n.ray.d, F(kInfinity), carried, p.slot, p.ray.time, needs_);
       alive &= !sky;
       if (!any(alive)) return;
     }
@@ -419,7 +421,8 @@ class TilePaths {
     w_.shadow_rays += q.count;
     for (int at = 0; at < q.count; at += W) {
       const B active = lane_numbers<W>() < I(q.count - at);
-      const Rays<W> rays = q.rays<W>(at);
+      Rays<W> rays = q.rays<W>(at);
+      if (needs_.time) rays.time = load<W>(q.time + at);
       V carried{load<W>(q.r + at), load<W>(q.g + at), load<W>(q.b + at)};
       B blocked;
       if (scene_.has_thin) {

@@ -31,10 +31,10 @@ class When:
 def when_of(stage: Usd.Stage, time_code: float | None) -> When:
     if time_code is not None:
         return When(Usd.TimeCode(time_code), careful=False)
-    return When(Usd.TimeCode.Default(), careful=_has_time_samples(stage))
+    return When(Usd.TimeCode.Default(), careful=has_time_samples(stage))
 
 
-def _has_time_samples(stage: Usd.Stage) -> bool:
+def has_time_samples(stage: Usd.Stage) -> bool:
     """Whether any layer of the stage authors time samples or value clips (clips are samples from further files)."""
     if any(prim.HasAuthoredMetadata("clips") for prim in stage.GetPseudoRoot().GetAllChildren()):
         return True

@@ -17,6 +17,7 @@ from ..aov_names import AovRequest, primvars_of, requests_of
 from ..description import (
     Camera,
     Doubles,
+    Frame,
     Light,
     Placed,
     Placement,
@@ -46,6 +47,7 @@ from .default_light import default_lights
 from .framing import Bounds, shape_bounds, stage_bounds
 from .instance_primvars import without_unread
 from .instances import Arrangement, Chain, Group, arrange, count_of, merge_coincident
+from .motion import note_motion
 from .pose import posed, prototypes_hold_skeletons
 from .primvars_read import primvars_read
 from .read import When, when_of
@@ -160,10 +162,11 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
         whole = None if where.cyclic or _is_crowded(groups) else stage_bounds(stage, ctx.when, ctx.purposes)
         return whole or shape_bounds(scene.shapes, scene.static, scene.prototypes, scene.placements)
 
-    camera, resolution = view_through(camera_prim, ctx, product, bounds)
+    camera, frame = view_through(camera_prim, ctx, product, bounds)
+    note_motion(camera, ctx)
     _add_default_lights(scene, camera, ctx)
     _note_missing_primvars(scene, ctx)
-    return _describe(scene, ctx, camera, resolution, aovs)
+    return _describe(scene, ctx, camera, frame, aovs)
 
 
 def _context(
@@ -310,7 +313,7 @@ def _emits(surface: Surface) -> bool:
 
 
 def _describe(
-    scene: _Scene, ctx: Context, camera: Camera, resolution: tuple[int, int], aovs: tuple[AovRequest, ...]
+    scene: _Scene, ctx: Context, camera: Camera, frame: Frame, aovs: tuple[AovRequest, ...]
 ) -> SceneDescription:
     return SceneDescription(
         tuple(scene.shapes),
@@ -320,11 +323,13 @@ def _describe(
         without_unread(scene.placements, scene.prototypes, scene.shapes, tuple(ctx.surfaces), ctx.aov_primvars),
         tuple(scene.lights),
         camera,
-        resolution,
+        frame.resolution,
         up_axis(ctx.stage, ctx.diagnostics),
         meters_per_unit(ctx.stage, ctx.diagnostics),
         ctx.settings.time_code,
         aovs,
+        None if frame.is_whole else frame.pixels,
+        frame.pixel_aspect_ratio,
     )
 
 

@@ -236,10 +236,6 @@ def _window(raw: Any) -> Window | None:
 
 def note_ignored(product: ProductSettings, diagnostics: Diagnostics) -> None:
     """What the picture of this product will not be."""
-    place = product.path or product.settings_path
-    if product.data_window != WHOLE:
-        message = f"dataWindowNDC = {product.data_window} is ignored: the whole frame is rendered."
-        diagnostics.add("render-settings-input", place, message, "dataWindowNDC")
     space = product.rendering_color_space
     if space not in (None, "lin_rec709_scene", "lin_rec709"):
         message = f"renderingColorSpace = {space} is ignored: linear Rec.709 is used."
