@@ -13,6 +13,7 @@ from enum import Enum
 import numpy as np
 import numpy.typing as npt
 
+from .aov_names import AovRequest
 from .frame import Frame, PixelWindow, whole_frame
 from .geometry import Doubles, Floats, Interpolation, Ints, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
 from .lighting import NO_LINKS, IesProfile, Light, LightType, Linked, Portal, Shadow, Shaping
@@ -20,6 +21,7 @@ from .placement import Instances, MatrixInstances, Placement, PointInstances
 from .shading import Input, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
 
 __all__ = [
+    "AovRequest",
     "Camera",
     "Doubles",
     "Floats",
@@ -62,6 +64,7 @@ class Placed:
 
     shape: int
     matrix: Doubles  # (4, 4)
+    instance: str = ""  # what the instance is called that it is the only one of; where an AOV asks for instances
 
 
 @dataclass(frozen=True)
@@ -130,6 +133,7 @@ class SceneDescription:
     up_axis: str
     meters_per_unit: float
     time_code: float | None  # None: USD's default time
+    aovs: tuple[AovRequest, ...] = ()
     pixels: PixelWindow | None = None  # those that are rendered; None: the whole of `resolution`
     pixel_aspect_ratio: float = 1.0
     linked: Linked = NO_LINKS

@@ -140,6 +140,11 @@ CODES: dict[str, Code] = {
     "camera-input": Code(Severity.WARNING, "An attribute of the camera is ignored or out of range."),
     "product-chosen": Code(Severity.INFO, "No product was asked for: the first of the RenderSettings' is rendered."),
     "render-settings-input": Code(Severity.WARNING, "Something in RenderSettings, its products or passes is ignored."),
+    "render-var": Code(Severity.WARNING, "A render variable cannot be had, or not as it asks: it is left out, or fitted."),
+    "aov-empty": Code(Severity.INFO, "An output beside the picture (AOV) reads a primvar that nothing has: it is 0."),
+    "aovs-not-merged": Code(
+        Severity.WARNING, "Checkpoints hold no AOVs: what is merged of them is the picture alone. Render once for the AOVs."
+    ),
     "default-light": Code(
         Severity.INFO,
         "The stage has no light and nothing that emits: a white dome and a key light are added.",

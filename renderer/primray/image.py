@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 
 from . import color
+from .aov import Aov
+from .aov_parts import parts_of
 from .description import Camera, Doubles, Floats, Frame, Projection
 from .errors import PrimrayError, SettingsError
 from .image_error import last_error
@@ -37,6 +39,7 @@ class Image:
     # each: their squares are to be averaged over pixels before they are relied on.
     errors: Floats | None = None
     frame: Frame | None = None  # where the pixels lie; None: they are the whole
+    aovs: Mapping[str, Aov] = field(default_factory=dict)  # outputs beside the picture; an EXR holds each as a part
 
     def __post_init__(self) -> None:
         pixels = np.array(self.pixels, np.float32, order="C")
@@ -50,6 +53,9 @@ class Image:
                 raise ValueError(f"errors of shape {errors.shape} do not go with pixels of shape {pixels.shape}")
             errors.flags.writeable = False
             object.__setattr__(self, "errors", errors)
+        for name, aov in self.aovs.items():
+            if aov.values.shape[:2] != pixels.shape[:2]:
+                raise ValueError(f"{name} of shape {aov.values.shape} does not go with pixels of shape {pixels.shape}")
         if self.frame is not None and self.frame.size != self.resolution:
             raise ValueError(f"pixels of shape {pixels.shape} do not fill {self.frame}")
 
@@ -61,7 +67,8 @@ class Image:
     def save(
         self, path: str | os.PathLike[str], *, view: str | None = None, display: str | None = None, exposure: float = 0.0
     ) -> Path:
-        """Write `path` whole or not at all; `view`, `display` and `exposure` (stops) are for PNG and JPEG."""
+        """Write `path` whole or not at all; `view`, `display` and `exposure` (stops) are for PNG and JPEG, which are views of
+        the picture alone."""
         path = check_output_path(path)
         with _replacing(path) as temporary:
             if path.suffix.lower() == ".exr":
@@ -164,7 +171,7 @@ def _write_exr(image: Image, path: str) -> None:
         camera_matrix, ndc_matrix = exr_matrices(image.camera)
         spec.attribute("worldtocamera", oiio.TypeMatrix, _row_vector_floats(camera_matrix))
         spec.attribute("worldtoNDC", oiio.TypeMatrix, _row_vector_floats(ndc_matrix))
-    _write(path, spec, values)
+    _write(path, spec, values, image.aovs)
 
 
 def _place(spec: Any, frame: Frame | None) -> None:
@@ -209,11 +216,17 @@ def _write_view(encoded: np.ndarray[Any, Any], path: str) -> None:
     _write(path, spec, encoded)
 
 
-def _write(path: str, spec: Any, pixels: np.ndarray[Any, Any]) -> None:
+def _write(path: str, spec: Any, pixels: np.ndarray[Any, Any], aovs: Mapping[str, Aov] | None = None) -> None:
+    """The picture, and a part of its own for each of `aovs`."""
     import OpenImageIO as oiio
 
     out = oiio.ImageOutput.create(path)
     if out is None:
         raise PrimrayError(f"the file cannot be written: {last_error(oiio)}", where=path, code="write-failed")
-    if not out.open(path, spec) or not out.write_image(pixels) or not out.close():
+    parts = parts_of(spec, aovs or {})
+    done = out.open(path, [spec, *(part for part, _ in parts)]) if parts else out.open(path, spec)
+    done = done and out.write_image(pixels)
+    for part, values in parts:
+        done = done and out.open(path, part, "AppendSubimage") and out.write_image(values)
+    if not done or not out.close():
         raise PrimrayError(f"the file cannot be written: {last_error(out)}", where=path, code="write-failed")

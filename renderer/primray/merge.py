@@ -21,7 +21,7 @@ from .sampling import Sampling
 from .settings import RenderSettings, settings_of_json
 
 # What is told of the samples that are merged, anew each time.
-OF_SAMPLES = ("samples-missing", "invalid-samples")
+OF_SAMPLES = ("samples-missing", "invalid-samples", "aovs-not-merged")
 
 
 @dataclass(frozen=True)
@@ -141,6 +141,9 @@ def _diagnostics(sampling: Sampling, held: Sequence[Checkpoint], ranges: tuple[R
     if missing:
         spans = ", ".join(f"{a}:{b}" for a, b in missing)
         own.add("samples-missing", "", f"samples {spans} are in none of the parts")
+    asked = sorted({name for part in held for name in part.about.settings.get("aovs") or ()})
+    if asked:
+        own.add("aovs-not-merged", "", f"{', '.join(asked)} are not in the checkpoints that were merged")
     film = sampling.film
     if film.invalid_samples:
         own.add("invalid-samples", "", f"{film.invalid_samples} of {film.samples} samples are left out")

@@ -17,6 +17,8 @@ from .settings import RenderSettings
 
 if TYPE_CHECKING:
     from . import core
+    from .aov import Aov
+    from .aov_names import AovRequest
     from .checkpointing import Checkpointing
     from .description import Camera, Frame, SceneDescription, TextureFile
     from .diagnostics import Diagnostics
@@ -148,9 +150,21 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     if film.invalid_samples:
         diagnostics.add("invalid-samples", "", f"{film.invalid_samples} of {film.samples} samples are left out")
     pixels, errors = film.image()
+    aovs = find_aovs(prepared, sampling, costs)
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels))
-    return Image(pixels, report, header_of(report), prepared.camera, errors=errors, frame=prepared.frame)
+    report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
+    return Image(pixels, report, header_of(report), prepared.camera, errors=errors, frame=prepared.frame, aovs=aovs)
+
+
+def find_aovs(prepared: Prepared, sampling: Sampling, costs: Costs) -> dict[str, Aov]:
+    """The outputs beside the picture, by name."""
+    if not prepared.aovs:
+        return {}
+    from .first_hit import aovs_of
+
+    with costs.stage("aovs"):
+        return aovs_of(prepared.scene, prepared.aovs, prepared.camera, sampling.film.counts, prepared.settings)
 
 
 @dataclass(frozen=True)
@@ -163,6 +177,7 @@ class Prepared:
     camera: Camera
     frame: Frame
     fingerprint: dict[str, str]  # empty unless it was asked for
+    aovs: tuple[AovRequest, ...] = ()
 
 
 def prepare(
@@ -203,7 +218,7 @@ def prepare(
         diagnostics.add(code, path, message)
     if settings.strict:
         diagnostics.raise_if_strict()
-    return Prepared(scene, settings, counted, description.camera, description.frame, digests)
+    return Prepared(scene, settings, counted, description.camera, description.frame, digests, description.aovs)
 
 
 def core_says(scene: core.CoreScene) -> dict[str, Any]:
@@ -259,10 +274,12 @@ def check_memory(
     limit_bytes = settings.max_memory_bytes
     if limit_bytes is None:
         return
+    from .aov_names import aov_bytes
     from .summary import summary
 
     width, height = description.frame.size
-    needed = summary(description, settings.dicing_rate, images).memory_bytes + film_copies * FILM_BYTES * width * height
+    pixel_bytes = film_copies * FILM_BYTES + aov_bytes(description.aovs)
+    needed = summary(description, settings.dicing_rate, images).memory_bytes + pixel_bytes * width * height
     if needed > limit_bytes:
         sentence = f"the scene needs about {needed / 2**20:.0f} MiB, {limit_bytes / 2**20:.0f} MiB are allowed"
         raise LimitError(sentence, code="memory-limit")

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from .description import Doubles, Floats, Interpolation, Ints, Mesh, Placed, Primvar, Shape, Sphere, Surface
 from .far_geometry import FARTHEST, OUTLYING, Flags, near_triangles
 from .placement import transformed_boxes
+from .scene_record import SceneRecord
 from .surface_upload import SurfaceUpload, is_cutout, is_hole
 
 # Order of Attribute in scene/scene.hpp.
@@ -47,8 +48,10 @@ class ShapeUpload:
         shapes: Sequence[Shape],
         boxes: Doubles,  # of all their points
         warnings: list[tuple[str, str, str]],
+        record: SceneRecord | None = None,
     ) -> None:
         self._builder = builder
+        self._record = record
         self._inputs = inputs
         self._shapes = shapes
         self._boxes = boxes
@@ -68,14 +71,25 @@ class ShapeUpload:
                 lights[i] = self._builder.add_geometry_light(matrix(p.matrix), shape.light)
             if isinstance(shape, Mesh):
                 self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=False)
+                self._note_mesh(p)
             elif not isinstance(shape, Sphere):
                 raise ValueError(f"{shape.path} is not diced")
             elif i not in near:
                 self._add_sphere(shape, matrix(p.matrix), lights.get(i))
+                self._note_sphere(p)
         for i, p in enumerate(placed) if self._cutout.any() else []:
             shape = self._shapes[p.shape]
             if isinstance(shape, Mesh):
                 self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=True)
+                self._note_mesh(p)
+
+    def _note_mesh(self, placed: Placed) -> None:
+        if self._record is not None:
+            self._record.note_shape(self._record.meshes, placed.shape, placed.instance, self._builder.mesh_rows)
+
+    def _note_sphere(self, placed: Placed) -> None:
+        if self._record is not None:
+            self._record.note_shape(self._record.spheres, placed.shape, placed.instance, self._builder.sphere_rows)
 
     def _near(self, placed: Sequence[Placed], center: Doubles, scale: float) -> dict[int, Flags]:
         """By number, of shapes that are too far away in part: the triangles that are not. Notes what is."""

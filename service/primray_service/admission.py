@@ -23,6 +23,7 @@ _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 _RANGE = re.compile(rf"\s*({_NUMBER})\s*(?:[:-]\s*({_NUMBER})\s*(?:x\s*({_NUMBER}))?)?\s*", re.ASCII)
 # RenderSettings' names of what the API calls otherwise; what it says of others is of the member of the same name.
 _MEMBERS = (
+    ("unknown-aov", "settings.aovs"),  # first: its message names things that others are called by
     ("resolution", "settings.resolution"),
     ("pixels", "settings.resolution"),
     ("samples per pixel", "settings.stop.max_samples"),
@@ -123,7 +124,6 @@ def _count(first: str, last: str, step: str | None, limits: Limits) -> int:
 def check_settings(settings: Settings, limits: Limits) -> None:
     """What is not made yet, this server's limits, then the renderer's own checks."""
     asked = {
-        "aovs": (settings.aovs, "only beauty is rendered so far"),
         "products": (len(settings.products) != 1, "a job renders one product; send a job for each"),
     }
     for name, (value, why) in asked.items():
@@ -175,6 +175,7 @@ def render_settings(settings: Settings) -> RenderSettings:
         seed=settings.seed,
         default_light=settings.default_light,
         purposes=None if settings.purposes is None else tuple(settings.purposes),
+        aovs=None if settings.aovs is None else tuple(settings.aovs),
         strict=settings.strict,
         variants=tuple(settings.variants),
         load=None if settings.load is None else tuple(settings.load),

@@ -42,7 +42,9 @@ class Settings(Sent):
         max_length=64,
         description='["beauty"]: the first product of the render settings; or the path of one RenderProduct. One a job.',
     )
-    aovs: list[Annotated[str, Field(max_length=256)]] = Field(default=[], max_length=64, description="None so far.")
+    aovs: list[Annotated[str, Field(max_length=280)]] | None = Field(
+        None, max_length=64, description="Parts of the EXR beside the picture, by name; null: what the stage's product orders."
+    )
     frames: str | None = Field(
         None, max_length=4096, description='"1", "1:10", "1-10x2" or "1,5"; not given: the default time.'
     )

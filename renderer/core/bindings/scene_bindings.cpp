@@ -94,6 +94,17 @@ ShapingInput shaping_of(nb::handle shaping, int ies) {
   return s;
 }
 
+// By placement: its group, its first instance, and the group that it stands in (0: the world); then the number of instances.
+nb::tuple placements_of(const Scene& scene) {
+  const size_t count = scene.placement_group.size();
+  std::vector<int32_t> parent(count);
+  for (size_t g = 0; g < scene.groups.size(); ++g)
+    for (uint32_t k = 0; k < scene.groups[g].placement_count; ++k) parent[scene.groups[g].placement_base + k] = int32_t(g);
+  return nb::make_tuple(to_numpy(std::vector(scene.placement_group), {count}),
+                        to_numpy(std::vector(scene.placement_instance), {count}), to_numpy(std::move(parent), {count}),
+                        scene.world_from_group.size() / 12);
+}
+
 // `light`: a Light of lighting.py.
 LightInput light_input(int type, const InArray<double>& matrix, nb::handle light, int ies) {
   const auto number = [&](const char* name) { return nb::cast<double>(light.attr(name)); };
@@ -181,6 +192,7 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("has_links", [](const Scene& s) { return s.lights.links.any(); })
       .def_prop_ro("has_special_shadows", [](const Scene& s) { return !s.lights.shadow_rows.empty(); })
       .def_prop_ro("has_lobe_factors", [](const Scene& s) { return s.lights.lobe_factors; })
+      .def_prop_ro("placements", &placements_of)
       .def_prop_ro("resolution",  // of its films
                    [](const Scene& s) { return nb::make_tuple(s.camera.pixels.width, s.camera.pixels.height); })
       .def_prop_ro("has_clipping_planes", [](const Scene& s) { return !s.camera.clipping_planes.empty(); })
@@ -205,6 +217,9 @@ void bind_scene(nb::module_& m) {
       .def("add_mesh", &add_mesh)
       .def("add_sphere", [](SceneBuilder& b, double radius, int surface,
                             InArray<double> matrix) { return b.add_sphere(radius, surface, affine_of(matrix)); })
+      .def_prop_ro("mesh_rows", &SceneBuilder::mesh_rows)
+      .def_prop_ro("sphere_rows", &SceneBuilder::sphere_rows)
+      .def_prop_ro("placement_rows", &SceneBuilder::placement_rows)
       .def("reserve_triangles", &SceneBuilder::reserve_triangles)
       .def("reserve_instances", &SceneBuilder::reserve_instances)
       .def("begin_placement", &SceneBuilder::begin_placement)

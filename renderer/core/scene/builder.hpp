@@ -100,6 +100,10 @@ class SceneBuilder {
   // `width` numbers a row, of the shape that was added last.
   void add_mesh_primvar(int name, PrimvarKind kind, int width, std::span<const float> values);
   void add_sphere_primvar(int name, int width, std::span<const float> values);
+  // How many rows of meshes, spheres and placements there are so far: for those who keep tables beside them.
+  size_t mesh_rows() const { return scene_->meshes.surface.size(); }
+  size_t sphere_rows() const { return scene_->spheres.size(); }
+  size_t placement_rows() const { return scene_->placement_group.size(); }
   // Room for all meshes, as for instances.
   void reserve_triangles(size_t points, size_t triangles);
   // Room for all instances of all placements: appending would else take twice their memory for a moment.

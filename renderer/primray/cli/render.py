@@ -67,6 +67,7 @@ def render(
     filter_width: options.FilterWidth = None,
     threads: options.Threads = None,
     seed: options.Seed = 0,
+    aovs: options.Aovs = None,
     view: options.View = None,
     exposure: options.Exposure = 0.0,
     strict: Annotated[bool, typer.Option("--strict", help="Refuse a stage with warnings.")] = False,
@@ -88,6 +89,11 @@ def render(
     """Render a USD stage to EXR, PNG or JPEG."""
     time_codes = None if frames is None else parse_frames(frames)
     names = ([output] if output else []) + (outputs or [])
+    by_product = bool(product) or all_products or output_dir is not None
+    if by_product:
+        _require_names_of_their_own(names, report, checkpoint or resume)
+    else:
+        names = names or [_default_name(scene, time_codes)]
     settings = RenderSettings(
         camera=options.camera_of(camera),
         render_settings=render_settings,
@@ -110,18 +116,17 @@ def render(
         load=options.load_of(no_payloads, load),
         mask=options.mask_of(mask),
         session_layer=session_layer,
+        aovs=options.aovs_of(aovs) if by_product else options.aovs_for(aovs, names),
         strict=strict,
         max_memory_bytes=options.bytes_of(max_memory),
         dicing_rate=dicing_rate,
     )
     looks = Looks(view, exposure, json, verbose)
-    if product or all_products or output_dir is not None:
-        _require_names_of_their_own(names, report, checkpoint or resume)
+    if by_product:
         opened, shots = product_shots(scene, settings, product, output_dir, time_codes)
         check_outputs([file for shot in shots for file in shot.files], None, view, exposure)
         _render_shots(opened, shots, looks, [None] * len(shots))
         return
-    names = names or [_default_name(scene, time_codes)]
     saved = [name for name in (report, checkpoint, resume if checkpoint is None else None) if name]
     check_names(names + saved, time_codes)
     shots = [

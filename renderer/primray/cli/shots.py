@@ -40,9 +40,11 @@ def product_shots(
     for product in products_of(opened, settings, asked):
         name = _numbered(product.file_name, time_codes)
         check_names([name], time_codes)
+        # Parts of an EXR, which other pictures cannot hold.
+        asked_for = product.settings if name.lower().endswith(".exr") else replace(product.settings, aovs=())
         for time_code in moments(time_codes):
             file = name if time_code is None else name_of_frame(name, time_code)
-            shots.append(Shot(replace(product.settings, time_code=time_code), [str(Path(folder or "", file))]))
+            shots.append(Shot(replace(asked_for, time_code=time_code), [str(Path(folder or "", file))]))
     return opened, shots
 
 

@@ -39,6 +39,8 @@ class Context:
     light_shapes: set[str] = field(default_factory=set)  # paths of shapes that LightAPI makes lights
     portals_met: list[str] = field(default_factory=list)  # paths of PortalLights
     portals_named: set[str] = field(default_factory=set)  # of those that a dome names
+    aov_primvars: tuple[str, ...] = ()  # that AOVs ask for, without their namespace
+    names_instances: bool = False  # an AOV asks for instances
     prototype_names: dict[str, str] = field(default_factory=dict)  # /__Prototype_N -> its first instance
 
     def shown(self, path: str) -> str:

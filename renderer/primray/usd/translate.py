@@ -13,6 +13,7 @@ from itertools import islice
 import numpy as np
 from pxr import Tf, Usd
 
+from ..aov_names import AovRequest, primvars_of, requests_of
 from ..description import (
     Camera,
     Doubles,
@@ -26,8 +27,10 @@ from ..description import (
     Surface,
 )
 from ..diagnostics import Diagnostics
+from ..instance_names import name_of
 from ..lighting import NO_LINKS
-from ..placement import IDENTITY, MatrixInstances, chunks, rows_of_levels
+from ..placement import IDENTITY, MatrixInstances, chunks, named_levels, rows_of_levels
+from ..scene_record import WIDE
 from ..settings import RenderSettings
 from .adapters.draw_mode import DRAW_MODES
 from .adapters.geometry_light import as_light, without_material
@@ -40,6 +43,7 @@ from .adapters.points import POINT, point_sphere
 from .adapters.render_pass import note_render_pass
 from .adapters.render_product import ProductSettings, note_ignored
 from .adapters.render_settings import product_settings
+from .adapters.render_var import aovs_of_variables
 from .context import Context
 from .convert import square, squares
 from .default_light import default_lights
@@ -139,7 +143,10 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     note_ignored(product, diagnostics)
     ctx = _context(stage, settings, when, product, diagnostics)
     ctx.prototype_names = names
-    ctx.primvars_read = primvars_read(shaders, ctx)
+    aovs = requests_of(settings.aovs) if settings.aovs is not None else aovs_of_variables(product.variables, diagnostics)
+    ctx.aov_primvars = primvars_of(aovs)
+    ctx.names_instances = any(request.source == "instance" for request in aovs)
+    ctx.primvars_read = primvars_read(shaders, ctx) | {f"primvars:{name}" for name in ctx.aov_primvars}
     camera_prim = select_camera(stage, ctx, product, cameras)
     kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
     groups = walk(ctx, kinds, point_instances)
@@ -167,7 +174,8 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     camera, frame = view_through(camera_prim, ctx, product, bounds)
     note_motion(camera, ctx)
     _add_default_lights(scene, camera, ctx)
-    return _describe(scene, ctx, camera, frame)
+    _note_missing_primvars(scene, ctx)
+    return _describe(scene, ctx, camera, frame, aovs)
 
 
 def _context(
@@ -175,6 +183,13 @@ def _context(
 ) -> Context:
     purposes = settings.purposes if settings.purposes is not None else wanted.purposes
     return Context(stage, settings, when, purposes, wanted.material_purposes, diagnostics)
+
+
+def _note_missing_primvars(scene: _Scene, ctx: Context) -> None:
+    there = {p.name.removeprefix(WIDE) for owner in (*scene.shapes, *scene.placements) for p in owner.primvars}
+    for name in ctx.aov_primvars:
+        if name not in there:
+            ctx.warn("aov-empty", "", f"Nothing in the picture has primvars:{name}: its AOV is 0 everywhere.")
 
 
 def camera_paths(stage: Usd.Stage) -> list[str]:
@@ -232,6 +247,7 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
     if count == 0:
         return
     once = square(next(chunks(chains[0]))[0]) if count == 1 and not rows_of_levels(chains[0]) else None
+    alone = "" if once is None or not ctx.names_instances else name_of(named_levels(chains[0]), 0)
     members: list[Placed] = []
     leaves, group.leaves = group.leaves[::-1], []
     matrices = squares([leaf.gf_matrix for leaf in leaves])
@@ -247,7 +263,7 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
         elif (shape := _shape(leaf, ctx)) is not None:
             if ctx.links is not None:
                 shape = replace(shape, link_row=ctx.links.row_of(leaf))
-            members.append(Placed(len(scene.shapes), placed[len(leaves)]))
+            members.append(Placed(len(scene.shapes), placed[len(leaves)], alone))
             scene.shapes.append(shape)
     if once is not None:
         scene.static += members
@@ -311,19 +327,22 @@ def _emits(surface: Surface) -> bool:
     return any(surface.emissive_color) or any(name == "emissive_color" for name, _ in surface.inputs)
 
 
-def _describe(scene: _Scene, ctx: Context, camera: Camera, frame: Frame) -> SceneDescription:
+def _describe(
+    scene: _Scene, ctx: Context, camera: Camera, frame: Frame, aovs: tuple[AovRequest, ...]
+) -> SceneDescription:
     return SceneDescription(
         tuple(scene.shapes),
         tuple(ctx.surfaces),
         tuple(scene.static),
         tuple(scene.prototypes),
-        without_unread(scene.placements, scene.prototypes, scene.shapes, tuple(ctx.surfaces)),
+        without_unread(scene.placements, scene.prototypes, scene.shapes, tuple(ctx.surfaces), ctx.aov_primvars),
         tuple(scene.lights),
         camera,
         frame.resolution,
         up_axis(ctx.stage, ctx.diagnostics),
         meters_per_unit(ctx.stage, ctx.diagnostics),
         ctx.settings.time_code,
+        aovs,
         None if frame.is_whole else frame.pixels,
         frame.pixel_aspect_ratio,
         NO_LINKS if ctx.links is None else ctx.links.linked(ctx.diagnostics),

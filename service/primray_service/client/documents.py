@@ -24,7 +24,7 @@ class Settings(TypedDict, total=False):
     camera: str | None
     render_settings: str | None  # path of a RenderSettings prim
     products: list[str]  # ["beauty"], or the path of one RenderProduct
-    aovs: list[str]  # only [] so far
+    aovs: list[str] | None
     frames: str | None
     resolution: tuple[int, int] | None
     stop: StopRules
