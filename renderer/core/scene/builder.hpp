@@ -8,6 +8,7 @@
 
 #include "scene/light_rules.hpp"
 #include "scene/scene.hpp"
+#include "scene/shaping_rows.hpp"
 
 namespace primray {
 
@@ -26,20 +27,6 @@ struct MeshInput {
 struct ImageInput {
   std::span<const float> pixels;
   int width = 0, height = 0;
-};
-
-// A photometric profile: angles in degrees, ascending, two or more of each; `candela` by horizontal angle. See light/ies.hpp.
-struct IesInput {
-  std::span<const float> vertical_deg, horizontal_deg, candela;
-  bool horizontal_pole = false;
-};
-
-struct ShapingInput {
-  double focus = 0;
-  vec3 focus_tint;
-  double cone_angle_deg = 180, cone_softness = 0;
-  int ies = -1;  // what add_ies_profile gave
-  double ies_angle_scale = 0, ies_divisor = 1;
 };
 
 // A rectangle that a dome is sampled through.

@@ -82,6 +82,13 @@ void put_geometry_light(const Scene& s, int32_t number, const daffine& world_fro
     row[fields[i]] = float(frame[i].x), row[fields[i] + 1] = float(frame[i].y), row[fields[i] + 2] = float(frame[i].z);
 }
 
+// After the row's sizes, which its reach depends on.
+void shape_geometry_light(Scene& s, int32_t number, const daffine& world_from_group, float* row) {
+  if (number < 0) return;
+  const GeometryLight& light = s.geometry_lights.all[number];
+  if (light.shaping) add_shaping(*light.shaping, world_from_group * light.group_from_object, row, s.lights);
+}
+
 // What dividing by the area has left of its radiance.
 double share_of(const GeometryLight& light, const float* row) {
   const double whole = luminance(dvec3(light.radiance));
@@ -106,6 +113,7 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
   row[kSize1] = float(shape);
   row[kMeshPlacement] = float(placement), row[kMeshInstance] = float(instance);
   row[kImportance] = float(w.power * size * size * share);
+  shape_geometry_light(s, w.light, m, row);
   s.lights.rows.insert(s.lights.rows.end(), row, row + kLightFields);
   ++s.lights.count;
   if (w.light >= 0) add_light_rules(s.geometry_lights.all[w.light].rules, s.scale, s.lights);
@@ -133,6 +141,7 @@ void add_sphere_row(Scene& s, int32_t sphere, const daffine& world_from_group) {
   float* row = &s.lights.rows[size_t(s.lights.count - 1) * kLightFields];
   row[kLightFlags] = float(int(row[kLightFlags]) | kGeometry);
   put_geometry_light(s, number, world_from_group, row);
+  shape_geometry_light(s, number, world_from_group, row);
   if (number >= 0) add_light_rules(s.geometry_lights.all[number].rules, s.scale, s.lights);
 }
 

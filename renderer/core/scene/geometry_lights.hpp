@@ -6,10 +6,12 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "scene/light_rules.hpp"
+#include "scene/shaping_rows.hpp"
 
 namespace primray {
 
@@ -19,6 +21,7 @@ struct GeometryLight {
   vec3 radiance{1.0f, 1.0f, 1.0f};
   bool own = false, shown = false, normalize = false;
   LightRules rules;
+  std::optional<ShapingInput> shaping;
   daffine group_from_object{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)};
   std::vector<float> row;  // a light row with what any light has: lobe factors, and what shapes and links it
   // Its parts in its group: triangles [first, end), counted over the scene, or a sphere.

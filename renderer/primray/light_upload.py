@@ -1,0 +1,85 @@
+"""Lights for the core: those of their own, and those that shapes are; textures and profiles are handed over once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .description import Doubles, Floats, Light, LightType, Shaping, TextureFile
+from .surface_upload import Textures
+
+# Order of LightType in light/light.hpp.
+LIGHT_NUMBERS = {
+    LightType.POINT: 0,
+    LightType.SPHERE: 1,
+    LightType.DISK: 2,
+    LightType.RECT: 3,
+    LightType.CYLINDER: 4,
+    LightType.DISTANT: 5,
+    LightType.DOME: 6,
+    LightType.LINE: 8,
+}
+# Order of DomeFormat in light/dome_format.hpp; one that nothing has settled is read as lat-long.
+DOME_FORMATS = {"automatic": 0, "latlong": 0, "mirroredBall": 1, "angular": 2, "cubeMapVerticalCross": 3}
+NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
+
+
+class LightUpload:
+    """Everything that gives light, for one builder."""
+
+    def __init__(self, builder: Any) -> None:
+        self._builder = builder
+        self._images: dict[TextureFile, int] = {}  # of rectangles
+        self._profiles: dict[int, int] = {}  # by identity, since lights share them
+
+    def add(self, lights: Sequence[Light], textures: Textures) -> None:
+        for light in lights:
+            pixels, image = NO_TEXTURE, -1
+            if light.type is LightType.RECT and light.texture is not None and light.texture in textures:
+                image = self._image(light.texture, textures)
+            elif light.type is LightType.DOME:
+                pixels = light_pixels(light.texture, textures)
+            portals = np.array([[*p.world_from_portal[:3].ravel(), p.width, p.height] for p in light.portals], np.float64)
+            self._builder.add_light(
+                LIGHT_NUMBERS[light.type],
+                np.ascontiguousarray(light.world_from_light, np.float64),
+                light,
+                pixels,
+                DOME_FORMATS[light.texture_format],
+                portals.reshape(-1, 14),
+                image,
+                self._profile(light.shaping),
+            )
+
+    def add_geometry_light(self, light: Light, group_from_object: Doubles) -> int:
+        """The core's number of a light that a shape is where it stands so."""
+        number: int = self._builder.add_geometry_light(group_from_object, light, self._profile(light.shaping))
+        return number
+
+    def _image(self, file: TextureFile, textures: Textures) -> int:
+        if file not in self._images:
+            self._images[file] = self._builder.add_light_image(light_pixels(file, textures))
+        return self._images[file]
+
+    def _profile(self, shaping: Shaping | None) -> int:
+        """The core's number of a photometric profile, -1 without one."""
+        if shaping is None or shaping.ies is None:
+            return -1
+        profile = shaping.ies
+        if id(profile) not in self._profiles:
+            horizontal, candela = profile.horizontal_deg, profile.candela
+            if len(horizontal) == 1:
+                horizontal, candela = np.array([0.0, 360.0], np.float32), np.concatenate([candela, candela])
+            number = self._builder.add_ies_profile(profile.vertical_deg, horizontal, candela, profile.horizontal_pole)
+            self._profiles[id(profile)] = number
+        return self._profiles[id(profile)]
+
+
+def light_pixels(file: TextureFile | None, textures: Textures) -> Floats:
+    """(H, W, 3), or no pixels: a light without a texture is constant."""
+    tiles = [] if file is None else textures.get(file, [])
+    if not tiles:
+        return NO_TEXTURE
+    return tiles[0][1].rgb()
