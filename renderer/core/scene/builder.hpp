@@ -3,8 +3,10 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 
+#include "light/shaping_input.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
@@ -32,6 +34,12 @@ struct PortalInput {
   double width = 1, height = 1;
 };
 
+// A photometric profile: angles in degrees, ascending, two or more of each; `candela` by horizontal angle. See light/ies.hpp.
+struct IesInput {
+  std::span<const float> vertical_deg, horizontal_deg, candela;
+  bool horizontal_pole = false;
+};
+
 struct LightInput {
   LightType type = LightType::kPoint;
   daffine world_from_light;
@@ -44,6 +52,7 @@ struct LightInput {
   std::vector<PortalInput> portals;  // of a dome
   // Of geometry: see GeometryLight.
   bool own = false, shown = false, normalize = false;
+  std::optional<ShapingInput> shaping;
 };
 
 struct CameraInput {
@@ -90,6 +99,8 @@ class SceneBuilder {
   void end_placement();
   // A row for every instance that was not left out of the last placement.
   void add_placement_primvar(int name, int width, std::span<const float> values);
+  // Its number, for ShapingInput.
+  int add_ies_profile(const IesInput& profile);
   // An image for rectangle lights; its number.
   int add_light_image(const ImageInput& image);
   // `image`: of a rectangle, or -1.
