@@ -12,35 +12,19 @@ import numpy.typing as npt
 from .description import (
     Camera,
     Doubles,
-    Floats,
-    LightType,
     Mesh,
     Placement,
     Projection,
     SceneDescription,
     Shape,
     Sphere,
-    TextureFile,
 )
 from .far_geometry import FARTHEST, OUTLYING, FarInstances, usual_boxes, usual_union
+from .light_upload import LightUpload
 from .placement import Box, chunks, placed_box, transformed_box, transformed_boxes
 from .shape_upload import NO_FLOATS, ShapeUpload, matrix
 from .skewed import bake_skewed
-from .surface_upload import MutableTextures, SurfaceUpload, Textures
-
-# Order of LightType in light/light.hpp.
-LIGHT_NUMBERS = {
-    LightType.POINT: 0,
-    LightType.SPHERE: 1,
-    LightType.DISK: 2,
-    LightType.RECT: 3,
-    LightType.CYLINDER: 4,
-    LightType.DISTANT: 5,
-    LightType.DOME: 6,
-}
-# Order of DomeFormat in light/dome_format.hpp; one that nothing has settled is read as lat-long.
-DOME_FORMATS = {"automatic": 0, "latlong": 0, "mirroredBall": 1, "angular": 2, "cubeMapVerticalCross": 3}
-NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
+from .surface_upload import MutableTextures, SurfaceUpload
 
 
 def upload(
@@ -68,7 +52,8 @@ def upload(
     if d.linked.collections:
         builder.set_links(d.linked.members.astype(np.uint8))
     warnings: list[tuple[str, str, str]] = []
-    handing = ShapeUpload(builder, inputs, inputs.add_surfaces(d.surfaces), shapes, full_boxes, warnings)
+    lights = LightUpload(builder)
+    handing = ShapeUpload(builder, inputs, inputs.add_surfaces(d.surfaces), shapes, full_boxes, warnings, lights)
     handing.add(d.static, origin, scale)
     builder.reserve_instances(sum(map(len, [*d.placements, *(p for proto in d.prototypes for p in proto.placements)])))
     numbers: dict[int, int] = {}
@@ -81,7 +66,7 @@ def upload(
         handing.add(proto.shapes, center, unit)
         placements.add(proto.placements, numbers[i], center, unit, prototype_boxes)
     placements.add(d.placements, 0, origin, scale, prototype_boxes)
-    add_lights(builder, d, textures)
+    lights.add(d.lights, textures)
     set_camera(builder, d.camera, d.resolution, filter_width, filter_inverse_cdf)
     inputs.add_images()
     shapes.clear()
@@ -153,37 +138,6 @@ def set_camera(
         filter_width,
         inverse_cdf,
     )
-
-
-def add_lights(builder: Any, d: SceneDescription, textures: Textures) -> None:
-    """Rectangles with the same texture share its pixels."""
-    images: dict[TextureFile, int] = {}
-    for light in d.lights:
-        pixels, image = NO_TEXTURE, -1
-        if light.type is LightType.RECT and light.texture is not None and light.texture in textures:
-            if light.texture not in images:
-                images[light.texture] = builder.add_light_image(light_pixels(light.texture, textures))
-            image = images[light.texture]
-        elif light.type is LightType.DOME:
-            pixels = light_pixels(light.texture, textures)
-        portals = np.array([[*p.world_from_portal[:3].ravel(), p.width, p.height] for p in light.portals], np.float64)
-        builder.add_light(
-            LIGHT_NUMBERS[light.type],
-            matrix(light.world_from_light),
-            light,
-            pixels,
-            DOME_FORMATS[light.texture_format],
-            portals.reshape(-1, 14),
-            image,
-        )
-
-
-def light_pixels(file: TextureFile | None, textures: Textures) -> Floats:
-    """(H, W, 3), or no pixels: a light without a texture is constant."""
-    tiles = [] if file is None else textures.get(file, [])
-    if not tiles:
-        return NO_TEXTURE
-    return tiles[0][1].rgb()
 
 
 def shape_boxes(core: Any, shapes: Sequence[Shape]) -> Doubles:

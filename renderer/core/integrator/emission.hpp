@@ -64,7 +64,7 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
   const auto meet = [&](int i, vbool<W> lanes) {
     const float* row = lights.row(i);
     const LightType type = LightType(int(row[kType]));
-    if (type == LightType::kPoint || type == LightType::kDome) return;
+    if (type == LightType::kPoint || type == LightType::kLine || type == LightType::kDome) return;
     vvec3<W> L{F(row[kRadiance]), F(row[kRadiance + 1]), F(row[kRadiance + 2])};
     const LocalHit<W> h = light_hit<W>(lights, i, from, p.ray.d, L);
     const F t = h.t - p.travelled;
@@ -79,6 +79,7 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
     }
     if (!any(met)) return;
     L *= lobe_factor({row[kDiffuseFactor], row[kSpecularFactor]}, p);
+    if (lights.has_shaping) L *= met_shaping(lights, row, p.ray.d);
     const vbool<W> direct = met & sees_body & ((t < nearest) | vbool<W>(type == LightType::kDistant));
     if (type == LightType::kDistant) {
       gathered += select(direct, L, zero);

@@ -71,8 +71,8 @@ void extend_disc(Dome& d) {
     for (int x = 0; x < d.width; ++x) {
       const double dx = 2 * (x + 0.5) / d.width - 1, dy = 2 * (y + 0.5) / d.height - 1, r = std::hypot(dx, dy);
       if (r <= 1) continue;
-      // Half a texel inwards of the edge.
-      const double to = std::max(1 - 1.0 / std::min(d.width, d.height), 0.0) / r;
+      // So far inwards of the edge that the middle of the texel there lies inside: half of its diagonal.
+      const double to = std::max(1 - 1.4143 / std::min(d.width, d.height), 0.0) / r;
       const int fx = std::clamp(int((dx * to + 1) * 0.5 * d.width), 0, d.width - 1);
       const int fy = std::clamp(int((dy * to + 1) * 0.5 * d.height), 0, d.height - 1);
       std::copy_n(&was[3 * (size_t(fy) * d.width + fx)], 3, &d.texels[3 * (size_t(y) * d.width + x)]);

@@ -10,6 +10,7 @@
 #include "scene/error.hpp"
 #include "scene/input_facts.hpp"
 #include "scene/light_rows.hpp"
+#include "scene/shaping_rows.hpp"
 
 namespace primray {
 namespace {
@@ -191,6 +192,8 @@ void SceneBuilder::end_placement() {
   s.has_instances = true;
   s.has_grouped |= g.placement_count > 0;
 }
+
+int SceneBuilder::add_ies_profile(const IesInput& profile) { return add_ies(profile, scene_->lights.shaping.profiles); }
 
 void SceneBuilder::set_camera(const CameraInput& c) {
   Scene& s = *scene_;

@@ -3,8 +3,10 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 
+#include "light/shaping_input.hpp"
 #include "scene/light_rules.hpp"
 #include "scene/scene.hpp"
 
@@ -33,6 +35,12 @@ struct PortalInput {
   double width = 1, height = 1;
 };
 
+// A photometric profile: angles in degrees, ascending, two or more of each; `candela` by horizontal angle. See light/ies.hpp.
+struct IesInput {
+  std::span<const float> vertical_deg, horizontal_deg, candela;
+  bool horizontal_pole = false;
+};
+
 struct LightInput : LightRules {
   LightType type = LightType::kPoint;
   daffine world_from_light;
@@ -45,6 +53,7 @@ struct LightInput : LightRules {
   std::vector<PortalInput> portals;  // of a dome
   // Of geometry: see GeometryLight.
   bool own = false, shown = false, normalize = false;
+  std::optional<ShapingInput> shaping;
 };
 
 struct CameraInput {
@@ -95,6 +104,8 @@ class SceneBuilder {
   void set_links(int rows, int collections, std::span<const uint8_t> members);
   // Of the shapes that follow.
   void set_link_row(int row) { link_row_ = row; }
+  // Its number, for ShapingInput.
+  int add_ies_profile(const IesInput& profile);
   // An image for rectangle lights; its number.
   int add_light_image(const ImageInput& image);
   // `image`: of a rectangle, or -1.

@@ -15,7 +15,7 @@ struct Power {
   bool far;  // infinitely far: its power has no common measure with the rest
 };
 
-Power power_of(const float* row) {
+Power plain_power(const float* row) {
   const double s0 = row[kSize0], s1 = row[kSize1], e = std::max(double(row[kImportance]), 1e-30);
   switch (LightType(int(row[kType]))) {
     case LightType::kPoint:
@@ -30,11 +30,19 @@ Power power_of(const float* row) {
       return {4 * kPiDouble * s0 * s1 * kPiDouble * e, false};
     case LightType::kMesh:
       return {2 * kPiDouble * e, false};
+    case LightType::kLine:
+      return {kPiDouble * kPiDouble * 2 * s1 * e, false};
     case LightType::kDistant:
     case LightType::kDome:
       return {e, true};
   }
   return {0, false};
+}
+
+Power power_of(const LightTable& table, const float* row) {
+  Power power = plain_power(row);
+  if (row[kShaping] != 0) power.amount *= table.shaping.row(int(row[kShaping]))[kMean];
+  return power;
 }
 
 // Adds 0 and the cumulative probabilities of `lights`: by power, but half of the choices for what is infinitely far, where
@@ -78,7 +86,7 @@ void build_linked_lights(LightTable& table, const std::vector<Power>& powers) {
 void build_light_choice(LightTable& table) {
   if (table.count <= LightTable::kWeighed) return;
   std::vector<Power> powers;
-  for (int i = 0; i < table.count; ++i) powers.push_back(power_of(table.row(i)));
+  for (int i = 0; i < table.count; ++i) powers.push_back(power_of(table, table.row(i)));
   std::vector<int32_t> all(size_t(table.count));
   std::iota(all.begin(), all.end(), 0);
   table.power_cdf.clear();

@@ -6,6 +6,7 @@
 
 #include "scene/light_choice.hpp"
 #include "scene/light_rules.hpp"
+#include "scene/shaping_rows.hpp"
 
 namespace primray {
 namespace {
@@ -152,7 +153,8 @@ void add_hierarchy(LightTable& table) {
   for (int i = 0; i < table.listed; ++i) {
     const LightType type = LightType(int(table.row(i)[kType]));
     if (type == LightType::kDistant) table.met.far.push_back(i);
-    if (type == LightType::kDistant || type == LightType::kDome || type == LightType::kPoint) continue;
+    if (type == LightType::kDistant || type == LightType::kDome || type == LightType::kPoint || type == LightType::kLine)
+      continue;
     numbers.push_back(i), boxes.push_back(light_box(table.row(i)));
   }
   build_light_hierarchy(table.met, std::move(numbers), boxes);
@@ -206,12 +208,16 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
       case LightType::kCylinder:
         size[0] = light.radius * f.sizes.y * unit, size[1] = 0.5 * light.length * f.sizes.x * unit;
         break;
+      case LightType::kLine:
+        size[0] = size[1] = 0.5 * light.length * f.sizes.x * scale;
+        break;
       default:
         break;
     }
     if (light.type != LightType::kPoint) {
       const double kept[2] = {std::max(size[0], kSmallest), std::max(size[1], kSmallest)};
-      emission = emission * (size[0] / kept[0] * (size[1] / kept[1]));
+      emission =
+          emission * (light.type == LightType::kLine ? scale * size[1] / kept[1] : size[0] / kept[0] * (size[1] / kept[1]));
       row[kSize0] = float(kept[0]), row[kSize1] = float(kept[1]);
     }
     if (f.sheared) {
@@ -222,6 +228,9 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
     if (light.type == LightType::kPoint) {
       m.x = {1, 0, 0}, m.y = {0, 1, 0}, m.z = {0, 0, 1};
       emission = emission * (scale * scale);
+    } else if (light.type == LightType::kLine) {
+      const Frame<double> across(normalize(m.x));
+      m.x = across.n, m.y = across.s, m.z = across.t;
     } else {
       table.needs_hit_test = true;
     }
@@ -240,6 +249,8 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
   if (flags & kSheared) row[kInverseDet] = float(std::fabs(1 / det));
   put(row, kRadiance, emission);
   row[kLightFlags] = float(flags);
+  if (light.shaping && light.type != LightType::kDome && light.type != LightType::kDistant)
+    add_shaping(*light.shaping, light.world_from_light, row, table);
   table.rows.insert(table.rows.end(), row, row + kLightFields);
   ++table.count;
   add_light_rules(light, scale, table);

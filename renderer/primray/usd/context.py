@@ -30,6 +30,7 @@ class Context:
 
     bound: dict[Any, str] = field(default_factory=dict)  # path that a material binding names -> what is wrong with it
     collections: set[Any] = field(default_factory=set)  # paths of those with a material that were looked into
+    profiles: dict[str, Any] = field(default_factory=dict)  # resolved path -> what ies_asset made of the photometric file
     told_apart: set[Any] = field(default_factory=set)  # paths of prims below which such a collection has members
     expressed: set[Any] = field(default_factory=set)  # paths of prims that bind a collection which is an expression
     primvars_read: frozenset[str] = frozenset()  # "primvars:NAME" of all that materials of the stage read
