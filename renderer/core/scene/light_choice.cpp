@@ -1,3 +1,4 @@
+// See light_choice.hpp.
 #include "scene/light_choice.hpp"
 
 #include <algorithm>
