@@ -1,8 +1,8 @@
-"""Lights for the core: those of their own, and those that shapes are; textures and profiles are handed over once."""
+"""Lights for the core's builder, with the images and photometric profiles that several may share. Part of scene_upload."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -27,17 +27,16 @@ NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
 
 
 class LightUpload:
-    """Everything that gives light, for one builder."""
-
     def __init__(self, builder: Any) -> None:
         self._builder = builder
-        self._images: dict[TextureFile, int] = {}  # of rectangles
-        self._profiles: dict[int, int] = {}  # by identity, since lights share them
+        self._profiles: dict[int, int] = {}  # the core's numbers by identity, since lights share them
+        self._images: dict[TextureFile, int] = {}
 
-    def add(self, lights: Sequence[Light], textures: Textures) -> None:
+    def add(self, lights: Iterable[Light], textures: Textures) -> None:
+        """Those that stand by themselves."""
         for light in lights:
             pixels, image = NO_TEXTURE, -1
-            if light.type is LightType.RECT and light.texture is not None and light.texture in textures:
+            if light.type is LightType.RECT:
                 image = self._image(light.texture, textures)
             elif light.type is LightType.DOME:
                 pixels = light_pixels(light.texture, textures)
@@ -53,18 +52,20 @@ class LightUpload:
                 self._profile(light.shaping),
             )
 
-    def add_geometry_light(self, light: Light, group_from_object: Doubles) -> int:
-        """The core's number of a light that a shape is where it stands so."""
+    def add_worn(self, light: Light, group_from_object: Doubles) -> int:
+        """One that shapes are, which stand so; its number."""
         number: int = self._builder.add_geometry_light(group_from_object, light, self._profile(light.shaping))
         return number
 
-    def _image(self, file: TextureFile, textures: Textures) -> int:
+    def _image(self, file: TextureFile | None, textures: Textures) -> int:
+        if file is None or file not in textures:
+            return -1
         if file not in self._images:
             self._images[file] = self._builder.add_light_image(light_pixels(file, textures))
         return self._images[file]
 
     def _profile(self, shaping: Shaping | None) -> int:
-        """The core's number of a photometric profile, -1 without one."""
+        """-1 without one."""
         if shaping is None or shaping.ies is None:
             return -1
         profile = shaping.ies
@@ -72,8 +73,9 @@ class LightUpload:
             horizontal, candela = profile.horizontal_deg, profile.candela
             if len(horizontal) == 1:
                 horizontal, candela = np.array([0.0, 360.0], np.float32), np.concatenate([candela, candela])
-            number = self._builder.add_ies_profile(profile.vertical_deg, horizontal, candela, profile.horizontal_pole)
-            self._profiles[id(profile)] = number
+            self._profiles[id(profile)] = self._builder.add_ies_profile(
+                profile.vertical_deg, horizontal, candela, profile.horizontal_pole
+            )
         return self._profiles[id(profile)]
 
 

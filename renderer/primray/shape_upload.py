@@ -59,6 +59,7 @@ class ShapeUpload:
         self._shapes = shapes
         self._boxes = boxes
         self._warnings = warnings
+        self._lights = lights
         self._cutout = np.array([is_cutout(s) for s in surfaces], bool)
         self._hole = np.array([is_hole(s) for s in surfaces], bool)
         self._link_row = 0
@@ -71,7 +72,7 @@ class ShapeUpload:
         for i, p in enumerate(placed):
             shape = self._shapes[p.shape]
             if shape.light is not None:
-                lights[i] = self._lights.add_geometry_light(shape.light, matrix(p.matrix))
+                lights[i] = self._lights.add_worn(shape.light, matrix(p.matrix))
             if isinstance(shape, Mesh):
                 self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=False)
                 self._note_mesh(p)
