@@ -131,6 +131,7 @@ def test_overscan_is_what_a_wider_window_shows() -> None:
 
 def spec_of(path: Path) -> Any:
     found = oiio.ImageInput.open(str(path))
+    assert found is not None
     spec = found.spec()
     found.close()
     return spec
