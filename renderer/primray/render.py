@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import chain, repeat
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -129,7 +129,9 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     pixels, errors = film.image()
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels))
-    return Image(pixels, report, header_of(report), prepared.camera, errors=errors, frame=prepared.frame)
+    metadata = header_of(report)
+    report["frame"] = asdict(prepared.frame)
+    return Image(pixels, report, metadata, prepared.camera, errors=errors, frame=prepared.frame)
 
 
 @dataclass(frozen=True)

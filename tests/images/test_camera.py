@@ -43,7 +43,9 @@ def trace(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Film positions, and origins, directions, near and far of their rays; with a box filter, u = 0.5 is the pixel's centre."""
     rng = np.random.default_rng(1)
-    pixel = np.stack([rng.integers(-200, size + 200, n) for size in RESOLUTION], axis=1).astype(np.int32)  # beyond the frame too
+    pixel = np.stack([rng.integers(-200, size + 200, n) for size in RESOLUTION], axis=1).astype(
+        np.int32
+    )  # beyond the frame too
     film = rng.random((n, 2), dtype=np.float32)
     lens_numbers = rng.random((n, 2), dtype=np.float32) if lens is None else np.full((n, 2), lens, np.float32)
     scene = describe([(ground(), np.eye(4))], [lambert(0.5)], camera=camera, resolution=RESOLUTION).build()

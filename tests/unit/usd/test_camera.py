@@ -97,6 +97,8 @@ def test_conform_policies(policy: str, aspect: float) -> None:
         assert (found.width, found.height) == expected
         assert (found.offset_x, found.offset_y) == (3, -1)  # they shift what was adjusted
         assert pixel_aspect_ratio(aperture, (50, 50), product) == ratio
+        if policy == "adjustPixelAspectRatio":
+            assert pixel_aspect_ratio(aperture, (100, 50), product) == ratio / 2
 
 
 @pytest.mark.conforms(
