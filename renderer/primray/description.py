@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .geometry import Doubles, Floats, Interpolation, Ints, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
-from .lighting import IesProfile, Light, LightType, Portal, Shadow, Shaping
+from .lighting import NO_LINKS, IesProfile, Light, LightType, Linked, Portal, Shadow, Shaping
 from .placement import Instances, MatrixInstances, Placement, PointInstances
 from .shading import Input, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
 
@@ -29,6 +29,7 @@ __all__ = [
     "Ints",
     "Light",
     "LightType",
+    "Linked",
     "MatrixInstances",
     "Mesh",
     "Placed",
@@ -121,3 +122,4 @@ class SceneDescription:
     up_axis: str
     meters_per_unit: float
     time_code: float | None  # None: USD's default time
+    linked: Linked = NO_LINKS

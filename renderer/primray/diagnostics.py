@@ -107,6 +107,12 @@ CODES: dict[str, Code] = {
     "light-dark": Code(
         Severity.WARNING, "A light without size and normalize, or that its transform leaves none, emits nothing by its formula."
     ),
+    "link-empty": Code(
+        Severity.INFO, "A light's collection holds nothing that is rendered: it lights, or shadows it with, nothing."
+    ),
+    "link-limited": Code(
+        Severity.WARNING, "Too many different collections, or instances with their own, to link lights exactly."
+    ),
     "instanced-lights": Code(Severity.WARNING, "Too many instances of a light: only the first ones are lit."),
     "asset-missing": Code(Severity.ERROR, "A file that the stage names cannot be found; its constant value is used instead."),
     "texture-unset": Code(Severity.INFO, "A texture node names no file: its fallback is used, as UsdUVTexture says."),

@@ -18,7 +18,7 @@ from .description import SceneDescription, TextureFile
 from .texture import Texture
 
 # Say where something comes from, and what was noticed on the way, but not what it looks like.
-UNSEEN = {"path", "bad_texels", "turned"}
+UNSEEN = {"path", "collections", "bad_texels", "turned"}
 
 TextureSet = Mapping[TextureFile, Sequence[tuple[int, Texture]]]
 
@@ -30,7 +30,7 @@ def fingerprint(description: SceneDescription, textures: TextureSet) -> dict[str
     parts = {
         "geometry": (d.shapes, d.static, d.prototypes, d.placements),
         "materials": d.surfaces,
-        "lights": d.lights,
+        "lights": (d.lights, d.linked),
         "camera": d.camera,
     }
     return {name: digests.of(part) for name, part in parts.items()}

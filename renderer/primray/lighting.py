@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
+
+import numpy as np
+import numpy.typing as npt
 
 from .geometry import Doubles, Floats
 from .shading import TextureFile
@@ -63,6 +66,20 @@ class Shadow:
     distance: float = -1.0
     falloff: float = -1.0
     falloff_gamma: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Linked:
+    """Which shapes are in which collections: by a shape's `link_row` and the number that a light has for whom it reaches.
+
+    Row 0 is in every collection, and collection 0 holds every row. Empty where nothing is linked.
+    """
+
+    collections: tuple[str, ...] = ()  # paths of those from number 1 on, each of the first light that has it
+    members: npt.NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), np.bool_))  # (rows, 1 + collections)
+
+
+NO_LINKS = Linked()
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,6 +49,8 @@ def upload(
     builder = core.SceneBuilder(origin, scale)
     inputs = SurfaceUpload(builder, textures)
     builder.reserve_triangles(*points_and_triangles(shapes))
+    if d.linked.collections:
+        builder.set_links(d.linked.members.astype(np.uint8))
     warnings: list[tuple[str, str, str]] = []
     lights = LightUpload(builder)
     handing = ShapeUpload(builder, inputs, inputs.add_surfaces(d.surfaces), shapes, full_boxes, warnings, lights)

@@ -58,6 +58,7 @@ class ShapeUpload:
         self._lights = lights
         self._cutout = np.array([is_cutout(s) for s in surfaces], bool)
         self._hole = np.array([is_hole(s) for s in surfaces], bool)
+        self._link_row = 0
         self._alone = np.arange(len(surfaces), dtype=np.int32)[:, None]  # of meshes that have one
 
     def add(self, placed: Sequence[Placed], center: Doubles, scale: float) -> None:
@@ -107,12 +108,19 @@ class ShapeUpload:
     def _add_sphere(self, sphere: Sphere, world_from_object: npt.NDArray[np.float64], light: int | None) -> None:
         if self._hole[sphere.surface]:
             return
+        self._wear(sphere)
         if not self._builder.add_sphere(sphere.radius, sphere.surface, world_from_object) and sphere.radius != 0:
             self._warnings.append(("singular-transform", sphere.path, "A sphere with a singular matrix is left out"))
         for name, _, width, values in self._inputs.primvars(sphere.primvars):
             self._builder.add_sphere_primvar(name, width, values)
         if light is not None:
             self._builder.wear_light(light, world_from_object)
+
+    def _wear(self, shape: Shape) -> None:
+        """Tell the core the row of what follows, where it changes."""
+        if shape.link_row != self._link_row:
+            self._link_row = shape.link_row
+            self._builder.set_link_row(shape.link_row)
 
     def _add_part(
         self, mesh: Mesh, world_from_object: npt.NDArray[np.float64], near: Flags | None, light: int | None, *, cutout: bool
@@ -132,6 +140,7 @@ class ShapeUpload:
         self._add_mesh(part, world_from_object, light, cutout)
 
     def _add_mesh(self, part: Part, world_from_object: npt.NDArray[np.float64], light: int | None, cutout: bool) -> None:
+        self._wear(part.mesh)
         self._builder.add_mesh(
             part.mesh.points, part.triangles, *part.normals, *part.colors, part.surfaces, world_from_object, cutout
         )  # fmt: skip

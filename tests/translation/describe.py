@@ -17,7 +17,7 @@ from primray.diagnostics import Diagnostic
 LONGEST = 36  # longer arrays are summarised
 # Named only where they differ from their defaults.
 SPARSE = frozenset({"primvars", "inputs", "tiles", "opacity_threshold"})
-SPARSE |= {"shaping", "shadow", "light_link", "shadow_link", "visible_to_camera"}
+SPARSE |= {"shaping", "shadow", "light_link", "shadow_link", "visible_to_camera", "linked", "link_row"}
 SPARSE |= {"texture_format", "portals", "normalize", "own_color", "shows_own", "light"}
 
 

@@ -102,6 +102,14 @@ LightInput light_input(int type, const InArray<double>& matrix, nb::handle light
   l.width = number("width"), l.height = number("height"), l.radius = number("radius"), l.length = number("length");
   l.angle_deg = number("angle_deg"), l.diffuse = float(number("diffuse")), l.specular = float(number("specular"));
   if (!light.attr("shaping").is_none()) l.shaping = shaping_of(light.attr("shaping"), ies);
+  l.link = nb::cast<int>(light.attr("light_link")), l.casters = nb::cast<int>(light.attr("shadow_link"));
+  l.visible_to_camera = nb::cast<bool>(light.attr("visible_to_camera"));
+  if (const nb::object shadow = light.attr("shadow"); !shadow.is_none()) {
+    l.casts_shadows = nb::cast<bool>(shadow.attr("enabled")), l.shadow_color = vec3_of(shadow.attr("color"));
+    l.shadow_distance = nb::cast<double>(shadow.attr("distance"));
+    l.shadow_falloff = nb::cast<double>(shadow.attr("falloff")),
+    l.shadow_gamma = nb::cast<double>(shadow.attr("falloff_gamma"));
+  }
   return l;
 }
 
@@ -170,6 +178,8 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("has_portals", [](const Scene& s) { return !s.lights.portals.empty(); })
       .def_prop_ro("domes", [](const Scene& s) { return s.lights.domes.size(); })
       .def_prop_ro("has_shaping", [](const Scene& s) { return s.lights.has_shaping; })
+      .def_prop_ro("has_links", [](const Scene& s) { return s.lights.links.any(); })
+      .def_prop_ro("has_special_shadows", [](const Scene& s) { return !s.lights.shadow_rows.empty(); })
       .def_prop_ro("has_lobe_factors", [](const Scene& s) { return s.lights.lobe_factors; })
       .def_prop_ro("resolution", [](const Scene& s) { return nb::make_tuple(s.camera.width, s.camera.height); })
       .def_prop_ro("has_lens", [](const Scene& s) { return s.camera.lens_radius > 0; });
@@ -202,6 +212,11 @@ void bind_scene(nb::module_& m) {
              return to_numpy(std::move(left_out), {count});
            })
       .def("end_placement", &SceneBuilder::end_placement)
+      .def("set_links",
+           [](SceneBuilder& b, InArray<uint8_t> members) {
+             b.set_links(int(members.shape(0)), int(members.shape(1)), span_of(members));
+           })
+      .def("set_link_row", &SceneBuilder::set_link_row)
       .def("add_light_image", [](SceneBuilder& b, InArray<float> pixels) { return b.add_light_image(image_input(pixels)); })
       .def("add_geometry_light", &add_geometry_light)
       .def("wear_light", [](SceneBuilder& b, int light, InArray<double> matrix) { b.wear_light(light, affine_of(matrix)); })

@@ -14,6 +14,7 @@
 #include "light/dome.hpp"
 #include "light/hierarchy.hpp"
 #include "light/line.hpp"
+#include "light/linking.hpp"
 #include "light/rect.hpp"
 #include "light/shaping.hpp"
 #include "light/sphere.hpp"
@@ -57,6 +58,8 @@ enum LightField : int {
 enum LightFlag : int32_t {
   kSheared = 1,
   kGeometry = 2,  // rays meet it as a shape of the scene, not as a light
+  kHidden = 16,   // the camera does not see it
+  kSpecial = 32,  // its shadows are not the geometry's: light sampling alone finds it, with weight 1 (light/shadow.hpp)
   // Of geometry that is a light (UsdLux LightAPI, light:materialSyncMode):
   kOwnRadiance = 1 << 10,  // it gives kGlow, whatever glow its material has
 };
@@ -66,6 +69,12 @@ struct LobeFactors {
   float diffuse = 1, specular = 1;
 };
 
+// What else there is to know of a dome, sampled or not.
+struct DomeTraits {
+  int link = 0;
+  bool hidden = false, special = false;  // as LightFlag has them
+};
+
 struct LightTable {
   std::vector<float> rows;  // of the lights that are sampled
   int count = 0;
@@ -73,6 +82,7 @@ struct LightTable {
   std::vector<Dome> domes;      // all of them, sampled or not
   std::vector<int> dome_light;  // by dome: its row, or -1
   std::vector<LobeFactors> dome_factors;
+  std::vector<DomeTraits> dome_traits;
   std::vector<LightImage> images;   // of rectangles; several may have the same
   std::vector<LightTable> portals;  // by dome: rectangles of radiance 1 that guide its samples (light/portal.hpp); or empty
   std::vector<float> power_cdf;     // count + 1; used where there are too many lights to weigh each
@@ -81,7 +91,12 @@ struct LightTable {
   bool camera_sees_area = false;
   bool lobe_factors = false;  // some light's diffuse or specular factor is not 1
   ShapingTable shaping;
-  bool has_shaping = false;            // some light's emission depends on its direction
+  bool has_shaping = false;  // some light's emission depends on its direction
+  // Linking; all empty where nothing is linked. Row by row, the collection that a light reaches.
+  LinkTable links;
+  std::vector<int32_t> light_link;
+  LinkedLights linked;
+  std::vector<float> shadow_rows;      // kShadowFields a row, where some light is special; else empty
   static constexpr int kWeighed = 16;  // at most so many are weighed at every vertex
 
   const float* row(int light) const { return rows.data() + light * kLightFields; }

@@ -102,6 +102,7 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
       table.normals.push_back(int32_t(mesh.normal_kind)), table.colors.push_back(int32_t(mesh.color_kind));
       table.normal_base.push_back(normals), table.color_base.push_back(colors);
       table.triangle_base.push_back(first_triangle), table.vertex_base.push_back(first_vertex);
+      if (s.lights.links.any()) table.link.push_back(link_row_);
       s.primvars.of_mesh.insert(s.primvars.of_mesh.end(), s.primvars.names, -1);
     }
     s.triangle_mesh.push_back(row->second);
@@ -129,6 +130,7 @@ bool SceneBuilder::add_sphere(double radius, int32_t surface, const daffine& gro
   }
   scene_->spheres.push_back(r);
   scene_->sphere_surface.push_back(surface);
+  if (scene_->lights.links.any()) scene_->sphere_link.push_back(link_row_);
   scene_->primvars.of_sphere.insert(scene_->primvars.of_sphere.end(), scene_->primvars.names, -1);
   last_sphere_taken_ = true;
   scene_->groups.back().sphere_count++;

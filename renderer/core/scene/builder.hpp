@@ -7,6 +7,7 @@
 #include <span>
 
 #include "light/shaping_input.hpp"
+#include "scene/light_rules.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
@@ -40,7 +41,7 @@ struct IesInput {
   bool horizontal_pole = false;
 };
 
-struct LightInput {
+struct LightInput : LightRules {
   LightType type = LightType::kPoint;
   daffine world_from_light;
   vec3 emission;
@@ -101,6 +102,10 @@ class SceneBuilder {
   void add_placement_primvar(int name, int width, std::span<const float> values);
   // Its number, for ShapingInput.
   int add_ies_profile(const IesInput& profile);
+  // Before shapes and lights: whether what wears row r is in collection c, (rows) (collections) flags; number 0 has all.
+  void set_links(int rows, int collections, std::span<const uint8_t> members);
+  // Of the shapes that follow.
+  void set_link_row(int row) { link_row_ = row; }
   // An image for rectangle lights; its number.
   int add_light_image(const ImageInput& image);
   // `image`: of a rectangle, or -1.
@@ -133,6 +138,7 @@ class SceneBuilder {
   bool last_is_sphere_ = false;
   bool last_mirrored_ = false, last_sphere_taken_ = false, last_placement_taken_ = false;
   bool levels_measured_ = false;
+  int32_t link_row_ = 0;
 };
 
 }  // namespace primray

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "scene/light_choice.hpp"
+#include "scene/light_rules.hpp"
 #include "scene/shaping_rows.hpp"
 
 namespace primray {
@@ -87,11 +89,12 @@ void add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
   d.tint = light.emission;
   d.width = light.texture_width, d.height = light.texture_height;
   d.texels.assign(light.texels.begin(), light.texels.end());
+  const bool special = is_special(light);
   d.format = light.format;
   finish_dome_image(d);
   LightTable portals;
   if (light.diffuse != 0 || light.specular != 0) {
-    build_dome_distribution(d);
+    special ? build_whole_dome_distribution(d) : build_dome_distribution(d);
     for (const PortalInput& p : light.portals) {
       LightInput rect;
       rect.type = LightType::kRect, rect.world_from_light = p.world_from_portal;
@@ -107,6 +110,7 @@ void add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
   row[kImportance] = float(d.irradiance);
   table.dome_light.push_back(sampled ? table.count : -1);
   table.dome_factors.push_back({light.diffuse, light.specular});
+  table.dome_traits.push_back({light.link, !light.visible_to_camera, special});
   table.domes.push_back(std::move(d));
   if (portals.count > 0 || !table.portals.empty()) {
     table.portals.resize(table.domes.size());
@@ -249,64 +253,13 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
     add_shaping(*light.shaping, light.world_from_light, row, table);
   table.rows.insert(table.rows.end(), row, row + kLightFields);
   ++table.count;
+  add_light_rules(light, scale, table);
 }
 
 void finish_light_rows(LightTable& table) {
   if (table.listed > LightTable::kWeighed) add_hierarchy(table);
-  if (table.count <= LightTable::kWeighed) return;
-  // By power; half of the choices for what is infinitely far, where there is any, since its power has no common measure with
-  // the rest.
-  std::vector<double> power(table.count, 0.0);
-  double near = 0, far = 0;
-  for (int i = 0; i < table.count; ++i) {
-    const float* row = table.row(i);
-    const double s0 = row[kSize0], s1 = row[kSize1], e = std::max(double(row[kImportance]), 1e-30);
-    bool infinite = false;
-    switch (LightType(int(row[kType]))) {
-      case LightType::kPoint:
-        power[i] = 4 * kPiDouble * e;
-        break;
-      case LightType::kSphere:
-        power[i] = 4 * kPiDouble * s0 * s0 * kPiDouble * e;
-        break;
-      case LightType::kDisk:
-        power[i] = kPiDouble * s0 * s0 * kPiDouble * e;
-        break;
-      case LightType::kRect:
-        power[i] = 4 * s0 * s1 * kPiDouble * e;
-        break;
-      case LightType::kCylinder:
-        power[i] = 4 * kPiDouble * s0 * s1 * kPiDouble * e;
-        break;
-      case LightType::kMesh:
-        power[i] = 2 * kPiDouble * e;
-        break;
-      case LightType::kLine:
-        power[i] = kPiDouble * kPiDouble * 2 * s1 * e;
-        break;
-      case LightType::kDistant:
-      case LightType::kDome:
-        power[i] = e, infinite = true;
-        break;
-    }
-    if (row[kShaping] != 0) power[i] *= table.shaping.row(int(row[kShaping]))[kMean];
-    (infinite ? far : near) += power[i];
-  }
-  // In whole multiples of 2^-24, which is what the sampler's numbers are, at least one each: every light is then chosen with
-  // exactly the probability that is read off here.
-  constexpr double whole = 0x1p24;
-  const double ones = table.count < whole / 2 ? 1.0 : 0.0;
-  double run = 0;
-  table.power_cdf.assign(1, 0.0f);
-  for (int i = 0; i < table.count; ++i) {
-    const LightType type = LightType(int(table.row(i)[kType]));
-    const bool infinite = type == LightType::kDistant || type == LightType::kDome;
-    const double share = near > 0 && far > 0 ? 0.5 : 1.0;
-    run += share * power[i] / (infinite ? far : near);
-    const double units = ones * (i + 1) + std::round(std::min(run, 1.0) * (whole - ones * table.count));
-    table.power_cdf.push_back(float(units / whole));
-  }
-  table.power_cdf.back() = 1.0f;
+  finish_light_rules(table);
+  build_light_choice(table);
 }
 
 }  // namespace primray

@@ -63,8 +63,7 @@ double reach_radius(const float* row) {
           c{row[kAxisZ], row[kAxisZ + 1], row[kAxisZ + 2]};
       const double size = std::cbrt(std::fabs(dot(cross(a, b), c)));
       r = size > 0 ? s0 / size * std::hypot(x, y, z) : 1e30;
-    }
-      break;
+    } break;
     default:
       break;
   }

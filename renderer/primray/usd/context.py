@@ -10,6 +10,7 @@ from pxr import Usd
 from ..description import Surface
 from ..diagnostics import Diagnostics
 from ..settings import RenderSettings
+from .light_links import Links
 from .read import When
 
 
@@ -33,6 +34,8 @@ class Context:
     told_apart: set[Any] = field(default_factory=set)  # paths of prims below which such a collection has members
     expressed: set[Any] = field(default_factory=set)  # paths of prims that bind a collection which is an expression
     primvars_read: frozenset[str] = frozenset()  # "primvars:NAME" of all that materials of the stage read
+    property_names: set[frozenset[str]] = field(default_factory=set)  # what prims have authored, each set of names once
+    links: Links | None = None  # where lights are linked, once that is known
     light_shapes: set[str] = field(default_factory=set)  # paths of shapes that LightAPI makes lights
     portals_met: list[str] = field(default_factory=list)  # paths of PortalLights
     portals_named: set[str] = field(default_factory=set)  # of those that a dome names

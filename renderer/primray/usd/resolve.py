@@ -46,6 +46,10 @@ class Inherited:
     opacity: float | None = None  # likewise primvars:displayOpacity
     primvars: tuple[tuple[str, tuple[float, ...]], ...] = ()  # constant ones that a material of the stage reads, likewise
     per_instance: frozenset[str] = frozenset()  # primvars that the instances around have one value each of
+    # Where lights are linked (light_links.py): the instance that prims of a prototype are asked for in; what the point
+    # instancers around say, by collection.
+    seen_as: str = ""
+    linked_by_instancers: tuple[tuple[int, bool], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 
 import numpy as np
@@ -25,12 +25,14 @@ from ..description import (
     Surface,
 )
 from ..diagnostics import Diagnostics
+from ..lighting import NO_LINKS
 from ..placement import IDENTITY, MatrixInstances, chunks, rows_of_levels
 from ..settings import RenderSettings
 from .adapters.draw_mode import DRAW_MODES
 from .adapters.geometry_light import as_light, without_material
 from .adapters.implicit import sphere, tessellated
 from .adapters.light import light
+from .adapters.light_rules import rules_of
 from .adapters.mesh import mesh
 from .adapters.point_instancer import point_instances
 from .adapters.points import POINT, point_sphere
@@ -41,6 +43,7 @@ from .default_light import default_lights
 from .framing import Bounds, shape_bounds, stage_bounds
 from .instance_primvars import without_unread
 from .instances import Arrangement, Chain, Group, arrange, count_of, merge_coincident
+from .light_links import find_links
 from .portals import note_unnamed_portals
 from .pose import posed, prototypes_hold_skeletons
 from .primvars_read import primvars_read
@@ -134,6 +137,9 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     camera_prim = select_camera(stage, ctx, stage_settings, cameras)
     kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
     groups = walk(ctx, kinds, point_instances)
+    ctx.links = find_links(groups, ctx)
+    if ctx.links is not None:  # instances that lights tell apart become groups of their own
+        groups = walk(ctx, kinds, point_instances)
     for g, count in merge_coincident(groups, lambda leaf: leaf.type_name in LIGHTS).items():
         ctx.warn("instances-coincident", groups[g].path, f"{count:,} instances stand exactly where another does: left out.")
     where = arrange(groups, settings.max_memory_bytes or _physical_memory() // 2)
@@ -231,6 +237,8 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
         elif leaf.type_name in LIGHTS:
             _add_lights(scene, leaf, chains, count, ctx)
         elif (shape := _shape(leaf, ctx)) is not None:
+            if ctx.links is not None:
+                shape = replace(shape, link_row=ctx.links.row_of(leaf))
             members.append(Placed(len(scene.shapes), placed[len(leaves)]))
             scene.shapes.append(shape)
     if once is not None:
@@ -275,11 +283,12 @@ def _add_lights(scene: _Scene, leaf: ResolvedPrim, chains: list[Chain], count: i
     """One light for each place; a light's emission depends on its own size in the world."""
     if count > MAX_LIGHT_INSTANCES:
         ctx.warn("instanced-lights", leaf.path, f"Only the first {MAX_LIGHT_INSTANCES} of its {count} instances are lit.")
+    rules = rules_of(leaf, ctx)
     matrices = (matrix for chain in chains for rows in chunks(chain) for matrix in rows)
     for matrix in islice(matrices, MAX_LIGHT_INSTANCES):
         made = LIGHTS[leaf.type_name](leaf, square(matrix) @ leaf.group_from_prim, ctx)
         if made is not None:
-            scene.lights.append(made)
+            scene.lights.append(rules.applied(made))
 
 
 def _add_default_lights(scene: _Scene, camera: Camera, ctx: Context) -> None:
@@ -307,6 +316,7 @@ def _describe(scene: _Scene, ctx: Context, camera: Camera, resolution: tuple[int
         up_axis(ctx.stage, ctx.diagnostics),
         meters_per_unit(ctx.stage, ctx.diagnostics),
         ctx.settings.time_code,
+        NO_LINKS if ctx.links is None else ctx.links.linked(ctx.diagnostics),
     )
 
 

@@ -68,6 +68,7 @@ def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand) -> list[Gr
     for index, root, inherited in state.queue:  # grows as instances are found
         _walk_group(state, state.groups[index], root, inherited)
     _bind_leaves(state)
+    ctx.property_names.update(state.names)
     return state.groups
 
 
@@ -137,6 +138,8 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
             handed = replace(instance.inherited, proxy=str(proxy.GetPath()))
         else:
             handed = replace(instance.inherited, outer=inner_or_outer(inner, instance.inherited.outer), proxy="")
+        if ctx.links is not None:
+            handed = ctx.links.handed_to_instance(handed, instance.prim, prototype)
         child = state.group(prototype, handed)
         by_child.setdefault(child, []).append(instance.gf_matrix)
     group.instances += [(child, _finite(rows(matrices), group, ctx)) for child, matrices in by_child.items()]
@@ -157,6 +160,8 @@ def _expand_points(state: _Walk, group: Group[ResolvedPrim], instancer: Resolved
         if not root or not root.IsActive():
             continue
         handed = _handed_to_prototype(instancer, root, [p.name for p in instances.primvars], ctx)
+        if ctx.links is not None:
+            handed = ctx.links.handed_to_prototype(handed, instancer.prim, root)
         if root.IsInstanceProxy():
             root = root.GetPrimInPrototype()
         group.instances.append((state.group(root, handed), instances))
