@@ -312,9 +312,7 @@ def _emits(surface: Surface) -> bool:
     return any(surface.emissive_color) or any(name == "emissive_color" for name, _ in surface.inputs)
 
 
-def _describe(
-    scene: _Scene, ctx: Context, camera: Camera, frame: Frame, aovs: tuple[AovRequest, ...]
-) -> SceneDescription:
+def _describe(scene: _Scene, ctx: Context, camera: Camera, frame: Frame, aovs: tuple[AovRequest, ...]) -> SceneDescription:
     return SceneDescription(
         tuple(scene.shapes),
         tuple(ctx.surfaces),
