@@ -24,6 +24,7 @@ REPORT_KEYS = {
     "rays",
     "rays_by_kind",
     "splits",
+    "frame",
     "lane_occupancy",
     "invalid_samples",
     "error",
