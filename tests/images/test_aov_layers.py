@@ -209,7 +209,8 @@ def test_emission_behind_what_is_there_in_part() -> None:
 def test_a_surface_that_is_there_in_part_emits_by_that_part() -> None:
     glow = material("glow", diffuseColor=(0.0, 0.0, 0.0), emissiveColor=(4.0, 2.0, 1.0), opacity=0.25, ior=1.0)
     glow = glow.replace("token outputs:surface\n", 'token outputs:surface\n        token inputs:opacityMode = "presence"\n')
-    image = picture(stage_of(worn(square("a", 0, more=wears("glow"))) + square("b", -2), light=NO_LIGHT), ("emission", "depth"))
+    text = worn(square("a", 0, more=wears("glow"))) + square("b", -2) + glow
+    image = picture(stage_of(text, light=NO_LIGHT), ("emission", "depth"))
     np.testing.assert_allclose(of(image, "emission"), [1, 0.5, 0.25], rtol=1e-6)
     assert of(image, "depth") == 8
 
