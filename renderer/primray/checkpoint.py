@@ -52,6 +52,7 @@ class About:
     counts: Mapping[str, int]
     features: list[dict[str, str]]
     diagnostics: list[dict[str, str]]
+    aovs: tuple[str, ...] = ()  # that the render makes beside the picture: from the scene, not from what is held here
 
 
 @dataclass(frozen=True)
@@ -107,6 +108,7 @@ def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
         "counts": dict(about.counts),
         "features": about.features,
         "diagnostics": about.diagnostics,
+        "aovs": list(about.aovs),
         "ranges": [[first, sampling.done]],
         "under_way": sampling.ends is not None,
         "adaptive": settings.adapts,
@@ -179,6 +181,7 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
             counts=dict(header["counts"]),
             features=list(header["features"]),
             diagnostics=[dict(row) for row in header["diagnostics"]],
+            aovs=tuple(str(name) for name in header.get("aovs", ())),
         ),
         ranges=ranges,
         under_way=bool(header["under_way"]),

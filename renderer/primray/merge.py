@@ -141,7 +141,7 @@ def _diagnostics(sampling: Sampling, held: Sequence[Checkpoint], ranges: tuple[R
     if missing:
         spans = ", ".join(f"{a}:{b}" for a, b in missing)
         own.add("samples-missing", "", f"samples {spans} are in none of the parts")
-    asked = sorted({name for part in held for name in part.about.settings.get("aovs") or ()})
+    asked = sorted({name for part in held for name in part.about.aovs})
     if asked:
         own.add("aovs-not-merged", "", f"{', '.join(asked)} are not in the checkpoints that were merged")
     film = sampling.film

@@ -54,7 +54,10 @@ def parts(path: Path) -> dict[str, Any]:
     found, number = {}, 0
     while file.seek_subimage(number, 0):
         spec = file.spec(number)
-        found[spec.get_string_attribute("oiio:subimagename")] = (spec, file.read_image(number, 0, 0, spec.nchannels, oiio.UNKNOWN))
+        found[spec.get_string_attribute("oiio:subimagename")] = (
+            spec,
+            file.read_image(number, 0, 0, spec.nchannels, oiio.UNKNOWN),
+        )
         number += 1
     return found
 
