@@ -61,7 +61,7 @@ CODES: dict[str, Code] = {
     "draw-mode": Code(Severity.INFO, "model:drawMode: cards, bounds or axes are drawn in place of the geometry."),
     "draw-mode-input": Code(Severity.WARNING, "Something that a draw mode needs (bounds, a texture) is missing or ignored."),
     "motion": Code(Severity.WARNING, "Motion (shutter interval, velocities) is ignored: the scene is rendered at one instant."),
-    "color-space": Code(Severity.WARNING, "A colour space is authored and ignored: values are taken as linear Rec.709."),
+    "color-space": Code(Severity.WARNING, "A colour space is named that nobody knows: values are taken as linear Rec.709."),
     "wrong-type": Code(
         Severity.WARNING, "An attribute holds a value of the wrong type, or one that is not finite: its default is used."
     ),
