@@ -129,6 +129,7 @@ CODES: dict[str, Code] = {
     "camera-automatic": Code(Severity.INFO, "The stage has no camera: the one usdrecord would frame is used."),
     "camera-scaled": Code(Severity.WARNING, "A camera's transform has scale or shear, which is removed."),
     "camera-input": Code(Severity.WARNING, "An attribute of the camera is ignored or out of range."),
+    "product-chosen": Code(Severity.INFO, "No product was asked for: the first of the RenderSettings' is rendered."),
     "render-settings-input": Code(Severity.WARNING, "Something in RenderSettings, its products or passes is ignored."),
     "default-light": Code(
         Severity.INFO,

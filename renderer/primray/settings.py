@@ -48,6 +48,8 @@ MAX_THREADS = 1024
 @dataclass(frozen=True)
 class RenderSettings:
     camera: str | None = None  # prim path, or the name of a camera if only one has it
+    render_settings: str | None = None  # prim path; None: what the stage's metadata name, else its only RenderSettings
+    product: str | None = None  # prim path of one of their RenderProducts; None: the first
     resolution: tuple[int, int] | None = None  # width, height; one of them 0: by the camera's aspect
     time_code: float | None = None  # None: the stage's default time
     spp: int | None = None  # at most so many samples a pixel; None: 64, or no limit where an error or a time is asked for
@@ -92,10 +94,11 @@ class RenderSettings:
 
     @property
     def composition(self) -> Composition:
-        """A camera given by its path is populated whatever the mask."""
+        """What is given by its path is populated whatever the mask."""
         mask = self.mask
-        if mask and self.camera is not None and self.camera.startswith("/"):
-            mask = (*mask, self.camera)
+        if mask:
+            asked = (self.camera, self.render_settings, self.product)
+            mask = (*mask, *(path for path in asked if path is not None and path.startswith("/")))
         return Composition(self.variants, self.load, mask, self.session_layer)
 
     def __post_init__(self) -> None:

@@ -30,6 +30,7 @@ def estimate(
     adaptive: options.Adaptive = None,
     spp: options.Samples = None,
     camera: options.Camera = None,
+    render_settings: options.RenderSettingsPrim = None,
     res: options.Resolution = None,
     image_width: options.ImageWidth = None,
     frame: options.Frame = None,
@@ -58,6 +59,7 @@ def estimate(
     targets = sorted(set(target_errors or ()), reverse=True)
     settings = RenderSettings(
         camera=options.camera_of(camera),
+        render_settings=render_settings,
         resolution=options.resolution_of(res, image_width),
         time_code=time_codes[0],
         spp=spp,

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 def inspect(
     scene: options.Scene,
     camera: options.Camera = None,
+    render_settings: options.RenderSettingsPrim = None,
     res: options.Resolution = None,
     image_width: options.ImageWidth = None,
     frame: options.Frame = None,
@@ -43,6 +44,7 @@ def inspect(
         raise SettingsError("inspect looks at one frame", code="frames")
     settings = RenderSettings(
         camera=options.camera_of(camera),
+        render_settings=render_settings,
         resolution=options.resolution_of(res, image_width),
         time_code=time_codes[0],
         default_light=not no_default_light,

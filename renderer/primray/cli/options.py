@@ -15,6 +15,17 @@ Camera = Annotated[
     str | None,
     typer.Option("--camera", "-c", "-cam", metavar="CAMERA", help="Prim path or name of a camera.", show_default=False),
 ]
+RenderSettingsPrim = Annotated[
+    str | None,
+    typer.Option(
+        "--render-settings",
+        "--renderSettingsPrimPath",
+        "-rs",
+        metavar="PRIM",
+        help="Path of the RenderSettings to follow.",
+        show_default="the stage's",
+    ),
+]
 Resolution = Annotated[
     tuple[int, int] | None,
     typer.Option("--res", "-r", metavar="W H", help="Pixels; one of them 0: by the camera's aspect.", show_default=False),

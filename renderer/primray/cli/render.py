@@ -29,6 +29,7 @@ def render(
         typer.Option("--output", "-o", metavar="FILE", help="EXR, PNG or JPEG; may be repeated.", show_default="<scene>.exr"),
     ] = None,
     camera: options.Camera = None,
+    render_settings: options.RenderSettingsPrim = None,
     res: options.Resolution = None,
     image_width: options.ImageWidth = None,
     frames: Annotated[
@@ -87,6 +88,7 @@ def render(
     settings = [
         RenderSettings(
             camera=options.camera_of(camera),
+            render_settings=render_settings,
             resolution=options.resolution_of(res, image_width),
             time_code=time_code,
             spp=spp,

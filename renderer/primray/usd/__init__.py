@@ -6,6 +6,8 @@ description objects; `translate` holds the table of adapters and puts it all tog
 column-vector.
 """
 
+from .adapters.render_product import ProductSettings, RenderVariable
+from .adapters.render_settings import products
 from .asset import read_asset
 from .dependencies import Dependencies, dependencies, write_usdz
 from .stage import open_stage
@@ -15,9 +17,12 @@ from .translate import camera_paths, translate
 
 __all__ = [
     "Dependencies",
+    "ProductSettings",
+    "RenderVariable",
     "camera_paths",
     "dependencies",
     "open_stage",
+    "products",
     "read_asset",
     "stage_facts",
     "translate",

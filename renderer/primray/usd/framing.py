@@ -11,7 +11,7 @@ from pxr import Tf, Usd, UsdGeom
 from ..description import Camera, Doubles, Mesh, Placed, Placement, Projection, Prototype, Shape, Sphere
 from ..placement import placed_box
 from .adapters.camera import Aperture, conform, window_of
-from .adapters.render_settings import StageSettings
+from .adapters.render_product import ProductSettings
 from .read import When
 
 # GfCamera's defaults: 50 mm, 35 mm projector aperture.
@@ -24,7 +24,7 @@ MANY = 1_000_000  # instances whose own corners are looked at, one by one
 Bounds = tuple[Doubles, Doubles]  # centre and size of the world's axis-aligned box
 
 
-def framing_camera(bounds: Bounds, z_up: bool, resolution: tuple[int, int], stage_settings: StageSettings) -> Camera:
+def framing_camera(bounds: Bounds, z_up: bool, resolution: tuple[int, int], product: ProductSettings) -> Camera:
     """At the centre of the bounds, back from it far enough for them to fit; nothing is clipped."""
     center, size = bounds
     up, depth = (2, 1) if z_up else (1, 2)
@@ -38,7 +38,7 @@ def framing_camera(bounds: Bounds, z_up: bool, resolution: tuple[int, int], stag
         world_from_camera[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
     world_from_camera[:3, 3] = center
     world_from_camera[depth, 3] += -distance if z_up else distance
-    aperture = conform(APERTURE, resolution, stage_settings)
+    aperture = conform(APERTURE, resolution, product)
     return Camera("", world_from_camera, Projection.PERSPECTIVE, window_of(aperture, 1 / FOCAL_LENGTH), (0.0, 3e38))
 
 

@@ -17,8 +17,9 @@ from typing import Any
 from pxr import Sdf, Usd, UsdGeom, UsdLux
 
 from ..diagnostics import CODES, Diagnostics
+from ..settings import RenderSettings
 from .adapters.camera import read_aperture
-from .adapters.render_settings import render_settings
+from .adapters.render_settings import product_settings
 from .read import when_of
 from .stage import error_text, open_stage
 from .stage_facts import stage_facts
@@ -71,7 +72,7 @@ def scene_facts(path: str | os.PathLike[str]) -> SceneFacts:
     cameras = [prim for prim in prims if prim.GetTypeName() == "Camera"]
     settings = [prim for prim in prims if prim.GetTypeName() == "RenderSettings"]
     unused = Diagnostics()
-    chosen = render_settings(stage, settings, unused)
+    chosen = product_settings(stage, RenderSettings(), settings, when_of(stage, None), unused)
     types: dict[str, int] = found["prim_types"]
     used_layers = sum(not layer.anonymous for layer in stage.GetUsedLayers())
     lights = sum(count for name, count in types.items() if name in LIGHTS)

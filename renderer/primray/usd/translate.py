@@ -33,7 +33,9 @@ from .adapters.light import light
 from .adapters.mesh import mesh
 from .adapters.point_instancer import point_instances
 from .adapters.points import POINT, point_sphere
-from .adapters.render_settings import StageSettings, render_settings
+from .adapters.render_pass import note_render_pass
+from .adapters.render_product import ProductSettings, note_ignored
+from .adapters.render_settings import product_settings
 from .context import Context
 from .convert import square, squares
 from .default_light import default_lights
@@ -42,7 +44,7 @@ from .instance_primvars import without_unread
 from .instances import Arrangement, Chain, Group, arrange, count_of, merge_coincident
 from .pose import posed, prototypes_hold_skeletons
 from .primvars_read import primvars_read
-from .read import when_of
+from .read import When, when_of
 from .resolve import ResolvedPrim
 from .stage import tf_message, usd_messages
 from .stage_metadata import meters_per_unit, up_axis
@@ -125,11 +127,13 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
         stage = posed(stage, when_of(stage, settings.time_code), diagnostics)
         found = _find_by_type(stage, Diagnostics())
     cameras, settings_prims, shaders = found.cameras, found.settings, found.shaders
-    stage_settings = render_settings(stage, settings_prims, diagnostics)
-    ctx = _context(stage, settings, stage_settings, diagnostics)
+    when = when_of(stage, settings.time_code)
+    product = product_settings(stage, settings, settings_prims, when, diagnostics)
+    note_ignored(product, diagnostics)
+    ctx = _context(stage, settings, when, product, diagnostics)
     ctx.prototype_names = names
     ctx.primvars_read = primvars_read(shaders, ctx)
-    camera_prim = select_camera(stage, ctx, stage_settings, cameras)
+    camera_prim = select_camera(stage, ctx, product, cameras)
     kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
     groups = walk(ctx, kinds, point_instances)
     for g, count in merge_coincident(groups, lambda leaf: leaf.type_name in LIGHTS).items():
@@ -149,13 +153,14 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
         whole = None if where.cyclic or _is_crowded(groups) else stage_bounds(stage, ctx.when, ctx.purposes)
         return whole or shape_bounds(scene.shapes, scene.static, scene.prototypes, scene.placements)
 
-    camera, resolution = view_through(camera_prim, ctx, stage_settings, bounds)
+    camera, resolution = view_through(camera_prim, ctx, product, bounds)
     _add_default_lights(scene, camera, ctx)
     return _describe(scene, ctx, camera, resolution)
 
 
-def _context(stage: Usd.Stage, settings: RenderSettings, wanted: StageSettings, diagnostics: Diagnostics) -> Context:
-    when = when_of(stage, settings.time_code)
+def _context(
+    stage: Usd.Stage, settings: RenderSettings, when: When, wanted: ProductSettings, diagnostics: Diagnostics
+) -> Context:
     purposes = settings.purposes if settings.purposes is not None else wanted.purposes
     return Context(stage, settings, when, purposes, wanted.material_purposes, diagnostics)
 
@@ -188,7 +193,7 @@ def _find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> _Found:
         elif name == "SkelRoot":
             found.has_skeletons = True
         elif name == "RenderPass":
-            diagnostics.add("render-settings-input", str(prim.GetPath()), "Render passes are ignored.")
+            note_render_pass(prim, diagnostics)
     return found
 
 

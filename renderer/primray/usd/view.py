@@ -10,22 +10,22 @@ from ..description import Camera
 from ..errors import SettingsError
 from ..settings import limit_pixels
 from .adapters.camera import Aperture, camera, read_aperture
-from .adapters.render_settings import StageSettings
+from .adapters.render_product import ProductSettings
 from .context import Context
 from .framing import APERTURE, Bounds, framing_camera
 
 DEFAULT_WIDTH = 960  # usdrecord's
 
 
-def select_camera(stage: Usd.Stage, ctx: Context, stage_settings: StageSettings, cameras: list[Usd.Prim]) -> Usd.Prim | None:
+def select_camera(stage: Usd.Stage, ctx: Context, product: ProductSettings, cameras: list[Usd.Prim]) -> Usd.Prim | None:
     """The camera's prim; None where the stage has none. SettingsError when the one asked for does not exist."""
     if ctx.settings.camera is not None:
         return _asked_for(stage, ctx.settings.camera, cameras)
-    if stage_settings.camera is not None:
-        prim = stage.GetPrimAtPath(stage_settings.camera)
+    if product.camera is not None:
+        prim = stage.GetPrimAtPath(product.camera)
         if prim and prim.GetTypeName() == "Camera":
             return prim
-        ctx.warn("render-settings-input", stage_settings.camera, "The camera that RenderSettings names does not exist.")
+        ctx.warn("render-settings-input", product.camera, "The camera that RenderSettings names does not exist.")
     if len(cameras) > 1:
         others = ", ".join(str(c.GetPath()) for c in cameras[1:6])
         ctx.warn("camera-chosen", str(cameras[0].GetPath()), f"The first of {len(cameras)} cameras is used; others: {others}.")
@@ -35,16 +35,16 @@ def select_camera(stage: Usd.Stage, ctx: Context, stage_settings: StageSettings,
 
 
 def view_through(
-    prim: Usd.Prim | None, ctx: Context, stage_settings: StageSettings, bounds: Callable[[], Bounds]
+    prim: Usd.Prim | None, ctx: Context, product: ProductSettings, bounds: Callable[[], Bounds]
 ) -> tuple[Camera, tuple[int, int]]:
     """The camera, conformed to the image, and the image's size; `bounds` of the world are asked for only without a camera."""
     aperture = read_aperture(prim, ctx.when, ctx.diagnostics) if prim is not None else APERTURE
-    resolution = _resolution(ctx.settings.resolution, stage_settings, aperture)
+    resolution = _resolution(ctx.settings.resolution, product, aperture)
     if prim is not None:
-        return camera(prim, ctx.when, resolution, stage_settings, ctx.diagnostics), resolution
+        return camera(prim, ctx.when, resolution, product, ctx.diagnostics), resolution
     ctx.warn("camera-automatic", "", "The stage has no camera: it is framed as usdrecord would.")
     z_up = str(UsdGeom.GetStageUpAxis(ctx.stage)) == "Z"
-    return framing_camera(bounds(), z_up, resolution, stage_settings), resolution
+    return framing_camera(bounds(), z_up, resolution, product), resolution
 
 
 def _asked_for(stage: Usd.Stage, asked: str, cameras: list[Usd.Prim]) -> Usd.Prim:
@@ -61,10 +61,10 @@ def _asked_for(stage: Usd.Stage, asked: str, cameras: list[Usd.Prim]) -> Usd.Pri
     raise SettingsError(f"{problem}; the stage's cameras: {listed}.", where=asked, code="unknown-camera")
 
 
-def _resolution(asked: tuple[int, int] | None, stage_settings: StageSettings, aperture: Aperture) -> tuple[int, int]:
+def _resolution(asked: tuple[int, int] | None, product: ProductSettings, aperture: Aperture) -> tuple[int, int]:
     """A width or height of 0 follows from the other by the camera's aspect."""
-    width, height = asked or stage_settings.resolution or (DEFAULT_WIDTH, 0)
-    aspect = aperture.aspect / stage_settings.pixel_aspect_ratio
+    width, height = asked or product.resolution or (DEFAULT_WIDTH, 0)
+    aspect = aperture.aspect / product.pixel_aspect_ratio
     if width < 0 or height < 0 or (width == 0 and height == 0):
         raise SettingsError(f"An image of {width} x {height} pixels cannot be made.", code="resolution")
     if height == 0:

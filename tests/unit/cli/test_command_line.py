@@ -51,10 +51,12 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
     flags = "-cam /World/cam -r 16 8 -f 3 -p 5 --max-depth 2 --filter gaussian --filter-width 2.5 -j 2 --seed 9 --max-memory 4G"
     stop = "--target-error 0.02 --error-metric rmse --time-limit 7.5 --no-adaptive"
     more = "--view Raw --exposure 1.5 --purposes default,proxy --no-default-light --strict --report r.json -o a.png"
-    chosen = "--variant /a:s=x --variant /a:t= --load /p --load /q --mask /a,/b --session-layer over.usda"
+    chosen = "--variant /a:s=x --variant /a:t= --load /p --load /q --mask /a,/b --session-layer over.usda --render-settings /s"
     assert run(["render", "shot.usda", *flags.split(), *more.split(), *chosen.split(), *stop.split()]) == 0
     assert report_of("r.json")["settings"] == {
         "camera": "/cam",  # as resolved by translation
+        "render_settings": "/s",
+        "product": None,
         "resolution": [16, 8],
         "time_code": 3.0,
         "spp": 5,

@@ -13,7 +13,7 @@ from primray.diagnostics import Diagnostics
 from primray.errors import SettingsError
 from primray.settings import RenderSettings
 from primray.usd.adapters.camera import Aperture, conform
-from primray.usd.adapters.render_settings import StageSettings
+from primray.usd.adapters.render_product import ProductSettings
 
 from .usd_text import stage_of, translate_text
 
@@ -73,12 +73,12 @@ WIDE, TALL = Aperture(40, 20), Aperture(10, 20)  # aspects 2 and 0.5, image aspe
 )
 def test_conform_policies(policy: str, wide: tuple[float, float], tall: tuple[float, float]) -> None:
     for aperture, expected in ((WIDE, wide), (TALL, tall)):
-        found = conform(aperture, (50, 50), StageSettings(conform_policy=policy))
+        found = conform(aperture, (50, 50), ProductSettings(conform_policy=policy))
         assert (found.width, found.height) == expected
 
 
 def test_pixel_aspect_ratio_widens_the_image() -> None:
-    found = conform(TALL, (50, 50), StageSettings(pixel_aspect_ratio=2.0))
+    found = conform(TALL, (50, 50), ProductSettings(pixel_aspect_ratio=2.0))
     assert (found.width, found.height) == (40, 20)
 
 

@@ -13,7 +13,7 @@ from ...diagnostics import Diagnostics
 from ..convert import matrix
 from ..read import When, number, read, token, vector
 from ..resolve import local_matrix
-from .render_settings import StageSettings
+from .render_product import ProductSettings
 
 MM = 0.1  # camera lengths are tenths of scene units (UsdGeomCamera)
 
@@ -52,10 +52,10 @@ def read_aperture(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Apert
     )
 
 
-def conform(aperture: Aperture, resolution: tuple[int, int], stage_settings: StageSettings) -> Aperture:
+def conform(aperture: Aperture, resolution: tuple[int, int], product: ProductSettings) -> Aperture:
     """The aperture adapted to the image (UsdRenderSettingsBase, aspectRatioConformPolicy); offsets stay as they are."""
-    image = stage_settings.pixel_aspect_ratio * resolution[0] / resolution[1]
-    policy = stage_settings.conform_policy
+    image = product.pixel_aspect_ratio * resolution[0] / resolution[1]
+    policy = product.conform_policy
     wider = aperture.aspect > image
     taller, narrower = replace(aperture, height=aperture.width / image), replace(aperture, width=aperture.height * image)
     match policy:
@@ -72,10 +72,10 @@ def conform(aperture: Aperture, resolution: tuple[int, int], stage_settings: Sta
 
 
 def camera(
-    prim: Usd.Prim, when: When, resolution: tuple[int, int], stage_settings: StageSettings, diagnostics: Diagnostics
+    prim: Usd.Prim, when: When, resolution: tuple[int, int], product: ProductSettings, diagnostics: Diagnostics
 ) -> Camera:
     path = str(prim.GetPath())
-    aperture = conform(read_aperture(prim, when, diagnostics), resolution, stage_settings)
+    aperture = conform(read_aperture(prim, when, diagnostics), resolution, product)
     orthographic = token(prim, "projection", when, "perspective") == "orthographic"
     focal = number(prim, "focalLength", when, 50.0, diagnostics)
     if focal <= 0 and not orthographic:
@@ -85,9 +85,9 @@ def camera(
     if not _is_usable(window):
         shown = ", ".join(f"{side:g}" for side in window)
         diagnostics.add("camera-input", path, f"No film can be as wide as ({shown}) at unit distance: apertures are ignored.")
-        focal, aperture = max(focal, 50.0), conform(Aperture(20.955, 15.2908), resolution, StageSettings())
+        focal, aperture = max(focal, 50.0), conform(Aperture(20.955, 15.2908), resolution, ProductSettings())
         window = window_of(aperture, MM if orthographic else 1.0 / focal)
-    lens_radius, focus = (0.0, 0.0) if orthographic else _lens(prim, focal, when, stage_settings, diagnostics)
+    lens_radius, focus = (0.0, 0.0) if orthographic else _lens(prim, focal, when, product, diagnostics)
     _note_ignored(prim, when, diagnostics)
     return Camera(
         path,
@@ -114,13 +114,11 @@ def _is_usable(window: tuple[float, float, float, float]) -> bool:
     return bool(left < right and bottom < top and np.abs([left, right, bottom, top]).max() < WIDEST_WINDOW)
 
 
-def _lens(
-    prim: Usd.Prim, focal: float, when: When, stage_settings: StageSettings, diagnostics: Diagnostics
-) -> tuple[float, float]:
+def _lens(prim: Usd.Prim, focal: float, when: When, product: ProductSettings, diagnostics: Diagnostics) -> tuple[float, float]:
     """Lens radius and focus distance in scene units; (0, 0) is a pinhole (fStop or focusDistance 0, UsdGeomCamera)."""
     f_stop = number(prim, "fStop", when, 0.0, diagnostics)
     focus = number(prim, "focusDistance", when, 0.0, diagnostics)
-    if f_stop <= 0 or focus <= 0 or not stage_settings.depth_of_field:
+    if f_stop <= 0 or focus <= 0 or product.disable_depth_of_field:
         return (0.0, 0.0)
     lens_radius = MM * focal / (2.0 * f_stop)
     if max(lens_radius, lens_radius / focus) < WIDEST_WINDOW:

@@ -1,131 +1,117 @@
-"""UsdRenderSettings and its first product: resolution, camera, purposes, aspect policy; the rest is noted."""
+"""Which UsdRenderSettings a render follows, and which of its products it makes."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
 
-from pxr import Usd
+from pxr import Sdf, Usd
 
 from ...diagnostics import Diagnostics
+from ...errors import SettingsError
+from ...settings import RenderSettings
+from ..read import When, when_of
+from .render_product import ProductSettings, product_of, settings_alone
+
+LISTED = 20
 
 
-@dataclass(frozen=True)
-class StageSettings:
-    """What the stage asks of a render; the defaults are UsdRenderSettingsBase's, or None where nothing is authored."""
+def products(
+    stage: Usd.Stage, settings: RenderSettings | None = None, diagnostics: Diagnostics | None = None
+) -> tuple[ProductSettings, ...]:
+    """All products of the settings that a render would follow, in order; one by default where there are none.
 
-    camera: str | None = None
-    resolution: tuple[int, int] | None = None
-    pixel_aspect_ratio: float = 1.0
-    conform_policy: str = "expandAperture"
-    purposes: tuple[str, ...] = ("default", "render")
-    material_purposes: tuple[str, ...] = ("full", "")
-    depth_of_field: bool = True
-
-
-POLICIES = ("expandAperture", "cropAperture", "adjustApertureWidth", "adjustApertureHeight", "adjustPixelAspectRatio")
-
-
-def render_settings(stage: Usd.Stage, candidates: list[Usd.Prim], diagnostics: Diagnostics) -> StageSettings:
-    """By the stage's renderSettingsPrimPath, else its only RenderSettings prim (`candidates`), else the defaults."""
-    prim = _choose(stage, candidates, diagnostics)
-    if prim is None:
-        return StageSettings()
-    product = _product(stage, prim, diagnostics)
-    path = str(prim.GetPath())
-    resolution = _resolution(_inherited(prim, product, "resolution", authored_only=True), path, diagnostics)
-    aspect = _inherited(prim, product, "pixelAspectRatio")
-    if not isinstance(aspect, int | float) or not 0 < aspect < 1e6:
-        diagnostics.add("render-settings-input", path, f"pixelAspectRatio = {aspect!r} is not a positive number: 1 is used.")
-        aspect = 1.0
-    policy = _inherited(prim, product, "aspectRatioConformPolicy")
-    if policy not in POLICIES:
-        diagnostics.add(
-            "render-settings-input", path, f"aspectRatioConformPolicy = {policy!r} is unknown: expandAperture is used."
-        )
-        policy = "expandAperture"
-    _note_ignored(prim, product, diagnostics)
-    return StageSettings(
-        _camera(prim, product),
-        resolution,
-        float(aspect),
-        policy,
-        tuple(str(p) for p in prim.GetAttribute("includedPurposes").Get() or ()),
-        tuple("" if p == "allPurpose" else str(p) for p in prim.GetAttribute("materialBindingPurposes").Get() or ("",)),
-        not _inherited(prim, product, "disableDepthOfField"),
-    )
+    SettingsError where `settings` ask for RenderSettings that there are not.
+    """
+    settings = settings or RenderSettings()
+    diagnostics = Diagnostics() if diagnostics is None else diagnostics
+    candidates = [prim for prim in stage.Traverse() if prim.GetTypeName() == "RenderSettings"]
+    prim = _choose(stage, settings.render_settings, candidates, diagnostics)
+    when = when_of(stage, settings.time_code)
+    return tuple(_read(prim, product, when, diagnostics) for product in _products(stage, prim, diagnostics))
 
 
-def _choose(stage: Usd.Stage, candidates: list[Usd.Prim], diagnostics: Diagnostics) -> Usd.Prim | None:
+def product_settings(
+    stage: Usd.Stage, settings: RenderSettings, candidates: Sequence[Usd.Prim], when: When, diagnostics: Diagnostics
+) -> ProductSettings:
+    """Those of the product that a render makes: the one asked for, else the first. `candidates`: the RenderSettings prims."""
+    prim = _choose(stage, settings.render_settings, candidates, diagnostics)
+    targets = _products(stage, prim, diagnostics)
+    if settings.product is not None:
+        return _read(prim, _named(settings.product, targets), when, diagnostics)
+    if len(targets) > 1:
+        others = ", ".join(str(p.GetPath()) for p in targets[1 : LISTED + 1] if p is not None)
+        message = f"The first of {len(targets)} products, {_path(targets[0])}, is rendered; the others are {others}."
+        diagnostics.add("product-chosen", _path(prim), message, "products")
+    return _read(prim, targets[0], when, diagnostics)
+
+
+def _choose(stage: Usd.Stage, asked: str | None, candidates: Sequence[Usd.Prim], diagnostics: Diagnostics) -> Usd.Prim | None:
+    """The settings asked for, else those that the stage's metadata name, else the only ones, else none."""
+    if asked is not None:
+        return _asked_for(stage, asked, candidates)
     if stage.HasAuthoredMetadata("renderSettingsPrimPath"):
         named = stage.GetMetadata("renderSettingsPrimPath")
-        prim = stage.GetPrimAtPath(named) if named else None
-        if prim and prim.GetTypeName() == "RenderSettings":
+        prim = _at(stage, named)
+        if prim is not None and prim.GetTypeName() == "RenderSettings":
             return prim
-        diagnostics.add("render-settings-input", str(named), "renderSettingsPrimPath leads to no RenderSettings prim.")
+        message = f"renderSettingsPrimPath leads to {named or 'nothing'}, which is no RenderSettings prim."
+        diagnostics.add("render-settings-input", "", message, "renderSettingsPrimPath")
     if len(candidates) > 1:
-        names = ", ".join(str(p.GetPath()) for p in candidates)
-        diagnostics.add(
-            "render-settings-input", "", f"None of several RenderSettings is named by the stage, so none is used: {names}."
-        )
+        names = ", ".join(str(p.GetPath()) for p in candidates[:LISTED])
+        message = f"The stage names none of its {len(candidates)} RenderSettings, so none is used: {names}."
+        diagnostics.add("render-settings-input", "", message, "renderSettingsPrimPath")
     return candidates[0] if len(candidates) == 1 else None
 
 
-def _product(stage: Usd.Stage, settings: Usd.Prim, diagnostics: Diagnostics) -> Usd.Prim | None:
-    """The first product, whose authored values override the settings' (UsdRenderSettingsBase)."""
-    targets = settings.GetRelationship("products").GetForwardedTargets()
-    products = [p for p in (stage.GetPrimAtPath(t) for t in targets) if p and p.GetTypeName() == "RenderProduct"]
-    if not products:
+def _asked_for(stage: Usd.Stage, asked: str, candidates: Sequence[Usd.Prim]) -> Usd.Prim:
+    prim = _at(stage, asked)
+    if prim is not None and prim.GetTypeName() == "RenderSettings":
+        return prim
+    listed = ", ".join(str(p.GetPath()) for p in candidates[:LISTED]) or "none"
+    raise SettingsError(
+        f"There are no RenderSettings {asked}; the stage's: {listed}.", where=asked, code="unknown-render-settings"
+    )
+
+
+def _named(asked: str, targets: Sequence[Usd.Prim | None]) -> Usd.Prim:
+    for prim in targets:
+        if prim is not None and str(prim.GetPath()) == asked:
+            return prim
+    listed = ", ".join(_path(prim) for prim in targets[:LISTED] if prim is not None) or "none"
+    raise SettingsError(
+        f"There is no product {asked}; the products of the render settings: {listed}.", where=asked, code="unknown-product"
+    )
+
+
+def _products(stage: Usd.Stage, settings: Usd.Prim | None, diagnostics: Diagnostics) -> list[Usd.Prim | None]:
+    """At least one; None stands for the default one."""
+    if settings is None:
+        return [None]
+    found: list[Usd.Prim | None] = []
+    for target in settings.GetRelationship("products").GetForwardedTargets():
+        prim = _at(stage, target)
+        if prim is not None and prim.GetTypeName() == "RenderProduct":
+            found.append(prim)
+        else:
+            message = f"products leads to {target}, which is no RenderProduct."
+            diagnostics.add("render-settings-input", _path(settings), message, "products")
+    return found or [None]
+
+
+def _read(settings: Usd.Prim | None, product: Usd.Prim | None, when: When, diagnostics: Diagnostics) -> ProductSettings:
+    if settings is None:
+        return ProductSettings()
+    if product is None:
+        return settings_alone(settings, when, diagnostics)
+    return product_of(settings, product, when, diagnostics)
+
+
+def _at(stage: Usd.Stage, path: object) -> Usd.Prim | None:
+    text = str(path or "")
+    if not Sdf.Path.IsValidPathString(text) or not Sdf.Path(text).IsAbsolutePath():
         return None
-    if len(products) > 1:
-        diagnostics.add(
-            "render-settings-input", str(settings.GetPath()), f"Only the first product, {products[0].GetPath()}, is rendered."
-        )
-    kind = products[0].GetAttribute("productType").Get()
-    if kind != "raster":
-        diagnostics.add("render-settings-input", str(products[0].GetPath()), f"productType = {kind} is rendered as raster.")
-    return products[0]
+    return stage.GetPrimAtPath(Sdf.Path(text)) or None
 
 
-def _inherited(settings: Usd.Prim, product: Usd.Prim | None, name: str, *, authored_only: bool = False) -> Any:
-    if product is not None and product.GetAttribute(name).HasAuthoredValue():
-        return product.GetAttribute(name).Get()
-    attribute = settings.GetAttribute(name)
-    return attribute.Get() if attribute.HasAuthoredValue() or not authored_only else None
-
-
-def _resolution(raw: Any, path: str, diagnostics: Diagnostics) -> tuple[int, int] | None:
-    if raw is None:
-        return None
-    width, height = int(raw[0]), int(raw[1])
-    if width > 0 and height > 0:
-        return (width, height)
-    diagnostics.add("render-settings-input", path, f"resolution = ({width}, {height}) is ignored.")
-    return None
-
-
-def _camera(settings: Usd.Prim, product: Usd.Prim | None) -> str | None:
-    for prim in (product, settings):
-        targets = prim.GetRelationship("camera").GetForwardedTargets() if prim is not None else []
-        if targets:
-            return str(targets[0])
-    return None
-
-
-def _note_ignored(settings: Usd.Prim, product: Usd.Prim | None, diagnostics: Diagnostics) -> None:
-    path = str(settings.GetPath())
-    window = _inherited(settings, product, "dataWindowNDC")
-    if window is not None and tuple(window) != (0.0, 0.0, 1.0, 1.0):
-        diagnostics.add(
-            "render-settings-input", path, f"dataWindowNDC = {tuple(window)} is ignored: the whole frame is rendered."
-        )
-    space = settings.GetAttribute("renderingColorSpace").Get()
-    if space and space not in ("lin_rec709_scene", "lin_rec709"):
-        diagnostics.add("render-settings-input", path, f"renderingColorSpace = {space} is ignored: linear Rec.709 is used.")
-    variables = product.GetRelationship("orderedVars").GetForwardedTargets() if product is not None else []
-    stage = settings.GetStage()
-    for target in variables:
-        var = stage.GetPrimAtPath(target)
-        source = var.GetAttribute("sourceName").Get() if var and var.GetTypeName() == "RenderVar" else None
-        if source is not None and source not in ("Ci", "C.*", "color", "rgb", "rgba", "RGBA", "LPE:C.*[LO]", ""):
-            diagnostics.add("render-settings-input", str(target), f"The render variable {source} is not rendered, only colour.")
+def _path(prim: Usd.Prim | None) -> str:
+    return str(prim.GetPath()) if prim is not None else ""
