@@ -20,6 +20,7 @@ import numpy.typing as npt
 from . import core
 from .adaptive import DOUBLINGS, Plan
 from .checkpoint_file import Arrays, read_checkpoint, read_header
+from .color_space import REC709, ColorSpace, is_gamut
 from .description import Camera, Projection
 from .error import Estimate, FrameError
 from .errors import CheckpointError
@@ -32,7 +33,7 @@ SPLITS = (1, 2)  # what core.choose_splits answers; others would be taken for wh
 BINS = (-4, 3)  # exact_sum.hpp: kLowestBin, and that of the largest float
 
 # Settings that decide about pixels once the scene is translated, and those that decide what is translated.
-OF_PIXELS = ("resolution", "seed", "max_depth", "filter", "filter_width", "dicing_rate")
+OF_PIXELS = ("resolution", "seed", "max_depth", "filter", "filter_width", "dicing_rate", "rendering_color_space")
 OF_SCENE = ("camera", "time_code", "default_light", "purposes", "variants", "load", "mask", "session_layer")
 
 PLAN_ARRAYS = ("begin", "order", "levels", "spent")
@@ -50,6 +51,7 @@ class About:
     counts: Mapping[str, int]
     features: list[dict[str, str]]
     diagnostics: list[dict[str, str]]
+    rendering_space: ColorSpace = REC709
 
 
 @dataclass(frozen=True)
@@ -104,6 +106,7 @@ def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
         "counts": dict(about.counts),
         "features": about.features,
         "diagnostics": about.diagnostics,
+        "rendering_space": asdict(about.rendering_space),
         "ranges": [[first, sampling.done]],
         "under_way": sampling.ends is not None,
         "adaptive": settings.adapts,
@@ -180,6 +183,7 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
             counts=dict(header["counts"]),
             features=list(header["features"]),
             diagnostics=[dict(row) for row in header["diagnostics"]],
+            rendering_space=_space_of(header["rendering_space"]),
         ),
         ranges=ranges,
         under_way=bool(header["under_way"]),
@@ -255,6 +259,13 @@ def _row(row: Mapping[str, Any], tiles: npt.NDArray[np.float64]) -> Row:
         raise ValueError
     error = FrameError(relmse, rmse, tiles, estimates["display"])
     return Row(float(row["samples"]), float(row["seconds"]), error, bool(row["anchor"]), bool(row["due"]))
+
+
+def _space_of(values: Mapping[str, Any]) -> ColorSpace:
+    red, green, blue, white = ((float(x), float(y)) for x, y in (values[k] for k in ("red", "green", "blue", "white")))
+    space = ColorSpace(str(values["name"]), red, green, blue, white)
+    _valid(is_gamut(space))
+    return space
 
 
 def _camera_of(values: Mapping[str, Any]) -> Camera:

@@ -76,6 +76,7 @@ def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None
         counts=prepared.counts,
         features=list(prepared.scene.features),
         diagnostics=[diagnostic.as_json() for diagnostic in diagnostics],
+        rendering_space=prepared.scene.rendering_space,
     )
     if held is None:
         sampling = Sampling.begin(prepared.scene, settings)

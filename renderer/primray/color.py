@@ -162,7 +162,7 @@ def convert(rgb: Floats, source: Source, target: ColorSpace) -> Floats:
     known_as, by = _in_config(target)
     rows = np.asarray(rgb, np.float32).reshape(-1, 1, 3) if np.ndim(rgb) != 3 else np.asarray(rgb, np.float32)
     made = _apply(lambda config: config.getProcessor(ocio.ColorSpaceTransform(src=source, dst=known_as)), rows)
-    back = None if by is None else np.linalg.inv(by)
+    back: Doubles | None = None if by is None else np.asarray(np.linalg.inv(by), np.float64)
     return color_space.transformed(made, back).reshape(np.shape(rgb))
 
 
@@ -206,7 +206,8 @@ def _measured(name: str) -> ColorSpace | None:
     around = white / white.sum()
     if np.abs(around[:2] - REC709.white).max() < 1e-5:
         around = np.array([*REC709.white, 0.0])
-    return ColorSpace(name, *((float(x), float(y)) for x, y in (red, green, blue, around[:2])))
+    corners = [(float(corner[0]), float(corner[1])) for corner in (red, green, blue, around)]
+    return ColorSpace(name, corners[0], corners[1], corners[2], corners[3])
 
 
 def _apply(processor_of: Callable[[Any], Any], rgb: Floats) -> Floats:

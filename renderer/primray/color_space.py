@@ -108,9 +108,9 @@ def matrix(source: ColorSpace, target: ColorSpace) -> Doubles | None:
     """From linear values of one to those of the other; None where they are the same."""
     if source.is_data or target.is_data or source.gamut == target.gamut:
         return None
-    made: Doubles = np.linalg.solve(xyz_from_rgb(target.gamut), xyz_from_rgb(source.gamut))
+    made: Doubles = np.asarray(np.linalg.solve(xyz_from_rgb(target.gamut), xyz_from_rgb(source.gamut)), np.float64)
     if source.white == target.white:  # greys stay what they are, to the last bit of a float
-        made = made / made.sum(axis=1, keepdims=True)
+        made /= made.sum(axis=1, keepdims=True)
     made.flags.writeable = False
     return made
 
@@ -145,9 +145,11 @@ def converted(values: npt.NDArray[np.floating], source: ColorSpace, target: Colo
         return np.asarray(values, np.float64)
     by = matrix(source, target)
     straight = linear(values, source)
-    return straight if by is None else straight @ by.T
+    made: Doubles = straight if by is None else straight @ by.T
+    return made
 
 
 def luminance_weights(space: ColorSpace) -> Doubles:
     """Y of each primary, for white of Y = 1."""
-    return xyz_from_rgb(space.gamut)[1]
+    weights: Doubles = xyz_from_rgb(space.gamut)[1]
+    return weights

@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from . import dice as dicing
 from . import errors
+from .color_space import REC709, ColorSpace
 from .description import Floats, SceneDescription, Shape
 from .pixel_filter import inverse_cdf
 from .scene_upload import upload
@@ -109,12 +110,18 @@ class CoreScene:
     """A scene built in the core, ready to render."""
 
     def __init__(
-        self, scene: Any, exposure_scale: float, warnings: list[tuple[str, str, str]], resolution: tuple[int, int]
+        self,
+        scene: Any,
+        exposure_scale: float,
+        warnings: list[tuple[str, str, str]],
+        resolution: tuple[int, int],
+        rendering_space: ColorSpace = REC709,
     ) -> None:
         self._scene = scene
         self.resolution = resolution
         self._exposure_scale = exposure_scale
         self.warnings = warnings  # code, prim path, message
+        self.rendering_space = rendering_space
 
     @property
     def memory_bytes(self) -> int:
@@ -267,7 +274,8 @@ def build(
         scene, warnings = upload(module(), description, textures, width, inverse_cdf(settings.filter, width), shapes)
     except module().CoreError as error:
         _raise(error)
-    return CoreScene(scene, description.camera.exposure_scale, warnings, description.resolution)
+    d = description
+    return CoreScene(scene, d.camera.exposure_scale, warnings, d.resolution, d.rendering_space)
 
 
 def threads(settings: RenderSettings) -> int:

@@ -1,7 +1,7 @@
 """The seam between USD and the core: a scene as frozen data and numpy arrays. Knows neither USD nor Embree.
 
 Matrices are 4x4 float64 in column-vector convention, named right to left (`world_from_object`). Lengths are scene
-units. Colours are linear in the rendering colour space (Rec.709 primaries, D65). The package `usd` makes a
+units. Colours are linear in the rendering colour space (`rendering_space`). The package `usd` makes a
 SceneDescription; `scene_upload` hands it to the core.
 """
 
@@ -13,6 +13,7 @@ from enum import Enum
 import numpy as np
 import numpy.typing as npt
 
+from .color_space import REC709, ColorSpace
 from .geometry import Doubles, Floats, Interpolation, Ints, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
 from .lighting import IesProfile, Light, LightType, Shadow, Shaping
 from .placement import Instances, MatrixInstances, Placement, PointInstances
@@ -120,3 +121,4 @@ class SceneDescription:
     up_axis: str
     meters_per_unit: float
     time_code: float | None  # None: USD's default time
+    rendering_space: ColorSpace = REC709

@@ -127,9 +127,10 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     if film.invalid_samples:
         diagnostics.add("invalid-samples", "", f"{film.invalid_samples} of {film.samples} samples are left out")
     pixels, errors = film.image()
+    space = prepared.scene.rendering_space
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
-    report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels))
-    return Image(pixels, report, header_of(report), prepared.camera, errors=errors)
+    report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels), space)
+    return Image(pixels, report, header_of(report), prepared.camera, errors=errors, color_space=space)
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,7 @@ class RenderSettings:
     threads: int | None = None  # None: every core this process may use
     seed: int = 0
     default_light: bool = True
+    rendering_color_space: str | None = None  # a linear RGB space; None: RenderSettings' renderingColorSpace, else Rec.709
     purposes: tuple[str, ...] | None = None  # None: RenderSettings' includedPurposes, else default and render
     strict: bool = False
     max_memory_bytes: int | None = None

@@ -17,6 +17,7 @@ from primray.diagnostics import Diagnostic
 LONGEST = 36  # longer arrays are summarised
 # Named only where they differ from their defaults.
 SPARSE = frozenset({"primvars", "inputs", "tiles", "opacity_threshold"})
+SPARSE |= {"rendering_space", "target", "is_color"}
 SPARSE |= {"shaping", "shadow", "light_link", "shadow_link", "visible_to_camera"}
 
 

@@ -9,6 +9,7 @@ import PyOpenColorIO as ocio
 import pytest
 
 from primray import color
+from primray.color_space import REC709
 from primray.errors import SettingsError
 
 GREY = np.full((2, 3, 3), 0.18, np.float32)
@@ -40,13 +41,13 @@ def test_unknown_names_are_refused_with_the_known_ones() -> None:
     with pytest.raises(SettingsError, match="sRGB - Display"):
         color.check_view(None, "Plasma")
     with pytest.raises(SettingsError, match="no colour space"):
-        color.to_rendering_space(GREY, "nonsense")
+        color.convert(GREY, "nonsense", REC709)
 
 
 def test_acescg_to_rendering_space() -> None:
     # ACES AP1 to linear Rec.709 (D65, Bradford), Academy TB-2014-004 and its CAT; white stays white.
     red = np.array([[[1, 0, 0], [1, 1, 1]]], np.float32)
-    out = color.to_rendering_space(red, "ACEScg")
+    out = color.convert(red, "ACEScg", REC709)
     assert np.allclose(out[0, 0], [1.70505, -0.13026, -0.02400], atol=2e-4)
     assert np.allclose(out[0, 1], 1, atol=2e-4)
 

@@ -39,6 +39,7 @@ REPORT_KEYS = {
     "lanes",
     "threads",
     "pixels_sha256",
+    "color_space",
     "scene",
     "features",
     "diagnostics",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -62,7 +62,10 @@ def render(
     filter_width: options.FilterWidth = None,
     threads: options.Threads = None,
     seed: options.Seed = 0,
+    rendering_color_space: options.RenderingColorSpace = None,
+    display: options.Display = None,
     view: options.View = None,
+    look: options.Look = None,
     exposure: options.Exposure = 0.0,
     strict: Annotated[bool, typer.Option("--strict", help="Refuse a stage with warnings.")] = False,
     max_memory: Annotated[
@@ -103,6 +106,7 @@ def render(
             threads=threads,
             seed=seed,
             default_light=not no_default_light,
+            rendering_color_space=rendering_color_space,
             purposes=options.purposes_of(purposes),
             variants=tuple(variants or ()),
             load=options.load_of(no_payloads, load),
@@ -116,23 +120,30 @@ def render(
     ]
     saved = [name for name in (report, checkpoint, resume if checkpoint is None else None) if name]
     check_names(names + saved, time_codes)
-    check_outputs(names, report, time_codes, view, exposure)
+    looks = Looks(json, verbose, view=view, display=display, look=look, exposure=exposure)
+    check_outputs(names, report, time_codes, looks)
     checkpointing = [_checkpointing(checkpoint, checkpoint_every, resume, time_code) for time_code in shots]
     checkpointing = _check_checkpoints(checkpointing)
-    _render_frames(scene, settings, names, report, Looks(view, exposure, json, verbose), checkpointing)
+    _render_frames(scene, settings, names, report, looks, checkpointing)
 
 
 TARGET_MISSED = 5  # the exit code of a render that ended above its target error
 
 
+@dataclass(frozen=True)
 class Looks:
-    """How pictures and messages are to look."""
+    """How messages and pictures are to look."""
 
-    def __init__(self, view: str | None, exposure: float, as_json: bool, verbose: bool) -> None:
-        self.view = view
-        self.exposure = exposure
-        self.as_json = as_json
-        self.verbose = verbose
+    as_json: bool
+    verbose: bool
+    view: str | None = None
+    display: str | None = None
+    look: str | None = None
+    exposure: float = 0.0
+
+    @property
+    def is_chosen(self) -> bool:
+        return not self.view == self.display == self.look is None
 
 
 def _default_name(scene: str, time_codes: list[float] | None) -> str:
@@ -141,13 +152,11 @@ def _default_name(scene: str, time_codes: list[float] | None) -> str:
     return f"{Path(member).stem}{'.####' if many else ''}.exr"
 
 
-def check_outputs(
-    names: list[str], report: str | None, time_codes: list[float] | None, view: str | None, exposure: float
-) -> None:
+def check_outputs(names: list[str], report: str | None, time_codes: list[float] | None, looks: Looks) -> None:
     """Find out before rendering what cannot be written after it."""
     import math
 
-    from ..color import check_view
+    from ..color import check_look, check_view
     from ..image import VIEW_EXTENSIONS, check_folder, check_output_path
 
     first = time_codes[0] if time_codes else None
@@ -155,10 +164,11 @@ def check_outputs(
         check_output_path(_name(name, first))
     if report is not None:
         check_folder(Path(_name(report, first)))
-    if view is not None or any(name.lower().endswith(VIEW_EXTENSIONS) for name in names):
-        check_view(view)
-    if not math.isfinite(exposure):
-        raise SettingsError(f"the exposure must be a number of stops, not {exposure}")
+    if looks.is_chosen or any(name.lower().endswith(VIEW_EXTENSIONS) for name in names):
+        check_view(looks.view, looks.display)
+        check_look(looks.look)
+    if not math.isfinite(looks.exposure):
+        raise SettingsError(f"the exposure must be a number of stops, not {looks.exposure}")
 
 
 def _checkpointing(
@@ -241,7 +251,7 @@ def write(image: Image, files: list[str], report_file: str | None, looks: Looks)
 
     start = time.perf_counter()
     for file in files:
-        image.save(file, view=looks.view, exposure=looks.exposure)
+        image.save(file, view=looks.view, display=looks.display, exposure=looks.exposure, look=looks.look)
     stages_s = {**image.report["stages_s"], "write": time.perf_counter() - start}
     report = {**image.report, "outputs": files, "stages_s": stages_s}
     if report_file is not None:

@@ -95,6 +95,25 @@ def space_named(name: str, scope: ColorScope, ctx: Context) -> color.Source | No
     return found
 
 
+def rendering_space(settings_path: str, wanted: str | None, ctx: Context) -> ColorSpace:
+    """What the user asks for, else what RenderSettings do, else linear Rec.709; SettingsError where the user's is none."""
+    asked = ctx.settings.rendering_color_space
+    if asked is None and not wanted:
+        return REC709
+    scope = scope_at(ctx.stage.GetPrimAtPath(settings_path), ctx) if settings_path else NOWHERE
+    name = asked or wanted or ""
+    defined = next((space for space in scope.definitions if space.name == name), None)
+    if defined is not None and color.is_rendering_space(defined):
+        return defined
+    try:
+        return color.rendering_space(name)
+    except SettingsError as error:
+        if asked is not None:
+            raise
+        ctx.warn("color-space", settings_path, f"{error.message}: linear Rec.709 is used.", "renderingColorSpace")
+        return REC709
+
+
 def in_rendering_space(
     values: npt.NDArray[np.floating], attribute: Usd.Attribute, scope: ColorScope, ctx: Context, *, assumed: bool = True
 ) -> npt.NDArray[np.floating]:
@@ -134,7 +153,7 @@ def _definition(prim: Usd.Prim, schema: str, ctx: Context) -> ColorSpace | None:
     if None not in chroma and gamma is not None and bias is not None:
         red, green, blue, white = ((c[0], c[1]) for c in chroma if c is not None)
         made = ColorSpace(name, red, green, blue, white, gamma[0], bias[0])
-        if is_gamut(made) and made.gamma > 0 and 0 <= made.bias and (made.gamma > 1 or made.bias == 0):
+        if is_gamut(made) and made.gamma > 0 and made.bias >= 0 and (made.gamma > 1 or made.bias == 0):
             return made
     ctx.warn("color-space", ctx.shown(str(prim.GetPath())), f"{prefix[:-1]} defines no colour space by its numbers.")
     return None

@@ -93,9 +93,7 @@ def parameter(node: Node, name: str, ctx: Context) -> Constant | None:
     return source
 
 
-def numbers(
-    node: Node, name: str, default: tuple[float, ...], ctx: Context, *, is_color: bool = False
-) -> tuple[float, ...]:
+def numbers(node: Node, name: str, default: tuple[float, ...], ctx: Context, *, is_color: bool = False) -> tuple[float, ...]:
     """As many finite numbers as `default` has; one number stands for itself."""
     found = parameter(node, name, ctx)
     if found is None:

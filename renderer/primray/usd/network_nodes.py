@@ -77,7 +77,8 @@ def primvar_name(node: Node, ctx: Context) -> str:
 
 
 def reader_input(node: Node, width: int, ctx: Context, *, is_color: bool = False) -> PrimvarInput | None:
-    """The first `width` numbers of a reader's primvar, the fallback in the rendering space if `is_color`; None, noted, where its values have fewer."""
+    """The first `width` numbers of a reader's primvar, its fallback in the rendering space if `is_color`; None, noted, where
+    its values have fewer."""
     kind = NODES[node.id]
     if kind.width < width:
         ctx.warn("connection-type", node_path(node, ctx), f"{node.id} does not give the {width} numbers that are wanted of it.")
@@ -90,7 +91,7 @@ def reader_input(node: Node, width: int, ctx: Context, *, is_color: bool = False
 
 
 def texture_input(node: Node, width: int, ctx: Context, *, is_color: bool = False) -> TextureInput | None:
-    """A texture's output for an input of 1 or 3 numbers, which are a colour if `is_color`; None, noted, where the node has no such output."""
+    """A texture's output for an input of 1 or 3 numbers, a colour if `is_color`; None, noted, where the node has none such."""
     if NODES[node.id].kind is NodeKind.IMAGE:
         return _image_input(node, width, is_color, ctx)
     if node.output not in ("rgb", "r", "g", "b", "a"):

@@ -18,7 +18,6 @@ from .network import Constant, Node, node_path, parameter, text
 from .resolve import ResolvedPrim
 
 
-
 def texture_file(node: Node, ctx: Context, *, is_color: bool = True) -> TextureFile:
     """What the node reads, as colours or numbers; its path is "" where there is no file, which is noted."""
     found = parameter(node, "file", ctx)

@@ -36,6 +36,7 @@ from .adapters.points import POINT, point_sphere
 from .adapters.render_pass import note_render_pass
 from .adapters.render_product import ProductSettings, note_ignored
 from .adapters.render_settings import product_settings
+from .color_spaces import rendering_space
 from .context import Context
 from .convert import square, squares
 from .default_light import default_lights
@@ -132,7 +133,8 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     note_ignored(product, diagnostics)
     ctx = _context(stage, settings, when, product, diagnostics)
     ctx.prototype_names = names
-    ctx.primvars_read = primvars_read(shaders, ctx)
+    ctx.rendering_space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
+    ctx.primvars_read, ctx.color_primvars = primvars_read(shaders, ctx)
     camera_prim = select_camera(stage, ctx, product, cameras)
     kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
     groups = walk(ctx, kinds, point_instances)
@@ -306,6 +308,7 @@ def _describe(scene: _Scene, ctx: Context, camera: Camera, resolution: tuple[int
         up_axis(ctx.stage, ctx.diagnostics),
         meters_per_unit(ctx.stage, ctx.diagnostics),
         ctx.settings.time_code,
+        ctx.rendering_space,
     )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+
 from pxr import Usd, UsdShade
 
 from ...description import Input, PrimvarInput, Surface, TextureInput

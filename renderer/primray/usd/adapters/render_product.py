@@ -240,10 +240,6 @@ def note_ignored(product: ProductSettings, diagnostics: Diagnostics) -> None:
     if product.data_window != WHOLE:
         message = f"dataWindowNDC = {product.data_window} is ignored: the whole frame is rendered."
         diagnostics.add("render-settings-input", place, message, "dataWindowNDC")
-    space = product.rendering_color_space
-    if space not in (None, "lin_rec709_scene", "lin_rec709"):
-        message = f"renderingColorSpace = {space} is ignored: linear Rec.709 is used."
-        diagnostics.add("render-settings-input", product.settings_path, message, "renderingColorSpace")
     for var in product.variables:
         if var.source_name not in ("Ci", "C.*", "color", "rgb", "rgba", "RGBA", "LPE:C.*[LO]", ""):
             message = f"The render variable {var.source_name} is not rendered, only colour."
