@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from .color_space import REC709, ColorSpace
 from .geometry import Doubles, Floats, Interpolation, Ints, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
-from .lighting import IesProfile, Light, LightType, Shadow, Shaping
+from .lighting import IesProfile, Light, LightType, Portal, Shadow, Shaping
 from .placement import Instances, MatrixInstances, Placement, PointInstances
 from .shading import Input, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
 
@@ -35,6 +35,7 @@ __all__ = [
     "Placed",
     "Placement",
     "PointInstances",
+    "Portal",
     "Primvar",
     "PrimvarInput",
     "Projection",

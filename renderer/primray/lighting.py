@@ -19,6 +19,7 @@ class LightType(Enum):
     RECT = "rect"
     CYLINDER = "cylinder"
     DOME = "dome"
+    GEOMETRY = "geometry"  # worn by a shape (Mesh.light), never in SceneDescription.lights
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +58,15 @@ class Shadow:
     falloff_gamma: float = 1.0
 
 
+@dataclass(frozen=True, eq=False)
+class Portal:
+    """A rectangle in its XY plane that guides a dome's samples to where light comes through it, along -Z."""
+
+    world_from_portal: Doubles  # (4, 4)
+    width: float = 1.0
+    height: float = 1.0
+
+
 @dataclass(frozen=True)
 class Light:
     """One UsdLux light, already reduced to what it emits.
@@ -64,7 +74,12 @@ class Light:
     Local frames as in UsdLux: rect, disk in the XY plane emitting along -Z; cylinder along X; distant emits along -Z;
     dome's pole +Y, image centre +Z, left edge of the image at +Z rotated by pi, s = 0.5 - atan2(x, z) / 2 pi.
     `emission`: DISTANT with angle 0: irradiance at normal incidence; POINT: radiant intensity per steradian, in scene units
-    squared; all others: radiance (with a texture the factor of that).
+    squared; all others: radiance (with a texture the factor of that). A RECT's texture has its first row and column at +Y
+    and +X: upright and unmirrored for whom it shines at.
+
+    GEOMETRY is a shape that gives light: the glow of its surface times `emission` at every point, or `emission` alone
+    (`own_color`). The camera, mirrors and refractions see the glow as it is, or what is given (`shows_own`). `normalize`:
+    divided by the area of the shape where it stands. Its matrix is the shape's.
     """
 
     path: str
@@ -78,7 +93,12 @@ class Light:
     angle_deg: float = 0.0  # full angle of a distant light
     diffuse: float = 1.0
     specular: float = 1.0
-    texture: TextureFile | None = None  # dome
+    texture: TextureFile | None = None  # rect, dome
+    texture_format: str = "automatic"  # dome: as UsdLux names it; automatic ones are settled when the file is read
+    portals: tuple[Portal, ...] = ()  # dome
+    normalize: bool = False  # geometry: this and the next two
+    own_color: bool = False
+    shows_own: bool = False
     shaping: Shaping | None = None
     shadow: Shadow | None = None
     # Numbers of SceneDescription.linked: whom the light reaches and who casts its shadows; 0 is everybody.

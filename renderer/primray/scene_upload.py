@@ -38,6 +38,8 @@ LIGHT_NUMBERS = {
     LightType.DISTANT: 5,
     LightType.DOME: 6,
 }
+# Order of DomeFormat in light/dome_format.hpp; one that nothing has settled is read as lat-long.
+DOME_FORMATS = {"automatic": 0, "latlong": 0, "mirroredBall": 1, "angular": 2, "cubeMapVerticalCross": 3}
 NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
 
 
@@ -77,9 +79,7 @@ def upload(
         handing.add(proto.shapes, center, unit)
         placements.add(proto.placements, numbers[i], center, unit, prototype_boxes)
     placements.add(d.placements, 0, origin, scale, prototype_boxes)
-    for light in d.lights:
-        number = LIGHT_NUMBERS[light.type]
-        builder.add_light(number, matrix(light.world_from_light), light, dome_pixels(light.texture, textures))
+    add_lights(builder, d, textures)
     set_camera(builder, d.camera, d.resolution, filter_width, filter_inverse_cdf)
     inputs.add_images()
     shapes.clear()
@@ -153,7 +153,30 @@ def set_camera(
     )
 
 
-def dome_pixels(file: TextureFile | None, textures: Textures) -> Floats:
+def add_lights(builder: Any, d: SceneDescription, textures: Textures) -> None:
+    """Rectangles with the same texture share its pixels."""
+    images: dict[TextureFile, int] = {}
+    for light in d.lights:
+        pixels, image = NO_TEXTURE, -1
+        if light.type is LightType.RECT and light.texture is not None and light.texture in textures:
+            if light.texture not in images:
+                images[light.texture] = builder.add_light_image(light_pixels(light.texture, textures))
+            image = images[light.texture]
+        elif light.type is LightType.DOME:
+            pixels = light_pixels(light.texture, textures)
+        portals = np.array([[*p.world_from_portal[:3].ravel(), p.width, p.height] for p in light.portals], np.float64)
+        builder.add_light(
+            LIGHT_NUMBERS[light.type],
+            matrix(light.world_from_light),
+            light,
+            pixels,
+            DOME_FORMATS[light.texture_format],
+            portals.reshape(-1, 14),
+            image,
+        )
+
+
+def light_pixels(file: TextureFile | None, textures: Textures) -> Floats:
     """(H, W, 3), or no pixels: a light without a texture is constant."""
     tiles = [] if file is None else textures.get(file, [])
     if not tiles:

@@ -22,7 +22,7 @@ from .color_space import REC709, SRGB, ColorSpace, linear, matrix, transformed
 from .description import Doubles, Floats, TextureFile, Wrap
 from .errors import AssetError, LimitError, SettingsError
 from .image_error import last_error
-from .texture_format import Layout, is_srgb, layout_of, wraps_of
+from .texture_format import Layout, environment_of, is_srgb, layout_of, wraps_of
 
 MAX_TEXTURE_MB = 4096  # as float: a little more than 16384 x 16384 in RGB
 
@@ -43,6 +43,7 @@ class Texture:
     wrap_s: Wrap = Wrap.BLACK  # what the file says of itself
     wrap_t: Wrap = Wrap.BLACK
     turned: bool = False  # the file says it should be shown turned, which texture coordinates do not know
+    environment: str = ""  # what the file says it shows of an environment: "latlong", "cube", or nothing
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -113,11 +114,13 @@ def _load(path: str, shown: str, file: TextureFile, wanted: frozenset[str]) -> T
         stored = _read(image, spec, layout, shown)
         space = _space_of(file, is_srgb(spec, path))
         turned = spec.getattribute("Orientation") not in (None, 0, 1)
+        around = environment_of(spec)
         if stored.dtype.kind == "u" and isinstance(space, ColorSpace) and (space.is_linear or _has_srgb_curve(space)):
             mixing = matrix(space, file.target) if file.is_color and layout.colors == 3 else None
-            return Texture(stored, 0 if space.is_linear else layout.colors, mixing, 0, *wraps_of(spec), turned)
+            return Texture(stored, 0 if space.is_linear else layout.colors, mixing, 0, *wraps_of(spec), turned, around)
         pixels = _linear(stored, layout.colors, space, file, shown)
-        return Texture(pixels, 0, None, _clear_bad(pixels) if stored.dtype.kind == "f" else 0, *wraps_of(spec), turned)
+        bad = _clear_bad(pixels) if stored.dtype.kind == "f" else 0
+        return Texture(pixels, 0, None, bad, *wraps_of(spec), turned, around)
     finally:
         image.close()
 

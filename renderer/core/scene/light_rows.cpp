@@ -79,19 +79,37 @@ void put_anchor(float* row, const daffine& m, LightType type) {
   put(row, kAnchorNormal, out);
 }
 
-void add_dome(const LightInput& light, LightTable& table, float* row, bool& sampled) {
+void add_dome(const LightInput& light, const dvec3& origin, double scale, LightTable& table, float* row, bool& sampled) {
   Dome d;
   d.world_from_light = rotation_of(light.world_from_light);
   d.tint = light.emission;
   d.width = light.texture_width, d.height = light.texture_height;
   d.texels.assign(light.texels.begin(), light.texels.end());
-  if (light.diffuse != 0 || light.specular != 0) build_dome_distribution(d);
-  sampled = d.sampled;
+  d.format = light.format;
+  finish_dome_image(d);
+  LightTable portals;
+  if (light.diffuse != 0 || light.specular != 0) {
+    build_dome_distribution(d);
+    for (const PortalInput& p : light.portals) {
+      LightInput rect;
+      rect.type = LightType::kRect, rect.world_from_light = p.world_from_portal;
+      rect.width = p.width, rect.height = p.height, rect.emission = vec3(1.0f);
+      add_light_rows(rect, origin, scale, portals);
+    }
+    finish_light_rows(portals);
+    // Of the light that comes through them about a hemisphere's half, for choosing among lights.
+    if (portals.count > 0) d.irradiance += d.mean * 0.5 * kPiDouble;
+  }
+  sampled = d.sampled || portals.count > 0;
   row[kSize1] = float(table.domes.size());
   row[kImportance] = float(d.irradiance);
   table.dome_light.push_back(sampled ? table.count : -1);
   table.dome_factors.push_back({light.diffuse, light.specular});
   table.domes.push_back(std::move(d));
+  if (portals.count > 0 || !table.portals.empty()) {
+    table.portals.resize(table.domes.size());
+    table.portals.back() = std::move(portals);
+  }
 }
 
 // What holds a light that rays can meet, a little larger than rounding needs.
@@ -137,18 +155,26 @@ void add_hierarchy(LightTable& table) {
 
 }  // namespace
 
-void add_light_rows(const LightInput& light, const dvec3& origin, double scale, LightTable& table) {
-  float row[kLightFields] = {};
+void put_common_fields(const LightInput& light, LightTable& table, float* row) {
   table.lobe_factors |= light.diffuse != 1 || light.specular != 1;
-  row[kType] = float(int(light.type));
   row[kDiffuseFactor] = light.diffuse, row[kSpecularFactor] = light.specular;
+}
+
+void copy_common_fields(const float* from, float* to) {
+  for (const int field : {kDiffuseFactor, kSpecularFactor}) to[field] = from[field];
+}
+
+void add_light_rows(const LightInput& light, const dvec3& origin, double scale, LightTable& table, int image) {
+  float row[kLightFields] = {};
+  put_common_fields(light, table, row);
+  row[kType] = float(int(light.type));
   row[kInverseDet] = 1;
   int flags = 0;
   dvec3 emission(light.emission);
   bool sampled = true;
   daffine m = light.world_from_light;
   if (light.type == LightType::kDome) {
-    add_dome(light, table, row, sampled);
+    add_dome(light, origin, scale, table, row, sampled);
     if (!sampled) return;
   } else if (light.type == LightType::kDistant) {
     const Frame<double> frame(normalize(m.z));
@@ -196,7 +222,9 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
     }
     m.o = (light.world_from_light.o - origin) * scale;
     if (light.type == LightType::kSphere || light.type == LightType::kCylinder) put_anchor(row, m, light.type);
-    row[kImportance] = float(luminance(emission));
+    const bool textured = light.type == LightType::kRect && image >= 0;
+    if (textured) row[kImage] = float(image + 1);
+    row[kImportance] = float(luminance(emission) * (textured ? table.images[image].mean : 1.0));
   }
   put(row, kAxisX, m.x), put(row, kAxisY, m.y), put(row, kAxisZ, m.z), put(row, kOrigin, m.o);
   const double det = m.determinant();

@@ -38,6 +38,9 @@ class Context:
     color_scopes: dict[Any, Any] = field(default_factory=dict)  # prim path and outer_colors -> color_spaces.ColorScope
     color_names: dict[str, Any] = field(default_factory=dict)  # a colour space's name -> what color.space_named says
     outer_colors: tuple[tuple[str, Any], ...] = ()  # (prototype, ColorScope) around the material that is translated
+    light_shapes: set[str] = field(default_factory=set)  # paths of shapes that LightAPI makes lights
+    portals_met: list[str] = field(default_factory=list)  # paths of PortalLights
+    portals_named: set[str] = field(default_factory=set)  # of those that a dome names
     prototype_names: dict[str, str] = field(default_factory=dict)  # /__Prototype_N -> its first instance
 
     def shown(self, path: str) -> str:
