@@ -11,11 +11,11 @@ from pxr import Sdf, UsdGeom, UsdLux
 
 from ...color_space import REC709, converted
 from ...description import Doubles, Light, LightType, TextureFile
-from ..color_spaces import color_in_rendering_space
 from ..context import Context
 from ..light_area import cylinder_area, disk_area, rect_area, sphere_area
+from ..light_color import light_color
 from ..portals import portals_of
-from ..read import flag, number, read, token, vector
+from ..read import flag, number, read, token
 from ..resolve import ResolvedPrim
 from ..texture_asset import light_texture
 from .light_notes import note_ignored_inputs
@@ -38,7 +38,7 @@ def light(prim: ResolvedPrim, world_from_light: Doubles, ctx: Context) -> Light 
 
 def _radiance(prim: ResolvedPrim, ctx: Context) -> Color:
     """Before division by the light's size."""
-    r, g, b = light_color(prim, "inputs:color", (1.0, 1.0, 1.0), ctx, assumed=False)
+    r, g, b = light_color(prim, "inputs:color", (1.0, 1.0, 1.0), ctx)
     scale = _number(prim, "inputs:intensity", 1.0, ctx) * _exp2(_number(prim, "inputs:exposure", 0.0, ctx))
     if "inputs:enableColorTemperature" in prim.names and flag(prim.prim, "inputs:enableColorTemperature", ctx.when, False):
         kelvin = _within(prim, "inputs:colorTemperature", 6500.0, COOLEST_K, HOTTEST_K, ctx)
@@ -46,16 +46,6 @@ def _radiance(prim: ResolvedPrim, ctx: Context) -> Color:
         tint = converted(rec709, REC709, ctx.rendering_space).tolist()
         r, g, b = r * tint[0], g * tint[1], b * tint[2]
     return (r * scale, g * scale, b * scale)
-
-
-def light_color(prim: ResolvedPrim, name: str, default: Color, ctx: Context, *, assumed: bool = True) -> Color:
-    """A colour in the rendering space. `assumed`: linear Rec.709 where no space is authored; inputs:color itself is "in the
-    rendering color space" then (LightAPI)."""
-    if name not in prim.names:
-        return default
-    r, g, b = vector(prim.prim, name, ctx.when, default, ctx.diagnostics)
-    attribute = prim.prim.GetAttribute(name)
-    return color_in_rendering_space((r, g, b), attribute, prim.inherited.colors, ctx, assumed=assumed)
 
 
 def _emission(prim: ResolvedPrim, emission: Color, brightest: float, ctx: Context) -> Color:
