@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 Doubles = npt.NDArray[np.float64]
 
+D50 = (0.3457, 0.3585)
 D65 = (0.3127, 0.3290)  # as ITU-R BT.709 rounds it
 ACES_WHITE = (0.32168, 0.33767)  # SMPTE ST 2065-1
 REC709 = ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06), D65)

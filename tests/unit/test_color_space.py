@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from pxr import Gf
+from tests.colorimetry import AP0, AP1, D65, P3_D65, REC2020, between, from_srgb
+from tests.colorimetry import REC709 as PUBLISHED
 
 from primray import color_space
 from primray.color_space import ACESCG, REC709, ColorSpace, converted, linear, luminance_weights, matrix, named, transformed
-from tests.colorimetry import AP0, AP1, D65, P3_D65, REC2020, between, from_srgb
-from tests.colorimetry import REC709 as PUBLISHED
 
 NAMES = sorted({str(getattr(Gf.ColorSpaceNames, key)) for key in dir(Gf.ColorSpaceNames) if not key.startswith("_")})
 COLORS = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1), (0.2, 0.5, 0.7), (0.02, 0.01, 0.001), (3.0, 0.4, 0.1)]
