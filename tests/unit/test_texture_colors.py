@@ -95,7 +95,7 @@ def test_linear_files_without_a_word_are_rec709(kind: str, tmp_path: Path) -> No
     """Not "as it was read" alone: what is in no space by USD's rules is in linear Rec.709 (ColorSpaceAPI)."""
     pixels = np.random.default_rng(4).random((3, 4, 3), np.float32)
     path = write(tmp_path / ("a.tif" if kind == "uint16" else "a.exr"), pixels, kind)
-    stored = oiio.ImageBuf(path).get_pixels(oiio.FLOAT)
+    stored = np.asarray(oiio.ImageBuf(path).get_pixels(oiio.FLOAT))
     assert np.allclose(loaded(path, "auto").pixels, stored @ TO_AP1.T, atol=3e-6)
     assert np.allclose(loaded(path, "auto", REC709).pixels, stored, rtol=1e-7)
     assert np.allclose(loaded(path, "raw").pixels, stored, rtol=1e-7)
