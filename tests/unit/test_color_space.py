@@ -62,7 +62,9 @@ def test_custom_whites_are_not_adapted() -> None:
     """GfColorSpace goes through XYZ alone: a space about another white has other greys."""
     warm = ColorSpace("warm", *PUBLISHED[:3], (0.3457, 0.3585))
     expected = between((*PUBLISHED[:3], (0.3457, 0.3585)), PUBLISHED, adapt=False)
-    assert np.allclose(matrix(warm, REC709), expected, atol=1e-12)
+    found = matrix(warm, REC709)
+    assert found is not None
+    assert np.allclose(found, expected, atol=1e-12)
     gf = Gf.ColorSpace("warm", *(Gf.Vec2f(*c) for c in warm.gamut), 1, 0)
     assert np.allclose(Gf.ColorSpace("lin_rec709_scene").Convert(gf, Gf.Vec3f(1)).GetRGB(), expected.sum(axis=1), atol=1e-6)
 
