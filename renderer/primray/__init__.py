@@ -15,9 +15,21 @@ if TYPE_CHECKING:
     from .checkpointing import Checkpointing
     from .description import Camera
     from .image import Image
+    from .products import Product, render_products
 
 __version__ = "0.1.0"
-__all__ = ["Camera", "Checkpointing", "Filter", "Image", "PrimrayError", "RenderSettings", "render", "render_frames"]
+__all__ = [
+    "Camera",
+    "Checkpointing",
+    "Filter",
+    "Image",
+    "PrimrayError",
+    "Product",
+    "RenderSettings",
+    "render",
+    "render_frames",
+    "render_products",
+]
 
 
 def __getattr__(name: str) -> Any:
@@ -33,4 +45,8 @@ def __getattr__(name: str) -> Any:
         from .description import Camera
 
         return Camera
+    if name in ("Product", "render_products"):
+        from . import products
+
+        return getattr(products, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -19,14 +19,15 @@ import numpy.typing as npt
 
 from . import core
 from .adaptive import DOUBLINGS, Plan
+from .camera_json import camera_as_json, camera_of, frame_of
 from .checkpoint_file import Arrays, read_checkpoint, read_header
 from .color_space import REC709, ColorSpace, is_gamut
-from .description import Camera, Projection
+from .description import Camera, Frame
 from .error import Estimate, FrameError
 from .errors import CheckpointError
 from .report import settings_as_json
 from .sampling import Row, Sampling
-from .settings import MAX_RESOLUTION, MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
+from .settings import MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
 
 REPLICATES, COLORS = 2, 3
 SPLITS = (1, 2)  # what core.choose_splits answers; others would be taken for what they are not
@@ -48,6 +49,7 @@ class About:
     identity: Mapping[str, Any]
     settings: Mapping[str, Any]
     camera: Camera
+    frame: Frame
     counts: Mapping[str, int]
     features: list[dict[str, str]]
     diagnostics: list[dict[str, str]]
@@ -73,8 +75,8 @@ class Checkpoint:
 
     @property
     def resolution(self) -> tuple[int, int]:
-        width, height = self.about.identity["resolution"]
-        return width, height
+        """Of the film."""
+        return self.about.frame.size
 
 
 def identity(settings: RenderSettings, scene: Mapping[str, str]) -> dict[str, Any]:
@@ -102,7 +104,8 @@ def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
     header: dict[str, Any] = {
         "identity": dict(about.identity),
         "settings": dict(about.settings),
-        "camera": _camera_as_json(about.camera),
+        "camera": camera_as_json(about.camera),
+        "frame": asdict(about.frame),
         "counts": dict(about.counts),
         "features": about.features,
         "diagnostics": about.diagnostics,
@@ -131,11 +134,6 @@ def _last_anchor(rows: Sequence[Row]) -> int:
     return anchors[-1] if anchors else len(rows) - 1
 
 
-def _camera_as_json(camera: Camera) -> dict[str, Any]:
-    values = asdict(camera)
-    return values | {"world_from_camera": camera.world_from_camera.tolist(), "projection": camera.projection.value}
-
-
 # ---- reading ------------------------------------------------------------------------------------------------------------
 
 
@@ -162,9 +160,9 @@ def check(path: Path) -> None:
 
 
 def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoint:
-    width, height = header["identity"]["resolution"]
+    frame = frame_of(header["frame"])
+    width, height = frame.size
     ranges = tuple((int(a), int(b)) for a, b in header["ranges"])
-    _valid(all(type(n) is int and 0 < n <= MAX_RESOLUTION for n in (width, height)))
     _valid(bool(ranges) and all(0 <= a <= b <= MAX_SPP for a, b in ranges))
     tiles = math.ceil(width / core.TILE) * math.ceil(height / core.TILE)
     film = {name.removeprefix("film."): array for name, array in arrays.items() if name.startswith("film.")}
@@ -179,7 +177,8 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
         about=About(
             identity=dict(header["identity"]),
             settings=dict(header["settings"]),
-            camera=_camera_of(header["camera"]),
+            camera=camera_of(header["camera"]),
+            frame=frame,
             counts=dict(header["counts"]),
             features=list(header["features"]),
             diagnostics=[dict(row) for row in header["diagnostics"]],
@@ -268,23 +267,6 @@ def _space_of(values: Mapping[str, Any]) -> ColorSpace:
     return space
 
 
-def _camera_of(values: Mapping[str, Any]) -> Camera:
-    matrix = np.array(values["world_from_camera"], np.float64)
-    left, right, bottom, top = map(float, values["window"])
-    near, far = map(float, values["clipping_range"])
-    _valid(matrix.shape == (4, 4) and right != left and top != bottom and near != far)
-    return Camera(
-        str(values["path"]),
-        matrix,
-        Projection(values["projection"]),
-        (left, right, bottom, top),
-        (near, far),
-        float(values["lens_radius"]),
-        float(values["focus_distance"]),
-        float(values["exposure_scale"]),
-    )
-
-
 # ---- going on -----------------------------------------------------------------------------------------------------------
 
 
@@ -355,7 +337,9 @@ def _compare(held: Mapping[str, Any], wanted: Mapping[str, Any], path: Path, hin
             found.append(f"{name.replace('_', ' ')} is {_shown(was)} in it, {_shown(now)} here")
     if scene:
         by = f" (by {', '.join(hints)}?)".replace("_", " ") if hints else ""
-        found.append(f"the scene's {' and '.join(scene)} {'is' if scene == ['camera'] else 'are'} not the same{by}")
+        found.append(
+            f"the scene's {' and '.join(scene)} {'is' if scene in (['camera'], ['frame']) else 'are'} not the same{by}"
+        )
     if found:
         raise _other("; ".join(found), path)
 

@@ -73,6 +73,7 @@ def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None
         identity=checkpoint.identity(settings, prepared.fingerprint),
         settings=settings_as_json(settings),
         camera=prepared.camera,
+        frame=prepared.frame,
         counts=prepared.counts,
         features=list(prepared.scene.features),
         diagnostics=[diagnostic.as_json() for diagnostic in diagnostics],

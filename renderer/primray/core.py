@@ -9,7 +9,7 @@ import hashlib
 import importlib
 import importlib.metadata
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -23,6 +23,7 @@ from . import errors
 from .color_space import REC709, ColorSpace
 from .description import Floats, SceneDescription, Shape
 from .pixel_filter import inverse_cdf
+from .scene_record import InstanceNumbers, SceneRecord
 from .scene_upload import upload
 from .settings import DEFAULT_FILTER_WIDTH, RenderSettings
 from .surface_upload import MutableTextures
@@ -115,10 +116,12 @@ class CoreScene:
         exposure_scale: float,
         warnings: list[tuple[str, str, str]],
         resolution: tuple[int, int],
+        record: SceneRecord | None = None,
         rendering_space: ColorSpace = REC709,
     ) -> None:
         self._scene = scene
-        self.resolution = resolution
+        self.record = record  # where AOVs are asked for
+        self.resolution = resolution  # of the film
         self._exposure_scale = exposure_scale
         self.warnings = warnings  # code, prim path, message
         self.rendering_space = rendering_space
@@ -127,6 +130,16 @@ class CoreScene:
     def memory_bytes(self) -> int:
         """Bytes of the core's arrays and of Embree's acceleration structures."""
         return int(self._scene.memory_bytes) + int(module().embree_memory()[0])
+
+    @property
+    def exposure_scale(self) -> float:
+        return self._exposure_scale
+
+    @property
+    def instance_numbers(self) -> InstanceNumbers:
+        assert self.record is not None
+        group, first, parent, total = self._scene.placements
+        return InstanceNumbers(self.record, group, first, parent, int(total))
 
     @property
     def features(self) -> list[dict[str, str]]:
@@ -143,6 +156,8 @@ class CoreScene:
             (s.emitters > 0, "emitting geometry sampled as lights", f"{s.emitters} shapes emit"),
             (s.has_thin, "see-through shadows", "a surface lets light straight through"),
             (s.has_lens, "thin lens", "the camera has an fStop and a focus distance"),
+            (s.has_clipping_planes, "clipping planes", "the camera has clippingPlanes"),
+            (s.has_shutter, "ray times", "the camera's shutter is open for a while"),
             (s.domes > 0, "dome", "the scene has a DomeLight"),
             (s.has_lobe_factors, "lobe factors", "a light's diffuse or specular multiplier is not 1"),
             (s.sampled_lights > 0, f"light sampling ({s.sampled_lights})", "lights that are sampled at every vertex"),
@@ -270,12 +285,13 @@ def build(
     `shapes`, where given, are used in place of the description's and let go on the way: the list is empty afterwards.
     """
     width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.filter]
+    record = SceneRecord() if description.aovs else None
     try:
-        scene, warnings = upload(module(), description, textures, width, inverse_cdf(settings.filter, width), shapes)
+        scene, warnings = upload(module(), description, textures, width, inverse_cdf(settings.filter, width), shapes, record)
     except module().CoreError as error:
         _raise(error)
     d = description
-    return CoreScene(scene, d.camera.exposure_scale, warnings, d.resolution, d.rendering_space)
+    return CoreScene(scene, d.camera.exposure_scale, warnings, d.frame.size, record, d.rendering_space)
 
 
 def threads(settings: RenderSettings) -> int:
@@ -284,6 +300,24 @@ def threads(settings: RenderSettings) -> int:
 
 def max_depth(settings: RenderSettings) -> int:
     return NO_DEPTH_LIMIT if settings.max_depth is None else settings.max_depth
+
+
+BAND = 4 * TILE  # rows between which signals are looked after
+
+
+def first_hits(
+    scene: CoreScene, planes: Sequence[str], primvars: Sequence[tuple[int, int, int]], settings: RenderSettings
+) -> dict[str, Any]:
+    """Arrays (H, W, C) of what is seen first, by the core's names of planes, and a list of the primvars' (its number, that of
+    its wide twin, and its width); bindings/first_hit_bindings.cpp."""
+    try:
+        hits = module().FirstHits(scene._scene, list(planes), list(primvars))
+        for row in range(0, scene.resolution[1], BAND):
+            hits.fill(lanes(), threads(settings), row, row + BAND)
+    except module().CoreError as error:
+        _raise(error)
+    found: dict[str, Any] = hits.take()
+    return found
 
 
 @dataclass(frozen=True)

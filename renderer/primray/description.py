@@ -13,16 +13,20 @@ from enum import Enum
 import numpy as np
 import numpy.typing as npt
 
+from .aov_names import AovRequest
 from .color_space import REC709, ColorSpace
+from .frame import Frame, PixelWindow, whole_frame
 from .geometry import Doubles, Floats, Interpolation, Ints, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
-from .lighting import IesProfile, Light, LightType, Portal, Shadow, Shaping
+from .lighting import NO_LINKS, IesProfile, Light, LightType, Linked, Portal, Shadow, Shaping
 from .placement import Instances, MatrixInstances, Placement, PointInstances
 from .shading import Input, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
 
 __all__ = [
+    "AovRequest",
     "Camera",
     "Doubles",
     "Floats",
+    "Frame",
     "IesProfile",
     "Input",
     "Instances",
@@ -30,8 +34,10 @@ __all__ = [
     "Ints",
     "Light",
     "LightType",
+    "Linked",
     "MatrixInstances",
     "Mesh",
+    "PixelWindow",
     "Placed",
     "Placement",
     "PointInstances",
@@ -59,6 +65,7 @@ class Placed:
 
     shape: int
     matrix: Doubles  # (4, 4)
+    instance: str = ""  # what the instance is called that it is the only one of; where an AOV asks for instances
 
 
 @dataclass(frozen=True)
@@ -81,7 +88,7 @@ class Projection(Enum):
 @dataclass(frozen=True)
 class Camera:
     """Looks along -Z of its frame, +Y up. `window` = (left, right, bottom, top) at unit distance (perspective) or in
-    scene units (orthographic), already conformed to the image's aspect ratio."""
+    scene units (orthographic), already conformed to the image's aspect ratio: what the whole frame shows."""
 
     path: str  # "" for the automatic one
     world_from_camera: Doubles  # (4, 4), rigid
@@ -91,6 +98,11 @@ class Camera:
     lens_radius: float = 0.0  # scene units; 0: pinhole
     focus_distance: float = 0.0  # scene units, along -Z
     exposure_scale: float = 1.0  # multiplies the image
+    # Sides of the lens, a regular polygon whose corners lie on the circle of `lens_radius`; 0: the circle.
+    blades: int = 0
+    blade_rotation_deg: float = 0.0  # of a corner from +X, towards +Y
+    clipping_planes: tuple[tuple[float, float, float, float], ...] = ()  # a x + b y + c z + d < 0 is cut off, camera space
+    shutter: tuple[float, float] = (0.0, 0.0)  # opens and closes, in time codes from the frame on; equal: an instant
 
     def project(self, points: npt.ArrayLike, resolution: tuple[int, int]) -> Doubles:
         """Pixel positions (N, 2), x right and y down from the upper left corner, of world `points` (N, 3).
@@ -122,4 +134,14 @@ class SceneDescription:
     up_axis: str
     meters_per_unit: float
     time_code: float | None  # None: USD's default time
+    aovs: tuple[AovRequest, ...] = ()
+    pixels: PixelWindow | None = None  # those that are rendered; None: the whole of `resolution`
+    pixel_aspect_ratio: float = 1.0
+    linked: Linked = NO_LINKS
     rendering_space: ColorSpace = REC709
+
+    @property
+    def frame(self) -> Frame:
+        if self.pixels is None:
+            return whole_frame(*self.resolution, self.pixel_aspect_ratio)
+        return Frame(self.resolution, self.pixels, self.pixel_aspect_ratio)

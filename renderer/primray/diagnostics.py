@@ -60,7 +60,10 @@ CODES: dict[str, Code] = {
     "points": Code(Severity.INFO, "Points are rendered as spheres of their widths."),
     "draw-mode": Code(Severity.INFO, "model:drawMode: cards, bounds or axes are drawn in place of the geometry."),
     "draw-mode-input": Code(Severity.WARNING, "Something that a draw mode needs (bounds, a texture) is missing or ignored."),
-    "motion": Code(Severity.WARNING, "Motion (shutter interval, velocities) is ignored: the scene is rendered at one instant."),
+    "motion": Code(
+        Severity.WARNING,
+        "Motion while the shutter is open, or by velocities, is ignored: the scene is rendered at one instant.",
+    ),
     "color-space": Code(Severity.WARNING, "A colour space is named that nobody knows: values are taken as linear Rec.709."),
     "wrong-type": Code(
         Severity.WARNING, "An attribute holds a value of the wrong type, or one that is not finite: its default is used."
@@ -107,6 +110,12 @@ CODES: dict[str, Code] = {
     "light-dark": Code(
         Severity.WARNING, "A light without size and normalize, or that its transform leaves none, emits nothing by its formula."
     ),
+    "link-empty": Code(
+        Severity.INFO, "A light's collection holds nothing that is rendered: it lights, or shadows it with, nothing."
+    ),
+    "link-limited": Code(
+        Severity.WARNING, "Too many different collections, or instances with their own, to link lights exactly."
+    ),
     "instanced-lights": Code(Severity.WARNING, "Too many instances of a light: only the first ones are lit."),
     "asset-missing": Code(Severity.ERROR, "A file that the stage names cannot be found; its constant value is used instead."),
     "texture-unset": Code(Severity.INFO, "A texture node names no file: its fallback is used, as UsdUVTexture says."),
@@ -131,6 +140,11 @@ CODES: dict[str, Code] = {
     "camera-input": Code(Severity.WARNING, "An attribute of the camera is ignored or out of range."),
     "product-chosen": Code(Severity.INFO, "No product was asked for: the first of the RenderSettings' is rendered."),
     "render-settings-input": Code(Severity.WARNING, "Something in RenderSettings, its products or passes is ignored."),
+    "render-var": Code(Severity.WARNING, "A render variable cannot be had, or not as it asks: it is left out, or fitted."),
+    "aov-empty": Code(Severity.INFO, "An output beside the picture (AOV) reads a primvar that nothing has: it is 0."),
+    "aovs-not-merged": Code(
+        Severity.WARNING, "Checkpoints hold no AOVs: what is merged of them is the picture alone. Render once for the AOVs."
+    ),
     "default-light": Code(
         Severity.INFO,
         "The stage has no light and nothing that emits: a white dome and a key light are added.",

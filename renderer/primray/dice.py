@@ -203,6 +203,7 @@ def _mesh(cage: SubdivisionMesh, made: dict[str, Any]) -> Mesh:
         surface,
         tuple(primvars[id(p)] for p in cage.primvars),
         cage.light,
+        cage.link_row,
     )
 
 

@@ -13,7 +13,7 @@ from enum import Enum
 import numpy as np
 import numpy.typing as npt
 
-from .description import Doubles
+from .description import Doubles, Frame
 from .errors import SettingsError
 from .image_file import MeasuredImage, same_color_space
 
@@ -91,6 +91,12 @@ def box_sum(field: Doubles, radius: int = WINDOW) -> Doubles:
     return shifted_sum(shifted_sum(field, [(0, x) for x in along]), [(y, 0) for y in along])
 
 
+def _shown(frame: Frame) -> str:
+    p, (width, height) = frame.pixels, frame.resolution
+    aspect = "" if frame.pixel_aspect_ratio == 1 else f" of pixels {frame.pixel_aspect_ratio:g} as wide as high"
+    return f"{p.width} x {p.height} from ({p.x}, {p.y}) of {width} x {height}{aspect}"
+
+
 def difference(a: MeasuredImage, b: MeasuredImage) -> Difference:
     """SettingsError where the two cannot be compared."""
     if a.resolution != b.resolution:
@@ -99,6 +105,9 @@ def difference(a: MeasuredImage, b: MeasuredImage) -> Difference:
     if not same_color_space(a, b):
         names = " and ".join(str(i.metadata.get("color_space.name", i.chromaticities)) for i in (a, b))
         raise SettingsError(f"the pictures differ in colour space: {names}", where=b.name, code="image-color-space")
+    if a.frame is not None and b.frame is not None and a.frame != b.frame:
+        sentence = f"the pictures show different parts of their frames: {_shown(a.frame)} and {_shown(b.frame)}"
+        raise SettingsError(sentence, where=b.name, code="image-size")
     if a.stderr is None and b.stderr is None and not _same_bits(a, b):
         sentence = "neither picture has error channels (stderr.R, stderr.G, stderr.B), so no difference can be judged"
         raise SettingsError(sentence, where=b.name, code="no-error-channels")

@@ -18,20 +18,21 @@ from .description import SceneDescription, TextureFile
 from .texture import Texture
 
 # Say where something comes from, and what was noticed on the way, but not what it looks like.
-UNSEEN = {"path", "bad_texels", "turned"}
+UNSEEN = {"path", "collections", "bad_texels", "turned", "names", "instance"}
 
 TextureSet = Mapping[TextureFile, Sequence[tuple[int, Texture]]]
 
 
 def fingerprint(description: SceneDescription, textures: TextureSet) -> dict[str, str]:
-    """Digests by what an error can name: geometry, materials, lights and camera."""
+    """Digests by what an error can name: geometry, materials, lights, camera and the frame that is rendered."""
     d = description
     digests = _Digests(textures)
     parts = {
         "geometry": (d.shapes, d.static, d.prototypes, d.placements),
         "materials": d.surfaces,
-        "lights": d.lights,
+        "lights": (d.lights, d.linked),
         "camera": d.camera,
+        "frame": (d.pixels, d.pixel_aspect_ratio),
     }
     return {name: digests.of(part) for name, part in parts.items()}
 

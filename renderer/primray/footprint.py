@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .description import Camera, Doubles, Placed, Placement, Projection, Prototype, SceneDescription, SubdivisionMesh
+from .description import Camera, Doubles, Frame, Placed, Placement, Projection, Prototype, SceneDescription, SubdivisionMesh
 from .placement import compose
 
 # Where the camera does not look, edges may be longer by this: seen in mirrors and as shadows only.
@@ -38,12 +38,22 @@ class Footprint:
     density: float  # pixels that a unit of the cage covers in all other placements
 
 
-def projected(camera: Camera, resolution: tuple[int, int]) -> Projected:
+def projected(camera: Camera, frame: Frame) -> Projected:
+    """What the whole frame shows, and what is rendered beyond it: a part of a picture has the triangles of the whole."""
     left, right, bottom, top = camera.window
-    width, height = resolution
+    width, height = frame.resolution
     x, y = MARGIN * (right - left), MARGIN * (top - bottom)
     scale = max(width / abs(right - left), height / abs(top - bottom))
-    window = (left - x, right + x, bottom - y, top + y)
+    across, down = (right - left) / width, (top - bottom) / height  # of a pixel
+    pixels = frame.pixels
+    beyond_right = max(0, pixels.x + pixels.width - width) * across
+    beyond_bottom = max(0, pixels.y + pixels.height - height) * down
+    window = (
+        left - x - max(0, -pixels.x) * across,
+        right + x + beyond_right,
+        bottom - y - beyond_bottom,
+        top + y + max(0, -pixels.y) * down,
+    )
     camera_from_world = np.asarray(np.linalg.inv(camera.world_from_camera), np.float64)
     return Projected(camera_from_world, camera.projection is Projection.ORTHOGRAPHIC, scale, window)
 
@@ -53,7 +63,7 @@ def footprints(description: SceneDescription) -> dict[int, Footprint]:
     cages = {k: s for k, s in enumerate(description.shapes) if isinstance(s, SubdivisionMesh)}
     if not cages:
         return {}
-    camera = projected(description.camera, description.resolution)
+    camera = projected(description.camera, description.frame)
     seen: dict[int, list[_Seen]] = {k: [] for k in cages}
     static = [placed for placed in description.static if placed.shape in cages]
     for placed in static:

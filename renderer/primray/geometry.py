@@ -50,6 +50,7 @@ class Mesh:
     surface: int | Ints  # index into SceneDescription.surfaces, or (T,) of them
     primvars: tuple[Primvar, ...] = ()
     light: Light | None = None  # of type GEOMETRY: what it gives as a light
+    link_row: int = 0  # of SceneDescription.linked
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +78,7 @@ class SubdivisionMesh:
     triangle_rule: str = "catmullClark"  # triangleSubdivisionRule: catmullClark, smooth
     primvars: tuple[Primvar, ...] = ()
     light: Light | None = None
+    link_row: int = 0
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,7 @@ class Sphere:
     surface: int
     primvars: tuple[Primvar, ...] = ()  # constant ones
     light: Light | None = None
+    link_row: int = 0
 
 
 Shape = Mesh | SubdivisionMesh | Sphere

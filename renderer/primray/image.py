@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 
 from . import color
+from .aov import Aov
+from .aov_parts import parts_of
 from .color_space import REC709, ColorSpace, named
-from .description import Camera, Doubles, Floats, Projection
+from .description import Camera, Doubles, Floats, Frame, Projection
 from .errors import PrimrayError, SettingsError
 from .image_error import last_error
 
@@ -45,6 +47,8 @@ class Image:
     # each: their squares are to be averaged over pixels before they are relied on.
     errors: Floats | None = None
     color_space: ColorSpace = REC709  # linear
+    frame: Frame | None = None  # where the pixels lie; None: they are the whole
+    aovs: Mapping[str, Aov] = field(default_factory=dict)  # outputs beside the picture; an EXR holds each as a part
 
     def __post_init__(self) -> None:
         pixels = np.array(self.pixels, np.float32, order="C")
@@ -58,9 +62,15 @@ class Image:
                 raise ValueError(f"errors of shape {errors.shape} do not go with pixels of shape {pixels.shape}")
             errors.flags.writeable = False
             object.__setattr__(self, "errors", errors)
+        for name, aov in self.aovs.items():
+            if aov.values.shape[:2] != pixels.shape[:2]:
+                raise ValueError(f"{name} of shape {aov.values.shape} does not go with pixels of shape {pixels.shape}")
+        if self.frame is not None and self.frame.size != self.resolution:
+            raise ValueError(f"pixels of shape {pixels.shape} do not fill {self.frame}")
 
     @property
     def resolution(self) -> tuple[int, int]:
+        """Of the pixels that are there; `frame` says of which whole."""
         return self.pixels.shape[1], self.pixels.shape[0]
 
     def save(
@@ -72,7 +82,8 @@ class Image:
         exposure: float = 0.0,
         look: str | None = None,
     ) -> Path:
-        """Write `path` whole or not at all; `view`, `display`, `exposure` (stops) and `look` are for PNG and JPEG."""
+        """Write `path` whole or not at all; `view`, `display`, `exposure` (stops) and `look` are for PNG and JPEG, which show the
+        picture alone."""
         path = check_output_path(path)
         with _replacing(path) as temporary:
             if path.suffix.lower() == ".exr":
@@ -172,8 +183,8 @@ def _write_exr(image: Image, path: str) -> None:
         channels, values = channels + ERROR_CHANNELS, np.concatenate([image.pixels, image.errors], axis=2)
     spec = oiio.ImageSpec(width, height, len(channels), oiio.FLOAT)
     spec.channelnames = channels
+    _place(spec, image.frame)
     spec.attribute("compression", "zip")
-    spec.attribute("PixelAspectRatio", 1.0)
     _describe_colors(spec, image.color_space)
     for name, value in image.metadata.items():
         fits = not isinstance(value, int) or -(2**31) <= value < 2**31
@@ -182,7 +193,16 @@ def _write_exr(image: Image, path: str) -> None:
         camera_matrix, ndc_matrix = exr_matrices(image.camera)
         spec.attribute("worldtocamera", oiio.TypeMatrix, _row_vector_floats(camera_matrix))
         spec.attribute("worldtoNDC", oiio.TypeMatrix, _row_vector_floats(ndc_matrix))
-    _write(path, spec, values)
+    _write(path, spec, values, image.aovs)
+
+
+def _place(spec: Any, frame: Frame | None) -> None:
+    """Data and display window, and the shape of a pixel."""
+    spec.attribute("PixelAspectRatio", 1.0 if frame is None else frame.pixel_aspect_ratio)
+    if frame is not None:
+        spec.x, spec.y = frame.pixels.x, frame.pixels.y
+        spec.full_x = spec.full_y = 0
+        spec.full_width, spec.full_height = frame.resolution
 
 
 def _describe_colors(spec: Any, space: ColorSpace) -> None:
@@ -231,11 +251,17 @@ def _write_view(encoded: np.ndarray[Any, Any], path: str) -> None:
     _write(path, spec, encoded)
 
 
-def _write(path: str, spec: Any, pixels: np.ndarray[Any, Any]) -> None:
+def _write(path: str, spec: Any, pixels: np.ndarray[Any, Any], aovs: Mapping[str, Aov] | None = None) -> None:
+    """The picture, and a part of its own for each of `aovs`."""
     import OpenImageIO as oiio
 
     out = oiio.ImageOutput.create(path)
     if out is None:
         raise PrimrayError(f"the file cannot be written: {last_error(oiio)}", where=path, code="write-failed")
-    if not out.open(path, spec) or not out.write_image(pixels) or not out.close():
+    parts = parts_of(spec, aovs or {})
+    done = out.open(path, [spec, *(part for part, _ in parts)]) if parts else out.open(path, spec)
+    done = done and out.write_image(pixels)
+    for part, values in parts:
+        done = done and out.open(path, part, "AppendSubimage") and out.write_image(values)
+    if not done or not out.close():
         raise PrimrayError(f"the file cannot be written: {last_error(out)}", where=path, code="write-failed")

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .description import Floats
+from .description import Floats, Frame, PixelWindow
 from .errors import SettingsError
 from .image_error import last_error
 
@@ -29,6 +29,7 @@ class MeasuredImage:
     metadata: Mapping[str, Any] = field(default_factory=dict)  # the header's primray:<name>, by name
     name: str = ""
     chromaticities: tuple[float, ...] | None = None  # x, y of red, green, blue and white; None: the file does not say
+    frame: Frame | None = None  # where the pixels lie; None: they are the whole
 
     @property
     def resolution(self) -> tuple[int, int]:
@@ -97,7 +98,13 @@ def read_image(path: str | os.PathLike[str]) -> MeasuredImage:
         primaries = tuple(map(float, said)) if said is not None and len(said) == 8 else None
     finally:
         file.close()
-    return replace(_measured(values, channels, metadata, name), chromaticities=primaries)
+    return replace(_measured(values, channels, metadata, name), frame=_frame(spec), chromaticities=primaries)
+
+
+def _frame(spec: Any) -> Frame:
+    """The display window's corner need not be at 0, as those written here are."""
+    pixels = PixelWindow(spec.x - spec.full_x, spec.y - spec.full_y, spec.width, spec.height)
+    return Frame((spec.full_width, spec.full_height), pixels, spec.get_float_attribute("PixelAspectRatio", 1.0))
 
 
 def _measured(values: np.ndarray[Any, Any], channels: tuple[str, ...], metadata: Mapping[str, Any], name: str) -> MeasuredImage:

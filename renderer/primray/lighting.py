@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
+
+import numpy as np
+import numpy.typing as npt
 
 from .geometry import Doubles, Floats
 from .shading import TextureFile
@@ -19,6 +22,7 @@ class LightType(Enum):
     RECT = "rect"
     CYLINDER = "cylinder"
     DOME = "dome"
+    LINE = "line"
     GEOMETRY = "geometry"  # worn by a shape (Mesh.light), never in SceneDescription.lights
 
 
@@ -26,18 +30,23 @@ class LightType(Enum):
 class IesProfile:
     """A photometric file as luminous intensity over directions of the light, ready to be read bilinearly.
 
-    Angles ascend; outside `vertical_deg` there is no light. `horizontal_deg` spans 0 to 360, one value means all round.
+    Angles ascend; outside `vertical_deg` there is no light. `horizontal_deg` spans 0 to 360, one value means all round; an
+    angle that stands twice is a step. Horizontal angle 0 is the light's -X, 90 its -Y (ies.py says why).
+
+    With `horizontal_pole` (photometric type B) a direction has vertical angle v about the light's Y, from its -Z towards its
+    -X, and leans by h from there towards its +Y; outside the angles of either kind there is no light.
     """
 
     vertical_deg: Floats  # (V,), from -Z of the light
     horizontal_deg: Floats  # (H,), about it
     candela: Floats  # (H, V), with all of the file's multipliers
     power: float  # what normalize divides by
+    horizontal_pole: bool = False
 
 
 @dataclass(frozen=True)
 class Shaping:
-    """UsdLux ShapingAPI; these defaults change nothing."""
+    """UsdLux ShapingAPI; these defaults change nothing. Of all lights but distant ones and domes."""
 
     focus: float = 0.0
     focus_tint: Color = (0.0, 0.0, 0.0)
@@ -45,6 +54,7 @@ class Shaping:
     cone_softness: float = 0.0
     ies: IesProfile | None = None
     ies_angle_scale: float = 0.0
+    ies_normalize: bool = False
 
 
 @dataclass(frozen=True)
@@ -56,6 +66,20 @@ class Shadow:
     distance: float = -1.0
     falloff: float = -1.0
     falloff_gamma: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Linked:
+    """Which shapes are in which collections: by a shape's `link_row` and the number that a light has for whom it reaches.
+
+    Row 0 is in every collection, and collection 0 holds every row. Empty where nothing is linked.
+    """
+
+    collections: tuple[str, ...] = ()  # paths of those from number 1 on, each of the first light that has it
+    members: npt.NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), np.bool_))  # (rows, 1 + collections)
+
+
+NO_LINKS = Linked()
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +98,9 @@ class Light:
     Local frames as in UsdLux: rect, disk in the XY plane emitting along -Z; cylinder along X; distant emits along -Z;
     dome's pole +Y, image centre +Z, left edge of the image at +Z rotated by pi, s = 0.5 - atan2(x, z) / 2 pi.
     `emission`: DISTANT with angle 0: irradiance at normal incidence; POINT: radiant intensity per steradian, in scene units
-    squared; all others: radiance (with a texture the factor of that). A RECT's texture has its first row and column at +Y
-    and +X: upright and unmirrored for whom it shines at.
+    squared; LINE (along X, without a radius): radiant intensity per length at a right angle to it, in scene units; all others:
+    radiance (with a texture the factor of that). A RECT's texture has its first row and column at +Y and +X: upright and
+    unmirrored for whom it shines at.
 
     GEOMETRY is a shape that gives light: the glow of its surface times `emission` at every point, or `emission` alone
     (`own_color`). The camera, mirrors and refractions see the glow as it is, or what is given (`shows_own`). `normalize`:

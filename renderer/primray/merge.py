@@ -21,7 +21,7 @@ from .sampling import Sampling
 from .settings import RenderSettings, settings_of_json
 
 # What is told of the samples that are merged, anew each time.
-OF_SAMPLES = ("samples-missing", "invalid-samples")
+OF_SAMPLES = ("samples-missing", "invalid-samples", "aovs-not-merged")
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def merge(paths: Sequence[Path]) -> Merged:
     report = make_report(sampling, costs, about.counts, diagnostics, says, pixels_sha256(pixels), about.rendering_space)
     metadata = header_of(report)
     report |= {"parts": [str(path) for path in paths], "sample_ranges": [list(r) for r in ranges]}
-    image = Image(pixels, report, metadata, about.camera, errors=errors, color_space=about.rendering_space)
+    image = Image(pixels, report, metadata, about.camera, errors=errors, frame=about.frame, color_space=about.rendering_space)
     header, arrays = contents(sampling, about)
     return Merged(image, header | {"ranges": [list(r) for r in ranges]}, arrays)
 
@@ -61,7 +61,7 @@ def _gather(paths: Sequence[Path]) -> tuple[Sampling, list[Checkpoint], tuple[Ra
     film: core.Film | None = None
     for path in paths:
         part = load(path)
-        scene = core.CoreScene(None, part.about.camera.exposure_scale, [], part.resolution, part.about.rendering_space)
+        scene = core.CoreScene(None, part.about.camera.exposure_scale, [], part.resolution, rendering_space=part.about.rendering_space)
         if held:
             compare(part.about, held[0].about, path)
         _check_part(part, held)
@@ -141,6 +141,9 @@ def _diagnostics(sampling: Sampling, held: Sequence[Checkpoint], ranges: tuple[R
     if missing:
         spans = ", ".join(f"{a}:{b}" for a, b in missing)
         own.add("samples-missing", "", f"samples {spans} are in none of the parts")
+    asked = sorted({name for part in held for name in part.about.settings.get("aovs") or ()})
+    if asked:
+        own.add("aovs-not-merged", "", f"{', '.join(asked)} are not in the checkpoints that were merged")
     film = sampling.film
     if film.invalid_samples:
         own.add("invalid-samples", "", f"{film.invalid_samples} of {film.samples} samples are left out")

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .geometry import Doubles, Interpolation, Primvar
+from .instance_names import Levels, Names
 
 CHUNK = 1 << 14  # matrices at a time: 1.5 MB
 IDENTITY: Doubles = np.eye(4)[:3]
@@ -29,6 +30,7 @@ class MatrixInstances:
 
     matrices: Doubles  # (K, 3, 4): the upper three rows
     primvars: tuple[Primvar, ...] = ()  # INSTANCE: K rows
+    names: Names | None = None  # where an AOV asks for instances
 
     def __len__(self) -> int:
         return len(self.matrices)
@@ -39,11 +41,11 @@ class MatrixInstances:
 
     def take(self, chosen: npt.NDArray[Any]) -> MatrixInstances:
         """Those that a mask or an array of indices chooses."""
-        return MatrixInstances(self.matrices[chosen], _take(self.primvars, chosen))
+        return MatrixInstances(self.matrices[chosen], _take(self.primvars, chosen), _take_names(self.names, chosen))
 
-    def placed(self, outer: Doubles) -> MatrixInstances:
-        """The same after one more matrix (3, 4)."""
-        return replace(self, matrices=compose(outer[None], self.matrices))
+    def placed(self, outer: Doubles, name: str = "") -> MatrixInstances:
+        """The same after one more matrix (3, 4), of an instance of that name."""
+        return replace(self, matrices=compose(outer[None], self.matrices), names=_below(self.names, name))
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +57,7 @@ class PointInstances:
     orientations: Numbers | None = None  # (K, 4): x, y, z, w, of any length; half, float or double
     scales: Numbers | None = None  # (K, 3)
     primvars: tuple[Primvar, ...] = ()  # INSTANCE: K rows
+    names: Names | None = None  # where an AOV asks for instances
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -75,11 +78,12 @@ class PointInstances:
         """Those that a mask or an array of indices chooses."""
         orientations = None if self.orientations is None else self.orientations[chosen]
         scales = None if self.scales is None else self.scales[chosen]
-        return PointInstances(self.outer, self.positions[chosen], orientations, scales, _take(self.primvars, chosen))
+        primvars, names = _take(self.primvars, chosen), _take_names(self.names, chosen)
+        return PointInstances(self.outer, self.positions[chosen], orientations, scales, primvars, names)
 
-    def placed(self, outer: Doubles) -> PointInstances:
-        """The same after one more matrix (3, 4)."""
-        return replace(self, outer=compose(outer[None], self.outer[None])[0])
+    def placed(self, outer: Doubles, name: str = "") -> PointInstances:
+        """The same after one more matrix (3, 4), of an instance of that name."""
+        return replace(self, outer=compose(outer[None], self.outer[None])[0], names=_below(self.names, name))
 
 
 Instances = MatrixInstances | PointInstances
@@ -177,6 +181,19 @@ def _points_box(level: PointInstances, box: Box) -> Box:
 
 def _take(primvars: tuple[Primvar, ...], chosen: npt.NDArray[Any]) -> tuple[Primvar, ...]:
     return tuple(replace(p, values=p.values[chosen]) for p in primvars)
+
+
+def _take_names(names: Names | None, chosen: npt.NDArray[Any]) -> Names | None:
+    return None if names is None else names.take(chosen)
+
+
+def _below(names: Names | None, outer: str) -> Names | None:
+    return None if names is None else names.below(outer)
+
+
+def named_levels(levels: Sequence[Instances]) -> Levels:
+    """Their numbers of instances and names, without the rest."""
+    return tuple((len(level), level.names) for level in levels)
 
 
 def rows_of_levels(levels: Sequence[Instances]) -> tuple[Primvar, ...]:

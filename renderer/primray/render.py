@@ -17,9 +17,10 @@ from .settings import RenderSettings
 
 if TYPE_CHECKING:
     from . import core
+    from .aov import Aov
+    from .aov_names import AovRequest
     from .checkpointing import Checkpointing
-    from .composition import Composition
-    from .description import Camera, SceneDescription, TextureFile
+    from .description import Camera, Frame, SceneDescription, TextureFile
     from .diagnostics import Diagnostics
     from .image import Image
     from .report import Costs
@@ -48,8 +49,34 @@ def render(
     return next(render_frames(stage, [settings], progress=progress, on_interrupt=on_interrupt, checkpointing=[checkpointing]))
 
 
+@dataclass(frozen=True)
+class OpenedStage:
+    """A stage that has been composed, with what there was to tell of it."""
+
+    stage: Any  # Usd.Stage
+    composed_by: tuple[Any, ...]  # the settings that decide how
+    diagnostics: Diagnostics
+    seconds: float
+
+
+def _composed_by(settings: RenderSettings) -> tuple[Any, ...]:
+    return settings.variants, settings.load, settings.mask, settings.session_layer
+
+
+def open_once(stage: str | os.PathLike[str] | Any, settings: RenderSettings) -> OpenedStage:
+    """Open a stage as `settings` compose it, for `render_frames` and to look at before."""
+    from . import usd
+    from .diagnostics import Diagnostics
+    from .report import Costs
+
+    costs, diagnostics = Costs(), Diagnostics()
+    with costs.stage("open"):
+        opened = usd.open_stage(stage, diagnostics, settings.composition)
+    return OpenedStage(opened, _composed_by(settings), diagnostics, costs.stages_s["open"])
+
+
 def render_frames(
-    stage: str | os.PathLike[str] | Any,
+    stage: str | os.PathLike[str] | OpenedStage | Any,
     frames: Iterable[RenderSettings],
     *,
     progress: Progress | None = None,
@@ -60,22 +87,18 @@ def render_frames(
 
     `checkpointing`, where given, has one item a frame.
     """
-    from . import usd
-    from .diagnostics import Diagnostics
     from .report import Costs
 
-    costs = Costs()
-    opening = Diagnostics()
-    opened: Composition | None = None
+    opened, told = stage if isinstance(stage, OpenedStage) else None, False
     for settings, saved in zip(frames, chain(checkpointing, repeat(None)), strict=False):
         if opened is None:
-            opened = settings.composition
-            with costs.stage("open"):
-                stage = usd.open_stage(stage, opening, opened)
-        elif settings.composition != opened:
+            opened = open_once(stage, settings)
+        if _composed_by(settings) != opened.composed_by:
             raise SettingsError("all frames must compose the stage alike: variants, load, mask, session_layer")
-        yield _render_one(stage, opening, settings, costs, progress, on_interrupt, saved)
         costs = Costs()
+        if not told:
+            costs.stages_s["open"], told = opened.seconds, True
+        yield _render_one(opened.stage, opened.diagnostics, settings, costs, progress, on_interrupt, saved)
 
 
 def _render_one(
@@ -128,9 +151,23 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
         diagnostics.add("invalid-samples", "", f"{film.invalid_samples} of {film.samples} samples are left out")
     pixels, errors = film.image()
     space = prepared.scene.rendering_space
+    aovs = find_aovs(prepared, sampling, costs)
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels), space)
-    return Image(pixels, report, header_of(report), prepared.camera, errors=errors, color_space=space)
+    report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
+    return Image(
+        pixels, report, header_of(report), prepared.camera, errors=errors, frame=prepared.frame, aovs=aovs, color_space=space
+    )
+
+
+def find_aovs(prepared: Prepared, sampling: Sampling, costs: Costs) -> dict[str, Aov]:
+    """The outputs beside the picture, by name."""
+    if not prepared.aovs:
+        return {}
+    from .first_hit import aovs_of
+
+    with costs.stage("aovs"):
+        return aovs_of(prepared.scene, prepared.aovs, prepared.camera, sampling.film.counts, prepared.settings)
 
 
 @dataclass(frozen=True)
@@ -141,7 +178,9 @@ class Prepared:
     settings: RenderSettings
     counts: dict[str, int]
     camera: Camera
+    frame: Frame
     fingerprint: dict[str, str]  # empty unless it was asked for
+    aovs: tuple[AovRequest, ...] = ()
 
 
 def prepare(
@@ -182,7 +221,7 @@ def prepare(
         diagnostics.add(code, path, message)
     if settings.strict:
         diagnostics.raise_if_strict()
-    return Prepared(scene, settings, counted, description.camera, digests)
+    return Prepared(scene, settings, counted, description.camera, description.frame, digests, description.aovs)
 
 
 def core_says(scene: core.CoreScene) -> dict[str, Any]:
@@ -238,10 +277,12 @@ def check_memory(
     limit_bytes = settings.max_memory_bytes
     if limit_bytes is None:
         return
+    from .aov_names import aov_bytes
     from .summary import summary
 
-    width, height = description.resolution
-    needed = summary(description, settings.dicing_rate, images).memory_bytes + film_copies * FILM_BYTES * width * height
+    width, height = description.frame.size
+    pixel_bytes = film_copies * FILM_BYTES + aov_bytes(description.aovs)
+    needed = summary(description, settings.dicing_rate, images).memory_bytes + pixel_bytes * width * height
     if needed > limit_bytes:
         sentence = f"the scene needs about {needed / 2**20:.0f} MiB, {limit_bytes / 2**20:.0f} MiB are allowed"
         raise LimitError(sentence, code="memory-limit")

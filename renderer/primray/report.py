@@ -40,7 +40,7 @@ class Costs:
         try:
             yield
         finally:
-            self.stages_s[name] += time.perf_counter() - start
+            self.stages_s[name] = self.stages_s.get(name, 0.0) + time.perf_counter() - start
             if name == "render":
                 self.render_cpu_s += cpu_seconds() - cpu
 
@@ -83,7 +83,7 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values["error_metric"] = settings.error_metric.value
     values["sample_range"] = list(settings.sample_range) if settings.sample_range else None
     values["resolution"] = list(settings.resolution) if settings.resolution else None
-    for name in ("purposes", "variants", "load", "mask"):
+    for name in ("purposes", "aovs", "variants", "load", "mask"):
         values[name] = None if values[name] is None else list(values[name])
     return values
 
@@ -167,6 +167,7 @@ _COSTS = (
     "features",
     "diagnostics",
     "checkpoint",
+    "aovs",
 )
 
 

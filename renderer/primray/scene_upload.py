@@ -9,24 +9,29 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from .aov_names import primvars_of
 from .description import (
     Camera,
     Doubles,
     Floats,
+    Frame,
     LightType,
     Mesh,
     Placement,
     Projection,
     SceneDescription,
     Shape,
+    Shaping,
     Sphere,
     TextureFile,
 )
 from .far_geometry import FARTHEST, OUTLYING, FarInstances, usual_boxes, usual_union
-from .placement import Box, chunks, placed_box, transformed_box, transformed_boxes
+from .placement import Box, chunks, named_levels, placed_box, transformed_box, transformed_boxes
+from .scene_record import WIDE, SceneRecord
 from .shape_upload import NO_FLOATS, ShapeUpload, matrix
 from .skewed import bake_skewed
 from .surface_upload import MutableTextures, SurfaceUpload, Textures
+from .surface_upload import width as width_of
 
 # Order of LightType in light/light.hpp.
 LIGHT_NUMBERS = {
@@ -37,6 +42,7 @@ LIGHT_NUMBERS = {
     LightType.CYLINDER: 4,
     LightType.DISTANT: 5,
     LightType.DOME: 6,
+    LightType.LINE: 8,
 }
 # Order of DomeFormat in light/dome_format.hpp; one that nothing has settled is read as lat-long.
 DOME_FORMATS = {"automatic": 0, "latlong": 0, "mirroredBall": 1, "angular": 2, "cubeMapVerticalCross": 3}
@@ -50,10 +56,12 @@ def upload(
     filter_width: float,
     filter_inverse_cdf: npt.NDArray[np.float32],
     shapes: list[Shape] | None = None,
+    record: SceneRecord | None = None,
 ) -> tuple[Any, list[tuple[str, str, str]]]:
     """The core's Scene, and (code, prim path, message) of what could not be taken along. Empties `textures` to save memory.
 
     `shapes`, where given, takes the place of the description's: emptied when the core has copies, before it accelerates these.
+    `record` is told what the core's numbers mean.
     """
     shapes = list(description.shapes) if shapes is None else shapes
     d = bake_skewed(description, shapes)
@@ -64,13 +72,17 @@ def upload(
     scale = power_of_two_scale(scene_reach(d, boxes, prototype_boxes, origin))
     builder = core.SceneBuilder(origin, scale)
     inputs = SurfaceUpload(builder, textures)
+    if record is not None:
+        note_names(record, description, shapes, inputs)
     builder.reserve_triangles(*points_and_triangles(shapes))
+    if d.linked.collections:
+        builder.set_links(d.linked.members.astype(np.uint8))
     warnings: list[tuple[str, str, str]] = []
-    handing = ShapeUpload(builder, inputs, inputs.add_surfaces(d.surfaces), shapes, full_boxes, warnings)
+    handing = ShapeUpload(builder, inputs, inputs.add_surfaces(d.surfaces), shapes, full_boxes, warnings, record)
     handing.add(d.static, origin, scale)
     builder.reserve_instances(sum(map(len, [*d.placements, *(p for proto in d.prototypes for p in proto.placements)])))
     numbers: dict[int, int] = {}
-    placements = PlacementUpload(builder, inputs, d, numbers, warnings)
+    placements = PlacementUpload(builder, inputs, d, numbers, warnings, record)
     # Prototypes of placements last: what they place has its number by then.
     for i, proto in sorted(enumerate(d.prototypes), key=lambda item: bool(item[1].placements)):
         low, high = prototype_boxes[i]
@@ -80,7 +92,7 @@ def upload(
         placements.add(proto.placements, numbers[i], center, unit, prototype_boxes)
     placements.add(d.placements, 0, origin, scale, prototype_boxes)
     add_lights(builder, d, textures)
-    set_camera(builder, d.camera, d.resolution, filter_width, filter_inverse_cdf)
+    set_camera(builder, d.camera, d.frame, filter_width, filter_inverse_cdf)
     inputs.add_images()
     shapes.clear()
     scene = builder.finish()
@@ -99,6 +111,7 @@ class PlacementUpload:
     description: SceneDescription
     numbers: Mapping[int, int]  # the core's, by prototype
     warnings: list[tuple[str, str, str]]
+    record: SceneRecord | None = None
 
     def add(
         self, placements: Sequence[Placement], parent: int, center: Doubles, scale: float, prototype_boxes: Sequence[Box]
@@ -111,6 +124,9 @@ class PlacementUpload:
                 reach = _reach(placed_box(placement.levels, box), center) * scale
             far = None if reach < FARTHEST else FarInstances(box, center, FARTHEST / scale)
             left_out = add_placement(self.builder, placement, parent, self.numbers[placement.prototype], far)
+            if self.record is not None and self.builder.placement_rows > len(self.record.placements):
+                rows = np.delete(np.arange(len(placement)), left_out) if len(left_out) else None
+                self.record.placements.append((named_levels(placement.levels), rows))
             for name, _, width, values in self.inputs.primvars(placement.primvars):
                 kept = np.delete(values, left_out, axis=0) if len(left_out) else values
                 self.builder.add_placement_primvar(name, width, kept)
@@ -120,6 +136,18 @@ class PlacementUpload:
             if len(left_out) > gone:
                 message = f"{len(left_out) - gone} instances have a singular or non-finite matrix and are left out"
                 self.warnings.append(("singular-transform", path, message))
+
+
+def note_names(record: SceneRecord, d: SceneDescription, shapes: Sequence[Shape], inputs: SurfaceUpload) -> None:
+    """What shapes and surfaces are called, and the primvars that AOVs read."""
+    record.shape_paths = [shape.path for shape in shapes]
+    record.surface_paths = [surface.path for surface in d.surfaces]
+    wanted = primvars_of(d.aovs)
+    record.primvar_names = inputs.name_primvars([name for own in wanted for name in (own, WIDE + own)])
+    for owner in (*shapes, *d.placements, *(p for proto in d.prototypes for p in proto.placements)):
+        for primvar in owner.primvars:
+            if primvar.name in record.primvar_names:
+                record.note_primvar(primvar.name, width_of(primvar.values))
 
 
 def add_placement(
@@ -135,10 +163,9 @@ def add_placement(
     return np.concatenate(left_out)
 
 
-def set_camera(
-    builder: Any, c: Camera, resolution: tuple[int, int], filter_width: float, inverse_cdf: npt.NDArray[np.float32]
-) -> None:
+def set_camera(builder: Any, c: Camera, frame: Frame, filter_width: float, inverse_cdf: npt.NDArray[np.float32]) -> None:
     near, far = c.clipping_range
+    pixels = frame.pixels
     builder.set_camera(
         matrix(c.world_from_camera),
         c.projection is Projection.ORTHOGRAPHIC,
@@ -147,7 +174,12 @@ def set_camera(
         far,
         c.lens_radius,
         c.focus_distance,
-        *resolution,
+        c.blades,
+        c.blade_rotation_deg,
+        np.array(c.clipping_planes, np.float64).ravel(),
+        c.shutter[0] < c.shutter[1],
+        *frame.resolution,
+        (pixels.x, pixels.y, pixels.width, pixels.height),
         filter_width,
         inverse_cdf,
     )
@@ -156,6 +188,7 @@ def set_camera(
 def add_lights(builder: Any, d: SceneDescription, textures: Textures) -> None:
     """Rectangles with the same texture share its pixels."""
     images: dict[TextureFile, int] = {}
+    profiles: dict[int, int] = {}
     for light in d.lights:
         pixels, image = NO_TEXTURE, -1
         if light.type is LightType.RECT and light.texture is not None and light.texture in textures:
@@ -173,6 +206,7 @@ def add_lights(builder: Any, d: SceneDescription, textures: Textures) -> None:
             DOME_FORMATS[light.texture_format],
             portals.reshape(-1, 14),
             image,
+            ies_number(builder, light.shaping, profiles),
         )
 
 
@@ -182,6 +216,19 @@ def light_pixels(file: TextureFile | None, textures: Textures) -> Floats:
     if not tiles:
         return NO_TEXTURE
     return tiles[0][1].rgb()
+
+
+def ies_number(builder: Any, shaping: Shaping | None, numbers: dict[int, int]) -> int:
+    """The core's number of a light's photometric profile, -1 without one; `numbers` by identity, since lights share them."""
+    if shaping is None or shaping.ies is None:
+        return -1
+    profile = shaping.ies
+    if id(profile) not in numbers:
+        horizontal, candela = profile.horizontal_deg, profile.candela
+        if len(horizontal) == 1:
+            horizontal, candela = np.array([0.0, 360.0], np.float32), np.concatenate([candela, candela])
+        numbers[id(profile)] = builder.add_ies_profile(profile.vertical_deg, horizontal, candela, profile.horizontal_pole)
+    return numbers[id(profile)]
 
 
 def shape_boxes(core: Any, shapes: Sequence[Shape]) -> Doubles:

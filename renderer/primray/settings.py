@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
+from .aov_names import check_names
 from .composition import Composition
 from .errors import LimitError, SettingsError
 
@@ -67,6 +68,7 @@ class RenderSettings:
     default_light: bool = True
     rendering_color_space: str | None = None  # a linear RGB space; None: RenderSettings' renderingColorSpace, else Rec.709
     purposes: tuple[str, ...] | None = None  # None: RenderSettings' includedPurposes, else default and render
+    aovs: tuple[str, ...] | None = None  # outputs beside the picture (aov_names.AOVS); None: what the stage's product orders
     strict: bool = False
     max_memory_bytes: int | None = None
     dicing_rate: float = DEFAULT_DICING_RATE  # pixels: the longest that edges of subdivision surfaces may be
@@ -128,6 +130,8 @@ class RenderSettings:
         unknown = sorted(set(self.purposes or ()) - set(PURPOSES))
         _require(not unknown, f"no purpose {', '.join(unknown)}; there are {', '.join(PURPOSES)}")
         _require(self.purposes != (), "at least one purpose must be rendered")
+        if self.aovs is not None:
+            check_names(self.aovs)
         self.composition  # noqa: B018 - checks itself
 
     def _check_sampling(self) -> None:
@@ -158,7 +162,7 @@ class RenderSettings:
 
 def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
     """What report.settings_as_json made; TypeError or ValueError for names or choices that there are not."""
-    names = ("resolution", "sample_range", "purposes", "variants", "load", "mask")
+    names = ("resolution", "sample_range", "purposes", "aovs", "variants", "load", "mask")
     tuples = {name: tuple(values[name]) for name in names if values.get(name) is not None}
     chosen = {"filter": Filter(values["filter"]), "error_metric": Metric(values["error_metric"])}
     return RenderSettings(**{**values, **tuples, **chosen})

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from .description import Doubles, Floats, Interpolation, Ints, Mesh, Placed, Primvar, Shape, Sphere, Surface
 from .far_geometry import FARTHEST, OUTLYING, Flags, near_triangles
 from .placement import transformed_boxes
+from .scene_record import SceneRecord
 from .surface_upload import SurfaceUpload, is_cutout, is_hole
 
 # Order of Attribute in scene/scene.hpp.
@@ -47,14 +48,17 @@ class ShapeUpload:
         shapes: Sequence[Shape],
         boxes: Doubles,  # of all their points
         warnings: list[tuple[str, str, str]],
+        record: SceneRecord | None = None,
     ) -> None:
         self._builder = builder
+        self._record = record
         self._inputs = inputs
         self._shapes = shapes
         self._boxes = boxes
         self._warnings = warnings
         self._cutout = np.array([is_cutout(s) for s in surfaces], bool)
         self._hole = np.array([is_hole(s) for s in surfaces], bool)
+        self._link_row = 0
         self._alone = np.arange(len(surfaces), dtype=np.int32)[:, None]  # of meshes that have one
 
     def add(self, placed: Sequence[Placed], center: Doubles, scale: float) -> None:
@@ -67,14 +71,25 @@ class ShapeUpload:
                 lights[i] = self._builder.add_geometry_light(matrix(p.matrix), shape.light)
             if isinstance(shape, Mesh):
                 self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=False)
+                self._note_mesh(p)
             elif not isinstance(shape, Sphere):
                 raise ValueError(f"{shape.path} is not diced")
             elif i not in near:
                 self._add_sphere(shape, matrix(p.matrix), lights.get(i))
+                self._note_sphere(p)
         for i, p in enumerate(placed) if self._cutout.any() else []:
             shape = self._shapes[p.shape]
             if isinstance(shape, Mesh):
                 self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=True)
+                self._note_mesh(p)
+
+    def _note_mesh(self, placed: Placed) -> None:
+        if self._record is not None:
+            self._record.note_shape(self._record.meshes, placed.shape, placed.instance, self._builder.mesh_rows)
+
+    def _note_sphere(self, placed: Placed) -> None:
+        if self._record is not None:
+            self._record.note_shape(self._record.spheres, placed.shape, placed.instance, self._builder.sphere_rows)
 
     def _near(self, placed: Sequence[Placed], center: Doubles, scale: float) -> dict[int, Flags]:
         """By number, of shapes that are too far away in part: the triangles that are not. Notes what is."""
@@ -104,12 +119,19 @@ class ShapeUpload:
     def _add_sphere(self, sphere: Sphere, world_from_object: npt.NDArray[np.float64], light: int | None) -> None:
         if self._hole[sphere.surface]:
             return
+        self._wear(sphere)
         if not self._builder.add_sphere(sphere.radius, sphere.surface, world_from_object) and sphere.radius != 0:
             self._warnings.append(("singular-transform", sphere.path, "A sphere with a singular matrix is left out"))
         for name, _, width, values in self._inputs.primvars(sphere.primvars):
             self._builder.add_sphere_primvar(name, width, values)
         if light is not None:
             self._builder.wear_light(light, world_from_object)
+
+    def _wear(self, shape: Shape) -> None:
+        """Tell the core the row of what follows, where it changes."""
+        if shape.link_row != self._link_row:
+            self._link_row = shape.link_row
+            self._builder.set_link_row(shape.link_row)
 
     def _add_part(
         self, mesh: Mesh, world_from_object: npt.NDArray[np.float64], near: Flags | None, light: int | None, *, cutout: bool
@@ -129,6 +151,7 @@ class ShapeUpload:
         self._add_mesh(part, world_from_object, light, cutout)
 
     def _add_mesh(self, part: Part, world_from_object: npt.NDArray[np.float64], light: int | None, cutout: bool) -> None:
+        self._wear(part.mesh)
         self._builder.add_mesh(
             part.mesh.points, part.triangles, *part.normals, *part.colors, part.surfaces, world_from_object, cutout
         )  # fmt: skip

@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from .description import Doubles, Mesh, Placed, Placement, Prototype, SceneDescription, Shape
-from .placement import Instances, MatrixInstances, PointInstances, chunks
+from .instance_names import all_names
+from .placement import Instances, MatrixInstances, PointInstances, chunks, named_levels
 
 # The volume that the images of the axes span, in that of a box of their lengths: below, an instance is skewed.
 SKEWED = 0.02
@@ -61,20 +62,22 @@ class _Baking:
         count = len(placement)
         level = placement.levels[0]
         if len(placement.levels) > 1:
-            level = MatrixInstances(np.concatenate(list(placement.chunks())))
+            names = all_names(named_levels(placement.levels))
+            level = MatrixInstances(np.concatenate(list(placement.chunks())), names=names)
         rest = np.ones(count, np.bool_)
         rest[skewed] = False
         parts = [_some(placement, placement.prototype, level.take(rest), rest)] if rest.any() else []
         rows = level.take(skewed).rows(0, len(skewed))
-        return parts + [self._copy(placement, row, k) for row, k in zip(rows, skewed, strict=True)]
+        return parts + [self._copy(placement, level, row, k) for row, k in zip(rows, skewed, strict=True)]
 
-    def _copy(self, placement: Placement, row: Doubles, k: np.int64) -> Placement:
+    def _copy(self, placement: Placement, level: Instances, row: Doubles, k: np.int64) -> Placement:
         proto = self.prototypes[placement.prototype]
         linear, stands = np.eye(4), np.eye(4)
         linear[:3, :3], stands[:3, 3] = row[:, :3], row[:, 3]
         number = len(self.prototypes)
         self.prototypes.append(Prototype(proto.path, tuple(Placed(p.shape, linear @ p.matrix) for p in proto.shapes)))
-        return _some(placement, number, MatrixInstances(stands[None, :3]), np.array([k]))
+        names = None if level.names is None else level.names.take(np.array([k]))
+        return _some(placement, number, MatrixInstances(stands[None, :3], names=names), np.array([k]))
 
 
 def _some(

@@ -89,7 +89,7 @@ def summary(
     is_sphere = [isinstance(s, Sphere) for s in shapes]
     is_cage = [isinstance(s, SubdivisionMesh) for s in shapes]
     instances, stored, placement_bytes = _instances(description)
-    width, height = description.resolution
+    width, height = description.frame.size
     loading, kept = _image_bytes(images, width * height)
     memory = (
         2 * _array_bytes(shapes)

@@ -108,6 +108,10 @@ class SurfaceUpload:
         self._names: dict[str, int] = {}
         self._numbers: dict[TextureKey, int] = {}
 
+    def name_primvars(self, names: Sequence[str]) -> dict[str, int]:
+        """Before the surfaces: more names that are read, and their numbers."""
+        return {name: self._name(name) for name in names}
+
     def add_surfaces(self, surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
         """Before any shape; the surfaces as the core has them."""
         readable = tuple(with_readable_inputs(s, self._textures) for s in surfaces)

@@ -23,6 +23,7 @@ _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 _RANGE = re.compile(rf"\s*({_NUMBER})\s*(?:[:-]\s*({_NUMBER})\s*(?:x\s*({_NUMBER}))?)?\s*", re.ASCII)
 # RenderSettings' names of what the API calls otherwise; what it says of others is of the member of the same name.
 _MEMBERS = (
+    ("unknown-aov", "settings.aovs"),  # first: its message names things that others are called by
     ("resolution", "settings.resolution"),
     ("pixels", "settings.resolution"),
     ("samples per pixel", "settings.stop.max_samples"),
@@ -37,6 +38,9 @@ _MEMBERS = (
     ("load", "settings.load"),
     ("mask", "settings.mask"),
 )
+
+
+BEAUTY = "beauty"  # the product that every scene has
 
 
 def over_limit(member: str, detail: str, limit: float) -> Problem:
@@ -119,15 +123,15 @@ def _count(first: str, last: str, step: str | None, limits: Limits) -> int:
 
 def check_settings(settings: Settings, limits: Limits) -> None:
     """What is not made yet, this server's limits, then the renderer's own checks."""
-    beauty = "only beauty is rendered so far"
     asked = {
-        "render_settings": (settings.render_settings, "the stage's own are used; another cannot be named yet"),
-        "aovs": (settings.aovs, beauty),
-        "products": (settings.products != ["beauty"], beauty),
+        "products": (len(settings.products) != 1, "a job renders one product; send a job for each"),
     }
     for name, (value, why) in asked.items():
         if value:
             raise Problem("unsupported-setting", f"settings.{name}: {why}.", member=f"settings.{name}")
+    for member, path in (("render_settings", settings.render_settings), ("products", _product(settings))):
+        if path is not None and not path.startswith("/"):
+            raise invalid(f"settings.{member}", f"{path!r} is no prim's path, which begins with /")
     if settings.resolution is not None:
         width, height = settings.resolution
         member = "settings.resolution"
@@ -157,6 +161,8 @@ def render_settings(settings: Settings) -> RenderSettings:
     chosen: dict[str, Any] = {} if settings.dicing_rate is None else {"dicing_rate": settings.dicing_rate}
     return RenderSettings(
         camera=settings.camera,
+        render_settings=settings.render_settings,
+        product=_product(settings),
         resolution=settings.resolution,
         spp=stop.max_samples,
         target_error=stop.target_error,
@@ -169,12 +175,18 @@ def render_settings(settings: Settings) -> RenderSettings:
         seed=settings.seed,
         default_light=settings.default_light,
         purposes=None if settings.purposes is None else tuple(settings.purposes),
+        aovs=None if settings.aovs is None else tuple(settings.aovs),
         strict=settings.strict,
         variants=tuple(settings.variants),
         load=None if settings.load is None else tuple(settings.load),
         mask=None if settings.mask is None else tuple(settings.mask),
         **chosen,
     )
+
+
+def _product(settings: Settings) -> str | None:
+    """The RenderProduct that is named; None for the first there is."""
+    return None if settings.products == [BEAUTY] else settings.products[0]
 
 
 def _member(error: SettingsError | LimitError) -> str:

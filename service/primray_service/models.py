@@ -33,11 +33,18 @@ class Settings(Sent):
     """As RenderSettings of the library and the flags of `primray render`."""
 
     camera: str | None = Field(None, max_length=1024, description="A prim path, or a name that only one camera has.")
-    render_settings: str | None = Field(None, max_length=1024, description="Not supported yet: the stage's own are found.")
-    products: list[Annotated[str, Field(max_length=256)]] = Field(
-        default=["beauty"], max_length=64, description='["beauty"] is what there is so far.'
+    render_settings: str | None = Field(
+        None, max_length=1024, description="Path of a RenderSettings prim; not given: the stage's own."
     )
-    aovs: list[Annotated[str, Field(max_length=256)]] = Field(default=[], max_length=64, description="None so far.")
+    products: list[Annotated[str, Field(max_length=256)]] = Field(
+        default=["beauty"],
+        min_length=1,
+        max_length=64,
+        description='["beauty"]: the first product of the render settings; or the path of one RenderProduct. One a job.',
+    )
+    aovs: list[Annotated[str, Field(max_length=280)]] | None = Field(
+        None, max_length=64, description="Parts of the EXR beside the picture, by name; null: what the stage's product orders."
+    )
     frames: str | None = Field(
         None, max_length=4096, description='"1", "1:10", "1-10x2" or "1,5"; not given: the default time.'
     )

@@ -15,6 +15,7 @@ from primray import core
 from primray.checkpoint import About, contents, identity, load, resume, settings_to_go_on
 from primray.checkpoint_file import write_checkpoint
 from primray.description import Camera, Projection
+from primray.frame import whole_frame
 from primray.image import pixels_sha256
 from primray.report import settings_as_json
 from primray.sampling import Sampling
@@ -49,7 +50,10 @@ def run(**values: Any) -> Sampling:
 
 
 def about(of: RenderSettings, **changes: Any) -> About:
-    return About(identity(of, DIGESTS) | changes, settings_as_json(of), CAMERA, {"triangles": 2}, [], [])
+    assert of.resolution is not None
+    return About(
+        identity(of, DIGESTS) | changes, settings_as_json(of), CAMERA, whole_frame(*of.resolution), {"triangles": 2}, [], []
+    )
 
 
 def save(sampling: Sampling, path: Path, **changes: Any) -> Path:

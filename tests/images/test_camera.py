@@ -1,4 +1,4 @@
-"""Camera rays against Camera.project: windows, offsets, lens, clipping; and worlds far from the origin or of another size."""
+"""Camera rays against Camera.project: windows, offsets, lens; and worlds far from the origin or of another size."""
 
 from __future__ import annotations
 

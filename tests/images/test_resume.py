@@ -457,7 +457,8 @@ def test_films_that_make_no_sense(tmp_path: Path) -> None:
         write_checkpoint(path, header, {**arrays, name: np.full_like(arrays[name], value)})
         with pytest.raises(CheckpointError, match="makes no sense"):
             load(path)
-    huge = {**header, "identity": {**header["identity"], "resolution": [65536, 65536]}}
+    pixels = {"x": 0, "y": 0, "width": 65536, "height": 65536}
+    huge = {**header, "frame": {**header["frame"], "pixels": pixels}}
     write_checkpoint(path, huge, arrays)
     with pytest.raises(CheckpointError, match="makes no sense"):
         load(path)

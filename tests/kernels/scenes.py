@@ -29,9 +29,12 @@ from primray.description import (
     Doubles,
     Interpolation,
     LightType,
+    Linked,
+    PixelWindow,
     Placed,
     PrimvarInput,
     Prototype,
+    Shadow,
     Shape,
     Sphere,
     Surface,
@@ -85,6 +88,23 @@ def materials() -> Described:
         light(LightType.RECT, translation(0, 2, 0) @ rotation([1, 0, 0], -90)),
     ]
     return describe(shapes, SURFACES, lights, perspective(VIEW, 0.4, ASPECT), RESOLUTION, dome_texture=texture)
+
+
+def through_a_camera() -> Described:
+    """Everything that a camera can have: blades, planes that clip, an open shutter, a window that reaches beyond the frame."""
+    scene = materials()
+    planes = ((0.3, 1.0, 0.2, 1.0), (0.0, 0.0, 1.0, 4.5))
+    eye = replace(
+        scene.description.camera,
+        lens_radius=0.05,
+        focus_distance=3.0,
+        blades=5,
+        blade_rotation_deg=20.0,
+        clipping_planes=planes,
+        shutter=(-0.2, 0.3),
+    )
+    pixels = PixelWindow(-7, -3, RESOLUTION[0] + 9, RESOLUTION[1] + 2)
+    return replace(scene, description=replace(scene.description, camera=eye, pixels=pixels))
 
 
 def instances() -> Described:
@@ -252,6 +272,43 @@ def textured() -> Described:
     )  # fmt: skip
 
 
+def linked() -> Described:
+    """Light and shadow linking, shadows of every kind, lights that the camera does not see, through panes and instances."""
+    d = instances()
+    rng = np.random.default_rng(7)
+    members = np.concatenate([np.ones((1, 5)), np.concatenate([np.ones((3, 1)), rng.random((3, 4)) > 0.4], axis=1)]) > 0
+    above = translation(0.2, 2.0, 0.3) @ rotation([1, 0, 0], -80)
+    lights = [
+        light(LightType.POINT, translation(1, 1.5, 1), light_link=1),
+        light(LightType.SPHERE, translation(-1, 1.0, 0.5), 3.0, radius=0.2, shadow_link=2, visible_to_camera=False),
+        light(LightType.RECT, above, 2.0, width=0.5, height=0.3, light_link=2, shadow=Shadow(color=(0.3, 0.1, 0.0))),
+        light(LightType.CYLINDER, translation(-0.5, 1.4, 0), 2.0, radius=0.05, length=0.7, light_link=3),
+        light(LightType.DISK, above, radius=0.4, shadow=Shadow(distance=0.8, falloff=0.5, falloff_gamma=2.2), light_link=4),
+        light(LightType.DISTANT, above, 0.6, angle_deg=5.0, shadow=Shadow(enabled=False), light_link=1),
+        light(LightType.DOME, emission=0.3, light_link=4, shadow_link=3, visible_to_camera=False),
+        light(LightType.DOME, emission=0.1, light_link=2),
+    ]
+    shapes = tuple(replace(s, link_row=k) for k, s in enumerate(d.description.shapes))
+    panes: tuple[Shape, ...] = (replace(box([0.4, 0.8, 0.05], 2), link_row=3), replace(box([0.4, 0.8, 0.05], 3), link_row=1))
+    placed = tuple(Placed(len(shapes) + k, translation(k - 0.5, 0.4, 1.0)) for k in range(2))
+    description = replace(
+        d.description, shapes=shapes + panes, static=d.description.static + placed, lights=tuple(lights),
+        linked=Linked(("/a", "/b", "/c", "/d"), members),
+    )  # fmt: skip
+    return replace(d, description=description)
+
+
+def linked_crowd() -> Described:
+    """More lights than are weighed one by one."""
+    d = linked()
+    rng = np.random.default_rng(8)
+    more = [
+        light(LightType.SPHERE, translation(*rng.uniform([-2, 0.3, -2], [2, 2, 2])), 1.0, radius=0.1, light_link=k % 5)
+        for k in range(24)
+    ]
+    return replace(d, description=replace(d.description, lights=(*d.description.lights, *more)))
+
+
 SCENES: dict[str, Callable[[], Described]] = {
     "all lights": all_lights,
     "many lights": many_lights,
@@ -260,6 +317,9 @@ SCENES: dict[str, Callable[[], Described]] = {
     "grouped": grouped,
     "smooth, lens": smooth,
     "orthographic": from_above,
+    "blades, planes, shutter": through_a_camera,
     "emitters": emitters,
     "textures": textured,
+    "linked": linked,
+    "linked crowd": linked_crowd,
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from primray_service.admission import check_settings, new_job, time_codes
+from primray_service.admission import check_settings, new_job, render_settings, time_codes
 from primray_service.jobs import Job, JobState, Json
 from primray_service.limits import Limits
 from primray_service.models import ContinuedRules, JobRequest, Settings
@@ -97,15 +97,42 @@ def test_one_that_did_not_reach_its_end_goes_on_as_it_was(state):
     assert continued(job(before, state), ContinuedRules(), LIMITS) == before
 
 
-@pytest.mark.parametrize(
-    ("member", "value"), [("aovs", ["normal"]), ("products", ["beauty", "x"]), ("render_settings", "/Render/S")]
-)
+@pytest.mark.parametrize(("member", "value"), [("products", ["beauty", "/Render/x"])])
 def test_what_is_not_made_yet_is_refused_by_name(member, value):
     settings = Settings.model_validate({member: value})
     with pytest.raises(Problem) as refused:
         check_settings(settings, Limits())
     assert refused.value.slug == "unsupported-setting"
     assert refused.value.extra["member"] == f"settings.{member}"
+
+
+@pytest.mark.parametrize(("member", "value"), [("products", ["side"]), ("render_settings", "S")])
+def test_prims_are_named_by_their_paths(member, value):
+    with pytest.raises(Problem) as refused:
+        check_settings(Settings.model_validate({member: value}), Limits())
+    assert refused.value.slug == "invalid-request"
+    assert refused.value.extra["member"] == f"settings.{member}"
+
+
+def test_render_settings_and_a_product_reach_the_renderer():
+    asked = render_settings(Settings.model_validate({"products": ["/Render/side"], "render_settings": "/Render/S"}))
+    assert (asked.render_settings, asked.product) == ("/Render/S", "/Render/side")
+    assert render_settings(Settings()).product is None
+
+
+@pytest.mark.parametrize("aovs", [None, [], ["depth", "prim", "primvar:wear"]])
+def test_aovs_go_to_the_renderer_as_they_are(aovs):
+    settings = Settings.model_validate({"aovs": aovs})
+    check_settings(settings, Limits())
+    assert render_settings(settings).aovs == (None if aovs is None else tuple(aovs))
+
+
+def test_an_unknown_aov_is_refused_with_those_that_there_are():
+    with pytest.raises(Problem) as refused:
+        check_settings(Settings.model_validate({"aovs": ["depth", "smell"]}), Limits())
+    assert (refused.value.slug, refused.value.extra["member"]) == ("invalid-request", "settings.aovs")
+    assert "smell" in refused.value.detail
+    assert "geometric_normal" in refused.value.detail
 
 
 def test_beauty_alone_is_what_there_is():

@@ -10,6 +10,7 @@ template <int W>
 struct Rays {
   vvec3<W> o, d;
   vfloat<W> tnear, tfar;
+  vfloat<W> time = vfloat<W>(0.0f);  // within the shutter's opening, [0, 1]
 };
 
 template <int W>
@@ -24,7 +25,7 @@ template <int W>
 PRIMRAY_INLINE void fill(rtc::Ray<W>& r, const Rays<W>& rays) {
   store(r.org_x, rays.o.x), store(r.org_y, rays.o.y), store(r.org_z, rays.o.z), store(r.tnear, rays.tnear);
   store(r.dir_x, rays.d.x), store(r.dir_y, rays.d.y), store(r.dir_z, rays.d.z), store(r.tfar, rays.tfar);
-  store(r.time, vfloat<W>(0.0f)), store(r.mask, vuint<W>(0xffffffffu)), store(r.flags, vuint<W>(0u)), store(r.id, vuint<W>(0u));
+  store(r.time, rays.time), store(r.mask, vuint<W>(0xffffffffu)), store(r.flags, vuint<W>(0u)), store(r.id, vuint<W>(0u));
 }
 
 template <int W>
@@ -74,7 +75,7 @@ PRIMRAY_INLINE Hits<W> intersect_single(rtc::Scene scene, vbool<W> active, const
              {all.ray.dir_x[i]},
              {all.ray.dir_y[i]},
              {all.ray.dir_z[i]},
-             {0.0f},
+             {all.ray.time[i]},
              {all.ray.tfar[i]},
              {0xffffffffu},
              {0u},
@@ -117,7 +118,7 @@ PRIMRAY_INLINE vbool<W> occluded_single(rtc::Scene scene, vbool<W> active, const
   for (uint32_t m = bits(active); m; m &= m - 1) {
     const int i = __builtin_ctz(m);
     rtc::Ray<1> r = {{all.org_x[i]}, {all.org_y[i]}, {all.org_z[i]}, {all.tnear[i]}, {all.dir_x[i]}, {all.dir_y[i]},
-                     {all.dir_z[i]}, {0.0f},         {all.tfar[i]},  {0xffffffffu},  {0u},           {0u}};
+                     {all.dir_z[i]}, {all.time[i]},  {all.tfar[i]},  {0xffffffffu},  {0u},           {0u}};
     embree().rtcOccluded1(scene, &r, &args);
     all.tfar[i] = r.tfar[0];
   }

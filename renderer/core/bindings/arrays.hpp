@@ -35,6 +35,7 @@ nb::object to_numpy(std::vector<T> data, std::initializer_list<size_t> shape) {
 void bind_scene(nb::module_& m);
 void bind_film(nb::module_& m);
 void bind_render(nb::module_& m);
+void bind_first_hit(nb::module_& m);
 void bind_subdivision(nb::module_& m);
 void bind_testing(nb::module_& m);
 

@@ -32,6 +32,7 @@ NB_MODULE(PRIMRAY_MODULE, m) {
   bind_scene(m);
   bind_film(m);
   bind_render(m);
+  bind_first_hit(m);
   bind_subdivision(m);
   nb::module_ testing = m.def_submodule("testing", "Array versions of what the kernels call, for the tests.");
   bind_testing(testing);

@@ -51,12 +51,26 @@ PassStatistics pass(const Scene& scene, Film& film, const InArray<uint32_t>& end
 
 void record(Recording* self, const Scene& scene, int samples, int max_depth, uint32_t seed, int lanes) {
   new (self) Recording{scene, lanes, {}};
-  Film film(scene.camera.width, scene.camera.height);
+  Film film(scene.camera.pixels.width, scene.camera.pixels.height);
   IntegratorSettings settings{max_depth, 1, seed, 0};
   const nb::gil_scoped_release release;
   settings.splits = choose_splits(scene, settings, kernel_of(lanes));
   const std::vector<uint32_t> ends(film.next.size(), uint32_t((samples + 1) / kReplicates));
   render_pass(scene, settings, lanes, ends, film, {}, &self->rays);
+}
+
+// (is it a shadow ray, its time) of every ray, in order: (N,) and (N,).
+nb::tuple times_of(const Recording& r) {
+  std::vector<uint8_t> shadow;
+  std::vector<float> times;
+  for (const RayRecorder::Call& call : r.rays.calls) {
+    for (int i = 0; i < call.lanes; ++i) {
+      if (!(call.active >> i & 1)) continue;
+      shadow.push_back(call.shadow), times.push_back(r.rays.rays[call.first + 8 * size_t(call.lanes) + size_t(i)]);
+    }
+  }
+  const size_t n = times.size();
+  return nb::make_tuple(to_numpy(std::move(shadow), {n}), to_numpy(std::move(times), {n}));
 }
 
 }  // namespace
@@ -80,7 +94,8 @@ void bind_render(nb::module_& m) {
       .def("__init__", &record, nb::keep_alive<1, 2>())
       .def(
           "replay_seconds", [](const Recording& r) { return replay(r.scene, r.rays, r.lanes); },
-          nb::call_guard<nb::gil_scoped_release>());
+          nb::call_guard<nb::gil_scoped_release>())
+      .def_prop_ro("times", &times_of);
 }
 
 }  // namespace primray

@@ -82,13 +82,45 @@ nb::list texture_images(const Scene& scene) {
   return r;
 }
 
+// `shaping`: a Shaping of lighting.py; `ies`: its profile's number, or -1.
+ShapingInput shaping_of(nb::handle shaping, int ies) {
+  const auto number = [&](const char* name) { return nb::cast<double>(shaping.attr(name)); };
+  ShapingInput s;
+  s.focus = number("focus"), s.focus_tint = vec3_of(shaping.attr("focus_tint"));
+  s.cone_angle_deg = number("cone_angle_deg"), s.cone_softness = number("cone_softness");
+  s.ies = ies, s.ies_angle_scale = number("ies_angle_scale");
+  if (ies >= 0 && nb::cast<bool>(shaping.attr("ies_normalize")))
+    s.ies_divisor = nb::cast<double>(shaping.attr("ies").attr("power"));
+  return s;
+}
+
+// By placement: its group, its first instance, and the group that it stands in (0: the world); then the number of instances.
+nb::tuple placements_of(const Scene& scene) {
+  const size_t count = scene.placement_group.size();
+  std::vector<int32_t> parent(count);
+  for (size_t g = 0; g < scene.groups.size(); ++g)
+    for (uint32_t k = 0; k < scene.groups[g].placement_count; ++k) parent[scene.groups[g].placement_base + k] = int32_t(g);
+  return nb::make_tuple(to_numpy(std::vector(scene.placement_group), {count}),
+                        to_numpy(std::vector(scene.placement_instance), {count}), to_numpy(std::move(parent), {count}),
+                        scene.world_from_group.size() / 12);
+}
+
 // `light`: a Light of lighting.py.
-LightInput light_input(int type, const InArray<double>& matrix, nb::handle light) {
+LightInput light_input(int type, const InArray<double>& matrix, nb::handle light, int ies) {
   const auto number = [&](const char* name) { return nb::cast<double>(light.attr(name)); };
   LightInput l;
   l.type = LightType(type), l.world_from_light = affine_of(matrix), l.emission = vec3_of(light.attr("emission"));
   l.width = number("width"), l.height = number("height"), l.radius = number("radius"), l.length = number("length");
   l.angle_deg = number("angle_deg"), l.diffuse = float(number("diffuse")), l.specular = float(number("specular"));
+  l.link = nb::cast<int>(light.attr("light_link")), l.casters = nb::cast<int>(light.attr("shadow_link"));
+  l.visible_to_camera = nb::cast<bool>(light.attr("visible_to_camera"));
+  if (const nb::object shadow = light.attr("shadow"); !shadow.is_none()) {
+    l.casts_shadows = nb::cast<bool>(shadow.attr("enabled")), l.shadow_color = vec3_of(shadow.attr("color"));
+    l.shadow_distance = nb::cast<double>(shadow.attr("distance"));
+    l.shadow_falloff = nb::cast<double>(shadow.attr("falloff")),
+    l.shadow_gamma = nb::cast<double>(shadow.attr("falloff_gamma"));
+  }
+  if (!light.attr("shaping").is_none()) l.shaping = shaping_of(light.attr("shaping"), ies);
   return l;
 }
 
@@ -111,8 +143,8 @@ void add_light(SceneBuilder& b, int type, InArray<double> matrix, nb::handle lig
 }
 
 // `light`: a Light of type GEOMETRY.
-int add_geometry_light(SceneBuilder& b, InArray<double> matrix, nb::handle light) {
-  LightInput l = light_input(int(LightType::kMesh), matrix, light);
+int add_geometry_light(SceneBuilder& b, InArray<double> matrix, nb::handle light, int ies) {
+  LightInput l = light_input(int(LightType::kMesh), matrix, light, ies);
   l.normalize = nb::cast<bool>(light.attr("normalize"));
   l.own = nb::cast<bool>(light.attr("own_color")), l.shown = nb::cast<bool>(light.attr("shows_own"));
   return b.add_geometry_light(l);
@@ -156,8 +188,15 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("geometry_lights", [](const Scene& s) { return s.geometry_lights.all.size(); })
       .def_prop_ro("has_portals", [](const Scene& s) { return !s.lights.portals.empty(); })
       .def_prop_ro("domes", [](const Scene& s) { return s.lights.domes.size(); })
+      .def_prop_ro("has_shaping", [](const Scene& s) { return s.lights.has_shaping; })
+      .def_prop_ro("has_links", [](const Scene& s) { return s.lights.links.any(); })
+      .def_prop_ro("has_special_shadows", [](const Scene& s) { return !s.lights.shadow_rows.empty(); })
       .def_prop_ro("has_lobe_factors", [](const Scene& s) { return s.lights.lobe_factors; })
-      .def_prop_ro("resolution", [](const Scene& s) { return nb::make_tuple(s.camera.width, s.camera.height); })
+      .def_prop_ro("placements", &placements_of)
+      .def_prop_ro("resolution",  // of its films
+                   [](const Scene& s) { return nb::make_tuple(s.camera.pixels.width, s.camera.pixels.height); })
+      .def_prop_ro("has_clipping_planes", [](const Scene& s) { return !s.camera.clipping_planes.empty(); })
+      .def_prop_ro("has_shutter", [](const Scene& s) { return s.camera.shutter_open; })
       .def_prop_ro("has_lens", [](const Scene& s) { return s.camera.lens_radius > 0; });
   nb::class_<SceneBuilder>(m, "SceneBuilder")
       .def("__init__", [](SceneBuilder* b, nb::handle origin, double scale) { new (b) SceneBuilder(dvec3_of(origin), scale); })
@@ -178,6 +217,9 @@ void bind_scene(nb::module_& m) {
       .def("add_mesh", &add_mesh)
       .def("add_sphere", [](SceneBuilder& b, double radius, int surface,
                             InArray<double> matrix) { return b.add_sphere(radius, surface, affine_of(matrix)); })
+      .def_prop_ro("mesh_rows", &SceneBuilder::mesh_rows)
+      .def_prop_ro("sphere_rows", &SceneBuilder::sphere_rows)
+      .def_prop_ro("placement_rows", &SceneBuilder::placement_rows)
       .def("reserve_triangles", &SceneBuilder::reserve_triangles)
       .def("reserve_instances", &SceneBuilder::reserve_instances)
       .def("begin_placement", &SceneBuilder::begin_placement)
@@ -188,22 +230,40 @@ void bind_scene(nb::module_& m) {
              return to_numpy(std::move(left_out), {count});
            })
       .def("end_placement", &SceneBuilder::end_placement)
+      .def("set_links",
+           [](SceneBuilder& b, InArray<uint8_t> members) {
+             b.set_links(int(members.shape(0)), int(members.shape(1)), span_of(members));
+           })
+      .def("set_link_row", &SceneBuilder::set_link_row)
+      .def("add_ies_profile",
+           [](SceneBuilder& b, InArray<float> vertical_deg, InArray<float> horizontal_deg, InArray<float> candela,
+              bool horizontal_pole) {
+             if (candela.size() != vertical_deg.size() * horizontal_deg.size() || vertical_deg.size() < 2 ||
+                 horizontal_deg.size() < 2)
+               throw Error("internal", "a profile needs an intensity for every pair of angles, two or more of each");
+             return b.add_ies_profile({span_of(vertical_deg), span_of(horizontal_deg), span_of(candela), horizontal_pole});
+           })
       .def("add_light_image", [](SceneBuilder& b, InArray<float> pixels) { return b.add_light_image(image_input(pixels)); })
-      .def("add_light", &add_light)
-      .def("add_geometry_light", &add_geometry_light)
+      .def("add_light", &add_light, nb::arg("type"), nb::arg("matrix"), nb::arg("light"), nb::arg("texture"), nb::arg("format") = 0,
+           nb::arg("portals") = InArray<double>(), nb::arg("image") = -1, nb::arg("ies") = -1)
+      .def("add_geometry_light", &add_geometry_light, nb::arg("matrix"), nb::arg("light"), nb::arg("ies") = -1)
       .def("wear_light", [](SceneBuilder& b, int light, InArray<double> matrix) { b.wear_light(light, affine_of(matrix)); })
-      .def(
-          "set_camera",
-          [](SceneBuilder& b, InArray<double> matrix, bool orthographic, nb::handle window, double near, double far,
-             double lens_radius, double focus_distance, int width, int height, float filter_width, InArray<float> inverse_cdf) {
-            CameraInput c;
-            c.world_from_camera = affine_of(matrix), c.orthographic = orthographic;
-            for (int i = 0; i < 4; ++i) c.window[i] = nb::cast<double>(window[i]);
-            c.near = near, c.far = far, c.lens_radius = lens_radius, c.focus_distance = focus_distance, c.width = width,
-            c.height = height;
-            c.filter_width = filter_width, c.filter_inverse_cdf = span_of(inverse_cdf);
-            b.set_camera(c);
-          })
+      .def("set_camera",
+           [](SceneBuilder& b, InArray<double> matrix, bool orthographic, nb::handle window, double near, double far,
+              double lens_radius, double focus_distance, int blades, double blade_rotation_deg, InArray<double> clipping_planes,
+              bool shutter_open, int width, int height, nb::handle pixels, float filter_width, InArray<float> inverse_cdf) {
+             CameraInput c;
+             c.world_from_camera = affine_of(matrix), c.orthographic = orthographic;
+             for (int i = 0; i < 4; ++i) c.window[i] = nb::cast<double>(window[i]);
+             c.near = near, c.far = far, c.lens_radius = lens_radius, c.focus_distance = focus_distance, c.width = width,
+             c.height = height;
+             const auto side = [&](int i) { return nb::cast<int>(pixels[i]); };
+             c.pixels = {side(0), side(1), side(2), side(3)};
+             c.blades = blades, c.blade_rotation_deg = blade_rotation_deg, c.shutter_open = shutter_open;
+             c.clipping_planes = span_of(clipping_planes);
+             c.filter_width = filter_width, c.filter_inverse_cdf = span_of(inverse_cdf);
+             b.set_camera(c);
+           })
       .def("finish", &SceneBuilder::finish, nb::call_guard<nb::gil_scoped_release>());
 }
 

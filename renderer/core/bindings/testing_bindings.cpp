@@ -238,6 +238,17 @@ nb::object dome_pdf_rows(const Scene& scene, int dome, InArray<double> p_, InFlo
   return r.array();
 }
 
+// Shaping of a light for rays along wi that meet it.
+nb::object light_shaping_rows(const Scene& scene, int light, InFloats wi_, int lanes) {
+  check_light(scene, light);
+  const size_t n = wi_.shape(0);
+  const Input<float> wi(wi_, n, 3);
+  Column<float> r(n, 3);
+  for_rows(n, lanes,
+           [&]<int W>(size_t at) { r.put(at, met_shaping(scene.lights, scene.lights.row(light), wi.vector<W>(at))); });
+  return r.array();
+}
+
 nb::tuple dome_eval_rows(const Scene& scene, int dome, InFloats w_, int lanes) {
   const size_t n = w_.shape(0);
   const Input<float> w(w_, n, 3);
@@ -412,6 +423,20 @@ void bind_math(nb::module_& m) {
       },
       nb::arg("yx"), nb::arg("lanes") = 0);
   m.def(
+      "exp2",
+      [](InFloats u, int lanes) {
+        return map_pairs(u, 1, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> x, vfloat<W>) { r.put(at, exp2(x)); });
+      },
+      nb::arg("x"), nb::arg("lanes") = 0, "Of the first of each two numbers.");
+  m.def(
+      "log2_cosine",
+      [](InFloats cs, int lanes) {
+        return map_pairs(cs, 1, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> c, vfloat<W> s) {
+          r.put(at, log2_cosine(c, s * s));
+        });
+      },
+      nb::arg("cosine_and_sine"), nb::arg("lanes") = 0);
+  m.def(
       "concentric_disk",
       [](InFloats u, int lanes) {
         return map_pairs(u, 2, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> a, vfloat<W> b) {
@@ -455,6 +480,7 @@ void bind_testing(nb::module_& m) {
   m.def("dome_pdf", &dome_pdf_rows, nb::arg("scene"), nb::arg("dome"), nb::arg("p"), nb::arg("wi"), lanes);
   m.def("dome_eval", &dome_eval_rows, nb::arg("scene"), nb::arg("dome"), nb::arg("w"), lanes);
   m.def("light_probabilities", &light_probabilities, nb::arg("scene"), nb::arg("p"), lanes);
+  m.def("light_shaping", &light_shaping_rows, nb::arg("scene"), nb::arg("light"), nb::arg("wi"), lanes);
   m.def("choose_light", &choose_lights, nb::arg("scene"), nb::arg("p"), nb::arg("u"), lanes);
   m.def("sampler_numbers", &sampler_numbers, nb::arg("seed"), nb::arg("key"), lanes);
   m.def("camera_rays", &camera_rays, nb::arg("scene"), nb::arg("pixel"), nb::arg("film"), nb::arg("lens"), lanes);

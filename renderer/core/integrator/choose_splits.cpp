@@ -1,4 +1,5 @@
-// A pilot: 16 x 16 pixels spread over the film, 2 x 16 samples each, once with and once without splitting.
+// A pilot: 16 x 16 pixels spread over the frame, whatever part of it is rendered, 2 x 16 samples each, once with and once
+// without splitting.
 //
 // The error is what the render's own report counts, squared differences over (R^2 + 0.01), here between the two replicates,
 // which are independent; the cost is rays. The pilot's samples are not used in the image, so nothing is biased by choosing on

@@ -5,6 +5,7 @@
 #pragma once
 
 #include "integrator/pool.hpp"
+#include "light/linked_selection.hpp"
 #include "light/portal.hpp"
 #include "scene/scene.hpp"
 
@@ -30,6 +31,22 @@ PRIMRAY_INLINE vvec3<W> lobe_factor(LobeFactors f, const PathLanes<W>& p) {
   return select(p.depth == vint<W>(0), one, mixed);
 }
 
+// The probability with which light `i` was chosen at `p` on a surface that wears row `link`; `total` from total_at.
+template <int W>
+PRIMRAY_INLINE vfloat<W> probability_at(const LightTable& lights, int i, vbool<W> m, const vvec3<W>& p, vfloat<W> total,
+                                        vint<W> link) {
+  if (lights.links.any()) return linked_probability(lights, i, m, p, total, link);
+  return light_probability(lights, i, p, total);
+}
+
+// What that needs where each light is weighed.
+template <int W>
+PRIMRAY_INLINE vfloat<W> total_at(const LightTable& lights, const vvec3<W>& p, vint<W> link) {
+  if (lights.count > LightTable::kWeighed) return vfloat<W>(1.0f);
+  if (lights.links.any()) return linked_total_importance(lights, p, link);
+  return lights.count > 1 ? total_importance(lights, p) : vfloat<W>(1.0f);
+}
+
 // Adds what area and distant lights send back along the rays to `gathered`; lanes that see a light's body are the result.
 template <int W>
 PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, vbool<W> hit, const PathLanes<W>& p,
@@ -39,6 +56,7 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
   if (!lights.needs_hit_test) return covered;
   const vbool<W> sees_body = active & (p.bsdf_pdf == F(0.0f)), camera = p.depth == vint<W>(0);
   const vvec3<W> zero(F(0.0f)), from = p.ray.o - p.ray.d * p.travelled;
+  const bool linked = lights.links.any();
   const bool weighed = lights.count > 1 && lights.count <= LightTable::kWeighed;
   F nearest(kInfinity), total(0.0f);
   bool has_total = false;
@@ -46,11 +64,14 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
   const auto meet = [&](int i, vbool<W> lanes) {
     const float* row = lights.row(i);
     const LightType type = LightType(int(row[kType]));
-    if (type == LightType::kPoint || type == LightType::kDome) return;
+    if (type == LightType::kPoint || type == LightType::kLine || type == LightType::kDome) return;
     vvec3<W> L{F(row[kRadiance]), F(row[kRadiance + 1]), F(row[kRadiance + 2])};
     const LocalHit<W> h = light_hit<W>(lights, i, from, p.ray.d, L);
     const F t = h.t - p.travelled;
     vbool<W> met = lanes & (h.pdf > F(0.0f));
+    const int flags = int(row[kLightFlags]);
+    if (flags & kHidden) met &= !camera;
+    if (linked) met &= in_collection(lights.links, p.link, lights.light_link[i]);
     if (type == LightType::kDistant) {
       met = met & (!hit) & (!camera);
     } else {
@@ -58,6 +79,7 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
     }
     if (!any(met)) return;
     L *= lobe_factor({row[kDiffuseFactor], row[kSpecularFactor]}, p);
+    if (lights.has_shaping) L *= met_shaping(lights, row, p.ray.d);
     const vbool<W> direct = met & sees_body & ((t < nearest) | vbool<W>(type == LightType::kDistant));
     if (type == LightType::kDistant) {
       gathered += select(direct, L, zero);
@@ -67,9 +89,9 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
       covered |= direct;
     }
     const vbool<W> scattered = met & !sees_body;
-    if (!any(scattered)) return;
-    if (weighed && !has_total) total = total_importance(lights, from), has_total = true;
-    const F light_pdf = h.pdf * light_probability(lights, i, from, total);
+    if ((flags & kSpecial) || !any(scattered)) return;
+    if ((weighed || linked) && !has_total) total = total_at(lights, from, p.link), has_total = true;
+    const F light_pdf = h.pdf * probability_at(lights, i, scattered, from, total, p.link);
     gathered += select(scattered, L * mis_weight(p.bsdf_pdf, light_pdf), zero);
   };
   if (lights.met.empty()) {
@@ -89,14 +111,21 @@ PRIMRAY_INLINE vvec3<W> meet_domes(const LightTable& lights, const PathLanes<W>&
   for (size_t k = 0; k < lights.domes.size(); ++k) {
     F pdf;
     vvec3<W> L = dome_eval(lights.domes[k], p.ray.d, pdf) * lobe_factor(lights.dome_factors[k], p);
+    const DomeTraits& traits = lights.dome_traits[k];
+    const vbool<W> direct = p.bsdf_pdf == F(0.0f);
+    if (traits.hidden || traits.special || traits.link != 0) {
+      vbool<W> seen = in_collection(lights.links, p.link, traits.link);
+      if (traits.hidden) seen &= !(p.depth == vint<W>(0));
+      if (traits.special) seen &= direct;
+      L = select(seen, L, vvec3<W>(F(0.0f)));
+    }
     const int light = lights.dome_light[k];
-    if (light >= 0) {
+    if (light >= 0 && !traits.special) {
       const vvec3<W> from = p.ray.o - p.ray.d * p.travelled;
       if (!lights.portals.empty()) pdf = dome_pdf(lights, int(k), from, p.ray.d, pdf);
-      const bool weighed = lights.count > 1 && lights.count <= LightTable::kWeighed;
-      const F total = weighed ? total_importance(lights, from) : F(1.0f);
-      const F light_pdf = pdf * light_probability(lights, light, from, total);
-      L *= select(p.bsdf_pdf == F(0.0f), F(1.0f), mis_weight(p.bsdf_pdf, light_pdf));
+      const F total = total_at(lights, from, p.link);
+      const F light_pdf = pdf * probability_at(lights, light, !direct, from, total, p.link);
+      L *= select(direct, F(1.0f), mis_weight(p.bsdf_pdf, light_pdf));
     }
     sum += L;
   }

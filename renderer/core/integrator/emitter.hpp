@@ -4,7 +4,7 @@
 
 #include "integrator/interaction.hpp"
 #include "integrator/pool.hpp"
-#include "light/selection.hpp"
+#include "light/linked_selection.hpp"
 #include "scene/surface_emission.hpp"
 
 namespace primray {
@@ -163,14 +163,19 @@ PRIMRAY_INLINE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hit
     const vfloat<W> diffuse = gather<W>(lights.diffuse.data(), number), specular = gather<W>(lights.specular.data(), number);
     given = select(p.depth == zero, given, given * (p.share * diffuse + (one - p.share) * specular));
   }
+  if (scene.lights.links.any()) {
+    const vbool<W> reached = in_collection(scene.lights.links, p.link, gather<W>(lights.link.data(), number));
+    given = select(reached, given, vvec3<W>(vfloat<W>(0.0f)));
+  }
   const vbool<W> body = (p.bsdf_pdf == vfloat<W>(0.0f)) & !has(GeometryLights::kShown);
   return select(m & !body, given, glow);
 }
 
-// Density per solid angle with which light sampling at `from` chooses the point that a ray along unit `d` met at `distance`.
+// Density per solid angle with which light sampling at `from`, on a surface that wears row `link`, chooses the point that a ray
+// along unit `d` met at `distance`; infinite where nothing but light sampling is to find it.
 template <int W>
 PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
-                                     const vvec3<W>& from, const vvec3<W>& d, vfloat<W> distance) {
+                                     const vvec3<W>& from, const vvec3<W>& d, vfloat<W> distance, vint<W> link) {
   const vfloat<W> none(0.0f);
   const vint<W> light = emitter_light(scene, m, h, it);
   m &= light >= vint<W>(0);
@@ -196,7 +201,15 @@ PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<
     const vfloat<W> stretched = select(sheared, cone * row(kInverseDet) / (len * len * len), cone);
     pdf = select(sphere & is_outside(row, from, local), stretched, pdf);
   }
-  return select(m, pdf * probability_of(scene.lights, light, m, from), none);
+  const LightTable& lights = scene.lights;
+  const vfloat<W> chosen =
+      lights.links.any() ? linked_probability_of(lights, light, m, from, link) : probability_of(lights, light, m, from);
+  pdf = pdf * chosen;
+  if (!lights.shadow_rows.empty()) {
+    const vbool<W> special = (row.flags() & vint<W>(kSpecial)) != vint<W>(0);
+    pdf = select(special & (pdf > none), vfloat<W>(kInfinity), pdf);
+  }
+  return select(m, pdf, none);
 }
 
 }  // namespace primray

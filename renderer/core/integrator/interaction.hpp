@@ -17,6 +17,7 @@ struct Interaction {
   vbool<W> on_edge;   // of a triangle, to rounding: it may have been missed, and its neighbour beyond been met
   vint<W> surface;
   vint<W> mesh, triangle, sphere;  // where the hit is one: row of the MeshTable and triangle of the scene, or sphere
+  vint<W> link;                    // row of the lights' LinkTable, 0 where there is none
   vvec3<W> color;                  // multiplies the diffuse albedo
   vbool<W> smooth;                 // ns is interpolated from normals
 };
@@ -98,7 +99,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   const vint<W> zero(0);
   Interaction<W> r;
   r.color = vvec3<W>(vfloat<W>(1.0f));
-  r.surface = r.mesh = r.triangle = r.sphere = zero;
+  r.surface = r.mesh = r.triangle = r.sphere = r.link = zero;
   const HitGroup<W> in(scene, active, h);
   const vbool<W> instanced = in.instanced;
   const bool any_instanced = in.any_instanced;
@@ -122,6 +123,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     e2 = select(is_triangle, gather_vec3<W>(positions, corner[2] * vint<W>(3)) - p0, e2);
     p = p0 + e1 * h.u + e2 * h.v;
     if (scene.has_attributes) add_attributes(scene, is_triangle, mesh, triangle, corner, h, normal, smooth, r.color);
+    if (scene.lights.links.any()) r.link = gather<W>(scene.meshes.link.data(), mesh);
   }
   const vbool<W> is_sphere = scene.has_spheres ? in.is(active, kSphereGeometry) : vbool<W>(false);
   const bool any_sphere = scene.has_spheres && any(is_sphere);
@@ -129,6 +131,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     const vint<W> sphere = select(is_sphere, in.base(scene, &Group::sphere_base) + h.prim, zero);
     r.sphere = sphere;
     r.surface = select(is_sphere, gather<W>(scene.sphere_surface.data(), sphere), r.surface);
+    if (scene.lights.links.any()) r.link = select(is_sphere, gather<W>(scene.sphere_link.data(), sphere), r.link);
     const InstanceLanes<W> m(scene.spheres[0].group_from_object, sphere * vint<W>(int(sizeof(SphereRecord) / sizeof(float))));
     p = select(is_sphere, m.vector(h.ng) + m.o, p);
     sphere_normal = m.normal(h.ng);

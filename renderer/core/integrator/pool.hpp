@@ -2,6 +2,7 @@
 #pragma once
 
 #include "accel/trace.hpp"
+#include "light/linking.hpp"
 #include "sampler/sampler.hpp"
 
 namespace primray {
@@ -62,13 +63,15 @@ struct PathLanes {
   vfloat<W> travelled;  // see PathPool
   vfloat<W> cone_width, cone_spread;
   vvec3<W> share;
+  vint<W> link;
   vint<W> slot, depth, vertex;
   Sampler<W> sampler;
 };
 
-// What paths of a scene carry beyond the rest: through see-through surfaces, over textures, to lights with lobe factors.
+// What paths of a scene carry beyond the rest: through see-through surfaces, over textures, to lights with lobe factors, to
+// lights that are linked, while a shutter is open.
 struct PathNeeds {
-  bool travelled, cones, shares;
+  bool travelled, cones, shares, links, time;
 };
 
 // One path between two vertices: its ray, and what it needs to go on.
@@ -87,6 +90,10 @@ struct PathPool {
   alignas(64) float cone_width[kPadded], cone_spread[kPadded];
   // Only where lights have lobe factors: the part of the last scattering's f_cos that was diffuse.
   alignas(64) float share_r[kPadded], share_g[kPadded], share_b[kPadded];
+  // Only where the shutter is open for a while.
+  alignas(64) float time[kPadded];
+  // Only where lights are linked: the row of the surface that scattered last, or kUnlinkedRow.
+  alignas(64) int32_t link[kPadded];
   int count = 0;
 
   // Hits of the current rays.
@@ -111,6 +118,8 @@ struct PathPool {
     if (needs.cones) p.cone_width = load<W>(cone_width + at), p.cone_spread = load<W>(cone_spread + at);
     p.share = vvec3<W>(vfloat<W>(0.0f));
     if (needs.shares) p.share = {load<W>(share_r + at), load<W>(share_g + at), load<W>(share_b + at)};
+    if (needs.time) p.ray.time = load<W>(time + at);
+    p.link = needs.links ? load<W>(link + at) : vint<W>(kUnlinkedRow);
     p.slot = load<W>(slot + at), p.depth = load<W>(depth + at), p.vertex = load<W>(vertex + at);
     p.sampler = {load<W>(reversed_index + at), load<W>(seed + at)};
     return p;
@@ -127,6 +136,8 @@ struct PathPool {
     if (needs.travelled) c.append(travelled + at, p.travelled);
     if (needs.cones) c.append(cone_width + at, p.cone_width), c.append(cone_spread + at, p.cone_spread);
     if (needs.shares) c.append(share_r + at, p.share.x), c.append(share_g + at, p.share.y), c.append(share_b + at, p.share.z);
+    if (needs.time) c.append(time + at, p.ray.time);
+    if (needs.links) c.append(link + at, p.link);
     c.append(slot + at, p.slot), c.append(depth + at, p.depth), c.append(vertex + at, p.vertex);
     c.append(reversed_index + at, p.sampler.reversed_index), c.append(seed + at, p.sampler.seed);
     count += c.count;
@@ -153,6 +164,7 @@ struct ShadowQueue {
   alignas(64) float ox[kSize], oy[kSize], oz[kSize], dx[kSize], dy[kSize], dz[kSize], tfar[kSize];
   alignas(64) float r[kSize], g[kSize], b[kSize];
   alignas(64) int32_t slot[kSize];
+  alignas(64) float time[kSize];  // only where the shutter is open for a while
   int count = 0;
 
   template <int W>
@@ -164,13 +176,27 @@ struct ShadowQueue {
   }
   template <int W>
   PRIMRAY_INLINE void append(vbool<W> m, const vvec3<W>& o, const vvec3<W>& d, vfloat<W> end, const vvec3<W>& carried,
-                             vint<W> to_slot) {
+                             vint<W> to_slot, vfloat<W> at_time, PathNeeds needs) {
     const Compaction<W> c(m);
     const int at = count;
     c.append(ox + at, o.x), c.append(oy + at, o.y), c.append(oz + at, o.z);
     c.append(dx + at, d.x), c.append(dy + at, d.y), c.append(dz + at, d.z), c.append(tfar + at, end);
     c.append(r + at, carried.x), c.append(g + at, carried.y), c.append(b + at, carried.z), c.append(slot + at, to_slot);
+    if (needs.time) c.append(time + at, at_time);
     count += c.count;
+  }
+};
+
+// Shadow rays to special lights, each with its light.
+struct SpecialShadowQueue {
+  ShadowQueue rays;
+  alignas(64) int32_t light[ShadowQueue::kSize];
+
+  template <int W>
+  PRIMRAY_INLINE void append(vbool<W> m, const vvec3<W>& o, const vvec3<W>& d, vfloat<W> end, const vvec3<W>& carried,
+                             vint<W> to_slot, vint<W> to_light) {
+    Compaction<W>(m).append(light + rays.count, to_light);
+    rays.append(m, o, d, end, carried, to_slot);
   }
 };
 

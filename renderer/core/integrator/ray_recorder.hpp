@@ -12,17 +12,19 @@ struct RayRecorder {
   struct Call {
     bool shadow, packet;
     uint32_t active;
-    size_t first;  // offset into `rays`, 8 W floats: origin, direction, tnear, tfar, each of W lanes
+    size_t first;  // offset into `rays`, 9 W floats: origin, direction, tnear, tfar, time, each of W lanes
+    int lanes;
   };
   std::vector<Call> calls;
   std::vector<float> rays;
 
   template <int W>
   void record(bool shadow, bool packet, vbool<W> active, const Rays<W>& r) {
-    calls.push_back({shadow, packet, bits(active), rays.size()});
-    rays.resize(rays.size() + 8 * W);
+    calls.push_back({shadow, packet, bits(active), rays.size(), W});
+    rays.resize(rays.size() + 9 * W);
     float* p = rays.data() + calls.back().first;
-    for (const vfloat<W>* f : {&r.o.x, &r.o.y, &r.o.z, &r.d.x, &r.d.y, &r.d.z, &r.tnear, &r.tfar}) store(p, *f), p += W;
+    for (const vfloat<W>* f : {&r.o.x, &r.o.y, &r.o.z, &r.d.x, &r.d.y, &r.d.z, &r.tnear, &r.tfar, &r.time})
+      store(p, *f), p += W;
   }
 };
 

@@ -42,11 +42,12 @@ std::vector<Task> tasks_of(const std::vector<Span>& spans) {
   return tasks;
 }
 
-TileBlock tile_block(const Task& task, const Span& span, const Film& film) {
+TileBlock tile_block(const Task& task, const Span& span, const Film& film, const PixelWindow& pixels) {
   TileBlock b;
-  b.x0 = task.tile % film.tiles_x * kTile, b.y0 = task.tile / film.tiles_x * kTile;
-  b.x1 = std::min(b.x0 + kTile, film.width), b.y1 = std::min(b.y0 + kTile, film.height);
-  b.film_x = b.x0, b.film_y = b.y0;
+  b.film_x = task.tile % film.tiles_x * kTile, b.film_y = task.tile / film.tiles_x * kTile;
+  // Pixels go by their place in the frame, so that a part of it has the same ones.
+  b.x0 = pixels.x + b.film_x, b.y0 = pixels.y + b.film_y;
+  b.x1 = std::min(b.x0 + kTile, pixels.x + film.width), b.y1 = std::min(b.y0 + kTile, pixels.y + film.height);
   for (int r = 0; r < kReplicates; ++r) {
     const uint32_t first = std::min(span.first[r] + uint32_t(task.block) * kBlock, std::max(span.first[r], span.end[r]));
     b.first[r] = int(first);
@@ -67,7 +68,8 @@ PassStatistics render_pass(const Scene& scene, const IntegratorSettings& setting
                            Film& film, const Progress& progress, RayRecorder* recorder) {
   const TaskFunction run_task = kernel_of(lanes);
   const size_t tiles = size_t(film.tiles());
-  if (ends.size() != kReplicates * tiles || film.width != scene.camera.width || film.height != scene.camera.height)
+  const PixelWindow& pixels = scene.camera.pixels;
+  if (ends.size() != kReplicates * tiles || film.width != pixels.width || film.height != pixels.height)
     throw Error("invariant", "the pass does not fit the film");
   std::vector<Span> spans(tiles);
   for (size_t t = 0; t < tiles; ++t)
@@ -87,7 +89,7 @@ PassStatistics render_pass(const Scene& scene, const IntegratorSettings& setting
     set_float_mode();
     const auto worker = std::make_unique<Worker>();
     for (size_t i; !stop && (i = next++) < tasks.size(); ++done)
-      run_task(scene, settings, tile_block(tasks[i], spans[size_t(tasks[i].tile)], film), *worker, film, recorder);
+      run_task(scene, settings, tile_block(tasks[i], spans[size_t(tasks[i].tile)], film, pixels), *worker, film, recorder);
     busy += worker->busy_lanes, shaded += worker->shaded_lanes;
     const std::lock_guard lock(mutex);
     --running;

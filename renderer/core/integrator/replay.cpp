@@ -18,7 +18,7 @@ double replay_lanes(const Scene& scene, const RayRecorder& recorder) {
     const auto next = [&] { return load<W>(std::exchange(p, p + W)); };
     Rays<W> r;
     r.o.x = next(), r.o.y = next(), r.o.z = next(), r.d.x = next(), r.d.y = next(), r.d.z = next(), r.tnear = next(),
-    r.tfar = next();
+    r.tfar = next(), r.time = next();
     vint<W> lanes;
     for (int i = 0; i < W; ++i) lanes.set(i, -int32_t(call.active >> i & 1));
     const vbool<W> active(lanes.v);

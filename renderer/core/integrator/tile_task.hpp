@@ -5,6 +5,8 @@
 // order whatever W is, so W does not show in the image.
 #pragma once
 
+#include <memory>
+
 #include "bsdf/bsdf.hpp"
 #include "film/film.hpp"
 #include "integrator/entry_choice.hpp"
@@ -33,6 +35,7 @@ struct Worker {
   PathPool* pool = &pools[0];
   PathPool* next = &pools[1];
   ShadowQueue shadows;
+  std::unique_ptr<SpecialShadowQueue> special_shadows;  // of scenes with special lights
   static constexpr int kSlots = kTile * kTile * kBlock * kReplicates;
   alignas(64) float r[kSlots], g[kSlots], b[kSlots], a[kSlots];
   uint8_t pixel_x[kTile * kTile], pixel_y[kTile * kTile];

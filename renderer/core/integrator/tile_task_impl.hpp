@@ -7,6 +7,7 @@
 #include "integrator/emission.hpp"
 #include "integrator/emitter.hpp"
 #include "integrator/ray_recorder.hpp"
+#include "integrator/shadow_rays.hpp"
 #include "integrator/smooth_origin.hpp"
 #include "integrator/tile_task.hpp"
 
@@ -40,8 +41,11 @@ class TilePaths {
         block_(block),
         w_(worker),
         recorder_(recorder),
-        needs_{scene.has_thin, scene.has_inputs, scene.lights.lobe_factors},
-        samples_(block.count[0] + block.count[1]) {}
+        needs_{scene.has_thin, scene.has_inputs, scene.lights.lobe_factors, scene.lights.links.any(),
+               scene.camera.shutter_open},
+        samples_(block.count[0] + block.count[1]) {
+    if (has_special() && !w_.special_shadows) w_.special_shadows = std::make_unique<SpecialShadowQueue>();
+  }
 
   void run() {
     list_pixels();
@@ -112,6 +116,8 @@ class TilePaths {
     }
   }
 
+  bool has_special() const { return !scene_.lights.shadow_rows.empty(); }
+
   int pixel_x(int i) const { return block_.x0 + w_.pixel_x[i] * block_.stride_x; }
   int pixel_y(int i) const { return block_.y0 + w_.pixel_y[i] * block_.stride_y; }
 
@@ -138,7 +144,8 @@ class TilePaths {
       if (scene_.camera.lens_radius > 0) lens = p.sampler.pair(I(0), Purpose::kLens);
       const CameraRay<W> ray = scene_.camera.ray<W>(px, py, film.u, film.v, lens.u, lens.v);
       p.ray = {ray.o, ray.d, ray.tnear, ray.tfar};
-      p.beta = V(F(1.0f)), p.share = V(F(0.0f));
+      if (needs_.time) p.ray.time = p.sampler.single(I(0), kShutterTime);
+      p.beta = V(F(1.0f)), p.share = V(F(0.0f)), p.link = I(kUnlinkedRow);
       p.bsdf_pdf = p.travelled = F(0.0f), p.splits = F(1.0f);
       p.cone_width = F(scene_.camera.cone_width()), p.cone_spread = F(scene_.camera.cone_spread());
       p.slot = load<W>(slot), p.depth = p.vertex = I(0);
@@ -153,7 +160,8 @@ class TilePaths {
     PathPool& pool = *w_.pool;
     for (int at = 0; at < pool.count; at += W) {
       const B active = lane_numbers<W>() < I(pool.count - at);
-      const Rays<W> rays = pool.rays<W>(at);
+      Rays<W> rays = pool.rays<W>(at);
+      if (needs_.time) rays.time = load<W>(pool.time + at);
       EntryChoice& entry = at >= first_camera_ ? w_.camera_entry : w_.scattered_entry;
       const bool packet = entry.packet();
       if (recorder_) recorder_->record(false, packet, active, rays);
@@ -169,6 +177,7 @@ class TilePaths {
     PathPool& pool = *w_.pool;
     w_.next->count = 0;
     w_.shadows.count = 0;
+    if (has_special()) w_.special_shadows->rays.count = 0;
     for (int at = 0; at < pool.count; at += W) {
       w_.busy_lanes += std::min(W, pool.count - at), w_.shaded_lanes += W;
       shade_lanes(at, lane_numbers<W>() < I(pool.count - at));
@@ -259,7 +268,7 @@ class TilePaths {
     const B sampled = hit & (max_component(L) > F(0.0f)) & (p.bsdf_pdf > F(0.0f));
     if (scene_.emitters.any() && any(sampled)) {
       const V from = p.ray.o - p.ray.d * p.travelled;
-      const F pdf = emitter_pdf(scene_, sampled, hits, it, from, p.ray.d, hits.t + p.travelled);
+      const F pdf = emitter_pdf(scene_, sampled, hits, it, from, p.ray.d, hits.t + p.travelled, p.link);
       L *= select(sampled & (pdf > F(0.0f)), mis_weight(p.bsdf_pdf, pdf), F(1.0f));
     }
     return L;
@@ -272,7 +281,8 @@ class TilePaths {
     const I bounce = p.vertex + I(1);
     const Pair<W> u = p.sampler.pair(bounce, Purpose::kLightPoint);
     const F choice_u = lights.count > 1 ? p.sampler.single(bounce, Purpose::kLightChoice) : F(0.0f);
-    const LightChoice<W> choice = choose_light(lights, from, choice_u);
+    const LightChoice<W> choice =
+        lights.links.any() ? choose_linked_light(lights, from, choice_u, v.it.link) : choose_light(lights, from, choice_u);
     B useful = scatters & (choice.probability > F(0.0f));
     if (!any(useful)) return;
     LightSample<W> s = light_sample(lights, choice.light, useful, from, u.u, u.v);
@@ -301,12 +311,14 @@ class TilePaths {
       reflected = f.diffuse * row(kDiffuseFactor) + f.specular * row(kSpecularFactor);
     }
     const F pdf = s.pdf * choice.probability;
-    const F weight = select(s.is_delta, F(1.0f), mis_weight(pdf, f.pdf));
+    B special(false);  // no other way leads to those
+    if (has_special()) special = (LightRow<W>(lights, choice.light).flags() & I(kSpecial)) != I(0);
+    const F weight = select(s.is_delta | special, F(1.0f), mis_weight(pdf, f.pdf));
     const V carried = p.beta * reflected * s.L * (weight / pdf);
     useful &= max_component(carried) > F(0.0f);
     V o = from;
     if (const B below = useful & !above; any(below)) {
-      const B lifted = start_lifted(below, v, s.wi, o);
+      const B lifted = start_lifted(below, v, s.wi, p.ray.time, o);
       useful &= above | lifted;
       // On to the same point of the light.
       const V to = s.wi * s.t - (o - from);
@@ -314,14 +326,17 @@ class TilePaths {
       const B near = lifted & (t < F(kInfinity)) & (t > F(0.0f));
       s.wi = select(near, to * (1.0f / t), s.wi), s.t = select(near, t, s.t);
     }
-    if (any(useful)) w_.shadows.append(useful, o, s.wi, s.t * kNearlyOne, carried, p.slot);
+    if (any(useful & special))
+      w_.special_shadows->append(useful & special, o, s.wi, s.t * kNearlyOne, carried, p.slot, choice.light);
+    useful &= !special;
+    if (any(useful)) w_.shadows.append(useful, o, s.wi, s.t * kNearlyOne, carried, p.slot, p.ray.time, needs_);
   }
 
   // Whether a ray that met the edge of a triangle also meets it a little further inside.
   B sees_within(B m, const PathLanes<W>& p, const Hits<W>& h, const Interaction<W>& it) {
     const SurfacePoint<W> at(scene_, m, h);
     const V to = it.p + (at.e1 * (1.0f / 3 - at.u) + at.e2 * (1.0f / 3 - at.v)) * kWithin - p.ray.o;
-    const Rays<W> rays{p.ray.o, normalize(to), F(0.0f), F(kInfinity)};
+    const Rays<W> rays{p.ray.o, normalize(to), F(0.0f), F(kInfinity), p.ray.time};
     if (recorder_) recorder_->record(false, false, m, rays);
     w_.scattered_rays += __builtin_popcount(bits(m));
     const Hits<W> seen = intersect_single(scene_.accel(), m, rays);
@@ -330,13 +345,13 @@ class TilePaths {
 
   // Which rays along `wi` of lanes `below`, smooth ones and below the triangle's plane, go out all the same: from `o`. Nothing
   // may stand on the way there, or light would come through it.
-  B start_lifted(B below, const Vertex& v, const V& wi, V& o) {
+  B start_lifted(B below, const Vertex& v, const V& wi, F time, V& o) {
     V shift;
     B lifted = lift_to_smooth(scene_, below, v.hits, v.it.offset, v.ng, wi, shift);
     if (!any(lifted)) return lifted;
     const V from = v.it.p + v.ng * v.it.offset;
     const F far = length(shift);
-    const Rays<W> way{from, shift * (1.0f / far), F(0.0f), far + 2.0f * v.it.offset};
+    const Rays<W> way{from, shift * (1.0f / far), F(0.0f), far + 2.0f * v.it.offset, time};
     if (recorder_) recorder_->record(true, false, lifted, way);
     w_.shadow_rays += __builtin_popcount(bits(lifted));
     lifted &= !occluded_single(scene_.accel(), lifted, way);
@@ -379,7 +394,7 @@ class TilePaths {
     // shading normal says.
     B above = out > F(0.0f);
     if (const B below = scatters & v.it.smooth & !above & !s.transmits & (max_component(n.beta) > F(0.0f)); any(below))
-      above |= start_lifted(below, v, n.ray.d, n.ray.o);
+      above |= start_lifted(below, v, n.ray.d, p.ray.time, n.ray.o);
     B alive = scatters & ((s.transmits & (out < F(0.0f))) | (above & !s.transmits));
     alive &= max_component(n.beta) > F(0.0f);
     n.vertex = bounce;
@@ -394,6 +409,7 @@ class TilePaths {
       n.cone_width = p.cone_width + p.cone_spread * dot(v.it.p - p.ray.o, p.ray.d);
       n.cone_spread = p.cone_spread + select(s.pdf > F(0.0f), kLobeSpread / sqrt(max(s.pdf, 1e-6f)), F(0.0f));
     }
+    if (needs_.links) n.link = select(s.straight, p.link, v.it.link);
     if (scene_.lights.lobe_factors) n.share = select(s.straight, p.share, s.diffuse_share);
     const B roulette = alive & (bounce >= I(kRouletteStart)) & !s.straight;
     if (any(roulette)) {
@@ -412,7 +428,7 @@ class TilePaths {
       const B sky = alive & last & !s.straight;
       const V carried = n.beta * meet_domes(scene_.lights, n);
       const B lit = sky & (max_component(carried) > F(0.0f));
-      if (any(lit)) w_.shadows.append(lit, n.ray.o, n.ray.d, F(kInfinity), carried, p.slot);
+      if (any(lit)) w_.shadows.append(lit, n.ray.o, n.ray.d, F(kInfinity), carried, p.slot, p.ray.time, needs_);
       alive &= !sky;
       if (!any(alive)) return;
     }
@@ -424,11 +440,12 @@ class TilePaths {
     w_.shadow_rays += q.count;
     for (int at = 0; at < q.count; at += W) {
       const B active = lane_numbers<W>() < I(q.count - at);
-      const Rays<W> rays = q.rays<W>(at);
+      Rays<W> rays = q.rays<W>(at);
+      if (needs_.time) rays.time = load<W>(q.time + at);
       V carried{load<W>(q.r + at), load<W>(q.g + at), load<W>(q.b + at)};
       B blocked;
       if (scene_.has_thin) {
-        blocked = !pass_thin(active, rays, carried);
+        blocked = !pass_thin(scene_, recorder_, active, rays, carried);
       } else {
         const bool packet = w_.shadow_entry.packet(), measuring = w_.shadow_entry.measuring();
         if (recorder_) recorder_->record(true, packet, active, rays);
@@ -438,41 +455,19 @@ class TilePaths {
       }
       add(active & !blocked, load<W>(q.slot + at), carried);
     }
+    if (has_special()) trace_special_shadows();
   }
 
-  // Follows shadow rays through surfaces that let light straight through; what arrives is left in `carried`.
-  B pass_thin(B active, Rays<W> rays, V& carried) {
-    B arrived(false);
-    while (any(active)) {
-      if (recorder_) recorder_->record(false, true, active, rays);
-      const Hits<W> hits = intersect_packet(scene_.accel(), active, rays);
-      const B hit = active & (hits.geom != I(-1));
-      arrived |= active & !hit;
-      active = hit;
-      if (!any(active)) break;
-      const Interaction<W> it = interact(scene_, active, rays, hits);
-      const F cosine = dot(it.ns, rays.d);
-      const B front = dot(it.ng, rays.d) < F(0.0f);
-      const F z = clamp(abs(cosine), 0.0f, 1.0f);
-      const V wo{safe_sqrt(1.0f - z * z), F(0.0f), z};
-      SurfaceRows<W> rows(scene_.surfaces, it.surface);
-      LaneRows<W> varying;
-      if (scene_.has_inputs && any(active & has_inputs(scene_, it.surface))) {
-        // Normal maps bend no light that goes straight on, and shadow rays have no cones.
-        V unbent = it.ns;
-        rows = evaluate_inputs(scene_, active, hits, it.surface, F(0.0f), it.ng, unbent, varying);
-      }
-      // Lanes that have arrived keep what they carry.
-      carried = select(active, carried * straight_transmittance(Bsdf<W>(rows, active, wo, front)), carried);
-      active &= max_component(carried) > F(0.0f);
-      // Go on from the point that was hit, as far as is left.
-      const V o = it.p + it.ng * (it.offset * select(front, F(-1.0f), F(1.0f)));
-      rays.tfar = rays.tfar - dot(o - rays.o, rays.d);
-      rays.o = o;
-      active &= rays.tfar > F(0.0f);
-      arrived |= hit & (max_component(carried) > F(0.0f)) & !(rays.tfar > F(0.0f));
+  void trace_special_shadows() {
+    const SpecialShadowQueue& q = *w_.special_shadows;
+    w_.shadow_rays += q.rays.count;
+    for (int at = 0; at < q.rays.count; at += W) {
+      const B active = lane_numbers<W>() < I(q.rays.count - at);
+      const V carried{load<W>(q.rays.r + at), load<W>(q.rays.g + at), load<W>(q.rays.b + at)};
+      const I light = select(active, load<W>(q.light + at), I(q.light[at]));
+      const V left = pass_special(scene_, recorder_, active, q.rays.rays<W>(at), light);
+      add(active, load<W>(q.rays.slot + at), carried * left);
     }
-    return arrived;
   }
 
   const Scene& scene_;

@@ -71,30 +71,17 @@ void extend_disc(Dome& d) {
     for (int x = 0; x < d.width; ++x) {
       const double dx = 2 * (x + 0.5) / d.width - 1, dy = 2 * (y + 0.5) / d.height - 1, r = std::hypot(dx, dy);
       if (r <= 1) continue;
-      // Half a texel inwards of the edge.
-      const double to = std::max(1 - 1.0 / std::min(d.width, d.height), 0.0) / r;
+      // So far inwards of the edge that the middle of the texel there lies inside: half of its diagonal.
+      const double to = std::max(1 - 1.4143 / std::min(d.width, d.height), 0.0) / r;
       const int fx = std::clamp(int((dx * to + 1) * 0.5 * d.width), 0, d.width - 1);
       const int fy = std::clamp(int((dy * to + 1) * 0.5 * d.height), 0, d.height - 1);
       std::copy_n(&was[3 * (size_t(fy) * d.width + fx)], 3, &d.texels[3 * (size_t(y) * d.width + x)]);
     }
 }
 
-}  // namespace
-
-void finish_dome_image(Dome& d) {
-  d.columns = d.width, d.rows = d.height;
-  if (d.width == 0 || d.format == DomeFormat::kLatLong) return;
-  if (d.format != DomeFormat::kVerticalCross) extend_disc(d);
-  d.rows = std::clamp(finest_rows(d), 4, kMostRows), d.columns = 2 * d.rows;
-}
-
-void build_dome_distribution(Dome& d) {
+// `rest`: the part of the mean that is left to the BSDF's rays.
+void build_distribution(Dome& d, double rest) {
   constexpr double pi = kPiDouble;
-  if (d.width == 0) {
-    d.sampled = false;  // the BSDF's rays alone are as good as it gets under a constant sky
-    d.mean = luminance(dvec3(d.tint));
-    return;
-  }
   const int w = d.columns, h = d.rows;
   std::vector<double> weight = d.format == DomeFormat::kLatLong ? texel_means(d) : cell_means(d), solid_angle(h);
   d.row_edges.clear();
@@ -110,12 +97,13 @@ void build_dome_distribution(Dome& d) {
     solid_angle[y] = 4 * pi / w * std::sin(pi * (y + 0.5) / h) * std::sin(0.5 * pi / h);
     for (int x = 0; x < w; ++x) total += weight[size_t(y) * w + x] * solid_angle[y];
   }
-  const double mean = d.mean = total / (4 * pi);
+  d.mean = total / (4 * pi);
+  const double left = rest * d.mean;
   total = 0;
   for (int y = 0; y < h; ++y)
     for (int x = 0; x < w; ++x) {
       double& v = weight[size_t(y) * w + x];
-      v = std::max(0.0, v - mean);
+      v = std::max(0.0, v - left);
       total += v * solid_angle[y];
     }
   d.sampled = total > 0;
@@ -140,6 +128,27 @@ void build_dome_distribution(Dome& d) {
     row_sum += sum * solid_angle[y];
   }
   d.row_cdf[h] = 1;
+}
+
+}  // namespace
+
+void finish_dome_image(Dome& d) {
+  d.columns = d.width, d.rows = d.height;
+  if (d.width == 0 || d.format == DomeFormat::kLatLong) return;
+  if (d.format != DomeFormat::kVerticalCross) extend_disc(d);
+  d.rows = std::clamp(finest_rows(d), 4, kMostRows), d.columns = 2 * d.rows;
+}
+
+void build_dome_distribution(Dome& d) {
+  d.sampled = false;
+  d.mean = luminance(dvec3(d.tint));
+  if (d.width > 0) build_distribution(d, 1.0);  // under a constant sky the BSDF's rays alone are as good as it gets
+}
+
+void build_whole_dome_distribution(Dome& d) {
+  if (d.width == 0) d.width = d.height = d.columns = d.rows = 1, d.texels.assign(3, 1.0f);
+  // Where a cell is looked at here and there only, none is left out: -0.001 of the mean.
+  build_distribution(d, d.format == DomeFormat::kLatLong ? 0.0 : -1e-3);
 }
 
 }  // namespace primray

@@ -39,6 +39,8 @@ struct Dome {
 void finish_dome_image(Dome& dome);
 // Fills the distributions from the texels, which read dome_radiance or folded_radiance.
 void build_dome_distribution(Dome& dome);
+// The same for a dome that nothing but light sampling finds: all of its light is sampled, also a constant one's.
+void build_whole_dome_distribution(Dome& dome);
 
 template <int W>
 PRIMRAY_INLINE vvec3<W> dome_local(const Dome& dome, const vvec3<W>& w) {

@@ -13,13 +13,16 @@
 #include "light/distant.hpp"
 #include "light/dome.hpp"
 #include "light/hierarchy.hpp"
+#include "light/line.hpp"
+#include "light/linking.hpp"
 #include "light/rect.hpp"
+#include "light/shaping.hpp"
 #include "light/sphere.hpp"
 #include "light/textured_rect.hpp"
 
 namespace primray {
 
-enum class LightType : int32_t { kPoint, kSphere, kDisk, kRect, kCylinder, kDistant, kDome, kMesh };
+enum class LightType : int32_t { kPoint, kSphere, kDisk, kRect, kCylinder, kDistant, kDome, kMesh, kLine };
 
 enum LightField : int {
   kType,
@@ -33,15 +36,16 @@ enum LightField : int {
   kInverseDet = kInverseZ + 3,  // |det light_from_world|; 1 unless sheared
   kSize0,                       // half width, radius (a mesh's: of a ball about it), or 1 - cos of a distant light's half-angle
   kSize1,                       // half height, half length, a dome's number, or a mesh's in EmitterTable
-  kRadiance,                    // radiance; radiant intensity of a point; irradiance of a distant light of angle 0
+  kRadiance,                    // radiance; radiant intensity of a point, of a line by length; irradiance of a sun of angle 0
   kAnchor = kRadiance + 3,      // a sphere's or cylinder's: a point of its surface near the core's origin, and its normal there
   kAnchorNormal = kAnchor + 3,  // in the light's frame
   kImportance = kAnchorNormal + 3,  // luminance of what selection weighs
   kDiffuseFactor,
   kSpecularFactor,
-  kImage,  // of a rectangle: its texture in LightTable::images, counted from 1; 0: none
-  kGlow,   // of geometry: what it makes of its material's glow, or its own radiance (kOwnRadiance)
-  kLightFlags = kGlow + 3,
+  kImage,    // of a rectangle: its texture in LightTable::images, counted from 1; 0: none
+  kGlow,     // of geometry: what it makes of its material's glow, or its own radiance (kOwnRadiance)
+  kShaping = kGlow + 3,  // its number in ShapingTable, from 1; 0: none
+  kLightFlags,
   kLightFields,
   // A mesh needs no inverse and has no one radiance, but its ball's centre, and the placement (-1: none) and its instance.
   kMeshCenter = kInverseX,
@@ -54,6 +58,8 @@ enum LightField : int {
 enum LightFlag : int32_t {
   kSheared = 1,
   kGeometry = 2,  // rays meet it as a shape of the scene, not as a light
+  kHidden = 16,   // the camera does not see it
+  kSpecial = 32,  // its shadows are not the geometry's: light sampling alone finds it, with weight 1 (light/shadow.hpp)
   // Of geometry that is a light (UsdLux LightAPI, light:materialSyncMode):
   kOwnRadiance = 1 << 10,  // it gives kGlow, whatever glow its material has
 };
@@ -63,6 +69,12 @@ struct LobeFactors {
   float diffuse = 1, specular = 1;
 };
 
+// What else there is to know of a dome, sampled or not.
+struct DomeTraits {
+  int link = 0;
+  bool hidden = false, special = false;  // as LightFlag has them
+};
+
 struct LightTable {
   std::vector<float> rows;  // of the lights that are sampled
   int count = 0;
@@ -70,13 +82,21 @@ struct LightTable {
   std::vector<Dome> domes;      // all of them, sampled or not
   std::vector<int> dome_light;  // by dome: its row, or -1
   std::vector<LobeFactors> dome_factors;
+  std::vector<DomeTraits> dome_traits;
   std::vector<LightImage> images;   // of rectangles; several may have the same
   std::vector<LightTable> portals;  // by dome: rectangles of radiance 1 that guide its samples (light/portal.hpp); or empty
   std::vector<float> power_cdf;     // count + 1; used where there are too many lights to weigh each
   LightHierarchy met;               // of the lights that rays can meet, where there are many
   bool needs_hit_test = false;      // some light has area or a cone that BSDF rays can meet
   bool camera_sees_area = false;
-  bool lobe_factors = false;           // some light's diffuse or specular factor is not 1
+  bool lobe_factors = false;  // some light's diffuse or specular factor is not 1
+  ShapingTable shaping;
+  bool has_shaping = false;            // some light's emission depends on its direction
+  // Linking; all empty where nothing is linked. Row by row, the collection that a light reaches.
+  LinkTable links;
+  std::vector<int32_t> light_link;
+  LinkedLights linked;
+  std::vector<float> shadow_rows;      // kShadowFields a row, where some light is special; else empty
   static constexpr int kWeighed = 16;  // at most so many are weighed at every vertex
 
   const float* row(int light) const { return rows.data() + light * kLightFields; }
@@ -126,6 +146,24 @@ struct LightRow {
 template <int W>
 PRIMRAY_INLINE vbool<W> is_type(vint<W> type, LightType t) {
   return type == vint<W>(int32_t(t));
+}
+
+// Shaping of the lights `row` in lanes `m`, for what they send back along wi.
+template <int W>
+PRIMRAY_INLINE vvec3<W> light_shaping(const LightTable& table, const LightRow<W>& row, vbool<W> m, const vvec3<W>& wi) {
+  const vint<W> number = select(m, truncate(row(kShaping)), vint<W>(0));
+  const vbool<W> shaped = number != vint<W>(0);
+  const vvec3<W> one(vfloat<W>(1.0f));
+  if (!any(shaped)) return one;
+  const vint<W> valid = select(shaped, number, vint<W>(number[__builtin_ctz(bits(shaped))]));
+  return select(shaped, shaping_factor(table.shaping, valid, -wi), one);
+}
+
+// The same for one light that rays along wi met.
+template <int W>
+PRIMRAY_INLINE vvec3<W> met_shaping(const LightTable& table, const float* row, const vvec3<W>& wi) {
+  const int number = int(row[kShaping]);
+  return number == 0 ? vvec3<W>(vfloat<W>(1.0f)) : shaping_factor(table.shaping, vint<W>(number), -wi);
 }
 
 // A direction towards `light` from world point p. Its pdf leaves out the choice of the light.
@@ -181,6 +219,14 @@ PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> ligh
     r.pdf = select(point, select(d2 > vfloat<W>(0.0f), vfloat<W>(1.0f), vfloat<W>(0.0f)), r.pdf);
     r.L = select(point, r.L * (1.0f / d2), r.L);
   }
+  const vbool<W> line = is_type(type, LightType::kLine);
+  if (any(line)) {
+    const LineSample<W> l = line_sample(row.vector(kOrigin) - p, row.vector(kAxisX), size1, u);
+    r.wi = select(line, l.wi, r.wi), r.t = select(line, l.t, r.t);
+    r.pdf = select(line, select(l.usable, vfloat<W>(1.0f), vfloat<W>(0.0f)), r.pdf);
+    r.L = select(line, r.L * l.worth, r.L);
+    r.is_delta |= line;
+  }
   const vbool<W> dome = is_type(type, LightType::kDome);
   if (any(dome)) {
     for (int k = 0; k < int(table.domes.size()); ++k) {
@@ -192,6 +238,7 @@ PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> ligh
       r.wi = select(m, w, r.wi), r.pdf = select(m, pdf, r.pdf), r.L = select(m, L, r.L);
     }
   }
+  if (table.has_shaping) r.L *= light_shaping(table, row, active & (r.pdf > vfloat<W>(0.0f)), r.wi);
   return r;
 }
 
@@ -239,6 +286,7 @@ PRIMRAY_INLINE LocalHit<W> light_hit(const float* row, const vvec3<W>& p, const 
     case LightType::kPoint:
     case LightType::kDome:
     case LightType::kMesh:
+    case LightType::kLine:
       break;
   }
   if (sheared) {

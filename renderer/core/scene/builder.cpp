@@ -10,6 +10,7 @@
 #include "scene/error.hpp"
 #include "scene/input_facts.hpp"
 #include "scene/light_rows.hpp"
+#include "scene/shaping_rows.hpp"
 
 namespace primray {
 namespace {
@@ -101,6 +102,7 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
       table.normals.push_back(int32_t(mesh.normal_kind)), table.colors.push_back(int32_t(mesh.color_kind));
       table.normal_base.push_back(normals), table.color_base.push_back(colors);
       table.triangle_base.push_back(first_triangle), table.vertex_base.push_back(first_vertex);
+      if (s.lights.links.any()) table.link.push_back(link_row_);
       s.primvars.of_mesh.insert(s.primvars.of_mesh.end(), s.primvars.names, -1);
     }
     s.triangle_mesh.push_back(row->second);
@@ -128,6 +130,7 @@ bool SceneBuilder::add_sphere(double radius, int32_t surface, const daffine& gro
   }
   scene_->spheres.push_back(r);
   scene_->sphere_surface.push_back(surface);
+  if (scene_->lights.links.any()) scene_->sphere_link.push_back(link_row_);
   scene_->primvars.of_sphere.insert(scene_->primvars.of_sphere.end(), scene_->primvars.names, -1);
   last_sphere_taken_ = true;
   scene_->groups.back().sphere_count++;
@@ -190,16 +193,28 @@ void SceneBuilder::end_placement() {
   s.has_grouped |= g.placement_count > 0;
 }
 
+int SceneBuilder::add_ies_profile(const IesInput& profile) { return add_ies(profile, scene_->lights.shaping.profiles); }
+
 void SceneBuilder::set_camera(const CameraInput& c) {
   Scene& s = *scene_;
   Camera& camera = s.camera;
   const daffine& m = c.world_from_camera;
-  camera.width = c.width, camera.height = c.height, camera.orthographic = c.orthographic;
-  camera.world_from_camera = {vec3(m.x), vec3(m.y), vec3(m.z), vec3((m.o - s.origin) * s.scale)};
+  camera.width = c.width, camera.height = c.height, camera.pixels = c.pixels, camera.orthographic = c.orthographic;
+  // Rays begin at the camera or in front of it: one that sees what is behind it (orthographic) is moved back.
+  const double back = std::max(0.0, -c.near);
+  camera.world_from_camera = {vec3(m.x), vec3(m.y), vec3(m.z), vec3((m.o + m.z * back - s.origin) * s.scale)};
   const double unit = c.orthographic ? s.scale : 1.0;
   camera.left = float(c.window[0] * unit), camera.right = float(c.window[1] * unit);
   camera.bottom = float(c.window[2] * unit), camera.top = float(c.window[3] * unit);
-  camera.near = float(c.near * s.scale), camera.far = float(c.far * s.scale);
+  camera.near = float((c.near + back) * s.scale), camera.far = float((c.far + back) * s.scale);
+  for (size_t i = 0; i + 4 <= c.clipping_planes.size(); i += 4) {
+    const double* p = &c.clipping_planes[i];
+    const double size = std::max({std::fabs(p[0]), std::fabs(p[1]), std::fabs(p[2])}), unit = size > 0 ? 1 / size : 1;
+    camera.clipping_planes.push_back({float(p[0] * unit), float(p[1] * unit), float(p[2] * unit),
+                                      float(std::clamp((p[3] + p[2] * back) * unit * s.scale, -3e38, 3e38))});
+  }
+  camera.blades = c.blades, camera.shutter_open = c.shutter_open;
+  camera.first_corner = float(c.blade_rotation_deg / 360 - std::floor(c.blade_rotation_deg / 360));
   camera.lens_radius = float(c.lens_radius * s.scale), camera.focus_distance = float(c.focus_distance * s.scale);
   camera.filter.box_width = c.filter_width;
   camera.filter.inverse_cdf.assign(c.filter_inverse_cdf.begin(), c.filter_inverse_cdf.end());

@@ -3,8 +3,10 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 
+#include "scene/light_rules.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
@@ -26,13 +28,27 @@ struct ImageInput {
   int width = 0, height = 0;
 };
 
+// A photometric profile: angles in degrees, ascending, two or more of each; `candela` by horizontal angle. See light/ies.hpp.
+struct IesInput {
+  std::span<const float> vertical_deg, horizontal_deg, candela;
+  bool horizontal_pole = false;
+};
+
+struct ShapingInput {
+  double focus = 0;
+  vec3 focus_tint;
+  double cone_angle_deg = 180, cone_softness = 0;
+  int ies = -1;  // what add_ies_profile gave
+  double ies_angle_scale = 0, ies_divisor = 1;
+};
+
 // A rectangle that a dome is sampled through.
 struct PortalInput {
   daffine world_from_portal;
   double width = 1, height = 1;
 };
 
-struct LightInput {
+struct LightInput : LightRules {
   LightType type = LightType::kPoint;
   daffine world_from_light;
   vec3 emission;
@@ -42,6 +58,7 @@ struct LightInput {
   std::span<const float> texels;  // a dome's: 3 (width) (height), first row at the top
   DomeFormat format = DomeFormat::kLatLong;
   std::vector<PortalInput> portals;  // of a dome
+  std::optional<ShapingInput> shaping;
   // Of geometry: see GeometryLight.
   bool own = false, shown = false, normalize = false;
 };
@@ -52,6 +69,11 @@ struct CameraInput {
   double window[4] = {-1, 1, -1, 1};  // left, right, bottom, top
   double near = 0, far = 0, lens_radius = 0, focus_distance = 1;
   int width = 1, height = 1;
+  PixelWindow pixels{0, 0, 1, 1};
+  int blades = 0;
+  double blade_rotation_deg = 0;
+  bool shutter_open = false;
+  std::span<const double> clipping_planes;  // 4 a plane
   float filter_width = 1;
   std::span<const float> filter_inverse_cdf;  // empty: a box
 };
@@ -78,6 +100,10 @@ class SceneBuilder {
   // `width` numbers a row, of the shape that was added last.
   void add_mesh_primvar(int name, PrimvarKind kind, int width, std::span<const float> values);
   void add_sphere_primvar(int name, int width, std::span<const float> values);
+  // How many rows of meshes, spheres and placements there are so far: for those who keep tables beside them.
+  size_t mesh_rows() const { return scene_->meshes.surface.size(); }
+  size_t sphere_rows() const { return scene_->spheres.size(); }
+  size_t placement_rows() const { return scene_->placement_group.size(); }
   // Room for all meshes, as for instances.
   void reserve_triangles(size_t points, size_t triangles);
   // Room for all instances of all placements: appending would else take twice their memory for a moment.
@@ -90,6 +116,12 @@ class SceneBuilder {
   void end_placement();
   // A row for every instance that was not left out of the last placement.
   void add_placement_primvar(int name, int width, std::span<const float> values);
+  // Its number, for ShapingInput.
+  int add_ies_profile(const IesInput& profile);
+  // Before shapes and lights: whether what wears row r is in collection c, (rows) (collections) flags; number 0 has all.
+  void set_links(int rows, int collections, std::span<const uint8_t> members);
+  // Of the shapes that follow.
+  void set_link_row(int row) { link_row_ = row; }
   // An image for rectangle lights; its number.
   int add_light_image(const ImageInput& image);
   // `image`: of a rectangle, or -1.
@@ -122,6 +154,7 @@ class SceneBuilder {
   bool last_is_sphere_ = false;
   bool last_mirrored_ = false, last_sphere_taken_ = false, last_placement_taken_ = false;
   bool levels_measured_ = false;
+  int32_t link_row_ = 0;
 };
 
 }  // namespace primray

@@ -5,6 +5,15 @@
 
 namespace primray {
 
+void SceneBuilder::set_links(int rows, int collections, std::span<const uint8_t> members) {
+  LinkTable& links = scene_->lights.links;
+  links.rows = rows, links.words = (collections + 31) / 32;
+  links.bits.assign(size_t(rows) * links.words, 0);
+  for (int r = 0; r < rows; ++r)
+    for (int c = 0; c < collections; ++c)
+      if (members[size_t(r) * collections + c]) links.bits[size_t(r) * links.words + (c >> 5)] |= kBits[c & 31];
+}
+
 int SceneBuilder::add_light_image(const ImageInput& image) {
   LightImage to;
   to.width = image.width, to.height = image.height;
@@ -21,6 +30,7 @@ void SceneBuilder::add_light(const LightInput& light, int image) {
 int SceneBuilder::add_geometry_light(const LightInput& light) {
   GeometryLight to;
   to.radiance = light.emission, to.own = light.own, to.shown = light.shown, to.normalize = light.normalize;
+  to.rules = light;
   to.row.assign(kLightFields, 0.0f);
   put_common_fields(light, scene_->lights, to.row.data());
   scene_->geometry_lights.all.push_back(std::move(to));

@@ -36,13 +36,28 @@ struct CameraRay {
 // sharp as the pixel filter, and four neighbouring samples still cover them.
 constexpr float kConePixels = 0.5f;
 
+// Pixels from (x, y) on, counted from the frame's upper left; some may lie outside of the frame.
+struct PixelWindow {
+  int x = 0, y = 0, width = 0, height = 0;
+};
+
+// What lies where a x + b y + c z + d < 0 is cut off, in the camera's space (UsdGeomCamera, clippingPlanes).
+struct ClippingPlane {
+  float a, b, c, d;
+};
+
 struct Camera {
-  int width = 0, height = 0;
+  int width = 0, height = 0;  // of the frame, which the screen window covers
+  PixelWindow pixels;         // those that are rendered: what a film holds
   bool orthographic = false;
   Affine<float> world_from_camera;                 // axes orthonormal, in the core's space
   float left = 0, bottom = 0, right = 0, top = 0;  // at unit distance, or in the core's lengths (orthographic)
   float near = 0, far = 0;
   float lens_radius = 0, focus_distance = 1;
+  int blades = 0;             // the lens is a regular polygon of as many sides, its corners on the circle; 0: the whole circle
+  float first_corner = 0;     // direction of one of them, in turns from +x towards +y
+  bool shutter_open = false;  // for a while: each path has a time of its own
+  std::vector<ClippingPlane> clipping_planes;
   PixelFilter filter;
 
   // A ray's cone: its width at the camera, and how much wider it gets per distance (Akenine-Moller et al. 2021, "Improved
@@ -60,12 +75,12 @@ struct Camera {
     if (orthographic) o = {sx, sy, vfloat<W>(0.0f)}, d = {vfloat<W>(0.0f), vfloat<W>(0.0f), vfloat<W>(-1.0f)};
     if (lens_radius > 0) {
       // All rays of one film point meet on the plane of focus.
-      const vfloat<W> r = sqrt(lens0) * lens_radius;
-      const SinCos<W> phi = sincos_turns(lens1);
-      const vvec3<W> lens(r * phi.cos, r * phi.sin, vfloat<W>(0.0f));
+      const vvec3<W> lens = lens_point(lens0, lens1);
       d = d - lens * (1.0f / focus_distance);
       o += lens;
     }
+    vfloat<W> from(near), to(far);  // depths
+    if (!clipping_planes.empty()) clip(o, d, from, to);
     const vfloat<W> len = length(d);
     const auto rotate = [&](const vvec3<W>& v) {
       const Affine<float>& m = world_from_camera;
@@ -73,8 +88,41 @@ struct Camera {
                       v.x * m.x.z + v.y * m.y.z + v.z * m.z.z);
     };
     const vec3 c = world_from_camera.o;
-    return {rotate(o) + vvec3<W>(vfloat<W>(c.x), vfloat<W>(c.y), vfloat<W>(c.z)), rotate(d) * (1.0f / len), len * near,
-            len * far};
+    return {rotate(o) + vvec3<W>(vfloat<W>(c.x), vfloat<W>(c.y), vfloat<W>(c.z)), rotate(d) * (1.0f / len), len * from,
+            len * to};
+  }
+
+ private:
+  // Uniform on the lens.
+  template <int W>
+  PRIMRAY_INLINE vvec3<W> lens_point(vfloat<W> u0, vfloat<W> u1) const {
+    const vfloat<W> r = sqrt(u0) * lens_radius;
+    if (blades == 0) {
+      const SinCos<W> phi = sincos_turns(u1);
+      return {r * phi.cos, r * phi.sin, vfloat<W>(0.0f)};
+    }
+    // One of the triangles between the centre and two corners, and a point in it: r is its share of the way from the centre.
+    const vfloat<W> n(static_cast<float>(blades)), side = u1 * n;
+    const vint<W> k = min(truncate(side), vint<W>(blades - 1));
+    const vfloat<W> along = side - to_float(k);
+    const auto corner = [&](vint<W> i) { return sincos_turns(to_float(i) / n + first_corner); };
+    const SinCos<W> a = corner(k), b = corner(k + vint<W>(1));
+    return {r * (a.cos + (b.cos - a.cos) * along), r * (a.sin + (b.sin - a.sin) * along), vfloat<W>(0.0f)};
+  }
+
+  // Shortens the depths [from, to] of the ray o + depth d to what all planes leave, which may be nothing.
+  template <int W>
+  PRIMRAY_INLINE void clip(const vvec3<W>& o, const vvec3<W>& d, vfloat<W>& from, vfloat<W>& to) const {
+    const vfloat<W> zero(0.0f);
+    for (const ClippingPlane& p : clipping_planes) {
+      const vfloat<W> at = o.x * p.a + o.y * p.b + o.z * p.c + p.d, slope = d.x * p.a + d.y * p.b + d.z * p.c;
+      const vfloat<W> depth = -at / slope;
+      from = select((slope > zero) & (depth > from), depth, from);
+      to = select((slope < zero) & (depth < to), depth, to);
+      to = select((slope == zero) & (at < zero), from, to);
+    }
+    // Nothing is met between equal ends.
+    from = min(from, vfloat<W>(far)), to = max(from, to);
   }
 };
 

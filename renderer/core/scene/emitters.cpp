@@ -6,6 +6,7 @@
 
 #include "scene/input_facts.hpp"
 #include "scene/light_rows.hpp"
+#include "scene/light_rules.hpp"
 
 namespace primray {
 namespace {
@@ -107,6 +108,7 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
   row[kImportance] = float(w.power * size * size * share);
   s.lights.rows.insert(s.lights.rows.end(), row, row + kLightFields);
   ++s.lights.count;
+  if (w.light >= 0) add_light_rules(s.geometry_lights.all[w.light].rules, s.scale, s.lights);
 }
 
 void add_sphere_row(Scene& s, int32_t sphere, const daffine& world_from_group) {
@@ -131,6 +133,7 @@ void add_sphere_row(Scene& s, int32_t sphere, const daffine& world_from_group) {
   float* row = &s.lights.rows[size_t(s.lights.count - 1) * kLightFields];
   row[kLightFlags] = float(int(row[kLightFlags]) | kGeometry);
   put_geometry_light(s, number, world_from_group, row);
+  if (number >= 0) add_light_rules(s.geometry_lights.all[number].rules, s.scale, s.lights);
 }
 
 // By geometry light: a place where its group stands.

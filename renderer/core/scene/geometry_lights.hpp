@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "light/light.hpp"
+#include "scene/light_rules.hpp"
 
 namespace primray {
 
@@ -18,6 +18,7 @@ struct Scene;
 struct GeometryLight {
   vec3 radiance{1.0f, 1.0f, 1.0f};
   bool own = false, shown = false, normalize = false;
+  LightRules rules;
   daffine group_from_object{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)};
   std::vector<float> row;  // a light row with what any light has: lobe factors, and what shapes and links it
   // Its parts in its group: triangles [first, end), counted over the scene, or a sphere.
@@ -30,6 +31,7 @@ struct GeometryLights {
   std::vector<int32_t> of_mesh, of_sphere;  // by row of the MeshTable and by sphere: which, or -1; may end early
   // By light, for rays that meet it: kOwn and kShown; lobe factors; `radiance`, with the area of the first place it stands in.
   std::vector<int32_t> flags;
+  std::vector<int32_t> link;  // the collection that it reaches
   std::vector<float> diffuse, specular, radiance;
   enum : int32_t { kOwn = 1, kShown = 2 };
 

@@ -4,6 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "scene/light_choice.hpp"
+#include "scene/light_rules.hpp"
+#include "scene/shaping_rows.hpp"
+
 namespace primray {
 namespace {
 
@@ -88,8 +92,9 @@ void add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
   d.format = light.format;
   finish_dome_image(d);
   LightTable portals;
+  const bool special = is_special(light);
   if (light.diffuse != 0 || light.specular != 0) {
-    build_dome_distribution(d);
+    special ? build_whole_dome_distribution(d) : build_dome_distribution(d);
     for (const PortalInput& p : light.portals) {
       LightInput rect;
       rect.type = LightType::kRect, rect.world_from_light = p.world_from_portal;
@@ -105,6 +110,7 @@ void add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
   row[kImportance] = float(d.irradiance);
   table.dome_light.push_back(sampled ? table.count : -1);
   table.dome_factors.push_back({light.diffuse, light.specular});
+  table.dome_traits.push_back({light.link, !light.visible_to_camera, special});
   table.domes.push_back(std::move(d));
   if (portals.count > 0 || !table.portals.empty()) {
     table.portals.resize(table.domes.size());
@@ -147,7 +153,8 @@ void add_hierarchy(LightTable& table) {
   for (int i = 0; i < table.listed; ++i) {
     const LightType type = LightType(int(table.row(i)[kType]));
     if (type == LightType::kDistant) table.met.far.push_back(i);
-    if (type == LightType::kDistant || type == LightType::kDome || type == LightType::kPoint) continue;
+    if (type == LightType::kDistant || type == LightType::kDome || type == LightType::kPoint || type == LightType::kLine)
+      continue;
     numbers.push_back(i), boxes.push_back(light_box(table.row(i)));
   }
   build_light_hierarchy(table.met, std::move(numbers), boxes);
@@ -201,12 +208,16 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
       case LightType::kCylinder:
         size[0] = light.radius * f.sizes.y * unit, size[1] = 0.5 * light.length * f.sizes.x * unit;
         break;
+      case LightType::kLine:
+        size[0] = size[1] = 0.5 * light.length * f.sizes.x * scale;
+        break;
       default:
         break;
     }
     if (light.type != LightType::kPoint) {
       const double kept[2] = {std::max(size[0], kSmallest), std::max(size[1], kSmallest)};
-      emission = emission * (size[0] / kept[0] * (size[1] / kept[1]));
+      emission =
+          emission * (light.type == LightType::kLine ? scale * size[1] / kept[1] : size[0] / kept[0] * (size[1] / kept[1]));
       row[kSize0] = float(kept[0]), row[kSize1] = float(kept[1]);
     }
     if (f.sheared) {
@@ -217,6 +228,9 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
     if (light.type == LightType::kPoint) {
       m.x = {1, 0, 0}, m.y = {0, 1, 0}, m.z = {0, 0, 1};
       emission = emission * (scale * scale);
+    } else if (light.type == LightType::kLine) {
+      const Frame<double> across(normalize(m.x));
+      m.x = across.n, m.y = across.s, m.z = across.t;
     } else {
       table.needs_hit_test = true;
     }
@@ -235,62 +249,17 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
   if (flags & kSheared) row[kInverseDet] = float(std::fabs(1 / det));
   put(row, kRadiance, emission);
   row[kLightFlags] = float(flags);
+  if (light.shaping && light.type != LightType::kDome && light.type != LightType::kDistant)
+    add_shaping(*light.shaping, light.world_from_light, row, table);
   table.rows.insert(table.rows.end(), row, row + kLightFields);
   ++table.count;
+  add_light_rules(light, scale, table);
 }
 
 void finish_light_rows(LightTable& table) {
   if (table.listed > LightTable::kWeighed) add_hierarchy(table);
-  if (table.count <= LightTable::kWeighed) return;
-  // By power; half of the choices for what is infinitely far, where there is any, since its power has no common measure with
-  // the rest.
-  std::vector<double> power(table.count, 0.0);
-  double near = 0, far = 0;
-  for (int i = 0; i < table.count; ++i) {
-    const float* row = table.row(i);
-    const double s0 = row[kSize0], s1 = row[kSize1], e = std::max(double(row[kImportance]), 1e-30);
-    bool infinite = false;
-    switch (LightType(int(row[kType]))) {
-      case LightType::kPoint:
-        power[i] = 4 * kPiDouble * e;
-        break;
-      case LightType::kSphere:
-        power[i] = 4 * kPiDouble * s0 * s0 * kPiDouble * e;
-        break;
-      case LightType::kDisk:
-        power[i] = kPiDouble * s0 * s0 * kPiDouble * e;
-        break;
-      case LightType::kRect:
-        power[i] = 4 * s0 * s1 * kPiDouble * e;
-        break;
-      case LightType::kCylinder:
-        power[i] = 4 * kPiDouble * s0 * s1 * kPiDouble * e;
-        break;
-      case LightType::kMesh:
-        power[i] = 2 * kPiDouble * e;
-        break;
-      case LightType::kDistant:
-      case LightType::kDome:
-        power[i] = e, infinite = true;
-        break;
-    }
-    (infinite ? far : near) += power[i];
-  }
-  // In whole multiples of 2^-24, which is what the sampler's numbers are, at least one each: every light is then chosen with
-  // exactly the probability that is read off here.
-  constexpr double whole = 0x1p24;
-  const double ones = table.count < whole / 2 ? 1.0 : 0.0;
-  double run = 0;
-  table.power_cdf.assign(1, 0.0f);
-  for (int i = 0; i < table.count; ++i) {
-    const LightType type = LightType(int(table.row(i)[kType]));
-    const bool infinite = type == LightType::kDistant || type == LightType::kDome;
-    const double share = near > 0 && far > 0 ? 0.5 : 1.0;
-    run += share * power[i] / (infinite ? far : near);
-    const double units = ones * (i + 1) + std::round(std::min(run, 1.0) * (whole - ones * table.count));
-    table.power_cdf.push_back(float(units / whole));
-  }
-  table.power_cdf.back() = 1.0f;
+  finish_light_rules(table);
+  build_light_choice(table);
 }
 
 }  // namespace primray

@@ -39,6 +39,7 @@ struct MeshTable {
   std::vector<int32_t> surface, normals, colors;    // colours and normals: Attribute
   std::vector<int32_t> normal_base, color_base;     // offsets in floats into Scene::normals, ::colors
   std::vector<int32_t> triangle_base, vertex_base;  // this mesh's first triangle and vertex, counted over the scene
+  std::vector<int32_t> link;                        // row of the lights' LinkTable; empty where there is none
 };
 
 struct SphereRecord {
@@ -68,7 +69,7 @@ struct Scene {
   MeshTable meshes;
 
   std::vector<SphereRecord> spheres;
-  std::vector<int32_t> sphere_surface;
+  std::vector<int32_t> sphere_surface, sphere_link;  // the latter as MeshTable::link
 
   std::vector<Group> groups;
 

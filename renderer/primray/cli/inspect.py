@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from ..errors import SettingsError
@@ -93,6 +94,8 @@ def camera_facts(description: SceneDescription) -> dict[str, Any]:
         "path": camera.path,
         "projection": camera.projection.value,
         "resolution": list(description.resolution),
+        "pixels": asdict(description.frame.pixels),
+        "pixel_aspect_ratio": description.pixel_aspect_ratio,
         "position": [float(v) for v in camera.world_from_camera[:3, 3]],
         "window": list(camera.window),
         "lens_radius": camera.lens_radius,

@@ -33,7 +33,7 @@ def merge(
     from ..merge import merge
 
     looks = Looks(json, verbose, view=view, display=display, look=look, exposure=exposure)
-    check_outputs(outputs, report, None, looks)
+    check_outputs(outputs, report, looks)
     if checkpoint is not None:
         Checkpointing(Path(checkpoint)).check()
     merged = merge(parts)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
 
+from ..aov_names import AOVS
 from ..errors import SettingsError
 from ..settings import SAMPLE_BLOCK, Filter, Metric
 
@@ -25,6 +27,19 @@ RenderSettingsPrim = Annotated[
         help="Path of the RenderSettings to follow.",
         show_default="the stage's",
     ),
+]
+Products = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--product",
+        metavar="PRIM",
+        help="Path or name of a RenderProduct, written under its own name; may be repeated.",
+        show_default="the first",
+    ),
+]
+AllProducts = Annotated[bool, typer.Option("--all-products", help="Every product of the RenderSettings, under its own name.")]
+OutputDir = Annotated[
+    str | None, typer.Option(metavar="DIR", help="Where products are written.", show_default="the current folder")
 ]
 Resolution = Annotated[
     tuple[int, int] | None,
@@ -70,6 +85,15 @@ MaxDepth = Annotated[
 PixelFilter = Annotated[Filter, typer.Option("--filter", help="Pixel filter.")]
 FilterWidth = Annotated[float | None, typer.Option(metavar="W", help="Full width in pixels.", show_default="box 1, else 3")]
 Threads = Annotated[int | None, typer.Option("--threads", "-j", metavar="N", help="Threads.", show_default="all cores")]
+Aovs = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--aov",
+        metavar="NAME",
+        help="Outputs beside the picture, as parts of an EXR: names by commas, all, or none; may be repeated.",
+        show_default="the stage's",
+    ),
+]
 Seed = Annotated[int, typer.Option(metavar="N", help="Of the random numbers.")]
 NoDefaultLight = Annotated[bool, typer.Option("--no-default-light", help="Leave a stage without lights dark.")]
 Purposes = Annotated[
@@ -165,6 +189,25 @@ def _paths(texts: list[str] | None) -> tuple[str, ...] | None:
 
 def purposes_of(text: str | None) -> tuple[str, ...] | None:
     return None if text is None else tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def aovs_for(texts: list[str] | None, outputs: Sequence[str]) -> tuple[str, ...] | None:
+    """None: as the stage's product says, unless no output could hold them."""
+    chosen = aovs_of(texts)
+    if any(name.lower().endswith(".exr") for name in outputs):
+        return chosen
+    if chosen:
+        raise SettingsError("--aov writes parts of an EXR, and no output is one: name one with -o", code="aov-output")
+    return ()
+
+
+def aovs_of(texts: list[str] | None) -> tuple[str, ...] | None:
+    """None: as the stage's product says."""
+    if texts is None:
+        return None
+    names = tuple(name.strip() for text in texts for name in text.split(",") if name.strip())
+    chosen = tuple(AOVS) if "all" in names else ()
+    return chosen + tuple(name for name in names if name not in ("all", "none", *chosen))
 
 
 def sample_range_of(text: str | None) -> tuple[int, int] | None:

@@ -15,10 +15,12 @@ from ..errors import SettingsError
 from ..frame_numbers import check_names, name_of_frame, parse_frames
 from ..settings import DEFAULT_DICING_RATE, Filter, Metric, RenderSettings
 from . import options
+from .shots import Shot, moments, product_shots
 
 if TYPE_CHECKING:
     from ..checkpointing import Checkpointing
     from ..image import Image
+    from ..render import OpenedStage
 
 
 def render(
@@ -30,6 +32,9 @@ def render(
     ] = None,
     camera: options.Camera = None,
     render_settings: options.RenderSettingsPrim = None,
+    product: options.Products = None,
+    all_products: options.AllProducts = False,
+    output_dir: options.OutputDir = None,
     res: options.Resolution = None,
     image_width: options.ImageWidth = None,
     frames: Annotated[
@@ -64,6 +69,7 @@ def render(
     seed: options.Seed = 0,
     rendering_color_space: options.RenderingColorSpace = None,
     display: options.Display = None,
+    aovs: options.Aovs = None,
     view: options.View = None,
     look: options.Look = None,
     exposure: options.Exposure = 0.0,
@@ -86,45 +92,54 @@ def render(
     """Render a USD stage to EXR, PNG or JPEG."""
     time_codes = None if frames is None else parse_frames(frames)
     names = ([output] if output else []) + (outputs or [])
-    names = names or [_default_name(scene, time_codes)]
-    shots: list[float | None] = [*time_codes] if time_codes else [None]
-    settings = [
-        RenderSettings(
-            camera=options.camera_of(camera),
-            render_settings=render_settings,
-            resolution=options.resolution_of(res, image_width),
-            time_code=time_code,
-            spp=spp,
-            target_error=target_error,
-            error_metric=error_metric,
-            time_limit_s=time_limit,
-            adaptive=adaptive,
-            sample_range=options.sample_range_of(sample_range),
-            max_depth=max_depth,
-            filter=pixel_filter,
-            filter_width=filter_width,
-            threads=threads,
-            seed=seed,
-            default_light=not no_default_light,
-            rendering_color_space=rendering_color_space,
-            purposes=options.purposes_of(purposes),
-            variants=tuple(variants or ()),
-            load=options.load_of(no_payloads, load),
-            mask=options.mask_of(mask),
-            session_layer=session_layer,
-            strict=strict,
-            max_memory_bytes=options.bytes_of(max_memory),
-            dicing_rate=dicing_rate,
-        )
-        for time_code in shots
-    ]
+    by_product = bool(product) or all_products or output_dir is not None
+    if by_product:
+        _require_names_of_their_own(names, report, checkpoint or resume)
+    else:
+        names = names or [_default_name(scene, time_codes)]
+    settings = RenderSettings(
+        camera=options.camera_of(camera),
+        render_settings=render_settings,
+        resolution=options.resolution_of(res, image_width),
+        time_code=time_codes[0] if time_codes else None,
+        spp=spp,
+        target_error=target_error,
+        error_metric=error_metric,
+        time_limit_s=time_limit,
+        adaptive=adaptive,
+        sample_range=options.sample_range_of(sample_range),
+        max_depth=max_depth,
+        filter=pixel_filter,
+        filter_width=filter_width,
+        threads=threads,
+        seed=seed,
+        default_light=not no_default_light,
+        rendering_color_space=rendering_color_space,
+        purposes=options.purposes_of(purposes),
+        variants=tuple(variants or ()),
+        load=options.load_of(no_payloads, load),
+        mask=options.mask_of(mask),
+        session_layer=session_layer,
+        aovs=options.aovs_of(aovs) if by_product else options.aovs_for(aovs, names),
+        strict=strict,
+        max_memory_bytes=options.bytes_of(max_memory),
+        dicing_rate=dicing_rate,
+    )
+    looks = Looks(json, verbose, view=view, display=display, look=look, exposure=exposure)
+    if by_product:
+        opened, shots = product_shots(scene, settings, product, output_dir, time_codes)
+        check_outputs([file for shot in shots for file in shot.files], None, looks)
+        _render_shots(opened, shots, looks, [None] * len(shots))
+        return
     saved = [name for name in (report, checkpoint, resume if checkpoint is None else None) if name]
     check_names(names + saved, time_codes)
-    looks = Looks(json, verbose, view=view, display=display, look=look, exposure=exposure)
-    check_outputs(names, report, time_codes, looks)
-    checkpointing = [_checkpointing(checkpoint, checkpoint_every, resume, time_code) for time_code in shots]
-    checkpointing = _check_checkpoints(checkpointing)
-    _render_frames(scene, settings, names, report, looks, checkpointing)
+    shots = [
+        Shot(replace(settings, time_code=t), [_name(name, t) for name in names], _name(report, t) if report else None)
+        for t in moments(time_codes)
+    ]
+    check_outputs(shots[0].files, shots[0].report, looks)
+    checkpointing = [_checkpointing(checkpoint, checkpoint_every, resume, shot.settings.time_code) for shot in shots]
+    _render_shots(scene, shots, looks, _check_checkpoints(checkpointing))
 
 
 TARGET_MISSED = 5  # the exit code of a render that ended above its target error
@@ -152,19 +167,26 @@ def _default_name(scene: str, time_codes: list[float] | None) -> str:
     return f"{Path(member).stem}{'.####' if many else ''}.exr"
 
 
-def check_outputs(names: list[str], report: str | None, time_codes: list[float] | None, looks: Looks) -> None:
+def _require_names_of_their_own(names: list[str], report: str | None, checkpoint: str | None) -> None:
+    given = {"-o": bool(names), "--report": report is not None, "--checkpoint": checkpoint is not None}
+    for flag, is_given in given.items():
+        if is_given:
+            sentence = f"{flag} names one file, products have names of their own: --output-dir says where they are written"
+            raise SettingsError(sentence, code="product-output")
+
+
+def check_outputs(files: list[str], report: str | None, looks: Looks) -> None:
     """Find out before rendering what cannot be written after it."""
     import math
 
     from ..color import check_look, check_view
     from ..image import VIEW_EXTENSIONS, check_folder, check_output_path
 
-    first = time_codes[0] if time_codes else None
-    for name in names:
-        check_output_path(_name(name, first))
+    for file in files:
+        check_output_path(file)
     if report is not None:
-        check_folder(Path(_name(report, first)))
-    if looks.is_chosen or any(name.lower().endswith(VIEW_EXTENSIONS) for name in names):
+        check_folder(Path(report))
+    if looks.is_chosen or any(file.lower().endswith(VIEW_EXTENSIONS) for file in files):
         check_view(looks.view, looks.display)
         check_look(looks.look)
     if not math.isfinite(looks.exposure):
@@ -200,14 +222,7 @@ def _name(name: str, time_code: float | None) -> str:
     return name if time_code is None else name_of_frame(name, time_code)
 
 
-def _render_frames(
-    scene: str,
-    settings: list[RenderSettings],
-    names: list[str],
-    report: str | None,
-    looks: Looks,
-    checkpointing: list[Checkpointing | None],
-) -> None:
+def _render_shots(scene: str | OpenedStage, shots: list[Shot], looks: Looks, checkpointing: list[Checkpointing | None]) -> None:
     from ..interruption import terminate_as_interrupt
     from ..render import render_frames
     from .progress import Show, showing
@@ -217,17 +232,16 @@ def _render_frames(
     terminate_as_interrupt()
     images = render_frames(
         scene,
-        settings,
+        [shot.settings for shot in shots],
         progress=lambda *now: showing_now[-1](*now),
         on_interrupt="partial",
         checkpointing=checkpointing,
     )
-    for frame in settings:
-        files = [_name(name, frame.time_code) for name in names]
-        with showing(files[0], looks.as_json) as show:
+    for shot in shots:
+        with showing(shot.files[0], looks.as_json) as show:
             showing_now.append(show)
             image = next(images)
-        write(image, files, _name(report, frame.time_code) if report else None, looks)
+        write(image, shot.files, shot.report, looks)
         if image.report["interrupted"]:
             print(f"interrupted: the picture so far was saved{_how_to_go_on(image.report)}", file=sys.stderr)
             raise typer.Exit(130)

@@ -11,6 +11,7 @@ from ..color_space import REC709, ColorSpace
 from ..description import Surface
 from ..diagnostics import Diagnostics
 from ..settings import RenderSettings
+from .light_links import Links
 from .read import When
 
 
@@ -30,6 +31,7 @@ class Context:
 
     bound: dict[Any, str] = field(default_factory=dict)  # path that a material binding names -> what is wrong with it
     collections: set[Any] = field(default_factory=set)  # paths of those with a material that were looked into
+    profiles: dict[str, Any] = field(default_factory=dict)  # resolved path -> what ies_asset made of the photometric file
     told_apart: set[Any] = field(default_factory=set)  # paths of prims below which such a collection has members
     expressed: set[Any] = field(default_factory=set)  # paths of prims that bind a collection which is an expression
     primvars_read: frozenset[str] = frozenset()  # "primvars:NAME" of all that materials of the stage read
@@ -38,9 +40,13 @@ class Context:
     color_scopes: dict[Any, Any] = field(default_factory=dict)  # prim path and outer_colors -> color_spaces.ColorScope
     color_names: dict[str, Any] = field(default_factory=dict)  # a colour space's name -> what color.space_named says
     outer_colors: tuple[tuple[str, Any], ...] = ()  # (prototype, ColorScope) around the material that is translated
+    property_names: set[frozenset[str]] = field(default_factory=set)  # what prims have authored, each set of names once
+    links: Links | None = None  # where lights are linked, once that is known
     light_shapes: set[str] = field(default_factory=set)  # paths of shapes that LightAPI makes lights
     portals_met: list[str] = field(default_factory=list)  # paths of PortalLights
     portals_named: set[str] = field(default_factory=set)  # of those that a dome names
+    aov_primvars: tuple[str, ...] = ()  # that AOVs ask for, without their namespace
+    names_instances: bool = False  # an AOV asks for instances
     prototype_names: dict[str, str] = field(default_factory=dict)  # /__Prototype_N -> its first instance
 
     def shown(self, path: str) -> str:

@@ -60,17 +60,21 @@ def given_per_instance(handed: Inherited, names: Iterable[str]) -> Inherited:
 
 
 def without_unread(
-    placements: Sequence[Placement], prototypes: Sequence[Prototype], shapes: Sequence[Shape], surfaces: Sequence[Surface]
+    placements: Sequence[Placement],
+    prototypes: Sequence[Prototype],
+    shapes: Sequence[Shape],
+    surfaces: Sequence[Surface],
+    others: Sequence[str] = (),
 ) -> tuple[Placement, ...]:
-    """The placements without primvars that no surface in their prototypes reads."""
-    return tuple(_without_unread(p, prototypes[p.prototype], shapes, surfaces) if p.primvars else p for p in placements)
+    """The placements without primvars that no surface in their prototypes reads, but for `others`."""
+    return tuple(_without_unread(p, prototypes[p.prototype], shapes, surfaces, others) if p.primvars else p for p in placements)
 
 
 def _without_unread(
-    placement: Placement, prototype: Prototype, shapes: Sequence[Shape], surfaces: Sequence[Surface]
+    placement: Placement, prototype: Prototype, shapes: Sequence[Shape], surfaces: Sequence[Surface], others: Sequence[str]
 ) -> Placement:
     if prototype.placements:
         return placement
     used = {int(s) for placed in prototype.shapes for s in np.unique(shapes[placed.shape].surface) if s >= 0}
-    wanted = names_read(surfaces[i] for i in used)
+    wanted = {*names_read(surfaces[i] for i in used), *others}
     return replace(placement, primvars=tuple(p for p in placement.primvars if p.name in wanted))

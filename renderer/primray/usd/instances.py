@@ -16,7 +16,8 @@ import numpy as np
 
 from ..coincident import distinct
 from ..errors import LimitError
-from ..placement import Instances, MatrixInstances, chunks
+from ..instance_names import Names, name_of, texts
+from ..placement import Instances, MatrixInstances, chunks, named_levels
 
 # Of the core and Embree, with its build's peak: measured, python -m tests.bench.scaling.
 INSTANCE_BYTES = 200
@@ -81,7 +82,8 @@ def merge_coincident(groups: list[Group[Leaf]], adds_up: Callable[[Leaf], bool])
 def _distinct(levels: list[Instances]) -> list[Instances]:
     """Many small levels, as of an instancer each, may stand in one place as well."""
     if len(levels) > 1 and not any(level.primvars for level in levels) and sum(map(len, levels)) <= MAX_MERGED:
-        return [distinct(MatrixInstances(np.concatenate([level.rows(0, len(level)) for level in levels])))]
+        rows = np.concatenate([level.rows(0, len(level)) for level in levels])
+        return [distinct(MatrixInstances(rows, names=_names([(level,) for level in levels])))]
     return [distinct(level) for level in levels]
 
 
@@ -164,7 +166,8 @@ class _Graph(Generic[Leaf]):
 def _extended(chain: Chain, level: Instances) -> Chain:
     """A level of one instance becomes part of the next one."""
     if chain and len(chain[-1]) == 1 and not chain[-1].primvars:
-        return (*chain[:-1], level.placed(chain[-1].rows(0, 1)[0]))
+        name = "" if chain[-1].names is None else chain[-1].names.of(0)
+        return (*chain[:-1], level.placed(chain[-1].rows(0, 1)[0], name))
     return (*chain, level)
 
 
@@ -173,9 +176,17 @@ def _merged(chains: list[Chain]) -> list[Chain]:
     small = [c for c in chains if count_of(c) <= MAX_MERGED and not any(level.primvars for level in c)]
     if len(small) < 2:
         return chains
-    whole = MatrixInstances(np.concatenate([rows for chain in small for rows in chunks(chain)]))
+    whole = MatrixInstances(np.concatenate([rows for chain in small for rows in chunks(chain)]), names=_names(small))
     ids = {id(chain) for chain in small}
     return [(whole,), *(chain for chain in chains if id(chain) not in ids)]
+
+
+def _names(some: list[Chain]) -> Names | None:
+    """Of all instances of some chains, one after the other; None unless they have any."""
+    if all(level.names is None for chain in some for level in chain):
+        return None
+    levels = [named_levels(chain) for chain in some]
+    return texts([name_of(each, row) for each, chain in zip(levels, some, strict=True) for row in range(count_of(chain))])
 
 
 def _order(groups: list[Group[Leaf]]) -> tuple[list[int], set[tuple[int, int]]]:

@@ -6,7 +6,7 @@ At the default time an attribute that has time samples and no default value is r
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,19 +22,23 @@ _UNSET = (Usd.ResolveInfoSourceFallback, Usd.ResolveInfoSourceNone)
 
 @dataclass(frozen=True)
 class When:
-    """The time to read at; `careful` when it is the default time and the stage has time samples at all."""
+    """The time to read at; `careful` when it is the default time and the stage has time samples at all.
+
+    `remembered`, where given, keeps what was read: for prims that are read again and again.
+    """
 
     time: Usd.TimeCode
     careful: bool
+    remembered: dict[tuple[Usd.Prim, str], Any] | None = field(default=None, compare=False)
 
 
 def when_of(stage: Usd.Stage, time_code: float | None) -> When:
     if time_code is not None:
         return When(Usd.TimeCode(time_code), careful=False)
-    return When(Usd.TimeCode.Default(), careful=_has_time_samples(stage))
+    return When(Usd.TimeCode.Default(), careful=has_time_samples(stage))
 
 
-def _has_time_samples(stage: Usd.Stage) -> bool:
+def has_time_samples(stage: Usd.Stage) -> bool:
     """Whether any layer of the stage authors time samples or value clips (clips are samples from further files)."""
     if any(prim.HasAuthoredMetadata("clips") for prim in stage.GetPseudoRoot().GetAllChildren()):
         return True
@@ -54,6 +58,14 @@ def value(attribute: Usd.Attribute, when: When) -> Any:
 
 
 def read(prim: Usd.Prim, name: str, when: When) -> Any:
+    if when.remembered is None:
+        return _read(prim, name, when)
+    if (prim, name) not in when.remembered:
+        when.remembered[(prim, name)] = _read(prim, name, when)
+    return when.remembered[(prim, name)]
+
+
+def _read(prim: Usd.Prim, name: str, when: When) -> Any:
     attribute = prim.GetAttribute(name)
     return value(attribute, when) if attribute else None
 

@@ -50,6 +50,10 @@ class Inherited:
     per_instance: frozenset[str] = frozenset()  # primvars that the instances around have one value each of
     colors: ColorScope = NOWHERE
     outer_colors: tuple[tuple[str, ColorScope], ...] = ()  # what the instances around hand down to their prototypes
+    # Where lights are linked (light_links.py): the instance that prims of a prototype are asked for in; what the point
+    # instancers around say, by collection.
+    seen_as: str = ""
+    linked_by_instancers: tuple[tuple[int, bool], ...] = ()
 
 
 @dataclass(frozen=True)

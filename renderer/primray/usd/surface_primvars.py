@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from ..description import Input, Interpolation, PrimvarInput, Surface
 from ..description import Primvar as SeamPrimvar
+from ..scene_record import WIDE
 from .context import Context
 from .primvars import Primvar, Sizes, as_colors, finite, is_per_point, per_corner, read_raw_primvar
 from .resolve import ResolvedPrim
@@ -76,6 +77,17 @@ def read_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], sizes: Sizes,
         else:
             values = np.ascontiguousarray(finite(primvar.values, f"primvars:{name}", prim, ctx)[:, :width])
             found.append((name, Primvar(values, primvar.interpolation, primvar.indices)))
+    return found + _for_aovs(prim, {name: p.values.shape[1] for name, p in found}, sizes, ctx) if ctx.aov_primvars else found
+
+
+def _for_aovs(prim: ResolvedPrim, widths: dict[str, int], sizes: Sizes, ctx: Context) -> list[tuple[str, Primvar]]:
+    """What AOVs show of a shape beyond what its surfaces read (`widths`): all numbers of each element."""
+    found = []
+    for name in ctx.aov_primvars:
+        primvar = _own(prim, name, sizes, ctx) or _handed_down(prim, name)
+        if primvar is not None and primvar.values.shape[1] != widths.get(name):
+            values = np.ascontiguousarray(finite(primvar.values, f"primvars:{name}", prim, ctx))
+            found.append((WIDE + name if name in widths else name, Primvar(values, primvar.interpolation, primvar.indices)))
     return found
 
 

@@ -7,15 +7,17 @@ import os
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 
 import numpy as np
 from pxr import Tf, Usd
 
+from ..aov_names import AovRequest, primvars_of, requests_of
 from ..description import (
     Camera,
     Doubles,
+    Frame,
     Light,
     Placed,
     Placement,
@@ -25,18 +27,23 @@ from ..description import (
     Surface,
 )
 from ..diagnostics import Diagnostics
-from ..placement import IDENTITY, MatrixInstances, chunks, rows_of_levels
+from ..instance_names import name_of
+from ..lighting import NO_LINKS
+from ..placement import IDENTITY, MatrixInstances, chunks, named_levels, rows_of_levels
+from ..scene_record import WIDE
 from ..settings import RenderSettings
 from .adapters.draw_mode import DRAW_MODES
 from .adapters.geometry_light import as_light, without_material
 from .adapters.implicit import sphere, tessellated
 from .adapters.light import light
+from .adapters.light_rules import rules_of
 from .adapters.mesh import mesh
 from .adapters.point_instancer import point_instances
 from .adapters.points import POINT, point_sphere
 from .adapters.render_pass import note_render_pass
-from .adapters.render_product import ProductSettings, note_ignored
+from .adapters.render_product import ProductSettings
 from .adapters.render_settings import product_settings
+from .adapters.render_var import aovs_of_variables
 from .color_spaces import rendering_space
 from .context import Context
 from .convert import square, squares
@@ -44,6 +51,8 @@ from .default_light import default_lights
 from .framing import Bounds, shape_bounds, stage_bounds
 from .instance_primvars import without_unread
 from .instances import Arrangement, Chain, Group, arrange, count_of, merge_coincident
+from .light_links import find_links
+from .motion import note_motion
 from .portals import note_unnamed_portals
 from .pose import posed, prototypes_hold_skeletons
 from .primvars_read import primvars_read
@@ -132,14 +141,20 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     cameras, settings_prims, shaders = found.cameras, found.settings, found.shaders
     when = when_of(stage, settings.time_code)
     product = product_settings(stage, settings, settings_prims, when, diagnostics)
-    note_ignored(product, diagnostics)
     ctx = _context(stage, settings, when, product, diagnostics)
     ctx.prototype_names = names
     ctx.rendering_space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
+    aovs = requests_of(settings.aovs) if settings.aovs is not None else aovs_of_variables(product.variables, diagnostics)
+    ctx.aov_primvars = primvars_of(aovs)
+    ctx.names_instances = any(request.source == "instance" for request in aovs)
     ctx.primvars_read, ctx.color_primvars = primvars_read(shaders, ctx)
+    ctx.primvars_read |= {f"primvars:{name}" for name in ctx.aov_primvars}
     camera_prim = select_camera(stage, ctx, product, cameras)
     kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
     groups = walk(ctx, kinds, point_instances)
+    ctx.links = find_links(groups, ctx)
+    if ctx.links is not None:  # instances that lights tell apart become groups of their own
+        groups = walk(ctx, kinds, point_instances)
     for g, count in merge_coincident(groups, lambda leaf: leaf.type_name in LIGHTS).items():
         ctx.warn("instances-coincident", groups[g].path, f"{count:,} instances stand exactly where another does: left out.")
     where = arrange(groups, settings.max_memory_bytes or _physical_memory() // 2)
@@ -158,9 +173,11 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
         return whole or shape_bounds(scene.shapes, scene.static, scene.prototypes, scene.placements)
 
     note_unnamed_portals(ctx)
-    camera, resolution = view_through(camera_prim, ctx, product, bounds)
+    camera, frame = view_through(camera_prim, ctx, product, bounds)
+    note_motion(camera, ctx)
     _add_default_lights(scene, camera, ctx)
-    return _describe(scene, ctx, camera, resolution)
+    _note_missing_primvars(scene, ctx)
+    return _describe(scene, ctx, camera, frame, aovs)
 
 
 def _context(
@@ -168,6 +185,13 @@ def _context(
 ) -> Context:
     purposes = settings.purposes if settings.purposes is not None else wanted.purposes
     return Context(stage, settings, when, purposes, wanted.material_purposes, diagnostics)
+
+
+def _note_missing_primvars(scene: _Scene, ctx: Context) -> None:
+    there = {p.name.removeprefix(WIDE) for owner in (*scene.shapes, *scene.placements) for p in owner.primvars}
+    for name in ctx.aov_primvars:
+        if name not in there:
+            ctx.warn("aov-empty", "", f"Nothing in the picture has primvars:{name}: its AOV is 0 everywhere.")
 
 
 def camera_paths(stage: Usd.Stage) -> list[str]:
@@ -225,6 +249,7 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
     if count == 0:
         return
     once = square(next(chunks(chains[0]))[0]) if count == 1 and not rows_of_levels(chains[0]) else None
+    alone = "" if once is None or not ctx.names_instances else name_of(named_levels(chains[0]), 0)
     members: list[Placed] = []
     leaves, group.leaves = group.leaves[::-1], []
     matrices = squares([leaf.gf_matrix for leaf in leaves])
@@ -238,7 +263,9 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
         elif leaf.type_name in LIGHTS:
             _add_lights(scene, leaf, chains, count, ctx)
         elif (shape := _shape(leaf, ctx)) is not None:
-            members.append(Placed(len(scene.shapes), placed[len(leaves)]))
+            if ctx.links is not None:
+                shape = replace(shape, link_row=ctx.links.row_of(leaf))
+            members.append(Placed(len(scene.shapes), placed[len(leaves)], alone))
             scene.shapes.append(shape)
     if once is not None:
         scene.static += members
@@ -282,11 +309,12 @@ def _add_lights(scene: _Scene, leaf: ResolvedPrim, chains: list[Chain], count: i
     """One light for each place; a light's emission depends on its own size in the world."""
     if count > MAX_LIGHT_INSTANCES:
         ctx.warn("instanced-lights", leaf.path, f"Only the first {MAX_LIGHT_INSTANCES} of its {count} instances are lit.")
+    rules = rules_of(leaf, ctx)
     matrices = (matrix for chain in chains for rows in chunks(chain) for matrix in rows)
     for matrix in islice(matrices, MAX_LIGHT_INSTANCES):
         made = LIGHTS[leaf.type_name](leaf, square(matrix) @ leaf.group_from_prim, ctx)
         if made is not None:
-            scene.lights.append(made)
+            scene.lights.append(rules.applied(made))
 
 
 def _add_default_lights(scene: _Scene, camera: Camera, ctx: Context) -> None:
@@ -301,19 +329,23 @@ def _emits(surface: Surface) -> bool:
     return any(surface.emissive_color) or any(name == "emissive_color" for name, _ in surface.inputs)
 
 
-def _describe(scene: _Scene, ctx: Context, camera: Camera, resolution: tuple[int, int]) -> SceneDescription:
+def _describe(scene: _Scene, ctx: Context, camera: Camera, frame: Frame, aovs: tuple[AovRequest, ...]) -> SceneDescription:
     return SceneDescription(
         tuple(scene.shapes),
         tuple(ctx.surfaces),
         tuple(scene.static),
         tuple(scene.prototypes),
-        without_unread(scene.placements, scene.prototypes, scene.shapes, tuple(ctx.surfaces)),
+        without_unread(scene.placements, scene.prototypes, scene.shapes, tuple(ctx.surfaces), ctx.aov_primvars),
         tuple(scene.lights),
         camera,
-        resolution,
+        frame.resolution,
         up_axis(ctx.stage, ctx.diagnostics),
         meters_per_unit(ctx.stage, ctx.diagnostics),
         ctx.settings.time_code,
+        aovs,
+        None if frame.is_whole else frame.pixels,
+        frame.pixel_aspect_ratio,
+        NO_LINKS if ctx.links is None else ctx.links.linked(ctx.diagnostics),
         ctx.rendering_space,
     )
 

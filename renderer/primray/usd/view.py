@@ -6,10 +6,11 @@ from collections.abc import Callable
 
 from pxr import Sdf, Usd, UsdGeom
 
-from ..description import Camera
-from ..errors import SettingsError
-from ..settings import limit_pixels
-from .adapters.camera import Aperture, camera, read_aperture
+from ..description import Camera, Frame
+from ..errors import InvalidSceneError, LimitError, SettingsError
+from ..frame import pixels_within
+from ..settings import MAX_RESOLUTION, limit_pixels
+from .adapters.camera import Aperture, camera, pixel_aspect_ratio, read_aperture
 from .adapters.render_product import ProductSettings
 from .context import Context
 from .framing import APERTURE, Bounds, framing_camera
@@ -36,15 +37,16 @@ def select_camera(stage: Usd.Stage, ctx: Context, product: ProductSettings, came
 
 def view_through(
     prim: Usd.Prim | None, ctx: Context, product: ProductSettings, bounds: Callable[[], Bounds]
-) -> tuple[Camera, tuple[int, int]]:
-    """The camera, conformed to the image, and the image's size; `bounds` of the world are asked for only without a camera."""
+) -> tuple[Camera, Frame]:
+    """The camera, conformed to the image, and the image's frame; `bounds` of the world are asked for only without a camera."""
     aperture = read_aperture(prim, ctx.when, ctx.diagnostics) if prim is not None else APERTURE
     resolution = _resolution(ctx.settings.resolution, product, aperture)
+    frame = _frame(resolution, product, pixel_aspect_ratio(aperture, resolution, product))
     if prim is not None:
-        return camera(prim, ctx.when, resolution, product, ctx.diagnostics), resolution
+        return camera(prim, ctx.when, resolution, product, ctx.diagnostics), frame
     ctx.warn("camera-automatic", "", "The stage has no camera: it is framed as usdrecord would.")
     z_up = str(UsdGeom.GetStageUpAxis(ctx.stage)) == "Z"
-    return framing_camera(bounds(), z_up, resolution, product), resolution
+    return framing_camera(bounds(), z_up, resolution, product), frame
 
 
 def _asked_for(stage: Usd.Stage, asked: str, cameras: list[Usd.Prim]) -> Usd.Prim:
@@ -64,7 +66,9 @@ def _asked_for(stage: Usd.Stage, asked: str, cameras: list[Usd.Prim]) -> Usd.Pri
 def _resolution(asked: tuple[int, int] | None, product: ProductSettings, aperture: Aperture) -> tuple[int, int]:
     """A width or height of 0 follows from the other by the camera's aspect."""
     width, height = asked or product.resolution or (DEFAULT_WIDTH, 0)
-    aspect = aperture.aspect / product.pixel_aspect_ratio
+    # Where pixels may take any shape, they are square.
+    square = product.conform_policy == "adjustPixelAspectRatio"
+    aspect = aperture.aspect / (1.0 if square else product.pixel_aspect_ratio)
     if width < 0 or height < 0 or (width == 0 and height == 0):
         raise SettingsError(f"An image of {width} x {height} pixels cannot be made.", code="resolution")
     if height == 0:
@@ -73,3 +77,18 @@ def _resolution(asked: tuple[int, int] | None, product: ProductSettings, apertur
         width = max(1, round(height * aspect))
     limit_pixels(width, height)
     return width, height
+
+
+def _frame(resolution: tuple[int, int], product: ProductSettings, aspect_ratio: float) -> Frame:
+    """The part of it that the data window asks for; SceneError or LimitError where that cannot be rendered."""
+    where = product.path or product.settings_path
+    if max(abs(side) for side in product.data_window) * max(resolution) > MAX_RESOLUTION:
+        sides = ", ".join(f"{side:g}" for side in product.data_window)
+        raise LimitError(f"dataWindowNDC = ({sides}) lies more than {MAX_RESOLUTION} pixels outside", where=where)
+    pixels = pixels_within(product.data_window, resolution)
+    if pixels.width == 0 or pixels.height == 0:
+        sides = ", ".join(f"{side:g}" for side in product.data_window)
+        message = f"dataWindowNDC = ({sides}) holds no pixel's centre: there is nothing to render"
+        raise InvalidSceneError(message, where=where, code="empty-data-window")
+    limit_pixels(pixels.width, pixels.height, where)
+    return Frame(resolution, pixels, aspect_ratio)

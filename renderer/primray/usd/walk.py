@@ -12,6 +12,7 @@ import numpy as np
 from pxr import Gf, Tf, Usd, UsdGeom
 
 from ..description import Doubles
+from ..instance_names import texts
 from ..placement import MatrixInstances, PointInstances
 from .adapters.draw_mode import stand_in
 from .adapters.points import POINT, spheres
@@ -69,6 +70,7 @@ def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand) -> list[Gr
     for index, root, inherited in state.queue:  # grows as instances are found
         _walk_group(state, state.groups[index], root, inherited)
     _bind_leaves(state)
+    ctx.property_names.update(state.names)
     return state.groups
 
 
@@ -131,6 +133,7 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
     asked = [as_bound(instance.prim, instance.inherited) for instance in instances]
     bindings = bind_materials(asked, ctx.material_purposes)
     by_child: dict[int, list[Gf.Matrix4d]] = {}
+    names: dict[int, list[str]] = {}
     apart = told_apart([proxy.GetPath() for proxy in asked], ctx)
     for instance, proxy, inner, alone in zip(instances, asked, bindings, apart, strict=True):
         prototype = instance.prim.GetPrototype()
@@ -142,17 +145,28 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
             handed = replace(mine, proxy=str(proxy.GetPath()))
         else:
             handed = replace(mine, outer=inner_or_outer(inner, mine.outer), proxy="")
+        if ctx.links is not None:
+            handed = ctx.links.handed_to_instance(handed, instance.prim, prototype)
         child = state.group(prototype, handed)
         by_child.setdefault(child, []).append(instance.gf_matrix)
-    group.instances += [(child, _finite(rows(matrices), group, ctx)) for child, matrices in by_child.items()]
+        if ctx.names_instances:
+            names.setdefault(child, []).append(_within(state, group, instance.path))
+    for child, matrices in by_child.items():
+        group.instances.append((child, _finite(rows(matrices), names.get(child), group, ctx)))
 
 
-def _finite(matrices: Doubles, group: Group[ResolvedPrim], ctx: Context) -> MatrixInstances:
+def _within(state: _Walk, group: Group[ResolvedPrim], path: str) -> str:
+    """A path relative to the root of its group: the whole one in the world."""
+    return path if group is state.groups[0] else path.removeprefix(group.path)
+
+
+def _finite(matrices: Doubles, names: list[str] | None, group: Group[ResolvedPrim], ctx: Context) -> MatrixInstances:
+    all_of_them = MatrixInstances(matrices, names=None if names is None else texts(names))
     finite = np.isfinite(matrices).all(axis=(1, 2))
     if not finite.all():
         bad = int(np.count_nonzero(~finite))
         ctx.warn("invalid-transform", group.path, f"{bad} of {len(matrices)} instances have transforms that are not finite.")
-    return MatrixInstances(matrices[finite])
+    return all_of_them if finite.all() else all_of_them.take(np.flatnonzero(finite))
 
 
 def _expand_points(state: _Walk, group: Group[ResolvedPrim], instancer: ResolvedPrim) -> None:
@@ -162,18 +176,23 @@ def _expand_points(state: _Walk, group: Group[ResolvedPrim], instancer: Resolved
         if not root or not root.IsActive():
             continue
         handed = _handed_to_prototype(instancer, root, [p.name for p in instances.primvars], ctx)
+        if ctx.links is not None:
+            handed = ctx.links.handed_to_prototype(handed, instancer.prim, root)
         if root.IsInstanceProxy():
             root = root.GetPrimInPrototype()
+        if instances.names is not None:
+            instances = replace(instances, names=replace(instances.names, prefix=_within(state, group, instancer.path)))
         group.instances.append((state.group(root, handed), instances))
 
 
 def _place_spheres(state: _Walk, group: Group[ResolvedPrim], points: ResolvedPrim) -> None:
     """A group of one leaf in many places; primvars that vary over the points are their instances' own."""
-    matrices, primvars = spheres(points, state.ctx)
+    placed = spheres(points, state.ctx)
     to_group = points.group_from_prim
-    placed = to_group[:3, :3] @ matrices
-    placed[:, :, 3] += to_group[:3, 3]
-    varying = [p.name for p in primvars]
+    matrices = to_group[:3, :3] @ placed.matrices
+    matrices[:, :, 3] += to_group[:3, 3]
+    names = None if placed.names is None else replace(placed.names, prefix=_within(state, group, points.path))
+    varying = [p.name for p in placed.primvars]
     leaf = replace(
         points,
         type_name=POINT,
@@ -181,7 +200,7 @@ def _place_spheres(state: _Walk, group: Group[ResolvedPrim], points: ResolvedPri
         gf_matrix=Gf.Matrix4d(1.0),
         inherited=given_per_instance(points.inherited, varying),
     )
-    group.instances.append((len(state.groups), MatrixInstances(placed, primvars)))
+    group.instances.append((len(state.groups), replace(placed, matrices=matrices, names=names)))
     state.groups.append(Group(points.path, [leaf]))
 
 

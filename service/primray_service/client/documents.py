@@ -22,9 +22,9 @@ class StopRules(TypedDict, total=False):
 
 class Settings(TypedDict, total=False):
     camera: str | None
-    render_settings: str | None  # these three: only None, ["beauty"] and [] so far
-    products: list[str]
-    aovs: list[str]
+    render_settings: str | None  # path of a RenderSettings prim
+    products: list[str]  # ["beauty"], or the path of one RenderProduct
+    aovs: list[str] | None
     frames: str | None
     resolution: tuple[int, int] | None
     stop: StopRules

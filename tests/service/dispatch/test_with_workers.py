@@ -9,12 +9,15 @@ import signal
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from tests.service.dispatch.rig import NO_QUOTAS, MakeExecutor, Rig, dispatching
 from tests.service.faults import descendants
 
 from primray import RenderSettings, render
+from primray.aov_parts import read_aovs
 from primray.image import pixels_sha256
+from primray.image_file import read_image
 from primray_service.executor.local import LocalExecutor
 from primray_service.files import DataDirectory
 from primray_service.jobs import Job, JobState
@@ -76,6 +79,29 @@ def test_whatever_happens_to_workers_the_bits_are_the_same(tmp_path: Path, expec
 
     async def run() -> None:
         async with dispatching(tmp_path, local(), checkpoint_every_s=0.2) as rig:
+            await act(rig)
+
+    asyncio.run(run())
+
+
+def test_aovs_are_parts_of_the_exr(tmp_path: Path) -> None:
+    async def act(rig: Rig) -> None:
+        job = rig.submit(rig.scene(SCENE.read_bytes()), settings=asked(2) | {"aovs": ["depth", "prim"]})
+        [ended] = await rig.ended(job.id)
+        assert ended.state is JobState.SUCCEEDED, ended.error
+        name = next(row.name for row in rig.outputs(job.id) if row.name.endswith(".exr"))
+        file = rig.data.outputs(job.id) / name
+        image = render(str(SCENE), RenderSettings(resolution=SIZE, spp=2, seed=5, aovs=("depth", "prim")))
+        assert np.array_equal(read_image(file).pixels, image.pixels[..., :3])
+        parts = read_aovs(file)
+        assert list(parts) == ["depth", "prim"]
+        for name, aov in parts.items():
+            assert np.array_equal(aov.values, image.aovs[name].values)
+        assert parts["prim"].ids == image.aovs["prim"].ids
+        assert ended.result is not None
+
+    async def run() -> None:
+        async with dispatching(tmp_path, local()) as rig:
             await act(rig)
 
     asyncio.run(run())

@@ -11,14 +11,14 @@ from pxr import Gf, Usd, UsdGeom
 from ...description import Camera, Doubles, Projection
 from ...diagnostics import Diagnostics
 from ..convert import matrix
-from ..read import When, number, read, token, vector
+from ..read import When, number, token
 from ..resolve import local_matrix
+from .clipping import clipping_planes, clipping_range
+from .lens import MM, WIDEST, Lens, note_no_lens, read_lens
 from .render_product import ProductSettings
+from .shutter import INSTANT, read_shutter
 
-MM = 0.1  # camera lengths are tenths of scene units (UsdGeomCamera)
-
-# Beyond these floats would overflow: tangents are squared, an exposure is multiplied by radiance.
-WIDEST_WINDOW = 1e15
+# Beyond this floats would overflow: an exposure is multiplied by radiance.
 BRIGHTEST = 2.0**64
 
 
@@ -41,7 +41,7 @@ def read_aperture(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Apert
         size = number(prim, name, when, default, diagnostics)
         if size > 0:
             return size
-        diagnostics.add("camera-input", str(prim.GetPath()), f"{name} = {size:g} is not positive: {default:g} is used.")
+        diagnostics.add("camera-input", str(prim.GetPath()), f"{name} = {size:g} is not positive: {default:g} is used.", name)
         return default
 
     return Aperture(
@@ -60,7 +60,7 @@ def conform(aperture: Aperture, resolution: tuple[int, int], product: ProductSet
     taller, narrower = replace(aperture, height=aperture.width / image), replace(aperture, width=aperture.height * image)
     match policy:
         case "adjustPixelAspectRatio":
-            return aperture
+            return aperture  # the pixels follow it: pixel_aspect_ratio
         case "adjustApertureWidth":
             return narrower
         case "adjustApertureHeight":
@@ -71,6 +71,13 @@ def conform(aperture: Aperture, resolution: tuple[int, int], product: ProductSet
             return taller if wider else narrower
 
 
+def pixel_aspect_ratio(aperture: Aperture, resolution: tuple[int, int], product: ProductSettings) -> float:
+    """Width over height of a pixel, once the policy has its way."""
+    if product.conform_policy == "adjustPixelAspectRatio":
+        return aperture.aspect * resolution[1] / resolution[0]
+    return product.pixel_aspect_ratio
+
+
 def camera(
     prim: Usd.Prim, when: When, resolution: tuple[int, int], product: ProductSettings, diagnostics: Diagnostics
 ) -> Camera:
@@ -79,7 +86,7 @@ def camera(
     orthographic = token(prim, "projection", when, "perspective") == "orthographic"
     focal = number(prim, "focalLength", when, 50.0, diagnostics)
     if focal <= 0 and not orthographic:
-        diagnostics.add("camera-input", path, f"focalLength = {focal:g} is not positive: 50 is used.")
+        diagnostics.add("camera-input", path, f"focalLength = {focal:g} is not positive: 50 is used.", "focalLength")
         focal = 50.0
     window = window_of(aperture, MM if orthographic else 1.0 / focal)
     if not _is_usable(window):
@@ -87,17 +94,27 @@ def camera(
         diagnostics.add("camera-input", path, f"No film can be as wide as ({shown}) at unit distance: apertures are ignored.")
         focal, aperture = max(focal, 50.0), conform(Aperture(20.955, 15.2908), resolution, ProductSettings())
         window = window_of(aperture, MM if orthographic else 1.0 / focal)
-    lens_radius, focus = (0.0, 0.0) if orthographic else _lens(prim, focal, when, product, diagnostics)
+    lens = Lens()
+    if orthographic:
+        note_no_lens(prim, when, product.disable_depth_of_field, diagnostics)
+    else:
+        lens = read_lens(prim, focal, when, product.disable_depth_of_field, diagnostics)
+    shutter = read_shutter(prim, when, product.disable_motion_blur, diagnostics)
+    exposure_scale = _exposure_scale(prim, when, diagnostics)
     _note_ignored(prim, when, diagnostics)
     return Camera(
         path,
         _world_from_camera(prim, when, diagnostics),
         Projection.ORTHOGRAPHIC if orthographic else Projection.PERSPECTIVE,
         window,
-        _clipping_range(prim, when, orthographic, diagnostics),
-        lens_radius,
-        focus,
-        _exposure_scale(prim, when, diagnostics),
+        clipping_range(prim, when, orthographic, diagnostics),
+        lens.radius,
+        lens.focus_distance,
+        0.0 if shutter is None else exposure_scale,
+        lens.blades,
+        lens.rotation_deg,
+        clipping_planes(prim, when, diagnostics),
+        shutter or INSTANT,
     )
 
 
@@ -111,29 +128,7 @@ def _is_usable(window: tuple[float, float, float, float]) -> bool:
     """Whether floats can tell its sides apart, and square them."""
     with np.errstate(over="ignore"):
         left, right, bottom, top = map(np.float32, window)
-    return bool(left < right and bottom < top and np.abs([left, right, bottom, top]).max() < WIDEST_WINDOW)
-
-
-def _lens(prim: Usd.Prim, focal: float, when: When, product: ProductSettings, diagnostics: Diagnostics) -> tuple[float, float]:
-    """Lens radius and focus distance in scene units; (0, 0) is a pinhole (fStop or focusDistance 0, UsdGeomCamera)."""
-    f_stop = number(prim, "fStop", when, 0.0, diagnostics)
-    focus = number(prim, "focusDistance", when, 0.0, diagnostics)
-    if f_stop <= 0 or focus <= 0 or product.disable_depth_of_field:
-        return (0.0, 0.0)
-    lens_radius = MM * focal / (2.0 * f_stop)
-    if max(lens_radius, lens_radius / focus) < WIDEST_WINDOW:
-        return (lens_radius, focus)
-    sentence = f"A lens of radius {lens_radius:g} cannot focus at {focus:g}: a pinhole is used."
-    diagnostics.add("camera-input", str(prim.GetPath()), sentence)
-    return (0.0, 0.0)
-
-
-def _clipping_range(prim: Usd.Prim, when: When, orthographic: bool, diagnostics: Diagnostics) -> tuple[float, float]:
-    near, far = vector(prim, "clippingRange", when, (1.0, 1e6), diagnostics)
-    if near < far and (near >= 0 or orthographic):
-        return (near, far)
-    diagnostics.add("camera-input", str(prim.GetPath()), f"clippingRange = ({near:g}, {far:g}) is ignored: nothing is clipped.")
-    return (0.0, 3e38)
+    return bool(left < right and bottom < top and np.abs([left, right, bottom, top]).max() < WIDEST)
 
 
 def _exposure_scale(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> float:
@@ -197,12 +192,7 @@ def _world_matrix(prim: Usd.Prim, when: When) -> Gf.Matrix4d:
 
 
 def _note_ignored(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> None:
-    path = str(prim.GetPath())
-    opened, closed = number(prim, "shutter:open", when, 0.0, diagnostics), number(prim, "shutter:close", when, 0.0, diagnostics)
-    if opened != closed:
-        diagnostics.add("motion", path, f"The shutter interval [{opened:g}, {closed:g}] is ignored.")
-    planes = read(prim, "clippingPlanes", when)
-    if planes is not None and len(planes):
-        diagnostics.add("camera-input", path, f"{len(planes)} clippingPlanes are ignored.")
-    if token(prim, "stereoRole", when, "mono") != "mono":
-        diagnostics.add("camera-input", path, "stereoRole is ignored: one eye is rendered.")
+    role = token(prim, "stereoRole", when, "mono")
+    if role != "mono":
+        message = f"stereoRole = {role} is ignored: the camera is rendered by itself, as one eye."
+        diagnostics.add("camera-input", str(prim.GetPath()), message, "stereoRole")

@@ -11,6 +11,7 @@ from ..context import Context
 from ..read import token
 from ..resolve import ResolvedPrim
 from .light import geometry_light
+from .light_rules import rules_of
 
 GLOW, INDEPENDENT, NO_MATERIAL = "materialGlowTintsLight", "independent", "noMaterialResponse"
 # "As if there is no Material bound at all, i.e. there is no diffuse, specular, or transmissive response."
@@ -32,7 +33,9 @@ def without_material(prim: ResolvedPrim, ctx: Context) -> ResolvedPrim:
 
 
 def as_light(shape: Shape, prim: ResolvedPrim, ctx: Context) -> Shape:
-    light = geometry_light(prim, ctx)
+    light = rules_of(prim, ctx).applied(geometry_light(prim, ctx))
+    if not light.visible_to_camera:
+        ctx.warn("light-input", prim.path, "The camera sees this light all the same, since it is a shape of the scene.")
     mode = sync_mode(prim, ctx)
     if mode == NO_MATERIAL:
         lamp = ctx.surface_index(LAMP)

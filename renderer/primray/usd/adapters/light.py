@@ -19,6 +19,7 @@ from ..read import flag, number, read, token
 from ..resolve import ResolvedPrim
 from ..texture_asset import light_texture
 from .light_notes import note_ignored_inputs
+from .light_shaping import note_unshaped, peak, shaping
 
 Color = tuple[float, float, float]
 
@@ -123,8 +124,16 @@ def _rect(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
 
 def _cylinder(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
     length, radius = _size(prim, "inputs:length", 1.0, ctx), _size(prim, "inputs:radius", 0.5, ctx)
-    emission = _sized(prim, _radiance(prim, ctx), cylinder_area(matrix, length, radius), ctx)
-    if emission is None or not _has_depth(prim, matrix, ctx):
+    area = cylinder_area(matrix, length, radius)
+    emission = _sized(prim, _radiance(prim, ctx), area, ctx)
+    if emission is None:
+        return None
+    if flag(prim.prim, "treatAsLine", ctx.when, False) or (_normalizes(prim, ctx) and radius <= SMALLEST):
+        # The limit of a cylinder. Across it a length dl of one shows L 2 r dl, which is L times its area over pi (also of an
+        # elliptic one's mean, by Cauchy's formula).
+        stretched = length * float(np.linalg.norm(matrix[:3, 0]))
+        return _light(prim, LightType.LINE, matrix, _times(emission, area / (math.pi * stretched)), ctx, length=length)
+    if not _has_depth(prim, matrix, ctx):
         return None
     return _light(prim, LightType.CYLINDER, matrix, emission, ctx, length=length, radius=radius)
 
@@ -213,8 +222,15 @@ def _light(
 ) -> Light:
     diffuse = _within(prim, "inputs:diffuse", 1.0, 0.0, BRIGHTEST, ctx)
     specular = _within(prim, "inputs:specular", 1.0, 0.0, BRIGHTEST, ctx)
-    emission = _emission(prim, emission, BRIGHTEST_TINT if texture else BRIGHTEST, ctx)
-    return Light(prim.path, kind, matrix, emission, width, height, radius, length, angle_deg, diffuse, specular, texture)
+    shaped = None
+    if kind in (LightType.DISTANT, LightType.DOME):
+        note_unshaped(prim, ctx)
+    else:
+        shaped = shaping(prim, matrix, ctx)
+    brightest = (BRIGHTEST_TINT if texture else BRIGHTEST) / max(peak(shaped), 1.0)
+    emission = _emission(prim, emission, brightest, ctx)
+    sizes = (width, height, radius, length, angle_deg)
+    return Light(prim.path, kind, matrix, emission, *sizes, diffuse, specular, texture, shaped)
 
 
 def _number(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:

@@ -1,33 +1,16 @@
-"""What a light asks for and does not get, as diagnostics: shaping, shadows, filters, linking, other shaders."""
+"""What a light asks for and does not get, as diagnostics: filters, other shaders."""
 
 from __future__ import annotations
-
-from pxr import Sdf, Usd
 
 from ..context import Context
 from ..read import read
 from ..resolve import ResolvedPrim
 
-# UsdLux ShapingAPI and ShadowAPI: attribute -> the value that changes nothing.
-_NEUTRAL: dict[str, object] = {
-    "inputs:shaping:focus": 0.0,
-    "inputs:shadow:enable": True,
-    "inputs:shadow:color": (0.0, 0.0, 0.0),
-    "inputs:shadow:distance": -1.0,
-}
-_FILES = frozenset({"inputs:shaping:ies:file"})
-
 
 def note_ignored_inputs(prim: ResolvedPrim, ctx: Context) -> None:
-    ignored = [f"{name} = {raw}" for name, raw in _authored(prim, ctx) if _matters(name, raw)]
-    if _has_cone(prim, ctx):
-        ignored.append("shaping:cone (ShapingAPI)")
-    if ignored:
-        ctx.warn("light-input", prim.path, f"Ignored: {', '.join(sorted(ignored))}.")
     if "light:filters" in prim.names and prim.prim.GetRelationship("light:filters").GetTargets():
         ctx.warn("light-input", prim.path, "Light filters are ignored.", "light:filters")
     _note_shader(prim, ctx)
-    _note_linking(prim.prim, prim, ctx)
 
 
 def _note_shader(prim: ResolvedPrim, ctx: Context) -> None:
@@ -39,51 +22,3 @@ def _note_shader(prim: ResolvedPrim, ctx: Context) -> None:
     if shader not in own:
         message = f"light:shaderId = {shader!r} is ignored: it is rendered as its type says."
         ctx.warn("light-input", prim.path, message, "light:shaderId")
-
-
-def _authored(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, object]]:
-    wanted = [n for n in prim.names if n in _NEUTRAL or n in _FILES]
-    return [(name, read(prim.prim, name, ctx.when)) for name in wanted]
-
-
-def _matters(name: str, raw: object) -> bool:
-    if isinstance(raw, Sdf.AssetPath):
-        return bool(raw.path)
-    neutral = _NEUTRAL.get(name)
-    if raw is None or neutral is None:
-        return False
-    if isinstance(neutral, tuple):
-        return tuple(raw) != neutral  # type: ignore[arg-type]
-    if name == "inputs:shadow:distance":
-        return isinstance(raw, int | float) and raw >= 0
-    return bool(raw != neutral)
-
-
-def _has_cone(prim: ResolvedPrim, ctx: Context) -> bool:
-    """Whether ShapingAPI's cone, 90 degrees by default, would change anything: one-sided lights have no light beyond that."""
-    if not any(str(schema) == "ShapingAPI" for schema in prim.prim.GetAppliedSchemas()):
-        return False
-    angle = read(prim.prim, "inputs:shaping:cone:angle", ctx.when)
-    if prim.type_name in ("DistantLight", "DomeLight", "DomeLight_1"):  # has no meaning there, so only what is asked for counts
-        return prim.prim.GetAttribute("inputs:shaping:cone:angle").HasAuthoredValue() or _soft(prim, ctx)
-    limit = 90.0 if prim.type_name in ("RectLight", "DiskLight") else 180.0
-    return (isinstance(angle, int | float) and not angle >= limit) or _soft(prim, ctx)
-
-
-def _soft(prim: ResolvedPrim, ctx: Context) -> bool:
-    softness = read(prim.prim, "inputs:shaping:cone:softness", ctx.when)
-    return isinstance(softness, int | float) and softness != 0
-
-
-def _note_linking(light: Usd.Prim, prim: ResolvedPrim, ctx: Context) -> None:
-    """Light and shadow linking: a collection that leaves something out (the default includes everything)."""
-    for name in ("lightLink", "shadowLink"):
-        collection = Usd.CollectionAPI(light, name)
-        authored = [n for n in prim.names if n.startswith(f"collection:{name}:")]
-        if not authored:
-            continue
-        root = collection.GetIncludeRootAttr().Get()
-        excludes = collection.GetExcludesRel().HasAuthoredTargets()
-        expression = any(n.endswith("membershipExpression") for n in authored)
-        if not root or excludes or expression:
-            ctx.warn("light-input", prim.path, f"{name} is ignored: the light reaches everything.")

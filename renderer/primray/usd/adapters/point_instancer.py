@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 from pxr import UsdGeom
 
+from ...instance_names import Names
 from ...placement import PointInstances
 from ..context import Context
 from ..convert import matrix
@@ -97,7 +98,9 @@ def _instances(prim: ResolvedPrim, positions: npt.NDArray[Any], ctx: Context) ->
     if quaternions is None:
         quaternions = _per_instance(prim, "orientations", 4, count, ctx)
     scales = _per_instance(prim, "scales", 3, count, ctx)
-    return PointInstances(matrix(prim.gf_matrix)[:3], positions, quaternions, scales, instance_primvars(prim, count, ctx))
+    names = Names(prim.path, numbers=np.arange(count, dtype=np.int32)) if ctx.names_instances else None
+    outer, primvars = matrix(prim.gf_matrix)[:3], instance_primvars(prim, count, ctx)
+    return PointInstances(outer, positions, quaternions, scales, primvars, names)
 
 
 def _finite(instances: PointInstances) -> npt.NDArray[np.bool_]:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import numpy.typing as npt
 
-from ...description import Doubles, Primvar, Shape, Sphere
+from ...description import MatrixInstances, Shape, Sphere
+from ...instance_names import Names
 from ..context import Context
 from ..instance_primvars import instance_primvars
 from ..notes import note_velocities
@@ -28,13 +27,13 @@ def point_sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     return Sphere(prim.path, 1.0, ctx.surface_index(surface), constant_primvars(prim, (surface,), ctx))
 
 
-def spheres(prim: ResolvedPrim, ctx: Context) -> tuple[Doubles, tuple[Primvar, ...]]:
-    """(K, 3, 4) prim_from_sphere, and what varies over the points: K rows, as those of an instancer have them."""
+def spheres(prim: ResolvedPrim, ctx: Context) -> MatrixInstances:
+    """prim_from_sphere of each, and what varies over the points, as an instancer's instances have it."""
     points = array(read(prim.prim, "points", ctx.when), 3, "f")
     if points is None or len(points) == 0:
         if points is None:
             ctx.warn("invalid-mesh", prim.path, "points: missing, or of the wrong type.")
-        return np.zeros((0, 3, 4)), ()
+        return MatrixInstances(np.zeros((0, 3, 4)))
     note_velocities(prim, "points", ctx)
     widths = _widths(prim, len(points), ctx)
     usable = np.isfinite(points).all(axis=1) & np.isfinite(widths) & (widths > 0)
@@ -44,8 +43,8 @@ def spheres(prim: ResolvedPrim, ctx: Context) -> tuple[Doubles, tuple[Primvar, .
     matrices = np.zeros((len(points), 3, 4))
     matrices[:, [0, 1, 2], [0, 1, 2]] = widths[:, None] / 2
     matrices[:, :, 3] = points
-    primvars = instance_primvars(prim, len(points), ctx)
-    return matrices[usable], tuple(replace(p, values=p.values[usable]) for p in primvars)
+    names = Names(prim.path, numbers=np.arange(len(points), dtype=np.int32)) if ctx.names_instances else None
+    return MatrixInstances(matrices, instance_primvars(prim, len(points), ctx), names).take(usable)
 
 
 def _widths(prim: ResolvedPrim, count: int, ctx: Context) -> npt.NDArray[np.floating]:

@@ -232,15 +232,3 @@ def _window(raw: Any) -> Window | None:
     left, bottom, right, top = (float(side) for side in raw)
     finite = all(map(math.isfinite, (left, bottom, right, top)))
     return (left, bottom, right, top) if finite and left < right and bottom < top else None
-
-
-def note_ignored(product: ProductSettings, diagnostics: Diagnostics) -> None:
-    """What the picture of this product will not be."""
-    place = product.path or product.settings_path
-    if product.data_window != WHOLE:
-        message = f"dataWindowNDC = {product.data_window} is ignored: the whole frame is rendered."
-        diagnostics.add("render-settings-input", place, message, "dataWindowNDC")
-    for var in product.variables:
-        if var.source_name not in ("Ci", "C.*", "color", "rgb", "rgba", "RGBA", "LPE:C.*[LO]", ""):
-            message = f"The render variable {var.source_name} is not rendered, only colour."
-            diagnostics.add("render-settings-input", var.path, message, "sourceName")

@@ -1,0 +1,79 @@
+// First hits for Python: planes that are made once, filled by bands of rows (signals are looked after in between), and taken
+// out.
+#include <nanobind/stl/string.h>
+
+#include "bindings/arrays.hpp"
+#include "integrator/first_hit.hpp"
+#include "scene/error.hpp"
+
+namespace primray {
+namespace {
+
+struct FirstHits {
+  const Scene& scene;
+  FirstHitPlanes planes;
+};
+
+// `names`: the planes that are wanted; `primvars`: (name, its wider twin, width) of each.
+void make(FirstHits* self, const Scene& scene, nb::list names, nb::list primvars) {
+  new (self) FirstHits{scene, {}};
+  FirstHitPlanes& p = self->planes;
+  const size_t pixels = size_t(scene.camera.pixels.width) * scene.camera.pixels.height;
+  for (nb::handle each : names) {
+    const std::string name = nb::cast<std::string>(each);
+    if (name == "depth") p.depth.resize(pixels);
+    if (name == "distance") p.distance.resize(pixels);
+    if (name == "position") p.position.resize(3 * pixels);
+    if (name == "camera_position") p.camera_position.resize(3 * pixels);
+    if (name == "normal") p.normal.resize(3 * pixels);
+    if (name == "geometric_normal") p.geometric.resize(3 * pixels);
+    if (name == "albedo") p.albedo.resize(3 * pixels);
+    if (name == "emission") p.emission.resize(3 * pixels);
+    if (name == "prim") p.shape.resize(pixels);
+    if (name == "material") p.surface.resize(pixels);
+    if (name == "instance") p.instance.resize(pixels), p.outer.resize(scene.has_grouped ? pixels : 0);
+  }
+  for (nb::handle each : primvars) {
+    PrimvarPlane plane;
+    plane.names[0] = nb::cast<int>(each[0]), plane.names[1] = nb::cast<int>(each[1]), plane.width = nb::cast<int>(each[2]);
+    for (const int name : plane.names)
+      if (name >= scene.primvars.names) throw Error("internal", "the scene has no primvar of that number");
+    plane.values.resize(pixels * plane.width);
+    p.primvars.push_back(std::move(plane));
+  }
+}
+
+// The planes, which are gone afterwards.
+nb::dict take(FirstHits& self) {
+  FirstHitPlanes& p = self.planes;
+  const size_t h = size_t(self.scene.camera.pixels.height), w = size_t(self.scene.camera.pixels.width);
+  nb::dict d;
+  const auto add = [&](const char* name, auto& plane, size_t channels) {
+    if (!plane.empty()) d[name] = to_numpy(std::move(plane), {h, w, channels});
+  };
+  add("depth", p.depth, 1), add("distance", p.distance, 1), add("position", p.position, 3);
+  add("camera_position", p.camera_position, 3), add("normal", p.normal, 3), add("geometric_normal", p.geometric, 3);
+  add("albedo", p.albedo, 3), add("emission", p.emission, 3);
+  add("prim", p.shape, 1), add("material", p.surface, 1), add("instance", p.instance, 1), add("outer", p.outer, 1);
+  nb::list primvars;
+  for (PrimvarPlane& v : p.primvars) primvars.append(to_numpy(std::move(v.values), {h, w, size_t(v.width)}));
+  d["primvars"] = primvars;
+  return d;
+}
+
+}  // namespace
+
+void bind_first_hit(nb::module_& m) {
+  nb::class_<FirstHits>(m, "FirstHits")
+      .def("__init__", &make, nb::arg("scene"), nb::arg("names"), nb::arg("primvars"), nb::keep_alive<1, 2>())
+      .def(
+          "fill",
+          [](FirstHits& f, int lanes, int threads, int first_row, int end_row) {
+            find_first_hits(f.scene, lanes, threads, first_row, end_row, f.planes);
+          },
+          nb::arg("lanes"), nb::arg("threads"), nb::arg("first_row"), nb::arg("end_row"),
+          nb::call_guard<nb::gil_scoped_release>())
+      .def("take", &take);
+}
+
+}  // namespace primray

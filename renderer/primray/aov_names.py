@@ -1,0 +1,96 @@
+"""The outputs beside the picture that can be asked for (AOVs), by name; what each holds is written here and nowhere else.
+
+Point samples are taken through the pixel's centre and the lens' centre, and so are exact; "filtered" ones are means over the
+pixel filter. Lengths are in scene units. What an AOV is made of is its source: a name of AOVS, or "primvar:NAME".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from .errors import SettingsError
+
+
+@dataclass(frozen=True)
+class AovKind:
+    channels: tuple[str, ...]  # behind the AOV's name and a dot; one alone: the channel's whole name, or "" for the AOV's own
+    meaning: str
+    unsigned: bool = False  # 32-bit whole numbers
+    double: bool = False  # in memory; a file has floats
+
+
+XYZ, RGB, UV = ("X", "Y", "Z"), ("R", "G", "B"), ("U", "V")
+
+AOVS: dict[str, AovKind] = {
+    "depth": AovKind(("Z",), "distance along the camera's axis; infinite where nothing is"),
+    "distance": AovKind(("",), "distance along the ray; infinite where nothing is"),
+    "position": AovKind(XYZ, "point in the world; 0 where nothing is", double=True),
+    "camera_position": AovKind(XYZ, "point relative to the camera, in its axes (in front: Z below 0)"),
+    "normal": AovKind(XYZ, "unit shading normal in the world, normal maps included, on the side that is seen"),
+    "geometric_normal": AovKind(XYZ, "unit normal of the true surface in the world, on the side that is seen"),
+    "camera_normal": AovKind(XYZ, "unit shading normal in the camera's axes"),
+    "st": AovKind(UV, "the primvar st"),
+    "albedo": AovKind(RGB, "filtered reflectance at normal incidence, with what is transmitted; 0 where nothing is"),
+    "emission": AovKind(RGB, "filtered radiance of what the camera sees directly: surfaces, lights, domes"),
+    "prim": AovKind(("",), "number of the prim; 0 where nothing is", unsigned=True),
+    "instance": AovKind(("",), "number of the instance; 0 where there is none", unsigned=True),
+    "material": AovKind(("",), "number of the bound material; 0 where there is none", unsigned=True),
+    "samples": AovKind(("",), "samples that the pixel took", unsigned=True),
+}
+# Always there, in the picture itself.
+IN_PICTURE = ("beauty", "alpha", "stderr")
+PRIMVAR = "primvar:"
+MOST_COMPONENTS = 4
+LONGEST_NAME = 256
+_PRIMVAR_NAME = re.compile(r"[^\s,\x00-\x1f]+")
+
+
+@dataclass(frozen=True)
+class AovRequest:
+    """`name` is its part's and its channels' in a file, `data_type` a UsdRenderVar's ("": as the source has it)."""
+
+    name: str
+    source: str
+    data_type: str = ""
+
+
+def check_names(names: Iterable[str]) -> None:
+    """SettingsError for a name that means nothing."""
+    for name in names:
+        if not isinstance(name, str) or not (name in AOVS or name in IN_PICTURE or _is_primvar(name)):
+            known = ", ".join((*AOVS, *IN_PICTURE))
+            raise SettingsError(f"there is no AOV {name!r}; there are {known} and primvar:NAME", code="unknown-aov")
+
+
+def _is_primvar(name: str) -> bool:
+    own = name.removeprefix(PRIMVAR)
+    return name.startswith(PRIMVAR) and len(own) <= LONGEST_NAME and _PRIMVAR_NAME.fullmatch(own) is not None
+
+
+def requests_of(names: Iterable[str]) -> tuple[AovRequest, ...]:
+    """Each once; those that every picture has need no request."""
+    return tuple(AovRequest(name, name) for name in dict.fromkeys(names) if name not in IN_PICTURE)
+
+
+def primvar_of(source: str) -> str | None:
+    """The primvar that a source is."""
+    if source == "st":
+        return "st"
+    return source.removeprefix(PRIMVAR) if source.startswith(PRIMVAR) else None
+
+
+def primvars_of(requests: Iterable[AovRequest]) -> tuple[str, ...]:
+    """The primvars that requests read, each once."""
+    return tuple(dict.fromkeys(name for name in (primvar_of(r.source) for r in requests) if name is not None))
+
+
+def aov_bytes(requests: Iterable[AovRequest]) -> int:
+    """Of memory a pixel, a little more than they take: each stands twice while a file is written."""
+    total = 0
+    for request in requests:
+        kind = AOVS.get(request.source)
+        numbers = MOST_COMPONENTS if kind is None else len(kind.channels)
+        total += numbers * (16 if kind is not None and kind.double else 8)
+    return total

@@ -1,0 +1,56 @@
+"""What one command renders, picture by picture: frames of the stage, or of several of its products."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..frame_numbers import check_names, has_frame_holder, name_of_frame
+from ..settings import RenderSettings
+
+if TYPE_CHECKING:
+    from ..render import OpenedStage
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One picture and the files it is written to; `report`: the JSON file beside them."""
+
+    settings: RenderSettings
+    files: list[str]
+    report: str | None = None
+
+
+def moments(time_codes: list[float] | None) -> list[float | None]:
+    """The frames asked for, or the stage's default time."""
+    return [*time_codes] if time_codes else [None]
+
+
+def product_shots(
+    scene: str, settings: RenderSettings, asked: Sequence[str] | None, folder: str | None, time_codes: list[float] | None
+) -> tuple[OpenedStage, list[Shot]]:
+    """The stage, and every frame of the products asked for (None: all) under their own names in `folder`."""
+    from ..products import products_of
+    from ..render import open_once
+
+    opened = open_once(scene, settings)
+    shots = []
+    for product in products_of(opened, settings, asked):
+        name = _numbered(product.file_name, time_codes)
+        check_names([name], time_codes)
+        # Parts of an EXR, which other pictures cannot hold.
+        asked_for = product.settings if name.lower().endswith(".exr") else replace(product.settings, aovs=())
+        for time_code in moments(time_codes):
+            file = name if time_code is None else name_of_frame(name, time_code)
+            shots.append(Shot(replace(asked_for, time_code=time_code), [str(Path(folder or "", file))]))
+    return opened, shots
+
+
+def _numbered(name: str, time_codes: list[float] | None) -> str:
+    """With a place for the frame's number where there are several."""
+    path = Path(name)
+    if time_codes is not None and len(time_codes) > 1 and not has_frame_holder(name):
+        return f"{path.stem}.####{path.suffix}"
+    return name

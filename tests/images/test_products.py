@@ -1,0 +1,101 @@
+"""Several products of one stage in one render: their cameras, sizes and names, by the library and by the command line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pxr import Usd
+
+import primray
+from primray.cli import run
+from primray.image_file import read_image
+from primray.settings import RenderSettings
+
+SCENE = Path(__file__).parents[2] / "scenes/features/render-products/scene.usda"
+FRONT, SIDE, ELSEWHERE = "/Render/front", "/Render/side", "/Render/elsewhere"
+FEW = RenderSettings(spp=2, threads=1)
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def files() -> list[str]:
+    return sorted(str(path) for path in Path().rglob("*") if path.is_file())
+
+
+@pytest.mark.conforms("RenderSettings.products", "RenderProduct.productName", "RenderSettingsBase.resolution")
+def test_every_product_has_its_camera_size_and_name() -> None:
+    made = list(primray.render_products(SCENE, FEW))
+    assert [(p.path, p.file_name, image.resolution) for p, image in made] == [
+        (FRONT, "front.exr", (96, 64)),
+        (SIDE, "side.png", (48, 48)),
+        (ELSEWHERE, "front_2.exr", (24, 16)),
+    ]
+    assert [image.camera.path for _, image in made if image.camera] == ["/front", "/side", "/front"]
+    # White sky on nothing but the two faces: each is seen in its own colour.
+    front, side = (image.pixels[image.resolution[1] // 2, image.resolution[0] // 2, :3] for _, image in made[:2])
+    assert np.allclose(front, (0.8, 0.1, 0.1), atol=1e-5)
+    assert np.allclose(side, (0.1, 0.8, 0.1), atol=1e-5)
+
+
+def test_products_have_the_bits_of_renders_by_themselves() -> None:
+    ((_, image),) = primray.render_products(SCENE, FEW, ["side"])
+    alone = primray.render(SCENE, RenderSettings(spp=2, threads=1, camera="/side", resolution=(48, 48)))
+    assert np.array_equal(image.pixels, alone.pixels)
+
+
+def test_all_products_from_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
+    Path("out").mkdir()
+    assert run(["render", str(SCENE), "--all-products", "--output-dir", "out", "--spp", "2", "--json"]) == 0
+    assert files() == ["out/front.exr", "out/front_2.exr", "out/side.png"]
+    assert read_image("out/front_2.exr").resolution == (24, 16)
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    reports = [line for line in lines if line["type"] == "report"]
+    assert [report["settings"]["product"] for report in reports] == [FRONT, SIDE, ELSEWHERE]
+    assert [report["stages_s"]["open"] > 0 for report in reports] == [True, False, False]
+
+
+def test_frames_of_a_product_are_numbered() -> None:
+    assert run(["render", str(SCENE), "--product", "side", "--frames", "1:2", "--spp", "2"]) == 0
+    assert files() == ["side.0001.png", "side.0002.png"]
+
+
+def test_without_flags_the_first_product_is_rendered_under_the_stages_name() -> None:
+    assert run(["render", str(SCENE), "--spp", "2", "--res", "12", "8"]) == 0
+    assert files() == ["scene.exr"]
+
+
+@pytest.mark.parametrize(
+    ("flags", "code", "words"),
+    [
+        (["--product", "none"], "unknown-product", FRONT),
+        (["--product", ""], "unknown-product", FRONT),
+        (["--all-products", "-o", "a.exr"], "product-output", "-o"),
+        (["--all-products", "--report", "a.json"], "product-output", "--report"),
+        (["--product", "side", "--checkpoint", "a.prc"], "product-output", "--checkpoint"),
+        (["--all-products", "--output-dir", "missing"], "output-folder", "missing"),
+    ],
+)
+def test_what_cannot_be_had_is_said_before_rendering(
+    flags: list[str], code: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["render", str(SCENE), *flags]) == 2
+    said = capsys.readouterr().err
+    assert code in said
+    assert words in said
+    assert files() == []
+
+
+def test_a_name_with_a_frame_needs_frames(capsys: pytest.CaptureFixture[str]) -> None:
+    stage = Usd.Stage.Open(str(SCENE))
+    stage.GetPrimAtPath(FRONT).GetAttribute("productName").Set("a/b/shot.$F4.exr")
+    stage.GetRootLayer().Export("numbered.usda")
+    assert run(["render", "numbered.usda", "--product", "front", "--spp", "2"]) == 2
+    assert "--frames" in capsys.readouterr().err
+    assert run(["render", "numbered.usda", "--product", "front", "--spp", "2", "-f", "7"]) == 0
+    assert files() == ["numbered.usda", "shot.0007.exr"]
