@@ -82,8 +82,8 @@ class Image:
         exposure: float = 0.0,
         look: str | None = None,
     ) -> Path:
-        """Write `path` whole or not at all; `view`, `display`, `exposure` (stops) and `look` are for PNG and JPEG, which show the
-        picture alone."""
+        """Write `path` whole or not at all; `view`, `display`, `exposure` (stops) and `look` are for PNG and JPEG, which show
+        the picture alone."""
         path = check_output_path(path)
         with _replacing(path) as temporary:
             if path.suffix.lower() == ".exr":

@@ -61,7 +61,8 @@ def _gather(paths: Sequence[Path]) -> tuple[Sampling, list[Checkpoint], tuple[Ra
     film: core.Film | None = None
     for path in paths:
         part = load(path)
-        scene = core.CoreScene(None, part.about.camera.exposure_scale, [], part.resolution, rendering_space=part.about.rendering_space)
+        about = part.about
+        scene = core.CoreScene(None, about.camera.exposure_scale, [], part.resolution, rendering_space=about.rendering_space)
         if held:
             compare(part.about, held[0].about, path)
         _check_part(part, held)

@@ -230,7 +230,7 @@ def _light(
     brightest = (BRIGHTEST_TINT if texture else BRIGHTEST) / max(peak(shaped), 1.0)
     emission = _emission(prim, emission, brightest, ctx)
     sizes = (width, height, radius, length, angle_deg)
-    return Light(prim.path, kind, matrix, emission, *sizes, diffuse, specular, texture, shaped)
+    return Light(prim.path, kind, matrix, emission, *sizes, diffuse, specular, texture, shaping=shaped)
 
 
 def _number(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:

@@ -12,7 +12,8 @@ from pxr import Sdf
 from ...description import Doubles, IesProfile, Shaping
 from ..context import Context
 from ..ies_asset import FILE, ies_profile
-from ..read import flag, number, read, vector
+from ..light_color import light_color
+from ..read import flag, number, read
 from ..resolve import ResolvedPrim
 
 FOCUS, TINT = "inputs:shaping:focus", "inputs:shaping:focusTint"
