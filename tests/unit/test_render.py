@@ -40,6 +40,7 @@ REPORT_KEYS = {
     "threads",
     "pixels_sha256",
     "color_space",
+    "aovs",
     "scene",
     "features",
     "diagnostics",

@@ -131,8 +131,8 @@ ImageInput image_input(const InArray<float>& pixels) {
 
 // `image`: a rectangle's texture, or -1. `portals`: rows of a matrix and two sizes, (N, 14).
 void add_light(SceneBuilder& b, int type, InArray<double> matrix, nb::handle light, InArray<float> texture, int format,
-               InArray<double> portals, int image) {
-  LightInput l = light_input(type, matrix, light);
+               InArray<double> portals, int image, int ies) {
+  LightInput l = light_input(type, matrix, light, ies);
   const ImageInput dome = image_input(texture);
   l.texture_width = dome.width, l.texture_height = dome.height, l.texels = dome.pixels, l.format = DomeFormat(format);
   for (size_t i = 0; i + 14 <= portals.size(); i += 14) {
@@ -244,8 +244,8 @@ void bind_scene(nb::module_& m) {
              return b.add_ies_profile({span_of(vertical_deg), span_of(horizontal_deg), span_of(candela), horizontal_pole});
            })
       .def("add_light_image", [](SceneBuilder& b, InArray<float> pixels) { return b.add_light_image(image_input(pixels)); })
-      .def("add_light", &add_light, nb::arg("type"), nb::arg("matrix"), nb::arg("light"), nb::arg("texture"), nb::arg("format") = 0,
-           nb::arg("portals") = InArray<double>(), nb::arg("image") = -1, nb::arg("ies") = -1)
+      .def("add_light", &add_light, nb::arg("type"), nb::arg("matrix"), nb::arg("light"), nb::arg("texture"),
+           nb::arg("format") = 0, nb::arg("portals") = InArray<double>(), nb::arg("image") = -1, nb::arg("ies") = -1)
       .def("add_geometry_light", &add_geometry_light, nb::arg("matrix"), nb::arg("light"), nb::arg("ies") = -1)
       .def("wear_light", [](SceneBuilder& b, int light, InArray<double> matrix) { b.wear_light(light, affine_of(matrix)); })
       .def("set_camera",
