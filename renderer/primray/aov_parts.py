@@ -42,6 +42,8 @@ def parts_of(picture: Any, aovs: Mapping[str, Aov]) -> list[tuple[Any, Values]]:
             part.attribute(IDS, ids_text(aov.ids))
         if aov.source not in ("albedo", "emission"):
             part.attribute("oiio:ColorSpace", "data")
+            part.attribute("colorInteropID", "data")
+            part.erase_attribute("chromaticities")
         found.append((part, np.asarray(aov.values, np.uint32 if aov.stored == "uint" else np.float32)))
     picture.attribute("oiio:subimagename", PICTURE_PART)
     return found

@@ -21,6 +21,7 @@ from . import core
 from .adaptive import DOUBLINGS, Plan
 from .camera_json import camera_as_json, camera_of, frame_of
 from .checkpoint_file import Arrays, read_checkpoint, read_header
+from .color_space import REC709, ColorSpace, is_gamut
 from .description import Camera, Frame
 from .error import Estimate, FrameError
 from .errors import CheckpointError
@@ -33,7 +34,7 @@ SPLITS = (1, 2)  # what core.choose_splits answers; others would be taken for wh
 BINS = (-4, 3)  # exact_sum.hpp: kLowestBin, and that of the largest float
 
 # Settings that decide about pixels once the scene is translated, and those that decide what is translated.
-OF_PIXELS = ("resolution", "seed", "max_depth", "filter", "filter_width", "dicing_rate")
+OF_PIXELS = ("resolution", "seed", "max_depth", "filter", "filter_width", "dicing_rate", "rendering_color_space")
 OF_SCENE = ("camera", "time_code", "default_light", "purposes", "variants", "load", "mask", "session_layer")
 
 PLAN_ARRAYS = ("begin", "order", "levels", "spent")
@@ -53,6 +54,7 @@ class About:
     features: list[dict[str, str]]
     diagnostics: list[dict[str, str]]
     aovs: tuple[str, ...] = ()  # that the render makes beside the picture: from the scene, not from what is held here
+    rendering_space: ColorSpace = REC709
 
 
 @dataclass(frozen=True)
@@ -109,6 +111,7 @@ def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
         "features": about.features,
         "diagnostics": about.diagnostics,
         "aovs": list(about.aovs),
+        "rendering_space": asdict(about.rendering_space),
         "ranges": [[first, sampling.done]],
         "under_way": sampling.ends is not None,
         "adaptive": settings.adapts,
@@ -182,6 +185,7 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
             features=list(header["features"]),
             diagnostics=[dict(row) for row in header["diagnostics"]],
             aovs=tuple(str(name) for name in header.get("aovs", ())),
+            rendering_space=_space_of(header["rendering_space"]),
         ),
         ranges=ranges,
         under_way=bool(header["under_way"]),
@@ -257,6 +261,13 @@ def _row(row: Mapping[str, Any], tiles: npt.NDArray[np.float64]) -> Row:
         raise ValueError
     error = FrameError(relmse, rmse, tiles, estimates["display"])
     return Row(float(row["samples"]), float(row["seconds"]), error, bool(row["anchor"]), bool(row["due"]))
+
+
+def _space_of(values: Mapping[str, Any]) -> ColorSpace:
+    red, green, blue, white = ((float(x), float(y)) for x, y in (values[k] for k in ("red", "green", "blue", "white")))
+    space = ColorSpace(str(values["name"]), red, green, blue, white)
+    _valid(is_gamut(space))
+    return space
 
 
 # ---- going on -----------------------------------------------------------------------------------------------------------

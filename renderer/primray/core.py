@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from . import dice as dicing
 from . import errors
+from .color_space import REC709, ColorSpace
 from .description import Floats, SceneDescription, Shape
 from .pixel_filter import inverse_cdf
 from .scene_record import InstanceNumbers, SceneRecord
@@ -116,12 +117,14 @@ class CoreScene:
         warnings: list[tuple[str, str, str]],
         resolution: tuple[int, int],
         record: SceneRecord | None = None,
+        rendering_space: ColorSpace = REC709,
     ) -> None:
         self._scene = scene
         self.record = record  # where AOVs are asked for
         self.resolution = resolution  # of the film
         self._exposure_scale = exposure_scale
         self.warnings = warnings  # code, prim path, message
+        self.rendering_space = rendering_space
 
     @property
     def memory_bytes(self) -> int:
@@ -287,7 +290,8 @@ def build(
         scene, warnings = upload(module(), description, textures, width, inverse_cdf(settings.filter, width), shapes, record)
     except module().CoreError as error:
         _raise(error)
-    return CoreScene(scene, description.camera.exposure_scale, warnings, description.frame.size, record)
+    d = description
+    return CoreScene(scene, d.camera.exposure_scale, warnings, d.frame.size, record, d.rendering_space)
 
 
 def threads(settings: RenderSettings) -> int:

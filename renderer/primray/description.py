@@ -1,7 +1,7 @@
 """The seam between USD and the core: a scene as frozen data and numpy arrays. Knows neither USD nor Embree.
 
 Matrices are 4x4 float64 in column-vector convention, named right to left (`world_from_object`). Lengths are scene
-units. Colours are linear in the rendering colour space (Rec.709 primaries, D65). The package `usd` makes a
+units. Colours are linear in the rendering colour space (`rendering_space`). The package `usd` makes a
 SceneDescription; `scene_upload` hands it to the core.
 """
 
@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .aov_names import AovRequest
+from .color_space import REC709, ColorSpace
 from .frame import Frame, PixelWindow, whole_frame
 from .geometry import Doubles, Floats, Interpolation, Ints, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
 from .lighting import NO_LINKS, IesProfile, Light, LightType, Linked, Portal, Shadow, Shaping
@@ -137,6 +138,7 @@ class SceneDescription:
     pixels: PixelWindow | None = None  # those that are rendered; None: the whole of `resolution`
     pixel_aspect_ratio: float = 1.0
     linked: Linked = NO_LINKS
+    rendering_space: ColorSpace = REC709
 
     @property
     def frame(self) -> Frame:

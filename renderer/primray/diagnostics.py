@@ -64,7 +64,7 @@ CODES: dict[str, Code] = {
         Severity.WARNING,
         "Motion while the shutter is open, or by velocities, is ignored: the scene is rendered at one instant.",
     ),
-    "color-space": Code(Severity.WARNING, "A colour space is authored and ignored: values are taken as linear Rec.709."),
+    "color-space": Code(Severity.WARNING, "A colour space is named that nobody knows: values are taken as linear Rec.709."),
     "wrong-type": Code(
         Severity.WARNING, "An attribute holds a value of the wrong type, or one that is not finite: its default is used."
     ),

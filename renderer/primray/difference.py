@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from .description import Doubles, Frame
 from .errors import SettingsError
-from .image_file import MeasuredImage
+from .image_file import MeasuredImage, same_color_space
 
 ALPHA = "A"
 WINDOW = 3  # radius in pixels of the neighbourhoods that local means are taken over
@@ -103,6 +103,9 @@ def difference(a: MeasuredImage, b: MeasuredImage) -> Difference:
     if a.resolution != b.resolution:
         sizes = " and ".join(f"{width} x {height}" for width, height in (a.resolution, b.resolution))
         raise SettingsError(f"the pictures differ in size: {sizes}", where=b.name, code="image-size")
+    if not same_color_space(a, b):
+        names = " and ".join(str(i.metadata.get("color_space.name", i.chromaticities)) for i in (a, b))
+        raise SettingsError(f"the pictures differ in colour space: {names}", where=b.name, code="image-color-space")
     if a.frame is not None and b.frame is not None and a.frame != b.frame:
         sentence = f"the pictures show different parts of their frames: {_shown(a.frame)} and {_shown(b.frame)}"
         raise SettingsError(sentence, where=b.name, code="image-size")

@@ -1,8 +1,8 @@
 """What a film's two replicates say of its error: estimates for the whole frame, each with a 95 % interval.
 
-relMSE: mean over pixels and colours of (I - R)^2 / (R^2 + 0.01), nothing clamped. RMSE: root of the mean of (I - R)^2.
-Display: RMSE after the display's view, in steps of 8 bits. I is the picture as delivered, R what it converges to; the
-interval is for this picture's error, not for the average of such pictures.
+relMSE: mean over pixels and channels (of the rendering space) of (I - R)^2 / (R^2 + 0.01), nothing clamped. RMSE: root of the
+mean of (I - R)^2. Display: RMSE after the display's view, in steps of 8 bits. I is the picture as delivered, R what it
+converges to; the interval is for this picture's error, not for the average of such pictures.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import color
+from .color_space import REC709, ColorSpace
 from .description import Doubles, Floats
 from .settings import Metric
 
@@ -108,6 +109,7 @@ class DisplayView:
     display: str | None = None
     view: str | None = None
     exposure: float = 0.0
+    space: ColorSpace = REC709  # what the film's colours are in
 
 
 def _display(film: Film, view: DisplayView) -> Estimate:
@@ -126,6 +128,6 @@ def _display(film: Film, view: DisplayView) -> Estimate:
 
 
 def _shown(rgb: Floats, view: DisplayView) -> Doubles:
-    shown = color.to_display(rgb[None], view.view, view.display, view.exposure)[0]
+    shown = color.to_display(rgb[None], view.view, view.display, view.exposure, space=view.space)[0]
     steps: Doubles = np.clip(np.nan_to_num(shown), 0, 1).astype(np.float64) * 255
     return steps

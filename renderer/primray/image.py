@@ -16,6 +16,7 @@ import numpy as np
 from . import color
 from .aov import Aov
 from .aov_parts import parts_of
+from .color_space import REC709, ColorSpace, named
 from .description import Camera, Doubles, Floats, Frame, Projection
 from .errors import PrimrayError, SettingsError
 from .image_error import last_error
@@ -24,6 +25,13 @@ CHANNELS = ("R", "G", "B", "A")
 ERROR_CHANNELS = ("stderr.R", "stderr.G", "stderr.B")
 VIEW_EXTENSIONS = (".png", ".jpg", ".jpeg")
 EXTENSIONS = (".exr", *VIEW_EXTENSIONS)
+
+# SMPTE ST 2065-1 (AP0) and the ACEScg specification S-2014-004 (AP1): about ACES's own white, to which values adapt.
+_ACES_WHITE = (0.32168, 0.33767)
+_ACES_CHROMATICITIES = {
+    "lin_ap0_scene": ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077), _ACES_WHITE),
+    "lin_ap1_scene": ((0.713, 0.293), (0.165, 0.83), (0.128, 0.044), _ACES_WHITE),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +46,7 @@ class Image:
     # (H, W, 3) standard errors of R, G, B, read-only; inf where a pixel has too few samples to tell. One degree of freedom
     # each: their squares are to be averaged over pixels before they are relied on.
     errors: Floats | None = None
+    color_space: ColorSpace = REC709  # linear
     frame: Frame | None = None  # where the pixels lie; None: they are the whole
     aovs: Mapping[str, Aov] = field(default_factory=dict)  # outputs beside the picture; an EXR holds each as a part
 
@@ -65,16 +74,23 @@ class Image:
         return self.pixels.shape[1], self.pixels.shape[0]
 
     def save(
-        self, path: str | os.PathLike[str], *, view: str | None = None, display: str | None = None, exposure: float = 0.0
+        self,
+        path: str | os.PathLike[str],
+        *,
+        view: str | None = None,
+        display: str | None = None,
+        exposure: float = 0.0,
+        look: str | None = None,
     ) -> Path:
-        """Write `path` whole or not at all; `view`, `display` and `exposure` (stops) are for PNG and JPEG, which are views of
+        """Write `path` whole or not at all; `view`, `display`, `exposure` (stops) and `look` are for PNG and JPEG, which show
         the picture alone."""
         path = check_output_path(path)
         with _replacing(path) as temporary:
             if path.suffix.lower() == ".exr":
                 _write_exr(self, temporary)
             else:
-                encoded = encode(self.pixels, view=view, display=display, exposure=exposure)
+                chosen = {"view": view, "display": display, "look": look}
+                encoded = encode(self.pixels, exposure=exposure, space=self.color_space, **chosen)
                 _write_view(encoded if path.suffix.lower() == ".png" else encoded[..., :3], temporary)
         return path
 
@@ -107,7 +123,13 @@ def check_folder(path: Path) -> None:
 
 
 def encode(
-    pixels: Floats, *, view: str | None = None, display: str | None = None, exposure: float = 0.0
+    pixels: Floats,
+    *,
+    view: str | None = None,
+    display: str | None = None,
+    exposure: float = 0.0,
+    look: str | None = None,
+    space: ColorSpace = REC709,
 ) -> np.ndarray[Any, Any]:
     """8-bit display values: (H, W, 4) with straight alpha, or (H, W, 3) where the picture is opaque.
 
@@ -120,7 +142,7 @@ def encode(
     opaque = background_shines or bool(np.all(alpha == 1))
     if not opaque:
         rgb = np.divide(rgb, alpha, out=np.zeros_like(rgb), where=alpha > 0)
-    shown = color.to_display(rgb, view, display, exposure)
+    shown = color.to_display(rgb, view, display, exposure, look=look, space=space)
     if not opaque:
         shown = np.concatenate([shown, alpha], axis=2)
     return (np.clip(np.nan_to_num(shown), 0, 1) * 255 + 0.5).astype(np.uint8)
@@ -163,7 +185,7 @@ def _write_exr(image: Image, path: str) -> None:
     spec.channelnames = channels
     _place(spec, image.frame)
     spec.attribute("compression", "zip")
-    spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
+    _describe_colors(spec, image.color_space)
     for name, value in image.metadata.items():
         fits = not isinstance(value, int) or -(2**31) <= value < 2**31
         spec.attribute(f"primray:{name}", value if fits else str(value))
@@ -181,6 +203,19 @@ def _place(spec: Any, frame: Frame | None) -> None:
         spec.x, spec.y = frame.pixels.x, frame.pixels.y
         spec.full_x = spec.full_y = 0
         spec.full_width, spec.full_height = frame.resolution
+
+
+def _describe_colors(spec: Any, space: ColorSpace) -> None:
+    """By interop id where the space has one, and by chromaticities: of ACES those of its standards, as readers expect."""
+    import OpenImageIO as oiio
+
+    known = named(space.name) == space
+    spec.attribute("oiio:ColorSpace", space.name)
+    if known:
+        spec.attribute("colorInteropID", space.name)
+    corners = _ACES_CHROMATICITIES.get(space.name, space.gamut) if known else space.gamut
+    numbers = tuple(float(x) for corner in corners for x in corner)
+    spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), numbers)
 
 
 def exr_matrices(camera: Camera) -> tuple[Doubles, Doubles]:

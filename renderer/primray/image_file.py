@@ -28,6 +28,7 @@ class MeasuredImage:
     stderr: Floats | None  # (H, W, 3); +inf: no estimate. None: the picture is taken as exact
     metadata: Mapping[str, Any] = field(default_factory=dict)  # the header's primray:<name>, by name
     name: str = ""
+    chromaticities: tuple[float, ...] | None = None  # x, y of red, green, blue and white; None: the file does not say
     frame: Frame | None = None  # where the pixels lie; None: they are the whole
 
     @property
@@ -50,6 +51,13 @@ class MeasuredImage:
         if len(numbers) != 2 or numbers[0] is None or numbers[1] is None or not 0 < numbers[0] <= numbers[1]:
             return None
         return numbers[0], numbers[1]
+
+
+def same_color_space(a: MeasuredImage, b: MeasuredImage) -> bool:
+    """Whether nothing says that they differ: a picture without chromaticities may be anything."""
+    if a.chromaticities is None or b.chromaticities is None:
+        return True
+    return bool(np.allclose(a.chromaticities, b.chromaticities, atol=1e-4))
 
 
 def _number(value: object) -> float | None:
@@ -86,9 +94,11 @@ def read_image(path: str | os.PathLike[str]) -> MeasuredImage:
             for attribute in spec.extra_attribs
             if attribute.name.startswith(HEADER_PREFIX)
         }
+        said = spec.getattribute("chromaticities")
+        primaries = tuple(map(float, said)) if said is not None and len(said) == 8 else None
     finally:
         file.close()
-    return replace(_measured(values, channels, metadata, name), frame=_frame(spec))
+    return replace(_measured(values, channels, metadata, name), frame=_frame(spec), chromaticities=primaries)
 
 
 def _frame(spec: Any) -> Frame:

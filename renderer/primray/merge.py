@@ -46,10 +46,10 @@ def merge(paths: Sequence[Path]) -> Merged:
     diagnostics = _diagnostics(sampling, held, ranges)
     about = replace(held[0].about, diagnostics=diagnostics, settings=settings_as_json(sampling.settings))
     says = {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": about.features}
-    report = make_report(sampling, costs, about.counts, diagnostics, says, pixels_sha256(pixels))
+    report = make_report(sampling, costs, about.counts, diagnostics, says, pixels_sha256(pixels), about.rendering_space)
     metadata = header_of(report)
     report |= {"frame": asdict(about.frame), "parts": [str(path) for path in paths], "sample_ranges": [list(r) for r in ranges]}
-    image = Image(pixels, report, metadata, about.camera, errors=errors, frame=about.frame)
+    image = Image(pixels, report, metadata, about.camera, errors=errors, frame=about.frame, color_space=about.rendering_space)
     header, arrays = contents(sampling, about)
     return Merged(image, header | {"ranges": [list(r) for r in ranges]}, arrays)
 
@@ -61,7 +61,8 @@ def _gather(paths: Sequence[Path]) -> tuple[Sampling, list[Checkpoint], tuple[Ra
     film: core.Film | None = None
     for path in paths:
         part = load(path)
-        scene = core.CoreScene(None, part.about.camera.exposure_scale, [], part.resolution)
+        about = part.about
+        scene = core.CoreScene(None, about.camera.exposure_scale, [], part.resolution, rendering_space=about.rendering_space)
         if held:
             compare(part.about, held[0].about, path)
         _check_part(part, held)

@@ -150,13 +150,15 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     if film.invalid_samples:
         diagnostics.add("invalid-samples", "", f"{film.invalid_samples} of {film.samples} samples are left out")
     pixels, errors = film.image()
+    space = prepared.scene.rendering_space
     aovs = find_aovs(prepared, sampling, costs)
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
-    report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels))
+    report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels), space)
     metadata = header_of(report)
     report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
     report["frame"] = asdict(prepared.frame)
-    return Image(pixels, report, metadata, prepared.camera, errors=errors, frame=prepared.frame, aovs=aovs)
+    frame = prepared.frame
+    return Image(pixels, report, metadata, prepared.camera, errors=errors, frame=frame, aovs=aovs, color_space=space)
 
 
 def find_aovs(prepared: Prepared, sampling: Sampling, costs: Costs) -> dict[str, Aov]:

@@ -16,6 +16,7 @@ from . import __version__
 from .settings import DEFAULT_FILTER_WIDTH, Metric, RenderSettings
 
 if TYPE_CHECKING:
+    from .color_space import ColorSpace
     from .description import SceneDescription
     from .sampling import Sampling
 
@@ -70,6 +71,7 @@ def resolve_settings(settings: RenderSettings, description: SceneDescription) ->
         spp=settings.spp if settings.stops_early or settings.sample_range else settings.most_samples,
         resolution=description.resolution,
         time_code=description.time_code,
+        rendering_color_space=description.rendering_space.name,
         filter_width=width if width is not None else DEFAULT_FILTER_WIDTH[settings.filter],
         threads=settings.threads or usable_threads(),
     )
@@ -110,8 +112,12 @@ def make_report(
     diagnostics: list[dict[str, str]],
     core: Mapping[str, Any],
     sha256: str,
+    space: ColorSpace,
 ) -> dict[str, Any]:
-    """The report: `scene` are its counts, `core` is what the core says of itself."""
+    """The report: `scene` are its counts, `core` is what the core says of itself, `space` what its colours are in.
+
+    Errors and rays are told per channel of that space; the display's error is one of the view.
+    """
     render_s = costs.stages_s["render"]
     film, settings, stop = sampling.film, sampling.settings, sampling.stop
     assert stop is not None
@@ -138,6 +144,7 @@ def make_report(
         "lanes": core["lanes"],
         "threads": settings.threads,
         "pixels_sha256": sha256,
+        "color_space": {"name": space.name, **{k: list(getattr(space, k)) for k in ("red", "green", "blue", "white")}},
         "scene": dict(scene),
         "features": core["features"],
         "diagnostics": diagnostics,

@@ -248,6 +248,9 @@ class Sampling:
         needed = self.settings.target_error is not None or self.settings.adapts or self.resumable or self.pilot
         return needed or doublings % 2 == 1
 
+    def _view(self) -> DisplayView:
+        return DisplayView(space=self.scene.rendering_space)
+
     def _measure(self, *, anchor: bool = False, due: bool = False) -> None:
         last = self._last_row()
         if last is not None and last.samples == self.mean_samples():
@@ -255,7 +258,7 @@ class Sampling:
             return
         start = time.perf_counter()
         shown = self.resumable or self.settings.error_metric is Metric.DISPLAY
-        error = measure(self.film, core.threads(self.settings), DisplayView() if shown else None)
+        error = measure(self.film, core.threads(self.settings), self._view() if shown else None)
         self.seconds += time.perf_counter() - start
         if error is not None:
             self.rows.append(Row(self.mean_samples(), self.seconds, error, anchor, due))
@@ -263,7 +266,7 @@ class Sampling:
     def _look(self) -> None:
         """What a few pixels tell of the error, for those who watch."""
         start = time.perf_counter()
-        view = DisplayView() if self.settings.error_metric is Metric.DISPLAY else None
+        view = self._view() if self.settings.error_metric is Metric.DISPLAY else None
         error = measure(self.film, core.threads(self.settings), view, LOOK_PIXELS)
         self.seconds += time.perf_counter() - start
         if error is not None:
@@ -287,7 +290,7 @@ class Sampling:
         last = self._last_row()
         if last is None or last.samples != self.mean_samples() or last.error.display is None:
             start = time.perf_counter()
-            error = measure(self.film, core.threads(self.settings), DisplayView())
+            error = measure(self.film, core.threads(self.settings), self._view())
             self.seconds += time.perf_counter() - start
             if error is not None and last is not None and last.samples == self.mean_samples():
                 self.rows[-1] = replace(last, error=error)

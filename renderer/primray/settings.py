@@ -66,6 +66,7 @@ class RenderSettings:
     threads: int | None = None  # None: every core this process may use
     seed: int = 0
     default_light: bool = True
+    rendering_color_space: str | None = None  # a linear RGB space; None: RenderSettings' renderingColorSpace, else Rec.709
     purposes: tuple[str, ...] | None = None  # None: RenderSettings' includedPurposes, else default and render
     aovs: tuple[str, ...] | None = None  # outputs beside the picture (aov_names.AOVS); None: what the stage's product orders
     strict: bool = False

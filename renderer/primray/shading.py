@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from .color_space import REC709, ColorSpace
+
 
 class Wrap(Enum):
     """UsdUVTexture's wrapS and wrapT; USE_METADATA: as the file says, black where it says nothing."""
@@ -19,8 +21,10 @@ class Wrap(Enum):
 @dataclass(frozen=True)
 class TextureFile:
     path: str  # resolved by Ar: a file, or "package.usdz[member]"; "" where nothing was found; with <UDIM> for a set of tiles
-    color_space: str  # "auto", "raw", "sRGB" or a colour space's name
+    color_space: str | ColorSpace  # "auto", "raw" (numbers), "sRGB", or a name that only the OCIO configuration knows
     tiles: tuple[tuple[int, str], ...] = ()  # of a <UDIM> path: (1001 ... 1100, resolved path)
+    target: ColorSpace = REC709  # where its colours are wanted: the rendering space
+    is_color: bool = True  # else three channels are three numbers: curves are undone, and nothing mixes them
 
 
 @dataclass(frozen=True)

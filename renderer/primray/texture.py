@@ -1,7 +1,8 @@
-"""Texture files as linear Rec.709 pixels, read with OpenImageIO. Resolving asset paths is USD's work, not done here.
+"""Texture files as pixels of the rendering space, read with OpenImageIO. Resolving asset paths is USD's work, not done here.
 
 Values are as stored: alpha is straight, never colour-transformed and multiplied with nothing; EXIF's orientation turns
-nothing, and chromaticities in a file convert nothing (UsdUVTexture's "auto" asks a file only whether it is sRGB).
+nothing, and chromaticities in a file convert nothing (UsdUVTexture's "auto" asks a file only whether it is sRGB). "auto" and
+"sRGB" speak of the curve alone (UsdUVTexture): the primaries are those of USD's default space, Rec.709's.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from . import color
-from .description import Floats, TextureFile, Wrap
+from .color_space import REC709, SRGB, ColorSpace, linear, matrix, transformed
+from .description import Doubles, Floats, TextureFile, Wrap
 from .errors import AssetError, LimitError, SettingsError
 from .image_error import last_error
 from .texture_format import Layout, environment_of, is_srgb, layout_of, wraps_of
@@ -36,6 +38,7 @@ class Texture:
 
     stored: npt.NDArray[Any]  # uint8, uint16 or what they mean, as float32
     srgb_channels: int = 0  # of integers: so many of the first channels are through sRGB's curve
+    to_target: Doubles | None = None  # of integers: what the linear red, green and blue are multiplied with
     bad_texels: int = 0  # NaN or infinite ones, set to 0
     wrap_s: Wrap = Wrap.BLACK  # what the file says of itself
     wrap_t: Wrap = Wrap.BLACK
@@ -53,6 +56,14 @@ class Texture:
 
     def channels(self, first: int, end: int) -> Floats:
         """Some of the pixels' channels, contiguous."""
+        if self.to_target is None or first >= 3:
+            return self._unmixed(first, end)
+        mixed = self._unmixed(0, max(end, 3))
+        for row in mixed:  # in double, a row at a time: large images stay small
+            row[:, :3] = transformed(row[:, :3], self.to_target)
+        return np.ascontiguousarray(mixed[:, :, first:end])
+
+    def _unmixed(self, first: int, end: int) -> Floats:
         part = self.stored[:, :, first:end]
         if part.dtype.kind == "f":
             return np.ascontiguousarray(part, np.float32)
@@ -83,11 +94,11 @@ def load_texture(
         with tempfile.NamedTemporaryFile(suffix=PurePath(member).suffix) as unpacked:
             unpacked.write(read(path))
             unpacked.flush()
-            return _load(unpacked.name, path, file.color_space, channels)
-    return _load(path, path, file.color_space, channels)
+            return _load(unpacked.name, path, file, channels)
+    return _load(path, path, file, channels)
 
 
-def _load(path: str, shown: str, color_space: str, wanted: frozenset[str]) -> Texture:
+def _load(path: str, shown: str, file: TextureFile, wanted: frozenset[str]) -> Texture:
     import OpenImageIO as oiio
 
     oiio.attribute("limits:imagesize_MB", MAX_TEXTURE_MB)
@@ -101,16 +112,28 @@ def _load(path: str, shown: str, color_space: str, wanted: frozenset[str]) -> Te
         layout = layout_of(tuple(spec.channelnames)).reduced(wanted)
         _check_size(spec, layout, shown)
         stored = _read(image, spec, layout, shown)
-        space = "sRGB" if color_space == "auto" and is_srgb(spec, path) else color_space
+        space = _space_of(file, is_srgb(spec, path))
         turned = spec.getattribute("Orientation") not in (None, 0, 1)
-        if stored.dtype.kind == "u" and space in ("sRGB", "raw", "auto"):
-            return Texture(stored, layout.colors if space == "sRGB" else 0, 0, *wraps_of(spec), turned, environment_of(spec))
-        pixels = _linear(stored, layout.colors, space, shown)
-        return Texture(
-            pixels, 0, _clear_bad(pixels) if stored.dtype.kind == "f" else 0, *wraps_of(spec), turned, environment_of(spec)
-        )
+        around = environment_of(spec)
+        if stored.dtype.kind == "u" and isinstance(space, ColorSpace) and (space.is_linear or _has_srgb_curve(space)):
+            mixing = matrix(space, file.target) if file.is_color and layout.colors == 3 else None
+            return Texture(stored, 0 if space.is_linear else layout.colors, mixing, 0, *wraps_of(spec), turned, around)
+        pixels = _linear(stored, layout.colors, space, file, shown)
+        bad = _clear_bad(pixels) if stored.dtype.kind == "f" else 0
+        return Texture(pixels, 0, None, bad, *wraps_of(spec), turned, around)
     finally:
         image.close()
+
+
+def _space_of(file: TextureFile, looks_srgb: bool) -> ColorSpace | str:
+    if not isinstance(file.color_space, str):
+        return file.color_space
+    chosen = {"auto": SRGB if looks_srgb else REC709, "sRGB": SRGB, "raw": file.target}
+    return chosen.get(file.color_space, file.color_space)
+
+
+def _has_srgb_curve(space: ColorSpace) -> bool:
+    return (space.gamma, space.bias) == (SRGB.gamma, SRGB.bias)
 
 
 def _clear_bad(pixels: Floats) -> int:
@@ -147,25 +170,28 @@ def _read(image: Any, spec: Any, layout: Layout, shown: str) -> npt.NDArray[Any]
     return np.ascontiguousarray(found[:, :, list(layout.channels)])
 
 
-def _linear(stored: npt.NDArray[Any], colors: int, space: str, shown: str) -> Floats:
+def _linear(stored: npt.NDArray[Any], colors: int, space: ColorSpace | str, file: TextureFile, shown: str) -> Floats:
     """The first `colors` channels through the colour space's curve and primaries, the others as numbers."""
     if stored.dtype.kind == "u":
         pixels = _numbers(stored, _table(stored.dtype.itemsize * 8, False))
     else:
         pixels = np.asarray(stored, np.float32, order="C")  # nobody else's: changed in place
-    if space == "sRGB":
-        for row in pixels:  # in double, a row at a time: large images stay small
-            row[:, :colors] = _linear_from_srgb(row[:, :colors].astype(np.float64))
-    elif space not in ("raw", "auto"):
-        _convert(pixels, colors, space, shown)
+    if isinstance(space, str):
+        _convert(pixels, colors, space, file.target, shown)
+        return pixels
+    mixing = matrix(space, file.target) if file.is_color and colors == 3 else None
+    if mixing is None and space.is_linear:
+        return pixels
+    for row in pixels:  # in double, a row at a time: large images stay small
+        row[:, :colors] = transformed(linear(row[:, :colors], space), mixing)
     return pixels
 
 
-def _convert(pixels: Floats, colors: int, space: str, shown: str) -> None:
+def _convert(pixels: Floats, colors: int, space: str, target: ColorSpace, shown: str) -> None:
     """Through OpenColorIO, in place. Of a grey image only the curve is left: its channels stay equal in any of the spaces."""
     rgb = pixels[:, :, :3] if colors == 3 else np.repeat(pixels[:, :, :1], 3, axis=2)
     try:
-        converted = color.to_rendering_space(rgb, space)
+        converted = color.convert(rgb, space, target)
     except SettingsError as error:
         raise AssetError(error.message, where=shown, code="unknown-color-space") from error
     pixels[:, :, :colors] = converted[:, :, :colors]
@@ -183,9 +209,4 @@ def _numbers(codes: npt.NDArray[Any], table: Floats) -> Floats:
 def _table(bits: int, srgb: bool) -> Floats:
     """What each integer of so many bits stands for."""
     values: npt.NDArray[np.float64] = np.arange(1 << bits, dtype=np.float64) / ((1 << bits) - 1)
-    return (_linear_from_srgb(values) if srgb else values).astype(np.float32)
-
-
-def _linear_from_srgb(v: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """IEC 61966-2-1, also beyond 1; negative values stay on the curve's linear part."""
-    return np.where(v <= 0.04045, v / 12.92, np.power((np.maximum(v, 0.04045) + 0.055) / 1.055, 2.4))
+    return (linear(values, SRGB) if srgb else values).astype(np.float32)

@@ -85,11 +85,13 @@ def _images(file: TextureFile) -> Iterator[tuple[int, str]]:
 
 def _noted(texture: Texture, path: str, use: _Use, diagnostics: Diagnostics) -> Texture:
     bad, where = texture.bad_texels, use.light or use.surface
+    if use.light is not None and texture.to_target is not None and (texture.to_target < 0).any():
+        texture = replace(texture, stored=texture.pixels, srgb_channels=0, to_target=None)
     if use.light is not None and texture.stored.dtype.kind == "f":  # no light is negative
-        negative = np.asarray((texture.stored < 0).any(axis=2))
-        if negative.any():
-            bad += int(np.count_nonzero(negative))
-            texture = replace(texture, stored=np.where(negative[:, :, None], np.float32(0), texture.stored))
+        negative = int(np.count_nonzero((texture.stored < 0).any(axis=2)))
+        if negative:  # also colours outside the rendering space: the nearest inside keeps its other channels
+            bad += negative
+            texture = replace(texture, stored=np.maximum(texture.stored, np.float32(0)))
         bright = int(np.count_nonzero((texture.stored > BRIGHTEST_TEXEL).any(axis=2)))
         if bright:
             diagnostics.add(
@@ -97,7 +99,7 @@ def _noted(texture: Texture, path: str, use: _Use, diagnostics: Diagnostics) -> 
             )
             texture = replace(texture, stored=np.minimum(texture.stored, np.float32(BRIGHTEST_TEXEL)))
     if bad:
-        kind = "negative or not finite" if use.light is not None else "not finite"
+        kind = "negative (or outside the rendering space) or not finite" if use.light is not None else "not finite"
         diagnostics.add("texture-bad-texels", where, f"{bad} texels are {kind}, and read as 0 ({path})")
     if texture.turned:
         diagnostics.add("texture-turned", where, f"The file asks to be shown turned or mirrored ({path}).")

@@ -19,6 +19,7 @@ LONGEST = 36  # longer arrays are summarised
 SPARSE = frozenset({"primvars", "inputs", "tiles", "opacity_threshold", "names", "instance", "aovs"})
 SPARSE |= {"blades", "blade_rotation_deg", "clipping_planes", "shutter", "pixels", "pixel_aspect_ratio"}
 SPARSE |= {"shaping", "shadow", "light_link", "shadow_link", "visible_to_camera", "linked", "link_row"}
+SPARSE |= {"rendering_space", "target", "is_color"}
 SPARSE |= {"texture_format", "portals", "normalize", "own_color", "shows_own", "light"}
 
 

@@ -91,7 +91,11 @@ class FakePipeline:
         self.calls.append("build")
         self.textures = textures
         return SimpleNamespace(
-            warnings=self.building, features=[{"name": "dome", "why": "/dome"}], memory_bytes=1000, description=description
+            warnings=self.building,
+            features=[{"name": "dome", "why": "/dome"}],
+            memory_bytes=1000,
+            description=description,
+            rendering_space=description.rendering_space,
         )
 
     def begin(self, scene: Any, settings: primray.RenderSettings) -> FakeSampling:

@@ -40,6 +40,8 @@ REPORT_KEYS = {
     "lanes",
     "threads",
     "pixels_sha256",
+    "color_space",
+    "aovs",
     "scene",
     "features",
     "diagnostics",

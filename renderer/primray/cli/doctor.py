@@ -62,7 +62,8 @@ def _images(version: str) -> str:
 
 
 def _color() -> str:
-    from ..color import check_view, config_name
+    from ..color import check_view, config_name, displays, looks, views
 
     display, view = check_view(None)
-    return f"{config_name()}: {display}, {view}"
+    listed = {"displays": displays(), f"views of {display}": views(), "looks": looks() or ["none"]}
+    return "\n         ".join([f"{config_name()}: {display}, {view}", *(f"{k}: {', '.join(v)}" for k, v in listed.items())])

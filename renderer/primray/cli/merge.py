@@ -21,7 +21,9 @@ def merge(
     ],
     checkpoint: options.Checkpoint = None,
     report: options.Report = None,
+    display: options.Display = None,
     view: options.View = None,
+    look: options.Look = None,
     exposure: options.Exposure = 0.0,
     json: options.Json = False,
     verbose: options.Verbose = False,
@@ -30,10 +32,11 @@ def merge(
     from ..checkpointing import Checkpointing
     from ..merge import merge
 
-    check_outputs(outputs, report, view, exposure)
+    looks = Looks(json, verbose, view=view, display=display, look=look, exposure=exposure)
+    check_outputs(outputs, report, looks)
     if checkpoint is not None:
         Checkpointing(Path(checkpoint)).check()
     merged = merge(parts)
-    write(merged.image, outputs, report, Looks(view, exposure, json, verbose))
+    write(merged.image, outputs, report, looks)
     if checkpoint is not None:
         merged.save_checkpoint(Path(checkpoint))

@@ -127,6 +127,25 @@ DicingRate = Annotated[
 View = Annotated[
     str | None, typer.Option("--view", metavar="NAME", help="OCIO view of PNG and JPEG.", show_default="the display's default")
 ]
+Display = Annotated[
+    str | None,
+    typer.Option("--display", metavar="NAME", help="OCIO display of PNG and JPEG.", show_default="the configuration's default"),
+]
+Look = Annotated[
+    str | None,
+    typer.Option(
+        "--look", metavar="NAME", help="OCIO look of PNG and JPEG, in place of the view's.", show_default="the view's"
+    ),
+]
+RenderingColorSpace = Annotated[
+    str | None,
+    typer.Option(
+        "--rendering-color-space",
+        metavar="NAME",
+        help="Linear RGB space that light is computed in, such as lin_ap1_scene.",
+        show_default="the stage's, else lin_rec709_scene",
+    ),
+]
 Exposure = Annotated[float, typer.Option("--exposure", metavar="STOPS", help="Of PNG and JPEG.")]
 Report = Annotated[str | None, typer.Option("--report", metavar="FILE", help="Write the report as JSON.", show_default=False)]
 Checkpoint = Annotated[

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -67,8 +67,11 @@ def render(
     filter_width: options.FilterWidth = None,
     threads: options.Threads = None,
     seed: options.Seed = 0,
+    rendering_color_space: options.RenderingColorSpace = None,
+    display: options.Display = None,
     aovs: options.Aovs = None,
     view: options.View = None,
+    look: options.Look = None,
     exposure: options.Exposure = 0.0,
     strict: Annotated[bool, typer.Option("--strict", help="Refuse a stage with warnings.")] = False,
     max_memory: Annotated[
@@ -111,6 +114,7 @@ def render(
         threads=threads,
         seed=seed,
         default_light=not no_default_light,
+        rendering_color_space=rendering_color_space,
         purposes=options.purposes_of(purposes),
         variants=tuple(variants or ()),
         load=options.load_of(no_payloads, load),
@@ -121,10 +125,10 @@ def render(
         max_memory_bytes=options.bytes_of(max_memory),
         dicing_rate=dicing_rate,
     )
-    looks = Looks(view, exposure, json, verbose)
+    looks = Looks(json, verbose, view=view, display=display, look=look, exposure=exposure)
     if by_product:
         opened, shots = product_shots(scene, settings, product, output_dir, time_codes)
-        check_outputs([file for shot in shots for file in shot.files], None, view, exposure)
+        check_outputs([file for shot in shots for file in shot.files], None, looks)
         _render_shots(opened, shots, looks, [None] * len(shots))
         return
     saved = [name for name in (report, checkpoint, resume if checkpoint is None else None) if name]
@@ -133,7 +137,7 @@ def render(
         Shot(replace(settings, time_code=t), [_name(name, t) for name in names], _name(report, t) if report else None)
         for t in moments(time_codes)
     ]
-    check_outputs(shots[0].files, shots[0].report, view, exposure)
+    check_outputs(shots[0].files, shots[0].report, looks)
     checkpointing = [_checkpointing(checkpoint, checkpoint_every, resume, shot.settings.time_code) for shot in shots]
     _render_shots(scene, shots, looks, _check_checkpoints(checkpointing))
 
@@ -141,14 +145,20 @@ def render(
 TARGET_MISSED = 5  # the exit code of a render that ended above its target error
 
 
+@dataclass(frozen=True)
 class Looks:
-    """How pictures and messages are to look."""
+    """How messages and pictures are to look."""
 
-    def __init__(self, view: str | None, exposure: float, as_json: bool, verbose: bool) -> None:
-        self.view = view
-        self.exposure = exposure
-        self.as_json = as_json
-        self.verbose = verbose
+    as_json: bool
+    verbose: bool
+    view: str | None = None
+    display: str | None = None
+    look: str | None = None
+    exposure: float = 0.0
+
+    @property
+    def is_chosen(self) -> bool:
+        return not self.view == self.display == self.look is None
 
 
 def _default_name(scene: str, time_codes: list[float] | None) -> str:
@@ -165,21 +175,22 @@ def _require_names_of_their_own(names: list[str], report: str | None, checkpoint
             raise SettingsError(sentence, code="product-output")
 
 
-def check_outputs(files: list[str], report: str | None, view: str | None, exposure: float) -> None:
+def check_outputs(files: list[str], report: str | None, looks: Looks) -> None:
     """Find out before rendering what cannot be written after it."""
     import math
 
-    from ..color import check_view
+    from ..color import check_look, check_view
     from ..image import VIEW_EXTENSIONS, check_folder, check_output_path
 
     for file in files:
         check_output_path(file)
     if report is not None:
         check_folder(Path(report))
-    if view is not None or any(file.lower().endswith(VIEW_EXTENSIONS) for file in files):
-        check_view(view)
-    if not math.isfinite(exposure):
-        raise SettingsError(f"the exposure must be a number of stops, not {exposure}")
+    if looks.is_chosen or any(file.lower().endswith(VIEW_EXTENSIONS) for file in files):
+        check_view(looks.view, looks.display)
+        check_look(looks.look)
+    if not math.isfinite(looks.exposure):
+        raise SettingsError(f"the exposure must be a number of stops, not {looks.exposure}")
 
 
 def _checkpointing(
@@ -254,7 +265,7 @@ def write(image: Image, files: list[str], report_file: str | None, looks: Looks)
 
     start = time.perf_counter()
     for file in files:
-        image.save(file, view=looks.view, exposure=looks.exposure)
+        image.save(file, view=looks.view, display=looks.display, exposure=looks.exposure, look=looks.look)
     stages_s = {**image.report["stages_s"], "write": time.perf_counter() - start}
     report = {**image.report, "outputs": files, "stages_s": stages_s}
     if report_file is not None:

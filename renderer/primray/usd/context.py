@@ -7,6 +7,7 @@ from typing import Any
 
 from pxr import Usd
 
+from ..color_space import REC709, ColorSpace
 from ..description import Surface
 from ..diagnostics import Diagnostics
 from ..settings import RenderSettings
@@ -34,6 +35,11 @@ class Context:
     told_apart: set[Any] = field(default_factory=set)  # paths of prims below which such a collection has members
     expressed: set[Any] = field(default_factory=set)  # paths of prims that bind a collection which is an expression
     primvars_read: frozenset[str] = frozenset()  # "primvars:NAME" of all that materials of the stage read
+    color_primvars: frozenset[str] = frozenset()  # of these, what colours read; and what is shown without a material
+    rendering_space: ColorSpace = REC709
+    color_scopes: dict[Any, Any] = field(default_factory=dict)  # prim path and outer_colors -> color_spaces.ColorScope
+    color_names: dict[str, Any] = field(default_factory=dict)  # a colour space's name -> what color.space_named says
+    outer_colors: tuple[tuple[str, Any], ...] = ()  # (prototype, ColorScope) around the material that is translated
     property_names: set[frozenset[str]] = field(default_factory=set)  # what prims have authored, each set of names once
     links: Links | None = None  # where lights are linked, once that is known
     light_shapes: set[str] = field(default_factory=set)  # paths of shapes that LightAPI makes lights

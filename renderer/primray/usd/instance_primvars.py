@@ -14,7 +14,7 @@ from pxr import UsdGeom
 
 from ..description import Interpolation, Placement, Primvar, Prototype, Shape, Surface
 from .context import Context
-from .primvars import Sizes, finite, read_raw_primvar
+from .primvars import Sizes, as_colors, finite, read_raw_primvar
 from .resolve import Inherited, ResolvedPrim
 from .surface_primvars import names_read
 
@@ -32,6 +32,8 @@ def instance_primvars(prim: ResolvedPrim, count: int, ctx: Context) -> tuple[Pri
         primvar = read_raw_primvar(attribute, Sizes(1, count, count), prim, ctx)
         if primvar is None:
             continue
+        if name in ctx.color_primvars:
+            primvar = as_colors(primvar, attribute, prim, ctx)
         short = name.removeprefix("primvars:")
         if primvar.values.shape[1] != _SHOWN.get(short, primvar.values.shape[1]):
             ctx.warn("instance-primvar", prim.path, f"{name} has {primvar.values.shape[1]} numbers an instance.")

@@ -12,6 +12,7 @@ from typing import Any
 
 from pxr import Sdf, Usd, UsdShade
 
+from .color_spaces import color_in_rendering_space, scope_at
 from .context import Context
 from .read import value
 
@@ -92,14 +93,14 @@ def parameter(node: Node, name: str, ctx: Context) -> Constant | None:
     return source
 
 
-def numbers(node: Node, name: str, default: tuple[float, ...], ctx: Context) -> tuple[float, ...]:
+def numbers(node: Node, name: str, default: tuple[float, ...], ctx: Context, *, is_color: bool = False) -> tuple[float, ...]:
     """As many finite numbers as `default` has; one number stands for itself."""
     found = parameter(node, name, ctx)
     if found is None:
         return default
     values = as_numbers(found.value)
     if values is not None and len(values) == len(default):
-        return values
+        return constant_color(values, found, ctx) if is_color and len(values) >= 3 else values
     ctx.warn(
         "wrong-type", node_path(node, ctx), f"{name} = {found.value!r} is not {len(default)} finite numbers: {default} is used."
     )
@@ -113,6 +114,13 @@ def as_numbers(raw: Any) -> tuple[float, ...] | None:
     except (TypeError, ValueError):
         return None
     return values if all(map(math.isfinite, values)) else None
+
+
+def constant_color(values: tuple[float, ...], source: Constant, ctx: Context) -> tuple[float, ...]:
+    """The first three of a constant's numbers in the rendering space, by the space of the attribute that holds them."""
+    r, g, b = values[:3]
+    rgb = color_in_rendering_space((r, g, b), source.attribute, scope_at(source.attribute.GetPrim(), ctx), ctx)
+    return (*rgb, *values[3:])
 
 
 def text(node: Node, name: str, default: str, ctx: Context) -> str:

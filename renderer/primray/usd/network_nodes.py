@@ -76,41 +76,42 @@ def primvar_name(node: Node, ctx: Context) -> str:
     return text(node, NODES[node.id].name, "", ctx)
 
 
-def reader_input(node: Node, width: int, ctx: Context) -> PrimvarInput | None:
-    """The first `width` numbers of a reader's primvar; None, noted, where its values have fewer."""
+def reader_input(node: Node, width: int, ctx: Context, *, is_color: bool = False) -> PrimvarInput | None:
+    """The first `width` numbers of a reader's primvar, its fallback in the rendering space if `is_color`; None, noted, where
+    its values have fewer."""
     kind = NODES[node.id]
     if kind.width < width:
         ctx.warn("connection-type", node_path(node, ctx), f"{node.id} does not give the {width} numbers that are wanted of it.")
         return None
-    fallback = numbers(node, kind.fallback, (0.0,) * kind.width, ctx)
+    fallback = numbers(node, kind.fallback, (0.0,) * kind.width, ctx, is_color=is_color)
     name = primvar_name(node, ctx)
     if not name:
         ctx.warn("primvar-missing", node_path(node, ctx), "It names no primvar: its fallback is used.")
     return PrimvarInput(name, fallback[:width])
 
 
-def texture_input(node: Node, width: int, ctx: Context) -> TextureInput | None:
-    """A texture's output for an input of 1 or 3 numbers; None, noted, where the node has no such output."""
+def texture_input(node: Node, width: int, ctx: Context, *, is_color: bool = False) -> TextureInput | None:
+    """A texture's output for an input of 1 or 3 numbers, a colour if `is_color`; None, noted, where the node has none such."""
     if NODES[node.id].kind is NodeKind.IMAGE:
-        return _image_input(node, width, ctx)
+        return _image_input(node, width, is_color, ctx)
     if node.output not in ("rgb", "r", "g", "b", "a"):
         ctx.warn("shader-connection", node_path(node, ctx), f"{node.id} has no output {node.output}.")
         return None
     st, transform = _coordinates(node, "st", PrimvarInput(NO_PRIMVAR, (0.0, 0.0)), ctx)
     return TextureInput(
-        texture_file(node, ctx),
+        texture_file(node, ctx, is_color=is_color and node.output == "rgb"),
         _channels(node, node.output, width, ctx),
         st,
         transform,
         _wrap(node, "wrapS", ctx),
         _wrap(node, "wrapT", ctx),
-        _four(numbers(node, "fallback", (0.0, 0.0, 0.0, 1.0), ctx)),
+        _four(numbers(node, "fallback", (0.0, 0.0, 0.0, 1.0), ctx, is_color=is_color)),
         _four(numbers(node, "scale", (1.0, 1.0, 1.0, 1.0), ctx)),
         _four(numbers(node, "bias", (0.0, 0.0, 0.0, 0.0), ctx)),
     )
 
 
-def _image_input(node: Node, width: int, ctx: Context) -> TextureInput | None:
+def _image_input(node: Node, width: int, is_color: bool, ctx: Context) -> TextureInput | None:
     kind = NODES[node.id]
     if node.output != "out":
         ctx.warn("shader-connection", node_path(node, ctx), f"{node.id} has no output {node.output}.")
@@ -119,11 +120,11 @@ def _image_input(node: Node, width: int, ctx: Context) -> TextureInput | None:
     if kind.width == 2:
         ctx.warn("connection-type", node_path(node, ctx), f"{node.id} does not give the {width} numbers that are wanted of it.")
         return None
-    default = numbers(node, "default", (0.0,) * kind.width, ctx)
+    default = numbers(node, "default", (0.0,) * kind.width, ctx, is_color=is_color)
     fallback = default * 3 + (1.0,) if kind.width == 1 else (*default, 1.0)[:4]
     st, transform = _coordinates(node, "texcoord", PrimvarInput("st", (0.0, 0.0)), ctx)
     return TextureInput(
-        texture_file(node, ctx),
+        texture_file(node, ctx, is_color=is_color and output == "rgb"),
         _channels(node, output, width, ctx),
         st,
         transform,

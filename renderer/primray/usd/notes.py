@@ -25,19 +25,16 @@ IGNORED_SCHEMAS = {
     "LODOverrideAPI": "Level-of-detail overrides have no effect.",
     "BackPlateAPI": "Back plates are not rendered.",
     "CoordSysAPI": "Coordinate systems are not read.",
-    "ColorSpaceAPI": "",
-    "ColorSpaceDefinitionAPI": "",
     "VisibilityAPI": "Visibility by purpose is not read.",
     "SkelBindingAPI": "",
 }
 _LIGHT_SCHEMAS = {"LightAPI", "MeshLightAPI", "VolumeLightAPI"}
 
 
-def note_prim(prim: ResolvedPrim, kind: str, ctx: Context) -> None:
-    """Diagnostics for one prim; `kind` is "" for types that no adapter takes."""
-    schemas = [str(schema).split(":")[0] for schema in prim.prim.GetPrimTypeInfo().GetAppliedAPISchemas()]
-    if schemas:
-        _note_schemas(prim, schemas, kind, ctx)
+def note_prim(prim: ResolvedPrim, applied: list[str], kind: str, ctx: Context) -> None:
+    """Diagnostics for one prim, by the schemas applied to it; `kind` is "" for types that no adapter takes."""
+    if applied:
+        _note_schemas(prim, [schema.split(":")[0] for schema in applied], kind, ctx)
     if not kind and prim.type_name:
         _note_type(prim, ctx)
 
@@ -74,8 +71,6 @@ def _note_schemas(prim: ResolvedPrim, schemas: list[str], kind: str, ctx: Contex
     for schema in schemas:
         if schema in _LIGHT_SCHEMAS:
             _note_light_schema(prim, schema, kind, ctx)
-        elif schema in ("ColorSpaceAPI", "ColorSpaceDefinitionAPI"):
-            ctx.warn("color-space", prim.path, f"{schema} is applied.")
         elif schema == "VisibilityAPI":
             if any(name.endswith("Visibility") for name in prim.names):
                 ctx.warn("api-schema", prim.path, IGNORED_SCHEMAS[schema])

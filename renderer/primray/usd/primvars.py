@@ -13,6 +13,7 @@ import numpy.typing as npt
 from pxr import Usd, UsdGeom
 
 from ..description import Floats
+from .color_spaces import in_rendering_space
 from .context import Context
 from .read import MAX_COLUMNS, array, as_columns, is_single, value
 from .resolve import ResolvedPrim
@@ -51,17 +52,30 @@ def read_primvar(attribute: Usd.Attribute, sizes: Sizes, prim: ResolvedPrim, ctx
 
 
 def read_display_color(sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
-    """primvars:displayColor as it was authored, indexed or not, in [0, 1]: what reflects neither adds light nor takes what was
-    never there."""
-    found = read_raw_primvar(prim.prim.GetAttribute("primvars:displayColor"), sizes, prim, ctx)
+    """primvars:displayColor, indexed or not, in the rendering space and in [0, 1]: what reflects neither adds light nor takes
+    what was never there."""
+    attribute = prim.prim.GetAttribute("primvars:displayColor")
+    found = read_raw_primvar(attribute, sizes, prim, ctx)
     if found is None:
         return None
+    found = as_colors(found, attribute, prim, ctx)
     inside = np.clip(found.values, 0.0, 1.0)
     outside = int(np.count_nonzero((inside != found.values).any(axis=1)))
     if not outside:
         return found
     note_clamped_color(f"{outside} values of primvars:displayColor are", prim, ctx)
     return replace(found, values=inside)
+
+
+def as_colors(primvar: Primvar, attribute: Usd.Attribute, prim: ResolvedPrim, ctx: Context) -> Primvar:
+    """The first three of its numbers in the rendering space; fewer are no colours."""
+    if primvar.values.shape[1] < 3:
+        return primvar
+    given = primvar.values[:, :3]
+    converted = in_rendering_space(given, attribute, prim.inherited.colors, ctx)
+    if converted is given:
+        return primvar
+    return replace(primvar, values=np.concatenate([converted, primvar.values[:, 3:]], axis=1).astype(np.float32))
 
 
 def note_clamped_color(what: str, prim: ResolvedPrim, ctx: Context) -> None:

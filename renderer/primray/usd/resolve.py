@@ -14,6 +14,8 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade
 
 from ..description import Doubles
 from .bindings import BINDING, Subset
+from .color_spaces import NOWHERE, ColorScope, color_in_rendering_space, in_rendering_space, scope_below
+from .context import Context
 from .convert import matrix
 from .read import When, array, as_columns, is_single, read, time_of, value
 
@@ -46,6 +48,8 @@ class Inherited:
     opacity: float | None = None  # likewise primvars:displayOpacity
     primvars: tuple[tuple[str, tuple[float, ...]], ...] = ()  # constant ones that a material of the stage reads, likewise
     per_instance: frozenset[str] = frozenset()  # primvars that the instances around have one value each of
+    colors: ColorScope = NOWHERE
+    outer_colors: tuple[tuple[str, ColorScope], ...] = ()  # what the instances around hand down to their prototypes
     # Where lights are linked (light_links.py): the instance that prims of a prototype are asked for in; what the point
     # instancers around say, by collection.
     seen_as: str = ""
@@ -87,13 +91,14 @@ def local_matrix(prim: Usd.Prim, names: frozenset[str], when: When, cache: UsdGe
     return local, xformable.GetResetXformStack()
 
 
-def descend(
-    parent: Inherited, prim: Usd.Prim, names: frozenset[str], when: When, read_names: frozenset[str] = frozenset()
-) -> Inherited | None:
-    """What `prim` hands down, None if it is invisible (and so is all below it); `read_names`: primvars that matter."""
+def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: list[str], ctx: Context) -> Inherited | None:
+    """What `prim` hands down, None if it is invisible (and so is all below it); `schemas` are those applied to it."""
+    when = ctx.when
     if "visibility" in names and read(prim, "visibility", when) == "invisible":
         return None
     mine = parent
+    if schemas and (colors := scope_below(parent.colors, prim, schemas, ctx)) is not parent.colors:
+        mine = replace(mine, colors=colors)
     if "purpose" in names:
         purpose = prim.GetAttribute("purpose").Get()
         if isinstance(purpose, str):
@@ -105,17 +110,24 @@ def descend(
         mine = replace(mine, draw_mode=mode) if isinstance(mode, str) and mode != "inherited" else mine
     if "primvars:displayColor" in names:
         color = constant_of(prim, "primvars:displayColor", 3, names, when)
-        mine = mine if color is None else replace(mine, color=(color[0], color[1], color[2]))
+        if color is not None:
+            attribute = prim.GetAttribute("primvars:displayColor")
+            rgb = color_in_rendering_space((color[0], color[1], color[2]), attribute, mine.colors, ctx)
+            mine = replace(mine, color=rgb)
     if "primvars:displayOpacity" in names:
         opacity = constant_of(prim, "primvars:displayOpacity", 1, names, when)
         mine = mine if opacity is None else replace(mine, opacity=opacity[0])
-    return mine if names.isdisjoint(read_names) else _with_primvars(mine, prim, names & read_names, when)
+    read_names = ctx.primvars_read
+    return mine if names.isdisjoint(read_names) else _with_primvars(mine, prim, names & read_names, ctx)
 
 
-def _with_primvars(parent: Inherited, prim: Usd.Prim, names: frozenset[str], when: When) -> Inherited:
+def _with_primvars(parent: Inherited, prim: Usd.Prim, names: frozenset[str], ctx: Context) -> Inherited:
     handed = dict(parent.primvars)
     for name in names:
-        if (values := constant_numbers(prim, name, when)) is not None:
+        if (values := constant_numbers(prim, name, ctx.when)) is not None:
+            if name in ctx.color_primvars and len(values) >= 3:
+                rgb = in_rendering_space(np.array(values[:3]), prim.GetAttribute(name), parent.colors, ctx)
+                values = (*rgb.tolist(), *values[3:])
             handed[name.removeprefix("primvars:")] = values
     return replace(parent, primvars=tuple(sorted(handed.items())))
 

@@ -15,7 +15,7 @@ from ..description import Input, Interpolation, PrimvarInput, Surface
 from ..description import Primvar as SeamPrimvar
 from ..scene_record import WIDE
 from .context import Context
-from .primvars import Primvar, Sizes, finite, is_per_point, per_corner, read_raw_primvar
+from .primvars import Primvar, Sizes, as_colors, finite, is_per_point, per_corner, read_raw_primvar
 from .resolve import ResolvedPrim
 from .subdivision import Cage, on_cage
 from .triangulate import Triangles
@@ -95,7 +95,9 @@ def _own(prim: ResolvedPrim, name: str, sizes: Sizes, ctx: Context) -> Primvar |
     if f"primvars:{name}" not in prim.names:
         return None
     attribute = prim.prim.GetAttribute(f"primvars:{name}")
-    return read_raw_primvar(attribute, sizes, prim, ctx) if attribute.HasAuthoredValue() else None
+    found = read_raw_primvar(attribute, sizes, prim, ctx) if attribute.HasAuthoredValue() else None
+    is_color = found is not None and f"primvars:{name}" in ctx.color_primvars
+    return as_colors(found, attribute, prim, ctx) if found is not None and is_color else found
 
 
 def _handed_down(prim: ResolvedPrim, name: str) -> Primvar | None:

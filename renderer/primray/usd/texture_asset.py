@@ -1,42 +1,70 @@
-"""A shader's file parameter as a TextureFile: resolved by Ar, <UDIM> sets tile by tile, with its colour space."""
+"""A shader's file parameter as a TextureFile: resolved by Ar, <UDIM> sets tile by tile, with its colour space.
+
+What says the space: sourceColorSpace other than auto, then the file attribute's colorSpace metadata, then, for colours, the
+nearest ColorSpaceAPI (which speaks of files too: OpenUSD's Color User's Guide) unless sourceColorSpace says auto itself.
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from pxr import Sdf, Usd, UsdShade
 
+from ..color_space import SRGB, ColorSpace, matrix
 from ..description import TextureFile
+from .color_spaces import authored_space, scope_at, space_named
 from .context import Context
 from .network import Constant, Node, node_path, parameter, text
-
-_RAW = frozenset({"raw", "data", "identity", "unknown"})  # GfColorSpaceNames of values that are no colours
-_COLOR_SPACES = ("auto", "raw", "sRGB")
+from .resolve import ResolvedPrim
 
 
-def texture_file(node: Node, ctx: Context) -> TextureFile:
-    """What the node reads; its path is "" where there is no file, which is noted."""
+def texture_file(node: Node, ctx: Context, *, is_color: bool = True) -> TextureFile:
+    """What the node reads, as colours or numbers; its path is "" where there is no file, which is noted."""
     found = parameter(node, "file", ctx)
-    space = _color_space(node, found, ctx)
+    made = _file(node, found, ctx)
+    return in_space(made, _color_space(node, found, is_color, ctx), is_color, ctx)
+
+
+def in_space(file: TextureFile, space: str | ColorSpace, is_color: bool, ctx: Context) -> TextureFile:
+    """The file in a space, told apart by what makes a difference to its pixels alone."""
+    if isinstance(space, ColorSpace):
+        plain = {SRGB: "sRGB", ctx.rendering_space: "raw"}
+        space = "raw" if space.is_data else plain.get(space, space)
+    if isinstance(space, ColorSpace):
+        mixes = matrix(space, ctx.rendering_space) is not None
+    else:
+        mixes = space in ("auto", "sRGB") and matrix(SRGB, ctx.rendering_space) is not None
+    return replace(file, color_space=space, target=ctx.rendering_space, is_color=is_color or not mixes)
+
+
+def light_texture(path: str, attribute: Usd.Attribute, prim: ResolvedPrim, ctx: Context) -> TextureFile:
+    """Of a light's file attribute: what the file says (auto) where nothing is authored."""
+    space = authored_space(attribute, prim.inherited.colors, ctx)
+    return in_space(TextureFile(path, "auto"), "auto" if space is None else space, True, ctx)
+
+
+def _file(node: Node, found: Constant | None, ctx: Context) -> TextureFile:
     if found is None or not isinstance(found.value, Sdf.AssetPath) or not found.value.path:
         ctx.warn("texture-unset", node_path(node, ctx), "It names no file: its fallback is used.")
-        return TextureFile("", space)
+        return TextureFile("", "auto")
     asset = found.value
     if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
-        return _tiles(node, asset, found.attribute, space, ctx)
+        return _tiles(node, asset, found.attribute, ctx)
     if not asset.resolvedPath:
         ctx.warn("asset-missing", node_path(node, ctx), f"{asset.path} cannot be found: the fallback is used.")
-    return TextureFile(str(asset.resolvedPath), space)
+    return TextureFile(str(asset.resolvedPath), "auto")
 
 
-def _tiles(node: Node, asset: Sdf.AssetPath, attribute: Usd.Attribute, space: str, ctx: Context) -> TextureFile:
+def _tiles(node: Node, asset: Sdf.AssetPath, attribute: Usd.Attribute, ctx: Context) -> TextureFile:
     layer = _authoring_layer(attribute, ctx)
     found = UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layer)  # 1001 to 1100, ten in U and ten in V
     tiles = [(int(number), str(path)) for path, number in found]
     if not tiles:
         ctx.warn("asset-missing", node_path(node, ctx), f"{asset.path} has no tile from 1001 to 1100: the fallback is used.")
-        return TextureFile("", space)
+        return TextureFile("", "auto")
     number, first = tiles[0]
     before, _, after = first.rpartition(str(number))
-    return TextureFile(f"{before}<UDIM>{after}", space, tuple(sorted(tiles)))
+    return TextureFile(f"{before}<UDIM>{after}", "auto", tuple(sorted(tiles)))
 
 
 def _authoring_layer(attribute: Usd.Attribute, ctx: Context) -> Sdf.Layer | None:
@@ -46,17 +74,29 @@ def _authoring_layer(attribute: Usd.Attribute, ctx: Context) -> Sdf.Layer | None
     return None
 
 
-def _color_space(node: Node, found: Constant | None, ctx: Context) -> str:
-    """sourceColorSpace where it says raw or sRGB, else the file attribute's colorSpace metadata, else "auto"."""
-    space = text(node, "sourceColorSpace", "auto", ctx)
-    if space not in _COLOR_SPACES:
-        ctx.warn("shader-parameter", node_path(node, ctx), f"sourceColorSpace = {space!r} is not known: auto is used.")
-        space = "auto"
-    if space != "auto":
-        return space
+def _color_space(node: Node, found: Constant | None, is_color: bool, ctx: Context) -> str | ColorSpace:
+    said = _source_color_space(node, ctx)
+    if said not in (None, "auto"):
+        return said or "auto"
     attributes = [node.prim.GetAttribute("inputs:file")] + ([found.attribute] if found else [])
-    for attribute in attributes:
-        if attribute and attribute.HasColorSpace():
-            name = str(attribute.GetColorSpace())
-            return "raw" if name.lower() in _RAW else name
+    own = [attribute for attribute in attributes if attribute and attribute.HasColorSpace()]
+    asked = own if said == "auto" or not is_color else own or attributes[-1:]
+    for attribute in asked:
+        space = authored_space(attribute, scope_at(attribute.GetPrim(), ctx), ctx) if attribute else None
+        if space is not None:
+            return space
     return "auto"
+
+
+def _source_color_space(node: Node, ctx: Context) -> str | ColorSpace | None:
+    """None where nothing is authored. The text has raw, sRGB and auto; other names are taken for what they name."""
+    if parameter(node, "sourceColorSpace", ctx) is None or not node.prim.GetAttribute("inputs:sourceColorSpace").IsAuthored():
+        return None
+    name = text(node, "sourceColorSpace", "auto", ctx)
+    if name in ("auto", "raw", "sRGB"):
+        return name
+    space = space_named(name, scope_at(node.prim, ctx), ctx)
+    if space is None:
+        ctx.warn("shader-parameter", node_path(node, ctx), f"sourceColorSpace = {name!r} is not known: auto is used.")
+        return "auto"
+    return space

@@ -41,9 +41,10 @@ from .adapters.mesh import mesh
 from .adapters.point_instancer import point_instances
 from .adapters.points import POINT, point_sphere
 from .adapters.render_pass import note_render_pass
-from .adapters.render_product import ProductSettings, note_ignored
+from .adapters.render_product import ProductSettings
 from .adapters.render_settings import product_settings
 from .adapters.render_var import aovs_of_variables
+from .color_spaces import rendering_space
 from .context import Context
 from .convert import square, squares
 from .default_light import default_lights
@@ -141,13 +142,14 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     cameras, settings_prims, shaders = found.cameras, found.settings, found.shaders
     when = when_of(stage, settings.time_code)
     product = product_settings(stage, settings, settings_prims, when, diagnostics)
-    note_ignored(product, diagnostics)
     ctx = _context(stage, settings, when, product, diagnostics)
     ctx.prototype_names = names
+    ctx.rendering_space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
     aovs = requests_of(settings.aovs) if settings.aovs is not None else aovs_of_variables(product.variables, diagnostics)
     ctx.aov_primvars = primvars_of(aovs)
     ctx.names_instances = any(request.source == "instance" for request in aovs)
-    ctx.primvars_read = primvars_read(shaders, ctx) | {f"primvars:{name}" for name in ctx.aov_primvars}
+    ctx.primvars_read, ctx.color_primvars = primvars_read(shaders, ctx)
+    ctx.primvars_read |= {f"primvars:{name}" for name in ctx.aov_primvars}
     camera_prim = select_camera(stage, ctx, product, cameras)
     kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
     groups = walk(ctx, kinds, point_instances)
@@ -347,6 +349,7 @@ def _describe(scene: _Scene, ctx: Context, camera: Camera, frame: Frame, aovs: t
         None if frame.is_whole else frame.pixels,
         frame.pixel_aspect_ratio,
         NO_LINKS if ctx.links is None else ctx.links.linked(ctx.diagnostics),
+        ctx.rendering_space,
     )
 
 

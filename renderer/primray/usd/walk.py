@@ -17,6 +17,7 @@ from ..placement import MatrixInstances, PointInstances
 from .adapters.draw_mode import stand_in
 from .adapters.points import POINT, spheres
 from .bindings import note_bindings, subsets_of, told_apart
+from .color_spaces import NOWHERE, scope_at
 from .context import Context
 from .convert import rows
 from .instance_primvars import given_per_instance
@@ -83,7 +84,8 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
         prim, parent_matrix, handed = stack.pop()
         names = frozenset(prim.GetAuthoredPropertyNames())
         names = state.names.setdefault(names, names)  # many prims have the same: one object for all of them
-        mine = descend(handed, prim, names, state.ctx.when, state.ctx.primvars_read)
+        schemas = [str(schema) for schema in prim.GetPrimTypeInfo().GetAppliedAPISchemas()]
+        mine = descend(handed, prim, names, schemas, state.ctx)
         if mine is None:
             continue
         local, resets = _local(state, prim, names)
@@ -100,7 +102,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
             if mine.purpose in state.ctx.purposes:
                 group.leaves.append(replace(resolved, type_name=drawn_as))
             continue
-        note_prim(resolved, kind, state.ctx)
+        note_prim(resolved, schemas, kind, state.ctx)
         note_bindings(prim, resolved.path, names, state.ctx)
         if type_name == "PointInstancer":
             _expand_points(state, group, resolved)
@@ -136,10 +138,13 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
     for instance, proxy, inner, alone in zip(instances, asked, bindings, apart, strict=True):
         prototype = instance.prim.GetPrototype()
         ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
+        mine = instance.inherited
+        if mine.colors is not NOWHERE:
+            mine = replace(mine, outer_colors=((str(prototype.GetPath()), mine.colors), *mine.outer_colors))
         if alone:
-            handed = replace(instance.inherited, proxy=str(proxy.GetPath()))
+            handed = replace(mine, proxy=str(proxy.GetPath()))
         else:
-            handed = replace(instance.inherited, outer=inner_or_outer(inner, instance.inherited.outer), proxy="")
+            handed = replace(mine, outer=inner_or_outer(inner, mine.outer), proxy="")
         if ctx.links is not None:
             handed = ctx.links.handed_to_instance(handed, instance.prim, prototype)
         child = state.group(prototype, handed)
@@ -202,7 +207,7 @@ def _place_spheres(state: _Walk, group: Group[ResolvedPrim], points: ResolvedPri
 def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, per_instance: list[str], ctx: Context) -> Inherited:
     """A prototype inherits the instancer's purpose and colours, and what scopes between the two author.
 
-    Bindings follow namespace, so `outer` applies only where both stand in the same native prototype.
+    Bindings and colour spaces follow namespace, so `outer` applies only where both stand in the same native prototype.
     """
     between = []
     parent = root.GetParent()
@@ -211,11 +216,24 @@ def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, per_instance: 
         parent = parent.GetParent()
     handed = given_per_instance(instancer.inherited, per_instance)
     if not parent:
-        return handed
+        return _with_colors_of(root, handed, ctx)
     for scope in reversed(between):
         names = frozenset(scope.GetAuthoredPropertyNames()) - {"visibility"}
-        handed = descend(handed, scope, names, ctx.when, ctx.primvars_read) or handed
+        schemas = [str(schema) for schema in scope.GetPrimTypeInfo().GetAppliedAPISchemas()]
+        handed = descend(handed, scope, names, schemas, ctx) or handed
     return handed
+
+
+def _with_colors_of(root: Usd.Prim, handed: Inherited, ctx: Context) -> Inherited:
+    """Colour spaces go by namespace (ColorSpaceAPI), wherever the prototype stands."""
+    around = replace(ctx, outer_colors=handed.outer_colors)
+    outer = handed.outer_colors
+    instance = root
+    while instance.IsInstanceProxy() and not instance.IsInstance():
+        instance = instance.GetParent()
+    if instance.IsInstance() and instance != root and (above := scope_at(instance, around)) is not NOWHERE:
+        outer = ((str(instance.GetPrototype().GetPath()), above), *outer)
+    return replace(handed, colors=scope_at(root.GetParent(), around), outer_colors=outer)
 
 
 def _bind_leaves(state: _Walk) -> None:

@@ -2,8 +2,9 @@
 
 Little-endian throughout: the magic, version, sizes of the preview and of the picture, the number of complete passes, samples
 taken in all (HEADER), how many channels there are, each one's name (a byte of length, ASCII), and the channels one after
-another as half floats, rows from the top. Colours are linear and scene-referred, as in the EXR; `stderr.*` are their standard
-errors, infinite where there is none yet. A picture of more than a megapixel is averaged over boxes of k x k pixels.
+another as half floats, rows from the top. Colours are scene-referred, linear Rec.709, whatever the EXR's are; `stderr.*` are
+their standard errors, infinite where there is none yet. A picture of more than a megapixel is averaged over boxes of k x k
+pixels.
 """
 
 from __future__ import annotations

@@ -9,14 +9,17 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from primray.checkpointing import Saver
+from primray.color_space import REC709, ColorSpace, matrix, transformed
 from primray.diagnostics import Diagnostics
 from primray.forecast import Forecaster
 from primray.sampling import Sampling
 from primray.settings import SAMPLE_BLOCK
 
 from .channel import Channel
-from .preview import preview_of, write_preview
+from .preview import Values, preview_of, write_preview
 
 PHASES = {
     "open": "opening",
@@ -35,6 +38,14 @@ TAIL_S, TAIL_S_PER_PIXEL = 0.1, 2.5e-7
 def passes_of(sampling: Sampling) -> int:
     """As many times as each pixel has got a block of samples, on average: the same after a resume as before it."""
     return int(sampling.mean_samples() / SAMPLE_BLOCK)
+
+
+def in_rec709(pixels: Values, errors: Values, space: ColorSpace) -> tuple[Values, Values]:
+    """Previews know one space. Channels see the same paths, so their errors add up as they are: they are that at most."""
+    by = matrix(space, REC709)
+    if by is None:
+        return pixels, errors
+    return np.concatenate([transformed(pixels[..., :3], by), pixels[..., 3:]], axis=2), transformed(errors, np.abs(by))
 
 
 class Phases:
@@ -171,7 +182,7 @@ class Watch:
         film = self._sampling.film
         pixels, errors = film.image()
         number = max(passes_of(self._sampling), self._shown + 1)
-        preview = preview_of(pixels, errors, number, film.samples)
+        preview = preview_of(*in_rec709(pixels, errors, self._sampling.scene.rendering_space), number, film.samples)
         file, size = write_preview(preview, self._out)
         self._channel.send("preview", **{"pass": preview.passes, "file": file, "bytes": size, "samples": preview.samples})
         self._shown, self._shown_samples = number, film.samples

@@ -53,7 +53,8 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
     more = "--view Raw --exposure 1.5 --purposes default,proxy --no-default-light --strict --report r.json -o a.png -o a.exr"
     more += " --aov depth,normal --aov st"
     chosen = "--variant /a:s=x --variant /a:t= --load /p --load /q --mask /a,/b --session-layer over.usda --render-settings /s"
-    assert run(["render", "shot.usda", *flags.split(), *more.split(), *chosen.split(), *stop.split()]) == 0
+    looks = ["--rendering-color-space", "lin_rec709_scene", "--display", "sRGB - Display"]
+    assert run(["render", "shot.usda", *flags.split(), *more.split(), *chosen.split(), *stop.split(), *looks]) == 0
     assert report_of("r.json")["settings"] == {
         "camera": "/cam",  # as resolved by translation
         "render_settings": "/s",
@@ -73,6 +74,7 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
         "threads": 2,
         "seed": 9,
         "default_light": False,
+        "rendering_color_space": "lin_rec709_scene",
         "purposes": ["default", "proxy"],
         "aovs": ["depth", "normal", "st"],
         "strict": True,

@@ -236,7 +236,7 @@ def test_materialx_nodes_of_the_same_meaning(image: str) -> None:
     assert found == []
     assert surface.presence
     assert texture(surface) == TextureInput(
-        TextureFile(image, "srgb_texture"),
+        TextureFile(image, "sRGB"),
         "rgb",
         PrimvarInput("map1", (0, 0)),
         wrap_s=Wrap.REPEAT,

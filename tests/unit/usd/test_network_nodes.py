@@ -10,6 +10,7 @@ import OpenImageIO as oiio
 import pytest
 from pxr import Sdf, Usd
 
+from primray.color_space import ACESCG
 from primray.description import PrimvarInput, TextureFile, TextureInput, Wrap
 from primray.diagnostics import Diagnostics
 from primray.render import load_textures
@@ -131,7 +132,7 @@ def test_source_color_space(authored: str, expected: str, image: str) -> None:
 def test_color_space_of_the_asset(image: str) -> None:
     """Metadata of the attribute that has the file, unless sourceColorSpace says raw or sRGB."""
     inputs = "color3f inputs:diffuseColor.connect = </m/image.outputs:rgb>"
-    for space, expected in (("lin_ap1_scene", "lin_ap1_scene"), ("data", "raw")):
+    for space, expected in (("lin_ap1_scene", ACESCG), ("data", "raw"), ("srgb_rec709_scene", "sRGB")):
         nodes = READER + (IMAGE % image).replace(f"@{image}@", f'@{image}@ (colorSpace = "{space}")')
         assert texture(surface_of(material(inputs, nodes))[0]).file.color_space == expected
     nodes = nodes.replace("float2 inputs:st", 'token inputs:sourceColorSpace = "sRGB"\n        float2 inputs:st')
@@ -164,7 +165,7 @@ def test_file_and_parameters_by_interface(image: str) -> None:
     surface, found = surface_of(material("color3f inputs:diffuseColor.connect = </m/t.outputs:rgb>", nodes, interface))
     made = texture(surface)
     assert found == []
-    assert (made.file, made.scale) == (TextureFile(image, "lin_ap1_scene"), (2, 2, 2, 1))
+    assert (made.file, made.scale) == (TextureFile(image, ACESCG), (2, 2, 2, 1))
     assert (made.wrap_s, made.wrap_t, made.st.name) == (Wrap.CLAMP, Wrap.USE_METADATA, "st3")
 
 

@@ -16,11 +16,13 @@ from pxr import Kind, Sdf, Tf, Usd, UsdGeom
 from ...description import Doubles, Interpolation, Mesh, Primvar, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
 from ...texture_matrix import read_matrix
 from ..asset import read_asset
+from ..color_spaces import color_in_rendering_space
 from ..context import Context
 from ..framing import is_deep
 from ..read import read, token, vector
 from ..resolve import ResolvedPrim
 from ..stage_metadata import up_axis
+from ..texture_asset import in_space
 
 BAR_WIDTH = 0.01
 DEFAULT_COLOR = (0.18, 0.18, 0.18)  # model:drawModeColor's fallback
@@ -176,7 +178,7 @@ def _surface(prim: ResolvedPrim, path: str | None, ctx: Context) -> Surface:
     color = _color(prim, ctx)
     if not path:
         return Surface("", lambert=True, diffuse_color=color)
-    st, file = PrimvarInput("st", (0.0, 0.0)), TextureFile(path, "auto")
+    st, file = PrimvarInput("st", (0.0, 0.0)), in_space(TextureFile(path, "auto"), "auto", True, ctx)
     fallback = (*color, 1.0)
     rgb = TextureInput(file, "rgb", st, wrap_s=Wrap.CLAMP, wrap_t=Wrap.CLAMP, fallback=fallback)
     alpha = TextureInput(file, "a", st, wrap_s=Wrap.CLAMP, wrap_t=Wrap.CLAMP, fallback=fallback)
@@ -186,7 +188,8 @@ def _surface(prim: ResolvedPrim, path: str | None, ctx: Context) -> Surface:
 
 def _color(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, float]:
     r, g, b = vector(prim.prim, "model:drawModeColor", ctx.when, DEFAULT_COLOR, ctx.diagnostics)
-    return r, g, b
+    attribute = prim.prim.GetAttribute("model:drawModeColor")
+    return color_in_rendering_space((r, g, b), attribute, prim.inherited.colors, ctx) if attribute else (r, g, b)
 
 
 def _hidden_axis(prim: ResolvedPrim, ctx: Context) -> str:

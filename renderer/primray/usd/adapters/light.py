@@ -9,12 +9,15 @@ from dataclasses import replace
 import numpy as np
 from pxr import Sdf, UsdGeom, UsdLux
 
+from ...color_space import REC709, converted
 from ...description import Doubles, Light, LightType, TextureFile
 from ..context import Context
 from ..light_area import cylinder_area, disk_area, rect_area, sphere_area
+from ..light_color import light_color
 from ..portals import portals_of
-from ..read import flag, number, read, token, vector
+from ..read import flag, number, read, token
 from ..resolve import ResolvedPrim
+from ..texture_asset import light_texture
 from .light_notes import note_ignored_inputs
 from .light_shaping import note_unshaped, peak, shaping
 
@@ -36,13 +39,12 @@ def light(prim: ResolvedPrim, world_from_light: Doubles, ctx: Context) -> Light 
 
 def _radiance(prim: ResolvedPrim, ctx: Context) -> Color:
     """Before division by the light's size."""
-    r, g, b = 1.0, 1.0, 1.0
-    if "inputs:color" in prim.names:
-        r, g, b = vector(prim.prim, "inputs:color", ctx.when, (r, g, b), ctx.diagnostics)
+    r, g, b = light_color(prim, "inputs:color", (1.0, 1.0, 1.0), ctx)
     scale = _number(prim, "inputs:intensity", 1.0, ctx) * _exp2(_number(prim, "inputs:exposure", 0.0, ctx))
     if "inputs:enableColorTemperature" in prim.names and flag(prim.prim, "inputs:enableColorTemperature", ctx.when, False):
         kelvin = _within(prim, "inputs:colorTemperature", 6500.0, COOLEST_K, HOTTEST_K, ctx)
-        tint = UsdLux.BlackbodyTemperatureAsRgb(kelvin)
+        rec709 = np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin))  # "then transformed to the rendering color space"
+        tint = converted(rec709, REC709, ctx.rendering_space).tolist()
         r, g, b = r * tint[0], g * tint[1], b * tint[2]
     return (r * scale, g * scale, b * scale)
 
@@ -186,8 +188,7 @@ def _texture(prim: ResolvedPrim, ctx: Context) -> TextureFile | None:
         message = f"{asset.path} cannot be found: the {kind} is rendered without its texture."
         ctx.warn("asset-missing", prim.path, message, "inputs:texture:file")
         return None
-    space = prim.prim.GetAttribute("inputs:texture:file").GetColorSpace()
-    return TextureFile(asset.resolvedPath, space or "auto")
+    return light_texture(asset.resolvedPath, prim.prim.GetAttribute("inputs:texture:file"), prim, ctx)
 
 
 def _texture_format(prim: ResolvedPrim, ctx: Context) -> str:
@@ -229,7 +230,7 @@ def _light(
     brightest = (BRIGHTEST_TINT if texture else BRIGHTEST) / max(peak(shaped), 1.0)
     emission = _emission(prim, emission, brightest, ctx)
     sizes = (width, height, radius, length, angle_deg)
-    return Light(prim.path, kind, matrix, emission, *sizes, diffuse, specular, texture, shaped)
+    return Light(prim.path, kind, matrix, emission, *sizes, diffuse, specular, texture, shaping=shaped)
 
 
 def _number(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:

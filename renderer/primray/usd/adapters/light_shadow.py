@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from ...description import Shadow
 from ..context import Context
-from ..read import flag, number, vector
+from ..light_color import light_color
+from ..read import flag, number
 from ..resolve import ResolvedPrim
 
 _ENABLE, _COLOR = "inputs:shadow:enable", "inputs:shadow:color"
@@ -38,7 +39,7 @@ def shadow_of(prim: ResolvedPrim, ctx: Context) -> Shadow | None:
 def _color(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, float]:
     if _COLOR not in prim.names:
         return _DEFAULT.color
-    authored = vector(prim.prim, _COLOR, ctx.when, _DEFAULT.color, ctx.diagnostics)
+    authored = light_color(prim, _COLOR, _DEFAULT.color, ctx)
     r, g, b = (min(max(x, 0.0), _BRIGHTEST) for x in authored)
     if (r, g, b) != authored:
         _note(prim, _COLOR, f"It is {authored}, outside [0, {_BRIGHTEST:g}]: it is brought there.", ctx)

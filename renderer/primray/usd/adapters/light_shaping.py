@@ -12,7 +12,8 @@ from pxr import Sdf
 from ...description import Doubles, IesProfile, Shaping
 from ..context import Context
 from ..ies_asset import FILE, ies_profile
-from ..read import flag, number, read, vector
+from ..light_color import light_color
+from ..read import flag, number, read
 from ..resolve import ResolvedPrim
 
 FOCUS, TINT = "inputs:shaping:focus", "inputs:shaping:focusTint"
@@ -79,7 +80,7 @@ def _focus(prim: ResolvedPrim, ctx: Context) -> float:
 
 
 def _tint(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, float]:
-    r, g, b = vector(prim.prim, TINT, ctx.when, (0.0, 0.0, 0.0), ctx.diagnostics)
+    r, g, b = light_color(prim, TINT, (0.0, 0.0, 0.0), ctx)
     if min(r, g, b) < 0:
         ctx.warn("light-input", prim.path, f"{TINT} = ({r:g}, {g:g}, {b:g}) is negative: that is taken as 0.", TINT)
     return (max(r, 0.0), max(g, 0.0), max(b, 0.0))

@@ -7,17 +7,16 @@ A material whose surface shader is anything else has no surface of ours: the sha
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 from pxr import Usd, UsdShade
 
 from ...description import Input, PrimvarInput, Surface, TextureInput
 from ..context import Context
-from ..network import Constant, Node, as_numbers, find_source, parameter
+from ..network import Constant, Node, as_numbers, constant_color, find_source, parameter
 from ..network_nodes import NO_PRIMVAR, NODES, NodeKind, reader_input, texture_input
-
-SURFACE_SHADERS = frozenset({"UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader"})
+from ..primvars_read import COLOR_INPUTS, SURFACE_SHADERS
+from ..resolve import Inherited
 
 
 @dataclass(frozen=True)
@@ -61,12 +60,15 @@ class _Inputs:
     varying: dict[str, Input] = field(default_factory=dict)
 
 
-def material(prim: Usd.Prim, ctx: Context) -> Material:
-    """The material's surface, translated once."""
+def material(prim: Usd.Prim, bound_to: Inherited, ctx: Context) -> Material:
+    """The material's surface, translated once, or once for each colour scope handed down to the prototype that it is in."""
     path = prim.GetPath()
-    if path not in ctx.materials:
-        ctx.materials[path] = _translate(UsdShade.Material(prim), ctx.shown(str(path)), ctx)
-    made: Material = ctx.materials[path]
+    outer = bound_to.outer_colors if prim.IsInPrototype() else ()
+    key = (path, outer) if outer else path
+    if key not in ctx.materials:
+        around = replace(ctx, outer_colors=outer) if outer else ctx
+        ctx.materials[key] = _translate(UsdShade.Material(prim), ctx.shown(str(path)), around)
+    made: Material = ctx.materials[key]
     return made
 
 
@@ -123,7 +125,7 @@ def _read_slot(shader: Node, name: str, found: _Inputs, path: str, ctx: Context)
         if made is not None and slot.field != "normal":
             found.constants[slot.field] = _clamped(_stand_in(made), slot)
     elif source is not None:
-        constant = _constant(source.value, name, slot, path, ctx)
+        constant = _constant(source, name, slot, path, ctx)
         if slot.field != "normal":
             found.constants[slot.field] = constant
         elif not any(constant):
@@ -137,9 +139,9 @@ def _varying(source: Node, name: str, slot: _Slot, path: str, ctx: Context) -> I
     kind = NODES[source.id].kind if source.id in NODES else None
     made: Input | None = None
     if kind is NodeKind.READER:
-        made = reader_input(source, width, ctx)
+        made = reader_input(source, width, ctx, is_color=name in COLOR_INPUTS)
     elif kind in (NodeKind.TEXTURE, NodeKind.IMAGE):
-        made = texture_input(source, width, ctx)
+        made = texture_input(source, width, ctx, is_color=name in COLOR_INPUTS)
     else:
         code = "connection-type" if kind else "shader-ignored"
         ctx.warn(code, path, f"{name} comes from {source.id or 'a shader without id'}: {_shown(slot.default)} is used.")
@@ -171,12 +173,14 @@ def _clamped(values: tuple[float, ...], slot: _Slot) -> tuple[float, ...]:
     return inside * len(slot.default) if len(inside) == 1 else inside
 
 
-def _constant(raw: Any, name: str, slot: _Slot, path: str, ctx: Context) -> tuple[float, ...]:
-    values = as_numbers(raw)
+def _constant(source: Constant, name: str, slot: _Slot, path: str, ctx: Context) -> tuple[float, ...]:
+    values = as_numbers(source.value)
     if values is None or len(values) != len(slot.default):
         wanted = "a finite number" if len(slot.default) == 1 else f"{len(slot.default)} finite numbers"
-        ctx.warn("wrong-type", path, f"{name} = {raw!r} is not {wanted}: {_shown(slot.default)} is used.")
+        ctx.warn("wrong-type", path, f"{name} = {source.value!r} is not {wanted}: {_shown(slot.default)} is used.")
         return slot.default
+    if name in COLOR_INPUTS:
+        values = constant_color(values, source, ctx)
     inside = _clamped(values, slot)
     if inside != values:
         ctx.warn("material-input", path, f"{name} = {_shown(values)} is outside [{slot.low:g}, {slot.high:g}] and is clamped.")
@@ -187,7 +191,7 @@ def _number(shader: Node, name: str, default: float, path: str, ctx: Context) ->
     found = parameter(shader, name, ctx)
     if found is None:
         return default
-    return _constant(found.value, name, _Slot(name, (default,)), path, ctx)[0]
+    return _constant(found, name, _Slot(name, (default,)), path, ctx)[0]
 
 
 def _note_inputs(shader: Node, names: set[str], path: str, ctx: Context) -> None:

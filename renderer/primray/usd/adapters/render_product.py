@@ -232,11 +232,3 @@ def _window(raw: Any) -> Window | None:
     left, bottom, right, top = (float(side) for side in raw)
     finite = all(map(math.isfinite, (left, bottom, right, top)))
     return (left, bottom, right, top) if finite and left < right and bottom < top else None
-
-
-def note_ignored(product: ProductSettings, diagnostics: Diagnostics) -> None:
-    """What the picture of this product will not be."""
-    space = product.rendering_color_space
-    if space not in (None, "lin_rec709_scene", "lin_rec709"):
-        message = f"renderingColorSpace = {space} is ignored: linear Rec.709 is used."
-        diagnostics.add("render-settings-input", product.settings_path, message, "renderingColorSpace")

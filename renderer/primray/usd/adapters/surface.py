@@ -38,7 +38,7 @@ class Appearance:
 
 
 def appearance_of(prim: ResolvedPrim, bound: Usd.Prim | None, ctx: Context) -> Appearance:
-    made = material(bound, ctx) if bound is not None else None
+    made = material(bound, prim.inherited, ctx) if bound is not None else None
     if made is not None and made.surface is not None:
         return Appearance(made)
     inputs: list[tuple[str, Input]] = []
