@@ -13,7 +13,6 @@ import os
 import sys
 from collections.abc import Iterable, Iterator
 from itertools import groupby
-from pathlib import Path
 
 import pytest
 
@@ -105,7 +104,7 @@ def page(proofs: Iterable[Proof]) -> str:
 
 
 def _line(row: Row, proofs: list[Proof]) -> str:
-    return f"| `{row.property}` | {state_of(proofs)} | {', '.join(_links(proofs))} |"
+    return f"| `{row.member}` | {state_of(proofs)} | {', '.join(_links(proofs))} |"
 
 
 def _links(proofs: list[Proof]) -> Iterator[str]:

@@ -56,11 +56,11 @@ UNDECLARED = {
 class Row:
     library: str
     schema: str
-    property: str
+    member: str  # the property
 
     @property
     def name(self) -> str:
-        return f"{self.schema}.{self.property}"
+        return f"{self.schema}.{self.member}"
 
 
 def rows() -> dict[str, Row]:
