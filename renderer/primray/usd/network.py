@@ -87,6 +87,7 @@ def parameter(node: Node, name: str, ctx: Context) -> Constant | None:
             "shader-ignored",
             node_path(node, ctx),
             f"{name} comes from {source.id or 'a shader without id'}: its default is used.",
+            f"inputs:{name}",
         )
         return None
     return source
@@ -100,9 +101,8 @@ def numbers(node: Node, name: str, default: tuple[float, ...], ctx: Context) -> 
     values = as_numbers(found.value)
     if values is not None and len(values) == len(default):
         return values
-    ctx.warn(
-        "wrong-type", node_path(node, ctx), f"{name} = {found.value!r} is not {len(default)} finite numbers: {default} is used."
-    )
+    message = f"{name} = {found.value!r} is not {len(default)} finite numbers: {default} is used."
+    ctx.warn("wrong-type", node_path(node, ctx), message, f"inputs:{name}")
     return default
 
 
@@ -122,5 +122,5 @@ def text(node: Node, name: str, default: str, ctx: Context) -> str:
         return default
     if isinstance(found.value, str):
         return found.value
-    ctx.warn("wrong-type", node_path(node, ctx), f"{name} = {found.value!r} is no text: {default!r} is used.")
+    ctx.warn("wrong-type", node_path(node, ctx), f"{name} = {found.value!r} is no text: {default!r} is used.", f"inputs:{name}")
     return default

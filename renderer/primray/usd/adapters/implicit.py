@@ -48,7 +48,8 @@ def tessellated(prim: ResolvedPrim, ctx: Context) -> Shape | None:
 def _appearance(prim: ResolvedPrim, ctx: Context) -> Appearance:
     appearance = appearance_of(prim, prim.material, ctx)
     if appearance.varying_color:
-        ctx.warn("invalid-primvar", prim.path, f"primvars:displayColor varies, which a {prim.type_name} cannot show: ignored.")
+        message = f"primvars:displayColor varies, which a {prim.type_name} cannot show: ignored."
+        ctx.warn("invalid-primvar", prim.path, message, "primvars:displayColor")
         appearance = replace(appearance, color=FALLBACK_COLOR, varying_color=False)
     return appearance
 

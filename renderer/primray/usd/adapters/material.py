@@ -16,6 +16,7 @@ from ...description import Input, PrimvarInput, Surface, TextureInput
 from ..context import Context
 from ..network import Constant, Node, as_numbers, find_source, parameter
 from ..network_nodes import NO_PRIMVAR, NODES, NodeKind, reader_input, texture_input
+from ..notes import note_unknown_schemas
 
 SURFACE_SHADERS = frozenset({"UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader"})
 
@@ -127,7 +128,7 @@ def _read_slot(shader: Node, name: str, found: _Inputs, path: str, ctx: Context)
         if slot.field != "normal":
             found.constants[slot.field] = constant
         elif not any(constant):
-            ctx.warn("material-input", path, "normal has no length and is ignored.")
+            ctx.warn("material-input", path, "normal has no length and is ignored.", "inputs:normal")
         elif constant != slot.default:
             found.varying["normal"] = PrimvarInput(NO_PRIMVAR, constant)
 
@@ -142,10 +143,11 @@ def _varying(source: Node, name: str, slot: _Slot, path: str, ctx: Context) -> I
         made = texture_input(source, width, ctx)
     else:
         code = "connection-type" if kind else "shader-ignored"
-        ctx.warn(code, path, f"{name} comes from {source.id or 'a shader without id'}: {_shown(slot.default)} is used.")
+        message = f"{name} comes from {source.id or 'a shader without id'}: {_shown(slot.default)} is used."
+        ctx.warn(code, path, message, f"inputs:{name}")
         return None
     if made is None:
-        ctx.warn("material-input", path, f"{name} cannot be read: {_shown(slot.default)} is used.")
+        ctx.warn("material-input", path, f"{name} cannot be read: {_shown(slot.default)} is used.", f"inputs:{name}")
     return made
 
 
@@ -175,11 +177,12 @@ def _constant(raw: Any, name: str, slot: _Slot, path: str, ctx: Context) -> tupl
     values = as_numbers(raw)
     if values is None or len(values) != len(slot.default):
         wanted = "a finite number" if len(slot.default) == 1 else f"{len(slot.default)} finite numbers"
-        ctx.warn("wrong-type", path, f"{name} = {raw!r} is not {wanted}: {_shown(slot.default)} is used.")
+        ctx.warn("wrong-type", path, f"{name} = {raw!r} is not {wanted}: {_shown(slot.default)} is used.", f"inputs:{name}")
         return slot.default
     inside = _clamped(values, slot)
     if inside != values:
-        ctx.warn("material-input", path, f"{name} = {_shown(values)} is outside [{slot.low:g}, {slot.high:g}] and is clamped.")
+        message = f"{name} = {_shown(values)} is outside [{slot.low:g}, {slot.high:g}] and is clamped."
+        ctx.warn("out-of-range", path, message, f"inputs:{name}")
     return inside
 
 
@@ -192,13 +195,14 @@ def _number(shader: Node, name: str, default: float, path: str, ctx: Context) ->
 
 def _note_inputs(shader: Node, names: set[str], path: str, ctx: Context) -> None:
     """What has no effect on the picture."""
+    note_unknown_schemas(shader.prim, path, ctx)
     unknown = sorted(names - _SLOTS.keys() - _OTHER_INPUTS)
-    if unknown:
-        ctx.warn("unknown-input", path, f"{shader.id} has no {', '.join(unknown)}.")
+    for name in unknown:
+        ctx.warn("unknown-input", path, f"{shader.id} has no {name}.", f"inputs:{name}")
     if "displacement" in names:
         source = find_source(shader.prim.GetAttribute("inputs:displacement"), ctx)
         if isinstance(source, Node) or (isinstance(source, Constant) and source.value != 0):
-            ctx.warn("displacement", path, "The surface is rendered where its mesh is.")
+            ctx.warn("displacement", path, "The surface is rendered where its mesh is.", "inputs:displacement")
 
 
 def _shown(values: tuple[float, ...]) -> str:
