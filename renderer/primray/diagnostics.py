@@ -88,6 +88,7 @@ CODES: dict[str, Code] = {
         Severity.ERROR,
         "Faces with invalid indices, too few vertices or points that are not finite (or beyond 1e37) are missing.",
     ),
+    "shape-input": Code(Severity.WARNING, "An attribute of a shape is ignored."),
     "faces-degenerate": Code(Severity.INFO, "Faces without area were left out; the picture is the same without them."),
     "invalid-primvar": Code(Severity.WARNING, "A primvar or normals with the wrong number of values or bad indices: ignored."),
     "subdivision-data": Code(

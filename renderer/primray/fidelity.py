@@ -64,6 +64,7 @@ FIDELITY: dict[str, Fidelity] = {
         Kind.MISSING, "Correct faceVertexCounts, faceVertexIndices and points so that they fit each other."
     ),
     "faces-dropped": Fidelity(Kind.MISSING, "Correct the faces' indices, and points that are not finite."),
+    "shape-input": Fidelity(Kind.IGNORED, "Use a mesh in place of the shape."),
     "faces-degenerate": Fidelity(Kind.NOTE, "Nothing: remove the faces without area to be rid of the message."),
     "invalid-primvar": Fidelity(Kind.IGNORED, "Author as many values as the interpolation needs, and indices within them."),
     "subdivision-data": Fidelity(

@@ -17,6 +17,7 @@ _PRIMS_SHOWN = 3
 _MESSAGES_SHOWN = 3
 
 Row = Mapping[str, str]
+Key = tuple[str, str, str, str]  # severity, kind, code, attribute
 
 
 def print_diagnostics(diagnostics: Iterable[Row], *, verbose: bool) -> None:
@@ -27,7 +28,7 @@ def print_diagnostics(diagnostics: Iterable[Row], *, verbose: bool) -> None:
 
 def diagnostics_lines(diagnostics: Iterable[Row], *, verbose: bool = False) -> list[str]:
     """Lines for diagnostics in their JSON form; with all their messages and prims if `verbose`."""
-    groups: dict[tuple[str, ...], dict[str, list[Row]]] = {}
+    groups: dict[Key, dict[str, list[Row]]] = {}
     for row in diagnostics:
         key = (row["severity"], row.get("kind", ""), row["code"], row.get("attribute", ""))
         groups.setdefault(key, {}).setdefault(row["message"], []).append(row)
@@ -44,12 +45,12 @@ def fidelity_text(diagnostics: Iterable[Row]) -> str:
     return ", ".join(told) or "as authored"
 
 
-def _rank(key: tuple[str, ...]) -> tuple[int, int, str, str]:
+def _rank(key: Key) -> tuple[int, int, str, str]:
     severity, kind, code, attribute = key
     return _ORDER.index(severity), _KINDS.index(kind) if kind in _KINDS else len(_KINDS), code, attribute
 
 
-def _group(key: tuple[str, ...], messages: dict[str, list[Row]], verbose: bool) -> list[str]:
+def _group(key: Key, messages: dict[str, list[Row]], verbose: bool) -> list[str]:
     severity, kind, code, attribute = key
     head = f"{severity}: {code}{f' ({kind})' if kind else ''}: {f'{attribute}: ' if attribute else ''}"
     shown = list(messages.items()) if verbose else list(messages.items())[:_MESSAGES_SHOWN]

@@ -77,7 +77,9 @@ def _note_unread(node: Node, ctx: Context) -> None:
     note_unknown_schemas(node.prim, node_path(node, ctx), ctx)
     kind = NODES[node.id]
     known = frozenset({kind.name, kind.fallback}) if kind.kind is NodeKind.READER else _INPUTS.get(kind.kind)
-    for name in node.prim.GetAuthoredPropertyNames() if known is not None else ():
+    if known is None:
+        return
+    for name in node.prim.GetAuthoredPropertyNames():
         if name.startswith("inputs:") and name.removeprefix("inputs:") not in known:
             ctx.warn("unknown-input", node_path(node, ctx), f"{node.id} has no {name.removeprefix('inputs:')}.", str(name))
 
