@@ -73,6 +73,7 @@ def material(prim: Usd.Prim, ctx: Context) -> Material:
 
 def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Material:
     """By the first surface output, the universal one before those of renderers, that leads to a shader known here."""
+    _note_outputs(usd_material, path, ctx)
     outputs = sorted(usd_material.GetSurfaceOutputs(), key=lambda output: output.GetBaseName() != "surface")
     others = []
     for output in outputs:
@@ -84,6 +85,18 @@ def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Mate
     reason = f"The surface shader is {', '.join(others)}" if others else "No surface output leads to a shader"
     ctx.warn("shader-ignored", path, f"{reason}: displayColor is used.")
     return Material(None)
+
+
+def _note_outputs(usd_material: UsdShade.Material, path: str, ctx: Context) -> None:
+    """What a material has besides its surface; UsdPreviewSurface's own displacement is noted by its input."""
+    for context in ("", "mtlx"):
+        for output in (usd_material.GetDisplacementOutput(context), usd_material.GetVolumeOutput(context)):
+            source = find_source(output.GetAttr(), ctx) if output else None
+            if isinstance(source, Node) and source.id not in SURFACE_SHADERS:
+                is_volume = output.GetBaseName().endswith("volume")
+                what = "Volumes are not rendered" if is_volume else "The surface is rendered where its mesh is"
+                message = f"{what}: {source.id or 'a shader without id'} is ignored."
+                ctx.warn("shader-ignored" if is_volume else "displacement", path, message, str(output.GetFullName()))
 
 
 def _preview_surface(shader: Node, path: str, ctx: Context) -> Material:
