@@ -9,6 +9,8 @@ collecting the files that carry the mark; a run of all tests has collected them 
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import sys
 from collections.abc import Iterable, Iterator
@@ -51,10 +53,11 @@ def collected() -> list[Proof]:
             gathered.extend(proofs_of(items))
 
     if files:
-        arguments = ["--collect-only", "-qqq", "-p", "no:cacheprovider", "--rootdir", str(ROOT), *files]
-        code = pytest.main(arguments, plugins=[Gather()])
+        arguments = ["--collect-only", "-q", "-p", "no:cacheprovider", "--rootdir", str(ROOT), *files]
+        with contextlib.redirect_stdout(io.StringIO()) as said:
+            code = pytest.main(arguments, plugins=[Gather()])
         if code != pytest.ExitCode.OK:
-            raise SystemExit(f"the tests cannot be collected: {code!r}")
+            raise SystemExit(f"the tests cannot be collected: {code!r}\n{said.getvalue()}")
     return gathered
 
 
