@@ -39,8 +39,8 @@ def diagnostics_lines(diagnostics: Iterable[Row], *, verbose: bool = False) -> l
 
 
 def fidelity_text(diagnostics: Iterable[Row]) -> str:
-    """How many diagnostics there are of each kind that changes the picture: one line."""
-    counts = Counter(row["kind"] for row in diagnostics)
+    """How many warnings and errors there are of each kind that changes the picture: one line."""
+    counts = Counter(row["kind"] for row in diagnostics if row["severity"] != "info")
     told = [f"{counts[kind.value]:,} {kind.value}" for kind in Kind if kind.changes_picture and counts[kind.value]]
     return ", ".join(told) or "as authored"
 
@@ -52,18 +52,26 @@ def _rank(key: Key) -> tuple[int, int, str, str]:
 
 def _group(key: Key, messages: dict[str, list[Row]], verbose: bool) -> list[str]:
     severity, kind, code, attribute = key
-    head = f"{severity}: {code}{f' ({kind})' if kind else ''}: {f'{attribute}: ' if attribute else ''}"
+    head = f"{severity}: {code}{f' ({kind})' if kind and kind != code else ''}: "
     shown = list(messages.items()) if verbose else list(messages.items())[:_MESSAGES_SHOWN]
     lines = []
     for message, rows in shown:
         times = f" ({len(rows):,} times)" if len(rows) > 1 else ""
-        lines.append(f"{head}{message}{times}")
+        lines.append(f"{head}{_sentence(attribute, message)}{times}")
         lines += _prims(rows, verbose)
     left = [row for rows in list(messages.values())[len(shown) :] for row in rows]
     if left:
-        lines.append(f"{head}and {len(left):,} more of this kind")
+        lines.append(f"{head}{f'{attribute}: ' if attribute else ''}and {len(left):,} more of this kind")
         lines += _prims(left, verbose)
     return lines
+
+
+def _sentence(attribute: str, message: str) -> str:
+    """The message behind its attribute, unless it begins with its name: "roughness = 3 is .." is about inputs:roughness."""
+    if message.startswith(attribute):  # also where there is none
+        return message
+    name = attribute.rpartition("inputs:")[2]
+    return f"{attribute}{message.removeprefix(name)}" if message.startswith(f"{name} ") else f"{attribute}: {message}"
 
 
 def _prims(rows: list[Row], verbose: bool) -> list[str]:

@@ -45,8 +45,9 @@ def note_unknown_schemas(prim: Usd.Prim, path: str, ctx: Context) -> None:
 
 
 def _note_unread(schema: str, path: str, ctx: Context) -> None:
-    why = IGNORED.get(schema, "It is not known: what it means to the picture is ignored.")
-    ctx.warn("api-schema", path, f"{schema}: {why}")
+    known = schema in IGNORED
+    message = f"{schema}: {IGNORED[schema]}" if known else f"{schema} is not known: what it means to the picture is ignored."
+    ctx.warn("api-schema", path, message)
 
 
 def note_velocities(prim: ResolvedPrim, positions: str, ctx: Context, velocities: str = "velocities") -> None:

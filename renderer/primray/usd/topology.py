@@ -83,24 +83,20 @@ def usable_faces(prim: ResolvedPrim, points: Floats, faces: Faces, ctx: Context)
         return points, None
     counts, indices = faces.counts, faces.indices
     bad_corner = (indices < 0) | (indices >= len(points))
-    reasons = [] if in_range else ["indices out of range"]
+    reasons = {} if in_range else {"faceVertexIndices": "indices out of range"}
     if not all_finite:
         finite = np.asarray((np.abs(points) <= LARGEST).all(axis=1))
         bad_corner |= ~finite[np.clip(indices, 0, len(points) - 1)]
-        reasons.append("points that are not finite or beyond 1e37")
+        reasons["points"] = "points that are not finite or beyond 1e37"
         points = np.where(finite[:, None], points, np.float32(0))  # belongs to no face that is kept
     too_small = counts < 3
     if too_small.any():
-        reasons.append("fewer than 3 vertices")
+        reasons["faceVertexCounts"] = "fewer than 3 vertices"
     keep = ~too_small
     keep[np.repeat(np.arange(len(counts)), counts)[bad_corner]] = False
     if not keep.all():
-        ctx.warn(
-            "faces-dropped",
-            prim.path,
-            f"{int((~keep).sum())} of {len(counts)} faces: {', '.join(reasons)}.",
-            "faceVertexIndices",
-        )
+        message = f"{int((~keep).sum())} of {len(counts)} faces: {', '.join(reasons.values())}."
+        ctx.warn("faces-dropped", prim.path, message, next(iter(reasons)))
     return points, keep
 
 
