@@ -259,7 +259,7 @@ def Sphere "ball" (prepend apiSchemas = ["MaterialBindingAPI"])
 }
 """
     found = {(d.prim_path, d.attribute) for d in said(stage_of(text)) if d.code == "unknown-input"}
-    assert found == {("/m", "inputs:shine"), ("/m/t", "inputs:sharpness"), ("/m/x", "inputs:skew"), ("/m/r", "inputs:name")}
+    assert found == {("/m/s", "inputs:shine"), ("/m/t", "inputs:sharpness"), ("/m/x", "inputs:skew"), ("/m/r", "inputs:name")}
 
 
 WITHOUT_EFFECT = [

@@ -99,7 +99,7 @@ def test_displacement_is_told(value: float, told: bool) -> None:
         'def Material "m"\n{', 'def Material "m"\n{\ntoken outputs:displacement.connect = </m/s.outputs:displacement>'
     )
     found = translate(stage_of(text), RenderSettings())[1]
-    assert [(d.prim_path, d.attribute) for d in found if d.code == "displacement"] == [("/m", "inputs:displacement")] * told
+    assert [(d.prim_path, d.attribute) for d in found if d.code == "displacement"] == [("/m/s", "inputs:displacement")] * told
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from pxr import Usd, UsdShade
 
 from ...description import Input, PrimvarInput, Surface, TextureInput
 from ..context import Context
-from ..network import Constant, Node, as_numbers, find_source, parameter
+from ..network import Constant, Node, as_numbers, find_source, node_path, parameter
 from ..network_nodes import NO_PRIMVAR, NODES, NodeKind, reader_input, texture_input
 from ..notes import note_unknown_schemas
 
@@ -83,7 +83,7 @@ def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Mate
                 return _preview_surface(source, path, ctx)
             others.append(f"{source.id or 'a shader without id'} ({output.GetBaseName()})")
     reason = f"The surface shader is {', '.join(others)}" if others else "No surface output leads to a shader"
-    ctx.warn("shader-ignored", path, f"{reason}: displayColor is used.")
+    ctx.warn("shader-ignored", path, f"{reason}: displayColor is used.", "outputs:surface")
     return Material(None)
 
 
@@ -101,12 +101,13 @@ def _note_outputs(usd_material: UsdShade.Material, path: str, ctx: Context) -> N
 
 def _preview_surface(shader: Node, path: str, ctx: Context) -> Material:
     names = {str(name).removeprefix("inputs:") for name in shader.prim.GetAuthoredPropertyNames() if name.startswith("inputs:")}
-    _note_inputs(shader, names, path, ctx)
+    at = node_path(shader, ctx)
+    _note_inputs(shader, names, at, ctx)
     found = _Inputs()
     for name in (name for name in _SLOTS if name in names):
-        _read_slot(shader, name, found, path, ctx)
+        _read_slot(shader, name, found, at, ctx)
     constants = found.constants
-    threshold = _number(shader, "opacityThreshold", 0.0, path, ctx) if "opacityThreshold" in names else 0.0
+    threshold = _number(shader, "opacityThreshold", 0.0, at, ctx) if "opacityThreshold" in names else 0.0
     if "opacity" not in found.varying:
         if threshold > 0:  # a cut-out, whatever opacityMode: at the threshold and above fully opaque, below nothing
             if constants.get("opacity", (1.0,))[0] < threshold:
