@@ -35,7 +35,18 @@ BINS = (-4, 3)  # exact_sum.hpp: kLowestBin, and that of the largest float
 
 # Settings that decide about pixels once the scene is translated, and those that decide what is translated.
 OF_PIXELS = ("resolution", "seed", "max_depth", "filter", "filter_width", "dicing_rate", "rendering_color_space")
-OF_SCENE = ("camera", "time_code", "default_light", "purposes", "variants", "load", "mask", "session_layer")
+OF_SCENE = (
+    "camera",
+    "render_settings",
+    "product",
+    "time_code",
+    "default_light",
+    "purposes",
+    "variants",
+    "load",
+    "mask",
+    "session_layer",
+)
 
 PLAN_ARRAYS = ("begin", "order", "levels", "spent")
 

@@ -211,7 +211,7 @@ def test_data_windows(window: str, size: tuple[int, int], measured: Measured) ->
     measured(f"{size[0]} x {size[1]} pixels")
 
 
-@pytest.mark.conforms("Camera.shutter:open", "Camera.shutter:close")
+@pytest.mark.conforms("Camera.shutter:open", "Camera.shutter:close", state="approximated")
 @pytest.mark.hard_case("Images", "a shutter that closes before it opens", expected="a black picture, and a diagnostic")
 def test_a_shutter_that_never_opens(measured: Measured) -> None:
     image = seen("double shutter:open = 1\ndouble shutter:close = 0")

@@ -7,7 +7,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from primray.description import Camera, Projection
+from primray.footprint import projected
 from primray.frame import Frame, PixelWindow, Window, pixels_within, whole_frame
+from primray.settings import RenderSettings
 
 RESOLUTION = (10, 4)
 WINDOWS: dict[Window, PixelWindow] = {
@@ -73,3 +76,21 @@ def test_frames() -> None:
     assert whole_frame(8, 4, 2.0).is_whole
     part = Frame((8, 4), PixelWindow(-1, 0, 10, 4))
     assert (part.is_whole, part.size) == (False, (10, 4))
+
+
+def test_cages_are_diced_for_the_whole_frame_and_what_is_seen_beyond() -> None:
+    camera = Camera("/eye", np.eye(4), Projection.PERSPECTIVE, (-1.0, 1.0, -0.5, 0.5), (0.1, 10.0))
+
+    def window(x: int, y: int, width: int, height: int) -> Window:
+        return projected(camera, Frame((20, 10), PixelWindow(x, y, width, height))).window
+
+    whole = window(0, 0, 20, 10)
+    assert whole == pytest.approx((-1.1, 1.1, -0.55, 0.55))
+    assert window(3, 2, 5, 5) == whole
+    assert window(-2, -3, 30, 18) == pytest.approx((-1.3, 1.9, -1.05, 0.85))
+
+
+def test_what_is_asked_for_by_its_path_is_there_whatever_the_mask() -> None:
+    settings = RenderSettings(mask=("/a",), camera="eye", render_settings="/s", product="/s/p")
+    assert settings.composition.mask == ("/a", "/s", "/s/p")
+    assert RenderSettings(render_settings="/s").composition.mask is None

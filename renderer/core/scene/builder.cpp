@@ -200,18 +200,19 @@ void SceneBuilder::set_camera(const CameraInput& c) {
   Camera& camera = s.camera;
   const daffine& m = c.world_from_camera;
   camera.width = c.width, camera.height = c.height, camera.pixels = c.pixels, camera.orthographic = c.orthographic;
-  // Rays begin at the camera or in front of it: one that sees what is behind it (orthographic) is moved back.
-  const double back = std::max(0.0, -c.near);
-  camera.world_from_camera = {vec3(m.x), vec3(m.y), vec3(m.z), vec3((m.o + m.z * back - s.origin) * s.scale)};
+  camera.world_from_camera = {vec3(m.x), vec3(m.y), vec3(m.z), vec3((m.o - s.origin) * s.scale)};
   const double unit = c.orthographic ? s.scale : 1.0;
   camera.left = float(c.window[0] * unit), camera.right = float(c.window[1] * unit);
   camera.bottom = float(c.window[2] * unit), camera.top = float(c.window[3] * unit);
+  // Embree's rays see nothing before their origin.
+  const double back = std::max(0.0, -c.near);
+  camera.back = float(back * s.scale);
   camera.near = float((c.near + back) * s.scale), camera.far = float((c.far + back) * s.scale);
   for (size_t i = 0; i + 4 <= c.clipping_planes.size(); i += 4) {
     const double* p = &c.clipping_planes[i];
     const double size = std::max({std::fabs(p[0]), std::fabs(p[1]), std::fabs(p[2])}), unit = size > 0 ? 1 / size : 1;
-    camera.clipping_planes.push_back({float(p[0] * unit), float(p[1] * unit), float(p[2] * unit),
-                                      float(std::clamp((p[3] + p[2] * back) * unit * s.scale, -3e38, 3e38))});
+    camera.clipping_planes.push_back(
+        {float(p[0] * unit), float(p[1] * unit), float(p[2] * unit), float(std::clamp(p[3] * unit * s.scale, -3e38, 3e38))});
   }
   camera.blades = c.blades, camera.shutter_open = c.shutter_open;
   camera.first_corner = float(c.blade_rotation_deg / 360 - std::floor(c.blade_rotation_deg / 360));

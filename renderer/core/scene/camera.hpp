@@ -52,7 +52,8 @@ struct Camera {
   bool orthographic = false;
   Affine<float> world_from_camera;                 // axes orthonormal, in the core's space
   float left = 0, bottom = 0, right = 0, top = 0;  // at unit distance, or in the core's lengths (orthographic)
-  float near = 0, far = 0;
+  float near = 0, far = 0;                         // along the view, from where rays begin
+  float back = 0;                                  // so far behind the camera: where an orthographic one sees what is there
   float lens_radius = 0, focus_distance = 1;
   int blades = 0;             // the lens is a regular polygon of as many sides, its corners on the circle; 0: the whole circle
   float first_corner = 0;     // direction of one of them, in turns from +x towards +y
@@ -72,7 +73,7 @@ struct Camera {
     const vfloat<W> fx = to_float(x) + 0.5f + filter.sample<W>(u0), fy = to_float(y) + 0.5f + filter.sample<W>(u1);
     const vfloat<W> sx = left + fx * ((right - left) / float(width)), sy = top - fy * ((top - bottom) / float(height));
     vvec3<W> o(vfloat<W>(0.0f)), d(sx, sy, vfloat<W>(-1.0f));
-    if (orthographic) o = {sx, sy, vfloat<W>(0.0f)}, d = {vfloat<W>(0.0f), vfloat<W>(0.0f), vfloat<W>(-1.0f)};
+    if (orthographic) o = {sx, sy, vfloat<W>(back)}, d = {vfloat<W>(0.0f), vfloat<W>(0.0f), vfloat<W>(-1.0f)};
     if (lens_radius > 0) {
       // All rays of one film point meet on the plane of focus.
       const vvec3<W> lens = lens_point(lens0, lens1);
