@@ -53,6 +53,7 @@ class About:
     counts: Mapping[str, int]
     features: list[dict[str, str]]
     diagnostics: list[dict[str, str]]
+    aovs: tuple[str, ...] = ()  # that the render makes beside the picture: from the scene, not from what is held here
     rendering_space: ColorSpace = REC709
 
 
@@ -109,6 +110,7 @@ def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
         "counts": dict(about.counts),
         "features": about.features,
         "diagnostics": about.diagnostics,
+        "aovs": list(about.aovs),
         "rendering_space": asdict(about.rendering_space),
         "ranges": [[first, sampling.done]],
         "under_way": sampling.ends is not None,
@@ -182,6 +184,7 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
             counts=dict(header["counts"]),
             features=list(header["features"]),
             diagnostics=[dict(row) for row in header["diagnostics"]],
+            aovs=tuple(str(name) for name in header.get("aovs", ())),
             rendering_space=_space_of(header["rendering_space"]),
         ),
         ranges=ranges,

@@ -77,6 +77,7 @@ def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None
         counts=prepared.counts,
         features=list(prepared.scene.features),
         diagnostics=[diagnostic.as_json() for diagnostic in diagnostics],
+        aovs=tuple(request.name for request in prepared.aovs),
         rendering_space=prepared.scene.rendering_space,
     )
     if held is None:

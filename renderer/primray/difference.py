@@ -48,6 +48,7 @@ class Difference:
     relation: Relation
     samples: tuple[float | None, float | None]
     notes: tuple[str, ...]  # what the comparison takes for granted
+    frame: Frame | None = None  # of both pictures
 
     def local_mean(self, field: Doubles) -> Doubles:
         """Mean of (H, W) over each pixel's neighbourhood; without what its own noise could reach, unless that is no matter.
@@ -141,6 +142,7 @@ def difference(a: MeasuredImage, b: MeasuredImage) -> Difference:
         _relation(a, b, d[colors], (variance_a + variance_b)[colors]),
         samples,
         tuple(notes),
+        a.frame,
     )
 
 

@@ -39,7 +39,7 @@ def save_difference(comparison: Comparison, path: str | os.PathLike[str]) -> Pat
         return write_png(picture(comparison), path)
     planes = np.concatenate([of.d[:3], z_scores(of)])
     names = ("R", "G", "B", "z.R", "z.G", "z.B")
-    return Image(np.moveaxis(planes, 0, 2).astype(np.float32), channels=names).save(path)
+    return Image(np.moveaxis(planes, 0, 2).astype(np.float32), channels=names, frame=of.frame).save(path)
 
 
 def z_scores(of: Difference) -> Doubles:

@@ -97,7 +97,7 @@ class _Ids:
     def instance(self, found: dict[str, Any]) -> tuple[Values, dict[int, str]]:
         """After those that the core has: instances of which there is one alone, whose shapes stand in the world themselves."""
         instances, record = self._scene.instance_numbers, self._record
-        _, most = instances.bases()
+        most = instances.most
         alone, names = _numbered([name for rows in (record.meshes, record.spheres) for _, name in rows])
         if most + len(names) > MOST_NUMBERS:
             raise LimitError(f"{most} instances are more than an AOV's 32 bits can number", code="aov-instances")
@@ -125,4 +125,6 @@ def _numbered(paths: Sequence[str]) -> tuple[npt.NDArray[np.uint32], list[str]]:
 
 
 def _seen(ids: Values, name: Callable[[int], str]) -> dict[int, str]:
-    return {n: name(n) for n in np.unique(ids).tolist() if n}
+    largest = int(ids.max(initial=0))
+    present = np.flatnonzero(np.bincount(ids.ravel())) if largest < 1 << 24 else np.unique(ids)
+    return {n: name(n) for n in present.tolist() if n}

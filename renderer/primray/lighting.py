@@ -119,14 +119,14 @@ class Light:
     diffuse: float = 1.0
     specular: float = 1.0
     texture: TextureFile | None = None  # rect, dome
-    texture_format: str = "automatic"  # dome: as UsdLux names it; automatic ones are settled when the file is read
-    portals: tuple[Portal, ...] = ()  # dome
-    normalize: bool = False  # geometry: this and the next two
-    own_color: bool = False
-    shows_own: bool = False
     shaping: Shaping | None = None
     shadow: Shadow | None = None
     # Numbers of SceneDescription.linked: whom the light reaches and who casts its shadows; 0 is everybody.
     light_link: int = 0
     shadow_link: int = 0
     visible_to_camera: bool = True
+    texture_format: str = "automatic"  # dome: as UsdLux names it; automatic ones are settled when the file is read
+    portals: tuple[Portal, ...] = ()  # dome
+    normalize: bool = False  # geometry: this and the next two
+    own_color: bool = False
+    shows_own: bool = False

@@ -6,7 +6,7 @@ Needs no stage: what an image and its report say of the scene is in the checkpoi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +48,7 @@ def merge(paths: Sequence[Path]) -> Merged:
     says = {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": about.features}
     report = make_report(sampling, costs, about.counts, diagnostics, says, pixels_sha256(pixels), about.rendering_space)
     metadata = header_of(report)
-    report |= {"parts": [str(path) for path in paths], "sample_ranges": [list(r) for r in ranges]}
+    report |= {"frame": asdict(about.frame), "parts": [str(path) for path in paths], "sample_ranges": [list(r) for r in ranges]}
     image = Image(pixels, report, metadata, about.camera, errors=errors, frame=about.frame, color_space=about.rendering_space)
     header, arrays = contents(sampling, about)
     return Merged(image, header | {"ranges": [list(r) for r in ranges]}, arrays)
@@ -142,7 +142,7 @@ def _diagnostics(sampling: Sampling, held: Sequence[Checkpoint], ranges: tuple[R
     if missing:
         spans = ", ".join(f"{a}:{b}" for a, b in missing)
         own.add("samples-missing", "", f"samples {spans} are in none of the parts")
-    asked = sorted({name for part in held for name in part.about.settings.get("aovs") or ()})
+    asked = sorted({name for part in held for name in part.about.aovs})
     if asked:
         own.add("aovs-not-merged", "", f"{', '.join(asked)} are not in the checkpoints that were merged")
     film = sampling.film

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import chain, repeat
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -154,10 +154,11 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     aovs = find_aovs(prepared, sampling, costs)
     as_json = [diagnostic.as_json() for diagnostic in diagnostics]
     report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels), space)
+    metadata = header_of(report)
     report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
-    return Image(
-        pixels, report, header_of(report), prepared.camera, errors=errors, frame=prepared.frame, aovs=aovs, color_space=space
-    )
+    report["frame"] = asdict(prepared.frame)
+    frame = prepared.frame
+    return Image(pixels, report, metadata, prepared.camera, errors=errors, frame=frame, aovs=aovs, color_space=space)
 
 
 def find_aovs(prepared: Prepared, sampling: Sampling, costs: Costs) -> dict[str, Aov]:

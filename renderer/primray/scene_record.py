@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -49,48 +50,71 @@ class InstanceNumbers:
     parent: Numbers  # by placement: the group that it stands in, 0 the world
     total: int  # rows
 
-    @property
+    @cached_property
     def counts(self) -> Numbers:
         return np.diff(np.append(self.first, self.total)).astype(np.int64)
 
-    def inside(self, group: int) -> tuple[int, int]:
-        """Rows of a group that holds placements, which follow each other: the first, and how many; (0, 1) of others."""
-        of = np.flatnonzero(self.parent == group) if group else np.zeros(0, np.int64)
-        return (int(self.first[of[0]]), int(self.counts[of].sum())) if len(of) else (0, 1)
+    @cached_property
+    def inside(self) -> dict[int, tuple[int, int]]:
+        """By group that holds placements, which follow each other: their first row, and how many rows."""
+        found: dict[int, tuple[int, int]] = {}
+        for group, first, count in zip(self.parent.tolist(), self.first.tolist(), self.counts.tolist(), strict=True):
+            if group:
+                start, before = found.get(group, (first, 0))
+                found[group] = (start, before + count)
+        return found
 
-    def bases(self) -> tuple[Numbers, int]:
-        """By placement in the world: the number of its first instance; and how many numbers there are."""
-        each = np.array([self.inside(int(g))[1] for g in self.group], np.int64)
-        numbers = np.where(self.parent == 0, self.counts * each, 0)
-        ends = np.cumsum(numbers)
-        return ends - numbers + 1, int(ends[-1]) if len(ends) else 0
+    @cached_property
+    def _inside(self) -> Numbers:
+        """By placement, of the group that it places; (0, 1) of one with shapes."""
+        return np.array([self.inside.get(group, (0, 1)) for group in self.group.tolist()], np.int64).reshape(-1, 2)
+
+    @cached_property
+    def bases(self) -> Numbers:
+        """By placement in the world: the number of its first instance."""
+        return self._ends - self._numbers + 1
+
+    @property
+    def most(self) -> int:
+        """How many numbers there are."""
+        return int(self._ends[-1]) if len(self._ends) else 0
+
+    @cached_property
+    def _numbers(self) -> Numbers:
+        return np.where(self.parent == 0, self.counts * self._inside[:, 1], 0)
+
+    @cached_property
+    def _ends(self) -> Numbers:
+        return np.cumsum(self._numbers)
+
+    @cached_property
+    def _top(self) -> Numbers:
+        return np.flatnonzero(self.parent == 0)
 
     def number(self, rows: Numbers, outer: Numbers | None) -> npt.NDArray[np.uint32]:
         """Of hits in an instance's row, or -1; `outer` likewise the row that this stands in."""
         ids = np.zeros(rows.shape, np.uint32)
         if len(self.first) == 0:
             return ids
-        bases, _ = self.bases()
         grouped = np.zeros(rows.shape, bool) if outer is None else outer >= 0
         alone = (rows >= 0) & ~grouped
         placement = self._placement(rows[alone])
-        ids[alone] = bases[placement] + rows[alone] - self.first[placement]
+        ids[alone] = self.bases[placement] + rows[alone] - self.first[placement]
         if outer is not None and grouped.any():
             placement = self._placement(outer[grouped])
-            inside = np.array([self.inside(int(g)) for g in self.group], np.int64)[placement]
+            inside = self._inside[placement]
             stands = outer[grouped].astype(np.int64) - self.first[placement]
-            ids[grouped] = bases[placement] + stands * inside[:, 1] + rows[grouped] - inside[:, 0]
+            ids[grouped] = self.bases[placement] + stands * inside[:, 1] + rows[grouped] - inside[:, 0]
         return ids
 
     def name(self, number: int) -> str:
         """What the instance of a number is called."""
-        bases, _ = self.bases()
-        top = np.flatnonzero(self.parent == 0)
-        placement = int(top[np.searchsorted(bases[top], number, side="right") - 1])
-        first, count = self.inside(int(self.group[placement]))
-        row, own = divmod(number - int(bases[placement]), count)
+        placement = int(self._top[np.searchsorted(self.bases[self._top], number, side="right") - 1])
+        group = int(self.group[placement])
+        first, count = self.inside.get(group, (0, 1))
+        row, own = divmod(number - int(self.bases[placement]), count)
         name = self._name(placement, row)
-        if not np.any(self.parent == self.group[placement]):
+        if group not in self.inside:
             return name
         inner = int(self._placement(np.array([first + own]))[0])
         return name + self._name(inner, first + own - int(self.first[inner]))

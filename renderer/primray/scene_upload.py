@@ -13,40 +13,22 @@ from .aov_names import primvars_of
 from .description import (
     Camera,
     Doubles,
-    Floats,
     Frame,
-    LightType,
     Mesh,
     Placement,
     Projection,
     SceneDescription,
     Shape,
-    Shaping,
     Sphere,
-    TextureFile,
 )
 from .far_geometry import FARTHEST, OUTLYING, FarInstances, usual_boxes, usual_union
+from .light_upload import LightUpload
 from .placement import Box, chunks, named_levels, placed_box, transformed_box, transformed_boxes
 from .scene_record import WIDE, SceneRecord
 from .shape_upload import NO_FLOATS, ShapeUpload, matrix
 from .skewed import bake_skewed
-from .surface_upload import MutableTextures, SurfaceUpload, Textures
+from .surface_upload import MutableTextures, SurfaceUpload
 from .surface_upload import width as width_of
-
-# Order of LightType in light/light.hpp.
-LIGHT_NUMBERS = {
-    LightType.POINT: 0,
-    LightType.SPHERE: 1,
-    LightType.DISK: 2,
-    LightType.RECT: 3,
-    LightType.CYLINDER: 4,
-    LightType.DISTANT: 5,
-    LightType.DOME: 6,
-    LightType.LINE: 8,
-}
-# Order of DomeFormat in light/dome_format.hpp; one that nothing has settled is read as lat-long.
-DOME_FORMATS = {"automatic": 0, "latlong": 0, "mirroredBall": 1, "angular": 2, "cubeMapVerticalCross": 3}
-NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
 
 
 def upload(
@@ -71,14 +53,14 @@ def upload(
     origin = d.camera.world_from_camera[:3, 3]
     scale = power_of_two_scale(scene_reach(d, boxes, prototype_boxes, origin))
     builder = core.SceneBuilder(origin, scale)
-    inputs = SurfaceUpload(builder, textures)
+    inputs, lights = SurfaceUpload(builder, textures), LightUpload(builder)
     if record is not None:
         note_names(record, description, shapes, inputs)
     builder.reserve_triangles(*points_and_triangles(shapes))
     if d.linked.collections:
         builder.set_links(d.linked.members.astype(np.uint8))
     warnings: list[tuple[str, str, str]] = []
-    handing = ShapeUpload(builder, inputs, inputs.add_surfaces(d.surfaces), shapes, full_boxes, warnings, record)
+    handing = ShapeUpload(builder, inputs, lights, inputs.add_surfaces(d.surfaces), shapes, full_boxes, warnings, record)
     handing.add(d.static, origin, scale)
     builder.reserve_instances(sum(map(len, [*d.placements, *(p for proto in d.prototypes for p in proto.placements)])))
     numbers: dict[int, int] = {}
@@ -91,7 +73,7 @@ def upload(
         handing.add(proto.shapes, center, unit)
         placements.add(proto.placements, numbers[i], center, unit, prototype_boxes)
     placements.add(d.placements, 0, origin, scale, prototype_boxes)
-    add_lights(builder, d, textures)
+    lights.add(d.lights, textures)
     set_camera(builder, d.camera, d.frame, filter_width, filter_inverse_cdf)
     inputs.add_images()
     shapes.clear()
@@ -183,52 +165,6 @@ def set_camera(builder: Any, c: Camera, frame: Frame, filter_width: float, inver
         filter_width,
         inverse_cdf,
     )
-
-
-def add_lights(builder: Any, d: SceneDescription, textures: Textures) -> None:
-    """Rectangles with the same texture share its pixels."""
-    images: dict[TextureFile, int] = {}
-    profiles: dict[int, int] = {}
-    for light in d.lights:
-        pixels, image = NO_TEXTURE, -1
-        if light.type is LightType.RECT and light.texture is not None and light.texture in textures:
-            if light.texture not in images:
-                images[light.texture] = builder.add_light_image(light_pixels(light.texture, textures))
-            image = images[light.texture]
-        elif light.type is LightType.DOME:
-            pixels = light_pixels(light.texture, textures)
-        portals = np.array([[*p.world_from_portal[:3].ravel(), p.width, p.height] for p in light.portals], np.float64)
-        builder.add_light(
-            LIGHT_NUMBERS[light.type],
-            matrix(light.world_from_light),
-            light,
-            pixels,
-            DOME_FORMATS[light.texture_format],
-            portals.reshape(-1, 14),
-            image,
-            ies_number(builder, light.shaping, profiles),
-        )
-
-
-def light_pixels(file: TextureFile | None, textures: Textures) -> Floats:
-    """(H, W, 3), or no pixels: a light without a texture is constant."""
-    tiles = [] if file is None else textures.get(file, [])
-    if not tiles:
-        return NO_TEXTURE
-    return tiles[0][1].rgb()
-
-
-def ies_number(builder: Any, shaping: Shaping | None, numbers: dict[int, int]) -> int:
-    """The core's number of a light's photometric profile, -1 without one; `numbers` by identity, since lights share them."""
-    if shaping is None or shaping.ies is None:
-        return -1
-    profile = shaping.ies
-    if id(profile) not in numbers:
-        horizontal, candela = profile.horizontal_deg, profile.candela
-        if len(horizontal) == 1:
-            horizontal, candela = np.array([0.0, 360.0], np.float32), np.concatenate([candela, candela])
-        numbers[id(profile)] = builder.add_ies_profile(profile.vertical_deg, horizontal, candela, profile.horizontal_pole)
-    return numbers[id(profile)]
 
 
 def shape_boxes(core: Any, shapes: Sequence[Shape]) -> Doubles:

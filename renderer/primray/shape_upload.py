@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from .description import Doubles, Floats, Interpolation, Ints, Mesh, Placed, Primvar, Shape, Sphere, Surface
 from .far_geometry import FARTHEST, OUTLYING, Flags, near_triangles
+from .light_upload import LightUpload
 from .placement import transformed_boxes
 from .scene_record import SceneRecord
 from .surface_upload import SurfaceUpload, is_cutout, is_hole
@@ -44,6 +45,7 @@ class ShapeUpload:
         self,
         builder: Any,
         inputs: SurfaceUpload,
+        lights: LightUpload,
         surfaces: Sequence[Surface],
         shapes: Sequence[Shape],
         boxes: Doubles,  # of all their points
@@ -53,9 +55,11 @@ class ShapeUpload:
         self._builder = builder
         self._record = record
         self._inputs = inputs
+        self._lights = lights
         self._shapes = shapes
         self._boxes = boxes
         self._warnings = warnings
+        self._lights = lights
         self._cutout = np.array([is_cutout(s) for s in surfaces], bool)
         self._hole = np.array([is_hole(s) for s in surfaces], bool)
         self._link_row = 0
@@ -68,7 +72,7 @@ class ShapeUpload:
         for i, p in enumerate(placed):
             shape = self._shapes[p.shape]
             if shape.light is not None:
-                lights[i] = self._builder.add_geometry_light(matrix(p.matrix), shape.light)
+                lights[i] = self._lights.add_worn(shape.light, matrix(p.matrix))
             if isinstance(shape, Mesh):
                 self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=False)
                 self._note_mesh(p)

@@ -145,7 +145,8 @@ DEFAULTED = [
     "float fStop = 1e-38\nfloat focusDistance = 10", "float fStop = 1\nfloat focusDistance = 1e-30",
     "float2 clippingRange = (100, 1)", "float2 clippingRange = (0, 0)", "float2 clippingRange = (-5, 10)",
     "float2 clippingRange = (1, inf)", "float2 clippingRange = (nan, 10)",
-    "double shutter:open = 1\ndouble shutter:close = 0", "double shutter:open = nan", "double shutter:close = inf",
+    "float fStop = -1\nfloat focusDistance = 10", "float fStop = 1\nfloat focusDistance = -10",
+    "float4[] clippingPlanes = [(0, 0, nan, 1)]", "double shutter:open = nan", "double shutter:close = inf",
 ]  # fmt: skip
 
 
@@ -190,15 +191,33 @@ def test_a_pixel_aspect_that_can_be() -> None:
     assert abs(rows / columns - 2) < 0.2
 
 
-@pytest.mark.parametrize(
-    "window", ["(-1, -1, 3, 3)", "(0.25, 0.25, 0.5, 0.5)", "(1, 1, 0, 0)", "(nan, 0, 1, 1)", "(2, 2, 3, 3)"]
-)
-@pytest.mark.hard_case("Images", "dataWindowNDC = %s", expected="a diagnostic: data windows are not supported")
-def test_data_windows(window: str, measured: Measured) -> None:
+@pytest.mark.parametrize("window", ["(1, 1, 0, 0)", "(nan, 0, 1, 1)", "(0, 0, inf, 1)", "(0.5, 0, 0.5, 1)"])
+@pytest.mark.hard_case("Images", "dataWindowNDC = %s", expected="a diagnostic, and the whole frame")
+def test_data_windows_that_cannot_be(window: str, measured: Measured) -> None:
     image = seen(more=prim("RenderSettings", "r", f"uniform float4 dataWindowNDC = {window}"))
     assert codes(image) == ["render-settings-input"]
     np.testing.assert_array_equal(image.pixels, PLAIN)
     measured("`render-settings-input`, the whole frame")
+
+
+@pytest.mark.parametrize(
+    ("window", "size"), [("(-1, -1, 3, 3)", (64, 48)), ("(0.25, 0.25, 0.5, 0.5)", (4, 3)), ("(2, 2, 3, 3)", (16, 12))]
+)
+@pytest.mark.hard_case("Images", "dataWindowNDC = %s", expected="a part of the frame, or more than it")
+def test_data_windows(window: str, size: tuple[int, int], measured: Measured) -> None:
+    image = seen(more=prim("RenderSettings", "r", f"uniform float4 dataWindowNDC = {window}"))
+    assert (codes(image), image.resolution) == ([], size)
+    assert np.isfinite(image.pixels).all()
+    measured(f"{size[0]} x {size[1]} pixels")
+
+
+@pytest.mark.conforms("Camera.shutter:open", "Camera.shutter:close")
+@pytest.mark.hard_case("Images", "a shutter that closes before it opens", expected="a black picture, and a diagnostic")
+def test_a_shutter_that_never_opens(measured: Measured) -> None:
+    image = seen("double shutter:open = 1\ndouble shutter:close = 0")
+    assert codes(image) == ["camera-input"]
+    assert not image.pixels[..., :3].any()
+    measured("`camera-input`, black")
 
 
 # Frames without anything to see.

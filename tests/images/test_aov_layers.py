@@ -204,3 +204,20 @@ def test_emission_behind_what_is_there_in_part() -> None:
     text = square("veil", 0, (0, 0, 0), opacity(0.25)) + worn(square("b", -2, more=wears("glow"))) + glow
     image = picture(stage_of(text, light=NO_LIGHT), ("emission",))
     np.testing.assert_allclose(of(image, "emission"), [3, 1.5, 0.75], rtol=1e-6)
+
+
+def test_a_surface_that_is_there_in_part_emits_by_that_part() -> None:
+    glow = material("glow", diffuseColor=(0.0, 0.0, 0.0), emissiveColor=(4.0, 2.0, 1.0), opacity=0.25, ior=1.0)
+    glow = glow.replace("token outputs:surface\n", 'token outputs:surface\n        token inputs:opacityMode = "presence"\n')
+    text = worn(square("a", 0, more=wears("glow"))) + square("b", -2) + glow
+    image = picture(stage_of(text, light=NO_LIGHT), ("emission", "depth"))
+    np.testing.assert_allclose(of(image, "emission"), [1, 0.5, 0.25], rtol=1e-6)
+    assert of(image, "depth") == 8
+
+
+def test_albedo_of_colours_that_vary() -> None:
+    varying = '    color3f[] primvars:displayColor = [(0, 0, 1), (1, 0, 1), (1, 0, 1), (0, 0, 1)] (interpolation = "vertex")\n'
+    text = square("a", 0).replace("    color3f[] primvars:displayColor = [(0.5, 0.5, 0.5)]\n", varying)
+    image = picture(stage_of(text, light=NO_LIGHT), ("albedo", "position"))
+    red = 0.5 + values(image, "position")[..., 0] / 18
+    np.testing.assert_allclose(image.aovs["albedo"].values, np.stack([red, 0 * red, 0 * red + 1], axis=2), atol=6 / 72 / 18 / 4)

@@ -274,3 +274,35 @@ def test_aovs_change_no_bit_of_the_picture() -> None:
     assert set(beside.aovs) == set(AOVS)
     assert pixels_sha256(alone.pixels) == pixels_sha256(beside.pixels)
     assert (values(beside, "samples") == 2).all()
+
+
+def test_a_data_window_cuts_or_widens_all_of_them() -> None:
+    """The pixels that a window and the whole have in common are the same; beyond the frame there is more of the same scene."""
+    product = """
+def RenderSettings "settings"
+{
+    rel camera = </cam>
+    uniform int2 resolution = (72, 54)
+    uniform float4 dataWindowNDC = WINDOW
+}
+"""
+    names = (*PLACES, "albedo", "emission", "samples")
+
+    def with_window(window: str) -> Image:
+        return render(stage_of(BODIES + product.replace("WINDOW", window)), RenderSettings(spp=2, aovs=names))
+
+    whole, part, more = (with_window(w) for w in ("(0, 0, 1, 1)", "(0.25, 0.5, 0.75, 1)", "(-0.25, 0, 1.25, 1)"))
+    assert (part.resolution, more.resolution) == ((36, 27), (108, 54))
+    for name in names:
+        assert np.array_equal(values(part, name), values(whole, name)[:27, 18:54])
+        assert np.array_equal(values(more, name)[:, 18:90], values(whole, name))
+
+
+def test_clipping_planes_cut_what_is_seen_first() -> None:
+    stage = stage_of(BODIES)
+    stage.GetPrimAtPath("/cam").GetAttribute("clippingPlanes").Set([(0, 0, -1, -6)])  # all before z = 0 is cut off
+    image = picture(stage, ("depth", "prim", "normal"))
+    seen = values(image, "depth")[values(image, "prim") == 1]
+    assert seen.min() >= 6
+    assert seen.max() <= 7
+    assert (values(image, "normal")[27, 36] > 0.9).any()  # of the ball's inside

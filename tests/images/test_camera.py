@@ -43,7 +43,9 @@ def trace(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Film positions, and origins, directions, near and far of their rays; with a box filter, u = 0.5 is the pixel's centre."""
     rng = np.random.default_rng(1)
-    pixel = np.stack([rng.integers(0, RESOLUTION[0], n), rng.integers(0, RESOLUTION[1], n)], axis=1).astype(np.int32)
+    pixel = np.stack([rng.integers(-200, size + 200, n) for size in RESOLUTION], axis=1).astype(
+        np.int32
+    )  # beyond the frame too
     film = rng.random((n, 2), dtype=np.float32)
     lens_numbers = rng.random((n, 2), dtype=np.float32) if lens is None else np.full((n, 2), lens, np.float32)
     scene = describe([(ground(), np.eye(4))], [lambert(0.5)], camera=camera, resolution=RESOLUTION).build()
@@ -57,6 +59,15 @@ def trace(
     )
 
 
+@pytest.mark.conforms(
+    "Camera.projection",
+    "Camera.focalLength",
+    "Camera.horizontalAperture",
+    "Camera.verticalAperture",
+    "Camera.horizontalApertureOffset",
+    "Camera.verticalApertureOffset",
+    "Camera.focusDistance",
+)
 @pytest.mark.parametrize("name", CAMERAS)
 def test_rays_go_where_points_project(name: str) -> None:
     camera = CAMERAS[name]
@@ -68,6 +79,7 @@ def test_rays_go_where_points_project(name: str) -> None:
     np.testing.assert_allclose(np.linalg.norm(d, axis=1), 1, atol=1e-6)
 
 
+@pytest.mark.conforms("Camera.clippingRange")
 @pytest.mark.parametrize("name", CAMERAS)
 def test_clipping_is_by_depth(name: str) -> None:
     camera = CAMERAS[name]
@@ -77,6 +89,7 @@ def test_clipping_is_by_depth(name: str) -> None:
     np.testing.assert_allclose(far * depth, camera.clipping_range[1], rtol=1e-5)
 
 
+@pytest.mark.conforms("Camera.fStop", "Camera.focusDistance")
 def test_circle_of_confusion() -> None:
     """A point at depth z blurs to a disc of radius lens_radius |z - f| / (z f) at unit distance, evenly filled."""
     camera = CAMERAS["lens"]
@@ -92,6 +105,7 @@ def test_circle_of_confusion() -> None:
     assert np.abs(blur.mean(axis=0)).max() < 5 * exact / 2 / np.sqrt(len(radius))
 
 
+@pytest.mark.conforms("Camera.clippingRange")
 def test_clipping_cuts_the_image() -> None:
     """White quads at depths 1, 2 and 3; clipping from 1.5 to 2.5 leaves the second."""
     quads = [
@@ -105,6 +119,7 @@ def test_clipping_cuts_the_image() -> None:
     assert set(np.unique(result.pixels(1.0)[18:22, ..., 3])) == {0.0, 1.0}
 
 
+@pytest.mark.conforms("Camera.exposure")
 def test_exposure_and_coverage() -> None:
     scene = describe(
         [(Sphere("/s", 0.5, 0), translation(0, 0, -3))],

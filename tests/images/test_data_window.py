@@ -14,6 +14,8 @@ from tests.unit.usd.usd_text import stage_of
 import primray
 from primray import RenderSettings
 from primray.checkpointing import Checkpointing
+from primray.cli.inspect import camera_facts
+from primray.cli.inspect_text import camera_rows
 from primray.comparison import compare
 from primray.errors import CheckpointError, InvalidSceneError, LimitError, SettingsError
 from primray.frame import Frame, PixelWindow
@@ -131,6 +133,7 @@ def test_overscan_is_what_a_wider_window_shows() -> None:
 
 def spec_of(path: Path) -> Any:
     found = oiio.ImageInput.open(str(path))
+    assert found is not None
     spec = found.spec()
     found.close()
     return spec
@@ -174,6 +177,16 @@ def test_report_and_samples() -> None:
     assert image.report["samples"] == width * height * 8
     assert image.report["samples_per_pixel"] == [8, 8]
     assert image.report["settings"]["resolution"] == list(RESOLUTION)
+    pixels = {"x": 15, "y": 7, "width": width, "height": height}
+    assert image.report["frame"] == {"resolution": RESOLUTION, "pixels": pixels, "pixel_aspect_ratio": 1.0}
+
+
+def test_inspecting() -> None:
+    text = text_of("(0.3, 0.1, 0.7, 0.8)\nuniform float pixelAspectRatio = 2")
+    facts = {"camera": camera_facts(translate(stage_of(text), RenderSettings(resolution=RESOLUTION))[0]), "cameras": ["/eye"]}
+    rows = dict(camera_rows(facts, None))
+    assert rows["data window"] == "20 x 25 pixels from (15, 7)"
+    assert rows["pixel aspect"] == "2"
 
 
 def test_adaptive_sampling() -> None:

@@ -131,7 +131,7 @@ def cut(o: Doubles, d: Doubles, planes: Any, near: float, far: float) -> tuple[D
     return low, high
 
 
-PLANES = {
+PLANES: dict[str, list[Any]] = {
     "one that faces away": [(0.0, 0.0, 1.0, 5.0)],
     "one that faces the camera": [(0.0, 0.0, -1.0, -2.0)],
     "askew": [(0.3, -0.7, -0.2, -0.5)],
@@ -151,7 +151,11 @@ PLANES = {
 def test_clipping_planes(name: str, kind: str) -> None:
     planes = PLANES[name]
     cameras = {"perspective": perspective(VIEW, 0.3, 1.6), "lens": LENS, "orthographic": orthographic(VIEW, 0.5, 1.6)}
-    camera = replace(cameras[kind], clipping_range=(0.5, 50.0), clipping_planes=tuple(tuple(map(float, p)) for p in planes))
+    camera = replace(
+        cameras[kind],
+        clipping_range=(0.5, 50.0),
+        clipping_planes=tuple((float(a), float(b), float(c), float(e)) for a, b, c, e in planes),
+    )
     o, d, near, far = rays(camera, 3000)
     low, high = cut(o, d, planes, 0.5, 50.0)
     seen = high > low

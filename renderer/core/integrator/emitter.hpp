@@ -84,6 +84,7 @@ PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, c
   vvec3<W> L = triangle_emission(scene, m, triangle, vertex_base, truncate(row(kMeshPlacement)), truncate(row(kMeshInstance)),
                                  b1, b2, own);
   if (lights) L *= row.vector(kGlow);
+  if (scene.lights.has_shaping) L *= light_shaping(scene.lights, row, m, wi);
   s.wi = select(m, wi, s.wi), s.t = select(m, distance, s.t), s.L = select(m, L, s.L);
   s.pdf = select(m, select(usable, pdf, vfloat<W>(0.0f)), s.pdf);
 }
@@ -155,8 +156,11 @@ PRIMRAY_INLINE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hit
   // As bright as where this instance stands, if that is known.
   vvec3<W> radiance = gather_vec3<W>(lights.radiance.data(), number * vint<W>(3));
   const vint<W> light = scene.emitters.any() ? emitter_light(scene, m, h, it) : none;
-  if (const vbool<W> placed = m & (light >= zero); any(placed))
-    radiance = select(placed, LightRow<W>(scene.lights, select(placed, light, zero)).vector(kGlow), radiance);
+  if (const vbool<W> placed = m & (light >= zero); any(placed)) {
+    const LightRow<W> row(scene.lights, select(placed, light, zero));
+    radiance = select(placed, row.vector(kGlow), radiance);
+    if (scene.lights.has_shaping) radiance *= light_shaping(scene.lights, row, placed, p.ray.d);
+  }
   const vvec3<W> one(vfloat<W>(1.0f));
   vvec3<W> given = radiance * select(has(GeometryLights::kOwn), one * presence, glow);
   if (scene.lights.lobe_factors) {

@@ -194,9 +194,9 @@ struct SpecialShadowQueue {
 
   template <int W>
   PRIMRAY_INLINE void append(vbool<W> m, const vvec3<W>& o, const vvec3<W>& d, vfloat<W> end, const vvec3<W>& carried,
-                             vint<W> to_slot, vint<W> to_light) {
+                             vint<W> to_slot, vint<W> to_light, vfloat<W> at_time, PathNeeds needs) {
     Compaction<W>(m).append(light + rays.count, to_light);
-    rays.append(m, o, d, end, carried, to_slot);
+    rays.append(m, o, d, end, carried, to_slot, at_time, needs);
   }
 };
 

@@ -327,7 +327,8 @@ class TilePaths {
       s.wi = select(near, to * (1.0f / t), s.wi), s.t = select(near, t, s.t);
     }
     if (any(useful & special))
-      w_.special_shadows->append(useful & special, o, s.wi, s.t * kNearlyOne, carried, p.slot, choice.light);
+      w_.special_shadows->append(useful & special, o, s.wi, s.t * kNearlyOne, carried, p.slot, choice.light, p.ray.time,
+                                 needs_);
     useful &= !special;
     if (any(useful)) w_.shadows.append(useful, o, s.wi, s.t * kNearlyOne, carried, p.slot, p.ray.time, needs_);
   }
@@ -465,7 +466,9 @@ class TilePaths {
       const B active = lane_numbers<W>() < I(q.rays.count - at);
       const V carried{load<W>(q.rays.r + at), load<W>(q.rays.g + at), load<W>(q.rays.b + at)};
       const I light = select(active, load<W>(q.light + at), I(q.light[at]));
-      const V left = pass_special(scene_, recorder_, active, q.rays.rays<W>(at), light);
+      Rays<W> rays = q.rays.rays<W>(at);
+      if (needs_.time) rays.time = load<W>(q.rays.time + at);
+      const V left = pass_special(scene_, recorder_, active, rays, light);
       add(active, load<W>(q.rays.slot + at), carried * left);
     }
   }

@@ -42,10 +42,10 @@ enum LightField : int {
   kImportance = kAnchorNormal + 3,  // luminance of what selection weighs
   kDiffuseFactor,
   kSpecularFactor,
-  kImage,    // of a rectangle: its texture in LightTable::images, counted from 1; 0: none
-  kGlow,     // of geometry: what it makes of its material's glow, or its own radiance (kOwnRadiance)
-  kShaping = kGlow + 3,  // its number in ShapingTable, from 1; 0: none
-  kLightFlags,
+  kImage,  // of a rectangle: its texture in LightTable::images, counted from 1; 0: none
+  kGlow,   // of geometry: what it makes of its material's glow, or its own radiance (kOwnRadiance)
+  kLightFlags = kGlow + 3,
+  kShaping,  // its number in ShapingTable, from 1; 0: none
   kLightFields,
   // A mesh needs no inverse and has no one radiance, but its ball's centre, and the placement (-1: none) and its instance.
   kMeshCenter = kInverseX,
@@ -90,13 +90,13 @@ struct LightTable {
   bool needs_hit_test = false;      // some light has area or a cone that BSDF rays can meet
   bool camera_sees_area = false;
   bool lobe_factors = false;  // some light's diffuse or specular factor is not 1
-  ShapingTable shaping;
-  bool has_shaping = false;            // some light's emission depends on its direction
   // Linking; all empty where nothing is linked. Row by row, the collection that a light reaches.
   LinkTable links;
   std::vector<int32_t> light_link;
   LinkedLights linked;
-  std::vector<float> shadow_rows;      // kShadowFields a row, where some light is special; else empty
+  std::vector<float> shadow_rows;  // kShadowFields a row, where some light is special; else empty
+  ShapingTable shaping;
+  bool has_shaping = false;            // some light's emission depends on its direction
   static constexpr int kWeighed = 16;  // at most so many are weighed at every vertex
 
   const float* row(int light) const { return rows.data() + light * kLightFields; }

@@ -7,7 +7,7 @@ namespace primray {
 
 template <int W>
 PRIMRAY_INLINE vfloat<W> linked_importance(const LightTable& table, int i, const vvec3<W>& p, vint<W> link) {
-  const vfloat<W> w = light_importance(table.row(i), p);
+  const vfloat<W> w = light_weight(table, i, p);
   return select(in_collection(table.links, link, table.light_link[i]), w, vfloat<W>(0.0f));
 }
 

@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 
+#include "light/shaping_input.hpp"
 #include "scene/light_rules.hpp"
 #include "scene/scene.hpp"
 
@@ -28,24 +29,16 @@ struct ImageInput {
   int width = 0, height = 0;
 };
 
-// A photometric profile: angles in degrees, ascending, two or more of each; `candela` by horizontal angle. See light/ies.hpp.
-struct IesInput {
-  std::span<const float> vertical_deg, horizontal_deg, candela;
-  bool horizontal_pole = false;
-};
-
-struct ShapingInput {
-  double focus = 0;
-  vec3 focus_tint;
-  double cone_angle_deg = 180, cone_softness = 0;
-  int ies = -1;  // what add_ies_profile gave
-  double ies_angle_scale = 0, ies_divisor = 1;
-};
-
 // A rectangle that a dome is sampled through.
 struct PortalInput {
   daffine world_from_portal;
   double width = 1, height = 1;
+};
+
+// A photometric profile: angles in degrees, ascending, two or more of each; `candela` by horizontal angle. See light/ies.hpp.
+struct IesInput {
+  std::span<const float> vertical_deg, horizontal_deg, candela;
+  bool horizontal_pole = false;
 };
 
 struct LightInput : LightRules {
@@ -116,12 +109,12 @@ class SceneBuilder {
   void end_placement();
   // A row for every instance that was not left out of the last placement.
   void add_placement_primvar(int name, int width, std::span<const float> values);
-  // Its number, for ShapingInput.
-  int add_ies_profile(const IesInput& profile);
   // Before shapes and lights: whether what wears row r is in collection c, (rows) (collections) flags; number 0 has all.
   void set_links(int rows, int collections, std::span<const uint8_t> members);
   // Of the shapes that follow.
   void set_link_row(int row) { link_row_ = row; }
+  // Its number, for ShapingInput.
+  int add_ies_profile(const IesInput& profile);
   // An image for rectangle lights; its number.
   int add_light_image(const ImageInput& image);
   // `image`: of a rectangle, or -1.

@@ -7,6 +7,7 @@
 #include "scene/input_facts.hpp"
 #include "scene/light_rows.hpp"
 #include "scene/light_rules.hpp"
+#include "scene/shaping_rows.hpp"
 
 namespace primray {
 namespace {
@@ -66,7 +67,7 @@ ShapeWeight add_triangles(const Scene& s, EmitterTable& table, size_t first, siz
 }
 
 // What a shape's own light brings to its row, where its group stands so: kGlow, and what any light has.
-void put_geometry_light(const Scene& s, int32_t number, const daffine& world_from_group, float* row) {
+void put_geometry_light(Scene& s, int32_t number, const daffine& world_from_group, float* row) {
   row[kGlow] = row[kGlow + 1] = row[kGlow + 2] = 1;
   if (number < 0) return;
   const GeometryLight& light = s.geometry_lights.all[number];
@@ -74,8 +75,9 @@ void put_geometry_light(const Scene& s, int32_t number, const daffine& world_fro
   const vec3 L = placed_radiance(s, light, world_from_group);
   row[kGlow] = L.x, row[kGlow + 1] = L.y, row[kGlow + 2] = L.z;
   row[kLightFlags] = float(int(row[kLightFlags]) | (light.own ? kOwnRadiance : 0));
-  if (LightType(int(row[kType])) != LightType::kMesh) return;
   const daffine m = world_from_group * light.group_from_object;
+  if (light.shaping) add_shaping(*light.shaping, m, row, s.lights);
+  if (LightType(int(row[kType])) != LightType::kMesh) return;
   const dvec3 frame[] = {normalize(m.x), normalize(m.z)};
   const int fields[] = {kMeshFrameX, kMeshFrameZ};
   for (int i = 0; i < 2; ++i)
@@ -100,9 +102,9 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
   for (int i = 0; i < 5; ++i)
     row[fields[i]] = float(columns[i].x), row[fields[i] + 1] = float(columns[i].y), row[fields[i] + 2] = float(columns[i].z);
   const double size = std::cbrt(std::fabs(m.determinant()));
+  row[kSize0] = float(w.radius * size);
   put_geometry_light(s, w.light, m, row);
   const double share = w.light < 0 ? 1.0 : share_of(s.geometry_lights.all[w.light], row);
-  row[kSize0] = float(w.radius * size);
   row[kSize1] = float(shape);
   row[kMeshPlacement] = float(placement), row[kMeshInstance] = float(instance);
   row[kImportance] = float(w.power * size * size * share);
@@ -120,9 +122,9 @@ void add_sphere_row(Scene& s, int32_t sphere, const daffine& world_from_group) {
   const int32_t number = s.geometry_lights.ball(sphere);
   light.emission = radiance(s, s.sphere_surface[sphere], number);
   if (number >= 0) {
-    float own[kLightFields] = {};
-    put_geometry_light(s, number, world_from_group, own);
-    light.emission *= float(share_of(s.geometry_lights.all[number], own));
+    const GeometryLight& own = s.geometry_lights.all[number];
+    const double whole = luminance(dvec3(own.radiance));
+    if (whole > 0) light.emission *= float(luminance(dvec3(placed_radiance(s, own, world_from_group))) / whole);
   }
   const bool hit_test = s.lights.needs_hit_test;
   const int before = s.lights.count;

@@ -6,9 +6,12 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
+#include "light/light.hpp"
+#include "light/shaping_input.hpp"
 #include "scene/light_rules.hpp"
 
 namespace primray {
@@ -20,7 +23,8 @@ struct GeometryLight {
   bool own = false, shown = false, normalize = false;
   LightRules rules;
   daffine group_from_object{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)};
-  std::vector<float> row;  // a light row with what any light has: lobe factors, and what shapes and links it
+  std::vector<float> row;  // a light row with what any light has: lobe factors
+  std::optional<ShapingInput> shaping;
   // Its parts in its group: triangles [first, end), counted over the scene, or a sphere.
   std::vector<std::pair<size_t, size_t>> triangles;
   int32_t sphere = -1;

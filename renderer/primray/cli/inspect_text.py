@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from .diagnostics_text import diagnostics_lines
+from .diagnostics_text import diagnostics_lines, fidelity_text
 
 _SHOWN = 10  # of each list, unless verbose
 
@@ -16,12 +16,13 @@ def lines(facts: dict[str, Any], verbose: bool) -> list[str]:
     shown = None if verbose else _SHOWN
     rows = [
         *_stage_rows(facts["stage"], shown),
-        *_camera_rows(facts, shown),
+        *camera_rows(facts, shown),
         *_listed("light", [_light(light) for light in facts["lights"]], shown),
         *_listed("material", facts["materials"], shown),
         *_listed("texture", [_texture(texture) for texture in facts["textures"]], shown),
         *_counted("primvars", facts["primvars"], "shape"),
         *_count_rows(facts["counts"]),
+        ("fidelity", fidelity_text(facts["diagnostics"])),
     ]
     indent = max(len(name) for name, _ in rows) + 2
     return [f"{name:{indent}}{text}" for name, text in rows] + diagnostics_lines(facts["diagnostics"], verbose=verbose)
@@ -53,10 +54,15 @@ def _time(time: dict[str, Any]) -> str:
     return f"{span}, {time['time_codes_per_second']:g} codes a second, {sampled}"
 
 
-def _camera_rows(facts: dict[str, Any], shown: int | None) -> Iterator[Row]:
+def camera_rows(facts: dict[str, Any], shown: int | None) -> Iterator[Row]:
     camera = facts["camera"]
     width, height = camera["resolution"]
     yield "camera", f"{camera['path'] or 'automatic'} ({camera['projection']}), {width} x {height}"
+    pixels = camera["pixels"]
+    if (pixels["x"], pixels["y"], pixels["width"], pixels["height"]) != (0, 0, width, height):
+        yield "data window", f"{pixels['width']} x {pixels['height']} pixels from ({pixels['x']}, {pixels['y']})"
+    if camera["pixel_aspect_ratio"] != 1:
+        yield "pixel aspect", f"{camera['pixel_aspect_ratio']:g}"
     yield from _listed("", [f"also {path}" for path in facts["cameras"] if path != camera["path"]], shown)
 
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Container
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -20,6 +21,7 @@ from .convert import matrix
 from .read import When, array, as_columns, is_single, read, time_of, value
 
 _IDENTITY = Gf.Matrix4d(1.0)
+_PURPOSE_VISIBILITY = {f"{purpose}Visibility": purpose for purpose in ("guide", "proxy", "render")}
 _CONSTANT = (None, "constant")  # a primvar's interpolation where nothing is authored, and the token
 
 
@@ -54,6 +56,7 @@ class Inherited:
     # instancers around say, by collection.
     seen_as: str = ""
     linked_by_instancers: tuple[tuple[int, bool], ...] = ()
+    invisible: frozenset[str] = frozenset()  # purposes that VisibilityAPI hides, by the nearest opinion on each
 
 
 @dataclass(frozen=True)
@@ -91,6 +94,11 @@ def local_matrix(prim: Usd.Prim, names: frozenset[str], when: When, cache: UsdGe
     return local, xformable.GetResetXformStack()
 
 
+def is_drawn(inherited: Inherited, purposes: Container[str]) -> bool:
+    """Whether a shape's purpose is among those that are rendered and is visible."""
+    return inherited.purpose in purposes and inherited.purpose not in inherited.invisible
+
+
 def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: list[str], ctx: Context) -> Inherited | None:
     """What `prim` hands down, None if it is invisible (and so is all below it); `schemas` are those applied to it."""
     when = ctx.when
@@ -105,6 +113,8 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: l
             mine = replace(mine, purpose=purpose)
         elif purpose is not None:
             Tf.Warn(f"The purpose of {prim.GetPath()} is {purpose!r}, no token: it is ignored.")
+    if not names.isdisjoint(_PURPOSE_VISIBILITY):
+        mine = _with_purpose_visibility(mine, prim, names)
     if "model:drawMode" in names:
         mode = read(prim, "model:drawMode", when)
         mine = replace(mine, draw_mode=mode) if isinstance(mode, str) and mode != "inherited" else mine
@@ -119,6 +129,21 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: l
         mine = mine if opacity is None else replace(mine, opacity=opacity[0])
     read_names = ctx.primvars_read
     return mine if names.isdisjoint(read_names) else _with_primvars(mine, prim, names & read_names, ctx)
+
+
+def _with_purpose_visibility(parent: Inherited, prim: Usd.Prim, names: frozenset[str]) -> Inherited:
+    """UsdGeomVisibilityAPI: "visible" below overrides "invisible" above. Without an opinion a purpose that is asked for is
+    visible, guides too: the schema leaves that to the "calling context" for the others, and nobody asks for guides in vain."""
+    if not prim.HasAPI(UsdGeom.VisibilityAPI):
+        return parent
+    invisible = set(parent.invisible)
+    for name, purpose in _PURPOSE_VISIBILITY.items():
+        opinion = prim.GetAttribute(name).Get() if name in names else "inherited"
+        if opinion == "invisible":
+            invisible.add(purpose)
+        elif opinion == "visible":
+            invisible.discard(purpose)
+    return replace(parent, invisible=frozenset(invisible))
 
 
 def _with_primvars(parent: Inherited, prim: Usd.Prim, names: frozenset[str], ctx: Context) -> Inherited:

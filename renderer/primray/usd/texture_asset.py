@@ -45,13 +45,13 @@ def light_texture(path: str, attribute: Usd.Attribute, prim: ResolvedPrim, ctx: 
 
 def _file(node: Node, found: Constant | None, ctx: Context) -> TextureFile:
     if found is None or not isinstance(found.value, Sdf.AssetPath) or not found.value.path:
-        ctx.warn("texture-unset", node_path(node, ctx), "It names no file: its fallback is used.")
+        ctx.warn("texture-unset", node_path(node, ctx), "It names no file: its fallback is used.", "inputs:file")
         return TextureFile("", "auto")
     asset = found.value
     if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
         return _tiles(node, asset, found.attribute, ctx)
     if not asset.resolvedPath:
-        ctx.warn("asset-missing", node_path(node, ctx), f"{asset.path} cannot be found: the fallback is used.")
+        ctx.warn("asset-missing", node_path(node, ctx), f"{asset.path} cannot be found: the fallback is used.", "inputs:file")
     return TextureFile(str(asset.resolvedPath), "auto")
 
 
@@ -60,7 +60,8 @@ def _tiles(node: Node, asset: Sdf.AssetPath, attribute: Usd.Attribute, ctx: Cont
     found = UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layer)  # 1001 to 1100, ten in U and ten in V
     tiles = [(int(number), str(path)) for path, number in found]
     if not tiles:
-        ctx.warn("asset-missing", node_path(node, ctx), f"{asset.path} has no tile from 1001 to 1100: the fallback is used.")
+        message = f"{asset.path} has no tile from 1001 to 1100: the fallback is used."
+        ctx.warn("asset-missing", node_path(node, ctx), message, "inputs:file")
         return TextureFile("", "auto")
     number, first = tiles[0]
     before, _, after = first.rpartition(str(number))
@@ -97,6 +98,11 @@ def _source_color_space(node: Node, ctx: Context) -> str | ColorSpace | None:
         return name
     space = space_named(name, scope_at(node.prim, ctx), ctx)
     if space is None:
-        ctx.warn("shader-parameter", node_path(node, ctx), f"sourceColorSpace = {name!r} is not known: auto is used.")
+        ctx.warn(
+            "shader-parameter",
+            node_path(node, ctx),
+            f"sourceColorSpace = {name!r} is not known: auto is used.",
+            "inputs:sourceColorSpace",
+        )
         return "auto"
     return space

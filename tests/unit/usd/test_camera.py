@@ -12,7 +12,7 @@ from primray.description import Camera, Projection
 from primray.diagnostics import Diagnostics
 from primray.errors import SettingsError
 from primray.settings import RenderSettings
-from primray.usd.adapters.camera import Aperture, conform
+from primray.usd.adapters.camera import Aperture, conform, pixel_aspect_ratio
 from primray.usd.adapters.render_product import ProductSettings
 
 from .usd_text import stage_of, translate_text
@@ -36,6 +36,14 @@ TEXT = """def Xform "rig"
 """
 
 
+@pytest.mark.conforms(
+    "Camera.projection",
+    "Camera.focalLength",
+    "Camera.horizontalAperture",
+    "Camera.verticalAperture",
+    "Camera.horizontalApertureOffset",
+    "Camera.verticalApertureOffset",
+)
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
 def test_projects_as_gf_frustum_does(projection: str) -> None:
     text = TEXT.replace("PROJECTION", projection)
@@ -51,6 +59,7 @@ def test_projects_as_gf_frustum_does(projection: str) -> None:
     assert np.abs(camera.project(points, (300, 200)) - expected).max() < 1e-4
 
 
+@pytest.mark.conforms("Camera.projection", "Camera.horizontalAperture")
 def test_orthographic_width_is_a_tenth_of_the_aperture() -> None:
     camera = translate_text(TEXT.replace("PROJECTION", "orthographic"), RenderSettings(resolution=(300, 200)))[0].camera
     assert camera.projection is Projection.ORTHOGRAPHIC
@@ -58,49 +67,66 @@ def test_orthographic_width_is_a_tenth_of_the_aperture() -> None:
     assert (right - left, top - bottom) == pytest.approx((3, 2))
 
 
-WIDE, TALL = Aperture(40, 20), Aperture(10, 20)  # aspects 2 and 0.5, image aspect 1
+WIDE, TALL = Aperture(40, 20, 3, -1), Aperture(10, 20, 3, -1)  # aspects 2 and 0.5
+
+# Policy, pixels (50 x 50) of aspect 1 and of aspect 2: what becomes of WIDE and of TALL, and the pixels' aspect in the end.
+Sizes = tuple[float, float]
+POLICIES: dict[tuple[str, float], tuple[Sizes, Sizes, float, float]] = {
+    ("expandAperture", 1): ((40, 40), (20, 20), 1, 1),
+    ("expandAperture", 2): ((40, 20), (40, 20), 2, 2),
+    ("expandAperture", 4): ((80, 20), (80, 20), 4, 4),
+    ("cropAperture", 1): ((20, 20), (10, 10), 1, 1),
+    ("cropAperture", 2): ((40, 20), (10, 5), 2, 2),
+    ("cropAperture", 4): ((40, 10), (10, 2.5), 4, 4),
+    ("adjustApertureWidth", 1): ((20, 20), (20, 20), 1, 1),
+    ("adjustApertureWidth", 4): ((80, 20), (80, 20), 4, 4),
+    ("adjustApertureHeight", 1): ((40, 40), (10, 10), 1, 1),
+    ("adjustApertureHeight", 4): ((40, 10), (10, 2.5), 4, 4),
+    ("adjustPixelAspectRatio", 1): ((40, 20), (10, 20), 2, 0.5),
+    ("adjustPixelAspectRatio", 4): ((40, 20), (10, 20), 2, 0.5),
+}
 
 
-@pytest.mark.parametrize(
-    ("policy", "wide", "tall"),
-    [
-        ("expandAperture", (40, 40), (20, 20)),
-        ("cropAperture", (20, 20), (10, 10)),
-        ("adjustApertureWidth", (20, 20), (20, 20)),
-        ("adjustApertureHeight", (40, 40), (10, 10)),
-        ("adjustPixelAspectRatio", (40, 20), (10, 20)),
-    ],
-)
-def test_conform_policies(policy: str, wide: tuple[float, float], tall: tuple[float, float]) -> None:
-    for aperture, expected in ((WIDE, wide), (TALL, tall)):
-        found = conform(aperture, (50, 50), ProductSettings(conform_policy=policy))
+@pytest.mark.conforms("RenderSettingsBase.aspectRatioConformPolicy", "RenderSettingsBase.pixelAspectRatio")
+@pytest.mark.parametrize(("policy", "aspect"), POLICIES)
+def test_conform_policies(policy: str, aspect: float) -> None:
+    wide, tall, *ratios = POLICIES[policy, aspect]
+    product = ProductSettings(conform_policy=policy, pixel_aspect_ratio=aspect)
+    for aperture, expected, ratio in ((WIDE, wide, ratios[0]), (TALL, tall, ratios[1])):
+        found = conform(aperture, (50, 50), product)
         assert (found.width, found.height) == expected
+        assert (found.offset_x, found.offset_y) == (3, -1)  # they shift what was adjusted
+        assert pixel_aspect_ratio(aperture, (50, 50), product) == ratio
+        if policy == "adjustPixelAspectRatio":
+            assert pixel_aspect_ratio(aperture, (100, 50), product) == ratio / 2
 
 
-def test_pixel_aspect_ratio_widens_the_image() -> None:
-    found = conform(TALL, (50, 50), ProductSettings(pixel_aspect_ratio=2.0))
-    assert (found.width, found.height) == (40, 20)
+@pytest.mark.conforms(
+    "RenderSettingsBase.aspectRatioConformPolicy",
+    "RenderSettingsBase.pixelAspectRatio",
+    "RenderSettingsBase.resolution",
+    "Camera.horizontalApertureOffset",
+    "Camera.verticalApertureOffset",
+)
+@pytest.mark.parametrize(("policy", "aspect"), POLICIES)
+def test_pictures_cover_the_conformed_aperture(policy: str, aspect: float) -> None:
+    """Corners of the aperture at unit distance are at corners of the picture, whose pixels are square in the end."""
+    text = 'def Camera "eye"\n{\nfloat focalLength = 50\nfloat horizontalAperture = 40\nfloat verticalAperture = 20\n'
+    text += "float horizontalApertureOffset = 3\nfloat verticalApertureOffset = -1\n}\n"
+    text += f'def RenderSettings "s"\n{{\nuniform int2 resolution = (50, 50)\nuniform float pixelAspectRatio = {aspect}\n'
+    text += f'uniform token aspectRatioConformPolicy = "{policy}"\n}}\n'
+    description = translate_text(text)[0]
+    (width, height), _, ratio, _ = POLICIES[policy, aspect]
+    corners = [[(3 + x * width / 2) / 50, (-1 + y * height / 2) / 50, -1] for x in (-1, 1) for y in (-1, 1)]
+    pixels = description.camera.project(corners, description.resolution)
+    assert np.abs(pixels - [[0, 50], [0, 0], [50, 50], [50, 0]]).max() < 1e-4
+    assert description.pixel_aspect_ratio == ratio
+    assert width / 50 / (height / 50) == pytest.approx(ratio)
 
 
 def camera_of(body: str) -> tuple[Camera, list[str]]:
     description, found = translate_text(f'def Camera "camera"\n{{\n{body}\n}}\n')
     return description.camera, [code for code, _ in found]
-
-
-def test_thin_lens_and_exposure() -> None:
-    camera, _ = camera_of("float fStop = 2\nfloat focusDistance = 9\nfloat focalLength = 80")
-    assert (camera.lens_radius, camera.focus_distance) == pytest.approx((2, 9))
-    assert camera_of("float fStop = 2")[0].lens_radius == 0
-    assert camera_of("float focusDistance = 2")[0].lens_radius == 0
-    body = "float exposure = 3\nfloat exposure:iso = 50\nfloat exposure:time = 0.25\nfloat exposure:fStop = 4"
-    body += "\nfloat exposure:responsivity = 2"
-    stage = stage_of(f'def Camera "camera"\n{{\n{body}\n}}\n')
-    expected = UsdGeom.Camera(stage.GetPrimAtPath("/camera")).ComputeLinearExposureScale()
-    assert camera_of(body)[0].exposure_scale == pytest.approx(expected)
-    assert expected == pytest.approx(2 * 0.25 * 0.5 * 8 / 16)
-    camera, codes = camera_of("float exposure:fStop = 0")
-    assert math.isfinite(camera.exposure_scale)
-    assert "camera-input" in codes
 
 
 def test_scaled_and_mirrored_cameras_become_rigid() -> None:
@@ -169,6 +195,7 @@ def Xform "x"
 """
 
 
+@pytest.mark.conforms("RenderSettingsBase.camera")
 def test_choice_of_camera() -> None:
     assert translate_text(TWO)[0].camera.path == "/one"
     assert translate_text(TWO, RenderSettings(camera="/x/two"))[0].camera.path == "/x/two"
@@ -183,6 +210,7 @@ def test_choice_of_camera() -> None:
             translate_text(TWO, RenderSettings(camera=odd))
 
 
+@pytest.mark.conforms("RenderSettingsBase.resolution", "RenderSettings.products")
 def test_resolution() -> None:
     two = RenderSettings(camera="two")
     assert translate_text(TWO, two)[0].resolution == (960, 480)

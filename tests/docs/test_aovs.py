@@ -1,0 +1,23 @@
+"""docs/aovs.md names every AOV with its channels, and every name of a RenderVar that means one."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from primray.aov import channel_names
+from primray.aov_names import AOVS
+from primray.usd.adapters.render_var import COMMON
+
+TEXT = (Path(__file__).parents[2] / "docs" / "aovs.md").read_text()
+
+
+def test_the_table_is_complete() -> None:
+    rows = dict(re.findall(r"^\| `([a-z_:A-Z]+)` \| (.*) \|$", TEXT, re.MULTILINE))
+    assert set(rows) == {*AOVS, "primvar:NAME"}
+    for name, kind in AOVS.items():
+        channels, _, names = rows[name].split(" | ")
+        first, *more = channel_names(name, kind.channels)
+        written = " ".join([first, *(channel.rpartition(".")[2] for channel in more)])
+        assert channels == f"`{written}`" + (" (UINT)" if kind.unsigned else "")
+        assert sorted(re.findall(r"`([^`]+)`", names.partition(", the LPE")[0])) == sorted(COMMON.get(name, ()))
