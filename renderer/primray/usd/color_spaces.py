@@ -118,6 +118,8 @@ def in_rendering_space(
     values: npt.NDArray[np.floating], attribute: Usd.Attribute, scope: ColorScope, ctx: Context, *, assumed: bool = True
 ) -> npt.NDArray[np.floating]:
     """(..., 3) colours converted; without `assumed` only what is authored converts them, else linear Rec.709 is the default."""
+    if _is_plain(attribute, scope, ctx, assumed):
+        return values
     source = authored_space(attribute, scope, ctx)
     if source is None:
         source = REC709 if assumed else ctx.rendering_space
@@ -135,9 +137,16 @@ def color_in_rendering_space(
     rgb: tuple[float, float, float], attribute: Usd.Attribute, scope: ColorScope, ctx: Context, *, assumed: bool = True
 ) -> tuple[float, float, float]:
     """One colour."""
+    if _is_plain(attribute, scope, ctx, assumed):
+        return rgb
     given = np.array(rgb, np.float64)
     found = in_rendering_space(given, attribute, scope, ctx, assumed=assumed)
     return rgb if found is given else (float(found[0]), float(found[1]), float(found[2]))
+
+
+def _is_plain(attribute: Usd.Attribute, scope: ColorScope, ctx: Context, assumed: bool) -> bool:
+    """Quickly, since most stages say nothing of colour spaces and are rendered in the default one."""
+    return scope is NOWHERE and (not assumed or ctx.rendering_space is REC709) and not attribute.HasColorSpace()
 
 
 def _same(source: ColorSpace, target: ColorSpace) -> bool:

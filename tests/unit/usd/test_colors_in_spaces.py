@@ -85,7 +85,7 @@ def test_indexed_values_and_what_leaves_the_space() -> None:
     indexed = values + '(interpolation = "vertex"\ncolorSpace = "lin_ap1_scene")\n'
     indexed += "int[] primvars:displayColor:indices = [0, 1, 1, 1]"
     description, found = translate_text(f'def Mesh "m" {{ {SQUARE % "none"}\n{indexed}\n}}')
-    assert ("material-input", "/m") in found
+    assert ("out-of-range", "/m") in found
     (mesh,) = description.shapes
     assert isinstance(mesh, Mesh)
     assert mesh.colors is not None
