@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from .errors import UnsupportedError
+from .fidelity import FIDELITY, Kind
 
 
 class Severity(Enum):
@@ -26,8 +27,24 @@ class Diagnostic:
     message: str
     attribute: str = ""  # the attribute or relationship in question, as the schema names it; "": the prim as a whole
 
+    @property
+    def kind(self) -> Kind:
+        return FIDELITY[self.code].kind
+
+    @property
+    def is_strict(self) -> bool:
+        """Whether `--strict` refuses the stage for it: a warning or error that leaves the picture other than authored."""
+        return self.severity is not Severity.INFO and self.kind.changes_picture
+
     def as_json(self) -> dict[str, str]:
-        return {"severity": self.severity.value, "code": self.code, "prim_path": self.prim_path, "message": self.message}
+        return {
+            "severity": self.severity.value,
+            "kind": self.kind.value,
+            "code": self.code,
+            "prim_path": self.prim_path,
+            "attribute": self.attribute,
+            "message": self.message,
+        }
 
 
 @dataclass(frozen=True)
@@ -68,11 +85,13 @@ CODES: dict[str, Code] = {
     "wrong-type": Code(
         Severity.WARNING, "An attribute holds a value of the wrong type, or one that is not finite: its default is used."
     ),
+    "out-of-range": Code(Severity.WARNING, "A value outside what its schema allows: the nearest allowed value is used."),
     "invalid-mesh": Code(Severity.ERROR, "A mesh whose topology cannot be used: it is missing from the picture."),
     "faces-dropped": Code(
         Severity.ERROR,
         "Faces with invalid indices, too few vertices or points that are not finite (or beyond 1e37) are missing.",
     ),
+    "shape-input": Code(Severity.WARNING, "An attribute of a shape is ignored."),
     "faces-degenerate": Code(Severity.INFO, "Faces without area were left out; the picture is the same without them."),
     "invalid-primvar": Code(Severity.WARNING, "A primvar or normals with the wrong number of values or bad indices: ignored."),
     "subdivision-data": Code(
@@ -107,6 +126,9 @@ CODES: dict[str, Code] = {
     "light-input": Code(
         Severity.WARNING, "An input of a light, or an applied light schema, is ignored or brought into its range."
     ),
+    "old-attribute": Code(
+        Severity.WARNING, "An attribute of a light by the name it had before USD 21.02, without inputs: ignored, as USD does."
+    ),
     "light-dark": Code(
         Severity.WARNING, "A light without size and normalize, or that its transform leaves none, emits nothing by its formula."
     ),
@@ -121,8 +143,9 @@ CODES: dict[str, Code] = {
     "connection-type": Code(
         Severity.WARNING, "A shader's output does not fit the input it feeds: some of it or a default is used."
     ),
-    "material-input": Code(Severity.WARNING, "An input of a material is ignored or brought into its range."),
-    "unknown-input": Code(Severity.INFO, "A shader has inputs that are no part of its definition: they mean nothing."),
+    "material-input": Code(Severity.WARNING, "An input of a material cannot be read: its default is used."),
+    "unknown-input": Code(Severity.INFO, "A shader or light has inputs that are no part of its definition: they mean nothing."),
+    "other-renderer": Code(Severity.INFO, "Attributes in the namespace of another renderer: they mean nothing here."),
     "displacement": Code(Severity.WARNING, "Displacement is not supported: the surface is rendered undisplaced."),
     "binding-missing": Code(Severity.WARNING, "A material binding leads to no material: it counts as none."),
     "binding-expression": Code(
@@ -194,8 +217,11 @@ class Diagnostics:
         return len(self._seen)
 
     def raise_if_strict(self) -> None:
-        """UnsupportedError naming the first warning or error and their number; information passes."""
-        bad = [d for d in self._seen if d.severity is not Severity.INFO]
+        """UnsupportedError naming the first warning or error about the picture and their number; the rest passes."""
+        bad = [d for d in self._seen if d.is_strict]
         if bad:
             more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
-            raise UnsupportedError(f"--strict: {bad[0].code}: {bad[0].message}{more}", where=bad[0].prim_path, code="strict")
+            at = f"{bad[0].attribute}: " if bad[0].attribute else ""
+            raise UnsupportedError(
+                f"--strict: {bad[0].code}: {at}{bad[0].message}{more}", where=bad[0].prim_path, code="strict"
+            )

@@ -30,9 +30,14 @@ class Problem(View):
 
 
 class Warning(View):
-    code: str
+    code: str = Field(description="Stable; docs/fidelity.md lists the renderer's.")
     prim: str | None = None
     detail: str
+    severity: Literal["error", "warning", "info"] | None = None
+    kind: Literal["missing", "ignored", "approximated", "out-of-range", "defaulted", "chosen", "note"] | None = Field(
+        None, description="In what way the picture keeps to what the scene says."
+    )
+    attribute: str | None = Field(None, description="The attribute or relationship in question; empty: the prim as a whole.")
 
 
 class FrameCounts(View):

@@ -83,23 +83,23 @@ def test_ior(ior: str, measured: Measured) -> None:
 
 # What is authored, the codes it gives, and what it is rendered as.
 BAD: dict[str, tuple[str, str, str]] = {
-    "metallic 2": ("float inputs:metallic = 2", "material-input", "float inputs:metallic = 1"),
-    "roughness -1": ("float inputs:roughness = -1", "material-input", "float inputs:roughness = 0"),
-    "opacity -3": ("float inputs:opacity = -3", "material-input", "float inputs:opacity = 0"),
-    "clearcoat 7": ("float inputs:clearcoat = 7", "material-input", "float inputs:clearcoat = 1"),
+    "metallic 2": ("float inputs:metallic = 2", "out-of-range", "float inputs:metallic = 1"),
+    "roughness -1": ("float inputs:roughness = -1", "out-of-range", "float inputs:roughness = 0"),
+    "opacity -3": ("float inputs:opacity = -3", "out-of-range", "float inputs:opacity = 0"),
+    "clearcoat 7": ("float inputs:clearcoat = 7", "out-of-range", "float inputs:clearcoat = 1"),
     "diffuseColor -1 and 10": (
-        "color3f inputs:diffuseColor = (-1, 0.5, 10)", "material-input", "color3f inputs:diffuseColor = (0, 0.5, 1)",
+        "color3f inputs:diffuseColor = (-1, 0.5, 10)", "out-of-range", "color3f inputs:diffuseColor = (0, 0.5, 1)",
     ),
     "diffuseColor nan": ("color3f inputs:diffuseColor = (nan, 1, 1)", "wrong-type", ""),
     "diffuseColor inf": ("color3f inputs:diffuseColor = (inf, 1, 1)", "wrong-type", ""),
     "emissiveColor nan": ("color3f inputs:emissiveColor = (nan, 1, 1)", "wrong-type", ""),
     "emissiveColor -1": (
-        "color3f inputs:emissiveColor = (-1, 0, 0)", "material-input", "color3f inputs:emissiveColor = (0, 0, 0)",
+        "color3f inputs:emissiveColor = (-1, 0, 0)", "out-of-range", "color3f inputs:emissiveColor = (0, 0, 0)",
     ),
     "emissiveColor 1e38": (
-        "color3f inputs:emissiveColor = (1e38, 0, 0)", "material-input", "color3f inputs:emissiveColor = (1e30, 0, 0)",
+        "color3f inputs:emissiveColor = (1e38, 0, 0)", "out-of-range", "color3f inputs:emissiveColor = (1e30, 0, 0)",
     ),
-    "ior -1": ("float inputs:ior = -1", "material-input", "float inputs:ior = 0"),
+    "ior -1": ("float inputs:ior = -1", "out-of-range", "float inputs:ior = 0"),
     "ior nan": ("float inputs:ior = nan", "wrong-type", ""),
     "ior inf": ("float inputs:ior = inf", "wrong-type", ""),
     "opacityThreshold nan": ("float inputs:opacityThreshold = nan", "wrong-type", ""),
@@ -128,8 +128,8 @@ def test_display_color_out_of_range(interpolation: str, measured: Measured) -> N
 
     found, wanted = of("(-1, 0.5, 10)"), of("(0, 0.5, 1)")
     np.testing.assert_array_equal(found.pixels, wanted.pixels)
-    assert set(found.noted) == {"material-input"}
-    measured("as those, material-input")
+    assert set(found.noted) == {"out-of-range"}
+    measured("as those, out-of-range")
 
 
 def transport(s: PreviewSurface, cosines: np.ndarray) -> np.ndarray:

@@ -48,6 +48,9 @@ def cutout(threshold: float, channels: str = "r", file: TextureFile = FILE) -> S
 
 @pytest.mark.parametrize("presence", [False, True])
 @pytest.mark.parametrize("threshold", [0.2, 0.5, 128 / 255])
+@pytest.mark.conforms(
+    "UsdPreviewSurface.inputs:opacity", "UsdPreviewSurface.inputs:opacityThreshold", "UsdPreviewSurface.inputs:opacityMode"
+)
 def test_what_the_texture_says(threshold: float, presence: bool) -> None:
     """At the threshold exactly (0.2 is 51 / 255) it is there."""
     opacity = OPACITY.copy()

@@ -34,6 +34,7 @@ def Mesh "square"
 
 
 @pytest.mark.parametrize("opacity", [0.0, 0.25, 1.0])
+@pytest.mark.conforms("Gprim.primvars:displayOpacity")
 def test_in_a_white_sky(opacity: float) -> None:
     """In front of radiance 1 all around, a square of albedo a and opacity o shows o a + 1 - o."""
     from primray import render

@@ -60,6 +60,15 @@ CLOSE = 2e-3  # of a texel's distance from its neighbours: what is left of the f
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
 @pytest.mark.parametrize("channels", ["rgb", "r", "g", "b", "a"])
+@pytest.mark.conforms(
+    "UsdUVTexture.inputs:file",
+    "UsdUVTexture.inputs:st",
+    "UsdUVTexture.outputs:r",
+    "UsdUVTexture.outputs:g",
+    "UsdUVTexture.outputs:b",
+    "UsdUVTexture.outputs:a",
+    "UsdUVTexture.outputs:rgb",
+)
 def test_every_channel_the_right_way_up(count: int, channels: str) -> None:
     picture = PICTURE[:, :, :count]
     r, g, b, a = np.moveaxis(PICTURE, 2, 0)
@@ -70,6 +79,7 @@ def test_every_channel_the_right_way_up(count: int, channels: str) -> None:
     np.testing.assert_allclose(got, wanted, atol=CLOSE)
 
 
+@pytest.mark.conforms("UsdUVTexture.inputs:scale", "UsdUVTexture.inputs:bias")
 def test_scale_and_bias() -> None:
     value = texture(scale=(2, -1, 0.5, 1), bias=(0.5, 1, 0, 0))
     got = pixels_of(look_at_plate(glowing(value), {FILE: image(PICTURE)}, (7, 5)))
@@ -85,6 +95,7 @@ def test_negative_emission_is_none() -> None:
     np.testing.assert_allclose(got, np.maximum(PICTURE[..., :3] - 0.5, 0), atol=CLOSE)
 
 
+@pytest.mark.conforms("UsdTransform2d.inputs:rotation", "UsdTransform2d.inputs:translation")
 def test_st_transform() -> None:
     """A quarter turn counter-clockwise about the origin, then one to the right: s' = 1 - t, t' = s."""
     square = PICTURE[:5, :5]
@@ -95,6 +106,7 @@ def test_st_transform() -> None:
 
 
 @pytest.mark.parametrize("wrap", [Wrap.BLACK, Wrap.CLAMP, Wrap.REPEAT, Wrap.MIRROR])
+@pytest.mark.conforms("UsdUVTexture.inputs:wrapS", "UsdUVTexture.inputs:wrapT")
 def test_wraps_outside(wrap: Wrap) -> None:
     st = [[-1, -1], [2, -1], [2, 2], [-1, 2]]
     picture = PICTURE[:3, :3, :3]
@@ -131,6 +143,7 @@ def test_tiles() -> None:
     assert (pixels_of(look_at_plate(glowing(value), {file: tiles}, (3, 3), outside)) == [0.25, 0.5, 0.75]).all()
 
 
+@pytest.mark.conforms("UsdUVTexture.inputs:fallback")
 def test_a_file_that_cannot_be_read_gives_its_fallback() -> None:
     value = texture(fallback=(0.25, 0.5, 0.75, 1), scale=(9,) * 4)
     assert (pixels_of(look_at_plate(glowing(value), {}, (2, 2))) == [0.25, 0.5, 0.75]).all()

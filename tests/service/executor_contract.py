@@ -422,6 +422,8 @@ class ExecutorContract:
             self.done(watched, ended)
             [warning] = [message for message in watched.said("warning") if message["code"] == "asset-missing"]
             assert warning["prim"] == "/World/sky"
+            assert (warning["severity"], warning["kind"]) == ("error", "missing")
+            assert "attribute" in warning
             watched, _ = await self.run(executor, self.render(scene, strict=True))
             assert watched.last["problem"]["type"] == "/problems/strict-warnings"
 

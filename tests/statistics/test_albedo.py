@@ -44,6 +44,7 @@ def check(s: Surface) -> None:
 
 @pytest.mark.parametrize("roughness", ROUGHNESSES)
 @pytest.mark.parametrize("metallic", [0.0, 0.5, 1.0])
+@pytest.mark.conforms("UsdPreviewSurface.inputs:roughness", "UsdPreviewSurface.inputs:metallic")
 def test_base(roughness: float, metallic: float) -> None:
     check(replace(WHITE, roughness=roughness, metallic=metallic))
 
@@ -51,11 +52,13 @@ def test_base(roughness: float, metallic: float) -> None:
 @pytest.mark.parametrize("roughness", ROUGHNESSES[::2])
 @pytest.mark.parametrize("clearcoat", [(0.5, 0.01), (1.0, 0.1), (1.0, 0.6)])
 @pytest.mark.parametrize("metallic", [0.0, 1.0])
+@pytest.mark.conforms("UsdPreviewSurface.inputs:clearcoat", "UsdPreviewSurface.inputs:clearcoatRoughness")
 def test_clearcoat(roughness: float, clearcoat: tuple[float, float], metallic: float) -> None:
     check(replace(WHITE, roughness=roughness, metallic=metallic, clearcoat=clearcoat[0], clearcoat_roughness=clearcoat[1]))
 
 
 @pytest.mark.parametrize("ior", IORS)
+@pytest.mark.conforms("UsdPreviewSurface.inputs:ior")
 def test_index_of_refraction(ior: float) -> None:
     for roughness in (0.1, 0.5):
         check(replace(WHITE, ior=ior, roughness=roughness))
@@ -80,12 +83,14 @@ def test_never_above_one(ior: float) -> None:
 
 
 @pytest.mark.parametrize("specular", [0.0, 0.5, 1.0])
+@pytest.mark.conforms("UsdPreviewSurface.inputs:useSpecularWorkflow", "UsdPreviewSurface.inputs:specularColor")
 def test_specular_workflow(specular: float) -> None:
     for roughness in (0.0, 0.3, 0.8):
         check(replace(WHITE, use_specular_workflow=True, specular_color=(specular,) * 3, roughness=roughness))
 
 
 @pytest.mark.parametrize("opacity", [0.0, 0.5])
+@pytest.mark.conforms("UsdPreviewSurface.inputs:opacity")
 def test_transparent(opacity: float) -> None:
     for roughness in (0.0, 0.3, 0.8):
         check(replace(WHITE, opacity=opacity, roughness=roughness, thin=True))

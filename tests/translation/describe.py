@@ -24,10 +24,14 @@ SPARSE |= {"shaping", "shadow", "light_link", "shadow_link", "visible_to_camera"
 def describe(description: SceneDescription, diagnostics: Iterable[Diagnostic], root: str) -> str:
     """`root` is cut from the paths of assets, so that the text does not depend on where the checkout lies."""
     found = {
-        "diagnostics": [f"{d.severity.value} {d.code} {d.prim_path} {d.message}" for d in diagnostics],
+        "diagnostics": [f"{d.severity.value} {d.code} {d.prim_path}{_dotted(d.attribute)} {d.message}" for d in diagnostics],
         "scene": _plain(description),
     }
     return json.dumps(found, indent=1, sort_keys=True).replace(root, "<root>") + "\n"
+
+
+def _dotted(attribute: str) -> str:
+    return f".{attribute}" if attribute else ""
 
 
 def _plain(value: Any) -> Any:

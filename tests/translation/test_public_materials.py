@@ -120,7 +120,7 @@ def test_a_package_has_its_textures_inside() -> None:
         assert isinstance(roughness, TextureInput)
         assert (roughness.channels, roughness.st.name) == (channel, "UVW")
         assert roughness.file.path.endswith("RoughnessTest.usdz[0/roughness.tga]")
-    assert ("unknown-input", "/Roughness/Materials/Tex000") in found
+    assert ("unknown-input", "/Roughness/Materials/Tex000/Principled_BSDF") in found
     diagnostics = Diagnostics()
     _, textures = load_textures(description, diagnostics, read_asset)
     assert len(textures) == len({t.file for s in description.surfaces for _, t in s.inputs if isinstance(t, TextureInput)})

@@ -10,8 +10,11 @@ import pytest
 import primray
 from primray.diagnostics import CODES, Diagnostics, Severity
 from primray.errors import UnsupportedError
+from primray.fidelity import FIDELITY
 
-SOURCES = [p.read_text() for p in Path(primray.__file__).parent.rglob("*.py") if p.name != "diagnostics.py"]
+SOURCES = [
+    p.read_text() for p in Path(primray.__file__).parent.rglob("*.py") if p.name not in ("diagnostics.py", "fidelity.py")
+]
 USED = {m for text in SOURCES for m in re.findall(r'(?:\.warn|diagnostics\.add|shown\.add)\(\s*"([a-z-]+)"', text)}
 
 
@@ -34,3 +37,36 @@ def test_strict_passes_information_only() -> None:
     with pytest.raises(UnsupportedError, match="motion") as error:
         found.raise_if_strict()
     assert error.value.where == "/b"
+
+
+def test_strict_passes_what_leaves_the_picture_as_authored() -> None:
+    found = Diagnostics()
+    for code in CODES:
+        if not FIDELITY[code].kind.changes_picture:
+            found.add(code, "/a", "as it should be")
+    assert any(d.severity is Severity.WARNING for d in found)
+    found.raise_if_strict()
+
+
+def test_a_diagnostic_as_json_says_which_attribute_and_in_which_way() -> None:
+    found = Diagnostics()
+    found.add("wrong-type", "/a", "inf is no number", "inputs:radius")
+    [diagnostic] = found
+    assert diagnostic.as_json() == {
+        "severity": "warning",
+        "kind": "defaulted",
+        "code": "wrong-type",
+        "prim_path": "/a",
+        "attribute": "inputs:radius",
+        "message": "inf is no number",
+    }
+    with pytest.raises(UnsupportedError, match=r"wrong-type: inputs:radius: inf is no number"):
+        found.raise_if_strict()
+
+
+def test_one_message_about_two_attributes_is_two_diagnostics() -> None:
+    found = Diagnostics()
+    found.add("wrong-type", "/a", "no number", "inputs:radius")
+    found.add("wrong-type", "/a", "no number", "inputs:intensity")
+    found.add("wrong-type", "/a", "no number", "inputs:intensity")
+    assert [d.attribute for d in found] == ["inputs:radius", "inputs:intensity"]

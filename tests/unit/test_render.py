@@ -80,7 +80,14 @@ def test_the_report(pipeline: FakePipeline) -> None:
     assert report["peak_rss_bytes"] > 2**20
     assert report["versions"]["embree"] == "4.4.0"
     assert report["diagnostics"] == [
-        {"severity": "warning", "code": "texture-bad-texels", "prim_path": "/dome", "message": "some"}
+        {
+            "severity": "warning",
+            "kind": "out-of-range",
+            "code": "texture-bad-texels",
+            "prim_path": "/dome",
+            "attribute": "",
+            "message": "some",
+        }
     ]
 
 

@@ -1,32 +1,81 @@
-"""Diagnostics as a person reads them: grouped by code, worst first, with the first few prims of each."""
+"""Diagnostics as a person reads them: grouped by what is wrong in which way, worst first, with the first few prims of each.
+
+What many prims have in common is said once; of messages that differ from prim to prim, the first few. JSON has them all.
+"""
 
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Iterable, Mapping
 
+from ..fidelity import Kind
+
 _ORDER = ("error", "warning", "info")
+_KINDS = tuple(kind.value for kind in Kind)
 _PRIMS_SHOWN = 3
+_MESSAGES_SHOWN = 3
+
+Row = Mapping[str, str]
+Key = tuple[str, str, str, str]  # severity, kind, code, attribute
 
 
-def print_diagnostics(diagnostics: Iterable[Mapping[str, str]], *, verbose: bool) -> None:
+def print_diagnostics(diagnostics: Iterable[Row], *, verbose: bool) -> None:
     """To stderr: stdout is for what was asked for."""
     for line in diagnostics_lines(diagnostics, verbose=verbose):
         print(line, file=sys.stderr)
 
 
-def diagnostics_lines(diagnostics: Iterable[Mapping[str, str]], *, verbose: bool = False) -> list[str]:
-    """Lines for diagnostics in their JSON form; with all their prims if `verbose`."""
-    groups: dict[tuple[str, str], list[Mapping[str, str]]] = {}
-    for diagnostic in diagnostics:
-        groups.setdefault((diagnostic["severity"], diagnostic["code"]), []).append(diagnostic)
+def diagnostics_lines(diagnostics: Iterable[Row], *, verbose: bool = False) -> list[str]:
+    """Lines for diagnostics in their JSON form; with all their messages and prims if `verbose`."""
+    groups: dict[Key, dict[str, list[Row]]] = {}
+    for row in diagnostics:
+        key = (row["severity"], row.get("kind", ""), row["code"], row.get("attribute", ""))
+        groups.setdefault(key, {}).setdefault(row["message"], []).append(row)
     lines = []
-    for (severity, code), group in sorted(groups.items(), key=lambda item: (_ORDER.index(item[0][0]), item[0][1])):
-        times = f" ({len(group)} times)" if len(group) > 1 else ""
-        lines.append(f"{severity}: {code}: {group[0]['message']}{times}")
-        paths = list(dict.fromkeys(d["prim_path"] for d in group if d["prim_path"]))
-        shown = paths if verbose else paths[:_PRIMS_SHOWN]
-        more = f" and {len(paths) - len(shown)} more" if len(paths) > len(shown) else ""
-        if shown:
-            lines.append(f"    {', '.join(shown)}{more}")
+    for key, messages in sorted(groups.items(), key=lambda item: _rank(item[0])):
+        lines += _group(key, messages, verbose)
     return lines
+
+
+def fidelity_text(diagnostics: Iterable[Row]) -> str:
+    """How many warnings and errors there are of each kind that changes the picture: one line."""
+    counts = Counter(row["kind"] for row in diagnostics if row["severity"] != "info")
+    told = [f"{counts[kind.value]:,} {kind.value}" for kind in Kind if kind.changes_picture and counts[kind.value]]
+    return ", ".join(told) or "as authored"
+
+
+def _rank(key: Key) -> tuple[int, int, str, str]:
+    severity, kind, code, attribute = key
+    return _ORDER.index(severity), _KINDS.index(kind) if kind in _KINDS else len(_KINDS), code, attribute
+
+
+def _group(key: Key, messages: dict[str, list[Row]], verbose: bool) -> list[str]:
+    severity, kind, code, attribute = key
+    head = f"{severity}: {code}{f' ({kind})' if kind and kind != code else ''}: "
+    shown = list(messages.items()) if verbose else list(messages.items())[:_MESSAGES_SHOWN]
+    lines = []
+    for message, rows in shown:
+        times = f" ({len(rows):,} times)" if len(rows) > 1 else ""
+        lines.append(f"{head}{_sentence(attribute, message)}{times}")
+        lines += _prims(rows, verbose)
+    left = [row for rows in list(messages.values())[len(shown) :] for row in rows]
+    if left:
+        lines.append(f"{head}{f'{attribute}: ' if attribute else ''}and {len(left):,} more of this kind")
+        lines += _prims(left, verbose)
+    return lines
+
+
+def _sentence(attribute: str, message: str) -> str:
+    """The message behind its attribute, unless it begins with its name: "roughness = 3 is .." is about inputs:roughness."""
+    if message.startswith(attribute):  # also where there is none
+        return message
+    name = attribute.rpartition("inputs:")[2]
+    return f"{attribute}{message.removeprefix(name)}" if message.startswith(f"{name} ") else f"{attribute}: {message}"
+
+
+def _prims(rows: list[Row], verbose: bool) -> list[str]:
+    paths = list(dict.fromkeys(row["prim_path"] for row in rows if row["prim_path"]))
+    shown = paths if verbose else paths[:_PRIMS_SHOWN]
+    more = f" and {len(paths) - len(shown):,} more" if len(paths) > len(shown) else ""
+    return [f"    {', '.join(shown)}{more}"] if shown else []

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from ..errors import SettingsError
 from ..frame_numbers import parse_frames
@@ -31,6 +33,9 @@ def inspect(
     dicing_rate: options.DicingRate = DEFAULT_DICING_RATE,
     json: options.Json = False,
     verbose: options.Verbose = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Refuse a stage with warnings about the picture, after printing.")
+    ] = False,
 ) -> None:
     """Print what a stage is made of and what would be rendered: layers, variants, cameras, counts, memory, diagnostics."""
     from .. import usd
@@ -86,6 +91,8 @@ def inspect(
         print_line(facts)
     else:
         print("\n".join(lines(facts, verbose)))
+    if strict:
+        diagnostics.raise_if_strict()
 
 
 def camera_facts(description: SceneDescription) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from .diagnostics_text import diagnostics_lines
+from .diagnostics_text import diagnostics_lines, fidelity_text
 
 _SHOWN = 10  # of each list, unless verbose
 
@@ -22,6 +22,7 @@ def lines(facts: dict[str, Any], verbose: bool) -> list[str]:
         *_listed("texture", [_texture(texture) for texture in facts["textures"]], shown),
         *_counted("primvars", facts["primvars"], "shape"),
         *_count_rows(facts["counts"]),
+        ("fidelity", fidelity_text(facts["diagnostics"])),
     ]
     indent = max(len(name) for name, _ in rows) + 2
     return [f"{name:{indent}}{text}" for name, text in rows] + diagnostics_lines(facts["diagnostics"], verbose=verbose)

@@ -36,7 +36,7 @@ def note_bindings(prim: Usd.Prim, path: str, names: frozenset[str], ctx: Context
                 ctx.bound[target] = _wrong(target, ctx) if target.IsPrimPath() else ""
             wrong = ctx.bound[target]
             if wrong and not (wrong == NO_MATERIAL and _is_collection(name)):
-                ctx.warn("binding-missing", path, f"{name} leads to {ctx.shown(str(target))}, {wrong}.")
+                ctx.warn("binding-missing", path, f"{name} leads to {ctx.shown(str(target))}, {wrong}.", name)
 
 
 def _note_members(collection: Sdf.Path, bound_at: Sdf.Path, ctx: Context) -> None:
@@ -88,7 +88,7 @@ def _targets(prim: Usd.Prim, path: str, name: str, ctx: Context) -> list[Sdf.Pat
     try:
         return list(prim.GetRelationship(name).GetForwardedTargets())
     except Tf.ErrorException as error:
-        ctx.warn("wrong-type", path, f"{name} is no relationship that can be followed: {tf_message(error)}")
+        ctx.warn("wrong-type", path, f"{name} is no relationship that can be followed: {tf_message(error)}", name)
         return []
 
 
@@ -116,7 +116,7 @@ def subsets_of(mesh: Usd.Prim, predicate: Usd._PrimFlagsPredicate, ctx: Context)
         note_bindings(child, path, names, ctx)
         element = child.GetAttribute("elementType").Get()
         if element != "face":
-            ctx.warn("subset-ignored", path, f"It holds elements of the type {element}, not faces.")
+            ctx.warn("subset-ignored", path, f"It holds elements of the type {element}, not faces.", "elementType")
             continue
         (meant if is_meant else others).append(Subset(path, child, family))
     return others + meant

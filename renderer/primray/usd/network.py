@@ -42,11 +42,11 @@ def find_source(attribute: Usd.Attribute, ctx: Context) -> Constant | Node | Non
 def _follow(attribute: Usd.Attribute, ctx: Context, passed: list[Sdf.Path]) -> Constant | Node | None:
     path = attribute.GetPath()
     if path in passed:
-        ctx.warn("shader-connection", _shown(attribute, ctx), "The connections lead back to where they began: none counts.")
+        _note(attribute, "The connections lead back to where they began: none counts.", ctx)
         return None
     connections = attribute.GetConnections() if attribute.HasAuthoredConnections() else []
     if len(connections) > 1:
-        ctx.warn("shader-connection", _shown(attribute, ctx), "It has several connections: only the first counts.")
+        _note(attribute, "It has several connections: only the first counts.", ctx)
     if connections:
         found = _target(attribute, connections[0], ctx, [*passed, path])
         if found is not None:
@@ -58,20 +58,20 @@ def _follow(attribute: Usd.Attribute, ctx: Context, passed: list[Sdf.Path]) -> C
 def _target(attribute: Usd.Attribute, path: Sdf.Path, ctx: Context, passed: list[Sdf.Path]) -> Constant | Node | None:
     prim = attribute.GetStage().GetPrimAtPath(path.GetPrimPath())
     if not prim:
-        ctx.warn("shader-connection", _shown(attribute, ctx), f"It is connected to {path}, which does not exist.")
+        _note(attribute, f"It is connected to {path}, which does not exist.", ctx)
         return None
     kind = UsdShade.Utils.GetType(path.name)
     if kind == UsdShade.AttributeType.Output and prim.IsA(UsdShade.Shader):
         return Node(prim, str(path.name).removeprefix("outputs:"))
     further = prim.GetAttribute(path.name)
     if not further or kind == UsdShade.AttributeType.Invalid:
-        ctx.warn("shader-connection", _shown(attribute, ctx), f"It is connected to {path}, which does not exist.")
+        _note(attribute, f"It is connected to {path}, which does not exist.", ctx)
         return None
     return _follow(further, ctx, passed)
 
 
-def _shown(attribute: Usd.Attribute, ctx: Context) -> str:
-    return ctx.shown(str(attribute.GetPath()))
+def _note(attribute: Usd.Attribute, message: str, ctx: Context) -> None:
+    ctx.warn("shader-connection", ctx.shown(str(attribute.GetPrim().GetPath())), message, str(attribute.GetName()))
 
 
 def node_path(node: Node, ctx: Context) -> str:
@@ -87,6 +87,7 @@ def parameter(node: Node, name: str, ctx: Context) -> Constant | None:
             "shader-ignored",
             node_path(node, ctx),
             f"{name} comes from {source.id or 'a shader without id'}: its default is used.",
+            f"inputs:{name}",
         )
         return None
     return source
@@ -100,9 +101,8 @@ def numbers(node: Node, name: str, default: tuple[float, ...], ctx: Context) -> 
     values = as_numbers(found.value)
     if values is not None and len(values) == len(default):
         return values
-    ctx.warn(
-        "wrong-type", node_path(node, ctx), f"{name} = {found.value!r} is not {len(default)} finite numbers: {default} is used."
-    )
+    message = f"{name} = {found.value!r} is not {len(default)} finite numbers: {default} is used."
+    ctx.warn("wrong-type", node_path(node, ctx), message, f"inputs:{name}")
     return default
 
 
@@ -122,5 +122,5 @@ def text(node: Node, name: str, default: str, ctx: Context) -> str:
         return default
     if isinstance(found.value, str):
         return found.value
-    ctx.warn("wrong-type", node_path(node, ctx), f"{name} = {found.value!r} is no text: {default!r} is used.")
+    ctx.warn("wrong-type", node_path(node, ctx), f"{name} = {found.value!r} is no text: {default!r} is used.", f"inputs:{name}")
     return default

@@ -15,6 +15,7 @@ from pxr import Sdf
 from ..description import PrimvarInput, TextureInput, Wrap
 from .context import Context
 from .network import Constant, Node, as_numbers, find_source, node_path, numbers, text
+from .notes import note_unknown_schemas
 from .texture_asset import texture_file
 
 Affine = tuple[float, float, float, float, float, float]  # 2 x 3, by rows
@@ -63,8 +64,24 @@ NODES: dict[str, NodeType] = {
     **_readers(),
     **_images(),
 }
+_INPUTS = {
+    NodeKind.TEXTURE: frozenset(["file", "st", "wrapS", "wrapT", "fallback", "scale", "bias", "sourceColorSpace"]),
+    NodeKind.TRANSFORM: frozenset(["in", "rotation", "scale", "translation"]),
+}
 # MaterialX's address modes; where the file is read outside 0 to 1 with "constant", it gives its default: black here.
 _ADDRESS_MODES = {"constant": Wrap.BLACK, "clamp": Wrap.CLAMP, "periodic": Wrap.REPEAT, "mirror": Wrap.MIRROR}
+
+
+def _note_unread(node: Node, ctx: Context) -> None:
+    """Inputs that the node's definition does not have, and schemas that nobody knows."""
+    note_unknown_schemas(node.prim, node_path(node, ctx), ctx)
+    kind = NODES[node.id]
+    known = frozenset({kind.name, kind.fallback}) if kind.kind is NodeKind.READER else _INPUTS.get(kind.kind)
+    if known is None:
+        return
+    for name in node.prim.GetAuthoredPropertyNames():
+        if name.startswith("inputs:") and name.removeprefix("inputs:") not in known:
+            ctx.warn("unknown-input", node_path(node, ctx), f"{node.id} has no {name.removeprefix('inputs:')}.", str(name))
 
 
 def is_reader(identifier: str) -> bool:
@@ -78,6 +95,7 @@ def primvar_name(node: Node, ctx: Context) -> str:
 
 def reader_input(node: Node, width: int, ctx: Context) -> PrimvarInput | None:
     """The first `width` numbers of a reader's primvar; None, noted, where its values have fewer."""
+    _note_unread(node, ctx)
     kind = NODES[node.id]
     if kind.width < width:
         ctx.warn("connection-type", node_path(node, ctx), f"{node.id} does not give the {width} numbers that are wanted of it.")
@@ -85,7 +103,7 @@ def reader_input(node: Node, width: int, ctx: Context) -> PrimvarInput | None:
     fallback = numbers(node, kind.fallback, (0.0,) * kind.width, ctx)
     name = primvar_name(node, ctx)
     if not name:
-        ctx.warn("primvar-missing", node_path(node, ctx), "It names no primvar: its fallback is used.")
+        ctx.warn("primvar-missing", node_path(node, ctx), "It names no primvar: its fallback is used.", f"inputs:{kind.name}")
     return PrimvarInput(name, fallback[:width])
 
 
@@ -96,6 +114,7 @@ def texture_input(node: Node, width: int, ctx: Context) -> TextureInput | None:
     if node.output not in ("rgb", "r", "g", "b", "a"):
         ctx.warn("shader-connection", node_path(node, ctx), f"{node.id} has no output {node.output}.")
         return None
+    _note_unread(node, ctx)
     st, transform = _coordinates(node, "st", PrimvarInput(NO_PRIMVAR, (0.0, 0.0)), ctx)
     return TextureInput(
         texture_file(node, ctx),
@@ -139,7 +158,8 @@ def _channels(node: Node, output: str, width: int, ctx: Context) -> str:
         return output
     used = "r" if width == 1 else output
     meaning = "its red channel is used" if width == 1 else "that channel is used for red, green and blue"
-    ctx.warn("connection-type", node_path(node, ctx), f"{output} feeds an input of {width} numbers: {meaning}.")
+    message = f"{output} feeds an input of {width} numbers: {meaning}."
+    ctx.warn("connection-type", node_path(node, ctx), message, f"outputs:{output}")
     return used
 
 
@@ -148,7 +168,9 @@ def _wrap(node: Node, name: str, ctx: Context) -> Wrap:
     try:
         return Wrap(mode)
     except ValueError:
-        ctx.warn("shader-parameter", node_path(node, ctx), f"{name} = {mode!r} is not known: useMetadata is used.")
+        ctx.warn(
+            "shader-parameter", node_path(node, ctx), f"{name} = {mode!r} is not known: useMetadata is used.", f"inputs:{name}"
+        )
         return Wrap.USE_METADATA
 
 
@@ -171,7 +193,7 @@ def _coordinates(node: Node, name: str, default: PrimvarInput, ctx: Context) -> 
             return PrimvarInput("st", (0.0, 0.0)), transform
         if kind is not NodeKind.TRANSFORM or source.prim.GetPath() in passed:
             why = "leads back to itself" if kind is NodeKind.TRANSFORM else f"comes from {source.id or 'a shader without id'}"
-            ctx.warn("shader-ignored", node_path(node, ctx), f"{name} {why}: (0, 0) is used.")
+            ctx.warn("shader-ignored", node_path(node, ctx), f"{name} {why}: (0, 0) is used.", f"inputs:{name}")
             return PrimvarInput(NO_PRIMVAR, (0.0, 0.0)), transform
         transform = _after(transform, _transform_2d(source, ctx))
         passed.append(source.prim.GetPath())
@@ -181,13 +203,15 @@ def _coordinates(node: Node, name: str, default: PrimvarInput, ctx: Context) -> 
 def _two(source: Constant, node: Node, name: str, ctx: Context) -> tuple[float, float]:
     values = as_numbers(source.value)
     if values is None or len(values) < 2:
-        ctx.warn("wrong-type", node_path(node, ctx), f"{name} = {source.value!r} is not two finite numbers: (0, 0) is used.")
+        message = f"{name} = {source.value!r} is not two finite numbers: (0, 0) is used."
+        ctx.warn("wrong-type", node_path(node, ctx), message, f"inputs:{name}")
         return (0.0, 0.0)
     return values[0], values[1]
 
 
 def _transform_2d(node: Node, ctx: Context) -> Affine:
     """UsdTransform2d: in * scale, then rotated counter-clockwise by degrees, then translated."""
+    _note_unread(node, ctx)
     (sx, sy), (tx, ty) = (numbers(node, n, d, ctx) for n, d in (("scale", (1.0, 1.0)), ("translation", (0.0, 0.0))))
     (degrees,) = numbers(node, "rotation", (0.0,), ctx)
     turns, rest = divmod(degrees, 90.0)

@@ -7,10 +7,13 @@ from __future__ import annotations
 
 from functools import cache
 
-from pxr import Usd
+from pxr import Usd, UsdGeom
 
+from .applied_schemas import IGNORED, UNDERSTOOD
 from .context import Context
-from .resolve import ResolvedPrim
+from .foreign_names import note_light_inputs
+from .read import read
+from .resolve import ResolvedPrim, is_drawn
 
 _GEOMETRY = """BasisCurves NurbsCurves HermiteCurves NurbsPatch TetMesh Volume ParticleField
     ParticleField3DGaussianSplat GenerativeProcedural"""
@@ -18,18 +21,10 @@ UNSUPPORTED = frozenset(_GEOMETRY.split())
 _LIGHTS = "PortalLight GeometryLight PluginLight LightFilter PluginLightFilter"
 UNSUPPORTED_LIGHTS = frozenset(_LIGHTS.split())
 
-# Applied schemas (without their instance name) that could change the picture, and what is done instead.
-IGNORED_SCHEMAS = {
-    "LODRootAPI": "Every level of detail is rendered.",
-    "LODOverrideAPI": "Level-of-detail overrides have no effect.",
-    "BackPlateAPI": "Back plates are not rendered.",
-    "CoordSysAPI": "Coordinate systems are not read.",
-    "ColorSpaceAPI": "",
-    "ColorSpaceDefinitionAPI": "",
-    "VisibilityAPI": "Visibility by purpose is not read.",
-    "SkelBindingAPI": "",
-}
 _LIGHT_SCHEMAS = {"MeshLightAPI", "VolumeLightAPI"}
+_DRAWN_OTHERWISE = frozenset({"PointInstancer", "Points", "SkelRoot", "Skeleton"})
+# UsdGeom MotionAPI: attribute -> the value that changes nothing.
+_MOTION = {"motion:blurScale": 1.0, "motion:velocityScale": 1.0, "motion:nonlinearSampleCount": 3}
 
 
 def note_prim(prim: ResolvedPrim, kind: str, ctx: Context) -> None:
@@ -37,23 +32,39 @@ def note_prim(prim: ResolvedPrim, kind: str, ctx: Context) -> None:
     schemas = [str(schema).split(":")[0] for schema in prim.prim.GetPrimTypeInfo().GetAppliedAPISchemas()]
     if schemas:
         _note_schemas(prim, schemas, kind, ctx)
+    if kind == "light" or "LightAPI" in schemas:
+        note_light_inputs(prim, ctx)
     if not kind and prim.type_name:
         _note_type(prim, ctx)
 
 
-def note_velocities(prim: ResolvedPrim, positions: str, ctx: Context) -> None:
+def note_unknown_schemas(prim: Usd.Prim, path: str, ctx: Context) -> None:
+    """Of a prim that the walk does not pass: a shader."""
+    for schema in {str(schema).split(":")[0] for schema in prim.GetPrimTypeInfo().GetAppliedAPISchemas()} - UNDERSTOOD:
+        _note_unread(schema, path, ctx)
+
+
+def _note_unread(schema: str, path: str, ctx: Context) -> None:
+    known = schema in IGNORED
+    message = f"{schema}: {IGNORED[schema]}" if known else f"{schema} is not known: what it means to the picture is ignored."
+    ctx.warn("api-schema", path, message)
+
+
+def note_velocities(prim: ResolvedPrim, positions: str, ctx: Context, velocities: str = "velocities") -> None:
     """Between two samples USD moves `positions` by their velocities; here they are interpolated or held."""
-    if "velocities" not in prim.names or ctx.when.time.IsDefault():
+    if velocities not in prim.names or ctx.when.time.IsDefault():
         return
     time = ctx.when.time.GetValue()
     around = prim.prim.GetAttribute(positions).GetBracketingTimeSamples(time)
     if len(around) == 2 and time not in around:
-        ctx.warn("motion", prim.path, "velocities are ignored between two samples of the positions.")
+        with_them = " and accelerations" if velocities == "velocities" and "accelerations" in prim.names else ""
+        message = f"{velocities}{with_them} are ignored between two samples of {positions}."
+        ctx.warn("motion", prim.path, message, velocities)
 
 
 def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
     if prim.type_name in UNSUPPORTED:
-        if prim.inherited.purpose in ctx.purposes:
+        if is_drawn(prim.inherited, ctx.purposes):
             ctx.warn("unsupported-prim", prim.path, f"{prim.type_name} is not rendered.")
     elif prim.type_name in UNSUPPORTED_LIGHTS:
         ctx.warn("unsupported-light", prim.path, f"{prim.type_name} is not supported.")
@@ -63,6 +74,9 @@ def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
             prim.path,
             "Inside one of very many instances: meshes below are rendered as they are authored, not posed by their skeleton.",
         )
+    elif prim.prim.IsA(UsdGeom.Boundable) and prim.type_name not in _DRAWN_OTHERWISE:  # of a plug-in, or of a newer USD
+        if is_drawn(prim.inherited, ctx.purposes):
+            ctx.warn("unsupported-prim", prim.path, f"{prim.type_name} is not rendered.")
     elif not _is_known(prim.type_name):
         ctx.warn("unknown-prim-type", prim.path, f"No schema of the name {prim.type_name} is known.")
 
@@ -73,13 +87,17 @@ def _note_schemas(prim: ResolvedPrim, schemas: list[str], kind: str, ctx: Contex
             ctx.warn("unsupported-light", prim.path, f"{schema} makes this {prim.type_name} a light; it is rendered unlit.")
         elif schema in ("ColorSpaceAPI", "ColorSpaceDefinitionAPI"):
             ctx.warn("color-space", prim.path, f"{schema} is applied.")
-        elif schema == "VisibilityAPI":
-            if any(name.endswith("Visibility") for name in prim.names):
-                ctx.warn("api-schema", prim.path, IGNORED_SCHEMAS[schema])
-        elif IGNORED_SCHEMAS.get(schema):
-            ctx.warn("api-schema", prim.path, f"{schema}: {IGNORED_SCHEMAS[schema]}")
-        elif not _is_known(schema):
-            ctx.warn("api-schema", prim.path, f"{schema} is not known: what it means to the picture is ignored.")
+        elif schema == "MotionAPI":
+            _note_motion(prim, ctx)
+        elif schema not in UNDERSTOOD:
+            _note_unread(schema, prim.path, ctx)
+
+
+def _note_motion(prim: ResolvedPrim, ctx: Context) -> None:
+    for name in sorted(prim.names & _MOTION.keys()):
+        found = read(prim.prim, name, ctx.when)
+        if found != _MOTION[name]:
+            ctx.warn("motion", prim.path, f"{name} = {found} is ignored: the scene is rendered at one instant.", name)
 
 
 @cache

@@ -65,7 +65,7 @@ def read_display_color(sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primva
 
 
 def note_clamped_color(what: str, prim: ResolvedPrim, ctx: Context) -> None:
-    ctx.warn("material-input", prim.path, f"{what} outside [0, 1] and clamped.")
+    ctx.warn("out-of-range", prim.path, f"{what} outside [0, 1] and clamped.", "primvars:displayColor")
 
 
 def check_values(raw: object, interpolation: str, name: str, sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
@@ -82,7 +82,7 @@ def _of_three(found: Primvar | None, name: str, prim: ResolvedPrim, ctx: Context
     if found is None:
         return None
     if found.values.shape[1] != 3:
-        ctx.warn("invalid-primvar", prim.path, f"{name} is not an array of three floats each.")
+        ctx.warn("invalid-primvar", prim.path, f"{name} is not an array of three floats each.", name)
         return None
     return Primvar(found.flat(), found.interpolation)
 
@@ -114,13 +114,13 @@ def _checked(
     values = as_columns(raw, element_size)
     if values is None:
         of_size = f" of elementSize {element_size}" if element_size != 1 else ""
-        ctx.warn("invalid-primvar", prim.path, f"{name}{of_size} is not an array of one to {MAX_COLUMNS} numbers each.")
+        ctx.warn("invalid-primvar", prim.path, f"{name}{of_size} is not an array of one to {MAX_COLUMNS} numbers each.", name)
         return None
     indices = None
     if raw_indices is not None:
         indices = array(raw_indices, 1, "i")
         if indices is None or (len(indices) and (indices.min() < 0 or indices.max() >= len(values))):
-            ctx.warn("invalid-primvar", prim.path, f"{name} has indices outside its {len(values)} values.")
+            ctx.warn("invalid-primvar", prim.path, f"{name} has indices outside its {len(values)} values.", name)
             return None
     needed = sizes.of(interpolation)
     count = len(values) if indices is None else len(indices)
@@ -128,7 +128,7 @@ def _checked(
         values, indices = values[:1] if indices is None else values[indices[:1]], None
         count = 1
     if count != needed:
-        ctx.warn("invalid-primvar", prim.path, f"{name} ({interpolation}) has {count} values where {needed} are needed.")
+        ctx.warn("invalid-primvar", prim.path, f"{name} ({interpolation}) has {count} values where {needed} are needed.", name)
         return None
     return Primvar(values, interpolation, indices)
 
@@ -139,7 +139,7 @@ def finite(values: Floats, name: str, prim: ResolvedPrim, ctx: Context) -> Float
     if good.all():
         return values
     bad = int(np.count_nonzero(~good.all(axis=1)))
-    ctx.warn("invalid-primvar", prim.path, f"{name} has {bad} values that are not finite: they are read as 0.")
+    ctx.warn("invalid-primvar", prim.path, f"{name} has {bad} values that are not finite: they are read as 0.", name)
     return np.where(good, values, np.float32(0))
 
 

@@ -98,7 +98,7 @@ def number(prim: Usd.Prim, name: str, when: When, default: float, diagnostics: D
         return default
     if isinstance(raw, int | float) and math.isfinite(raw):
         return float(raw)
-    diagnostics.add("wrong-type", str(prim.GetPath()), f"{name} = {raw!r} is not a finite number; {default:g} is used.")
+    diagnostics.add("wrong-type", str(prim.GetPath()), f"{name} = {raw!r} is not a finite number; {default:g} is used.", name)
     return default
 
 
@@ -114,7 +114,7 @@ def vector(prim: Usd.Prim, name: str, when: When, default: tuple[float, ...], di
     if len(values) == len(default) and all(map(math.isfinite, values)):
         return values
     diagnostics.add(
-        "wrong-type", str(prim.GetPath()), f"{name} = {raw!r} is not {len(default)} finite numbers; {default} is used."
+        "wrong-type", str(prim.GetPath()), f"{name} = {raw!r} is not {len(default)} finite numbers; {default} is used.", name
     )
     return default
 

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Container
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -18,6 +19,7 @@ from .convert import matrix
 from .read import When, array, as_columns, is_single, read, time_of, value
 
 _IDENTITY = Gf.Matrix4d(1.0)
+_PURPOSE_VISIBILITY = {f"{purpose}Visibility": purpose for purpose in ("guide", "proxy", "render")}
 _CONSTANT = (None, "constant")  # a primvar's interpolation where nothing is authored, and the token
 
 
@@ -46,6 +48,7 @@ class Inherited:
     opacity: float | None = None  # likewise primvars:displayOpacity
     primvars: tuple[tuple[str, tuple[float, ...]], ...] = ()  # constant ones that a material of the stage reads, likewise
     per_instance: frozenset[str] = frozenset()  # primvars that the instances around have one value each of
+    invisible: frozenset[str] = frozenset()  # purposes that VisibilityAPI hides, by the nearest opinion on each
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,11 @@ def local_matrix(prim: Usd.Prim, names: frozenset[str], when: When, cache: UsdGe
     return local, xformable.GetResetXformStack()
 
 
+def is_drawn(inherited: Inherited, purposes: Container[str]) -> bool:
+    """Whether a shape's purpose is among those that are rendered and is visible."""
+    return inherited.purpose in purposes and inherited.purpose not in inherited.invisible
+
+
 def descend(
     parent: Inherited, prim: Usd.Prim, names: frozenset[str], when: When, read_names: frozenset[str] = frozenset()
 ) -> Inherited | None:
@@ -96,6 +104,8 @@ def descend(
             mine = replace(mine, purpose=purpose)
         elif purpose is not None:
             Tf.Warn(f"The purpose of {prim.GetPath()} is {purpose!r}, no token: it is ignored.")
+    if not names.isdisjoint(_PURPOSE_VISIBILITY):
+        mine = _with_purpose_visibility(mine, prim, names)
     if "model:drawMode" in names:
         mode = read(prim, "model:drawMode", when)
         mine = replace(mine, draw_mode=mode) if isinstance(mode, str) and mode != "inherited" else mine
@@ -106,6 +116,21 @@ def descend(
         opacity = constant_of(prim, "primvars:displayOpacity", 1, names, when)
         mine = mine if opacity is None else replace(mine, opacity=opacity[0])
     return mine if names.isdisjoint(read_names) else _with_primvars(mine, prim, names & read_names, when)
+
+
+def _with_purpose_visibility(parent: Inherited, prim: Usd.Prim, names: frozenset[str]) -> Inherited:
+    """UsdGeomVisibilityAPI: "visible" below overrides "invisible" above. Without an opinion a purpose that is asked for is
+    visible, guides too: the schema leaves that to the "calling context" for the others, and nobody asks for guides in vain."""
+    if not prim.HasAPI(UsdGeom.VisibilityAPI):
+        return parent
+    invisible = set(parent.invisible)
+    for name, purpose in _PURPOSE_VISIBILITY.items():
+        opinion = prim.GetAttribute(name).Get() if name in names else "inherited"
+        if opinion == "invisible":
+            invisible.add(purpose)
+        elif opinion == "visible":
+            invisible.discard(purpose)
+    return replace(parent, invisible=frozenset(invisible))
 
 
 def _with_primvars(parent: Inherited, prim: Usd.Prim, names: frozenset[str], when: When) -> Inherited:

@@ -50,6 +50,7 @@ class Note:
     prim: str
     detail: str
     severity: str
+    attribute: str = ""
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ def scene_facts(path: str | os.PathLike[str]) -> SceneFacts:
     """Of the stage that a file is the root of; raises as open_stage does."""
     diagnostics = Diagnostics()
     stage = open_stage(path, diagnostics)
-    notes = [Note(d.code, d.prim_path, d.message, d.severity.value) for d in diagnostics if d.code not in _OUR_OWN]
+    notes = [Note(d.code, d.prim_path, d.message, d.severity.value, d.attribute) for d in diagnostics if d.code not in _OUR_OWN]
     missing, broken = _composition_errors(stage)
     found = stage_facts(stage)
     prims = list(stage.Traverse())

@@ -35,7 +35,7 @@ def check_rates(stage: Usd.Stage, diagnostics: Diagnostics) -> None:
             where=bad[0].identifier,
             code="time-metadata",
         )
-    diagnostics.add("time-metadata", "", f"timeCodesPerSecond is {rates}.")
+    diagnostics.add("time-metadata", "", f"timeCodesPerSecond is {rates}.", "timeCodesPerSecond")
 
 
 def _can_be_mapped(layer: Sdf.Layer) -> bool:
@@ -55,7 +55,7 @@ def note_units(stage: Usd.Stage, diagnostics: Diagnostics) -> None:
                     others.setdefault(value, []).append(layer.identifier)
         for value, layers in others.items():
             more = f" and {len(layers) - 1} more" if len(layers) > 1 else ""
-            diagnostics.add("layer-units", "", f"{name} is {value} in {layers[0]}{more}, {of_stage} in the stage.")
+            diagnostics.add("layer-units", "", f"{name} is {value} in {layers[0]}{more}, {of_stage} in the stage.", name)
 
 
 def _same(a: Any, b: Any) -> bool:
@@ -66,7 +66,7 @@ def up_axis(stage: Usd.Stage, diagnostics: Diagnostics | None = None) -> str:
     """Y or Z."""
     axis = str(UsdGeom.GetStageUpAxis(stage))
     if axis not in ("Y", "Z") and diagnostics is not None:
-        diagnostics.add("stage-metadata", "", f"upAxis is {axis!r}, neither Y nor Z; Y is used.")
+        diagnostics.add("stage-metadata", "", f"upAxis is {axis!r}, neither Y nor Z; Y is used.", "upAxis")
     return axis if axis in ("Y", "Z") else "Y"
 
 
@@ -76,7 +76,7 @@ def meters_per_unit(stage: Usd.Stage, diagnostics: Diagnostics | None = None) ->
     if math.isfinite(value) and value > 0:
         return value
     if diagnostics is not None:
-        diagnostics.add("stage-metadata", "", f"metersPerUnit is {value:g}, no length; 0.01 is used.")
+        diagnostics.add("stage-metadata", "", f"metersPerUnit is {value:g}, no length; 0.01 is used.", "metersPerUnit")
     return 0.01
 
 

@@ -159,7 +159,7 @@ def _scheme(prim: ResolvedPrim, counts: Ints, ctx: Context) -> str:
     scheme = _choice(prim, "subdivisionScheme", SCHEMES, ctx)
     if scheme == "loop" and (counts != 3).any():
         sentence = f"subdivisionScheme = loop, but {int((counts != 3).sum())} faces are not triangles: catmullClark is used."
-        ctx.warn("subdivision-data", prim.path, sentence)
+        ctx.warn("subdivision-data", prim.path, sentence, "subdivisionScheme")
         return "catmullClark"
     return scheme
 
@@ -169,7 +169,7 @@ def _choice(prim: ResolvedPrim, name: str, known: Sequence[str], ctx: Context) -
     found = token(prim.prim, name, ctx.when, known[0]) if name in prim.names else known[0]
     if found in known:
         return found
-    ctx.warn("subdivision-data", prim.path, f"{name} = {found} is not known: {known[0]} is used.")
+    ctx.warn("subdivision-data", prim.path, f"{name} = {found} is not known: {known[0]} is used.", name)
     return known[0]
 
 
@@ -184,7 +184,7 @@ def _sharpnesses(prim: ResolvedPrim, name: str, ctx: Context) -> Floats | None:
     if values is None:
         return None
     if np.isnan(values).any():
-        ctx.warn("subdivision-data", prim.path, f"{name} has values that are not numbers: they count as 0.")
+        ctx.warn("subdivision-data", prim.path, f"{name} has values that are not numbers: they count as 0.", name)
     return np.asarray(np.nan_to_num(np.clip(values, 0, 10), nan=0.0), np.float32)
 
 
@@ -205,7 +205,7 @@ def _creases(prim: ResolvedPrim, points: int, ctx: Context) -> Creases | None:
     elif len(indices) and (indices.min() < 0 or indices.max() >= points):
         problem = "creaseIndices has indices outside the points"
     if problem or lengths is None or indices is None or sharpnesses is None:
-        ctx.warn("subdivision-data", prim.path, f"Creases are ignored: {problem}.")
+        ctx.warn("subdivision-data", prim.path, f"Creases are ignored: {problem}.", "creaseIndices")
         return None
     return Creases(lengths, indices, sharpnesses)
 
@@ -218,10 +218,12 @@ def _sharp_points(prim: ResolvedPrim, points: int, ctx: Context) -> tuple[Ints |
     if indices is None or sharpnesses is None or len(indices) != len(sharpnesses):
         counts = [0 if part is None else len(part) for part in (indices, sharpnesses)]
         sentence = f"Corners are ignored: {counts[1]} cornerSharpnesses for {counts[0]} cornerIndices."
-        ctx.warn("subdivision-data", prim.path, sentence)
+        ctx.warn("subdivision-data", prim.path, sentence, "cornerSharpnesses")
         return None, None
     if indices.min() < 0 or indices.max() >= points:
-        ctx.warn("subdivision-data", prim.path, "Corners are ignored: cornerIndices has indices outside the points.")
+        ctx.warn(
+            "subdivision-data", prim.path, "Corners are ignored: cornerIndices has indices outside the points.", "cornerIndices"
+        )
         return None, None
     return indices, sharpnesses
 

@@ -69,11 +69,11 @@ def read_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], sizes: Sizes,
         primvar = _own(prim, name, sizes, ctx) or _handed_down(prim, name)
         if primvar is None:
             if name not in prim.inherited.per_instance:
-                ctx.warn(
-                    "primvar-missing", prim.path, f"A material reads primvars:{name}, which it lacks: the fallback is used."
-                )
+                message = f"A material reads primvars:{name}, which it lacks: the fallback is used."
+                ctx.warn("primvar-missing", prim.path, message, f"primvars:{name}")
         elif primvar.values.shape[1] < width:
-            ctx.warn("invalid-primvar", prim.path, f"primvars:{name} has too few numbers each: {width} are read.")
+            message = f"primvars:{name} has too few numbers each: {width} are read."
+            ctx.warn("invalid-primvar", prim.path, message, f"primvars:{name}")
         else:
             values = np.ascontiguousarray(finite(primvar.values, f"primvars:{name}", prim, ctx)[:, :width])
             found.append((name, Primvar(values, primvar.interpolation, primvar.indices)))

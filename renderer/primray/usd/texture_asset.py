@@ -17,13 +17,13 @@ def texture_file(node: Node, ctx: Context) -> TextureFile:
     found = parameter(node, "file", ctx)
     space = _color_space(node, found, ctx)
     if found is None or not isinstance(found.value, Sdf.AssetPath) or not found.value.path:
-        ctx.warn("texture-unset", node_path(node, ctx), "It names no file: its fallback is used.")
+        ctx.warn("texture-unset", node_path(node, ctx), "It names no file: its fallback is used.", "inputs:file")
         return TextureFile("", space)
     asset = found.value
     if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
         return _tiles(node, asset, found.attribute, space, ctx)
     if not asset.resolvedPath:
-        ctx.warn("asset-missing", node_path(node, ctx), f"{asset.path} cannot be found: the fallback is used.")
+        ctx.warn("asset-missing", node_path(node, ctx), f"{asset.path} cannot be found: the fallback is used.", "inputs:file")
     return TextureFile(str(asset.resolvedPath), space)
 
 
@@ -32,7 +32,8 @@ def _tiles(node: Node, asset: Sdf.AssetPath, attribute: Usd.Attribute, space: st
     found = UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layer)  # 1001 to 1100, ten in U and ten in V
     tiles = [(int(number), str(path)) for path, number in found]
     if not tiles:
-        ctx.warn("asset-missing", node_path(node, ctx), f"{asset.path} has no tile from 1001 to 1100: the fallback is used.")
+        message = f"{asset.path} has no tile from 1001 to 1100: the fallback is used."
+        ctx.warn("asset-missing", node_path(node, ctx), message, "inputs:file")
         return TextureFile("", space)
     number, first = tiles[0]
     before, _, after = first.rpartition(str(number))
@@ -50,7 +51,8 @@ def _color_space(node: Node, found: Constant | None, ctx: Context) -> str:
     """sourceColorSpace where it says raw or sRGB, else the file attribute's colorSpace metadata, else "auto"."""
     space = text(node, "sourceColorSpace", "auto", ctx)
     if space not in _COLOR_SPACES:
-        ctx.warn("shader-parameter", node_path(node, ctx), f"sourceColorSpace = {space!r} is not known: auto is used.")
+        message = f"sourceColorSpace = {space!r} is not known: auto is used."
+        ctx.warn("shader-parameter", node_path(node, ctx), message, "inputs:sourceColorSpace")
         space = "auto"
     if space != "auto":
         return space

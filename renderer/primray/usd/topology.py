@@ -45,6 +45,7 @@ def _faces(counts: Ints, indices: Ints, prim: ResolvedPrim, ctx: Context) -> Fac
             "invalid-mesh",
             prim.path,
             f"faceVertexCounts sum to {int(counts.sum(dtype=np.int64))}, but there are {len(indices)} faceVertexIndices.",
+            "faceVertexCounts",
         )
         return None
     low, high = (int(indices.min()), int(indices.max())) if len(indices) else (0, -1)
@@ -62,7 +63,7 @@ def read_topology(prim: ResolvedPrim, ctx: Context) -> tuple[Floats, Faces] | No
         return None
     if counts is None or indices is None or points is None:
         bad = [n for n, v in (("faceVertexCounts", counts), ("faceVertexIndices", indices), ("points", points)) if v is None]
-        ctx.warn("invalid-mesh", prim.path, f"{', '.join(bad)}: missing, or of the wrong type.")
+        ctx.warn("invalid-mesh", prim.path, f"{', '.join(bad)}: missing, or of the wrong type.", bad[0])
         return None
     key = (counts.tobytes(), indices.tobytes()) if len(indices) <= SHARED_CORNERS else None
     faces = ctx.shared_faces.get(key) or _faces(counts, indices, prim, ctx)
@@ -82,19 +83,20 @@ def usable_faces(prim: ResolvedPrim, points: Floats, faces: Faces, ctx: Context)
         return points, None
     counts, indices = faces.counts, faces.indices
     bad_corner = (indices < 0) | (indices >= len(points))
-    reasons = [] if in_range else ["indices out of range"]
+    reasons = {} if in_range else {"faceVertexIndices": "indices out of range"}
     if not all_finite:
         finite = np.asarray((np.abs(points) <= LARGEST).all(axis=1))
         bad_corner |= ~finite[np.clip(indices, 0, len(points) - 1)]
-        reasons.append("points that are not finite or beyond 1e37")
+        reasons["points"] = "points that are not finite or beyond 1e37"
         points = np.where(finite[:, None], points, np.float32(0))  # belongs to no face that is kept
     too_small = counts < 3
     if too_small.any():
-        reasons.append("fewer than 3 vertices")
+        reasons["faceVertexCounts"] = "fewer than 3 vertices"
     keep = ~too_small
     keep[np.repeat(np.arange(len(counts)), counts)[bad_corner]] = False
     if not keep.all():
-        ctx.warn("faces-dropped", prim.path, f"{int((~keep).sum())} of {len(counts)} faces: {', '.join(reasons)}.")
+        message = f"{int((~keep).sum())} of {len(counts)} faces: {', '.join(reasons.values())}."
+        ctx.warn("faces-dropped", prim.path, message, next(iter(reasons)))
     return points, keep
 
 
@@ -111,7 +113,7 @@ def hole_indices(prim: ResolvedPrim, faces: int, ctx: Context) -> Ints | None:
         return None
     inside = holes[(holes >= 0) & (holes < faces)]
     if len(inside) < len(holes):
-        ctx.warn("invalid-primvar", prim.path, f"holeIndices has indices outside the {faces} faces.")
+        ctx.warn("invalid-primvar", prim.path, f"holeIndices has indices outside the {faces} faces.", "holeIndices")
     return inside
 
 

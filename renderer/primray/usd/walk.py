@@ -19,10 +19,11 @@ from .adapters.points import POINT, spheres
 from .bindings import note_bindings, subsets_of, told_apart
 from .context import Context
 from .convert import rows
+from .foreign_names import NameSet, note_other_renderers
 from .instance_primvars import given_per_instance
 from .instances import Group
 from .notes import note_prim
-from .resolve import Binding, Inherited, ResolvedPrim, as_bound, bind_materials, descend, inner_or_outer, local_matrix
+from .resolve import Binding, Inherited, ResolvedPrim, as_bound, bind_materials, descend, inner_or_outer, is_drawn, local_matrix
 from .stage import tf_message
 
 Expand = Callable[[ResolvedPrim, Context], list[tuple[str, PointInstances]]]  # (prototype root, group_from_prototype)
@@ -47,7 +48,7 @@ class _Walk:
     leaf_types: Mapping[str, str]
     expand: Expand
     cache: UsdGeom.XformCache
-    names: dict[frozenset[str], frozenset[str]] = field(default_factory=dict)
+    names: dict[frozenset[str], NameSet] = field(default_factory=dict)
     groups: list[Group[ResolvedPrim]] = field(default_factory=list)
     index: dict[GroupKey, int] = field(default_factory=dict)
     queue: list[tuple[int, Usd.Prim, Inherited]] = field(default_factory=list)
@@ -69,6 +70,7 @@ def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand) -> list[Gr
     for index, root, inherited in state.queue:  # grows as instances are found
         _walk_group(state, state.groups[index], root, inherited)
     _bind_leaves(state)
+    note_other_renderers(state.names.values(), ctx)
     return state.groups
 
 
@@ -81,13 +83,22 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
     while stack:
         prim, parent_matrix, handed = stack.pop()
         names = frozenset(prim.GetAuthoredPropertyNames())
-        names = state.names.setdefault(names, names)  # many prims have the same: one object for all of them
+        alike = state.names.get(names)  # many prims have the same: one object for all of them
+        if alike is None:
+            alike = state.names[names] = NameSet(names, str(prim.GetPath()))
+        names = alike.names
+        alike.count += 1
         mine = descend(handed, prim, names, state.ctx.when, state.ctx.primvars_read)
         if mine is None:
             continue
         local, resets = _local(state, prim, names)
         if resets and group is not state.groups[0]:
-            state.ctx.warn("reset-xform-in-prototype", str(prim.GetPath()), "The reset goes as far as the prototype's root.")
+            state.ctx.warn(
+                "reset-xform-in-prototype",
+                str(prim.GetPath()),
+                "The reset goes as far as the prototype's root.",
+                "xformOpOrder",
+            )
         to_group = local if resets else local * parent_matrix
         type_name = str(prim.GetTypeName())
         kind = state.leaf_types.get(type_name, "")
@@ -96,7 +107,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
         resolved = ResolvedPrim(prim, path, type_name, names, to_group, mine, own_color=own_color)
         drawn_as = stand_in(resolved, state.ctx) if mine.draw_mode != "default" else ""
         if drawn_as:
-            if mine.purpose in state.ctx.purposes:
+            if is_drawn(mine, state.ctx.purposes):
                 group.leaves.append(replace(resolved, type_name=drawn_as))
             continue
         note_prim(resolved, kind, state.ctx)
@@ -104,9 +115,9 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
         if type_name == "PointInstancer":
             _expand_points(state, group, resolved)
             continue
-        if type_name == "Points" and mine.purpose in state.ctx.purposes:
+        if type_name == "Points" and is_drawn(mine, state.ctx.purposes):
             _place_spheres(state, group, resolved)
-        if kind and mine.purpose in state.ctx.purposes:  # also an instance may itself be a shape
+        if kind and is_drawn(mine, state.ctx.purposes):  # also an instance may itself be a shape
             group.leaves.append(resolved)
         if prim.IsInstance():
             native.append(resolved)
@@ -120,7 +131,9 @@ def _local(state: _Walk, prim: Usd.Prim, names: frozenset[str]) -> tuple[Gf.Matr
     try:
         return local_matrix(prim, names, state.ctx.when, state.cache)
     except Tf.ErrorException as error:
-        state.ctx.warn("wrong-type", state.ctx.shown(str(prim.GetPath())), f"No transform is used: {tf_message(error)}")
+        state.ctx.warn(
+            "wrong-type", state.ctx.shown(str(prim.GetPath())), f"No transform is used: {tf_message(error)}", "xformOpOrder"
+        )
         return Gf.Matrix4d(1.0), False
 
 

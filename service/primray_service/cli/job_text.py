@@ -67,7 +67,8 @@ def block(job: Job, outputs: Sequence[Output]) -> list[str]:
 
 def _warning(warning: dict[str, object]) -> str:
     place = f" [{warning['prim']}]" if warning.get("prim") else ""
-    return f"{warning.get('code', '')}: {warning.get('detail', '')}{place}"
+    attribute = f"{warning['attribute']}: " if warning.get("attribute") else ""
+    return f"{warning.get('code', '')}: {attribute}{warning.get('detail', '')}{place}"
 
 
 def _time(moment: datetime | None) -> str:

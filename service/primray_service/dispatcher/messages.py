@@ -191,8 +191,9 @@ def warning_of(message: Mapping[str, Any]) -> Json:
         "prim": clean_text(message.get("prim") or "", 1024),
         "detail": clean_text(message.get("detail") or ""),
     }
-    if message.get("severity") is not None:
-        found["severity"] = clean_text(message["severity"], 20)
+    for name, most in (("severity", 20), ("kind", 20), ("attribute", 1024)):
+        if message.get(name) is not None:
+            found[name] = clean_text(message[name], most)
     return found
 
 

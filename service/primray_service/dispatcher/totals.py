@@ -52,7 +52,7 @@ class JobTotals:
         for frame in frames:
             self.set(frame)
         self._fraction = float(job.progress.get("fraction", 0.0))
-        self._warnings: dict[tuple[str, str, str], Json] = {}
+        self._warnings: dict[tuple[str, ...], Json] = {}
         self._left_out = 0
         self.add_warnings(job.warnings)
 
@@ -78,7 +78,7 @@ class JobTotals:
         """Those that are new: what several frames say of a prim is said once."""
         new = []
         for warning in warnings:
-            key = (str(warning.get("code")), str(warning.get("prim", "")), str(warning.get("detail", "")))
+            key = tuple(str(warning.get(name, "")) for name in ("code", "prim", "attribute", "detail"))
             if key in self._warnings:
                 continue
             if len(self._warnings) >= MOST_WARNINGS:

@@ -72,7 +72,7 @@ SHAPES: Mapping[str, Check] = {
     "ready": _members(),
     "phase": _members(phase=lambda value: value in PHASES),
     "effective": _members(settings=_object, features=_list, scene=_object, resolution=_pair(_count)),
-    "warning": _members(code=_text, prim=_text, detail=_text, severity=_text),
+    "warning": _members(code=_text, prim=_text, detail=_text, severity=_text, kind=_text, attribute=_text),
     "progress": _members(
         fraction=lambda value: _number(value) and 0 <= value <= 1,
         samples_done=_number,

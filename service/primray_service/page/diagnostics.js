@@ -20,14 +20,14 @@ export function diagnostics() {
     const text = JSON.stringify(given);
     if (text === drawn) return;
     drawn = text;
-    rows = given.map((row) => ({ severity: "warning", prim: "", code: "", detail: "", ...row }));
+    rows = given.map((row) => ({ severity: "warning", prim: "", code: "", kind: "", attribute: "", detail: "", ...row }));
     draw();
   }
 
   function draw() {
     const words = filter.value.toLowerCase().split(/\s+/).filter(Boolean);
     const kept = rows.filter((row) => {
-      const text = `${row.prim} ${row.code} ${row.detail}`.toLowerCase();
+      const text = `${row.prim} ${row.code} ${row.kind} ${row.attribute} ${row.detail}`.toLowerCase();
       return words.every((word) => text.includes(word));
     });
     write(heading, rows.length === 0 ? "Nothing to report about the scene" : plural(rows.length, "note") + " on the scene");
@@ -60,6 +60,8 @@ export function diagnostics() {
             { data: { severity: row.severity } },
             element("span", { class: "kind" }, by.value === "prim" ? row.code : row.prim || "the whole scene"),
             " ",
+            row.attribute && element("code", {}, row.attribute),
+            row.attribute && " ",
             element("span", {}, row.detail),
           ),
         ),

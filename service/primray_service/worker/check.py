@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from primray.errors import StageOpenError
+from primray.fidelity import FIDELITY, Kind
 from primray.usd.expansion import expansion
 from primray.usd.layer_content import LayerContent, layer_content, line_of
 from primray.usd.nesting import nesting_depth
@@ -162,7 +163,7 @@ class _Check:
         for missing in stage.missing:
             self._warn("asset-missing", missing.prim, _says(missing.arc, *self._shown(missing)), "error")
         for note in stage.notes:
-            self._warn(note.code, note.prim, note.detail.replace(f"{self.root}/", ""), note.severity)
+            self._warn(note.code, note.prim, note.detail.replace(f"{self.root}/", ""), note.severity, note.attribute)
         return stage
 
     def _shown(self, missing: MissingLayer) -> tuple[str, str]:
@@ -194,14 +195,23 @@ class _Check:
                 detail = f"The file {container.shown(file.name)!r} is a program or a plug-in's description: it is never loaded."
                 self._warn("file-ignored", "", detail, "info")
 
-    def _warn(self, code: str, prim: str, detail: str, severity: str = "warning") -> None:
-        key = (code, prim, detail)
+    def _warn(self, code: str, prim: str, detail: str, severity: str = "warning", attribute: str = "") -> None:
+        key = (code, prim, detail, attribute)
         if key in self.warned or len(self.warned) > MOST_WARNINGS:
             return
         self.warned.add(key)
         if len(self.warned) > MOST_WARNINGS:
             code, prim, detail, severity = "more-warnings", "", f"There are more than {MOST_WARNINGS} warnings.", "info"
-        self.channel.send("warning", code=code, prim=prim[:1024], detail=detail[:4000], severity=severity)
+        kind = FIDELITY[code].kind if code in FIDELITY else Kind.NOTE  # the service's own are about files and names
+        self.channel.send(
+            "warning",
+            code=code,
+            prim=prim[:1024],
+            detail=detail[:4000],
+            severity=severity,
+            kind=kind.value,
+            attribute=attribute[:1024],
+        )
 
 
 def _limits(asked: Mapping[str, Any]) -> Limits:

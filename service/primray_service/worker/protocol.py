@@ -21,7 +21,7 @@ Messages, by "at"
     ready      it has imported what takes long, and waits for its first command
     phase      {"phase": "opening|translating|building|sampling|writing"}
     effective  {"settings": {..}, "features": [..], "scene": {counts}, "resolution": [w, h]}: what scene and request resolved to
-    warning    {"code", "prim", "detail", "severity"}
+    warning    {"code", "prim", "detail", "severity", "kind", "attribute"}
     progress   {"fraction", "samples_done" (mean a pixel), "samples_min", "samples_max", "rays", "rays_per_s", "elapsed_s"
     (sampling),
                 "error": {"metric", "estimate", "ci95", "target", "kind": "estimated"} | null, "eta_s" | null, "eta_ci95" |

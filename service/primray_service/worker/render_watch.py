@@ -68,10 +68,14 @@ class Warnings:
                     prim=found.prim_path[:1000],
                     detail=found.message[:1000],
                     severity=found.severity.value,
+                    kind=found.kind.value,
+                    attribute=found.attribute[:1000],
                 )
         if self._sent > MOST_WARNINGS:
             more = f"{self._sent - MOST_WARNINGS} more are in the report."
-            self._channel.send("warning", code="more-diagnostics", prim="", detail=more, severity="info")
+            self._channel.send(
+                "warning", code="more-diagnostics", prim="", detail=more, severity="info", kind="note", attribute=""
+            )
 
 
 class Numbers:

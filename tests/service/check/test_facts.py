@@ -8,6 +8,9 @@ from typing import Any
 import pytest
 from tests.service.check.checking import SPHERE, Checked, Files, check, usda
 
+from primray.fidelity import Kind
+
+KINDS = {kind.value for kind in Kind}
 SHOT = """
 def Xform "world" (
     variantSets = "look"
@@ -118,6 +121,8 @@ def test_warnings(shot: Checked) -> None:
         ("product-name-rewritten", "/Render/worse"),
         ("unsupported-prim", "/world/hair"),
     }
+    assert all(warning["kind"] in KINDS for warning in shot.warnings)
+    assert {warning["kind"] for warning in shot.warnings if warning["code"] == "asset-missing"} == {"missing"}
     assert "'tex/missing.png'" in next(w["detail"] for w in shot.warnings if w["code"] == "asset-missing")
 
 

@@ -133,6 +133,10 @@ def test_the_frame_fails_and_nothing_is_adopted(tmp_path: Path, does: Callable[[
 def test_texts_of_a_worker_can_be_stored_and_shown() -> None:
     warning = messages.warning_of({"code": "c", "prim": "/a\x00b", "detail": "\ud800 \x1b[31m red\nline"})
     assert warning == {"code": "c", "prim": "/a?b", "detail": "? ?[31m red\nline"}
+    more = messages.warning_of(
+        {"code": "c", "detail": "", "kind": "k\x00" * 99, "attribute": "\x1b" * 9999, "severity": "info"}
+    )
+    assert (len(more["kind"]), more["attribute"], more["severity"]) == (20, "?" * 1024, "info")
 
 
 def test_a_problem_keeps_its_own_title_and_status() -> None:

@@ -188,7 +188,9 @@ def test_a_failed_frame_does_not_stop_the_others(tmp_path: Path) -> None:
         if worker.command["settings"]["time_code"] == 2.0:
             worker.fails("scene-rejected", "Nothing to see at 2.")
             return
-        worker.say("warning", code="unsupported", prim="/a", detail="It is not shown.", severity="warning")
+        told = {"code": "light-input", "prim": "/a", "severity": "warning", "kind": "ignored"}
+        for attribute in ("inputs:shaping:focus", "inputs:shadow:color"):
+            worker.say("warning", **told, attribute=attribute, detail="It is not shown.")
         worker.checkpoint()
         worker.done()
 
@@ -208,8 +210,9 @@ def test_a_failed_frame_does_not_stop_the_others(tmp_path: Path) -> None:
         }
         made = {f"{name}.000{i}.{suffix}" for i in (1, 3) for name, suffix in FILES}
         assert {output.name for output in rig.outputs(job.id)} == made
-        assert [warning["prim"] for warning in ended.warnings] == ["/a"], "said once, over all frames"
-        assert len(rig.events(job.id, "warning")) == 1
+        told = [(warning["prim"], warning["kind"], warning["attribute"]) for warning in ended.warnings]
+        assert told == [("/a", "ignored", "inputs:shaping:focus"), ("/a", "ignored", "inputs:shadow:color")], "over all frames"
+        assert len(rig.events(job.id, "warning")) == 2
 
     play(tmp_path, script, act)
 

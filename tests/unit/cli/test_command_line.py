@@ -108,7 +108,7 @@ def test_diagnostics_are_grouped_on_stderr(pipeline: FakePipeline, capsys: pytes
     pipeline.diagnostics = [("texture-bad-texels", f"/dome{index}", "some") for index in range(5)]
     assert run(["render", "shot.usda"]) == 0
     captured = capsys.readouterr()
-    assert "warning: texture-bad-texels: some (5 times)" in captured.err
+    assert "warning: texture-bad-texels (out-of-range): some (5 times)" in captured.err
     assert "/dome0, /dome1, /dome2 and 2 more" in captured.err
     assert captured.out.startswith("shot.exr: 8 x 4, 64 samples")
 

@@ -166,6 +166,7 @@ def test_primvars_agree_with_uniform_dicing() -> None:
 
 
 @pytest.mark.parametrize("rule", ["none", "edgeOnly", "edgeAndCorner"])
+@pytest.mark.conforms("Mesh.interpolateBoundary")
 def test_boundary_rules(rule: str) -> None:
     made = uniform(grid(4, 4, interpolate_boundary=rule), 2)
     low, high = made["points"][:, 0].min(), made["points"][:, 0].max()
@@ -179,6 +180,7 @@ def test_boundary_rules(rule: str) -> None:
     assert (tip < 1e-6) == (rule == "edgeAndCorner")
 
 
+@pytest.mark.conforms("Mesh.holeIndices")
 def test_holes_shape_but_are_not_drawn() -> None:
     whole, holed = uniform(cube(), 3), uniform(cube(holes=[0]), 3)
     assert set(holed["faces"].tolist()) == {1, 2, 3, 4, 5}

@@ -68,6 +68,7 @@ def islands(region_of_face: list[int], height: float = 0.0) -> tuple[Subdivision
 
 
 @pytest.mark.parametrize("rule", RULES)
+@pytest.mark.conforms("Mesh.faceVaryingLinearInterpolation")
 def test_two_regions_side_by_side(rule: str) -> None:
     """A seam along x = 1 through the middle: each side is a boundary curve there, through (1, 0), (1, 1), (1, 2)."""
     c, indices, values = islands([0, 1, 0, 1])
@@ -88,6 +89,7 @@ def test_two_regions_side_by_side(rule: str) -> None:
 
 
 @pytest.mark.parametrize("rule", RULES)
+@pytest.mark.conforms("Mesh.faceVaryingLinearInterpolation")
 def test_concave_corner(rule: str) -> None:
     """One face against three: the one is a corner; the three are one curve, sharp only from cornersPlus2 on."""
     c, indices, values = islands([0, 1, 1, 1])

@@ -38,6 +38,7 @@ MOMENTS = {"catmullClark": [[1 / 3, 0], [0, 1 / 3]], "loop": [[1 / 3, 1 / 6], [1
 
 @pytest.mark.parametrize("level", [0, 1, 3])
 @pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.conforms("Mesh.subdivisionScheme")
 def test_regular_grids_are_splines(scheme: str, level: int) -> None:
     made = uniform(grid(6, 6, cubic, triangles=scheme == "loop"), level)
     p = made["points"].astype(np.float64)
@@ -182,6 +183,7 @@ SHARP: list[dict[int, float]] = [
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("n", [4, 5, 6])
 @pytest.mark.parametrize("sharp", SHARP, ids=str)
+@pytest.mark.conforms("Mesh.creaseSharpnesses")
 def test_creases(scheme: str, n: int, sharp: dict[int, float]) -> None:
     creases = [x for k in sharp for x in (0, 1 + k)]
     c = star(
@@ -198,6 +200,7 @@ def test_creases(scheme: str, n: int, sharp: dict[int, float]) -> None:
 
 @pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize("sharpness", [0.4, 1.0, 2.6, 10.0])
+@pytest.mark.conforms("Mesh.cornerSharpnesses")
 def test_corners(scheme: str, sharpness: float) -> None:
     c = star(5, scheme, closed=True, seed=2, corner_points=[0], corner_sharpnesses=[sharpness])
     ring = Ring(c, 5, True, {}, np.inf if sharpness >= 10 else sharpness)
@@ -229,6 +232,7 @@ def test_catmull_clark_cube_is_round() -> None:
 
 
 @pytest.mark.parametrize(("rule", "edge_point"), [("smooth", 0.47 / 3), ("catmullClark", 1 / 12)])
+@pytest.mark.conforms("Mesh.triangleSubdivisionRule")
 def test_triangle_rules(rule: str, edge_point: float) -> None:
     """Two triangles in a sharp rim, one point raised by 1: the point between them, and its limit, by hand."""
     points = [[0, 0, 0], [2, 0, 0], [1, 2, 1], [1, -2, 0]]

@@ -70,11 +70,13 @@ def faces_of(text: str) -> tuple[list[str], list[tuple[str, str]]]:
 
 
 @pytest.mark.parametrize("family", ["materialBind", "look", ""])
+@pytest.mark.conforms("GeomSubset.indices", "GeomSubset.familyName")
 def test_subsets_of_any_family(family: str) -> None:
     faces, found = faces_of(mesh(subset("a", [1, 2], "green", family)))
     assert (faces, found) == (["/red", "/green", "/green", "/red"], [])
 
 
+@pytest.mark.conforms("GeomSubset.familyName")
 def test_the_family_meant_for_materials_wins() -> None:
     for order in (1, -1):
         subsets = [subset("a", [0, 1], "green"), subset("b", [1, 2], "blue", "look")][::order]
@@ -93,6 +95,7 @@ def test_overlapping_subsets_are_told() -> None:
     assert (faces, found) == (["/green", "/blue", "/blue", "/red"], [("subset-overlap", "/mesh/b")])
 
 
+@pytest.mark.conforms("GeomSubset.subsetFamily:NAME:familyType")
 def test_a_partition_that_is_none() -> None:
     partition = 'uniform token subsetFamily:materialBind:familyType = "partition"'
     faces, found = faces_of(mesh(partition + subset("a", [0, 1, 2], "green")))
@@ -102,6 +105,7 @@ def test_a_partition_that_is_none() -> None:
 
 
 @pytest.mark.parametrize("element", ["point", "edge", "segment"])
+@pytest.mark.conforms("GeomSubset.elementType")
 def test_subsets_of_other_elements(element: str) -> None:
     faces, found = faces_of(mesh(subset("a", [0], "green", element=element)))
     assert (faces, found) == (["/red"] * 4, [("subset-ignored", "/mesh/a")])
@@ -154,6 +158,7 @@ def test_other_things_that_cannot_be_bound() -> None:
         ('token[] materialBindingPurposes = ["own"]', "/red"),
     ],
 )
+@pytest.mark.conforms("MaterialBindingAPI.material:binding")
 def test_purposes_in_order(settings: str, expected: str) -> None:
     """usdlux-test-suite spells the empty token allPurpose; USD falls back to it for every purpose."""
     bound = "rel material:binding:full = </green>\n rel material:binding:preview = </blue>"
@@ -207,6 +212,7 @@ COLLECTIONS = {
 @pytest.mark.parametrize("collection", COLLECTIONS.values(), ids=COLLECTIONS)
 @pytest.mark.parametrize("bound", ["rel material:binding = </red>", "rel material:binding:full = </red>", STRONGER])
 @pytest.mark.parametrize("inside", ["", INSIDE, INSIDE.replace("binding", "binding:full")])
+@pytest.mark.conforms("MaterialBindingAPI.material:binding:collection", "MaterialBindingAPI.bindMaterialAs")
 def test_what_is_inside_instances_is_bound_as_its_proxies_are(inside: str, bound: str, collection: str) -> None:
     stage = stage_of(world(inside, collection, bound))
     paths = [f"/World/{instance}/{leaf}" for instance in ("one", "two") for leaf in "ab"]

@@ -59,6 +59,7 @@ def normals(mesh: Mesh) -> np.ndarray:
         ("component", 'uniform token model:drawMode = "sketch"', False),
     ],
 )
+@pytest.mark.conforms("GeomModelAPI.model:drawMode", "GeomModelAPI.model:applyDrawMode")
 def test_when_a_model_is_replaced(kind: str, body: str, replaced: bool) -> None:
     description, codes = model(body, kind)
     assert [shape.path for shape in description.shapes] == ["/m" if replaced else "/m/s"]
@@ -66,6 +67,7 @@ def test_when_a_model_is_replaced(kind: str, body: str, replaced: bool) -> None:
     assert ("draw-mode-input" in codes) == ("sketch" in body)
 
 
+@pytest.mark.conforms("GeomModelAPI.model:drawMode")
 def test_the_mode_is_inherited_and_applied_at_components_only() -> None:
     text = """
 def Xform "world" (
@@ -130,6 +132,7 @@ def test_bounds_are_twelve_closed_bars_facing_out() -> None:
 
 
 @pytest.mark.parametrize("geometry", ["box", "cross"])
+@pytest.mark.conforms("GeomModelAPI.model:cardGeometry", "GeomModelAPI.model:drawModeColor")
 def test_cards_without_textures_are_six_quads_of_the_colour(geometry: str) -> None:
     description, _ = model(
         f'uniform token model:drawMode = "cards"\nuniform token model:cardGeometry = "{geometry}"\n'
@@ -155,6 +158,14 @@ def picture(tmp_path: Path) -> str:
 
 @pytest.mark.parametrize("geometry", ["box", "cross"])
 @pytest.mark.parametrize("face", FACES)
+@pytest.mark.conforms(
+    "GeomModelAPI.model:cardTextureXPos",
+    "GeomModelAPI.model:cardTextureYPos",
+    "GeomModelAPI.model:cardTextureZPos",
+    "GeomModelAPI.model:cardTextureXNeg",
+    "GeomModelAPI.model:cardTextureYNeg",
+    "GeomModelAPI.model:cardTextureZNeg",
+)
 def test_textures_lie_as_openusd_lays_them(face: str, geometry: str, picture: str) -> None:
     """Also on the opposite face, where the one texture is seen from behind."""
     mesh = card_mesh(
@@ -194,6 +205,7 @@ def test_a_textured_card_is_cut_out_by_alpha_and_falls_back_to_the_colour(pictur
 
 
 @pytest.mark.parametrize(("up", "left"), [("Y", 8), ("Z", 8)])
+@pytest.mark.conforms("GeomModelAPI.model:cardVisibility")
 def test_simple_visibility_hides_cards_along_the_up_axis(up: str, left: int) -> None:
     text = (
         f'#usda 1.0\n(\n upAxis = "{up}"\n)\ndef Xform "m" (\n kind = "component"\n)\n{{\n{BOX}\n'
@@ -206,6 +218,7 @@ def test_simple_visibility_hides_cards_along_the_up_axis(up: str, left: int) -> 
     assert np.abs(normals(mesh))[:, "XYZ".index(up)].max() == 0
 
 
+@pytest.mark.conforms("GeomModelAPI.model:cardGeometry")
 def test_cards_from_textures_stand_where_their_metadata_says(tmp_path: Path) -> None:
     placed, bare = tmp_path / "placed.tif", tmp_path / "bare.tif"
     matrix = np.array([[0.5, 0, 0, 0], [0, 0, 1, 0], [0, 0.25, 0, 0], [-1, 0, -7, 1]])  # row vectors: x, z seen from y = 7

@@ -81,6 +81,16 @@ def shapes(d: SceneDescription) -> int:
 
 
 @pytest.mark.parametrize("name", CASES)
+@pytest.mark.conforms(
+    "PointInstancer.prototypes",
+    "PointInstancer.protoIndices",
+    "PointInstancer.positions",
+    "PointInstancer.orientations",
+    "PointInstancer.orientationsf",
+    "PointInstancer.scales",
+    "PointInstancer.ids",
+    "PointInstancer.invisibleIds",
+)
 def test_case(name: str) -> None:
     text, times, counts = CASES[name]
     stage = stage_of(text)

@@ -41,6 +41,7 @@ def test_triangles_and_winding() -> None:
     assert codes == []
 
 
+@pytest.mark.conforms("Gprim.orientation")
 def test_left_handed_meshes_turn() -> None:
     shape, _, _ = mesh(
         'uniform token orientation = "leftHanded"\n'
@@ -51,6 +52,7 @@ def test_left_handed_meshes_turn() -> None:
     assert (shape.normals == (0, 0, -1)).all()  # also the zero one, which takes the face's normal
 
 
+@pytest.mark.conforms("PointBased.normals")
 def test_primvars_normals_beat_normals() -> None:
     normals = "normal3f[] normals = [(1, 0, 0), (1, 0, 0), (1, 0, 0), (1, 0, 0), (1, 0, 0)]"
     assert np.all(mesh(normals)[0].normals == (1, 0, 0))
@@ -67,6 +69,7 @@ def test_primvars_normals_beat_normals() -> None:
     assert codes == ["invalid-primvar"]
 
 
+@pytest.mark.conforms("PointBased.normals")
 def test_face_varying_normals_follow_corners() -> None:
     values = ", ".join(f"(0, {k}, 1)" for k in range(7))
     shape, _, _ = mesh(f'normal3f[] normals = [{values}] (\n        interpolation = "faceVarying"\n    )')
@@ -85,6 +88,7 @@ def test_face_varying_normals_follow_corners() -> None:
         ("faceVarying", 7, [0, 1, 2, 0, 2, 3, 4, 5, 6]),
     ],
 )
+@pytest.mark.conforms("Gprim.primvars:displayColor")
 def test_display_color(interpolation: str, values: int, expected: list[int]) -> None:
     colors = ", ".join(f"({k / 8}, 0, 0)" for k in range(values))
     shape, description, _ = mesh(
@@ -196,6 +200,7 @@ def with_subset(
     )
 
 
+@pytest.mark.conforms("GeomSubset.indices")
 def test_subsets_give_surfaces_per_triangle() -> None:
     description, _ = with_subset()
     surfaces = np.asarray(description.shapes[0].surface)

@@ -40,7 +40,7 @@ def test_readers_that_cannot_give_a_color(kind: str) -> None:
     nodes = node("r", f"UsdPrimvarReader_{kind}", 'string inputs:varname = "p"')
     surface, found = surface_of(material("color3f inputs:diffuseColor.connect = </m/r.outputs:result>", nodes))
     assert (surface.inputs, surface.diffuse_color) == ((), (0.18, 0.18, 0.18))
-    assert found == [("connection-type", "/m/r"), ("material-input", "/m")]
+    assert found == [("connection-type", "/m/r"), ("material-input", "/m/s")]
 
 
 def test_a_reader_that_names_nothing() -> None:
@@ -119,7 +119,7 @@ def test_a_connection_wins_over_a_value_unless_it_leads_nowhere() -> None:
 def test_connections_in_a_circle_end() -> None:
     interface = "float inputs:a.connect = </m.inputs:b>\n float inputs:b.connect = </m.inputs:a>"
     surface, found = surface_of(material("float inputs:roughness.connect = </m.inputs:a>", interface=interface))
-    assert (surface.roughness, found) == (0.5, [("shader-connection", "/m.inputs:a")])
+    assert (surface.roughness, found) == (0.5, [("shader-connection", "/m")])
 
 
 def test_several_connections() -> None:
@@ -127,14 +127,14 @@ def test_several_connections() -> None:
     surface, found = surface_of(
         material("float inputs:roughness.connect = [</m.inputs:a>, </m.inputs:b>]", interface=interface)
     )
-    assert (surface.roughness, found) == (0.25, [("shader-connection", "/m/s.inputs:roughness")])
+    assert (surface.roughness, found) == (0.25, [("shader-connection", "/m/s")])
 
 
 def test_outputs_that_a_texture_does_not_have(image: str) -> None:
     surface, found = surface_of(
         material("color3f inputs:diffuseColor.connect = </m/image.outputs:rgba>", READER + IMAGE % image)
     )
-    assert (surface.inputs, found) == ((), [("shader-connection", "/m/image"), ("material-input", "/m")])
+    assert (surface.inputs, found) == ((), [("shader-connection", "/m/image"), ("material-input", "/m/s")])
 
 
 def test_nodes_that_are_not_known() -> None:
@@ -142,13 +142,13 @@ def test_nodes_that_are_not_known() -> None:
         surface, found = surface_of(
             material("color3f inputs:diffuseColor.connect = </m/n.outputs:result>", node("n", identifier, ""))
         )
-        assert (surface.diffuse_color, found) == ((0.18, 0.18, 0.18), [(code, "/m")])
+        assert (surface.diffuse_color, found) == ((0.18, 0.18, 0.18), [(code, "/m/s")])
 
 
 def test_values_of_the_wrong_type() -> None:
     surface, found = surface_of(material('token inputs:roughness = "high"\n float inputs:diffuseColor = 1'))
     assert (surface.roughness, surface.diffuse_color) == (0.5, (0.18, 0.18, 0.18))
-    assert found == [("wrong-type", "/m"), ("wrong-type", "/m")]
+    assert found == [("wrong-type", "/m/s"), ("wrong-type", "/m/s")]
 
 
 def test_cut_outs_that_vary_keep_their_threshold(image: str) -> None:
@@ -175,19 +175,19 @@ def test_normals(image: str) -> None:
     surface, _ = surface_of(material("normal3f inputs:normal = (0, 1, 1)"))
     assert surface.inputs == (("normal", PrimvarInput("", (0, 1, 1))),)
     surface, found = surface_of(material("normal3f inputs:normal = (0, 0, 0)"))
-    assert (surface.inputs, found) == ((), [("material-input", "/m")])
+    assert (surface.inputs, found) == ((), [("material-input", "/m/s")])
 
 
 def test_displacement_is_told_unless_it_is_zero() -> None:
     assert surface_of(material("float inputs:displacement = 0"))[1] == []
-    assert surface_of(material("float inputs:displacement = 1"))[1] == [("displacement", "/m")]
+    assert surface_of(material("float inputs:displacement = 1"))[1] == [("displacement", "/m/s")]
     connected = material("float inputs:displacement.connect = </m/t.outputs:r>", node("t", "UsdUVTexture", ""))
-    assert surface_of(connected)[1] == [("displacement", "/m")]
+    assert surface_of(connected)[1] == [("displacement", "/m/s")]
 
 
 def test_inputs_that_mean_nothing() -> None:
     assert surface_of(material("float inputs:occlusion = 0.5"))[1] == []
-    assert surface_of(material("float inputs:specular = 0.5"))[1] == [("unknown-input", "/m")]
+    assert surface_of(material("float inputs:specular = 0.5"))[1] == [("unknown-input", "/m/s")]
 
 
 def test_emission_from_a_texture_needs_no_default_light(image: str) -> None:

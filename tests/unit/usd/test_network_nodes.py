@@ -94,6 +94,7 @@ def test_a_missing_normal_map_leaves_the_normal() -> None:
     assert surface.inputs == ()
 
 
+@pytest.mark.conforms("UsdUVTexture.inputs:file")
 def test_udim_tiles(tmp_path: Path) -> None:
     for number in (1001, 1012, 1100, 1101, 2000):
         oiio.ImageBuf(np.ones((1, 1, 3), np.float32)).write(str(tmp_path / f"t.{number}.png"), "uint8")
@@ -121,6 +122,7 @@ def test_no_tiles_are_a_missing_file(tmp_path: Path) -> None:
         ('token inputs:sourceColorSpace = "linear"', "auto"),
     ],
 )
+@pytest.mark.conforms("UsdUVTexture.inputs:sourceColorSpace")
 def test_source_color_space(authored: str, expected: str, image: str) -> None:
     nodes = READER + (IMAGE % image).replace("float2 inputs:st", f"{authored}\n        float2 inputs:st")
     surface, found = surface_of(material("color3f inputs:diffuseColor.connect = </m/image.outputs:rgb>", nodes))
@@ -188,6 +190,12 @@ def test_st_from_a_constant_and_from_nothing(image: str) -> None:
     assert (wrong.st, found) == (PrimvarInput("", (0, 0)), [("wrong-type", "/m/image")])
 
 
+@pytest.mark.conforms(
+    "UsdTransform2d.inputs:in",
+    "UsdTransform2d.inputs:scale",
+    "UsdTransform2d.inputs:rotation",
+    "UsdTransform2d.inputs:translation",
+)
 def test_transforms_scale_then_rotate_then_translate(image: str) -> None:
     """(u, v) = (1, 0): scaled to (2, 0), a quarter turn counter-clockwise to (0, 2), moved to (0.5, 2.25)."""
     inputs = """float2 inputs:in.connect = </m/reader.outputs:result>

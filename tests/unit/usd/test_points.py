@@ -41,6 +41,7 @@ def placed(more: str) -> tuple[SceneDescription, dict[tuple[float, float, float]
     return description, {tuple(m[:, 3].tolist()): float(m[0, 0]) for m in matrices}, [code for code, _ in diagnostics]
 
 
+@pytest.mark.conforms("Points.widths")
 def test_widths_are_diameters() -> None:
     description, found, codes = placed("float[] widths = [1, 2, 3]")
     assert found == {(0, 5, 0): 0.5, (1, 5, 0): 1.0, (2, 5, 0): 1.5}
@@ -57,6 +58,7 @@ def test_widths_are_diameters() -> None:
         ("float[] widths = [4, 5]", 0.5),
     ],
 )
+@pytest.mark.conforms("Points.widths")
 def test_one_width_for_all(widths: str, radius: float) -> None:
     _, found, codes = placed(widths)
     assert set(found.values()) == {radius}

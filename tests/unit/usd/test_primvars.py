@@ -86,6 +86,7 @@ def primvars_of(text: str) -> tuple[tuple[Primvar, ...], set[str]]:
     ],
 )
 @pytest.mark.parametrize("indexed", [False, True])
+@pytest.mark.conforms("PrimvarsAPI.interpolation", "PrimvarsAPI.primvars:NAME:indices")
 def test_interpolations(interpolation: str, values: str, kind: Interpolation, expected: list[int], indexed: bool) -> None:
     """Indexed: the values in reverse, and indices that reverse them again."""
     listed = values.strip("[]").split(", ")
@@ -128,6 +129,7 @@ def test_interpolations(interpolation: str, values: str, kind: Interpolation, ex
     ],
 )
 @pytest.mark.parametrize("is_array", [True, False])
+@pytest.mark.conforms("PrimvarsAPI.primvars:NAME")
 def test_types(kind: str, value: str, expected: list[float], is_array: bool) -> None:
     """What is wider than read is cut."""
     text = f"{kind}[] primvars:p = [{value}]" if is_array else f"{kind} primvars:p = {value}"
@@ -163,6 +165,7 @@ def test_too_few_numbers() -> None:
     assert (found, codes) == ((), {"invalid-primvar"})
 
 
+@pytest.mark.conforms("PrimvarsAPI.elementSize")
 def test_element_size_makes_vectors() -> None:
     text = 'float[] primvars:p = [1, 2, 3, 4, 5, 6] (\n interpolation = "uniform"\n elementSize = 3\n)'
     [found], codes = primvars_of(reader(3) + quads(text))
@@ -214,6 +217,7 @@ def test_points_that_are_split_take_their_primvars_along() -> None:
     assert found.values.ravel()[mesh.triangles].tolist() == [[5, 4, 3], [2, 1, 0]]
 
 
+@pytest.mark.conforms("PrimvarsAPI.primvars:NAME")
 def test_constant_ones_are_inherited_and_the_nearest_wins() -> None:
     def tree(inner: str) -> str:
         return f"""
@@ -338,6 +342,7 @@ def rows(description: SceneDescription) -> dict[str, list[list[Any]]]:
     }
 
 
+@pytest.mark.conforms("Gprim.primvars:displayColor")
 def test_display_color_of_instances() -> None:
     """In the order of each prototype's instances; the sphere shows it by a primvar input."""
     text = 'color3f[] primvars:displayColor = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (3, 0, 0)] (interpolation = "vertex")'
@@ -459,6 +464,7 @@ def PointInstancer "outer"
     assert rows(description) == colors | {"/outer/inner/ball displayOpacity": [[0], [0.5], [1]] * 2}
 
 
+@pytest.mark.conforms("Gprim.primvars:displayOpacity")
 def test_display_opacity_without_a_material() -> None:
     """A Lambert surface that is there in part; what varies is an input."""
     ball = 'def Sphere "ball"\n{\n float[] primvars:displayOpacity = [%s]\n}\n'

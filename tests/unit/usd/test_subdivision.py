@@ -112,6 +112,7 @@ def test_holes_outside() -> None:
     assert shape.holes.tolist() == [1]
 
 
+@pytest.mark.conforms("Gprim.orientation")
 def test_left_handed_faces_turn_with_their_corners() -> None:
     right = cube('int[] primvars:displayColor:indices = [0]\n uniform token orientation = "rightHanded"')
     values = ", ".join(f"({k / 32}, 0, 0)" for k in range(24))

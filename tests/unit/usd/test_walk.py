@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from primray.description import SceneDescription
 from primray.settings import RenderSettings
 
@@ -67,6 +69,7 @@ def test_prototypes_share_their_arrays() -> None:
     assert bare[0].points is bare[1].points  # type: ignore[union-attr]
 
 
+@pytest.mark.conforms("MaterialBindingAPI.material:binding")
 def test_full_purpose_wins_over_the_general_binding() -> None:
     text = materials("red", "blue") + 'def Sphere "s" ' + bound("red") + "    rel material:binding:full = </blue>\n}\n"
     assert surfaces(translate_text(text)[0]) == ["/blue"]
@@ -97,6 +100,7 @@ def Sphere "plain"
 """
 
 
+@pytest.mark.conforms("Imageable.visibility", "Imageable.purpose")
 def test_purpose_and_visibility() -> None:
     def paths(settings: RenderSettings | None = None, extra: str = "") -> list[str]:
         return [s.path for s in translate_text(PURPOSES + extra, settings)[0].shapes]
@@ -131,6 +135,7 @@ MOVING = """def Sphere "ball"
 """
 
 
+@pytest.mark.conforms("Xformable.xformOp:translate", "Xformable.xformOp:scale", "Imageable.visibility")
 def test_time_codes() -> None:
     def ball(time: float | None) -> tuple[float, float, float] | None:
         description = translate_text(MOVING.replace("VISIBILITY", "inherited"), RenderSettings(time_code=time))[0]

@@ -46,7 +46,9 @@ def stand_in(prim: ResolvedPrim, ctx: Context) -> str:
     if mode == "default" or not _applies(prim, ctx):
         return ""
     if mode not in DRAW_MODES:
-        ctx.warn("draw-mode-input", prim.path, f"model:drawMode = {mode!r} is not known; the geometry is drawn.")
+        ctx.warn(
+            "draw-mode-input", prim.path, f"model:drawMode = {mode!r} is not known; the geometry is drawn.", "model:drawMode"
+        )
         return ""
     return mode
 
@@ -168,7 +170,8 @@ def _texture(prim: ResolvedPrim, face: str, ctx: Context) -> str | None:
     if not isinstance(asset, Sdf.AssetPath) or not asset.path:
         return None
     if not asset.resolvedPath:
-        ctx.warn("asset-missing", prim.path, f"The card's texture {asset.path} is not there: model:drawModeColor is used.")
+        message = f"The card's texture {asset.path} is not there: model:drawModeColor is used."
+        ctx.warn("asset-missing", prim.path, message, f"model:cardTexture{face}")
     return str(asset.resolvedPath)
 
 
@@ -219,7 +222,7 @@ def _box(prim: ResolvedPrim, ctx: Context) -> tuple[Doubles, Doubles] | None:
         if found is not None and not found.IsEmpty():
             box = np.array(found.GetMin()), np.array(found.GetMax())
     if box is None or not (np.isfinite(box).all() and (box[0] <= box[1]).all()):
-        ctx.warn("draw-mode-input", prim.path, "The model has no bounds: nothing is drawn in its place.")
+        ctx.warn("draw-mode-input", prim.path, "The model has no bounds: nothing is drawn in its place.", "extentsHint")
         return None
     return box
 

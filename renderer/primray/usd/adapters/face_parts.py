@@ -28,11 +28,13 @@ def face_parts(prim: ResolvedPrim, faces: int, ctx: Context) -> FaceParts:
     for subset in prim.subsets:
         indices = array(read(subset.prim, "indices", ctx.when), 1, "i")
         if indices is None or (len(indices) and (indices.min() < 0 or indices.max() >= faces)):
-            ctx.warn("subset-ignored", subset.path, f"Its indices are not faces of the mesh, which has {faces}.")
+            ctx.warn("subset-ignored", subset.path, f"Its indices are not faces of the mesh, which has {faces}.", "indices")
             continue
         held = np.array([family == subset.family for family in families])[of_face[indices]]
         if held.any():
-            ctx.warn("subset-overlap", subset.path, f"{int(held.sum())} of its faces are in another subset of its family.")
+            ctx.warn(
+                "subset-overlap", subset.path, f"{int(held.sum())} of its faces are in another subset of its family.", "indices"
+            )
         families.append(subset.family)
         of_face[indices] = len(parts)
         parts.append(appearance_of(prim, subset.material, ctx))
@@ -45,4 +47,4 @@ def _note_incomplete(prim: ResolvedPrim, of_face: Ints, ctx: Context) -> None:
     name = "subsetFamily:materialBind:familyType"
     if name in prim.names and token(prim.prim, name, ctx.when, "") == "partition" and not of_face.all():
         rest = int(np.count_nonzero(of_face == 0))
-        ctx.warn("subset-incomplete", prim.path, f"{rest} faces are in none, though {name} is partition.")
+        ctx.warn("subset-incomplete", prim.path, f"{rest} faces are in none, though {name} is partition.", name)

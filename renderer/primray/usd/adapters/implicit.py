@@ -23,6 +23,8 @@ def sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     if radius == 0 or is_hidden(appearance):
         return None
     surface = make_surface(appearance, lambda: True)
+    if _is_left_handed(prim, ctx) and not surface.thin and (surface.opacity < 1 or "opacity" in dict(surface.inputs)):
+        ctx.warn("shape-input", prim.path, "orientation = leftHanded is ignored: the sphere's inside is inside.", "orientation")
     return Sphere(prim.path, radius, ctx.surface_index(surface), constant_primvars(prim, (surface,), ctx))
 
 
@@ -36,6 +38,8 @@ def tessellated(prim: ResolvedPrim, ctx: Context) -> Shape | None:
         return None
     if not all(map(math.isfinite, made.points.ravel().tolist())) or not made.points.any():
         return None
+    if _is_left_handed(prim, ctx):
+        made = _flipped(made)
     if prim.type_name not in ("Cube", "Plane"):
         ctx.warn("tessellated", prim.path, f"{prim.type_name} is rendered with {tessellate.AROUND} segments around.")
     normals = None if made.normals is None else Values(made.normals, "corner")
@@ -45,10 +49,21 @@ def tessellated(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     return mesh
 
 
+def _is_left_handed(prim: ResolvedPrim, ctx: Context) -> bool:
+    return "orientation" in prim.names and token(prim.prim, "orientation", ctx.when, "rightHanded") == "leftHanded"
+
+
+def _flipped(made: Tessellated) -> Tessellated:
+    """Facing the other way, as UsdGeomGprim's orientation has it."""
+    normals = None if made.normals is None else -made.normals.reshape(-1, 3, 3)[:, [0, 2, 1]].reshape(-1, 3)
+    return Tessellated(made.points, made.triangles[:, [0, 2, 1]], normals)
+
+
 def _appearance(prim: ResolvedPrim, ctx: Context) -> Appearance:
     appearance = appearance_of(prim, prim.material, ctx)
     if appearance.varying_color:
-        ctx.warn("invalid-primvar", prim.path, f"primvars:displayColor varies, which a {prim.type_name} cannot show: ignored.")
+        message = f"primvars:displayColor varies, which a {prim.type_name} cannot show: ignored."
+        ctx.warn("invalid-primvar", prim.path, message, "primvars:displayColor")
         appearance = replace(appearance, color=FALLBACK_COLOR, varying_color=False)
     return appearance
 

@@ -14,8 +14,9 @@ from pxr import Usd, UsdShade
 
 from ...description import Input, PrimvarInput, Surface, TextureInput
 from ..context import Context
-from ..network import Constant, Node, as_numbers, find_source, parameter
+from ..network import Constant, Node, as_numbers, find_source, node_path, parameter
 from ..network_nodes import NO_PRIMVAR, NODES, NodeKind, reader_input, texture_input
+from ..notes import note_unknown_schemas
 
 SURFACE_SHADERS = frozenset({"UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader"})
 
@@ -72,6 +73,7 @@ def material(prim: Usd.Prim, ctx: Context) -> Material:
 
 def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Material:
     """By the first surface output, the universal one before those of renderers, that leads to a shader known here."""
+    _note_outputs(usd_material, path, ctx)
     outputs = sorted(usd_material.GetSurfaceOutputs(), key=lambda output: output.GetBaseName() != "surface")
     others = []
     for output in outputs:
@@ -81,18 +83,31 @@ def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Mate
                 return _preview_surface(source, path, ctx)
             others.append(f"{source.id or 'a shader without id'} ({output.GetBaseName()})")
     reason = f"The surface shader is {', '.join(others)}" if others else "No surface output leads to a shader"
-    ctx.warn("shader-ignored", path, f"{reason}: displayColor is used.")
+    ctx.warn("shader-ignored", path, f"{reason}: displayColor is used.", "outputs:surface")
     return Material(None)
+
+
+def _note_outputs(usd_material: UsdShade.Material, path: str, ctx: Context) -> None:
+    """What a material has besides its surface; UsdPreviewSurface's own displacement is noted by its input."""
+    for context in ("", "mtlx"):
+        for output in (usd_material.GetDisplacementOutput(context), usd_material.GetVolumeOutput(context)):
+            source = find_source(output.GetAttr(), ctx) if output else None
+            if isinstance(source, Node) and source.id not in SURFACE_SHADERS:
+                is_volume = output.GetBaseName().endswith("volume")
+                what = "Volumes are not rendered" if is_volume else "The surface is rendered where its mesh is"
+                message = f"{what}: {source.id or 'a shader without id'} is ignored."
+                ctx.warn("shader-ignored" if is_volume else "displacement", path, message, str(output.GetFullName()))
 
 
 def _preview_surface(shader: Node, path: str, ctx: Context) -> Material:
     names = {str(name).removeprefix("inputs:") for name in shader.prim.GetAuthoredPropertyNames() if name.startswith("inputs:")}
-    _note_inputs(shader, names, path, ctx)
+    at = node_path(shader, ctx)
+    _note_inputs(shader, names, at, ctx)
     found = _Inputs()
     for name in (name for name in _SLOTS if name in names):
-        _read_slot(shader, name, found, path, ctx)
+        _read_slot(shader, name, found, at, ctx)
     constants = found.constants
-    threshold = _number(shader, "opacityThreshold", 0.0, path, ctx) if "opacityThreshold" in names else 0.0
+    threshold = _number(shader, "opacityThreshold", 0.0, at, ctx) if "opacityThreshold" in names else 0.0
     if "opacity" not in found.varying:
         if threshold > 0:  # a cut-out, whatever opacityMode: at the threshold and above fully opaque, below nothing
             if constants.get("opacity", (1.0,))[0] < threshold:
@@ -127,7 +142,7 @@ def _read_slot(shader: Node, name: str, found: _Inputs, path: str, ctx: Context)
         if slot.field != "normal":
             found.constants[slot.field] = constant
         elif not any(constant):
-            ctx.warn("material-input", path, "normal has no length and is ignored.")
+            ctx.warn("material-input", path, "normal has no length and is ignored.", "inputs:normal")
         elif constant != slot.default:
             found.varying["normal"] = PrimvarInput(NO_PRIMVAR, constant)
 
@@ -142,10 +157,11 @@ def _varying(source: Node, name: str, slot: _Slot, path: str, ctx: Context) -> I
         made = texture_input(source, width, ctx)
     else:
         code = "connection-type" if kind else "shader-ignored"
-        ctx.warn(code, path, f"{name} comes from {source.id or 'a shader without id'}: {_shown(slot.default)} is used.")
+        message = f"{name} comes from {source.id or 'a shader without id'}: {_shown(slot.default)} is used."
+        ctx.warn(code, path, message, f"inputs:{name}")
         return None
     if made is None:
-        ctx.warn("material-input", path, f"{name} cannot be read: {_shown(slot.default)} is used.")
+        ctx.warn("material-input", path, f"{name} cannot be read: {_shown(slot.default)} is used.", f"inputs:{name}")
     return made
 
 
@@ -175,11 +191,12 @@ def _constant(raw: Any, name: str, slot: _Slot, path: str, ctx: Context) -> tupl
     values = as_numbers(raw)
     if values is None or len(values) != len(slot.default):
         wanted = "a finite number" if len(slot.default) == 1 else f"{len(slot.default)} finite numbers"
-        ctx.warn("wrong-type", path, f"{name} = {raw!r} is not {wanted}: {_shown(slot.default)} is used.")
+        ctx.warn("wrong-type", path, f"{name} = {raw!r} is not {wanted}: {_shown(slot.default)} is used.", f"inputs:{name}")
         return slot.default
     inside = _clamped(values, slot)
     if inside != values:
-        ctx.warn("material-input", path, f"{name} = {_shown(values)} is outside [{slot.low:g}, {slot.high:g}] and is clamped.")
+        message = f"{name} = {_shown(values)} is outside [{slot.low:g}, {slot.high:g}] and is clamped."
+        ctx.warn("out-of-range", path, message, f"inputs:{name}")
     return inside
 
 
@@ -192,13 +209,14 @@ def _number(shader: Node, name: str, default: float, path: str, ctx: Context) ->
 
 def _note_inputs(shader: Node, names: set[str], path: str, ctx: Context) -> None:
     """What has no effect on the picture."""
+    note_unknown_schemas(shader.prim, path, ctx)
     unknown = sorted(names - _SLOTS.keys() - _OTHER_INPUTS)
-    if unknown:
-        ctx.warn("unknown-input", path, f"{shader.id} has no {', '.join(unknown)}.")
+    for name in unknown:
+        ctx.warn("unknown-input", path, f"{shader.id} has no {name}.", f"inputs:{name}")
     if "displacement" in names:
         source = find_source(shader.prim.GetAttribute("inputs:displacement"), ctx)
         if isinstance(source, Node) or (isinstance(source, Constant) and source.value != 0):
-            ctx.warn("displacement", path, "The surface is rendered where its mesh is.")
+            ctx.warn("displacement", path, "The surface is rendered where its mesh is.", "inputs:displacement")
 
 
 def _shown(values: tuple[float, ...]) -> str:

@@ -31,11 +31,15 @@ def point_instances(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, PointIn
     if any(missing):
         if not all(missing):
             there, absent = ("positions", "protoIndices") if missing[0] else ("protoIndices", "positions")
-            ctx.warn("invalid-instancer", prim.path, f"It has {there} but no {absent}: none of its instances can be placed.")
+            ctx.warn(
+                "invalid-instancer", prim.path, f"It has {there} but no {absent}: none of its instances can be placed.", absent
+            )
         return []
     proto, positions = array(raw_proto, 1, "i"), array(raw_positions, 3, "f")
     if proto is None or positions is None or len(positions) != len(proto):
-        ctx.warn("invalid-instancer", prim.path, "protoIndices and positions are not arrays of the same length.")
+        ctx.warn(
+            "invalid-instancer", prim.path, "protoIndices and positions are not arrays of the same length.", "protoIndices"
+        )
         return []
     keep = _shown(prim, roots, proto, positions, ctx)
     instances = _instances(prim, positions, ctx)
@@ -77,10 +81,15 @@ def _shown(
     """Which instances are neither masked nor without a prototype."""
     keep = (proto >= 0) & (proto < len(roots))
     if not keep.all():
-        ctx.warn("invalid-instancer", prim.path, f"{int((~keep).sum())} of {len(proto)} protoIndices name no prototype.")
+        ctx.warn(
+            "invalid-instancer",
+            prim.path,
+            f"{int((~keep).sum())} of {len(proto)} protoIndices name no prototype.",
+            "protoIndices",
+        )
     for k, root in enumerate(roots):
         if not ctx.stage.GetPrimAtPath(root) and (proto == k).any():
-            ctx.warn("invalid-instancer", prim.path, f"The prototype {root} does not exist.")
+            ctx.warn("invalid-instancer", prim.path, f"The prototype {root} does not exist.", "prototypes")
             keep &= proto != k
     if "invisibleIds" in prim.names or prim.prim.HasAuthoredMetadata("inactiveIds"):
         time = time_of(prim.prim.GetAttribute("protoIndices"), ctx.when)
@@ -88,7 +97,7 @@ def _shown(
         if len(mask) == len(keep):
             keep &= mask
         elif len(mask):
-            ctx.warn("invalid-instancer", prim.path, "ids does not fit the instances: no instance is hidden by its id.")
+            ctx.warn("invalid-instancer", prim.path, "ids does not fit the instances: no instance is hidden by its id.", "ids")
     return keep
 
 
@@ -121,10 +130,11 @@ def _per_instance(prim: ResolvedPrim, name: str, columns: int, count: int, ctx: 
         return None
     values = array(raw, columns, "f")
     if values is None or len(values) != count:
-        ctx.warn("invalid-instancer", prim.path, f"{name} has {len(raw)} values for {count} instances: ignored.")
+        ctx.warn("invalid-instancer", prim.path, f"{name} has {len(raw)} values for {count} instances: ignored.", name)
         return None
     return values
 
 
 def _note_ignored(prim: ResolvedPrim, ctx: Context) -> None:
     note_velocities(prim, "positions", ctx)
+    note_velocities(prim, "orientationsf" if "orientationsf" in prim.names else "orientations", ctx, "angularVelocities")

@@ -32,7 +32,7 @@ def spheres(prim: ResolvedPrim, ctx: Context) -> MatrixInstances:
     points = array(read(prim.prim, "points", ctx.when), 3, "f")
     if points is None or len(points) == 0:
         if points is None:
-            ctx.warn("invalid-mesh", prim.path, "points: missing, or of the wrong type.")
+            ctx.warn("invalid-mesh", prim.path, "points: missing, or of the wrong type.", "points")
         return MatrixInstances(np.zeros((0, 3, 4)))
     note_velocities(prim, "points", ctx)
     widths = _widths(prim, len(points), ctx)
@@ -57,6 +57,8 @@ def _widths(prim: ResolvedPrim, count: int, ctx: Context) -> npt.NDArray[np.floa
     if widths is not None and len(widths) == 1:
         return np.full(count, widths[0])
     if widths is None or len(widths) != count:
-        ctx.warn("invalid-primvar", prim.path, f"{name} does not fit {count} points: a width of {DEFAULT_WIDTH:g} is used.")
+        ctx.warn(
+            "invalid-primvar", prim.path, f"{name} does not fit {count} points: a width of {DEFAULT_WIDTH:g} is used.", name
+        )
         return np.full(count, DEFAULT_WIDTH)
     return widths

@@ -102,7 +102,8 @@ def is_hidden(appearance: Appearance) -> bool:
 def _constant_color(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, float]:
     if prim.inherited.color is None:
         if "primvars:displayColor" in prim.names and not _is_empty(prim, ctx):
-            ctx.warn("invalid-primvar", prim.path, "primvars:displayColor is not a usable colour: the fallback grey is used.")
+            message = "primvars:displayColor is not a usable colour: the fallback grey is used."
+            ctx.warn("invalid-primvar", prim.path, message, "primvars:displayColor")
         return FALLBACK_COLOR
     r, g, b = (min(max(x, 0.0), 1.0) for x in prim.inherited.color)
     if (r, g, b) != tuple(prim.inherited.color):
