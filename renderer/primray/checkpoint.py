@@ -195,7 +195,7 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
             counts=dict(header["counts"]),
             features=list(header["features"]),
             diagnostics=[dict(row) for row in header["diagnostics"]],
-            aovs=tuple(str(name) for name in header.get("aovs", ())),
+            aovs=tuple(str(name) for name in header["aovs"]),
             rendering_space=_space_of(header["rendering_space"]),
         ),
         ranges=ranges,

@@ -114,6 +114,12 @@ FIDELITY: dict[str, Fidelity] = {
     "camera-scaled": Fidelity(Kind.APPROXIMATED, "Take scale and shear out of the camera's transform and its parents'."),
     "camera-input": Fidelity(Kind.IGNORED, "Author a value that the message allows, or remove it."),
     "render-settings-input": Fidelity(Kind.IGNORED, "Author a value that is supported, or ask for it on the command line."),
+    "product-chosen": Fidelity(Kind.CHOSEN, "Name another product, or render each of them."),
+    "render-var": Fidelity(Kind.IGNORED, "Name an output that there is (docs/aovs.md) and a type of numbers, or remove it."),
+    "aov-empty": Fidelity(Kind.NOTE, "Correct the primvar's name, or author it on a shape of the picture."),
+    "aovs-not-merged": Fidelity(
+        Kind.MISSING, "Render a few samples with the same settings for the AOVs: they are without noise."
+    ),
     "default-light": Fidelity(Kind.CHOSEN, "Add a light, or say `--no-default-light`."),
     "singular-transform": Fidelity(
         Kind.MISSING, "Correct scales of 0; a part that is meant to be hidden can be made invisible."
