@@ -3,18 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from tests.docs.conformance_claims import Proof, proofs_of
-
-CLAIMS = pytest.StashKey[list[Proof]]()
+from tests.docs.conformance_claims import CLAIMS, proofs_of
 
 
 @pytest.hookimpl(tryfirst=True)  # before the long ones are left out
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     if config.args_source is pytest.Config.ArgsSource.TESTPATHS:
         config.stash[CLAIMS] = proofs_of(items)
-
-
-@pytest.fixture
-def claims(request: pytest.FixtureRequest) -> list[Proof] | None:
-    """What all tests claim; None if not all were collected."""
-    return request.config.stash.get(CLAIMS, None)

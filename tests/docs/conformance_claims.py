@@ -21,6 +21,9 @@ class Proof:
     test: str  # without parameters
 
 
+CLAIMS = pytest.StashKey[list[Proof]]()  # where a run of all tests keeps what they claim
+
+
 def proofs_of(items: Iterable[pytest.Item]) -> list[Proof]:
     """The claims of collected tests, each once however many parameters it has."""
     found: dict[Proof, None] = {}

@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 
 import pytest
 
 from .conformance import NO_TEST, PAGE, missing, mistakes, page, state_of
-from .conformance_claims import ROOT, Proof
+from .conformance_claims import CLAIMS, ROOT, Proof
 from .conformance_rows import rows
 
 
+@pytest.fixture(scope="module")
+def claims(request: pytest.FixtureRequest) -> list[Proof]:
+    """What all tests claim: known where this run has collected them all, else by collecting those that claim anything."""
+    if CLAIMS in request.config.stash:
+        return request.config.stash[CLAIMS]
+    command = [sys.executable, "-m", "tests.docs.conformance", "--claims"]
+    result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    return [Proof(**claim) for claim in json.loads(result.stdout)]
+
+
 def test_the_page_is_fresh(claims):
-    if claims is None:  # only some tests were collected by this run
-        command = [sys.executable, "-m", "tests.docs.conformance", "--check"]
-        result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-        assert result.returncode == 0, result.stdout + result.stderr
-    else:
-        assert PAGE.read_text(encoding="utf-8") == page(claims), "docs/conformance.md is stale; run `make docs`"
+    assert PAGE.read_text(encoding="utf-8") == page(claims), "docs/conformance.md is stale; run `make docs`"
+
+
+@pytest.mark.xfail(strict=True, reason="rows of lights, cameras, render settings and colour are being marked")
+def test_every_row_has_a_test(claims):
+    assert missing(claims) == []
 
 
 @pytest.mark.parametrize(

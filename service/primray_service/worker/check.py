@@ -52,7 +52,7 @@ class _Check:
         self.asked: str | None = command.get("entry")
         self.job = job
         self.channel = channel
-        self.warned: set[tuple[str, str, str]] = set()
+        self.warned: set[tuple[str, str, str, str]] = set()
         place = job / command["file"]
         self.is_package = command["kind"] == "zip"
         self.root = place if self.is_package else place.parent  # of the files' names
