@@ -74,7 +74,7 @@ def test_what_the_light_does_not_reach_is_black(name: str, roughness: float) -> 
 
     assert image(2, 1).max() == 0
     np.testing.assert_array_equal(image(1, 1), image(0, 0))
-    assert image(1, 1).max() > 0.01
+    assert image(1, 1).max() > 0.005
 
 
 def test_special_shadows_and_scattered_rays_do_not_add_up() -> None:
