@@ -331,12 +331,14 @@ def test_a_broken_collection_is_told() -> None:
 
 
 @pytest.mark.conforms("LightListAPI.lightList", "LightListAPI.lightList:cacheBehavior")
+@pytest.mark.conforms("ListAPI.lightList", "ListAPI.lightList:cacheBehavior")
+@pytest.mark.parametrize("schema", ["LightListAPI", "ListAPI"])
 @pytest.mark.parametrize("behavior", ["consumeAndHalt", "consumeAndContinue", "ignore", "nonsense"])
-def test_a_cached_list_of_lights_changes_nothing(behavior: str) -> None:
+def test_a_cached_list_of_lights_changes_nothing(behavior: str, schema: str) -> None:
     """The list is for finding lights without loading payloads; what is rendered is loaded, and all its lights are found."""
     text = f"""
 def Xform "model" (
-    prepend apiSchemas = ["LightListAPI"]
+    prepend apiSchemas = ["{schema}"]
 )
 {{
     rel lightList = [</model/listed>, </gone>]
