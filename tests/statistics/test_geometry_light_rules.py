@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.described import box, describe, ground, perspective, render, replicate_means, rotation, scaling, translation
+from tests.described import box, describe, ground, perspective, quad, render, replicate_means, rotation, scaling, translation
 from tests.statistics.test_geometry_lights import (
     DARK,
     LAMP_SURFACE,
@@ -91,9 +91,8 @@ def test_special_shadows_and_scattered_rays_do_not_add_up() -> None:
 
 @pytest.mark.parametrize("row", [1, 2])
 def test_a_mirror_shows_the_shapes_whose_light_reaches_it(row: int) -> None:
-    behind = wears(
-        replace(facing(2, 0), points=facing(2, 0).points[::-1].copy()), 3.0, 1, own_color=True, shows_own=True, light_link=1
-    )
+    wall = quad([[5, -5, 2], [-5, -5, 2], [-5, 5, 2], [5, 5, 2]])
+    behind = wears(wall, 3.0, 1, own_color=True, shows_own=True, light_link=1)
     shapes: list[tuple[Shape, Doubles]] = [(facing(-2, 0, row), np.eye(4)), (behind, np.eye(4))]
     d = linked(describe(shapes, [MIRROR, SURFACES[LAMP_SURFACE]], [], perspective(np.eye(4), 0.2)), TWO)
     pixels = render(d.build(), 4).pixels()[..., 0]
