@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.described import box, describe, ground, perspective, render, replicate_means, rotation, scaling, translation
+from tests.described import box, describe, ground, perspective, quad, render, replicate_means, rotation, scaling, translation
 from tests.statistics.test_geometry_lights import (
     DARK,
     LAMP_SURFACE,
@@ -56,7 +56,8 @@ def test_shadow_color(name: str) -> None:
     plain = irradiance(below([lamp(name)]), 256)
     tinted = irradiance(below([lamp(name, shadow=Shadow(color=TINT)), (roof(0.4, DARK), np.eye(4))]), 256)
     assert_same(tinted, (plain[0] * TINT[1], plain[1]))
-    assert irradiance(below([lamp(name, shadow_link=1), (roof(0.4, DARK), np.eye(4))]))[0] == 0
+    covered = below([lamp(name, shadow_link=1), (roof(0.4, DARK), np.eye(4))])
+    assert irradiance(linked(covered, ONE_OUT))[0] == 0
 
 
 @pytest.mark.parametrize("name", LAMPS)
@@ -74,7 +75,7 @@ def test_what_the_light_does_not_reach_is_black(name: str, roughness: float) -> 
 
     assert image(2, 1).max() == 0
     np.testing.assert_array_equal(image(1, 1), image(0, 0))
-    assert image(1, 1).max() > 0.01
+    assert image(1, 1).max() > 0.005
 
 
 def test_special_shadows_and_scattered_rays_do_not_add_up() -> None:
@@ -90,9 +91,8 @@ def test_special_shadows_and_scattered_rays_do_not_add_up() -> None:
 
 @pytest.mark.parametrize("row", [1, 2])
 def test_a_mirror_shows_the_shapes_whose_light_reaches_it(row: int) -> None:
-    behind = wears(
-        replace(facing(2, 0), points=facing(2, 0).points[::-1].copy()), 3.0, 1, own_color=True, shows_own=True, light_link=1
-    )
+    wall = quad([[5, -5, 2], [-5, -5, 2], [-5, 5, 2], [5, 5, 2]])
+    behind = wears(wall, 3.0, 1, own_color=True, shows_own=True, light_link=1)
     shapes: list[tuple[Shape, Doubles]] = [(facing(-2, 0, row), np.eye(4)), (behind, np.eye(4))]
     d = linked(describe(shapes, [MIRROR, SURFACES[LAMP_SURFACE]], [], perspective(np.eye(4), 0.2)), TWO)
     pixels = render(d.build(), 4).pixels()[..., 0]

@@ -246,7 +246,7 @@ class Xform "lamp"
 
 def lamp(x: float) -> str:
     return f"""
-def Xform "lamp{x:g}" (
+def "lamp{x:g}" (
     instanceable = true
     inherits = </lamp>
 )
@@ -331,12 +331,14 @@ def test_a_broken_collection_is_told() -> None:
 
 
 @pytest.mark.conforms("LightListAPI.lightList", "LightListAPI.lightList:cacheBehavior")
+@pytest.mark.conforms("ListAPI.lightList", "ListAPI.lightList:cacheBehavior")
+@pytest.mark.parametrize("schema", ["LightListAPI", "ListAPI"])
 @pytest.mark.parametrize("behavior", ["consumeAndHalt", "consumeAndContinue", "ignore", "nonsense"])
-def test_a_cached_list_of_lights_changes_nothing(behavior: str) -> None:
+def test_a_cached_list_of_lights_changes_nothing(behavior: str, schema: str) -> None:
     """The list is for finding lights without loading payloads; what is rendered is loaded, and all its lights are found."""
     text = f"""
 def Xform "model" (
-    prepend apiSchemas = ["LightListAPI"]
+    prepend apiSchemas = ["{schema}"]
 )
 {{
     rel lightList = [</model/listed>, </gone>]
@@ -352,3 +354,23 @@ def Xform "model" (
     d, found = translate_text(text)
     assert [x.path for x in d.lights] == ["/model/listed", "/model/unlisted"]
     assert {code for code, _ in found} <= {"camera-automatic"}
+
+
+def test_a_prototype_inside_an_instance() -> None:
+    """What a point instancer places is asked for by the proxy that it names."""
+    stage = INSTANCES + POINTS.format(name="two", x=7, prototypes="</w/i1/ball>, </w/i2/inner>")
+    d, _ = translate_text(stage + light("rel COL:excludes = </w/i1/ball>"))
+    assert placed(d, 1) == sorted([*both(2, 3), ("core", 1), ("core", 7.5)])
+    d, _ = translate_text(stage + light(NONE_BUT + "rel COL:includes = [</two>, </w/i3>]"))
+    assert placed(d, 1) == sorted([*both(3), ("ball", 7), ("core", 7.5)])
+
+
+def test_instances_that_are_shapes_themselves() -> None:
+    """Each is in the collection of the light below it, and in no other's; nothing else tells the two instances apart."""
+    orb = 'class Sphere "orb"\n{\n    def SphereLight "bulb"\n    {\n'
+    orb += '        uniform token collection:lightLink:expansionRule = "explicitOnly"\n'
+    orb += "        rel collection:lightLink:includes = </orb>\n    }\n}\n"
+    d, _ = translate_text(orb + lamp(1).replace("</lamp>", "</orb>") + lamp(2).replace("</lamp>", "</orb>"))
+    assert len(d.lights) == 2
+    for x in d.lights:
+        assert [at for _, at in placed(d, x.light_link)] == [x.world_from_light[0, 3]]
