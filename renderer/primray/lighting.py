@@ -20,6 +20,7 @@ class LightType(Enum):
     CYLINDER = "cylinder"
     DOME = "dome"
     LINE = "line"
+    GEOMETRY = "geometry"  # worn by a shape (Mesh.light), never in SceneDescription.lights
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +65,15 @@ class Shadow:
     falloff_gamma: float = 1.0
 
 
+@dataclass(frozen=True, eq=False)
+class Portal:
+    """A rectangle in its XY plane that guides a dome's samples to where light comes through it, along -Z."""
+
+    world_from_portal: Doubles  # (4, 4)
+    width: float = 1.0
+    height: float = 1.0
+
+
 @dataclass(frozen=True)
 class Light:
     """One UsdLux light, already reduced to what it emits.
@@ -72,7 +82,12 @@ class Light:
     dome's pole +Y, image centre +Z, left edge of the image at +Z rotated by pi, s = 0.5 - atan2(x, z) / 2 pi.
     `emission`: DISTANT with angle 0: irradiance at normal incidence; POINT: radiant intensity per steradian, in scene units
     squared; LINE (along X, without a radius): radiant intensity per length at a right angle to it, in scene units; all others:
-    radiance (with a texture the factor of that).
+    radiance (with a texture the factor of that). A RECT's texture has its first row and column at +Y and +X: upright and
+    unmirrored for whom it shines at.
+
+    GEOMETRY is a shape that gives light: the glow of its surface times `emission` at every point, or `emission` alone
+    (`own_color`). The camera, mirrors and refractions see the glow as it is, or what is given (`shows_own`). `normalize`:
+    divided by the area of the shape where it stands. Its matrix is the shape's.
     """
 
     path: str
@@ -86,10 +101,15 @@ class Light:
     angle_deg: float = 0.0  # full angle of a distant light
     diffuse: float = 1.0
     specular: float = 1.0
-    texture: TextureFile | None = None  # dome
+    texture: TextureFile | None = None  # rect, dome
     shaping: Shaping | None = None
     shadow: Shadow | None = None
     # Numbers of SceneDescription.linked: whom the light reaches and who casts its shadows; 0 is everybody.
     light_link: int = 0
     shadow_link: int = 0
     visible_to_camera: bool = True
+    texture_format: str = "automatic"  # dome: as UsdLux names it; automatic ones are settled when the file is read
+    portals: tuple[Portal, ...] = ()  # dome
+    normalize: bool = False  # geometry: this and the next two
+    own_color: bool = False
+    shows_own: bool = False

@@ -95,16 +95,40 @@ ShapingInput shaping_of(nb::handle shaping, int ies) {
 }
 
 // `light`: a Light of lighting.py.
-void add_light(SceneBuilder& b, int type, InArray<double> matrix, nb::handle light, InArray<float> texture, int ies) {
+LightInput light_input(int type, const InArray<double>& matrix, nb::handle light, int ies) {
   const auto number = [&](const char* name) { return nb::cast<double>(light.attr(name)); };
   LightInput l;
   l.type = LightType(type), l.world_from_light = affine_of(matrix), l.emission = vec3_of(light.attr("emission"));
   l.width = number("width"), l.height = number("height"), l.radius = number("radius"), l.length = number("length");
   l.angle_deg = number("angle_deg"), l.diffuse = float(number("diffuse")), l.specular = float(number("specular"));
-  if (texture.size() > 0) l.texture_height = int(texture.shape(0)), l.texture_width = int(texture.shape(1));
-  l.texels = span_of(texture);
   if (!light.attr("shaping").is_none()) l.shaping = shaping_of(light.attr("shaping"), ies);
-  b.add_light(l);
+  return l;
+}
+
+ImageInput image_input(const InArray<float>& pixels) {
+  if (pixels.size() == 0) return {};
+  return {span_of(pixels), int(pixels.shape(1)), int(pixels.shape(0))};
+}
+
+// `image`: a rectangle's texture, or -1. `portals`: rows of a matrix and two sizes, (N, 14).
+void add_light(SceneBuilder& b, int type, InArray<double> matrix, nb::handle light, InArray<float> texture, int format,
+               InArray<double> portals, int image, int ies) {
+  LightInput l = light_input(type, matrix, light, ies);
+  const ImageInput dome = image_input(texture);
+  l.texture_width = dome.width, l.texture_height = dome.height, l.texels = dome.pixels, l.format = DomeFormat(format);
+  for (size_t i = 0; i + 14 <= portals.size(); i += 14) {
+    const double* p = portals.data() + i;
+    l.portals.push_back({affine_from_rows(p), p[12], p[13]});
+  }
+  b.add_light(l, image);
+}
+
+// `light`: a Light of type GEOMETRY.
+int add_geometry_light(SceneBuilder& b, InArray<double> matrix, nb::handle light, int ies) {
+  LightInput l = light_input(int(LightType::kMesh), matrix, light, ies);
+  l.normalize = nb::cast<bool>(light.attr("normalize"));
+  l.own = nb::cast<bool>(light.attr("own_color")), l.shown = nb::cast<bool>(light.attr("shows_own"));
+  return b.add_geometry_light(l);
 }
 
 }  // namespace
@@ -141,6 +165,9 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("emitters", [](const Scene& s) { return s.emitters.first.size(); })
       .def_prop_ro("unsampled_emitters", [](const Scene& s) { return s.emitters.unsampled; })
       .def_prop_ro("sampled_lights", [](const Scene& s) { return s.lights.count; })
+      .def_prop_ro("light_images", [](const Scene& s) { return s.lights.images.size(); })
+      .def_prop_ro("geometry_lights", [](const Scene& s) { return s.geometry_lights.all.size(); })
+      .def_prop_ro("has_portals", [](const Scene& s) { return !s.lights.portals.empty(); })
       .def_prop_ro("domes", [](const Scene& s) { return s.lights.domes.size(); })
       .def_prop_ro("has_shaping", [](const Scene& s) { return s.lights.has_shaping; })
       .def_prop_ro("has_lobe_factors", [](const Scene& s) { return s.lights.lobe_factors; })
@@ -175,6 +202,9 @@ void bind_scene(nb::module_& m) {
              return to_numpy(std::move(left_out), {count});
            })
       .def("end_placement", &SceneBuilder::end_placement)
+      .def("add_light_image", [](SceneBuilder& b, InArray<float> pixels) { return b.add_light_image(image_input(pixels)); })
+      .def("add_geometry_light", &add_geometry_light)
+      .def("wear_light", [](SceneBuilder& b, int light, InArray<double> matrix) { b.wear_light(light, affine_of(matrix)); })
       .def("add_ies_profile",
            [](SceneBuilder& b, InArray<float> vertical_deg, InArray<float> horizontal_deg, InArray<float> candela,
               bool horizontal_pole) {
@@ -183,8 +213,7 @@ void bind_scene(nb::module_& m) {
                throw Error("internal", "a profile needs an intensity for every pair of angles, two or more of each");
              return b.add_ies_profile({span_of(vertical_deg), span_of(horizontal_deg), span_of(candela), horizontal_pole});
            })
-      .def("add_light", &add_light, nb::arg("type"), nb::arg("matrix"), nb::arg("light"), nb::arg("texture"),
-           nb::arg("ies") = -1)
+      .def("add_light", &add_light)
       .def(
           "set_camera",
           [](SceneBuilder& b, InArray<double> matrix, bool orthographic, nb::handle window, double near, double far,

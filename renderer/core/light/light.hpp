@@ -17,6 +17,7 @@
 #include "light/rect.hpp"
 #include "light/shaping.hpp"
 #include "light/sphere.hpp"
+#include "light/textured_rect.hpp"
 
 namespace primray {
 
@@ -40,17 +41,24 @@ enum LightField : int {
   kImportance = kAnchorNormal + 3,  // luminance of what selection weighs
   kDiffuseFactor,
   kSpecularFactor,
-  kLightFlags,
+  kImage,  // of a rectangle: its texture in LightTable::images, counted from 1; 0: none
+  kGlow,   // of geometry: what it makes of its material's glow, or its own radiance (kOwnRadiance)
+  kLightFlags = kGlow + 3,
   kShaping,  // its number in ShapingTable, from 1; 0: none
   kLightFields,
   // A mesh needs no inverse and has no one radiance, but its ball's centre, and the placement (-1: none) and its instance.
   kMeshCenter = kInverseX,
   kMeshPlacement = kRadiance,
-  kMeshInstance = kRadiance + 1
+  kMeshInstance = kRadiance + 1,
+  // Unit axes in the world of a mesh that is a light: its own x, and its own z, away from which it points.
+  kMeshFrameX = kAnchor,
+  kMeshFrameZ = kAnchorNormal
 };
 enum LightFlag : int32_t {
   kSheared = 1,
   kGeometry = 2,  // rays meet it as a shape of the scene, not as a light
+  // Of geometry that is a light (UsdLux LightAPI, light:materialSyncMode):
+  kOwnRadiance = 1 << 10,  // it gives kGlow, whatever glow its material has
 };
 
 // A light's multipliers of what surfaces reflect diffusely and specularly (UsdLux inputs:diffuse, inputs:specular).
@@ -65,9 +73,11 @@ struct LightTable {
   std::vector<Dome> domes;      // all of them, sampled or not
   std::vector<int> dome_light;  // by dome: its row, or -1
   std::vector<LobeFactors> dome_factors;
-  std::vector<float> power_cdf;  // count + 1; used where there are too many lights to weigh each
-  LightHierarchy met;            // of the lights that rays can meet, where there are many
-  bool needs_hit_test = false;   // some light has area or a cone that BSDF rays can meet
+  std::vector<LightImage> images;   // of rectangles; several may have the same
+  std::vector<LightTable> portals;  // by dome: rectangles of radiance 1 that guide its samples (light/portal.hpp); or empty
+  std::vector<float> power_cdf;     // count + 1; used where there are too many lights to weigh each
+  LightHierarchy met;               // of the lights that rays can meet, where there are many
+  bool needs_hit_test = false;      // some light has area or a cone that BSDF rays can meet
   bool camera_sees_area = false;
   bool lobe_factors = false;  // some light's diffuse or specular factor is not 1
   ShapingTable shaping;
@@ -163,8 +173,20 @@ PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> ligh
   take(LightType::kDistant, [&] { return distant_sample(size0, u, v); });
   LightSample<W> r;
   r.light = light;
-  r.wi = row.to_world(s.w), r.t = s.t, r.pdf = s.pdf;
   r.L = row.vector(kRadiance);
+  if (!table.images.empty()) {
+    const vint<W> image = truncate(row(kImage));
+    for (vbool<W> left = is_type(type, LightType::kRect) & (image > vint<W>(0)); any(left);) {
+      const int k = image[__builtin_ctz(bits(left))];
+      const vbool<W> same = left & (image == vint<W>(k));
+      left &= !same;
+      vvec3<W> value;
+      const LocalSample<W> n = textured_rect_sample(table.images[k - 1], local, size0, size1, u, v, value);
+      s = {select(same, n.w, s.w), select(same, n.t, s.t), select(same, n.pdf, s.pdf)};
+      r.L = select(same, r.L * value, r.L);
+    }
+  }
+  r.wi = row.to_world(s.w), r.t = s.t, r.pdf = s.pdf;
   const vbool<W> sheared = (row.flags() & vint<W>(kSheared)) != vint<W>(0);
   if (any(sheared & active)) {
     const vfloat<W> len = length(r.wi);
@@ -194,7 +216,7 @@ PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> ligh
   if (any(dome)) {
     for (int k = 0; k < int(table.domes.size()); ++k) {
       const vbool<W> m = dome & (truncate(size1) == vint<W>(k));
-      if (!any(m)) continue;
+      if (!table.domes[k].sampled || !any(m)) continue;
       const vvec3<W> w = dome_sample(table.domes[k], u, v);
       vfloat<W> pdf;
       const vvec3<W> L = dome_eval(table.domes[k], w, pdf);
@@ -205,8 +227,8 @@ PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> ligh
   return r;
 }
 
-// Where the ray p + t wi (unit wi) meets `light`, for all light types that a ray can meet but domes; the pdf leaves out the
-// choice.
+// Where the ray p + t wi (unit wi) meets a light's row, for all light types that a ray can meet but domes; the pdf leaves out
+// the choice.
 template <int W>
 PRIMRAY_INLINE LocalHit<W> light_hit(const float* row, const vvec3<W>& p, const vvec3<W>& wi) {
   const auto vector = [&](int field) {
@@ -256,6 +278,29 @@ PRIMRAY_INLINE LocalHit<W> light_hit(const float* row, const vvec3<W>& p, const 
     h.t = h.t * (1.0f / len);
     h.pdf = h.pdf * row[kInverseDet] / (len * len * len);
   }
+  return h;
+}
+
+// The same of light number `i`, whose radiance L is multiplied with what its image has there.
+template <int W>
+PRIMRAY_INLINE LocalHit<W> light_hit(const LightTable& table, int i, const vvec3<W>& p, const vvec3<W>& wi, vvec3<W>& L) {
+  const float* row = table.row(i);
+  LocalHit<W> h = light_hit<W>(row, p, wi);
+  const int image = int(row[kImage]);
+  if (image == 0 || !any(h.pdf > vfloat<W>(0.0f))) return h;
+  const LightRow<W> light(table, vint<W>(i));
+  const vvec3<W> local = light.to_light(p - light.vector(kOrigin));
+  vvec3<W> w = light.to_light(wi);
+  const vfloat<W> len = length(w);
+  const bool sheared = int(row[kLightFlags]) & kSheared;
+  const vfloat<W> stretch = sheared ? row[kInverseDet] / (len * len * len) : vfloat<W>(1.0f);
+  if (sheared) w = w * (1.0f / len);
+  const vfloat<W> distance = sheared ? h.t * len : h.t;
+  vvec3<W> value;
+  const vfloat<W> pdf = textured_rect_hit(table.images[image - 1], local, w, vfloat<W>(row[kSize0]), vfloat<W>(row[kSize1]),
+                                          distance, h.pdf / stretch, value);
+  L *= value;
+  h.pdf = select(h.pdf > vfloat<W>(0.0f), pdf * stretch, h.pdf);
   return h;
 }
 

@@ -13,10 +13,10 @@ constexpr double kPiDouble = 3.14159265358979323846;
 // Squares of sizes must stay floats; a light smaller than this is as good as one of this size and the same power.
 constexpr double kSmallest = 1e-15;
 
-// A light's frame: perpendicular unit axes with sizes beside them, or the whole matrix where that cannot be.
+// A light's frame: perpendicular unit axes with sizes beside them, or the matrix without its mean size where that cannot be.
 struct LightFrame {
   daffine world_from_light;
-  dvec3 sizes{1.0, 1.0, 1.0};  // lengths of the axes, if they went out of the matrix
+  dvec3 sizes{1.0, 1.0, 1.0};  // what went out of the matrix
   bool sheared = false;
 };
 
@@ -45,18 +45,26 @@ LightFrame light_frame(const LightInput& light) {
     default:
       break;
   }
-  if (light.type == LightType::kRect || light.type == LightType::kDisk) {
+  const bool flat = light.type == LightType::kRect || light.type == LightType::kDisk;
+  if (flat) {
     const dvec3 n = cross(m.x, m.y);
     const double side = dot(n, m.z) < 0 ? -1 : 1, area = length(n);
     if (area > 0) m.z = n * (side / area);
   }
   if (!round) {
     f.sheared = true;
+    // The mean size goes out of the matrix all the same, so that lengths of the frame are about those of the world: what
+    // selection weighs is estimated by them.
+    const double size = flat ? std::sqrt(length(cross(m.x, m.y))) : std::cbrt(std::fabs(m.determinant()));
+    if (size > 0) {
+      f.sizes = {size, size, size};
+      m.x = m.x * (1 / size), m.y = m.y * (1 / size), m.z = m.z * (flat ? 1.0 : 1 / size);
+    }
     return f;
   }
   f.sizes = {x, y, z};
   m.x = m.x * (1 / x), m.y = m.y * (1 / y);
-  if (light.type != LightType::kRect && light.type != LightType::kDisk) m.z = m.z * (1 / z);
+  if (!flat) m.z = m.z * (1 / z);
   return f;
 }
 
@@ -81,19 +89,37 @@ void put_anchor(float* row, const daffine& m, LightType type) {
   put(row, kAnchorNormal, out);
 }
 
-void add_dome(const LightInput& light, LightTable& table, float* row, bool& sampled) {
+void add_dome(const LightInput& light, const dvec3& origin, double scale, LightTable& table, float* row, bool& sampled) {
   Dome d;
   d.world_from_light = rotation_of(light.world_from_light);
   d.tint = light.emission;
   d.width = light.texture_width, d.height = light.texture_height;
   d.texels.assign(light.texels.begin(), light.texels.end());
-  if (light.diffuse != 0 || light.specular != 0) build_dome_distribution(d);
-  sampled = d.sampled;
+  d.format = light.format;
+  finish_dome_image(d);
+  LightTable portals;
+  if (light.diffuse != 0 || light.specular != 0) {
+    build_dome_distribution(d);
+    for (const PortalInput& p : light.portals) {
+      LightInput rect;
+      rect.type = LightType::kRect, rect.world_from_light = p.world_from_portal;
+      rect.width = p.width, rect.height = p.height, rect.emission = vec3(1.0f);
+      add_light_rows(rect, origin, scale, portals);
+    }
+    finish_light_rows(portals);
+    // Of the light that comes through them about a hemisphere's half, for choosing among lights.
+    if (portals.count > 0) d.irradiance += d.mean * 0.5 * kPiDouble;
+  }
+  sampled = d.sampled || portals.count > 0;
   row[kSize1] = float(table.domes.size());
   row[kImportance] = float(d.irradiance);
   table.dome_light.push_back(sampled ? table.count : -1);
   table.dome_factors.push_back({light.diffuse, light.specular});
   table.domes.push_back(std::move(d));
+  if (portals.count > 0 || !table.portals.empty()) {
+    table.portals.resize(table.domes.size());
+    table.portals.back() = std::move(portals);
+  }
 }
 
 // What holds a light that rays can meet, a little larger than rounding needs.
@@ -140,18 +166,26 @@ void add_hierarchy(LightTable& table) {
 
 }  // namespace
 
-void add_light_rows(const LightInput& light, const dvec3& origin, double scale, LightTable& table) {
-  float row[kLightFields] = {};
+void put_common_fields(const LightInput& light, LightTable& table, float* row) {
   table.lobe_factors |= light.diffuse != 1 || light.specular != 1;
-  row[kType] = float(int(light.type));
   row[kDiffuseFactor] = light.diffuse, row[kSpecularFactor] = light.specular;
+}
+
+void copy_common_fields(const float* from, float* to) {
+  for (const int field : {kDiffuseFactor, kSpecularFactor}) to[field] = from[field];
+}
+
+void add_light_rows(const LightInput& light, const dvec3& origin, double scale, LightTable& table, int image) {
+  float row[kLightFields] = {};
+  put_common_fields(light, table, row);
+  row[kType] = float(int(light.type));
   row[kInverseDet] = 1;
   int flags = 0;
   dvec3 emission(light.emission);
   bool sampled = true;
   daffine m = light.world_from_light;
   if (light.type == LightType::kDome) {
-    add_dome(light, table, row, sampled);
+    add_dome(light, origin, scale, table, row, sampled);
     if (!sampled) return;
   } else if (light.type == LightType::kDistant) {
     const Frame<double> frame(normalize(m.z));
@@ -165,18 +199,17 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
   } else {
     const LightFrame f = light_frame(light);
     m = f.world_from_light;
-    const double unit = f.sheared ? 1.0 : scale;
     double size[2] = {0, 0};
     switch (light.type) {
       case LightType::kRect:
-        size[0] = 0.5 * light.width * f.sizes.x * unit, size[1] = 0.5 * light.height * f.sizes.y * unit;
+        size[0] = 0.5 * light.width * f.sizes.x * scale, size[1] = 0.5 * light.height * f.sizes.y * scale;
         break;
       case LightType::kDisk:
       case LightType::kSphere:
-        size[0] = size[1] = light.radius * f.sizes.x * unit;
+        size[0] = size[1] = light.radius * f.sizes.x * scale;
         break;
       case LightType::kCylinder:
-        size[0] = light.radius * f.sizes.y * unit, size[1] = 0.5 * light.length * f.sizes.x * unit;
+        size[0] = light.radius * f.sizes.y * scale, size[1] = 0.5 * light.length * f.sizes.x * scale;
         break;
       case LightType::kLine:
         size[0] = size[1] = 0.5 * light.length * f.sizes.x * scale;
@@ -190,11 +223,7 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
           emission * (light.type == LightType::kLine ? scale * size[1] / kept[1] : size[0] / kept[0] * (size[1] / kept[1]));
       row[kSize0] = float(kept[0]), row[kSize1] = float(kept[1]);
     }
-    if (f.sheared) {
-      // Lengths of the light's frame stay in its own units; the matrix carries them to the core's.
-      m.x = m.x * scale, m.y = m.y * scale, m.z = m.z * scale;
-      flags |= kSheared;
-    }
+    if (f.sheared) flags |= kSheared;
     if (light.type == LightType::kPoint) {
       m.x = {1, 0, 0}, m.y = {0, 1, 0}, m.z = {0, 0, 1};
       emission = emission * (scale * scale);
@@ -206,7 +235,9 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
     }
     m.o = (light.world_from_light.o - origin) * scale;
     if (light.type == LightType::kSphere || light.type == LightType::kCylinder) put_anchor(row, m, light.type);
-    row[kImportance] = float(luminance(emission));
+    const bool textured = light.type == LightType::kRect && image >= 0;
+    if (textured) row[kImage] = float(image + 1);
+    row[kImportance] = float(luminance(emission) * (textured ? table.images[image].mean : 1.0));
   }
   put(row, kAxisX, m.x), put(row, kAxisY, m.y), put(row, kAxisZ, m.z), put(row, kOrigin, m.o);
   const double det = m.determinant();

@@ -57,8 +57,13 @@ double reach_radius(const float* row) {
     case LightType::kLine:
       r = s1;
       break;
-    case LightType::kMesh:
-      r = s0;
+    case LightType::kMesh: {
+      // Its size went by the cube root of the determinant: an uneven matrix reaches further.
+      const dvec3 a{row[kAxisX], row[kAxisX + 1], row[kAxisX + 2]}, b{row[kAxisY], row[kAxisY + 1], row[kAxisY + 2]},
+          c{row[kAxisZ], row[kAxisZ + 1], row[kAxisZ + 2]};
+      const double size = std::cbrt(std::fabs(dot(cross(a, b), c)));
+      r = size > 0 ? s0 / size * std::hypot(x, y, z) : 1e30;
+    }
       break;
     default:
       break;

@@ -33,6 +33,9 @@ class Context:
     told_apart: set[Any] = field(default_factory=set)  # paths of prims below which such a collection has members
     expressed: set[Any] = field(default_factory=set)  # paths of prims that bind a collection which is an expression
     primvars_read: frozenset[str] = frozenset()  # "primvars:NAME" of all that materials of the stage read
+    light_shapes: set[str] = field(default_factory=set)  # paths of shapes that LightAPI makes lights
+    portals_met: list[str] = field(default_factory=list)  # paths of PortalLights
+    portals_named: set[str] = field(default_factory=set)  # of those that a dome names
     prototype_names: dict[str, str] = field(default_factory=dict)  # /__Prototype_N -> its first instance
 
     def shown(self, path: str) -> str:

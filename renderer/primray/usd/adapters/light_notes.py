@@ -1,4 +1,4 @@
-"""What a light asks for and does not get, as diagnostics: shadows, filters, linking, rectangle textures."""
+"""What a light asks for and does not get, as diagnostics: shadows, filters, linking, other shaders."""
 
 from __future__ import annotations
 
@@ -20,11 +20,21 @@ def note_ignored_inputs(prim: ResolvedPrim, ctx: Context) -> None:
     ignored = [f"{name} = {raw}" for name, raw in _authored(prim, ctx) if _matters(name, raw)]
     if ignored:
         ctx.warn("light-input", prim.path, f"Ignored: {', '.join(sorted(ignored))}.")
-    if prim.type_name == "RectLight" and read(prim.prim, "inputs:texture:file", ctx.when):
-        ctx.warn("light-input", prim.path, "The texture of a RectLight is ignored.")
     if "light:filters" in prim.names and prim.prim.GetRelationship("light:filters").GetTargets():
-        ctx.warn("light-input", prim.path, "Light filters are ignored.")
+        ctx.warn("light-input", prim.path, "Light filters are ignored.", "light:filters")
+    _note_shader(prim, ctx)
     _note_linking(prim.prim, prim, ctx)
+
+
+def _note_shader(prim: ResolvedPrim, ctx: Context) -> None:
+    """light:shaderId is the schema's own for every light that is rendered; nothing stands for others."""
+    if "light:shaderId" not in prim.names:
+        return
+    shader = read(prim.prim, "light:shaderId", ctx.when)
+    own = {prim.type_name, prim.type_name.removesuffix("_1"), "MeshLight", ""}
+    if shader not in own:
+        message = f"light:shaderId = {shader!r} is ignored: it is rendered as its type says."
+        ctx.warn("light-input", prim.path, message, "light:shaderId")
 
 
 def _authored(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, object]]:
