@@ -46,12 +46,17 @@ class Integral:
     error: Doubles  # (R,), bound on the largest channel's error of the outer rule
 
 
-def outer(inner: Callable[[Integers, Doubles], Doubles], edges: Doubles, relative: float = 1e-6, cost: int = 64) -> Integral:
+def outer(
+    inner: Callable[[Integers, Doubles], Doubles], edges: Doubles, relative: float = 1e-6, cost: int = 64, order: int = 0
+) -> Integral:
     """Integral over u of `inner(receiver (Q,), u (Q, 15)) -> (Q, 15, C)`, for every receiver, over edges (R, E) ascending.
 
     Bisects until each interval's error is below `relative` times the receiver's value, or times a hundredth of the largest.
-    `cost`: evaluations that one inner integral takes.
+    `cost`: evaluations that one inner integral takes. Intervals begin in two parts, others for another `order`: what falls
+    between a rule's last node and its end shows when two orders are compared.
     """
+    first = edges[:, :-1] + np.diff(edges) * (0.41 + 0.013 * (order % 17))
+    edges = np.sort(np.concatenate([edges, first], axis=1), axis=1)
     receivers = edges.shape[0]
     owner = np.repeat(np.arange(receivers), edges.shape[1] - 1)
     low, high = edges[:, :-1].ravel(), edges[:, 1:].ravel()

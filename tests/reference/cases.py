@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from tests.reference.stages import Plane, light, rotation, scaling, transform, translation
+from pxr import Usd
+from tests.reference.stages import Plane, light, rotation, scaling, stage, transform, translation
+from tests.reference.textures import write_picture
+
+Asset = str | np.ndarray  # a text, or a picture (H, W, 3)
 
 ABOVE = translation(0.3, 1.4, -0.4) @ rotation([1, 0.2, 0.3], -80)
 DOWN = translation(0.2, 0.9, 0.1) @ rotation([1, 0, 0], -90)
@@ -28,10 +34,20 @@ class Case:
     spp: int = 256  # of each of the long test's seeds
     up: str = "Y"
     quick: bool = True  # looked at in every run of the tests
+    assets: Mapping[str, Asset] = field(default_factory=dict)  # files named in prims as @ASSETS/name@
 
     @property
     def id(self) -> str:
         return f"{self.group}: {self.name}"
+
+    def stage(self, folder: Path) -> Usd.Stage:
+        """With its files in `folder`."""
+        for name, content in self.assets.items():
+            if isinstance(content, str):
+                (folder / name).write_text(content, encoding="ascii")
+            else:
+                write_picture(folder / name, content)
+        return stage(self.prims.replace("ASSETS", str(folder)), self.plane, self.up)
 
 
 def inputs(**values: object) -> list[str]:
@@ -46,10 +62,11 @@ def _text(v: object) -> str:
     return str(v).lower() if isinstance(v, bool) else repr(v)
 
 
-def at(group: str, name: str, kind: str, m: np.ndarray, *rows: str, spp: int = 256, plane: Plane | None = None, quick: bool = True,
-       lines: Sequence[str] = (), apis: Sequence[str] = (), **values: object) -> Case:  # fmt: skip
+def at(group: str, name: str, kind: str, m: np.ndarray, *rows: str, spp: int = 256, plane: Plane | None = None,
+       quick: bool = True, lines: Sequence[str] = (), apis: Sequence[str] = (), assets: Mapping[str, Asset] | None = None,
+       up: str = "Y", **values: object) -> Case:  # fmt: skip
     text = light(kind, m, *inputs(**values), *lines, apis=apis)
-    return Case(group, name, text, rows, plane or Plane(), spp, quick=quick)
+    return Case(group, name, text, rows, plane or Plane(), spp, up, quick, assets or {})
 
 
 def sphere_cases() -> list[Case]:
@@ -140,7 +157,8 @@ def distant_cases() -> list[Case]:
 
 def control_cases() -> list[Case]:
     """What all lights share."""
-    g, k, r = "LightAPI", "RectLight", {"width": 1.2, "height": 0.7}
+    g, k = "LightAPI", "RectLight"
+    r: dict[str, Any] = {"width": 1.2, "height": 0.7}
     a = "LightAPI.inputs:"
     return [
         at(g, "intensity, exposure", k, ABOVE, a + "intensity", a + "exposure", intensity=3.5, exposure=-1.3, **r),

@@ -38,8 +38,35 @@ def irradiance(light: Emitter, lines: Lines, p: Doubles, n: Doubles, order: int,
         value = _along(light, lines, q, u, low, high, n, order)
         return value.reshape(*u.shape, -1)
 
+    edges = lines.range(p)
+    if light.shaping is not None:
+        edges = np.sort(np.concatenate([edges, *_jumps(light, lines, p, edges)], axis=1), axis=1)
     pieces = 3 + (0 if light.shaping is None else 2 * len(light.shaping.cone_angles + light.shaping.ies_angles) + 2)
-    return outer(inner, lines.range(p), relative, order * pieces)
+    return outer(inner, edges, relative, order * pieces, order)
+
+
+def _jumps(light: Emitter, lines: Lines, p: Doubles, edges: Doubles) -> list[Doubles]:
+    """(R, K) each: u at which a whole line passes out of a cone of 90 degrees, or off the end of a profile there."""
+    inverse = np.linalg.inv(light.linear)
+    found = []
+    for normal in (light.axis, inverse[2]):
+        if abs(normal @ lines.b) > 1e-6 * np.linalg.norm(normal) * np.linalg.norm(lines.b):
+            continue  # crossed along the lines instead
+        low, high = edges[:, :1], edges[:, -1:]
+        u = low + (high - low) * np.linspace(0, 1, 65)
+
+        def side(u: Doubles, normal: Doubles = normal) -> Doubles:
+            return (p[:, None] - lines.base(u)) @ normal
+
+        a, b = u[:, :-1], u[:, 1:]
+        at_a = side(a)
+        crossed = at_a * side(b) < 0
+        for _ in range(60):
+            middle = (a + b) / 2
+            before = side(middle) * at_a > 0
+            a, b = np.where(before, middle, a), np.where(before, b, middle)
+        found.append(np.where(crossed, a, low))
+    return found
 
 
 def _along(

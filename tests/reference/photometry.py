@@ -1,4 +1,8 @@
-"""IES LM-63 files for the referee: a table of candela over two angles, read bilinearly. Only what its tests write: no TILT."""
+"""IES LM-63 files for the referee: a table of candela over two angles, read bilinearly. Only what its tests write: no TILT.
+
+Horizontal angle 0 of type C lies at -X of the light and turns counterclockwise seen from its back (+Z): UsdLux does not say,
+this is where OpenUSD's hdEmbree has it.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +26,7 @@ class Photometry:
 
     def candela_at(self, theta: Doubles, direction: Doubles) -> Doubles:
         """Zero outside of the table's vertical angles."""
-        phi = np.mod(np.arctan2(direction[..., 1], direction[..., 0]), 2 * np.pi)
+        phi = np.mod(np.arctan2(-direction[..., 1], -direction[..., 0]), 2 * np.pi)
         j, f = _between(self.vertical, theta)
         i, g = _between(self.horizontal, phi) if self.horizontal.size > 1 else (np.zeros(phi.shape, int), np.zeros(phi.shape))
         up = np.minimum(i + 1, self.horizontal.size - 1)

@@ -76,7 +76,7 @@ def sphere_irradiance(light: Emitter, m: Doubles, p: Doubles, n: Doubles, order:
         np.add.at(total, line, value)
         return total.reshape(*alpha.shape, -1)
 
-    return outer(inner, np.stack([np.zeros(cap.size), cap], axis=-1), relative, 6 * order)
+    return outer(inner, np.stack([np.zeros(cap.size), cap], axis=-1), relative, 6 * order, order)
 
 
 def cap_irradiance(axis: Doubles, half_angle: float, n: Doubles, order: int = 24) -> float:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from tests.reference.cases import Case, cases
 from tests.reference.judge import judge
 from tests.reference.record import record
-from tests.reference.stages import stage
 
 SEEDS = 4
 RESOLUTION = (24, 16)
@@ -18,16 +19,16 @@ def _params(chosen: list[Case]) -> list[object]:
 
 
 @pytest.mark.parametrize("case", _params([c for c in cases() if c.quick]))
-def test_direct_light_roughly(case: Case) -> None:
+def test_direct_light_roughly(case: Case, tmp_path: Path) -> None:
     """A 16th of the pixels and of their samples: the mean within its own error of the referee's, and every pixel."""
-    found = judge(stage(case.prims, case.plane, case.up), case.plane, max(case.spp // 16, 8), SEEDS, ROUGHLY)
+    found = judge(case.stage(tmp_path), case.plane, max(case.spp // 16, 8), SEEDS, ROUGHLY)
     assert not found.faults(tolerance=0.01)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("case", _params(cases()))
-def test_direct_light(case: Case) -> None:
-    found = judge(stage(case.prims, case.plane, case.up), case.plane, case.spp, SEEDS, RESOLUTION)
+def test_direct_light(case: Case, tmp_path: Path) -> None:
+    found = judge(case.stage(tmp_path), case.plane, case.spp, SEEDS, RESOLUTION)
     record(case, found, SEEDS)
     assert found.referee_error < 1e-5
     assert not found.faults()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -42,3 +43,13 @@ def read_picture(asset: Any) -> Picture:
     pixels = np.asarray(buffer.get_pixels(oiio.FLOAT), float)[..., :3]
     assert pixels.shape[-1] == 3, "the referee's pictures have three channels"
     return Picture(pixels)
+
+
+def write_picture(path: Path, pixels: npt.ArrayLike) -> None:
+    """As floats."""
+    p = np.ascontiguousarray(pixels, np.float32)
+    out = oiio.ImageOutput.create(str(path))
+    assert out
+    assert out.open(str(path), oiio.ImageSpec(p.shape[1], p.shape[0], p.shape[2], "float"))
+    assert out.write_image(p)
+    out.close()
