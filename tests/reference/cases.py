@@ -196,12 +196,3 @@ def PointInstancer "lamps" {{
     row = ("SphereLight.inputs:radius",)
     return [Case(g, "under two scaled Xforms", nested, row), Case(g, "instances", instanced, row, spp=512),
             Case(g, "point instancer", points, row, spp=512)]  # fmt: skip
-
-
-def cases() -> list[Case]:
-    made = [
-        *sphere_cases(), *disk_cases(), *rect_cases(), *cylinder_cases(), *distant_cases(), *control_cases(), *dome_cases(),
-        *placed_cases(),
-    ]  # fmt: skip
-    assert len({c.id for c in made}) == len(made)
-    return made

@@ -15,7 +15,7 @@ from tests.reference.lines import irradiance as under_lines
 from tests.reference.round_shapes import cap_irradiance, sphere_area, sphere_irradiance
 
 ORDER = 12  # nodes of a smooth piece within; the second order that checks it is half as much again
-RELATIVE = 1e-6
+RELATIVE = 1e-5
 
 
 def irradiance(stage: Usd.Stage, p: Doubles, n: Doubles, order: int = ORDER, relative: float = RELATIVE) -> Integral:

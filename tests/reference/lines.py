@@ -41,15 +41,16 @@ def irradiance(light: Emitter, lines: Lines, p: Doubles, n: Doubles, order: int,
     edges = lines.range(p)
     if light.shaping is not None:
         edges = np.sort(np.concatenate([edges, *_jumps(light, lines, p, edges)], axis=1), axis=1)
-    pieces = 3 + (0 if light.shaping is None else 2 * len(light.shaping.cone_angles + light.shaping.ies_angles) + 2)
+    pieces = 3 + (0 if light.shaping is None else 2 * len(light.shaping.cone_angles) + 2 * len(light.shaping.profile_cones) + 2)
     return outer(inner, edges, relative, order * pieces, order)
 
 
 def _jumps(light: Emitter, lines: Lines, p: Doubles, edges: Doubles) -> list[Doubles]:
-    """(R, K) each: u at which a whole line passes out of a cone of 90 degrees, or off the end of a profile there."""
+    """(R, K) each: u at which a whole line passes out of a cone of 90 degrees, or off the end of a profile."""
     inverse = np.linalg.inv(light.linear)
     found = []
-    for normal in (light.axis, inverse[2]):
+    profile = [] if light.shaping is None else light.shaping.profile_planes
+    for normal in (light.axis, inverse[2], *(n @ inverse for n in profile)):
         if abs(normal @ lines.b) > 1e-6 * np.linalg.norm(normal) * np.linalg.norm(lines.b):
             continue  # crossed along the lines instead
         low, high = edges[:, :1], edges[:, -1:]
@@ -122,8 +123,8 @@ def _breaks(light: Emitter, lines: Lines, q: Doubles, n: Doubles) -> list[Double
             found.append(_plane(q, lines.b, light.axis))
             inverse = np.linalg.inv(light.linear)
             own_q, own_b = q @ inverse.T, inverse @ lines.b
-            found += [_cone(own_q, own_b, np.array([0, 0, -1.0]), a) for a in light.shaping.ies_angles]
-            found += [_plane(own_q, own_b, np.array([-np.sin(a), np.cos(a), 0])) for a in light.shaping.ies_planes]
+            found += [_cone(own_q, own_b, axis, a) for axis, a in light.shaping.profile_cones]
+            found += [_plane(own_q, own_b, normal) for normal in light.shaping.profile_planes]
     return found
 
 

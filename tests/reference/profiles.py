@@ -1,4 +1,4 @@
-"""Photometric files that tests write: LM-63-2002, type C."""
+"""Photometric files that tests write: LM-63-2002."""
 
 from __future__ import annotations
 
@@ -48,3 +48,19 @@ def fine_profile() -> str:
     c = np.array([1 + np.cos(np.radians(v)) ** 2 * (2 + np.cos(np.radians(p))) for p in h]) * 20
     c[:, 0], c[:, -1] = c[:, 0].mean(), c[:, -1].mean()
     return profile(v, h, c)
+
+
+def ninety_profile() -> str:
+    """LM-63-1995: planes from 90 to 270, the other half their mirror image about the plane of both."""
+    v, h = np.arange(0, 180.1, 30), [90, 130, 180, 270]
+    return profile(v, h, [1 + k * np.cos(np.radians(v)) ** 2 for k in (0.2, 1, 3, 0.5)])
+
+
+def type_a_profile() -> str:
+    v, h = np.arange(-90, 90.1, 30), [-90, -40, 0, 60, 90]
+    return profile(v, h, 0.1 + np.random.default_rng(5).random((len(h), len(v))), kind=3)
+
+
+def type_b_profile() -> str:
+    v, h = np.arange(-90, 90.1, 30), [-90, -40, 0, 60, 90]
+    return profile(v, h, 0.1 + np.random.default_rng(6).random((len(h), len(v))), kind=2)

@@ -131,10 +131,8 @@ def _breaks(light: Emitter, q: Doubles, x: Doubles, y: Doubles, n: Doubles) -> l
         found += [_cone(q, x, y, a, angle) for angle in shaping.cone_angles]
         inverse = np.linalg.inv(light.linear).T
         q, x, y = q @ inverse, x @ inverse, y @ inverse
-        found += [_cone(q, x, y, np.array([0, 0, -1.0]), angle) for angle in shaping.ies_angles]
-        for angle in shaping.ies_planes:
-            plane = np.array([-np.sin(angle), np.cos(angle), 0])
-            found.append(_circle(q @ plane, -x @ plane, -y @ plane))
+        found += [_cone(q, x, y, axis, angle) for axis, angle in shaping.profile_cones]
+        found += [_circle(q @ plane, -x @ plane, -y @ plane) for plane in shaping.profile_planes]
     return found
 
 

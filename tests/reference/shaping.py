@@ -37,24 +37,13 @@ class Shaping:
         return sorted(a for a in angles if 0 < a < np.pi)
 
     @property
-    def ies_scale(self) -> float:
-        if self.photometry is None:
-            return 1.0
-        return 1 / self.photometry.power if self.ies_normalize else 1.0
+    def profile_cones(self) -> list[tuple[Doubles, float]]:
+        """In the light's space."""
+        return [] if self.photometry is None else self.photometry.cones(self.angle_scale)
 
     @property
-    def ies_angles(self) -> list[float]:
-        """Angles off the light's own axis at which the file's table has a row."""
-        if self.photometry is None:
-            return []
-        v = np.asarray(self.photometry.vertical)
-        a = self.angle_scale
-        light = v if a == 0 else v * a if a > 0 else (v - np.pi) * -a + np.pi
-        return [float(x) for x in light if 0 < x < np.pi]
-
-    @property
-    def ies_planes(self) -> list[float]:
-        return [] if self.photometry is None else [float(p) for p in self.photometry.horizontal]
+    def profile_planes(self) -> list[Doubles]:
+        return [] if self.photometry is None else self.photometry.planes()
 
     def factor(self, cosine: Doubles, local: Doubles) -> Doubles:
         """(..., 3) for the cosine off the axis in the world (...) and directions in the light's space (..., 3)."""
@@ -70,12 +59,8 @@ class Shaping:
         out = out * np.where(theta > self.cutoff, 0.0, 1 - soft)[..., None]
         if self.photometry is not None:
             d = local / np.linalg.norm(local, axis=-1, keepdims=True)
-            angle = np.arctan2(np.hypot(d[..., 0], d[..., 1]), -d[..., 2])
-            if self.angle_scale > 0:
-                angle = angle / self.angle_scale
-            elif self.angle_scale < 0:
-                angle = (angle - np.pi) / -self.angle_scale + np.pi
-            out = out * (self.photometry.candela_at(angle, d) * self.ies_scale)[..., None]
+            power = self.photometry.power if self.ies_normalize else 1.0
+            out = out * (self.photometry.candela_at(d, self.angle_scale) / power)[..., None]
         return out
 
 

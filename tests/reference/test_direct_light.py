@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from tests.reference.cases import Case, cases
+from tests.reference.cases import Case
 from tests.reference.judge import judge
 from tests.reference.record import record
+from tests.reference.table import cases
 
 SEEDS = 4
 RESOLUTION = (24, 16)
