@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .geometry import Doubles, Floats, Interpolation, Ints, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
-from .lighting import IesProfile, Light, LightType, Shadow, Shaping
+from .lighting import IesProfile, Light, LightType, Portal, Shadow, Shaping
 from .placement import Instances, MatrixInstances, Placement, PointInstances
 from .shading import Input, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
 
@@ -34,6 +34,7 @@ __all__ = [
     "Placed",
     "Placement",
     "PointInstances",
+    "Portal",
     "Primvar",
     "PrimvarInput",
     "Projection",

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from .lighting import Light
 
 Floats = npt.NDArray[np.float32]
 Doubles = npt.NDArray[np.float64]
@@ -45,6 +49,7 @@ class Mesh:
     colors: Floats | None  # None: the surface's own; (T, 3), (N, 3) or (3T, 3): multiplies diffuse_color (made white)
     surface: int | Ints  # index into SceneDescription.surfaces, or (T,) of them
     primvars: tuple[Primvar, ...] = ()
+    light: Light | None = None  # of type GEOMETRY: what it gives as a light
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +76,7 @@ class SubdivisionMesh:
     face_varying_interpolation: str = "cornersPlus1"  # none, cornersOnly, cornersPlus1, cornersPlus2, boundaries, all
     triangle_rule: str = "catmullClark"  # triangleSubdivisionRule: catmullClark, smooth
     primvars: tuple[Primvar, ...] = ()
+    light: Light | None = None
 
 
 @dataclass(frozen=True)
@@ -81,6 +87,7 @@ class Sphere:
     radius: float
     surface: int
     primvars: tuple[Primvar, ...] = ()  # constant ones
+    light: Light | None = None
 
 
 Shape = Mesh | SubdivisionMesh | Sphere

@@ -208,15 +208,15 @@ class _Watched:
 def load_textures(
     description: SceneDescription, diagnostics: Diagnostics, read: Callable[[str], bytes] | None
 ) -> tuple[SceneDescription, dict[TextureFile, list[tuple[int, Texture]]]]:
-    """The images of every file that could be read (with their tiles' numbers, or 0), and the description without the lights
+    """The images of every file that could be read (with their tiles' numbers, or 0), and the description without the domes
     whose texture could not; each file that could not is a diagnostic."""
+    from .light_textures import with_read_textures
     from .texture_outside import note_textures_outside
     from .texture_set import load_texture_set
 
     textures = load_texture_set(description, diagnostics, read)
     note_textures_outside(description, textures, diagnostics)
-    lights = tuple(light for light in description.lights if light.texture is None or light.texture in textures)
-    return replace(description, lights=lights), textures
+    return replace(description, lights=with_read_textures(description.lights, textures, diagnostics)), textures
 
 
 def image_sizes(textures: dict[TextureFile, list[tuple[int, Texture]]]) -> list[ImageSize]:

@@ -12,33 +12,19 @@ import numpy.typing as npt
 from .description import (
     Camera,
     Doubles,
-    Floats,
-    LightType,
     Mesh,
     Placement,
     Projection,
     SceneDescription,
     Shape,
     Sphere,
-    TextureFile,
 )
 from .far_geometry import FARTHEST, OUTLYING, FarInstances, usual_boxes, usual_union
+from .light_upload import LightUpload
 from .placement import Box, chunks, placed_box, transformed_box, transformed_boxes
 from .shape_upload import NO_FLOATS, ShapeUpload, matrix
 from .skewed import bake_skewed
-from .surface_upload import MutableTextures, SurfaceUpload, Textures
-
-# Order of LightType in light/light.hpp.
-LIGHT_NUMBERS = {
-    LightType.POINT: 0,
-    LightType.SPHERE: 1,
-    LightType.DISK: 2,
-    LightType.RECT: 3,
-    LightType.CYLINDER: 4,
-    LightType.DISTANT: 5,
-    LightType.DOME: 6,
-}
-NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
+from .surface_upload import MutableTextures, SurfaceUpload
 
 
 def upload(
@@ -64,7 +50,8 @@ def upload(
     inputs = SurfaceUpload(builder, textures)
     builder.reserve_triangles(*points_and_triangles(shapes))
     warnings: list[tuple[str, str, str]] = []
-    handing = ShapeUpload(builder, inputs, inputs.add_surfaces(d.surfaces), shapes, full_boxes, warnings)
+    lights = LightUpload(builder)
+    handing = ShapeUpload(builder, inputs, inputs.add_surfaces(d.surfaces), shapes, full_boxes, warnings, lights)
     handing.add(d.static, origin, scale)
     builder.reserve_instances(sum(map(len, [*d.placements, *(p for proto in d.prototypes for p in proto.placements)])))
     numbers: dict[int, int] = {}
@@ -77,9 +64,7 @@ def upload(
         handing.add(proto.shapes, center, unit)
         placements.add(proto.placements, numbers[i], center, unit, prototype_boxes)
     placements.add(d.placements, 0, origin, scale, prototype_boxes)
-    for light in d.lights:
-        number = LIGHT_NUMBERS[light.type]
-        builder.add_light(number, matrix(light.world_from_light), light, dome_pixels(light.texture, textures))
+    lights.add(d.lights, textures)
     set_camera(builder, d.camera, d.resolution, filter_width, filter_inverse_cdf)
     inputs.add_images()
     shapes.clear()
@@ -151,14 +136,6 @@ def set_camera(
         filter_width,
         inverse_cdf,
     )
-
-
-def dome_pixels(file: TextureFile | None, textures: Textures) -> Floats:
-    """(H, W, 3), or no pixels: a light without a texture is constant."""
-    tiles = [] if file is None else textures.get(file, [])
-    if not tiles:
-        return NO_TEXTURE
-    return tiles[0][1].rgb()
 
 
 def shape_boxes(core: Any, shapes: Sequence[Shape]) -> Doubles:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from .description import Doubles, Floats, Interpolation, Ints, Mesh, Placed, Primvar, Shape, Sphere, Surface
 from .far_geometry import FARTHEST, OUTLYING, Flags, near_triangles
+from .light_upload import LightUpload
 from .placement import transformed_boxes
 from .surface_upload import SurfaceUpload, is_cutout, is_hole
 
@@ -47,12 +48,14 @@ class ShapeUpload:
         shapes: Sequence[Shape],
         boxes: Doubles,  # of all their points
         warnings: list[tuple[str, str, str]],
+        lights: LightUpload,
     ) -> None:
         self._builder = builder
         self._inputs = inputs
         self._shapes = shapes
         self._boxes = boxes
         self._warnings = warnings
+        self._lights = lights
         self._cutout = np.array([is_cutout(s) for s in surfaces], bool)
         self._hole = np.array([is_hole(s) for s in surfaces], bool)
         self._alone = np.arange(len(surfaces), dtype=np.int32)[:, None]  # of meshes that have one
@@ -60,18 +63,21 @@ class ShapeUpload:
     def add(self, placed: Sequence[Placed], center: Doubles, scale: float) -> None:
         """Into the current group, whose lengths are `scale` times those from `center`."""
         near = self._near(placed, center, scale)
+        lights: dict[int, int] = {}  # the builder's, by number of what is placed: each place is a light of its own
         for i, p in enumerate(placed):
             shape = self._shapes[p.shape]
+            if shape.light is not None:
+                lights[i] = self._lights.add_worn(shape.light, matrix(p.matrix))
             if isinstance(shape, Mesh):
-                self._add_part(shape, matrix(p.matrix), near.get(i), cutout=False)
+                self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=False)
             elif not isinstance(shape, Sphere):
                 raise ValueError(f"{shape.path} is not diced")
             elif i not in near:
-                self._add_sphere(shape, matrix(p.matrix))
+                self._add_sphere(shape, matrix(p.matrix), lights.get(i))
         for i, p in enumerate(placed) if self._cutout.any() else []:
             shape = self._shapes[p.shape]
             if isinstance(shape, Mesh):
-                self._add_part(shape, matrix(p.matrix), near.get(i), cutout=True)
+                self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=True)
 
     def _near(self, placed: Sequence[Placed], center: Doubles, scale: float) -> dict[int, Flags]:
         """By number, of shapes that are too far away in part: the triangles that are not. Notes what is."""
@@ -98,19 +104,23 @@ class ShapeUpload:
                 self._warnings.append(("too-far", shape.path, "The sphere is too large or too far away to be drawn"))
         return near
 
-    def _add_sphere(self, sphere: Sphere, world_from_object: npt.NDArray[np.float64]) -> None:
+    def _add_sphere(self, sphere: Sphere, world_from_object: npt.NDArray[np.float64], light: int | None) -> None:
         if self._hole[sphere.surface]:
             return
         if not self._builder.add_sphere(sphere.radius, sphere.surface, world_from_object) and sphere.radius != 0:
             self._warnings.append(("singular-transform", sphere.path, "A sphere with a singular matrix is left out"))
         for name, _, width, values in self._inputs.primvars(sphere.primvars):
             self._builder.add_sphere_primvar(name, width, values)
+        if light is not None:
+            self._builder.wear_light(light, world_from_object)
 
-    def _add_part(self, mesh: Mesh, world_from_object: npt.NDArray[np.float64], near: Flags | None, *, cutout: bool) -> None:
+    def _add_part(
+        self, mesh: Mesh, world_from_object: npt.NDArray[np.float64], near: Flags | None, light: int | None, *, cutout: bool
+    ) -> None:
         if isinstance(mesh.surface, int):
             if self._cutout[mesh.surface] == cutout and not self._hole[mesh.surface]:
                 part = whole(mesh, self._alone[mesh.surface])
-                self._add_mesh(part if near is None else part_of(part, near), world_from_object, cutout)
+                self._add_mesh(part if near is None else part_of(part, near), world_from_object, light, cutout)
             return
         surfaces = np.atleast_1d(np.asarray(mesh.surface, np.int32))
         wanted = (self._cutout[surfaces] == cutout) & ~self._hole[surfaces]
@@ -119,14 +129,16 @@ class ShapeUpload:
         if not wanted.any():
             return
         part = whole(mesh, surfaces) if wanted.all() else part_of(whole(mesh, surfaces), wanted)
-        self._add_mesh(part, world_from_object, cutout)
+        self._add_mesh(part, world_from_object, light, cutout)
 
-    def _add_mesh(self, part: Part, world_from_object: npt.NDArray[np.float64], cutout: bool) -> None:
+    def _add_mesh(self, part: Part, world_from_object: npt.NDArray[np.float64], light: int | None, cutout: bool) -> None:
         self._builder.add_mesh(
             part.mesh.points, part.triangles, *part.normals, *part.colors, part.surfaces, world_from_object, cutout
         )  # fmt: skip
         for name, number, width, values in self._inputs.primvars(part.primvars):
             self._builder.add_mesh_primvar(name, number, width, values)
+        if light is not None:
+            self._builder.wear_light(light, world_from_object)
 
 
 def core_from_object(world_from_object: Doubles, center: Doubles, scale: float) -> Doubles:

@@ -20,7 +20,7 @@ from . import color
 from .description import Floats, TextureFile, Wrap
 from .errors import AssetError, LimitError, SettingsError
 from .image_error import last_error
-from .texture_format import Layout, is_srgb, layout_of, wraps_of
+from .texture_format import Layout, environment_of, is_srgb, layout_of, wraps_of
 
 MAX_TEXTURE_MB = 4096  # as float: a little more than 16384 x 16384 in RGB
 
@@ -40,6 +40,7 @@ class Texture:
     wrap_s: Wrap = Wrap.BLACK  # what the file says of itself
     wrap_t: Wrap = Wrap.BLACK
     turned: bool = False  # the file says it should be shown turned, which texture coordinates do not know
+    environment: str = ""  # what the file says it shows of an environment: "latlong", "cube", or nothing
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -103,9 +104,11 @@ def _load(path: str, shown: str, color_space: str, wanted: frozenset[str]) -> Te
         space = "sRGB" if color_space == "auto" and is_srgb(spec, path) else color_space
         turned = spec.getattribute("Orientation") not in (None, 0, 1)
         if stored.dtype.kind == "u" and space in ("sRGB", "raw", "auto"):
-            return Texture(stored, layout.colors if space == "sRGB" else 0, 0, *wraps_of(spec), turned)
+            return Texture(stored, layout.colors if space == "sRGB" else 0, 0, *wraps_of(spec), turned, environment_of(spec))
         pixels = _linear(stored, layout.colors, space, shown)
-        return Texture(pixels, 0, _clear_bad(pixels) if stored.dtype.kind == "f" else 0, *wraps_of(spec), turned)
+        return Texture(
+            pixels, 0, _clear_bad(pixels) if stored.dtype.kind == "f" else 0, *wraps_of(spec), turned, environment_of(spec)
+        )
     finally:
         image.close()
 

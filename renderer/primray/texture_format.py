@@ -84,3 +84,8 @@ def wraps_of(spec: Any) -> tuple[Wrap, Wrap]:
     """In s and t; black where the file does not say (UsdUVTexture, useMetadata)."""
     modes = str(spec.getattribute("wrapmodes") or "black").split(",")
     return _WRAPS.get(modes[0], Wrap.BLACK), _WRAPS.get(modes[-1], Wrap.BLACK)
+
+
+def environment_of(spec: Any) -> str:
+    """OpenEXR's envmap attribute, and what maketx writes, under OpenImageIO's name for both."""
+    return {"LatLong Environment": "latlong", "CubeFace Environment": "cube"}.get(str(spec.getattribute("textureformat")), "")

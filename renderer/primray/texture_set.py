@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .description import SceneDescription, TextureFile, TextureInput
+from .description import LightType, SceneDescription, TextureFile, TextureInput
 from .diagnostics import Diagnostics
 from .errors import AssetError, LimitError
 from .texture import ReadAsset, Texture, load_texture
@@ -26,6 +26,7 @@ class _Use:
 
     channels: set[str] = field(default_factory=set)
     light: str | None = None  # the light that it belongs to
+    without: str = ""  # what becomes of that light where the file cannot be read
     surface: str = ""
 
 
@@ -61,6 +62,7 @@ def _uses(description: SceneDescription) -> dict[TextureFile, _Use]:
             use = uses.setdefault(light.texture, _Use())
             use.channels |= set("rgb")
             use.light = use.light or light.path
+            use.without = "it shines without" if light.type is LightType.RECT else "the light is left out"
     for surface in description.surfaces:
         for _, reads in surface.inputs:
             if isinstance(reads, TextureInput) and reads.file.path:
@@ -104,6 +106,6 @@ def _noted(texture: Texture, path: str, use: _Use, diagnostics: Diagnostics) -> 
 
 def _note_unreadable(error: AssetError | LimitError, use: _Use, diagnostics: Diagnostics) -> None:
     if use.light is not None:
-        diagnostics.add("texture-unreadable", use.light, f"the light is left out: {error.message} ({error.where})")
+        diagnostics.add("texture-unreadable", use.light, f"{use.without}: {error.message} ({error.where})")
     if use.surface:
         diagnostics.add("texture-unreadable", use.surface, f"the fallback is used: {error.message} ({error.where})")

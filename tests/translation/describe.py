@@ -18,6 +18,7 @@ LONGEST = 36  # longer arrays are summarised
 # Named only where they differ from their defaults.
 SPARSE = frozenset({"primvars", "inputs", "tiles", "opacity_threshold"})
 SPARSE |= {"shaping", "shadow", "light_link", "shadow_link", "visible_to_camera"}
+SPARSE |= {"texture_format", "portals", "normalize", "own_color", "shows_own", "light"}
 
 
 def describe(description: SceneDescription, diagnostics: Iterable[Diagnostic], root: str) -> str:

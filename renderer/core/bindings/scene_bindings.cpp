@@ -82,16 +82,53 @@ nb::list texture_images(const Scene& scene) {
   return r;
 }
 
+// `shaping`: a Shaping of lighting.py; `ies`: its profile's number, or -1.
+ShapingInput shaping_of(nb::handle shaping, int ies) {
+  const auto number = [&](const char* name) { return nb::cast<double>(shaping.attr(name)); };
+  ShapingInput s;
+  s.focus = number("focus"), s.focus_tint = vec3_of(shaping.attr("focus_tint"));
+  s.cone_angle_deg = number("cone_angle_deg"), s.cone_softness = number("cone_softness");
+  s.ies = ies, s.ies_angle_scale = number("ies_angle_scale");
+  if (ies >= 0 && nb::cast<bool>(shaping.attr("ies_normalize")))
+    s.ies_divisor = nb::cast<double>(shaping.attr("ies").attr("power"));
+  return s;
+}
+
 // `light`: a Light of lighting.py.
-void add_light(SceneBuilder& b, int type, InArray<double> matrix, nb::handle light, InArray<float> texture) {
+LightInput light_input(int type, const InArray<double>& matrix, nb::handle light, int ies) {
   const auto number = [&](const char* name) { return nb::cast<double>(light.attr(name)); };
   LightInput l;
   l.type = LightType(type), l.world_from_light = affine_of(matrix), l.emission = vec3_of(light.attr("emission"));
   l.width = number("width"), l.height = number("height"), l.radius = number("radius"), l.length = number("length");
   l.angle_deg = number("angle_deg"), l.diffuse = float(number("diffuse")), l.specular = float(number("specular"));
-  if (texture.size() > 0) l.texture_height = int(texture.shape(0)), l.texture_width = int(texture.shape(1));
-  l.texels = span_of(texture);
-  b.add_light(l);
+  if (!light.attr("shaping").is_none()) l.shaping = shaping_of(light.attr("shaping"), ies);
+  return l;
+}
+
+ImageInput image_input(const InArray<float>& pixels) {
+  if (pixels.size() == 0) return {};
+  return {span_of(pixels), int(pixels.shape(1)), int(pixels.shape(0))};
+}
+
+// `image`: a rectangle's texture, or -1. `portals`: rows of a matrix and two sizes, (N, 14).
+void add_light(SceneBuilder& b, int type, InArray<double> matrix, nb::handle light, InArray<float> texture, int format,
+               InArray<double> portals, int image, int ies) {
+  LightInput l = light_input(type, matrix, light, ies);
+  const ImageInput dome = image_input(texture);
+  l.texture_width = dome.width, l.texture_height = dome.height, l.texels = dome.pixels, l.format = DomeFormat(format);
+  for (size_t i = 0; i + 14 <= portals.size(); i += 14) {
+    const double* p = portals.data() + i;
+    l.portals.push_back({affine_from_rows(p), p[12], p[13]});
+  }
+  b.add_light(l, image);
+}
+
+// `light`: a Light of type GEOMETRY.
+int add_geometry_light(SceneBuilder& b, InArray<double> matrix, nb::handle light, int ies) {
+  LightInput l = light_input(int(LightType::kMesh), matrix, light, ies);
+  l.normalize = nb::cast<bool>(light.attr("normalize"));
+  l.own = nb::cast<bool>(light.attr("own_color")), l.shown = nb::cast<bool>(light.attr("shows_own"));
+  return b.add_geometry_light(l);
 }
 
 }  // namespace
@@ -128,7 +165,11 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("emitters", [](const Scene& s) { return s.emitters.first.size(); })
       .def_prop_ro("unsampled_emitters", [](const Scene& s) { return s.emitters.unsampled; })
       .def_prop_ro("sampled_lights", [](const Scene& s) { return s.lights.count; })
+      .def_prop_ro("light_images", [](const Scene& s) { return s.lights.images.size(); })
+      .def_prop_ro("geometry_lights", [](const Scene& s) { return s.geometry_lights.all.size(); })
+      .def_prop_ro("has_portals", [](const Scene& s) { return !s.lights.portals.empty(); })
       .def_prop_ro("domes", [](const Scene& s) { return s.lights.domes.size(); })
+      .def_prop_ro("has_shaping", [](const Scene& s) { return s.lights.has_shaping; })
       .def_prop_ro("has_lobe_factors", [](const Scene& s) { return s.lights.lobe_factors; })
       .def_prop_ro("resolution", [](const Scene& s) { return nb::make_tuple(s.camera.width, s.camera.height); })
       .def_prop_ro("has_lens", [](const Scene& s) { return s.camera.lens_radius > 0; });
@@ -161,6 +202,17 @@ void bind_scene(nb::module_& m) {
              return to_numpy(std::move(left_out), {count});
            })
       .def("end_placement", &SceneBuilder::end_placement)
+      .def("add_light_image", [](SceneBuilder& b, InArray<float> pixels) { return b.add_light_image(image_input(pixels)); })
+      .def("add_geometry_light", &add_geometry_light)
+      .def("wear_light", [](SceneBuilder& b, int light, InArray<double> matrix) { b.wear_light(light, affine_of(matrix)); })
+      .def("add_ies_profile",
+           [](SceneBuilder& b, InArray<float> vertical_deg, InArray<float> horizontal_deg, InArray<float> candela,
+              bool horizontal_pole) {
+             if (candela.size() != vertical_deg.size() * horizontal_deg.size() || vertical_deg.size() < 2 ||
+                 horizontal_deg.size() < 2)
+               throw Error("internal", "a profile needs an intensity for every pair of angles, two or more of each");
+             return b.add_ies_profile({span_of(vertical_deg), span_of(horizontal_deg), span_of(candela), horizontal_pole});
+           })
       .def("add_light", &add_light)
       .def(
           "set_camera",

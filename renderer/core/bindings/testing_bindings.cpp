@@ -7,7 +7,7 @@
 #include "bindings/surface_input.hpp"
 #include "bsdf/bsdf.hpp"
 #include "integrator/interaction.hpp"
-#include "light/selection.hpp"
+#include "light/portal.hpp"
 #include "sampler/sampler.hpp"
 #include "scene/error.hpp"
 #include "scene/input_facts.hpp"
@@ -180,16 +180,73 @@ nb::tuple light_sample_rows(const Scene& scene, int light, InArray<double> p_, I
   return nb::make_tuple(wi.array(), t.array(), pdf.array(), L.array());
 }
 
-nb::tuple light_hit_rows(const Scene& scene, int light, InArray<double> p_, InFloats wi_, int lanes) {
+// Where rays meet a light: distance, density and radiance.
+struct MetRows {
+  Column<float> t, pdf, L;
+  MetRows(const Scene& scene, int light, const InArray<double>& p_, const InFloats& wi_, int lanes)
+      : t(p_.size() / 3), pdf(p_.size() / 3), L(p_.size() / 3, 3) {
+    check_light(scene, light);
+    const CorePoints p(scene, p_);
+    const Input<float> wi(wi_, p.n, 3);
+    const float* row = scene.lights.row(light) + kRadiance;
+    for_rows(p.n, lanes, [&]<int W>(size_t at) {
+      vvec3<W> radiance{vfloat<W>(row[0]), vfloat<W>(row[1]), vfloat<W>(row[2])};
+      const LocalHit<W> h = light_hit<W>(scene.lights, light, p.vector<W>(at), wi.vector<W>(at), radiance);
+      t.put(at, h.t * float(1 / scene.scale)), pdf.put(at, h.pdf), L.put(at, radiance);
+    });
+  }
+};
+
+nb::tuple light_hit_rows(const Scene& scene, int light, InArray<double> p, InFloats wi, int lanes) {
+  MetRows r(scene, light, p, wi, lanes);
+  return nb::make_tuple(r.t.array(), r.pdf.array());
+}
+
+nb::object light_radiance_rows(const Scene& scene, int light, InArray<double> p, InFloats wi, int lanes) {
+  return MetRows(scene, light, p, wi, lanes).L.array();
+}
+
+// Light samples of dome number `dome` through its portals and by its image; u (N, 3), the last the choice. And the density that
+// rays find of given directions.
+nb::tuple portal_sample_rows(const Scene& scene, int dome, InArray<double> p_, InFloats u_, int lanes) {
+  const CorePoints p(scene, p_);
+  const Input<float> u(u_, p.n, 3);
+  Column<float> wi(p.n, 3), pdf(p.n), L(p.n, 3);
+  const int light = scene.lights.dome_light.at(dome);
   check_light(scene, light);
+  for_rows(p.n, lanes, [&]<int W>(size_t at) {
+    const vbool<W> active(true);
+    const vvec3<W> o = p.vector<W>(at);
+    LightSample<W> s = light_sample(scene.lights, vint<W>(light), active, o, u.number<W>(at, 0), u.number<W>(at, 1));
+    if (!scene.lights.portals.empty())
+      sample_portals(scene.lights, active, vint<W>(light), o, u.number<W>(at, 2), u.number<W>(at, 0), u.number<W>(at, 1), s);
+    wi.put(at, s.wi), pdf.put(at, s.pdf), L.put(at, s.L);
+  });
+  return nb::make_tuple(wi.array(), pdf.array(), L.array());
+}
+
+nb::object dome_pdf_rows(const Scene& scene, int dome, InArray<double> p_, InFloats wi_, int lanes) {
   const CorePoints p(scene, p_);
   const Input<float> wi(wi_, p.n, 3);
-  Column<float> t(p.n), pdf(p.n);
+  Column<float> r(p.n);
   for_rows(p.n, lanes, [&]<int W>(size_t at) {
-    const LocalHit<W> h = light_hit<W>(scene.lights.row(light), p.vector<W>(at), wi.vector<W>(at));
-    t.put(at, h.t * float(1 / scene.scale)), pdf.put(at, h.pdf);
+    vfloat<W> pdf;
+    dome_eval(scene.lights.domes.at(dome), wi.vector<W>(at), pdf);
+    if (!scene.lights.portals.empty()) pdf = dome_pdf(scene.lights, dome, p.vector<W>(at), wi.vector<W>(at), pdf);
+    r.put(at, pdf);
   });
-  return nb::make_tuple(t.array(), pdf.array());
+  return r.array();
+}
+
+// Shaping of a light for rays along wi that meet it.
+nb::object light_shaping_rows(const Scene& scene, int light, InFloats wi_, int lanes) {
+  check_light(scene, light);
+  const size_t n = wi_.shape(0);
+  const Input<float> wi(wi_, n, 3);
+  Column<float> r(n, 3);
+  for_rows(n, lanes,
+           [&]<int W>(size_t at) { r.put(at, met_shaping(scene.lights, scene.lights.row(light), wi.vector<W>(at))); });
+  return r.array();
 }
 
 nb::tuple dome_eval_rows(const Scene& scene, int dome, InFloats w_, int lanes) {
@@ -366,6 +423,20 @@ void bind_math(nb::module_& m) {
       },
       nb::arg("yx"), nb::arg("lanes") = 0);
   m.def(
+      "exp2",
+      [](InFloats u, int lanes) {
+        return map_pairs(u, 1, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> x, vfloat<W>) { r.put(at, exp2(x)); });
+      },
+      nb::arg("x"), nb::arg("lanes") = 0, "Of the first of each two numbers.");
+  m.def(
+      "log2_cosine",
+      [](InFloats cs, int lanes) {
+        return map_pairs(cs, 1, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> c, vfloat<W> s) {
+          r.put(at, log2_cosine(c, s * s));
+        });
+      },
+      nb::arg("cosine_and_sine"), nb::arg("lanes") = 0);
+  m.def(
       "concentric_disk",
       [](InFloats u, int lanes) {
         return map_pairs(u, 2, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> a, vfloat<W> b) {
@@ -404,8 +475,12 @@ void bind_testing(nb::module_& m) {
   m.def("bsdf_lobes", &bsdf_lobes, nb::arg("surface"), nb::arg("wo"), nb::arg("front"), lanes);
   m.def("light_sample", &light_sample_rows, nb::arg("scene"), nb::arg("light"), nb::arg("p"), nb::arg("u"), lanes);
   m.def("light_hit", &light_hit_rows, nb::arg("scene"), nb::arg("light"), nb::arg("p"), nb::arg("wi"), lanes);
+  m.def("light_radiance", &light_radiance_rows, nb::arg("scene"), nb::arg("light"), nb::arg("p"), nb::arg("wi"), lanes);
+  m.def("portal_sample", &portal_sample_rows, nb::arg("scene"), nb::arg("dome"), nb::arg("p"), nb::arg("u"), lanes);
+  m.def("dome_pdf", &dome_pdf_rows, nb::arg("scene"), nb::arg("dome"), nb::arg("p"), nb::arg("wi"), lanes);
   m.def("dome_eval", &dome_eval_rows, nb::arg("scene"), nb::arg("dome"), nb::arg("w"), lanes);
   m.def("light_probabilities", &light_probabilities, nb::arg("scene"), nb::arg("p"), lanes);
+  m.def("light_shaping", &light_shaping_rows, nb::arg("scene"), nb::arg("light"), nb::arg("wi"), lanes);
   m.def("choose_light", &choose_lights, nb::arg("scene"), nb::arg("p"), nb::arg("u"), lanes);
   m.def("sampler_numbers", &sampler_numbers, nb::arg("seed"), nb::arg("key"), lanes);
   m.def("camera_rays", &camera_rays, nb::arg("scene"), nb::arg("pixel"), nb::arg("film"), nb::arg("lens"), lanes);

@@ -5,7 +5,7 @@
 #pragma once
 
 #include "integrator/pool.hpp"
-#include "light/selection.hpp"
+#include "light/portal.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
@@ -46,8 +46,9 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
   const auto meet = [&](int i, vbool<W> lanes) {
     const float* row = lights.row(i);
     const LightType type = LightType(int(row[kType]));
-    if (type == LightType::kPoint || type == LightType::kDome) return;
-    const LocalHit<W> h = light_hit<W>(row, from, p.ray.d);
+    if (type == LightType::kPoint || type == LightType::kLine || type == LightType::kDome) return;
+    vvec3<W> L{F(row[kRadiance]), F(row[kRadiance + 1]), F(row[kRadiance + 2])};
+    const LocalHit<W> h = light_hit<W>(lights, i, from, p.ray.d, L);
     const F t = h.t - p.travelled;
     vbool<W> met = lanes & (h.pdf > F(0.0f));
     if (type == LightType::kDistant) {
@@ -56,8 +57,8 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
       met &= (t * kNearlyOne <= t_surface) & (t >= p.ray.tnear) & (t <= p.ray.tfar);
     }
     if (!any(met)) return;
-    const vvec3<W> L = vvec3<W>(F(row[kRadiance]), F(row[kRadiance + 1]), F(row[kRadiance + 2])) *
-                       lobe_factor({row[kDiffuseFactor], row[kSpecularFactor]}, p);
+    L *= lobe_factor({row[kDiffuseFactor], row[kSpecularFactor]}, p);
+    if (lights.has_shaping) L *= met_shaping(lights, row, p.ray.d);
     const vbool<W> direct = met & sees_body & ((t < nearest) | vbool<W>(type == LightType::kDistant));
     if (type == LightType::kDistant) {
       gathered += select(direct, L, zero);
@@ -92,6 +93,7 @@ PRIMRAY_INLINE vvec3<W> meet_domes(const LightTable& lights, const PathLanes<W>&
     const int light = lights.dome_light[k];
     if (light >= 0) {
       const vvec3<W> from = p.ray.o - p.ray.d * p.travelled;
+      if (!lights.portals.empty()) pdf = dome_pdf(lights, int(k), from, p.ray.d, pdf);
       const bool weighed = lights.count > 1 && lights.count <= LightTable::kWeighed;
       const F total = weighed ? total_importance(lights, from) : F(1.0f);
       const F light_pdf = pdf * light_probability(lights, light, from, total);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "integrator/interaction.hpp"
+#include "integrator/pool.hpp"
 #include "light/selection.hpp"
 #include "scene/surface_emission.hpp"
 
@@ -78,8 +79,12 @@ PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, c
   const vfloat<W> probability = to_float(width) * (1.0f / float(EmitterTable::kWhole));
   const vfloat<W> pdf = area_to_solid_angle(probability, doubled_area, wi, distance);
   const vbool<W> usable = (distance > vfloat<W>(0.0f)) & (pdf < vfloat<W>(kInfinity));
-  const vvec3<W> L =
-      triangle_emission(scene, m, triangle, vertex_base, truncate(row(kMeshPlacement)), truncate(row(kMeshInstance)), b1, b2);
+  const bool lights = scene.geometry_lights.any();
+  const vbool<W> own = lights ? (row.flags() & vint<W>(kOwnRadiance)) != vint<W>(0) : vbool<W>(false);
+  vvec3<W> L = triangle_emission(scene, m, triangle, vertex_base, truncate(row(kMeshPlacement)), truncate(row(kMeshInstance)),
+                                 b1, b2, own);
+  if (lights) L *= row.vector(kGlow);
+  if (scene.lights.has_shaping) L *= light_shaping(scene.lights, row, m, wi);
   s.wi = select(m, wi, s.wi), s.t = select(m, distance, s.t), s.L = select(m, L, s.L);
   s.pdf = select(m, select(usable, pdf, vfloat<W>(0.0f)), s.pdf);
 }
@@ -126,6 +131,44 @@ PRIMRAY_INLINE vint<W> emitter_light(const Scene& scene, vbool<W> m, const Hits<
     number = select(in.instanced & (first < zero), none, number);
   }
   return select((number >= zero) & (base >= zero), base + number, none);
+}
+
+// What lanes `m`, which met surfaces that emit `glow` and are there by `presence`, show of it where some shapes are lights
+// (scene/geometry_lights.hpp): bodies to the camera, mirrors and refractions, and what they light with to other rays.
+template <int W>
+PRIMRAY_INLINE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
+                                       const PathLanes<W>& p, const vvec3<W>& glow, vfloat<W> presence) {
+  const GeometryLights& lights = scene.geometry_lights;
+  const vint<W> zero(0), none(-1);
+  const HitGroup<W> in(scene, m, h);
+  const vbool<W> is_triangle = in.is_triangle(scene, m);
+  const vbool<W> is_sphere = scene.has_spheres ? in.is(m, kSphereGeometry) : vbool<W>(false);
+  vint<W> number = none;
+  if (any(is_triangle))
+    number = select(is_triangle, gather<W>(lights.of_mesh.data(), select(is_triangle, it.mesh, zero)), none);
+  if (any(is_sphere))
+    number = select(is_sphere, gather<W>(lights.of_sphere.data(), select(is_sphere, it.sphere, zero)), number);
+  m &= number >= zero;
+  if (!any(m)) return glow;
+  number = select(m, number, zero);
+  const vint<W> flags = gather<W>(lights.flags.data(), number);
+  const auto has = [&](int32_t flag) { return (flags & vint<W>(flag)) != zero; };
+  // As bright as where this instance stands, if that is known.
+  vvec3<W> radiance = gather_vec3<W>(lights.radiance.data(), number * vint<W>(3));
+  const vint<W> light = scene.emitters.any() ? emitter_light(scene, m, h, it) : none;
+  if (const vbool<W> placed = m & (light >= zero); any(placed)) {
+    const LightRow<W> row(scene.lights, select(placed, light, zero));
+    radiance = select(placed, row.vector(kGlow), radiance);
+    if (scene.lights.has_shaping) radiance *= light_shaping(scene.lights, row, placed, p.ray.d);
+  }
+  const vvec3<W> one(vfloat<W>(1.0f));
+  vvec3<W> given = radiance * select(has(GeometryLights::kOwn), one * presence, glow);
+  if (scene.lights.lobe_factors) {
+    const vfloat<W> diffuse = gather<W>(lights.diffuse.data(), number), specular = gather<W>(lights.specular.data(), number);
+    given = select(p.depth == zero, given, given * (p.share * diffuse + (one - p.share) * specular));
+  }
+  const vbool<W> body = (p.bsdf_pdf == vfloat<W>(0.0f)) & !has(GeometryLights::kShown);
+  return select(m & !body, given, glow);
 }
 
 // Density per solid angle with which light sampling at `from` chooses the point that a ray along unit `d` met at `distance`.

@@ -254,6 +254,7 @@ class TilePaths {
   // Radiance of the surfaces that lanes `hit` met, with its MIS weight.
   V emitted(B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows, const PathLanes<W>& p) const {
     V L = rows.color(kEmission) * rows(kPresence);
+    if (scene_.geometry_lights.any()) L = shown_emission(scene_, hit, hits, it, p, L, rows(kPresence));
     // A camera ray, or one after a mirror or refraction, could not have come from light sampling.
     const B sampled = hit & (max_component(L) > F(0.0f)) & (p.bsdf_pdf > F(0.0f));
     if (scene_.emitters.any() && any(sampled)) {
@@ -275,6 +276,10 @@ class TilePaths {
     B useful = scatters & (choice.probability > F(0.0f));
     if (!any(useful)) return;
     LightSample<W> s = light_sample(lights, choice.light, useful, from, u.u, u.v);
+    if (!lights.portals.empty()) {
+      const B dome = useful & is_type(LightRow<W>(lights, choice.light).type(), LightType::kDome);
+      if (any(dome)) sample_portals(lights, dome, choice.light, from, p.sampler.single(bounce, Purpose::kEmitter), u.u, u.v, s);
+    }
     if (scene_.emitters.any()) {
       const LightRow<W> row(lights, choice.light);
       const B geometry = useful & ((row.flags() & I(kGeometry)) != I(0));

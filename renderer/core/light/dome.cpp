@@ -7,6 +7,10 @@
 namespace primray {
 namespace {
 
+constexpr double kPiDouble = 3.14159265358979323846;
+// Cells in a column of the grid over an image that is not lat-long, at most; each is then looked at in more places.
+constexpr int kMostRows = 1024;
+
 // Mean luminance over each texel of the bilinearly read image: the tent's integral, weights 1/8 6/8 1/8 along each axis.
 std::vector<double> texel_means(const Dome& d) {
   const int w = d.width, h = d.height;
@@ -26,16 +30,73 @@ std::vector<double> texel_means(const Dome& d) {
   return mean;
 }
 
+// Rows that are as high as the finest texels of the image.
+int finest_rows(const Dome& d) {
+  switch (d.format) {
+    case DomeFormat::kMirroredBall:
+      return int(std::ceil(0.25 * kPiDouble * std::max(d.width, d.height)));
+    case DomeFormat::kAngular:
+      return (std::max(d.width, d.height) + 1) / 2;
+    case DomeFormat::kVerticalCross:  // a face's texels are largest in its middle
+      return int(std::ceil(0.5 * kPiDouble * std::max(d.width / 3.0, d.height / 4.0)));
+    case DomeFormat::kLatLong:
+      break;
+  }
+  return d.height;
+}
+
+// Mean luminance over each cell, looked at twice a texel along each axis.
+std::vector<double> cell_means(const Dome& d) {
+  const int steps = std::max(2, (2 * finest_rows(d) + d.rows - 1) / d.rows);
+  std::vector<double> mean(size_t(d.columns) * d.rows);
+  for (int y = 0; y < d.rows; ++y)
+    for (int j = 0; j < steps; ++j) {
+      const double theta = kPiDouble * (y + (j + 0.5) / steps) / d.rows, sine = std::sin(theta), cosine = std::cos(theta);
+      for (int x = 0; x < d.columns; ++x)
+        for (int i = 0; i < steps; ++i) {
+          const double phi = 2 * kPiDouble * (0.5 - (x + (i + 0.5) / steps) / d.columns);
+          const vec3 w{float(sine * std::sin(phi)), float(cosine), float(sine * std::cos(phi))};
+          const vvec3<1> L = folded_radiance<1>(d, {vfloat<1>(w.x), vfloat<1>(w.y), vfloat<1>(w.z)});
+          mean[size_t(y) * d.columns + x] += double(luminance(vec3{L.x[0], L.y[0], L.z[0]})) / (steps * steps);
+        }
+    }
+  return mean;
+}
+
+// Gives the texels of a round image whose middles lie outside its disc what is at its edge, so that the edge is read without
+// what happens to surround it (black, in most files).
+void extend_disc(Dome& d) {
+  const std::vector<float> was = d.texels;
+  for (int y = 0; y < d.height; ++y)
+    for (int x = 0; x < d.width; ++x) {
+      const double dx = 2 * (x + 0.5) / d.width - 1, dy = 2 * (y + 0.5) / d.height - 1, r = std::hypot(dx, dy);
+      if (r <= 1) continue;
+      // So far inwards of the edge that the middle of the texel there lies inside: half of its diagonal.
+      const double to = std::max(1 - 1.4143 / std::min(d.width, d.height), 0.0) / r;
+      const int fx = std::clamp(int((dx * to + 1) * 0.5 * d.width), 0, d.width - 1);
+      const int fy = std::clamp(int((dy * to + 1) * 0.5 * d.height), 0, d.height - 1);
+      std::copy_n(&was[3 * (size_t(fy) * d.width + fx)], 3, &d.texels[3 * (size_t(y) * d.width + x)]);
+    }
+}
+
 }  // namespace
 
+void finish_dome_image(Dome& d) {
+  d.columns = d.width, d.rows = d.height;
+  if (d.width == 0 || d.format == DomeFormat::kLatLong) return;
+  if (d.format != DomeFormat::kVerticalCross) extend_disc(d);
+  d.rows = std::clamp(finest_rows(d), 4, kMostRows), d.columns = 2 * d.rows;
+}
+
 void build_dome_distribution(Dome& d) {
-  constexpr double pi = 3.14159265358979323846;
+  constexpr double pi = kPiDouble;
   if (d.width == 0) {
     d.sampled = false;  // the BSDF's rays alone are as good as it gets under a constant sky
+    d.mean = luminance(dvec3(d.tint));
     return;
   }
-  const int w = d.width, h = d.height;
-  std::vector<double> weight = texel_means(d), solid_angle(h);
+  const int w = d.columns, h = d.rows;
+  std::vector<double> weight = d.format == DomeFormat::kLatLong ? texel_means(d) : cell_means(d), solid_angle(h);
   d.row_edges.clear();
   for (int y = 0; y < h; ++y)
     for (const int edge : {y, y + 1}) {
@@ -49,7 +110,7 @@ void build_dome_distribution(Dome& d) {
     solid_angle[y] = 4 * pi / w * std::sin(pi * (y + 0.5) / h) * std::sin(0.5 * pi / h);
     for (int x = 0; x < w; ++x) total += weight[size_t(y) * w + x] * solid_angle[y];
   }
-  const double mean = total / (4 * pi);
+  const double mean = d.mean = total / (4 * pi);
   total = 0;
   for (int y = 0; y < h; ++y)
     for (int x = 0; x < w; ++x) {

@@ -1,13 +1,17 @@
-// A dome: radiance from all directions, constant or from a lat-long image; sampled where its image exceeds its mean.
+// A dome: radiance from all directions, constant or from an image; sampled where its image exceeds its mean.
 //
-// Orientation: UsdLux DomeLight, pole +y, image centre +z, s = 0.5 - atan2(x, z) / 2 pi, t from the top = acos(y) / pi. Texels
-// are read bilinearly. Sampling chooses a texel by a row and a column distribution, then uniformly in its solid angle. What is
+// Orientation: UsdLux DomeLight, pole +y, image centre +z, s = 0.5 - atan2(x, z) / 2 pi, t from the top = acos(y) / pi; other
+// formats are in dome_format.hpp. Texels are read bilinearly. Sampling chooses a cell of a lat-long grid, which is the image's
+// own if that is lat-long, by a row and a column distribution, then uniformly in its solid angle. What is
 // at or below the mean is left to the BSDF's own rays ("MIS compensation": Karlik et al. 2019, "MIS Compensation: Optimizing
 // Sampling Techniques in Multiple Importance Sampling"); a constant dome so needs no light samples at all.
 #pragma once
 
 #include <vector>
 
+#include "light/bilinear.hpp"
+#include "light/cdf.hpp"
+#include "light/dome_format.hpp"
 #include "light/local_shape.hpp"
 #include "math/matrix.hpp"
 
@@ -16,33 +20,25 @@ namespace primray {
 struct Dome {
   Affine<float> world_from_light;  // rotation
   vec3 tint{1.0f, 1.0f, 1.0f};
+  DomeFormat format = DomeFormat::kLatLong;
   int width = 0, height = 0;  // 0: constant
   std::vector<float> texels;  // 3 (width) (height) floats
-  // Sampling: cumulative probabilities of rows, and of columns in each row; probability density of each texel per steradian.
-  std::vector<float> row_cdf, column_cdf, density;  // height + 1, height (width + 1), height width
+  // Sampling: cumulative probabilities of rows, and of columns in each row; probability density of each cell per steradian.
+  int columns = 0, rows = 0;                        // of the grid of cells
+  std::vector<float> row_cdf, column_cdf, density;  // rows + 1, rows (columns + 1), rows columns
   // Of each row, at its upper and lower edge, 1 - |cos| of the angle from the pole that it is nearer to (the upper one, if to
   // both): there cosines themselves have no digits for rows that are a thousandth of a radian high.
-  std::vector<float> row_edges;  // 2 height
-  int upper_rows() const { return (height + 1) / 2; }
+  std::vector<float> row_edges;  // 2 rows
+  int upper_rows() const { return (rows + 1) / 2; }
   bool sampled = false;
+  double mean = 0;        // luminance over all directions
   double irradiance = 0;  // upper estimate from what is sampled, for choosing among lights
 };
 
-// Fills the distributions from the texels.
+// Prepares the texels of formats other than lat-long, and the grid's size. Before anything else.
+void finish_dome_image(Dome& dome);
+// Fills the distributions from the texels, which read dome_radiance or folded_radiance.
 void build_dome_distribution(Dome& dome);
-
-// The last i in [0, n) with cdf[base + i] <= u, for cdf ascending from 0.
-template <int W>
-PRIMRAY_INLINE vint<W> find_interval(const float* cdf, vint<W> base, int n, vfloat<W> u) {
-  vint<W> lo(0);
-  for (int step = 1 << (31 - __builtin_clz(unsigned(n))); step > 0; step >>= 1) {
-    const vint<W> mid = lo + vint<W>(step);
-    const vbool<W> inside = mid < vint<W>(n);
-    const vfloat<W> c = gather<W>(cdf, base + select(inside, mid, vint<W>(0)));
-    lo = select(inside & (c <= u), mid, lo);
-  }
-  return lo;
-}
 
 template <int W>
 PRIMRAY_INLINE vvec3<W> dome_local(const Dome& dome, const vvec3<W>& w) {
@@ -54,8 +50,8 @@ PRIMRAY_INLINE vvec3<W> dome_local(const Dome& dome, const vvec3<W>& w) {
 template <int W>
 struct DomeCoordinates {
   vfloat<W> s, t;
-  PRIMRAY_INLINE DomeCoordinates(const Dome& dome, const vvec3<W>& world) {
-    const vvec3<W> w = dome_local(dome, world);
+  // `w` in the dome's frame.
+  PRIMRAY_INLINE explicit DomeCoordinates(const vvec3<W>& w) {
     s = clamp(0.5f - atan2(w.x, w.z) * (0.5f * kInvPi), 0.0f, 0x1.fffffep-1f);
     // By the tangent: close to a pole the cosine has no digits.
     t = clamp(atan2(sqrt(w.x * w.x + w.z * w.z), w.y) * kInvPi, 0.0f, 0x1.fffffep-1f);
@@ -65,48 +61,44 @@ struct DomeCoordinates {
 template <int W>
 PRIMRAY_INLINE vvec3<W> dome_radiance(const Dome& dome, const DomeCoordinates<W>& c) {
   const vvec3<W> tint(vfloat<W>(dome.tint.x), vfloat<W>(dome.tint.y), vfloat<W>(dome.tint.z));
-  const vfloat<W> x = c.s * float(dome.width) - 0.5f, y = c.t * float(dome.height) - 0.5f;
-  const vint<W> xi = floor_to_int(x), yi = floor_to_int(y);
-  const vfloat<W> fx = x - to_float(xi), fy = y - to_float(yi);
-  const vint<W> width(dome.width), last(dome.height - 1);
-  const vint<W> x0 = select(xi < vint<W>(0), xi + width, xi),
-                x1 = select(xi + vint<W>(1) >= width, vint<W>(0), xi + vint<W>(1));
-  const vint<W> y0 = max(yi, 0) * width, y1 = min(yi + vint<W>(1), last) * width;
-  vvec3<W> L;
-  const float* texels = dome.texels.data();
-  const auto bilinear = [&](int channel) {
-    const auto at = [&](vint<W> row, vint<W> column) { return gather<W>(texels + channel, (row + column) * vint<W>(3)); };
-    const vfloat<W> top = at(y0, x0) * (1.0f - fx) + at(y0, x1) * fx, bottom = at(y1, x0) * (1.0f - fx) + at(y1, x1) * fx;
-    return top * (1.0f - fy) + bottom * fy;
-  };
-  L.x = bilinear(0), L.y = bilinear(1), L.z = bilinear(2);
-  return L * tint;
+  return tint * read_bilinear(dome.texels.data(), dome.width, BilinearAxis<W>::around(c.s * float(dome.width), dome.width),
+                              BilinearAxis<W>(c.t * float(dome.height), dome.height));
+}
+
+// The same of an image that is not lat-long, from unit `w` in the dome's frame.
+template <int W>
+PRIMRAY_INLINE vvec3<W> folded_radiance(const Dome& dome, const vvec3<W>& w) {
+  const vvec3<W> tint(vfloat<W>(dome.tint.x), vfloat<W>(dome.tint.y), vfloat<W>(dome.tint.z));
+  const ImagePoint<W> p = image_point(dome.format, w, dome.width, dome.height);
+  return tint *
+         read_bilinear(dome.texels.data(), dome.width, BilinearAxis<W>(p.x, dome.width), BilinearAxis<W>(p.y, dome.height));
 }
 
 // Radiance from unit direction `w` and the density with which dome_sample chooses it.
 template <int W>
-PRIMRAY_INLINE vvec3<W> dome_eval(const Dome& dome, const vvec3<W>& w, vfloat<W>& pdf) {
+PRIMRAY_INLINE vvec3<W> dome_eval(const Dome& dome, const vvec3<W>& world, vfloat<W>& pdf) {
   if (dome.width == 0) {
     pdf = vfloat<W>(0.0f);
     return {vfloat<W>(dome.tint.x), vfloat<W>(dome.tint.y), vfloat<W>(dome.tint.z)};
   }
-  const DomeCoordinates<W> c(dome, w);
+  const vvec3<W> w = dome_local(dome, world);
+  const DomeCoordinates<W> c(w);
   pdf = vfloat<W>(0.0f);
   if (dome.sampled) {
-    const vint<W> x = truncate(c.s * float(dome.width)), y = truncate(c.t * float(dome.height));
-    pdf = gather<W>(dome.density.data(), min(y, dome.height - 1) * vint<W>(dome.width) + min(x, dome.width - 1));
+    const vint<W> x = truncate(c.s * float(dome.columns)), y = truncate(c.t * float(dome.rows));
+    pdf = gather<W>(dome.density.data(), min(y, dome.rows - 1) * vint<W>(dome.columns) + min(x, dome.columns - 1));
   }
-  return dome_radiance(dome, c);
+  return dome.format == DomeFormat::kLatLong ? dome_radiance(dome, c) : folded_radiance(dome, w);
 }
 
 // Direction in world space with its density; only for a dome that is sampled.
 template <int W>
 PRIMRAY_INLINE vvec3<W> dome_sample(const Dome& dome, vfloat<W> u, vfloat<W> v) {
   const float *rows = dome.row_cdf.data(), *columns = dome.column_cdf.data();
-  const vint<W> y = find_interval<W>(rows, vint<W>(0), dome.height, u);
+  const vint<W> y = find_interval<W>(rows, vint<W>(0), dome.rows, u);
   const vfloat<W> r0 = gather<W>(rows, y), r1 = gather<W>(rows + 1, y);
-  const vint<W> base = y * vint<W>(dome.width + 1);
-  const vint<W> x = find_interval<W>(columns, base, dome.width, v);
+  const vint<W> base = y * vint<W>(dome.columns + 1);
+  const vint<W> x = find_interval<W>(columns, base, dome.columns, v);
   const vfloat<W> c0 = gather<W>(columns, base + x), c1 = gather<W>(columns + 1, base + x);
   const vfloat<W> fy = clamp((u - r0) / max(r1 - r0, 1e-30f), 0.0f, 1.0f),
                   fx = clamp((v - c0) / max(c1 - c0, 1e-30f), 0.0f, 1.0f);
@@ -114,7 +106,7 @@ PRIMRAY_INLINE vvec3<W> dome_sample(const Dome& dome, vfloat<W> u, vfloat<W> v) 
                   edge1 = gather<W>(dome.row_edges.data() + 1, y * vint<W>(2));
   const vfloat<W> from_pole = edge0 + fy * (edge1 - edge0);
   const vfloat<W> cos_theta = select(y < vint<W>(dome.upper_rows()), 1.0f - from_pole, from_pole - 1.0f);
-  const vfloat<W> turn = 0.5f - (to_float(x) + fx) * (1.0f / float(dome.width));
+  const vfloat<W> turn = 0.5f - (to_float(x) + fx) * (1.0f / float(dome.columns));
   const vfloat<W> sin_theta = safe_sqrt(from_pole * (2.0f - from_pole));
   const SinCos<W> phi = sincos_turns(turn);
   const vvec3<W> w{sin_theta * phi.sin, cos_theta, sin_theta * phi.cos};

@@ -13,12 +13,15 @@
 #include "light/distant.hpp"
 #include "light/dome.hpp"
 #include "light/hierarchy.hpp"
+#include "light/line.hpp"
 #include "light/rect.hpp"
+#include "light/shaping.hpp"
 #include "light/sphere.hpp"
+#include "light/textured_rect.hpp"
 
 namespace primray {
 
-enum class LightType : int32_t { kPoint, kSphere, kDisk, kRect, kCylinder, kDistant, kDome, kMesh };
+enum class LightType : int32_t { kPoint, kSphere, kDisk, kRect, kCylinder, kDistant, kDome, kMesh, kLine };
 
 enum LightField : int {
   kType,
@@ -32,22 +35,30 @@ enum LightField : int {
   kInverseDet = kInverseZ + 3,  // |det light_from_world|; 1 unless sheared
   kSize0,                       // half width, radius (a mesh's: of a ball about it), or 1 - cos of a distant light's half-angle
   kSize1,                       // half height, half length, a dome's number, or a mesh's in EmitterTable
-  kRadiance,                    // radiance; radiant intensity of a point; irradiance of a distant light of angle 0
+  kRadiance,                    // radiance; radiant intensity of a point, of a line by length; irradiance of a sun of angle 0
   kAnchor = kRadiance + 3,      // a sphere's or cylinder's: a point of its surface near the core's origin, and its normal there
   kAnchorNormal = kAnchor + 3,  // in the light's frame
   kImportance = kAnchorNormal + 3,  // luminance of what selection weighs
   kDiffuseFactor,
   kSpecularFactor,
-  kLightFlags,
+  kImage,  // of a rectangle: its texture in LightTable::images, counted from 1; 0: none
+  kGlow,   // of geometry: what it makes of its material's glow, or its own radiance (kOwnRadiance)
+  kLightFlags = kGlow + 3,
+  kShaping,  // its number in ShapingTable, from 1; 0: none
   kLightFields,
   // A mesh needs no inverse and has no one radiance, but its ball's centre, and the placement (-1: none) and its instance.
   kMeshCenter = kInverseX,
   kMeshPlacement = kRadiance,
-  kMeshInstance = kRadiance + 1
+  kMeshInstance = kRadiance + 1,
+  // Unit axes in the world of a mesh that is a light: its own x, and its own z, away from which it points.
+  kMeshFrameX = kAnchor,
+  kMeshFrameZ = kAnchorNormal
 };
 enum LightFlag : int32_t {
   kSheared = 1,
   kGeometry = 2,  // rays meet it as a shape of the scene, not as a light
+  // Of geometry that is a light (UsdLux LightAPI, light:materialSyncMode):
+  kOwnRadiance = 1 << 10,  // it gives kGlow, whatever glow its material has
 };
 
 // A light's multipliers of what surfaces reflect diffusely and specularly (UsdLux inputs:diffuse, inputs:specular).
@@ -62,11 +73,15 @@ struct LightTable {
   std::vector<Dome> domes;      // all of them, sampled or not
   std::vector<int> dome_light;  // by dome: its row, or -1
   std::vector<LobeFactors> dome_factors;
-  std::vector<float> power_cdf;  // count + 1; used where there are too many lights to weigh each
-  LightHierarchy met;            // of the lights that rays can meet, where there are many
-  bool needs_hit_test = false;   // some light has area or a cone that BSDF rays can meet
+  std::vector<LightImage> images;   // of rectangles; several may have the same
+  std::vector<LightTable> portals;  // by dome: rectangles of radiance 1 that guide its samples (light/portal.hpp); or empty
+  std::vector<float> power_cdf;     // count + 1; used where there are too many lights to weigh each
+  LightHierarchy met;               // of the lights that rays can meet, where there are many
+  bool needs_hit_test = false;      // some light has area or a cone that BSDF rays can meet
   bool camera_sees_area = false;
-  bool lobe_factors = false;           // some light's diffuse or specular factor is not 1
+  bool lobe_factors = false;  // some light's diffuse or specular factor is not 1
+  ShapingTable shaping;
+  bool has_shaping = false;            // some light's emission depends on its direction
   static constexpr int kWeighed = 16;  // at most so many are weighed at every vertex
 
   const float* row(int light) const { return rows.data() + light * kLightFields; }
@@ -118,6 +133,24 @@ PRIMRAY_INLINE vbool<W> is_type(vint<W> type, LightType t) {
   return type == vint<W>(int32_t(t));
 }
 
+// Shaping of the lights `row` in lanes `m`, for what they send back along wi.
+template <int W>
+PRIMRAY_INLINE vvec3<W> light_shaping(const LightTable& table, const LightRow<W>& row, vbool<W> m, const vvec3<W>& wi) {
+  const vint<W> number = select(m, truncate(row(kShaping)), vint<W>(0));
+  const vbool<W> shaped = number != vint<W>(0);
+  const vvec3<W> one(vfloat<W>(1.0f));
+  if (!any(shaped)) return one;
+  const vint<W> valid = select(shaped, number, vint<W>(number[__builtin_ctz(bits(shaped))]));
+  return select(shaped, shaping_factor(table.shaping, valid, -wi), one);
+}
+
+// The same for one light that rays along wi met.
+template <int W>
+PRIMRAY_INLINE vvec3<W> met_shaping(const LightTable& table, const float* row, const vvec3<W>& wi) {
+  const int number = int(row[kShaping]);
+  return number == 0 ? vvec3<W>(vfloat<W>(1.0f)) : shaping_factor(table.shaping, vint<W>(number), -wi);
+}
+
 // A direction towards `light` from world point p. Its pdf leaves out the choice of the light.
 template <int W>
 PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> light, vbool<W> active, const vvec3<W>& p,
@@ -140,8 +173,20 @@ PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> ligh
   take(LightType::kDistant, [&] { return distant_sample(size0, u, v); });
   LightSample<W> r;
   r.light = light;
-  r.wi = row.to_world(s.w), r.t = s.t, r.pdf = s.pdf;
   r.L = row.vector(kRadiance);
+  if (!table.images.empty()) {
+    const vint<W> image = truncate(row(kImage));
+    for (vbool<W> left = is_type(type, LightType::kRect) & (image > vint<W>(0)); any(left);) {
+      const int k = image[__builtin_ctz(bits(left))];
+      const vbool<W> same = left & (image == vint<W>(k));
+      left &= !same;
+      vvec3<W> value;
+      const LocalSample<W> n = textured_rect_sample(table.images[k - 1], local, size0, size1, u, v, value);
+      s = {select(same, n.w, s.w), select(same, n.t, s.t), select(same, n.pdf, s.pdf)};
+      r.L = select(same, r.L * value, r.L);
+    }
+  }
+  r.wi = row.to_world(s.w), r.t = s.t, r.pdf = s.pdf;
   const vbool<W> sheared = (row.flags() & vint<W>(kSheared)) != vint<W>(0);
   if (any(sheared & active)) {
     const vfloat<W> len = length(r.wi);
@@ -159,22 +204,31 @@ PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> ligh
     r.pdf = select(point, select(d2 > vfloat<W>(0.0f), vfloat<W>(1.0f), vfloat<W>(0.0f)), r.pdf);
     r.L = select(point, r.L * (1.0f / d2), r.L);
   }
+  const vbool<W> line = is_type(type, LightType::kLine);
+  if (any(line)) {
+    const LineSample<W> l = line_sample(row.vector(kOrigin) - p, row.vector(kAxisX), size1, u);
+    r.wi = select(line, l.wi, r.wi), r.t = select(line, l.t, r.t);
+    r.pdf = select(line, select(l.usable, vfloat<W>(1.0f), vfloat<W>(0.0f)), r.pdf);
+    r.L = select(line, r.L * l.worth, r.L);
+    r.is_delta |= line;
+  }
   const vbool<W> dome = is_type(type, LightType::kDome);
   if (any(dome)) {
     for (int k = 0; k < int(table.domes.size()); ++k) {
       const vbool<W> m = dome & (truncate(size1) == vint<W>(k));
-      if (!any(m)) continue;
+      if (!table.domes[k].sampled || !any(m)) continue;
       const vvec3<W> w = dome_sample(table.domes[k], u, v);
       vfloat<W> pdf;
       const vvec3<W> L = dome_eval(table.domes[k], w, pdf);
       r.wi = select(m, w, r.wi), r.pdf = select(m, pdf, r.pdf), r.L = select(m, L, r.L);
     }
   }
+  if (table.has_shaping) r.L *= light_shaping(table, row, active & (r.pdf > vfloat<W>(0.0f)), r.wi);
   return r;
 }
 
-// Where the ray p + t wi (unit wi) meets `light`, for all light types that a ray can meet but domes; the pdf leaves out the
-// choice.
+// Where the ray p + t wi (unit wi) meets a light's row, for all light types that a ray can meet but domes; the pdf leaves out
+// the choice.
 template <int W>
 PRIMRAY_INLINE LocalHit<W> light_hit(const float* row, const vvec3<W>& p, const vvec3<W>& wi) {
   const auto vector = [&](int field) {
@@ -217,12 +271,36 @@ PRIMRAY_INLINE LocalHit<W> light_hit(const float* row, const vvec3<W>& p, const 
     case LightType::kPoint:
     case LightType::kDome:
     case LightType::kMesh:
+    case LightType::kLine:
       break;
   }
   if (sheared) {
     h.t = h.t * (1.0f / len);
     h.pdf = h.pdf * row[kInverseDet] / (len * len * len);
   }
+  return h;
+}
+
+// The same of light number `i`, whose radiance L is multiplied with what its image has there.
+template <int W>
+PRIMRAY_INLINE LocalHit<W> light_hit(const LightTable& table, int i, const vvec3<W>& p, const vvec3<W>& wi, vvec3<W>& L) {
+  const float* row = table.row(i);
+  LocalHit<W> h = light_hit<W>(row, p, wi);
+  const int image = int(row[kImage]);
+  if (image == 0 || !any(h.pdf > vfloat<W>(0.0f))) return h;
+  const LightRow<W> light(table, vint<W>(i));
+  const vvec3<W> local = light.to_light(p - light.vector(kOrigin));
+  vvec3<W> w = light.to_light(wi);
+  const vfloat<W> len = length(w);
+  const bool sheared = int(row[kLightFlags]) & kSheared;
+  const vfloat<W> stretch = sheared ? row[kInverseDet] / (len * len * len) : vfloat<W>(1.0f);
+  if (sheared) w = w * (1.0f / len);
+  const vfloat<W> distance = sheared ? h.t * len : h.t;
+  vvec3<W> value;
+  const vfloat<W> pdf = textured_rect_hit(table.images[image - 1], local, w, vfloat<W>(row[kSize0]), vfloat<W>(row[kSize1]),
+                                          distance, h.pdf / stretch, value);
+  L *= value;
+  h.pdf = select(h.pdf > vfloat<W>(0.0f), pdf * stretch, h.pdf);
   return h;
 }
 

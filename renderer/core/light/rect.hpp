@@ -69,6 +69,16 @@ PRIMRAY_INLINE LocalSample<W> rect_sample(const vvec3<W>& p, vfloat<W> hx, vfloa
   return {to * (1.0f / d), d, select(front & (pdf > vfloat<W>(0.0f)), pdf, vfloat<W>(0.0f))};
 }
 
+// The density of rect_sample towards a point of the rectangle `distance` in front of p.
+template <int W>
+PRIMRAY_INLINE vfloat<W> rect_pdf(const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy, vfloat<W> distance) {
+  const vbool<W> far = rect_is_far(p, hx, hy);
+  const vfloat<W> by_area = distance * distance * distance / (4.0f * hx * hy * -p.z);
+  if (all(far)) return by_area;
+  const vfloat<W> solid_angle = SphericalRect<W>(p, hx, hy).solid_angle;
+  return select(far | (solid_angle < vfloat<W>(kSliver)), by_area, 1.0f / solid_angle);
+}
+
 template <int W>
 PRIMRAY_INLINE LocalHit<W> rect_hit(const vvec3<W>& p, const vvec3<W>& w, vfloat<W> hx, vfloat<W> hy) {
   const vfloat<W> t = -p.z / w.z;

@@ -36,11 +36,28 @@ PRIMRAY_INLINE vfloat<W> light_importance(const float* row, const vvec3<W>& p) {
       const vfloat<W> near2 = max(d2 - x * x, row[kSize0] * row[kSize0]) + beyond * beyond;
       return power * min(4 * row[kSize0] * row[kSize1] / near2, kPi);
     }
+    case LightType::kLine: {
+      const vfloat<W> x = abs(vector(kAxisX).x * to.x + vector(kAxisX).y * to.y + vector(kAxisX).z * to.z);
+      const vfloat<W> beyond = max(x - row[kSize1], 0.0f), rho2 = max(d2 - x * x, 1e-6f * d2);
+      return power * min(2 * row[kSize1] / (rho2 + beyond * beyond), 2.0f / sqrt(rho2));
+    }
     case LightType::kMesh:
       // A quarter of a closed surface's area is seen from afar, half of an open one's on average.
       return 0.5f * power / max(d2, row[kSize0] * row[kSize0]);
   }
   return power;
+}
+
+// The same with the light's shaping: what light number `i` of the table is weighed by at p.
+template <int W>
+PRIMRAY_INLINE vfloat<W> light_weight(const LightTable& table, int i, const vvec3<W>& p) {
+  const float* row = table.row(i);
+  const vfloat<W> unshaped = light_importance(row, p);
+  const int shaping = int(row[kShaping]);
+  if (shaping == 0) return unshaped;
+  const int center = LightType(int(row[kType])) == LightType::kMesh ? kMeshCenter : kOrigin;
+  const vvec3<W> to = p - vvec3<W>(vfloat<W>(row[center]), vfloat<W>(row[center + 1]), vfloat<W>(row[center + 2]));
+  return unshaped * shaping_importance(table.shaping, shaping, to);
 }
 
 // The chosen light and its probability; 0 where no light can reach p.
@@ -53,7 +70,7 @@ struct LightChoice {
 template <int W>
 PRIMRAY_INLINE vfloat<W> total_importance(const LightTable& table, const vvec3<W>& p) {
   vfloat<W> total(0.0f);
-  for (int i = 0; i < table.count; ++i) total += light_importance(table.row(i), p);
+  for (int i = 0; i < table.count; ++i) total += light_weight(table, i, p);
   return total;
 }
 
@@ -68,7 +85,7 @@ PRIMRAY_INLINE LightChoice<W> choose_light(const LightTable& table, const vvec3<
   vfloat<W> run(0.0f), chosen(0.0f);
   vint<W> light(0);
   for (int i = 0; i < table.count; ++i) {
-    const vfloat<W> w = light_importance(table.row(i), p);
+    const vfloat<W> w = light_weight(table, i, p);
     // The last light whose interval begins at or before `wanted` and is not empty.
     const vbool<W> here = (run <= wanted) & (w > vfloat<W>(0.0f));
     light = select(here, vint<W>(i), light);
@@ -83,7 +100,7 @@ template <int W>
 PRIMRAY_INLINE vfloat<W> light_probability(const LightTable& table, int i, const vvec3<W>& p, vfloat<W> total) {
   if (table.count == 1) return vfloat<W>(1.0f);
   if (table.count > LightTable::kWeighed) return vfloat<W>(table.power_cdf[i + 1] - table.power_cdf[i]);
-  return light_importance(table.row(i), p) / max(total, 1e-38f);
+  return light_weight(table, i, p) / max(total, 1e-38f);
 }
 
 // The same for a light of its own in every lane of `m`.
@@ -95,7 +112,7 @@ PRIMRAY_INLINE vfloat<W> probability_of(const LightTable& table, vint<W> light, 
     return gather<W>(table.power_cdf.data() + 1, valid) - gather<W>(table.power_cdf.data(), valid);
   vfloat<W> total(0.0f), chosen(0.0f);
   for (int i = 0; i < table.count; ++i) {
-    const vfloat<W> w = light_importance(table.row(i), p);
+    const vfloat<W> w = light_weight(table, i, p);
     chosen = select(valid == vint<W>(i), w, chosen);
     total += w;
   }

@@ -1,4 +1,4 @@
-// Filling the scene; what it needs to know of lights is in build_lights.cpp.
+// Filling the scene; lights are in builder_lights.cpp.
 #include "scene/builder.hpp"
 
 #include <algorithm>
@@ -10,6 +10,7 @@
 #include "scene/error.hpp"
 #include "scene/input_facts.hpp"
 #include "scene/light_rows.hpp"
+#include "scene/shaping_rows.hpp"
 
 namespace primray {
 namespace {
@@ -86,7 +87,7 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
                                       [&](const dvec3& n) { return (cx * n.x + cy * n.y + cz * n.z) * factor; });
   const int32_t colors = add_vectors(s.colors, mesh.colors, mesh.color_kind, [](const dvec3& c) { return c; });
 
-  last_mesh_rows_ = table.surface.size(), last_mirrored_ = mirrored;
+  last_mesh_rows_ = table.surface.size(), last_mirrored_ = mirrored, last_is_sphere_ = false;
   // One row for each surface that the mesh wears; most wear one.
   std::unordered_map<int32_t, int32_t> row_of_surface;
   for (size_t t = 0; t < triangles; ++t) {
@@ -113,7 +114,7 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
 }
 
 bool SceneBuilder::add_sphere(double radius, int32_t surface, const daffine& group_from_object) {
-  last_sphere_taken_ = false;
+  last_sphere_taken_ = false, last_is_sphere_ = true;
   const daffine size{{radius, 0, 0}, {0, radius, 0}, {0, 0, radius}, dvec3(0.0)};
   const daffine m = group_from_outside_.back() * group_from_object * size;
   if (!is_regular(m)) return false;
@@ -190,7 +191,7 @@ void SceneBuilder::end_placement() {
   s.has_grouped |= g.placement_count > 0;
 }
 
-void SceneBuilder::add_light(const LightInput& light) { add_light_rows(light, scene_->origin, scene_->scale, scene_->lights); }
+int SceneBuilder::add_ies_profile(const IesInput& profile) { return add_ies(profile, scene_->lights.shaping.profiles); }
 
 void SceneBuilder::set_camera(const CameraInput& c) {
   Scene& s = *scene_;
@@ -217,6 +218,8 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
     s.has_thin |= ((flags & kThin) && row[kTransmission] > 0) || row[kPresence] < 1;
   }
   note_inputs(s);
+  s.has_emission |= s.geometry_lights.any();
+  if (!s.lights.portals.empty()) s.lights.portals.resize(s.lights.domes.size());
   s.lights.listed = s.lights.count;
   if (s.has_emission) build_emitters(s);
   finish_light_rows(s.lights);
@@ -232,6 +235,7 @@ int64_t Scene::memory_bytes() const {
                   bytes(world_from_group) + bytes(primvars.values) + bytes(primvars.of_mesh) + bytes(primvars.of_placement) +
                   texture_bytes();
   for (const Dome& d : lights.domes) total += bytes(d.texels) + bytes(d.column_cdf) + bytes(d.density);
+  for (const LightImage& i : lights.images) total += bytes(i.texels) + bytes(i.column_cdf);
   return total;
 }
 

@@ -3,8 +3,10 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 
+#include "light/shaping_input.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
@@ -26,6 +28,18 @@ struct ImageInput {
   int width = 0, height = 0;
 };
 
+// A rectangle that a dome is sampled through.
+struct PortalInput {
+  daffine world_from_portal;
+  double width = 1, height = 1;
+};
+
+// A photometric profile: angles in degrees, ascending, two or more of each; `candela` by horizontal angle. See light/ies.hpp.
+struct IesInput {
+  std::span<const float> vertical_deg, horizontal_deg, candela;
+  bool horizontal_pole = false;
+};
+
 struct LightInput {
   LightType type = LightType::kPoint;
   daffine world_from_light;
@@ -33,7 +47,12 @@ struct LightInput {
   double width = 1, height = 1, radius = 0.5, length = 1, angle_deg = 0;
   float diffuse = 1, specular = 1;
   int texture_width = 0, texture_height = 0;
-  std::span<const float> texels;  // 3 (width) (height), first row at the pole
+  std::span<const float> texels;  // a dome's: 3 (width) (height), first row at the top
+  DomeFormat format = DomeFormat::kLatLong;
+  std::vector<PortalInput> portals;  // of a dome
+  // Of geometry: see GeometryLight.
+  bool own = false, shown = false, normalize = false;
+  std::optional<ShapingInput> shaping;
 };
 
 struct CameraInput {
@@ -80,7 +99,16 @@ class SceneBuilder {
   void end_placement();
   // A row for every instance that was not left out of the last placement.
   void add_placement_primvar(int name, int width, std::span<const float> values);
-  void add_light(const LightInput& light);
+  // Its number, for ShapingInput.
+  int add_ies_profile(const IesInput& profile);
+  // An image for rectangle lights; its number.
+  int add_light_image(const ImageInput& image);
+  // `image`: of a rectangle, or -1.
+  void add_light(const LightInput& light, int image = -1);
+  // A light that shapes wear; its number.
+  int add_geometry_light(const LightInput& light);
+  // The shape that was added last is a part of that light.
+  void wear_light(int light, const daffine& group_from_object);
   void set_camera(const CameraInput& camera);
   // After all shapes, placements and the camera, which decide the levels that are kept. `tile`: 0, or 1001 to 1100.
   void set_texture_image(int texture, int tile, const ImageInput& image);
@@ -102,6 +130,7 @@ class SceneBuilder {
   daffine undo_, redo_;
   // Of the shape and the placement that were added last.
   size_t last_mesh_rows_ = 0;  // first row of the mesh
+  bool last_is_sphere_ = false;
   bool last_mirrored_ = false, last_sphere_taken_ = false, last_placement_taken_ = false;
   bool levels_measured_ = false;
 };

@@ -6,14 +6,20 @@
 
 #include "scene/input_facts.hpp"
 #include "scene/light_rows.hpp"
+#include "scene/shaping_rows.hpp"
 
 namespace primray {
 namespace {
 
-// On average over the surface.
-vec3 radiance(const Scene& s, int32_t surface) {
-  return average_emission(s, surface) * s.surfaces.rows[size_t(surface) * kSurfaceFields + kPresence];
+// What it lights with on average, before its area: `light` is its number in Scene::geometry_lights, or -1.
+vec3 radiance(const Scene& s, int32_t surface, int32_t light) {
+  const float presence = s.surfaces.rows[size_t(surface) * kSurfaceFields + kPresence];
+  if (light < 0) return average_emission(s, surface) * presence;
+  const GeometryLight& own = s.geometry_lights.all[light];
+  return (own.own ? vec3(1.0f) : average_emission(s, surface)) * own.radiance * presence;
 }
+
+vec3 radiance_of_mesh(const Scene& s, size_t row) { return radiance(s, s.meshes.surface[row], s.geometry_lights.mesh(row)); }
 
 dvec3 vertex(const Scene& s, size_t base, uint32_t index) {
   const float* p = &s.positions[3 * (base + index)];
@@ -30,6 +36,7 @@ struct ShapeWeight {
   double power = 0;  // area times luminance
   dvec3 center{0.0};
   double radius = 0;
+  int32_t light = -1;  // in Scene::geometry_lights
 };
 
 // Adds the shape's triangles to the table; power 0 where nothing of it emits.
@@ -38,7 +45,7 @@ ShapeWeight add_triangles(const Scene& s, EmitterTable& table, size_t first, siz
   std::vector<double> run(1, 0.0);
   dvec3 low(INFINITY), high(-INFINITY);
   for (size_t t = first; t < end; ++t) {
-    const double L = luminance(dvec3(radiance(s, s.meshes.surface[s.triangle_mesh[t]])));
+    const double L = luminance(dvec3(radiance_of_mesh(s, s.triangle_mesh[t])));
     const dvec3 p[3] = {vertex(s, vertex_base, s.indices[3 * t]), vertex(s, vertex_base, s.indices[3 * t + 1]),
                         vertex(s, vertex_base, s.indices[3 * t + 2])};
     const double power = L > 0 ? L * 0.5 * length(cross(p[1] - p[0], p[2] - p[0])) : 0.0;
@@ -58,6 +65,30 @@ ShapeWeight add_triangles(const Scene& s, EmitterTable& table, size_t first, siz
   return w;
 }
 
+// What a shape's own light brings to its row, where its group stands so: kGlow, and what any light has.
+void put_geometry_light(Scene& s, int32_t number, const daffine& world_from_group, float* row) {
+  row[kGlow] = row[kGlow + 1] = row[kGlow + 2] = 1;
+  if (number < 0) return;
+  const GeometryLight& light = s.geometry_lights.all[number];
+  copy_common_fields(light.row.data(), row);
+  const vec3 L = placed_radiance(s, light, world_from_group);
+  row[kGlow] = L.x, row[kGlow + 1] = L.y, row[kGlow + 2] = L.z;
+  row[kLightFlags] = float(int(row[kLightFlags]) | (light.own ? kOwnRadiance : 0));
+  const daffine m = world_from_group * light.group_from_object;
+  if (light.shaping) add_shaping(*light.shaping, m, row, s.lights);
+  if (LightType(int(row[kType])) != LightType::kMesh) return;
+  const dvec3 frame[] = {normalize(m.x), normalize(m.z)};
+  const int fields[] = {kMeshFrameX, kMeshFrameZ};
+  for (int i = 0; i < 2; ++i)
+    row[fields[i]] = float(frame[i].x), row[fields[i] + 1] = float(frame[i].y), row[fields[i] + 2] = float(frame[i].z);
+}
+
+// What dividing by the area has left of its radiance.
+double share_of(const GeometryLight& light, const float* row) {
+  const double whole = luminance(dvec3(light.radiance));
+  return whole > 0 ? luminance(dvec3{row[kGlow], row[kGlow + 1], row[kGlow + 2]}) / whole : 0.0;
+}
+
 // `placement`, `instance`: see kMeshPlacement.
 void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& world_from_group, int placement, int instance) {
   float row[kLightFields] = {};
@@ -71,9 +102,11 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
     row[fields[i]] = float(columns[i].x), row[fields[i] + 1] = float(columns[i].y), row[fields[i] + 2] = float(columns[i].z);
   const double size = std::cbrt(std::fabs(m.determinant()));
   row[kSize0] = float(w.radius * size);
+  put_geometry_light(s, w.light, m, row);
+  const double share = w.light < 0 ? 1.0 : share_of(s.geometry_lights.all[w.light], row);
   row[kSize1] = float(shape);
   row[kMeshPlacement] = float(placement), row[kMeshInstance] = float(instance);
-  row[kImportance] = float(w.power * size * size);
+  row[kImportance] = float(w.power * size * size * share);
   s.lights.rows.insert(s.lights.rows.end(), row, row + kLightFields);
   ++s.lights.count;
 }
@@ -84,7 +117,13 @@ void add_sphere_row(Scene& s, int32_t sphere, const daffine& world_from_group) {
   light.type = LightType::kSphere, light.radius = 1;
   light.world_from_light =
       world_from_group * daffine{{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}, {m[9], m[10], m[11]}};
-  light.emission = radiance(s, s.sphere_surface[sphere]);
+  const int32_t number = s.geometry_lights.ball(sphere);
+  light.emission = radiance(s, s.sphere_surface[sphere], number);
+  if (number >= 0) {
+    const GeometryLight& own = s.geometry_lights.all[number];
+    const double whole = luminance(dvec3(own.radiance));
+    if (whole > 0) light.emission *= float(luminance(dvec3(placed_radiance(s, own, world_from_group))) / whole);
+  }
   const bool hit_test = s.lights.needs_hit_test;
   const int before = s.lights.count;
   add_light_rows(light, dvec3(0.0), 1.0, s.lights);
@@ -93,11 +132,38 @@ void add_sphere_row(Scene& s, int32_t sphere, const daffine& world_from_group) {
   if (s.lights.count == before) s.lights.rows.resize(s.lights.rows.size() + kLightFields, 0.0f), ++s.lights.count;
   float* row = &s.lights.rows[size_t(s.lights.count - 1) * kLightFields];
   row[kLightFlags] = float(int(row[kLightFlags]) | kGeometry);
+  put_geometry_light(s, number, world_from_group, row);
+}
+
+// By geometry light: a place where its group stands.
+std::vector<daffine> first_places(const Scene& s) {
+  const daffine here{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)};
+  std::vector<daffine> of_group(s.groups.size(), here);
+  std::vector<char> known(s.groups.size(), 0);
+  for (size_t p = 0; p < s.placement_group.size(); ++p) {
+    const size_t group = size_t(s.placement_group[p]);
+    if (!known[group]) of_group[group] = instance_matrix(s, s.placement_instance[p]), known[group] = 1;
+  }
+  std::vector<daffine> r;
+  for (const GeometryLight& light : s.geometry_lights.all) {
+    size_t group = 0;
+    for (size_t g = 0; g < s.groups.size(); ++g) {
+      const Group& in = s.groups[g];
+      const size_t triangle = light.triangles.empty() ? SIZE_MAX : light.triangles[0].first;
+      const bool holds = light.sphere >= 0 ? uint32_t(light.sphere) - in.sphere_base < in.sphere_count
+                                           : triangle >= in.triangle_base &&
+                                                 triangle < size_t(in.triangle_base) + in.triangle_count + in.cutout_count;
+      if (holds) group = g;
+    }
+    r.push_back(of_group[group]);
+  }
+  return r;
 }
 
 }  // namespace
 
 void build_emitters(Scene& s) {
+  if (s.geometry_lights.any()) finish_geometry_lights(s, first_places(s));
   EmitterTable& table = s.emitters;
   MeshTable& meshes = s.meshes;
   std::vector<ShapeWeight> weights;
@@ -113,12 +179,13 @@ void build_emitters(Scene& s) {
       size_t next = row;
       bool emits = false;
       for (; next < meshes.surface.size() && meshes.triangle_base[next] == meshes.triangle_base[row]; ++next)
-        emits |= max_component(radiance(s, meshes.surface[next])) > 0;
+        emits |= max_component(radiance_of_mesh(s, next)) > 0;
       if (emits) {
         const size_t last = next < meshes.surface.size() ? size_t(meshes.triangle_base[next]) : s.indices.size() / 3;
         const int32_t number = int32_t(table.first.size()) - group_first[g];
-        const ShapeWeight w = add_triangles(s, table, meshes.triangle_base[row], std::min(last, end), group.vertex_base);
+        ShapeWeight w = add_triangles(s, table, meshes.triangle_base[row], std::min(last, end), group.vertex_base);
         if (w.power > 0) {
+          w.light = s.geometry_lights.mesh(row);
           weights.push_back(w);
           std::fill(table.of_mesh.begin() + ptrdiff_t(row), table.of_mesh.begin() + ptrdiff_t(next), number);
         }
@@ -126,7 +193,7 @@ void build_emitters(Scene& s) {
       row = next;
     }
     for (uint32_t i = group.sphere_base; i < group.sphere_base + group.sphere_count; ++i) {
-      if (!(max_component(radiance(s, s.sphere_surface[i])) > 0)) continue;
+      if (!(max_component(radiance(s, s.sphere_surface[i], s.geometry_lights.ball(i))) > 0)) continue;
       table.of_sphere[i] = int32_t(table.first.size()) - group_first[g];
       table.first.push_back(int32_t(i)), table.count.push_back(0), table.vertex_base.push_back(0), table.cdf_base.push_back(0);
       weights.push_back({});

@@ -1,5 +1,6 @@
 // Geometry that emits, sampled as lights: which shapes, how their triangles are chosen, and which rows of the LightTable are
-// theirs. A shape in a prototype has a row for every instance.
+// theirs. A shape in a prototype has a row for every instance. Shapes that are lights by themselves give what
+// geometry_lights.hpp says.
 #pragma once
 
 #include <cstdint>

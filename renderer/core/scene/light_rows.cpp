@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "scene/shaping_rows.hpp"
+
 namespace primray {
 namespace {
 
@@ -79,19 +81,37 @@ void put_anchor(float* row, const daffine& m, LightType type) {
   put(row, kAnchorNormal, out);
 }
 
-void add_dome(const LightInput& light, LightTable& table, float* row, bool& sampled) {
+void add_dome(const LightInput& light, const dvec3& origin, double scale, LightTable& table, float* row, bool& sampled) {
   Dome d;
   d.world_from_light = rotation_of(light.world_from_light);
   d.tint = light.emission;
   d.width = light.texture_width, d.height = light.texture_height;
   d.texels.assign(light.texels.begin(), light.texels.end());
-  if (light.diffuse != 0 || light.specular != 0) build_dome_distribution(d);
-  sampled = d.sampled;
+  d.format = light.format;
+  finish_dome_image(d);
+  LightTable portals;
+  if (light.diffuse != 0 || light.specular != 0) {
+    build_dome_distribution(d);
+    for (const PortalInput& p : light.portals) {
+      LightInput rect;
+      rect.type = LightType::kRect, rect.world_from_light = p.world_from_portal;
+      rect.width = p.width, rect.height = p.height, rect.emission = vec3(1.0f);
+      add_light_rows(rect, origin, scale, portals);
+    }
+    finish_light_rows(portals);
+    // Of the light that comes through them about a hemisphere's half, for choosing among lights.
+    if (portals.count > 0) d.irradiance += d.mean * 0.5 * kPiDouble;
+  }
+  sampled = d.sampled || portals.count > 0;
   row[kSize1] = float(table.domes.size());
   row[kImportance] = float(d.irradiance);
   table.dome_light.push_back(sampled ? table.count : -1);
   table.dome_factors.push_back({light.diffuse, light.specular});
   table.domes.push_back(std::move(d));
+  if (portals.count > 0 || !table.portals.empty()) {
+    table.portals.resize(table.domes.size());
+    table.portals.back() = std::move(portals);
+  }
 }
 
 // What holds a light that rays can meet, a little larger than rounding needs.
@@ -129,7 +149,8 @@ void add_hierarchy(LightTable& table) {
   for (int i = 0; i < table.listed; ++i) {
     const LightType type = LightType(int(table.row(i)[kType]));
     if (type == LightType::kDistant) table.met.far.push_back(i);
-    if (type == LightType::kDistant || type == LightType::kDome || type == LightType::kPoint) continue;
+    if (type == LightType::kDistant || type == LightType::kDome || type == LightType::kPoint || type == LightType::kLine)
+      continue;
     numbers.push_back(i), boxes.push_back(light_box(table.row(i)));
   }
   build_light_hierarchy(table.met, std::move(numbers), boxes);
@@ -137,18 +158,26 @@ void add_hierarchy(LightTable& table) {
 
 }  // namespace
 
-void add_light_rows(const LightInput& light, const dvec3& origin, double scale, LightTable& table) {
-  float row[kLightFields] = {};
+void put_common_fields(const LightInput& light, LightTable& table, float* row) {
   table.lobe_factors |= light.diffuse != 1 || light.specular != 1;
-  row[kType] = float(int(light.type));
   row[kDiffuseFactor] = light.diffuse, row[kSpecularFactor] = light.specular;
+}
+
+void copy_common_fields(const float* from, float* to) {
+  for (const int field : {kDiffuseFactor, kSpecularFactor}) to[field] = from[field];
+}
+
+void add_light_rows(const LightInput& light, const dvec3& origin, double scale, LightTable& table, int image) {
+  float row[kLightFields] = {};
+  put_common_fields(light, table, row);
+  row[kType] = float(int(light.type));
   row[kInverseDet] = 1;
   int flags = 0;
   dvec3 emission(light.emission);
   bool sampled = true;
   daffine m = light.world_from_light;
   if (light.type == LightType::kDome) {
-    add_dome(light, table, row, sampled);
+    add_dome(light, origin, scale, table, row, sampled);
     if (!sampled) return;
   } else if (light.type == LightType::kDistant) {
     const Frame<double> frame(normalize(m.z));
@@ -175,12 +204,16 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
       case LightType::kCylinder:
         size[0] = light.radius * f.sizes.y * unit, size[1] = 0.5 * light.length * f.sizes.x * unit;
         break;
+      case LightType::kLine:
+        size[0] = size[1] = 0.5 * light.length * f.sizes.x * scale;
+        break;
       default:
         break;
     }
     if (light.type != LightType::kPoint) {
       const double kept[2] = {std::max(size[0], kSmallest), std::max(size[1], kSmallest)};
-      emission = emission * (size[0] / kept[0] * (size[1] / kept[1]));
+      emission =
+          emission * (light.type == LightType::kLine ? scale * size[1] / kept[1] : size[0] / kept[0] * (size[1] / kept[1]));
       row[kSize0] = float(kept[0]), row[kSize1] = float(kept[1]);
     }
     if (f.sheared) {
@@ -191,12 +224,17 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
     if (light.type == LightType::kPoint) {
       m.x = {1, 0, 0}, m.y = {0, 1, 0}, m.z = {0, 0, 1};
       emission = emission * (scale * scale);
+    } else if (light.type == LightType::kLine) {
+      const Frame<double> across(normalize(m.x));
+      m.x = across.n, m.y = across.s, m.z = across.t;
     } else {
       table.needs_hit_test = true;
     }
     m.o = (light.world_from_light.o - origin) * scale;
     if (light.type == LightType::kSphere || light.type == LightType::kCylinder) put_anchor(row, m, light.type);
-    row[kImportance] = float(luminance(emission));
+    const bool textured = light.type == LightType::kRect && image >= 0;
+    if (textured) row[kImage] = float(image + 1);
+    row[kImportance] = float(luminance(emission) * (textured ? table.images[image].mean : 1.0));
   }
   put(row, kAxisX, m.x), put(row, kAxisY, m.y), put(row, kAxisZ, m.z), put(row, kOrigin, m.o);
   const double det = m.determinant();
@@ -207,6 +245,8 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
   if (flags & kSheared) row[kInverseDet] = float(std::fabs(1 / det));
   put(row, kRadiance, emission);
   row[kLightFlags] = float(flags);
+  if (light.shaping && light.type != LightType::kDome && light.type != LightType::kDistant)
+    add_shaping(*light.shaping, light.world_from_light, row, table);
   table.rows.insert(table.rows.end(), row, row + kLightFields);
   ++table.count;
 }
@@ -241,11 +281,15 @@ void finish_light_rows(LightTable& table) {
       case LightType::kMesh:
         power[i] = 2 * kPiDouble * e;
         break;
+      case LightType::kLine:
+        power[i] = kPiDouble * kPiDouble * 2 * s1 * e;
+        break;
       case LightType::kDistant:
       case LightType::kDome:
         power[i] = e, infinite = true;
         break;
     }
+    if (row[kShaping] != 0) power[i] *= table.shaping.row(int(row[kShaping]))[kMean];
     (infinite ? far : near) += power[i];
   }
   // In whole multiples of 2^-24, which is what the sampler's numbers are, at least one each: every light is then chosen with

@@ -19,6 +19,7 @@
 #include "math/matrix.hpp"
 #include "scene/camera.hpp"
 #include "scene/emitters.hpp"
+#include "scene/geometry_lights.hpp"
 #include "scene/primvars.hpp"
 #include "scene/surface.hpp"
 #include "scene/surface_inputs.hpp"
@@ -86,6 +87,7 @@ struct Scene {
   PrimvarTable primvars;
   LightTable lights;
   EmitterTable emitters;
+  GeometryLights geometry_lights;
   Camera camera;
 
   // world = origin + p / scale, in scene units.

@@ -1,4 +1,5 @@
-// Radiance that a surface emits at points chosen on it, times its presence, for sampling emitters; the mean is
+// Radiance that a surface emits at points chosen on it, times its presence, for sampling emitters; of lanes `own` what it would
+// be if the surface glowed with 1 all over (geometry_lights.hpp). The mean is
 // average_emission() (input_facts.hpp).
 #pragma once
 
@@ -11,13 +12,15 @@ namespace primray {
 // are kept, where a ray that finds the point reads them over its cone: the two differ by filtering alone.
 template <int W>
 PRIMRAY_INLINE vvec3<W> triangle_emission(const Scene& scene, vbool<W> active, vint<W> triangle, vint<W> vertex_base,
-                                          vint<W> placement, vint<W> instance_row, vfloat<W> u, vfloat<W> v) {
+                                          vint<W> placement, vint<W> instance_row, vfloat<W> u, vfloat<W> v,
+                                          vbool<W> own = vbool<W>(false)) {
   using I = vint<W>;
   const I zero(0);
   triangle = select(active, triangle, zero);
   const I surface = gather<W>(scene.meshes.surface.data(), gather<W>(scene.triangle_mesh.data(), triangle));
   const SurfaceRows<W> rows(scene.surfaces, surface);
-  vvec3<W> r = rows.color(kEmission) * rows(kPresence);
+  const vvec3<W> one(vfloat<W>(1.0f));
+  vvec3<W> r = select(own, one, rows.color(kEmission)) * rows(kPresence);
   if (!scene.has_inputs) return r;
   const I number = gather<W>(scene.surface_inputs_of.data(), surface);
   vbool<W> left = active & (number >= zero);
@@ -32,6 +35,7 @@ PRIMRAY_INLINE vvec3<W> triangle_emission(const Scene& scene, vbool<W> active, v
     InputReader<W> reader(scene, same, point, vfloat<W>(0.0f));
     const float* constant = &scene.surfaces.rows[size_t(surface[__builtin_ctz(bits(same))]) * kSurfaceFields];
     vvec3<W> L = emission ? not_negative(reader.read(*emission)) : broadcast<W>(constant + kEmission);
+    L = select(own, one, L);
     // What is not there does not shine: holes, and by its share what opacityMode "presence" thins.
     const float threshold = inputs.constants.opacity_threshold;
     if (opacity && threshold > 0) {

@@ -29,9 +29,13 @@ class Context:
 
     bound: dict[Any, str] = field(default_factory=dict)  # path that a material binding names -> what is wrong with it
     collections: set[Any] = field(default_factory=set)  # paths of those with a material that were looked into
+    profiles: dict[str, Any] = field(default_factory=dict)  # resolved path -> what ies_asset made of the photometric file
     told_apart: set[Any] = field(default_factory=set)  # paths of prims below which such a collection has members
     expressed: set[Any] = field(default_factory=set)  # paths of prims that bind a collection which is an expression
     primvars_read: frozenset[str] = frozenset()  # "primvars:NAME" of all that materials of the stage read
+    light_shapes: set[str] = field(default_factory=set)  # paths of shapes that LightAPI makes lights
+    portals_met: list[str] = field(default_factory=list)  # paths of PortalLights
+    portals_named: set[str] = field(default_factory=set)  # of those that a dome names
     prototype_names: dict[str, str] = field(default_factory=dict)  # /__Prototype_N -> its first instance
 
     def shown(self, path: str) -> str:

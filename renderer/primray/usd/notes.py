@@ -10,12 +10,13 @@ from functools import cache
 from pxr import Usd
 
 from .context import Context
+from .portals import note_portal
 from .resolve import ResolvedPrim
 
 _GEOMETRY = """BasisCurves NurbsCurves HermiteCurves NurbsPatch TetMesh Volume ParticleField
     ParticleField3DGaussianSplat GenerativeProcedural"""
 UNSUPPORTED = frozenset(_GEOMETRY.split())
-_LIGHTS = "PortalLight GeometryLight PluginLight LightFilter PluginLightFilter"
+_LIGHTS = "GeometryLight PluginLight LightFilter PluginLightFilter"
 UNSUPPORTED_LIGHTS = frozenset(_LIGHTS.split())
 
 # Applied schemas (without their instance name) that could change the picture, and what is done instead.
@@ -29,7 +30,7 @@ IGNORED_SCHEMAS = {
     "VisibilityAPI": "Visibility by purpose is not read.",
     "SkelBindingAPI": "",
 }
-_LIGHT_SCHEMAS = {"MeshLightAPI", "VolumeLightAPI"}
+_LIGHT_SCHEMAS = {"LightAPI", "MeshLightAPI", "VolumeLightAPI"}
 
 
 def note_prim(prim: ResolvedPrim, kind: str, ctx: Context) -> None:
@@ -55,6 +56,8 @@ def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
     if prim.type_name in UNSUPPORTED:
         if prim.inherited.purpose in ctx.purposes:
             ctx.warn("unsupported-prim", prim.path, f"{prim.type_name} is not rendered.")
+    elif prim.type_name == "PortalLight":
+        note_portal(prim, ctx)
     elif prim.type_name in UNSUPPORTED_LIGHTS:
         ctx.warn("unsupported-light", prim.path, f"{prim.type_name} is not supported.")
     elif prim.type_name == "SkelRoot" and prim.prim.IsInPrototype():
@@ -69,8 +72,8 @@ def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
 
 def _note_schemas(prim: ResolvedPrim, schemas: list[str], kind: str, ctx: Context) -> None:
     for schema in schemas:
-        if schema in _LIGHT_SCHEMAS or (schema == "LightAPI" and kind == "shape"):
-            ctx.warn("unsupported-light", prim.path, f"{schema} makes this {prim.type_name} a light; it is rendered unlit.")
+        if schema in _LIGHT_SCHEMAS:
+            _note_light_schema(prim, schema, kind, ctx)
         elif schema in ("ColorSpaceAPI", "ColorSpaceDefinitionAPI"):
             ctx.warn("color-space", prim.path, f"{schema} is applied.")
         elif schema == "VisibilityAPI":
@@ -80,6 +83,18 @@ def _note_schemas(prim: ResolvedPrim, schemas: list[str], kind: str, ctx: Contex
             ctx.warn("api-schema", prim.path, f"{schema}: {IGNORED_SCHEMAS[schema]}")
         elif not _is_known(schema):
             ctx.warn("api-schema", prim.path, f"{schema} is not known: what it means to the picture is ignored.")
+
+
+def _note_light_schema(prim: ResolvedPrim, schema: str, kind: str, ctx: Context) -> None:
+    """Shapes become lights; what is not rendered as a surface does not."""
+    if kind == "shape":
+        ctx.light_shapes.add(prim.path)
+        if schema == "VolumeLightAPI":
+            message = "VolumeLightAPI on a surface: it gives light as with MeshLightAPI."
+            ctx.warn("light-input", prim.path, message)
+    elif kind != "light" and prim.type_name not in UNSUPPORTED_LIGHTS | {"PortalLight"}:
+        kept = "its shape is rendered unlit" if prim.type_name == "Points" else "its light is missing"
+        ctx.warn("unsupported-light", prim.path, f"{schema} makes this {prim.type_name or 'prim'} a light: {kept}.")
 
 
 @cache

@@ -28,6 +28,7 @@ from ..diagnostics import Diagnostics
 from ..placement import IDENTITY, MatrixInstances, chunks, rows_of_levels
 from ..settings import RenderSettings
 from .adapters.draw_mode import DRAW_MODES
+from .adapters.geometry_light import as_light, without_material
 from .adapters.implicit import sphere, tessellated
 from .adapters.light import light
 from .adapters.mesh import mesh
@@ -40,6 +41,7 @@ from .default_light import default_lights
 from .framing import Bounds, shape_bounds, stage_bounds
 from .instance_primvars import without_unread
 from .instances import Arrangement, Chain, Group, arrange, count_of, merge_coincident
+from .portals import note_unnamed_portals
 from .pose import posed, prototypes_hold_skeletons
 from .primvars_read import primvars_read
 from .read import when_of
@@ -149,6 +151,7 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
         whole = None if where.cyclic or _is_crowded(groups) else stage_bounds(stage, ctx.when, ctx.purposes)
         return whole or shape_bounds(scene.shapes, scene.static, scene.prototypes, scene.placements)
 
+    note_unnamed_portals(ctx)
     camera, resolution = view_through(camera_prim, ctx, stage_settings, bounds)
     _add_default_lights(scene, camera, ctx)
     return _describe(scene, ctx, camera, resolution)
@@ -222,7 +225,7 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
     placed = matrices if once is None else once @ matrices
     while leaves:  # what has been translated is let go
         leaf = leaves.pop()
-        scene.has_lights |= leaf.type_name in LIGHTS
+        scene.has_lights |= leaf.type_name in LIGHTS or leaf.path in ctx.light_shapes
         if not finite.pop():
             ctx.warn("invalid-transform", leaf.path, "Its transform is not finite.")
         elif leaf.type_name in LIGHTS:
@@ -259,7 +262,10 @@ def _placement(prototype: int, chain: Chain) -> Placement:
 
 def _shape(leaf: ResolvedPrim, ctx: Context) -> Shape | None:
     try:
-        return SHAPES[leaf.type_name](leaf, ctx)
+        if leaf.path not in ctx.light_shapes:
+            return SHAPES[leaf.type_name](leaf, ctx)
+        shape = SHAPES[leaf.type_name](without_material(leaf, ctx), ctx)
+        return None if shape is None else as_light(shape, leaf, ctx)
     except Tf.ErrorException as error:
         ctx.warn("unsupported-prim", leaf.path, f"USD failed to read it: {tf_message(error)}")
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from pxr import Sdf, UsdGeom, UsdLux
@@ -11,9 +12,11 @@ from pxr import Sdf, UsdGeom, UsdLux
 from ...description import Doubles, Light, LightType, TextureFile
 from ..context import Context
 from ..light_area import cylinder_area, disk_area, rect_area, sphere_area
+from ..portals import portals_of
 from ..read import flag, number, read, token, vector
 from ..resolve import ResolvedPrim
 from .light_notes import note_ignored_inputs
+from .light_shaping import note_unshaped, peak, shaping
 
 Color = tuple[float, float, float]
 
@@ -21,6 +24,7 @@ Color = tuple[float, float, float]
 BRIGHTEST, BRIGHTEST_TINT = 1e30, 1e15
 # With normalize a light without size has a limit, a point or a line of the same power. It is rendered with this size.
 SMALLEST = 1e-12
+_FORMATS = ("automatic", "latlong", "mirroredBall", "angular", "cubeMapVerticalCross")  # UsdLux, DomeLight
 COOLEST_K, HOTTEST_K = 1000.0, 10000.0  # of UsdLux.BlackbodyTemperatureAsRgb
 
 
@@ -111,13 +115,23 @@ def _disk(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
 def _rect(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
     width, height = _size(prim, "inputs:width", 1.0, ctx), _size(prim, "inputs:height", 1.0, ctx)
     emission = _sized(prim, _radiance(prim, ctx), rect_area(matrix, width, height), ctx)
-    return emission and _light(prim, LightType.RECT, matrix, emission, ctx, width=width, height=height)
+    if emission is None:
+        return None
+    return _light(prim, LightType.RECT, matrix, emission, ctx, width=width, height=height, texture=_texture(prim, ctx))
 
 
 def _cylinder(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
     length, radius = _size(prim, "inputs:length", 1.0, ctx), _size(prim, "inputs:radius", 0.5, ctx)
-    emission = _sized(prim, _radiance(prim, ctx), cylinder_area(matrix, length, radius), ctx)
-    if emission is None or not _has_depth(prim, matrix, ctx):
+    area = cylinder_area(matrix, length, radius)
+    emission = _sized(prim, _radiance(prim, ctx), area, ctx)
+    if emission is None:
+        return None
+    if flag(prim.prim, "treatAsLine", ctx.when, False) or (_normalizes(prim, ctx) and radius <= SMALLEST):
+        # The limit of a cylinder. Across it a length dl of one shows L 2 r dl, which is L times its area over pi (also of an
+        # elliptic one's mean, by Cauchy's formula).
+        stretched = length * float(np.linalg.norm(matrix[:3, 0]))
+        return _light(prim, LightType.LINE, matrix, _times(emission, area / (math.pi * stretched)), ctx, length=length)
+    if not _has_depth(prim, matrix, ctx):
         return None
     return _light(prim, LightType.CYLINDER, matrix, emission, ctx, length=length, radius=radius)
 
@@ -143,7 +157,10 @@ def _dome(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light:
     """Normalize has no effect on domes (UsdLux LightAPI)."""
     if prim.type_name == "DomeLight_1":
         matrix = matrix @ _pole_rotation(prim, ctx)
-    return _light(prim, LightType.DOME, matrix, _radiance(prim, ctx), ctx, texture=_texture(prim, ctx))
+    texture = _texture(prim, ctx)
+    dome = _light(prim, LightType.DOME, matrix, _radiance(prim, ctx), ctx, texture=texture)
+    portals = portals_of(prim, matrix, ctx) if "portals" in prim.names else ()
+    return replace(dome, texture_format=_texture_format(prim, ctx) if texture else "automatic", portals=portals)
 
 
 def _pole_rotation(prim: ResolvedPrim, ctx: Context) -> Doubles:
@@ -158,21 +175,34 @@ def _pole_rotation(prim: ResolvedPrim, ctx: Context) -> Doubles:
 
 
 def _texture(prim: ResolvedPrim, ctx: Context) -> TextureFile | None:
-    """The dome's image. One that is missing or in another layout is left out: the dome then emits its plain colour."""
+    """The image of a dome or rectangle. One that is missing is left out: the light then emits its plain colour."""
+    if "inputs:texture:file" not in prim.names:
+        return None
     asset = read(prim.prim, "inputs:texture:file", ctx.when)
     if not isinstance(asset, Sdf.AssetPath) or not asset.path:
         return None
-    layout = token(prim.prim, "inputs:texture:format", ctx.when, "automatic")
-    if layout not in ("automatic", "latlong"):
-        ctx.warn(
-            "light-input", prim.path, f"texture:format = {layout} is not supported: the dome is rendered without its texture."
-        )
-        return None
     if not asset.resolvedPath:
-        ctx.warn("asset-missing", prim.path, f"{asset.path} cannot be found: the dome is rendered without its texture.")
+        kind = "dome" if prim.type_name.startswith("Dome") else "light"
+        message = f"{asset.path} cannot be found: the {kind} is rendered without its texture."
+        ctx.warn("asset-missing", prim.path, message, "inputs:texture:file")
         return None
     space = prim.prim.GetAttribute("inputs:texture:file").GetColorSpace()
     return TextureFile(asset.resolvedPath, space or "auto")
+
+
+def _texture_format(prim: ResolvedPrim, ctx: Context) -> str:
+    layout = token(prim.prim, "inputs:texture:format", ctx.when, "automatic")
+    if layout in _FORMATS:
+        return layout
+    message = f"inputs:texture:format = {layout!r} is none of {', '.join(_FORMATS)}: automatic is used."
+    ctx.warn("light-input", prim.path, message, "inputs:texture:format")
+    return "automatic"
+
+
+def geometry_light(prim: ResolvedPrim, ctx: Context) -> Light:
+    """What a shape gives that has LightAPI: its radiance before the area, which is known where it stands."""
+    note_ignored_inputs(prim, ctx)
+    return replace(_light(prim, LightType.GEOMETRY, np.eye(4), _radiance(prim, ctx), ctx), normalize=_normalizes(prim, ctx))
 
 
 def _light(
@@ -191,8 +221,15 @@ def _light(
 ) -> Light:
     diffuse = _within(prim, "inputs:diffuse", 1.0, 0.0, BRIGHTEST, ctx)
     specular = _within(prim, "inputs:specular", 1.0, 0.0, BRIGHTEST, ctx)
-    emission = _emission(prim, emission, BRIGHTEST_TINT if texture else BRIGHTEST, ctx)
-    return Light(prim.path, kind, matrix, emission, width, height, radius, length, angle_deg, diffuse, specular, texture)
+    shaped = None
+    if kind in (LightType.DISTANT, LightType.DOME):
+        note_unshaped(prim, ctx)
+    else:
+        shaped = shaping(prim, matrix, ctx)
+    brightest = (BRIGHTEST_TINT if texture else BRIGHTEST) / max(peak(shaped), 1.0)
+    emission = _emission(prim, emission, brightest, ctx)
+    sizes = (width, height, radius, length, angle_deg)
+    return Light(prim.path, kind, matrix, emission, *sizes, diffuse, specular, texture, shaped)
 
 
 def _number(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:

@@ -1,44 +1,48 @@
-"""What a light asks for and does not get, as diagnostics: shaping, shadows, filters, linking, rectangle textures."""
+"""What a light asks for and does not get, as diagnostics: shadows, filters, linking, other shaders."""
 
 from __future__ import annotations
 
-from pxr import Sdf, Usd
+from pxr import Usd
 
 from ..context import Context
 from ..read import read
 from ..resolve import ResolvedPrim
 
-# UsdLux ShapingAPI and ShadowAPI: attribute -> the value that changes nothing.
+# UsdLux ShadowAPI: attribute -> the value that changes nothing.
 _NEUTRAL: dict[str, object] = {
-    "inputs:shaping:focus": 0.0,
     "inputs:shadow:enable": True,
     "inputs:shadow:color": (0.0, 0.0, 0.0),
     "inputs:shadow:distance": -1.0,
 }
-_FILES = frozenset({"inputs:shaping:ies:file"})
 
 
 def note_ignored_inputs(prim: ResolvedPrim, ctx: Context) -> None:
     ignored = [f"{name} = {raw}" for name, raw in _authored(prim, ctx) if _matters(name, raw)]
-    if _has_cone(prim, ctx):
-        ignored.append("shaping:cone (ShapingAPI)")
     if ignored:
         ctx.warn("light-input", prim.path, f"Ignored: {', '.join(sorted(ignored))}.")
-    if prim.type_name == "RectLight" and read(prim.prim, "inputs:texture:file", ctx.when):
-        ctx.warn("light-input", prim.path, "The texture of a RectLight is ignored.")
     if "light:filters" in prim.names and prim.prim.GetRelationship("light:filters").GetTargets():
-        ctx.warn("light-input", prim.path, "Light filters are ignored.")
+        ctx.warn("light-input", prim.path, "Light filters are ignored.", "light:filters")
+    _note_shader(prim, ctx)
     _note_linking(prim.prim, prim, ctx)
 
 
+def _note_shader(prim: ResolvedPrim, ctx: Context) -> None:
+    """light:shaderId is the schema's own for every light that is rendered; nothing stands for others."""
+    if "light:shaderId" not in prim.names:
+        return
+    shader = read(prim.prim, "light:shaderId", ctx.when)
+    own = {prim.type_name, prim.type_name.removesuffix("_1"), "MeshLight", ""}
+    if shader not in own:
+        message = f"light:shaderId = {shader!r} is ignored: it is rendered as its type says."
+        ctx.warn("light-input", prim.path, message, "light:shaderId")
+
+
 def _authored(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, object]]:
-    wanted = [n for n in prim.names if n in _NEUTRAL or n in _FILES]
+    wanted = [n for n in prim.names if n in _NEUTRAL]
     return [(name, read(prim.prim, name, ctx.when)) for name in wanted]
 
 
 def _matters(name: str, raw: object) -> bool:
-    if isinstance(raw, Sdf.AssetPath):
-        return bool(raw.path)
     neutral = _NEUTRAL.get(name)
     if raw is None or neutral is None:
         return False
@@ -47,22 +51,6 @@ def _matters(name: str, raw: object) -> bool:
     if name == "inputs:shadow:distance":
         return isinstance(raw, int | float) and raw >= 0
     return bool(raw != neutral)
-
-
-def _has_cone(prim: ResolvedPrim, ctx: Context) -> bool:
-    """Whether ShapingAPI's cone, 90 degrees by default, would change anything: one-sided lights have no light beyond that."""
-    if not any(str(schema) == "ShapingAPI" for schema in prim.prim.GetAppliedSchemas()):
-        return False
-    angle = read(prim.prim, "inputs:shaping:cone:angle", ctx.when)
-    if prim.type_name in ("DistantLight", "DomeLight", "DomeLight_1"):  # has no meaning there, so only what is asked for counts
-        return prim.prim.GetAttribute("inputs:shaping:cone:angle").HasAuthoredValue() or _soft(prim, ctx)
-    limit = 90.0 if prim.type_name in ("RectLight", "DiskLight") else 180.0
-    return (isinstance(angle, int | float) and not angle >= limit) or _soft(prim, ctx)
-
-
-def _soft(prim: ResolvedPrim, ctx: Context) -> bool:
-    softness = read(prim.prim, "inputs:shaping:cone:softness", ctx.when)
-    return isinstance(softness, int | float) and softness != 0
 
 
 def _note_linking(light: Usd.Prim, prim: ResolvedPrim, ctx: Context) -> None:

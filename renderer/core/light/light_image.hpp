@@ -1,0 +1,61 @@
+// An image that a rectangle light shines through: read bilinearly, clamped at the edge, and sampled where it exceeds its mean.
+//
+// What is at or below the mean is left to sampling the plain rectangle, so that a light sample is drawn from the mixture of
+// both (textured_rect.hpp): a constant image is sampled as no image is, one small bright spot almost always there.
+#pragma once
+
+#include <vector>
+
+#include "light/bilinear.hpp"
+#include "light/cdf.hpp"
+
+namespace primray {
+
+struct LightImage {
+  int width = 0, height = 0;
+  std::vector<float> texels;               // 3 (width) (height), first row at the top
+  std::vector<float> row_cdf, column_cdf;  // of what exceeds the mean: height + 1, height (width + 1); empty where nothing does
+  float excess = 0;                        // the share of light samples that take it
+  double mean = 0;                         // luminance
+};
+
+// Fills the distributions and the mean from the texels.
+void build_light_image(LightImage& image);
+
+// Radiance's factor at (s, t) in [0, 1], t from the top.
+template <int W>
+PRIMRAY_INLINE vvec3<W> image_value(const LightImage& image, vfloat<W> s, vfloat<W> t) {
+  return read_bilinear(image.texels.data(), image.width, BilinearAxis<W>(s * float(image.width), image.width),
+                       BilinearAxis<W>(t * float(image.height), image.height));
+}
+
+// Density at (s, t) of image_sample, per unit square; 0 where nothing exceeds the mean. From the distributions themselves, so
+// that it is what is drawn to the last bit.
+template <int W>
+PRIMRAY_INLINE vfloat<W> image_density(const LightImage& image, vfloat<W> s, vfloat<W> t) {
+  if (image.row_cdf.empty()) return vfloat<W>(0.0f);
+  const vint<W> x = min(truncate(clamp(s, 0.0f, 1.0f) * float(image.width)), image.width - 1);
+  const vint<W> y = min(truncate(clamp(t, 0.0f, 1.0f) * float(image.height)), image.height - 1);
+  const vint<W> column = y * vint<W>(image.width + 1) + x;
+  const vfloat<W> of_row = gather<W>(image.row_cdf.data() + 1, y) - gather<W>(image.row_cdf.data(), y);
+  const vfloat<W> of_column = gather<W>(image.column_cdf.data() + 1, column) - gather<W>(image.column_cdf.data(), column);
+  return of_row * of_column * (float(image.width) * float(image.height));
+}
+
+// (s, t) where the image exceeds its mean: a texel in proportion to that, then a point uniform in it.
+template <int W>
+PRIMRAY_INLINE void image_sample(const LightImage& image, vfloat<W> u, vfloat<W> v, vfloat<W>& s, vfloat<W>& t) {
+  const float *rows = image.row_cdf.data(), *columns = image.column_cdf.data();
+  const vint<W> y = find_interval<W>(rows, vint<W>(0), image.height, u);
+  const vint<W> base = y * vint<W>(image.width + 1);
+  const vint<W> x = find_interval<W>(columns, base, image.width, v);
+  const auto within = [](vfloat<W> at, vfloat<W> from, vfloat<W> to) {
+    return clamp((at - from) / max(to - from, 1e-30f), 0.0f, 0x1.fffffep-1f);
+  };
+  const vfloat<W> fy = within(u, gather<W>(rows, y), gather<W>(rows + 1, y));
+  const vfloat<W> fx = within(v, gather<W>(columns, base + x), gather<W>(columns + 1, base + x));
+  s = (to_float(x) + fx) * (1.0f / float(image.width));
+  t = (to_float(y) + fy) * (1.0f / float(image.height));
+}
+
+}  // namespace primray

@@ -1,0 +1,71 @@
+// Portals: rectangles through which a dome is sampled, such as the windows of a room (UsdLux PortalLight, DomeLight portals).
+//
+// They guide samples alone: light comes from every direction, through a portal or not. A dome with portals is sampled by the
+// mixture of its image's way and of directions through a portal that is chosen for the point, as a rectangle light would be;
+// where no portal can be seen, or only from the side that it does not transmit to (-z), by its image alone.
+#pragma once
+
+#include "light/selection.hpp"
+
+namespace primray {
+
+constexpr float kPortalShare = 0.5f;  // of the samples of a dome whose image is sampled too
+
+// The share of samples at p that go through portals.
+template <int W>
+PRIMRAY_INLINE vfloat<W> portal_share(const Dome& dome, const LightTable& portals, const vvec3<W>& p) {
+  const vfloat<W> share(dome.sampled ? kPortalShare : 1.0f);
+  if (portals.count > LightTable::kWeighed) return share;
+  return select(total_importance(portals, p) > vfloat<W>(0.0f), share, vfloat<W>(0.0f));
+}
+
+// Density with which directions through portals are chosen.
+template <int W>
+PRIMRAY_INLINE vfloat<W> portal_pdf(const LightTable& portals, const vvec3<W>& p, const vvec3<W>& wi) {
+  const bool weighed = portals.count > 1 && portals.count <= LightTable::kWeighed;
+  const vfloat<W> total = weighed ? total_importance(portals, p) : vfloat<W>(1.0f);
+  vfloat<W> pdf(0.0f);
+  for (int i = 0; i < portals.count; ++i) {
+    const vfloat<W> met = light_hit<W>(portals.row(i), p, wi).pdf;
+    if (any(met > vfloat<W>(0.0f))) pdf += met * light_probability(portals, i, p, total);
+  }
+  return pdf;
+}
+
+// Density of the whole mixture for dome number `k`, whose image's own is `by_image`.
+template <int W>
+PRIMRAY_INLINE vfloat<W> dome_pdf(const LightTable& table, int k, const vvec3<W>& p, const vvec3<W>& wi, vfloat<W> by_image) {
+  const LightTable& portals = table.portals[k];
+  if (portals.count == 0) return by_image;
+  const vfloat<W> share = portal_share(table.domes[k], portals, p);
+  return by_image * (1.0f - share) + portal_pdf(portals, p, wi) * share;
+}
+
+// Replaces the samples of lanes `m`, whose `light` is a dome, by those of the mixture where the dome has portals. `choice`, in
+// [0, 1), is a number of its own.
+template <int W>
+PRIMRAY_INLINE void sample_portals(const LightTable& table, vbool<W> m, vint<W> light, const vvec3<W>& p, vfloat<W> choice,
+                                   vfloat<W> u, vfloat<W> v, LightSample<W>& s) {
+  const vint<W> dome = truncate(LightRow<W>(table, select(m, light, vint<W>(light[__builtin_ctz(bits(m))])))(kSize1));
+  for (int k = 0; k < int(table.domes.size()); ++k) {
+    const LightTable& portals = table.portals[k];
+    const vbool<W> mine = m & (dome == vint<W>(k));
+    if (portals.count == 0 || !any(mine)) continue;
+    const vfloat<W> share = portal_share(table.domes[k], portals, p);
+    const vbool<W> through = mine & (choice < share);
+    vbool<W> chosen = mine & !through & vbool<W>(table.domes[k].sampled);
+    if (any(through)) {
+      const LightChoice<W> c = choose_light(portals, p, min(choice / max(share, 1e-30f), 0x1.fffffep-1f));
+      const LightSample<W> n = light_sample(portals, c.light, through & (c.probability > vfloat<W>(0.0f)), p, u, v);
+      s.wi = select(through, n.wi, s.wi);
+      chosen |= through & (n.pdf > vfloat<W>(0.0f));
+    }
+    vfloat<W> pdf;
+    const vvec3<W> L = dome_eval(table.domes[k], s.wi, pdf);
+    pdf = dome_pdf(table, k, p, s.wi, pdf);
+    s.pdf = select(mine, select(chosen, pdf, vfloat<W>(0.0f)), s.pdf);
+    s.L = select(mine, L, s.L), s.t = select(mine, vfloat<W>(kInfinity), s.t);
+  }
+}
+
+}  // namespace primray
