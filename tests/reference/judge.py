@@ -84,7 +84,7 @@ def expected(stage: Usd.Stage, plane: Plane, resolution: tuple[int, int]) -> tup
 
 
 def _average(stage: Usd.Stage, plane: Plane, x: Doubles, z: Doubles, hx: Doubles, hz: Doubles) -> tuple[Doubles, float]:
-    """Over rectangles: 2 x 2 Gauss points, quartered where the middle says otherwise (its error is the square root of theirs)."""
+    """Over rectangles: 2 x 2 Gauss points, quartered where the middle says otherwise."""
     value, error = np.zeros((x.size, 3)), 0.0
     cell, share = np.arange(x.size), np.ones(x.size)
     top = 0.0

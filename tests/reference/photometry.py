@@ -1,8 +1,8 @@
 """IES LM-63 files for the referee: tables of candela over two angles, read bilinearly. Only what its tests write: no TILT.
 
-LM-63-2002, section 3, says where angles lie about a luminaire; UsdLux, that its nadir is -Z of the light, and not where horizontal
-angle 0 is: as in OpenUSD's hdEmbree, at -X, seen from above (+Z) counterclockwise in type C, clockwise in A and B. In a
-profile's own frame z is up and x at horizontal angle 0, so that a light's direction (x, y, z) is (-x, -y, z).
+LM-63-2002, section 3, says where angles lie about a luminaire; UsdLux, that its nadir is -Z of the light, but not where
+horizontal angle 0 is: as in OpenUSD's hdEmbree, at -X, seen from above (+Z) counterclockwise in type C, clockwise in A, B.
+In a profile's own frame z is up and x at horizontal angle 0, so that a light's direction (x, y, z) is (-x, -y, z).
 """
 
 from __future__ import annotations

@@ -10,6 +10,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
+import numpy.typing as npt
 from tests.reference.adaptive import Doubles, Integers, Integral, outer, split
 from tests.reference.emitters import Emitter
 
@@ -131,18 +132,50 @@ def _breaks(light: Emitter, q: Doubles, x: Doubles, y: Doubles, n: Doubles) -> l
         found += [_cone(q, x, y, a, angle) for angle in shaping.cone_angles]
         inverse = np.linalg.inv(light.linear).T
         q, x, y = q @ inverse, x @ inverse, y @ inverse
-        found += [_cone(q, x, y, axis, angle) for axis, angle in shaping.profile_cones]
+        found += [_kinks(q, x, y, axis, angle) for axis, angle in shaping.profile_cones]
         found += [_circle(q @ plane, -x @ plane, -y @ plane) for plane in shaping.profile_planes]
     return found
 
 
-def _cone(q: Doubles, x: Doubles, y: Doubles, axis: Doubles, angle: float) -> Doubles:
-    """phi at which d = q - x cos - y sin lies on the cone: |phases| of the roots of a quartic in exp(i phi)."""
+def _on_cone(q: Doubles, x: Doubles, y: Doubles, axis: Doubles, angle: float) -> npt.NDArray[np.complex128]:
+    """Coefficients of exp(i k phi), k = -2 .. 2, of what is 0 where d = q - x cos - y sin lies on the cone: from five values."""
     phi = np.arange(5) * TAU / 5
     d = q[..., None, :] - x[..., None, :] * np.cos(phi)[:, None] - y[..., None, :] * np.sin(phi)[:, None]
     e = (d @ axis) ** 2 - np.cos(angle) ** 2 * np.einsum("...i,...i->...", d, d)
-    # Five values give the five coefficients of exp(i k phi), k = -2 .. 2.
-    c = e @ np.exp(-1j * np.outer(phi, np.arange(-2, 3))) / 5
+    return np.asarray(e @ np.exp(-1j * np.outer(phi, np.arange(-2, 3))) / 5)
+
+
+def _kinks(q: Doubles, x: Doubles, y: Doubles, axis: Doubles, angle: float) -> Doubles:
+    """phi in [0, 2 pi) on a cone where the integrand only bends: found by signs; two close by may be passed over."""
+    c = _on_cone(q, x, y, axis, angle)
+    # Real form: constant, cosines, sines.
+    a = np.stack([c[..., 2].real, 2 * c[..., 3].real, -2 * c[..., 3].imag, 2 * c[..., 4].real, -2 * c[..., 4].imag], axis=-1)
+
+    def value(phi: Doubles, a: Doubles) -> Doubles:
+        wave = np.stack([np.ones_like(phi), np.cos(phi), np.sin(phi), np.cos(2 * phi), np.sin(2 * phi)], axis=-1)
+        return np.asarray((a * wave).sum(axis=-1))
+
+    phi = np.arange(25) * TAU / 24
+    wave = np.stack([np.ones_like(phi), np.cos(phi), np.sin(phi), np.cos(2 * phi), np.sin(2 * phi)])
+    above = a @ wave > 0
+    crossed = above[..., 1:] != above[..., :-1]
+    where = np.nonzero(crossed)
+    low, high, own = phi[where[-1]], phi[where[-1] + 1], a[where[:-1]]
+    start = above[where]
+    for _ in range(40):
+        middle = (low + high) / 2
+        same = (value(middle, own) > 0) == start
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    rank = np.cumsum(crossed, axis=-1)[where] - 1
+    out = np.full((*q.shape[:-1], 4), np.nan)
+    few = rank < 4
+    out[(*(i[few] for i in where[:-1]), rank[few])] = low[few]
+    return out
+
+
+def _cone(q: Doubles, x: Doubles, y: Doubles, axis: Doubles, angle: float) -> Doubles:
+    """phi in [0, 2 pi) on a cone where the integrand may jump: phases of the roots of a quartic in exp(i phi)."""
+    c = _on_cone(q, x, y, axis, angle)
     size = np.abs(c).max(axis=-1, keepdims=True)
     lead = np.where(np.abs(c[..., 4:]) > 1e-13 * size, c[..., 4:], 1e-13 * size + 1e-300)
     companion = np.zeros((*q.shape[:-1], 4, 4), complex)

@@ -109,7 +109,7 @@ def profile_cases() -> list[Case]:
         lines = [*(more or wide()), f"asset inputs:shaping:ies:file = @ASSETS/{file}.ies@"]
         if scale:
             lines.append(f"float inputs:shaping:ies:angleScale = {scale}")
-        return shaped(name, kind, m, lines, FILE, *rows, assets={f"{file}.ies": files[f"{file}.ies"]}, **values)
+        return shaped(name, kind, m, lines, FILE, *rows, spp=2048, assets={f"{file}.ies": files[f"{file}.ies"]}, **values)
 
     back = ["bool inputs:shaping:ies:normalize = true", *wide()]
     return [

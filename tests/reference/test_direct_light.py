@@ -11,7 +11,6 @@ from tests.reference.record import record
 from tests.reference.table import cases
 
 SEEDS = 4
-RESOLUTION = (24, 16)
 ROUGHLY = (6, 4)
 
 
@@ -29,7 +28,7 @@ def test_direct_light_roughly(case: Case, tmp_path: Path) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("case", _params(cases()))
 def test_direct_light(case: Case, tmp_path: Path) -> None:
-    found = judge(case.stage(tmp_path), case.plane, case.spp, SEEDS, RESOLUTION)
-    record(case, found, SEEDS)
+    found = judge(case.stage(tmp_path), case.plane, case.spp, SEEDS, case.resolution)
+    record(case, found, case.spp, SEEDS)
     assert found.referee_error < 1e-5
     assert not found.faults()
