@@ -21,7 +21,7 @@ def ies_profile(asset: Sdf.AssetPath, path: str, ctx: Context) -> IesProfile | N
     resolved = str(asset.resolvedPath)
     if resolved not in ctx.profiles:
         ctx.profiles[resolved] = _read(resolved)
-    found = ctx.profiles[resolved]
+    found: IesFile | str = ctx.profiles[resolved]
     if isinstance(found, str):
         ctx.warn("light-input", path, f"{asset.path} is ignored, and the light rendered without it: {found}.", FILE)
         return None
