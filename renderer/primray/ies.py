@@ -186,8 +186,8 @@ def _made(vertical: Doubles, horizontal: Doubles, candela: Doubles, horizontal_p
 
 
 def profile_power(vertical_deg: Doubles, horizontal_deg: Doubles, candela: Doubles, horizontal_pole: bool = False) -> float:
-    """The sum over patches of mean intensity times solid angle, with the sine at the patch's middle, over 4 pi, or over 2 pi where
-    the vertical angles span no more than a hemisphere (hdEmbree, pxrIES.cpp; UsdLux leaves the scale open)."""
+    """The sum over patches of mean intensity times solid angle, over 4 pi, or 2 pi where vertical angles span no more than a
+    hemisphere. A patch's sine is that of its middle, as in hdEmbree's pxrIES.cpp: UsdLux leaves all of this open."""
     if len(horizontal_deg) == 1:
         horizontal_deg, candela = np.array([0.0, 360.0]), np.concatenate([candela, candela])
     v, h = np.radians(vertical_deg), np.radians(horizontal_deg)

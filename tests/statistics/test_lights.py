@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from tests.described import describe, kernels, light, rotation, translation
+from tests.described import describe, kernels, lambert, light, mesh, rotation, translation
 from tests.statistics.chi_square import SphereCells, count_p_value, density_p_value
 from tests.statistics.lights import LIGHTS, PLACED, VIEWS, only, parameters, patches, view_point
 from tests.statistics.surfaces import random_numbers
@@ -217,3 +217,20 @@ def test_choice_of_lights(count: int) -> None:
     for i, x in enumerate(lights):
         pdf = kernels().light_sample(scene, i, points, np.full((50, 2), 0.5, np.float32))[2]
         assert (probability[:, i][pdf > 0] > 0).all(), x
+
+
+@pytest.mark.parametrize("kind", [LightType.SPHERE, LightType.DISK, LightType.RECT, LightType.CYLINDER])
+@pytest.mark.parametrize("size", [0.01, 1.0, 100.0])
+def test_sheared_lights_are_weighed_as_others_are(kind: LightType, size: float) -> None:
+    """In scenes of any size, which is not that of the light's own units."""
+    ground = mesh(np.array([[-64.0, -9, 64], [64, -9, 64], [0, -9, -64]]) * size, [[0, 1, 2]])
+    sizes = {"radius": 0.5 * size, "width": size, "height": size, "length": size}
+    shear = np.eye(4)
+    shear[0, 1] = 1e-3
+    both = [
+        light(kind, translation(*(np.array([x, 9, 0]) * size)) @ rotation([1, 0, 0], -90) @ m, **sizes)
+        for x, m in ((-2, np.eye(4)), (2, shear))
+    ]
+    scene = describe([(ground, np.eye(4))], [lambert(0.5)], both).build()
+    probability = kernels().light_probabilities(scene, np.array([[0.0, -1, 0]]) * size)
+    np.testing.assert_allclose(probability[0], 0.5, atol=0.01)

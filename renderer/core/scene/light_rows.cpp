@@ -15,10 +15,10 @@ constexpr double kPiDouble = 3.14159265358979323846;
 // Squares of sizes must stay floats; a light smaller than this is as good as one of this size and the same power.
 constexpr double kSmallest = 1e-15;
 
-// A light's frame: perpendicular unit axes with sizes beside them, or the whole matrix where that cannot be.
+// A light's frame: perpendicular unit axes with sizes beside them, or the matrix without its mean size where that cannot be.
 struct LightFrame {
   daffine world_from_light;
-  dvec3 sizes{1.0, 1.0, 1.0};  // lengths of the axes, if they went out of the matrix
+  dvec3 sizes{1.0, 1.0, 1.0};  // what went out of the matrix
   bool sheared = false;
 };
 
@@ -47,18 +47,26 @@ LightFrame light_frame(const LightInput& light) {
     default:
       break;
   }
-  if (light.type == LightType::kRect || light.type == LightType::kDisk) {
+  const bool flat = light.type == LightType::kRect || light.type == LightType::kDisk;
+  if (flat) {
     const dvec3 n = cross(m.x, m.y);
     const double side = dot(n, m.z) < 0 ? -1 : 1, area = length(n);
     if (area > 0) m.z = n * (side / area);
   }
   if (!round) {
     f.sheared = true;
+    // The mean size goes out of the matrix all the same, so that lengths of the frame are about those of the world: what
+    // selection weighs is estimated by them.
+    const double size = flat ? std::sqrt(length(cross(m.x, m.y))) : std::cbrt(std::fabs(m.determinant()));
+    if (size > 0) {
+      f.sizes = {size, size, size};
+      m.x = m.x * (1 / size), m.y = m.y * (1 / size), m.z = m.z * (flat ? 1.0 : 1 / size);
+    }
     return f;
   }
   f.sizes = {x, y, z};
   m.x = m.x * (1 / x), m.y = m.y * (1 / y);
-  if (light.type != LightType::kRect && light.type != LightType::kDisk) m.z = m.z * (1 / z);
+  if (!flat) m.z = m.z * (1 / z);
   return f;
 }
 
@@ -195,18 +203,17 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
   } else {
     const LightFrame f = light_frame(light);
     m = f.world_from_light;
-    const double unit = f.sheared ? 1.0 : scale;
     double size[2] = {0, 0};
     switch (light.type) {
       case LightType::kRect:
-        size[0] = 0.5 * light.width * f.sizes.x * unit, size[1] = 0.5 * light.height * f.sizes.y * unit;
+        size[0] = 0.5 * light.width * f.sizes.x * scale, size[1] = 0.5 * light.height * f.sizes.y * scale;
         break;
       case LightType::kDisk:
       case LightType::kSphere:
-        size[0] = size[1] = light.radius * f.sizes.x * unit;
+        size[0] = size[1] = light.radius * f.sizes.x * scale;
         break;
       case LightType::kCylinder:
-        size[0] = light.radius * f.sizes.y * unit, size[1] = 0.5 * light.length * f.sizes.x * unit;
+        size[0] = light.radius * f.sizes.y * scale, size[1] = 0.5 * light.length * f.sizes.x * scale;
         break;
       case LightType::kLine:
         size[0] = size[1] = 0.5 * light.length * f.sizes.x * scale;
@@ -220,11 +227,7 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
           emission * (light.type == LightType::kLine ? scale * size[1] / kept[1] : size[0] / kept[0] * (size[1] / kept[1]));
       row[kSize0] = float(kept[0]), row[kSize1] = float(kept[1]);
     }
-    if (f.sheared) {
-      // Lengths of the light's frame stay in its own units; the matrix carries them to the core's.
-      m.x = m.x * scale, m.y = m.y * scale, m.z = m.z * scale;
-      flags |= kSheared;
-    }
+    if (f.sheared) flags |= kSheared;
     if (light.type == LightType::kPoint) {
       m.x = {1, 0, 0}, m.y = {0, 1, 0}, m.z = {0, 0, 1};
       emission = emission * (scale * scale);

@@ -68,6 +68,7 @@ def test_normalize_divides_by_the_world_area() -> None:
     assert light(scaled, "DomeLight").emission[0] == 1
 
 
+@pytest.mark.conforms("SphereLight.treatAsPoint")
 def test_point_light_of_intensity_ten() -> None:
     point = light("bool treatAsPoint = 1\nbool inputs:normalize = 1\nfloat inputs:intensity = 40\nfloat inputs:radius = 7")
     assert point.type is LightType.POINT
@@ -154,18 +155,20 @@ def test_filters_are_told_where_there_are_any(targets: str, told: bool) -> None:
     assert (("light-input", "/l") in found) == told
 
 
-def test_shaping_is_noted_where_it_is_asked_for() -> None:
-    def noted(kind: str, cone: str) -> bool:
-        text = f'def {kind} "light" (prepend apiSchemas = ["ShapingAPI"])\n{{\n{cone}\n}}\n'
-        return ("light-input", "/light") in translate_text(text)[1]
-
-    angle = "float inputs:shaping:cone:angle = %s"
-    assert noted("SphereLight", "")  # its default cone of 90 degrees cuts the back half
-    assert not noted("RectLight", "")
-    assert not noted("SphereLight", angle % 180)
-    assert noted("RectLight", angle % "nan")
-    assert noted("DistantLight", angle % 30)
-    assert not noted("DistantLight", "")
+@pytest.mark.conforms("CylinderLight.treatAsLine")
+def test_a_line_is_a_thin_cylinder_of_the_same_power() -> None:
+    """L 2 r across it by length; with normalize 1 / (pi length), whatever the radius."""
+    body = "bool treatAsLine = 1\nfloat inputs:radius = 0.25\nfloat inputs:length = 3\nfloat inputs:intensity = 10\n"
+    line = light(body, "CylinderLight")
+    assert (line.type, line.length) == (LightType.LINE, 3)
+    assert line.emission[0] == pytest.approx(10 * 2 * 0.25)
+    assert light(body + "bool inputs:normalize = 1", "CylinderLight").emission[0] == pytest.approx(10 / (math.pi * 3))
+    scaled = 'float3 xformOp:scale = (2, 3, 3)\nuniform token[] xformOpOrder = ["xformOp:scale"]\n'
+    assert light(body + scaled, "CylinderLight").emission[0] == pytest.approx(10 * 2 * 0.75)
+    assert light(body + scaled + "bool inputs:normalize = 1", "CylinderLight").emission[0] == pytest.approx(10 / (math.pi * 6))
+    assert light("float inputs:radius = 0\nbool inputs:normalize = 1", "CylinderLight").type is LightType.LINE
+    assert codes("bool treatAsLine = 1\nfloat inputs:radius = 0", "CylinderLight") == ["light-dark"]
+    assert light("", "CylinderLight").type is LightType.CYLINDER
 
 
 def test_sizes_and_emission_in_range() -> None:

@@ -19,6 +19,9 @@ LAMP = Surface("", lambert=True, diffuse_color=(0.0, 0.0, 0.0), emissive_color=(
 
 
 def sync_mode(prim: ResolvedPrim, ctx: Context) -> str:
+    """The modes relate a light to the glow "of geometry that has a bound Material": without one its color is all there is."""
+    if prim.material is None and not any(subset.material is not None for subset in prim.subsets):
+        return NO_MATERIAL
     mode = token(prim.prim, "light:materialSyncMode", ctx.when, NO_MATERIAL)  # the schemas' own defaults come with them
     if mode in (GLOW, INDEPENDENT, NO_MATERIAL):
         return mode

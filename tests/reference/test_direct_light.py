@@ -1,0 +1,34 @@
+"""Direct light of primray against the referee: a few samples in every run, the whole table by `make light-accuracy`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from tests.reference.cases import Case
+from tests.reference.judge import judge
+from tests.reference.record import record
+from tests.reference.table import cases
+
+SEEDS = 4
+ROUGHLY = (6, 4)
+
+
+def _params(chosen: list[Case]) -> list[object]:
+    return [pytest.param(c, id=c.id, marks=[pytest.mark.conforms(*c.rows)] if c.rows else []) for c in chosen]
+
+
+@pytest.mark.parametrize("case", _params([c for c in cases() if c.quick]))
+def test_direct_light_roughly(case: Case, tmp_path: Path) -> None:
+    """A 16th of the pixels and of their samples: the mean within its own error of the referee's, and every pixel."""
+    found = judge(case.stage(tmp_path), case.plane, max(case.spp // 16, 8), SEEDS, ROUGHLY)
+    assert not found.faults(tolerance=0.01)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("case", _params(cases()))
+def test_direct_light(case: Case, tmp_path: Path) -> None:
+    found = judge(case.stage(tmp_path), case.plane, case.spp, SEEDS, case.resolution)
+    record(case, found, case.spp, SEEDS)
+    assert found.referee_error < 1e-5
+    assert not found.faults()
