@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -24,6 +25,7 @@ from tests.described import (
     rotation,
     translation,
 )
+from tests.statistics.lights import irradiances
 from tests.statistics.test_irradiance import (
     ABOVE,
     ALBEDO,
@@ -34,7 +36,6 @@ from tests.statistics.test_irradiance import (
     compare,
     expected_irradiance,
     film_points,
-    irradiances,
 )
 
 from primray.description import Light, LightType, Linked, Shadow, Sphere, Surface
@@ -54,7 +55,9 @@ def roof(height: float, surface: int = 1, half: float = 50.0, row: int = 0) -> S
     return replace(quad(corners, surface), link_row=row)
 
 
-def plane(lights: list[Light], shapes: list[Shape] = [], linked: Linked | None = None, row: int = 0, **more: Any) -> Described:  # noqa: B006
+def plane(
+    lights: list[Light], shapes: Sequence[Shape] = (), linked: Linked | None = None, row: int = 0, **more: Any
+) -> Described:
     """A ground seen from close above, below all else."""
     camera = orthographic(look_at([0, 0.01, 0], [0, 0, 0], up=(0, 0, -1)), HALF, clipping_range=(1e-4, 1.0))
     floor = replace(ground(5), link_row=row)
@@ -81,7 +84,7 @@ def expected(x: Light) -> np.ndarray:
 DOME = light(LightType.DOME)
 KINDS = {name: LIGHTS[name] for name in ("point", "sphere", "ellipsoid", "disk", "rect", "cylinder", "sun", "delta sun")}
 KINDS |= {"distant 120": LIGHTS["distant 120"], "dome": DOME}
-FREE = {
+FREE: dict[str, dict[str, Any]] = {
     "not cast by it": {"shadow_link": 1},
     "without shadows": {"shadow": Shadow(enabled=False)},
     "out of reach": {"shadow": Shadow(distance=0.02)},
@@ -110,8 +113,8 @@ def test_under_a_roof_that_casts_a_shadow(name: str) -> None:
 def test_shadow_color(name: str) -> None:
     """L (c + (1 - c) visible): with the same samples, an image between the one without shadows and the one with black ones."""
     x = KINDS[name]
-    partly = [replace(box([0.8, 0.3, 0.8], 1), link_row=0)]
-    shapes = [replace(partly[0], points=partly[0].points + np.float32([0.2, 0.4, 0.1]))]
+    part = box([0.8, 0.3, 0.8], 1)
+    shapes: list[Shape] = [replace(part, points=part.points + np.array([0.2, 0.4, 0.1], np.float32))]
 
     def image(**shadow: Any) -> np.ndarray:
         return irradiance(plane([replace(x, shadow=Shadow(**shadow))], shapes), 64)
@@ -125,12 +128,12 @@ def test_shadow_color(name: str) -> None:
     np.testing.assert_allclose(whole, c * bright, rtol=2e-5)
 
 
-def distances(height: float, direction: np.ndarray | None, source: np.ndarray | None = None) -> np.ndarray:
-    """From the middle of each pixel to a roof: along a direction, or towards a point."""
+def distances(height: float, source: np.ndarray) -> np.ndarray:
+    """From the middle of each pixel to a roof, towards a point."""
     c = ((np.arange(RESOLUTION) + 0.5) / RESOLUTION * 2 - 1) * HALF
     z, x = np.meshgrid(c, c, indexing="ij")
     p = np.stack([x, np.zeros_like(x), z], axis=-1)
-    to = np.broadcast_to(direction, p.shape) if source is None else source - p
+    to = source - p
     return height * np.linalg.norm(to, axis=-1) / to[..., 1]
 
 
@@ -148,7 +151,7 @@ def test_falloff_of_a_point_light(falloff: float, gamma: float, tint: tuple[floa
     # One sample in the middle of each pixel: an almost empty filter.
     shaded = render(plane([replace(x, shadow=shadow)], [roof(height)]).build(filter_width=1e-6), 2)
     plain = render(plane([x]).build(filter_width=1e-6), 2)
-    t, zone = distances(height, None, SOURCE), min(falloff, end)
+    t, zone = distances(height, SOURCE), min(falloff, end)
     strength = np.where(t < end, np.clip((end - t) / zone, 0, 1) ** gamma, 0.0)
     assert (strength == 0).any()
     assert (strength > 0.05).any()
@@ -161,7 +164,7 @@ def test_a_hard_end_of_shadows_is_where_the_distance_says() -> None:
     height, end = 0.5, 0.65
     x = light(LightType.POINT, translation(*SOURCE), 3.0, shadow=Shadow(distance=end))
     lit = render(plane([x], [roof(height)]).build(filter_width=1e-6), 2).pixels()[..., 0] > 0
-    assert (lit == (distances(height, None, SOURCE) >= end)).all()
+    assert (lit == (distances(height, SOURCE) >= end)).all()
     assert lit.any()
     assert not lit.all()
 

@@ -101,7 +101,6 @@ LightInput light_input(int type, const InArray<double>& matrix, nb::handle light
   l.type = LightType(type), l.world_from_light = affine_of(matrix), l.emission = vec3_of(light.attr("emission"));
   l.width = number("width"), l.height = number("height"), l.radius = number("radius"), l.length = number("length");
   l.angle_deg = number("angle_deg"), l.diffuse = float(number("diffuse")), l.specular = float(number("specular"));
-  if (!light.attr("shaping").is_none()) l.shaping = shaping_of(light.attr("shaping"), ies);
   l.link = nb::cast<int>(light.attr("light_link")), l.casters = nb::cast<int>(light.attr("shadow_link"));
   l.visible_to_camera = nb::cast<bool>(light.attr("visible_to_camera"));
   if (const nb::object shadow = light.attr("shadow"); !shadow.is_none()) {
@@ -110,6 +109,7 @@ LightInput light_input(int type, const InArray<double>& matrix, nb::handle light
     l.shadow_falloff = nb::cast<double>(shadow.attr("falloff")),
     l.shadow_gamma = nb::cast<double>(shadow.attr("falloff_gamma"));
   }
+  if (!light.attr("shaping").is_none()) l.shaping = shaping_of(light.attr("shaping"), ies);
   return l;
 }
 
@@ -177,9 +177,9 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("geometry_lights", [](const Scene& s) { return s.geometry_lights.all.size(); })
       .def_prop_ro("has_portals", [](const Scene& s) { return !s.lights.portals.empty(); })
       .def_prop_ro("domes", [](const Scene& s) { return s.lights.domes.size(); })
-      .def_prop_ro("has_shaping", [](const Scene& s) { return s.lights.has_shaping; })
       .def_prop_ro("has_links", [](const Scene& s) { return s.lights.links.any(); })
       .def_prop_ro("has_special_shadows", [](const Scene& s) { return !s.lights.shadow_rows.empty(); })
+      .def_prop_ro("has_shaping", [](const Scene& s) { return s.lights.has_shaping; })
       .def_prop_ro("has_lobe_factors", [](const Scene& s) { return s.lights.lobe_factors; })
       .def_prop_ro("resolution", [](const Scene& s) { return nb::make_tuple(s.camera.width, s.camera.height); })
       .def_prop_ro("has_lens", [](const Scene& s) { return s.camera.lens_radius > 0; });

@@ -32,10 +32,16 @@ struct ShadowStep {
     }
     through = straight_transmittance(Bsdf<W>(rows, active, wo, front));
   }
-  // Goes on from the point that was hit, as far as is left.
+  // Goes on from the point that was hit, as far as is left: to the same end, since that may lie so close to its light's surface
+  // that a ray beside it would meet that.
   PRIMRAY_INLINE void go_on(Rays<W>& rays) const {
     const vvec3<W> o = it.p + it.ng * (it.offset * select(front, vfloat<W>(-1.0f), vfloat<W>(1.0f)));
-    rays.tfar = rays.tfar - dot(o - rays.o, rays.d);
+    const vfloat<W> left = rays.tfar - dot(o - rays.o, rays.d);
+    const vbool<W> ends = (left > vfloat<W>(0.0f)) & (left < vfloat<W>(kInfinity));
+    const vvec3<W> to = rays.d * rays.tfar - (o - rays.o);
+    const vfloat<W> length_to = length(to);
+    rays.d = select(ends, to * (1.0f / length_to), rays.d);
+    rays.tfar = select(ends, length_to, left);
     rays.o = o;
   }
 };
@@ -87,7 +93,7 @@ PRIMRAY_INLINE vvec3<W> pass_special(const Scene& scene, RayRecorder* recorder, 
       const vbool<W> own = active & has_body & (emitter_light(scene, active, hits, step.it) == light);
       hidden |= own, active &= !own;
     }
-    const vfloat<W> distance = dot(step.it.p - from, rays.d);
+    const vfloat<W> distance = length(step.it.p - from);
     const vbool<W> caster = active & casting & in_collection(lights.links, step.it.link, shadow.casters);
     const vfloat<W> strength = shadow.strength(distance);
     open = select(caster, open * (vvec3<W>(one) - (vvec3<W>(one) - step.through) * strength), open);

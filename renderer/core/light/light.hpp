@@ -90,13 +90,13 @@ struct LightTable {
   bool needs_hit_test = false;      // some light has area or a cone that BSDF rays can meet
   bool camera_sees_area = false;
   bool lobe_factors = false;  // some light's diffuse or specular factor is not 1
-  ShapingTable shaping;
-  bool has_shaping = false;  // some light's emission depends on its direction
   // Linking; all empty where nothing is linked. Row by row, the collection that a light reaches.
   LinkTable links;
   std::vector<int32_t> light_link;
   LinkedLights linked;
-  std::vector<float> shadow_rows;      // kShadowFields a row, where some light is special; else empty
+  std::vector<float> shadow_rows;  // kShadowFields a row, where some light is special; else empty
+  ShapingTable shaping;
+  bool has_shaping = false;            // some light's emission depends on its direction
   static constexpr int kWeighed = 16;  // at most so many are weighed at every vertex
 
   const float* row(int light) const { return rows.data() + light * kLightFields; }

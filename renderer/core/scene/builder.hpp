@@ -100,12 +100,12 @@ class SceneBuilder {
   void end_placement();
   // A row for every instance that was not left out of the last placement.
   void add_placement_primvar(int name, int width, std::span<const float> values);
-  // Its number, for ShapingInput.
-  int add_ies_profile(const IesInput& profile);
   // Before shapes and lights: whether what wears row r is in collection c, (rows) (collections) flags; number 0 has all.
   void set_links(int rows, int collections, std::span<const uint8_t> members);
   // Of the shapes that follow.
   void set_link_row(int row) { link_row_ = row; }
+  // Its number, for ShapingInput.
+  int add_ies_profile(const IesInput& profile);
   // An image for rectangle lights; its number.
   int add_light_image(const ImageInput& image);
   // `image`: of a rectangle, or -1.

@@ -30,8 +30,8 @@ void SceneBuilder::add_light(const LightInput& light, int image) {
 int SceneBuilder::add_geometry_light(const LightInput& light) {
   GeometryLight to;
   to.radiance = light.emission, to.own = light.own, to.shown = light.shown, to.normalize = light.normalize;
-  to.shaping = light.shaping;
   to.rules = light;
+  to.shaping = light.shaping;
   to.row.assign(kLightFields, 0.0f);
   put_common_fields(light, scene_->lights, to.row.data());
   scene_->geometry_lights.all.push_back(std::move(to));

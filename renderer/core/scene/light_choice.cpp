@@ -1,3 +1,4 @@
+// See light_choice.hpp.
 #include "scene/light_choice.hpp"
 
 #include <algorithm>
@@ -15,7 +16,7 @@ struct Power {
   bool far;  // infinitely far: its power has no common measure with the rest
 };
 
-Power power_of(const float* row) {
+Power plain_power(const float* row) {
   const double s0 = row[kSize0], s1 = row[kSize1], e = std::max(double(row[kImportance]), 1e-30);
   switch (LightType(int(row[kType]))) {
     case LightType::kPoint:
@@ -37,6 +38,12 @@ Power power_of(const float* row) {
       return {e, true};
   }
   return {0, false};
+}
+
+Power power_of(const LightTable& table, const float* row) {
+  Power power = plain_power(row);
+  if (row[kShaping] != 0) power.amount *= table.shaping.row(int(row[kShaping]))[kMean];
+  return power;
 }
 
 // Adds 0 and the cumulative probabilities of `lights`: by power, but half of the choices for what is infinitely far, where
@@ -80,11 +87,7 @@ void build_linked_lights(LightTable& table, const std::vector<Power>& powers) {
 void build_light_choice(LightTable& table) {
   if (table.count <= LightTable::kWeighed) return;
   std::vector<Power> powers;
-  for (int i = 0; i < table.count; ++i) {
-    powers.push_back(power_of(table.row(i)));
-    if (const int shaping = int(table.row(i)[kShaping]); shaping != 0)
-      powers.back().amount *= table.shaping.row(shaping)[kMean];
-  }
+  for (int i = 0; i < table.count; ++i) powers.push_back(power_of(table, table.row(i)));
   std::vector<int32_t> all(size_t(table.count));
   std::iota(all.begin(), all.end(), 0);
   table.power_cdf.clear();

@@ -1,3 +1,4 @@
+// See light_rules.hpp.
 #include "scene/light_rules.hpp"
 
 #include <cmath>

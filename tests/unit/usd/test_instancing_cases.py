@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+import sys
 
 import pytest
 from pxr import Usd
@@ -132,7 +132,8 @@ def test_lights_inside_instancers_stand_where_their_instances_do() -> None:
     assert [light.world_from_light[:3, 3].tolist() for light in description.lights] == [[0, 2, 0], [3, 4, 0], [6, -2, 0]]
 
 
-def test_of_many_lights_the_first_are_lit_and_one_is_told(tmp_path: Path) -> None:
+def test_of_many_lights_the_first_are_lit_and_one_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.modules["primray.usd.translate"], "MAX_LIGHT_INSTANCES", 1000)
     lamp = '    def SphereLight "bulb"\n    {\n    }\n'
     count = 1500
     arrays = f"int[] protoIndices = {[0] * count}\npoint3f[] positions = {[(float(i), 0.0, 0.0) for i in range(count)]}"

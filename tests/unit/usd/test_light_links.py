@@ -161,10 +161,10 @@ def placed(d: SceneDescription, number: int) -> list[tuple[str, float]]:
 
     for p in d.static:
         add([p.shape], p.matrix[0, 3])
-    for p in d.placements:
-        for rows in p.chunks():
+    for placement in d.placements:
+        for rows in placement.chunks():
             for m in rows:
-                add([s.shape for s in d.prototypes[p.prototype].shapes], m[0, 3])
+                add([s.shape for s in d.prototypes[placement.prototype].shapes], m[0, 3])
     return sorted(found)
 
 
