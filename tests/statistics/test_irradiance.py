@@ -43,6 +43,10 @@ LIGHTS: dict[str, Light] = {
     "rect": light(LightType.RECT, ABOVE, width=1.2, height=0.7),
     "large rect": light(LightType.RECT, translation(0, 0.6, 0) @ rotation([1, 0, 0], -90), width=20.0, height=20.0),
     "sheared rect": light(LightType.RECT, ABOVE @ SHEAR, width=1.2, height=0.7),
+    "sheared sphere": light(LightType.SPHERE, ABOVE @ SHEAR, radius=0.4),
+    "sheared disk": light(LightType.DISK, ABOVE @ SHEAR, radius=0.6),
+    "sheared cylinder": light(LightType.CYLINDER, ABOVE @ SHEAR, radius=0.2, length=1.3),
+    "flat ellipsoid": light(LightType.SPHERE, ABOVE @ scaling(1.5, 1.0, 0.01), radius=0.4),
     "upright rect": light(LightType.RECT, translation(0, 0.5, -1.7) @ rotation([0, 1, 0], 180), width=2.0, height=1.4),
     "cylinder": light(LightType.CYLINDER, ABOVE, radius=0.2, length=1.5),
     "scaled cylinder": light(LightType.CYLINDER, ABOVE @ scaling(1.4, 0.5, 0.9), radius=0.3, length=1.0),
@@ -141,3 +145,47 @@ def test_lights_add_up() -> None:
     d = plane_under(LIGHTS["point"]).description
     together = Described(replace(d, lights=tuple(LIGHTS[n] for n in names)), {})
     compare(render(together.build(), SPP), np.sum([expected_irradiance(LIGHTS[n]) for n in names], axis=0))
+
+
+ELONGATED = {
+    "SphereLight": ("float inputs:radius = 0.3", light(LightType.SPHERE, np.eye(4), radius=0.3)),
+    "DiskLight": ("float inputs:radius = 0.4", light(LightType.DISK, np.eye(4), radius=0.4)),
+    "RectLight": (
+        "float inputs:width = 0.5\nfloat inputs:height = 0.8",
+        light(LightType.RECT, np.eye(4), width=0.5, height=0.8),
+    ),
+    "CylinderLight": (
+        "float inputs:radius = 0.15\nfloat inputs:length = 0.9",
+        light(LightType.CYLINDER, np.eye(4), radius=0.15, length=0.9),
+    ),
+}
+WARPS = {"scaled": scaling(1.7, 0.4, 0.9), "sheared": SHEAR @ rotation([1, 2, 3], 30)}
+
+
+@pytest.mark.conforms(
+    "LightAPI.inputs:normalize", "LightAPI.inputs:intensity", "SphereLight.inputs:radius", "DiskLight.inputs:radius",
+    "RectLight.inputs:width", "RectLight.inputs:height", "CylinderLight.inputs:radius", "CylinderLight.inputs:length",
+)  # fmt: skip
+@pytest.mark.parametrize("kind", ELONGATED)
+@pytest.mark.parametrize("warp", WARPS)
+def test_normalized_and_warped_stages(kind: str, warp: str) -> None:
+    """From a stage: irradiance by quadrature over the warped surface, divided by the quadrature's own area."""
+    from pxr import Usd
+    from tests.statistics.lights import patches
+
+    from primray.settings import RenderSettings
+    from primray.usd import translate
+
+    body, x = ELONGATED[kind]
+    m = ABOVE @ WARPS[warp]
+    rows = ", ".join(f"({', '.join(repr(float(v)) for v in row)})" for row in m.T)
+    stage = Usd.Stage.CreateInMemory()
+    stage.GetRootLayer().ImportFromString(
+        f'#usda 1.0\ndef {kind} "l"\n{{\n{body}\nfloat inputs:intensity = 7\nbool inputs:normalize = 1\n'
+        f'matrix4d xformOp:transform = ({rows})\nuniform token[] xformOpOrder = ["xformOp:transform"]\n}}\n'
+    )
+    (translated,) = translate(stage, RenderSettings())[0].lights
+    x = replace(x, world_from_light=m)
+    area = patches(x, 1000).area.sum()
+    result = render(plane_under(translated).build(), SPP)
+    compare(result, expected_irradiance(x) * 7 / area)

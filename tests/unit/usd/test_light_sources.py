@@ -230,9 +230,23 @@ def test_inputs_of_shapes_that_are_lights() -> None:
 
 @pytest.mark.conforms("MeshLightAPI.light:materialSyncMode", state="honoured")
 def test_no_glow_to_tint_is_told() -> None:
-    text = f'def Mesh "x" (prepend apiSchemas = ["MeshLightAPI"]) {{ {BODIES["Mesh"]} }}'
-    _, found = translated(text)
-    assert told(found, "/x") == [("light-dark", "light:materialSyncMode")]
+    dark = GLOW.replace("color3f inputs:emissiveColor = (0.5, 1, 2)", "")
+    body = f"{BODIES['Mesh']}\n rel material:binding = </m>"
+    text = f'def Mesh "x" (prepend apiSchemas = ["MeshLightAPI", "MaterialBindingAPI"]) {{ {body} }}\n'
+    assert told(translated(text + GLOW)[1], "/x") == []
+    assert told(translated(text + dark)[1], "/x") == [("light-dark", "light:materialSyncMode")]
+
+
+@pytest.mark.conforms("MeshLightAPI.light:materialSyncMode")
+@pytest.mark.parametrize("mode", ["materialGlowTintsLight", "independent"])
+def test_without_a_material_there_is_no_glow_to_relate_to(mode: str) -> None:
+    """The modes are "for a LightAPI applied to geometry that has a bound Material"."""
+    text = f'def Sphere "x" (prepend apiSchemas = ["MeshLightAPI"]) {{ uniform token light:materialSyncMode = "{mode}" }}'
+    description, found = translated(text)
+    light = description.shapes[0].light
+    assert light is not None
+    assert (light.own_color, light.shows_own) == (True, True)
+    assert told(found, "/x") == []
 
 
 def test_a_mode_that_is_none_is_told() -> None:
