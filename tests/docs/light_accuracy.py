@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from tests.reference.table import cases
+
 ROOT = Path(__file__).resolve().parents[2]
 RESULTS = ROOT / "tests" / "reference" / "results.json"
 PAGE = ROOT / "docs" / "light-accuracy.md"
@@ -15,10 +17,10 @@ HEAD = """# Accuracy of direct light
 A white Lambert plane under every light, rendered, against a deterministic quadrature in double precision that is written from
 UsdLux's text and shares no code with the renderer (`tests/reference`; held against closed forms in `test_quadrature.py`).
 
-- mean: the picture's mean over the referee's, less one, in parts of a million, and its standard error from the render's own error
-  channels;
-- chi²: mean square of every pixel's deviation in standard errors of that pixel, from {seeds} renders with {replicates} replicates;
-  1 is what noise alone gives, less where noise is below 3e-5 of a pixel, which is allowed for in addition;
+- mean: the picture's mean over the referee's, less one, in parts of a million, and its standard error from the render's own
+  error channels;
+- chi²: mean square of every pixel's deviation in standard errors of that pixel, from {seeds} renders with {replicates}
+  replicates; 1 is what noise alone gives, less where noise is below 3e-5 of a pixel, which is allowed for in addition;
 - largest: the largest deviation of a pixel, likewise. Pixels below 3 % of the brightest are judged as one.
 
 A case is off if its mean is by more than 0.1 % (beyond noise) or any of the three is less likely than {p:g} by chance.
@@ -38,6 +40,9 @@ def page(kept: dict[str, Any]) -> str:
         parts.append(f"## {group}\n\n| case | pixels x samples | mean, 1e-6 | chi² | largest | |\n|---|---|---|---|---|---|")
         parts += [_line(row) for row in rows if row["group"] == group]
         parts.append("")
+    missing = [case.id for case in cases() if case.id not in kept["cases"]]
+    if missing:
+        parts.append("## Not measured yet\n\n" + "\n".join(f"- {name}" for name in missing) + "\n")
     return "\n".join(parts)
 
 
@@ -46,7 +51,8 @@ def _line(row: dict[str, Any]) -> str:
     if not row["lit"]:
         return f"| {row['case']} | {samples} | black, as it should be | | | {'; '.join(row['faults'])} |"
     mean = f"{row['mean_error'] * 1e6:+.0f} ± {row['mean_stderr'] * 1e6:.0f}"
-    return f"| {row['case']} | {samples} | {mean} | {row['chi_square']:.2f} | {row['largest_z']:.1f} | {'; '.join(row['faults'])} |"
+    cells = (row["case"], samples, mean, f"{row['chi_square']:.2f}", f"{row['largest_z']:.1f}", "; ".join(row["faults"]))
+    return "| " + " | ".join(cells) + " |"
 
 
 if __name__ == "__main__":

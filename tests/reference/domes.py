@@ -9,6 +9,8 @@ between the kinks of a lat-long picture; 4 million directions for other formats.
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from tests.reference.adaptive import Doubles
 from tests.reference.emitters import Emitter
@@ -16,8 +18,10 @@ from tests.reference.emitters import Emitter
 Y_FROM_Z = np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])  # a Z-up dome's directions to a Y-up one's: z -> y, -y -> z
 
 
-def dome_irradiance(light: Emitter, n: Doubles) -> Doubles:
+@lru_cache(maxsize=16)
+def dome_irradiance(light: Emitter, normal: tuple[float, float, float]) -> Doubles:
     """(C,) for unit radiance times the picture."""
+    n = np.array(normal)
     if light.picture is None:
         return np.array([np.pi])
     steps = 2000

@@ -5,11 +5,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-from pxr import Usd
 from tests.reference.adaptive import Doubles, Integral
 from tests.reference.domes import dome_irradiance
-from tests.reference.emitters import Emitter, emitters
+from tests.reference.emitters import Emitter
 from tests.reference.lines import Lines
 from tests.reference.lines import irradiance as under_lines
 from tests.reference.round_shapes import cap_irradiance, sphere_area, sphere_irradiance
@@ -18,9 +19,9 @@ ORDER = 12  # nodes of a smooth piece within; the second order that checks it is
 RELATIVE = 1e-5
 
 
-def irradiance(stage: Usd.Stage, p: Doubles, n: Doubles, order: int = ORDER, relative: float = RELATIVE) -> Integral:
+def irradiance(lights: Sequence[Emitter], p: Doubles, n: Doubles, order: int = ORDER, relative: float = RELATIVE) -> Integral:
     total, error = np.zeros((p.shape[0], 3)), np.zeros(p.shape[0])
-    for light in emitters(stage):
+    for light in lights:
         one = irradiance_of(light, p, n, order, relative)
         total, error = total + one.value, error + one.error
     return Integral(total, error)
@@ -74,7 +75,7 @@ def _distant(light: Emitter, p: Doubles, n: Doubles, order: int, relative: float
 
 
 def _dome(light: Emitter, p: Doubles, n: Doubles, order: int, relative: float) -> Integral:
-    e = dome_irradiance(light, n)
+    e = dome_irradiance(light, tuple(n.tolist()))
     return Integral(np.broadcast_to(e, (p.shape[0], e.size)), np.zeros(p.shape[0]))
 
 

@@ -14,6 +14,7 @@ from statistics import NormalDist
 import numpy as np
 from pxr import Usd
 from tests.reference.adaptive import Doubles
+from tests.reference.emitters import Emitter, emitters
 from tests.reference.irradiance import ORDER, irradiance
 from tests.reference.stages import Plane
 
@@ -71,26 +72,27 @@ def replicates(stage: Usd.Stage, spp: int, seeds: int, resolution: tuple[int, in
 
 def expected(stage: Usd.Stage, plane: Plane, resolution: tuple[int, int]) -> tuple[Doubles, float]:
     """The referee's picture (H, W, 3), every pixel the average over its square, and its relative error."""
+    lights = emitters(stage)
     width, height = resolution
     j, i = np.meshgrid(np.arange(height), np.arange(width), indexing="ij")
     x, z = (2 * i.ravel() + 1) / width - 1, (2 * j.ravel() + 1) / height - 1
-    value, error = _average(stage, plane, x, z, np.full(x.size, 1 / width), np.full(x.size, 1 / height))
+    value, error = _average(lights, plane, x, z, np.full(x.size, 1 / width), np.full(x.size, 1 / height))
     top = max(float(value.max()), 1e-300)
     probe = np.argsort(value.max(axis=1))[:: max(1, x.size // 24)]
     p = plane.world(x[probe], z[probe])
-    two = [irradiance(stage, p, plane.normal, order).value for order in (ORDER, ORDER + ORDER // 2)]
+    two = [irradiance(lights, p, plane.normal, order).value for order in (ORDER, ORDER + ORDER // 2)]
     within = np.abs(two[0] - two[1]).max() / max(two[1].max(), 1e-300)
     return value.reshape(height, width, 3) / math.pi, float(error / top + within)
 
 
-def _average(stage: Usd.Stage, plane: Plane, x: Doubles, z: Doubles, hx: Doubles, hz: Doubles) -> tuple[Doubles, float]:
+def _average(lights: list[Emitter], plane: Plane, x: Doubles, z: Doubles, hx: Doubles, hz: Doubles) -> tuple[Doubles, float]:
     """Over rectangles: 2 x 2 Gauss points, quartered where the middle says otherwise."""
     value, error = np.zeros((x.size, 3)), 0.0
     cell, share = np.arange(x.size), np.ones(x.size)
     top = 0.0
     for level in range(_LEVELS):
-        fine, bound = _gauss(stage, plane, x, z, hx, hz, 2)
-        coarse, _ = _gauss(stage, plane, x, z, hx, hz, 1)
+        fine, bound = _gauss(lights, plane, x, z, hx, hz, 2)
+        coarse, _ = _gauss(lights, plane, x, z, hx, hz, 1)
         top = max(top, float(fine.max(initial=0.0)))
         done = (np.abs(fine - coarse).max(axis=1) * share <= _PIXEL_TOLERANCE * top) | (level == _LEVELS - 1)
         np.add.at(value, cell[done], (fine * share[:, None])[done])
@@ -105,12 +107,12 @@ def _average(stage: Usd.Stage, plane: Plane, x: Doubles, z: Doubles, hx: Doubles
 
 
 def _gauss(
-    stage: Usd.Stage, plane: Plane, x: Doubles, z: Doubles, hx: Doubles, hz: Doubles, order: int
+    lights: list[Emitter], plane: Plane, x: Doubles, z: Doubles, hx: Doubles, hz: Doubles, order: int
 ) -> tuple[Doubles, float]:
     nodes, weights = np.polynomial.legendre.leggauss(order)
     a, b = (g.ravel() for g in np.meshgrid(nodes, nodes, indexing="ij"))
     p = plane.world(x[:, None] + hx[:, None] * a, z[:, None] + hz[:, None] * b)
-    e = irradiance(stage, p.reshape(-1, 3), plane.normal)
+    e = irradiance(lights, p.reshape(-1, 3), plane.normal)
     weight = np.outer(weights, weights).ravel() / 4
     value: Doubles = np.einsum("qkc,k->qc", e.value.reshape(x.size, -1, 3), weight)
     return value, float(e.error.max(initial=0.0))

@@ -26,9 +26,11 @@ def sky(height: int = 8) -> np.ndarray:
 
 
 def smooth(size: int = 96) -> np.ndarray:
-    """A picture for balls: waves of unlike colours."""
+    """A picture for balls: waves of unlike colours, even at the rim, since the text is silent on what lies beyond it."""
     t, s = np.meshgrid((np.arange(size) + 0.5) / size, (np.arange(size) + 0.5) / size, indexing="ij")
-    return np.stack([1 + np.sin(4 * s + 1), 1 + np.cos(5 * t), 1 + np.sin(3 * s + 4 * t)], axis=-1) / 2
+    waves = np.stack([1 + np.sin(4 * s + 1), 1 + np.cos(5 * t), 1 + np.sin(3 * s + 4 * t)], axis=-1) / 2
+    inside = np.clip((0.93 - np.hypot(2 * s - 1, 2 * t - 1)) / 0.2, 0, 1)[..., None]
+    return 0.6 + (waves - 0.6) * inside
 
 
 def cross(size: int = CROSS_FACE) -> np.ndarray:
@@ -115,7 +117,7 @@ def mesh_cases() -> list[Case]:
 
     def mesh(name: str, m: np.ndarray, shape: str, *more: str, **values: Any) -> Case:
         return at(
-            g, name, "Mesh", m, mode, lines=[shape, *more], apis=["MeshLightAPI"], spp=2048, quick=name == "cube", **values
+            g, name, "Mesh", m, mode, lines=[shape, *more], apis=["MeshLightAPI"], spp=2048, quick=name == "cube without a material", **values
         )
 
     return [

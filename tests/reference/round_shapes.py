@@ -138,7 +138,7 @@ def _breaks(light: Emitter, q: Doubles, x: Doubles, y: Doubles, n: Doubles) -> l
 
 
 def _on_cone(q: Doubles, x: Doubles, y: Doubles, axis: Doubles, angle: float) -> npt.NDArray[np.complex128]:
-    """Coefficients of exp(i k phi), k = -2 .. 2, of what is 0 where d = q - x cos - y sin lies on the cone: from five values."""
+    """Coefficients of exp(i k phi), k = -2 .. 2, of what is 0 where d = q - x cos - y sin is on the cone: by five values."""
     phi = np.arange(5) * TAU / 5
     d = q[..., None, :] - x[..., None, :] * np.cos(phi)[:, None] - y[..., None, :] * np.sin(phi)[:, None]
     e = (d @ axis) ** 2 - np.cos(angle) ** 2 * np.einsum("...i,...i->...", d, d)
@@ -146,7 +146,7 @@ def _on_cone(q: Doubles, x: Doubles, y: Doubles, axis: Doubles, angle: float) ->
 
 
 def _kinks(q: Doubles, x: Doubles, y: Doubles, axis: Doubles, angle: float) -> Doubles:
-    """phi in [0, 2 pi) on a cone where the integrand only bends: found by signs; two close by may be passed over."""
+    """phi in [0, 2 pi) on a cone where the integrand only bends: found by signs; close pairs may be passed over."""
     c = _on_cone(q, x, y, axis, angle)
     # Real form: constant, cosines, sines.
     a = np.stack([c[..., 2].real, 2 * c[..., 3].real, -2 * c[..., 3].imag, 2 * c[..., 4].real, -2 * c[..., 4].imag], axis=-1)

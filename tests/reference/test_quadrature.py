@@ -19,7 +19,7 @@ DOWNWARD = translation(0, 1, 0) @ rotation([1, 0, 0], -90)
 
 
 def received(prims: str, p: np.ndarray = POINTS, n: np.ndarray = UP) -> np.ndarray:
-    return irradiance(stage(prims, Plane()), p, n).value[:, 0]
+    return irradiance(emitters(stage(prims, Plane())), p, n).value[:, 0]
 
 
 def lambert_polygon(p: np.ndarray, n: np.ndarray, corners: np.ndarray) -> float:
@@ -193,7 +193,7 @@ def test_hard_cone_on_a_disk(angle: float) -> None:
 def test_focus_on_a_disk() -> None:
     """On the axis, focus k: integral of cos^(k+1) sin over the angle, with the tint in the green channel."""
     text = shaped("DiskLight", DOWNWARD, "float inputs:shaping:focus = 3", "color3f inputs:shaping:focusTint = (0, 0.5, 1)")
-    found = irradiance(stage(text, Plane()), np.zeros((1, 3)), UP).value[0]
+    found = irradiance(emitters(stage(text, Plane())), np.zeros((1, 3)), UP).value[0]
     c, whole = 1 / np.sqrt(1.25), pi * 0.2
     focused = 2 * pi * (1 - c**5) / 5
     np.testing.assert_allclose(found, [focused, (focused + whole) / 2, whole], rtol=2e-6)
