@@ -16,7 +16,7 @@ from tests.reference.lines import irradiance as under_lines
 from tests.reference.round_shapes import cap_irradiance, sphere_area, sphere_irradiance
 
 ORDER = 12  # nodes of a smooth piece within; the second order that checks it is half as much again
-RELATIVE = 1e-5
+RELATIVE = 5e-6
 
 
 def irradiance(lights: Sequence[Emitter], p: Doubles, n: Doubles, order: int = ORDER, relative: float = RELATIVE) -> Integral:
