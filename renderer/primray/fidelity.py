@@ -87,6 +87,8 @@ FIDELITY: dict[str, Fidelity] = {
     "unsupported-light": Fidelity(
         Kind.MISSING, "Replace the light by one that is supported, such as a RectLight or a DomeLight."
     ),
+    "link-empty": Fidelity(Kind.NOTE, "Correct the collection's targets if the light was meant to reach something."),
+    "link-limited": Fidelity(Kind.IGNORED, "Use fewer distinct collections for linking, or link fewer instances apart."),
     "light-input": Fidelity(
         Kind.IGNORED, "Remove the input if it means nothing for this light; the message says what is used."
     ),

@@ -117,7 +117,16 @@ def mesh_cases() -> list[Case]:
 
     def mesh(name: str, m: np.ndarray, shape: str, *more: str, **values: Any) -> Case:
         return at(
-            g, name, "Mesh", m, mode, lines=[shape, *more], apis=["MeshLightAPI"], spp=2048, quick=name == "cube without a material", **values
+            g,
+            name,
+            "Mesh",
+            m,
+            mode,
+            lines=[shape, *more],
+            apis=["MeshLightAPI"],
+            spp=2048,
+            quick=name == "cube without a material",
+            **values,
         )
 
     return [

@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "integrator/emission.hpp"
+#include "integrator/emitter.hpp"
 #include "integrator/first_hit.hpp"
 #include "integrator/interaction.hpp"
 #include "sampler/sampler.hpp"
@@ -65,6 +66,16 @@ class FirstHitTask {
     }
   }
 
+  // What a surface that the camera sees along unit `d` shines with, by its presence.
+  V shown(B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows, const V& d) const {
+    const F presence = rows(kPresence);
+    const V glow = rows.color(kEmission) * presence;
+    if (!scene_.geometry_lights.any()) return glow;
+    PathLanes<W> p;
+    p.ray.d = d, p.bsdf_pdf = F(0.0f), p.share = V(F(0.0f)), p.depth = I(0), p.link = I(kUnlinkedRow);
+    return shown_emission(scene_, hit, hits, it, p, glow, presence);
+  }
+
   void filtered(const PixelRect& r) {
     const int width = r.x1 - r.x0, slots = width * (r.y1 - r.y0) * kFilteredSamples;
     double sums[6] = {};
@@ -84,11 +95,11 @@ class FirstHitTask {
       follow(
           I(at) + lane_numbers<W>() < I(slots), ray,
           [&](B m, const V& light) { emission += select(m, light * left, V(F(0.0f))); },
-          [&](B hit, const Hits<W>&, const Interaction<W>& it, const SurfaceRows<W>& rows) {
+          [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows) {
             const F presence = rows(kPresence);
             const F share = left * presence;
             albedo += select(hit, normal_albedo(rows, it.color) * share, V(F(0.0f)));
-            if (scene_.has_emission) emission += select(hit, rows.color(kEmission) * share, V(F(0.0f)));
+            if (scene_.has_emission) emission += select(hit, shown(hit, hits, it, rows, ray.d) * left, V(F(0.0f)));
             left = select(hit, left * (1.0f - presence), left);
             return hit & (left > F(0.0f));
           });
@@ -127,7 +138,7 @@ class FirstHitTask {
     p.beta = V(F(1.0f)), p.share = V(F(0.0f));
     p.bsdf_pdf = p.travelled = F(0.0f), p.splits = F(1.0f);
     p.cone_width = F(scene_.camera.cone_width()), p.cone_spread = F(scene_.camera.cone_spread());
-    p.slot = p.depth = p.vertex = I(0);
+    p.slot = p.depth = p.vertex = I(0), p.link = I(kUnlinkedRow);
     for (int layer = 0; layer < kMostLayers && any(active); ++layer) {
       const Hits<W> hits = intersect_packet(scene_.accel(), active, p.ray);
       B hit = active & (hits.geom != I(-1));

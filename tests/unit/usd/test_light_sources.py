@@ -182,7 +182,7 @@ def shape_light(kind: str, body: str, schema: str = "LightAPI", extra: str = "")
     )
 
 
-ROWS = ("LightAPI.light:materialSyncMode", "MeshLightAPI.light:materialSyncMode", "LightAPI.inputs:intensity")
+ROWS: tuple[str, ...] = ("LightAPI.light:materialSyncMode", "MeshLightAPI.light:materialSyncMode", "LightAPI.inputs:intensity")
 ROWS += ("LightAPI.inputs:exposure", "LightAPI.light:shaderId", "MeshLightAPI.light:shaderId")
 
 

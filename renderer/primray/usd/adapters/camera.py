@@ -41,7 +41,7 @@ def read_aperture(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Apert
         size = number(prim, name, when, default, diagnostics)
         if size > 0:
             return size
-        diagnostics.add("camera-input", str(prim.GetPath()), f"{name} = {size:g} is not positive: {default:g} is used.", name)
+        diagnostics.add("out-of-range", str(prim.GetPath()), f"{name} = {size:g} is not positive: {default:g} is used.", name)
         return default
 
     return Aperture(
@@ -86,7 +86,7 @@ def camera(
     orthographic = token(prim, "projection", when, "perspective") == "orthographic"
     focal = number(prim, "focalLength", when, 50.0, diagnostics)
     if focal <= 0 and not orthographic:
-        diagnostics.add("camera-input", path, f"focalLength = {focal:g} is not positive: 50 is used.", "focalLength")
+        diagnostics.add("out-of-range", path, f"focalLength = {focal:g} is not positive: 50 is used.", "focalLength")
         focal = 50.0
     window = window_of(aperture, MM if orthographic else 1.0 / focal)
     if not _is_usable(window):

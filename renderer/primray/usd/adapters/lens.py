@@ -59,7 +59,7 @@ def read_lens(prim: Usd.Prim, focal: float, when: When, disabled: bool, diagnost
     path = str(prim.GetPath())
     for name, found in (("fStop", f_stop), ("focusDistance", focus)):
         if found < 0:
-            diagnostics.add("camera-input", path, f"{name} = {found:g} is below 0: a pinhole is used.", name)
+            diagnostics.add("out-of-range", path, f"{name} = {found:g} is below 0: a pinhole is used.", name)
     if disabled or f_stop <= 0 or focus <= 0:
         return Lens()
     radius = MM * focal / (2.0 * f_stop)

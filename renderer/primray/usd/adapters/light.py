@@ -52,9 +52,12 @@ def _radiance(prim: ResolvedPrim, ctx: Context) -> Color:
 def _emission(prim: ResolvedPrim, emission: Color, brightest: float, ctx: Context) -> Color:
     """As much of it as can be rendered: light is not negative, and single precision ends."""
     if min(emission) < 0:
-        ctx.warn("light-input", prim.path, f"Its emission {_shown(emission)} is negative: that is taken as 0.")
+        ctx.warn(
+            "out-of-range", prim.path, f"Its emission {_shown(emission)} is negative: that is taken as 0.", "inputs:intensity"
+        )
     if max(emission) > brightest:
-        ctx.warn("light-input", prim.path, f"Its emission {_shown(emission)} is taken as no more than {brightest:g}.")
+        message = f"Its emission {_shown(emission)} is taken as no more than {brightest:g}."
+        ctx.warn("out-of-range", prim.path, message, "inputs:intensity")
     r, g, b = (min(max(x, 0.0), brightest) for x in emission)
     return (r, g, b)
 
@@ -78,7 +81,7 @@ def _sized(prim: ResolvedPrim, radiance: Color, area: float, ctx: Context) -> Co
 def _size(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:
     size = _number(prim, name, default, ctx)
     if size < 0:
-        ctx.warn("light-input", prim.path, f"{name} = {size:g} is negative: it is taken as {-size:g}.")
+        ctx.warn("out-of-range", prim.path, f"{name} = {size:g} is negative: it is taken as {-size:g}.", name)
     return max(abs(size), SMALLEST) if _normalizes(prim, ctx) else abs(size)
 
 
@@ -245,7 +248,8 @@ def _within(prim: ResolvedPrim, name: str, default: float, low: float, high: flo
     found = _number(prim, name, default, ctx)
     inside = min(max(found, low), high)
     if inside != found:
-        ctx.warn("light-input", prim.path, f"{name} = {found:g} is outside [{low:g}, {high:g}]: it is taken as {inside:g}.")
+        message = f"{name} = {found:g} is outside [{low:g}, {high:g}]: it is taken as {inside:g}."
+        ctx.warn("out-of-range", prim.path, message, name)
     return inside
 
 

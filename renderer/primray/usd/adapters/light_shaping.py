@@ -82,7 +82,7 @@ def _focus(prim: ResolvedPrim, ctx: Context) -> float:
 def _tint(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, float]:
     r, g, b = light_color(prim, TINT, (0.0, 0.0, 0.0), ctx)
     if min(r, g, b) < 0:
-        ctx.warn("light-input", prim.path, f"{TINT} = ({r:g}, {g:g}, {b:g}) is negative: that is taken as 0.", TINT)
+        ctx.warn("out-of-range", prim.path, f"{TINT} = ({r:g}, {g:g}, {b:g}) is negative: that is taken as 0.", TINT)
     return (max(r, 0.0), max(g, 0.0), max(b, 0.0))
 
 
@@ -99,7 +99,7 @@ def _softness(prim: ResolvedPrim, ctx: Context) -> float:
     inside = min(max(softness, 0.0), 1.0)
     if inside != softness:
         message = f"{SOFTNESS} = {softness:g} is outside [0, 1]: it is taken as {inside:g}."
-        ctx.warn("light-input", prim.path, message, SOFTNESS)
+        ctx.warn("out-of-range", prim.path, message, SOFTNESS)
     return inside
 
 
