@@ -156,7 +156,7 @@ def test_cameras_that_cannot_be(attribute: str, measured: Measured) -> None:
     image = seen(attribute)
     found = codes(image)
     assert found
-    assert set(found) <= {"camera-input", "wrong-type", "motion"}
+    assert set(found) <= {"camera-input", "out-of-range", "wrong-type", "motion"}
     np.testing.assert_array_equal(image.pixels, PLAIN)
     measured(f"`{found[0]}`")
 

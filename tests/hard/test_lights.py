@@ -240,37 +240,56 @@ def test_distant_out_of_range(angle: float, measured: Measured) -> None:
 
     found = of(angle)
     np.testing.assert_array_equal(found.pixels, of(min(max(angle, 0.0), 360.0)).pixels)
-    assert set(found.noted) == {"light-input"}
-    measured("as that, light-input")
+    assert set(found.noted) == {"out-of-range"}
+    measured("as that, out-of-range")
 
 
-@pytest.mark.parametrize(
-    "shape", ["cone:angle = 0", "cone:angle = 90", "cone:angle = nan", "focus = 10000", "cone:softness = 1"]
-)
-@pytest.mark.hard_case("Lights", "shaping:%s", expected="a diagnostic, the light as without (shaping is not supported yet)")
+# What is left of the light straight ahead of a small sphere: the formula's own values.
+SHAPED: dict[str, tuple[float, set[str]]] = {
+    "cone:angle = 0": (0.0, {"light-dark"}),
+    "cone:angle = 90": (1.0, set()),
+    "cone:angle = nan": (1.0, {"wrong-type"}),
+    "cone:angle = 180": (1.0, set()),
+    "focus = -1": (1.0, {"light-input"}),
+    "cone:softness = 2": (1.0, {"out-of-range"}),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPED)
+@pytest.mark.hard_case("Lights", "shaping:%s", expected="the formula's value, and a diagnostic where a value is changed")
 def test_shaping(shape: str, measured: Measured) -> None:
-    for kind in ("sphere", "cylinder"):
-        name, _, _, turn = KINDS[kind]
-        plain = irradiance(light(name, at=placed(y=2.0, rotate_x=turn)))
-        shaped = irradiance(light(name, f"float inputs:shaping:{shape}", at=placed(y=2.0, rotate_x=turn), apis=["ShapingAPI"]))
-        np.testing.assert_array_equal(shaped.pixels, plain.pixels)
-        assert "light-input" in shaped.noted
-    measured("the light as it is, light-input")
+    share, codes = SHAPED[shape]
+    at, tiny = placed(y=2000.0, rotate_x=-90), ("float inputs:radius = 0.001", "float inputs:intensity = 1e12")
+    plain = irradiance(light("SphereLight", *tiny, at=at))
+    shaped = irradiance(light("SphereLight", f"float inputs:shaping:{shape}", *tiny, at=at, apis=["ShapingAPI"]))
+    np.testing.assert_allclose(shaped.pixels, share * plain.pixels, rtol=1e-4)
+    assert set(shaped.noted) == codes
+    measured(f"{share:g} of the light ahead" + "".join(f", `{code}`" for code in sorted(codes)))
+
+
+@pytest.mark.hard_case("Lights", "shaping:focus = 10000", expected="cos^10000 of the angle off the axis")
+def test_sharp_focus(measured: Measured) -> None:
+    angle = math.radians(0.5)
+    at, tiny = placed(y=2000.0, rotate_x=-90.5), ("float inputs:radius = 0.001", "float inputs:intensity = 1e12")
+    plain = irradiance(light("SphereLight", *tiny, at=at))
+    focused = irradiance(light("SphereLight", "float inputs:shaping:focus = 10000", *tiny, at=at, apis=["ShapingAPI"]))
+    near(focused.mean, plain.mean * math.cos(angle) ** 10000, 2e-3)
+    measured(f"{focused.mean / plain.mean:.3f} at half a degree")
 
 
 BAD: dict[str, tuple[str, set[str]]] = {
     "intensity nan": ("float inputs:intensity = nan", {"wrong-type"}),
     "intensity inf": ("float inputs:intensity = inf", {"wrong-type"}),
-    "intensity -1": ("float inputs:intensity = -1", {"light-input"}),
-    "intensity 1e38": ("float inputs:intensity = 1e38", {"light-input"}),
-    "exposure 1e3": ("float inputs:exposure = 1000", {"light-input"}),
+    "intensity -1": ("float inputs:intensity = -1", {"out-of-range"}),
+    "intensity 1e38": ("float inputs:intensity = 1e38", {"out-of-range"}),
+    "exposure 1e3": ("float inputs:exposure = 1000", {"out-of-range"}),
     "exposure -1e3": ("float inputs:exposure = -1000", set()),
     "exposure nan": ("float inputs:exposure = nan", {"wrong-type"}),
     "color nan": ("color3f inputs:color = (nan, 1, 1)", {"wrong-type"}),
-    "color -1": ("color3f inputs:color = (-1, 1, 1)", {"light-input"}),
-    "diffuse -1": ("float inputs:diffuse = -1", {"light-input"}),
+    "color -1": ("color3f inputs:color = (-1, 1, 1)", {"out-of-range"}),
+    "diffuse -1": ("float inputs:diffuse = -1", {"out-of-range"}),
     "radius nan": ("float inputs:radius = nan", {"wrong-type"}),
-    "radius -0.5": ("float inputs:radius = -0.5", {"light-input"}),
+    "radius -0.5": ("float inputs:radius = -0.5", {"out-of-range"}),
     "scale 0": ("", {"light-dark"}),
     "flat": ("", {"light-dark"}),
 }

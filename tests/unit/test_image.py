@@ -151,7 +151,7 @@ def test_a_failed_write_leaves_the_old_file(picture: Image, tmp_path: Path, monk
     path = picture.save(tmp_path / "a.exr")
     before = path.read_bytes()
 
-    def fail(path: str, spec: Any, pixels: Any) -> None:
+    def fail(path: str, *rest: Any) -> None:
         Path(path).write_bytes(b"half")
         raise PrimrayError("disk full", code="write-failed")
 

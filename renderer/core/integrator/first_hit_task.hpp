@@ -67,7 +67,8 @@ class FirstHitTask {
   }
 
   // What a surface that the camera sees along unit `d` shines with, by its presence.
-  V shown(B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows, const V& d) const {
+  vvec3<W> shown(vbool<W> hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows,
+                 const vvec3<W>& d) const {
     const F presence = rows(kPresence);
     const V glow = rows.color(kEmission) * presence;
     if (!scene_.geometry_lights.any()) return glow;

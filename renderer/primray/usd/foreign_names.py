@@ -8,6 +8,8 @@ from functools import cache
 
 from pxr import Usd
 
+from .adapters.lens import CONVENTIONS, LENS_WORDS
+from .adapters.light_visibility import ATTRIBUTES as VISIBILITY
 from .context import Context
 from .resolve import ResolvedPrim
 
@@ -20,6 +22,9 @@ _WITHIN = frozenset({"primvars", "inputs", "outputs"})
 _LIGHT_SCHEMAS = ("LightAPI", "ShapingAPI", "ShadowAPI")
 _EXTENSIONS = ("inputs:visibility:",)  # read by some renderers, no part of UsdLux
 
+# Other renderers' attributes that are read here, or are told of where they are looked for.
+_READ = frozenset(VISIBILITY) | {name for c in CONVENTIONS for name in (c.blades, c.rotation_deg, c.roundness)}
+
 
 @dataclass
 class NameSet:
@@ -31,7 +36,9 @@ class NameSet:
 
 
 def renderer_of(name: str) -> str:
-    """The renderer that an attribute speaks to, "" for none."""
+    """The renderer that an attribute speaks to, "" for none or where the attribute is read here."""
+    if name in _READ or any(word in name.lower() for word in LENS_WORDS):
+        return ""
     first, _, rest = name.partition(":")
     if first in _WITHIN:
         first, _, rest = rest.partition(":")

@@ -60,7 +60,7 @@ def test_thin_lens() -> None:
 )
 def test_lenses_that_cannot_be(body: str, attribute: str) -> None:
     camera, codes = camera_of(body)
-    assert (camera.lens_radius, codes) == (0, [("camera-input", attribute)])
+    assert (camera.lens_radius, codes) == (0, [("out-of-range", attribute)])
 
 
 @pytest.mark.conforms("Camera.projection", "Camera.fStop")
@@ -357,5 +357,5 @@ def test_movers_inside_instances_have_their_names() -> None:
 def test_sizes_that_cannot_be(name: str, size: str) -> None:
     camera, codes = camera_of(f"float {name} = {size}")
     assert camera.window == pytest.approx(only("").window)
-    assert set(codes) == {("camera-input", name)}
+    assert set(codes) == {("out-of-range", name)}
     assert all(map(math.isfinite, camera.window))

@@ -176,10 +176,10 @@ def test_sizes_and_emission_in_range() -> None:
         return {code for code, path in translate_text(f'def SphereLight "light"\n{{\n{body}\n}}\n')[1] if path == "/light"}
 
     assert light("float inputs:radius = -2").radius == 2
-    assert noted("float inputs:radius = -2") == {"light-input"}
+    assert noted("float inputs:radius = -2") == {"out-of-range"}
     assert light("float inputs:exposure = 1000").emission == (1e30,) * 3
     assert light("color3f inputs:color = (-1, 0.5, 2)").emission == (0.0, 0.5, 2.0)
-    assert noted("float inputs:intensity = -1") == {"light-input"}
+    assert noted("float inputs:intensity = -1") == {"out-of-range"}
     hot = "bool inputs:enableColorTemperature = 1\nfloat inputs:colorTemperature = %s"
-    assert noted(hot % 20000) == {"light-input"}
+    assert noted(hot % 20000) == {"out-of-range"}
     assert not noted(hot % 10000)

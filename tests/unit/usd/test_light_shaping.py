@@ -75,8 +75,8 @@ def test_points_and_lines_are_shaped() -> None:
 def test_values_out_of_range_name_their_attribute() -> None:
     wide = "float inputs:shaping:cone:angle = 180\n"
     assert noted(wide + "float inputs:shaping:focus = -1") == {("light-input", "inputs:shaping:focus")}
-    assert noted(wide + "float inputs:shaping:cone:softness = 1.5") == {("light-input", "inputs:shaping:cone:softness")}
-    assert noted(wide + "color3f inputs:shaping:focusTint = (0, -1, 0)") == {("light-input", "inputs:shaping:focusTint")}
+    assert noted(wide + "float inputs:shaping:cone:softness = 1.5") == {("out-of-range", "inputs:shaping:cone:softness")}
+    assert noted(wide + "color3f inputs:shaping:focusTint = (0, -1, 0)") == {("out-of-range", "inputs:shaping:focusTint")}
     assert noted("float inputs:shaping:cone:angle = 0") == {("light-dark", "inputs:shaping:cone:angle")}
     assert {code for code, _ in noted("float inputs:shaping:cone:angle = nan")} == {"wrong-type"}
     soft, _ = light(wide + "float inputs:shaping:cone:softness = 1.5")
