@@ -48,6 +48,9 @@ docs: setup  ## bring the generated pages and parts of README.md up to date
 	$(BIN)/python -m tests.docs.supported
 	$(BIN)/python -m tests.docs.hard_cases
 	$(BIN)/python -m tests.docs.openapi
+	$(BIN)/python -m tests.docs.fidelity
+	$(BIN)/python -m tests.docs.conformance
+	$(BIN)/python -m tests.docs.light_accuracy
 
 bench: setup  ## run the benchmarks of tests/bench
 	$(BIN)/python -m tests.bench

@@ -58,6 +58,7 @@ EXPRESSION = NONE_BUT + 'uniform pathExpression COL:membershipExpression = "{}"'
 
 
 @pytest.mark.conforms("LightAPI.collection:lightLink:includeRoot", "LightAPI.collection:shadowLink:includeRoot")
+@pytest.mark.conforms("LightAPI.collection:lightLink", "LightAPI.collection:shadowLink")
 @pytest.mark.parametrize("collection", ["lightLink", "shadowLink"])
 @pytest.mark.parametrize(
     ("body", "expected"),

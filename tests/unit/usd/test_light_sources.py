@@ -254,11 +254,16 @@ def test_a_mode_that_is_none_is_told() -> None:
     assert ("light-input", "light:materialSyncMode") in told(found, "/x")
 
 
-@pytest.mark.conforms("LightAPI.light:shaderId", state="diagnosed")
-def test_other_shaders_are_told() -> None:
-    _, found = translated('def RectLight "x" { uniform token light:shaderId = "MyLight" }')
+SHADERS = {name: name for name in ("DistantLight", "DiskLight", "RectLight", "SphereLight", "CylinderLight", "DomeLight")}
+SHADERS["DomeLight_1"] = "DomeLight"
+
+
+@pytest.mark.conforms("LightAPI.light:shaderId", *(f"{kind}.light:shaderId" for kind in SHADERS), state="diagnosed")
+@pytest.mark.parametrize("kind", SHADERS)
+def test_other_shaders_are_told(kind: str) -> None:
+    _, found = translated(f'def {kind} "x" {{ uniform token light:shaderId = "MyLight" }}')
     assert told(found, "/x") == [("light-input", "light:shaderId")]
-    _, found = translated('def RectLight "x" { uniform token light:shaderId = "RectLight" }')
+    _, found = translated(f'def {kind} "x" {{ uniform token light:shaderId = "{SHADERS[kind]}" }}')
     assert told(found, "/x") == []
 
 
@@ -271,6 +276,7 @@ def test_what_cannot_be_a_light_is_told(kind: str) -> None:
 
 
 @pytest.mark.conforms("LightAPI.light:filters", "LightFilter.lightFilter:shaderId", state="diagnosed")
+@pytest.mark.conforms("LightFilter.collection:filterLink", "LightFilter.collection:filterLink:includeRoot", state="diagnosed")
 @pytest.mark.conforms("GeometryLight.geometry", "GeometryLight.light:shaderId", state="diagnosed")
 @pytest.mark.parametrize("kind", ["LightFilter", "PluginLight", "PluginLightFilter", "GeometryLight"])
 def test_other_kinds_are_told(kind: str) -> None:

@@ -338,6 +338,7 @@ def test_source_types() -> None:
     assert (found[0].variables[0].source_type, codes) == ("raw", [("render-settings-input", "/v", "sourceType")])
 
 
+PASS_COLLECTIONS = ("renderVisibility", "cameraVisibility", "prune", "matte")
 PASS_PROPERTIES = {
     "passType": 'uniform token passType = "prman"',
     "command": 'uniform string[] command = ["render"]',
@@ -351,6 +352,7 @@ PASS_PROPERTIES = {
 }
 
 
+@pytest.mark.conforms(*(f"RenderPass.collection:{name}" for name in PASS_COLLECTIONS), state="diagnosed")
 @pytest.mark.conforms(
     *(f"RenderPass.{name}" for name in (*list(PASS_PROPERTIES)[:5], *list(PASS_PROPERTIES)[5:7])), state="diagnosed"
 )
