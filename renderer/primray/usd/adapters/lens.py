@@ -65,7 +65,7 @@ def read_lens(prim: Usd.Prim, focal: float, when: When, disabled: bool, diagnost
     radius = MM * focal / (2.0 * f_stop)
     if not max(radius, radius / focus) < WIDEST:
         sentence = f"A lens of radius {radius:g} cannot focus at {focus:g}: a pinhole is used."
-        diagnostics.add("camera-input", path, sentence, "fStop")
+        diagnostics.add("out-of-range", path, sentence, "fStop")
         return Lens()
     return Lens(radius, focus, *_blades(prim, when, diagnostics))
 
