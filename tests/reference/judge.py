@@ -27,6 +27,7 @@ MEAN_TOLERANCE = 1e-3
 FLOOR = 3e-5
 _PIXEL_TOLERANCE = 1e-3  # of the largest pixel: what the middle of a part may differ from its Gauss points, times its share
 _LEVELS = 5
+_KINKED = 4
 # Of the largest pixel: dimmer ones are judged together. A part of a light that few samples find there has no own variance.
 DIM = 0.03
 
@@ -90,11 +91,14 @@ def _average(lights: list[Emitter], plane: Plane, x: Doubles, z: Doubles, hx: Do
     value, error = np.zeros((x.size, 3)), 0.0
     cell, share = np.arange(x.size), np.ones(x.size)
     top = 0.0
+    # A point with a profile throws its kinks on the plane as they are, between the points that would tell.
+    least = _KINKED if any(light.point_or_line and light.shaping is not None for light in lights) else 0
     for level in range(_LEVELS):
         fine, bound = _gauss(lights, plane, x, z, hx, hz, 2)
         coarse, _ = _gauss(lights, plane, x, z, hx, hz, 1)
         top = max(top, float(fine.max(initial=0.0)))
-        done = (np.abs(fine - coarse).max(axis=1) * share <= _PIXEL_TOLERANCE * top) | (level == _LEVELS - 1)
+        alike = np.abs(fine - coarse).max(axis=1) * share <= _PIXEL_TOLERANCE * top
+        done = (alike & (level >= least)) | (level == _LEVELS - 1)
         np.add.at(value, cell[done], (fine * share[:, None])[done])
         error = max(error, bound)
         if done.all():
