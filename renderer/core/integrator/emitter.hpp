@@ -136,8 +136,8 @@ PRIMRAY_INLINE vint<W> emitter_light(const Scene& scene, vbool<W> m, const Hits<
 // What lanes `m`, which met surfaces that emit `glow` and are there by `presence`, show of it where some shapes are lights
 // (scene/geometry_lights.hpp): bodies to the camera, mirrors and refractions, and what they light with to other rays.
 template <int W>
-PRIMRAY_INLINE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
-                                       const PathLanes<W>& p, const vvec3<W>& glow, vfloat<W> presence) {
+PRIMRAY_RARE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
+                                     const PathLanes<W>& p, const vvec3<W>& glow, vfloat<W> presence) {
   const GeometryLights& lights = scene.geometry_lights;
   const vint<W> zero(0), none(-1);
   const HitGroup<W> in(scene, m, h);

@@ -48,7 +48,7 @@ struct ShadowStep {
 
 // Follows shadow rays through surfaces that let light straight through; what arrives is left in `carried`.
 template <int W>
-PRIMRAY_INLINE vbool<W> pass_thin(const Scene& scene, RayRecorder* recorder, vbool<W> active, Rays<W> rays, vvec3<W>& carried) {
+PRIMRAY_RARE vbool<W> pass_thin(const Scene& scene, RayRecorder* recorder, vbool<W> active, Rays<W> rays, vvec3<W>& carried) {
   const vfloat<W> zero(0.0f);
   vbool<W> arrived(false);
   while (any(active)) {
@@ -73,7 +73,7 @@ PRIMRAY_INLINE vbool<W> pass_thin(const Scene& scene, RayRecorder* recorder, vbo
 // weighs by its distance; hits on what casts no shadow of the light are passed. A light that is geometry always hides its own
 // far side, which is no shadow.
 template <int W>
-PRIMRAY_INLINE vvec3<W> pass_special(const Scene& scene, RayRecorder* recorder, vbool<W> active, Rays<W> rays, vint<W> light) {
+PRIMRAY_RARE vvec3<W> pass_special(const Scene& scene, RayRecorder* recorder, vbool<W> active, Rays<W> rays, vint<W> light) {
   const vfloat<W> zero(0.0f), one(1.0f);
   const vint<W> none(-1);
   const LightTable& lights = scene.lights;

@@ -69,7 +69,7 @@ PRIMRAY_INLINE vvec3<W> dome_radiance(const Dome& dome, const DomeCoordinates<W>
 
 // The same of an image that is not lat-long, from unit `w` in the dome's frame.
 template <int W>
-PRIMRAY_INLINE vvec3<W> folded_radiance(const Dome& dome, const vvec3<W>& w) {
+PRIMRAY_RARE vvec3<W> folded_radiance(const Dome& dome, const vvec3<W>& w) {
   const vvec3<W> tint(vfloat<W>(dome.tint.x), vfloat<W>(dome.tint.y), vfloat<W>(dome.tint.z));
   const ImagePoint<W> p = image_point(dome.format, w, dome.width, dome.height);
   return tint *

@@ -46,7 +46,7 @@ PRIMRAY_INLINE ImagePoint<W> angular_point(const vvec3<W>& w, int width, int hei
 template <int W>
 PRIMRAY_INLINE ImagePoint<W> vertical_cross_point(const vvec3<W>& w, int width, int height) {
   const vfloat<W> ax = abs(w.x), ay = abs(w.y), az = abs(w.z);
-  const vbool<W> on_x = (ax > ay) & (ax > az), on_y = !on_x & (ay > az), on_z = !on_x & !on_y;
+  const vbool<W> on_x = (ax > ay) & (ax > az), on_y = (!on_x) & (ay > az), on_z = (!on_x) & (!on_y);
   const vfloat<W> half = 0.5f / max(max(ax, ay), az);
   const vbool<W> back = on_z & (w.z < vfloat<W>(0.0f));
   const vfloat<W> turned = copysign(vfloat<W>(1.0f), w.x);  // +x: z grows to the right; -x: to the left

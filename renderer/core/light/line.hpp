@@ -19,7 +19,7 @@ struct LineSample {
 
 // `to_center`: from the point to the line's centre.
 template <int W>
-PRIMRAY_INLINE LineSample<W> line_sample(const vvec3<W>& to_center, const vvec3<W>& axis, vfloat<W> half_length, vfloat<W> u) {
+PRIMRAY_RARE LineSample<W> line_sample(const vvec3<W>& to_center, const vvec3<W>& axis, vfloat<W> half_length, vfloat<W> u) {
   using F = vfloat<W>;
   const F none(0.0f), middle = dot(to_center, axis), a = middle - half_length, b = middle + half_length;
   const vvec3<W> across = to_center - axis * middle;

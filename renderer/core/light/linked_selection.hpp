@@ -12,7 +12,7 @@ PRIMRAY_INLINE vfloat<W> linked_importance(const LightTable& table, int i, const
 }
 
 template <int W>
-PRIMRAY_INLINE vfloat<W> linked_total_importance(const LightTable& table, const vvec3<W>& p, vint<W> link) {
+PRIMRAY_RARE vfloat<W> linked_total_importance(const LightTable& table, const vvec3<W>& p, vint<W> link) {
   vfloat<W> total(0.0f);
   for (int i = 0; i < table.count; ++i) total += linked_importance(table, i, p, link);
   return total;
@@ -30,7 +30,7 @@ struct LinkedList {
 };
 
 template <int W>
-PRIMRAY_INLINE LightChoice<W> choose_linked_light(const LightTable& table, const vvec3<W>& p, vfloat<W> u, vint<W> link) {
+PRIMRAY_RARE LightChoice<W> choose_linked_light(const LightTable& table, const vvec3<W>& p, vfloat<W> u, vint<W> link) {
   if (table.count > LightTable::kWeighed) {
     if (!table.linked.any()) {
       LightChoice<W> any_light = choose_light(table, p, u);
@@ -61,8 +61,8 @@ PRIMRAY_INLINE LightChoice<W> choose_linked_light(const LightTable& table, const
 
 // The probability with which choose_linked_light picks a light of its own in every lane of `m`; all of them reach their lanes.
 template <int W>
-PRIMRAY_INLINE vfloat<W> linked_probability_of(const LightTable& table, vint<W> light, vbool<W> m, const vvec3<W>& p,
-                                               vint<W> link) {
+PRIMRAY_RARE vfloat<W> linked_probability_of(const LightTable& table, vint<W> light, vbool<W> m, const vvec3<W>& p,
+                                             vint<W> link) {
   const vint<W> valid = select(m, light, vint<W>(0));
   if (table.count > LightTable::kWeighed) {
     if (!table.linked.any()) return probability_of(table, light, m, p);
@@ -87,8 +87,8 @@ PRIMRAY_INLINE vfloat<W> linked_probability_of(const LightTable& table, vint<W> 
 // The probability with which choose_linked_light picks light number `i`, which reaches the lanes `m`; `total` from
 // linked_total_importance (few lights).
 template <int W>
-PRIMRAY_INLINE vfloat<W> linked_probability(const LightTable& table, int i, vbool<W> m, const vvec3<W>& p, vfloat<W> total,
-                                            vint<W> link) {
+PRIMRAY_RARE vfloat<W> linked_probability(const LightTable& table, int i, vbool<W> m, const vvec3<W>& p, vfloat<W> total,
+                                          vint<W> link) {
   if (table.count > LightTable::kWeighed) return linked_probability_of(table, vint<W>(i), m, p, link);
   return linked_importance(table, i, p, link) / max(total, 1e-38f);
 }

@@ -34,7 +34,7 @@ PRIMRAY_INLINE vfloat<W> portal_pdf(const LightTable& portals, const vvec3<W>& p
 
 // Density of the whole mixture for dome number `k`, whose image's own is `by_image`.
 template <int W>
-PRIMRAY_INLINE vfloat<W> dome_pdf(const LightTable& table, int k, const vvec3<W>& p, const vvec3<W>& wi, vfloat<W> by_image) {
+PRIMRAY_RARE vfloat<W> dome_pdf(const LightTable& table, int k, const vvec3<W>& p, const vvec3<W>& wi, vfloat<W> by_image) {
   const LightTable& portals = table.portals[k];
   if (portals.count == 0) return by_image;
   const vfloat<W> share = portal_share(table.domes[k], portals, p);
@@ -44,8 +44,8 @@ PRIMRAY_INLINE vfloat<W> dome_pdf(const LightTable& table, int k, const vvec3<W>
 // Replaces the samples of lanes `m`, whose `light` is a dome, by those of the mixture where the dome has portals. `choice`, in
 // [0, 1), is a number of its own.
 template <int W>
-PRIMRAY_INLINE void sample_portals(const LightTable& table, vbool<W> m, vint<W> light, const vvec3<W>& p, vfloat<W> choice,
-                                   vfloat<W> u, vfloat<W> v, LightSample<W>& s) {
+PRIMRAY_RARE void sample_portals(const LightTable& table, vbool<W> m, vint<W> light, const vvec3<W>& p, vfloat<W> choice,
+                                 vfloat<W> u, vfloat<W> v, LightSample<W>& s) {
   const vint<W> dome = truncate(LightRow<W>(table, select(m, light, vint<W>(light[__builtin_ctz(bits(m))])))(kSize1));
   for (int k = 0; k < int(table.domes.size()); ++k) {
     const LightTable& portals = table.portals[k];

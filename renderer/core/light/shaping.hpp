@@ -35,7 +35,7 @@ struct ShapingTable {
 
 // The factor of rows `number` (from 1) for emission along unit `e`.
 template <int W>
-PRIMRAY_INLINE vvec3<W> shaping_factor(const ShapingTable& table, vint<W> number, const vvec3<W>& e) {
+PRIMRAY_RARE vvec3<W> shaping_factor(const ShapingTable& table, vint<W> number, const vvec3<W>& e) {
   using F = vfloat<W>;
   const bool uniform = all(number == vint<W>(number[0]));
   const float* rows = table.rows.data();
@@ -72,7 +72,7 @@ PRIMRAY_INLINE vvec3<W> shaping_factor(const ShapingTable& table, vint<W> number
 // What is weighed of a light for its shaping, where its centre is `to` away: 0 only where nothing of it comes, however large
 // the light is.
 template <int W>
-PRIMRAY_INLINE vfloat<W> shaping_importance(const ShapingTable& table, int number, const vvec3<W>& to) {
+PRIMRAY_RARE vfloat<W> shaping_importance(const ShapingTable& table, int number, const vvec3<W>& to) {
   using F = vfloat<W>;
   const float* row = table.row(number);
   const F d2 = max(dot(to, to), 1e-30f), beyond = d2 - row[kReachRadius] * row[kReachRadius];

@@ -19,8 +19,8 @@ PRIMRAY_INLINE vfloat<W> textured_rect_pdf(const LightImage& image, vfloat<W> s,
 
 // `value`: the image's at the point.
 template <int W>
-PRIMRAY_INLINE LocalSample<W> textured_rect_sample(const LightImage& image, const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy,
-                                                   vfloat<W> u, vfloat<W> v, vvec3<W>& value) {
+PRIMRAY_RARE LocalSample<W> textured_rect_sample(const LightImage& image, const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy,
+                                                 vfloat<W> u, vfloat<W> v, vvec3<W>& value) {
   const vbool<W> bright = u < vfloat<W>(image.excess);
   const float part = image.excess > 0 ? 1 / image.excess : 0.0f, rest = 1 / (1 - image.excess);
   const vfloat<W> again = min(select(bright, u * part, (u - image.excess) * rest), 0x1.fffffep-1f);
@@ -41,8 +41,8 @@ PRIMRAY_INLINE LocalSample<W> textured_rect_sample(const LightImage& image, cons
 
 // Of a ray p + distance w (w unit) that met the rectangle, `plain` from rect_hit.
 template <int W>
-PRIMRAY_INLINE vfloat<W> textured_rect_hit(const LightImage& image, const vvec3<W>& p, const vvec3<W>& w, vfloat<W> hx,
-                                           vfloat<W> hy, vfloat<W> distance, vfloat<W> plain, vvec3<W>& value) {
+PRIMRAY_RARE vfloat<W> textured_rect_hit(const LightImage& image, const vvec3<W>& p, const vvec3<W>& w, vfloat<W> hx,
+                                         vfloat<W> hy, vfloat<W> distance, vfloat<W> plain, vvec3<W>& value) {
   const vfloat<W> s = 0.5f - (p.x + w.x * distance) / (2.0f * hx), t = 0.5f - (p.y + w.y * distance) / (2.0f * hy);
   value = image_value(image, s, t);
   return textured_rect_pdf(image, s, t, plain, hx, hy, distance, -p.z);

@@ -14,6 +14,8 @@
 namespace primray {
 
 #define PRIMRAY_INLINE inline __attribute__((always_inline))
+// What few scenes need: apart, so that it takes no registers and no room in the loop of the others.
+#define PRIMRAY_RARE inline __attribute__((noinline))
 
 template <class T, int W>
 struct RawVector {
