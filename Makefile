@@ -26,8 +26,15 @@ demo: setup  ## render a showcase scene to out/, as EXR and PNG
 	$(BIN)/primray render $(SHOWCASE) --spp 32 -o out/$(DEMO).exr -o out/$(DEMO).png
 	@echo "The picture: out/$(DEMO).png (to look at) and out/$(DEMO).exr (scene-linear float)"
 
+# The service's tests wait more than they compute: they run beside the others, and are shown after them.
+define TESTS
+mkdir -p build; $(BIN)/python -m pytest tests/service >build/service-tests.log 2>&1 & service=$$!; \
+$(BIN)/python -m pytest --ignore=tests/service; others=$$?; wait $$service; service=$$?; \
+echo tests/service; cat build/service-tests.log; [ $$others = 0 ] && [ $$service = 0 ]
+endef
+
 test: setup  ## run the tests
-	$(BIN)/python -m pytest
+	@$(TESTS)
 
 test-long: setup  ## run all tests, the long ones too
 	$(BIN)/python -m pytest -m ""
@@ -37,7 +44,7 @@ check: setup  ## what must pass: format, lint, types, tests
 	$(BIN)/ruff check $(PYTHON_SOURCES)
 	$(if $(CORE_FORMATTED),$(BIN)/clang-format --dry-run --Werror $(CORE_FORMATTED))
 	$(BIN)/mypy
-	$(BIN)/python -m pytest
+	@$(TESTS)
 
 format: setup  ## format Python and C++
 	$(BIN)/ruff format $(PYTHON_SOURCES)

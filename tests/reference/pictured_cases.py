@@ -88,7 +88,7 @@ def rect_picture_cases() -> list[Case]:
     near = translation(0, 0.25, 0) @ FLAT @ rotation([0, 0, 1], 20)
     return [
         at(g, "picture", "RectLight", ABOVE, *RECT, lines=lines, assets=assets, spp=1024, **size),
-        at(g, "picture, 0.25 above", "RectLight", near, *RECT, lines=lines, assets=assets, spp=4096, **size),
+        at(g, "picture, 0.25 above", "RectLight", near, *RECT, lines=lines, assets=assets, spp=4096, quick=False, **size),
         at(g, "picture, sheared, mirrored, normalize", "RectLight", ABOVE @ STRETCH @ SHEAR @ MIRROR, *RECT, lines=lines,
            assets=assets, spp=1024, normalize=True, **size),
         at(g, "picture, color, cone, focus", "RectLight", ABOVE, *RECT, apis=["ShapingAPI"], assets=assets, spp=1024,
