@@ -26,9 +26,11 @@ demo: setup  ## render a showcase scene to out/, as EXR and PNG
 	$(BIN)/primray render $(SHOWCASE) --spp 32 -o out/$(DEMO).exr -o out/$(DEMO).png
 	@echo "The picture: out/$(DEMO).png (to look at) and out/$(DEMO).exr (scene-linear float)"
 
-# The service's tests wait more than they compute: they run beside the others, and are shown after them.
+# The service's tests wait more than they compute: they run beside the others, and are shown after them. A shell lets what runs
+# in its background ignore Ctrl-C, which some of them press.
+BESIDE = $(BIN)/python -c 'import os, signal, sys; signal.signal(signal.SIGINT, signal.SIG_DFL); os.execv(sys.executable, [sys.executable, *sys.argv[1:]])'
 define TESTS
-mkdir -p build; $(BIN)/python -m pytest tests/service >build/service-tests.log 2>&1 & service=$$!; \
+mkdir -p build; $(BESIDE) -m pytest tests/service >build/service-tests.log 2>&1 & service=$$!; \
 $(BIN)/python -m pytest --ignore=tests/service; others=$$?; wait $$service; service=$$?; \
 echo tests/service; cat build/service-tests.log; [ $$others = 0 ] && [ $$service = 0 ]
 endef
