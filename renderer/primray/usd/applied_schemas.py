@@ -6,6 +6,8 @@ means to a picture. Names are without instance names.
 
 from __future__ import annotations
 
+from pxr import Usd
+
 _READ = """CollectionAPI GeomModelAPI LightAPI MaterialBindingAPI MotionAPI NodeDefAPI ShadowAPI ShapingAPI SkelBindingAPI
     MeshLightAPI VolumeLightAPI ColorSpaceAPI ColorSpaceDefinitionAPI VisibilityAPI"""
 # Physics, user interfaces, statements about the asset; LightListAPI only speeds up finding lights. The parts of a particle
@@ -31,3 +33,8 @@ IGNORED = {
     "RiSplineAPI": "RenderMan's splines are not read.",
     "StatementsAPI": "RenderMan's attributes are not read.",
 }
+
+
+def applied_schemas(prim: Usd.Prim) -> list[str]:
+    """Those that are authored on the prim, with instance names; what its type brings is not among them."""
+    return [str(schema) for schema in prim.GetPrimTypeInfo().GetAppliedAPISchemas()]

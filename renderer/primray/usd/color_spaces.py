@@ -19,6 +19,7 @@ from pxr import Usd
 from .. import color
 from ..color_space import REC709, ColorSpace, is_gamut
 from ..errors import SettingsError
+from .applied_schemas import applied_schemas
 from .context import Context
 from .read import value
 
@@ -55,7 +56,7 @@ def scope_at(prim: Usd.Prim, ctx: Context) -> ColorScope:
         return outer_scope(str(prim.GetPath()), ctx.outer_colors)
     key = (prim.GetPath(), ctx.outer_colors)
     if key not in ctx.color_scopes:
-        schemas = [str(schema) for schema in prim.GetPrimTypeInfo().GetAppliedAPISchemas()]
+        schemas = applied_schemas(prim)
         ctx.color_scopes[key] = scope_below(scope_at(prim.GetParent(), ctx), prim, schemas, ctx)
     found: ColorScope = ctx.color_scopes[key]
     return found

@@ -9,7 +9,7 @@ from functools import cache
 
 from pxr import Usd, UsdGeom
 
-from .applied_schemas import IGNORED, UNDERSTOOD
+from .applied_schemas import IGNORED, UNDERSTOOD, applied_schemas
 from .context import Context
 from .foreign_names import note_light_inputs
 from .portals import note_portal
@@ -41,7 +41,7 @@ def note_prim(prim: ResolvedPrim, applied: list[str], kind: str, ctx: Context) -
 
 def note_unknown_schemas(prim: Usd.Prim, path: str, ctx: Context) -> None:
     """Of a prim that the walk does not pass: a shader."""
-    for schema in {str(schema).split(":")[0] for schema in prim.GetPrimTypeInfo().GetAppliedAPISchemas()} - UNDERSTOOD:
+    for schema in {schema.split(":")[0] for schema in applied_schemas(prim)} - UNDERSTOOD:
         _note_unread(schema, path, ctx)
 
 

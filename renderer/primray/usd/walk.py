@@ -16,6 +16,7 @@ from ..instance_names import texts
 from ..placement import MatrixInstances, PointInstances
 from .adapters.draw_mode import stand_in
 from .adapters.points import POINT, spheres
+from .applied_schemas import applied_schemas
 from .bindings import note_bindings, subsets_of, told_apart
 from .color_spaces import NOWHERE, scope_at
 from .context import Context
@@ -90,7 +91,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
             alike = state.names[names] = NameSet(names, str(prim.GetPath()))
         names = alike.names
         alike.count += 1
-        schemas = [str(schema) for schema in prim.GetPrimTypeInfo().GetAppliedAPISchemas()]
+        schemas = applied_schemas(prim)
         mine = descend(handed, prim, names, schemas, state.ctx)
         if mine is None:
             continue
@@ -232,7 +233,7 @@ def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, per_instance: 
         return _with_colors_of(root, handed, ctx)
     for scope in reversed(between):
         names = frozenset(scope.GetAuthoredPropertyNames()) - {"visibility"}
-        schemas = [str(schema) for schema in scope.GetPrimTypeInfo().GetAppliedAPISchemas()]
+        schemas = applied_schemas(scope)
         handed = descend(handed, scope, names, schemas, ctx) or handed
     return handed
 
