@@ -43,7 +43,7 @@ def test_nothing_sticks_out(open_page, site, scheme):
     assert page.locator(".jobs li input").first.is_visible()
     check_width(page, "jobs")
     page.goto(f"{site.url}/#/compare/{jobs[0]}/{jobs[1]}")
-    page.wait_for_selector(".layer img")
+    page.locator(".layer img").nth(1).wait_for()
     check_width(page, "compare")
     watched.expected = {404}
     page.goto(f"{site.url}/#/jobs/job_00000000000000000000000000")
