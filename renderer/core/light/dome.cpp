@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace primray {
 namespace {
 
-constexpr double kPiDouble = 3.14159265358979323846;
 // Cells in a column of the grid over an image that is not lat-long, at most; each is then looked at in more places.
 constexpr int kMostRows = 1024;
 
@@ -34,11 +34,11 @@ std::vector<double> texel_means(const Dome& d) {
 int finest_rows(const Dome& d) {
   switch (d.format) {
     case DomeFormat::kMirroredBall:
-      return int(std::ceil(0.25 * kPiDouble * std::max(d.width, d.height)));
+      return int(std::ceil(0.25 * std::numbers::pi * std::max(d.width, d.height)));
     case DomeFormat::kAngular:
       return (std::max(d.width, d.height) + 1) / 2;
     case DomeFormat::kVerticalCross:  // a face's texels are largest in its middle
-      return int(std::ceil(0.5 * kPiDouble * std::max(d.width / 3.0, d.height / 4.0)));
+      return int(std::ceil(0.5 * std::numbers::pi * std::max(d.width / 3.0, d.height / 4.0)));
     case DomeFormat::kLatLong:
       break;
   }
@@ -51,10 +51,10 @@ std::vector<double> cell_means(const Dome& d) {
   std::vector<double> mean(size_t(d.columns) * d.rows);
   for (int y = 0; y < d.rows; ++y)
     for (int j = 0; j < steps; ++j) {
-      const double theta = kPiDouble * (y + (j + 0.5) / steps) / d.rows, sine = std::sin(theta), cosine = std::cos(theta);
+      const double theta = std::numbers::pi * (y + (j + 0.5) / steps) / d.rows, sine = std::sin(theta), cosine = std::cos(theta);
       for (int x = 0; x < d.columns; ++x)
         for (int i = 0; i < steps; ++i) {
-          const double phi = 2 * kPiDouble * (0.5 - (x + (i + 0.5) / steps) / d.columns);
+          const double phi = 2 * std::numbers::pi * (0.5 - (x + (i + 0.5) / steps) / d.columns);
           const vec3 w{float(sine * std::sin(phi)), float(cosine), float(sine * std::cos(phi))};
           const vvec3<1> L = folded_radiance<1>(d, {vfloat<1>(w.x), vfloat<1>(w.y), vfloat<1>(w.z)});
           mean[size_t(y) * d.columns + x] += double(luminance(vec3{L.x[0], L.y[0], L.z[0]})) / (steps * steps);
@@ -81,7 +81,7 @@ void extend_disc(Dome& d) {
 
 // `rest`: the part of the mean that is left to the BSDF's rays.
 void build_distribution(Dome& d, double rest) {
-  constexpr double pi = kPiDouble;
+  constexpr double pi = std::numbers::pi;
   const int w = d.columns, h = d.rows;
   std::vector<double> weight = d.format == DomeFormat::kLatLong ? texel_means(d) : cell_means(d), solid_angle(h);
   d.row_edges.clear();
