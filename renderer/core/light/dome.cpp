@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "light/dome_smooth.hpp"
+
 namespace primray {
 namespace {
 
@@ -51,7 +53,8 @@ std::vector<double> cell_means(const Dome& d) {
   std::vector<double> mean(size_t(d.columns) * d.rows);
   for (int y = 0; y < d.rows; ++y)
     for (int j = 0; j < steps; ++j) {
-      const double theta = std::numbers::pi * (y + (j + 0.5) / steps) / d.rows, sine = std::sin(theta), cosine = std::cos(theta);
+      const double theta = std::numbers::pi * (y + (j + 0.5) / steps) / d.rows, sine = std::sin(theta),
+                   cosine = std::cos(theta);
       for (int x = 0; x < d.columns; ++x)
         for (int i = 0; i < steps; ++i) {
           const double phi = 2 * std::numbers::pi * (0.5 - (x + (i + 0.5) / steps) / d.columns);
@@ -79,8 +82,8 @@ void extend_disc(Dome& d) {
     }
 }
 
-// `rest`: the part of the mean that is left to the BSDF's rays.
-void build_distribution(Dome& d, double rest) {
+// `rest`: the part of the mean that is left to the BSDF's rays; `needed`: they do not look for the dome at all.
+void build_distribution(Dome& d, double rest, bool needed) {
   constexpr double pi = std::numbers::pi;
   const int w = d.columns, h = d.rows;
   std::vector<double> weight = d.format == DomeFormat::kLatLong ? texel_means(d) : cell_means(d), solid_angle(h);
@@ -98,6 +101,10 @@ void build_distribution(Dome& d, double rest) {
     for (int x = 0; x < w; ++x) total += weight[size_t(y) * w + x] * solid_angle[y];
   }
   d.mean = total / (4 * pi);
+  if (!needed && is_smooth_dome(weight, solid_angle, w)) {
+    d.sampled = false, d.irradiance = 0;
+    return;
+  }
   const double left = rest * d.mean;
   total = 0;
   for (int y = 0; y < h; ++y)
@@ -142,13 +149,13 @@ void finish_dome_image(Dome& d) {
 void build_dome_distribution(Dome& d) {
   d.sampled = false;
   d.mean = luminance(dvec3(d.tint));
-  if (d.width > 0) build_distribution(d, 1.0);  // under a constant sky the BSDF's rays alone are as good as it gets
+  if (d.width > 0) build_distribution(d, 1.0, false);  // under a constant sky the BSDF's rays alone are as good as it gets
 }
 
 void build_whole_dome_distribution(Dome& d) {
   if (d.width == 0) d.width = d.height = d.columns = d.rows = 1, d.texels.assign(3, 1.0f);
   // Where a cell is looked at here and there only, none is left out: -0.001 of the mean.
-  build_distribution(d, d.format == DomeFormat::kLatLong ? 0.0 : -1e-3);
+  build_distribution(d, d.format == DomeFormat::kLatLong ? 0.0 : -1e-3, true);
 }
 
 }  // namespace primray
