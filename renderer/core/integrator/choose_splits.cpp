@@ -1,5 +1,5 @@
-// A pilot: 16 x 16 pixels spread over the frame, whatever part of it is rendered, 2 x 16 samples each, once with and once
-// without splitting.
+// A pilot: 16 x 16 pixels spread over the frame, whatever part of it is rendered, 2 x 16 samples each, without splitting and
+// with ever more of it as long as that wins.
 //
 // The error is what the render's own report counts, squared differences over (R^2 + 0.01), here between the two replicates,
 // which are independent; the cost is rays. The pilot's samples are not used in the image, so nothing is biased by choosing on
@@ -16,6 +16,8 @@ namespace {
 
 // Splitting wins only if it is clearly better, since the pilot itself is noisy.
 constexpr double kNeededGain = 1.1;
+// More would leave a packet of camera rays too little room in the pool.
+constexpr int kMostSplits = 8;
 // The same for every seed of a scene, so that renders that differ in seed alone take the same paths.
 constexpr uint32_t kPilotSeed = 0x9d2c5680u;
 
@@ -56,12 +58,19 @@ double relative_error(const Pilot& pilot, const Pilot& other) {
 
 int choose_splits(const Scene& scene, const IntegratorSettings& settings, TaskFunction task) {
   if (settings.max_depth < 2 && !scene.rays_find_light) return 1;  // nothing comes after the first surface
-  std::unique_ptr<Pilot> one, two;
-  std::thread first([&] { set_float_mode(), one = std::make_unique<Pilot>(scene, settings, 1, task); });
-  std::thread second([&] { set_float_mode(), two = std::make_unique<Pilot>(scene, settings, 2, task); });
+  std::unique_ptr<Pilot> fewer, more;
+  std::thread first([&] { set_float_mode(), fewer = std::make_unique<Pilot>(scene, settings, 1, task); });
+  std::thread second([&] { set_float_mode(), more = std::make_unique<Pilot>(scene, settings, 2, task); });
   first.join(), second.join();
-  const double cost_one = relative_error(*one, *two) * one->rays, cost_two = relative_error(*two, *one) * two->rays;
-  return cost_two * kNeededGain < cost_one ? 2 : 1;
+  int splits = 1;
+  while (relative_error(*more, *fewer) * more->rays * kNeededGain < relative_error(*fewer, *more) * fewer->rays) {
+    splits *= 2;
+    if (splits == kMostSplits) break;
+    fewer = std::move(more);
+    std::thread next([&] { set_float_mode(), more = std::make_unique<Pilot>(scene, settings, 2 * splits, task); });
+    next.join();
+  }
+  return splits;
 }
 
 }  // namespace primray
