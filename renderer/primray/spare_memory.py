@@ -26,7 +26,7 @@ def give_back() -> None:
 
 
 def _clean_library_pages() -> Iterator[tuple[int, int]]:
-    """Mappings of libraries, never written to: relocated pages are the process's own ("Anonymous") and could not be read again."""
+    """Mappings of libraries, never written to: relocated pages are the process's own ("Anonymous"), read from nowhere."""
     try:
         with open("/proc/self/smaps", encoding="utf-8", errors="replace") as file:
             lines = file.readlines()
