@@ -20,7 +20,7 @@ def test_floats_never_decide_wrongly() -> None:
     corners[kind == 4] += np.float32(1e4)
     corners[kind == 5, :, :2] = corners[kind == 5, :1, :2]  # a line along an axis
     # On a line, but for the rounding of their differences to floats.
-    along = rng.integers(-1023, 1024, (count, 1, 3)) * np.array([-(2.0**-14), 1, 2**13 + 1])[:, None]
+    along = rng.integers(-1023, 1024, (count, 1, 3)) * np.array([-0.75, 1, 2**13 + 1])[:, None]
     corners[kind == 6] = along[kind == 6]
     points, triangles = corners.reshape(-1, 3), np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
     found = triangulate.triangulate(points, np.full(count, 3, np.int32), triangles.ravel())
