@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import importlib
-import importlib.metadata
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from . import dice as dicing
 from . import errors
 from .color_space import REC709, ColorSpace
 from .description import Floats, SceneDescription, Shape
+from .installed_packages import library_of, version_of
 from .pixel_filter import inverse_cdf
 from .scene_record import InstanceNumbers, SceneRecord
 from .scene_upload import upload
@@ -83,10 +83,10 @@ def lanes() -> int:
 
 
 def _embree_path() -> Path:
-    for file in importlib.metadata.files("embreex") or []:
-        if file.name.startswith("libembree4"):
-            return Path(str(file.locate()))
-    raise errors.InternalError("the embreex package carries no Embree library for this platform", code="embree")
+    found = library_of("embreex", "libembree4")
+    if found is None:
+        raise errors.InternalError("the embreex package carries no Embree library for this platform", code="embree")
+    return found
 
 
 @cache
@@ -104,7 +104,7 @@ def build_digest() -> str:
 
 
 def versions() -> dict[str, str]:
-    return {"embree": "4.4.0", "embreex": importlib.metadata.version("embreex")}
+    return {"embree": "4.4.0", "embreex": str(version_of("embreex"))}
 
 
 class CoreScene:
