@@ -78,7 +78,7 @@ def cone_cases() -> list[Case]:
         shaped("softness 1.7 is 1", "SphereLight", ABOVE, cone(60, 1.7), SOFT),
         shaped("softness -0.5 is 0", "SphereLight", ABOVE, cone(40, -0.5), SOFT),
         shaped("treatAsPoint, cone 40, softness 0.5", "SphereLight", ABOVE, point, ANGLE, SOFT, normalize=True, intensity=4.0),
-        shaped("cone 3", "DiskLight", translation(0, 5, 0) @ FLAT, cone(3), ANGLE),
+        shaped("cone 3", "DiskLight", translation(0, 5, 0) @ FLAT, cone(3), ANGLE, times=256),
         shaped("mirrored, cone 30", "RectLight", ABOVE @ MIRROR @ SHEAR, cone(30, 0.4), ANGLE),
         shaped(
             "upright, cone 60, softness 0.5",

@@ -12,6 +12,7 @@ from tests.reference.table import cases
 
 SEEDS = 4
 ROUGHLY = (6, 4)
+REFEREE_BOUND = 3e-4  # a third of what the mean may be off
 
 
 def _params(chosen: list[Case]) -> list[object]:
@@ -31,5 +32,5 @@ def test_direct_light(case: Case, tmp_path: Path) -> None:
     spp = case.spp * case.times
     found = judge(case.stage(tmp_path), case.plane, spp, SEEDS, case.resolution)
     record(case, found, spp, SEEDS)
-    assert found.referee_error < 1e-5
+    assert found.referee_error < REFEREE_BOUND
     assert not found.faults()
