@@ -1,23 +1,25 @@
-// A pilot: 16 x 16 pixels spread over the frame, whatever part of it is rendered, 2 x 16 samples each, without splitting and
-// with ever more of it as long as that wins.
+// A pilot: 16 x 16 pixels spread over the frame, whatever part of it is rendered, 2 x 16 samples each, once without splitting
+// and once with two, four and eight.
 //
 // The error is what the render's own report counts, squared differences over (R^2 + 0.01), here between the two replicates,
-// which are independent; the cost is rays. The pilot's samples are not used in the image, so nothing is biased by choosing on
-// them.
+// which are independent; the cost is rays. The pixels with the largest differences are left out: a rare bright path would
+// decide alone. The pilot's samples are not used in the image, so nothing is biased by choosing on them.
 #include "integrator/choose_splits.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <memory>
+#include <numeric>
 #include <thread>
 
 namespace primray {
 namespace {
 
-// Splitting wins only if it is clearly better, since the pilot itself is noisy.
-constexpr double kNeededGain = 1.1;
-// More would leave a packet of camera rays too little room in the pool.
-constexpr int kMostSplits = 8;
+// What may be chosen. Splitting wins only if it is clearly better, since the pilot itself is noisy.
+constexpr int kChoices = 4, kSplits[kChoices] = {1, 2, 4, 8};
+constexpr double kNeededGain[kChoices] = {1, 1.1, 1.15, 1.2};
+constexpr int kLeftOut = 5;
 // The same for every seed of a scene, so that renders that differ in seed alone take the same paths.
 constexpr uint32_t kPilotSeed = 0x9d2c5680u;
 
@@ -42,35 +44,41 @@ struct Pilot {
   }
 };
 
-double relative_error(const Pilot& pilot, const Pilot& other) {
-  double sum = 0;
+using Pilots = std::array<std::unique_ptr<Pilot>, kChoices>;
+
+double relative_error(const Pilot& pilot, const Pilots& all) {
+  std::array<double, kTile * kTile> errors{};
   for (int p = 0; p < kTile * kTile; ++p) {
     for (int c = 0; c < 3; ++c) {
-      const double a = pilot.mean(0, p, c), b = pilot.mean(1, p, c);
-      const double r = 0.25 * (a + b + other.mean(0, p, c) + other.mean(1, p, c));
-      sum += (a - b) * (a - b) / (r * r + 0.01);
+      double r = 0;
+      for (const auto& other : all) r += (other->mean(0, p, c) + other->mean(1, p, c)) / (2 * kChoices);
+      const double d = pilot.mean(0, p, c) - pilot.mean(1, p, c);
+      errors[size_t(p)] += d * d / (r * r + 0.01);
     }
   }
-  return sum;
+  std::sort(errors.begin(), errors.end());
+  return std::accumulate(errors.begin(), errors.end() - kLeftOut, 0.0);
 }
 
 }  // namespace
 
 int choose_splits(const Scene& scene, const IntegratorSettings& settings, TaskFunction task) {
   if (settings.max_depth < 2 && !scene.rays_find_light) return 1;  // nothing comes after the first surface
-  std::unique_ptr<Pilot> fewer, more;
-  std::thread first([&] { set_float_mode(), fewer = std::make_unique<Pilot>(scene, settings, 1, task); });
-  std::thread second([&] { set_float_mode(), more = std::make_unique<Pilot>(scene, settings, 2, task); });
-  first.join(), second.join();
-  int splits = 1;
-  while (relative_error(*more, *fewer) * more->rays * kNeededGain < relative_error(*fewer, *more) * fewer->rays) {
-    splits *= 2;
-    if (splits == kMostSplits) break;
-    fewer = std::move(more);
-    std::thread next([&] { set_float_mode(), more = std::make_unique<Pilot>(scene, settings, 2 * splits, task); });
-    next.join();
+  Pilots pilots;
+  const auto run = [&](int choice) {
+    pilots[size_t(choice)] = std::make_unique<Pilot>(scene, settings, kSplits[choice], task);
+  };
+  // Both threads trace about as many rays.
+  std::thread few([&] { set_float_mode(), run(0), run(1), run(2); });
+  std::thread many([&] { set_float_mode(), run(3); });
+  few.join(), many.join();
+  int best = 0;
+  double least = 0;
+  for (int i = 0; i < kChoices; ++i) {
+    const double cost = relative_error(*pilots[size_t(i)], pilots) * pilots[size_t(i)]->rays * kNeededGain[i];
+    if (i == 0 || cost < least) best = i, least = cost;
   }
-  return splits;
+  return kSplits[best];
 }
 
 }  // namespace primray

@@ -415,7 +415,7 @@ class TilePaths {
     const B roulette = alive & (bounce >= I(kRouletteStart)) & !s.straight;
     if (any(roulette)) {
       const F most = select(bounce >= I(kRouletteDeep), F(kRouletteDeepKeep), F(1.0f));
-      const F survive = min(max_component(n.beta) * n.splits * kRouletteKeep, most);
+      const F survive = min(max_component(n.beta) * n.splits * roulette_keep(settings_.splits), most);
       const F r = p.sampler.single(bounce, Purpose::kRoulette);
       alive &= !(roulette & (r >= survive));
       n.beta = select(roulette, n.beta * (1.0f / survive), n.beta);
