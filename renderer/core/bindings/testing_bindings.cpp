@@ -285,7 +285,7 @@ nb::tuple choose_lights(const Scene& scene, InArray<double> p_, InFloats u_, int
   return nb::make_tuple(light.array(), probability.array());
 }
 
-// Rows of `key`: pixel x, pixel y, replicate, index, bounce, purpose. Pairs (N, 2), and singles (N,).
+// Rows of `key`: pixel x, pixel y, replicate, index, bounce (or link), purpose. Pairs (N, 2), and singles (N,).
 nb::tuple sampler_numbers(uint32_t seed, InInts key_, int lanes) {
   const size_t n = key_.shape(0);
   const Input<int32_t> key(key_, n, 6);
@@ -296,7 +296,8 @@ nb::tuple sampler_numbers(uint32_t seed, InInts key_, int lanes) {
                          Sampler<W>::pixel_seed(seed, number(0), number(1), bit_cast<vuint<W>>(number(2)))};
     // A purpose is the same for all lanes in the kernels: ask for each and keep what each lane wants.
     for (uint32_t purpose = 0; purpose < uint32_t(Purpose::kCount); ++purpose) {
-      const Pair<W> pair = all.pair(number(4), Purpose(purpose));
+      const bool chain = Purpose(purpose) == Purpose::kChain;
+      const Pair<W> pair = chain ? all.link(number(4)) : all.pair(number(4), Purpose(purpose));
       const vfloat<W> single = all.single(number(4), Purpose(purpose));
       for (int i = 0; i < W && at + i < n; ++i) {
         if (key.number<1>(at + i, 5)[0] != int32_t(purpose)) continue;

@@ -118,6 +118,9 @@ class TilePaths {
 
   bool has_special() const { return !scene_.lights.shadow_rows.empty(); }
 
+  // The film point's number in the chain that it and the directions after it make: each even link shares a point of a sequence
+  // with the next. The parts of a split path have indices of their own, so there their first two directions do.
+  int first_link() const { return settings_.splits > 1 ? 1 : 0; }
   int pixel_x(int i) const { return block_.x0 + w_.pixel_x[i] * block_.stride_x; }
   int pixel_y(int i) const { return block_.y0 + w_.pixel_y[i] * block_.stride_y; }
 
@@ -139,7 +142,7 @@ class TilePaths {
       const I px = load<W>(x), py = load<W>(y);
       PathLanes<W> p;
       p.sampler = {reverse_bits(load<W>(index)), Sampler<W>::pixel_seed(settings_.seed, px, py, load<W>(replicate))};
-      const Pair<W> film = p.sampler.pair(I(0), Purpose::kFilm);
+      const Pair<W> film = p.sampler.link(I(first_link()));
       Pair<W> lens{F(0.5f), F(0.5f)};
       if (scene_.camera.lens_radius > 0) lens = p.sampler.pair(I(0), Purpose::kLens);
       const CameraRay<W> ray = scene_.camera.ray<W>(px, py, film.u, film.v, lens.u, lens.v);
@@ -383,7 +386,7 @@ class TilePaths {
 
   void scatter_once(B scatters, const Vertex& v, const PathLanes<W>& p) {
     const I bounce = p.vertex + I(1);
-    const Pair<W> u = p.sampler.pair(bounce, Purpose::kDirection);
+    const Pair<W> u = p.sampler.link(bounce + I(first_link()));
     const F lobe = v.bsdf.any_preview ? p.sampler.single(bounce, Purpose::kLobe) : F(0.0f);
     const BsdfSample<W> s = v.bsdf.sample(v.wo, lobe, u.u, u.v);
     PathLanes<W> n = p;
