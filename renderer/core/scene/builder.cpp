@@ -142,7 +142,7 @@ void SceneBuilder::reserve_triangles(size_t points, size_t triangles) {
   if (3 * points >= kMaxElements || 3 * triangles >= kMaxElements)
     throw Error("too-large", "more than 715 million points or triangles");
   scene_->positions.reserve(3 * points + 4);  // and what finish() adds
-  scene_->indices.reserve(3 * triangles), scene_->triangle_mesh.reserve(triangles);
+  scene_->indices.reserve(3 * triangles + 1), scene_->triangle_mesh.reserve(triangles);
 }
 
 void SceneBuilder::reserve_instances(size_t count) {
@@ -224,6 +224,7 @@ void SceneBuilder::set_camera(const CameraInput& c) {
 std::unique_ptr<Scene> SceneBuilder::finish() {
   Scene& s = *scene_;
   s.positions.insert(s.positions.end(), 4, 0.0f);  // Embree reads 16 bytes of the last vertex
+  s.indices.push_back(0);                          // as the core does of the last triangle
   for (size_t i = 0; i < s.surfaces.rows.size(); i += kSurfaceFields) {
     const float* row = &s.surfaces.rows[i];
     const int flags = int(row[kFlags]);
