@@ -239,8 +239,18 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
   finish_light_rows(s.lights);
   s.rays_find_light = s.has_emission || s.lights.needs_hit_test || !s.lights.domes.empty();
   s.only_domes_found = !s.has_emission && !s.lights.needs_hit_test && !s.lights.domes.empty();
+  if (s.needs_left_out()) throw Error("settings-error", "the scene needs a feature that this core was built without");
   build_accel(s);
   return std::move(scene_);
+}
+
+bool Scene::needs_left_out() const {
+  return has_instances.is_left_out() || has_spheres.is_left_out() || has_attributes.is_left_out() || has_inputs.is_left_out() ||
+         has_cutouts.is_left_out() || has_emission.is_left_out() || has_thin.is_left_out() ||
+         lights.lobe_factors.is_left_out() || lights.has_shaping.is_left_out() || camera.shutter_open.is_left_out() ||
+         (!built::kLinks && lights.links.words > 0) || (!built::kPortals && !lights.portals.empty()) ||
+         (!built::kSpecialShadows && !lights.shadow_rows.empty()) || (!built::kLightImages && !lights.images.empty()) ||
+         (!built::kEmission && !geometry_lights.all.empty());
 }
 
 int64_t Scene::memory_bytes() const {
