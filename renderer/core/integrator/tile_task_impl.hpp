@@ -116,7 +116,7 @@ class TilePaths {
     }
   }
 
-  bool has_special() const { return !scene_.lights.shadow_rows.empty(); }
+  bool has_special() const { return scene_.lights.has_special(); }
 
   // The film point's number in the chain that it and the directions after it make: each even link shares a point of a sequence
   // with the next. The parts of a split path have indices of their own, so there their first two directions do.
@@ -289,7 +289,7 @@ class TilePaths {
     B useful = scatters & (choice.probability > F(0.0f));
     if (!any(useful)) return;
     LightSample<W> s = light_sample(lights, choice.light, useful, from, u.u, u.v);
-    if (!lights.portals.empty()) {
+    if (lights.has_portals()) {
       const B dome = useful & is_type(LightRow<W>(lights, choice.light).type(), LightType::kDome);
       if (any(dome)) sample_portals(lights, dome, choice.light, from, p.sampler.single(bounce, Purpose::kEmitter), u.u, u.v, s);
     }
