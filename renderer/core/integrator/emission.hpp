@@ -31,18 +31,19 @@ PRIMRAY_INLINE vvec3<W> lobe_factor(LobeFactors f, const PathLanes<W>& p) {
   return select(p.depth == vint<W>(0), one, mixed);
 }
 
-// The probability with which light `i` was chosen at `p` on a surface that wears row `link`; `total` from total_at.
+// The probability with which light `i` was chosen at `p`, with normal `n`, on a surface that wears row `link`; `total` from
+// total_at.
 template <int W>
-PRIMRAY_INLINE vfloat<W> probability_at(const LightTable& lights, int i, vbool<W> m, const vvec3<W>& p, vfloat<W> total,
-                                        vint<W> link) {
-  if (lights.links.any()) return linked_probability(lights, i, m, p, total, link);
-  return light_probability(lights, i, p, total);
+PRIMRAY_INLINE vfloat<W> probability_at(const LightTable& lights, int i, vbool<W> m, const vvec3<W>& p, const vvec3<W>& n,
+                                        vfloat<W> total, vint<W> link) {
+  if (lights.links.any()) return linked_probability(lights, i, m, p, n, total, link);
+  return light_probability(lights, i, m, p, n, total);
 }
 
 // What that needs where each light is weighed.
 template <int W>
 PRIMRAY_INLINE vfloat<W> total_at(const LightTable& lights, const vvec3<W>& p, vint<W> link) {
-  if (lights.count > LightTable::kWeighed) return vfloat<W>(1.0f);
+  if (lights.by_tree()) return vfloat<W>(1.0f);
   if (lights.links.any()) return linked_total_importance(lights, p, link);
   return lights.count > 1 ? total_importance(lights, p) : vfloat<W>(1.0f);
 }
@@ -57,7 +58,7 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
   const vbool<W> sees_body = active & (p.bsdf_pdf == F(0.0f)), camera = p.depth == vint<W>(0);
   const vvec3<W> zero(F(0.0f)), from = p.ray.o - p.ray.d * p.travelled;
   const bool linked = lights.links.any();
-  const bool weighed = lights.count > 1 && lights.count <= LightTable::kWeighed;
+  const bool weighed = lights.count > 1 && !lights.by_tree();
   F nearest(kInfinity), total(0.0f);
   bool has_total = false;
   vvec3<W> body = zero;
@@ -91,7 +92,7 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
     const vbool<W> scattered = met & !sees_body;
     if ((flags & kSpecial) || !any(scattered)) return;
     if ((weighed || linked) && !has_total) total = total_at(lights, from, p.link), has_total = true;
-    const F light_pdf = h.pdf * probability_at(lights, i, scattered, from, total, p.link);
+    const F light_pdf = h.pdf * probability_at(lights, i, scattered, from, p.normal, total, p.link);
     gathered += select(scattered, L * mis_weight(p.bsdf_pdf, light_pdf), zero);
   };
   if (lights.met.empty()) {
@@ -103,9 +104,9 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
   return covered;
 }
 
-// Radiance of all domes along the rays.
+// Radiance of all domes along the rays; right in lanes `m`.
 template <int W>
-PRIMRAY_INLINE vvec3<W> meet_domes(const LightTable& lights, const PathLanes<W>& p) {
+PRIMRAY_INLINE vvec3<W> meet_domes(const LightTable& lights, vbool<W> m, const PathLanes<W>& p) {
   using F = vfloat<W>;
   vvec3<W> sum(F(0.0f));
   for (size_t k = 0; k < lights.domes.size(); ++k) {
@@ -124,7 +125,8 @@ PRIMRAY_INLINE vvec3<W> meet_domes(const LightTable& lights, const PathLanes<W>&
       const vvec3<W> from = p.ray.o - p.ray.d * p.travelled;
       if (!lights.portals.empty()) pdf = dome_pdf(lights, int(k), from, p.ray.d, pdf);
       const F total = total_at(lights, from, p.link);
-      const F light_pdf = pdf * probability_at(lights, light, !direct, from, total, p.link);
+      const vbool<W> wanted = m & (!direct) & (pdf > F(0.0f));
+      const F light_pdf = pdf * probability_at(lights, light, wanted, from, p.normal, total, p.link);
       L *= select(direct, F(1.0f), mis_weight(p.bsdf_pdf, light_pdf));
     }
     sum += L;

@@ -41,8 +41,8 @@ class TilePaths {
         block_(block),
         w_(worker),
         recorder_(recorder),
-        needs_{scene.has_thin, scene.has_inputs, scene.lights.lobe_factors, scene.lights.links.any(),
-               scene.camera.shutter_open},
+        needs_{scene.has_thin,           scene.has_inputs,          scene.lights.lobe_factors,
+               scene.lights.links.any(), scene.camera.shutter_open, scene.lights.by_tree()},
         samples_(block.count[0] + block.count[1]) {
     if (has_special() && !w_.special_shadows) w_.special_shadows = std::make_unique<SpecialShadowQueue>();
   }
@@ -145,7 +145,7 @@ class TilePaths {
       const CameraRay<W> ray = scene_.camera.ray<W>(px, py, film.u, film.v, lens.u, lens.v);
       p.ray = {ray.o, ray.d, ray.tnear, ray.tfar};
       if (needs_.time) p.ray.time = p.sampler.single(I(0), kShutterTime);
-      p.beta = V(F(1.0f)), p.share = V(F(0.0f)), p.link = I(kUnlinkedRow);
+      p.beta = V(F(1.0f)), p.share = p.normal = V(F(0.0f)), p.link = I(kUnlinkedRow);
       p.bsdf_pdf = p.travelled = F(0.0f), p.splits = F(1.0f);
       p.cone_width = F(scene_.camera.cone_width()), p.cone_spread = F(scene_.camera.cone_spread());
       p.slot = load<W>(slot), p.depth = p.vertex = I(0);
@@ -216,7 +216,8 @@ class TilePaths {
     const B covered = meet_lights(scene_.lights, active, hit, p, hits.t, gathered);
     hit &= !covered;
     const B escaped = active & !hit & !covered;
-    if (!scene_.lights.domes.empty() && any(escaped)) gathered += select(escaped, meet_domes(scene_.lights, p), V(F(0.0f)));
+    if (!scene_.lights.domes.empty() && any(escaped))
+      gathered += select(escaped, meet_domes(scene_.lights, escaped, p), V(F(0.0f)));
     for (uint32_t b = bits(active & (p.vertex == I(0)) & (hit | covered)); b; b &= b - 1) w_.a[p.slot[__builtin_ctz(b)]] = 1.0f;
     if (!any(hit)) {
       add(active, p.slot, p.beta * gathered);
@@ -268,7 +269,7 @@ class TilePaths {
     const B sampled = hit & (max_component(L) > F(0.0f)) & (p.bsdf_pdf > F(0.0f));
     if (scene_.emitters.any() && any(sampled)) {
       const V from = p.ray.o - p.ray.d * p.travelled;
-      const F pdf = emitter_pdf(scene_, sampled, hits, it, from, p.ray.d, hits.t + p.travelled, p.link);
+      const F pdf = emitter_pdf(scene_, sampled, hits, it, from, p.normal, p.ray.d, hits.t + p.travelled, p.link);
       L *= select(sampled & (pdf > F(0.0f)), mis_weight(p.bsdf_pdf, pdf), F(1.0f));
     }
     return L;
@@ -280,9 +281,10 @@ class TilePaths {
     const V from = v.it.p + v.ng * v.it.offset;
     const I bounce = p.vertex + I(1);
     const Pair<W> u = p.sampler.pair(bounce, Purpose::kLightPoint);
-    const F choice_u = lights.count > 1 ? p.sampler.single(bounce, Purpose::kLightChoice) : F(0.0f);
-    const LightChoice<W> choice =
-        lights.links.any() ? choose_linked_light(lights, from, choice_u, v.it.link) : choose_light(lights, from, choice_u);
+    const vuint<W> choice_u = lights.count > 1 ? p.sampler.bits_of(bounce, Purpose::kLightChoice) : vuint<W>(0u);
+    const V& n = v.frame.n;
+    const LightChoice<W> choice = lights.links.any() ? choose_linked_light(lights, scatters, from, n, choice_u, v.it.link)
+                                                     : choose_light(lights, scatters, from, n, choice_u);
     B useful = scatters & (choice.probability > F(0.0f));
     if (!any(useful)) return;
     LightSample<W> s = light_sample(lights, choice.light, useful, from, u.u, u.v);
@@ -410,6 +412,7 @@ class TilePaths {
       n.cone_width = p.cone_width + p.cone_spread * dot(v.it.p - p.ray.o, p.ray.d);
       n.cone_spread = p.cone_spread + select(s.pdf > F(0.0f), kLobeSpread / sqrt(max(s.pdf, 1e-6f)), F(0.0f));
     }
+    if (needs_.normals) n.normal = select(s.straight, p.normal, v.frame.n);
     if (needs_.links) n.link = select(s.straight, p.link, v.it.link);
     if (scene_.lights.lobe_factors) n.share = select(s.straight, p.share, s.diffuse_share);
     const B roulette = alive & (bounce >= I(kRouletteStart)) & !s.straight;
@@ -427,7 +430,7 @@ class TilePaths {
     if (scene_.only_domes_found && any(alive & last & !s.straight)) {
       // Only whether it meets the sky counts: a shadow ray tells that for less.
       const B sky = alive & last & !s.straight;
-      const V carried = n.beta * meet_domes(scene_.lights, n);
+      const V carried = n.beta * meet_domes(scene_.lights, sky, n);
       const B lit = sky & (max_component(carried) > F(0.0f));
       if (any(lit)) w_.shadows.append(lit, n.ray.o, n.ray.d, F(kInfinity), carried, p.slot, p.ray.time, needs_);
       alive &= !sky;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "scene/light_bounds.hpp"
 #include "scene/light_choice.hpp"
 #include "scene/light_rules.hpp"
 #include "scene/shaping_rows.hpp"
@@ -124,35 +125,6 @@ void add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
     table.portals.resize(table.domes.size());
     table.portals.back() = std::move(portals);
   }
-}
-
-// What holds a light that rays can meet, a little larger than rounding needs.
-LightBox light_box(const float* row) {
-  const double s0 = row[kSize0], s1 = row[kSize1];
-  LightBox box;
-  for (int a = 0; a < 3; ++a) {
-    const double x = std::fabs(row[kAxisX + a]), y = std::fabs(row[kAxisY + a]), z = std::fabs(row[kAxisZ + a]);
-    double reach = 0;
-    switch (LightType(int(row[kType]))) {
-      case LightType::kSphere:
-        reach = s0 * std::sqrt(x * x + y * y + z * z);
-        break;
-      case LightType::kDisk:
-        reach = s0 * std::sqrt(x * x + y * y);
-        break;
-      case LightType::kRect:
-        reach = s0 * x + s1 * y;
-        break;
-      case LightType::kCylinder:
-        reach = s1 * x + s0 * std::sqrt(y * y + z * z);
-        break;
-      default:
-        break;
-    }
-    const double center = row[kOrigin + a], more = reach * 1e-5 + std::fabs(center) * 4e-6;
-    box.low[a] = float(center - reach - more), box.high[a] = float(center + reach + more);
-  }
-  return box;
 }
 
 void add_hierarchy(LightTable& table) {
