@@ -315,7 +315,9 @@ class TilePaths {
     const F pdf = s.pdf * choice.probability;
     B special(false);  // no other way leads to those
     if (has_special()) special = (LightRow<W>(lights, choice.light).flags() & I(kSpecial)) != I(0);
-    const F weight = select(s.is_delta | special, F(1.0f), mis_weight(pdf, f.pdf));
+    B alone = s.is_delta | special;
+    if (!lights.met.empty()) alone |= rarely_met(lights, choice.light, from, f.pdf);
+    const F weight = select(alone, F(1.0f), mis_weight(pdf, f.pdf));
     const V carried = p.beta * reflected * s.L * (weight / pdf);
     useful &= max_component(carried) > F(0.0f);
     V o = from;
@@ -422,6 +424,11 @@ class TilePaths {
       const F r = p.sampler.single(bounce, Purpose::kRoulette);
       alive &= !(roulette & (r >= survive));
       n.beta = select(roulette, n.beta * (1.0f / survive), n.beta);
+    }
+    // Nor are there lights for it that light sampling does not find.
+    if (scene_.only_met_lights_found && any(alive & last & !s.straight)) {
+      const B looks = alive & last & !s.straight;
+      alive &= (!looks) | may_meet(scene_.lights.met, looks, n.ray.o, n.ray.d, n.bsdf_pdf);
     }
     if (!any(alive)) return;
     // What the camera does not see beyond its far plane it does not see through a gap either.

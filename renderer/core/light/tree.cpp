@@ -180,22 +180,26 @@ struct Builder {
     const int32_t blocks = int32_t((slots.size() + LightTree::kBlock - 1) / LightTree::kBlock);
     tree.nodes.push_back({first, blocks, parent, parent_slot});
     tree.blocks.resize(size_t(first + blocks), Block{});
-    for (size_t k = 0; k < slots.size(); ++k) {
-      Block& block = tree.blocks[size_t(first) + k / LightTree::kBlock];
-      const int s = int(k % LightTree::kBlock);
-      put(block, s, slots[k]);
+    // Slot by slot across the blocks: those that are weighed in the same lane of them are neighbours.
+    const auto slot_of = [&](size_t k) { return int(k) % blocks * LightTree::kBlock + int(k) / blocks; };
+    const auto block_of = [&](int slot) -> Block& { return tree.blocks[size_t(first + slot / LightTree::kBlock)]; };
+    for (size_t k = 0; k < size_t(blocks) * LightTree::kBlock; ++k) {
+      const int slot = slot_of(k), s = slot % LightTree::kBlock;
+      if (k >= slots.size()) {
+        block_of(slot).least2[s] = 1;  // nothing must be divided by zero
+        continue;
+      }
+      put(block_of(slot), s, slots[k]);
       if (slots[k].count() > 1) continue;
       const int32_t position = order[size_t(slots[k].first)];
-      block.child[s] = ~numbers[size_t(position)];
-      places[size_t(position)] = {node, int32_t(k)};
+      block_of(slot).child[s] = ~numbers[size_t(position)];
+      places[size_t(position)] = {node, slot};
     }
-    // Slots without a light must not divide by zero.
-    for (size_t k = slots.size(); k < size_t(blocks) * LightTree::kBlock; ++k)
-      tree.blocks[size_t(first) + k / LightTree::kBlock].least2[k % LightTree::kBlock] = 1;
     for (size_t k = 0; k < slots.size(); ++k) {
       if (slots[k].count() == 1) continue;
-      const int32_t child = add_node(parts({slots[k]}, LightTree::kMostSlots, depth + 1), node, int32_t(k), depth + 1);
-      tree.blocks[size_t(first) + k / LightTree::kBlock].child[k % LightTree::kBlock] = child;
+      const int slot = slot_of(k);
+      const int32_t child = add_node(parts({slots[k]}, LightTree::kMostSlots, depth + 1), node, slot, depth + 1);
+      block_of(slot).child[slot % LightTree::kBlock] = child;
     }
     return node;
   }

@@ -32,7 +32,7 @@ struct LightTree {
     int32_t block, blocks;        // first one, and how many
     int32_t parent, parent_slot;  // -1: root
   };
-  // Where a light stands: a slot is counted from the first of its node.
+  // Where a light stands: slots are counted from the first of its node, block by block.
   struct Place {
     int32_t node, slot;
   };

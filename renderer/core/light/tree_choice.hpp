@@ -5,6 +5,8 @@
 // order of additions that does not depend on how many this machine has.
 #pragma once
 
+#include <algorithm>
+
 #include "light/importance.hpp"
 #include "light/tree.hpp"
 
@@ -32,21 +34,25 @@ struct LitPoint {
   }
 };
 
-// The part of a cluster's light that arrives by its distance and the surface's cosine: about the mean of cos / d^2.
+// The part of a cluster's light that arrives by its distance and the surface's cosine: about the mean of cos / d^2. `d2`: the
+// square of the distance that it takes.
 template <int N>
-PRIMRAY_INLINE vfloat<N> geometry_of_slots(const LightTree::Block& block, int at, const LitPoint& x, vvec3<N>& to) {
+PRIMRAY_INLINE vfloat<N> geometry_of_slots(const LightTree::Block& block, int at, const LitPoint& x, vvec3<N>& to,
+                                           vfloat<N>& d2) {
   using F = vfloat<N>;
   const F near = load<N>(block.near + at);
   to = {load<N>(block.center[0] + at) - near * x.p[0], load<N>(block.center[1] + at) - near * x.p[1],
         load<N>(block.center[2] + at) - near * x.p[2]};
-  const F d2 = max(dot(to, to), load<N>(block.least2 + at)), d = sqrt(d2), inverse = 1.0f / d;
-  if (!x.has_normal) return inverse * inverse;
+  d2 = min(max(dot(to, to), load<N>(block.least2 + at)), 1e24f);
+  const F d = sqrt(d2);
+  if (!x.has_normal) return 1.0f / d2;
   const F h = to.x * x.n[0] + to.y * x.n[1] + to.z * x.n[2];
-  const F a = load<N>(block.half[0] + at) * x.across[0], b = load<N>(block.half[1] + at) * x.across[1],
-          c = load<N>(block.half[2] + at) * x.across[2];
-  // The mean of what is above the surface of heights about h: half of the spread's half there, h far above.
-  const F above = 0.5f * (h + sqrt(h * h + 0.25f * (a * a + b * b + c * c)));
-  return select(h + (a + b + c) > F(0.0f), max(above, 1e-6f * d) * inverse * (inverse * inverse), F(0.0f));
+  const F up = h + (load<N>(block.half[0] + at) * x.across[0] + load<N>(block.half[1] + at) * x.across[1] +
+                    load<N>(block.half[2] + at) * x.across[2]);
+  // The mean height of what is above the surface: that of the middle far above, a quarter of what rises above it otherwise,
+  // which is right for what is halved by the surface.
+  const F above = max(max(h, 0.25f * up), 1e-6f * d);
+  return select(up > F(0.0f), above / (d2 * d), F(0.0f));
 }
 
 // The part that is sent towards the point by lights that do not emit all around.
@@ -72,7 +78,7 @@ PRIMRAY_INLINE void weigh_block(const LightTable& table, const LightTree::Block&
   using F = vfloat<N>;
   for (int at = 0; at < LightTree::kBlock; at += N) {
     vvec3<N> to;
-    F w = geometry_of_slots<N>(block, at, x, to);
+    F d2, w = geometry_of_slots<N>(block, at, x, to, d2);
     if (block.directed != 0) w = w * cone_of_slots<N>(block, at, to);
     const F intensity = load<N>(block.intensity + at);
     // Never 0 for being small.
@@ -84,15 +90,15 @@ PRIMRAY_INLINE void weigh_block(const LightTable& table, const LightTree::Block&
     if (!(weights[s] > 0)) continue;
     vvec3<1> to;
     const vvec3<1> p{vfloat<1>(x.p[0]), vfloat<1>(x.p[1]), vfloat<1>(x.p[2])};
-    const float seen = geometry_of_slots<1>(block, s, x, to)[0];
-    const float d2 = std::max(dot(to, to)[0], block.least2[s]);
-    const float own = light_weight(table, ~block.child[s], p)[0] * table.tree.scale * (seen * d2);
+    vfloat<1> d2;
+    const vfloat<1> cosine = geometry_of_slots<1>(block, s, x, to, d2) * d2;
+    const float own = light_weight(table, ~block.child[s], p)[0] * table.tree.scale * cosine[0];
     weights[s] = own > 0 ? std::max(own, 1e-36f) : 0.0f;
   }
 }
 
-// Sums of a block's weights up to each and with it, added in one order on every machine.
-PRIMRAY_INLINE void sum_block(const float* weights, float* sums) {
+// Sums of 16 weights up to each and with it, added in one order on every machine.
+PRIMRAY_INLINE void running_sums(const float* weights, float* sums) {
 #if defined(__AVX512F__)
   const vint<16> lane = lane_numbers<16>();
   vfloat<16> s = load<16>(weights);
@@ -109,19 +115,43 @@ PRIMRAY_INLINE void sum_block(const float* weights, float* sums) {
 #endif
 }
 
-// A node's slots, weighed.
+// A node's slots, weighed: slots of the same lane in all blocks are a column, and columns follow each other.
 struct WeighedNode {
-  alignas(64) float weights[LightTree::kMostSlots], sums[LightTree::kMostSlots];
-  float before[LightTree::kBlocks + 1];  // sum of the weights of earlier blocks
+  alignas(64) float weights[LightTree::kMostSlots], columns[LightTree::kBlock], sums[LightTree::kBlock];
 
   PRIMRAY_INLINE WeighedNode(const LightTable& table, const LightTree::Node& node, const LitPoint& x) {
-    before[0] = 0;
+    constexpr int N = kTreeLanes;
     for (int k = 0; k < node.blocks; ++k) {
-      float *w = weights + k * LightTree::kBlock, *s = sums + k * LightTree::kBlock;
+      float* w = weights + k * LightTree::kBlock;
       weigh_block(table, table.tree.blocks[size_t(node.block + k)], x, w);
-      sum_block(w, s);
-      before[k + 1] = before[k] + s[LightTree::kBlock - 1];
+      for (int at = 0; at < LightTree::kBlock; at += N)
+        store(columns + at, k == 0 ? load<N>(w + at) : load<N>(columns + at) + load<N>(w + at));
     }
+    running_sums(columns, sums);
+  }
+  PRIMRAY_INLINE float total() const { return sums[LightTree::kBlock - 1]; }
+
+  // The slot where the running sum exceeds `wanted`, in [0, total()), and where `wanted` lies in it, in [0, 1).
+  PRIMRAY_INLINE int find(int blocks, double wanted, double& within) const {
+    constexpr int N = kTreeLanes;
+    uint32_t beyond = 0, some = 0;
+    for (int at = 0; at < LightTree::kBlock; at += N) {
+      beyond |= bits(load<N>(sums + at) > vfloat<N>(float(wanted))) << at;
+      some |= bits(load<N>(columns + at) > vfloat<N>(0.0f)) << at;
+    }
+    beyond &= some;
+    const int column = beyond ? __builtin_ctz(beyond) : 31 - __builtin_clz(some);
+    const double rest = wanted - (column > 0 ? double(sums[column - 1]) : 0.0);
+    double begin = 0, end = 0;
+    int slot = 0;
+    for (int k = 0; k < blocks; ++k) {
+      const int s = k * LightTree::kBlock + column;
+      if (!(weights[s] > 0)) continue;
+      slot = s, begin = end, end += double(weights[s]);
+      if (rest < end) break;
+    }
+    within = std::min(std::max((rest - begin) / double(weights[slot]), 0.0), 0x1.fffffffep-1);
+    return slot;
   }
 };
 
@@ -136,29 +166,11 @@ inline TreeChoice choose_from_node(const LightTable& table, int32_t root, const 
   for (int32_t at = root;;) {
     const LightTree::Node& node = table.tree.nodes[size_t(at)];
     const WeighedNode w(table, node, x);
-    const float total = w.before[node.blocks];
+    const float total = w.total();
     if (!(total > 0)) return {0, 0.0f};
-    const double wanted = u * double(total);
-    // The last block that begins at or before the wanted sum and is not empty.
-    int k = 0;
-    for (int i = 1; i < node.blocks; ++i)
-      if (double(w.before[i]) <= wanted && w.before[i + 1] > w.before[i]) k = i;
-    if (!(w.before[k + 1] > w.before[k]))
-      while (!(w.before[k + 1] > w.before[k])) ++k;
-    const float *weights = w.weights + k * LightTree::kBlock, *sums = w.sums + k * LightTree::kBlock;
-    const double within = wanted - double(w.before[k]);
-    int s = 0;
-    uint32_t open = 0, positive = 0;
-    for (int i = 0; i < LightTree::kBlock; ++i) {
-      open |= uint32_t(double(sums[i]) > within) << i;
-      positive |= uint32_t(weights[i] > 0) << i;
-    }
-    open &= positive;
-    s = open ? __builtin_ctz(open) : 31 - __builtin_clz(positive);
-    probability *= double(weights[s]) / double(total);
-    const double start = s > 0 ? double(sums[s - 1]) : 0.0;
-    u = std::min(std::max((within - start) / double(weights[s]), 0.0), 0x1.fffffffep-1);
-    const int32_t child = table.tree.blocks[size_t(node.block + k)].child[s];
+    const int slot = w.find(node.blocks, u * double(total), u);
+    probability *= double(w.weights[slot]) / double(total);
+    const int32_t child = table.tree.blocks[size_t(node.block + slot / LightTree::kBlock)].child[slot % LightTree::kBlock];
     if (child < 0) return {~child, float(probability)};
     at = child;
   }
@@ -172,7 +184,7 @@ inline float probability_from_leaf(const LightTable& table, LightTree::Place pla
     const WeighedNode w(table, node, x);
     const float own = w.weights[place.slot];
     if (!(own > 0)) return 0.0f;
-    probability *= double(own) / double(w.before[node.blocks]);
+    probability *= double(own) / double(w.total());
     place = {node.parent, node.parent_slot};
   }
   return float(probability);

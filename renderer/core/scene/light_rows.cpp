@@ -128,14 +128,19 @@ void add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
 }
 
 void add_hierarchy(LightTable& table) {
+  table.met.radius.assign(size_t(table.count), 0.0f);
   std::vector<int32_t> numbers;
   std::vector<LightBox> boxes;
   for (int i = 0; i < table.listed; ++i) {
     const LightType type = LightType(int(table.row(i)[kType]));
-    if (type == LightType::kDistant) table.met.far.push_back(i);
+    if (type == LightType::kDistant && table.row(i)[kSize0] > 0) table.met.far.push_back(i);
     if (type == LightType::kDistant || type == LightType::kDome || type == LightType::kPoint || type == LightType::kLine)
       continue;
-    numbers.push_back(i), boxes.push_back(light_box(table.row(i)));
+    const LightBox box = light_box(table.row(i));
+    double diagonal2 = 0;
+    for (int a = 0; a < 3; ++a) diagonal2 += (double(box.high[a]) - box.low[a]) * (double(box.high[a]) - box.low[a]);
+    table.met.radius[size_t(i)] = std::max(float(0.5 * std::sqrt(diagonal2)), float(kSmallest));
+    numbers.push_back(i), boxes.push_back(box);
   }
   build_light_hierarchy(table.met, std::move(numbers), boxes);
 }
