@@ -221,11 +221,13 @@ def test_choice_of_lights(count: int) -> None:
         lights.append(light(x.type, m, float(rng.uniform(0.1, 9)), radius=x.radius, width=x.width, angle_deg=x.angle_deg))
     scene = describe(lights=lights).build()
     points = rng.normal(size=(50, 3)) * 4
-    probability = kernels().light_probabilities(scene, points).astype(np.float64)
+    around = np.zeros((50, 3), np.float32)
+    probability = kernels().light_probabilities(scene, points, around).astype(np.float64)
     np.testing.assert_allclose(probability.sum(axis=1), 1, atol=1e-5)
     n = 20_000
     for k in range(0, 50, 10):
-        light_number, p = kernels().choose_light(scene, rows(points[k], n), random_numbers(n, 1, seed=k).ravel())
+        u = random_numbers(n, 1, seed=k).ravel()
+        light_number, p = kernels().choose_light(scene, rows(points[k], n), np.zeros((n, 3), np.float32), u)
         np.testing.assert_allclose(p, probability[k][light_number], rtol=1e-4, atol=1e-7)
         share = np.bincount(light_number, minlength=count) / n
         # Five standard errors.
@@ -249,5 +251,5 @@ def test_sheared_lights_are_weighed_as_others_are(kind: LightType, size: float) 
         for x, m in ((-2, np.eye(4)), (2, shear))
     ]
     scene = describe([(ground, np.eye(4))], [lambert(0.5)], both).build()
-    probability = kernels().light_probabilities(scene, np.array([[0.0, -1, 0]]) * size)
+    probability = kernels().light_probabilities(scene, np.array([[0.0, -1, 0]]) * size, np.zeros((1, 3), np.float32))
     np.testing.assert_allclose(probability[0], 0.5, atol=0.01)

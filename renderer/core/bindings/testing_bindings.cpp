@@ -262,24 +262,27 @@ nb::tuple dome_eval_rows(const Scene& scene, int dome, InFloats w_, int lanes) {
 }
 
 // Probability of every sampled light at each point, (N, lights).
-nb::object light_probabilities(const Scene& scene, InArray<double> p_, int lanes) {
+nb::object light_probabilities(const Scene& scene, InArray<double> p_, InFloats n_, int lanes) {
   const CorePoints p(scene, p_);
+  const Input<float> n(n_, p.n, 3);
   Column<float> r(p.n, std::max(scene.lights.count, 1));
   for_rows(p.n, lanes, [&]<int W>(size_t at) {
     const vvec3<W> q = p.vector<W>(at);
-    const vfloat<W> total = total_importance(scene.lights, q);
-    for (int i = 0; i < scene.lights.count; ++i) r.put(at, light_probability(scene.lights, i, q, total), i);
+    const vfloat<W> total = scene.lights.by_tree() ? vfloat<W>(1.0f) : total_importance(scene.lights, q);
+    for (int i = 0; i < scene.lights.count; ++i)
+      r.put(at, light_probability(scene.lights, i, vbool<W>(true), q, n.vector<W>(at), total), i);
   });
   return r.array();
 }
 
-nb::tuple choose_lights(const Scene& scene, InArray<double> p_, InFloats u_, int lanes) {
+nb::tuple choose_lights(const Scene& scene, InArray<double> p_, InFloats n_, InFloats u_, int lanes) {
   const CorePoints p(scene, p_);
-  const Input<float> u(u_, p.n, 1);
+  const Input<float> n(n_, p.n, 3), u(u_, p.n, 1);
   Column<int32_t> light(p.n);
   Column<float> probability(p.n);
   for_rows(p.n, lanes, [&]<int W>(size_t at) {
-    const LightChoice<W> c = choose_light(scene.lights, p.vector<W>(at), u.number<W>(at));
+    const vuint<W> number = bit_cast<vuint<W>>(truncate(u.number<W>(at) * 0x1p24f)) << 8;
+    const LightChoice<W> c = choose_light(scene.lights, vbool<W>(true), p.vector<W>(at), n.vector<W>(at), number);
     light.put(at, c.light), probability.put(at, c.probability);
   });
   return nb::make_tuple(light.array(), probability.array());
@@ -480,9 +483,9 @@ void bind_testing(nb::module_& m) {
   m.def("portal_sample", &portal_sample_rows, nb::arg("scene"), nb::arg("dome"), nb::arg("p"), nb::arg("u"), lanes);
   m.def("dome_pdf", &dome_pdf_rows, nb::arg("scene"), nb::arg("dome"), nb::arg("p"), nb::arg("wi"), lanes);
   m.def("dome_eval", &dome_eval_rows, nb::arg("scene"), nb::arg("dome"), nb::arg("w"), lanes);
-  m.def("light_probabilities", &light_probabilities, nb::arg("scene"), nb::arg("p"), lanes);
+  m.def("light_probabilities", &light_probabilities, nb::arg("scene"), nb::arg("p"), nb::arg("n"), lanes);
   m.def("light_shaping", &light_shaping_rows, nb::arg("scene"), nb::arg("light"), nb::arg("wi"), lanes);
-  m.def("choose_light", &choose_lights, nb::arg("scene"), nb::arg("p"), nb::arg("u"), lanes);
+  m.def("choose_light", &choose_lights, nb::arg("scene"), nb::arg("p"), nb::arg("n"), nb::arg("u"), lanes);
   m.def("sampler_numbers", &sampler_numbers, nb::arg("seed"), nb::arg("key"), lanes);
   m.def("camera_rays", &camera_rays, nb::arg("scene"), nb::arg("pixel"), nb::arg("film"), nb::arg("lens"), lanes);
   m.def("intersect", &intersect, nb::arg("scene"), nb::arg("o"), nb::arg("d"), lanes, nb::arg("packet") = true);

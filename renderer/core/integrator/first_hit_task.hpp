@@ -147,7 +147,8 @@ class FirstHitTask {
       const B covered = meet_lights(scene_.lights, active, hit, p, hits.t, gathered);
       hit &= !covered;
       const B escaped = active & !hit & !covered;
-      if (!scene_.lights.domes.empty() && any(escaped)) gathered += select(escaped, meet_domes(scene_.lights, p), V(F(0.0f)));
+      if (!scene_.lights.domes.empty() && any(escaped))
+        gathered += select(escaped, meet_domes(scene_.lights, escaped, p), V(F(0.0f)));
       light(active, gathered);
       if (!any(hit)) return;
       Interaction<W> it = interact(scene_, hit, p.ray, hits);

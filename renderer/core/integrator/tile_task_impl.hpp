@@ -41,8 +41,8 @@ class TilePaths {
         block_(block),
         w_(worker),
         recorder_(recorder),
-        needs_{scene.has_thin, scene.has_inputs, scene.lights.lobe_factors, scene.lights.links.any(),
-               scene.camera.shutter_open},
+        needs_{scene.has_thin,           scene.has_inputs,          scene.lights.lobe_factors,
+               scene.lights.links.any(), scene.camera.shutter_open, scene.lights.by_tree()},
         samples_(block.count[0] + block.count[1]) {
     if (has_special() && !w_.special_shadows) w_.special_shadows = std::make_unique<SpecialShadowQueue>();
   }
@@ -148,7 +148,7 @@ class TilePaths {
       const CameraRay<W> ray = scene_.camera.ray<W>(px, py, film.u, film.v, lens.u, lens.v);
       p.ray = {ray.o, ray.d, ray.tnear, ray.tfar};
       if (needs_.time) p.ray.time = p.sampler.single(I(0), kShutterTime);
-      p.beta = V(F(1.0f)), p.share = V(F(0.0f)), p.link = I(kUnlinkedRow);
+      p.beta = V(F(1.0f)), p.share = p.normal = V(F(0.0f)), p.link = I(kUnlinkedRow);
       p.bsdf_pdf = p.travelled = F(0.0f), p.splits = F(1.0f);
       p.cone_width = F(scene_.camera.cone_width()), p.cone_spread = F(scene_.camera.cone_spread());
       p.slot = load<W>(slot), p.depth = p.vertex = I(0);
@@ -219,7 +219,8 @@ class TilePaths {
     const B covered = meet_lights(scene_.lights, active, hit, p, hits.t, gathered);
     hit &= !covered;
     const B escaped = active & !hit & !covered;
-    if (!scene_.lights.domes.empty() && any(escaped)) gathered += select(escaped, meet_domes(scene_.lights, p), V(F(0.0f)));
+    if (!scene_.lights.domes.empty() && any(escaped))
+      gathered += select(escaped, meet_domes(scene_.lights, escaped, p), V(F(0.0f)));
     for (uint32_t b = bits(active & (p.vertex == I(0)) & (hit | covered)); b; b &= b - 1) w_.a[p.slot[__builtin_ctz(b)]] = 1.0f;
     if (!any(hit)) {
       add(active, p.slot, p.beta * gathered);
@@ -271,7 +272,7 @@ class TilePaths {
     const B sampled = hit & (max_component(L) > F(0.0f)) & (p.bsdf_pdf > F(0.0f));
     if (scene_.emitters.any() && any(sampled)) {
       const V from = p.ray.o - p.ray.d * p.travelled;
-      const F pdf = emitter_pdf(scene_, sampled, hits, it, from, p.ray.d, hits.t + p.travelled, p.link);
+      const F pdf = emitter_pdf(scene_, sampled, hits, it, from, p.normal, p.ray.d, hits.t + p.travelled, p.link);
       L *= select(sampled & (pdf > F(0.0f)), mis_weight(p.bsdf_pdf, pdf), F(1.0f));
     }
     return L;
@@ -283,9 +284,10 @@ class TilePaths {
     const V from = v.it.p + v.ng * v.it.offset;
     const I bounce = p.vertex + I(1);
     const Pair<W> u = p.sampler.pair(bounce, Purpose::kLightPoint);
-    const F choice_u = lights.count > 1 ? p.sampler.single(bounce, Purpose::kLightChoice) : F(0.0f);
-    const LightChoice<W> choice =
-        lights.links.any() ? choose_linked_light(lights, from, choice_u, v.it.link) : choose_light(lights, from, choice_u);
+    const vuint<W> choice_u = lights.count > 1 ? p.sampler.bits_of(bounce, Purpose::kLightChoice) : vuint<W>(0u);
+    const V& n = v.frame.n;
+    const LightChoice<W> choice = lights.links.any() ? choose_linked_light(lights, scatters, from, n, choice_u, v.it.link)
+                                                     : choose_light(lights, scatters, from, n, choice_u);
     B useful = scatters & (choice.probability > F(0.0f));
     if (!any(useful)) return;
     LightSample<W> s = light_sample(lights, choice.light, useful, from, u.u, u.v);
@@ -316,7 +318,9 @@ class TilePaths {
     const F pdf = s.pdf * choice.probability;
     B special(false);  // no other way leads to those
     if (has_special()) special = (LightRow<W>(lights, choice.light).flags() & I(kSpecial)) != I(0);
-    const F weight = select(s.is_delta | special, F(1.0f), mis_weight(pdf, f.pdf));
+    B alone = s.is_delta | special;
+    if (!lights.met.empty()) alone |= rarely_met(lights, choice.light, from, f.pdf);
+    const F weight = select(alone, F(1.0f), mis_weight(pdf, f.pdf));
     const V carried = p.beta * reflected * s.L * (weight / pdf);
     useful &= max_component(carried) > F(0.0f);
     V o = from;
@@ -413,6 +417,7 @@ class TilePaths {
       n.cone_width = p.cone_width + p.cone_spread * dot(v.it.p - p.ray.o, p.ray.d);
       n.cone_spread = p.cone_spread + select(s.pdf > F(0.0f), kLobeSpread / sqrt(max(s.pdf, 1e-6f)), F(0.0f));
     }
+    if (needs_.normals) n.normal = select(s.straight, p.normal, v.frame.n);
     if (needs_.links) n.link = select(s.straight, p.link, v.it.link);
     if (scene_.lights.lobe_factors) n.share = select(s.straight, p.share, s.diffuse_share);
     const B roulette = alive & (bounce >= I(kRouletteStart)) & !s.straight;
@@ -423,6 +428,11 @@ class TilePaths {
       alive &= !(roulette & (r >= survive));
       n.beta = select(roulette, n.beta * (1.0f / survive), n.beta);
     }
+    // Nor are there lights for it that light sampling does not find.
+    if (scene_.only_met_lights_found && any(alive & last & !s.straight)) {
+      const B looks = alive & last & !s.straight;
+      alive &= (!looks) | may_meet(scene_.lights.met, looks, n.ray.o, n.ray.d, n.bsdf_pdf);
+    }
     if (!any(alive)) return;
     // What the camera does not see beyond its far plane it does not see through a gap either.
     n.ray.tnear = F(0.0f);
@@ -430,7 +440,7 @@ class TilePaths {
     if (scene_.only_domes_found && any(alive & last & !s.straight)) {
       // Only whether it meets the sky counts: a shadow ray tells that for less.
       const B sky = alive & last & !s.straight;
-      const V carried = n.beta * meet_domes(scene_.lights, n);
+      const V carried = n.beta * meet_domes(scene_.lights, sky, n);
       const B lit = sky & (max_component(carried) > F(0.0f));
       if (any(lit)) w_.shadows.append(lit, n.ray.o, n.ray.d, F(kInfinity), carried, p.slot, p.ray.time, needs_);
       alive &= !sky;

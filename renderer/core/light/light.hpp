@@ -19,6 +19,7 @@
 #include "light/shaping.hpp"
 #include "light/sphere.hpp"
 #include "light/textured_rect.hpp"
+#include "light/tree.hpp"
 
 namespace primray {
 
@@ -85,7 +86,7 @@ struct LightTable {
   std::vector<DomeTraits> dome_traits;
   std::vector<LightImage> images;   // of rectangles; several may have the same
   std::vector<LightTable> portals;  // by dome: rectangles of radiance 1 that guide its samples (light/portal.hpp); or empty
-  std::vector<float> power_cdf;     // count + 1; used where there are too many lights to weigh each
+  LightTree tree;                   // to choose among them, where there are too many lights to weigh each
   LightHierarchy met;               // of the lights that rays can meet, where there are many
   bool needs_hit_test = false;      // some light has area or a cone that BSDF rays can meet
   bool camera_sees_area = false;
@@ -102,6 +103,7 @@ struct LightTable {
   bool has_portals() const { return built::kPortals && !portals.empty(); }
   bool has_special() const { return built::kSpecialShadows && !shadow_rows.empty(); }
   bool has_images() const { return built::kLightImages && !images.empty(); }
+  bool by_tree() const { return count > kWeighed; }
   const float* row(int light) const { return rows.data() + light * kLightFields; }
 };
 

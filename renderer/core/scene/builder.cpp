@@ -238,6 +238,7 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
   if (s.has_emission) build_emitters(s);
   finish_light_rows(s.lights);
   s.rays_find_light = s.has_emission || s.lights.needs_hit_test || !s.lights.domes.empty();
+  s.only_met_lights_found = !s.has_emission && s.lights.domes.empty() && !s.lights.met.empty() && s.lights.met.far.empty();
   s.only_domes_found = !s.has_emission && !s.lights.needs_hit_test && !s.lights.domes.empty();
   if (s.needs_left_out()) throw Error("settings-error", "the scene needs a feature that this core was built without");
   build_accel(s);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "scene/light_bounds.hpp"
 #include "scene/light_choice.hpp"
 #include "scene/light_rules.hpp"
 #include "scene/shaping_rows.hpp"
@@ -122,44 +123,20 @@ void add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
   }
 }
 
-// What holds a light that rays can meet, a little larger than rounding needs.
-LightBox light_box(const float* row) {
-  const double s0 = row[kSize0], s1 = row[kSize1];
-  LightBox box;
-  for (int a = 0; a < 3; ++a) {
-    const double x = std::fabs(row[kAxisX + a]), y = std::fabs(row[kAxisY + a]), z = std::fabs(row[kAxisZ + a]);
-    double reach = 0;
-    switch (LightType(int(row[kType]))) {
-      case LightType::kSphere:
-        reach = s0 * std::sqrt(x * x + y * y + z * z);
-        break;
-      case LightType::kDisk:
-        reach = s0 * std::sqrt(x * x + y * y);
-        break;
-      case LightType::kRect:
-        reach = s0 * x + s1 * y;
-        break;
-      case LightType::kCylinder:
-        reach = s1 * x + s0 * std::sqrt(y * y + z * z);
-        break;
-      default:
-        break;
-    }
-    const double center = row[kOrigin + a], more = reach * 1e-5 + std::fabs(center) * 4e-6;
-    box.low[a] = float(center - reach - more), box.high[a] = float(center + reach + more);
-  }
-  return box;
-}
-
 void add_hierarchy(LightTable& table) {
+  table.met.radius.assign(size_t(table.count), 0.0f);
   std::vector<int32_t> numbers;
   std::vector<LightBox> boxes;
   for (int i = 0; i < table.listed; ++i) {
     const LightType type = LightType(int(table.row(i)[kType]));
-    if (type == LightType::kDistant) table.met.far.push_back(i);
+    if (type == LightType::kDistant && table.row(i)[kSize0] > 0) table.met.far.push_back(i);
     if (type == LightType::kDistant || type == LightType::kDome || type == LightType::kPoint || type == LightType::kLine)
       continue;
-    numbers.push_back(i), boxes.push_back(light_box(table.row(i)));
+    const LightBox box = light_box(table.row(i));
+    double diagonal2 = 0;
+    for (int a = 0; a < 3; ++a) diagonal2 += (double(box.high[a]) - box.low[a]) * (double(box.high[a]) - box.low[a]);
+    table.met.radius[size_t(i)] = std::max(float(0.5 * std::sqrt(diagonal2)), float(kSmallest));
+    numbers.push_back(i), boxes.push_back(box);
   }
   build_light_hierarchy(table.met, std::move(numbers), boxes);
 }

@@ -105,6 +105,7 @@ struct Scene {
   Fact<built::kEmission> has_emission = false;
   bool rays_find_light = false;         // domes, areas or emission that a scattered ray could meet
   bool only_domes_found = false;        // ... and of these only domes, for which it is enough to know that nothing is hit
+  bool only_met_lights_found = false;   // ... or only lights in LightTable::met
   Fact<built::kThin> has_thin = false;  // something lets light straight through: shadow rays must look at what they hit
 
   rtc::Scene accel() const { return groups[0].accel.get(); }
