@@ -1,0 +1,60 @@
+"""Which renderers can be compared here. PRIMRAY_PEERS names a folder with a virtual environment for each peer: mi (Mitsuba),
+bpy (Cycles) and lux (LuxCore); what is not there is left out."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+ENVIRONMENTS = {"mitsuba": "mi", "cycles": "bpy", "luxcore": "lux"}
+OURS = "primray"
+
+
+@dataclass(frozen=True)
+class Renderer:
+    name: str  # peer and variant: mitsuba-llvm-multijitter
+    peer: str
+    variant: str = ""
+
+    @property
+    def python(self) -> Path | None:
+        """The Python that has it; None if none has."""
+        folder = os.environ.get("PRIMRAY_PEERS")
+        if self.peer == OURS or not folder:
+            return None
+        python = Path(folder).resolve() / ENVIRONMENTS[self.peer] / "bin/python"
+        return python if python.exists() else None
+
+
+RENDERERS = (
+    Renderer(OURS, OURS),
+    *(
+        Renderer(f"mitsuba-{variant}", "mitsuba", variant)
+        for variant in ("llvm-multijitter", "llvm", "scalar-multijitter", "scalar")
+    ),
+    Renderer("cycles", "cycles"),
+    Renderer("luxcore", "luxcore"),
+)
+# Of each peer's variants the one whose pictures its reference is made of: the first that takes the scene.
+
+
+def reason_against(renderer: Renderer, scene: str) -> str | None:
+    """Why this renderer cannot take that scene, or what is not to be learnt from it."""
+    if scene == "field" and renderer.variant.startswith("llvm"):
+        return "it traces every instance while it records its kernel: minutes, and more than 11 GB at 100,000 instances"
+    if scene != "field" and renderer.variant.startswith("scalar"):
+        return (
+            "slower than its LLVM variant on every scene that both take (box: scalar is measured)" if scene != "box" else None
+        )
+    if scene == "lamps" and renderer.peer == "luxcore":
+        return "its sphere light has other units"
+    return None
+
+
+def installed(scene: str) -> list[Renderer]:
+    return [
+        renderer
+        for renderer in RENDERERS
+        if (renderer.peer == OURS or renderer.python is not None) and reason_against(renderer, scene) is None
+    ]
