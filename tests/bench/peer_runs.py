@@ -15,7 +15,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from .peers.installed import OURS, Renderer
+from primray import __version__
+
+from .peers.installed import OURS, PACKAGES, Renderer
 from .peers.scenes import SCENES
 from .peers.write_usd import CAMERA
 
@@ -66,6 +68,7 @@ def run(
         return _ours(scene, pictures, out, limit_s, total_s)
     job = {
         "folder": str(folder_of(scene)), "scene": scene, "variant": renderer.variant, "threads": os.cpu_count(),
+        "package": PACKAGES[renderer.peer],
         "pictures": list(pictures), "limit_s": limit_s, "total_s": total_s, "out": str(out), "launched": time.monotonic(),
     }  # fmt: skip
     module = f"tests.bench.peers.run_{renderer.peer}"
@@ -88,6 +91,7 @@ def _ours(scene: str, pictures: Sequence[tuple[int, int]], out: Path, limit_s: f
     rows: Rows = [
         {
             "what": "first",
+            "version": __version__,
             "process_s": took,
             "render_s": report["stages_s"]["render"],
             "peak_mb": report["peak_rss_bytes"] / 2**20,

@@ -16,9 +16,23 @@ DARK = 0.01
 
 @dataclass(frozen=True)
 class Reference:
-    pixels: Pixels
-    noise: float  # its own relMSE, from two halves of what it was made of
-    samples: int
+    halves: tuple[Pixels, Pixels]  # means of independent pictures
+    samples: int  # of both together
+    pictures: int
+
+    @property
+    def pixels(self) -> Pixels:
+        return (self.halves[0] + self.halves[1]) / 2
+
+    @property
+    def noise(self) -> float:
+        """Its own relMSE."""
+        return float((((self.halves[0] - self.halves[1]) / 2) ** 2 / (self.pixels**2 + DARK)).mean())
+
+    def with_more(self, more: Reference) -> Reference:
+        share = more.samples / (self.samples + more.samples)
+        halves = [a + (b - a) * share for a, b in zip(self.halves, more.halves, strict=True)]
+        return Reference((halves[0], halves[1]), self.samples + more.samples, self.pictures + more.pictures)
 
 
 def load(path: str | Path) -> Pixels:
@@ -30,12 +44,10 @@ def load(path: str | Path) -> Pixels:
 
 
 def reference_of(pictures: Sequence[Pixels], samples: int) -> Reference:
-    """The mean of independent pictures of equally many samples, two at least; an odd one out is dropped."""
+    """Of independent pictures of equally many samples, two at least; an odd one out is dropped."""
     even = len(pictures) // 2 * 2
     halves = [np.mean(pictures[k:even:2], axis=0) for k in (0, 1)]
-    mean = (halves[0] + halves[1]) / 2
-    noise = ((halves[0] - halves[1]) / 2) ** 2 / (mean**2 + DARK)
-    return Reference(mean, float(noise.mean()), samples * even)
+    return Reference((halves[0], halves[1]), samples * even, even)
 
 
 def relmse(picture: Pixels, reference: Reference) -> float:
@@ -46,15 +58,16 @@ def relmse(picture: Pixels, reference: Reference) -> float:
 
 def save(reference: Reference, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    facts = {"noise": np.float64(reference.noise), "samples": np.int64(reference.samples)}
     half_written = path.with_suffix(".part.npz")
-    np.savez_compressed(half_written, pixels=reference.pixels.astype(np.float32), **facts)  # type: ignore[arg-type]
+    counts = np.array([reference.samples, reference.pictures])
+    np.savez(half_written, halves=np.asarray(reference.halves, np.float32), counts=counts)
     half_written.replace(path)
 
 
 def saved(path: Path) -> Reference:
     with np.load(path) as found:
-        return Reference(found["pixels"].astype(np.float64), float(found["noise"]), int(found["samples"]))
+        one, other = found["halves"].astype(np.float64)
+        return Reference((one, other), *(int(n) for n in found["counts"]))
 
 
 def agreement(one: Reference, other: Reference) -> dict[str, float]:

@@ -33,6 +33,12 @@ def write_results(name: str, rows: list[dict[str, Any]]) -> Path:
     return path
 
 
+def latest(name: str, kernel: str = "v4_16") -> dict[str, Any] | None:
+    """What was measured last by that name; None if nothing was."""
+    found = sorted(RESULTS.glob(f"{name}_{kernel}_????-??-??.json"))
+    return json.loads(found[-1].read_text(encoding="utf-8")) if found else None
+
+
 def cpu_model() -> str:
     for line in Path("/proc/cpuinfo").read_text().splitlines():
         if line.startswith("model name"):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ENVIRONMENTS = {"mitsuba": "mi", "cycles": "bpy", "luxcore": "lux"}
+PACKAGES = {"mitsuba": "mitsuba", "cycles": "bpy", "luxcore": "pyluxcore"}
 OURS = "primray"
 
 
@@ -27,6 +28,7 @@ class Renderer:
         return python if python.exists() else None
 
 
+# Of a peer's variants the first that takes a scene makes its reference.
 RENDERERS = (
     Renderer(OURS, OURS),
     *(
@@ -36,7 +38,6 @@ RENDERERS = (
     Renderer("cycles", "cycles"),
     Renderer("luxcore", "luxcore"),
 )
-# Of each peer's variants the one whose pictures its reference is made of: the first that takes the scene.
 
 
 def reason_against(renderer: Renderer, scene: str) -> str | None:

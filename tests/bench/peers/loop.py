@@ -1,19 +1,19 @@
 """What every runner does once its renderer has the scene: a first picture, then pictures of more and more samples.
 
 Standard library alone, as it runs in the Pythons of other renderers. A runner is `run_X.py JOB`, JOB a JSON object:
-folder, scene, variant, threads, pictures ([samples, seed] each), limit_s (for one), total_s (for all but the first two), out
-(where they go, `<samples>_<seed>.exr`), launched (the machine's monotonic clock). It writes one JSON object a line: the first
-picture (seconds since the launch), then each picture's own seconds.
+folder, scene, variant, package, threads, pictures ([samples, seed] each), limit_s (for one), total_s (for all but the first
+two), out (where they go, `<samples>_<seed>.exr`), launched (the machine's monotonic clock). It writes one JSON object a line:
+the first picture (seconds since the launch), then each picture's own seconds.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import resource
 import sys
 import time
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,11 @@ def cpu_seconds() -> float:
 
 
 def peak_mb() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    """The most this program has held (proc(5)); getrusage(2) would count what its parent held as well."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith("VmHWM:"):
+            return int(line.split()[1]) / 1024
+    return 0.0
 
 
 def tell(**facts: Any) -> None:
@@ -46,7 +50,8 @@ def run(setup: Setup) -> None:
     began = time.perf_counter()
     render(1, 1)
     first = time.perf_counter() - began
-    tell(what="first", process_s=time.monotonic() - job["launched"], render_s=first, peak_mb=peak_mb(), stages_s=stages)
+    told = {"what": "first", "version": version(job["package"])}
+    tell(**told, process_s=time.monotonic() - job["launched"], render_s=first, peak_mb=peak_mb(), stages_s=stages)
     per_sample, spent_s = 0.0, 0.0
     for k, (samples, seed) in enumerate(job["pictures"]):
         if per_sample * samples > job["limit_s"] or (k >= 2 and spent_s > job["total_s"]):
