@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from .peer_runs import run
+from .peer_runs import facts, run
 from .peers.installed import OURS, RENDERERS, Renderer, installed, reason_against
 from .peers.scenes import SCENES
 from .references import reference
@@ -43,8 +43,8 @@ def measure(scene: str, rounds: int, limit_s: float, ladder: tuple[int, ...] = L
         {
             "renderer": renderer.name,
             "scene": scene,
-            "resolution": SCENES[scene]().resolution,
-            "depth": SCENES[scene]().depth,
+            "resolution": facts(scene)["resolution"],
+            "depth": facts(scene)["depth"],
             "reference": _rounded(
                 {
                     "samples": references[renderer.peer].samples,

@@ -20,7 +20,7 @@ from primray import core
 from . import scaling
 from .replay import build
 from .results import write_results
-from .scenes import BenchScene, available
+from .scenes import BenchScene, bench_scene
 
 SIZES: dict[str, tuple[int, ...]] = {
     "triangles": (10**3, 10**4, 10**5, 10**6, 10**7),
@@ -33,6 +33,7 @@ SIZES: dict[str, tuple[int, ...]] = {
 SIDES = (128, 256, 512, 1024)
 SAMPLES = (4, 8, 16, 32, 64)
 ROUNDS = 3
+PICTURED = ("box", "field", "hills")
 
 
 def of_stages(kinds: list[str], most: int) -> list[dict[str, Any]]:
@@ -82,7 +83,7 @@ def report(kinds: list[str], most: int) -> None:
     if staged:
         write_results("growth", of_stages(staged, most))
     if "pictures" in kinds:
-        write_results("growth-pictures", [row for scene in available()[:3] for row in of_pictures(scene)])
+        write_results("growth-pictures", [row for name in PICTURED for row in of_pictures(bench_scene(name))])
 
 
 def main() -> None:

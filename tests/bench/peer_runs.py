@@ -18,10 +18,11 @@ from typing import Any
 from primray import __version__
 
 from .peers.installed import OURS, PACKAGES, Renderer
-from .peers.scenes import SCENES
+from .peers.scenes import SCENES, Scene
 from .peers.write_usd import CAMERA
 
 ROOT = Path(__file__).parents[2]
+PEERS = Path(__file__).parent / "peers"
 PRIMRAY = [sys.executable, str(Path(sys.executable).with_name("primray"))]
 LIMIT_S = 900  # for a process
 # A process counts its parent's peak memory as its own (getrusage(2) across fork and exec); this one is small.
@@ -37,7 +38,15 @@ def kept() -> Path:
 @cache
 def digest(scene: str) -> str:
     """Of everything the scene is made of; references of another scene by that name are not taken for this one's."""
-    made = SCENES[scene]()
+    sources = hashlib.sha256(b"".join((PEERS / name).read_bytes() for name in ("scenes.py", "shapes.py"))).hexdigest()[:12]
+    known = kept() / "digests" / f"{scene}_{sources}"  # making a scene takes seconds
+    if not known.exists():
+        known.parent.mkdir(parents=True, exist_ok=True)
+        known.write_text(_digest_of(SCENES[scene]()))
+    return known.read_text()
+
+
+def _digest_of(made: Scene) -> str:
     found = hashlib.sha256()
     for mesh in made.meshes.values():
         found.update(mesh.points.tobytes() + mesh.faces.tobytes())
@@ -120,15 +129,16 @@ def _ours(scene: str, pictures: Sequence[tuple[int, int]], out: Path, limit_s: f
 
 
 @cache
-def _facts(scene: str) -> dict[str, Any]:
-    facts: dict[str, Any] = json.loads((folder_of(scene) / f"{scene}.json").read_text())
-    return facts
+def facts(scene: str) -> dict[str, Any]:
+    """What write_plain.py says of a scene."""
+    read: dict[str, Any] = json.loads((folder_of(scene) / f"{scene}.json").read_text())
+    return read
 
 
 def _command_line(scene: str, samples: int, seed: int, out: Path) -> tuple[dict[str, Any], float]:
-    facts = _facts(scene)
+    about = facts(scene)
     path, report = out / f"{samples}_{seed}.exr", out / "report.json"
-    options = ["--camera", CAMERA, "--res", *map(str, facts["resolution"]), "--max-depth", str(facts["depth"])]
+    options = ["--camera", CAMERA, "--res", *map(str, about["resolution"]), "--max-depth", str(about["depth"])]
     options += ["--filter", "box", "--filter-width", "1", "--spp", str(samples), "--seed", str(seed)]
     stage = folder_of(scene) / f"{scene}.usdc"
     start = time.perf_counter()

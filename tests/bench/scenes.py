@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from .peer_runs import folder_of
+from .peer_runs import facts, folder_of
 from .peers.scenes import SCENES
 from .peers.write_usd import CAMERA
 
@@ -21,10 +21,14 @@ class BenchScene:
     max_depth: int | None
 
 
+def bench_scene(name: str) -> BenchScene:
+    """Written if it is not there yet."""
+    if name == "meadow":
+        return BenchScene(name, ROOT / "scenes/showcase/meadow/scene.usda", None, (480, 270), None)
+    about = facts(name)
+    width, height = about["resolution"]
+    return BenchScene(name, folder_of(name) / f"{name}.usdc", CAMERA, (width, height), about["depth"])
+
+
 def available() -> list[BenchScene]:
-    """Written where they are not yet."""
-    compared = [
-        BenchScene(name, folder_of(name) / f"{name}.usdc", CAMERA, made.resolution, made.depth)
-        for name, made in ((name, make()) for name, make in SCENES.items())
-    ]
-    return [*compared, BenchScene("meadow", ROOT / "scenes/showcase/meadow/scene.usda", None, (480, 270), None)]
+    return [bench_scene(name) for name in (*SCENES, "meadow")]
