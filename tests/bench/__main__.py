@@ -1,7 +1,7 @@
 """The whole benchmark: python -m tests.bench [--quick] [--fresh] [STEP ...].
 
 Every step writes its own file in tests/bench/results; a run that was stopped goes on after its last finished step (--fresh
-begins again). About twelve minutes on two quiet cores with every peer (PRIMRAY_PEERS, peers/installed.py) and with the
+begins again). About thirteen minutes on two quiet cores with every peer (PRIMRAY_PEERS, peers/installed.py) and with the
 references there, which the first run makes (references.py). `make docs` then writes docs/benchmarks.md.
 """
 
@@ -54,8 +54,8 @@ def steps(quick: bool) -> dict[str, Callable[[], None]]:
     found: dict[str, Callable[[], None]] = {"startup": lambda: startup.report(3 if quick else startup.ROUNDS)}
     for scene in SCENES:
         found[f"curve-{scene}"] = lambda scene=scene: curves.report(scene, rounds, limit_s)  # type: ignore[misc]
-    found["replay"] = lambda: replays(2 if quick else 4, repeated)
-    found["replay-8"] = lambda: replays_at_8(2 if quick else 4, repeated)
+    found["replay"] = lambda: replays(2, repeated)
+    found["replay-8"] = lambda: replays_at_8(2, repeated)
     found["growth-pictures"] = lambda: growth.report(["pictures"], most)
     found["growth"] = lambda: growth.report(list(growth.SIZES), most)
     found["ablations"] = lambda: ablations.report(list(SCENES), 1 if quick else 2)

@@ -37,10 +37,10 @@ class Row:
 
 BASE = Row("as it is", "")
 ROWS = (
-    Row("splitting at the first surface", "one path goes on from there", splits=1),
-    Row("16 lanes", "8 lanes of the same build", environment={"PRIMRAY_LANES": "8"}),
+    Row("splitting at the first surface", "one path goes on from there", scenes=("box", "metals"), splits=1),
+    Row("16 lanes", "8 lanes of the same build", scenes=("box", "hills"), environment={"PRIMRAY_LANES": "8"}),
     Row("lanes", "one lane", environment={"PRIMRAY_LANES": "1"}, scenes=("box", "hills")),
-    Row("AVX-512", "the AVX2 build", environment={"PRIMRAY_ISA": "v3"}),
+    Row("AVX-512", "the AVX2 build", scenes=("box", "hills"), environment={"PRIMRAY_ISA": "v3"}),
     Row(
         "Owen-scrambled Sobol points",
         "independent random numbers",
@@ -61,17 +61,19 @@ ROWS = (
     Row(
         "packets or single rays by measurement",
         "always single rays",
+        scenes=("box", "field", "hills"),
         edits=(Edit("integrator/entry_choice.hpp", "return trials_ < kTrials ? (trials_ & 1) : packet_;", "return false;"),),
     ),
     Row(
         "packets or single rays by measurement (2)",
         "always packets",
+        scenes=("box", "field", "hills"),
         edits=(Edit("integrator/entry_choice.hpp", "return trials_ < kTrials ? (trials_ & 1) : packet_;", "return true;"),),
     ),
     Row(
         "MIS compensation of domes",
         "the whole image is sampled",
-        scenes=("field", "hills", "metals"),
+        scenes=("hills", "metals"),
         edits=(Edit("light/dome.cpp", "const double left = rest * d.mean;", "const double left = 0 * rest;"),),
     ),
 )

@@ -172,7 +172,8 @@ def report(scenes: list[str], rounds: int, only: str = "") -> None:
     wanted = [row for row in ROWS if only in row.name]
     found = []
     for scene in scenes:
-        for row in measure(scene, [row for row in wanted if scene in row.scenes and possible(row)], rounds):
+        rows = [row for row in wanted if scene in row.scenes and possible(row)]
+        for row in measure(scene, rows, rounds) if rows else ():
             found.append(row)
             low, high = row["range"]
             print(

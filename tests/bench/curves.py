@@ -17,17 +17,20 @@ from .peer_runs import facts, run
 from .peers.installed import OURS, RENDERERS, Renderer, installed, reason_against
 from .peers.scenes import SCENES
 from .references import reference
-from .relmse import agreement, load, relmse
+from .relmse import Reference, agreement, load, relmse
 from .results import write_results
 
 LADDER = (4, 16, 64, 256)
 ROUNDS = 2
-LIMIT_S = 6.0
+LIMIT_S = 5.0
 
 
 def measure(scene: str, rounds: int, limit_s: float, ladder: tuple[int, ...] = LADDER) -> list[dict[str, Any]]:
     renderers = installed(scene)
-    references = {renderer.peer: reference(renderer, scene) for renderer in reversed(renderers)}
+    references: dict[str, Reference] = {}
+    for renderer in renderers:
+        if renderer.peer not in references:  # its first variant makes it
+            references[renderer.peer] = reference(renderer, scene)
     measured: dict[str, list[dict[str, Any]]] = {renderer.name: [] for renderer in renderers}
     with tempfile.TemporaryDirectory() as folder:
         for k in range(rounds):

@@ -33,10 +33,11 @@ def write_results(name: str, rows: list[dict[str, Any]]) -> Path:
     return path
 
 
-def latest(name: str, kernel: str = "v4_16") -> dict[str, Any] | None:
-    """What was measured last by that name; None if nothing was."""
-    found = sorted(RESULTS.glob(f"{name}_{kernel}_????-??-??.json"))
-    return json.loads(found[-1].read_text(encoding="utf-8")) if found else None
+def latest(name: str, lanes: int | None = None) -> dict[str, Any] | None:
+    """What was measured last by that name, with so many lanes if given; None if nothing was."""
+    found = RESULTS.glob(f"{name}_v?_{lanes or '*'}_????-??-??.json")
+    newest = max(found, key=lambda path: path.stem.rsplit("_", 1)[1], default=None)
+    return None if newest is None else json.loads(newest.read_text(encoding="utf-8"))
 
 
 def cpu_model() -> str:

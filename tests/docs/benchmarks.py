@@ -68,8 +68,8 @@ class Page:
     def about(self, *found: dict[str, Any] | None) -> None:
         for each in found:
             if each is not None:
-                core = f"core {each['isa']}, {each['lanes']} lanes"
-                self.parts.append(f"*{each['date']}, `{each['command']}`, {each['cpu']}, {each['cores']} cores, {core}*\n")
+                core = f", core {each['isa']}" if "isa" in each else ""
+                self.parts.append(f"*{each['date']}, `{each['command']}`, {each['cpu']}, {each['cores']} cores{core}*\n")
 
     def chart(self, name: str, alt: str, drawn: str) -> None:
         self.charts[f"{name}.svg"] = drawn
@@ -135,7 +135,7 @@ def _ranges(row: dict[str, Any]) -> list[tuple[float, float]]:
 
 def _replay(made: Page) -> None:
     made.add("## Embree's share", REPLAY_TEXT)
-    found = [latest("replay", "v4_16"), latest("replay", "v3_8")]
+    found = [latest("replay", 16), latest("replay", 8)]
     made.about(*found)
     rows = [row for kept in found if kept for row in kept["rows"]]
     made.add(tables.replay_table(rows))

@@ -42,12 +42,10 @@ RENDERERS = (
 
 def reason_against(renderer: Renderer, scene: str) -> str | None:
     """Why this renderer cannot take that scene, or what is not to be learnt from it."""
-    if scene == "field" and renderer.variant.startswith("llvm"):
+    if renderer.variant.startswith("llvm") and scene == "field":
         return "it traces every instance while it records its kernel: minutes, and more than 11 GB at 100,000 instances"
-    if scene != "field" and renderer.variant.startswith("scalar"):
-        return (
-            "slower than its LLVM variant on every scene that both take (box: scalar is measured)" if scene != "box" else None
-        )
+    if renderer.variant.startswith("scalar") and scene not in ("field", "box"):
+        return "slower than its LLVM variant wherever that takes the scene (box has both)"
     if scene == "lamps" and renderer.peer == "luxcore":
         return "its sphere light has other units"
     return None
