@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 import time
@@ -38,13 +39,13 @@ def replays(spp: int, repetitions: int) -> None:
     write_results("replay", rows)
 
 
-def replays_at_8(spp: int, repetitions: int) -> None:
+def replays_at_8(quick: bool) -> None:
     """Eight lanes are the AVX2 build's: another process, as one takes one build."""
     if core.isa() != "v4" or not list((ROOT / "renderer/primray").glob("_core_v3.*")):
         print("no second build of the core here: left out")
         return
-    code = f"from tests.bench.__main__ import replays; replays({spp}, {repetitions})"
-    subprocess.run(["env", "PRIMRAY_ISA=v3", sys.executable, "-c", code], check=True, cwd=ROOT)
+    command = [sys.executable, "-m", "tests.bench", *(["--quick"] if quick else []), "replay"]
+    subprocess.run(command, check=True, cwd=ROOT, env=dict(os.environ) | {"PRIMRAY_ISA": "v3"})
 
 
 def steps(quick: bool) -> dict[str, Callable[[], None]]:
@@ -55,7 +56,7 @@ def steps(quick: bool) -> dict[str, Callable[[], None]]:
     for scene in SCENES:
         found[f"curve-{scene}"] = lambda scene=scene: curves.report(scene, rounds, limit_s)  # type: ignore[misc]
     found["replay"] = lambda: replays(2, repeated)
-    found["replay-8"] = lambda: replays_at_8(2, repeated)
+    found["replay-8"] = lambda: replays_at_8(quick)
     found["growth-pictures"] = lambda: growth.report(["pictures"], most)
     found["growth"] = lambda: growth.report(list(growth.SIZES), most)
     found["ablations"] = lambda: ablations.report(list(SCENES), 1 if quick else 2)

@@ -21,7 +21,7 @@ def write_results(name: str, rows: list[dict[str, Any]]) -> Path:
     today = datetime.date.today().isoformat()
     facts = {
         "date": today,
-        "command": " ".join(sys.orig_argv),
+        "command": " ".join(["python", *sys.orig_argv[1:]]),
         "cpu": cpu_model(),
         "cores": os.cpu_count(),
         "python": platform.python_version(),

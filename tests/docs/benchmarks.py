@@ -8,6 +8,7 @@ from typing import Any
 
 from tests.bench.curves import medians
 from tests.bench.growth import ray_us, setup_s
+from tests.bench.peers.installed import RENDERERS
 from tests.bench.peers.scenes import SCENES
 from tests.bench.results import latest
 
@@ -107,8 +108,11 @@ def _curves(made: Page) -> None:
             made.left_out.append(f"{scene}: no curve yet")
             continue
         rows = kept["rows"]
+        order = [renderer.name for renderer in RENDERERS]  # each has its colour in every chart
         lines = [
-            Line(row["renderer"], [(s, e) for _, s, e in medians(row) if e > 0], _ranges(row)) for row in tables.measured(rows)
+            Line(name, [(s, e) for _, s, e in medians(row) if e > 0], _ranges(row), order.index(name))
+            for row in tables.measured(rows)
+            for name in (row["renderer"],)
         ]
         made.about(kept)
         made.chart(scene, f"error against seconds, {scene}", chart(scene, "seconds", "relMSE", lines))

@@ -18,6 +18,7 @@ class Line:
     name: str
     points: Sequence[tuple[float, float]]  # above zero
     spread: Sequence[tuple[float, float]] = ()  # lowest and highest y of each point; none: not drawn
+    color: int | None = None  # of COLORS; None: by its place
 
 
 class Axis:
@@ -58,7 +59,7 @@ def chart(title: str, x_name: str, y_name: str, lines: Sequence[Line]) -> str:
         parts.append(_rule(LEFT, y(value), WIDTH - RIGHT, y(value)))
         parts.append(_text(LEFT - 6, y(value) + 4, _number(value), "end"))
     for k, line in enumerate(lines):
-        parts += _drawn(line, COLORS[k % len(COLORS)], x, y, legend_y=TOP + 12 + 20 * k)
+        parts += _drawn(line, COLORS[(k if line.color is None else line.color) % len(COLORS)], x, y, legend_y=TOP + 12 + 20 * k)
     return "\n".join([*parts, "</svg>"]) + "\n"
 
 
