@@ -49,7 +49,7 @@ def replays_at_8(quick: bool) -> None:
 
 
 def steps(quick: bool) -> dict[str, Callable[[], None]]:
-    rounds, limit_s = (1, 2.0) if quick else (curves.ROUNDS, curves.LIMIT_S)
+    rounds, limit_s = (1, 3.0) if quick else (curves.ROUNDS, curves.LIMIT_S)
     most = 10**5 if quick else 10**7
     repeated = 3 if quick else 5
     found: dict[str, Callable[[], None]] = {"startup": lambda: startup.report(3 if quick else startup.ROUNDS)}

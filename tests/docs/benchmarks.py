@@ -42,7 +42,8 @@ SCENE_TEXT = {
 CURVES_TEXT = """Seconds are those of the picture alone; set-up is below. Columns: samples a second; the most samples a pixel
 that were taken, with their error and efficiency; seconds to an error, interpolated between pictures, ~ where error times
 seconds was taken to stay the same beyond them; how that compares to ours; how far the picture's mean is from its reference's;
-how far that reference is from ours, by blocks of 8 x 8 pixels: renderers differ a little in what they make of a scene."""
+how far that reference is from ours, by blocks of 8 x 8 pixels: renderers differ a little in what they
+make of a scene, and LuxCore's pictures stand one pixel lower."""
 FIRST_TEXT = """From the start of the process to a first picture of one sample at the scene's resolution, ours until the process
 has ended and the file is written, the others' until the pixels are there; and the peak memory of the process after its largest
 picture."""
