@@ -76,4 +76,12 @@ ROWS = (
         scenes=("hills", "metals"),
         edits=(Edit("light/dome.cpp", "const double left = rest * d.mean;", "const double left = 0 * rest;"),),
     ),
+    Row(
+        "rectangles by solid angle",
+        "by area",
+        scenes=("box",),
+        edits=(
+            Edit("light/rect.hpp", "return dot(p, p) > 4.0f * (hx * hx + hy * hy);", "return dot(p, p) > 0.0f * (hx + hy);"),
+        ),
+    ),
 )
