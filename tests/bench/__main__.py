@@ -49,16 +49,16 @@ def replays_at_8(quick: bool) -> None:
 
 
 def steps(quick: bool) -> dict[str, Callable[[], None]]:
-    rounds, limit_s = (1, 3.0) if quick else (curves.ROUNDS, curves.LIMIT_S)
-    most = 10**5 if quick else 10**7
+    rounds, limit_s = (1, 4.0) if quick else (curves.ROUNDS, curves.LIMIT_S)
+    most = 10**6 if quick else 10**7
     repeated = 3 if quick else 5
     found: dict[str, Callable[[], None]] = {"startup": lambda: startup.report(3 if quick else startup.ROUNDS)}
     for scene in SCENES:
         found[f"curve-{scene}"] = lambda scene=scene: curves.report(scene, rounds, limit_s)  # type: ignore[misc]
     found["replay"] = lambda: replays(2, repeated)
     found["replay-8"] = lambda: replays_at_8(quick)
-    found["growth-pictures"] = lambda: growth.report(["pictures"], most)
-    found["growth"] = lambda: growth.report(list(growth.SIZES), most)
+    for kind in ("pictures", *growth.SIZES):
+        found[f"growth-{kind}"] = lambda kind=kind: growth.report([kind], most)  # type: ignore[misc]
     found["ablations"] = lambda: ablations.report(list(SCENES), 1 if quick else 2)
     return found
 

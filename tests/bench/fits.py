@@ -49,10 +49,10 @@ POWERS = np.linspace(0.0, 2.5, 501)
 
 
 def growth(counts: Sequence[float], costs: Sequence[float]) -> Growth:
-    """The best such law by relative deviations, neither term negative; three points at least, costs above zero."""
+    """The best such law by relative deviations, neither term negative; four points at least (three parameters fit three exactly)."""
     n, cost = np.asarray(counts, float), np.asarray(costs, float)
-    if len(n) < 3 or (cost <= 0).any():
-        raise ValueError("growth needs three costs above zero")
+    if len(n) < 4 or (cost <= 0).any():
+        raise ValueError("growth needs four costs above zero")
     best: Growth | None = None
     scale = n.max()  # so that powers of it stay near 1
     for power in POWERS:

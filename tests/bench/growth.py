@@ -36,15 +36,14 @@ ROUNDS = 3
 PICTURED = ("box", "field", "hills")
 
 
-def of_stages(kinds: list[str], most: int) -> list[dict[str, Any]]:
+def of_stages(kind: str, most: int) -> list[dict[str, Any]]:
     rows = []
     with tempfile.TemporaryDirectory() as folder:
-        for kind in kinds:
-            for count in SIZES[kind]:
-                if count <= most:
-                    row = scaling.run(kind, count, Path(folder))
-                    rows.append(row)
-                    print(f"{kind:10} {count:>12,}  set-up {setup_s(row):7.3f} s  {ray_us(row):6.3f} us/ray", flush=True)
+        for count in SIZES[kind]:
+            if count <= most:
+                row = scaling.run(kind, count, Path(folder))
+                rows.append(row)
+                print(f"{kind:10} {count:>12,}  set-up {setup_s(row):7.3f} s  {ray_us(row):6.3f} us/ray", flush=True)
     return rows
 
 
@@ -79,11 +78,13 @@ def of_pictures(scene: BenchScene) -> list[dict[str, Any]]:
 
 
 def report(kinds: list[str], most: int) -> None:
-    staged = [kind for kind in kinds if kind in SIZES]
-    if staged:
-        write_results("growth", of_stages(staged, most))
-    if "pictures" in kinds:
-        write_results("growth-pictures", [row for name in PICTURED for row in of_pictures(bench_scene(name))])
+    """A file for each kind, so that one can be measured again."""
+    for kind in kinds:
+        if kind == "pictures":
+            rows = [row for name in PICTURED for row in of_pictures(bench_scene(name))]
+        else:
+            rows = of_stages(kind, most)
+        write_results(f"growth-{kind}", rows)
 
 
 def main() -> None:

@@ -48,7 +48,7 @@ def test_noise_of_ten_percent_leaves_the_power_nearly_where_it_is():
 
 
 def test_what_does_not_grow_has_no_power():
-    found = growth([1, 10, 100], [0.3, 0.3, 0.3])
+    found = growth([1, 10, 100, 1000], [0.3] * 4)
     assert found.at(1000) == pytest.approx(0.3)
 
 
@@ -58,5 +58,5 @@ def test_n_log_n_looks_like_a_power_a_little_above_one():
 
 
 def test_too_little_to_fit_is_refused():
-    with pytest.raises(ValueError, match="three"):
-        growth([1, 2], [1.0, 2.0])
+    with pytest.raises(ValueError, match="four"):
+        growth([1, 2, 3], [1.0, 2.0, 4.0])

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.bench.curves import medians
-from tests.bench.growth import ray_us, setup_s
+from tests.bench.growth import SIZES, ray_us, setup_s
 from tests.bench.peers.installed import RENDERERS
 from tests.bench.peers.scenes import SCENES
 from tests.bench.results import latest
@@ -68,10 +68,14 @@ class Page:
         self.left_out: list[str] = []
 
     def about(self, *found: dict[str, Any] | None) -> None:
-        for each in found:
-            if each is not None:
-                core = f", core {each['isa']}" if "isa" in each else ""
-                self.parts.append(f"*{each['date']}, `{each['command']}`, {each['cpu']}, {each['cores']} cores{core}*\n")
+        """Each origin of figures once."""
+        origins = [
+            f"*{each['date']}, `{each['command']}`, {each['cpu']}, {each['cores']} cores"
+            f"{', core ' + each['isa'] if 'isa' in each else ''}*\n"
+            for each in found
+            if each is not None
+        ]
+        self.parts += dict.fromkeys(origins)
 
     def chart(self, name: str, alt: str, drawn: str) -> None:
         self.charts[f"{name}.svg"] = drawn
@@ -149,10 +153,11 @@ def _replay(made: Page) -> None:
 
 def _growth(made: Page) -> None:
     made.add("## How costs grow", GROWTH_TEXT)
-    if stages := latest("growth"):
-        rows = stages["rows"]
+    stages = [kept for kind in SIZES if (kept := latest(f"growth-{kind}"))]
+    if stages:
+        rows = [row for kept in stages for row in kept["rows"]]
         kinds = dict.fromkeys(row["kind"] for row in rows)
-        made.about(stages)
+        made.about(*stages)
         for name, y_name, cost in (("set-up", "seconds", setup_s), ("ray", "microseconds", ray_us)):
             lines = [Line(kind, [(row["count"], max(cost(row), 1e-3)) for row in tables.of_kind(rows, kind)]) for kind in kinds]
             made.chart(f"growth-{name}", f"{name} against size", chart(f"{name} by number of items", "items", y_name, lines))
