@@ -49,7 +49,7 @@ POWERS = np.linspace(0.0, 2.5, 501)
 
 
 def growth(counts: Sequence[float], costs: Sequence[float]) -> Growth:
-    """The best such law by relative deviations, neither term negative; four points at least (three parameters fit three exactly)."""
+    """The best such law by relative deviations, neither term negative; of four points at least, as three fit exactly."""
     n, cost = np.asarray(counts, float), np.asarray(costs, float)
     if len(n) < 4 or (cost <= 0).any():
         raise ValueError("growth needs four costs above zero")
