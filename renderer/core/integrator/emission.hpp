@@ -122,7 +122,7 @@ PRIMRAY_INLINE vvec3<W> meet_domes(const LightTable& lights, const PathLanes<W>&
     const int light = lights.dome_light[k];
     if (light >= 0 && !traits.special) {
       const vvec3<W> from = p.ray.o - p.ray.d * p.travelled;
-      if (!lights.portals.empty()) pdf = dome_pdf(lights, int(k), from, p.ray.d, pdf);
+      if (lights.has_portals()) pdf = dome_pdf(lights, int(k), from, p.ray.d, pdf);
       const F total = total_at(lights, from, p.link);
       const F light_pdf = pdf * probability_at(lights, light, !direct, from, total, p.link);
       L *= select(direct, F(1.0f), mis_weight(p.bsdf_pdf, light_pdf));

@@ -209,7 +209,7 @@ PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<
   const vfloat<W> chosen =
       lights.links.any() ? linked_probability_of(lights, light, m, from, link) : probability_of(lights, light, m, from);
   pdf = pdf * chosen;
-  if (!lights.shadow_rows.empty()) {
+  if (lights.has_special()) {
     const vbool<W> special = (row.flags() & vint<W>(kSpecial)) != vint<W>(0);
     pdf = select(special & (pdf > none), vfloat<W>(kInfinity), pdf);
   }

@@ -116,7 +116,7 @@ class TilePaths {
     }
   }
 
-  bool has_special() const { return !scene_.lights.shadow_rows.empty(); }
+  bool has_special() const { return scene_.lights.has_special(); }
 
   int pixel_x(int i) const { return block_.x0 + w_.pixel_x[i] * block_.stride_x; }
   int pixel_y(int i) const { return block_.y0 + w_.pixel_y[i] * block_.stride_y; }
@@ -286,7 +286,7 @@ class TilePaths {
     B useful = scatters & (choice.probability > F(0.0f));
     if (!any(useful)) return;
     LightSample<W> s = light_sample(lights, choice.light, useful, from, u.u, u.v);
-    if (!lights.portals.empty()) {
+    if (lights.has_portals()) {
       const B dome = useful & is_type(LightRow<W>(lights, choice.light).type(), LightType::kDome);
       if (any(dome)) sample_portals(lights, dome, choice.light, from, p.sampler.single(bounce, Purpose::kEmitter), u.u, u.v, s);
     }

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "math/vec3.hpp"
+#include "scene/features.hpp"
 
 namespace primray {
 
@@ -17,7 +18,7 @@ constexpr int32_t kUnlinkedRow = -1;
 struct LinkTable {
   int rows = 0, words = 0;    // words of 32 collections a row
   std::vector<int32_t> bits;  // row by row: whether what wears the row is in the collection
-  bool any() const { return words > 0; }
+  bool any() const { return built::kLinks && words > 0; }
   bool holds(int row, int collection) const {
     return collection == 0 || (uint32_t(bits[size_t(row) * words + (collection >> 5)]) >> (collection & 31) & 1);
   }
