@@ -28,7 +28,8 @@ def test_direct_light_roughly(case: Case, tmp_path: Path) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("case", _params(cases()))
 def test_direct_light(case: Case, tmp_path: Path) -> None:
-    found = judge(case.stage(tmp_path), case.plane, case.spp, SEEDS, case.resolution)
-    record(case, found, case.spp, SEEDS)
+    spp = case.spp * case.times
+    found = judge(case.stage(tmp_path), case.plane, spp, SEEDS, case.resolution)
+    record(case, found, spp, SEEDS)
     assert found.referee_error < 1e-5
     assert not found.faults()

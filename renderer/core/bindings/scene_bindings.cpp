@@ -244,9 +244,9 @@ void bind_scene(nb::module_& m) {
              return b.add_ies_profile({span_of(vertical_deg), span_of(horizontal_deg), span_of(candela), horizontal_pole});
            })
       .def("add_light_image", [](SceneBuilder& b, InArray<float> pixels) { return b.add_light_image(image_input(pixels)); })
-      .def("add_light", &add_light, nb::arg("type"), nb::arg("matrix"), nb::arg("light"), nb::arg("texture"),
-           nb::arg("format") = 0, nb::arg("portals") = InArray<double>(), nb::arg("image") = -1, nb::arg("ies") = -1)
-      .def("add_geometry_light", &add_geometry_light, nb::arg("matrix"), nb::arg("light"), nb::arg("ies") = -1)
+      .def("add_light", &add_light, nb::arg("type"), nb::arg("matrix"), nb::arg("light"), nb::arg("texture"), nb::arg("format"),
+           nb::arg("portals"), nb::arg("image"), nb::arg("ies"))
+      .def("add_geometry_light", &add_geometry_light, nb::arg("matrix"), nb::arg("light"), nb::arg("ies"))
       .def("wear_light", [](SceneBuilder& b, int light, InArray<double> matrix) { b.wear_light(light, affine_of(matrix)); })
       .def("set_camera",
            [](SceneBuilder& b, InArray<double> matrix, bool orthographic, nb::handle window, double near, double far,

@@ -3,13 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <numeric>
 #include <span>
 
 namespace primray {
 namespace {
-
-constexpr double kPiDouble = 3.14159265358979323846;
 
 struct Power {
   double amount;
@@ -20,19 +19,19 @@ Power plain_power(const float* row) {
   const double s0 = row[kSize0], s1 = row[kSize1], e = std::max(double(row[kImportance]), 1e-30);
   switch (LightType(int(row[kType]))) {
     case LightType::kPoint:
-      return {4 * kPiDouble * e, false};
+      return {4 * std::numbers::pi * e, false};
     case LightType::kSphere:
-      return {4 * kPiDouble * s0 * s0 * kPiDouble * e, false};
+      return {4 * std::numbers::pi * s0 * s0 * std::numbers::pi * e, false};
     case LightType::kDisk:
-      return {kPiDouble * s0 * s0 * kPiDouble * e, false};
+      return {std::numbers::pi * s0 * s0 * std::numbers::pi * e, false};
     case LightType::kRect:
-      return {4 * s0 * s1 * kPiDouble * e, false};
+      return {4 * s0 * s1 * std::numbers::pi * e, false};
     case LightType::kCylinder:
-      return {4 * kPiDouble * s0 * s1 * kPiDouble * e, false};
+      return {4 * std::numbers::pi * s0 * s1 * std::numbers::pi * e, false};
     case LightType::kMesh:
-      return {2 * kPiDouble * e, false};
+      return {2 * std::numbers::pi * e, false};
     case LightType::kLine:
-      return {kPiDouble * kPiDouble * 2 * s1 * e, false};
+      return {std::numbers::pi * std::numbers::pi * 2 * s1 * e, false};
     case LightType::kDistant:
     case LightType::kDome:
       return {e, true};

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "scene/light_choice.hpp"
 #include "scene/light_rules.hpp"
@@ -11,7 +12,6 @@
 namespace primray {
 namespace {
 
-constexpr double kPiDouble = 3.14159265358979323846;
 // Squares of sizes must stay floats; a light smaller than this is as good as one of this size and the same power.
 constexpr double kSmallest = 1e-15;
 
@@ -70,10 +70,6 @@ LightFrame light_frame(const LightInput& light) {
   return f;
 }
 
-void put(float* row, int field, const dvec3& v) {
-  row[field] = float(v.x), row[field + 1] = float(v.y), row[field + 2] = float(v.z);
-}
-
 // Only directions matter of a distant light or a dome: an orthonormal frame about its z (distant) or all its axes (dome).
 Affine<float> rotation_of(const daffine& m) {
   return {vec3(normalize(m.x)), vec3(normalize(m.y)), vec3(normalize(m.z)), vec3(0.0f)};
@@ -111,7 +107,7 @@ void add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
     }
     finish_light_rows(portals);
     // Of the light that comes through them about a hemisphere's half, for choosing among lights.
-    if (portals.count > 0) d.irradiance += d.mean * 0.5 * kPiDouble;
+    if (portals.count > 0) d.irradiance += d.mean * 0.5 * std::numbers::pi;
   }
   sampled = d.sampled || portals.count > 0;
   row[kSize1] = float(table.domes.size());
@@ -194,11 +190,11 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
   } else if (light.type == LightType::kDistant) {
     const Frame<double> frame(normalize(m.z));
     m = {frame.s, frame.t, frame.n, dvec3(0.0)};
-    const double half = std::min(std::max(light.angle_deg, 0.0), 360.0) * (kPiDouble / 360);
+    const double half = std::min(std::max(light.angle_deg, 0.0), 360.0) * (std::numbers::pi / 360);
     // 1 - cos t = 2 sin^2 (t / 2) keeps its digits for the smallest suns.
     const double s = std::sin(0.5 * half), spread = 2 * s * s;
     row[kSize0] = float(spread);
-    row[kImportance] = float(luminance(emission) * (spread > 0 ? 2 * kPiDouble * std::min(spread, 0.5) : 1.0));
+    row[kImportance] = float(luminance(emission) * (spread > 0 ? 2 * std::numbers::pi * std::min(spread, 0.5) : 1.0));
     table.needs_hit_test |= row[kSize0] > 0;
   } else {
     const LightFrame f = light_frame(light);
