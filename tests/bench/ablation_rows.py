@@ -62,13 +62,13 @@ ROWS = (
         "packets or single rays by measurement",
         "always single rays",
         scenes=("box", "field", "hills"),
-        edits=(Edit("integrator/entry_choice.hpp", "return trials_ < kTrials ? (trials_ & 1) : packet_;", "return false;"),),
+        edits=(Edit("integrator/entry_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return false;"),),
     ),
     Row(
         "packets or single rays by measurement (2)",
         "always packets",
         scenes=("box", "field", "hills"),
-        edits=(Edit("integrator/entry_choice.hpp", "return trials_ < kTrials ? (trials_ & 1) : packet_;", "return true;"),),
+        edits=(Edit("integrator/entry_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return true;"),),
     ),
     Row(
         "MIS compensation of domes",

@@ -187,6 +187,20 @@ def _ablations(made: Page) -> None:
         made.left_out += [
             f"without {row['name']} ({row['instead']}): {row['left_out']}" for row in kept["rows"] if "left_out" in row
         ]
+    if features := latest("features_off"):
+        made.about(features)
+        of = {"cpu_s": "CPU seconds", "core_instructions": "instructions"}
+        rows = [
+            (
+                row["scene"],
+                ", ".join(row["without"]),
+                next(name for key, name in of.items() if key in row),
+                f"{row['ratio']:.4f}",
+            )
+            for row in features["rows"]
+        ]
+        made.add("What the code of features costs scenes without them, all code over the code without:")
+        made.add(tables.table(("scene", "left out", "of", "ratio"), rows))
 
 
 if __name__ == "__main__":
