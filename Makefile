@@ -60,9 +60,10 @@ docs: setup  ## bring the generated pages and parts of README.md up to date
 	$(BIN)/python -m tests.docs.fidelity
 	$(BIN)/python -m tests.docs.conformance
 	$(BIN)/python -m tests.docs.light_accuracy
+	$(BIN)/python -m tests.docs.benchmarks
 
-bench: setup  ## run the benchmarks of tests/bench
-	$(BIN)/python -m tests.bench
+bench: setup  ## run the benchmarks of tests/bench (BENCH=--quick: small; PRIMRAY_PEERS=DIR: beside other renderers)
+	$(BIN)/python -m tests.bench $(BENCH)
 
 render-assets: setup  ## render every stage under ASSETS=DIR into a contact sheet, out/assets.html
 	@test -d "$(ASSETS)" || { echo "make render-assets: ASSETS=DIR names the folder" >&2; exit 2; }

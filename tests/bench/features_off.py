@@ -41,7 +41,7 @@ FEATURES = [
     "textures",
     "thin",
 ]
-USES = {"cornell": set[str](), "bigmesh": set[str](), "instances": {"instances"}}
+USES = {"box": set[str](), "hills": set[str](), "field": {"instances"}}
 
 # One process for each way: a line asks for a pass, its CPU seconds and the film's hash are the answer.
 WORKER = """
