@@ -1,8 +1,6 @@
-// Array versions of what the kernels call, for the tests: N rows in, N rows out, W at a time through the kernels' own
-// templates.
-//
-// Points, distances and directions are in world space and scene units, as in a SceneDescription; local directions of BSDFs are
-// in the frame of the shading normal. `lanes` is 1 or 0, which stands for the most that this module has.
+// Array versions of what the kernels call, for the tests: N rows in, N rows out, W at a time through their templates.
+// Points, distances, directions: in world space and scene units; local ones of BSDFs: about the shading normal. `lanes`: 1, or
+// 0 for the most there are.
 #include "bindings/arrays.hpp"
 #include "bindings/surface_input.hpp"
 #include "bsdf/bsdf.hpp"
@@ -267,10 +265,10 @@ nb::object light_probabilities(const Scene& scene, InArray<double> p_, InFloats 
   const Input<float> n(n_, p.n, 3);
   Column<float> r(p.n, std::max(scene.lights.count, 1));
   for_rows(p.n, lanes, [&]<int W>(size_t at) {
-    const vvec3<W> q = p.vector<W>(at);
-    const vfloat<W> total = scene.lights.by_tree() ? vfloat<W>(1.0f) : total_importance(scene.lights, q);
-    for (int i = 0; i < scene.lights.count; ++i)
-      r.put(at, light_probability(scene.lights, i, vbool<W>(true), q, n.vector<W>(at), total), i);
+    const vvec3<W> q = p.vector<W>(at), normal = n.vector<W>(at);
+    const vfloat<W> total = total_importance(scene.lights, q);
+    const vbool<W> m(true);
+    for (int i = 0; i < scene.lights.count; ++i) r.put(at, light_probability(scene.lights, i, m, q, normal, total), i);
   });
   return r.array();
 }
@@ -281,8 +279,8 @@ nb::tuple choose_lights(const Scene& scene, InArray<double> p_, InFloats n_, InF
   Column<int32_t> light(p.n);
   Column<float> probability(p.n);
   for_rows(p.n, lanes, [&]<int W>(size_t at) {
-    const vuint<W> number = bit_cast<vuint<W>>(truncate(u.number<W>(at) * 0x1p24f)) << 8;
-    const LightChoice<W> c = choose_light(scene.lights, vbool<W>(true), p.vector<W>(at), n.vector<W>(at), number);
+    const auto bits = bit_cast<vuint<W>>(truncate(u.number<W>(at) * 0x1p24f)) << 8;
+    const auto c = choose_light(scene.lights, vbool<W>(true), p.vector<W>(at), n.vector<W>(at), bits);
     light.put(at, c.light), probability.put(at, c.probability);
   });
   return nb::make_tuple(light.array(), probability.array());

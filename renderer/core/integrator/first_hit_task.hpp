@@ -136,7 +136,7 @@ class FirstHitTask {
   PRIMRAY_INLINE void follow(B active, const CameraRay<W>& from, const Light& light, const Surface& surface) const {
     PathLanes<W> p;
     p.ray = {from.o, from.d, from.tnear, from.tfar};
-    p.beta = V(F(1.0f)), p.share = V(F(0.0f));
+    p.beta = V(F(1.0f)), p.share = p.normal = V(F(0.0f));
     p.bsdf_pdf = p.travelled = F(0.0f), p.splits = F(1.0f);
     p.cone_width = F(scene_.camera.cone_width()), p.cone_spread = F(scene_.camera.cone_spread());
     p.slot = p.depth = p.vertex = I(0), p.link = I(kUnlinkedRow);

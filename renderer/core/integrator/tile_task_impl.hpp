@@ -284,10 +284,9 @@ class TilePaths {
     const V from = v.it.p + v.ng * v.it.offset;
     const I bounce = p.vertex + I(1);
     const Pair<W> u = p.sampler.pair(bounce, Purpose::kLightPoint);
-    const vuint<W> choice_u = lights.count > 1 ? p.sampler.bits_of(bounce, Purpose::kLightChoice) : vuint<W>(0u);
-    const V& n = v.frame.n;
-    const LightChoice<W> choice = lights.links.any() ? choose_linked_light(lights, scatters, from, n, choice_u, v.it.link)
-                                                     : choose_light(lights, scatters, from, n, choice_u);
+    const vuint<W> number = lights.count > 1 ? p.sampler.bits_of(bounce, Purpose::kLightChoice) : vuint<W>(0u);
+    const LightChoice<W> choice = lights.links.any() ? choose_linked_light(lights, scatters, from, v.frame.n, number, v.it.link)
+                                                     : choose_light(lights, scatters, from, v.frame.n, number);
     B useful = scatters & (choice.probability > F(0.0f));
     if (!any(useful)) return;
     LightSample<W> s = light_sample(lights, choice.light, useful, from, u.u, u.v);
@@ -429,10 +428,8 @@ class TilePaths {
       n.beta = select(roulette, n.beta * (1.0f / survive), n.beta);
     }
     // Nor are there lights for it that light sampling does not find.
-    if (scene_.only_met_lights_found && any(alive & last & !s.straight)) {
-      const B looks = alive & last & !s.straight;
-      alive &= (!looks) | may_meet(scene_.lights.met, looks, n.ray.o, n.ray.d, n.bsdf_pdf);
-    }
+    if (scene_.only_met_lights_found)
+      alive &= (!last) | s.straight | may_meet(scene_.lights.met, alive & last & !s.straight, n.ray.o, n.ray.d, n.bsdf_pdf);
     if (!any(alive)) return;
     // What the camera does not see beyond its far plane it does not see through a gap either.
     n.ray.tnear = F(0.0f);

@@ -47,11 +47,13 @@ PRIMRAY_INLINE vfloat<N> geometry_of_slots(const LightTree::Block& block, int at
   const F d = sqrt(d2);
   if (!x.has_normal) return 1.0f / d2;
   const F h = to.x * x.n[0] + to.y * x.n[1] + to.z * x.n[2];
-  const F up = h + (load<N>(block.half[0] + at) * x.across[0] + load<N>(block.half[1] + at) * x.across[1] +
-                    load<N>(block.half[2] + at) * x.across[2]);
-  // The mean height of what is above the surface: that of the middle far above, a quarter of what rises above it otherwise,
-  // which is right for what is halved by the surface.
-  const F above = max(max(h, 0.25f * up), 1e-6f * d);
+  const F reach = load<N>(block.half[0] + at) * x.across[0] + load<N>(block.half[1] + at) * x.across[1] +
+                  load<N>(block.half[2] + at) * x.across[2];
+  const F up = h + reach, spread2 = load<N>(block.least2 + at), below = min(h, 0.0f);
+  // The mean height of what is above the surface: that of the middle if all is; otherwise as if it were spread evenly over
+  // heights, but of what lies mostly below no more than Cantelli's inequality leaves to be above at all.
+  const F part = 0.25f * up * (up * spread2 / (reach * (spread2 + below * below)));
+  const F above = max(select(h >= reach, h, part), 1e-6f * d);
   return select(up > F(0.0f), above / (d2 * d), F(0.0f));
 }
 

@@ -261,6 +261,7 @@ int64_t Scene::memory_bytes() const {
                   texture_bytes();
   for (const Dome& d : lights.domes) total += bytes(d.texels) + bytes(d.column_cdf) + bytes(d.density);
   for (const LightImage& i : lights.images) total += bytes(i.texels) + bytes(i.column_cdf);
+  total += bytes(lights.rows) + bytes(lights.tree.blocks) + bytes(lights.tree.places) + bytes(lights.linked.places);
   total += bytes(lights.shaping.rows) + bytes(lights.shaping.profiles.data);
   return total;
 }
