@@ -6,6 +6,7 @@
 
 #include "integrator/emission.hpp"
 #include "integrator/emitter.hpp"
+#include "integrator/guide.hpp"
 #include "integrator/ray_recorder.hpp"
 #include "integrator/shadow_rays.hpp"
 #include "integrator/smooth_origin.hpp"
@@ -43,6 +44,7 @@ class TilePaths {
         recorder_(recorder),
         needs_{scene.has_thin, scene.has_inputs, scene.lights.lobe_factors, scene.lights.links.any(),
                scene.camera.shutter_open},
+        keep_(settings.guide ? kGuidedKeep : roulette_keep(settings.splits)),
         samples_(block.count[0] + block.count[1]) {
     if (has_special() && !w_.special_shadows) w_.special_shadows = std::make_unique<SpecialShadowQueue>();
   }
@@ -54,6 +56,7 @@ class TilePaths {
         std::fill_n(w_.a, slots, 0.0f);
     w_.pool->count = 0;
     while (true) {
+      if (settings_.log) ++settings_.log->round;
       refill(slots);
       if (w_.pool->count == 0) break;
       trace();
@@ -191,6 +194,7 @@ class TilePaths {
     for (uint32_t b = bits(m & ((c.x != zero) | (c.y != zero) | (c.z != zero))); b; b &= b - 1) {
       const int i = __builtin_ctz(b), s = slot[i];
       w_.r[s] += c.x[i], w_.g[s] += c.y[i], w_.b[s] += c.z[i];
+      if (settings_.log) settings_.log->add_light(s, c.x[i] + c.y[i] + c.z[i]);
     }
   }
 
@@ -202,6 +206,7 @@ class TilePaths {
     V wo;  // in that frame
     Bsdf<W> bsdf;
     const Hits<W>& hits;
+    typename Guide::template Place<W> place;  // region -1: scattered by the BSDF alone
   };
 
   // One vertex of the paths at [at, at + W): light met, light sampled, next ray.
@@ -254,8 +259,9 @@ class TilePaths {
     const V ns = it.ns * side;
     const Frame<F> frame(select(dot(ns, wo) > F(1e-4f), ns, ng));
     const V wo_local = frame.to_local(wo);
-    Vertex v{it, ng, frame, wo_local, Bsdf<W>(rows, scatters, wo_local, front), hits};
+    Vertex v{it, ng, frame, wo_local, Bsdf<W>(rows, scatters, wo_local, front), hits, {I(-1), I(0)}};
     v.bsdf.diffuse *= it.color;
+    if (settings_.guide) find_region(scatters, v);
     if (scene_.lights.count > 0) sample_light(scatters & (p.depth < I(settings_.max_depth)), v, p);
     scatter(scatters, v, p);
   }
@@ -313,7 +319,8 @@ class TilePaths {
     const F pdf = s.pdf * choice.probability;
     B special(false);  // no other way leads to those
     if (has_special()) special = (LightRow<W>(lights, choice.light).flags() & I(kSpecial)) != I(0);
-    const F weight = select(s.is_delta | special, F(1.0f), mis_weight(pdf, f.pdf));
+    const F scattered_pdf = settings_.guide ? mixed_pdf(v, s.wi, f.pdf) : f.pdf;
+    const F weight = select(s.is_delta | special, F(1.0f), mis_weight(pdf, scattered_pdf));
     const V carried = p.beta * reflected * s.L * (weight / pdf);
     useful &= max_component(carried) > F(0.0f);
     V o = from;
@@ -383,9 +390,11 @@ class TilePaths {
 
   void scatter_once(B scatters, const Vertex& v, const PathLanes<W>& p) {
     const I bounce = p.vertex + I(1);
-    const Pair<W> u = p.sampler.pair(bounce, Purpose::kDirection);
+    Pair<W> u = p.sampler.pair(bounce, Purpose::kDirection);
     const F lobe = v.bsdf.any_preview ? p.sampler.single(bounce, Purpose::kLobe) : F(0.0f);
-    const BsdfSample<W> s = v.bsdf.sample(v.wo, lobe, u.u, u.v);
+    const B by_guide = settings_.guide ? choose_guide(v, u.u) : B(false);
+    BsdfSample<W> s = v.bsdf.sample(v.wo, lobe, u.u, u.v);
+    if (settings_.guide) sample_guide(v, by_guide, u, s);
     PathLanes<W> n = p;
     n.ray.d = select(s.straight, p.ray.d, v.frame.to_world(s.wi));
     const F out = dot(v.ng, n.ray.d);
@@ -415,7 +424,7 @@ class TilePaths {
     const B roulette = alive & (bounce >= I(kRouletteStart)) & !s.straight;
     if (any(roulette)) {
       const F most = select(bounce >= I(kRouletteDeep), F(kRouletteDeepKeep), F(1.0f));
-      const F survive = min(max_component(n.beta) * n.splits * roulette_keep(settings_.splits), most);
+      const F survive = min(max_component(n.beta) * n.splits * keep_, most);
       const F r = p.sampler.single(bounce, Purpose::kRoulette);
       alive &= !(roulette & (r >= survive));
       n.beta = select(roulette, n.beta * (1.0f / survive), n.beta);
@@ -433,7 +442,63 @@ class TilePaths {
       alive &= !sky;
       if (!any(alive)) return;
     }
+    if (settings_.log) record(alive & (s.pdf > F(0.0f)), v, n);
     w_.next->append(Compaction<W>(alive), n, needs_);
+  }
+
+  // Which lanes stand where the guide knows something, on surfaces that scatter widely and let nothing pass.
+  PRIMRAY_RARE void find_region(B scatters, Vertex& v) const {
+    B wide = scatters;
+    if (v.bsdf.any_preview) {
+      const B opaque = (v.bsdf.p_diffuse + v.bsdf.p_specular + v.bsdf.p_coat > F(0.9999f)) & (v.bsdf.presence >= F(1.0f));
+      wide &= (!v.bsdf.preview) | (opaque & !v.bsdf.mirror & (v.bsdf.p_diffuse > F(0.3f)));
+    }
+    v.place = settings_.guide->template place_of<W>(v.it.p, v.ng);
+    v.place.region = select(wide, v.place.region, I(-1));
+  }
+  static typename Guide::template Place<W> valid(const Vertex& v) { return {max(v.place.region, I(0)), v.place.side}; }
+  PRIMRAY_RARE F mixed_pdf(const Vertex& v, const V& wi, F bsdf_pdf) const {
+    const B known = v.place.region >= I(0);
+    const F pdf = settings_.guide->pdf(valid(v), wi);
+    return select(known, bsdf_pdf * (1.0f - kGuideShare) + pdf * kGuideShare, bsdf_pdf);
+  }
+  // One number chooses between guide and BSDF and is stretched again, so that its strata serve both.
+  PRIMRAY_RARE B choose_guide(const Vertex& v, F& u) const {
+    const B known = v.place.region >= I(0), by_guide = known & (u < F(kGuideShare));
+    const F rest = select(by_guide, u * (1.0f / kGuideShare), (u - kGuideShare) * (1.0f / (1.0f - kGuideShare)));
+    u = select(known, min(rest, 0x1.fffffep-1f), u);
+    return by_guide;
+  }
+  // The direction of lanes `by_guide`, and the density of both ways wherever there are both.
+  PRIMRAY_RARE void sample_guide(const Vertex& v, B by_guide, const Pair<W>& u, BsdfSample<W>& s) const {
+    const B known = v.place.region >= I(0);
+    if (!any(known)) return;
+    if (any(by_guide)) s.wi = select(by_guide, v.frame.to_local(settings_.guide->sample(valid(v), u.u, u.v)), s.wi);
+    const B reflects = known & (s.wi.z > F(0.0f));
+    const BsdfEval<W> f = v.bsdf.eval(v.wo, s.wi);
+    const V sum = f.diffuse + f.specular, tiny(F(1e-30f));
+    const F pdf = max(mixed_pdf(v, v.frame.to_world(s.wi), f.pdf), 1e-30f);
+    s.weight = select(known, select(reflects, sum * (1.0f / pdf), V(F(0.0f))), s.weight);
+    s.pdf = select(known, pdf, s.pdf);
+    s.diffuse_share =
+        select(known, divide(f.diffuse, V(max(sum.x, tiny.x), max(sum.y, tiny.y), max(sum.z, tiny.z))), s.diffuse_share);
+  }
+  // Keeps what was drawn, for learning.
+  PRIMRAY_RARE void record(B m, const Vertex& v, const PathLanes<W>& n) {
+    for (uint32_t b = bits(m); b; b &= b - 1) {
+      const int i = __builtin_ctz(b);
+      const float beta = n.beta.x[i] + n.beta.y[i] + n.beta.z[i];
+      const float cosine =
+          std::abs(v.frame.n.x[i] * n.ray.d.x[i] + v.frame.n.y[i] * n.ray.d.y[i] + v.frame.n.z[i] * n.ray.d.z[i]);
+      settings_.log->add_vertex(n.slot[i], {{v.it.p.x[i], v.it.p.y[i], v.it.p.z[i]},
+                                            {v.ng.x[i], v.ng.y[i], v.ng.z[i]},
+                                            {n.ray.d.x[i], n.ray.d.y[i], n.ray.d.z[i]},
+                                            n.bsdf_pdf[i],
+                                            beta,
+                                            cosine,
+                                            0.0f,
+                                            settings_.log->round});
+    }
   }
 
   void trace_shadows() {
@@ -479,6 +544,7 @@ class TilePaths {
   Worker& w_;
   RayRecorder* recorder_;
   const PathNeeds needs_;
+  const float keep_;
   int samples_, pixels_ = 0, next_slot_ = 0, first_camera_ = 0;
 };
 
