@@ -17,6 +17,12 @@ namespace primray {
 // The chance of drawing a scattered ray from the guide, where there is one.
 constexpr float kGuideShare = 0.5f;
 
+// Where points lie: the region, -1 without one, and the side.
+template <int W>
+struct GuidePlace {
+  vint<W> region, side;
+};
+
 struct Guide {
   static constexpr int kGrid = 16, kSides = 6;  // cells along each axis; sides by the normal's largest component
   static constexpr int kCosine = 8, kAzimuth = 32, kBins = kCosine * kAzimuth;
@@ -40,13 +46,8 @@ struct Guide {
     };
     return ((side * vint<W>(kGrid) + cell(p.z, 2)) * vint<W>(kGrid) + cell(p.y, 1)) * vint<W>(kGrid) + cell(p.x, 0);
   }
-  // Where points `p` with normals `n` lie: the region, -1 without one, and the side.
   template <int W>
-  struct Place {
-    vint<W> region, side;
-  };
-  template <int W>
-  PRIMRAY_INLINE Place<W> place_of(const vvec3<W>& p, const vvec3<W>& n) const {
+  PRIMRAY_INLINE GuidePlace<W> place_of(const vvec3<W>& p, const vvec3<W>& n) const {
     const vint<W> side = side_of<W>(n);
     return {gather<W>(region.data(), cell_of(side, p)), side};
   }
@@ -87,7 +88,7 @@ struct Guide {
 
   // Density of directions `d` (of the world) per solid angle, in valid regions.
   template <int W>
-  PRIMRAY_INLINE vfloat<W> pdf(const Place<W>& at, const vvec3<W>& d) const {
+  PRIMRAY_INLINE vfloat<W> pdf(const GuidePlace<W>& at, const vvec3<W>& d) const {
     const vvec3<W> local = to_side(at.side, d);
     const Bin<W> bin = bin_of(local);
     const vint<W> i = at.region * vint<W>(kBins + 1) + bin.number;
@@ -96,7 +97,7 @@ struct Guide {
   }
 
   template <int W>
-  PRIMRAY_INLINE vvec3<W> sample(const Place<W>& at, vfloat<W> u, vfloat<W> v) const {
+  PRIMRAY_INLINE vvec3<W> sample(const GuidePlace<W>& at, vfloat<W> u, vfloat<W> v) const {
     const vint<W> base = at.region * vint<W>(kBins + 1);
     vint<W> bin(0);
     for (int step = kBins / 2; step > 0; step /= 2) {

@@ -6,7 +6,7 @@
 
 #include "integrator/emission.hpp"
 #include "integrator/emitter.hpp"
-#include "integrator/guide.hpp"
+#include "integrator/guided_scattering.hpp"
 #include "integrator/ray_recorder.hpp"
 #include "integrator/shadow_rays.hpp"
 #include "integrator/smooth_origin.hpp"
@@ -23,8 +23,8 @@ constexpr float kLobeSpread = 0.0705236979f;
 constexpr float kGrazing = 0.05f;
 // How far inside a triangle, of the way to its middle, a hit on its edge is looked at again.
 constexpr float kWithin = 0x1p-12f;
-// A front hit lies so many offsets ahead of the ray's start at least, a hit on a back so many: 3 were seen on a body's inside
-// that the ray could not have reached, in 1e8 rays at a closed box.
+// Offsets that a front hit and one on a back lie ahead of the ray's start at least: 3 hits in 1e8 rays at a closed box lay
+// inside.
 constexpr float kAhead = 0.25f, kBackAhead = 16;
 
 template <int W>
@@ -120,7 +120,6 @@ class TilePaths {
   }
 
   bool has_special() const { return !scene_.lights.shadow_rows.empty(); }
-
   int pixel_x(int i) const { return block_.x0 + w_.pixel_x[i] * block_.stride_x; }
   int pixel_y(int i) const { return block_.y0 + w_.pixel_y[i] * block_.stride_y; }
 
@@ -206,7 +205,7 @@ class TilePaths {
     V wo;  // in that frame
     Bsdf<W> bsdf;
     const Hits<W>& hits;
-    typename Guide::template Place<W> place;  // region -1: scattered by the BSDF alone
+    GuidePlace<W> place;  // region -1: scattered by the BSDF alone
   };
 
   // One vertex of the paths at [at, at + W): light met, light sampled, next ray.
@@ -261,7 +260,7 @@ class TilePaths {
     const V wo_local = frame.to_local(wo);
     Vertex v{it, ng, frame, wo_local, Bsdf<W>(rows, scatters, wo_local, front), hits, {I(-1), I(0)}};
     v.bsdf.diffuse *= it.color;
-    if (settings_.guide) find_region(scatters, v);
+    if (settings_.guide) v.place = find_place(*settings_.guide, scatters, it.p, ng, v.bsdf);
     if (scene_.lights.count > 0) sample_light(scatters & (p.depth < I(settings_.max_depth)), v, p);
     scatter(scatters, v, p);
   }
@@ -319,7 +318,7 @@ class TilePaths {
     const F pdf = s.pdf * choice.probability;
     B special(false);  // no other way leads to those
     if (has_special()) special = (LightRow<W>(lights, choice.light).flags() & I(kSpecial)) != I(0);
-    const F scattered_pdf = settings_.guide ? mixed_pdf(v, s.wi, f.pdf) : f.pdf;
+    const F scattered_pdf = settings_.guide ? mixed_pdf(*settings_.guide, v.place, s.wi, f.pdf) : f.pdf;
     const F weight = select(s.is_delta | special, F(1.0f), mis_weight(pdf, scattered_pdf));
     const V carried = p.beta * reflected * s.L * (weight / pdf);
     useful &= max_component(carried) > F(0.0f);
@@ -372,10 +371,7 @@ class TilePaths {
   void scatter(B scatters, const Vertex& v, const PathLanes<W>& p) {
     const int splits = settings_.splits;
     const B split = scatters & (p.vertex == I(0)) & !v.bsdf.mirror;
-    if (splits == 1 || !any(split)) {
-      scatter_once(scatters, v, p);
-      return;
-    }
+    if (splits == 1 || !any(split)) return scatter_once(scatters, v, p);
     // The parts take the numbers after each other in a sequence `splits` times as long.
     const vuint<W> index = reverse_bits(p.sampler.reversed_index);
     PathLanes<W> part = p;
@@ -392,9 +388,9 @@ class TilePaths {
     const I bounce = p.vertex + I(1);
     Pair<W> u = p.sampler.pair(bounce, Purpose::kDirection);
     const F lobe = v.bsdf.any_preview ? p.sampler.single(bounce, Purpose::kLobe) : F(0.0f);
-    const B by_guide = settings_.guide ? choose_guide(v, u.u) : B(false);
+    const B by_guide = settings_.guide ? choose_guide(v.place, u.u) : B(false);
     BsdfSample<W> s = v.bsdf.sample(v.wo, lobe, u.u, u.v);
-    if (settings_.guide) sample_guide(v, by_guide, u, s);
+    if (settings_.guide) sample_guided(*settings_.guide, v.place, by_guide, u, v.frame, v.wo, v.bsdf, s);
     PathLanes<W> n = p;
     n.ray.d = select(s.straight, p.ray.d, v.frame.to_world(s.wi));
     const F out = dot(v.ng, n.ray.d);
@@ -442,63 +438,8 @@ class TilePaths {
       alive &= !sky;
       if (!any(alive)) return;
     }
-    if (settings_.log) record(alive & (s.pdf > F(0.0f)), v, n);
+    if (settings_.log) keep_vertex(*settings_.log, alive & (s.pdf > F(0.0f)), v.it.p, v.ng, v.frame.n, n);
     w_.next->append(Compaction<W>(alive), n, needs_);
-  }
-
-  // Which lanes stand where the guide knows something, on surfaces that scatter widely and let nothing pass.
-  PRIMRAY_RARE void find_region(B scatters, Vertex& v) const {
-    B wide = scatters;
-    if (v.bsdf.any_preview) {
-      const B opaque = (v.bsdf.p_diffuse + v.bsdf.p_specular + v.bsdf.p_coat > F(0.9999f)) & (v.bsdf.presence >= F(1.0f));
-      wide &= (!v.bsdf.preview) | (opaque & !v.bsdf.mirror & (v.bsdf.p_diffuse > F(0.3f)));
-    }
-    v.place = settings_.guide->template place_of<W>(v.it.p, v.ng);
-    v.place.region = select(wide, v.place.region, I(-1));
-  }
-  static typename Guide::template Place<W> valid(const Vertex& v) { return {max(v.place.region, I(0)), v.place.side}; }
-  PRIMRAY_RARE F mixed_pdf(const Vertex& v, const V& wi, F bsdf_pdf) const {
-    const B known = v.place.region >= I(0);
-    const F pdf = settings_.guide->pdf(valid(v), wi);
-    return select(known, bsdf_pdf * (1.0f - kGuideShare) + pdf * kGuideShare, bsdf_pdf);
-  }
-  // One number chooses between guide and BSDF and is stretched again, so that its strata serve both.
-  PRIMRAY_RARE B choose_guide(const Vertex& v, F& u) const {
-    const B known = v.place.region >= I(0), by_guide = known & (u < F(kGuideShare));
-    const F rest = select(by_guide, u * (1.0f / kGuideShare), (u - kGuideShare) * (1.0f / (1.0f - kGuideShare)));
-    u = select(known, min(rest, 0x1.fffffep-1f), u);
-    return by_guide;
-  }
-  // The direction of lanes `by_guide`, and the density of both ways wherever there are both.
-  PRIMRAY_RARE void sample_guide(const Vertex& v, B by_guide, const Pair<W>& u, BsdfSample<W>& s) const {
-    const B known = v.place.region >= I(0);
-    if (!any(known)) return;
-    if (any(by_guide)) s.wi = select(by_guide, v.frame.to_local(settings_.guide->sample(valid(v), u.u, u.v)), s.wi);
-    const B reflects = known & (s.wi.z > F(0.0f));
-    const BsdfEval<W> f = v.bsdf.eval(v.wo, s.wi);
-    const V sum = f.diffuse + f.specular, tiny(F(1e-30f));
-    const F pdf = max(mixed_pdf(v, v.frame.to_world(s.wi), f.pdf), 1e-30f);
-    s.weight = select(known, select(reflects, sum * (1.0f / pdf), V(F(0.0f))), s.weight);
-    s.pdf = select(known, pdf, s.pdf);
-    s.diffuse_share =
-        select(known, divide(f.diffuse, V(max(sum.x, tiny.x), max(sum.y, tiny.y), max(sum.z, tiny.z))), s.diffuse_share);
-  }
-  // Keeps what was drawn, for learning.
-  PRIMRAY_RARE void record(B m, const Vertex& v, const PathLanes<W>& n) {
-    for (uint32_t b = bits(m); b; b &= b - 1) {
-      const int i = __builtin_ctz(b);
-      const float beta = n.beta.x[i] + n.beta.y[i] + n.beta.z[i];
-      const float cosine =
-          std::abs(v.frame.n.x[i] * n.ray.d.x[i] + v.frame.n.y[i] * n.ray.d.y[i] + v.frame.n.z[i] * n.ray.d.z[i]);
-      settings_.log->add_vertex(n.slot[i], {{v.it.p.x[i], v.it.p.y[i], v.it.p.z[i]},
-                                            {v.ng.x[i], v.ng.y[i], v.ng.z[i]},
-                                            {n.ray.d.x[i], n.ray.d.y[i], n.ray.d.z[i]},
-                                            n.bsdf_pdf[i],
-                                            beta,
-                                            cosine,
-                                            0.0f,
-                                            settings_.log->round});
-    }
   }
 
   void trace_shadows() {
