@@ -125,6 +125,13 @@ class CoreScene:
         self._exposure_scale = exposure_scale
         self.warnings = warnings  # code, prim path, message
         self.rendering_space = rendering_space
+        self._guides: dict[tuple[int, int], Any] = {}
+
+    def guide(self, depth: int, splits: int) -> Any:
+        """Where light comes from, learnt once from paths of their own; None where that would not pay."""
+        if (depth, splits) not in self._guides:
+            self._guides[depth, splits] = module().learn_guide(self._scene, depth, splits, lanes())
+        return self._guides[depth, splits]
 
     @property
     def memory_bytes(self) -> int:
@@ -350,6 +357,7 @@ def render_pass(
 
     The film is valid then, and another pass goes on from there to the same bits.
     """
+    guide = scene.guide(max_depth(settings), splits)
     try:
         done = module().render_pass(
             scene._scene,
@@ -361,6 +369,7 @@ def render_pass(
             settings.seed,
             lanes(),
             progress,
+            guide,
         )
     except module().CoreError as error:
         _raise(error)

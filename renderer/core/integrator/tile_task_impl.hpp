@@ -6,6 +6,7 @@
 
 #include "integrator/emission.hpp"
 #include "integrator/emitter.hpp"
+#include "integrator/guided_scattering.hpp"
 #include "integrator/ray_recorder.hpp"
 #include "integrator/shadow_rays.hpp"
 #include "integrator/smooth_origin.hpp"
@@ -22,8 +23,8 @@ constexpr float kLobeSpread = 0.0705236979f;
 constexpr float kGrazing = 0.05f;
 // How far inside a triangle, of the way to its middle, a hit on its edge is looked at again.
 constexpr float kWithin = 0x1p-12f;
-// A front hit lies so many offsets ahead of the ray's start at least, a hit on a back so many: 3 were seen on a body's inside
-// that the ray could not have reached, in 1e8 rays at a closed box.
+// Offsets that a front hit and one on a back lie ahead of the ray's start at least: 3 hits in 1e8 rays at a closed box lay
+// inside.
 constexpr float kAhead = 0.25f, kBackAhead = 16;
 
 template <int W>
@@ -43,6 +44,7 @@ class TilePaths {
         recorder_(recorder),
         needs_{scene.has_thin,           scene.has_inputs,          scene.lights.lobe_factors,
                scene.lights.links.any(), scene.camera.shutter_open, scene.lights.by_tree()},
+        keep_(settings.guide ? kGuidedKeep : roulette_keep(settings.splits)),
         samples_(block.count[0] + block.count[1]) {
     if (has_special() && !w_.special_shadows) w_.special_shadows = std::make_unique<SpecialShadowQueue>();
   }
@@ -54,6 +56,7 @@ class TilePaths {
         std::fill_n(w_.a, slots, 0.0f);
     w_.pool->count = 0;
     while (true) {
+      if (settings_.log) ++settings_.log->round;
       refill(slots);
       if (w_.pool->count == 0) break;
       trace();
@@ -194,6 +197,7 @@ class TilePaths {
     for (uint32_t b = bits(m & ((c.x != zero) | (c.y != zero) | (c.z != zero))); b; b &= b - 1) {
       const int i = __builtin_ctz(b), s = slot[i];
       w_.r[s] += c.x[i], w_.g[s] += c.y[i], w_.b[s] += c.z[i];
+      if (settings_.log) settings_.log->add_light(s, c.x[i] + c.y[i] + c.z[i]);
     }
   }
 
@@ -205,6 +209,7 @@ class TilePaths {
     V wo;  // in that frame
     Bsdf<W> bsdf;
     const Hits<W>& hits;
+    GuidePlace<W> place;  // region -1: scattered by the BSDF alone
   };
 
   // One vertex of the paths at [at, at + W): light met, light sampled, next ray.
@@ -258,8 +263,9 @@ class TilePaths {
     const V ns = it.ns * side;
     const Frame<F> frame(select(dot(ns, wo) > F(1e-4f), ns, ng));
     const V wo_local = frame.to_local(wo);
-    Vertex v{it, ng, frame, wo_local, Bsdf<W>(rows, scatters, wo_local, front), hits};
+    Vertex v{it, ng, frame, wo_local, Bsdf<W>(rows, scatters, wo_local, front), hits, {I(-1), I(0)}};
     v.bsdf.diffuse *= it.color;
+    if (settings_.guide) v.place = find_place(*settings_.guide, scatters, it.p, ng, v.bsdf);
     if (scene_.lights.count > 0) sample_light(scatters & (p.depth < I(settings_.max_depth)), v, p);
     scatter(scatters, v, p);
   }
@@ -317,9 +323,10 @@ class TilePaths {
     const F pdf = s.pdf * choice.probability;
     B special(false);  // no other way leads to those
     if (has_special()) special = (LightRow<W>(lights, choice.light).flags() & I(kSpecial)) != I(0);
+    const F scattered_pdf = settings_.guide ? mixed_pdf(*settings_.guide, v.place, s.wi, f.pdf) : f.pdf;
     B alone = s.is_delta | special;
-    if (!lights.met.empty()) alone |= rarely_met(lights, choice.light, from, f.pdf);
-    const F weight = select(alone, F(1.0f), mis_weight(pdf, f.pdf));
+    if (!lights.met.empty()) alone |= rarely_met(lights, choice.light, from, scattered_pdf);
+    const F weight = select(alone, F(1.0f), mis_weight(pdf, scattered_pdf));
     const V carried = p.beta * reflected * s.L * (weight / pdf);
     useful &= max_component(carried) > F(0.0f);
     V o = from;
@@ -371,10 +378,7 @@ class TilePaths {
   void scatter(B scatters, const Vertex& v, const PathLanes<W>& p) {
     const int splits = settings_.splits;
     const B split = scatters & (p.vertex == I(0)) & !v.bsdf.mirror;
-    if (splits == 1 || !any(split)) {
-      scatter_once(scatters, v, p);
-      return;
-    }
+    if (splits == 1 || !any(split)) return scatter_once(scatters, v, p);
     // The parts take the numbers after each other in a sequence `splits` times as long.
     const vuint<W> index = reverse_bits(p.sampler.reversed_index);
     PathLanes<W> part = p;
@@ -389,9 +393,11 @@ class TilePaths {
 
   void scatter_once(B scatters, const Vertex& v, const PathLanes<W>& p) {
     const I bounce = p.vertex + I(1);
-    const Pair<W> u = p.sampler.link(bounce + I(first_link()));
+    Pair<W> u = p.sampler.link(bounce + I(first_link()));
     const F lobe = v.bsdf.any_preview ? p.sampler.single(bounce, Purpose::kLobe) : F(0.0f);
-    const BsdfSample<W> s = v.bsdf.sample(v.wo, lobe, u.u, u.v);
+    const B by_guide = settings_.guide ? choose_guide(v.place, u.u) : B(false);
+    BsdfSample<W> s = v.bsdf.sample(v.wo, lobe, u.u, u.v);
+    if (settings_.guide) sample_guided(*settings_.guide, v.place, by_guide, u, v.frame, v.wo, v.bsdf, s);
     PathLanes<W> n = p;
     n.ray.d = select(s.straight, p.ray.d, v.frame.to_world(s.wi));
     const F out = dot(v.ng, n.ray.d);
@@ -422,7 +428,7 @@ class TilePaths {
     const B roulette = alive & (bounce >= I(kRouletteStart)) & !s.straight;
     if (any(roulette)) {
       const F most = select(bounce >= I(kRouletteDeep), F(kRouletteDeepKeep), F(1.0f));
-      const F survive = min(max_component(n.beta) * n.splits * roulette_keep(settings_.splits), most);
+      const F survive = min(max_component(n.beta) * n.splits * keep_, most);
       const F r = p.sampler.single(bounce, Purpose::kRoulette);
       alive &= !(roulette & (r >= survive));
       n.beta = select(roulette, n.beta * (1.0f / survive), n.beta);
@@ -443,6 +449,7 @@ class TilePaths {
       alive &= !sky;
       if (!any(alive)) return;
     }
+    if (settings_.log) keep_vertex(*settings_.log, alive & (s.pdf > F(0.0f)), v.it.p, v.ng, v.frame.n, n);
     w_.next->append(Compaction<W>(alive), n, needs_);
   }
 
@@ -489,6 +496,7 @@ class TilePaths {
   Worker& w_;
   RayRecorder* recorder_;
   const PathNeeds needs_;
+  const float keep_;
   int samples_, pixels_ = 0, next_slot_ = 0, first_camera_ = 0;
 };
 
