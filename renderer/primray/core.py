@@ -338,7 +338,9 @@ class Pass:
 
 
 def choose_splits(scene: CoreScene, settings: RenderSettings) -> int:
-    """Paths that go on from the first surface, by a pilot; a function of scene and depth alone."""
+    """Paths that go on from the first surface, by a pilot; a function of scene and depth alone, but for a quick look."""
+    if settings.is_quick_look:
+        return 1
     try:
         return int(module().choose_splits(scene._scene, max_depth(settings), lanes()))
     except module().CoreError as error:
@@ -357,7 +359,7 @@ def render_pass(
 
     The film is valid then, and another pass goes on from there to the same bits.
     """
-    guide = scene.guide(max_depth(settings), splits)
+    guide = None if settings.is_quick_look else scene.guide(max_depth(settings), splits)
     try:
         done = module().render_pass(
             scene._scene,
