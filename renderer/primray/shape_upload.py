@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy.typing as npt
 from .description import Doubles, Floats, Interpolation, Ints, Mesh, Placed, Primvar, Shape, Sphere, Surface
 from .far_geometry import FARTHEST, OUTLYING, Flags, near_triangles
 from .light_upload import LightUpload
+from .pairs import is_paired
 from .placement import transformed_boxes
 from .scene_record import SceneRecord
 from .surface_upload import SurfaceUpload, is_cutout, is_hole
@@ -55,7 +56,6 @@ class ShapeUpload:
         self._builder = builder
         self._record = record
         self._inputs = inputs
-        self._lights = lights
         self._shapes = shapes
         self._boxes = boxes
         self._warnings = warnings
@@ -63,13 +63,14 @@ class ShapeUpload:
         self._cutout = np.array([is_cutout(s) for s in surfaces], bool)
         self._hole = np.array([is_hole(s) for s in surfaces], bool)
         self._link_row = 0
+        self._paired = {i for i, s in enumerate(shapes) if isinstance(s, Mesh) and is_paired(s.triangles)}
         self._alone = np.arange(len(surfaces), dtype=np.int32)[:, None]  # of meshes that have one
 
     def add(self, placed: Sequence[Placed], center: Doubles, scale: float) -> None:
         """Into the current group, whose lengths are `scale` times those from `center`."""
         near = self._near(placed, center, scale)
         lights: dict[int, int] = {}  # the builder's, by number of what is placed: each place is a light of its own
-        for i, p in enumerate(placed):
+        for i, p in self._pairs_first(placed):
             shape = self._shapes[p.shape]
             if shape.light is not None:
                 lights[i] = self._lights.add_worn(shape.light, matrix(p.matrix))
@@ -86,6 +87,11 @@ class ShapeUpload:
             if isinstance(shape, Mesh):
                 self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=True)
                 self._note_mesh(p)
+
+    def _pairs_first(self, placed: Sequence[Placed]) -> Iterable[tuple[int, Placed]]:
+        """With their numbers; first the meshes whose triangles stand in pairs, as the core wants to begin with those."""
+        numbered = enumerate(placed)
+        return sorted(numbered, key=lambda p: p[1].shape not in self._paired) if self._paired else numbered
 
     def _note_mesh(self, placed: Placed) -> None:
         if self._record is not None:

@@ -22,6 +22,17 @@ OwnedGeometry make_triangles(const Scene& scene, const Group& group, uint32_t fi
   return g;
 }
 
+// The pairs that the group's triangles begin with.
+OwnedGeometry make_pairs(const Scene& scene, const Group& group) {
+  const rtc::Api& e = embree();
+  OwnedGeometry g(e.rtcNewGeometry(embree_device(), rtc::kQuad));
+  e.rtcSetSharedGeometryBuffer(g.get(), rtc::kVertexBuffer, 0, rtc::kFloat3, scene.positions.data(),
+                               size_t(group.vertex_base) * 12, 12, group.vertex_count);
+  e.rtcSetSharedGeometryBuffer(g.get(), rtc::kIndexBuffer, 0, rtc::kUint4, scene.indices.data(),
+                               size_t(group.triangle_base) * 12 + 8, 24, group.paired_count / 2);
+  return g;
+}
+
 OwnedGeometry make_placement(Scene& scene, size_t placement) {
   const rtc::Api& e = embree();
   const bool last = placement + 1 == scene.placement_group.size();
@@ -51,8 +62,15 @@ OwnedScene new_scene() {
 void build_group(Scene& scene, Group& group) {
   group.accel = new_scene();
   rtc::Scene target = group.accel.get();
-  if (group.triangle_count > 0) {
-    const OwnedGeometry g = make_triangles(scene, group, 0, group.triangle_count);
+  group.paired_count = count_paired({scene.indices.data() + size_t(group.triangle_base) * 3, size_t(group.triangle_count) * 3});
+  if (group.paired_count > 0) {
+    scene.has_pairs = true;
+    const OwnedGeometry g = make_pairs(scene, group);
+    embree().rtcCommitGeometry(g.get());
+    attach(target, g, kPairGeometry);
+  }
+  if (const uint32_t alone = group.triangle_count - group.paired_count; alone > 0) {
+    const OwnedGeometry g = make_triangles(scene, group, group.paired_count, alone);
     embree().rtcCommitGeometry(g.get());
     attach(target, g, kTriangleGeometry);
   }

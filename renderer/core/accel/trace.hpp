@@ -2,6 +2,7 @@
 #pragma once
 
 #include "accel/embree.hpp"
+#include "accel/pairs.hpp"
 #include "math/vec3.hpp"
 
 namespace primray {
@@ -18,7 +19,7 @@ struct Hits {
   vfloat<W> t;  // the ray's own tfar where nothing is hit
   vvec3<W> ng;  // as Embree gives it: for spheres the unit normal in object space
   vfloat<W> u, v;
-  vint<W> prim, geom, inst, inst_prim;  // geom -1: nothing hit
+  vint<W> prim, geom, inst, inst_prim;  // geom -1: nothing hit; of pairs, prim counts triangles
 };
 
 template <int W>
@@ -34,6 +35,7 @@ PRIMRAY_INLINE void read(const rtc::RayHit<W>& r, Hits<W>& h) {
   h.ng = {load<W>(r.hit.ng_x), load<W>(r.hit.ng_y), load<W>(r.hit.ng_z)};
   h.u = load<W>(r.hit.u), h.v = load<W>(r.hit.v);
   h.prim = bit_cast<vint<W>>(load<W>(r.hit.prim_id)), h.geom = bit_cast<vint<W>>(load<W>(r.hit.geom_id));
+  to_triangles(h.geom, h.prim, h.u, h.v);
   h.inst = bit_cast<vint<W>>(load<W>(r.hit.inst_id)), h.inst_prim = bit_cast<vint<W>>(load<W>(r.hit.inst_prim_id));
 }
 

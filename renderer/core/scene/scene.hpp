@@ -15,6 +15,7 @@
 #include "accel/cutout.hpp"
 #include "accel/embree.hpp"
 #include "accel/grouped_geometry.hpp"
+#include "accel/pairs.hpp"
 #include "light/light.hpp"
 #include "math/matrix.hpp"
 #include "scene/camera.hpp"
@@ -27,9 +28,9 @@
 
 namespace primray {
 
-// Embree geometry numbers: in every group triangles, spheres and cut-out triangles, and after them the placements in it, from
-// its first on.
-constexpr uint32_t kTriangleGeometry = 0, kSphereGeometry = 1, kCutoutGeometry = 2, kFirstPlacement = 3;
+// Embree geometry numbers: in every group triangles, spheres, cut-out triangles and pairs of triangles (accel/pairs.hpp), and
+// after them the placements in it, from its first on.
+constexpr uint32_t kTriangleGeometry = 0, kSphereGeometry = 1, kCutoutGeometry = 2, kFirstPlacement = kPairGeometry + 1;
 static_assert(kFirstPlacement <= 1 << kGeometryBits);
 
 enum class Attribute : int32_t { kNone = 0, kTriangle = 1, kVertex = 2, kCorner = 3 };
@@ -49,6 +50,7 @@ struct SphereRecord {
 
 struct Group {
   uint32_t triangle_base = 0, triangle_count = 0;
+  uint32_t paired_count = 0;  // of the triangles, the first that are in pairs
   uint32_t cutout_count = 0;  // triangles after those, which a filter looks at
   uint32_t vertex_base = 0, vertex_count = 0;
   uint32_t sphere_base = 0, sphere_count = 0;
@@ -106,6 +108,7 @@ struct Scene {
   bool rays_find_light = false;         // domes, areas or emission that a scattered ray could meet
   bool only_domes_found = false;        // ... and of these only domes, for which it is enough to know that nothing is hit
   bool only_met_lights_found = false;   // ... or only lights in LightTable::met
+  bool has_pairs = false;               // some groups begin with triangles in pairs
   Fact<built::kThin> has_thin = false;  // something lets light straight through: shadow rays must look at what they hit
 
   rtc::Scene accel() const { return groups[0].accel.get(); }

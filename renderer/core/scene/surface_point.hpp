@@ -77,7 +77,10 @@ struct HitGroup {
   }
   PRIMRAY_INLINE vbool<W> is(vbool<W> active, uint32_t geometry) const { return active & (geom == vint<W>(int32_t(geometry))); }
   PRIMRAY_INLINE vbool<W> is_triangle(const Scene& scene, vbool<W> active) const {
-    return scene.has_cutouts ? is(active, kTriangleGeometry) | is(active, kCutoutGeometry) : is(active, kTriangleGeometry);
+    vbool<W> found = is(active, kTriangleGeometry);
+    if (scene.has_pairs) found |= is(active, kPairGeometry);
+    if (scene.has_cutouts) found |= is(active, kCutoutGeometry);
+    return found;
   }
   // World from group, of instanced lanes; `rounded`: the size of what was rounded in composing it.
   PRIMRAY_INLINE InstanceLanes<W> matrix(const Scene& scene, vvec3<W>& rounded) const {
@@ -95,6 +98,10 @@ struct HitGroup {
   // Triangles that were hit, counted over the scene; 0 in other lanes.
   PRIMRAY_INLINE vint<W> triangle(const Scene& scene, vbool<W> is_triangle, const Hits<W>& h) const {
     vint<W> first = base(scene, &Group::triangle_base);
+    if (scene.has_pairs) {
+      const vbool<W> alone = is(vbool<W>(true), kTriangleGeometry);
+      if (any(alone & is_triangle)) first = first + select(alone, base(scene, &Group::paired_count), vint<W>(0));
+    }
     if (scene.has_cutouts) {
       const vbool<W> cutout = is(vbool<W>(true), kCutoutGeometry);
       first = first + select(cutout, base(scene, &Group::triangle_count), vint<W>(0));

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from ...description import Floats, Ints, Mesh, SubdivisionMesh
 from ..context import Context
 from ..normals import read_normals, shading_normals
+from ..pairs import paired
 from ..primvars import Sizes, is_per_point, per_corner, read_display_vectors
 from ..read import token
 from ..resolve import ResolvedPrim
@@ -84,6 +85,7 @@ def _geometry(prim: ResolvedPrim, ctx: Context) -> Geometry | None:
         return None
     if "orientation" in prim.names and token(prim.prim, "orientation", ctx.when, "rightHanded") == "leftHanded":
         triangles = flipped(triangles)
+    triangles = paired(triangles)
     return Geometry(points, triangles, _normals(prim, points, triangles, sizes, ctx), sizes)
 
 
