@@ -15,6 +15,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 CUBE_POINTS = [(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
 CUBE_FACES = [0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3]
 PER_SCOPE = 1000
+PER_BLOCK = 10
+LOOKS = 100
 
 
 def write(kind: str, count: int, path: Path) -> None:
@@ -87,6 +89,86 @@ def _cubes(stage: Usd.Stage, count: int, size: Callable[[int], float], scheme: s
             spec = Sdf.CreatePrimInLayer(layer, path)
             spec.specifier, spec.typeName = Sdf.SpecifierDef, "Xform"
     return 2.0 * side
+
+
+def _prims(stage: Usd.Stage, count: int) -> float:
+    """Blocks of ten nested prims: four groups, a mesh with a material, a cube, three spheres, a scope; most are moved."""
+    layer = stage.GetRootLayer()
+    looks = min(count, LOOKS)
+    for k in range(looks):
+        _look(stage, f"/looks/look_{k}", k)
+    blocks = count // PER_BLOCK
+    side = int(np.ceil(np.sqrt(blocks)))
+    rng = np.random.default_rng(8)
+    with Sdf.ChangeBlock():
+        for i in range(blocks):
+            at = ((i % side - side / 2) * 4, 0.0, (i // side - side / 2) * 4)
+            block = f"/city/quarter_{i // PER_SCOPE}/block_{i}"
+            _moved(_prim(layer, block, "Xform"), at)
+            _moved(_prim(layer, f"{block}/house", "Xform"), (0.0, float(rng.uniform()), 0.0))
+            _bound(_moved(_cube(layer, f"{block}/house/body", _size(i)), (0.0, 0.5, 0.0)), f"/looks/look_{i % looks}")
+            _prim(layer, f"{block}/house/notes", "Scope")
+            roof = _moved(_prim(layer, f"{block}/house/roof", "Cube"), (0.0, 1.2, 0.0))
+            _attribute(roof, "size", Sdf.ValueTypeNames.Double, 0.4)
+            _moved(_prim(layer, f"{block}/yard", "Xform"), (1.0, 0.0, 1.0))
+            _prim(layer, f"{block}/yard/trees", "Xform")
+            for k in range(3):
+                tree = _moved(_prim(layer, f"{block}/yard/trees/tree_{k}", "Sphere"), (0.3 * k, 0.4, -0.3 * k))
+                _attribute(tree, "radius", Sdf.ValueTypeNames.Double, 0.1 + 0.1 * float(rng.uniform()))
+                color = [Gf.Vec3f(0.1, 0.1 * int(rng.integers(2, 7)), 0.1)]
+                _attribute(tree, "primvars:displayColor", Sdf.ValueTypeNames.Color3fArray, Vt.Vec3fArray(color))
+        for path in ["/city", *(f"/city/quarter_{k}" for k in range((blocks - 1) // PER_SCOPE + 1))]:
+            _prim(layer, path, "Xform")
+    return 4.0 * side
+
+
+def _referenced(stage: Usd.Stage, count: int) -> float:
+    """Scene instances of one small asset, each a prim with a reference of its own."""
+    layer = stage.GetRootLayer()
+    _prim(layer, "/assets", "Scope").specifier = Sdf.SpecifierClass
+    _prim(layer, "/assets/cube", "Xform")
+    _cube(layer, "/assets/cube/body")
+    side = int(np.ceil(np.sqrt(count)))
+    with Sdf.ChangeBlock():
+        for i in range(count):
+            at = ((i % side - side / 2) * 2, 0.0, (i // side - side / 2) * 2)
+            prim = _moved(_prim(layer, f"/field/row_{i // PER_SCOPE}/cube_{i}", "Xform"), at)
+            prim.referenceList.Prepend(Sdf.Reference("", "/assets/cube"))
+            prim.instanceable = True
+        for path in ["/field", *(f"/field/row_{k}" for k in range((count - 1) // PER_SCOPE + 1))]:
+            _prim(layer, path, "Xform")
+    return 2.0 * side
+
+
+def _prim(layer: Sdf.Layer, path: str, type_name: str) -> Sdf.PrimSpec:
+    prim = Sdf.CreatePrimInLayer(layer, path)
+    prim.specifier, prim.typeName = Sdf.SpecifierDef, type_name
+    return prim
+
+
+def _attribute(prim: Sdf.PrimSpec, name: str, type_name: Sdf.ValueTypeName, value: object) -> None:
+    Sdf.AttributeSpec(prim, name, type_name).default = value
+
+
+def _moved(prim: Sdf.PrimSpec, at: tuple[float, float, float]) -> Sdf.PrimSpec:
+    _attribute(prim, "xformOp:translate", Sdf.ValueTypeNames.Double3, Gf.Vec3d(*at))
+    order = Sdf.AttributeSpec(prim, "xformOpOrder", Sdf.ValueTypeNames.TokenArray, Sdf.VariabilityUniform)
+    order.default = Vt.TokenArray(["xformOp:translate"])
+    return prim
+
+
+def _bound(prim: Sdf.PrimSpec, material: str) -> None:
+    prim.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=["MaterialBindingAPI"]))
+    Sdf.RelationshipSpec(prim, "material:binding", False).targetPathList.Prepend(material)
+
+
+def _look(stage: Usd.Stage, path: str, number: int) -> None:
+    material = UsdShade.Material.Define(stage, path)
+    surface = UsdShade.Shader.Define(stage, f"{path}/surface")
+    surface.CreateIdAttr("UsdPreviewSurface")
+    color = Gf.Vec3f(0.2 + 0.006 * number, 0.4, 0.8 - 0.006 * number)
+    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(color)
+    material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
 
 
 def _triangles(stage: Usd.Stage, count: int) -> float:
@@ -203,6 +285,8 @@ WRITERS: dict[str, Callable[[Usd.Stage, int], float]] = {
     "meshes": _meshes,
     "distinct": _distinct,
     "cages": _cages,
+    "prims": _prims,
+    "referenced": _referenced,
     "triangles": _triangles,
     "instances": _instances,
     "nested": _nested,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 from pxr import Sdf, Tf, Usd, UsdShade
 
@@ -25,18 +24,19 @@ class Subset:
     material: Usd.Prim | None = None
 
 
-def note_bindings(prim: Usd.Prim, path: str, names: frozenset[str], ctx: Context) -> None:
-    """Bindings, for whatever purpose, whose target is no material."""
-    for name in _binding_names(names):
-        targets = _targets(prim, path, name, ctx)
-        if _is_collection(name) and targets:
+def note_bindings(prim: Usd.Prim, path: str, names: tuple[str, ...], ctx: Context) -> list[list[Sdf.Path]]:
+    """The targets of these bindings, for whatever purpose, noting those that are no material."""
+    found = [_targets(prim, path, name, ctx) for name in names]
+    for name, targets in zip(names, found, strict=True):
+        if is_collection(name) and targets:
             _note_members(targets[0], prim.GetPath(), ctx)
         for target in targets:
             if target not in ctx.bound:
                 ctx.bound[target] = _wrong(target, ctx) if target.IsPrimPath() else ""
             wrong = ctx.bound[target]
-            if wrong and not (wrong == NO_MATERIAL and _is_collection(name)):
+            if wrong and not (wrong == NO_MATERIAL and is_collection(name)):
                 ctx.warn("binding-missing", path, f"{name} leads to {ctx.shown(str(target))}, {wrong}.", name)
+    return found
 
 
 def _note_members(collection: Sdf.Path, bound_at: Sdf.Path, ctx: Context) -> None:
@@ -71,9 +71,8 @@ def told_apart(paths: list[Sdf.Path], ctx: Context) -> list[bool]:
     return [path in ctx.told_apart or by for path, by in zip(paths, expressed, strict=True)]
 
 
-@lru_cache(maxsize=1024)
-def _binding_names(names: frozenset[str]) -> tuple[str, ...]:
-    """Many prims have the same properties."""
+def binding_names(names: frozenset[str]) -> tuple[str, ...]:
+    """Those of these properties that bind materials."""
     return tuple(sorted(name for name in names if name.startswith(BINDING)))
 
 
@@ -92,7 +91,7 @@ def _targets(prim: Usd.Prim, path: str, name: str, ctx: Context) -> list[Sdf.Pat
         return []
 
 
-def _is_collection(name: str) -> bool:
+def is_collection(name: str) -> bool:
     """Their first target is a collection, or the prim of one that is its default."""
     return ":collection:" in name
 
@@ -113,7 +112,7 @@ def subsets_of(mesh: Usd.Prim, predicate: Usd._PrimFlagsPredicate, ctx: Context)
         is_meant = family == UsdShade.Tokens.materialBind
         if not is_meant and not any(name.startswith(BINDING) for name in names):
             continue
-        note_bindings(child, path, names, ctx)
+        note_bindings(child, path, binding_names(names), ctx)
         element = child.GetAttribute("elementType").Get()
         if element != "face":
             ctx.warn("subset-ignored", path, f"It holds elements of the type {element}, not faces.", "elementType")

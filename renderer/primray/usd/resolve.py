@@ -6,9 +6,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container
+from collections.abc import Container, Hashable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade
@@ -17,11 +16,12 @@ from ..description import Doubles
 from .bindings import BINDING, Subset
 from .color_spaces import NOWHERE, ColorScope, color_in_rendering_space, in_rendering_space, scope_below
 from .context import Context
-from .convert import matrix
+from .poses import ROOT, Poses
 from .read import When, array, as_columns, is_single, read, time_of, value
 
 _IDENTITY = Gf.Matrix4d(1.0)
 _PURPOSE_VISIBILITY = {f"{purpose}Visibility": purpose for purpose in ("guide", "proxy", "render")}
+_HANDED = {"visibility", "purpose", "model:drawMode", "primvars:displayColor", "primvars:displayOpacity", *_PURPOSE_VISIBILITY}
 _CONSTANT = (None, "constant")  # a primvar's interpolation where nothing is authored, and the token
 
 
@@ -59,23 +59,26 @@ class Inherited:
     invisible: frozenset[str] = frozenset()  # purposes that VisibilityAPI hides, by the nearest opinion on each
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class ResolvedPrim:
-    """A prim and what it inherits; `group_from_prim` leads to the world, or to the prototype's space inside one."""
+    """A prim and what it inherits. Not frozen: a stage may have millions, whose materials are found last."""
 
     prim: Usd.Prim
     path: str
     type_name: str
     names: frozenset[str]  # authored properties
-    gf_matrix: Gf.Matrix4d = field(compare=False)
     inherited: Inherited = field(compare=False)
+    poses: Poses = field(compare=False)
+    pose: int = ROOT  # of the group's poses
+    bound_as: Hashable = ""  # of a shape: leaf_materials.bound_alike
     material: Usd.Prim | None = None
     subsets: tuple[Subset, ...] = ()
     own_color: bool = False  # the colour in `inherited` is its own: one for all of it
 
-    @cached_property
+    @property
     def group_from_prim(self) -> Doubles:
-        return matrix(self.gf_matrix)
+        """(4, 4), to the world, or to the prototype's space inside one."""
+        return self.poses.at(self.pose)
 
 
 def local_matrix(prim: Usd.Prim, names: frozenset[str], when: When, cache: UsdGeom.XformCache) -> tuple[Gf.Matrix4d, bool]:
@@ -97,6 +100,11 @@ def local_matrix(prim: Usd.Prim, names: frozenset[str], when: When, cache: UsdGe
 def is_drawn(inherited: Inherited, purposes: Container[str]) -> bool:
     """Whether a shape's purpose is among those that are rendered and is visible."""
     return inherited.purpose in purposes and inherited.purpose not in inherited.invisible
+
+
+def hands_down(names: frozenset[str], schemas: list[str], ctx: Context) -> bool:
+    """Whether prims that have authored these may hand down something else than what is handed to them."""
+    return not names.isdisjoint(_HANDED | ctx.primvars_read) or any(s.startswith("ColorSpace") for s in schemas)
 
 
 def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: list[str], ctx: Context) -> Inherited | None:
