@@ -23,9 +23,9 @@ def bound_alike(kind: PrimKind, path: str, targets: list[list[Sdf.Path]], above:
     """Equal for prims that have one material; "" for those that have none. `above`: the path of the nearest prim that binds."""
     if not kind.bindings:
         return above
-    if not all(targets):  # what cannot be read, or leads nowhere, is asked prim by prim
+    if not all(targets) or "MaterialBindingAPI" not in kind.schemas:  # of which USD has something to say, prim by prim
         return path
-    return kind.bindings, "MaterialBindingAPI" in kind.schemas, tuple(map(tuple, targets)), above
+    return kind.bindings, tuple(map(tuple, targets)), above
 
 
 def bind_leaves(shapes: list[ResolvedPrim], kinds: Iterable[PrimKind], ctx: Context) -> None:
