@@ -127,13 +127,12 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: l
         mode = read(prim, "model:drawMode", when)
         mine = replace(mine, draw_mode=mode) if isinstance(mode, str) and mode != "inherited" else mine
     if "primvars:displayColor" in names:
-        color = constant_of(prim, "primvars:displayColor", 3, names, when)
+        attribute = prim.GetAttribute("primvars:displayColor")
+        color = constant_of(attribute, 3, names, when)
         if color is not None:
-            attribute = prim.GetAttribute("primvars:displayColor")
-            rgb = color_in_rendering_space((color[0], color[1], color[2]), attribute, mine.colors, ctx)
-            mine = replace(mine, color=rgb)
+            mine = _colored(mine, color_in_rendering_space((color[0], color[1], color[2]), attribute, mine.colors, ctx), ctx)
     if "primvars:displayOpacity" in names:
-        opacity = constant_of(prim, "primvars:displayOpacity", 1, names, when)
+        opacity = constant_of(prim.GetAttribute("primvars:displayOpacity"), 1, names, when)
         mine = mine if opacity is None else replace(mine, opacity=opacity[0])
     read_names = ctx.primvars_read
     return mine if names.isdisjoint(read_names) else _with_primvars(mine, prim, names & read_names, ctx)
@@ -187,15 +186,23 @@ def _first_index(primvar: UsdGeom.Primvar, when: When) -> int:
     return int(indices[0]) if indices is not None and len(indices) else 0
 
 
-def constant_of(prim: Usd.Prim, name: str, columns: int, names: frozenset[str], when: When) -> list[float] | None:
+def _colored(mine: Inherited, rgb: tuple[float, float, float], ctx: Context) -> Inherited:
+    """With this colour: one object for all children of a prim that have the same."""
+    known = ctx.colored.get((id(mine), rgb))
+    if known is None:
+        known = ctx.colored[id(mine), rgb] = mine, replace(mine, color=rgb)  # what is known by its id is kept
+    found: Inherited = known[1]
+    return found
+
+
+def constant_of(attribute: Usd.Attribute, columns: int, names: frozenset[str], when: When) -> list[float] | None:
     """A constant primvar's value: only constant ones are inherited (UsdGeomPrimvarsAPI). None where it has none to use."""
-    attribute = prim.GetAttribute(name)
     if not attribute or attribute.GetMetadata("interpolation") not in _CONSTANT:
         return None
     values = array(value(attribute, when), columns, "f")
     if values is None or len(values) == 0:
         return None
-    at = _first_index(UsdGeom.Primvar(attribute), when) if f"{name}:indices" in names else 0
+    at = _first_index(UsdGeom.Primvar(attribute), when) if f"{attribute.GetName()}:indices" in names else 0
     if not 0 <= at < len(values):
         return None
     row = values[at].tolist()
