@@ -11,7 +11,6 @@ from .stage import tf_message
 
 BINDING = "material:binding"
 NO_MATERIAL = "which is no Material"
-MAX_EXPRESSED = 1024  # instances that a collection's expression may make prototypes of their own
 
 
 @dataclass(frozen=True)
@@ -58,17 +57,13 @@ def _note_members(collection: Sdf.Path, bound_at: Sdf.Path, ctx: Context) -> Non
         ctx.told_apart.update(above.GetPrefixes())
 
 
-def told_apart(paths: list[Sdf.Path], ctx: Context) -> list[bool]:
-    """Which of these instances are bound prim by prim, since collections with a material look into them."""
-    expressed = [any(path.HasPrefix(at) for at in ctx.expressed) for path in paths]
-    if sum(expressed) > MAX_EXPRESSED:
-        message = (
-            f"Of {sum(expressed)} instances below it each is bound as a whole, whatever the expression says of what is inside."
-        )
-        for at in ctx.expressed:
-            ctx.warn("binding-expression", ctx.shown(str(at)), message)
-        expressed = [False] * len(paths)
-    return [path in ctx.told_apart or by for path, by in zip(paths, expressed, strict=True)]
+def binds_by_collection(prim: Usd.Prim) -> bool:
+    """Whether it or a prim above it binds materials by a collection."""
+    while prim and not prim.IsPseudoRoot():
+        if any(map(is_collection, binding_names(frozenset(prim.GetAuthoredPropertyNames())))):
+            return True
+        prim = prim.GetParent()
+    return False
 
 
 def binding_names(names: frozenset[str]) -> tuple[str, ...]:

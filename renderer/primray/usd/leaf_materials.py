@@ -1,4 +1,4 @@
-"""The materials of all shapes: USD is asked once for those that cannot but be bound alike.
+"""The materials of all shapes and instances: USD is asked once for those that cannot but be bound alike.
 
 Where no collection binds anything, what is bound follows from the nearest prim that binds: the shape itself, whose targets say
 all, or one above it, whose path does.
@@ -6,16 +6,17 @@ all, or one above it, whose path does.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable
 from dataclasses import replace
 
 from pxr import Sdf, Usd
 
-from .bindings import Subset, is_collection, subsets_of
+from .bindings import Subset, subsets_of
 from .context import Context
 from .prim_kinds import PrimKind
 from .resolve import Binding, ResolvedPrim, as_bound, bind_materials, inner_or_outer
 
+MAX_EXPRESSED = 1024  # instances that a collection's expression may make prototypes of their own
 _SUBSETS = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier)
 
 
@@ -28,10 +29,36 @@ def bound_alike(kind: PrimKind, path: str, targets: list[list[Sdf.Path]], above:
     return kind.bindings, tuple(map(tuple, targets)), above
 
 
-def bind_leaves(shapes: list[ResolvedPrim], kinds: Iterable[PrimKind], ctx: Context) -> None:
+def bindings_of(instances: list[ResolvedPrim], by_collection: bool, ctx: Context) -> list[Binding | None]:
+    """What is bound to each of some instances; where no collection binds anything, one object for those bound alike."""
+    if by_collection:
+        return bind_materials([as_bound(instance.prim, instance.inherited) for instance in instances], ctx.material_purposes)
+    first = {instance.bound_as: instance.prim for instance in reversed(instances) if instance.bound_as}
+    found: dict[Hashable, Binding | None] = dict(
+        zip(first, bind_materials([*first.values()], ctx.material_purposes), strict=True)
+    )
+    return [found.get(instance.bound_as) for instance in instances]
+
+
+def told_apart(instances: list[ResolvedPrim], ctx: Context) -> list[bool]:
+    """Which of these instances are bound prim by prim, since collections with a material look into them."""
+    if not ctx.expressed and not ctx.told_apart:
+        return [False] * len(instances)
+    paths = [as_bound(instance.prim, instance.inherited).GetPath() for instance in instances]
+    expressed = [any(path.HasPrefix(at) for at in ctx.expressed) for path in paths]
+    if sum(expressed) > MAX_EXPRESSED:
+        message = (
+            f"Of {sum(expressed)} instances below it each is bound as a whole, whatever the expression says of what is inside."
+        )
+        for at in ctx.expressed:
+            ctx.warn("binding-expression", ctx.shown(str(at)), message)
+        expressed = [False] * len(paths)
+    return [path in ctx.told_apart or by for path, by in zip(paths, expressed, strict=True)]
+
+
+def bind_leaves(shapes: list[ResolvedPrim], by_collection: bool, ctx: Context) -> None:
     """Give every shape its material and subsets."""
-    collections = any(is_collection(name) for kind in kinds for name in kind.bindings)
-    key_of: Callable[[ResolvedPrim], Hashable] = _place if collections else _bound_as
+    key_of: Callable[[ResolvedPrim], Hashable] = _place if by_collection else _bound_as
     asked: dict[Hashable, int] = {}
     prims: list[Usd.Prim] = []
     subsets: dict[str, list[Subset]] = {}

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from pxr import Usd
 
-from .bindings import binding_names
+from .bindings import binding_names, is_collection
 from .context import Context
 from .foreign_names import NameSet
 from .notes import is_noted
@@ -40,6 +40,7 @@ class PrimKinds:
         self._ctx = ctx
         self._taken_as = taken_as
         self.found: dict[KindKey, PrimKind] = {}
+        self.by_collection = False  # some bind materials by a collection
 
     def of(self, prim: Usd.Prim, path: str) -> PrimKind:
         info = prim.GetPrimTypeInfo()
@@ -52,7 +53,8 @@ class PrimKinds:
 
     def _made(self, prim: Usd.Prim, path: str, key: KindKey) -> PrimKind:
         type_name, (names, schemas) = str(key[0]), (frozenset(map(str, key[1])), list(map(str, key[2])))
-        taken_as = self._taken_as.get(type_name, "")
+        taken_as, bindings = self._taken_as.get(type_name, ""), binding_names(names)
+        self.by_collection |= any(map(is_collection, bindings))
         return PrimKind(
             names,
             path,
@@ -62,5 +64,5 @@ class PrimKinds:
             has_transform="xformOpOrder" in names,
             hands_down=hands_down(names, schemas, self._ctx),
             is_noted=is_noted(prim, type_name, schemas, taken_as),
-            bindings=binding_names(names),
+            bindings=bindings,
         )

@@ -5,7 +5,7 @@ Each native prototype and each point instancer's prototype is walked once per di
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -18,17 +18,17 @@ from ..placement import MatrixInstances, PointInstances
 from .adapters.draw_mode import stand_in
 from .adapters.points import POINT, spheres
 from .applied_schemas import applied_schemas
-from .bindings import note_bindings, told_apart
+from .bindings import binds_by_collection, note_bindings
 from .color_spaces import NOWHERE, scope_at
 from .context import Context
 from .foreign_names import note_other_renderers
 from .instance_primvars import given_per_instance
 from .instances import Group
-from .leaf_materials import bind_leaves, bound_alike
+from .leaf_materials import bind_leaves, bindings_of, bound_alike, told_apart
 from .notes import note_prim
 from .poses import ROOT, Poses
 from .prim_kinds import PrimKinds
-from .resolve import Inherited, ResolvedPrim, as_bound, bind_materials, descend, inner_or_outer, is_drawn, local_matrix
+from .resolve import Binding, Inherited, ResolvedPrim, as_bound, descend, inner_or_outer, is_drawn, local_matrix
 from .stage import tf_message
 
 Expand = Callable[[ResolvedPrim, Context], list[tuple[str, PointInstances]]]  # (prototype root, group_from_prototype)
@@ -87,7 +87,7 @@ def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand) -> list[Gr
     for index, root, inherited in state.queue:  # grows as instances are found
         _walk_group(state, state.groups[index], root, inherited)
     shapes = [leaf for group in state.groups for leaf in group.leaves if leaf_types[leaf.type_name] == "shape"]
-    bind_leaves(shapes, kinds.found.values(), ctx)
+    bind_leaves(shapes, kinds.by_collection, ctx)
     ctx.property_names.update(kind.names for kind in kinds.found.values())
     note_other_renderers(kinds.found.values(), ctx)
     return state.groups
@@ -100,6 +100,8 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
     prims = root.GetFilteredChildren(drawn) if is_namespace_root else [root]
     parent = str((root if is_namespace_root else root.GetParent()).GetPath())
     # What a point instancer's prototype has above it is not known here, but the same whenever it is walked.
+    if not is_namespace_root:
+        state.kinds.by_collection |= binds_by_collection(root.GetParent())
     top = _Above(ctx.shown(parent).removesuffix("/"), ROOT, inherited, "" if is_namespace_root else str(root.GetPath()))
     stack = [(prim, top) for prim in reversed(prims)]
     while stack:
@@ -168,30 +170,39 @@ def _local(state: _Walk, prim: Usd.Prim, names: frozenset[str]) -> tuple[Gf.Matr
 def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[ResolvedPrim], poses: Poses) -> None:
     """Instances of one prototype that hand down the same become one array of matrices."""
     ctx = state.ctx
-    asked = [as_bound(instance.prim, instance.inherited) for instance in instances]
-    bindings = bind_materials(asked, ctx.material_purposes)
+    if not instances:
+        return
+    bindings = bindings_of(instances, state.kinds.by_collection, ctx)
     places = poses.of([instance.pose for instance in instances])[:, :3]
     by_child: dict[int, list[int]] = {}
     names: dict[int, list[str]] = {}
-    apart = told_apart([proxy.GetPath() for proxy in asked], ctx)
-    for i, (instance, proxy, inner, alone) in enumerate(zip(instances, asked, bindings, apart, strict=True)):
+    apart = told_apart(instances, ctx)
+    alike: dict[Hashable, int] = {}  # many have one object for what is above them, and one binding
+    for i, (instance, inner, alone) in enumerate(zip(instances, bindings, apart, strict=True)):
         prototype = instance.prim.GetPrototype()
-        ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
-        mine = instance.inherited
-        if mine.colors is not NOWHERE:
-            mine = replace(mine, outer_colors=((str(prototype.GetPath()), mine.colors), *mine.outer_colors))
-        if alone:
-            handed = replace(mine, proxy=str(proxy.GetPath()))
-        else:
-            handed = replace(mine, outer=inner_or_outer(inner, mine.outer), proxy="")
-        if ctx.links is not None:
-            handed = ctx.links.handed_to_instance(handed, instance.prim, prototype)
-        child = state.group(prototype, handed)
+        key = (prototype, id(instance.inherited), id(inner))
+        if key not in alike or alone or ctx.links is not None:
+            ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
+            alike[key] = state.group(prototype, _handed_to_instance(instance, prototype, inner, alone, ctx))
+        child = alike[key]
         by_child.setdefault(child, []).append(i)
         if ctx.names_instances:
             names.setdefault(child, []).append(_within(state, group, instance.path))
     for child, chosen in by_child.items():
         group.instances.append((child, _finite(places[chosen], names.get(child), group, ctx)))
+
+
+def _handed_to_instance(
+    instance: ResolvedPrim, prototype: Usd.Prim, inner: Binding | None, alone: bool, ctx: Context
+) -> Inherited:
+    mine = instance.inherited
+    if mine.colors is not NOWHERE:
+        mine = replace(mine, outer_colors=((str(prototype.GetPath()), mine.colors), *mine.outer_colors))
+    if alone:
+        handed = replace(mine, proxy=str(as_bound(instance.prim, instance.inherited).GetPath()))
+    else:
+        handed = replace(mine, outer=inner_or_outer(inner, mine.outer), proxy="")
+    return handed if ctx.links is None else ctx.links.handed_to_instance(handed, instance.prim, prototype)
 
 
 def _within(state: _Walk, group: Group[ResolvedPrim], path: str) -> str:

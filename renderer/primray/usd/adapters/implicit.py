@@ -106,8 +106,7 @@ def _axis(prim: ResolvedPrim, ctx: Context) -> str:
 
 
 def _number(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:
-    """`default` is the schema's own, which need not be asked for."""
-    return number(prim.prim, name, ctx.when, default, ctx.diagnostics) if name in prim.names else default
+    return number(prim.prim, name, ctx.when, default, ctx.diagnostics)  # also if it is not authored: value clips may have it
 
 
 _TESSELLATE: dict[str, Callable[[ResolvedPrim, Context], _Call]] = {
