@@ -114,3 +114,43 @@ def test_a_collection_makes_them_all_ask(asked: list[int]) -> None:
     found = {shape.path: description.surfaces[int(shape.surface)].path for shape in description.shapes}  # type: ignore[arg-type]
     assert found == {"/world/a": "", "/world/b": "/red", "/world/c": ""}
     assert asked == [3]
+
+
+def test_a_collection_above_a_point_instancers_prototypes() -> None:
+    """Nobody walks over an `over`, which keeps prototypes from being drawn by themselves."""
+    text = """
+over "protos" (prepend apiSchemas = ["MaterialBindingAPI", "CollectionAPI:some"])
+{
+    rel collection:some:includes = </protos/p/b>
+    rel material:binding:collection:mine = [</protos.collection:some>, </red>]
+    def Xform "p"
+    {
+        def Sphere "a" {}
+        def Sphere "b" {}
+    }
+}
+def PointInstancer "field"
+{
+    rel prototypes = </protos/p>
+    int[] protoIndices = [0, 0]
+    point3f[] positions = [(0, 0, 0), (3, 0, 0)]
+}
+"""
+    description, _ = translate(stage_of(MATERIALS + text.replace("{}", "{\n}")), RenderSettings())
+    found = {shape.path: description.surfaces[int(shape.surface)].path for shape in description.shapes}  # type: ignore[arg-type]
+    assert found == {"/protos/p/a": "", "/protos/p/b": "/red"}
+
+
+def test_instances_bound_alike_are_one_question(asked: list[int]) -> None:
+    asset = 'class "asset"\n{\n' + sphere("bare") + sphere("own", bind("blue")) + "}\n"
+    meta = 'prepend apiSchemas = ["MaterialBindingAPI"]\n instanceable = true\n references = </asset>'
+    some = "".join(f'def Xform "{m}_{i}" (\n{meta}\n)\n{{\n{bind(m)}\n}}\n' for m in ("red", "green") for i in range(5))
+    stage = stage_of(MATERIALS + asset + some + group("g", bind("red"), some.replace("_", "_in_g_")))
+    description, _ = translate(stage, RenderSettings())
+    of = [
+        sorted(description.surfaces[int(description.shapes[p.shape].surface)].path for p in prototype.shapes)  # type: ignore[arg-type]
+        for prototype in description.prototypes
+    ]
+    assert sorted(of) == [["/blue", "/green"], ["/blue", "/red"]]
+    assert sorted(len(placement) for placement in description.placements) == [10, 10]
+    assert asked[0] == 4
