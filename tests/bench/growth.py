@@ -1,8 +1,8 @@
 """How costs grow: python -m tests.bench.growth [--most N] [KIND ...].
 
-With a stage: triangles, instances, nested instances, lights, textures, texels, each in processes of their own (scaling.py);
-from opening to a built scene, and the seconds a ray then takes. With a picture: threads, pixels and samples, on one scene
-that is built once a size. The powers on the page are fitted to these (fits.py).
+With a stage: prims, scene instances (referenced), triangles, instances, nested instances, lights, textures, texels, each in
+processes of their own (scaling.py); from opening to a built scene, and the seconds a ray then takes. With a picture: threads,
+pixels and samples, on one scene that is built once a size. The powers on the page are fitted to these (fits.py).
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from .results import write_results
 from .scenes import BenchScene, bench_scene
 
 SIZES: dict[str, tuple[int, ...]] = {
+    "prims": (10**3, 10**4, 10**5, 10**6),
+    "referenced": (10**3, 10**4, 10**5, 10**6),
     "triangles": (10**3, 10**4, 10**5, 10**6, 10**7),
     "instances": (10**3, 10**4, 10**5, 10**6, 10**7),
     "nested": (10**3, 10**4, 10**5, 10**6, 10**7),
@@ -43,7 +45,8 @@ def of_stages(kind: str, most: int) -> list[dict[str, Any]]:
             if count <= most:
                 row = scaling.run(kind, count, Path(folder))
                 rows.append(row)
-                print(f"{kind:10} {count:>12,}  set-up {setup_s(row):7.3f} s  {ray_us(row):6.3f} us/ray", flush=True)
+                each = f"{setup_s(row) / count * 1e6:8.3f} us and {row['bytes_per_item']:9.1f} bytes each"
+                print(f"{kind:10} {count:>12,}  set-up {setup_s(row):7.3f} s, {each}  {ray_us(row):6.3f} us/ray", flush=True)
     return rows
 
 

@@ -154,6 +154,7 @@ def growth_table(rows: Rows) -> str:
                 kind,
                 f"{first['count']:,} to {last['count']:,}",
                 f"{setup_s(last):.2f}",
+                f"{setup_s(last) / last['count'] * 1e6:.3g}",
                 f"{setup.power:.2f} (± {setup.residual:.0%})" if setup else "",
                 f"{power_of_n_log_n([row['count'] for row in found]):.2f}",
                 f"{ray_us(first):.3f} to {ray_us(last):.3f}",
@@ -163,7 +164,19 @@ def growth_table(rows: Rows) -> str:
                 f"{first['timed_relmse'] * first['timed_s']:.2g} to {last['timed_relmse'] * last['timed_s']:.2g}",
             )
         )
-    head = ("kind", "items", "set-up, s", "power", "of n log n", "us a ray", "power", "peak MB", "bytes each", "relMSE x s")
+    head = (
+        "kind",
+        "items",
+        "set-up, s",
+        "us each",
+        "power",
+        "of n log n",
+        "us a ray",
+        "power",
+        "peak MB",
+        "bytes each",
+        "relMSE x s",
+    )
     return table(head, lines)
 
 
