@@ -44,6 +44,7 @@ class Context:
     color_names: dict[str, Any] = field(default_factory=dict)  # a colour space's name -> what color.space_named says
     outer_colors: tuple[tuple[str, Any], ...] = ()  # (prototype, ColorScope) around the material that is translated
     property_names: set[frozenset[str]] = field(default_factory=set)  # what prims have authored, each set of names once
+    light_inputs: dict[Any, Any] = field(default_factory=dict)  # by type, schemas and names: foreign_names.note_light_inputs
     links: Links | None = None  # where lights are linked, once that is known
     light_shapes: set[str] = field(default_factory=set)  # paths of shapes that LightAPI makes lights
     portals_met: list[str] = field(default_factory=list)  # paths of PortalLights

@@ -15,4 +15,6 @@ def matrix(gf: Gf.Matrix4d) -> Doubles:
 
 def square(upper: Doubles) -> Doubles:
     """(4, 4) from the upper three rows."""
-    return np.vstack([upper, (0.0, 0.0, 0.0, 1.0)])
+    whole = np.empty((4, 4))
+    whole[:3], whole[3] = upper, (0.0, 0.0, 0.0, 1.0)
+    return whole

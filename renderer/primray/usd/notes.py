@@ -45,7 +45,7 @@ def note_prim(prim: ResolvedPrim, applied: list[str], kind: str, ctx: Context) -
     if schemas:
         _note_schemas(prim, schemas, kind, ctx)
     if kind == "light" or "LightAPI" in schemas:
-        note_light_inputs(prim, ctx)
+        note_light_inputs(prim, applied, ctx)
     if not kind and prim.type_name:
         _note_type(prim, ctx)
 
