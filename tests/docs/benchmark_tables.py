@@ -197,8 +197,24 @@ def pictures_table(rows: Rows) -> str:
             found = fitted(its, kind, lambda row: statistics.median(row["seconds"]))
             cells.append(f"{found.power:.2f} (± {found.residual:.0%})" if found else "")
         cells.append(", ".join(f"{threads}: {ratio:.2f}" for threads, ratio in speed_ups(its).items()))
+        cells.append(", ".join(f"{threads}: {busy:.2f}, {work:.3f}" for threads, (busy, work) in work_of_threads(its).items()))
         lines.append(tuple(cells))
-    return table(("scene", "power of pixels", "power of samples", "speed-up by threads"), lines)
+    head = ("scene", "power of pixels", "power of samples", "speed-up by threads", "cores that they had, CPU x one thread's")
+    return table(head, lines)
+
+
+def work_of_threads(rows: Rows) -> dict[int, tuple[float, float]]:
+    """By number of threads: how many cores they had while they ran, and their CPU seconds over one thread's. Where fewer cores
+    than threads were had, others had them, and the speed-up says little."""
+    found = {row["count"]: row for row in of_kind(rows, "threads") if "cpu_s" in row}
+    return {
+        threads: (
+            statistics.median(cpu / seconds for cpu, seconds in zip(row["cpu_s"], row["seconds"], strict=True)),
+            statistics.median(many / one for one, many in zip(found[1]["cpu_s"], row["cpu_s"], strict=True)),
+        )
+        for threads, row in found.items()
+        if threads > 1
+    }
 
 
 def speed_ups(rows: Rows) -> dict[int, float]:
@@ -213,9 +229,11 @@ def speed_ups(rows: Rows) -> dict[int, float]:
 
 def pictures_lost(rows: Rows) -> Iterator[str]:
     for scene in dict.fromkeys(row["scene"] for row in rows):
-        ratio = speed_ups([row for row in rows if row["scene"] == scene]).get(2)
+        its = [row for row in rows if row["scene"] == scene]
+        ratio, had = speed_ups(its).get(2), work_of_threads(its).get(2)
         if ratio is not None and ratio < SPEED_UP:
-            yield f"{scene}: two threads are {ratio:.2f} times as fast as one ({SPEED_UP} aimed at)"
+            cores = f", with {had[0]:.2f} cores to themselves" if had is not None else ""
+            yield f"{scene}: two threads are {ratio:.2f} times as fast as one ({SPEED_UP} aimed at){cores}"
 
 
 def ablation_table(rows: Rows) -> str:
