@@ -5,6 +5,7 @@ A stage of a million prims has about as many matrices: one product at a time wou
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Sequence
 
 import numpy as np
@@ -20,10 +21,13 @@ _TOGETHER = 1 << 14  # transforms that are kept as USD's objects, which are seve
 
 class Poses:
     def __init__(self) -> None:
+        self._begin()
+
+    def _begin(self) -> None:
         self._recent: list[Gf.Matrix4d] = [Gf.Matrix4d(1.0)]
         self._older: list[bytes] = []
-        self._above = [_APART]
-        self._depths = [0]
+        self._above = array("i", [_APART])
+        self._depths = array("i", [0])
         self._products: Doubles | None = None
 
     def add(self, local: Gf.Matrix4d, above: int, *, resets: bool = False) -> int:
@@ -52,7 +56,17 @@ class Poses:
         """(K, 4, 4), the same of many."""
         if self._products is None:
             self._products = self._multiplied()
-        return np.ascontiguousarray(self._products[np.asarray(poses, np.intp)].transpose(0, 2, 1))
+        columns = np.empty((len(poses), 4, 4))
+        for start in range(0, len(poses), _TOGETHER):
+            chosen = np.asarray(poses[start : start + _TOGETHER], np.intp)
+            columns[start : start + _TOGETHER] = self._products[chosen].transpose(0, 2, 1)
+        return columns
+
+    def taken(self, poses: Sequence[int]) -> Doubles:
+        """`of` these; nothing is kept for those who would ask again."""
+        found = self.of(poses)
+        self._begin()
+        return found
 
     def _local(self, pose: int) -> Doubles:
         block, at = divmod(pose, _TOGETHER)
@@ -62,7 +76,7 @@ class Poses:
 
     def _multiplied(self) -> Doubles:
         products = np.frombuffer(bytearray().join([*self._older, *self._recent]), np.float64).reshape(-1, 4, 4)
-        above, depths = np.array(self._above), np.array(self._depths)
+        above, depths = np.array(self._above, np.intp), np.array(self._depths)
         order = np.argsort(depths, kind="stable")
         for level in np.split(order, np.flatnonzero(np.diff(depths[order])) + 1)[1:]:
             products[level] = _after(products[level], products[above[level]])

@@ -255,7 +255,7 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
     leaves, group.leaves = group.leaves[::-1], []
     matrices = _matrices(leaves)
     finite: list[bool] = np.asarray(np.isfinite(matrices).all(axis=(1, 2))).tolist()
-    placed = matrices if once is None else once @ matrices
+    placed = matrices if once is None or np.array_equal(once, np.eye(4)) else once @ matrices
     while leaves:  # what has been translated is let go
         leaf = leaves.pop()
         scene.has_lights |= leaf.type_name in LIGHTS or leaf.path in ctx.light_shapes
@@ -308,7 +308,7 @@ def _shape(leaf: ResolvedPrim, ctx: Context) -> Shape | None:
 
 def _matrices(leaves: list[ResolvedPrim]) -> Doubles:
     """(N, 4, 4) group_from_prim of the leaves of a group."""
-    return leaves[0].poses.of([leaf.pose for leaf in leaves]) if leaves else np.zeros((0, 4, 4))
+    return leaves[0].poses.taken([leaf.pose for leaf in leaves]) if leaves else np.zeros((0, 4, 4))
 
 
 def _add_lights(

@@ -38,6 +38,7 @@ _IN_PROTOTYPE = Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifi
 _IN_WORLD = _IN_PROTOTYPE & ~Usd.PrimIsAbstract
 # Nothing below these is drawn by itself.
 _CLOSED = frozenset({"Material", "Shader", "NodeGraph", "GeomSubset", "PointInstancer", "Camera"})
+FORGOTTEN_AFTER = 1 << 14
 _MADE = frozenset({"PointInstancer", "Points"})  # into groups
 
 
@@ -153,7 +154,10 @@ def _pose(
     if resets and group is not state.groups[0]:
         message = "The reset goes as far as the prototype's root."
         state.ctx.warn("reset-xform-in-prototype", path, message, "xformOpOrder")
-    return poses.add(local, above, resets=resets)
+    pose = poses.add(local, above, resets=resets)
+    if pose % FORGOTTEN_AFTER == 0:
+        state.cache.Clear()  # it keeps 400 bytes a prim, and nothing is asked twice
+    return pose
 
 
 def _local(state: _Walk, prim: Usd.Prim, names: frozenset[str]) -> tuple[Gf.Matrix4d, bool]:

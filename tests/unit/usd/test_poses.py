@@ -39,3 +39,11 @@ def test_a_chain_of_many() -> None:
     for _ in range(3000):
         at = poses.add(Gf.Matrix4d().SetTranslate(Gf.Vec3d(1, 0, 0)), at)
     assert poses.at(at)[0, 3] == poses.of([at])[0, 0, 3] == 3000
+
+
+def test_what_is_taken_is_not_kept() -> None:
+    poses = Poses()
+    moved = poses.add(Gf.Matrix4d().SetTranslate(Gf.Vec3d(1, 2, 3)), ROOT)
+    assert poses.taken([moved, ROOT])[:, :3, 3].tolist() == [[1, 2, 3], [0, 0, 0]]
+    with pytest.raises(IndexError):
+        poses.of([moved])
