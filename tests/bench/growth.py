@@ -46,13 +46,22 @@ def of_stages(kind: str, most: int) -> list[dict[str, Any]]:
             if count <= most:
                 row = scaling.run(kind, count, Path(folder))
                 rows.append(row)
-                each = f"{setup_s(row) / count * 1e6:8.3f} us and {row['bytes_per_item']:9.1f} bytes each"
-                print(f"{kind:10} {count:>12,}  set-up {setup_s(row):7.3f} s, {each}  {ray_us(row):6.3f} us/ray", flush=True)
+                each = f"{setup_cpu_s(row) / count * 1e6:8.3f} us and {row['bytes_per_item']:9.1f} bytes each"
+                seconds = f"{setup_s(row):7.3f} s ({setup_cpu_s(row):7.3f} of CPUs)"
+                print(f"{kind:10} {count:>12,}  set-up {seconds}, {each}  {ray_us(row):6.3f} us/ray", flush=True)
     return rows
 
 
+STEPS = ("open", "translate", "textures", "dice", "build")
+
+
 def setup_s(row: dict[str, Any]) -> float:
-    return float(sum(row[f"{step}_s"] for step in ("open", "translate", "textures", "dice", "build")))
+    return float(sum(row[f"{step}_s"] for step in STEPS))
+
+
+def setup_cpu_s(row: dict[str, Any]) -> float:
+    """Of all threads: what a busy machine leaves as it is, mostly."""
+    return float(sum(row[f"{step}_cpu_s"] for step in STEPS))
 
 
 def ray_us(row: dict[str, Any]) -> float:

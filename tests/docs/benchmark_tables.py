@@ -8,7 +8,7 @@ from typing import Any
 
 from tests.bench.curves import medians
 from tests.bench.fits import Growth, growth, power_of_n_log_n, time_to
-from tests.bench.growth import ray_us, setup_s
+from tests.bench.growth import ray_us, setup_cpu_s, setup_s
 
 Rows = Sequence[dict[str, Any]]
 OURS = "primray"
@@ -148,13 +148,14 @@ def growth_table(rows: Rows) -> str:
     for kind in dict.fromkeys(row["kind"] for row in rows):
         found = of_kind(rows, kind)
         first, last = found[0], found[-1]
-        setup, rays = fitted(rows, kind, setup_s), fitted(rows, kind, ray_us)
+        setup, rays = fitted(rows, kind, setup_cpu_s), fitted(rows, kind, ray_us)
         lines.append(
             (
                 kind,
                 f"{first['count']:,} to {last['count']:,}",
                 f"{setup_s(last):.2f}",
-                f"{setup_s(last) / last['count'] * 1e6:.3g}",
+                f"{setup_cpu_s(last):.2f}",
+                f"{setup_cpu_s(last) / last['count'] * 1e6:.3g}",
                 f"{setup.power:.2f} (± {setup.residual:.0%})" if setup else "",
                 f"{power_of_n_log_n([row['count'] for row in found]):.2f}",
                 f"{ray_us(first):.3f} to {ray_us(last):.3f}",
@@ -168,6 +169,7 @@ def growth_table(rows: Rows) -> str:
         "kind",
         "items",
         "set-up, s",
+        "CPU s",
         "us each",
         "power",
         "of n log n",
@@ -182,7 +184,7 @@ def growth_table(rows: Rows) -> str:
 
 def growth_lost(rows: Rows) -> Iterator[str]:
     for kind in dict.fromkeys(row["kind"] for row in rows):
-        setup = fitted(rows, kind, setup_s)
+        setup = fitted(rows, kind, setup_cpu_s)
         bound = power_of_n_log_n([row["count"] for row in of_kind(rows, kind)])
         if setup is not None and setup.power > bound + GROWTH_ROOM:
             yield f"set-up of {kind} grows by the power {setup.power:.2f} of their number; n log n is {bound:.2f}"
