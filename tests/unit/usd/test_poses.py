@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 from pxr import Gf
 
+from primray.settings import RenderSettings
 from primray.usd import poses as module
+from primray.usd import translate
 from primray.usd.poses import ROOT, Poses
+
+from .usd_text import stage_of
+
+walk_module = sys.modules["primray.usd.walk"]  # the package has a function of that name too
 
 
 @pytest.mark.parametrize("together", [4, 1 << 14])
@@ -47,3 +55,14 @@ def test_what_is_taken_is_not_kept() -> None:
     assert poses.taken([moved, ROOT])[:, :3, 3].tolist() == [[1, 2, 3], [0, 0, 0]]
     with pytest.raises(IndexError):
         poses.of([moved])
+
+
+def test_usds_cache_of_transforms_may_be_let_go_at_any_prim(monkeypatch: pytest.MonkeyPatch) -> None:
+    moved = 'double3 xformOp:translate = (1, 2, 3)\nuniform token[] xformOpOrder = ["xformOp:translate"]\n'
+    nested = "".join(f'def Xform "x{i}"\n{{\n{moved}' for i in range(5)) + f'def Sphere "s"\n{{\n{moved}}}\n' + "}\n" * 5
+    stage = stage_of(nested)
+    kept, _ = translate(stage, RenderSettings())
+    monkeypatch.setattr(walk_module, "FORGOTTEN_AFTER", 1)
+    forgotten, _ = translate(stage, RenderSettings())
+    assert kept.static[0].matrix[:3, 3].tolist() == [6, 12, 18]
+    assert np.array_equal(kept.static[0].matrix, forgotten.static[0].matrix)
