@@ -59,7 +59,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)  # there may be millions
 class Placed:
     """One shape with its matrix: to the world when static, to the prototype's space inside a Prototype."""
 

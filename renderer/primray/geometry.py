@@ -38,7 +38,7 @@ class Primvar:
     indices: Ints | None = None  # SubdivisionMesh's CORNER only, where equal indices mean one point of the surface
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)  # there may be millions
 class Mesh:
     """Triangles in object space; cross(p1 - p0, p2 - p0) points outwards (left-handed input is already flipped)."""
 
@@ -81,7 +81,7 @@ class SubdivisionMesh:
     link_row: int = 0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Sphere:
     """An exact sphere about the object-space origin."""
 

@@ -175,9 +175,10 @@ def set_camera(builder: Any, c: Camera, frame: Frame, filter_width: float, inver
 def shape_boxes(core: Any, shapes: Sequence[Shape]) -> Doubles:
     """(S, 2, 3): low and high corners, each in its own space."""
     boxes: Doubles = core.boxes([NO_FLOATS if isinstance(s, Sphere) else s.points for s in shapes])
-    for k, shape in enumerate(shapes):
-        if isinstance(shape, Sphere):
-            boxes[k] = [[-abs(shape.radius)] * 3, [abs(shape.radius)] * 3]
+    spheres = [(k, shape.radius) for k, shape in enumerate(shapes) if isinstance(shape, Sphere)]
+    if spheres:
+        reach = np.abs([radius for _, radius in spheres])[:, None]
+        boxes[[k for k, _ in spheres]] = np.stack([-reach, reach], axis=1)
     return boxes
 
 

@@ -174,9 +174,15 @@ def _array_bytes(shapes: tuple[Shape, ...]) -> int:
     """Of all arrays that shapes hold, shared ones once."""
     arrays: dict[int, int] = {}
     for shape in shapes:
-        for field in fields(shape):
-            value = getattr(shape, field.name)
-            held = [value] if isinstance(value, np.ndarray) else []
-            held += [p.values for p in shape.primvars] if field.name == "primvars" else []
-            arrays |= {id(values): values.nbytes for values in held}
+        held = [getattr(shape, name) for name in _ARRAYS[type(shape)]]
+        for values in held + [p.values for p in shape.primvars]:
+            if isinstance(values, np.ndarray):
+                arrays[id(values)] = values.nbytes
     return sum(arrays.values())
+
+
+# The fields that are arrays, or may be, by type of shape.
+_ARRAYS = {
+    kind: [field.name for field in fields(kind) if "Floats" in str(field.type) or "Ints" in str(field.type)]
+    for kind in (Mesh, SubdivisionMesh, Sphere)
+}

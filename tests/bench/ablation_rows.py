@@ -77,6 +77,26 @@ ROWS = (
         edits=(Edit("light/dome.cpp", "const double left = rest * d.mean;", "const double left = 0 * rest;"),),
     ),
     Row(
+        "the choice whether a dome is sampled",
+        "it always is",
+        scenes=("field", "hills"),
+        edits=(
+            Edit("light/dome_smooth.cpp", "return by_cosine <= kWorth * by_both;", "return by_cosine <= -kWorth * by_both;"),
+        ),
+    ),
+    Row(
+        "the tree of lights",
+        "every light is weighed at every vertex",
+        scenes=("lamps",),
+        edits=(Edit("light/light.hpp", "static constexpr int kWeighed = 16; ", "static constexpr int kWeighed = 1 << 20; "),),
+    ),
+    Row(
+        "leaving rarely met lights to light samples",
+        "rays look for all of them",
+        scenes=("lamps",),
+        edits=(Edit("integrator/emission.hpp", "kRarelyMet = 0.05f;", "kRarelyMet = 1e-12f;"),),
+    ),
+    Row(
         "rectangles by solid angle",
         "by area",
         scenes=("box",),

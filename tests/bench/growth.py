@@ -1,8 +1,8 @@
 """How costs grow: python -m tests.bench.growth [--most N] [KIND ...].
 
-With a stage: triangles, instances, nested instances, lights, textures, texels, each in processes of their own (scaling.py);
-from opening to a built scene, and the seconds a ray then takes. With a picture: threads, pixels and samples, on one scene
-that is built once a size. The powers on the page are fitted to these (fits.py).
+With a stage: prims, scene instances (referenced), triangles, instances, nested instances, lights, textures, texels, each in
+processes of their own (scaling.py); from opening to a built scene, and the seconds a ray then takes. With a picture: threads,
+pixels and samples, on one scene that is built once a size. The powers on the page are fitted to these (fits.py).
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import argparse
 import os
 import statistics
 import tempfile
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,8 @@ from .results import write_results
 from .scenes import BenchScene, bench_scene
 
 SIZES: dict[str, tuple[int, ...]] = {
+    "prims": (10**3, 10**4, 10**5, 10**6),
+    "referenced": (10**3, 10**4, 10**5, 10**6),
     "triangles": (10**3, 10**4, 10**5, 10**6, 10**7),
     "instances": (10**3, 10**4, 10**5, 10**6, 10**7),
     "nested": (10**3, 10**4, 10**5, 10**6, 10**7),
@@ -43,12 +46,22 @@ def of_stages(kind: str, most: int) -> list[dict[str, Any]]:
             if count <= most:
                 row = scaling.run(kind, count, Path(folder))
                 rows.append(row)
-                print(f"{kind:10} {count:>12,}  set-up {setup_s(row):7.3f} s  {ray_us(row):6.3f} us/ray", flush=True)
+                each = f"{setup_cpu_s(row) / count * 1e6:8.3f} us and {row['bytes_per_item']:9.1f} bytes each"
+                seconds = f"{setup_s(row):7.3f} s ({setup_cpu_s(row):7.3f} of CPUs)"
+                print(f"{kind:10} {count:>12,}  set-up {seconds}, {each}  {ray_us(row):6.3f} us/ray", flush=True)
     return rows
 
 
+STEPS = ("open", "translate", "textures", "dice", "build")
+
+
 def setup_s(row: dict[str, Any]) -> float:
-    return float(sum(row[f"{step}_s"] for step in ("open", "translate", "textures", "dice", "build")))
+    return float(sum(row[f"{step}_s"] for step in STEPS))
+
+
+def setup_cpu_s(row: dict[str, Any]) -> float:
+    """Of all threads: what a busy machine leaves as it is, mostly."""
+    return float(sum(row[f"{step}_cpu_s"] for step in STEPS))
 
 
 def ray_us(row: dict[str, Any]) -> float:
@@ -66,15 +79,22 @@ def of_pictures(scene: BenchScene) -> list[dict[str, Any]]:
         other, its = build(replace(scene, resolution=(side, side)), 4)
         cases.append(("pixels", side * side, other, replace(its, threads=cores)))
     seconds: dict[tuple[str, int], list[float]] = {}
+    cpu_s: dict[tuple[str, int], list[float]] = {}
     for _ in range(ROUNDS):
         for kind, count, made, wanted in cases:
             film = core.Film(made)
             splits = core.choose_splits(made, wanted)
+            made.guide(core.max_depth(wanted), splits)  # learnt before the clocks run
+            cpu_start = time.process_time()
             done = core.render_pass(made, film, core.uniform_ends(film, wanted.most_samples), splits, wanted)
+            cpu_s.setdefault((kind, count), []).append(round(time.process_time() - cpu_start, 5))
             seconds.setdefault((kind, count), []).append(round(done.seconds, 5))
     for (kind, count), found in seconds.items():
         print(f"{scene.name:10} {kind:8} {count:>9,}  {statistics.median(found):.3f} s", flush=True)
-    return [{"scene": scene.name, "kind": kind, "count": count, "seconds": s} for (kind, count), s in seconds.items()]
+    return [
+        {"scene": scene.name, "kind": kind, "count": count, "seconds": s, "cpu_s": cpu_s[kind, count]}
+        for (kind, count), s in seconds.items()
+    ]
 
 
 def report(kinds: list[str], most: int) -> None:

@@ -2,8 +2,9 @@
 
 Every stage is generated once and measured in a process of its own; bytes per item are that process's peak resident memory
 beyond what it had before opening the stage. KIND is meshes (equal cubes), distinct (no two are equal), cages (distinct and
-subdivided), triangles, instances, nested (1000 times the rest, 10,000 from 1e9 on), multiplied (never kept in two levels),
-lights (small spheres of the same power together), textures (as many images, each on a quad of its own), texels (of one image).
+subdivided), prims (of several kinds, nested), referenced (scene instances), triangles, instances, nested (1000 times the rest,
+10,000 from 1e9 on), multiplied (never kept in two levels), lights (small spheres of the same power together), textures (as
+many images, each on a quad of its own), texels (of one image).
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ SIZES = {
     "meshes": (10**3, 10**4, 10**5),
     "distinct": (10**3, 10**4, 10**5),
     "cages": (10**3, 10**4, 10**5),
+    "prims": (10**4, 10**5, 10**6),
+    "referenced": (10**4, 10**5, 10**6),
     "triangles": (10**5, 10**6, 10**7),
     "instances": (10**4, 10**5, 10**6, 10**7),
     "nested": (10**4, 10**6, 10**7, 10**9),

@@ -15,6 +15,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 CUBE_POINTS = [(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
 CUBE_FACES = [0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3]
 PER_SCOPE = 1000
+PER_BLOCK = 10
+LOOKS = 100
 
 
 def write(kind: str, count: int, path: Path) -> None:
@@ -87,6 +89,109 @@ def _cubes(stage: Usd.Stage, count: int, size: Callable[[int], float], scheme: s
             spec = Sdf.CreatePrimInLayer(layer, path)
             spec.specifier, spec.typeName = Sdf.SpecifierDef, "Xform"
     return 2.0 * side
+
+
+def _prims(stage: Usd.Stage, count: int) -> float:
+    """Blocks of ten nested prims: four groups, a mesh with a material, a cube, three spheres, a scope; most are moved."""
+    layer = stage.GetRootLayer()
+    looks = min(count, LOOKS)
+    for k in range(looks):
+        _look(stage, f"/looks/look_{k}", k)
+    _block(layer, "/block")
+    blocks = count // PER_BLOCK
+    side = int(np.ceil(np.sqrt(blocks)))
+    rng = np.random.default_rng(8)
+    with Sdf.ChangeBlock():
+        for path in ["/city", *(f"/city/quarter_{k}" for k in range((blocks - 1) // PER_SCOPE + 1))]:
+            _prim(layer, path, "Xform")
+        for i in range(blocks):
+            block = f"/city/quarter_{i // PER_SCOPE}/block_{i}"
+            Sdf.CopySpec(layer, "/block", layer, block)
+            own = {
+                "xformOp:translate": Gf.Vec3d((i % side - side / 2) * 4, 0, (i // side - side / 2) * 4),
+                "house.xformOp:translate": Gf.Vec3d(0, rng.uniform(), 0),
+                "house/body.points": Vt.Vec3fArray.FromNumpy(np.array(CUBE_POINTS, np.float32) * np.float32(_size(i))),
+            }
+            for k in range(3):
+                own[f"yard/trees/tree_{k}.radius"] = 0.1 + 0.1 * float(rng.uniform())
+                own[f"yard/trees/tree_{k}.primvars:displayColor"] = Vt.Vec3fArray(
+                    [Gf.Vec3f(0.1, 0.1 * int(rng.integers(2, 7)), 0.1)]
+                )
+            for name, value in own.items():
+                layer.GetAttributeAtPath(f"{block}{'.' if name.startswith('xform') else '/'}{name}").default = value
+            targets = layer.GetRelationshipAtPath(f"{block}/house/body.material:binding").targetPathList
+            targets.prependedItems = [f"/looks/look_{i % looks}"]
+        del layer.rootPrims["block"]
+    return 4.0 * side
+
+
+def _block(layer: Sdf.Layer, path: str) -> None:
+    """What all blocks have in common."""
+    _moved(_prim(layer, path, "Xform"), (0.0, 0.0, 0.0))
+    _moved(_prim(layer, f"{path}/house", "Xform"), (0.0, 0.0, 0.0))
+    _bound(_moved(_cube(layer, f"{path}/house/body"), (0.0, 0.5, 0.0)))
+    _prim(layer, f"{path}/house/notes", "Scope")
+    roof = _moved(_prim(layer, f"{path}/house/roof", "Cube"), (0.0, 1.2, 0.0))
+    _attribute(roof, "size", Sdf.ValueTypeNames.Double, 0.4)
+    _moved(_prim(layer, f"{path}/yard", "Xform"), (1.0, 0.0, 1.0))
+    _prim(layer, f"{path}/yard/trees", "Xform")
+    for k in range(3):
+        tree = _moved(_prim(layer, f"{path}/yard/trees/tree_{k}", "Sphere"), (0.3 * k, 0.4, -0.3 * k))
+        _attribute(tree, "radius", Sdf.ValueTypeNames.Double, 0.1)
+        _attribute(tree, "primvars:displayColor", Sdf.ValueTypeNames.Color3fArray, Vt.Vec3fArray(1))
+
+
+def _referenced(stage: Usd.Stage, count: int) -> float:
+    """Scene instances of one small asset, each a prim with a reference of its own."""
+    layer = stage.GetRootLayer()
+    _prim(layer, "/assets", "Scope").specifier = Sdf.SpecifierClass
+    _prim(layer, "/assets/cube", "Xform")
+    _cube(layer, "/assets/cube/body")
+    instance = _moved(_prim(layer, "/instance", "Xform"), (0.0, 0.0, 0.0))
+    instance.referenceList.Prepend(Sdf.Reference("", "/assets/cube"))
+    instance.instanceable = True
+    side = int(np.ceil(np.sqrt(count)))
+    with Sdf.ChangeBlock():
+        for path in ["/field", *(f"/field/row_{k}" for k in range((count - 1) // PER_SCOPE + 1))]:
+            _prim(layer, path, "Xform")
+        for i in range(count):
+            path = f"/field/row_{i // PER_SCOPE}/cube_{i}"
+            Sdf.CopySpec(layer, "/instance", layer, path)
+            at = Gf.Vec3d((i % side - side / 2) * 2, 0, (i // side - side / 2) * 2)
+            layer.GetAttributeAtPath(f"{path}.xformOp:translate").default = at
+        del layer.rootPrims["instance"]
+    return 2.0 * side
+
+
+def _prim(layer: Sdf.Layer, path: str, type_name: str) -> Sdf.PrimSpec:
+    prim = Sdf.CreatePrimInLayer(layer, path)
+    prim.specifier, prim.typeName = Sdf.SpecifierDef, type_name
+    return prim
+
+
+def _attribute(prim: Sdf.PrimSpec, name: str, type_name: Sdf.ValueTypeName, value: object) -> None:
+    Sdf.AttributeSpec(prim, name, type_name).default = value
+
+
+def _moved(prim: Sdf.PrimSpec, at: tuple[float, float, float]) -> Sdf.PrimSpec:
+    _attribute(prim, "xformOp:translate", Sdf.ValueTypeNames.Double3, Gf.Vec3d(*at))
+    order = Sdf.AttributeSpec(prim, "xformOpOrder", Sdf.ValueTypeNames.TokenArray, Sdf.VariabilityUniform)
+    order.default = Vt.TokenArray(["xformOp:translate"])
+    return prim
+
+
+def _bound(prim: Sdf.PrimSpec) -> None:
+    prim.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=["MaterialBindingAPI"]))
+    Sdf.RelationshipSpec(prim, "material:binding", False)
+
+
+def _look(stage: Usd.Stage, path: str, number: int) -> None:
+    material = UsdShade.Material.Define(stage, path)
+    surface = UsdShade.Shader.Define(stage, f"{path}/surface")
+    surface.CreateIdAttr("UsdPreviewSurface")
+    color = Gf.Vec3f(0.2 + 0.006 * number, 0.4, 0.8 - 0.006 * number)
+    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(color)
+    material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
 
 
 def _triangles(stage: Usd.Stage, count: int) -> float:
@@ -203,6 +308,8 @@ WRITERS: dict[str, Callable[[Usd.Stage, int], float]] = {
     "meshes": _meshes,
     "distinct": _distinct,
     "cages": _cages,
+    "prims": _prims,
+    "referenced": _referenced,
     "triangles": _triangles,
     "instances": _instances,
     "nested": _nested,

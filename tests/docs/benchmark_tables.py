@@ -8,7 +8,7 @@ from typing import Any
 
 from tests.bench.curves import medians
 from tests.bench.fits import Growth, growth, power_of_n_log_n, time_to
-from tests.bench.growth import ray_us, setup_s
+from tests.bench.growth import ray_us, setup_cpu_s, setup_s
 
 Rows = Sequence[dict[str, Any]]
 OURS = "primray"
@@ -148,12 +148,14 @@ def growth_table(rows: Rows) -> str:
     for kind in dict.fromkeys(row["kind"] for row in rows):
         found = of_kind(rows, kind)
         first, last = found[0], found[-1]
-        setup, rays = fitted(rows, kind, setup_s), fitted(rows, kind, ray_us)
+        setup, rays = fitted(rows, kind, setup_cpu_s), fitted(rows, kind, ray_us)
         lines.append(
             (
                 kind,
                 f"{first['count']:,} to {last['count']:,}",
                 f"{setup_s(last):.2f}",
+                f"{setup_cpu_s(last):.2f}",
+                f"{setup_cpu_s(last) / last['count'] * 1e6:.3g}",
                 f"{setup.power:.2f} (± {setup.residual:.0%})" if setup else "",
                 f"{power_of_n_log_n([row['count'] for row in found]):.2f}",
                 f"{ray_us(first):.3f} to {ray_us(last):.3f}",
@@ -163,13 +165,26 @@ def growth_table(rows: Rows) -> str:
                 f"{first['timed_relmse'] * first['timed_s']:.2g} to {last['timed_relmse'] * last['timed_s']:.2g}",
             )
         )
-    head = ("kind", "items", "set-up, s", "power", "of n log n", "us a ray", "power", "peak MB", "bytes each", "relMSE x s")
+    head = (
+        "kind",
+        "items",
+        "set-up, s",
+        "CPU s",
+        "us each",
+        "power",
+        "of n log n",
+        "us a ray",
+        "power",
+        "peak MB",
+        "bytes each",
+        "relMSE x s",
+    )
     return table(head, lines)
 
 
 def growth_lost(rows: Rows) -> Iterator[str]:
     for kind in dict.fromkeys(row["kind"] for row in rows):
-        setup = fitted(rows, kind, setup_s)
+        setup = fitted(rows, kind, setup_cpu_s)
         bound = power_of_n_log_n([row["count"] for row in of_kind(rows, kind)])
         if setup is not None and setup.power > bound + GROWTH_ROOM:
             yield f"set-up of {kind} grows by the power {setup.power:.2f} of their number; n log n is {bound:.2f}"
@@ -184,8 +199,24 @@ def pictures_table(rows: Rows) -> str:
             found = fitted(its, kind, lambda row: statistics.median(row["seconds"]))
             cells.append(f"{found.power:.2f} (± {found.residual:.0%})" if found else "")
         cells.append(", ".join(f"{threads}: {ratio:.2f}" for threads, ratio in speed_ups(its).items()))
+        cells.append(", ".join(f"{threads}: {busy:.2f}, {work:.3f}" for threads, (busy, work) in work_of_threads(its).items()))
         lines.append(tuple(cells))
-    return table(("scene", "power of pixels", "power of samples", "speed-up by threads"), lines)
+    head = ("scene", "power of pixels", "power of samples", "speed-up by threads", "cores that they had, CPU x one thread's")
+    return table(head, lines)
+
+
+def work_of_threads(rows: Rows) -> dict[int, tuple[float, float]]:
+    """By number of threads: how many cores they had while they ran, and their CPU seconds over one thread's. Where fewer cores
+    than threads were had, others had them, and the speed-up says little."""
+    found = {row["count"]: row for row in of_kind(rows, "threads") if "cpu_s" in row}
+    return {
+        threads: (
+            statistics.median(cpu / seconds for cpu, seconds in zip(row["cpu_s"], row["seconds"], strict=True)),
+            statistics.median(many / one for one, many in zip(found[1]["cpu_s"], row["cpu_s"], strict=True)),
+        )
+        for threads, row in found.items()
+        if threads > 1
+    }
 
 
 def speed_ups(rows: Rows) -> dict[int, float]:
@@ -200,9 +231,11 @@ def speed_ups(rows: Rows) -> dict[int, float]:
 
 def pictures_lost(rows: Rows) -> Iterator[str]:
     for scene in dict.fromkeys(row["scene"] for row in rows):
-        ratio = speed_ups([row for row in rows if row["scene"] == scene]).get(2)
+        its = [row for row in rows if row["scene"] == scene]
+        ratio, had = speed_ups(its).get(2), work_of_threads(its).get(2)
         if ratio is not None and ratio < SPEED_UP:
-            yield f"{scene}: two threads are {ratio:.2f} times as fast as one ({SPEED_UP} aimed at)"
+            cores = f", with {had[0]:.2f} cores to themselves" if had is not None else ""
+            yield f"{scene}: two threads are {ratio:.2f} times as fast as one ({SPEED_UP} aimed at){cores}"
 
 
 def ablation_table(rows: Rows) -> str:

@@ -51,10 +51,10 @@ REPLAY_TEXT = """Every ray of a render on one thread, recorded in order and the 
 alone, by turns with the render: its seconds over the render's. Above 1 is possible: recorded rays come from memory."""
 GROWTH_TEXT = """Powers are those of cost = fixed + each x count^power, fitted by relative deviations (their root mean square
 in brackets), beside the power that n log n looks like over the same range. Set-up: opening, translating, textures, dicing,
-building. The cost of a ray and the error are those of 160 x 90 pixels, 16 samples, 4 scatterings; the error is the render's
-own estimate."""
-ABLATIONS_TEXT = """Each row is the renderer without one thing, over the renderer as it is: error at equal samples, seconds, and
-their product, by which more than 1 is what the thing is worth. Rows that need another build of the core are measured where
+building, for the most items; seconds, and CPU seconds of all threads, whose power and share of an item are shown. The cost of
+a ray and the error are those of 160 x 90 pixels, 16 samples, 4 scatterings; the error is the render's own estimate."""
+ABLATIONS_TEXT = """Each row is the renderer without one thing, over the renderer as it is: error at equal samples, CPU seconds,
+and their product, by which more than 1 is what the thing is worth. Rows that need another build of the core are measured where
 `python -m tests.bench.ablations --build` has made it."""
 
 

@@ -78,8 +78,8 @@ def test_it_says_where_embree_waits_for_us():
 
 
 def stages(power):
-    steps = dict.fromkeys(("translate_s", "textures_s", "dice_s", "build_s"), 0.0)
-    return [{"kind": "lights", "count": n, "open_s": 1e-4 * n**power, **steps} for n in (10, 100, 1000, 10_000)]
+    steps = dict.fromkeys(("translate_cpu_s", "textures_cpu_s", "dice_cpu_s", "build_cpu_s"), 0.0)
+    return [{"kind": "lights", "count": n, "open_cpu_s": 1e-4 * n**power, **steps} for n in (10, 100, 1000, 10_000)]
 
 
 def test_it_says_what_grows_too_fast():
@@ -92,5 +92,11 @@ def test_it_says_where_threads_do_not_help_and_what_is_better_left_out():
     rows = [{"scene": "box", "kind": "threads", "count": n, "seconds": s} for n, s in ((1, [2.0, 2.2]), (2, [1.25, 1.3]))]
     [sentence] = tables.pictures_lost(rows)
     assert "1.65 times" in sentence
+    assert "cores" not in sentence
+    crowded = [row | {"cpu_s": cpu} for row, cpu in zip(rows, ([2.0, 2.2], [2.0, 2.21]), strict=True)]
+    assert tables.work_of_threads(crowded) == {2: (pytest.approx(1.65), pytest.approx(1.0023, abs=1e-4))}
+    [sentence] = tables.pictures_lost(crowded)
+    assert sentence.endswith("with 1.65 cores to themselves")
+    assert "1.65, 1.002" in tables.pictures_table(crowded)
     row = {"scene": "box", "name": "a thing", "instead": "none", "error_seconds": 0.9, "range": [0.8, 0.95]}
     assert len(list(tables.ablations_lost([row, row | {"range": [0.8, 1.1]}]))) == 1

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 from pxr import Sdf, Tf, Usd, UsdShade
 
@@ -12,7 +11,6 @@ from .stage import tf_message
 
 BINDING = "material:binding"
 NO_MATERIAL = "which is no Material"
-MAX_EXPRESSED = 1024  # instances that a collection's expression may make prototypes of their own
 
 
 @dataclass(frozen=True)
@@ -25,18 +23,19 @@ class Subset:
     material: Usd.Prim | None = None
 
 
-def note_bindings(prim: Usd.Prim, path: str, names: frozenset[str], ctx: Context) -> None:
-    """Bindings, for whatever purpose, whose target is no material."""
-    for name in _binding_names(names):
-        targets = _targets(prim, path, name, ctx)
-        if _is_collection(name) and targets:
+def note_bindings(prim: Usd.Prim, path: str, names: tuple[str, ...], ctx: Context) -> list[list[Sdf.Path]]:
+    """The targets of these bindings, for whatever purpose, noting those that are no material."""
+    found = [_targets(prim, path, name, ctx) for name in names]
+    for name, targets in zip(names, found, strict=True):
+        if is_collection(name) and targets:
             _note_members(targets[0], prim.GetPath(), ctx)
         for target in targets:
             if target not in ctx.bound:
                 ctx.bound[target] = _wrong(target, ctx) if target.IsPrimPath() else ""
             wrong = ctx.bound[target]
-            if wrong and not (wrong == NO_MATERIAL and _is_collection(name)):
+            if wrong and not (wrong == NO_MATERIAL and is_collection(name)):
                 ctx.warn("binding-missing", path, f"{name} leads to {ctx.shown(str(target))}, {wrong}.", name)
+    return found
 
 
 def _note_members(collection: Sdf.Path, bound_at: Sdf.Path, ctx: Context) -> None:
@@ -58,22 +57,17 @@ def _note_members(collection: Sdf.Path, bound_at: Sdf.Path, ctx: Context) -> Non
         ctx.told_apart.update(above.GetPrefixes())
 
 
-def told_apart(paths: list[Sdf.Path], ctx: Context) -> list[bool]:
-    """Which of these instances are bound prim by prim, since collections with a material look into them."""
-    expressed = [any(path.HasPrefix(at) for at in ctx.expressed) for path in paths]
-    if sum(expressed) > MAX_EXPRESSED:
-        message = (
-            f"Of {sum(expressed)} instances below it each is bound as a whole, whatever the expression says of what is inside."
-        )
-        for at in ctx.expressed:
-            ctx.warn("binding-expression", ctx.shown(str(at)), message)
-        expressed = [False] * len(paths)
-    return [path in ctx.told_apart or by for path, by in zip(paths, expressed, strict=True)]
+def binds_by_collection(prim: Usd.Prim) -> bool:
+    """Whether it or a prim above it binds materials by a collection."""
+    while prim and not prim.IsPseudoRoot():
+        if any(map(is_collection, binding_names(frozenset(prim.GetAuthoredPropertyNames())))):
+            return True
+        prim = prim.GetParent()
+    return False
 
 
-@lru_cache(maxsize=1024)
-def _binding_names(names: frozenset[str]) -> tuple[str, ...]:
-    """Many prims have the same properties."""
+def binding_names(names: frozenset[str]) -> tuple[str, ...]:
+    """Those of these properties that bind materials."""
     return tuple(sorted(name for name in names if name.startswith(BINDING)))
 
 
@@ -92,7 +86,7 @@ def _targets(prim: Usd.Prim, path: str, name: str, ctx: Context) -> list[Sdf.Pat
         return []
 
 
-def _is_collection(name: str) -> bool:
+def is_collection(name: str) -> bool:
     """Their first target is a collection, or the prim of one that is its default."""
     return ":collection:" in name
 
@@ -113,7 +107,7 @@ def subsets_of(mesh: Usd.Prim, predicate: Usd._PrimFlagsPredicate, ctx: Context)
         is_meant = family == UsdShade.Tokens.materialBind
         if not is_meant and not any(name.startswith(BINDING) for name in names):
             continue
-        note_bindings(child, path, names, ctx)
+        note_bindings(child, path, binding_names(names), ctx)
         element = child.GetAttribute("elementType").Get()
         if element != "face":
             ctx.warn("subset-ignored", path, f"It holds elements of the type {element}, not faces.", "elementType")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 
@@ -62,15 +62,23 @@ def note_other_renderers(sets: Iterable[NameSet], ctx: Context) -> None:
         ctx.warn("other-renderer", ctx.shown(names.first_path), f"{many} of the namespace {renderer} on {of}: not read.", first)
 
 
-def note_light_inputs(prim: ResolvedPrim, ctx: Context) -> None:
+def note_light_inputs(prim: ResolvedPrim, applied: list[str], ctx: Context) -> None:
     """Inputs that no schema of lights defines, and those by their names of before USD 21.02."""
+    key = (prim.type_name, tuple(applied), prim.names)
+    if key not in ctx.light_inputs:  # the same for all lights of a kind
+        ctx.light_inputs[key] = list(_told_of_inputs(prim))
+    for code, message, name in ctx.light_inputs[key]:
+        ctx.warn(code, prim.path, message, name)
+
+
+def _told_of_inputs(prim: ResolvedPrim) -> Iterator[tuple[str, str, str]]:
     defined = set(prim.prim.GetPrimDefinition().GetPropertyNames()) | _of_light_schemas()
     for name in sorted(prim.names - defined):
         if name.startswith("inputs:"):
             if not name.startswith(_EXTENSIONS) and not renderer_of(name):
-                ctx.warn("unknown-input", prim.path, f"{prim.type_name} has no such input.", name)
+                yield "unknown-input", f"{prim.type_name} has no such input.", name
         elif f"inputs:{name}" in defined and f"inputs:{name}" not in prim.names:
-            ctx.warn("old-attribute", prim.path, f"inputs:{name} is what a light reads.", name)
+            yield "old-attribute", f"inputs:{name} is what a light reads.", name
 
 
 @cache

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -27,7 +28,13 @@ def cylinder_area(world_from_light: Doubles, length: float, radius: float) -> fl
 
 def sphere_area(world_from_light: Doubles, radius: float) -> float:
     """Of the ellipsoid that the sphere becomes: DLMF 19.33.1, S = 4 pi R_G(a^2 b^2, a^2 c^2, b^2 c^2)."""
-    a, b, c = (float(s) * radius for s in np.linalg.svd(world_from_light[:3, :3], compute_uv=False))
+    return _sphere_area(world_from_light[:3, :3].tobytes(), radius)
+
+
+@lru_cache(maxsize=256)
+def _sphere_area(linear: bytes, radius: float) -> float:
+    """Many lights differ by where they stand alone."""
+    a, b, c = (float(s) * radius for s in np.linalg.svd(np.frombuffer(linear).reshape(3, 3), compute_uv=False))
     return 4.0 * math.pi * carlson_rg((a * b) ** 2, (a * c) ** 2, (b * c) ** 2)
 
 

@@ -23,9 +23,20 @@ _LIGHTS = "GeometryLight PluginLight LightFilter PluginLightFilter"
 UNSUPPORTED_LIGHTS = frozenset(_LIGHTS.split())
 
 _LIGHT_SCHEMAS = {"LightAPI", "MeshLightAPI", "VolumeLightAPI"}
+_TYPES_NOTED = UNSUPPORTED | UNSUPPORTED_LIGHTS | {"PortalLight", "SkelRoot"}
 _DRAWN_OTHERWISE = frozenset({"PointInstancer", "Points", "SkelRoot", "Skeleton"})
 # UsdGeom MotionAPI: attribute -> the value that changes nothing.
 _MOTION = {"motion:blurScale": 1.0, "motion:velocityScale": 1.0, "motion:nonlinearSampleCount": 3}
+
+
+def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], kind: str) -> bool:
+    """Whether `note_prim` may have something to say about prims of this type with these schemas, as `prim` is one."""
+    names = {schema.split(":")[0] for schema in schemas}
+    if kind == "light" or names & (_LIGHT_SCHEMAS | {"MotionAPI"}) or names - UNDERSTOOD:
+        return True
+    return (
+        not kind and bool(type_name) and (type_name in _TYPES_NOTED or prim.IsA(UsdGeom.Boundable) or not _is_known(type_name))
+    )
 
 
 def note_prim(prim: ResolvedPrim, applied: list[str], kind: str, ctx: Context) -> None:
@@ -34,7 +45,7 @@ def note_prim(prim: ResolvedPrim, applied: list[str], kind: str, ctx: Context) -
     if schemas:
         _note_schemas(prim, schemas, kind, ctx)
     if kind == "light" or "LightAPI" in schemas:
-        note_light_inputs(prim, ctx)
+        note_light_inputs(prim, applied, ctx)
     if not kind and prim.type_name:
         _note_type(prim, ctx)
 

@@ -6,9 +6,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container
+from collections.abc import Container, Hashable
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade
@@ -17,11 +16,12 @@ from ..description import Doubles
 from .bindings import BINDING, Subset
 from .color_spaces import NOWHERE, ColorScope, color_in_rendering_space, in_rendering_space, scope_below
 from .context import Context
-from .convert import matrix
+from .poses import ROOT, Poses
 from .read import When, array, as_columns, is_single, read, time_of, value
 
 _IDENTITY = Gf.Matrix4d(1.0)
 _PURPOSE_VISIBILITY = {f"{purpose}Visibility": purpose for purpose in ("guide", "proxy", "render")}
+_HANDED = {"visibility", "purpose", "model:drawMode", "primvars:displayColor", "primvars:displayOpacity", *_PURPOSE_VISIBILITY}
 _CONSTANT = (None, "constant")  # a primvar's interpolation where nothing is authored, and the token
 
 
@@ -59,23 +59,26 @@ class Inherited:
     invisible: frozenset[str] = frozenset()  # purposes that VisibilityAPI hides, by the nearest opinion on each
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class ResolvedPrim:
-    """A prim and what it inherits; `group_from_prim` leads to the world, or to the prototype's space inside one."""
+    """A prim and what it inherits. Not frozen: a stage may have millions, whose materials are found last."""
 
     prim: Usd.Prim
     path: str
     type_name: str
     names: frozenset[str]  # authored properties
-    gf_matrix: Gf.Matrix4d = field(compare=False)
     inherited: Inherited = field(compare=False)
+    poses: Poses = field(compare=False)
+    pose: int = ROOT  # of the group's poses
+    bound_as: Hashable = ""  # of a shape: leaf_materials.bound_alike
     material: Usd.Prim | None = None
     subsets: tuple[Subset, ...] = ()
     own_color: bool = False  # the colour in `inherited` is its own: one for all of it
 
-    @cached_property
+    @property
     def group_from_prim(self) -> Doubles:
-        return matrix(self.gf_matrix)
+        """(4, 4), to the world, or to the prototype's space inside one."""
+        return self.poses.at(self.pose)
 
 
 def local_matrix(prim: Usd.Prim, names: frozenset[str], when: When, cache: UsdGeom.XformCache) -> tuple[Gf.Matrix4d, bool]:
@@ -99,6 +102,11 @@ def is_drawn(inherited: Inherited, purposes: Container[str]) -> bool:
     return inherited.purpose in purposes and inherited.purpose not in inherited.invisible
 
 
+def hands_down(names: frozenset[str], schemas: list[str], ctx: Context) -> bool:
+    """Whether prims that have authored these may hand down something else than what is handed to them."""
+    return not names.isdisjoint(_HANDED | ctx.primvars_read) or any(s.startswith("ColorSpace") for s in schemas)
+
+
 def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: list[str], ctx: Context) -> Inherited | None:
     """What `prim` hands down, None if it is invisible (and so is all below it); `schemas` are those applied to it."""
     when = ctx.when
@@ -119,13 +127,12 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: l
         mode = read(prim, "model:drawMode", when)
         mine = replace(mine, draw_mode=mode) if isinstance(mode, str) and mode != "inherited" else mine
     if "primvars:displayColor" in names:
-        color = constant_of(prim, "primvars:displayColor", 3, names, when)
+        attribute = prim.GetAttribute("primvars:displayColor")
+        color = constant_of(attribute, 3, names, when)
         if color is not None:
-            attribute = prim.GetAttribute("primvars:displayColor")
-            rgb = color_in_rendering_space((color[0], color[1], color[2]), attribute, mine.colors, ctx)
-            mine = replace(mine, color=rgb)
+            mine = _colored(mine, color_in_rendering_space((color[0], color[1], color[2]), attribute, mine.colors, ctx), ctx)
     if "primvars:displayOpacity" in names:
-        opacity = constant_of(prim, "primvars:displayOpacity", 1, names, when)
+        opacity = constant_of(prim.GetAttribute("primvars:displayOpacity"), 1, names, when)
         mine = mine if opacity is None else replace(mine, opacity=opacity[0])
     read_names = ctx.primvars_read
     return mine if names.isdisjoint(read_names) else _with_primvars(mine, prim, names & read_names, ctx)
@@ -179,15 +186,23 @@ def _first_index(primvar: UsdGeom.Primvar, when: When) -> int:
     return int(indices[0]) if indices is not None and len(indices) else 0
 
 
-def constant_of(prim: Usd.Prim, name: str, columns: int, names: frozenset[str], when: When) -> list[float] | None:
+def _colored(mine: Inherited, rgb: tuple[float, float, float], ctx: Context) -> Inherited:
+    """With this colour: one object for all children of a prim that have the same."""
+    known = ctx.colored.get((id(mine), rgb))
+    if known is None:
+        known = ctx.colored[id(mine), rgb] = mine, replace(mine, color=rgb)  # what is known by its id is kept
+    found: Inherited = known[1]
+    return found
+
+
+def constant_of(attribute: Usd.Attribute, columns: int, names: frozenset[str], when: When) -> list[float] | None:
     """A constant primvar's value: only constant ones are inherited (UsdGeomPrimvarsAPI). None where it has none to use."""
-    attribute = prim.GetAttribute(name)
     if not attribute or attribute.GetMetadata("interpolation") not in _CONSTANT:
         return None
     values = array(value(attribute, when), columns, "f")
     if values is None or len(values) == 0:
         return None
-    at = _first_index(UsdGeom.Primvar(attribute), when) if f"{name}:indices" in names else 0
+    at = _first_index(UsdGeom.Primvar(attribute), when) if f"{attribute.GetName()}:indices" in names else 0
     if not 0 <= at < len(values):
         return None
     row = values[at].tolist()

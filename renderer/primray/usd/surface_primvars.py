@@ -5,7 +5,7 @@ What neither has is left out: then the instance's own may stand in (instance_pri
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -42,9 +42,11 @@ def _primvar_of(reads: Input) -> PrimvarInput:
 
 
 def mesh_primvars(
-    prim: ResolvedPrim, surfaces: Iterable[Surface], triangles: Triangles, sizes: Sizes, ctx: Context
+    prim: ResolvedPrim, surfaces: Collection[Surface], triangles: Triangles, sizes: Sizes, ctx: Context
 ) -> tuple[SeamPrimvar, ...]:
     """Per triangle, point or corner, as a Mesh has them."""
+    if not ctx.aov_primvars and not any(surface.inputs for surface in surfaces):
+        return ()
     return tuple(_on_triangles(name, found, triangles) for name, found in read_primvars(prim, surfaces, sizes, ctx))
 
 
@@ -53,8 +55,10 @@ def cage_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], cage: Cage, c
     return tuple(on_cage(name, found, cage) for name, found in read_primvars(prim, surfaces, cage.sizes, ctx))
 
 
-def constant_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], ctx: Context) -> tuple[SeamPrimvar, ...]:
+def constant_primvars(prim: ResolvedPrim, surfaces: Collection[Surface], ctx: Context) -> tuple[SeamPrimvar, ...]:
     """Of a shape without points of its own: what varies over it is noted and left out."""
+    if not ctx.aov_primvars and not any(surface.inputs for surface in surfaces):
+        return ()
     return tuple(
         SeamPrimvar(name, Interpolation.CONSTANT, found.flat())
         for name, found in read_primvars(prim, surfaces, NO_SIZES, ctx)

@@ -75,12 +75,16 @@ def read_topology(prim: ResolvedPrim, ctx: Context) -> tuple[Floats, Faces] | No
     return points.astype(np.float32, copy=False), faces
 
 
+def all_usable(points: Floats, faces: Faces) -> bool:
+    return bool(faces.low >= 0 and faces.high < len(points) and faces.has_area and _largest(points) <= LARGEST)
+
+
 def usable_faces(prim: ResolvedPrim, points: Floats, faces: Faces, ctx: Context) -> tuple[Floats, Flags | None]:
     """The points with 0 for those that are not finite, and the faces that can be rendered; None for all of them."""
+    if all_usable(points, faces):
+        return points, None
     in_range = faces.low >= 0 and faces.high < len(points)
     all_finite = _largest(points) <= LARGEST
-    if in_range and all_finite and faces.has_area:
-        return points, None
     counts, indices = faces.counts, faces.indices
     bad_corner = (indices < 0) | (indices >= len(points))
     reasons = {} if in_range else {"faceVertexIndices": "indices out of range"}

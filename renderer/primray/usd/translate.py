@@ -46,7 +46,7 @@ from .adapters.render_settings import product_settings
 from .adapters.render_var import aovs_of_variables
 from .color_spaces import rendering_space
 from .context import Context
-from .convert import square, squares
+from .convert import square
 from .default_light import default_lights
 from .framing import Bounds, shape_bounds, stage_bounds
 from .instance_primvars import without_unread
@@ -253,16 +253,16 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
     alone = "" if once is None or not ctx.names_instances else name_of(named_levels(chains[0]), 0)
     members: list[Placed] = []
     leaves, group.leaves = group.leaves[::-1], []
-    matrices = squares([leaf.gf_matrix for leaf in leaves])
+    matrices = _matrices(leaves)
     finite: list[bool] = np.asarray(np.isfinite(matrices).all(axis=(1, 2))).tolist()
-    placed = matrices if once is None else once @ matrices
+    placed = matrices if once is None or np.array_equal(once, np.eye(4)) else once @ matrices
     while leaves:  # what has been translated is let go
         leaf = leaves.pop()
         scene.has_lights |= leaf.type_name in LIGHTS or leaf.path in ctx.light_shapes
         if not finite.pop():
             ctx.warn("invalid-transform", leaf.path, "Its transform is not finite.")
         elif leaf.type_name in LIGHTS:
-            _add_lights(scene, leaf, chains, count, ctx)
+            _add_lights(scene, leaf, matrices[len(leaves)], chains, count, ctx)
         elif (shape := _shape(leaf, ctx)) is not None:
             if ctx.links is not None:
                 shape = replace(shape, link_row=ctx.links.row_of(leaf))
@@ -306,7 +306,14 @@ def _shape(leaf: ResolvedPrim, ctx: Context) -> Shape | None:
         return None
 
 
-def _add_lights(scene: _Scene, leaf: ResolvedPrim, chains: list[Chain], count: int, ctx: Context) -> None:
+def _matrices(leaves: list[ResolvedPrim]) -> Doubles:
+    """(N, 4, 4) group_from_prim of the leaves of a group."""
+    return leaves[0].poses.taken([leaf.pose for leaf in leaves]) if leaves else np.zeros((0, 4, 4))
+
+
+def _add_lights(
+    scene: _Scene, leaf: ResolvedPrim, group_from_prim: Doubles, chains: list[Chain], count: int, ctx: Context
+) -> None:
     """One light for each place; a light's emission depends on its own size in the world."""
     if count > MAX_LIGHT_INSTANCES:
         ctx.warn("instanced-lights", leaf.path, f"Only the first {MAX_LIGHT_INSTANCES} of its {count} instances are lit.")
@@ -315,7 +322,7 @@ def _add_lights(scene: _Scene, leaf: ResolvedPrim, chains: list[Chain], count: i
         ctx = replace(ctx, when=replace(ctx.when, remembered={}))
     matrices = (matrix for chain in chains for rows in chunks(chain) for matrix in rows)
     for matrix in islice(matrices, MAX_LIGHT_INSTANCES):
-        made = LIGHTS[leaf.type_name](leaf, square(matrix) @ leaf.group_from_prim, ctx)
+        made = LIGHTS[leaf.type_name](leaf, square(matrix) @ group_from_prim, ctx)
         if made is not None:
             scene.lights.append(rules.applied(made))
 

@@ -5,8 +5,9 @@ Each native prototype and each point instancer's prototype is walked once per di
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from pxr import Gf, Tf, Usd, UsdGeom
@@ -17,25 +18,28 @@ from ..placement import MatrixInstances, PointInstances
 from .adapters.draw_mode import stand_in
 from .adapters.points import POINT, spheres
 from .applied_schemas import applied_schemas
-from .bindings import note_bindings, subsets_of, told_apart
+from .bindings import binds_by_collection, note_bindings
 from .color_spaces import NOWHERE, scope_at
 from .context import Context
-from .convert import rows
-from .foreign_names import NameSet, note_other_renderers
+from .foreign_names import note_other_renderers
 from .instance_primvars import given_per_instance
 from .instances import Group
+from .leaf_materials import bind_leaves, bindings_of, bound_alike, told_apart
 from .notes import note_prim
-from .resolve import Binding, Inherited, ResolvedPrim, as_bound, bind_materials, descend, inner_or_outer, is_drawn, local_matrix
+from .poses import ROOT, Poses
+from .prim_kinds import PrimKinds
+from .resolve import Binding, Inherited, ResolvedPrim, as_bound, descend, inner_or_outer, is_drawn, local_matrix
 from .stage import tf_message
 
 Expand = Callable[[ResolvedPrim, Context], list[tuple[str, PointInstances]]]  # (prototype root, group_from_prototype)
 
 # Inside prototypes of point instancers `over` ancestors are common: they keep prototypes from being drawn by themselves.
 _IN_PROTOTYPE = Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier
-_SUBSETS = Usd.TraverseInstanceProxies(_IN_PROTOTYPE)
 _IN_WORLD = _IN_PROTOTYPE & ~Usd.PrimIsAbstract
 # Nothing below these is drawn by itself.
 _CLOSED = frozenset({"Material", "Shader", "NodeGraph", "GeomSubset", "PointInstancer", "Camera"})
+FORGOTTEN_AFTER = 1 << 14
+_MADE = frozenset({"PointInstancer", "Points"})  # into groups
 
 
 @dataclass(frozen=True)
@@ -44,13 +48,23 @@ class GroupKey:
     inherited: Inherited
 
 
+class _Above(NamedTuple):
+    """What all children of a prim are given."""
+
+    path: str
+    pose: int
+    inherited: Inherited
+    binds: str  # the path of the nearest prim, this one or above it, that binds materials; "" for none
+
+
 @dataclass
 class _Walk:
     ctx: Context
     leaf_types: Mapping[str, str]
     expand: Expand
     cache: UsdGeom.XformCache
-    names: dict[frozenset[str], NameSet] = field(default_factory=dict)
+    kinds: PrimKinds
+    has_instances: bool
     groups: list[Group[ResolvedPrim]] = field(default_factory=list)
     index: dict[GroupKey, int] = field(default_factory=dict)
     queue: list[tuple[int, Usd.Prim, Inherited]] = field(default_factory=list)
@@ -67,67 +81,83 @@ class _Walk:
 
 def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand) -> list[Group[ResolvedPrim]]:
     """All groups, the world first. `leaf_types` names the prim types that adapters take; `expand` reads an instancer."""
-    state = _Walk(ctx, leaf_types, expand, UsdGeom.XformCache(ctx.when.time))
+    kinds = PrimKinds(ctx, leaf_types)
+    has_instances = bool(ctx.stage.GetPrototypes())
+    state = _Walk(ctx, leaf_types, expand, UsdGeom.XformCache(ctx.when.time), kinds, has_instances)
     state.group(ctx.stage.GetPseudoRoot(), Inherited())
     for index, root, inherited in state.queue:  # grows as instances are found
         _walk_group(state, state.groups[index], root, inherited)
-    _bind_leaves(state)
-    ctx.property_names.update(state.names)
-    note_other_renderers(state.names.values(), ctx)
+    shapes = [leaf for group in state.groups for leaf in group.leaves if leaf_types[leaf.type_name] == "shape"]
+    bind_leaves(shapes, kinds.by_collection, ctx)
+    ctx.property_names.update(kind.names for kind in kinds.found.values())
+    note_other_renderers(kinds.found.values(), ctx)
     return state.groups
 
 
 def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inherited: Inherited) -> None:
-    native: list[ResolvedPrim] = []
+    ctx, poses, native = state.ctx, Poses(), list[ResolvedPrim]()
     is_namespace_root = root.IsPseudoRoot() or root.IsPrototype()
     drawn = _IN_WORLD if is_namespace_root else _IN_PROTOTYPE
     prims = root.GetFilteredChildren(drawn) if is_namespace_root else [root]
-    stack = [(prim, Gf.Matrix4d(1.0), inherited) for prim in reversed(prims)]
+    parent = str((root if is_namespace_root else root.GetParent()).GetPath())
+    # What a point instancer's prototype has above it is not known here, but the same whenever it is walked.
+    if not is_namespace_root:
+        state.kinds.by_collection |= binds_by_collection(root.GetParent())
+    top = _Above(ctx.shown(parent).removesuffix("/"), ROOT, inherited, "" if is_namespace_root else str(root.GetPath()))
+    stack = [(prim, top) for prim in reversed(prims)]
     while stack:
-        prim, parent_matrix, handed = stack.pop()
-        names = frozenset(prim.GetAuthoredPropertyNames())
-        alike = state.names.get(names)  # many prims have the same: one object for all of them
-        if alike is None:
-            alike = state.names[names] = NameSet(names, str(prim.GetPath()))
-        names = alike.names
-        alike.count += 1
-        schemas = applied_schemas(prim)
-        mine = descend(handed, prim, names, schemas, state.ctx)
-        if mine is None:
-            continue
-        local, resets = _local(state, prim, names)
-        if resets and group is not state.groups[0]:
-            state.ctx.warn(
-                "reset-xform-in-prototype",
-                str(prim.GetPath()),
-                "The reset goes as far as the prototype's root.",
-                "xformOpOrder",
-            )
-        to_group = local if resets else local * parent_matrix
-        type_name = str(prim.GetTypeName())
-        kind = state.leaf_types.get(type_name, "")
-        path = state.ctx.shown(str(prim.GetPath()))
-        own_color = mine.color is not handed.color
-        resolved = ResolvedPrim(prim, path, type_name, names, to_group, mine, own_color=own_color)
-        drawn_as = stand_in(resolved, state.ctx) if mine.draw_mode != "default" else ""
-        if drawn_as:
-            if is_drawn(mine, state.ctx.purposes):
-                group.leaves.append(replace(resolved, type_name=drawn_as))
-            continue
-        note_prim(resolved, schemas, kind, state.ctx)
-        note_bindings(prim, resolved.path, names, state.ctx)
-        if type_name == "PointInstancer":
-            _expand_points(state, group, resolved)
-            continue
-        if type_name == "Points" and is_drawn(mine, state.ctx.purposes):
-            _place_spheres(state, group, resolved)
-        if kind and is_drawn(mine, state.ctx.purposes):  # also an instance may itself be a shape
-            group.leaves.append(resolved)
-        if prim.IsInstance():
-            native.append(resolved)
-        elif type_name not in _CLOSED:
-            stack += [(child, to_group, mine) for child in reversed(prim.GetFilteredChildren(drawn))]
-    _expand_native(state, group, native)
+        prim, above = stack.pop()
+        path = f"{above.path}/{prim.GetName()}"
+        kind = state.kinds.of(prim, path)
+        type_name = kind.type_name
+        mine = above.inherited
+        if kind.hands_down:
+            handed = descend(mine, prim, kind.names, kind.schemas, ctx)
+            if handed is None:
+                continue
+            mine = handed
+        pose = _pose(state, group, prim, kind.names, path, poses, above.pose) if kind.has_transform else above.pose
+        is_instance = state.has_instances and prim.IsInstance()
+        resolved: ResolvedPrim | None = None
+        if kind.taken_as or kind.is_noted or kind.bindings or is_instance or type_name in _MADE or mine.draw_mode != "default":
+            resolved = ResolvedPrim(prim, path, type_name, kind.names, mine, poses, pose, above.binds)
+            resolved.own_color = mine.color is not above.inherited.color
+            drawn_as = stand_in(resolved, ctx) if mine.draw_mode != "default" else ""
+            if drawn_as:
+                if is_drawn(mine, ctx.purposes):
+                    group.leaves.append(replace(resolved, type_name=drawn_as))
+                continue
+            if kind.is_noted:
+                note_prim(resolved, kind.schemas, kind.taken_as, ctx)
+            if kind.bindings:
+                targets = note_bindings(prim, path, kind.bindings, ctx)
+                resolved.bound_as = bound_alike(kind, path, targets, above.binds)
+            if type_name == "PointInstancer":
+                _expand_points(state, group, resolved)
+                continue
+            if type_name == "Points" and is_drawn(mine, ctx.purposes):
+                _place_spheres(state, group, resolved)
+            if kind.taken_as and is_drawn(mine, ctx.purposes):  # also an instance may itself be a shape
+                group.leaves.append(resolved)
+            if is_instance:
+                native.append(resolved)
+        if not is_instance and type_name not in _CLOSED and (children := prim.GetFilteredChildren(drawn)):
+            below = _Above(path, pose, mine, path if kind.bindings else above.binds)
+            stack += [(child, below) for child in reversed(children)]
+    _expand_native(state, group, native, poses)
+
+
+def _pose(
+    state: _Walk, group: Group[ResolvedPrim], prim: Usd.Prim, names: frozenset[str], path: str, poses: Poses, above: int
+) -> int:
+    local, resets = _local(state, prim, names)
+    if resets and group is not state.groups[0]:
+        message = "The reset goes as far as the prototype's root."
+        state.ctx.warn("reset-xform-in-prototype", path, message, "xformOpOrder")
+    pose = poses.add(local, above, resets=resets)
+    if pose % FORGOTTEN_AFTER == 0:
+        state.cache.Clear()  # it keeps 400 bytes a prim, and nothing is asked twice
+    return pose
 
 
 def _local(state: _Walk, prim: Usd.Prim, names: frozenset[str]) -> tuple[Gf.Matrix4d, bool]:
@@ -141,32 +171,42 @@ def _local(state: _Walk, prim: Usd.Prim, names: frozenset[str]) -> tuple[Gf.Matr
         return Gf.Matrix4d(1.0), False
 
 
-def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[ResolvedPrim]) -> None:
+def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[ResolvedPrim], poses: Poses) -> None:
     """Instances of one prototype that hand down the same become one array of matrices."""
     ctx = state.ctx
-    asked = [as_bound(instance.prim, instance.inherited) for instance in instances]
-    bindings = bind_materials(asked, ctx.material_purposes)
-    by_child: dict[int, list[Gf.Matrix4d]] = {}
+    if not instances:
+        return
+    bindings = bindings_of(instances, state.kinds.by_collection, ctx)
+    places = poses.of([instance.pose for instance in instances])[:, :3]
+    by_child: dict[int, list[int]] = {}
     names: dict[int, list[str]] = {}
-    apart = told_apart([proxy.GetPath() for proxy in asked], ctx)
-    for instance, proxy, inner, alone in zip(instances, asked, bindings, apart, strict=True):
+    apart = told_apart(instances, ctx)
+    alike: dict[Hashable, int] = {}  # many have one object for what is above them, and one binding
+    for i, (instance, inner, alone) in enumerate(zip(instances, bindings, apart, strict=True)):
         prototype = instance.prim.GetPrototype()
-        ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
-        mine = instance.inherited
-        if mine.colors is not NOWHERE:
-            mine = replace(mine, outer_colors=((str(prototype.GetPath()), mine.colors), *mine.outer_colors))
-        if alone:
-            handed = replace(mine, proxy=str(proxy.GetPath()))
-        else:
-            handed = replace(mine, outer=inner_or_outer(inner, mine.outer), proxy="")
-        if ctx.links is not None:
-            handed = ctx.links.handed_to_instance(handed, instance.prim, prototype)
-        child = state.group(prototype, handed)
-        by_child.setdefault(child, []).append(instance.gf_matrix)
+        key = (prototype, id(instance.inherited), id(inner))
+        if key not in alike or alone or ctx.links is not None:
+            ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
+            alike[key] = state.group(prototype, _handed_to_instance(instance, prototype, inner, alone, ctx))
+        child = alike[key]
+        by_child.setdefault(child, []).append(i)
         if ctx.names_instances:
             names.setdefault(child, []).append(_within(state, group, instance.path))
-    for child, matrices in by_child.items():
-        group.instances.append((child, _finite(rows(matrices), names.get(child), group, ctx)))
+    for child, chosen in by_child.items():
+        group.instances.append((child, _finite(places[chosen], names.get(child), group, ctx)))
+
+
+def _handed_to_instance(
+    instance: ResolvedPrim, prototype: Usd.Prim, inner: Binding | None, alone: bool, ctx: Context
+) -> Inherited:
+    mine = instance.inherited
+    if mine.colors is not NOWHERE:
+        mine = replace(mine, outer_colors=((str(prototype.GetPath()), mine.colors), *mine.outer_colors))
+    if alone:
+        handed = replace(mine, proxy=str(as_bound(instance.prim, instance.inherited).GetPath()))
+    else:
+        handed = replace(mine, outer=inner_or_outer(inner, mine.outer), proxy="")
+    return handed if ctx.links is None else ctx.links.handed_to_instance(handed, instance.prim, prototype)
 
 
 def _within(state: _Walk, group: Group[ResolvedPrim], path: str) -> str:
@@ -211,7 +251,8 @@ def _place_spheres(state: _Walk, group: Group[ResolvedPrim], points: ResolvedPri
         points,
         type_name=POINT,
         names=points.names - {f"primvars:{name}" for name in varying},
-        gf_matrix=Gf.Matrix4d(1.0),
+        poses=Poses(),
+        pose=ROOT,
         inherited=given_per_instance(points.inherited, varying),
     )
     group.instances.append((len(state.groups), replace(placed, matrices=matrices, names=names)))
@@ -248,40 +289,3 @@ def _with_colors_of(root: Usd.Prim, handed: Inherited, ctx: Context) -> Inherite
     if instance.IsInstance() and instance != root and (above := scope_at(instance, around)) is not NOWHERE:
         outer = ((str(instance.GetPrototype().GetPath()), above), *outer)
     return replace(handed, colors=scope_at(root.GetParent(), around), outer_colors=outer)
-
-
-def _bind_leaves(state: _Walk) -> None:
-    """Give every leaf its material and subsets, asking USD once for all of them."""
-    ctx = state.ctx
-    seen: dict[str, int] = {}
-    prims: list[Usd.Prim] = []
-    for group in state.groups:
-        for leaf in group.leaves:
-            if state.leaf_types[leaf.type_name] == "shape" and (key := _key(leaf)) not in seen:
-                seen[key] = len(prims)
-                prims.append(as_bound(leaf.prim, leaf.inherited))
-    subsets = {key: subsets_of(prims[i], _SUBSETS, ctx) for key, i in seen.items() if prims[i].GetTypeName() == "Mesh"}
-    for key, owned in subsets.items():
-        for subset in owned:
-            seen[key + subset.path] = len(prims)
-            prims.append(subset.prim)
-    bindings = bind_materials(prims, ctx.material_purposes) if prims else []
-    for group in state.groups:
-        for i, leaf in enumerate(group.leaves):
-            key = _key(leaf)
-            if key in seen:
-                outer = leaf.inherited.outer
-                own = tuple(replace(s, material=_material(bindings[seen[key + s.path]], outer)) for s in subsets.get(key, ()))
-                material = _material(bindings[seen[key]], outer)
-                if own or material:
-                    group.leaves[i] = replace(leaf, material=material, subsets=own)
-
-
-def _key(leaf: ResolvedPrim) -> str:
-    """What is bound alike has one."""
-    return leaf.inherited.proxy + leaf.path
-
-
-def _material(inner: Binding | None, outer: Binding | None) -> Usd.Prim | None:
-    binding = inner_or_outer(inner, outer)
-    return binding.material if binding else None

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pxr import Gf, Usd
+from pxr import Usd
 
 from primray.description import Interpolation, Mesh, Primvar, PrimvarInput, SceneDescription, Sphere
 from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
 from primray.usd import translate
 from primray.usd.context import Context
+from primray.usd.poses import Poses
 from primray.usd.read import When
 from primray.usd.resolve import Inherited, ResolvedPrim
 from primray.usd.subdivision import read_cage
@@ -301,7 +302,7 @@ def test_cages_keep_interpolations_and_indices() -> None:
     prim = stage.GetPrimAtPath("/mesh")
     authored = frozenset(prim.GetAuthoredPropertyNames())
     ctx = Context(stage, RenderSettings(), When(Usd.TimeCode.Default(), False), (), (), Diagnostics())
-    resolved = ResolvedPrim(prim, "/mesh", "Mesh", authored, Gf.Matrix4d(1), Inherited())
+    resolved = ResolvedPrim(prim, "/mesh", "Mesh", authored, Inherited(), Poses())
     surface = translate(stage, RenderSettings())[0].surfaces[0]
     read = [(f"f{i}", PrimvarInput(name, (0.0,))) for i, name in enumerate(names)]
     cage = read_cage(resolved, ctx)

@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pxr import Gf, Usd
+from pxr import Usd
 
 from primray import core
 from primray.description import Interpolation, PrimvarInput, SubdivisionMesh, Surface
 from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
 from primray.usd.context import Context
+from primray.usd.poses import Poses
 from primray.usd.read import When
 from primray.usd.resolve import Inherited, ResolvedPrim
 from primray.usd.subdivision import read_cage
@@ -253,7 +254,7 @@ def test_primvars_by_name() -> None:
     stage = stage_of(CUBE.replace("BODY", ST.replace("INDICES", ", ".join(map(str, indices)))))
     prim = stage.GetPrimAtPath("/cube")
     ctx = Context(stage, RenderSettings(), When(Usd.TimeCode.Default(), False), (), (), Diagnostics())
-    resolved = ResolvedPrim(prim, "/cube", "Mesh", frozenset(prim.GetAuthoredPropertyNames()), Gf.Matrix4d(1), Inherited())
+    resolved = ResolvedPrim(prim, "/cube", "Mesh", frozenset(prim.GetAuthoredPropertyNames()), Inherited(), Poses())
     found_cage = read_cage(resolved, ctx)
     assert found_cage is not None
     names = {"st": 2, "absent": 1, "weight": 1, "id": 1, "single": 1, "label": 1}

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
+
+import numpy as np
 
 from ...description import Mesh, Shape, Sphere
 from .. import tessellate
@@ -15,6 +17,8 @@ from ..seam_mesh import Values, seam_mesh
 from ..surface_primvars import constant_primvars
 from ..tessellate import Tessellated
 from .surface import FALLBACK_COLOR, Appearance, appearance_of, is_hidden, make_surface
+
+_Call = tuple[Any, ...]  # a function of tessellate.py and what to give it: many shapes are alike
 
 
 def sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
@@ -30,13 +34,14 @@ def sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
 
 def tessellated(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     """A shape of any other kind."""
-    made = ctx.shared_geometry.get(prim.path) or _TESSELLATE[prim.type_name](prim, ctx)
-    if prim.path in ctx.shares:
-        ctx.shared_geometry[prim.path] = made
+    how = _TESSELLATE[prim.type_name](prim, ctx)
+    if how not in ctx.shared_implicits:
+        made = how[0](*how[1:])
+        usable = bool(np.isfinite(made.points).all() and made.points.any())
+        ctx.shared_implicits[how] = made if usable else None
+    made = ctx.shared_implicits[how]
     appearance = _appearance(prim, ctx)
-    if is_hidden(appearance):
-        return None
-    if not all(map(math.isfinite, made.points.ravel().tolist())) or not made.points.any():
+    if made is None or is_hidden(appearance):
         return None
     if _is_left_handed(prim, ctx):
         made = _flipped(made)
@@ -68,26 +73,24 @@ def _appearance(prim: ResolvedPrim, ctx: Context) -> Appearance:
     return appearance
 
 
-def _cube(prim: ResolvedPrim, ctx: Context) -> Tessellated:
-    return tessellate.cube(abs(_number(prim, "size", 2.0, ctx)))
+def _cube(prim: ResolvedPrim, ctx: Context) -> _Call:
+    return tessellate.cube, abs(_number(prim, "size", 2.0, ctx))
 
 
-def _plane(prim: ResolvedPrim, ctx: Context) -> Tessellated:
-    return tessellate.plane(_number(prim, "width", 2.0, ctx), _number(prim, "length", 2.0, ctx), _axis(prim, ctx))
+def _plane(prim: ResolvedPrim, ctx: Context) -> _Call:
+    return tessellate.plane, _number(prim, "width", 2.0, ctx), _number(prim, "length", 2.0, ctx), _axis(prim, ctx)
 
 
-def _cone(prim: ResolvedPrim, ctx: Context) -> Tessellated:
-    return tessellate.cone(abs(_number(prim, "radius", 1.0, ctx)), _number(prim, "height", 2.0, ctx), _axis(prim, ctx))
+def _cone(prim: ResolvedPrim, ctx: Context) -> _Call:
+    return tessellate.cone, abs(_number(prim, "radius", 1.0, ctx)), _number(prim, "height", 2.0, ctx), _axis(prim, ctx)
 
 
-def _cylinder(prim: ResolvedPrim, ctx: Context) -> Tessellated:
-    bottom, top = _radii(prim, 1.0, ctx)
-    return tessellate.cylinder(bottom, top, _number(prim, "height", 2.0, ctx), _axis(prim, ctx))
+def _cylinder(prim: ResolvedPrim, ctx: Context) -> _Call:
+    return tessellate.cylinder, *_radii(prim, 1.0, ctx), _number(prim, "height", 2.0, ctx), _axis(prim, ctx)
 
 
-def _capsule(prim: ResolvedPrim, ctx: Context) -> Tessellated:
-    bottom, top = _radii(prim, 0.5, ctx)
-    return tessellate.capsule(bottom, top, _number(prim, "height", 1.0, ctx), _axis(prim, ctx))
+def _capsule(prim: ResolvedPrim, ctx: Context) -> _Call:
+    return tessellate.capsule, *_radii(prim, 0.5, ctx), _number(prim, "height", 1.0, ctx), _axis(prim, ctx)
 
 
 def _radii(prim: ResolvedPrim, default: float, ctx: Context) -> tuple[float, float]:
@@ -98,15 +101,15 @@ def _radii(prim: ResolvedPrim, default: float, ctx: Context) -> tuple[float, flo
 
 
 def _axis(prim: ResolvedPrim, ctx: Context) -> str:
-    axis = token(prim.prim, "axis", ctx.when, "Z")
+    axis = token(prim.prim, "axis", ctx.when, "Z") if "axis" in prim.names else "Z"
     return axis if axis in ("X", "Y", "Z") else "Z"
 
 
 def _number(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:
-    return number(prim.prim, name, ctx.when, default, ctx.diagnostics)
+    return number(prim.prim, name, ctx.when, default, ctx.diagnostics)  # also if it is not authored: value clips may have it
 
 
-_TESSELLATE: dict[str, Callable[[ResolvedPrim, Context], Tessellated]] = {
+_TESSELLATE: dict[str, Callable[[ResolvedPrim, Context], _Call]] = {
     "Cube": _cube,
     "Plane": _plane,
     "Cone": _cone,

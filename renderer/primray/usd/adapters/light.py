@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 from pxr import Sdf, UsdGeom, UsdLux
@@ -87,11 +88,16 @@ def _size(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:
 
 def _has_depth(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> bool:
     """Whether a light that needs all three axes has them; noted where it has not."""
-    axes = np.linalg.norm(matrix[:3, :3], axis=0)
-    if abs(np.linalg.det(matrix[:3, :3])) > 1e-14 * np.prod(axes):
+    if _spans_space(matrix[:3, :3].tobytes()):
         return True
     ctx.warn("light-dark", prim.path, "Its transform leaves it without depth: it emits nothing.")
     return False
+
+
+@lru_cache(maxsize=256)
+def _spans_space(linear: bytes) -> bool:
+    axes = np.frombuffer(linear).reshape(3, 3)
+    return bool(abs(np.linalg.det(axes)) > 1e-14 * np.prod(np.linalg.norm(axes, axis=0)))
 
 
 def _sphere(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:

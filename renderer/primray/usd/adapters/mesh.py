@@ -19,11 +19,11 @@ from ..read import token
 from ..resolve import ResolvedPrim
 from ..seam_mesh import Values, keep_triangles, seam_mesh
 from ..surface_primvars import mesh_primvars, moved
-from ..topology import Faces, read_topology, usable_faces, without_holes
+from ..topology import Faces, all_usable, read_topology, usable_faces, without_holes
 from ..triangulate import Fan, Triangles, fan_of, flipped, triangulate
 from .cage import cage
 from .face_parts import FaceParts, face_parts
-from .surface import FALLBACK_COLOR, Appearance, is_hidden, make_surface
+from .surface import FALLBACK_COLOR, Appearance, appearance_of, is_hidden, make_surface
 
 
 @dataclass(frozen=True)
@@ -44,10 +44,9 @@ def mesh(prim: ResolvedPrim, ctx: Context) -> Mesh | SubdivisionMesh | None:
         return None
     if prim.path in ctx.shares:
         ctx.shared_geometry[prim.path] = geometry
-    parts = face_parts(prim, geometry.sizes.faces, ctx)
     if prim.subsets:
-        return _with_subsets(prim, geometry, parts, ctx)
-    return _shape(prim, geometry, parts.appearances[0], ctx)
+        return _with_subsets(prim, geometry, face_parts(prim, geometry.sizes.faces, ctx), ctx)
+    return _shape(prim, geometry, appearance_of(prim, prim.material, ctx), ctx)
 
 
 def _shape(prim: ResolvedPrim, geometry: Geometry, appearance: Appearance, ctx: Context) -> Mesh | None:
@@ -73,12 +72,13 @@ def _geometry(prim: ResolvedPrim, ctx: Context) -> Geometry | None:
     if topology is None:
         return None
     points, faces = topology
-    points, usable = usable_faces(prim, points, faces, ctx)
     sizes = Sizes(len(faces.counts), len(points), len(faces.indices))
-    keep = without_holes(usable, prim, sizes.faces, ctx)
-    if keep is None and (alike := _alike(points, faces)) is not None:
+    alike, keep = _alike(points, faces) if "holeIndices" not in prim.names else None, None
+    if alike is not None:
         points, triangles = alike
     else:
+        points, usable = usable_faces(prim, points, faces, ctx)
+        keep = without_holes(usable, prim, sizes.faces, ctx)
         triangles = triangulate(points, faces.counts, faces.indices, keep)
         _note_degenerate(prim, keep, sizes.faces, triangles, faces.counts, ctx)
     if len(triangles.faces) == 0:
@@ -90,7 +90,7 @@ def _geometry(prim: ResolvedPrim, ctx: Context) -> Geometry | None:
 
 
 def _alike(points: Floats, faces: Faces) -> tuple[Floats, Triangles] | None:
-    """Points and triangles of all small meshes that are alike; None where their faces are not simple fans."""
+    """Points and triangles of all small meshes that are alike; None where they are not simple fans, or not all usable."""
     if not faces.is_shared:
         return None
     if "fan" not in faces.made:
@@ -100,8 +100,8 @@ def _alike(points: Floats, faces: Faces) -> tuple[Floats, Triangles] | None:
         return None
     key = points.tobytes()
     known: Floats | None = faces.made.get(key)
-    if known is None and fan.fits(points):
-        known = faces.made[key] = points
+    if known is None and all_usable(points, faces) and fan.fits(points):
+        known = faces.made[key] = np.frombuffer(key, points.dtype).reshape(points.shape)  # these bytes are kept anyway
     return None if known is None else (known, fan.triangles)
 
 

@@ -13,7 +13,6 @@ from pxr import UsdGeom
 from ...instance_names import Names
 from ...placement import PointInstances
 from ..context import Context
-from ..convert import matrix
 from ..instance_primvars import instance_primvars
 from ..notes import note_velocities
 from ..read import array, read, time_of
@@ -108,7 +107,7 @@ def _instances(prim: ResolvedPrim, positions: npt.NDArray[Any], ctx: Context) ->
         quaternions = _per_instance(prim, "orientations", 4, count, ctx)
     scales = _per_instance(prim, "scales", 3, count, ctx)
     names = Names(prim.path, numbers=np.arange(count, dtype=np.int32)) if ctx.names_instances else None
-    outer, primvars = matrix(prim.gf_matrix)[:3], instance_primvars(prim, count, ctx)
+    outer, primvars = prim.group_from_prim[:3], instance_primvars(prim, count, ctx)
     return PointInstances(outer, positions, quaternions, scales, primvars, names)
 
 

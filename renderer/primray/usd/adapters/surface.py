@@ -74,7 +74,7 @@ def make_surface(appearance: Appearance, is_closed: Callable[[], bool]) -> Surfa
     if appearance.material is None or appearance.material.surface is None:
         return _display_surface(appearance)
     surface = appearance.material.surface
-    varying = dict(surface.inputs)
+    varying = dict(surface.inputs) if surface.inputs else {}
     if surface.opacity < 1 or ("opacity" in varying and surface.opacity_threshold == 0):
         straight = surface.ior == 1 and "ior" not in varying
         surface = replace(surface, thin=straight or not is_closed())
@@ -105,6 +105,9 @@ def _constant_color(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, flo
             message = "primvars:displayColor is not a usable colour: the fallback grey is used."
             ctx.warn("invalid-primvar", prim.path, message, "primvars:displayColor")
         return FALLBACK_COLOR
+    r, g, b = prim.inherited.color
+    if 0.0 <= r <= 1.0 and 0.0 <= g <= 1.0 and 0.0 <= b <= 1.0:
+        return prim.inherited.color
     r, g, b = (min(max(x, 0.0), 1.0) for x in prim.inherited.color)
     if (r, g, b) != tuple(prim.inherited.color):
         note_clamped_color("primvars:displayColor is", prim, ctx)

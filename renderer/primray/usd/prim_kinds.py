@@ -1,0 +1,68 @@
+"""What prims of one type with the same schemas and the same authored names have in common, decided once for all of them.
+
+A stage of a million prims has some dozens of such kinds: what need not be asked of a kind is asked of none of its prims.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from pxr import Usd
+
+from .bindings import binding_names, is_collection
+from .context import Context
+from .foreign_names import NameSet
+from .notes import is_noted
+from .resolve import hands_down
+
+
+@dataclass
+class PrimKind(NameSet):
+    """`names` are the authored properties, `count` and `first_path` say which prims have been met."""
+
+    type_name: str = ""
+    schemas: list[str] = field(default_factory=list)  # those applied
+    taken_as: str = ""  # what the adapter table takes it for: "shape", "light", or "" for neither
+    has_transform: bool = False
+    hands_down: bool = False  # something else than what is above it
+    is_noted: bool = False  # diagnostics may have something to say of it
+    bindings: tuple[str, ...] = ()  # its properties that bind materials
+
+
+KindKey = tuple[str, tuple[str, ...], tuple[str, ...]]
+
+
+class PrimKinds:
+    """The kinds of prims that were met, in that order."""
+
+    def __init__(self, ctx: Context, taken_as: Mapping[str, str]) -> None:
+        self._ctx = ctx
+        self._taken_as = taken_as
+        self.found: dict[KindKey, PrimKind] = {}
+        self.by_collection = False  # some bind materials by a collection
+
+    def of(self, prim: Usd.Prim, path: str) -> PrimKind:
+        info = prim.GetPrimTypeInfo()
+        key = (info.GetTypeName(), tuple(prim.GetAuthoredPropertyNames()), tuple(info.GetAppliedAPISchemas()))
+        kind = self.found.get(key)
+        if kind is None:
+            kind = self.found[key] = self._made(prim, path, key)
+        kind.count += 1
+        return kind
+
+    def _made(self, prim: Usd.Prim, path: str, key: KindKey) -> PrimKind:
+        type_name, (names, schemas) = str(key[0]), (frozenset(map(str, key[1])), list(map(str, key[2])))
+        taken_as, bindings = self._taken_as.get(type_name, ""), binding_names(names)
+        self.by_collection |= any(map(is_collection, bindings))
+        return PrimKind(
+            names,
+            path,
+            type_name=type_name,
+            schemas=schemas,
+            taken_as=taken_as,
+            has_transform="xformOpOrder" in names,
+            hands_down=hands_down(names, schemas, self._ctx),
+            is_noted=is_noted(prim, type_name, schemas, taken_as),
+            bindings=bindings,
+        )
