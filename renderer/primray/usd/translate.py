@@ -40,7 +40,6 @@ from .adapters.light_rules import rules_of
 from .adapters.mesh import mesh
 from .adapters.point_instancer import point_instances
 from .adapters.points import POINT, point_sphere
-from .adapters.render_pass import note_render_pass
 from .adapters.render_product import ProductSettings
 from .adapters.render_settings import product_settings
 from .adapters.render_var import aovs_of_variables
@@ -48,6 +47,7 @@ from .color_spaces import rendering_space
 from .context import Context
 from .convert import square
 from .default_light import default_lights
+from .find_by_type import find_by_type
 from .framing import Bounds, shape_bounds, stage_bounds
 from .instance_primvars import without_unread
 from .instances import Arrangement, Chain, Group, arrange, count_of, merge_coincident
@@ -135,10 +135,10 @@ def _with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
 
 
 def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
-    found = _find_by_type(stage, diagnostics)
+    found = find_by_type(stage, diagnostics)
     if found.has_skeletons or prototypes_hold_skeletons(stage):
         stage = posed(stage, when_of(stage, settings.time_code), diagnostics)
-        found = _find_by_type(stage, Diagnostics())
+        found = find_by_type(stage, Diagnostics())
     cameras, settings_prims, shaders = found.cameras, found.settings, found.shaders
     when = when_of(stage, settings.time_code)
     product = product_settings(stage, settings, settings_prims, when, diagnostics)
@@ -198,33 +198,6 @@ def _note_missing_primvars(scene: _Scene, ctx: Context) -> None:
 def camera_paths(stage: Usd.Stage) -> list[str]:
     """The cameras that could be asked for."""
     return [str(prim.GetPath()) for prim in stage.Traverse() if prim.GetTypeName() == "Camera"]
-
-
-@dataclass
-class _Found:
-    """Prims of some types, wherever they are outside prototypes."""
-
-    cameras: list[Usd.Prim] = field(default_factory=list)
-    settings: list[Usd.Prim] = field(default_factory=list)
-    shaders: list[Usd.Prim] = field(default_factory=list)
-    has_skeletons: bool = False
-
-
-def _find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> _Found:
-    found = _Found()
-    for prim in stage.Traverse():
-        name = prim.GetTypeName()
-        if name == "Camera":
-            found.cameras.append(prim)
-        elif name == "RenderSettings":
-            found.settings.append(prim)
-        elif name == "Shader":
-            found.shaders.append(prim)
-        elif name == "SkelRoot":
-            found.has_skeletons = True
-        elif name == "RenderPass":
-            note_render_pass(prim, diagnostics)
-    return found
 
 
 def _shared_paths(groups: list[Group[ResolvedPrim]]) -> frozenset[str]:

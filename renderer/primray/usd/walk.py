@@ -38,8 +38,8 @@ _IN_PROTOTYPE = Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifi
 _IN_WORLD = _IN_PROTOTYPE & ~Usd.PrimIsAbstract
 # Nothing below these is drawn by itself.
 _CLOSED = frozenset({"Material", "Shader", "NodeGraph", "GeomSubset", "PointInstancer", "Camera"})
-FORGOTTEN_AFTER = 1 << 14
 _MADE = frozenset({"PointInstancer", "Points"})  # into groups
+FORGOTTEN_AFTER = 1 << 14  # transforms
 
 
 @dataclass(frozen=True)
