@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "integrator/caustics.hpp"
 #include "integrator/emission.hpp"
 #include "integrator/emitter.hpp"
 #include "integrator/ray_recorder.hpp"
@@ -202,6 +203,7 @@ class TilePaths {
     V wo;  // in that frame
     Bsdf<W> bsdf;
     const Hits<W>& hits;
+    const CausticLanes<W>* guide;  // null: no ray is guided
   };
 
   // One vertex of the paths at [at, at + W): light met, light sampled, next ray.
@@ -254,8 +256,22 @@ class TilePaths {
     const V ns = it.ns * side;
     const Frame<F> frame(select(dot(ns, wo) > F(1e-4f), ns, ng));
     const V wo_local = frame.to_local(wo);
-    Vertex v{it, ng, frame, wo_local, Bsdf<W>(rows, scatters, wo_local, front), hits};
+    Vertex v{it, ng, frame, wo_local, Bsdf<W>(rows, scatters, wo_local, front), hits, nullptr};
     v.bsdf.diffuse *= it.color;
+    if (scene_.caustics.any()) {
+      if (const B follows = scatters & follows_caustics(v.bsdf); any(follows)) {
+        const CausticLanes<W> guide(scene_.caustics, follows, it.p);
+        if (any(guide.share > F(0.0f))) {
+          v.guide = &guide;
+          go_on(scatters, v, p);
+          return;
+        }
+      }
+    }
+    go_on(scatters, v, p);
+  }
+
+  void go_on(B scatters, const Vertex& v, const PathLanes<W>& p) {
     if (scene_.lights.count > 0) sample_light(scatters & (p.depth < I(settings_.max_depth)), v, p);
     scatter(scatters, v, p);
   }
@@ -304,7 +320,8 @@ class TilePaths {
     const B above = dot(v.ng, s.wi) > F(0.0f);
     useful &= (s.pdf > F(0.0f)) & (wi.z > F(0.0f)) & (above | v.it.smooth);
     if (!any(useful)) return;
-    const BsdfEval<W> f = v.bsdf.eval(v.wo, wi);
+    BsdfEval<W> f = v.bsdf.eval(v.wo, wi);
+    if (v.guide) f.pdf = guided_pdf(*v.guide, f.pdf, s.wi);
     V reflected = f.diffuse + f.specular;
     if (lights.lobe_factors) {
       const LightRow<W> row(lights, choice.light);
@@ -384,9 +401,10 @@ class TilePaths {
   void scatter_once(B scatters, const Vertex& v, const PathLanes<W>& p) {
     const I bounce = p.vertex + I(1);
     const Pair<W> u = p.sampler.pair(bounce, Purpose::kDirection);
-    const F lobe = v.bsdf.any_preview ? p.sampler.single(bounce, Purpose::kLobe) : F(0.0f);
-    const BsdfSample<W> s = v.bsdf.sample(v.wo, lobe, u.u, u.v);
+    const F lobe = v.bsdf.any_preview || v.guide ? p.sampler.single(bounce, Purpose::kLobe) : F(0.0f);
     PathLanes<W> n = p;
+    const BsdfSample<W> s =
+        v.guide ? sample_guided(*v.guide, v.bsdf, v.frame, v.wo, lobe, u, settings_.splits, n.splits) : v.bsdf.sample(v.wo, lobe, u.u, u.v);
     n.ray.d = select(s.straight, p.ray.d, v.frame.to_world(s.wi));
     const F out = dot(v.ng, n.ray.d);
     n.beta = p.beta * s.weight;
@@ -412,6 +430,11 @@ class TilePaths {
     }
     if (needs_.links) n.link = select(s.straight, p.link, v.it.link);
     if (scene_.lights.lobe_factors) n.share = select(s.straight, p.share, s.diffuse_share);
+    // What was guided counts as its surface would have sent it, until it next scatters widely.
+    if (scene_.caustics.any()) {
+      const B widely = (s.pdf > F(0.0f)) & (s.pdf < F(kDiffuseDensity));
+      n.splits = select(widely, min(n.splits, float(settings_.splits)), n.splits);
+    }
     const B roulette = alive & (bounce >= I(kRouletteStart)) & !s.straight;
     if (any(roulette)) {
       const F most = select(bounce >= I(kRouletteDeep), F(kRouletteDeepKeep), F(1.0f));
