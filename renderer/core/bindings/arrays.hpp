@@ -38,5 +38,6 @@ void bind_render(nb::module_& m);
 void bind_first_hit(nb::module_& m);
 void bind_subdivision(nb::module_& m);
 void bind_testing(nb::module_& m);
+void bind_caustics(nb::module_& m);
 
 }  // namespace primray

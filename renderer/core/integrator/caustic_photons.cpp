@@ -25,8 +25,9 @@ using I = vint<W>;
 using B = vbool<W>;
 using V = vvec3<W>;
 
-// Lobes up to this width (roughness 0.4) make caustics that scattered rays do not find by themselves.
-constexpr float kCasterAlpha = 0.16f;
+// Lobes up to this width (roughness 0.22) make caustics that scattered rays do not find by themselves. Metals and glass under a
+// sun of one degree, 64 samples: relMSE 0.049 (seeds 0.053, 0.045), with 0.16 0.062 (0.061, 0.063), unguided 0.18 (0.21, 0.16).
+constexpr float kCasterAlpha = 0.05f;
 // A light is small where its directions have at least this density per steradian.
 constexpr float kSmallLight = 10;
 constexpr int kLongest = 10;  // vertices of a photon's path
@@ -104,8 +105,8 @@ std::vector<Target> targets_of(const Scene& scene) {
     if (!all.any()) continue;
     const Target ball = all.ball();
     const size_t first = size_t(scene.placement_instance[k]);
-    const size_t end = k + 1 < scene.placement_instance.size() ? size_t(scene.placement_instance[k + 1])
-                                                               : scene.world_from_group.size() / 12;
+    const size_t end =
+        k + 1 < scene.placement_instance.size() ? size_t(scene.placement_instance[k + 1]) : scene.world_from_group.size() / 12;
     for (size_t i = first; i < end && targets.size() < kMostTargets; ++i) {
       const float* m = &scene.world_from_group[12 * i];
       const auto axis = [m](int c) { return vec3{m[3 * c], m[3 * c + 1], m[3 * c + 2]}; };
@@ -252,7 +253,7 @@ void build_caustic_guide(Scene& scene, int threads) {
     if (all.size() < size_t(kRound) / 512) return;  // hardly any light comes that way
   }
   for (CausticPhoton& p : all) p.weight /= float(rounds * kRound);
-  build_caustic_tree(all, scene.caustics);
+  build_caustic_tree(all, scene.caustics, threads);
 }
 
 }  // namespace primray

@@ -13,6 +13,6 @@ struct CausticPhoton {
 };
 
 // Photons' order decides nothing but which few are left out, so that leaves are equal.
-void build_caustic_tree(std::vector<CausticPhoton>& photons, CausticGuide& guide);
+void build_caustic_tree(std::vector<CausticPhoton>& photons, CausticGuide& guide, int threads);
 
 }  // namespace primray
