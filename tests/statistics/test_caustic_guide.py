@@ -61,7 +61,9 @@ def test_samples_follow_the_density() -> None:
         p = np.ascontiguousarray(np.broadcast_to(point, (N, 3)))
         u = random_numbers(N, 3, seed=5)
         share, wi, pdf, _ = kernels().caustic_lobes(scene, p, u, u)
-        assert (share > 0.1).all() and (share <= 0.5).all() and (pdf > 0).all()
+        assert (share > 0.1).all()
+        assert (share <= 0.5).all()
+        assert (pdf > 0).all()
 
         def density(w: Doubles, at: Doubles = point) -> Doubles:
             there = np.ascontiguousarray(np.broadcast_to(at, (len(w), 3)))

@@ -206,7 +206,7 @@ class Photons {
       B smooth = among >= bsdf.p_diffuse;
       if (bsdf.any_coat) {
         const B coat = among >= bsdf.p_diffuse + bsdf.p_specular;
-        smooth &= (coat & (bsdf.coat_alpha < F(kCasterAlpha))) | (!coat & (bsdf.alpha < F(kCasterAlpha)));
+        smooth &= (coat & (bsdf.coat_alpha < F(kCasterAlpha))) | ((!coat) & (bsdf.alpha < F(kCasterAlpha)));
       } else {
         smooth &= bsdf.alpha < F(kCasterAlpha);
       }

@@ -18,7 +18,7 @@ constexpr float kDiffuseDensity = 1;
 template <int W>
 PRIMRAY_INLINE vbool<W> follows_caustics(const Bsdf<W>& b) {
   if (!b.any_preview) return vbool<W>(true);
-  return (!b.preview) | (b.p_diffuse > vfloat<W>(0.1f)) | (!b.mirror & (b.alpha > vfloat<W>(kFollowsAlpha)));
+  return (!b.preview) | (b.p_diffuse > vfloat<W>(0.1f)) | ((!b.mirror) & (b.alpha > vfloat<W>(kFollowsAlpha)));
 }
 
 // Density of the mixture, `own` that of the surface's sampling.
