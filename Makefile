@@ -5,7 +5,9 @@ PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11 /
   "$$p" -c 'import sys, venv, ensurepip; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))' 2>/dev/null && echo "$$p" && break; done)
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
-# Byte-compiling 200 MB of packages takes longer than installing them; Python compiles what it imports.
+# Byte-compiling 200 MB of packages takes longer than installing them; only what every start imports is compiled (2 s), since
+# where Python may not write its caches each start would do that again (half of one).
+STARTED := numpy pxr OpenImageIO PyOpenColorIO typer pydantic pydantic_core rich typing_extensions.py
 INSTALL := $(PIP) install --no-compile
 CORE := $(shell find renderer/core -type f 2>/dev/null)
 CORE_FORMATTED = $(filter %.cpp %.hpp %.h,$(CORE))
@@ -60,9 +62,10 @@ docs: setup  ## bring the generated pages and parts of README.md up to date
 	$(BIN)/python -m tests.docs.fidelity
 	$(BIN)/python -m tests.docs.conformance
 	$(BIN)/python -m tests.docs.light_accuracy
+	$(BIN)/python -m tests.docs.benchmarks
 
-bench: setup  ## run the benchmarks of tests/bench
-	$(BIN)/python -m tests.bench
+bench: setup  ## run the benchmarks of tests/bench (BENCH=--quick: small; PRIMRAY_PEERS=DIR: beside other renderers)
+	$(BIN)/python -m tests.bench $(BENCH)
 
 render-assets: setup  ## render every stage under ASSETS=DIR into a contact sheet, out/assets.html
 	@test -d "$(ASSETS)" || { echo "make render-assets: ASSETS=DIR names the folder" >&2; exit 2; }
@@ -88,4 +91,6 @@ clean:  ## remove everything that was made
 
 .venv/.installed: .venv/.locked pyproject.toml renderer/primray/__init__.py $(CORE)
 	$(INSTALL) --no-deps --no-build-isolation --editable .
+	@site=$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("platlib"))'); cd $$site; \
+	$(CURDIR)/$(BIN)/python -m compileall -q $(CURDIR)/renderer/primray $(CURDIR)/service/primray_service $(STARTED)
 	@touch $@

@@ -30,7 +30,7 @@ from .sampling import Row, Sampling
 from .settings import MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
 
 REPLICATES, COLORS = 2, 3
-SPLITS = (1, 2)  # what core.choose_splits answers; others would be taken for what they are not
+SPLITS = (1, 2, 4, 8)  # what core.choose_splits answers; others would be taken for what they are not
 BINS = (-4, 3)  # exact_sum.hpp: kLowestBin, and that of the largest float
 
 # Settings that decide about pixels once the scene is translated, and those that decide what is translated.

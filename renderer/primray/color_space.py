@@ -147,9 +147,3 @@ def converted(values: npt.NDArray[np.floating], source: ColorSpace, target: Colo
     straight = linear(values, source)
     made: Doubles = straight if by is None else straight @ by.T
     return made
-
-
-def luminance_weights(space: ColorSpace) -> Doubles:
-    """Y of each primary, for white of Y = 1."""
-    weights: Doubles = xyz_from_rgb(space.gamut)[1]
-    return weights

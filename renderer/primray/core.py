@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import importlib
-import importlib.metadata
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from . import dice as dicing
 from . import errors
 from .color_space import REC709, ColorSpace
 from .description import Floats, SceneDescription, Shape
+from .installed_packages import library_of, version_of
 from .pixel_filter import inverse_cdf
 from .scene_record import InstanceNumbers, SceneRecord
 from .scene_upload import upload
@@ -83,10 +83,10 @@ def lanes() -> int:
 
 
 def _embree_path() -> Path:
-    for file in importlib.metadata.files("embreex") or []:
-        if file.name.startswith("libembree4"):
-            return Path(str(file.locate()))
-    raise errors.InternalError("the embreex package carries no Embree library for this platform", code="embree")
+    found = library_of("embreex", "libembree4")
+    if found is None:
+        raise errors.InternalError("the embreex package carries no Embree library for this platform", code="embree")
+    return found
 
 
 @cache
@@ -104,7 +104,7 @@ def build_digest() -> str:
 
 
 def versions() -> dict[str, str]:
-    return {"embree": "4.4.0", "embreex": importlib.metadata.version("embreex")}
+    return {"embree": "4.4.0", "embreex": str(version_of("embreex"))}
 
 
 class CoreScene:
@@ -125,6 +125,13 @@ class CoreScene:
         self._exposure_scale = exposure_scale
         self.warnings = warnings  # code, prim path, message
         self.rendering_space = rendering_space
+        self._guides: dict[tuple[int, int], Any] = {}
+
+    def guide(self, depth: int, splits: int) -> Any:
+        """Where light comes from, learnt once from paths of their own; None where that would not pay."""
+        if (depth, splits) not in self._guides:
+            self._guides[depth, splits] = module().learn_guide(self._scene, depth, splits, lanes())
+        return self._guides[depth, splits]
 
     @property
     def memory_bytes(self) -> int:
@@ -350,6 +357,7 @@ def render_pass(
 
     The film is valid then, and another pass goes on from there to the same bits.
     """
+    guide = scene.guide(max_depth(settings), splits)
     try:
         done = module().render_pass(
             scene._scene,
@@ -361,6 +369,7 @@ def render_pass(
             settings.seed,
             lanes(),
             progress,
+            guide,
         )
     except module().CoreError as error:
         _raise(error)

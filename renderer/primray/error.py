@@ -69,6 +69,8 @@ def measure(film: Film, threads: int, view: DisplayView | None = None, most_pixe
 
     `view` asks for the error on a display too.
     """
+    if film.samples_per_pixel[1] < 2:
+        return None
     sums = film.error_sums(most_pixels, threads)
     values = int(sums["values"])
     if values == 0:

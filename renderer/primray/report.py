@@ -9,10 +9,10 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
-from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 from . import __version__
+from .installed_packages import version_of
 from .settings import DEFAULT_FILTER_WIDTH, Metric, RenderSettings
 
 if TYPE_CHECKING:
@@ -98,10 +98,7 @@ def package_versions() -> dict[str, str]:
     }
     versions = {"primray": __version__, "python": sys.version.split()[0]}
     for name, package in packages.items():
-        try:
-            versions[name] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            versions[name] = "not installed"
+        versions[name] = version_of(package) or "not installed"
     return versions
 
 

@@ -27,6 +27,7 @@ from .placement import Box, chunks, named_levels, placed_box, transformed_box, t
 from .scene_record import WIDE, SceneRecord
 from .shape_upload import NO_FLOATS, ShapeUpload, matrix
 from .skewed import bake_skewed
+from .spare_memory import WORTH_ITEMS, give_back
 from .surface_upload import MutableTextures, SurfaceUpload
 from .surface_upload import width as width_of
 
@@ -62,7 +63,8 @@ def upload(
     warnings: list[tuple[str, str, str]] = []
     handing = ShapeUpload(builder, inputs, lights, inputs.add_surfaces(d.surfaces), shapes, full_boxes, warnings, record)
     handing.add(d.static, origin, scale)
-    builder.reserve_instances(sum(map(len, [*d.placements, *(p for proto in d.prototypes for p in proto.placements)])))
+    instances = sum(map(len, [*d.placements, *(p for proto in d.prototypes for p in proto.placements)]))
+    builder.reserve_instances(instances)
     numbers: dict[int, int] = {}
     placements = PlacementUpload(builder, inputs, d, numbers, warnings, record)
     # Prototypes of placements last: what they place has its number by then.
@@ -76,7 +78,10 @@ def upload(
     lights.add(d.lights, textures)
     set_camera(builder, d.camera, d.frame, filter_width, filter_inverse_cdf)
     inputs.add_images()
+    items = sum(points_and_triangles(shapes)) + instances
     shapes.clear()
+    if items > WORTH_ITEMS:
+        give_back()
     scene = builder.finish()
     if scene.unsampled_emitters:
         message = f"{scene.unsampled_emitters} instances that emit are too many to be sampled as lights: expect noise"

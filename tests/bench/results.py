@@ -21,7 +21,7 @@ def write_results(name: str, rows: list[dict[str, Any]]) -> Path:
     today = datetime.date.today().isoformat()
     facts = {
         "date": today,
-        "command": " ".join(sys.orig_argv),
+        "command": " ".join(["python", *sys.orig_argv[1:]]),
         "cpu": cpu_model(),
         "cores": os.cpu_count(),
         "python": platform.python_version(),
@@ -31,6 +31,13 @@ def write_results(name: str, rows: list[dict[str, Any]]) -> Path:
     path = RESULTS / f"{name}_{core.isa()}_{core.lanes()}_{today}.json"
     path.write_text(json.dumps(facts | {"rows": rows}, indent=1) + "\n")
     return path
+
+
+def latest(name: str, lanes: int | None = None) -> dict[str, Any] | None:
+    """What was measured last by that name, with so many lanes if given; None if nothing was."""
+    found = RESULTS.glob(f"{name}_v?_{lanes or '*'}_????-??-??.json")
+    newest = max(found, key=lambda path: path.stem.rsplit("_", 1)[1], default=None)
+    return None if newest is None else json.loads(newest.read_text(encoding="utf-8"))
 
 
 def cpu_model() -> str:

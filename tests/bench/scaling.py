@@ -2,7 +2,8 @@
 
 Every stage is generated once and measured in a process of its own; bytes per item are that process's peak resident memory
 beyond what it had before opening the stage. KIND is meshes (equal cubes), distinct (no two are equal), cages (distinct and
-subdivided), triangles, instances, nested (1000 times the rest, 10,000 from 1e9 on), multiplied (never kept in two levels).
+subdivided), triangles, instances, nested (1000 times the rest, 10,000 from 1e9 on), multiplied (never kept in two levels),
+lights (small spheres of the same power together), textures (as many images, each on a quad of its own), texels (of one image).
 """
 
 from __future__ import annotations
@@ -30,14 +31,19 @@ SIZES = {
     "instances": (10**4, 10**5, 10**6, 10**7),
     "nested": (10**4, 10**6, 10**7, 10**9),
     "multiplied": (10**6, 10**7),
+    "lights": (1, 10, 10**2, 10**3, 10**4, 10**5),
+    "textures": (1, 10, 10**2, 10**3),
+    "texels": (10**4, 10**5, 10**6, 10**7),
 }
 RESOLUTION = (160, 90)
+TIMED_SPP = 16
 
 
 def measure(path: str, kind: str, count: int) -> dict[str, Any]:
     """Seconds of each step and peak bytes; what is not imported yet is loaded before."""
     from primray import core, usd
     from primray.diagnostics import Diagnostics
+    from primray.render import load_textures
     from primray.settings import RenderSettings
     from primray.summary import summary
     from primray.usd import instances
@@ -63,14 +69,21 @@ def measure(path: str, kind: str, count: int) -> dict[str, Any]:
     after_translation = _peak_bytes()
     counted = summary(description)
     start, cpu_start = time.perf_counter(), time.process_time()
+    description, textures = load_textures(description, Diagnostics(), usd.read_asset)
+    lap("textures")
+    start, cpu_start = time.perf_counter(), time.process_time()
     description, _ = core.dice(description, settings)
     lap("dice")
     shapes, description = list(description.shapes), replace(description, shapes=())  # as render() does
-    scene = core.build(description, {}, settings, shapes)
+    scene = core.build(description, textures, settings, shapes)
     lap("build")
     peak = _peak_bytes()
     film = core.render(scene, settings)
     lap("render")
+    start = time.perf_counter()
+    timed = core.render(scene, replace(settings, spp=TIMED_SPP, max_depth=4))
+    timed_s = time.perf_counter() - start
+    pixels, stderr = timed.image()
     covered = float((film.pixels[..., 3] > 0).mean())
     return {
         **seconds,
@@ -83,6 +96,10 @@ def measure(path: str, kind: str, count: int) -> dict[str, Any]:
         "triangles": counted.triangles_unique,
         "rays": film.rays,
         "covered": round(covered, 4),
+        "timed_spp": TIMED_SPP,
+        "timed_s": round(timed_s, 4),
+        "timed_rays": timed.rays,
+        "timed_relmse": float((stderr**2 / (pixels[..., :3] ** 2 + 0.01)).mean()),  # by its two replicates
     }
 
 

@@ -1,4 +1,7 @@
-"""Generated stages that grow: many small meshes or cages, one big mesh, many instances, nested ones. Written as usdc."""
+"""Generated stages that grow: many small meshes or cages, one big mesh, many instances, nested ones, many lights or images.
+
+Written as usdc, images beside it.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+import OpenImageIO as oiio
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
 CUBE_POINTS = [(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]
 CUBE_FACES = [0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3]
@@ -134,6 +138,67 @@ def _instancer(stage: Usd.Stage, path: str, count: int, side: float, prototype: 
     instancer.CreateScalesAttr(Vt.Vec3fArray.FromNumpy(scales))
 
 
+def _lights(stage: Usd.Stage, count: int) -> float:
+    """Spheres over a floor with blocks, all of them together as strong whatever their number."""
+    rng = np.random.default_rng(5)
+    _instancer(stage, "/field", 400, 40.0, "/field/cube", seed=6)
+    _cube(stage.GetRootLayer(), "/field/cube")
+    floor = _cube(stage.GetRootLayer(), "/floor", 80.0)
+    at = Sdf.AttributeSpec(floor, "xformOp:translate", Sdf.ValueTypeNames.Double3)
+    at.default = Gf.Vec3d(0, -40.5, 0)
+    order = Sdf.AttributeSpec(floor, "xformOpOrder", Sdf.ValueTypeNames.TokenArray, Sdf.VariabilityUniform)
+    order.default = Vt.TokenArray(["xformOp:translate"])
+    for i in range(count):
+        light = UsdLux.SphereLight.Define(stage, f"/lights/group_{i // PER_SCOPE}/light_{i}")
+        light.CreateRadiusAttr(0.02)
+        light.CreateIntensityAttr(3e5 / count)
+        light.AddTranslateOp().Set(Gf.Vec3d(*rng.uniform((-20, 0.8, -20), (20, 3, 20))))
+    return 40.0
+
+
+def _textures(stage: Usd.Stage, count: int) -> float:
+    """Quads in a square, each with a material of its own and an image of 128 x 128 texels."""
+    side = int(np.ceil(np.sqrt(count)))
+    for i in range(count):
+        _textured_quad(stage, f"image_{i}", ((i % side - (side - 1) / 2) * 2.0, (i // side - (side - 1) / 2) * 2.0), 1.0, 128)
+    return 2.0 * side
+
+
+def _texels(stage: Usd.Stage, count: int) -> float:
+    """One quad with one image."""
+    _textured_quad(stage, "image", (0.0, 0.0), 20.0, round(np.sqrt(count)))
+    return 40.0
+
+
+def _textured_quad(stage: Usd.Stage, name: str, at: tuple[float, float], half: float, texels: int) -> None:
+    x, z = at
+    mesh = UsdGeom.Mesh.Define(stage, f"/quads/{name}")
+    corners = [(-1, 1), (1, 1), (1, -1), (-1, -1)]
+    mesh.CreatePointsAttr([Gf.Vec3f(x + u * half, 0, z + v * half) for u, v in corners])
+    mesh.CreateFaceVertexCountsAttr([4])
+    mesh.CreateFaceVertexIndicesAttr([0, 1, 2, 3])
+    mesh.CreateSubdivisionSchemeAttr("none")
+    st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, "vertex")
+    st.Set([Gf.Vec2f(0, 0), Gf.Vec2f(1, 0), Gf.Vec2f(1, 1), Gf.Vec2f(0, 1)])
+    material = UsdShade.Material.Define(stage, f"/looks/{name}")
+    surface = UsdShade.Shader.Define(stage, f"/looks/{name}/surface")
+    surface.CreateIdAttr("UsdPreviewSurface")
+    reader = UsdShade.Shader.Define(stage, f"/looks/{name}/st")
+    reader.CreateIdAttr("UsdPrimvarReader_float2")
+    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
+    texture = UsdShade.Shader.Define(stage, f"/looks/{name}/texture")
+    texture.CreateIdAttr("UsdUVTexture")
+    texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath(f"./{name}.png"))
+    texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "result")
+    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(texture.ConnectableAPI(), "rgb")
+    material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
+    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
+    noise = np.random.default_rng(7).random((texels, texels, 3), np.float32)
+    image = oiio.ImageBuf(oiio.ImageSpec(texels, texels, 3, "uint8"))
+    image.set_pixels(oiio.ROI(0, texels, 0, texels), noise)
+    image.write(str(Path(stage.GetRootLayer().realPath).parent / f"{name}.png"))
+
+
 WRITERS: dict[str, Callable[[Usd.Stage, int], float]] = {
     "meshes": _meshes,
     "distinct": _distinct,
@@ -142,4 +207,7 @@ WRITERS: dict[str, Callable[[Usd.Stage, int], float]] = {
     "instances": _instances,
     "nested": _nested,
     "multiplied": _nested,
+    "lights": _lights,
+    "textures": _textures,
+    "texels": _texels,
 }

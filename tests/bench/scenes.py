@@ -1,14 +1,15 @@
-"""The scenes that are measured: the project's own, and those of the peers' comparison where they have been generated."""
+"""The scenes that only we are measured on: those of the comparison (peers/scenes.py), and the project's own meadow."""
 
 from __future__ import annotations
 
-import os
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
+from .peer_runs import facts, folder_of
+from .peers.scenes import SCENES
+from .peers.write_usd import CAMERA
+
 ROOT = Path(__file__).parents[2]
-PEER_SCENES = Path(os.environ.get("PEER_SCENES", Path(tempfile.gettempdir()) / "peer_scenes"))
 
 
 @dataclass(frozen=True)
@@ -20,13 +21,14 @@ class BenchScene:
     max_depth: int | None
 
 
-ALL = [
-    BenchScene("cornell", PEER_SCENES / "cornell_lambert.usdc", "/World/cam", (512, 512), 8),
-    BenchScene("instances", PEER_SCENES / "instances_lambert.usdc", "/World/cam", (640, 360), 4),
-    BenchScene("bigmesh", PEER_SCENES / "bigmesh_lambert.usdc", "/World/cam", (640, 360), 3),
-    BenchScene("meadow", ROOT / "scenes/showcase/meadow/scene.usda", None, (480, 270), None),
-]
+def bench_scene(name: str) -> BenchScene:
+    """Written if it is not there yet."""
+    if name == "meadow":
+        return BenchScene(name, ROOT / "scenes/showcase/meadow/scene.usda", None, (480, 270), None)
+    about = facts(name)
+    width, height = about["resolution"]
+    return BenchScene(name, folder_of(name) / f"{name}.usdc", CAMERA, (width, height), about["depth"])
 
 
 def available() -> list[BenchScene]:
-    return [scene for scene in ALL if scene.path.exists()]
+    return [bench_scene(name) for name in (*SCENES, "meadow")]

@@ -88,10 +88,11 @@ def rect_picture_cases() -> list[Case]:
     near = translation(0, 0.25, 0) @ FLAT @ rotation([0, 0, 1], 20)
     return [
         at(g, "picture", "RectLight", ABOVE, *RECT, lines=lines, assets=assets, spp=1024, **size),
-        at(g, "picture, 0.25 above", "RectLight", near, *RECT, lines=lines, assets=assets, spp=4096, quick=False, **size),
+        at(g, "picture, 0.25 above", "RectLight", near, *RECT, lines=lines, assets=assets, spp=4096, times=4, quick=False,
+           **size),
         at(g, "picture, sheared, mirrored, normalize", "RectLight", ABOVE @ STRETCH @ SHEAR @ MIRROR, *RECT, lines=lines,
            assets=assets, spp=1024, normalize=True, **size),
-        at(g, "picture, color, cone, focus", "RectLight", ABOVE, *RECT, apis=["ShapingAPI"], assets=assets, spp=1024,
+        at(g, "picture, color, cone, focus", "RectLight", ABOVE, *RECT, apis=["ShapingAPI"], assets=assets, spp=1024, times=4,
            quick=False, lines=[*lines, "float inputs:shaping:cone:angle = 45", "float inputs:shaping:cone:softness = 0.4",
                   "float inputs:shaping:focus = 2"], color=(0.5, 1.0, 0.2), **size),
     ]  # fmt: skip
@@ -125,6 +126,7 @@ def mesh_cases() -> list[Case]:
             lines=[shape, *more],
             apis=["MeshLightAPI"],
             spp=2048,
+            times=8,
             quick=name == "cube without a material",
             **values,
         )

@@ -31,6 +31,8 @@ FILE, SCALE = "ShapingAPI.inputs:shaping:ies:file", "ShapingAPI.inputs:shaping:i
 NORMALIZE = "ShapingAPI.inputs:shaping:ies:normalize"
 # Its back is towards the plane.
 BACKWARD = translation(0.3, 1.4, -0.4) @ rotation([1, 0.2, 0.3], 70)
+# Along the plane, a little downwards.
+SIDEWAYS = translation(0.3, 1.4, -0.4) @ rotation([1, 0.2, 0.3], -15)
 SKEW = ABOVE @ STRETCH @ SHEAR
 
 
@@ -48,8 +50,10 @@ def wide() -> list[str]:
     return cone(180)
 
 
-def shaped(name: str, kind: str, m: np.ndarray, lines: list[str], *rows: str, spp: int = 1024, **more: Any) -> Case:
-    return at("Shaping", f"{kind.removesuffix('Light')}, {name}", kind, m, *rows, lines=lines, apis=API, spp=spp,
+def shaped(
+    name: str, kind: str, m: np.ndarray, lines: list[str], *rows: str, spp: int = 1024, times: int = 16, **more: Any
+) -> Case:
+    return at("Shaping", f"{kind.removesuffix('Light')}, {name}", kind, m, *rows, lines=lines, apis=API, spp=spp, times=times,
               **{**SHAPES[kind], **more})  # fmt: skip
 
 
@@ -64,7 +68,7 @@ def cone_cases() -> list[Case]:
     for kind in ("SphereLight", "CylinderLight"):
         made += [
             shaped("default cone", kind, ABOVE, [], ANGLE),
-            shaped("default cone, from behind", kind, BACKWARD, [], ANGLE),
+            shaped("default cone, from the side", kind, SIDEWAYS, [], ANGLE),
             shaped("cone 130, softness 0.5, from behind", kind, BACKWARD, cone(130, 0.5), ANGLE, SOFT),
             shaped("cone 180, from behind", kind, BACKWARD, cone(180), ANGLE),
         ]
@@ -74,9 +78,16 @@ def cone_cases() -> list[Case]:
         shaped("softness 1.7 is 1", "SphereLight", ABOVE, cone(60, 1.7), SOFT),
         shaped("softness -0.5 is 0", "SphereLight", ABOVE, cone(40, -0.5), SOFT),
         shaped("treatAsPoint, cone 40, softness 0.5", "SphereLight", ABOVE, point, ANGLE, SOFT, normalize=True, intensity=4.0),
-        shaped("cone 3", "DiskLight", translation(0, 5, 0) @ FLAT, cone(3), ANGLE),
+        shaped("cone 3", "DiskLight", translation(0, 5, 0) @ FLAT, cone(3), ANGLE, times=256),
         shaped("mirrored, cone 30", "RectLight", ABOVE @ MIRROR @ SHEAR, cone(30, 0.4), ANGLE),
-        shaped("upright, cone 60, softness 0.5", "CylinderLight", translation(0, 1.2, 0) @ STANDING, cone(60, 0.5), ANGLE),
+        shaped(
+            "upright, cone 60, softness 0.5",
+            "CylinderLight",
+            translation(0, 1.2, 0) @ STANDING,
+            cone(60, 0.5),
+            ANGLE,
+            times=128,
+        ),
     ]
 
 
@@ -93,7 +104,7 @@ def focus_cases() -> list[Case]:
         shaped("focus 2, from behind", "CylinderLight", BACKWARD, [*wide(), *focus(2)], FOCUS),
         shaped("focus -2 is ignored", "RectLight", ABOVE, [*wide(), *focus(-2)], FOCUS),
         shaped("focus 0.3, cone 70", "CylinderLight", ABOVE, [*cone(70, 0.3), *focus(0.3, tint)], FOCUS, TINT, ANGLE, SOFT),
-        shaped("focus 400", "DiskLight", translation(0, 3, 0) @ FLAT, focus(400), FOCUS),
+        shaped("focus 400", "DiskLight", translation(0, 3, 0) @ FLAT, focus(400), FOCUS, times=192),
     ]
 
 
@@ -126,9 +137,9 @@ def profile_cases() -> list[Case]:
         lit("profile, planes 90 to 270", "SphereLight", ABOVE @ rotation([0, 0, 1], 40), "ninety"),
         lit("profile, type A", "RectLight", ABOVE @ rotation([0, 0, 1], 40), "a"),
         lit("profile, type B", "RectLight", ABOVE @ rotation([0, 0, 1], 40), "b"),
-        lit("profile, angleScale 0.5", "RectLight", ABOVE, "spot", SCALE, scale=0.5),
+        lit("profile, angleScale 0.5", "RectLight", ABOVE, "spot", SCALE, scale=0.5, times=64),
         lit("profile, angleScale 1.4", "RectLight", ABOVE, "spot", SCALE, scale=1.4),
-        lit("profile, angleScale -0.7", "SphereLight", ABOVE, "uneven", SCALE, scale=-0.7),
+        lit("profile, angleScale -0.7", "SphereLight", ABOVE, "uneven", SCALE, scale=-0.7, times=32),
         lit("profile, angleScale -1.6", "SphereLight", BACKWARD, "uneven", SCALE, scale=-1.6),
         lit("profile, normalize", "SphereLight", ABOVE, "fine", NORMALIZE, more=back),
         lit("profile, normalize, a hemisphere", "DiskLight", ABOVE, "spot", NORMALIZE, more=back),

@@ -122,7 +122,7 @@ def test_an_instance_is_the_shape_itself(name: str) -> None:
 
 
 def test_many_emitters_among_other_lights() -> None:
-    """More than are weighed one by one: chosen by power. Sum of the parts' irradiances."""
+    """More than are weighed one by one: chosen by a tree. Sum of the parts' irradiances."""
     rng = np.random.default_rng(2)
     places = [translation(*rng.uniform([-1, 0.5, -1], [1, 1.5, 1])) @ scaling(s, s, s) for s in rng.uniform(0.05, 0.3, 12)]
     shapes: list[tuple[Shape, Doubles]] = [

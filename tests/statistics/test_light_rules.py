@@ -217,7 +217,7 @@ def test_two_spheres_lit_by_a_light_each() -> None:
 @pytest.mark.parametrize("row", [0, 1, 2, 3])
 @pytest.mark.parametrize("others", [0, 40])
 def test_irradiance_of_linked_lights(row: int, others: int) -> None:
-    """Few lights are weighed, many chosen by power; a surface gets exactly those that reach it."""
+    """Few lights are weighed, many chosen by a tree; a surface gets exactly those that reach it."""
     lights = [
         replace(LIGHTS["rect"], light_link=1),
         replace(LIGHTS["cylinder"], light_link=2),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.described import describe, kernels, lambert, light, mesh, rotation, translation
@@ -10,6 +12,7 @@ from tests.statistics.lights import LIGHTS, PLACED, VIEWS, only, parameters, pat
 from tests.statistics.surfaces import random_numbers
 
 from primray.description import Light, LightType
+from primray.lighting import Shadow
 
 FLAT = (LightType.DISK, LightType.RECT)
 N = 40_000
@@ -118,8 +121,8 @@ def test_lanes_do_not_change_bits(name: str) -> None:
 
 TEXTURES = {
     "bright texel": np.pad(np.full((1, 1, 3), 1e4, np.float32), ((9, 22), (40, 23), (0, 0)), constant_values=0.1),
-    "gradient": np.linspace(0.1, 5, 32 * 16 * 3, dtype=np.float32).reshape(16, 32, 3),
-    "one row": np.array([[[1, 2, 3], [4, 0, 1], [0, 0, 0], [9, 1, 2]]], np.float32),
+    "gradient": np.linspace(0.1, 5, 32 * 16 * 3, dtype=np.float32).reshape(16, 32, 3) ** 12,
+    "one row": np.pad(np.array([[[1, 2, 3], [400, 0, 100], [0, 0, 0], [9, 1, 2]]], np.float32), ((0, 0), (20, 8), (0, 0))),
     "pole": np.pad(np.full((1, 16, 3), 50.0, np.float32), ((0, 15), (0, 0), (0, 0)), constant_values=1.0),
 }
 
@@ -154,6 +157,20 @@ def test_dome_samples_follow_the_density(name: str, diffuse: float) -> None:
     probability *= np.repeat(-np.diff(np.cos(np.pi * np.arange(height + 1) / height)) * 2 * np.pi / width, width)
     assert probability.sum() == pytest.approx(1, abs=1e-4)
     assert count_p_value(probability, observed.astype(np.float64), N) > SIGNIFICANCE
+
+
+def test_soft_skies_are_not_sampled() -> None:
+    """Rays by the cosine find them better; a spot, a bright third of the sky or a shadow of its own needs samples."""
+    elevation = np.cos(np.pi * (np.arange(64) + 0.5) / 64)[:, None, None]
+    soft = np.broadcast_to(0.6 + 0.4 * elevation, (64, 128, 3)).astype(np.float32)
+    spot = soft.copy()
+    spot[20, 30] = 2e3
+    beam = soft * np.where(elevation > 0.95, 50, 1).astype(np.float32)
+    dome = light(LightType.DOME, rotation([1, 2, 3], 50))
+    for image, sampled in ((soft, 0), (spot, 1), (beam, 1)):
+        assert only(dome, image).build().sampled_lights == sampled
+    fading = replace(dome, shadow=Shadow(distance=4.0))
+    assert only(fading, soft).build().sampled_lights == 1
 
 
 def test_dome_orientation_and_interpolation() -> None:
@@ -204,11 +221,13 @@ def test_choice_of_lights(count: int) -> None:
         lights.append(light(x.type, m, float(rng.uniform(0.1, 9)), radius=x.radius, width=x.width, angle_deg=x.angle_deg))
     scene = describe(lights=lights).build()
     points = rng.normal(size=(50, 3)) * 4
-    probability = kernels().light_probabilities(scene, points).astype(np.float64)
+    around = np.zeros((50, 3), np.float32)
+    probability = kernels().light_probabilities(scene, points, around).astype(np.float64)
     np.testing.assert_allclose(probability.sum(axis=1), 1, atol=1e-5)
     n = 20_000
     for k in range(0, 50, 10):
-        light_number, p = kernels().choose_light(scene, rows(points[k], n), random_numbers(n, 1, seed=k).ravel())
+        u = random_numbers(n, 1, seed=k).ravel()
+        light_number, p = kernels().choose_light(scene, rows(points[k], n), np.zeros((n, 3), np.float32), u)
         np.testing.assert_allclose(p, probability[k][light_number], rtol=1e-4, atol=1e-7)
         share = np.bincount(light_number, minlength=count) / n
         # Five standard errors.
@@ -232,5 +251,5 @@ def test_sheared_lights_are_weighed_as_others_are(kind: LightType, size: float) 
         for x, m in ((-2, np.eye(4)), (2, shear))
     ]
     scene = describe([(ground, np.eye(4))], [lambert(0.5)], both).build()
-    probability = kernels().light_probabilities(scene, np.array([[0.0, -1, 0]]) * size)
+    probability = kernels().light_probabilities(scene, np.array([[0.0, -1, 0]]) * size, np.zeros((1, 3), np.float32))
     np.testing.assert_allclose(probability[0], 0.5, atol=0.01)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from tests.described import kernels
 
-PURPOSES = 7
+PURPOSES = 8
+CHAIN = 2  # its rows name a link in place of a bounce
 N = 4096
 # |r| of N independent pairs exceeds 4.9 / sqrt(N) with probability 1e-6.
 BOUND = 4.9 / np.sqrt(N)
@@ -50,19 +53,61 @@ def test_a_wrong_net_is_noticed() -> None:
     assert not is_net(pairs)
 
 
+def boxes_with_one_point(points: np.ndarray) -> float:
+    """Of all boxes of 1 / n in four dimensions with sides 4^-d (n = 4^m points), the least share that holds a point."""
+    n = len(points)
+    m = (n.bit_length() - 1) // 2
+    least = 1.0
+    for sides in itertools.product(range(m + 1), repeat=4):
+        if sum(sides) == m:
+            cell = np.zeros(n, int)
+            for column, d in zip(points.T, sides, strict=True):
+                cell = cell * 4**d + (column * 4**d).astype(int)
+            least = min(least, len(np.unique(cell)) / n)
+    return least
+
+
+def test_links_of_the_chain_are_nets_by_two() -> None:
+    for seed, x, y, replicate in ((0, 0, 0, 0), (1, 7, 9, 1), (2**32 - 1, 4095, 2159, 0)):
+        links = [numbers(seed, x, y, replicate, link, CHAIN, 256)[0] for link in range(8)]
+        for k in range(0, 8, 2):
+            for n in (4, 16, 64, 256):
+                assert boxes_with_one_point(np.hstack(links[k : k + 2])[:n]) == 1, (seed, k, n)
+        # Others are not: neither the next two nor pairs of other purposes.
+        assert boxes_with_one_point(np.hstack(links[1:3])) < 1
+        assert boxes_with_one_point(np.hstack([links[0], numbers(seed, x, y, replicate, 1, 4, 256)[0]])) < 1
+
+
 def test_independent_of_all_else() -> None:
     """Correlations of integrands between any two dimensions, pixels or replicates, at the same index."""
-    base = {"seed": 0, "x": 3, "y": 5, "replicate": 0, "bounce": 1, "purpose": 2}
+    base = {"seed": 0, "x": 3, "y": 5, "replicate": 0, "bounce": 1, "purpose": 4}
     changes = [{"seed": 1}, {"x": 4}, {"x": 2}, {"y": 6}, {"x": 5, "y": 3}, {"x": 19}, {"replicate": 1}]
-    changes += [{"bounce": b} for b in (0, 2, 3, 17)] + [{"purpose": p} for p in range(PURPOSES) if p != 2]
-    u, s = numbers(**base)
+    changes += [{"bounce": b} for b in (0, 2, 3, 17)] + [{"purpose": p} for p in range(PURPOSES) if p != 4]
+    check_independence(base, changes)
+
+
+def test_links_are_independent() -> None:
+    """Of each other, and of the purposes of all bounces."""
+    base = {"seed": 0, "x": 3, "y": 5, "replicate": 0, "bounce": 1, "purpose": CHAIN}
+    changes = [{"x": 4}, {"replicate": 1}] + [{"bounce": b} for b in (0, 2, 3, 4, 17)]
+    changes += [{"bounce": b, "purpose": p} for b in (0, 1) for p in range(PURPOSES) if p != CHAIN]
+    check_independence(base, changes)
+
+
+def check_independence(base: dict[str, int], changes: list[dict[str, int]]) -> None:
+    columns = used_numbers(base)
     for change in changes:
-        v, t = numbers(**(base | change))
-        for a in (u[:, 0], u[:, 1], s):
-            for b in (v[:, 0], v[:, 1], t):
+        for a in columns:
+            for b in used_numbers(base | change):
                 for power in (1, 2):
                     r = np.corrcoef((a - 0.5) ** power, (b - 0.5) ** power)[0, 1]
                     assert abs(r) < BOUND, change
+
+
+def used_numbers(key: dict[str, int]) -> list[np.ndarray]:
+    """Both numbers of the pair, and the single one where there is any: the chain has none."""
+    pair, single = numbers(**key)
+    return [pair[:, 0], pair[:, 1]] + ([single] if key["purpose"] != CHAIN else [])
 
 
 def test_errors_of_pixels_and_replicates_are_independent() -> None:

@@ -238,7 +238,7 @@ def test_the_choice_leaves_out_no_light_that_reaches_a_point(count: int) -> None
         lights.append(replace(kinds[i % 7], world_from_light=m, shaping=shapings[i % len(shapings)]))
     scene = describe(lights=lights).build()
     points = rng.normal(size=(400, 3)) * 2
-    probability = kernels().light_probabilities(scene, points).astype(np.float64)
+    probability = kernels().light_probabilities(scene, points, np.zeros((400, 3), np.float32)).astype(np.float64)
     total = probability.sum(axis=1)
     assert ((np.abs(total - 1) < 1e-5) | (total == 0)).all()
     for i in range(count):
@@ -249,7 +249,7 @@ def test_the_choice_leaves_out_no_light_that_reaches_a_point(count: int) -> None
     if count <= 16:
         hard = light(LightType.POINT, emission=100.0, shaping=SHAPINGS["hard cone"])
         two = describe(lights=[hard, light(LightType.POINT, translation(0, 0, -9))]).build()
-        aside = kernels().light_probabilities(two, np.array([[3.0, 0, -1], [0.1, 0, -3]]))
+        aside = kernels().light_probabilities(two, np.array([[3.0, 0, -1], [0.1, 0, -3]]), np.zeros((2, 3), np.float32))
         assert aside[0, 0] == 0
         assert aside[1, 0] > 0.9
 

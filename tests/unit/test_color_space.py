@@ -9,7 +9,7 @@ from tests.colorimetry import AP0, AP1, D65, P3_D65, REC2020, between, from_srgb
 from tests.colorimetry import REC709 as PUBLISHED
 
 from primray import color_space
-from primray.color_space import ACESCG, REC709, ColorSpace, converted, linear, luminance_weights, matrix, named, transformed
+from primray.color_space import ACESCG, REC709, ColorSpace, converted, linear, matrix, named, transformed
 
 NAMES = sorted({str(getattr(Gf.ColorSpaceNames, key)) for key in dir(Gf.ColorSpaceNames) if not key.startswith("_")})
 COLORS = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1), (0.2, 0.5, 0.7), (0.02, 0.01, 0.001), (3.0, 0.4, 0.1)]
@@ -81,15 +81,6 @@ def test_curves() -> None:
         assert linear(np.array([x]), custom)[0] == pytest.approx(
             Gf.ColorSpace("lin_rec709_scene").Convert(gf, Gf.Vec3f(x)).GetRGB()[0], rel=2e-6
         )
-
-
-def test_luminance_weights() -> None:
-    assert np.allclose(luminance_weights(REC709), (0.2126, 0.7152, 0.0722), atol=1e-4)  # ITU-R BT.709-6, 3.2
-    assert luminance_weights(ACESCG).sum() == pytest.approx(1, abs=1e-12)
-    # Luminance is the same light's in both.
-    by = matrix(REC709, ACESCG)
-    assert by is not None
-    assert luminance_weights(ACESCG) @ by == pytest.approx(luminance_weights(REC709), abs=1e-6)
 
 
 def test_what_is_no_gamut() -> None:

@@ -45,7 +45,7 @@ PRIMRAY_INLINE Hits<W> intersect_packet(rtc::Scene scene, vbool<W> active, const
   store(r.hit.geom_id, vuint<W>(rtc::kInvalidId)), store(r.hit.inst_id, vuint<W>(rtc::kInvalidId));
   store(r.hit.inst_prim_id, vuint<W>(rtc::kInvalidId));
   alignas(64) int32_t valid[W];
-  store(valid, vint<W>(active.v));
+  store(valid, minus_one_where(active));
   rtc::QueryArguments args;
   if constexpr (W == 16) embree().rtcIntersect16(valid, scene, &r, &args);
   if constexpr (W == 8) embree().rtcIntersect8(valid, scene, &r, &args);
@@ -99,7 +99,7 @@ PRIMRAY_INLINE vbool<W> occluded_packet(rtc::Scene scene, vbool<W> active, const
   rtc::Ray<W> r;
   fill(r, rays);
   alignas(64) int32_t valid[W];
-  store(valid, vint<W>(active.v));
+  store(valid, minus_one_where(active));
   rtc::QueryArguments args;
   if constexpr (W == 16) embree().rtcOccluded16(valid, scene, &r, &args);
   if constexpr (W == 8) embree().rtcOccluded8(valid, scene, &r, &args);

@@ -172,17 +172,17 @@ void bind_scene(nb::module_& m) {
   m.def("boxes", &boxes);
   nb::class_<Scene>(m, "Scene")
       .def_prop_ro("memory_bytes", &Scene::memory_bytes)
-      .def_ro("has_instances", &Scene::has_instances)
-      .def_ro("has_grouped", &Scene::has_grouped)
-      .def_ro("has_spheres", &Scene::has_spheres)
-      .def_ro("has_attributes", &Scene::has_attributes)
-      .def_ro("has_inputs", &Scene::has_inputs)
-      .def_ro("has_cutouts", &Scene::has_cutouts)
+      .def_prop_ro("has_instances", [](const Scene& s) { return bool(s.has_instances); })
+      .def_prop_ro("has_grouped", [](const Scene& s) { return bool(s.has_grouped); })
+      .def_prop_ro("has_spheres", [](const Scene& s) { return bool(s.has_spheres); })
+      .def_prop_ro("has_attributes", [](const Scene& s) { return bool(s.has_attributes); })
+      .def_prop_ro("has_inputs", [](const Scene& s) { return bool(s.has_inputs); })
+      .def_prop_ro("has_cutouts", [](const Scene& s) { return bool(s.has_cutouts); })
       .def_prop_ro("textures", [](const Scene& s) { return s.textures.size(); })
       .def_prop_ro("texture_bytes", &Scene::texture_bytes)
       .def_prop_ro("texture_images", &texture_images)
-      .def_ro("has_emission", &Scene::has_emission)
-      .def_ro("has_thin", &Scene::has_thin)
+      .def_prop_ro("has_emission", [](const Scene& s) { return bool(s.has_emission); })
+      .def_prop_ro("has_thin", [](const Scene& s) { return bool(s.has_thin); })
       .def_prop_ro("emitters", [](const Scene& s) { return s.emitters.first.size(); })
       .def_prop_ro("unsampled_emitters", [](const Scene& s) { return s.emitters.unsampled; })
       .def_prop_ro("sampled_lights", [](const Scene& s) { return s.lights.count; })
@@ -190,15 +190,15 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("geometry_lights", [](const Scene& s) { return s.geometry_lights.all.size(); })
       .def_prop_ro("has_portals", [](const Scene& s) { return !s.lights.portals.empty(); })
       .def_prop_ro("domes", [](const Scene& s) { return s.lights.domes.size(); })
-      .def_prop_ro("has_shaping", [](const Scene& s) { return s.lights.has_shaping; })
+      .def_prop_ro("has_shaping", [](const Scene& s) { return bool(s.lights.has_shaping); })
       .def_prop_ro("has_links", [](const Scene& s) { return s.lights.links.any(); })
       .def_prop_ro("has_special_shadows", [](const Scene& s) { return !s.lights.shadow_rows.empty(); })
-      .def_prop_ro("has_lobe_factors", [](const Scene& s) { return s.lights.lobe_factors; })
+      .def_prop_ro("has_lobe_factors", [](const Scene& s) { return bool(s.lights.lobe_factors); })
       .def_prop_ro("placements", &placements_of)
       .def_prop_ro("resolution",  // of its films
                    [](const Scene& s) { return nb::make_tuple(s.camera.pixels.width, s.camera.pixels.height); })
       .def_prop_ro("has_clipping_planes", [](const Scene& s) { return !s.camera.clipping_planes.empty(); })
-      .def_prop_ro("has_shutter", [](const Scene& s) { return s.camera.shutter_open; })
+      .def_prop_ro("has_shutter", [](const Scene& s) { return bool(s.camera.shutter_open); })
       .def_prop_ro("has_lens", [](const Scene& s) { return s.camera.lens_radius > 0; });
   nb::class_<SceneBuilder>(m, "SceneBuilder")
       .def("__init__", [](SceneBuilder* b, nb::handle origin, double scale) { new (b) SceneBuilder(dvec3_of(origin), scale); })
@@ -246,9 +246,9 @@ void bind_scene(nb::module_& m) {
              return b.add_ies_profile({span_of(vertical_deg), span_of(horizontal_deg), span_of(candela), horizontal_pole});
            })
       .def("add_light_image", [](SceneBuilder& b, InArray<float> pixels) { return b.add_light_image(image_input(pixels)); })
-      .def("add_light", &add_light, nb::arg("type"), nb::arg("matrix"), nb::arg("light"), nb::arg("texture"),
-           nb::arg("format") = 0, nb::arg("portals") = InArray<double>(), nb::arg("image") = -1, nb::arg("ies") = -1)
-      .def("add_geometry_light", &add_geometry_light, nb::arg("matrix"), nb::arg("light"), nb::arg("ies") = -1)
+      .def("add_light", &add_light, nb::arg("type"), nb::arg("matrix"), nb::arg("light"), nb::arg("texture"), nb::arg("format"),
+           nb::arg("portals"), nb::arg("image"), nb::arg("ies"))
+      .def("add_geometry_light", &add_geometry_light, nb::arg("matrix"), nb::arg("light"), nb::arg("ies"))
       .def("wear_light", [](SceneBuilder& b, int light, InArray<double> matrix) { b.wear_light(light, affine_of(matrix)); })
       .def("set_camera",
            [](SceneBuilder& b, InArray<double> matrix, bool orthographic, nb::handle window, double near, double far,

@@ -1,8 +1,6 @@
-// Array versions of what the kernels call, for the tests: N rows in, N rows out, W at a time through the kernels' own
-// templates.
-//
-// Points, distances and directions are in world space and scene units, as in a SceneDescription; local directions of BSDFs are
-// in the frame of the shading normal. `lanes` is 1 or 0, which stands for the most that this module has.
+// Array versions of what the kernels call, for the tests: N rows in, N rows out, W at a time through their templates.
+// Points, distances, directions: in world space and scene units; local ones of BSDFs: about the shading normal. `lanes`: 1, or
+// 0 for the most there are.
 #include "bindings/arrays.hpp"
 #include "bindings/surface_input.hpp"
 #include "bsdf/bsdf.hpp"
@@ -262,30 +260,33 @@ nb::tuple dome_eval_rows(const Scene& scene, int dome, InFloats w_, int lanes) {
 }
 
 // Probability of every sampled light at each point, (N, lights).
-nb::object light_probabilities(const Scene& scene, InArray<double> p_, int lanes) {
+nb::object light_probabilities(const Scene& scene, InArray<double> p_, InFloats n_, int lanes) {
   const CorePoints p(scene, p_);
+  const Input<float> n(n_, p.n, 3);
   Column<float> r(p.n, std::max(scene.lights.count, 1));
   for_rows(p.n, lanes, [&]<int W>(size_t at) {
-    const vvec3<W> q = p.vector<W>(at);
+    const vvec3<W> q = p.vector<W>(at), normal = n.vector<W>(at);
     const vfloat<W> total = total_importance(scene.lights, q);
-    for (int i = 0; i < scene.lights.count; ++i) r.put(at, light_probability(scene.lights, i, q, total), i);
+    const vbool<W> m(true);
+    for (int i = 0; i < scene.lights.count; ++i) r.put(at, light_probability(scene.lights, i, m, q, normal, total), i);
   });
   return r.array();
 }
 
-nb::tuple choose_lights(const Scene& scene, InArray<double> p_, InFloats u_, int lanes) {
+nb::tuple choose_lights(const Scene& scene, InArray<double> p_, InFloats n_, InFloats u_, int lanes) {
   const CorePoints p(scene, p_);
-  const Input<float> u(u_, p.n, 1);
+  const Input<float> n(n_, p.n, 3), u(u_, p.n, 1);
   Column<int32_t> light(p.n);
   Column<float> probability(p.n);
   for_rows(p.n, lanes, [&]<int W>(size_t at) {
-    const LightChoice<W> c = choose_light(scene.lights, p.vector<W>(at), u.number<W>(at));
+    const auto bits = bit_cast<vuint<W>>(truncate(u.number<W>(at) * 0x1p24f)) << 8;
+    const auto c = choose_light(scene.lights, vbool<W>(true), p.vector<W>(at), n.vector<W>(at), bits);
     light.put(at, c.light), probability.put(at, c.probability);
   });
   return nb::make_tuple(light.array(), probability.array());
 }
 
-// Rows of `key`: pixel x, pixel y, replicate, index, bounce, purpose. Pairs (N, 2), and singles (N,).
+// Rows of `key`: pixel x, pixel y, replicate, index, bounce (or link), purpose. Pairs (N, 2), and singles (N,).
 nb::tuple sampler_numbers(uint32_t seed, InInts key_, int lanes) {
   const size_t n = key_.shape(0);
   const Input<int32_t> key(key_, n, 6);
@@ -296,7 +297,8 @@ nb::tuple sampler_numbers(uint32_t seed, InInts key_, int lanes) {
                          Sampler<W>::pixel_seed(seed, number(0), number(1), bit_cast<vuint<W>>(number(2)))};
     // A purpose is the same for all lanes in the kernels: ask for each and keep what each lane wants.
     for (uint32_t purpose = 0; purpose < uint32_t(Purpose::kCount); ++purpose) {
-      const Pair<W> pair = all.pair(number(4), Purpose(purpose));
+      const bool chain = Purpose(purpose) == Purpose::kChain;
+      const Pair<W> pair = chain ? all.link(number(4)) : all.pair(number(4), Purpose(purpose));
       const vfloat<W> single = all.single(number(4), Purpose(purpose));
       for (int i = 0; i < W && at + i < n; ++i) {
         if (key.number<1>(at + i, 5)[0] != int32_t(purpose)) continue;
@@ -479,9 +481,9 @@ void bind_testing(nb::module_& m) {
   m.def("portal_sample", &portal_sample_rows, nb::arg("scene"), nb::arg("dome"), nb::arg("p"), nb::arg("u"), lanes);
   m.def("dome_pdf", &dome_pdf_rows, nb::arg("scene"), nb::arg("dome"), nb::arg("p"), nb::arg("wi"), lanes);
   m.def("dome_eval", &dome_eval_rows, nb::arg("scene"), nb::arg("dome"), nb::arg("w"), lanes);
-  m.def("light_probabilities", &light_probabilities, nb::arg("scene"), nb::arg("p"), lanes);
+  m.def("light_probabilities", &light_probabilities, nb::arg("scene"), nb::arg("p"), nb::arg("n"), lanes);
   m.def("light_shaping", &light_shaping_rows, nb::arg("scene"), nb::arg("light"), nb::arg("wi"), lanes);
-  m.def("choose_light", &choose_lights, nb::arg("scene"), nb::arg("p"), nb::arg("u"), lanes);
+  m.def("choose_light", &choose_lights, nb::arg("scene"), nb::arg("p"), nb::arg("n"), nb::arg("u"), lanes);
   m.def("sampler_numbers", &sampler_numbers, nb::arg("seed"), nb::arg("key"), lanes);
   m.def("camera_rays", &camera_rays, nb::arg("scene"), nb::arg("pixel"), nb::arg("film"), nb::arg("lens"), lanes);
   m.def("intersect", &intersect, nb::arg("scene"), nb::arg("o"), nb::arg("d"), lanes, nb::arg("packet") = true);

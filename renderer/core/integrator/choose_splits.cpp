@@ -1,67 +1,40 @@
-// A pilot: 16 x 16 pixels spread over the frame, whatever part of it is rendered, 2 x 16 samples each, once with and once
-// without splitting.
-//
-// The error is what the render's own report counts, squared differences over (R^2 + 0.01), here between the two replicates,
-// which are independent; the cost is rays. The pilot's samples are not used in the image, so nothing is biased by choosing on
-// them.
+// One pilot without splitting, one with two, one with four and one with eight.
 #include "integrator/choose_splits.hpp"
 
-#include <algorithm>
-#include <cmath>
-#include <memory>
 #include <thread>
+
+#include "integrator/pilot.hpp"
 
 namespace primray {
 namespace {
 
-// Splitting wins only if it is clearly better, since the pilot itself is noisy.
-constexpr double kNeededGain = 1.1;
-// The same for every seed of a scene, so that renders that differ in seed alone take the same paths.
-constexpr uint32_t kPilotSeed = 0x9d2c5680u;
-
-struct Pilot {
-  Film film{kTile, kTile};
-  double rays = 0;
-
-  Pilot(const Scene& scene, IntegratorSettings settings, int splits, TaskFunction task) {
-    settings.splits = splits;
-    settings.seed = kPilotSeed;
-    TileBlock block{0, 0, scene.camera.width, scene.camera.height, 0, 0};
-    block.stride_x = std::max(1, scene.camera.width / kTile), block.stride_y = std::max(1, scene.camera.height / kTile);
-    block.x0 = block.stride_x / 2, block.y0 = block.stride_y / 2;
-    for (int& n : block.count) n = kBlock;
-    const auto worker = std::make_unique<Worker>();
-    task(scene, settings, block, *worker, film, nullptr);
-    rays = double(film.tile_rays[0]);
-  }
-
-  double mean(int replicate, int pixel, int channel) const {
-    return film.mean(size_t(replicate) * kTile * kTile + pixel, channel);
-  }
-};
-
-double relative_error(const Pilot& pilot, const Pilot& other) {
-  double sum = 0;
-  for (int p = 0; p < kTile * kTile; ++p) {
-    for (int c = 0; c < 3; ++c) {
-      const double a = pilot.mean(0, p, c), b = pilot.mean(1, p, c);
-      const double r = 0.25 * (a + b + other.mean(0, p, c) + other.mean(1, p, c));
-      sum += (a - b) * (a - b) / (r * r + 0.01);
-    }
-  }
-  return sum;
-}
+// What may be chosen. Splitting wins only if it is clearly better, since the pilot itself is noisy.
+constexpr int kChoices = 4, kSplits[kChoices] = {1, 2, 4, 8};
+constexpr double kNeededGain[kChoices] = {1, 1.1, 1.15, 1.2};
 
 }  // namespace
 
 int choose_splits(const Scene& scene, const IntegratorSettings& settings, TaskFunction task) {
   if (settings.max_depth < 2 && !scene.rays_find_light) return 1;  // nothing comes after the first surface
-  std::unique_ptr<Pilot> one, two;
-  std::thread first([&] { set_float_mode(), one = std::make_unique<Pilot>(scene, settings, 1, task); });
-  std::thread second([&] { set_float_mode(), two = std::make_unique<Pilot>(scene, settings, 2, task); });
-  first.join(), second.join();
-  const double cost_one = relative_error(*one, *two) * one->rays, cost_two = relative_error(*two, *one) * two->rays;
-  return cost_two * kNeededGain < cost_one ? 2 : 1;
+  std::array<std::unique_ptr<Pilot>, kChoices> pilots;
+  const auto run = [&](int choice) {
+    IntegratorSettings chosen = settings;
+    chosen.splits = kSplits[choice];
+    pilots[size_t(choice)] = std::make_unique<Pilot>(scene, chosen, task);
+  };
+  // Both threads trace about as many rays.
+  std::thread few([&] { set_float_mode(), run(0), run(1), run(2); });
+  std::thread many([&] { set_float_mode(), run(3); });
+  few.join(), many.join();
+  std::array<const Pilot*, kChoices> all;
+  for (int i = 0; i < kChoices; ++i) all[size_t(i)] = pilots[size_t(i)].get();
+  int best = 0;
+  double least = 0;
+  for (int i = 0; i < kChoices; ++i) {
+    const double cost = relative_error(*pilots[size_t(i)], all) * pilots[size_t(i)]->rays * kNeededGain[i];
+    if (i == 0 || cost < least) best = i, least = cost;
+  }
+  return kSplits[best];
 }
 
 }  // namespace primray

@@ -22,6 +22,34 @@ PRIMRAY_INLINE vfloat<W> mis_weight(vfloat<W> pdf, vfloat<W> other) {
   return 1.0f / (1.0f + r * r);
 }
 
+// Among many lights (LightTable::met), light sampling alone finds those that a scattered ray would meet with less than this
+// probability: it does so almost as well, and most rays then need not look for them. Judged by the ball about a light's box.
+constexpr float kRarelyMet = 0.05f;
+
+// Whether that holds in each lane for `light`, seen from p, and a ray with that density: both ways to a light must agree on it.
+template <int W>
+PRIMRAY_INLINE vbool<W> rarely_met(const LightTable& lights, vint<W> light, const vvec3<W>& p, vfloat<W> bsdf_pdf) {
+  const LightRow<W> row(lights, light);
+  const vvec3<W> to = row.vector(kOrigin) - p;
+  const vfloat<W> radius = gather<W>(lights.met.radius.data(), light);
+  return (radius > vfloat<W>(0.0f)) & (kPi * radius * radius * bsdf_pdf < kRarelyMet * dot(to, to));
+}
+// How many of its radii away a light may be for a ray to meet it otherwise; all lights are bodies to rays without a density.
+template <int W>
+PRIMRAY_INLINE vfloat<W> meeting_reach(vfloat<W> bsdf_pdf) {
+  const vfloat<W> reach = 1.001f + 1.001f * sqrt(bsdf_pdf * (kPi / kRarelyMet));
+  return select(bsdf_pdf > vfloat<W>(0.0f), reach, vfloat<W>(1e36f));
+}
+
+// Lanes of `m` whose ray, not cut off by surfaces, could find a light.
+template <int W>
+PRIMRAY_RARE vbool<W> may_meet(const LightHierarchy& met, vbool<W> m, const vvec3<W>& o, const vvec3<W>& d,
+                               vfloat<W> bsdf_pdf) {
+  vbool<W> found(false);
+  visit_lights(met, m, o, d, vfloat<W>(kInfinity), meeting_reach(bsdf_pdf), [&](int, vbool<W> lanes) { found |= lanes; });
+  return found;
+}
+
 // What a light's multipliers leave of its radiance, by how the path last scattered; the camera sees it whole.
 template <int W>
 PRIMRAY_INLINE vvec3<W> lobe_factor(LobeFactors f, const PathLanes<W>& p) {
@@ -31,18 +59,19 @@ PRIMRAY_INLINE vvec3<W> lobe_factor(LobeFactors f, const PathLanes<W>& p) {
   return select(p.depth == vint<W>(0), one, mixed);
 }
 
-// The probability with which light `i` was chosen at `p` on a surface that wears row `link`; `total` from total_at.
+// The probability with which light `i` was chosen at `p`, with normal `n`, on a surface that wears row `link`; `total` from
+// total_at.
 template <int W>
-PRIMRAY_INLINE vfloat<W> probability_at(const LightTable& lights, int i, vbool<W> m, const vvec3<W>& p, vfloat<W> total,
-                                        vint<W> link) {
-  if (lights.links.any()) return linked_probability(lights, i, m, p, total, link);
-  return light_probability(lights, i, p, total);
+PRIMRAY_INLINE vfloat<W> probability_at(const LightTable& lights, int i, vbool<W> m, const vvec3<W>& p, const vvec3<W>& n,
+                                        vfloat<W> total, vint<W> link) {
+  if (lights.links.any()) return linked_probability(lights, i, m, p, n, total, link);
+  return light_probability(lights, i, m, p, n, total);
 }
 
 // What that needs where each light is weighed.
 template <int W>
 PRIMRAY_INLINE vfloat<W> total_at(const LightTable& lights, const vvec3<W>& p, vint<W> link) {
-  if (lights.count > LightTable::kWeighed) return vfloat<W>(1.0f);
+  if (lights.by_tree()) return vfloat<W>(1.0f);
   if (lights.links.any()) return linked_total_importance(lights, p, link);
   return lights.count > 1 ? total_importance(lights, p) : vfloat<W>(1.0f);
 }
@@ -57,7 +86,8 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
   const vbool<W> sees_body = active & (p.bsdf_pdf == F(0.0f)), camera = p.depth == vint<W>(0);
   const vvec3<W> zero(F(0.0f)), from = p.ray.o - p.ray.d * p.travelled;
   const bool linked = lights.links.any();
-  const bool weighed = lights.count > 1 && lights.count <= LightTable::kWeighed;
+  const bool weighed = lights.count > 1 && !lights.by_tree();
+  const bool many = !lights.met.empty();
   F nearest(kInfinity), total(0.0f);
   bool has_total = false;
   vvec3<W> body = zero;
@@ -88,24 +118,25 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
       body = select(direct, L, body);
       covered |= direct;
     }
-    const vbool<W> scattered = met & !sees_body;
+    vbool<W> scattered = met & !sees_body;
+    if (many) scattered &= !rarely_met(lights, vint<W>(i), from, p.bsdf_pdf);
     if ((flags & kSpecial) || !any(scattered)) return;
     if ((weighed || linked) && !has_total) total = total_at(lights, from, p.link), has_total = true;
-    const F light_pdf = h.pdf * probability_at(lights, i, scattered, from, total, p.link);
+    const F light_pdf = h.pdf * probability_at(lights, i, scattered, from, p.normal, total, p.link);
     gathered += select(scattered, L * mis_weight(p.bsdf_pdf, light_pdf), zero);
   };
-  if (lights.met.empty()) {
+  if (!many) {
     for (int i = 0; i < lights.listed; ++i) meet(i, active);
   } else {
-    visit_lights(lights.met, active, from, p.ray.d, min(t_surface, p.ray.tfar) + p.travelled, meet);
+    visit_lights(lights.met, active, from, p.ray.d, min(t_surface, p.ray.tfar) + p.travelled, meeting_reach(p.bsdf_pdf), meet);
   }
   gathered += body;
   return covered;
 }
 
-// Radiance of all domes along the rays.
+// Radiance of all domes along the rays; right in lanes `m`.
 template <int W>
-PRIMRAY_INLINE vvec3<W> meet_domes(const LightTable& lights, const PathLanes<W>& p) {
+PRIMRAY_INLINE vvec3<W> meet_domes(const LightTable& lights, vbool<W> m, const PathLanes<W>& p) {
   using F = vfloat<W>;
   vvec3<W> sum(F(0.0f));
   for (size_t k = 0; k < lights.domes.size(); ++k) {
@@ -122,9 +153,10 @@ PRIMRAY_INLINE vvec3<W> meet_domes(const LightTable& lights, const PathLanes<W>&
     const int light = lights.dome_light[k];
     if (light >= 0 && !traits.special) {
       const vvec3<W> from = p.ray.o - p.ray.d * p.travelled;
-      if (!lights.portals.empty()) pdf = dome_pdf(lights, int(k), from, p.ray.d, pdf);
+      if (lights.has_portals()) pdf = dome_pdf(lights, int(k), from, p.ray.d, pdf);
       const F total = total_at(lights, from, p.link);
-      const F light_pdf = pdf * probability_at(lights, light, !direct, from, total, p.link);
+      const vbool<W> wanted = m & (!direct) & (pdf > F(0.0f));
+      const F light_pdf = pdf * probability_at(lights, light, wanted, from, p.normal, total, p.link);
       L *= select(direct, F(1.0f), mis_weight(p.bsdf_pdf, light_pdf));
     }
     sum += L;

@@ -175,11 +175,12 @@ PRIMRAY_RARE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hits<
   return select(m & !body, given, glow);
 }
 
-// Density per solid angle with which light sampling at `from`, on a surface that wears row `link`, chooses the point that a ray
-// along unit `d` met at `distance`; infinite where nothing but light sampling is to find it.
+// Density per solid angle with which light sampling at `from`, on a surface with normal `n` that wears row `link`, chooses the
+// point that a ray along unit `d` met at `distance`; infinite where nothing but light sampling is to find it.
 template <int W>
 PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
-                                     const vvec3<W>& from, const vvec3<W>& d, vfloat<W> distance, vint<W> link) {
+                                     const vvec3<W>& from, const vvec3<W>& n, const vvec3<W>& d, vfloat<W> distance,
+                                     vint<W> link) {
   const vfloat<W> none(0.0f);
   const vint<W> light = emitter_light(scene, m, h, it);
   m &= light >= vint<W>(0);
@@ -207,9 +208,9 @@ PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<
   }
   const LightTable& lights = scene.lights;
   const vfloat<W> chosen =
-      lights.links.any() ? linked_probability_of(lights, light, m, from, link) : probability_of(lights, light, m, from);
+      lights.links.any() ? linked_probability_of(lights, light, m, from, n, link) : probability_of(lights, light, m, from, n);
   pdf = pdf * chosen;
-  if (!lights.shadow_rows.empty()) {
+  if (lights.has_special()) {
     const vbool<W> special = (row.flags() & vint<W>(kSpecial)) != vint<W>(0);
     pdf = select(special & (pdf > none), vfloat<W>(kInfinity), pdf);
   }

@@ -136,7 +136,7 @@ class FirstHitTask {
   PRIMRAY_INLINE void follow(B active, const CameraRay<W>& from, const Light& light, const Surface& surface) const {
     PathLanes<W> p;
     p.ray = {from.o, from.d, from.tnear, from.tfar};
-    p.beta = V(F(1.0f)), p.share = V(F(0.0f));
+    p.beta = V(F(1.0f)), p.share = p.normal = V(F(0.0f));
     p.bsdf_pdf = p.travelled = F(0.0f), p.splits = F(1.0f);
     p.cone_width = F(scene_.camera.cone_width()), p.cone_spread = F(scene_.camera.cone_spread());
     p.slot = p.depth = p.vertex = I(0), p.link = I(kUnlinkedRow);
@@ -147,7 +147,8 @@ class FirstHitTask {
       const B covered = meet_lights(scene_.lights, active, hit, p, hits.t, gathered);
       hit &= !covered;
       const B escaped = active & !hit & !covered;
-      if (!scene_.lights.domes.empty() && any(escaped)) gathered += select(escaped, meet_domes(scene_.lights, p), V(F(0.0f)));
+      if (!scene_.lights.domes.empty() && any(escaped))
+        gathered += select(escaped, meet_domes(scene_.lights, escaped, p), V(F(0.0f)));
       light(active, gathered);
       if (!any(hit)) return;
       Interaction<W> it = interact(scene_, hit, p.ray, hits);

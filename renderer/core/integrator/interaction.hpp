@@ -54,19 +54,45 @@ PRIMRAY_INLINE vvec3<W> direction_of(const vvec3<W>& a) {
   return normalize(a * (1.0f / max_component(abs(a))));
 }
 
-// The height above its plane that rounding can put a point of a triangle at, in multiples of 2^-24 as above: the point's own
-// coordinates are rounded, of which only what lies along the normal counts, and Embree takes the edges from corners that it
-// rounded relative to the ray's origin, which turns the plane about the point. A ground of 1e6 units that lies along the axes
-// so has the offset of its height alone, and what stands on it keeps its shadow.
+// The plane of a triangle with edges e1, e2, for what is asked of it more than once.
 template <int W>
-PRIMRAY_INLINE vfloat<W> plane_reach(const vvec3<W>& n, const vvec3<W>& p0, const vvec3<W>& e1, const vvec3<W>& e2) {
-  const vvec3<W> extent = abs(e1) + abs(e2);
-  const vfloat<W> size = max_component(extent);
-  const vfloat<W> unit = 1.0f / size;
-  const vvec3<W> e = extent * unit;
-  const vfloat<W> turned = e.x * e.y * e.z / length(cross(e1 * unit, e2 * unit)) * size;
-  return dot(abs(n), abs(p0) + extent) + 2.0f * turned;
-}
+struct TrianglePlane {
+  vfloat<W> size, unit;  // the largest component of an edge, and one over it
+  vvec3<W> n;            // unit
+  vfloat<W> per_area;    // 1 / |e1 x e2|, with edges brought to size 1
+
+  PRIMRAY_INLINE TrianglePlane(vbool<W> m, const vvec3<W>& e1, const vvec3<W>& e2)
+      : size(max(max_component(abs(e1)), max_component(abs(e2)))), unit(1.0f / size), n(cross(e1 * unit, e2 * unit)) {
+    // Size 1 keeps the product of the edges of small triangles from vanishing; of slivers its square may vanish all the same.
+    vfloat<W> square = dot(n, n);
+    const vbool<W> sliver = square < vfloat<W>(1e-30f);
+    if (any(m & sliver)) [[unlikely]] {
+      const vfloat<W> height = max_component(abs(n)), up = 1.0f / height;
+      const vvec3<W> raised = n * up;
+      per_area = 1.0f / sqrt(select(sliver, dot(raised, raised), square));
+      n = select(sliver, raised * per_area, n * per_area);
+      per_area = select(sliver, per_area * up, per_area);
+      return;
+    }
+    per_area = 1.0f / sqrt(square);
+    n = n * per_area;
+  }
+
+  // The height above its plane that rounding can put a point of the triangle at, in multiples of 2^-24 as above: the point's
+  // own coordinates are rounded, of which only what lies along the normal counts, and Embree takes the edges from corners that
+  // it rounded relative to the ray's origin, which turns the plane about the point. A ground of 1e6 units that lies along the
+  // axes so has the offset of its height alone, and what stands on it keeps its shadow.
+  PRIMRAY_INLINE vfloat<W> reach(const vvec3<W>& p0, const vvec3<W>& e1, const vvec3<W>& e2) const {
+    const vvec3<W> extent = abs(e1) + abs(e2), e = extent * unit;
+    const vfloat<W> turned = e.x * e.y * e.z * per_area * size;
+    return dot(abs(n), abs(p0) + extent) + 2.0f * turned;
+  }
+  // |e1| |e2| / |e1 x e2|.
+  PRIMRAY_INLINE vfloat<W> thinness(const vvec3<W>& e1, const vvec3<W>& e2) const {
+    const vvec3<W> a = e1 * unit, b = e2 * unit;
+    return sqrt(dot(a, a) * dot(b, b)) * per_area;
+  }
+};
 
 template <int W>
 PRIMRAY_INLINE void add_attributes(const Scene& scene, vbool<W> m, vint<W> mesh, vint<W> triangle, const vint<W> corner[3],
@@ -114,13 +140,11 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     r.mesh = mesh, r.triangle = triangle;
     const vint<W> first = select(is_triangle, in.base(scene, &Group::vertex_base), zero);
     vint<W> corner[3];
-    for (int k = 0; k < 3; ++k)
-      corner[k] = first + gather<W>(reinterpret_cast<const int32_t*>(scene.indices.data()) + k, triangle * vint<W>(3));
-    const float* positions = scene.positions.data();
-    p0 = gather_vec3<W>(positions, corner[0] * vint<W>(3));
+    gather_vertices(scene, triangle, first, corner);
+    p0 = gather_position(scene, corner[0]);
     // Lanes that met a sphere have no edges: `reach` below must not see those of another lane's triangle.
-    e1 = select(is_triangle, gather_vec3<W>(positions, corner[1] * vint<W>(3)) - p0, e1);
-    e2 = select(is_triangle, gather_vec3<W>(positions, corner[2] * vint<W>(3)) - p0, e2);
+    e1 = select(is_triangle, gather_position(scene, corner[1]) - p0, e1);
+    e2 = select(is_triangle, gather_position(scene, corner[2]) - p0, e2);
     p = p0 + e1 * h.u + e2 * h.v;
     if (scene.has_attributes) add_attributes(scene, is_triangle, mesh, triangle, corner, h, normal, smooth, r.color);
     if (scene.lights.links.any()) r.link = gather<W>(scene.meshes.link.data(), mesh);
@@ -138,27 +162,28 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     // The centre of a big sphere is further away than its surface, and rounded so.
     sphere_spread = abs(m.x * h.ng.x) + abs(m.y * h.ng.y) + abs(m.z * h.ng.z) + abs(m.o);
   }
-  const vfloat<W> size = max(max_component(abs(e1)), max_component(abs(e2)));
-  const vfloat<W> unit = 1.0f / size;  // keeps the product of the edges of small triangles from vanishing
-  const vvec3<W> triangle_ng = cross(e1 * unit, e2 * unit);
-  vvec3<W> ng = triangle_ng;
-  vfloat<W> reach = max(max_component(abs(p)), size);
-  if (any_sphere) ng = select(is_sphere, sphere_normal, ng), reach = select(is_sphere, max_component(sphere_spread), reach);
+  const TrianglePlane<W> plane(is_triangle, e1, e2);
+  vvec3<W> ng = plane.n;
+  vfloat<W> reach = max(max_component(abs(p)), plane.size);
+  if (any_sphere) {
+    ng = select(is_sphere, direction_of(sphere_normal), ng);
+    reach = select(is_sphere, max_component(sphere_spread), reach);
+  }
   const vfloat<W> ray_reach = max_component(abs(rays.o) + abs(rays.d) * h.t);
   const vbool<W> from_ray = active & !instanced & (ray_reach < reach * kNearer);
-  if (any(from_ray)) {
+  const bool any_from_ray = any(from_ray);
+  if (any_from_ray) {
     p = select(from_ray, rays.o + rays.d * h.t, p);
     reach = select(from_ray & is_sphere, ray_reach, reach);
   }
   if (any(is_triangle & !instanced)) {
-    const vvec3<W> n = direction_of(ng);
-    const vfloat<W> bound = plane_reach(n, p0, e1, e2);
+    const vfloat<W> bound = plane.reach(p0, e1, e2);
     // A triangle so thin that its plane is lost in rounding has no such bound.
     reach = select(is_triangle & (bound < reach), bound, reach);
-    p = select(from_ray & is_triangle, p - n * dot(n, p - p0), p);
+    if (any_from_ray) p = select(from_ray & is_triangle, p - ng * dot(ng, p - p0), p);
   }
   r.on_edge = is_triangle & (min(min(h.u, h.v), 1.0f - h.u - h.v) < kEdge);
-  r.edge_on = min(max(length(e1 * unit) * length(e2 * unit) / length(triangle_ng), 1.0f), kThinnest) * kNormalUlps;
+  r.edge_on = min(max(plane.thinness(e1, e2), 1.0f), kThinnest) * kNormalUlps;
   r.p = p;
   if (any_instanced) {
     vvec3<W> far;
@@ -170,11 +195,11 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     const vvec3<W> spread = abs(m.x) * inner.x + abs(m.y) * inner.y + abs(m.z) * inner.z + abs(m.o) + far;
     const vvec3<W> edges = abs(m.vector(e1)) + abs(m.vector(e2));
     reach = select(instanced, max(max_component(spread), max_component(edges)), reach);
-    ng = select(instanced, m.normal(ng), ng);
+    ng = select(instanced, direction_of(m.normal(ng)), ng);
     if (any(smooth)) normal = select(instanced, m.normal(normal), normal);
   }
   r.offset = reach * kOffsetUlps;
-  r.ng = direction_of(ng);
+  r.ng = ng;
   r.ns = r.ng;
   if (any(smooth)) {
     const vvec3<W> n = direction_of(normal);

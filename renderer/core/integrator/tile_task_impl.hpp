@@ -7,6 +7,7 @@
 #include "integrator/caustics.hpp"
 #include "integrator/emission.hpp"
 #include "integrator/emitter.hpp"
+#include "integrator/guided_scattering.hpp"
 #include "integrator/ray_recorder.hpp"
 #include "integrator/shadow_rays.hpp"
 #include "integrator/smooth_origin.hpp"
@@ -24,8 +25,9 @@ class TilePaths {
         block_(block),
         w_(worker),
         recorder_(recorder),
-        needs_{scene.has_thin, scene.has_inputs, scene.lights.lobe_factors, scene.lights.links.any(),
-               scene.camera.shutter_open},
+        needs_{scene.has_thin,           scene.has_inputs,          scene.lights.lobe_factors,
+               scene.lights.links.any(), scene.camera.shutter_open, scene.lights.by_tree()},
+        keep_(settings.guide ? kGuidedKeep : roulette_keep(settings.splits)),
         samples_(block.count[0] + block.count[1]) {
     if (has_special() && !w_.special_shadows) w_.special_shadows = std::make_unique<SpecialShadowQueue>();
   }
@@ -37,6 +39,7 @@ class TilePaths {
         std::fill_n(w_.a, slots, 0.0f);
     w_.pool->count = 0;
     while (true) {
+      if (settings_.log) ++settings_.log->round;
       refill(slots);
       if (w_.pool->count == 0) break;
       trace();
@@ -99,8 +102,11 @@ class TilePaths {
     }
   }
 
-  bool has_special() const { return !scene_.lights.shadow_rows.empty(); }
+  bool has_special() const { return scene_.lights.has_special(); }
 
+  // The film point's number in the chain that it and the directions after it make: each even link shares a point of a sequence
+  // with the next. The parts of a split path have indices of their own, so there their first two directions do.
+  int first_link() const { return settings_.splits > 1 ? 1 : 0; }
   int pixel_x(int i) const { return block_.x0 + w_.pixel_x[i] * block_.stride_x; }
   int pixel_y(int i) const { return block_.y0 + w_.pixel_y[i] * block_.stride_y; }
 
@@ -122,13 +128,13 @@ class TilePaths {
       const I px = load<W>(x), py = load<W>(y);
       PathLanes<W> p;
       p.sampler = {reverse_bits(load<W>(index)), Sampler<W>::pixel_seed(settings_.seed, px, py, load<W>(replicate))};
-      const Pair<W> film = p.sampler.pair(I(0), Purpose::kFilm);
+      const Pair<W> film = p.sampler.link(I(first_link()));
       Pair<W> lens{F(0.5f), F(0.5f)};
       if (scene_.camera.lens_radius > 0) lens = p.sampler.pair(I(0), Purpose::kLens);
       const CameraRay<W> ray = scene_.camera.ray<W>(px, py, film.u, film.v, lens.u, lens.v);
       p.ray = {ray.o, ray.d, ray.tnear, ray.tfar};
       if (needs_.time) p.ray.time = p.sampler.single(I(0), kShutterTime);
-      p.beta = V(F(1.0f)), p.share = V(F(0.0f)), p.link = I(kUnlinkedRow);
+      p.beta = V(F(1.0f)), p.share = p.normal = V(F(0.0f)), p.link = I(kUnlinkedRow);
       p.bsdf_pdf = p.travelled = F(0.0f), p.splits = F(1.0f);
       p.cone_width = F(scene_.camera.cone_width()), p.cone_spread = F(scene_.camera.cone_spread());
       p.slot = load<W>(slot), p.depth = p.vertex = I(0);
@@ -174,6 +180,7 @@ class TilePaths {
     for (uint32_t b = bits(m & ((c.x != zero) | (c.y != zero) | (c.z != zero))); b; b &= b - 1) {
       const int i = __builtin_ctz(b), s = slot[i];
       w_.r[s] += c.x[i], w_.g[s] += c.y[i], w_.b[s] += c.z[i];
+      if (settings_.log) settings_.log->add_light(s, c.x[i] + c.y[i] + c.z[i]);
     }
   }
 
@@ -185,7 +192,8 @@ class TilePaths {
     V wo;  // in that frame
     Bsdf<W> bsdf;
     const Hits<W>& hits;
-    const CausticLanes<W>* guide;  // null: no ray is guided
+    GuidePlace<W> place;              // region -1: scattered by the BSDF alone
+    const CausticLanes<W>* caustics;  // null: no ray is guided into them
   };
 
   // One vertex of the paths at [at, at + W): light met, light sampled, next ray.
@@ -200,7 +208,8 @@ class TilePaths {
     const B covered = meet_lights(scene_.lights, active, hit, p, hits.t, gathered);
     hit &= !covered;
     const B escaped = active & !hit & !covered;
-    if (!scene_.lights.domes.empty() && any(escaped)) gathered += select(escaped, meet_domes(scene_.lights, p), V(F(0.0f)));
+    if (!scene_.lights.domes.empty() && any(escaped))
+      gathered += select(escaped, meet_domes(scene_.lights, escaped, p), V(F(0.0f)));
     for (uint32_t b = bits(active & (p.vertex == I(0)) & (hit | covered)); b; b &= b - 1) w_.a[p.slot[__builtin_ctz(b)]] = 1.0f;
     if (!any(hit)) {
       add(active, p.slot, p.beta * gathered);
@@ -238,13 +247,14 @@ class TilePaths {
     const V ns = it.ns * side;
     const Frame<F> frame(select(dot(ns, wo) > F(1e-4f), ns, ng));
     const V wo_local = frame.to_local(wo);
-    Vertex v{it, ng, frame, wo_local, Bsdf<W>(rows, scatters, wo_local, front), hits, nullptr};
+    Vertex v{it, ng, frame, wo_local, Bsdf<W>(rows, scatters, wo_local, front), hits, {I(-1), I(0)}, nullptr};
     v.bsdf.diffuse *= it.color;
+    if (settings_.guide) v.place = find_place(*settings_.guide, scatters, it.p, ng, v.bsdf);
     if (scene_.caustics.any()) {
       if (const B follows = scatters & follows_caustics(v.bsdf); any(follows)) {
         const CausticLanes<W> guide(scene_.caustics, follows, it.p);
         if (any(guide.share > F(0.0f))) {
-          v.guide = &guide;
+          v.caustics = &guide;
           go_on(scatters, v, p);
           return;
         }
@@ -266,7 +276,7 @@ class TilePaths {
     const B sampled = hit & (max_component(L) > F(0.0f)) & (p.bsdf_pdf > F(0.0f));
     if (scene_.emitters.any() && any(sampled)) {
       const V from = p.ray.o - p.ray.d * p.travelled;
-      const F pdf = emitter_pdf(scene_, sampled, hits, it, from, p.ray.d, hits.t + p.travelled, p.link);
+      const F pdf = emitter_pdf(scene_, sampled, hits, it, from, p.normal, p.ray.d, hits.t + p.travelled, p.link);
       L *= select(sampled & (pdf > F(0.0f)), mis_weight(p.bsdf_pdf, pdf), F(1.0f));
     }
     return L;
@@ -278,13 +288,13 @@ class TilePaths {
     const V from = v.it.p + v.ng * v.it.offset;
     const I bounce = p.vertex + I(1);
     const Pair<W> u = p.sampler.pair(bounce, Purpose::kLightPoint);
-    const F choice_u = lights.count > 1 ? p.sampler.single(bounce, Purpose::kLightChoice) : F(0.0f);
-    const LightChoice<W> choice =
-        lights.links.any() ? choose_linked_light(lights, from, choice_u, v.it.link) : choose_light(lights, from, choice_u);
+    const vuint<W> number = lights.count > 1 ? p.sampler.bits_of(bounce, Purpose::kLightChoice) : vuint<W>(0u);
+    const LightChoice<W> choice = lights.links.any() ? choose_linked_light(lights, scatters, from, v.frame.n, number, v.it.link)
+                                                     : choose_light(lights, scatters, from, v.frame.n, number);
     B useful = scatters & (choice.probability > F(0.0f));
     if (!any(useful)) return;
     LightSample<W> s = light_sample(lights, choice.light, useful, from, u.u, u.v);
-    if (!lights.portals.empty()) {
+    if (lights.has_portals()) {
       const B dome = useful & is_type(LightRow<W>(lights, choice.light).type(), LightType::kDome);
       if (any(dome)) sample_portals(lights, dome, choice.light, from, p.sampler.single(bounce, Purpose::kEmitter), u.u, u.v, s);
     }
@@ -303,7 +313,7 @@ class TilePaths {
     useful &= (s.pdf > F(0.0f)) & (wi.z > F(0.0f)) & (above | v.it.smooth);
     if (!any(useful)) return;
     BsdfEval<W> f = v.bsdf.eval(v.wo, wi);
-    if (v.guide) f.pdf = guided_pdf(*v.guide, f.pdf, s.wi);
+    if (v.caustics) f.pdf = guided_pdf(*v.caustics, f.pdf, s.wi);
     V reflected = f.diffuse + f.specular;
     if (lights.lobe_factors) {
       const LightRow<W> row(lights, choice.light);
@@ -312,7 +322,10 @@ class TilePaths {
     const F pdf = s.pdf * choice.probability;
     B special(false);  // no other way leads to those
     if (has_special()) special = (LightRow<W>(lights, choice.light).flags() & I(kSpecial)) != I(0);
-    const F weight = select(s.is_delta | special, F(1.0f), mis_weight(pdf, f.pdf));
+    const F scattered_pdf = settings_.guide ? mixed_pdf(*settings_.guide, v.place, s.wi, f.pdf) : f.pdf;
+    B alone = s.is_delta | special;
+    if (!lights.met.empty()) alone |= rarely_met(lights, choice.light, from, scattered_pdf);
+    const F weight = select(alone, F(1.0f), mis_weight(pdf, scattered_pdf));
     const V carried = p.beta * reflected * s.L * (weight / pdf);
     useful &= max_component(carried) > F(0.0f);
     V o = from;
@@ -364,10 +377,7 @@ class TilePaths {
   void scatter(B scatters, const Vertex& v, const PathLanes<W>& p) {
     const int splits = settings_.splits;
     const B split = scatters & (p.vertex == I(0)) & !v.bsdf.mirror;
-    if (splits == 1 || !any(split)) {
-      scatter_once(scatters, v, p);
-      return;
-    }
+    if (splits == 1 || !any(split)) return scatter_once(scatters, v, p);
     // The parts take the numbers after each other in a sequence `splits` times as long.
     const vuint<W> index = reverse_bits(p.sampler.reversed_index);
     PathLanes<W> part = p;
@@ -382,11 +392,13 @@ class TilePaths {
 
   void scatter_once(B scatters, const Vertex& v, const PathLanes<W>& p) {
     const I bounce = p.vertex + I(1);
-    const Pair<W> u = p.sampler.pair(bounce, Purpose::kDirection);
-    const F lobe = v.bsdf.any_preview || v.guide ? p.sampler.single(bounce, Purpose::kLobe) : F(0.0f);
+    Pair<W> u = p.sampler.link(bounce + I(first_link()));
+    const F lobe = v.bsdf.any_preview || v.caustics ? p.sampler.single(bounce, Purpose::kLobe) : F(0.0f);
     PathLanes<W> n = p;
-    const BsdfSample<W> s = v.guide ? sample_guided(*v.guide, v.bsdf, v.frame, v.wo, lobe, u, settings_.splits, n.splits)
-                                    : v.bsdf.sample(v.wo, lobe, u.u, u.v);
+    const B by_guide = settings_.guide ? choose_guide(v.place, u.u) : B(false);
+    BsdfSample<W> s = v.caustics ? sample_guided(*v.caustics, v.bsdf, v.frame, v.wo, lobe, u, settings_.splits, n.splits)
+                                 : v.bsdf.sample(v.wo, lobe, u.u, u.v);
+    if (settings_.guide) sample_guided(*settings_.guide, v.place, by_guide, u, v.frame, v.wo, v.bsdf, s);
     n.ray.d = select(s.straight, p.ray.d, v.frame.to_world(s.wi));
     const F out = dot(v.ng, n.ray.d);
     n.beta = p.beta * s.weight;
@@ -410,6 +422,7 @@ class TilePaths {
       n.cone_width = p.cone_width + p.cone_spread * dot(v.it.p - p.ray.o, p.ray.d);
       n.cone_spread = p.cone_spread + select(s.pdf > F(0.0f), kLobeSpread / sqrt(max(s.pdf, 1e-6f)), F(0.0f));
     }
+    if (needs_.normals) n.normal = select(s.straight, p.normal, v.frame.n);
     if (needs_.links) n.link = select(s.straight, p.link, v.it.link);
     if (scene_.lights.lobe_factors) n.share = select(s.straight, p.share, s.diffuse_share);
     // What was guided counts as its surface would have sent it, until it next scatters widely.
@@ -420,11 +433,14 @@ class TilePaths {
     const B roulette = alive & (bounce >= I(kRouletteStart)) & !s.straight;
     if (any(roulette)) {
       const F most = select(bounce >= I(kRouletteDeep), F(kRouletteDeepKeep), F(1.0f));
-      const F survive = min(max_component(n.beta) * n.splits * kRouletteKeep, most);
+      const F survive = min(max_component(n.beta) * n.splits * keep_, most);
       const F r = p.sampler.single(bounce, Purpose::kRoulette);
       alive &= !(roulette & (r >= survive));
       n.beta = select(roulette, n.beta * (1.0f / survive), n.beta);
     }
+    // Nor are there lights for it that light sampling does not find.
+    if (scene_.only_met_lights_found)
+      alive &= (!last) | s.straight | may_meet(scene_.lights.met, alive & last & !s.straight, n.ray.o, n.ray.d, n.bsdf_pdf);
     if (!any(alive)) return;
     // What the camera does not see beyond its far plane it does not see through a gap either.
     n.ray.tnear = F(0.0f);
@@ -432,12 +448,13 @@ class TilePaths {
     if (scene_.only_domes_found && any(alive & last & !s.straight)) {
       // Only whether it meets the sky counts: a shadow ray tells that for less.
       const B sky = alive & last & !s.straight;
-      const V carried = n.beta * meet_domes(scene_.lights, n);
+      const V carried = n.beta * meet_domes(scene_.lights, sky, n);
       const B lit = sky & (max_component(carried) > F(0.0f));
       if (any(lit)) w_.shadows.append(lit, n.ray.o, n.ray.d, F(kInfinity), carried, p.slot, p.ray.time, needs_);
       alive &= !sky;
       if (!any(alive)) return;
     }
+    if (settings_.log) keep_vertex(*settings_.log, alive & (s.pdf > F(0.0f)), v.it.p, v.ng, v.frame.n, n);
     w_.next->append(Compaction<W>(alive), n, needs_);
   }
 
@@ -484,6 +501,7 @@ class TilePaths {
   Worker& w_;
   RayRecorder* recorder_;
   const PathNeeds needs_;
+  const float keep_;
   int samples_, pixels_ = 0, next_slot_ = 0, first_camera_ = 0;
 };
 

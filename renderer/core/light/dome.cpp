@@ -3,11 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
+
+#include "light/dome_smooth.hpp"
 
 namespace primray {
 namespace {
 
-constexpr double kPiDouble = 3.14159265358979323846;
 // Cells in a column of the grid over an image that is not lat-long, at most; each is then looked at in more places.
 constexpr int kMostRows = 1024;
 
@@ -34,11 +36,11 @@ std::vector<double> texel_means(const Dome& d) {
 int finest_rows(const Dome& d) {
   switch (d.format) {
     case DomeFormat::kMirroredBall:
-      return int(std::ceil(0.25 * kPiDouble * std::max(d.width, d.height)));
+      return int(std::ceil(0.25 * std::numbers::pi * std::max(d.width, d.height)));
     case DomeFormat::kAngular:
       return (std::max(d.width, d.height) + 1) / 2;
     case DomeFormat::kVerticalCross:  // a face's texels are largest in its middle
-      return int(std::ceil(0.5 * kPiDouble * std::max(d.width / 3.0, d.height / 4.0)));
+      return int(std::ceil(0.5 * std::numbers::pi * std::max(d.width / 3.0, d.height / 4.0)));
     case DomeFormat::kLatLong:
       break;
   }
@@ -51,10 +53,11 @@ std::vector<double> cell_means(const Dome& d) {
   std::vector<double> mean(size_t(d.columns) * d.rows);
   for (int y = 0; y < d.rows; ++y)
     for (int j = 0; j < steps; ++j) {
-      const double theta = kPiDouble * (y + (j + 0.5) / steps) / d.rows, sine = std::sin(theta), cosine = std::cos(theta);
+      const double theta = std::numbers::pi * (y + (j + 0.5) / steps) / d.rows, sine = std::sin(theta),
+                   cosine = std::cos(theta);
       for (int x = 0; x < d.columns; ++x)
         for (int i = 0; i < steps; ++i) {
-          const double phi = 2 * kPiDouble * (0.5 - (x + (i + 0.5) / steps) / d.columns);
+          const double phi = 2 * std::numbers::pi * (0.5 - (x + (i + 0.5) / steps) / d.columns);
           const vec3 w{float(sine * std::sin(phi)), float(cosine), float(sine * std::cos(phi))};
           const vvec3<1> L = folded_radiance<1>(d, {vfloat<1>(w.x), vfloat<1>(w.y), vfloat<1>(w.z)});
           mean[size_t(y) * d.columns + x] += double(luminance(vec3{L.x[0], L.y[0], L.z[0]})) / (steps * steps);
@@ -79,9 +82,9 @@ void extend_disc(Dome& d) {
     }
 }
 
-// `rest`: the part of the mean that is left to the BSDF's rays.
-void build_distribution(Dome& d, double rest) {
-  constexpr double pi = kPiDouble;
+// `rest`: the part of the mean that is left to the BSDF's rays; `needed`: they do not look for the dome at all.
+void build_distribution(Dome& d, double rest, bool needed) {
+  constexpr double pi = std::numbers::pi;
   const int w = d.columns, h = d.rows;
   std::vector<double> weight = d.format == DomeFormat::kLatLong ? texel_means(d) : cell_means(d), solid_angle(h);
   d.row_edges.clear();
@@ -98,6 +101,10 @@ void build_distribution(Dome& d, double rest) {
     for (int x = 0; x < w; ++x) total += weight[size_t(y) * w + x] * solid_angle[y];
   }
   d.mean = total / (4 * pi);
+  if (!needed && is_smooth_dome(weight, solid_angle, w)) {
+    d.sampled = false, d.irradiance = 0;
+    return;
+  }
   const double left = rest * d.mean;
   total = 0;
   for (int y = 0; y < h; ++y)
@@ -142,13 +149,13 @@ void finish_dome_image(Dome& d) {
 void build_dome_distribution(Dome& d) {
   d.sampled = false;
   d.mean = luminance(dvec3(d.tint));
-  if (d.width > 0) build_distribution(d, 1.0);  // under a constant sky the BSDF's rays alone are as good as it gets
+  if (d.width > 0) build_distribution(d, 1.0, false);  // under a constant sky the BSDF's rays alone are as good as it gets
 }
 
 void build_whole_dome_distribution(Dome& d) {
   if (d.width == 0) d.width = d.height = d.columns = d.rows = 1, d.texels.assign(3, 1.0f);
   // Where a cell is looked at here and there only, none is left out: -0.001 of the mean.
-  build_distribution(d, d.format == DomeFormat::kLatLong ? 0.0 : -1e-3);
+  build_distribution(d, d.format == DomeFormat::kLatLong ? 0.0 : -1e-3, true);
 }
 
 }  // namespace primray

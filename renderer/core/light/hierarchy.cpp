@@ -10,6 +10,7 @@ namespace {
 
 struct Build {
   LightHierarchy& tree;
+  const std::vector<int32_t>& numbers;
   const std::vector<LightBox>& boxes;  // by position in tree.lights before any is moved
   std::vector<int32_t> order;
 
@@ -28,7 +29,9 @@ struct Build {
     }
     const size_t at = tree.nodes.size();
     const bool leaf = end - first <= LightHierarchy::kLeaf;
-    tree.nodes.push_back({box, 0, first, leaf ? end - first : 0});
+    float radius = 0;
+    for (int32_t i = first; i < end; ++i) radius = std::max(radius, tree.radius[size_t(numbers[size_t(order[i])])]);
+    tree.nodes.push_back({box, radius, 0, first, leaf ? end - first : 0});
     if (leaf) {
       std::sort(order.begin() + first, order.begin() + end);
     } else {
@@ -51,7 +54,7 @@ struct Build {
 
 void build_light_hierarchy(LightHierarchy& tree, std::vector<int32_t> numbers, const std::vector<LightBox>& boxes) {
   if (numbers.empty()) return;
-  Build build{tree, boxes, std::vector<int32_t>(numbers.size())};
+  Build build{tree, numbers, boxes, std::vector<int32_t>(numbers.size())};
   for (size_t i = 0; i < numbers.size(); ++i) build.order[i] = int32_t(i);
   build.add(0, int32_t(numbers.size()));
   for (const int32_t i : build.order) tree.lights.push_back(numbers[i]);

@@ -19,18 +19,20 @@ struct LightBox {
 struct LightHierarchy {
   struct Node {
     LightBox box;
+    float radius;          // of the largest light in it
     int32_t next;          // after the node's subtree
     int32_t first, count;  // of the lights in a leaf; count 0: inner
   };
   std::vector<Node> nodes;      // depth first
   std::vector<int32_t> lights;  // by leaf
   std::vector<int32_t> far;     // lights without a place, which any ray may meet
+  std::vector<float> radius;    // by light, of a ball about its box; 0: it is not in the tree
   static constexpr int kLeaf = 4;
 
   bool empty() const { return nodes.empty() && far.empty(); }
 };
 
-// Over the lights `numbers`, each in its box.
+// Over the lights `numbers`, each in its box; `radius` must be there.
 void build_light_hierarchy(LightHierarchy& tree, std::vector<int32_t> numbers, const std::vector<LightBox>& boxes);
 
 // Lanes of `m` whose ray o + t d enters the box before `end`.
@@ -46,10 +48,11 @@ PRIMRAY_INLINE vbool<W> enters(const LightBox& box, vbool<W> m, const vvec3<W>& 
   return m & (near <= far * 1.00001f) & (far >= F(0.0f)) & (near * 0.9999f <= end);
 }
 
-// Calls visit(light, lanes) for every light whose box the rays o + t d, t <= end, enter; `lanes` are those that do.
+// Calls visit(light, lanes) for every light whose box the rays o + t d, t <= end, enter; `lanes` are those that do. Lights of
+// radius r are left out from r times `reach` on.
 template <int W, class Visit>
 PRIMRAY_INLINE void visit_lights(const LightHierarchy& tree, vbool<W> active, const vvec3<W>& o, const vvec3<W>& d,
-                                 vfloat<W> end, const Visit& visit) {
+                                 vfloat<W> end, vfloat<W> reach, const Visit& visit) {
   for (const int32_t light : tree.far) visit(light, active);
   // No component is 0, so that no slab is 0 times infinity.
   const auto inverse_of = [](vfloat<W> x) { return 1.0f / copysign(max(abs(x), 1e-20f), x); };
@@ -65,7 +68,7 @@ PRIMRAY_INLINE void visit_lights(const LightHierarchy& tree, vbool<W> active, co
   for (int32_t at = 0; at < int32_t(tree.nodes.size());) {
     while (at >= path[depth].end) --depth;
     const LightHierarchy::Node& node = tree.nodes[at];
-    const vbool<W> lanes = enters(node.box, path[depth].lanes, o, inverse, end);
+    const vbool<W> lanes = enters(node.box, path[depth].lanes, o, inverse, min(end, reach * node.radius));
     if (!any(lanes)) {
       at = node.next;
       continue;

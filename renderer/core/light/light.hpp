@@ -19,6 +19,7 @@
 #include "light/shaping.hpp"
 #include "light/sphere.hpp"
 #include "light/textured_rect.hpp"
+#include "light/tree.hpp"
 
 namespace primray {
 
@@ -85,20 +86,24 @@ struct LightTable {
   std::vector<DomeTraits> dome_traits;
   std::vector<LightImage> images;   // of rectangles; several may have the same
   std::vector<LightTable> portals;  // by dome: rectangles of radiance 1 that guide its samples (light/portal.hpp); or empty
-  std::vector<float> power_cdf;     // count + 1; used where there are too many lights to weigh each
+  LightTree tree;                   // to choose among them, where there are too many lights to weigh each
   LightHierarchy met;               // of the lights that rays can meet, where there are many
   bool needs_hit_test = false;      // some light has area or a cone that BSDF rays can meet
   bool camera_sees_area = false;
-  bool lobe_factors = false;  // some light's diffuse or specular factor is not 1
+  Fact<built::kLobeFactors> lobe_factors = false;  // some light's diffuse or specular factor is not 1
   // Linking; all empty where nothing is linked. Row by row, the collection that a light reaches.
   LinkTable links;
   std::vector<int32_t> light_link;
   LinkedLights linked;
   std::vector<float> shadow_rows;  // kShadowFields a row, where some light is special; else empty
   ShapingTable shaping;
-  bool has_shaping = false;            // some light's emission depends on its direction
-  static constexpr int kWeighed = 16;  // at most so many are weighed at every vertex
+  Fact<built::kShaping> has_shaping = false;  // some light's emission depends on its direction
+  static constexpr int kWeighed = 16;         // at most so many are weighed at every vertex
 
+  bool has_portals() const { return built::kPortals && !portals.empty(); }
+  bool has_special() const { return built::kSpecialShadows && !shadow_rows.empty(); }
+  bool has_images() const { return built::kLightImages && !images.empty(); }
+  bool by_tree() const { return count > kWeighed; }
   const float* row(int light) const { return rows.data() + light * kLightFields; }
 };
 
@@ -189,7 +194,7 @@ PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> ligh
   LightSample<W> r;
   r.light = light;
   r.L = row.vector(kRadiance);
-  if (!table.images.empty()) {
+  if (table.has_images()) {
     const vint<W> image = truncate(row(kImage));
     for (vbool<W> left = is_type(type, LightType::kRect) & (image > vint<W>(0)); any(left);) {
       const int k = image[__builtin_ctz(bits(left))];
@@ -301,7 +306,7 @@ template <int W>
 PRIMRAY_INLINE LocalHit<W> light_hit(const LightTable& table, int i, const vvec3<W>& p, const vvec3<W>& wi, vvec3<W>& L) {
   const float* row = table.row(i);
   LocalHit<W> h = light_hit<W>(row, p, wi);
-  const int image = int(row[kImage]);
+  const int image = table.has_images() ? int(row[kImage]) : 0;
   if (image == 0 || !any(h.pdf > vfloat<W>(0.0f))) return h;
   const LightRow<W> light(table, vint<W>(i));
   const vvec3<W> local = light.to_light(p - light.vector(kOrigin));

@@ -18,35 +18,22 @@ PRIMRAY_RARE vfloat<W> linked_total_importance(const LightTable& table, const vv
   return total;
 }
 
-// The lanes' lists of lights, where there are too many to weigh each.
 template <int W>
-struct LinkedList {
-  vint<W> first, count, cdf;
-  PRIMRAY_INLINE LinkedList(const LinkedLights& linked, vint<W> link) {
-    const vint<W> row = max(link, 0);
-    first = gather<W>(linked.first.data(), row), count = gather<W>(linked.first.data() + 1, row) - first;
-    cdf = first + row;
-  }
-};
-
-template <int W>
-PRIMRAY_RARE LightChoice<W> choose_linked_light(const LightTable& table, const vvec3<W>& p, vfloat<W> u, vint<W> link) {
-  if (table.count > LightTable::kWeighed) {
-    if (!table.linked.any()) {
-      LightChoice<W> any_light = choose_light(table, p, u);
-      const vint<W> collection = gather<W>(table.light_link.data(), any_light.light);
-      any_light.probability = select(in_collection(table.links, link, collection), any_light.probability, vfloat<W>(0.0f));
-      return any_light;
+PRIMRAY_RARE LightChoice<W> choose_linked_light(const LightTable& table, vbool<W> m, const vvec3<W>& p, const vvec3<W>& n,
+                                                vuint<W> u, vint<W> link) {
+  if (table.by_tree()) {
+    LightChoice<W> choice;
+    if (table.linked.any()) {
+      const vint<W> root = gather<W>(table.linked.root.data(), max(link, 0));
+      choose_in_tree(table, root, m & (root >= vint<W>(0)), p, n, u, choice.light, choice.probability);
+      return choice;
     }
-    const LinkedList<W> list(table.linked, link);
-    const float* cdf = table.linked.cdf.data();
-    const vint<W> i = last_not_above<float, W>(cdf, list.cdf, list.count, table.linked.longest, u);
-    const vbool<W> some = list.count > vint<W>(0);
-    const vint<W> at = select(some, list.cdf + i, vint<W>(0));
-    const vfloat<W> probability = select(some, gather<W>(cdf + 1, at) - gather<W>(cdf, at), vfloat<W>(0.0f));
-    return {gather<W>(table.linked.lights.data(), select(some, list.first + i, vint<W>(0))), probability};
+    choice = choose_light(table, m, p, n, u);
+    const vint<W> collection = gather<W>(table.light_link.data(), choice.light);
+    choice.probability = select(in_collection(table.links, link, collection), choice.probability, vfloat<W>(0.0f));
+    return choice;
   }
-  const vfloat<W> total = linked_total_importance(table, p, link), wanted = u * total;
+  const vfloat<W> total = linked_total_importance(table, p, link), wanted = unit_float(u) * total;
   vfloat<W> run(0.0f), chosen(0.0f);
   vint<W> light(0);
   for (int i = 0; i < table.count; ++i) {
@@ -62,18 +49,15 @@ PRIMRAY_RARE LightChoice<W> choose_linked_light(const LightTable& table, const v
 // The probability with which choose_linked_light picks a light of its own in every lane of `m`; all of them reach their lanes.
 template <int W>
 PRIMRAY_RARE vfloat<W> linked_probability_of(const LightTable& table, vint<W> light, vbool<W> m, const vvec3<W>& p,
-                                             vint<W> link) {
+                                             const vvec3<W>& n, vint<W> link) {
   const vint<W> valid = select(m, light, vint<W>(0));
-  if (table.count > LightTable::kWeighed) {
-    if (!table.linked.any()) return probability_of(table, light, m, p);
-    const LinkedList<W> list(table.linked, link);
-    const vint<W> i =
-        last_not_above<int32_t, W>(table.linked.lights.data(), list.first, list.count, table.linked.longest, valid);
-    const vint<W> at = list.cdf + i;
-    const vbool<W> listed = m & (list.count > vint<W>(0));
-    const vint<W> safe = select(listed, at, vint<W>(0));
-    const float* cdf = table.linked.cdf.data();
-    return select(listed, gather<W>(cdf + 1, safe) - gather<W>(cdf, safe), vfloat<W>(0.0f));
+  if (table.by_tree()) {
+    const LinkedLights& linked = table.linked;
+    if (!linked.any()) return probability_of(table, light, m, p, n);
+    const vint<W> row = max(link, 0), first = gather<W>(linked.first.data(), row), count = gather<W>(linked.count.data(), row);
+    const vint<W> at = first + last_not_above<int32_t, W>(linked.lights.data(), first, count, linked.longest, valid);
+    const vbool<W> listed = m & (count > vint<W>(0));
+    return probability_in_tree(table, linked.places.data(), select(listed, at, vint<W>(0)), listed, p, n);
   }
   vfloat<W> total(0.0f), chosen(0.0f);
   for (int i = 0; i < table.count; ++i) {
@@ -87,9 +71,9 @@ PRIMRAY_RARE vfloat<W> linked_probability_of(const LightTable& table, vint<W> li
 // The probability with which choose_linked_light picks light number `i`, which reaches the lanes `m`; `total` from
 // linked_total_importance (few lights).
 template <int W>
-PRIMRAY_RARE vfloat<W> linked_probability(const LightTable& table, int i, vbool<W> m, const vvec3<W>& p, vfloat<W> total,
-                                          vint<W> link) {
-  if (table.count > LightTable::kWeighed) return linked_probability_of(table, vint<W>(i), m, p, link);
+PRIMRAY_RARE vfloat<W> linked_probability(const LightTable& table, int i, vbool<W> m, const vvec3<W>& p, const vvec3<W>& n,
+                                          vfloat<W> total, vint<W> link) {
+  if (table.by_tree()) return linked_probability_of(table, vint<W>(i), m, p, n, link);
   return linked_importance(table, i, p, link) / max(total, 1e-38f);
 }
 

@@ -7,7 +7,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "light/tree.hpp"
 #include "math/vec3.hpp"
+#include "scene/features.hpp"
 
 namespace primray {
 
@@ -17,7 +19,7 @@ constexpr int32_t kUnlinkedRow = -1;
 struct LinkTable {
   int rows = 0, words = 0;    // words of 32 collections a row
   std::vector<int32_t> bits;  // row by row: whether what wears the row is in the collection
-  bool any() const { return words > 0; }
+  bool any() const { return built::kLinks && words > 0; }
   bool holds(int row, int collection) const {
     return collection == 0 || (uint32_t(bits[size_t(row) * words + (collection >> 5)]) >> (collection & 31) & 1);
   }
@@ -45,14 +47,15 @@ PRIMRAY_INLINE vbool<W> in_collection(const LinkTable& table, vint<W> row, vint<
   return (row < vint<W>(0)) | (collection == vint<W>(0)) | ((word & bit) != vint<W>(0));
 }
 
-// By row of the LinkTable, the lights that reach it, ascending, and the probabilities of choosing them: where there are too
-// many lights to weigh each. Empty if that would take too much memory: the choice is then among all lights.
+// By row of the LinkTable, the lights that reach it, ascending, and the tree by which they are chosen: where there are too many
+// lights to weigh each. Rows that the same lights reach share both. Empty if that would take too much memory: the choice is
+// then among all lights.
 struct LinkedLights {
-  std::vector<int32_t> first;   // rows + 1
-  std::vector<int32_t> lights;  // by row
-  std::vector<float> cdf;       // of row r from first[r] + r on: one more than it has lights
+  std::vector<int32_t> first, count, root;  // root -1: no light
+  std::vector<int32_t> lights;
+  std::vector<LightTree::Place> places;  // of `lights`
   int longest = 0;
-  static constexpr size_t kMost = size_t(1) << 25;
+  static constexpr size_t kMost = size_t(1) << 23;
   bool any() const { return !first.empty(); }
 };
 

@@ -15,19 +15,20 @@ constexpr float kPortalShare = 0.5f;  // of the samples of a dome whose image is
 template <int W>
 PRIMRAY_INLINE vfloat<W> portal_share(const Dome& dome, const LightTable& portals, const vvec3<W>& p) {
   const vfloat<W> share(dome.sampled ? kPortalShare : 1.0f);
-  if (portals.count > LightTable::kWeighed) return share;
+  if (portals.by_tree()) return share;
   return select(total_importance(portals, p) > vfloat<W>(0.0f), share, vfloat<W>(0.0f));
 }
 
 // Density with which directions through portals are chosen.
 template <int W>
 PRIMRAY_INLINE vfloat<W> portal_pdf(const LightTable& portals, const vvec3<W>& p, const vvec3<W>& wi) {
-  const bool weighed = portals.count > 1 && portals.count <= LightTable::kWeighed;
+  const bool weighed = portals.count > 1 && !portals.by_tree();
   const vfloat<W> total = weighed ? total_importance(portals, p) : vfloat<W>(1.0f);
   vfloat<W> pdf(0.0f);
   for (int i = 0; i < portals.count; ++i) {
     const vfloat<W> met = light_hit<W>(portals.row(i), p, wi).pdf;
-    if (any(met > vfloat<W>(0.0f))) pdf += met * light_probability(portals, i, p, total);
+    const vbool<W> m = met > vfloat<W>(0.0f);
+    if (any(m)) pdf += met * light_probability(portals, i, m, p, vvec3<W>(vfloat<W>(0.0f)), total);
   }
   return pdf;
 }
@@ -55,7 +56,9 @@ PRIMRAY_RARE void sample_portals(const LightTable& table, vbool<W> m, vint<W> li
     const vbool<W> through = mine & (choice < share);
     vbool<W> chosen = mine & !through & vbool<W>(table.domes[k].sampled);
     if (any(through)) {
-      const LightChoice<W> c = choose_light(portals, p, min(choice / max(share, 1e-30f), 0x1.fffffep-1f));
+      const vfloat<W> rest = min(choice / max(share, 1e-30f), 0x1.fffffep-1f);
+      const vuint<W> number = bit_cast<vuint<W>>(truncate(rest * 0x1p24f)) << 8;
+      const LightChoice<W> c = choose_light(portals, through, p, vvec3<W>(vfloat<W>(0.0f)), number);
       const LightSample<W> n = light_sample(portals, c.light, through & (c.probability > vfloat<W>(0.0f)), p, u, v);
       s.wi = select(through, n.wi, s.wi);
       chosen |= through & (n.pdf > vfloat<W>(0.0f));

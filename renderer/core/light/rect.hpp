@@ -1,11 +1,11 @@
 // A rectangle in its plane z = 0, |x| <= hx, |y| <= hy, emitting along -z: sampled by solid angle where it is near.
 //
 // Near: the spherical rectangle of Urena, Fajardo and King 2013, "An Area-Preserving Parametrization for Spherical
-// Rectangles". Far (its half-diagonal less than half of the distance) or seen as a sliver: by area, where both have nearly
-// the same variance and the solid angle of the first would lose digits.
+// Rectangles". Far (its half-diagonal less than half of the distance): by area, which has nearly the same variance. Near, but
+// seen as a sliver, whose solid angle would lose digits: light/sliver.hpp.
 #pragma once
 
-#include "light/local_shape.hpp"
+#include "light/sliver.hpp"
 
 namespace primray {
 
@@ -49,48 +49,58 @@ PRIMRAY_INLINE vbool<W> rect_is_far(const vvec3<W>& p, vfloat<W> hx, vfloat<W> h
   return dot(p, p) > 4.0f * (hx * hx + hy * hy);
 }
 
+// Density of rect_sample towards the point at `to`, seen from p, which lies in front; `by_area` where that is how it is chosen.
+template <int W>
+PRIMRAY_INLINE vfloat<W> near_rect_pdf(const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy, const vvec3<W>& to, vbool<W> far,
+                                       vfloat<W> by_area) {
+  const vfloat<W> solid_angle = SphericalRect<W>(p, hx, hy).solid_angle;
+  const vbool<W> thin = solid_angle < vfloat<W>(kSliver);
+  vfloat<W> pdf = select(far, by_area, 1.0f / solid_angle);
+  if (any(thin & !far)) pdf = select(thin & !far, Sliver<W>(p, hx, hy).pdf(to), pdf);
+  return pdf;
+}
+
 template <int W>
 PRIMRAY_INLINE LocalSample<W> rect_sample(const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy, vfloat<W> u, vfloat<W> v) {
-  const vbool<W> front = p.z < vfloat<W>(0.0f);
-  vbool<W> far = rect_is_far(p, hx, hy);
+  const vbool<W> front = p.z < vfloat<W>(0.0f), far = rect_is_far(p, hx, hy);
   // Coordinates seen from the point: the plane lies at -p.z along +z.
   vvec3<W> to{(2.0f * u - 1.0f) * hx - p.x, (2.0f * v - 1.0f) * hy - p.y, -p.z};
   vfloat<W> near_pdf(0.0f);
   if (any(front & !far)) {
     const SphericalRect<W> sphere(p, hx, hy);
-    far |= sphere.solid_angle < vfloat<W>(kSliver);
+    const vbool<W> thin = front & !far & (sphere.solid_angle < vfloat<W>(kSliver));
     const vvec3<W> q = sphere.sample(u, v);
     to = select(far, to, vvec3<W>(q.x, q.y, -q.z));
     near_pdf = 1.0f / sphere.solid_angle;
+    if (any(thin)) {
+      const Sliver<W> sliver(p, hx, hy);
+      to = select(thin, sliver.sample(u, v), to);
+      near_pdf = select(thin, sliver.pdf(to), near_pdf);
+    }
   }
   const vfloat<W> d2 = dot(to, to), d = sqrt(d2);
   const vfloat<W> far_pdf = d2 * d / (4.0f * hx * hy * -p.z);
   const vfloat<W> pdf = select(far, far_pdf, near_pdf);
-  return {to * (1.0f / d), d, select(front & (pdf > vfloat<W>(0.0f)), pdf, vfloat<W>(0.0f))};
+  return {to * (1.0f / d), d, select(front & (pdf > vfloat<W>(0.0f)) & (pdf < vfloat<W>(kInfinity)), pdf, vfloat<W>(0.0f))};
 }
 
-// The density of rect_sample towards a point of the rectangle `distance` in front of p.
+// The density of rect_sample towards the point at `to`, seen from p.
 template <int W>
-PRIMRAY_INLINE vfloat<W> rect_pdf(const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy, vfloat<W> distance) {
+PRIMRAY_INLINE vfloat<W> rect_pdf(const vvec3<W>& p, vfloat<W> hx, vfloat<W> hy, const vvec3<W>& to) {
   const vbool<W> far = rect_is_far(p, hx, hy);
-  const vfloat<W> by_area = distance * distance * distance / (4.0f * hx * hy * -p.z);
-  if (all(far)) return by_area;
-  const vfloat<W> solid_angle = SphericalRect<W>(p, hx, hy).solid_angle;
-  return select(far | (solid_angle < vfloat<W>(kSliver)), by_area, 1.0f / solid_angle);
+  const vfloat<W> distance = length(to), by_area = distance * distance * distance / (4.0f * hx * hy * -p.z);
+  return all(far) ? by_area : near_rect_pdf(p, hx, hy, to, far, by_area);
 }
 
 template <int W>
 PRIMRAY_INLINE LocalHit<W> rect_hit(const vvec3<W>& p, const vvec3<W>& w, vfloat<W> hx, vfloat<W> hy) {
   const vfloat<W> t = -p.z / w.z;
-  const vbool<W> hit =
-      (p.z < vfloat<W>(0.0f)) & (w.z > vfloat<W>(0.0f)) & (abs(p.x + w.x * t) <= hx) & (abs(p.y + w.y * t) <= hy);
+  const vvec3<W> to = w * t;
+  const vbool<W> hit = (p.z < vfloat<W>(0.0f)) & (w.z > vfloat<W>(0.0f)) & (abs(p.x + to.x) <= hx) & (abs(p.y + to.y) <= hy);
   if (!any(hit)) return {vfloat<W>(kInfinity), vfloat<W>(0.0f)};
   const vbool<W> far = rect_is_far(p, hx, hy);
   vfloat<W> pdf = t * t / (4.0f * hx * hy * w.z);
-  if (any(hit & !far)) {
-    const vfloat<W> solid_angle = SphericalRect<W>(p, hx, hy).solid_angle;
-    pdf = select(far | (solid_angle < vfloat<W>(kSliver)), pdf, 1.0f / solid_angle);
-  }
+  if (any(hit & !far)) pdf = near_rect_pdf(p, hx, hy, to, far, pdf);
   return {select(hit, t, vfloat<W>(kInfinity)), select(hit, pdf, vfloat<W>(0.0f))};
 }
 

@@ -35,7 +35,7 @@ PRIMRAY_RARE LocalSample<W> textured_rect_sample(const LightImage& image, const 
   const vfloat<W> distance = select(bright, d, plain.t);
   value = image_value(image, s, t);
   const vbool<W> front = p.z < vfloat<W>(0.0f);
-  const vfloat<W> pdf = textured_rect_pdf(image, s, t, rect_pdf(p, hx, hy, distance), hx, hy, distance, -p.z);
+  const vfloat<W> pdf = textured_rect_pdf(image, s, t, rect_pdf(p, hx, hy, w * distance), hx, hy, distance, -p.z);
   return {w, distance, select(front & (pdf > vfloat<W>(0.0f)) & (pdf < vfloat<W>(kInfinity)), pdf, vfloat<W>(0.0f))};
 }
 

@@ -39,6 +39,26 @@ struct vbool {
   PRIMRAY_INLINE vbool& operator|=(vbool b) { return *this = *this | b; }
 };
 
+#if defined(__AVX512F__)
+// A mask register.
+template <>
+struct vbool<16> {
+  __mmask16 mask;
+
+  vbool() = default;
+  PRIMRAY_INLINE vbool(__mmask16 m) : mask(m) {}
+  PRIMRAY_INLINE vbool(RawVector<int32_t, 16>::type raw) : mask(_mm512_movepi32_mask((__m512i)raw)) {}
+  PRIMRAY_INLINE explicit vbool(bool b) : mask(b ? 0xffff : 0) {}
+  PRIMRAY_INLINE bool operator[](int i) const { return mask >> i & 1; }
+
+  PRIMRAY_INLINE friend vbool operator&(vbool a, vbool b) { return __mmask16(a.mask & b.mask); }
+  PRIMRAY_INLINE friend vbool operator|(vbool a, vbool b) { return __mmask16(a.mask | b.mask); }
+  PRIMRAY_INLINE friend vbool operator!(vbool a) { return __mmask16(~a.mask); }
+  PRIMRAY_INLINE vbool& operator&=(vbool b) { return *this = *this & b; }
+  PRIMRAY_INLINE vbool& operator|=(vbool b) { return *this = *this | b; }
+};
+#endif
+
 // Bits of the lanes that are true, lane 0 lowest.
 template <int W>
 PRIMRAY_INLINE uint32_t bits(vbool<W> m) {
@@ -47,7 +67,7 @@ PRIMRAY_INLINE uint32_t bits(vbool<W> m) {
   return r;
 }
 #if defined(__AVX512F__)
-PRIMRAY_INLINE uint32_t bits(vbool<16> m) { return _mm512_movepi32_mask((__m512i)m.v); }
+PRIMRAY_INLINE uint32_t bits(vbool<16> m) { return m.mask; }
 #endif
 #if defined(__AVX__)
 PRIMRAY_INLINE uint32_t bits(vbool<8> m) { return _mm256_movemask_ps((__m256)m.v); }
@@ -61,6 +81,29 @@ PRIMRAY_INLINE bool any(vbool<W> m) {
 template <int W>
 PRIMRAY_INLINE bool all(vbool<W> m) {
   return bits(m) == uint32_t((uint64_t(1) << W) - 1);
+}
+
+enum class Order { kLess, kGreater, kNotAbove, kNotBelow, kEqual, kUnequal };
+
+// How a stands to b, lane by lane; a NaN is unequal to all and stands in no other order.
+template <Order kOrder, class T, int W>
+PRIMRAY_INLINE vbool<W> compare(typename RawVector<T, W>::type a, typename RawVector<T, W>::type b) {
+#if defined(__AVX512F__)
+  if constexpr (W == 16) {
+    constexpr int kFloat[] = {_CMP_LT_OQ, _CMP_GT_OQ, _CMP_LE_OQ, _CMP_GE_OQ, _CMP_EQ_OQ, _CMP_NEQ_UQ};
+    constexpr int kInt[] = {_MM_CMPINT_LT, _MM_CMPINT_NLE, _MM_CMPINT_LE, _MM_CMPINT_NLT, _MM_CMPINT_EQ, _MM_CMPINT_NE};
+    if constexpr (std::is_same_v<T, float>) return vbool<W>(_mm512_cmp_ps_mask((__m512)a, (__m512)b, kFloat[int(kOrder)]));
+    if constexpr (std::is_same_v<T, int32_t>) return vbool<W>(_mm512_cmp_epi32_mask((__m512i)a, (__m512i)b, kInt[int(kOrder)]));
+    if constexpr (std::is_same_v<T, uint32_t>)
+      return vbool<W>(_mm512_cmp_epu32_mask((__m512i)a, (__m512i)b, kInt[int(kOrder)]));
+  }
+#endif
+  if constexpr (kOrder == Order::kLess) return vbool<W>(a < b);
+  if constexpr (kOrder == Order::kGreater) return vbool<W>(a > b);
+  if constexpr (kOrder == Order::kNotAbove) return vbool<W>(a <= b);
+  if constexpr (kOrder == Order::kNotBelow) return vbool<W>(a >= b);
+  if constexpr (kOrder == Order::kEqual) return vbool<W>(a == b);
+  if constexpr (kOrder == Order::kUnequal) return vbool<W>(a != b);
 }
 
 template <class T, int W>
@@ -84,12 +127,12 @@ struct Vector {
   PRIMRAY_INLINE Vector& operator+=(Vector b) { return *this = *this + b; }
   PRIMRAY_INLINE Vector& operator-=(Vector b) { return *this = *this - b; }
   PRIMRAY_INLINE Vector& operator*=(Vector b) { return *this = *this * b; }
-  PRIMRAY_INLINE friend Bool operator<(Vector a, Vector b) { return Bool(a.v < b.v); }
-  PRIMRAY_INLINE friend Bool operator>(Vector a, Vector b) { return Bool(a.v > b.v); }
-  PRIMRAY_INLINE friend Bool operator<=(Vector a, Vector b) { return Bool(a.v <= b.v); }
-  PRIMRAY_INLINE friend Bool operator>=(Vector a, Vector b) { return Bool(a.v >= b.v); }
-  PRIMRAY_INLINE friend Bool operator==(Vector a, Vector b) { return Bool(a.v == b.v); }
-  PRIMRAY_INLINE friend Bool operator!=(Vector a, Vector b) { return Bool(a.v != b.v); }
+  PRIMRAY_INLINE friend Bool operator<(Vector a, Vector b) { return compare<Order::kLess, T, W>(a.v, b.v); }
+  PRIMRAY_INLINE friend Bool operator>(Vector a, Vector b) { return compare<Order::kGreater, T, W>(a.v, b.v); }
+  PRIMRAY_INLINE friend Bool operator<=(Vector a, Vector b) { return compare<Order::kNotAbove, T, W>(a.v, b.v); }
+  PRIMRAY_INLINE friend Bool operator>=(Vector a, Vector b) { return compare<Order::kNotBelow, T, W>(a.v, b.v); }
+  PRIMRAY_INLINE friend Bool operator==(Vector a, Vector b) { return compare<Order::kEqual, T, W>(a.v, b.v); }
+  PRIMRAY_INLINE friend Bool operator!=(Vector a, Vector b) { return compare<Order::kUnequal, T, W>(a.v, b.v); }
   PRIMRAY_INLINE friend Vector operator&(Vector a, Vector b)
     requires std::is_integral_v<T>
   {
@@ -126,7 +169,12 @@ using vuint = Vector<uint32_t, W>;
 
 template <class T, int W>
 PRIMRAY_INLINE Vector<T, W> select(vbool<W> m, Vector<T, W> a, Vector<T, W> b) {
-  return m.v ? a.v : b.v;
+#if defined(__AVX512F__)
+  if constexpr (W == 16)
+    return (typename Vector<T, W>::Raw)_mm512_mask_blend_epi32(m.mask, (__m512i)b.v, (__m512i)a.v);
+  else
+#endif
+    return m.v ? a.v : b.v;
 }
 template <int W>
 PRIMRAY_INLINE vfloat<W> select(vbool<W> m, vfloat<W> a, float b) {
@@ -137,12 +185,36 @@ PRIMRAY_INLINE vfloat<W> select(vbool<W> m, float a, vfloat<W> b) {
   return select(m, vfloat<W>(a), b);
 }
 
+// -1 in the lanes that are true, else 0.
+template <int W>
+PRIMRAY_INLINE vint<W> minus_one_where(vbool<W> m) {
+#if defined(__AVX512F__)
+  if constexpr (W == 16)
+    return (vint<16>::Raw)_mm512_movm_epi32(m.mask);
+  else
+#endif
+    return vint<W>(m.v);
+}
+
 template <class T, int W>
 PRIMRAY_INLINE Vector<T, W> min(Vector<T, W> a, std::type_identity_t<Vector<T, W>> b) {
+  // The instructions give the second of equal ones, and where one is no number, as the formula does.
+#if defined(__AVX512F__)
+  if constexpr (W == 16 && std::is_same_v<T, float>) return (vfloat<16>::Raw)_mm512_min_ps((__m512)a.v, (__m512)b.v);
+#endif
+#if defined(__AVX__)
+  if constexpr (W == 8 && std::is_same_v<T, float>) return (vfloat<8>::Raw)_mm256_min_ps((__m256)a.v, (__m256)b.v);
+#endif
   return a.v < b.v ? a.v : b.v;
 }
 template <class T, int W>
 PRIMRAY_INLINE Vector<T, W> max(Vector<T, W> a, std::type_identity_t<Vector<T, W>> b) {
+#if defined(__AVX512F__)
+  if constexpr (W == 16 && std::is_same_v<T, float>) return (vfloat<16>::Raw)_mm512_max_ps((__m512)a.v, (__m512)b.v);
+#endif
+#if defined(__AVX__)
+  if constexpr (W == 8 && std::is_same_v<T, float>) return (vfloat<8>::Raw)_mm256_max_ps((__m256)a.v, (__m256)b.v);
+#endif
   return a.v > b.v ? a.v : b.v;
 }
 template <int W>
@@ -201,7 +273,7 @@ PRIMRAY_INLINE vfloat<W> unit_float(vuint<W> a) {
 template <int W>
 PRIMRAY_INLINE vint<W> floor_to_int(vfloat<W> a) {
   vint<W> t = truncate(a);
-  return t + vint<W>((to_float(t) > a).v);  // a true lane is -1
+  return t + minus_one_where(to_float(t) > a);
 }
 
 template <int W, class T>
@@ -242,6 +314,49 @@ PRIMRAY_INLINE Vector<T, W> gather(const T* base, vint<W> index) {
   Vector<T, W> r;
   for (int i = 0; i < W; ++i) r.v[i] = base[index.v[i]];
   return r;
+}
+// base[index] to base[index + 3] in every lane, all four of which must be there: a load a lane and a transposition cost less
+// than gathers of the four, or of three of them.
+template <class T, int W>
+struct FourLanes {
+  Vector<T, W> x, y, z, w;
+};
+template <int W, class T>
+PRIMRAY_INLINE FourLanes<T, W> gather_four(const T* base, vint<W> index) {
+#if defined(__AVX512F__)
+  if constexpr (W == 16) {
+    alignas(64) int32_t at[16];
+    store(at, index);
+    const auto four = [&](int i) { return _mm_loadu_si128(reinterpret_cast<const __m128i*>(base + at[i])); };
+    // Lanes i, i + 4, i + 8, i + 12.
+    const auto rows = [&](int i) {
+      const __m256i low = _mm256_inserti128_si256(_mm256_castsi128_si256(four(i)), four(i + 4), 1);
+      const __m256i high = _mm256_inserti128_si256(_mm256_castsi128_si256(four(i + 8)), four(i + 12), 1);
+      return _mm512_inserti64x4(_mm512_castsi256_si512(low), high, 1);
+    };
+    const __m512i a = rows(0), b = rows(1), c = rows(2), d = rows(3);
+    const __m512i ab_xy = _mm512_unpacklo_epi32(a, b), ab_zw = _mm512_unpackhi_epi32(a, b);
+    const __m512i cd_xy = _mm512_unpacklo_epi32(c, d), cd_zw = _mm512_unpackhi_epi32(c, d);
+    using Raw = typename Vector<T, W>::Raw;
+    return {(Raw)_mm512_unpacklo_epi64(ab_xy, cd_xy), (Raw)_mm512_unpackhi_epi64(ab_xy, cd_xy),
+            (Raw)_mm512_unpacklo_epi64(ab_zw, cd_zw), (Raw)_mm512_unpackhi_epi64(ab_zw, cd_zw)};
+  }
+#endif
+#if defined(__AVX2__)
+  if constexpr (W == 8) {
+    alignas(32) int32_t at[8];
+    store(at, index);
+    const auto four = [&](int i) { return _mm_loadu_si128(reinterpret_cast<const __m128i*>(base + at[i])); };
+    const auto rows = [&](int i) { return _mm256_inserti128_si256(_mm256_castsi128_si256(four(i)), four(i + 4), 1); };
+    const __m256i a = rows(0), b = rows(1), c = rows(2), d = rows(3);
+    const __m256i ab_xy = _mm256_unpacklo_epi32(a, b), ab_zw = _mm256_unpackhi_epi32(a, b);
+    const __m256i cd_xy = _mm256_unpacklo_epi32(c, d), cd_zw = _mm256_unpackhi_epi32(c, d);
+    using Raw = typename Vector<T, W>::Raw;
+    return {(Raw)_mm256_unpacklo_epi64(ab_xy, cd_xy), (Raw)_mm256_unpackhi_epi64(ab_xy, cd_xy),
+            (Raw)_mm256_unpacklo_epi64(ab_zw, cd_zw), (Raw)_mm256_unpackhi_epi64(ab_zw, cd_zw)};
+  }
+#endif
+  return {gather<W>(base, index), gather<W>(base + 1, index), gather<W>(base + 2, index), gather<W>(base + 3, index)};
 }
 // Lanes 0, 1, 2, ...
 template <int W>

@@ -3,7 +3,7 @@
 // Every pair of dimensions takes the first two Sobol dimensions at an index shuffled for that pair, scrambled again: Burley
 // 2020, "Practical Hash-based Owen Scrambling", with the hash of Laine and Karras 2011 as improved by Vegdahl 2021 ("Building a
 // Better LK Hash"). Dimensions are numbered by bounce and purpose, whatever the scene holds: a feature that is off leaves its
-// own unused.
+// own unused. What a path is made of (its film point, its directions) is stratified in four dimensions, two pairs at a time.
 #pragma once
 
 #include "math/lanes.hpp"
@@ -11,9 +11,9 @@
 namespace primray {
 
 // What a number is for; each bounce owns kPurposes of them, the camera ray counts as bounce 0.
-enum class Purpose : uint32_t { kFilm, kLens, kDirection, kLobe, kLightPoint, kLightChoice, kRoulette, kEmitter, kCount };
+enum class Purpose : uint32_t { kFilm, kLens, kChain, kLobe, kLightPoint, kLightChoice, kRoulette, kEmitter, kCount };
 // Of the camera ray, which scatters nowhere: those numbers of bounce 0 are free.
-constexpr Purpose kShutterTime = Purpose::kDirection;
+constexpr Purpose kShutterTime = Purpose::kLobe;
 
 // The bits of x in reverse: with byte shuffles where there are any, six instructions in place of two dozen.
 #if defined(__AVX2__)
@@ -88,6 +88,26 @@ PRIMRAY_INLINE vuint<W> sobol_second(vuint<W> x) {
   return x ^ ((x >> 16) & vuint<W>(0x0000ffffu));
 }
 
+// Digits of GF(4), two bits each, lowest first: digit j of x times w^j, or times w^-j. With w^2 = w + 1, w (b w + a) =
+// (a + b) w + b, and w^2 (b w + a) = a w + (a + b): each bit of the result is one of the digit's, or their sum.
+template <int W>
+PRIMRAY_INLINE vuint<W> scale_digits(vuint<W> x, uint32_t kept) {
+  const vuint<W> swapped = ((x >> 1) & vuint<W>(0x55555555u)) | ((x & vuint<W>(0x55555555u)) << 1);
+  return (x & vuint<W>(kept)) ^ (swapped & vuint<W>(0x3cf3cf3cu));
+}
+// Pascal's triangle over GF(4), its entry (i, j) times w^(j - i): the first two Sobol dimensions of an index and of what this
+// makes of it are together four, of which 4^m points are a (0, m, 4)-net in base 4 (Faure 1982, Niederreiter 1987), while each
+// pair is one in base 2 (Ahmed et al. 2024, "SZ Sequences: Binary-Based (0, 2^q)-Sequences").
+template <int W>
+PRIMRAY_INLINE vuint<W> pascal_of_four(vuint<W> x) {
+  x = scale_digits(x, 0xdb6db6dbu);
+  x = x ^ ((x >> 2) & vuint<W>(0x33333333u));
+  x = x ^ ((x >> 4) & vuint<W>(0x0f0f0f0fu));
+  x = x ^ ((x >> 8) & vuint<W>(0x00ff00ffu));
+  x = x ^ ((x >> 16) & vuint<W>(0x0000ffffu));
+  return scale_digits(x, 0xe79e79e7u);
+}
+
 template <int W>
 struct Pair {
   vfloat<W> u, v;
@@ -108,10 +128,14 @@ struct Sampler {
   }
   PRIMRAY_INLINE Pair<W> pair(vint<W> bounce, Purpose purpose) const {
     const vuint<W> s = dimension_seed(bounce, purpose);
+    return scrambled(reverse_bits(laine_karras(reversed_index, s)), s);
+  }
+  // Links of a chain of pairs, numbered from 0: links 2k and 2k + 1 are four dimensions of one point.
+  PRIMRAY_INLINE Pair<W> link(vint<W> number) const {
+    const vuint<W> s = dimension_seed(number >> 1, Purpose::kChain);
     const vuint<W> index = reverse_bits(laine_karras(reversed_index, s));
-    const vuint<W> a = laine_karras(index, s * vuint<W>(0x85ebca6bu)),
-                   b = laine_karras(sobol_second(index), s * vuint<W>(0xc2b2ae35u));
-    return {unit_float(reverse_bits(a)), unit_float(reverse_bits(b))};
+    const vbool<W> second = (number & vint<W>(1)) != vint<W>(0);
+    return scrambled(select(second, pascal_of_four(index), index), select(second, (s ^ (s >> 15)) * vuint<W>(0x2c1b3c6du), s));
   }
   // All 32 bits of a number.
   PRIMRAY_INLINE vuint<W> bits_of(vint<W> bounce, Purpose purpose) const {
@@ -119,7 +143,18 @@ struct Sampler {
     const vuint<W> index = reverse_bits(laine_karras(reversed_index, s));
     return reverse_bits(laine_karras(index, s * vuint<W>(0x85ebca6bu)));
   }
-  PRIMRAY_INLINE vfloat<W> single(vint<W> bounce, Purpose purpose) const { return unit_float(bits_of(bounce, purpose)); }
+  // The shuffled index read as a fraction: one number in each interval, all as far from its beginning, which a choice between
+  // few outcomes does not mind.
+  PRIMRAY_INLINE vfloat<W> single(vint<W> bounce, Purpose purpose) const {
+    return unit_float(laine_karras(reversed_index, dimension_seed(bounce, purpose)));
+  }
+
+ private:
+  static PRIMRAY_INLINE Pair<W> scrambled(vuint<W> index, vuint<W> s) {
+    const vuint<W> a = laine_karras(index, s * vuint<W>(0x85ebca6bu)),
+                   b = laine_karras(sobol_second(index), s * vuint<W>(0xc2b2ae35u));
+    return {unit_float(reverse_bits(a)), unit_float(reverse_bits(b))};
+  }
 };
 
 }  // namespace primray

@@ -142,7 +142,7 @@ void SceneBuilder::reserve_triangles(size_t points, size_t triangles) {
   if (3 * points >= kMaxElements || 3 * triangles >= kMaxElements)
     throw Error("too-large", "more than 715 million points or triangles");
   scene_->positions.reserve(3 * points + 4);  // and what finish() adds
-  scene_->indices.reserve(3 * triangles), scene_->triangle_mesh.reserve(triangles);
+  scene_->indices.reserve(3 * triangles + 1), scene_->triangle_mesh.reserve(triangles);
 }
 
 void SceneBuilder::reserve_instances(size_t count) {
@@ -224,6 +224,7 @@ void SceneBuilder::set_camera(const CameraInput& c) {
 std::unique_ptr<Scene> SceneBuilder::finish() {
   Scene& s = *scene_;
   s.positions.insert(s.positions.end(), 4, 0.0f);  // Embree reads 16 bytes of the last vertex
+  s.indices.push_back(0);                          // as the core does of the last triangle
   for (size_t i = 0; i < s.surfaces.rows.size(); i += kSurfaceFields) {
     const float* row = &s.surfaces.rows[i];
     const int flags = int(row[kFlags]);
@@ -237,9 +238,20 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
   if (s.has_emission) build_emitters(s);
   finish_light_rows(s.lights);
   s.rays_find_light = s.has_emission || s.lights.needs_hit_test || !s.lights.domes.empty();
+  s.only_met_lights_found = !s.has_emission && s.lights.domes.empty() && !s.lights.met.empty() && s.lights.met.far.empty();
   s.only_domes_found = !s.has_emission && !s.lights.needs_hit_test && !s.lights.domes.empty();
+  if (s.needs_left_out()) throw Error("settings-error", "the scene needs a feature that this core was built without");
   build_accel(s);
   return std::move(scene_);
+}
+
+bool Scene::needs_left_out() const {
+  return has_instances.is_left_out() || has_spheres.is_left_out() || has_attributes.is_left_out() || has_inputs.is_left_out() ||
+         has_cutouts.is_left_out() || has_emission.is_left_out() || has_thin.is_left_out() ||
+         lights.lobe_factors.is_left_out() || lights.has_shaping.is_left_out() || camera.shutter_open.is_left_out() ||
+         (!built::kLinks && lights.links.words > 0) || (!built::kPortals && !lights.portals.empty()) ||
+         (!built::kSpecialShadows && !lights.shadow_rows.empty()) || (!built::kLightImages && !lights.images.empty()) ||
+         (!built::kEmission && !geometry_lights.all.empty());
 }
 
 int64_t Scene::memory_bytes() const {
@@ -249,6 +261,7 @@ int64_t Scene::memory_bytes() const {
                   texture_bytes();
   for (const Dome& d : lights.domes) total += bytes(d.texels) + bytes(d.column_cdf) + bytes(d.density);
   for (const LightImage& i : lights.images) total += bytes(i.texels) + bytes(i.column_cdf);
+  total += bytes(lights.rows) + bytes(lights.tree.blocks) + bytes(lights.tree.places) + bytes(lights.linked.places);
   total += bytes(lights.shaping.rows) + bytes(lights.shaping.profiles.data);
   return total;
 }

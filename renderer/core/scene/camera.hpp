@@ -6,6 +6,7 @@
 
 #include "math/matrix.hpp"
 #include "math/transcendental.hpp"
+#include "scene/features.hpp"
 
 namespace primray {
 
@@ -55,9 +56,9 @@ struct Camera {
   float near = 0, far = 0;                         // along the view, from where rays begin
   float back = 0;                                  // so far behind the camera: where an orthographic one sees what is there
   float lens_radius = 0, focus_distance = 1;
-  int blades = 0;             // the lens is a regular polygon of as many sides, its corners on the circle; 0: the whole circle
-  float first_corner = 0;     // direction of one of them, in turns from +x towards +y
-  bool shutter_open = false;  // for a while: each path has a time of its own
+  int blades = 0;          // the lens is a regular polygon of as many sides, its corners on the circle; 0: the whole circle
+  float first_corner = 0;  // direction of one of them, in turns from +x towards +y
+  Fact<built::kMotion> shutter_open = false;  // for a while: each path has a time of its own
   std::vector<ClippingPlane> clipping_planes;
   PixelFilter filter;
 

@@ -73,15 +73,12 @@ void put_geometry_light(Scene& s, int32_t number, const daffine& world_from_grou
   const GeometryLight& light = s.geometry_lights.all[number];
   copy_common_fields(light.row.data(), row);
   const vec3 L = placed_radiance(s, light, world_from_group);
-  row[kGlow] = L.x, row[kGlow + 1] = L.y, row[kGlow + 2] = L.z;
+  put(row, kGlow, dvec3(L));
   row[kLightFlags] = float(int(row[kLightFlags]) | (light.own ? kOwnRadiance : 0));
   const daffine m = world_from_group * light.group_from_object;
   if (light.shaping) add_shaping(*light.shaping, m, row, s.lights);
   if (LightType(int(row[kType])) != LightType::kMesh) return;
-  const dvec3 frame[] = {normalize(m.x), normalize(m.z)};
-  const int fields[] = {kMeshFrameX, kMeshFrameZ};
-  for (int i = 0; i < 2; ++i)
-    row[fields[i]] = float(frame[i].x), row[fields[i] + 1] = float(frame[i].y), row[fields[i] + 2] = float(frame[i].z);
+  put(row, kMeshFrameX, normalize(m.x)), put(row, kMeshFrameZ, normalize(m.z));
 }
 
 // What dividing by the area has left of its radiance.
@@ -97,10 +94,8 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
   row[kDiffuseFactor] = row[kSpecularFactor] = row[kInverseDet] = 1;
   row[kLightFlags] = float(int(kGeometry));
   const daffine& m = world_from_group;
-  const dvec3 columns[] = {m.x, m.y, m.z, m.o, m.point(w.center)};
-  const int fields[] = {kAxisX, kAxisY, kAxisZ, kOrigin, kMeshCenter};
-  for (int i = 0; i < 5; ++i)
-    row[fields[i]] = float(columns[i].x), row[fields[i] + 1] = float(columns[i].y), row[fields[i] + 2] = float(columns[i].z);
+  put(row, kAxisX, m.x), put(row, kAxisY, m.y), put(row, kAxisZ, m.z), put(row, kOrigin, m.o);
+  put(row, kMeshCenter, m.point(w.center));
   const double size = std::cbrt(std::fabs(m.determinant()));
   row[kSize0] = float(w.radius * size);
   put_geometry_light(s, w.light, m, row);

@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "scene/features.hpp"
+
 namespace primray {
 
 struct Scene;
@@ -29,7 +31,7 @@ struct EmitterTable {
   std::vector<int32_t> placement_light, placement_rows;
   int64_t unsampled = 0;  // emitting instances beyond kMaxEmitterRows
 
-  bool any() const { return !first.empty(); }
+  bool any() const { return built::kEmission && !first.empty(); }
 };
 
 // Finds what emits and adds its rows to the scene's lights; after the last shape and placement.

@@ -39,7 +39,7 @@ struct GeometryLights {
   std::vector<float> diffuse, specular, radiance;
   enum : int32_t { kOwn = 1, kShown = 2 };
 
-  bool any() const { return !all.empty(); }
+  bool any() const { return built::kEmission && !all.empty(); }
   int32_t mesh(size_t row) const { return row < of_mesh.size() ? of_mesh[row] : -1; }
   int32_t ball(size_t sphere) const { return sphere < of_sphere.size() ? of_sphere[sphere] : -1; }
 };

@@ -2,97 +2,63 @@
 #include "scene/light_choice.hpp"
 
 #include <algorithm>
-#include <cmath>
+#include <map>
 #include <numeric>
-#include <span>
+
+#include "scene/light_bounds.hpp"
 
 namespace primray {
 namespace {
 
-constexpr double kPiDouble = 3.14159265358979323846;
+// Lights so much weaker than the strongest one are chosen as if they were stronger, so that none is lost to underflow.
+constexpr double kWeakest = 1e-20;
 
-struct Power {
-  double amount;
-  bool far;  // infinitely far: its power has no common measure with the rest
-};
-
-Power plain_power(const float* row) {
-  const double s0 = row[kSize0], s1 = row[kSize1], e = std::max(double(row[kImportance]), 1e-30);
-  switch (LightType(int(row[kType]))) {
-    case LightType::kPoint:
-      return {4 * kPiDouble * e, false};
-    case LightType::kSphere:
-      return {4 * kPiDouble * s0 * s0 * kPiDouble * e, false};
-    case LightType::kDisk:
-      return {kPiDouble * s0 * s0 * kPiDouble * e, false};
-    case LightType::kRect:
-      return {4 * s0 * s1 * kPiDouble * e, false};
-    case LightType::kCylinder:
-      return {4 * kPiDouble * s0 * s1 * kPiDouble * e, false};
-    case LightType::kMesh:
-      return {2 * kPiDouble * e, false};
-    case LightType::kLine:
-      return {kPiDouble * kPiDouble * 2 * s1 * e, false};
-    case LightType::kDistant:
-    case LightType::kDome:
-      return {e, true};
-  }
-  return {0, false};
-}
-
-Power power_of(const LightTable& table, const float* row) {
-  Power power = plain_power(row);
-  if (row[kShaping] != 0) power.amount *= table.shaping.row(int(row[kShaping]))[kMean];
-  return power;
-}
-
-// Adds 0 and the cumulative probabilities of `lights`: by power, but half of the choices for what is infinitely far, where
-// there is any. In whole multiples of 2^-24, which is what the sampler's numbers are, at least one each: every light is then
-// chosen with exactly the probability that is read off here.
-void add_probabilities(const std::vector<Power>& powers, std::span<const int32_t> lights, std::vector<float>& cdf) {
-  double near = 0, far = 0;
-  for (const int32_t i : lights) (powers[size_t(i)].far ? far : near) += powers[size_t(i)].amount;
-  constexpr double whole = 0x1p24;
-  const double count = double(lights.size()), ones = count < whole / 2 ? 1.0 : 0.0;
-  double run = 0;
-  cdf.push_back(0.0f);
-  for (size_t k = 0; k < lights.size(); ++k) {
-    const Power& power = powers[size_t(lights[k])];
-    const double share = near > 0 && far > 0 ? 0.5 : 1.0;
-    run += share * power.amount / (power.far ? far : near);
-    const double units = ones * double(k + 1) + std::round(std::min(run, 1.0) * (whole - ones * count));
-    cdf.push_back(k + 1 == lights.size() ? 1.0f : float(units / whole));
-  }
-}
-
-// One list for each row of the LinkTable; none where they would be too long.
-void build_linked_lights(LightTable& table, const std::vector<Power>& powers) {
+// One tree for each set of lights that a row of the LinkTable is reached by; none where they would be too large.
+void build_linked_lights(LightTable& table, const std::vector<LightBounds>& bounds) {
   LinkedLights linked;
-  linked.first.push_back(0);
+  std::map<std::vector<int32_t>, int> known;  // by the row's bits
   for (int row = 0; row < table.links.rows; ++row) {
+    const auto bits = table.links.bits.begin() + ptrdiff_t(row) * table.links.words;
+    const auto [same, added] = known.try_emplace(std::vector<int32_t>(bits, bits + table.links.words), row);
+    if (!added) {
+      const size_t r = size_t(same->second);
+      linked.first.push_back(linked.first[r]), linked.count.push_back(linked.count[r]), linked.root.push_back(linked.root[r]);
+      continue;
+    }
+    std::vector<int32_t> lights;
     for (int i = 0; i < table.count; ++i)
-      if (table.links.holds(row, table.light_link[size_t(i)])) linked.lights.push_back(i);
-    if (linked.lights.size() > LinkedLights::kMost) return;
-    const size_t first = size_t(linked.first.back());
-    linked.first.push_back(int32_t(linked.lights.size()));
-    linked.longest = std::max(linked.longest, int(linked.lights.size() - first));
-    add_probabilities(powers, std::span(linked.lights).subspan(first), linked.cdf);
+      if (table.links.holds(row, table.light_link[size_t(i)])) lights.push_back(i);
+    if (linked.lights.size() + lights.size() > LinkedLights::kMost) return;
+    std::vector<LightTree::Place> places;
+    linked.first.push_back(int32_t(linked.lights.size())), linked.count.push_back(int32_t(lights.size()));
+    linked.root.push_back(lights.empty() ? -1 : add_light_tree(table.tree, bounds, lights, places));
+    linked.longest = std::max(linked.longest, int(lights.size()));
+    linked.lights.insert(linked.lights.end(), lights.begin(), lights.end());
+    linked.places.insert(linked.places.end(), places.begin(), places.end());
   }
-  linked.lights.push_back(0), linked.cdf.push_back(1.0f);  // lanes without a light read here
+  linked.lights.push_back(0);  // lanes without a light read here
   table.linked = std::move(linked);
 }
 
 }  // namespace
 
 void build_light_choice(LightTable& table) {
-  if (table.count <= LightTable::kWeighed) return;
-  std::vector<Power> powers;
-  for (int i = 0; i < table.count; ++i) powers.push_back(power_of(table, table.row(i)));
-  std::vector<int32_t> all(size_t(table.count));
+  table.tree = {}, table.linked = {};
+  if (!table.by_tree()) return;
+  std::vector<LightBounds> bounds;
+  bounds.reserve(size_t(table.count));
+  double strongest = 0;
+  for (int i = 0; i < table.count; ++i) {
+    bounds.push_back(light_bounds(table, table.row(i)));
+    strongest = std::max(strongest, double(bounds.back().intensity));
+  }
+  const double scale = strongest > 0 ? 1 / strongest : 1;
+  for (LightBounds& b : bounds) b.intensity = float(std::max(b.intensity * scale, kWeakest));
+  table.tree.scale = float(scale);
+  std::vector<int32_t> all(bounds.size());
   std::iota(all.begin(), all.end(), 0);
-  table.power_cdf.clear();
-  add_probabilities(powers, all, table.power_cdf);
-  if (table.links.any()) build_linked_lights(table, powers);
+  add_light_tree(table.tree, bounds, all, table.tree.places);
+  if (table.links.any()) build_linked_lights(table, bounds);
 }
 
 }  // namespace primray

@@ -1,4 +1,4 @@
-// The probabilities by which lights are chosen where there are too many of them to weigh each at every vertex: by power.
+// The trees by which lights are chosen where there are too many of them to weigh each at every vertex.
 #pragma once
 
 #include "light/light.hpp"

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
+#include "scene/light_bounds.hpp"
 #include "scene/light_choice.hpp"
 #include "scene/light_rules.hpp"
 #include "scene/shaping_rows.hpp"
@@ -11,7 +13,6 @@
 namespace primray {
 namespace {
 
-constexpr double kPiDouble = 3.14159265358979323846;
 // Squares of sizes must stay floats; a light smaller than this is as good as one of this size and the same power.
 constexpr double kSmallest = 1e-15;
 
@@ -70,10 +71,6 @@ LightFrame light_frame(const LightInput& light) {
   return f;
 }
 
-void put(float* row, int field, const dvec3& v) {
-  row[field] = float(v.x), row[field + 1] = float(v.y), row[field + 2] = float(v.z);
-}
-
 // Only directions matter of a distant light or a dome: an orthonormal frame about its z (distant) or all its axes (dome).
 Affine<float> rotation_of(const daffine& m) {
   return {vec3(normalize(m.x)), vec3(normalize(m.y)), vec3(normalize(m.z)), vec3(0.0f)};
@@ -111,7 +108,7 @@ void add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
     }
     finish_light_rows(portals);
     // Of the light that comes through them about a hemisphere's half, for choosing among lights.
-    if (portals.count > 0) d.irradiance += d.mean * 0.5 * kPiDouble;
+    if (portals.count > 0) d.irradiance += d.mean * 0.5 * std::numbers::pi;
   }
   sampled = d.sampled || portals.count > 0;
   row[kSize1] = float(table.domes.size());
@@ -126,44 +123,20 @@ void add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
   }
 }
 
-// What holds a light that rays can meet, a little larger than rounding needs.
-LightBox light_box(const float* row) {
-  const double s0 = row[kSize0], s1 = row[kSize1];
-  LightBox box;
-  for (int a = 0; a < 3; ++a) {
-    const double x = std::fabs(row[kAxisX + a]), y = std::fabs(row[kAxisY + a]), z = std::fabs(row[kAxisZ + a]);
-    double reach = 0;
-    switch (LightType(int(row[kType]))) {
-      case LightType::kSphere:
-        reach = s0 * std::sqrt(x * x + y * y + z * z);
-        break;
-      case LightType::kDisk:
-        reach = s0 * std::sqrt(x * x + y * y);
-        break;
-      case LightType::kRect:
-        reach = s0 * x + s1 * y;
-        break;
-      case LightType::kCylinder:
-        reach = s1 * x + s0 * std::sqrt(y * y + z * z);
-        break;
-      default:
-        break;
-    }
-    const double center = row[kOrigin + a], more = reach * 1e-5 + std::fabs(center) * 4e-6;
-    box.low[a] = float(center - reach - more), box.high[a] = float(center + reach + more);
-  }
-  return box;
-}
-
 void add_hierarchy(LightTable& table) {
+  table.met.radius.assign(size_t(table.count), 0.0f);
   std::vector<int32_t> numbers;
   std::vector<LightBox> boxes;
   for (int i = 0; i < table.listed; ++i) {
     const LightType type = LightType(int(table.row(i)[kType]));
-    if (type == LightType::kDistant) table.met.far.push_back(i);
+    if (type == LightType::kDistant && table.row(i)[kSize0] > 0) table.met.far.push_back(i);
     if (type == LightType::kDistant || type == LightType::kDome || type == LightType::kPoint || type == LightType::kLine)
       continue;
-    numbers.push_back(i), boxes.push_back(light_box(table.row(i)));
+    const LightBox box = light_box(table.row(i));
+    double diagonal2 = 0;
+    for (int a = 0; a < 3; ++a) diagonal2 += (double(box.high[a]) - box.low[a]) * (double(box.high[a]) - box.low[a]);
+    table.met.radius[size_t(i)] = std::max(float(0.5 * std::sqrt(diagonal2)), float(kSmallest));
+    numbers.push_back(i), boxes.push_back(box);
   }
   build_light_hierarchy(table.met, std::move(numbers), boxes);
 }
@@ -194,11 +167,11 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
   } else if (light.type == LightType::kDistant) {
     const Frame<double> frame(normalize(m.z));
     m = {frame.s, frame.t, frame.n, dvec3(0.0)};
-    const double half = std::min(std::max(light.angle_deg, 0.0), 360.0) * (kPiDouble / 360);
+    const double half = std::min(std::max(light.angle_deg, 0.0), 360.0) * (std::numbers::pi / 360);
     // 1 - cos t = 2 sin^2 (t / 2) keeps its digits for the smallest suns.
     const double s = std::sin(0.5 * half), spread = 2 * s * s;
     row[kSize0] = float(spread);
-    row[kImportance] = float(luminance(emission) * (spread > 0 ? 2 * kPiDouble * std::min(spread, 0.5) : 1.0));
+    row[kImportance] = float(luminance(emission) * (spread > 0 ? 2 * std::numbers::pi * std::min(spread, 0.5) : 1.0));
     table.needs_hit_test |= row[kSize0] > 0;
   } else {
     const LightFrame f = light_frame(light);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "scene/builder.hpp"
+#include "scene/row.hpp"
 
 namespace primray {
 

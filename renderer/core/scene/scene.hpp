@@ -98,18 +98,21 @@ struct Scene {
   double scale = 1.0;
 
   // Facts of the scene that spare work where they are false.
-  bool has_instances = false;  // else no hit carries an instance
-  bool has_grouped = false;    // some instances stand in others
-  bool has_spheres = false;
-  bool has_attributes = false;  // smooth normals or varying colours
-  bool has_inputs = false;      // a surface has inputs that vary
-  bool has_cutouts = false;     // some triangles are looked at by a filter
-  bool has_emission = false;
-  bool rays_find_light = false;   // domes, areas or emission that a scattered ray could meet
-  bool only_domes_found = false;  // ... and of these only domes, for which it is enough to know that nothing is hit
-  bool has_thin = false;          // something lets light straight through: shadow rays must look at what they hit
+  Fact<built::kInstances> has_instances = false;  // else no hit carries an instance
+  Fact<built::kInstances> has_grouped = false;    // some instances stand in others
+  Fact<built::kSpheres> has_spheres = false;
+  Fact<built::kAttributes> has_attributes = false;  // smooth normals or varying colours
+  Fact<built::kTextures> has_inputs = false;        // a surface has inputs that vary
+  Fact<built::kCutouts> has_cutouts = false;        // some triangles are looked at by a filter
+  Fact<built::kEmission> has_emission = false;
+  bool rays_find_light = false;         // domes, areas or emission that a scattered ray could meet
+  bool only_domes_found = false;        // ... and of these only domes, for which it is enough to know that nothing is hit
+  bool only_met_lights_found = false;   // ... or only lights in LightTable::met
+  Fact<built::kThin> has_thin = false;  // something lets light straight through: shadow rays must look at what they hit
 
   rtc::Scene accel() const { return groups[0].accel.get(); }
+  // It has something that this build lacks (scene/features.hpp).
+  bool needs_left_out() const;
   int64_t memory_bytes() const;
   int64_t texture_bytes() const;
 };

@@ -3,18 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace primray {
 namespace {
 
-constexpr double kPiDouble = 3.14159265358979323846;
-constexpr double kRadians = kPiDouble / 180;
+constexpr double kRadians = std::numbers::pi / 180;
 // Beyond it a factor could not be told from one that divides by 0.
 constexpr double kSteepest = 1e30;
-
-void put(float* row, int field, const dvec3& v) {
-  row[field] = float(v.x), row[field + 1] = float(v.y), row[field + 2] = float(v.z);
-}
 
 // The light's axes in the world; perpendicular ones in place of those that a flat matrix lacks.
 daffine whole_axes(const daffine& m) {
@@ -89,9 +85,9 @@ ProfileFacts facts_of(const IesTable& t, int profile) {
       const double all = (here + c[j * nv + i + 1] + c[(j + 1) * nv + i] + c[(j + 1) * nv + i + 1]) / 4;
       const double dv = double(v[i + 1]) - v[i], dh = double(h[j + 1]) - h[j];
       const double jacobian = about_y ? std::cos(0.5 * (double(h[j]) + h[j + 1])) : std::sin(0.5 * (double(v[i]) + v[i + 1]));
-      f.mean += all * dv * dh * std::fabs(jacobian) / (4 * kPiDouble);
+      f.mean += all * dv * dh * std::fabs(jacobian) / (4 * std::numbers::pi);
     }
-  if (about_y) f.last = kPiDouble;
+  if (about_y) f.last = std::numbers::pi;
   return f;
 }
 
@@ -118,7 +114,7 @@ void add_shaping(const ShapingInput& s, const daffine& world_from_light, float* 
   put(row, kFocusTint, dvec3(s.focus_tint));
   row[kConeCutoff] = float(cutoff);
   row[kConeSteepness] = fade > 0 ? float(std::min(1 / fade, kSteepest)) : 0.0f;
-  double reach = std::clamp(cutoff, 0.0, kPiDouble);
+  double reach = std::clamp(cutoff, 0.0, std::numbers::pi);
   double peak = s.focus > 0 ? std::max(1.0f, luminance(s.focus_tint)) : 1.0;
   const double lit = s.focus > 0 ? 1 / (s.focus + 1) : 1.0;  // mean of |cos|^focus over all directions
   double mean = lit + (1 - lit) * luminance(s.focus_tint);
@@ -133,7 +129,7 @@ void add_shaping(const ShapingInput& s, const daffine& world_from_light, float* 
     put(row, kIesFrame, inv.x * turned), put(row, kIesFrame + 3, inv.y * turned), put(row, kIesFrame + 6, inv.z * turned);
     // UsdLux ShapingAPI, inputs:shaping:ies:angleScale: theta / a; theta; (theta - pi) / -a + pi.
     const double a = s.ies_angle_scale, scale = a == 0 ? 1 : std::min(1 / std::fabs(a), kSteepest),
-                 origin = a < 0 ? kPiDouble : 0;
+                 origin = a < 0 ? std::numbers::pi : 0;
     row[kIesScale] = float(scale), row[kIesOrigin] = float(origin);
     row[kIesFactor] = float(1 / s.ies_divisor);
     const ProfileFacts f = facts_of(table.shaping.profiles, s.ies);

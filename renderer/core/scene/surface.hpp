@@ -125,7 +125,11 @@ struct SurfaceRows {
   PRIMRAY_INLINE SurfaceRows(const SurfaceTable& table, vint<W> surface)
       : rows(table.rows.data()), base(surface * vint<W>(kSurfaceFields)) {}
   PRIMRAY_INLINE vfloat<W> operator()(int field) const { return gather<W>(rows + field, base); }
-  PRIMRAY_INLINE vvec3<W> color(int field) const { return {(*this)(field), (*this)(field + 1), (*this)(field + 2)}; }
+  // Three of these in one; no color is a row's last.
+  PRIMRAY_INLINE vvec3<W> color(int field) const {
+    const FourLanes<float, W> c = gather_four<W>(rows + field, base);
+    return {c.x, c.y, c.z};
+  }
 };
 
 }  // namespace primray

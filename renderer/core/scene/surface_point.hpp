@@ -11,11 +11,26 @@ PRIMRAY_INLINE vvec3<W> gather_vec3(const float* base, vint<W> at) {
   return {gather<W>(base, at), gather<W>(base + 1, at), gather<W>(base + 2, at)};
 }
 
+// Rows of three of a table with something after its last, as Scene::positions and ::indices have it.
+template <int W>
+PRIMRAY_INLINE vvec3<W> gather_position(const Scene& scene, vint<W> vertex) {
+  const FourLanes<float, W> p = gather_four<W>(scene.positions.data(), vertex * vint<W>(3));
+  return {p.x, p.y, p.z};
+}
+// The triangle's vertices, of which the group's first is `first`.
+template <int W>
+PRIMRAY_INLINE void gather_vertices(const Scene& scene, vint<W> triangle, vint<W> first, vint<W> (&corner)[3]) {
+  const auto i = gather_four<W>(reinterpret_cast<const int32_t*>(scene.indices.data()), triangle * vint<W>(3));
+  corner[0] = first + i.x, corner[1] = first + i.y, corner[2] = first + i.z;
+}
+
 template <int W>
 struct InstanceLanes {
   vvec3<W> x, y, z, o;
-  PRIMRAY_INLINE InstanceLanes(const float* base, vint<W> at)
-      : x(gather_vec3(base, at)), y(gather_vec3(base + 3, at)), z(gather_vec3(base + 6, at)), o(gather_vec3(base + 9, at)) {}
+  PRIMRAY_INLINE InstanceLanes(const float* base, vint<W> at) {
+    const FourLanes<float, W> a = gather_four<W>(base, at), b = gather_four<W>(base + 4, at), c = gather_four<W>(base + 8, at);
+    x = {a.x, a.y, a.z}, y = {a.w, b.x, b.y}, z = {b.z, b.w, c.x}, o = {c.y, c.z, c.w};
+  }
   PRIMRAY_INLINE vvec3<W> vector(const vvec3<W>& v) const { return x * v.x + y * v.y + z * v.z; }
   // Puts `outer` after it where `lanes` says, and gives the size of what was rounded on the way.
   PRIMRAY_INLINE vvec3<W> move(vbool<W> lanes, const InstanceLanes& outer) {
@@ -108,11 +123,10 @@ struct SurfacePoint {
     instanced = active & (place >= zero);
     placement = select(instanced, place, zero), instance_row = select(instanced, row, zero);
     const vint<W> first = select(active, vertex_base, zero);
-    for (int k = 0; k < 3; ++k)
-      corner[k] = first + gather<W>(reinterpret_cast<const int32_t*>(scene.indices.data()) + k, triangle * vint<W>(3));
+    gather_vertices(scene, triangle, first, corner);
   }
   PRIMRAY_INLINE SurfacePoint(const Scene& scene, vbool<W> active, const Hits<W>& h) : sphere(0), u(h.u), v(h.v) {
-    const vint<W> zero(0), three(3);
+    const vint<W> zero(0);
     const HitGroup<W> in(scene, active, h);
     instanced = in.instanced, placement = in.placement;
     instance_row = select(in.instanced, h.inst_prim, zero);
@@ -128,11 +142,9 @@ struct SurfacePoint {
       triangle = in.triangle(scene, is_triangle, h);
       mesh = gather<W>(scene.triangle_mesh.data(), triangle);
       const vint<W> first = select(is_triangle, in.base(scene, &Group::vertex_base), zero);
-      for (int k = 0; k < 3; ++k)
-        corner[k] = first + gather<W>(reinterpret_cast<const int32_t*>(scene.indices.data()) + k, triangle * three);
-      const float* positions = scene.positions.data();
-      const vvec3<W> p0 = gather_vec3<W>(positions, corner[0] * three);
-      e1 = gather_vec3<W>(positions, corner[1] * three) - p0, e2 = gather_vec3<W>(positions, corner[2] * three) - p0;
+      gather_vertices(scene, triangle, first, corner);
+      const vvec3<W> p0 = gather_position(scene, corner[0]);
+      e1 = gather_position(scene, corner[1]) - p0, e2 = gather_position(scene, corner[2]) - p0;
       if (in.any_instanced) {
         vvec3<W> rounded;
         const InstanceLanes<W> m = in.matrix(scene, rounded);

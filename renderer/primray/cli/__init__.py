@@ -6,24 +6,58 @@ Exit codes: 0 done, 1 render failed, 2 usage, 3 scene rejected, 4 a limit was re
 
 from __future__ import annotations
 
+import atexit
+import gc
+import os
 import sys
-import traceback
+from contextlib import suppress
+from typing import NoReturn
 
 from ..errors import InternalError, PrimrayError
+from .quick import render_arguments
 
 
 def main() -> None:
     """Entry point of the console script."""
-    sys.exit(run(sys.argv[1:]))
+    _start()
+    arguments = sys.argv[1:]
+    code = run(arguments)
+    if render_arguments(arguments) is None:
+        sys.exit(code)
+    _leave(code)
+
+
+def _start() -> None:
+    """Set what makes imports quicker; all of it together takes a fifth of their time."""
+    # Some 10^5 objects are made that stay: searching them for cyclic garbage at the usual pace is most of that fifth.
+    gc.set_threshold(200_000, 20, 20)
+    sys.setdlopenflags(os.RTLD_LAZY)  # thousands of functions of USD's libraries are never called
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # its threads would spin beside the imports; nothing here needs them
+
+
+def _leave(code: int) -> NoReturn:
+    """End at once. What is written is written; taking the stage, the scene and Python apart piece by piece takes as long as
+    opening them did."""
+    atexit._run_exitfuncs()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(code)
 
 
 def run(arguments: list[str]) -> int:
     """Run one command line; its exit code."""
-    from .app import app
-
     verbose = "-V" in arguments or "--verbose" in arguments
     try:
-        app(args=arguments, prog_name="primray", standalone_mode=True)
+        plain = render_arguments(arguments)
+        if plain is not None:
+            from .render import render
+
+            render(**plain)
+        else:
+            from .app import app
+
+            app(args=arguments, prog_name="primray", standalone_mode=True)
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else int(end.code is not None)
     except KeyboardInterrupt:
@@ -41,6 +75,8 @@ def run(arguments: list[str]) -> int:
 
 def _fail(error: Exception, verbose: bool, as_json: bool) -> int:
     if verbose:
+        import traceback
+
         traceback.print_exception(error)
     else:
         print(f"error: {error}", file=sys.stderr)

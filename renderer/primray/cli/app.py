@@ -6,13 +6,14 @@ from typing import Annotated
 
 import typer
 
+from . import options
+from . import render as render_module
 from .compare import compare
 from .doctor import doctor
 from .estimate import estimate
 from .inspect import inspect
 from .installed import CommandGroup
 from .merge import merge
-from .render import render
 from .sheet import sheet
 
 app = typer.Typer(
@@ -42,7 +43,8 @@ def primray(
     """Render USD stages on CPUs."""
 
 
-app.command()(render)
+vars(render_module).update(typer=typer, options=options)  # for its annotations, which name them
+app.command()(render_module.render)
 app.command()(estimate)
 app.command()(merge)
 app.command()(inspect)

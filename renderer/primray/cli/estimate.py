@@ -9,7 +9,7 @@ import typer
 from ..errors import SettingsError
 from ..frame_numbers import parse_frames
 from ..settings import DEFAULT_DICING_RATE, Filter, Metric, RenderSettings
-from . import options
+from . import option_values, options
 
 if TYPE_CHECKING:
     from ..prediction import Pilot, Prediction
@@ -58,9 +58,9 @@ def estimate(
         raise SettingsError(f"the pilot needs some seconds, not {pilot_seconds}", code="pilot")
     targets = sorted(set(target_errors or ()), reverse=True)
     settings = RenderSettings(
-        camera=options.camera_of(camera),
+        camera=option_values.camera_of(camera),
         render_settings=render_settings,
-        resolution=options.resolution_of(res, image_width),
+        resolution=option_values.resolution_of(res, image_width),
         time_code=time_codes[0],
         spp=spp,
         target_error=min(targets, default=SMALLEST_TARGET),
@@ -72,10 +72,10 @@ def estimate(
         threads=threads,
         seed=seed,
         default_light=not no_default_light,
-        purposes=options.purposes_of(purposes),
+        purposes=option_values.purposes_of(purposes),
         variants=tuple(variants or ()),
-        load=options.load_of(no_payloads, load),
-        mask=options.mask_of(mask),
+        load=option_values.load_of(no_payloads, load),
+        mask=option_values.mask_of(mask),
         session_layer=session_layer,
         dicing_rate=dicing_rate,
     )

@@ -1,4 +1,7 @@
-"""`primray render`: a stage to picture files. Flags are usdrecord's and husk's where they have one."""
+"""`primray render`: a stage to picture files. Flags are usdrecord's and husk's where they have one.
+
+Typer and the options are named in annotations only, which app.py has read: quick.py calls this function without them.
+"""
 
 from __future__ import annotations
 
@@ -9,18 +12,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
 from ..errors import SettingsError
 from ..frame_numbers import check_names, name_of_frame, parse_frames
 from ..settings import DEFAULT_DICING_RATE, Filter, Metric, RenderSettings
-from . import options
+from . import option_values
 from .shots import Shot, moments, product_shots
 
 if TYPE_CHECKING:
+    import typer
+
     from ..checkpointing import Checkpointing
     from ..image import Image
     from ..render import OpenedStage
+    from . import options
 
 
 def render(
@@ -98,16 +102,16 @@ def render(
     else:
         names = names or [_default_name(scene, time_codes)]
     settings = RenderSettings(
-        camera=options.camera_of(camera),
+        camera=option_values.camera_of(camera),
         render_settings=render_settings,
-        resolution=options.resolution_of(res, image_width),
+        resolution=option_values.resolution_of(res, image_width),
         time_code=time_codes[0] if time_codes else None,
         spp=spp,
         target_error=target_error,
         error_metric=error_metric,
         time_limit_s=time_limit,
         adaptive=adaptive,
-        sample_range=options.sample_range_of(sample_range),
+        sample_range=option_values.sample_range_of(sample_range),
         max_depth=max_depth,
         filter=pixel_filter,
         filter_width=filter_width,
@@ -115,14 +119,14 @@ def render(
         seed=seed,
         default_light=not no_default_light,
         rendering_color_space=rendering_color_space,
-        purposes=options.purposes_of(purposes),
+        purposes=option_values.purposes_of(purposes),
         variants=tuple(variants or ()),
-        load=options.load_of(no_payloads, load),
-        mask=options.mask_of(mask),
+        load=option_values.load_of(no_payloads, load),
+        mask=option_values.mask_of(mask),
         session_layer=session_layer,
-        aovs=options.aovs_of(aovs) if by_product else options.aovs_for(aovs, names),
+        aovs=option_values.aovs_of(aovs) if by_product else option_values.aovs_for(aovs, names),
         strict=strict,
-        max_memory_bytes=options.bytes_of(max_memory),
+        max_memory_bytes=option_values.bytes_of(max_memory),
         dicing_rate=dicing_rate,
     )
     looks = Looks(json, verbose, view=view, display=display, look=look, exposure=exposure)
@@ -244,13 +248,13 @@ def _render_shots(scene: str | OpenedStage, shots: list[Shot], looks: Looks, che
         write(image, shot.files, shot.report, looks)
         if image.report["interrupted"]:
             print(f"interrupted: the picture so far was saved{_how_to_go_on(image.report)}", file=sys.stderr)
-            raise typer.Exit(130)
+            raise SystemExit(130)
         unsaved = unsaved or image.report.get("checkpoint", {}).get("failed") is not None
         missed = missed or image.report["stop"]["target_met"] is False
     if unsaved:
-        raise typer.Exit(1)
+        raise SystemExit(1)
     if missed:
-        raise typer.Exit(TARGET_MISSED)
+        raise SystemExit(TARGET_MISSED)
 
 
 def _how_to_go_on(report: Mapping[str, Any]) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ..errors import SettingsError
-from . import options
+from . import option_values
 
 if TYPE_CHECKING:
     from .sheet_runs import Outcome
@@ -50,7 +50,7 @@ def sheet(
     if min(width, spp, at_once) < 1 or timeout <= 0:
         raise SettingsError("width, samples, renders at once and seconds must be above 0")
     check_folder(Path(output))
-    limits = Limits(width, spp, timeout, options.bytes_of(max_memory) or 0, threads)
+    limits = Limits(width, spp, timeout, option_values.bytes_of(max_memory) or 0, threads)
     with tempfile.TemporaryDirectory(prefix="primray-sheet-") as scratch:
         outcomes = render_all(root, stages, limits, at_once, Path(scratch), _print_outcome)
         write_text(Path(output), page(f"{root.resolve().name}: {len(outcomes)} stages", outcomes))

@@ -7,12 +7,16 @@ change. Baking does not reach into native instances: those with skeletons are ta
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
-from pxr import Gf, Tf, Usd, UsdSkel
+from pxr import Gf, Tf, Usd
 
 from ..diagnostics import Diagnostics
 from .read import When, value
 from .stage import scratch_copy, tf_message
+
+if TYPE_CHECKING:
+    from pxr import UsdSkel  # imported where a stage has skeletons: it takes as long as Python itself
 
 MAX_TAKEN_APART = 1000
 
@@ -23,6 +27,8 @@ def prototypes_hold_skeletons(stage: Usd.Stage) -> bool:
 
 def posed(stage: Usd.Stage, when: When, diagnostics: Diagnostics) -> Usd.Stage:
     """The stage as its skeletons pose it."""
+    from pxr import UsdSkel
+
     made = scratch_copy(stage)
     made.SetEditTarget(made.GetSessionLayer())
     _take_apart(made)
@@ -67,6 +73,8 @@ def _holding_prototypes(stage: Usd.Stage) -> set[str]:
 
 def _pose(root: UsdSkel.Root, when: When) -> str:
     """What went wrong, if anything. Baking visits authored samples only, so all that moves is first held where it now is."""
+    from pxr import UsdSkel
+
     try:
         for prim in _involved(root):
             for attribute in prim.GetAuthoredAttributes():
@@ -81,6 +89,8 @@ def _pose(root: UsdSkel.Root, when: When) -> str:
 
 def _involved(root: UsdSkel.Root) -> Iterator[Usd.Prim]:
     """Everything that the pose depends on: what stands above and below the root, and the animations."""
+    from pxr import UsdSkel
+
     above = root.GetPrim().GetParent()
     while above and not above.IsPseudoRoot():
         yield above

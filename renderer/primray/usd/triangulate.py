@@ -95,10 +95,35 @@ def _finished(points: Points, indices: Ints, corners: Ints, faces: Ints, solid: 
     """Without the triangles whose area is zero in double, unless all are known to be `solid`."""
     triangles = indices[corners].astype(np.int32, copy=False)
     if not solid:
-        has_area = np.concatenate([_has_area(points[block].astype(np.float64)) for block in _blocks(triangles)])
+        has_area = _have_area(points, triangles)
         if not has_area.all():
             triangles, corners, faces = triangles[has_area], corners[has_area], faces[has_area]
     return Triangles(triangles, corners, faces)
+
+
+def _have_area(points: Points, triangles: Ints) -> Mask:
+    """In double; of many triangles, only those that floats leave in doubt."""
+    if len(triangles) <= BLOCK or points.dtype != np.float32:
+        return np.concatenate([_has_area(points[block].astype(np.float64)) for block in _blocks(triangles)])
+    sure = _surely_have_area(points, triangles)
+    doubtful = np.flatnonzero(~sure)
+    for block in _blocks(doubtful.astype(np.int32)):
+        sure[block] = _has_area(points[triangles[block]].astype(np.float64))
+    return sure
+
+
+def _surely_have_area(points: Points, triangles: Ints) -> Mask:
+    """Where |u x v| in floats is beyond its rounding: 4 * 2^-24 of |u| |v| (sums of sizes), far less than is asked here."""
+    x, y, z = (np.ascontiguousarray(points[:, k]) for k in range(3))
+    sure = np.empty(len(triangles), bool)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for start in range(0, len(triangles), 4 * BLOCK):
+            i, j, k = triangles[start : start + 4 * BLOCK].T
+            ux, uy, uz, vx, vy, vz = x[j] - x[i], y[j] - y[i], z[j] - z[i], x[k] - x[i], y[k] - y[i], z[k] - z[i]
+            size = np.abs(uy * vz - uz * vy) + np.abs(uz * vx - ux * vz) + np.abs(ux * vy - uy * vx)
+            sides = (np.abs(ux) + np.abs(uy) + np.abs(uz)) * (np.abs(vx) + np.abs(vy) + np.abs(vz))
+            sure[start : start + 4 * BLOCK] = size > np.float32(1e-5) * sides + np.float32(1e-30)
+    return sure
 
 
 def _has_area(p: Doubles) -> Mask:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from primray.cli import options
+from primray.cli import option_values, options
 from primray.cli.json_lines import print_line
 from primray.settings import Filter, Metric
 
@@ -89,8 +89,8 @@ def submit(
         "max_seconds": time_limit,
     }
     settings: dict[str, Any] = {
-        "camera": options.camera_of(camera),
-        "resolution": options.resolution_of(res, image_width),
+        "camera": option_values.camera_of(camera),
+        "resolution": option_values.resolution_of(res, image_width),
         "frames": frames,
         "stop": given(stop),
         "seed": seed or None,
@@ -99,11 +99,11 @@ def submit(
         "filter": pixel_filter.value if pixel_filter is not Filter.BOX else None,
         "filter_width": filter_width,
         "default_light": False if no_default_light else None,
-        "purposes": _list(options.purposes_of(purposes)),
-        "aovs": _list(options.aovs_of(aovs)),
+        "purposes": _list(option_values.purposes_of(purposes)),
+        "aovs": _list(option_values.aovs_of(aovs)),
         "variants": variants,
-        "load": _list(options.load_of(no_payloads, load)),
-        "mask": _list(options.mask_of(mask)),
+        "load": _list(option_values.load_of(no_payloads, load)),
+        "mask": _list(option_values.mask_of(mask)),
         "dicing_rate": dicing_rate,
         "strict": strict or None,
     }

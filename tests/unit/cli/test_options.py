@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from primray.cli.options import bytes_of, purposes_of
+from primray.cli.option_values import bytes_of, purposes_of
 from primray.errors import SettingsError
 
 

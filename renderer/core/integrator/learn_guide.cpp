@@ -1,0 +1,208 @@
+// Three passes of paths spread over the frame, each guided by what those before it found. Pilots decide before them whether
+// there is anything to win, after the first whether to go on, and at the end whether the guide is used.
+#include "integrator/learn_guide.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <thread>
+
+#include "integrator/pilot.hpp"
+
+namespace primray {
+namespace {
+
+constexpr uint32_t kSeed = 0x6c078965u;
+// Pictures whose pilot, 32 samples a pixel, errs by less are good soon without a guide; learning takes a quarter of a second of
+// one thread.
+constexpr double kHard = 0.006;
+// Where so much of the error is left with one scattering, indirect light is not what is hard.
+constexpr double kMostDirect = 0.3;
+// A guided ray costs more by its tables.
+constexpr double kGuidedCost = 1.25;
+// Tasks of the passes; one is 16 x 16 pixels with 2 x 16 samples.
+constexpr int kPasses = 3, kTasks[kPasses] = {4, 8, 16};
+// A region is halved while it holds twice as many records; below the fewest it is left to the BSDF.
+constexpr int kEnough = 2000, kFewest = 200;
+// No record counts for more than so many times the average: one found by a rare path would outweigh the rest.
+constexpr float kMostOfMean = 50;
+
+struct Record {
+  float p[3];
+  float value;  // an estimate of the cosine-weighted radiance in its bin's direction, over the density it was found with
+  int16_t bin;
+  int8_t side;
+};
+
+std::vector<Record> run_task(const Scene& scene, IntegratorSettings settings, TaskFunction task, int number) {
+  settings.splits = 1;
+  settings.seed = kSeed + uint32_t(number);
+  const int w = scene.camera.width, h = scene.camera.height;
+  TileBlock block{0, 0, w, h, 0, 0};
+  block.stride_x = std::max(1, w / kTile), block.stride_y = std::max(1, h / kTile);
+  block.x0 = number * 7 % block.stride_x, block.y0 = number * 5 % block.stride_y;
+  for (int& n : block.count) n = kBlock;
+  GuideLog log(Worker::kSlots);
+  settings.log = &log;
+  const auto worker = std::make_unique<Worker>();
+  Film film(kTile, kTile);
+  task(scene, settings, block, *worker, film, nullptr);
+  std::vector<Record> records;
+  for (int slot = 0; slot < Worker::kSlots; ++slot) {
+    for (int i = 0; i < log.counts[size_t(slot)]; ++i) {
+      const GuideRecord& r = log.records[size_t(slot) * GuideLog::kMost + size_t(i)];
+      const float value = r.found * r.cosine / r.pdf;
+      if (!std::isfinite(value) || !(r.beta > 0)) continue;
+      const vvec3<1> d{vfloat<1>(r.d[0]), vfloat<1>(r.d[1]), vfloat<1>(r.d[2])};
+      const vvec3<1> n{vfloat<1>(r.n[0]), vfloat<1>(r.n[1]), vfloat<1>(r.n[2])};
+      const vint<1> side = Guide::side_of<1>(n);
+      const vvec3<1> local = Guide::to_side<1>(side, d);
+      // Directions beyond the side's half of the sphere only tell that the region is known.
+      const bool before = local.z[0] > 0;
+      const int bin = before ? Guide::bin_of<1>(local).number[0] : 0;
+      records.push_back({{r.p[0], r.p[1], r.p[2]}, before ? value : 0.0f, int16_t(bin), int8_t(side[0])});
+    }
+  }
+  return records;
+}
+
+// Halves boxes of cells until each holds about as many records.
+struct Regions {
+  const std::vector<int>& counts;  // by side and cell
+  const float* extent;
+  Guide& guide;
+  int regions = 0;
+
+  static size_t at(int side, int x, int y, int z) {
+    return ((size_t(side) * Guide::kGrid + size_t(z)) * Guide::kGrid + size_t(y)) * Guide::kGrid + size_t(x);
+  }
+  template <class F>
+  void each(int side, const std::array<int, 3>& a, const std::array<int, 3>& b, F f) {
+    for (int z = a[2]; z < b[2]; ++z)
+      for (int y = a[1]; y < b[1]; ++y)
+        for (int x = a[0]; x < b[0]; ++x) f(at(side, x, y, z));
+  }
+  void halve(int side, std::array<int, 3> a, std::array<int, 3> b) {
+    int count = 0;
+    each(side, a, b, [&](size_t i) { count += counts[i]; });
+    int axis = 0;
+    for (int k = 1; k < 3; ++k)
+      if (extent[k] * float(b[size_t(k)] - a[size_t(k)]) > extent[axis] * float(b[size_t(axis)] - a[size_t(axis)])) axis = k;
+    const size_t k = size_t(axis);
+    if (count >= 2 * kEnough && b[k] - a[k] > 1) {
+      auto middle = b;
+      middle[k] = (a[k] + b[k]) / 2;
+      halve(side, a, middle);
+      a[k] = middle[k];
+      halve(side, a, b);
+      return;
+    }
+    const int number = count >= kFewest ? regions++ : -1;
+    each(side, a, b, [&](size_t i) { guide.region[i] = number; });
+  }
+};
+
+// A bin's neighbours share a part of what it holds, or noise would be taken for light.
+void soften(const double* bins, double* soft) {
+  for (int z = 0; z < Guide::kCosine; ++z) {
+    for (int a = 0; a < Guide::kAzimuth; ++a) {
+      const int left = (a + Guide::kAzimuth - 1) % Guide::kAzimuth, right = (a + 1) % Guide::kAzimuth;
+      const int below = std::max(z - 1, 0), above = std::min(z + 1, Guide::kCosine - 1);
+      const auto at = [&](int i, int j) { return bins[i * Guide::kAzimuth + j]; };
+      soft[z * Guide::kAzimuth + a] = 4 * at(z, a) + at(z, left) + at(z, right) + at(below, a) + at(above, a);
+    }
+  }
+}
+
+std::unique_ptr<Guide> build(const std::vector<Record>& records) {
+  auto guide = std::make_unique<Guide>();
+  float extent[3];
+  for (int k = 0; k < 3; ++k) {
+    float low = kInfinity, high = -kInfinity;
+    for (const Record& r : records) low = std::min(low, r.p[k]), high = std::max(high, r.p[k]);
+    extent[k] = std::max(high - low, 1e-20f);
+    guide->low[k] = low, guide->cells_per_unit[k] = Guide::kGrid / extent[k];
+  }
+  const size_t cells = size_t(Guide::kSides) * Guide::kGrid * Guide::kGrid * Guide::kGrid;
+  guide->region.assign(cells, -1);
+  std::vector<int> counts(cells), cell_of(records.size());
+  double sum = 0;
+  for (size_t i = 0; i < records.size(); ++i) {
+    const Record& r = records[i];
+    const vvec3<1> p{vfloat<1>(r.p[0]), vfloat<1>(r.p[1]), vfloat<1>(r.p[2])};
+    cell_of[i] = guide->cell_of<1>(vint<1>(r.side), p)[0];
+    ++counts[size_t(cell_of[i])];
+    sum += double(r.value);
+  }
+  Regions regions{counts, extent, *guide};
+  for (int side = 0; side < Guide::kSides; ++side) regions.halve(side, {0, 0, 0}, {Guide::kGrid, Guide::kGrid, Guide::kGrid});
+  if (regions.regions == 0) return nullptr;
+  const double most = kMostOfMean * sum / double(records.size());
+  std::vector<double> bins(size_t(regions.regions) * Guide::kBins);
+  for (size_t i = 0; i < records.size(); ++i) {
+    const int region = guide->region[size_t(cell_of[i])];
+    if (region >= 0) bins[size_t(region) * Guide::kBins + size_t(records[i].bin)] += std::min(double(records[i].value), most);
+  }
+  guide->cdf.resize(size_t(regions.regions) * (Guide::kBins + 1));
+  std::array<double, Guide::kBins> soft;
+  for (int region = 0; region < regions.regions; ++region) {
+    soften(&bins[size_t(region) * Guide::kBins], soft.data());
+    double total = 0, run = 0;
+    for (double b : soft) total += b;
+    float* cdf = &guide->cdf[size_t(region) * (Guide::kBins + 1)];
+    for (int i = 0; i < Guide::kBins; ++i) {
+      run += total > 0 ? soft[size_t(i)] / total : 1.0 / Guide::kBins;
+      cdf[i + 1] = i + 1 == Guide::kBins ? 1.0f : float(run);
+    }
+  }
+  return guide;
+}
+
+// Error by cost of paths with a guide, over that of paths without.
+double cost_ratio(const Scene& scene, IntegratorSettings settings, TaskFunction task, const Guide& guide, const Pilot& plain) {
+  settings.guide = &guide;
+  const auto guided = std::make_unique<Pilot>(scene, settings, task);
+  const Pilot* both[] = {guided.get(), &plain};
+  return relative_error(*guided, both) * guided->rays * kGuidedCost / (relative_error(plain, both) * plain.rays);
+}
+
+}  // namespace
+
+std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings& settings, TaskFunction task) {
+  // Rays are guided by one guide at most.
+  if (settings.max_depth < 2 || scene.caustics.any()) return nullptr;
+  std::vector<Record> records;
+  std::unique_ptr<Guide> guide;
+  double cost = 1;  // over that without a guide
+  const auto work = [&] {
+    set_float_mode();
+    IntegratorSettings direct = settings;
+    direct.max_depth = 1;
+    const auto plain = std::make_unique<Pilot>(scene, settings, task), near = std::make_unique<Pilot>(scene, direct, task);
+    const Pilot* whole[] = {plain.get()};
+    const double error = relative_error(*plain, whole);
+    if (error < kHard || relative_error(*near, whole) > kMostDirect * error) return;
+    int first = 0;
+    for (int tasks : kTasks) {
+      std::vector<std::vector<Record>> found{size_t(tasks)};
+      IntegratorSettings guided = settings;
+      guided.guide = guide.get();
+      const auto half = [&](int begin) {
+        set_float_mode();
+        for (int i = begin; i < tasks; i += 2) found[size_t(i)] = run_task(scene, guided, task, first + i);
+      };
+      std::thread other(half, 1);
+      half(0);
+      other.join();
+      for (const auto& f : found) records.insert(records.end(), f.begin(), f.end());
+      guide = records.empty() ? nullptr : build(records);
+      cost = guide ? cost_ratio(scene, settings, task, *guide, *plain) : 1;
+      if (!(cost < 1)) return;
+      first += tasks;
+    }
+  };
+  std::thread(work).join();
+  return cost < 1 ? std::move(guide) : nullptr;
+}
+
+}  // namespace primray

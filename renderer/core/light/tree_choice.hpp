@@ -1,0 +1,219 @@
+// Choosing a light by the tree of light/tree.hpp, and finding the probability of a choice again.
+//
+// Slots are weighed by about the irradiance that they bring to a surface at p with normal n, and by 0 only where all of it
+// comes from below the surface or is sent elsewhere. Paths go down one after the other; the lanes of a vector are slots, in an
+// order of additions that does not depend on how many this machine has.
+#pragma once
+
+#include <algorithm>
+
+#include "light/importance.hpp"
+#include "light/tree.hpp"
+
+namespace primray {
+
+// Lanes in which slots are weighed, whatever the number of paths side by side.
+#if defined(__AVX512F__)
+constexpr int kTreeLanes = 16;
+#elif defined(__AVX2__)
+constexpr int kTreeLanes = 8;
+#else
+constexpr int kTreeLanes = 4;
+#endif
+
+// Where light is wanted: a point, and the normal of its surface on the side that is lit; 0: from all around.
+struct LitPoint {
+  float p[3], n[3], across[3];  // `across`: |n|
+  bool has_normal;
+
+  template <int W>
+  PRIMRAY_INLINE LitPoint(const vvec3<W>& at, const vvec3<W>& normal, int lane)
+      : p{at.x[lane], at.y[lane], at.z[lane]}, n{normal.x[lane], normal.y[lane], normal.z[lane]} {
+    for (int a = 0; a < 3; ++a) across[a] = n[a] < 0 ? -n[a] : n[a];
+    has_normal = across[0] + across[1] + across[2] > 0;
+  }
+};
+
+// The part of a cluster's light that arrives by its distance and the surface's cosine: about the mean of cos / d^2. `d2`: the
+// square of the distance that it takes.
+template <int N>
+PRIMRAY_INLINE vfloat<N> geometry_of_slots(const LightTree::Block& block, int at, const LitPoint& x, vvec3<N>& to,
+                                           vfloat<N>& d2) {
+  using F = vfloat<N>;
+  const F near = load<N>(block.near + at);
+  to = {load<N>(block.center[0] + at) - near * x.p[0], load<N>(block.center[1] + at) - near * x.p[1],
+        load<N>(block.center[2] + at) - near * x.p[2]};
+  d2 = min(max(dot(to, to), load<N>(block.least2 + at)), 1e24f);
+  const F d = sqrt(d2);
+  if (!x.has_normal) return 1.0f / d2;
+  const F h = to.x * x.n[0] + to.y * x.n[1] + to.z * x.n[2];
+  const F reach = load<N>(block.half[0] + at) * x.across[0] + load<N>(block.half[1] + at) * x.across[1] +
+                  load<N>(block.half[2] + at) * x.across[2];
+  const F up = h + reach, spread2 = load<N>(block.least2 + at), below = min(h, 0.0f);
+  // The mean height of what is above the surface: that of the middle if all is; otherwise as if it were spread evenly over
+  // heights, but of what lies mostly below no more than Cantelli's inequality leaves to be above at all.
+  const F part = 0.25f * up * (up * spread2 / (reach * (spread2 + below * below)));
+  const F above = max(select(h >= reach, h, part), 1e-6f * d);
+  return select(up > F(0.0f), above / (d2 * d), F(0.0f));
+}
+
+// The part that is sent towards the point by lights that do not emit all around.
+template <int N>
+PRIMRAY_INLINE vfloat<N> cone_of_slots(const LightTree::Block& block, int at, const vvec3<N>& to) {
+  using F = vfloat<N>;
+  const F one(1.0f), none(0.0f);
+  const vvec3<N> axis{load<N>(block.axis[0] + at), load<N>(block.axis[1] + at), load<N>(block.axis[2] + at)};
+  const F distance = max(sqrt(dot(to, to)), 1e-30f), radius = load<N>(block.radius + at);
+  const F cosine = -dot(axis, to) / distance, sine = safe_sqrt(one - cosine * cosine);
+  const F sin_seen = min(radius / distance, one), cos_seen = safe_sqrt(one - sin_seen * sin_seen);
+  const F cos_axis = load<N>(block.cos_axis + at), sin_axis = load<N>(block.sin_axis + at);
+  // The angle off the nearest axis from the nearest place, as a cosine: that of the sum of both is all that can be gained.
+  const F cos_sum = cos_axis * cos_seen - sin_axis * sin_seen, sin_sum = sin_axis * cos_seen + cos_axis * sin_seen;
+  const vbool<N> within = (radius >= distance) | (cosine >= cos_sum) | (sin_sum < none);
+  const F off = select(within, one, cosine * cos_sum + sine * sin_sum);
+  return select(off > load<N>(block.cos_end + at), max(off, load<N>(block.floor + at)), none);
+}
+
+// Weights of a block's slots.
+PRIMRAY_INLINE void weigh_block(const LightTable& table, const LightTree::Block& block, const LitPoint& x, float* weights) {
+  constexpr int N = kTreeLanes;
+  using F = vfloat<N>;
+  for (int at = 0; at < LightTree::kBlock; at += N) {
+    vvec3<N> to;
+    F d2, w = geometry_of_slots<N>(block, at, x, to, d2);
+    if (block.directed != 0) w = w * cone_of_slots<N>(block, at, to);
+    const F intensity = load<N>(block.intensity + at);
+    // Never 0 for being small.
+    w = select((w > F(0.0f)) & (intensity > F(0.0f)), max(w * intensity, 1e-36f), F(0.0f));
+    store(weights + at, w);
+  }
+  for (uint32_t left = block.exact; left; left &= left - 1) {
+    const int s = __builtin_ctz(left);
+    if (!(weights[s] > 0)) continue;
+    vvec3<1> to;
+    const vvec3<1> p{vfloat<1>(x.p[0]), vfloat<1>(x.p[1]), vfloat<1>(x.p[2])};
+    vfloat<1> d2;
+    const vfloat<1> cosine = geometry_of_slots<1>(block, s, x, to, d2) * d2;
+    const float own = light_weight(table, ~block.child[s], p)[0] * table.tree.scale * cosine[0];
+    weights[s] = own > 0 ? std::max(own, 1e-36f) : 0.0f;
+  }
+}
+
+// Sums of 16 weights up to each and with it, added in one order on every machine.
+PRIMRAY_INLINE void running_sums(const float* weights, float* sums) {
+#if defined(__AVX512F__)
+  const vint<16> lane = lane_numbers<16>();
+  vfloat<16> s = load<16>(weights);
+  for (int step = 1; step < 16; step *= 2)
+    s = s + select(lane >= vint<16>(step), permute(s, lane - vint<16>(step)), vfloat<16>(0.0f));
+  store(sums, s);
+#else
+  float s[2][16];
+  for (int i = 0; i < 16; ++i) s[0][i] = weights[i];
+  int from = 0;
+  for (int step = 1; step < 16; step *= 2, from ^= 1)
+    for (int i = 0; i < 16; ++i) s[from ^ 1][i] = s[from][i] + (i >= step ? s[from][i - step] : 0.0f);
+  for (int i = 0; i < 16; ++i) sums[i] = s[from][i];
+#endif
+}
+
+// A node's slots, weighed: slots of the same lane in all blocks are a column, and columns follow each other.
+struct WeighedNode {
+  alignas(64) float weights[LightTree::kMostSlots], columns[LightTree::kBlock], sums[LightTree::kBlock];
+
+  PRIMRAY_INLINE WeighedNode(const LightTable& table, const LightTree::Node& node, const LitPoint& x) {
+    constexpr int N = kTreeLanes;
+    for (int k = 0; k < node.blocks; ++k) {
+      float* w = weights + k * LightTree::kBlock;
+      weigh_block(table, table.tree.blocks[size_t(node.block + k)], x, w);
+      for (int at = 0; at < LightTree::kBlock; at += N)
+        store(columns + at, k == 0 ? load<N>(w + at) : load<N>(columns + at) + load<N>(w + at));
+    }
+    running_sums(columns, sums);
+  }
+  PRIMRAY_INLINE float total() const { return sums[LightTree::kBlock - 1]; }
+
+  // The slot where the running sum exceeds `wanted`, in [0, total()), and where `wanted` lies in it, in [0, 1).
+  PRIMRAY_INLINE int find(int blocks, double wanted, double& within) const {
+    constexpr int N = kTreeLanes;
+    uint32_t beyond = 0, some = 0;
+    for (int at = 0; at < LightTree::kBlock; at += N) {
+      beyond |= bits(load<N>(sums + at) > vfloat<N>(float(wanted))) << at;
+      some |= bits(load<N>(columns + at) > vfloat<N>(0.0f)) << at;
+    }
+    beyond &= some;
+    const int column = beyond ? __builtin_ctz(beyond) : 31 - __builtin_clz(some);
+    const double rest = wanted - (column > 0 ? double(sums[column - 1]) : 0.0);
+    double begin = 0, end = 0;
+    int slot = 0;
+    for (int k = 0; k < blocks; ++k) {
+      const int s = k * LightTree::kBlock + column;
+      if (!(weights[s] > 0)) continue;
+      slot = s, begin = end, end += double(weights[s]);
+      if (rest < end) break;
+    }
+    within = std::min(std::max((rest - begin) / double(weights[slot]), 0.0), 0x1.fffffffep-1);
+    return slot;
+  }
+};
+
+struct TreeChoice {
+  int32_t light;
+  float probability;  // 0: no light of the tree can reach the point
+};
+
+// The light that the number u in [0, 1) stands for.
+inline TreeChoice choose_from_node(const LightTable& table, int32_t root, const LitPoint& x, double u) {
+  double probability = 1;
+  for (int32_t at = root;;) {
+    const LightTree::Node& node = table.tree.nodes[size_t(at)];
+    const WeighedNode w(table, node, x);
+    const float total = w.total();
+    if (!(total > 0)) return {0, 0.0f};
+    const int slot = w.find(node.blocks, u * double(total), u);
+    probability *= double(w.weights[slot]) / double(total);
+    const int32_t child = table.tree.blocks[size_t(node.block + slot / LightTree::kBlock)].child[slot % LightTree::kBlock];
+    if (child < 0) return {~child, float(probability)};
+    at = child;
+  }
+}
+
+// With what probability that finds the light that stands at `place`.
+inline float probability_from_leaf(const LightTable& table, LightTree::Place place, const LitPoint& x) {
+  double probability = 1;
+  while (place.node >= 0) {
+    const LightTree::Node& node = table.tree.nodes[size_t(place.node)];
+    const WeighedNode w(table, node, x);
+    const float own = w.weights[place.slot];
+    if (!(own > 0)) return 0.0f;
+    probability *= double(own) / double(w.total());
+    place = {node.parent, node.parent_slot};
+  }
+  return float(probability);
+}
+
+// The same for the lanes of `m`, each with a tree of its own by `root`, and a number of 32 bits.
+template <int W>
+PRIMRAY_RARE void choose_in_tree(const LightTable& table, vint<W> root, vbool<W> m, const vvec3<W>& p, const vvec3<W>& n,
+                                 vuint<W> u, vint<W>& light, vfloat<W>& probability) {
+  light = vint<W>(0), probability = vfloat<W>(0.0f);
+  for (uint32_t left = bits(m); left; left &= left - 1) {
+    const int i = __builtin_ctz(left);
+    const TreeChoice c = choose_from_node(table, root[i], LitPoint(p, n, i), double(u[i]) * 0x1p-32);
+    light.set(i, c.light), probability.set(i, c.probability);
+  }
+}
+
+// `places` and `at`: each lane's light stands at places[at].
+template <int W>
+PRIMRAY_RARE vfloat<W> probability_in_tree(const LightTable& table, const LightTree::Place* places, vint<W> at, vbool<W> m,
+                                           const vvec3<W>& p, const vvec3<W>& n) {
+  vfloat<W> probability(0.0f);
+  for (uint32_t left = bits(m); left; left &= left - 1) {
+    const int i = __builtin_ctz(left);
+    probability.set(i, probability_from_leaf(table, places[at[i]], LitPoint(p, n, i)));
+  }
+  return probability;
+}
+
+}  // namespace primray

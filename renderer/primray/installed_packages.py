@@ -1,0 +1,63 @@
+"""Versions and places of installed packages, by the names of their folders.
+
+`importlib.metadata` reads the same files, but takes as long to import as OpenImageIO; it is asked where a folder does not say.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+_SUFFIX = ".dist-info"
+
+
+@cache
+def version_of(package: str) -> str | None:
+    """None: not installed."""
+    wanted = _normal(package)
+    for _, name in _found():
+        found, _, version = name.removesuffix(_SUFFIX).partition("-")
+        if _normal(found) == wanted and version:
+            return version
+    from importlib import metadata
+
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def library_of(package: str, prefix: str) -> Path | None:
+    """The shared library that begins with `prefix`, of those that a wheel brings along."""
+    for folder, name in _found():
+        if _normal(name.partition("-")[0]) == _normal(package):
+            brought = sorted(Path(folder, f"{package}.libs").glob(f"{prefix}*"))
+            if brought:
+                return brought[0]
+    from importlib import metadata
+
+    try:
+        files = metadata.files(package) or []
+    except metadata.PackageNotFoundError:
+        return None
+    return next((Path(str(file.locate())) for file in files if file.name.startswith(prefix)), None)
+
+
+@cache
+def _found() -> tuple[tuple[str, str], ...]:
+    """Folders on the path and the packages' descriptions in them, the first in the order of imports first."""
+    return tuple((folder, name) for folder in sys.path for name in _names(folder) if name.endswith(_SUFFIX))
+
+
+def _names(folder: str) -> Iterator[str]:
+    try:
+        yield from os.listdir(folder or ".")
+    except OSError:
+        return
+
+
+def _normal(name: str) -> str:
+    return name.lower().replace("-", "_").replace(".", "_")

@@ -1,0 +1,87 @@
+"""Every feature and technique that can be left out, and how: by a setting, by the environment, or by a build of the core with
+a macro or from changed sources. Changed, not switched: code that is only there to be measured would cost every reader."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+ALL = ("box", "field", "hills", "metals", "lamps")
+
+
+@dataclass(frozen=True)
+class Edit:
+    """In this file of renderer/core, `text`, which stands there once, becomes `other`."""
+
+    file: str
+    text: str
+    other: str
+
+
+@dataclass(frozen=True)
+class Row:
+    name: str
+    instead: str  # what is rendered then
+    scenes: tuple[str, ...] = ALL
+    settings: Mapping[str, Any] = field(default_factory=dict)  # of RenderSettings
+    splits: int | None = None  # None: what the pilot finds
+    environment: Mapping[str, str] = field(default_factory=dict)
+    edits: tuple[Edit, ...] = ()
+    defines: tuple[str, ...] = ()  # macros of the core
+
+    @property
+    def needs_build(self) -> bool:
+        return bool(self.edits or self.defines)
+
+
+BASE = Row("as it is", "")
+ROWS = (
+    Row("splitting at the first surface", "one path goes on from there", scenes=("box", "metals"), splits=1),
+    Row("16 lanes", "8 lanes of the same build", scenes=("box", "hills"), environment={"PRIMRAY_LANES": "8"}),
+    Row("lanes", "one lane", environment={"PRIMRAY_LANES": "1"}, scenes=("box", "hills")),
+    Row("AVX-512", "the AVX2 build", scenes=("box", "hills"), environment={"PRIMRAY_ISA": "v3"}),
+    Row(
+        "Owen-scrambled Sobol points",
+        "independent random numbers",
+        edits=(
+            Edit(
+                "sampler/sampler.hpp",
+                "return {unit_float(reverse_bits(a)), unit_float(reverse_bits(b))};",
+                "return {unit_float(mix(reversed_index ^ s)), unit_float(mix(mix(reversed_index ^ s) + a + b))};",
+            ),
+        ),
+    ),
+    Row(
+        "Russian roulette",
+        "none before the 1024th scattering",
+        scenes=("box", "metals"),
+        edits=(Edit("integrator/settings.hpp", "constexpr int kRouletteStart = 2;", "constexpr int kRouletteStart = 1024;"),),
+    ),
+    Row(
+        "packets or single rays by measurement",
+        "always single rays",
+        scenes=("box", "field", "hills"),
+        edits=(Edit("integrator/entry_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return false;"),),
+    ),
+    Row(
+        "packets or single rays by measurement (2)",
+        "always packets",
+        scenes=("box", "field", "hills"),
+        edits=(Edit("integrator/entry_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return true;"),),
+    ),
+    Row(
+        "MIS compensation of domes",
+        "the whole image is sampled",
+        scenes=("hills", "metals"),
+        edits=(Edit("light/dome.cpp", "const double left = rest * d.mean;", "const double left = 0 * rest;"),),
+    ),
+    Row(
+        "rectangles by solid angle",
+        "by area",
+        scenes=("box",),
+        edits=(
+            Edit("light/rect.hpp", "return dot(p, p) > 4.0f * (hx * hx + hy * hy);", "return dot(p, p) > 0.0f * (hx + hy);"),
+        ),
+    ),
+)

@@ -1,0 +1,205 @@
+"""What each feature and technique is worth: python -m tests.bench.ablations [--build] [--rounds N] [--only TEXT] [SCENE ...].
+
+Each row of ablation_rows.py beside the renderer as it is, by turns, in processes of their own: seconds of the render and
+relMSE against our converged picture (references.py). Rows that need a build of the core are measured where `--build` has
+made it from the sources as they are now; that takes minutes a row.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from primray import core
+
+from .ablation_rows import ALL, BASE, ROWS, Row
+from .peer_runs import kept
+from .references import path_of
+from .relmse import relmse, saved
+from .results import write_results
+
+ROOT = Path(__file__).parents[2]
+SOURCES = ROOT / "renderer/core"
+SPP = 16
+ROUNDS = 3
+
+
+def edited(row: Row) -> dict[str, str]:
+    """The files that a row changes, as they become."""
+    texts: dict[str, str] = {}
+    for edit in row.edits:
+        text = texts.get(edit.file) or (SOURCES / edit.file).read_text(encoding="utf-8")
+        if text.count(edit.text) != 1:
+            raise SystemExit(f"{row.name}: {edit.file} does not have, once, {edit.text!r}")
+        texts[edit.file] = text.replace(edit.text, edit.other)
+    return texts
+
+
+def module_of(row: Row) -> Path:
+    """Where the row's build of the core is kept: a folder for these sources and these changes."""
+    found = hashlib.sha256(repr((sorted(edited(row).items()), row.defines)).encode())
+    for path in sorted(SOURCES.rglob("*")):
+        if path.is_file():
+            found.update(path.read_bytes())
+    isa = core.isa()
+    return kept() / "cores" / found.hexdigest()[:16] / f"_core_{isa}{Path(core.module().__file__).suffixes[0]}.so"
+
+
+def build(row: Row) -> None:
+    target = module_of(row)
+    if target.exists():
+        return
+    scripts = Path(sys.executable).parent
+    nanobind = subprocess.run([sys.executable, "-m", "nanobind", "--cmake_dir"], capture_output=True, text=True, check=True)
+    with tempfile.TemporaryDirectory() as folder:
+        sources, made = Path(folder) / "core", Path(folder) / "build"
+        shutil.copytree(SOURCES, sources)
+        for file, text in edited(row).items():
+            (sources / file).write_text(text, encoding="utf-8")
+        flags = " ".join(f"-D{name}" for name in row.defines)
+        configure = [scripts / "cmake", "-G", "Ninja", "-S", sources, "-B", made, f"-DCMAKE_CXX_FLAGS={flags}"]
+        configure += [f"-Dnanobind_DIR={nanobind.stdout.strip()}", f"-DPython_EXECUTABLE={sys.executable}"]
+        configure += [f"-DCMAKE_MAKE_PROGRAM={scripts / 'ninja'}"]
+        for command in (configure, [scripts / "ninja", "-C", made, f"_core_{core.isa()}"]):
+            done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
+            if done.returncode:
+                raise SystemExit(f"{row.name}:\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}")
+        [module] = made.rglob(f"_core_{core.isa()}*.so")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(module, target)
+
+
+def once(scene: str, row: Row, seed: int) -> dict[str, Any]:
+    """One render in a process of its own."""
+    job = {
+        "scene": scene, "settings": dict(row.settings), "splits": row.splits, "seed": seed, "spp": SPP,
+        "core": str(module_of(row)) if row.needs_build else None, "reference": str(path_of(scene, "primray")),
+    }  # fmt: skip
+    code = (
+        "import json, sys; from tests.bench.ablations import in_process; print(json.dumps(in_process(json.loads(sys.argv[1]))))"
+    )
+    environment = dict(os.environ) | dict(row.environment)
+    done = subprocess.run(
+        [sys.executable, "-c", code, json.dumps(job)], cwd=ROOT, env=environment, capture_output=True, text=True, check=False
+    )
+    if done.returncode:
+        raise SystemExit(f"{row.name} on {scene}:\n{done.stderr}")
+    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    return found
+
+
+def in_process(job: dict[str, Any]) -> dict[str, Any]:
+    if job["core"]:
+        _use_core(Path(job["core"]))
+    from .replay import build as built
+    from .scenes import bench_scene
+
+    scene, settings = built(bench_scene(job["scene"]), job["spp"])
+    settings = replace(settings, threads=None, seed=job["seed"], **job["settings"])
+    film = core.Film(scene)
+    splits = job["splits"] or core.choose_splits(scene, settings)
+    seconds = core.render_pass(scene, film, core.uniform_ends(film, job["spp"]), splits, settings).seconds
+    error = relmse(film.pixels[..., :3].astype(float), saved(Path(job["reference"])))
+    return {"seconds": round(seconds, 4), "relmse": float(f"{error:.5g}"), "rays": film.rays, "samples": film.samples}
+
+
+def _use_core(path: Path) -> None:
+    """Before the first use of the core: that file in place of the installed module."""
+    from importlib.machinery import ExtensionFileLoader
+    from importlib.util import module_from_spec, spec_from_file_location
+
+    name = f"primray._core_{core.isa()}"
+    spec = spec_from_file_location(name, path, loader=ExtensionFileLoader(name, str(path)))
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+
+
+def measure(scene: str, rows: list[Row], rounds: int) -> list[dict[str, Any]]:
+    runs: dict[str, list[dict[str, Any]]] = {row.name: [] for row in (BASE, *rows)}
+    for k in range(rounds):
+        for row in (BASE, *rows) if k % 2 == 0 else (*rows[::-1], BASE):
+            runs[row.name].append(once(scene, row, seed=100 + k))
+    base = runs[BASE.name]
+    return [
+        {
+            "scene": scene,
+            "name": row.name,
+            "instead": row.instead,
+            "spp": SPP,
+            "runs": runs[row.name],
+            **_worth(base, runs[row.name]),
+        }
+        for row in rows
+    ]
+
+
+def _worth(base: list[dict[str, Any]], without: list[dict[str, Any]]) -> dict[str, Any]:
+    """Without it over with it: medians of the rounds' ratios of error, seconds and their product, and the product's range."""
+    ratios = [
+        (b["relmse"] / a["relmse"], b["seconds"] / a["seconds"], b["relmse"] * b["seconds"] / (a["relmse"] * a["seconds"]))
+        for a, b in zip(base, without, strict=True)
+    ]
+    error, seconds, product = (round(statistics.median(column), 4) for column in zip(*ratios, strict=True))
+    whole = sorted(ratio[2] for ratio in ratios)
+    return {"error": error, "seconds": seconds, "error_seconds": product, "range": [round(whole[0], 4), round(whole[-1], 4)]}
+
+
+def possible(row: Row) -> bool:
+    """Where this machine and this build can leave it out."""
+    isa = row.environment.get("PRIMRAY_ISA")
+    if isa is not None and (isa == core.isa() or not list((ROOT / "renderer/primray").glob(f"_core_{isa}.*"))):
+        return False
+    lanes = row.environment.get("PRIMRAY_LANES")
+    if lanes is not None and int(lanes) >= core.lanes():
+        return False
+    return not row.needs_build or module_of(row).exists()
+
+
+def report(scenes: list[str], rounds: int, only: str = "") -> None:
+    wanted = [row for row in ROWS if only in row.name]
+    found = []
+    for scene in scenes:
+        rows = [row for row in wanted if scene in row.scenes and possible(row)]
+        for row in measure(scene, rows, rounds) if rows else ():
+            found.append(row)
+            low, high = row["range"]
+            print(
+                f"{scene:7} {row['name']:44} {row['instead']:36} error x {row['error']:.3f}  seconds x {row['seconds']:.3f}  "
+                f"both x {row['error_seconds']:.3f} ({low:.3f} to {high:.3f})",
+                flush=True,
+            )
+    left_out = [{"name": row.name, "instead": row.instead, "left_out": "not built"} for row in wanted if not possible(row)]
+    write_results("ablations", found + left_out)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m tests.bench.ablations", description=__doc__)
+    parser.add_argument("scenes", nargs="*", default=list(ALL))
+    parser.add_argument("--build", action="store_true", help="make the builds that are missing, and measure nothing")
+    parser.add_argument("--rounds", type=int, default=ROUNDS)
+    parser.add_argument("--only", default="", help="rows with this in their name")
+    options = parser.parse_args()
+    if options.build:
+        for row in ROWS:
+            if row.needs_build and options.only in row.name:
+                build(row)
+                print(f"built: {row.name}, {row.instead}", flush=True)
+        return
+    report(options.scenes, options.rounds, options.only)
+
+
+if __name__ == "__main__":
+    main()

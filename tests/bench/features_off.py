@@ -1,0 +1,171 @@
+"""What features cost scenes that do not use them: the core as it is, and with their code left out, on the same scenes.
+
+python -m tests.bench.features_off [--isa v3] [--rounds 15] [--instructions] [--one-by-one] [--keep FOLDER]
+
+Builds the core again (minutes each), so CI does not run it. Both ways' pixels must be the same. The figure is the way with all
+over the way without: of CPU seconds the median over interleaved passes, or of the core's own instructions, by valgrind's
+callgrind.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from .results import write_results
+from .scenes import ROOT, BenchScene, available
+
+CORE = ROOT / "renderer/core"
+# As PRIMRAY_WITHOUT of renderer/core/CMakeLists.txt has them, and the scenes here that use one.
+FEATURES = [
+    "attributes",
+    "cutouts",
+    "emission",
+    "instances",
+    "light_images",
+    "links",
+    "lobe_factors",
+    "motion",
+    "portals",
+    "shaping",
+    "special_shadows",
+    "spheres",
+    "textures",
+    "thin",
+]
+USES = {"box": set[str](), "hills": set[str](), "field": {"instances"}}
+
+# One process for each way: a line asks for a pass, its CPU seconds and the film's hash are the answer.
+WORKER = """
+import hashlib, sys, time
+from tests.bench import replay, scenes
+from primray import core
+scene = next(s for s in scenes.available() if s.name == sys.argv[1])
+spp = int(sys.argv[2])
+built, settings = replay.build(scene, spp)
+splits = core.choose_splits(built, settings)
+for _ in sys.stdin:
+    film = core.Film(built)
+    start = time.process_time()
+    core.render_pass(built, film, core.uniform_ends(film, spp), splits, settings)
+    seconds = time.process_time() - start
+    print(seconds, hashlib.sha256(film.pixels.tobytes()).hexdigest(), flush=True)
+"""
+
+
+def build(folder: Path, isa: str, without: list[str]) -> Path:
+    """A folder to put first on Python's path: the package with a core that lacks `without`."""
+    nanobind = subprocess.check_output([sys.executable, "-m", "nanobind", "--cmake_dir"], text=True).strip()
+    made = folder / "build"
+    command = ["cmake", "-G", "Ninja", "-S", str(CORE), "-B", str(made), f"-Dnanobind_DIR={nanobind}"]
+    command += [f"-DPython_EXECUTABLE={sys.executable}", f"-DPRIMRAY_WITHOUT={';'.join(without)}"]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run(["cmake", "--build", str(made), "--target", f"_core_{isa}"], check=True, stdout=subprocess.DEVNULL)
+    package = folder / "primray"
+    shutil.rmtree(package, ignore_errors=True)
+    shutil.copytree(ROOT / "renderer/primray", package, ignore=shutil.ignore_patterns("*.so", "__pycache__"))
+    for module in made.glob(f"_core_{isa}*.so"):
+        shutil.copy(module, package)
+    return folder
+
+
+def environment(way: Path, isa: str) -> dict[str, str]:
+    return os.environ | {"PYTHONPATH": f"{way}{os.pathsep}{ROOT}", "PRIMRAY_ISA": isa}
+
+
+def times(ways: list[Path], scene: BenchScene, isa: str, rounds: int, spp: int) -> list[list[float]]:
+    """CPU seconds of passes, by turns, for each way."""
+    workers = [
+        subprocess.Popen(
+            [sys.executable, "-c", WORKER, scene.name, str(spp)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env=environment(way, isa),
+        )
+        for way in ways
+    ]
+    seconds: list[list[float]] = [[] for _ in ways]
+    hashes = set()
+    for turn in range(rounds + 1):
+        order = range(len(ways)) if turn % 2 else reversed(range(len(ways)))
+        for i in order:
+            asked, answered = workers[i].stdin, workers[i].stdout
+            assert asked
+            assert answered
+            asked.write("\n"), asked.flush()
+            took, pixels = answered.readline().split()
+            hashes.add(pixels)
+            if turn > 0:  # the first warms up
+                seconds[i].append(float(took))
+    for worker in workers:
+        assert worker.stdin
+        worker.stdin.close()
+        worker.wait()
+    if len(hashes) != 1:
+        raise SystemExit(f"{scene.name}: the pixels differ")
+    return seconds
+
+
+def instructions(way: Path, scene: BenchScene, isa: str) -> int:
+    """Of the core's own code, for a small picture on one thread."""
+    with tempfile.TemporaryDirectory() as folder:
+        counted = Path(folder) / "callgrind.out"
+        code = "from primray.cli import main; main()"
+        command = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={counted}", sys.executable, "-c", code]
+        command += arguments(scene, folder)
+        subprocess.run(command, check=True, env=environment(way, isa), stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        table = subprocess.check_output(["callgrind_annotate", "--threshold=100", str(counted)], text=True)
+    rows = re.findall(rf"^\s*([\d,]+) \(.*\[.*_core_{isa}.*\]$", table, re.MULTILINE)
+    return sum(int(row.replace(",", "")) for row in rows)
+
+
+def arguments(scene: BenchScene, folder: str) -> list[str]:
+    depth = ["--max-depth", str(scene.max_depth)] if scene.max_depth else []
+    camera = ["--camera", scene.camera] if scene.camera else []
+    size = ["--res", "128", "128", "--spp", "4", "--threads", "1"]
+    return ["render", str(scene.path), "-o", f"{folder}/out.exr", *size, *depth, *camera]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m tests.bench.features_off", description=__doc__)
+    parser.add_argument("--isa", default="v3")
+    parser.add_argument("--rounds", type=int, default=15)
+    parser.add_argument("--spp", type=int, default=2)
+    parser.add_argument("--instructions", action="store_true")
+    parser.add_argument("--one-by-one", action="store_true", help="a row for each feature, not only for all")
+    parser.add_argument("--keep", type=Path, help="a folder for the builds, which are made anew only where something changed")
+    options = parser.parse_args()
+    folder = options.keep or Path(tempfile.mkdtemp())
+    whole = build(folder / "whole", options.isa, [])
+    rows: list[dict[str, Any]] = []
+    for scene in available():
+        if scene.name not in USES:
+            continue
+        left = [f for f in FEATURES if f not in USES[scene.name]]
+        for without in [left, *([[f] for f in left] if options.one_by_one else [])]:
+            name = "_".join(without) if len(without) == 1 else "all_but_" + "_".join(sorted(USES[scene.name]))
+            way = build(folder / name, options.isa, without)
+            row: dict[str, Any] = {"scene": scene.name, "without": without}
+            if options.instructions:
+                counts = [instructions(w, scene, options.isa) for w in (whole, way)]
+                row |= {"core_instructions": counts, "ratio": round(counts[0] / counts[1], 4)}
+            else:
+                seconds = times([whole, way], scene, options.isa, options.rounds, options.spp)
+                ratios = [a / b for a, b in zip(*seconds, strict=True)]
+                row |= {"cpu_s": [[round(s, 4) for s in way] for way in seconds], "ratio": round(statistics.median(ratios), 4)}
+            rows.append(row)
+            print(f"{scene.name:10} {row['ratio']:.4f} with all over without {', '.join(without)}", flush=True)
+    print(f"written: {write_results('features_off', rows)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,59 @@
+"""Which renderers can be compared here. PRIMRAY_PEERS names a folder with a virtual environment for each peer: mi (Mitsuba),
+bpy (Cycles) and lux (LuxCore); what is not there is left out."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+ENVIRONMENTS = {"mitsuba": "mi", "cycles": "bpy", "luxcore": "lux"}
+PACKAGES = {"mitsuba": "mitsuba", "cycles": "bpy", "luxcore": "pyluxcore"}
+OURS = "primray"
+
+
+@dataclass(frozen=True)
+class Renderer:
+    name: str  # peer and variant: mitsuba-llvm-multijitter
+    peer: str
+    variant: str = ""
+
+    @property
+    def python(self) -> Path | None:
+        """The Python that has it; None if none has."""
+        folder = os.environ.get("PRIMRAY_PEERS")
+        if self.peer == OURS or not folder:
+            return None
+        python = Path(folder).resolve() / ENVIRONMENTS[self.peer] / "bin/python"
+        return python if python.exists() else None
+
+
+# Of a peer's variants the first that takes a scene makes its reference.
+RENDERERS = (
+    Renderer(OURS, OURS),
+    *(
+        Renderer(f"mitsuba-{variant}", "mitsuba", variant)
+        for variant in ("llvm-multijitter", "llvm", "scalar-multijitter", "scalar")
+    ),
+    Renderer("cycles", "cycles"),
+    Renderer("luxcore", "luxcore"),
+)
+
+
+def reason_against(renderer: Renderer, scene: str) -> str | None:
+    """Why this renderer cannot take that scene, or what is not to be learnt from it."""
+    if renderer.variant.startswith("llvm") and scene == "field":
+        return "it traces every instance while it records its kernel: minutes, and more than 11 GB at 100,000 instances"
+    if renderer.variant.startswith("scalar") and scene not in ("field", "box"):
+        return "slower than its LLVM variant wherever that takes the scene (box has both)"
+    if scene == "lamps" and renderer.peer == "luxcore":
+        return "its sphere light has other units"
+    return None
+
+
+def installed(scene: str) -> list[Renderer]:
+    return [
+        renderer
+        for renderer in RENDERERS
+        if (renderer.peer == OURS or renderer.python is not None) and reason_against(renderer, scene) is None
+    ]

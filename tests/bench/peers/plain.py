@@ -1,0 +1,31 @@
+"""What the runners read of a scene; needs nothing but NumPy, as it runs in the Pythons of other renderers."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+
+class PlainScene:
+    """The JSON of write_plain.py, and the files beside it."""
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self.folder = folder
+        self.name = name
+        self.facts: dict[str, Any] = json.loads((folder / f"{name}.json").read_text())
+
+    def __getitem__(self, key: str) -> Any:
+        return self.facts[key]
+
+    def ply(self, mesh: str) -> str:
+        return str(self.folder / f"{self.name}_{mesh}.ply")
+
+    def file(self, name: str) -> str:
+        return str(self.folder / name)
+
+    def matrices(self) -> np.ndarray:  # type: ignore[type-arg]
+        """(N, 4, 4), column vectors."""
+        return np.load(self.folder / f"{self.name}_placed.npy").astype(float)

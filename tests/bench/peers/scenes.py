@@ -1,0 +1,187 @@
+"""The compared scenes, in terms that every renderer has. Add one here and it is written and rendered for all.
+
+What they mean: y up, metres, linear Rec.709, a pinhole camera, box filter one pixel wide, nothing clamped, nothing denoised.
+depth: surface scatterings (1 = direct light). diffuse: Lambert. metal: GGX, alpha = roughness squared, Schlick's Fresnel from
+the colour to 1. glass: a smooth dielectric. rect and ball: the radiance they emit, the rect to one side (u x v). sun: without
+extent, its irradiance. sky: a latitude-longitude image (shapes.sky).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from .shapes import Array, Triangles, ball, block, bumps, rectangle, rotations, sky, terrain
+
+Rgb = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Camera:
+    eye: tuple[float, float, float]
+    target: tuple[float, float, float]
+    fov_deg: float  # horizontal
+
+
+@dataclass(frozen=True)
+class Look:
+    kind: str  # diffuse, metal or glass
+    color: Rgb = (1.0, 1.0, 1.0)
+    roughness: float = 0.0
+    ior: float = 1.5
+
+
+@dataclass(frozen=True)
+class Lamp:
+    kind: str  # rect, ball, sun or sky
+    radiance: Rgb = (1.0, 1.0, 1.0)  # of a sun: its irradiance
+    center: tuple[float, ...] = ()
+    half_u: tuple[float, ...] = ()
+    half_v: tuple[float, ...] = ()
+    radius: float = 0.0
+    direction: tuple[float, ...] = ()  # that light travels in
+    image: str = ""
+
+
+@dataclass(frozen=True)
+class Placed:
+    """One mesh many times over, turned and scaled evenly."""
+
+    mesh: str
+    look: str
+    positions: npt.NDArray[np.float32]  # (N, 3)
+    quaternions: npt.NDArray[np.float16]  # (N, 4): w, x, y, z; half floats are what a PointInstancer has
+    scales: npt.NDArray[np.float32]  # (N,)
+
+    def matrices(self) -> Array:
+        """(N, 4, 4), column vectors."""
+        found = np.tile(np.eye(4), (len(self.positions), 1, 1))
+        found[:, :3, :3] = rotations(self.quaternions.astype(float)) * self.scales[:, None, None]
+        found[:, :3, 3] = self.positions
+        return found
+
+
+@dataclass
+class Scene:
+    name: str
+    resolution: tuple[int, int]
+    depth: int
+    camera: Camera
+    looks: dict[str, Look] = field(default_factory=dict)
+    meshes: dict[str, Triangles] = field(default_factory=dict)
+    objects: list[tuple[str, str]] = field(default_factory=list)  # mesh, look
+    placed: Placed | None = None
+    lamps: list[Lamp] = field(default_factory=list)
+    images: dict[str, npt.NDArray[np.float32]] = field(default_factory=dict)
+
+    def add(self, name: str, mesh: Triangles, look: str) -> None:
+        self.meshes[name] = mesh
+        self.objects.append((name, look))
+
+
+def box() -> Scene:
+    """An indoor scene: much light arrives over several bounces."""
+    scene = Scene("box", (512, 512), 8, Camera((0, 1, 3.8), (0, 1, 0), 40.0))
+    scene.looks = {
+        "white": Look("diffuse", (0.74, 0.73, 0.7)),
+        "red": Look("diffuse", (0.6, 0.06, 0.05)),
+        "green": Look("diffuse", (0.13, 0.46, 0.1)),
+        "black": Look("diffuse", (0.0, 0.0, 0.0)),
+    }
+    scene.add("floor", rectangle((0, 0, 0), (0, 0, 1), (1, 0, 0)), "white")
+    scene.add("ceiling", rectangle((0, 2, 0), (1, 0, 0), (0, 0, 1)), "white")
+    scene.add("back", rectangle((0, 1, -1), (1, 0, 0), (0, 1, 0)), "white")
+    scene.add("left", rectangle((-1, 1, 0), (0, 1, 0), (0, 0, 1)), "red")
+    scene.add("right", rectangle((1, 1, 0), (0, 0, 1), (0, 1, 0)), "green")
+    scene.add("tall", block((-0.35, 0.62, -0.3), (0.29, 0.62, 0.29), 18), "white")
+    scene.add("short", block((0.34, 0.29, 0.35), (0.29, 0.29, 0.29), -16), "white")
+    # Renderers differ in whether a lamp shades what is behind it; behind this one nothing is lit or seen.
+    scene.add("lamp_back", rectangle((0, 1.985, 0), (0.24, 0, 0), (0, 0, 0.2)), "black")
+    scene.lamps = [Lamp("rect", (17.0, 12.5, 5.0), (0, 1.98, 0), (0.24, 0, 0), (0, 0, 0.2))]
+    return scene
+
+
+def field_of_stones(count: int = 100_000) -> Scene:
+    """Many instances of one small mesh under sun and sky."""
+    scene = Scene("field", (640, 360), 4, Camera((0, 9, 38), (0, 0, 4), 56.0))
+    scene.looks = {"ground": Look("diffuse", (0.38, 0.37, 0.35)), "stone": Look("diffuse", (0.66, 0.38, 0.22))}
+    scene.add("ground", rectangle((0, 0, 0), (0, 0, 240), (240, 0, 0)), "ground")
+    stone = ball(4)
+    height = 1 + 0.9 * bumps(stone.points, 3, 3.5, 21)
+    scene.meshes["stone"] = Triangles(stone.points * height[:, None], stone.faces)
+    rng = np.random.default_rng(22)
+    side = int(np.ceil(np.sqrt(count)))
+    row, column = np.divmod(np.arange(count), side)
+    scales = rng.uniform(0.16, 0.3, count)
+    grid = (np.stack([row, column], axis=1) - (side - 1) / 2) * 0.8 + rng.uniform(-0.1, 0.1, (count, 2))
+    positions = np.stack([grid[:, 0], 0.85 * scales, grid[:, 1]], axis=1)
+    quaternions = rng.normal(size=(count, 4))
+    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
+    scene.placed = Placed(
+        "stone", "stone", positions.astype(np.float32), quaternions.astype(np.float16), scales.astype(np.float32)
+    )
+    scene.images = {"field_sky.exr": sky(256, (0.26, 0.46, 0.9), (0.9, 0.95, 1.0), (0.3, 0.3, 0.3))}
+    scene.lamps = [Lamp("sky", image="field_sky.exr"), Lamp("sun", (2.5, 2.3, 2.0), direction=(-0.5, -0.7, -0.4))]
+    return scene
+
+
+def hills(side: int = 1001) -> Scene:
+    """One mesh of two million triangles under a sky."""
+    scene = Scene("hills", (640, 360), 3, Camera((0, 5.2, 9.2), (0, -0.3, 0), 50.0))
+    scene.looks = {"rock": Look("diffuse", (0.54, 0.5, 0.46))}
+    scene.add("terrain", terrain(side, 20.0), "rock")
+    scene.images = {"hills_sky.exr": sky(256, (0.3, 0.5, 1.0), (1.0, 0.9, 0.76), (0.2, 0.2, 0.2))}
+    scene.lamps = [Lamp("sky", image="hills_sky.exr")]
+    return scene
+
+
+def metals() -> Scene:
+    """Metals from near-mirror to rough and two glass balls, lit by a sky whose small sun has most of the light."""
+    scene = Scene("metals", (640, 360), 8, Camera((0, 2.3, 7.6), (0, 0.5, 0), 52.0))
+    scene.looks = {
+        "ground": Look("diffuse", (0.45, 0.43, 0.4)),
+        "glass": Look("glass", ior=1.5),
+        "chalk": Look("diffuse", (0.7, 0.7, 0.68)),
+    }
+    scene.add("ground", rectangle((0, 0, 0), (0, 0, 30), (30, 0, 0)), "ground")
+    colors: list[Rgb] = [(0.95, 0.93, 0.88), (1.0, 0.77, 0.34), (0.95, 0.64, 0.54), (0.91, 0.92, 0.92), (0.56, 0.57, 0.58)]
+    for k, (color, roughness) in enumerate(zip(colors, (0.08, 0.15, 0.25, 0.4, 0.6), strict=True)):
+        scene.looks[f"metal_{k}"] = Look("metal", color, roughness)
+        scene.add(f"back_{k}", ball(6, 0.62, (1.45 * (k - 2), 0.62, -0.7), smooth=True), f"metal_{k}")
+    for k, look in enumerate(("glass", "chalk", "metal_1", "glass")):
+        scene.add(f"front_{k}", ball(6, 0.45, (1.3 * (k - 1.5), 0.45, 1.1), smooth=True), look)
+    sun = ((0.55, 0.62, 0.35), 0.9, (3200.0, 2900.0, 2400.0))
+    scene.images = {"metals_sky.exr": sky(1024, (0.2, 0.38, 0.85), (0.8, 0.87, 1.0), (0.22, 0.2, 0.18), sun)}
+    scene.lamps = [Lamp("sky", image="metals_sky.exr")]
+    return scene
+
+
+def lamps(count: int = 500) -> Scene:
+    """A hall of blocks lit by small coloured balls at every height, most of them hidden from most points."""
+    scene = Scene("lamps", (640, 360), 4, Camera((0, 3.2, 11.0), (0, 1.1, 0), 52.0))
+    scene.looks = {"floor": Look("diffuse", (0.5, 0.5, 0.5)), "block": Look("diffuse", (0.62, 0.58, 0.52))}
+    scene.add("floor", rectangle((0, 0, 0), (0, 0, 12), (12, 0, 0)), "floor")
+    scene.add("wall", rectangle((0, 4, -8), (12, 0, 0), (0, 4, 0)), "floor")
+    rng = np.random.default_rng(31)
+    for k in range(48):
+        height = rng.uniform(0.2, 0.9)
+        at = ((k % 8 - 3.5) * 2.0 + rng.uniform(-0.3, 0.3), height, (k // 8 - 3.5) * 2.0 + rng.uniform(-0.3, 0.3))
+        scene.add(f"block_{k}", block(at, (0.35, height, 0.35), rng.uniform(0, 90)), "block")
+    for _ in range(count):
+        center = (rng.uniform(-9, 9), rng.uniform(0.15, 3.2), rng.uniform(-7.5, 7.0))
+        radius = rng.uniform(0.02, 0.06)
+        color = rng.uniform(0.3, 1.0, 3) * 10 ** rng.uniform(0.8, 1.8)
+        scene.lamps.append(Lamp("ball", tuple(float(c) for c in color), center, radius=float(radius)))  # type: ignore[arg-type]
+    return scene
+
+
+SCENES: dict[str, Callable[[], Scene]] = {
+    "box": box,
+    "field": field_of_stones,
+    "hills": hills,
+    "metals": metals,
+    "lamps": lamps,
+}

@@ -1,0 +1,98 @@
+"""Errors, ablations and the run as a whole: what the benchmark computes from pictures and sources."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from . import __main__ as whole
+from .ablation_rows import ROWS, Edit, Row
+from .ablations import _worth, edited
+from .curves import medians
+from .relmse import agreement, reference_of, relmse, save, saved
+
+SHAPE = (64, 64, 3)
+
+
+def noisy(truth, sigma, count, seed):
+    rng = np.random.default_rng(seed)
+    return [truth + rng.normal(0, sigma, SHAPE) for _ in range(count)]
+
+
+def test_the_references_own_noise_is_subtracted(tmp_path):
+    truth = np.random.default_rng(1).uniform(0.8, 1.5, SHAPE)
+    reference = reference_of(noisy(truth, 0.05, 4, 2), 64)
+    expected = float((0.05**2 / (truth**2 + 0.01)).mean())
+    assert reference.noise == pytest.approx(expected / 4, rel=0.1)
+    [picture] = noisy(truth, 0.05, 1, 3)
+    assert relmse(picture, reference) == pytest.approx(expected, rel=0.1)
+    assert relmse(truth, reference) == pytest.approx(0, abs=0.1 * expected)
+    save(reference, tmp_path / "r.npz")
+    again = saved(tmp_path / "r.npz")
+    assert again.samples == 256
+    assert again.noise == pytest.approx(reference.noise, rel=1e-4)
+
+
+def test_more_pictures_make_a_reference_quieter():
+    truth = np.full(SHAPE, 0.5)
+    four = reference_of(noisy(truth, 0.1, 4, 2), 64)
+    twelve = four.with_more(reference_of(noisy(truth, 0.1, 8, 3), 64))
+    assert twelve.samples == 3 * four.samples
+    assert twelve.noise == pytest.approx(four.noise / 3, rel=0.1)
+    apart = agreement(four, twelve)
+    assert abs(apart["mean"]) < 0.005
+    assert 0 < apart["blocks"] < 0.02
+
+
+def test_medians_are_over_the_rounds_of_equal_samples():
+    rounds = [
+        {"pictures": [{"samples": 4, "seconds": s, "relmse": e}, {"samples": 16, "seconds": 4 * s, "relmse": e / 4}]}
+        for s, e in ((1.0, 0.4), (2.0, 0.2), (9.0, 0.3))
+    ]
+    rounds[2]["pictures"].pop()
+    assert medians({"rounds": rounds}) == [(4, 2.0, 0.3), (16, 6.0, pytest.approx(0.075))]
+
+
+def test_worth_is_without_over_with_by_rounds():
+    base = [{"relmse": 0.1, "seconds": 1.0}, {"relmse": 0.1, "seconds": 2.0}, {"relmse": 0.1, "seconds": 4.0}]
+    without = [{"relmse": 0.3, "seconds": 0.5}, {"relmse": 0.3, "seconds": 1.0}, {"relmse": 0.4, "seconds": 2.0}]
+    assert _worth(base, without) == {"error": 3.0, "seconds": 0.5, "error_seconds": 1.5, "range": [1.5, 2.0]}
+
+
+@pytest.mark.parametrize("row", [row for row in ROWS if row.edits], ids=lambda row: f"{row.name}, {row.instead}")
+def test_what_an_ablation_changes_stands_in_the_sources(row):
+    """Where the sources have moved on: change the row with them, or take it out."""
+    for file, text in edited(row).items():
+        assert text != (whole.ROOT / "renderer/core" / file).read_text(encoding="utf-8")
+
+
+def test_a_change_that_does_not_apply_is_refused():
+    with pytest.raises(SystemExit, match=r"sampler\.hpp does not have"):
+        edited(Row("x", "y", edits=(Edit("sampler/sampler.hpp", "no such text", ""),)))
+
+
+def test_a_stopped_run_goes_on_where_it_was(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("PRIMRAY_BENCH", str(tmp_path))
+    ran: list[str] = []
+    broken = {"b"}
+
+    def step(name: str) -> None:
+        if name in broken:
+            raise SystemExit("no such peer")
+        ran.append(name)
+
+    monkeypatch.setattr(whole, "steps", lambda quick: {name: lambda name=name: step(name) for name in "abc"})
+    monkeypatch.setattr(sys, "argv", ["bench"])
+    with pytest.raises(SystemExit):
+        whole.main()
+    assert ran == ["a"]
+    assert json.loads((tmp_path / "begun.json").read_text())["done"] == ["a"]
+    broken.clear()
+    whole.main()
+    assert ran == ["a", "b", "c"]
+    assert "a: done before" in capsys.readouterr().out
+    whole.main()
+    assert ran == [*"abcabc"]

@@ -1,0 +1,119 @@
+"""The compared scenes are the same for everyone, and runners keep to their job."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+
+import numpy as np
+import pytest
+from pxr import Usd, UsdGeom, UsdLux
+
+from .peers import loop
+from .peers.plain import PlainScene
+from .peers.scenes import SCENES, Scene, field_of_stones, hills
+from .peers.shapes import Triangles, ball, block, look_at, rectangle, sky
+from .peers.write_plain import write_scene
+
+
+def volume(mesh: Triangles) -> float:
+    a, b, c = (mesh.points[mesh.faces[:, k]] for k in range(3))
+    return float((np.cross(a, b) * c).sum() / 6)
+
+
+def test_closed_meshes_face_outwards():
+    assert volume(block((3.0, 1.0, 2.0), (1.0, 2.0, 3.0), 30)) == pytest.approx(48.0)
+    assert volume(ball(4, 2.0, (1.0, 0.0, 5.0))) == pytest.approx(4 / 3 * np.pi * 8, rel=0.01)
+    assert len(ball(4).faces) == 8 * 4**4
+
+
+def test_a_rectangle_faces_along_u_times_v():
+    mesh = rectangle((0, 0, 0), (1, 0, 0), (0, 0, 2))
+    a, b, c = mesh.points[mesh.faces[0]]
+    assert np.cross(b - a, c - a) @ (0, -1, 0) > 0
+
+
+def test_a_camera_looks_down_its_back():
+    matrix = look_at((1, 2, 3), (1, 2, -9))
+    np.testing.assert_allclose(matrix, [[1, 0, 0, 1], [0, 1, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]], atol=1e-12)
+
+
+def test_the_sun_is_where_the_sky_says():
+    image = sky(256, (0, 0, 1), (0, 0, 1), (0, 0, 0), ((1.0, 0.0, 0.0), 3.0, (9.0, 9.0, 9.0)))
+    rows, columns = np.nonzero(image[..., 0] > 5)
+    assert columns.mean() == pytest.approx(63.5, abs=0.6)  # +x is a quarter from the left
+    assert rows.mean() == pytest.approx(63.5, abs=0.6)
+
+
+@pytest.mark.parametrize("name", ["box", "lamps"])
+def test_usd_and_plain_files_are_one_scene(name, tmp_path):
+    write_scene(name, tmp_path)
+    plain = PlainScene(tmp_path, name)
+    stage = Usd.Stage.Open(str(tmp_path / f"{name}.usdc"))
+    meshes = [UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
+    assert {mesh.GetPrim().GetName() for mesh in meshes} == {mesh for mesh, _ in plain["objects"]}
+    colors = {mesh.GetPrim().GetName(): mesh.GetDisplayColorAttr().Get()[0] for mesh in meshes}
+    for mesh, look in plain["objects"]:
+        assert colors[mesh] == pytest.approx(plain["looks"][look]["color"])
+    for k, lamp in enumerate(plain["lamps"]):
+        prim = stage.GetPrimAtPath(f"/world/lights/light_{k}")
+        light = UsdLux.LightAPI(prim)
+        radiance = np.array(light.GetColorAttr().Get()) * light.GetIntensityAttr().Get()
+        np.testing.assert_allclose(radiance, lamp["radiance"], rtol=1e-5)
+        to_world = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default()))
+        np.testing.assert_allclose(to_world[3, :3], lamp["center"], atol=1e-6)
+        if lamp["kind"] == "rect":
+            np.testing.assert_allclose(-to_world[2, :3], (0, -1, 0), atol=1e-6)  # its light goes down
+    assert (tmp_path / f"{name}_{plain['objects'][0][0]}.ply").read_bytes().startswith(b"ply\n")
+
+
+def test_matrices_are_what_an_instancer_makes_of_its_arrays(tmp_path, monkeypatch):
+    monkeypatch.setitem(SCENES, "field", lambda: field_of_stones(20))
+    write_scene("field", tmp_path)
+    stage = Usd.Stage.Open(str(tmp_path / "field.usdc"))
+    instancer = UsdGeom.PointInstancer(stage.GetPrimAtPath("/world/geometry/placed"))
+    theirs = np.array(instancer.ComputeInstanceTransformsAtTime(Usd.TimeCode.Default(), Usd.TimeCode.Default()))
+    ours = PlainScene(tmp_path, "field").matrices()
+    np.testing.assert_allclose(theirs.transpose(0, 2, 1), ours, atol=2e-3)  # half floats are not made unit length by USD
+
+
+def test_scenes_are_the_same_every_time():
+    first, second = (hills(20) for _ in range(2))
+    assert isinstance(first, Scene)
+    np.testing.assert_array_equal(first.meshes["terrain"].points, second.meshes["terrain"].points)
+    assert repr(SCENES["lamps"]().lamps) == repr(SCENES["lamps"]().lamps)
+
+
+def told(capsys: pytest.CaptureFixture[str]) -> list[dict[str, object]]:
+    lines = capsys.readouterr().out.splitlines()
+    return [json.loads(line)["primray-bench"] for line in lines if line.startswith('{"primray-bench"')]
+
+
+def test_a_runner_stops_before_a_picture_that_takes_too_long(tmp_path, monkeypatch, capsys):
+    """A clock that only rendering moves: a tenth of a second a sample."""
+    (tmp_path / "box.json").write_text("{}")
+    clock = [100.0]
+    taken: list[tuple[int, int]] = []
+
+    def render(samples: int, seed: int) -> None:
+        taken.append((samples, seed))
+        clock[0] += 0.1 * samples
+        print("a renderer talks", end="")
+
+    job = {
+        "folder": str(tmp_path), "scene": "box", "package": "numpy", "limit_s": 2.0, "total_s": 1e9, "launched": 99.0,
+        "pictures": [[4, 7], [16, 8], [64, 9]], "out": str(tmp_path),
+    }  # fmt: skip
+    monkeypatch.setattr(sys, "argv", ["runner", json.dumps(job)])
+    monkeypatch.setattr(time, "perf_counter", lambda: clock[0])
+    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
+    loop.run(lambda scene, job: (render, lambda path: None, {"load": 0.5}))
+    assert taken == [(1, 1), (4, 7), (16, 8)]
+    first, *pictures = told(capsys)
+    assert first["process_s"] == pytest.approx(1.1)
+    assert first["version"] == np.__version__
+    assert [picture["samples"] for picture in pictures] == [4, 16]
+    assert [picture["seconds"] for picture in pictures] == pytest.approx([0.4, 1.6])
+    assert pictures[0]["path"] == f"{tmp_path}/4_7.exr"
+    assert float(str(first["peak_mb"])) > 1

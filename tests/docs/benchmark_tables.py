@@ -1,0 +1,226 @@
+"""What docs/benchmarks.md says of each kind of measurement: from the raw rows to tables, and sentences on where we lose."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from tests.bench.curves import medians
+from tests.bench.fits import Growth, growth, power_of_n_log_n, time_to
+from tests.bench.growth import ray_us, setup_s
+
+Rows = Sequence[dict[str, Any]]
+OURS = "primray"
+# The error that times are told for: within what every renderer reaches in some seconds.
+TARGETS = {"box": 0.002, "field": 0.003, "hills": 0.002, "metals": 0.02, "lamps": 0.05}
+AHEAD = {
+    "box": 1.3,
+    "field": 3.0,
+    "hills": 2.0,
+    "metals": 3.0,
+    "lamps": 20.0,
+}  # of the best other renderer, in time to that error
+SHARES = {16: 0.8, 8: 0.75}  # of Embree's, that the render's speed should have
+SPEED_UP = 1.9  # with two threads
+GROWTH_ROOM = 0.1  # by which a fitted power may exceed that of n log n
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    return "\n".join([*lines, *("| " + " | ".join(row) + " |" for row in rows)])
+
+
+def spread(values: Sequence[float], digits: int = 2) -> str:
+    """The median and, of several, the range."""
+    middle = f"{statistics.median(values):.{digits}f}"
+    return middle if len(values) < 2 else f"{middle} ({min(values):.{digits}f} to {max(values):.{digits}f})"
+
+
+def measured(rows: Rows) -> list[dict[str, Any]]:
+    return [row for row in rows if "left_out" not in row]
+
+
+def seconds_to(row: dict[str, Any], error: float) -> tuple[float, bool] | None:
+    found = time_to([(seconds, relmse) for _, seconds, relmse in medians(row)], error)
+    return None if found is None else (found.seconds, found.extrapolated)
+
+
+def curve_table(scene: str, rows: Rows) -> str:
+    target = TARGETS[scene]
+    width, height = measured(rows)[0]["resolution"]
+    ours = seconds_to(next(row for row in rows if row["renderer"] == OURS), target)
+    lines = []
+    for row in measured(rows):
+        curve = medians(row)
+        samples, seconds, error = curve[-1]
+        found = seconds_to(row, target)
+        mean = statistics.median(r["pictures"][-1]["mean"] for r in row["rounds"])
+        speeds = [p["samples"] * width * height / p["seconds"] / 1e6 for r in row["rounds"] for p in r["pictures"][-1:]]
+        lines.append(
+            (
+                row["renderer"],
+                spread(speeds),
+                str(samples),
+                f"{error:.5f}",
+                f"{1 / (error * seconds):.1f}" if error > 0 else "",
+                _told(found),
+                f"{found[0] / ours[0]:.2f}" if found and ours else "",
+                f"{100 * mean:+.2f} %",
+                f"{100 * row['reference']['apart_from_ours']['blocks']:.2f} %",
+            )
+        )
+    head = ("renderer", "Msamples/s", "samples", "relMSE", "1 / (relMSE s)", f"s to {target:g}", "x ours", "mean", "apart")
+    return table(head, lines)
+
+
+def _told(found: tuple[float, bool] | None) -> str:
+    return "" if found is None else f"{'~' if found[1] else ''}{found[0]:.2f}"
+
+
+def curves_lost(scene: str, rows: Rows) -> Iterator[str]:
+    [ours] = [row for row in rows if row["renderer"] == OURS]
+    target, own = TARGETS[scene], seconds_to(ours, TARGETS[scene])
+    others = [(found[0], row["renderer"]) for row in measured(rows) if row is not ours and (found := seconds_to(row, target))]
+    if own is not None and others:
+        for seconds, name in sorted(others):
+            if seconds < own[0]:
+                yield f"{scene}: {name} reaches a relMSE of {target:g} in {seconds:.2f} s, ours in {own[0]:.2f} s"
+        seconds, name = min(others)
+        if own[0] <= seconds < AHEAD[scene] * own[0]:
+            ratio = f"{seconds / own[0]:.2f} times as fast as {name}"
+            yield f"{scene}: to a relMSE of {target:g} ours is {ratio}, {AHEAD[scene]:g} times is aimed at"
+    for what, unit in (("process_s", "s to a first picture"), ("peak_mb", "MB of memory")):
+        best = min(measured(rows), key=lambda row: _median(row, what))
+        if best is not ours and _median(best, what) < _median(ours, what):
+            yield f"{scene}: {best['renderer']} takes {_median(best, what):.4g} {unit}, ours {_median(ours, what):.4g}"
+
+
+def _median(row: dict[str, Any], what: str) -> float:
+    if what == "peak_mb":
+        return float(statistics.median(r["pictures"][-1]["peak_mb"] for r in row["rounds"]))
+    return float(statistics.median(r["first"][what] for r in row["rounds"]))
+
+
+def first_table(scenes: dict[str, Rows]) -> str:
+    lines = []
+    for scene, rows in scenes.items():
+        for row in measured(rows):
+            firsts = [r["first"] for r in row["rounds"]]
+            stages = {name: statistics.median(f["stages_s"][name] for f in firsts) for name in firsts[0]["stages_s"]}
+            told = ", ".join(f"{name} {seconds:.2f}" for name, seconds in stages.items() if seconds >= 0.005)
+            whole = spread([f["process_s"] for f in firsts])
+            lines.append((scene, row["renderer"], whole, told, f"{_median(row, 'peak_mb'):.0f}"))
+    return table(("scene", "renderer", "s to a first picture", "of which, s", "peak MB"), lines)
+
+
+def replay_table(rows: Rows) -> str:
+    lines = []
+    for row in rows:
+        low, high = row["embree_share_range"]
+        share = f"{row['embree_share_median']:.3f} ({low:.3f} to {high:.3f})"
+        rate = row["rays"] / statistics.median(row["render_s"]) / 1e6
+        occupancy = f"{row['lane_occupancy']:.3f}"
+        lines.append((row["scene"], str(row["lanes"]), share, f"{rate:.2f}", f"{row['rays'] / row['samples']:.2f}", occupancy))
+    return table(("scene", "lanes", "Embree's share", "Mrays/s, 1 thread", "rays a sample", "lanes full"), lines)
+
+
+def replay_lost(rows: Rows) -> Iterator[str]:
+    for row in rows:
+        wanted = SHARES.get(row["lanes"])
+        if wanted is not None and row["embree_share_median"] < wanted:
+            share, lanes = row["embree_share_median"], row["lanes"]
+            yield f"{row['scene']}: {share:.0%} of Embree's speed on its own rays at {lanes} lanes ({wanted:.0%} aimed at)"
+
+
+def of_kind(rows: Rows, kind: str) -> list[dict[str, Any]]:
+    return sorted((row for row in rows if row["kind"] == kind), key=lambda row: row["count"])
+
+
+def fitted(rows: Rows, kind: str, cost: Any) -> Growth | None:
+    points = [(row["count"], cost(row)) for row in of_kind(rows, kind)]
+    points = [(count, value) for count, value in points if value > 0]
+    return growth([p[0] for p in points], [p[1] for p in points]) if len(points) >= 4 else None
+
+
+def growth_table(rows: Rows) -> str:
+    lines = []
+    for kind in dict.fromkeys(row["kind"] for row in rows):
+        found = of_kind(rows, kind)
+        first, last = found[0], found[-1]
+        setup, rays = fitted(rows, kind, setup_s), fitted(rows, kind, ray_us)
+        lines.append(
+            (
+                kind,
+                f"{first['count']:,} to {last['count']:,}",
+                f"{setup_s(last):.2f}",
+                f"{setup.power:.2f} (± {setup.residual:.0%})" if setup else "",
+                f"{power_of_n_log_n([row['count'] for row in found]):.2f}",
+                f"{ray_us(first):.3f} to {ray_us(last):.3f}",
+                f"{rays.power:.2f}" if rays else "",
+                f"{last['peak_bytes'] / 2**20:.0f}",
+                f"{last['bytes_per_item']:.0f}",
+                f"{first['timed_relmse'] * first['timed_s']:.2g} to {last['timed_relmse'] * last['timed_s']:.2g}",
+            )
+        )
+    head = ("kind", "items", "set-up, s", "power", "of n log n", "us a ray", "power", "peak MB", "bytes each", "relMSE x s")
+    return table(head, lines)
+
+
+def growth_lost(rows: Rows) -> Iterator[str]:
+    for kind in dict.fromkeys(row["kind"] for row in rows):
+        setup = fitted(rows, kind, setup_s)
+        bound = power_of_n_log_n([row["count"] for row in of_kind(rows, kind)])
+        if setup is not None and setup.power > bound + GROWTH_ROOM:
+            yield f"set-up of {kind} grows by the power {setup.power:.2f} of their number; n log n is {bound:.2f}"
+
+
+def pictures_table(rows: Rows) -> str:
+    lines = []
+    for scene in dict.fromkeys(row["scene"] for row in rows):
+        its = [row for row in rows if row["scene"] == scene]
+        cells = [scene]
+        for kind in ("pixels", "samples"):
+            found = fitted(its, kind, lambda row: statistics.median(row["seconds"]))
+            cells.append(f"{found.power:.2f} (± {found.residual:.0%})" if found else "")
+        cells.append(", ".join(f"{threads}: {ratio:.2f}" for threads, ratio in speed_ups(its).items()))
+        lines.append(tuple(cells))
+    return table(("scene", "power of pixels", "power of samples", "speed-up by threads"), lines)
+
+
+def speed_ups(rows: Rows) -> dict[int, float]:
+    """Medians of the rounds' ratios to one thread, by number of threads."""
+    by_threads = {row["count"]: row["seconds"] for row in of_kind(rows, "threads")}
+    return {
+        threads: statistics.median(one / many for one, many in zip(by_threads[1], seconds, strict=True))
+        for threads, seconds in by_threads.items()
+        if threads > 1
+    }
+
+
+def pictures_lost(rows: Rows) -> Iterator[str]:
+    for scene in dict.fromkeys(row["scene"] for row in rows):
+        ratio = speed_ups([row for row in rows if row["scene"] == scene]).get(2)
+        if ratio is not None and ratio < SPEED_UP:
+            yield f"{scene}: two threads are {ratio:.2f} times as fast as one ({SPEED_UP} aimed at)"
+
+
+def ablation_table(rows: Rows) -> str:
+    lines = [
+        (
+            row["name"],
+            row["instead"],
+            row["scene"],
+            f"{row['error']:.3f}",
+            f"{row['seconds']:.3f}",
+            f"{row['error_seconds']:.3f} ({row['range'][0]:.3f} to {row['range'][1]:.3f})",
+        )
+        for row in sorted(measured(rows), key=lambda row: row["name"])
+    ]
+    return table(("without", "instead", "scene", "error x", "seconds x", "both x"), lines)
+
+
+def ablations_lost(rows: Rows) -> Iterator[str]:
+    for row in measured(rows):
+        if row["range"][1] < 1:
+            yield f"{row['scene']}: better without {row['name']} ({row['instead']}): error x seconds {row['error_seconds']:.3f}"

@@ -1,0 +1,82 @@
+"""Paths guided by what was learnt: the same bits however they are run, the same light, learnt where it is hard to find."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.bench import indirect
+from tests.described import replicate_means
+
+from primray import core
+from primray.diagnostics import Diagnostics
+from primray.render import open_once, prepare
+from primray.report import Costs
+from primray.settings import RenderSettings
+
+DEPTH = indirect.MAX_DEPTH
+
+
+@cache
+def room(name: str) -> Any:
+    """The core's scene of one of the two rooms, small."""
+    settings = RenderSettings(resolution=(48, 36), camera="/World/cam", max_depth=DEPTH)
+    opened = open_once(indirect.write(Path(mkdtemp()))[name], settings)
+    return prepare(opened.stage, opened.diagnostics, settings, Costs(), Diagnostics()).scene
+
+
+def rendered(name: str, spp: int, guide: Any, *, splits: int = 2, lanes: int = 0, threads: int = 2, seed: int = 0) -> Any:
+    scene = room(name)
+    film = core.Film(scene)
+    ends, lanes = core.uniform_ends(film, spp), lanes or core.lanes()
+    core.module().render_pass(scene._scene, film._film, ends, DEPTH, splits, threads, seed, lanes, None, guide)
+    return film._film
+
+
+def learnt(name: str, lanes: int = 0) -> Any:
+    return core.module().learn_guide(room(name)._scene, DEPTH, 2, lanes or core.lanes())
+
+
+def test_a_guide_is_learnt_where_light_is_hard_to_find() -> None:
+    guide = learnt("door")
+    assert guide is not None
+    assert 20 < guide.regions < 5000
+
+
+def test_bits_do_not_depend_on_lanes_or_threads() -> None:
+    guides = {lanes: learnt("door", lanes) for lanes in (1, core.lanes())}
+    runs = [(1, core.lanes(), 2), (1, 1, 1), (core.lanes(), 1, 3), (core.lanes(), core.lanes(), 1)]  # guide's, lanes, threads
+    images = {rendered("door", 20, guides[g], lanes=w, threads=t).replicates.tobytes() for g, w, t in runs}
+    assert len(images) == 1
+    assert rendered("door", 20, None).replicates.tobytes() not in images
+
+
+def test_a_pass_in_two_parts_has_the_same_bits() -> None:
+    scene, guide = room("door"), learnt("door")
+    film = core.Film(scene)
+    for spp in (32, 70):
+        ends = core.uniform_ends(film, spp)
+        core.module().render_pass(scene._scene, film._film, ends, DEPTH, 2, 2, 0, core.lanes(), None, guide)
+    np.testing.assert_array_equal(film._film.replicates, rendered("door", 70, guide).replicates)
+
+
+@pytest.mark.parametrize("splits", [1, pytest.param(4, marks=pytest.mark.long)])
+def test_guided_paths_bring_the_same_light(splits: int) -> None:
+    """Means of 4 x 3 parts of the picture, by 5 of their standard errors from 8 pairs of replicates; they are a few percent."""
+    guide = learnt("door")
+
+    def parts(use: Any) -> Any:
+        means = np.concatenate(
+            [replicate_means(rendered("door", 64, use, splits=splits, seed=seed)).mean(axis=-1) for seed in range(8)]
+        )
+        return means.reshape(16, 3, 12, 4, 12).mean(axis=(2, 4))
+
+    a, b = parts(guide), parts(None)
+    error = np.sqrt((a.var(axis=0) + b.var(axis=0)) / 15)
+    assert np.median(error / b.mean(axis=0)) < 0.05
+    assert np.all(np.abs(a.mean(axis=0) - b.mean(axis=0)) < 5 * error)
+    assert a.var(axis=0).mean() < 0.8 * b.var(axis=0).mean()  # what it is for
