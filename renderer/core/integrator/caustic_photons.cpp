@@ -15,6 +15,7 @@
 #include "light/selection.hpp"
 #include "sampler/sampler.hpp"
 #include "scene/evaluate_inputs.hpp"
+#include "scene/input_facts.hpp"
 
 namespace primray {
 namespace {
@@ -85,8 +86,10 @@ void add_boxes(const Scene& scene, const Group& group, const std::vector<uint8_t
 std::vector<Target> targets_of(const Scene& scene) {
   std::vector<uint8_t> caster;
   bool any = false;
-  for (size_t i = 0; i < scene.surfaces.rows.size(); i += kSurfaceFields) {
-    caster.push_back(casts(&scene.surfaces.rows[i]));
+  for (size_t i = 0; i < scene.surfaces.rows.size() / kSurfaceFields; ++i) {
+    float row[kSurfaceFields];
+    average_row(scene, int32_t(i), row);
+    caster.push_back(casts(row));
     any |= caster.back() != 0;
   }
   std::vector<Target> targets;
@@ -149,8 +152,9 @@ class Photons {
     const auto field = [&](int f) { return gather<W>(data_.data() + f, t * I(5)); };
     const V center{field(0), field(1), field(2)};
     const F radius = field(3);
-    const LightChoice<W> choice = choose_light(lights, center, sampler.single(none, Purpose::kLightChoice));
-    const Pair<W> u = sampler.pair(none, Purpose::kLightPoint), disc = sampler.pair(none, Purpose::kFilm);
+    const LightChoice<W> choice =
+        choose_light(lights, B(true), center, V(F(0.0f)), sampler.bits_of(none, Purpose::kLightChoice));
+    const Pair<W> u = sampler.pair(none, Purpose::kLightPoint), disc = sampler.link(none);
     const B possible = choice.probability > F(0.0f);
     const LightSample<W> s = light_sample(lights, choice.light, possible, center, u.u, u.v);
     B alive = possible & (s.pdf > F(0.0f)) & (s.is_delta | (s.pdf > F(kSmallLight)));
@@ -198,7 +202,7 @@ class Photons {
       const Bsdf<W> bsdf(rows, alive, local, front);
       keep(alive & scattered & follows_caustics(bsdf), it.p, source, weight, landed);
       if (!bsdf.any_preview) return;
-      const Pair<W> u = sampler.pair(I(vertex), Purpose::kDirection);
+      const Pair<W> u = sampler.link(I(vertex));
       const F lobe = sampler.single(I(vertex), Purpose::kLobe);
       const BsdfSample<W> s = bsdf.sample(local, lobe, u.u, u.v);
       const B rough = !s.is_delta;
