@@ -55,7 +55,9 @@ def test_roughness(roughness: str, metallic: int, measured: Measured) -> None:
     surface = Surface("", diffuse_color=(1.0,) * 3, metallic=float(metallic), roughness=ROUGHNESSES[roughness])
     worst = 0.0
     for cosine in COSINES:
-        found = reflected(cosine, WHITE, f"float inputs:roughness = {roughness}", f"float inputs:metallic = {metallic}")
+        found = reflected(
+            cosine, WHITE, f"float inputs:roughness = {roughness}", f"float inputs:metallic = {metallic}", spp=4096
+        )
         wanted = PreviewSurface(surface).albedo(cosine)
         assert abs(found.mean - wanted) < 6e-4 + 5 * found.noise
         assert found.pixels.max() < 1.1

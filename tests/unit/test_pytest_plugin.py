@@ -112,8 +112,8 @@ def test_an_unchanged_scene_with_other_noise_passes_and_leaves_nothing(pytester:
 @pytest.mark.parametrize(
     ("more", "outcome", "samples"),
     [
-        ("max_spp=8", {"failed": 1}, [8]),
-        ("max_spp=8, allow_undecided=True", {"passed": 1}, [8]),
+        ("max_spp=4", {"failed": 1}, [4]),
+        ("max_spp=4, allow_undecided=True", {"passed": 1}, [4]),
         ("max_spp=4096", {"passed": 1}, None),
     ],
 )
@@ -122,17 +122,17 @@ def test_undecided_pictures_are_rendered_again_up_to_the_cap(
 ) -> None:
     write_room(pytester.path)
     common = "settings=__import__('primray').RenderSettings(seed=5, resolution=(48, 32)), reference_spp=1024"
-    run("--primray-update", arguments=f"{common}, spp=8")
+    run("--primray-update", arguments=f"{common}, spp=4")
     renders.clear()
-    result = run(arguments=f"{common}, spp=8, {more}")
+    result = run(arguments=f"{common}, spp=4, {more}")
     result.assert_outcomes(**outcome)
     if samples is not None:
         assert renders == samples
     else:
         assert len(renders) == 2
-        assert 8 < renders[1] <= 1024
+        assert 4 < renders[1] <= 1024
     if "failed" in outcome:
-        result.stdout.fnmatch_lines(["undecided: *", "*more samples a pixel*", "*max_spp=8 would be needed*"])
+        result.stdout.fnmatch_lines(["undecided: *", "*more samples a pixel*", "*max_spp=4 would be needed*"])
 
 
 def test_another_size_is_an_error_in_words(pytester: pytest.Pytester, run: Run) -> None:

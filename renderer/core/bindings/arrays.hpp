@@ -39,5 +39,6 @@ void bind_first_hit(nb::module_& m);
 void bind_subdivision(nb::module_& m);
 void bind_testing(nb::module_& m);
 void bind_caustics(nb::module_& m);
+void bind_math(nb::module_& m);  // of it
 
 }  // namespace primray

@@ -1,111 +1,18 @@
 // Array versions of what the kernels call, for the tests: N rows in, N rows out, W at a time through their templates.
 // Points, distances, directions: in world space and scene units; local ones of BSDFs: about the shading normal. `lanes`: 1, or
 // 0 for the most there are.
-#include "bindings/arrays.hpp"
 #include "bindings/surface_input.hpp"
+#include "bindings/testing_rows.hpp"
 #include "bsdf/bsdf.hpp"
 #include "integrator/interaction.hpp"
 #include "light/portal.hpp"
 #include "sampler/sampler.hpp"
-#include "scene/error.hpp"
 #include "scene/input_facts.hpp"
 #include "scene/surface_emission.hpp"
 #include "texture/mip_pyramid.hpp"
 
 namespace primray {
 namespace {
-
-// One output: N rows of `width` numbers.
-template <class T>
-class Column {
- public:
-  explicit Column(size_t n, int width = 1) : n_(n), width_(width), data_(n * width) {}
-
-  template <int W>
-  void put(size_t first, Vector<T, W> a, int c = 0) {
-    for (int i = 0; i < W && first + i < n_; ++i) data_[(first + i) * width_ + c] = a[i];
-  }
-  template <int W>
-  void put(size_t first, const vvec3<W>& a) {
-    put(first, a.x, 0), put(first, a.y, 1), put(first, a.z, 2);
-  }
-  template <int W>
-  void put(size_t first, vbool<W> m) {
-    put(first, select(m, Vector<T, W>(T(1)), Vector<T, W>(T(0))));
-  }
-  nb::object array() {
-    if (width_ == 1) return to_numpy(std::move(data_), {n_});
-    return to_numpy(std::move(data_), {n_, size_t(width_)});
-  }
-
- private:
-  size_t n_;
-  int width_;
-  std::vector<T> data_;
-};
-
-// Calls f.operator()<W>(first) for rows [first, first + W).
-template <class F>
-void for_rows(size_t n, int lanes, F&& f) {
-  constexpr int kMost = PRIMRAY_MAX_LANES;
-  if (lanes == 1) {
-    for (size_t i = 0; i < n; ++i) f.template operator()<1>(i);
-  } else {
-    for (size_t i = 0; i < n; i += kMost) f.template operator()<kMost>(i);
-  }
-}
-
-// One input, rows of `width` numbers; lanes past the last row read the last.
-template <class T>
-class Input {
- public:
-  Input(const InArray<T>& a, size_t rows, int width) : data_(a.data()), n_(rows), width_(width) {
-    if (a.size() != rows * width) throw Error("internal", "an array of another shape was expected");
-  }
-  template <int W>
-  Vector<T, W> number(size_t first, int c = 0) const {
-    Vector<T, W> r;
-    for (int i = 0; i < W; ++i) r.set(i, data_[std::min(first + i, n_ - 1) * width_ + c]);
-    return r;
-  }
-  template <int W>
-    requires std::is_same_v<T, float>
-  vvec3<W> vector(size_t first) const {
-    return {number<W>(first, 0), number<W>(first, 1), number<W>(first, 2)};
-  }
-
- private:
-  const T* data_;
-  size_t n_;
-  int width_;
-};
-
-using InFloats = InArray<float>;
-using InInts = InArray<int32_t>;
-
-// World points (N, 3) in the core's space.
-class CorePoints {
- public:
-  CorePoints(const Scene& scene, const InArray<double>& p) : n(p.size() / 3), data_(p.size()) {
-    for (size_t i = 0; i < n; ++i) {
-      const dvec3 q = (dvec3{p.data()[3 * i], p.data()[3 * i + 1], p.data()[3 * i + 2]} - scene.origin) * scene.scale;
-      data_[3 * i] = float(q.x), data_[3 * i + 1] = float(q.y), data_[3 * i + 2] = float(q.z);
-    }
-  }
-  template <int W>
-  vvec3<W> vector(size_t first) const {
-    vvec3<W> r;
-    for (int i = 0; i < W; ++i) {
-      const float* p = &data_[3 * std::min(first + i, n - 1)];
-      r.x.set(i, p[0]), r.y.set(i, p[1]), r.z.set(i, p[2]);
-    }
-    return r;
-  }
-  const size_t n;
-
- private:
-  std::vector<float> data_;
-};
 
 nb::tuple bsdf_eval(nb::handle surface, InFloats wo_, InFloats wi_, InInts front_, int lanes) {
   SurfaceTable table;
@@ -390,82 +297,6 @@ nb::object triangle_emission_rows(const Scene& scene, InInts triangle_, InInts p
                                 uv.number<W>(at, 0), uv.number<W>(at, 1)));
   });
   return r.array();
-}
-
-template <class F>
-nb::object map_pairs(const InFloats& xy_, int width, int lanes, F f) {
-  const size_t n = xy_.shape(0);
-  const Input<float> xy(xy_, n, 2);
-  Column<float> r(n, width);
-  for_rows(n, lanes, [&]<int W>(size_t at) { f(r, at, xy.number<W>(at, 0), xy.number<W>(at, 1)); });
-  return r.array();
-}
-
-void bind_math(nb::module_& m) {
-  m.def(
-      "sincos_turns",
-      [](InFloats u, int lanes) {
-        return map_pairs(u, 2, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> x, vfloat<W>) {
-          const SinCos<W> a = sincos_turns(x);
-          r.put(at, a.sin, 0), r.put(at, a.cos, 1);
-        });
-      },
-      nb::arg("u"), nb::arg("lanes") = 0, "Of the first of each two numbers.");
-  m.def(
-      "acos",
-      [](InFloats u, int lanes) {
-        return map_pairs(u, 1, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> x, vfloat<W>) { r.put(at, acos(x)); });
-      },
-      nb::arg("x"), nb::arg("lanes") = 0, "Of the first of each two numbers.");
-  m.def(
-      "atan2",
-      [](InFloats yx, int lanes) {
-        return map_pairs(yx, 1, lanes,
-                         []<int W>(Column<float>& r, size_t at, vfloat<W> y, vfloat<W> x) { r.put(at, atan2(y, x)); });
-      },
-      nb::arg("yx"), nb::arg("lanes") = 0);
-  m.def(
-      "exp2",
-      [](InFloats u, int lanes) {
-        return map_pairs(u, 1, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> x, vfloat<W>) { r.put(at, exp2(x)); });
-      },
-      nb::arg("x"), nb::arg("lanes") = 0, "Of the first of each two numbers.");
-  m.def(
-      "log2_cosine",
-      [](InFloats cs, int lanes) {
-        return map_pairs(cs, 1, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> c, vfloat<W> s) {
-          r.put(at, log2_cosine(c, s * s));
-        });
-      },
-      nb::arg("cosine_and_sine"), nb::arg("lanes") = 0);
-  m.def(
-      "concentric_disk",
-      [](InFloats u, int lanes) {
-        return map_pairs(u, 2, lanes, []<int W>(Column<float>& r, size_t at, vfloat<W> a, vfloat<W> b) {
-          vfloat<W> x, y;
-          concentric_disk(a, b, x, y);
-          r.put(at, x, 0), r.put(at, y, 1);
-        });
-      },
-      nb::arg("u"), nb::arg("lanes") = 0);
-  m.def(
-      "visible_normals",
-      [](nb::handle wo, float alpha, InFloats u, int lanes) {
-        const vec3 w{nb::cast<float>(wo[0]), nb::cast<float>(wo[1]), nb::cast<float>(wo[2])};
-        return map_pairs(u, 3, lanes, [&]<int W>(Column<float>& r, size_t at, vfloat<W> a, vfloat<W> b) {
-          const vvec3<W> o(vfloat<W>(w.x), vfloat<W>(w.y), vfloat<W>(w.z));
-          r.put(at, ggx_sample_visible_normal(o, vfloat<W>(alpha), a, b));
-        });
-      },
-      nb::arg("wo"), nb::arg("alpha"), nb::arg("u"), nb::arg("lanes") = 0);
-  m.def(
-      "filter_offsets",
-      [](const Scene& scene, InFloats u, int lanes) {
-        return map_pairs(u, 2, lanes, [&]<int W>(Column<float>& r, size_t at, vfloat<W> a, vfloat<W> b) {
-          r.put(at, scene.camera.filter.sample<W>(a), 0), r.put(at, scene.camera.filter.sample<W>(b), 1);
-        });
-      },
-      nb::arg("scene"), nb::arg("u"), nb::arg("lanes") = 0);
 }
 
 }  // namespace

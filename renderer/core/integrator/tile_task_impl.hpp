@@ -27,7 +27,6 @@ class TilePaths {
         recorder_(recorder),
         needs_{scene.has_thin,           scene.has_inputs,          scene.lights.lobe_factors,
                scene.lights.links.any(), scene.camera.shutter_open, scene.lights.by_tree()},
-        keep_(settings.guide ? kGuidedKeep : roulette_keep(settings.splits)),
         samples_(block.count[0] + block.count[1]) {
     if (has_special() && !w_.special_shadows) w_.special_shadows = std::make_unique<SpecialShadowQueue>();
   }
@@ -433,7 +432,7 @@ class TilePaths {
     const B roulette = alive & (bounce >= I(kRouletteStart)) & !s.straight;
     if (any(roulette)) {
       const F most = select(bounce >= I(kRouletteDeep), F(kRouletteDeepKeep), F(1.0f));
-      const F survive = min(max_component(n.beta) * n.splits * keep_, most);
+      const F survive = min(max_component(n.beta) * n.splits * kRouletteKeep, most);
       const F r = p.sampler.single(bounce, Purpose::kRoulette);
       alive &= !(roulette & (r >= survive));
       n.beta = select(roulette, n.beta * (1.0f / survive), n.beta);
@@ -501,7 +500,6 @@ class TilePaths {
   Worker& w_;
   RayRecorder* recorder_;
   const PathNeeds needs_;
-  const float keep_;
   int samples_, pixels_ = 0, next_slot_ = 0, first_camera_ = 0;
 };
 
