@@ -1,12 +1,18 @@
-"""Rays guided into caustics: the density is what is drawn and sums to one, and pictures keep their mean with less noise."""
+"""Rays guided into caustics: drawn by their density, which sums to one; pictures keep mean and bits, with less noise."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
+import pytest
 from tests.described import (
+    ISAS,
     Described,
+    core_module,
     describe,
     ground,
     kernels,
@@ -21,12 +27,13 @@ from tests.described import (
 from tests.statistics.chi_square import SphereCells, density_p_value
 from tests.statistics.surfaces import random_numbers
 
-from primray.description import Doubles, LightType, Sphere, Surface
+from primray import core
+from primray.description import Doubles, Light, LightType, Shape, Sphere, Surface
 
 N = 40_000
 GLASS = Surface("/glass", diffuse_color=(1, 1, 1), roughness=0.0, opacity=0.0, ior=1.5)
 METAL = Surface("/metal", diffuse_color=(0.9, 0.8, 0.6), metallic=1.0, roughness=0.1)
-HEIGHT = 1.2
+DEPTH = 6
 
 
 def sky() -> Any:
@@ -37,7 +44,7 @@ def sky() -> Any:
 
 
 def balls() -> Described:
-    shapes = [
+    shapes: list[tuple[Shape, Doubles]] = [
         (ground(6.0), np.eye(4)),
         (Sphere("/ball", 0.5, 1), translation(-0.7, 0.5, 0)),
         (Sphere("/other", 0.5, 2), translation(0.7, 0.5, 0)),
@@ -46,21 +53,29 @@ def balls() -> Described:
     return describe(shapes, [lambert(0.5), GLASS, METAL], [light(LightType.DOME)], camera, (32, 32), dome_texture=sky())
 
 
-def lit_points(scene: Any, count: int) -> Doubles:
+@cache
+def learnt(threads: int = 1, isa: str | None = None) -> tuple[Any, Any]:
+    """The scene and its guide."""
+    scene = balls().build(isa)
+    return scene, core_module(isa).learn_caustics(scene, DEPTH, threads)
+
+
+def lit_points(guide: Any, scene: Any, count: int) -> Doubles:
     """Of a grid on the ground, those with the largest guided share."""
     at = np.stack(np.meshgrid(np.linspace(-3, 3, 160), [0.0], np.linspace(-3, 3, 160)), axis=-1).reshape(-1, 3)
     zero = np.zeros((len(at), 3), np.float32)
-    share, *_ = kernels().caustic_lobes(scene, at, zero, zero)
+    share, *_ = kernels().caustic_lobes(scene, guide, at, zero, zero)
     return at[np.argsort(-share)[:count]]
 
 
 def test_samples_follow_the_density() -> None:
-    scene = balls().build()
-    assert kernels().caustic_photons(scene) > 1000
-    for point in lit_points(scene, 40)[::20]:
+    scene, guide = learnt()
+    assert guide.photons > 1000
+    assert guide.memory_bytes > 24 * guide.photons
+    for point in lit_points(guide, scene, 40)[::20]:
         p = np.ascontiguousarray(np.broadcast_to(point, (N, 3)))
         u = random_numbers(N, 3, seed=5)
-        share, wi, pdf, _ = kernels().caustic_lobes(scene, p, u, u)
+        share, wi, pdf, _ = kernels().caustic_lobes(scene, guide, p, u, u)
         assert (share > 0.1).all()
         assert (share <= 0.5).all()
         assert (pdf > 0).all()
@@ -68,7 +83,7 @@ def test_samples_follow_the_density() -> None:
         def density(w: Doubles, at: Doubles = point) -> Doubles:
             there = np.ascontiguousarray(np.broadcast_to(at, (len(w), 3)))
             given = w.astype(np.float32)
-            found: Doubles = kernels().caustic_lobes(scene, there, np.zeros_like(given), given)[3]
+            found: Doubles = kernels().caustic_lobes(scene, guide, there, np.zeros_like(given), given)[3]
             return found
 
         toward = np.mean(wi, axis=0, dtype=np.float64)
@@ -77,14 +92,50 @@ def test_samples_follow_the_density() -> None:
 
 
 def test_pictures_keep_their_mean_and_lose_noise() -> None:
-    guided, plain = balls().build(), balls().build()
-    kernels().drop_caustics(plain)
-    assert kernels().caustic_photons(plain) == 0
+    scene, guide = learnt()
     means, noise = [], []
-    for scene in (guided, plain):
-        halves = np.concatenate([replicate_means(render(scene, 256, max_depth=6, seed=s, splits=1)) for s in range(4)])
+    for caustics in (guide, None):
+        pictures = [render(scene, 256, max_depth=DEPTH, seed=s, splits=1, caustics=caustics) for s in range(4)]
+        halves = np.concatenate([replicate_means(picture) for picture in pictures])
         means.append(halves.mean(axis=(1, 2)))
         noise.append(halves.std(axis=0).mean())
     error = np.sqrt(sum(m.var(axis=0, ddof=1) / len(m) for m in means))
     assert (np.abs(means[0].mean(axis=0) - means[1].mean(axis=0)) < 4 * error).all()
     assert noise[0] < 0.8 * noise[1]  # 0.65 when this was written
+
+
+@pytest.mark.parametrize("isa", ISAS)
+def test_bits_do_not_depend_on_threads_or_lanes(isa: str) -> None:
+    most = core_module(isa).MAX_LANES
+    images = []
+    for learning, lanes, threads in ((1, most, 1), (3, 1, 2), (3, most, 3)):
+        scene, guide = learnt(learning, isa)
+        picture = render(scene, 40, isa=isa, max_depth=DEPTH, lanes=lanes, threads=threads, splits=2, caustics=guide)
+        images.append(picture.replicates.tobytes())
+    assert len(set(images)) == 1
+    assert render(learnt(1, isa)[0], 40, isa=isa, max_depth=DEPTH, splits=2).replicates.tobytes() not in images
+
+
+def test_a_pass_in_two_parts_has_the_same_bits() -> None:
+    scene, guide = learnt()
+    whole = render(scene, 70, max_depth=DEPTH, splits=4, caustics=guide)
+    part = render(scene, 32, max_depth=DEPTH, splits=4, caustics=guide)
+    rest = render(scene, 70, max_depth=DEPTH, splits=4, caustics=guide, film=part.film)
+    assert np.array_equal(rest.replicates, whole.replicates)
+
+
+def without(surface: Surface | None = None, lights: Sequence[Light] | None = None) -> Any:
+    described = balls()
+    d = described.description
+    surfaces = d.surfaces if surface is None else (d.surfaces[0], surface, surface)
+    changed = replace(d, surfaces=surfaces, lights=d.lights if lights is None else tuple(lights))
+    return core.module().learn_caustics(replace(described, description=changed).build(), DEPTH, 1)
+
+
+def test_nothing_is_learnt_where_no_small_light_meets_a_smooth_surface() -> None:
+    scene, _ = learnt()
+    assert core.module().learn_caustics(scene, 1, 1) is None
+    assert without(surface=lambert(0.5)) is None
+    assert without(surface=replace(METAL, roughness=0.5)) is None
+    assert without(lights=[light(LightType.DOME)]) is None
+    assert without(lights=[light(LightType.DISTANT, emission=3.0, angle_deg=2.0)]) is not None

@@ -1,5 +1,6 @@
-// The guide into caustics for the tests: its densities and samples at points, and scenes without it.
+// The guide into caustics for Python, and for the tests its densities and samples at points.
 #include "bindings/arrays.hpp"
+#include "integrator/learn_caustics.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
@@ -9,7 +10,8 @@ constexpr int W = 4;
 
 // For each of `p` (N, 3; world) and `u` (N, 3): (share of the rays that are guided, sampled direction, its density, that of the
 // directions `wi`).
-nb::tuple caustic_lobes(const Scene& scene, InArray<double> p_, InArray<float> u_, InArray<float> wi_) {
+nb::tuple caustic_lobes(const Scene& scene, const CausticGuide& caustics, InArray<double> p_, InArray<float> u_,
+                        InArray<float> wi_) {
   const size_t n = p_.size() / 3;
   std::vector<float> share(n), wi(3 * n), pdf(n), given(n);
   for (size_t first = 0; first < n; first += W) {
@@ -21,7 +23,7 @@ nb::tuple caustic_lobes(const Scene& scene, InArray<double> p_, InArray<float> u
       u.x.set(i, u_.data()[row]), u.y.set(i, u_.data()[row + 1]), u.z.set(i, u_.data()[row + 2]);
       w.x.set(i, wi_.data()[row]), w.y.set(i, wi_.data()[row + 1]), w.z.set(i, wi_.data()[row + 2]);
     }
-    const CausticLanes<W> guide(scene.caustics, vbool<W>(true), p);
+    const CausticLanes<W> guide(caustics, vbool<W>(true), p);
     if (!any(guide.share > vfloat<W>(0.0f))) continue;
     const vvec3<W> s = guide.sample(u.x, u.y, u.z);
     const vfloat<W> of_sample = guide.pdf(s), of_given = guide.pdf(w);
@@ -37,10 +39,16 @@ nb::tuple caustic_lobes(const Scene& scene, InArray<double> p_, InArray<float> u
 
 }  // namespace
 
-void bind_caustics(nb::module_& m) {
-  m.def("caustic_lobes", &caustic_lobes);
-  m.def("caustic_photons", [](const Scene& scene) { return scene.caustics.photons.size() / 6; });
-  m.def("drop_caustics", [](Scene& scene) { scene.caustics = {}; });
+void bind_caustics(nb::module_& m, nb::module_& testing) {
+  nb::class_<CausticGuide>(m, "CausticGuide")
+      .def_prop_ro("photons", [](const CausticGuide& g) { return g.photons.size() / 6; })
+      .def_prop_ro("memory_bytes", &CausticGuide::memory_bytes);
+  m.def(
+      "learn_caustics",
+      [](const Scene& scene, int max_depth, int threads) { return learn_caustics(scene, max_depth, threads).release(); },
+      nb::arg("scene"), nb::arg("max_depth"), nb::arg("threads"), nb::rv_policy::take_ownership,
+      nb::call_guard<nb::gil_scoped_release>());
+  testing.def("caustic_lobes", &caustic_lobes);
 }
 
 }  // namespace primray

@@ -3,11 +3,9 @@
 #include <nanobind/stl/unique_ptr.h>
 
 #include <algorithm>
-#include <thread>
 
 #include "bindings/arrays.hpp"
 #include "bindings/surface_input.hpp"
-#include "integrator/caustic_photons.hpp"
 #include "scene/builder.hpp"
 #include "scene/error.hpp"
 
@@ -266,14 +264,7 @@ void bind_scene(nb::module_& m) {
              c.filter_width = filter_width, c.filter_inverse_cdf = span_of(inverse_cdf);
              b.set_camera(c);
            })
-      .def(
-          "finish",
-          [](SceneBuilder& b) {
-            std::unique_ptr<Scene> scene = b.finish();
-            build_caustic_guide(*scene, int(std::thread::hardware_concurrency()));
-            return scene;
-          },
-          nb::call_guard<nb::gil_scoped_release>());
+      .def("finish", &SceneBuilder::finish, nb::call_guard<nb::gil_scoped_release>());
 }
 
 }  // namespace primray

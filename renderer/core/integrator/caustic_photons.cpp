@@ -122,7 +122,8 @@ std::vector<Target> targets_of(const Scene& scene) {
 
 class Photons {
  public:
-  Photons(const Scene& scene, std::vector<Target> targets) : scene_(scene), targets_(std::move(targets)) {
+  Photons(const Scene& scene, std::vector<Target> targets, int longest)
+      : scene_(scene), targets_(std::move(targets)), longest_(longest) {
     // By radius: neither the smallest nor the largest are forgotten.
     double sum = 0;
     for (const Target& t : targets_) sum += t.radius;
@@ -143,6 +144,7 @@ class Photons {
  private:
   const Scene& scene_;
   const std::vector<Target> targets_;
+  const int longest_;
   std::vector<float> cdf_, data_;
 
   B launch(const Sampler<W>& sampler, Rays<W>& rays, F& weight) const {
@@ -184,7 +186,7 @@ class Photons {
     F weight(0.0f);
     B alive = launch(sampler, rays, weight), scattered(false);
     V source = rays.o;
-    for (int vertex = 1; vertex <= kLongest && any(alive); ++vertex) {
+    for (int vertex = 1; vertex <= longest_ && any(alive); ++vertex) {
       const Hits<W> hits = intersect_packet(scene_.accel(), alive, rays);
       alive &= hits.geom != I(-1);
       if (!any(alive)) return;
@@ -236,14 +238,14 @@ class Photons {
 
 }  // namespace
 
-void build_caustic_guide(Scene& scene, int threads) {
-  if (scene.lights.count == 0) return;
-  std::vector<Target> targets = targets_of(scene);
-  if (targets.empty()) return;
-  const Photons photons(scene, std::move(targets));
+std::vector<CausticPhoton> trace_photons(const Scene& scene, int longest, int threads) {
   std::vector<CausticPhoton> all;
+  if (scene.lights.count == 0) return all;
+  std::vector<Target> targets = targets_of(scene);
+  if (targets.empty()) return all;
+  const Photons photons(scene, std::move(targets), std::min(longest, kLongest));
   int rounds = 0;
-  for (; rounds < kRounds && all.size() < kEnough; ++rounds) {
+  while (rounds < kRounds && all.size() < kEnough) {
     std::vector<CausticPhoton> landed[kRound / kTask];
     std::atomic<int> next{0};
     const auto work = [&] {
@@ -254,10 +256,11 @@ void build_caustic_guide(Scene& scene, int threads) {
     for (int i = 0; i < std::max(threads, 1); ++i) pool.emplace_back(work);
     for (std::thread& t : pool) t.join();
     for (const auto& part : landed) all.insert(all.end(), part.begin(), part.end());
-    if (all.size() < size_t(kRound) / 512) return;  // hardly any light comes that way
+    ++rounds;
+    if (all.size() < size_t(kRound) / 512) return {};  // hardly any light comes that way
   }
   for (CausticPhoton& p : all) p.weight /= float(rounds * kRound);
-  build_caustic_tree(all, scene.caustics, threads);
+  return all;
 }
 
 }  // namespace primray

@@ -169,8 +169,7 @@ double cost_ratio(const Scene& scene, IntegratorSettings settings, TaskFunction 
 }  // namespace
 
 std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings& settings, TaskFunction task) {
-  // Rays are guided by one guide at most.
-  if (settings.max_depth < 2 || scene.caustics.any()) return nullptr;
+  if (settings.max_depth < 2) return nullptr;
   std::vector<Record> records;
   std::unique_ptr<Guide> guide;
   double cost = 1;  // over that without a guide

@@ -44,24 +44,6 @@ struct Worker {
   int64_t busy_lanes = 0, shaded_lanes = 0;  // occupancy of the shading steps
 };
 
-// A scattered ray's cone is wider by the angle of a cone that holds a 256th of the solid angle 1 / pdf which the ray stands
-// for: pi (w / 2)^2 = 1 / (256 pdf); an eighth of a radian for diffuse ones. A choice: wider ones would carry colours and light
-// from one part of a texture to another that lies beside it in the image alone. Mirrors and refractions keep the cone; their
-// curvature is not followed.
-constexpr float kLobeSpread = 0.0705236979f;
-// Below this cosine the area that a cone cuts out of a surface is taken as no larger.
-constexpr float kGrazing = 0.05f;
-// How far inside a triangle, of the way to its middle, a hit on its edge is looked at again.
-constexpr float kWithin = 0x1p-12f;
-// A front hit lies so many offsets ahead of the ray's start at least, a hit on a back so many: 3 were seen on a body's inside
-// that the ray could not have reached, in 1e8 rays at a closed box.
-constexpr float kAhead = 0.25f, kBackAhead = 16;
-
-template <int W>
-PRIMRAY_INLINE vbool<W> has_inputs(const Scene& scene, vint<W> surface) {
-  return gather<W>(scene.surface_inputs_of.data(), surface) >= vint<W>(0);
-}
-
 // Records every ray in the order it was traced, for the benchmark that replays them through Embree alone.
 struct RayRecorder;
 

@@ -249,19 +249,15 @@ class TilePaths {
     Vertex v{it, ng, frame, wo_local, Bsdf<W>(rows, scatters, wo_local, front), hits, {I(-1), I(0)}, nullptr};
     v.bsdf.diffuse *= it.color;
     if (settings_.guide) v.place = find_place(*settings_.guide, scatters, it.p, ng, v.bsdf);
-    if (scene_.caustics.any()) {
-      if (const B follows = scatters & follows_caustics(v.bsdf); any(follows)) {
-        const CausticLanes<W> guide(scene_.caustics, follows, it.p);
-        if (any(guide.share > F(0.0f))) {
-          v.caustics = &guide;
-          go_on(scatters, v, p);
-          return;
-        }
-      }
-    }
+    if (settings_.caustics) return go_on_guided(scatters, v, p);
     go_on(scatters, v, p);
   }
 
+  PRIMRAY_RARE void go_on_guided(B scatters, Vertex& v, const PathLanes<W>& p) {
+    const CausticLanes<W> guide(*settings_.caustics, scatters & follows_caustics(v.bsdf), v.it.p);
+    if (any(guide.share > F(0.0f))) v.caustics = &guide;
+    go_on(scatters, v, p);
+  }
   void go_on(B scatters, const Vertex& v, const PathLanes<W>& p) {
     if (scene_.lights.count > 0) sample_light(scatters & (p.depth < I(settings_.max_depth)), v, p);
     scatter(scatters, v, p);
@@ -425,7 +421,7 @@ class TilePaths {
     if (needs_.links) n.link = select(s.straight, p.link, v.it.link);
     if (scene_.lights.lobe_factors) n.share = select(s.straight, p.share, s.diffuse_share);
     // What was guided counts as its surface would have sent it, until it next scatters widely.
-    if (scene_.caustics.any()) {
+    if (settings_.caustics) {
       const B widely = (s.pdf > F(0.0f)) & (s.pdf < F(kDiffuseDensity));
       n.splits = select(widely, min(n.splits, float(settings_.splits)), n.splits);
     }

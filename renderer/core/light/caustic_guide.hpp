@@ -23,6 +23,7 @@ struct CausticGuide {
   std::vector<float> photons;  // 6 floats a photon, leaf after leaf: the point that it came from, and where it landed
   std::vector<float> leaf;     // kLeafFields a leaf
   bool any() const { return leaf_photons > 0; }
+  int64_t memory_bytes() const { return int64_t(4 * (axis.size() + split.size() + photons.size() + leaf.size())); }
 };
 
 enum CausticLeafField : int {

@@ -15,7 +15,6 @@
 #include "accel/cutout.hpp"
 #include "accel/embree.hpp"
 #include "accel/grouped_geometry.hpp"
-#include "light/caustic_guide.hpp"
 #include "light/light.hpp"
 #include "math/matrix.hpp"
 #include "scene/camera.hpp"
@@ -90,7 +89,6 @@ struct Scene {
   LightTable lights;
   EmitterTable emitters;
   GeometryLights geometry_lights;
-  CausticGuide caustics;
   Camera camera;
 
   // world = origin + p / scale, in scene units.
