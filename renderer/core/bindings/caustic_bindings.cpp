@@ -23,7 +23,7 @@ nb::tuple caustic_lobes(const Scene& scene, const CausticGuide& caustics, InArra
       u.x.set(i, u_.data()[row]), u.y.set(i, u_.data()[row + 1]), u.z.set(i, u_.data()[row + 2]);
       w.x.set(i, wi_.data()[row]), w.y.set(i, wi_.data()[row + 1]), w.z.set(i, wi_.data()[row + 2]);
     }
-    const CausticLanes<W> guide(caustics, vbool<W>(true), p);
+    const CausticLanes<W> guide(caustics, vbool<W>(true), p, [](const vvec3<W>&, vfloat<W>) { return vfloat<W>(1.0f); });
     if (!any(guide.share > vfloat<W>(0.0f))) continue;
     const vvec3<W> s = guide.sample(u.x, u.y, u.z);
     const vfloat<W> of_sample = guide.pdf(s), of_given = guide.pdf(w);

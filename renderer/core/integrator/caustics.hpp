@@ -7,8 +7,8 @@
 
 namespace primray {
 
-// Lobes as wide as this (roughness 0.3) receive light from all around.
-constexpr float kFollowsAlpha = 0.09f;
+// Narrower lobes (roughness 0.14) find by themselves what they show.
+constexpr float kFollowsAlpha = 0.02f;
 // Guided paths count in roulette for what surfaces alone would have made of them, up to this factor.
 constexpr float kMostBoost = 1e7f;
 // A lobe with less density than this is a diffuse one.
@@ -19,6 +19,19 @@ template <int W>
 PRIMRAY_INLINE vbool<W> follows_caustics(const Bsdf<W>& b) {
   if (!b.any_preview) return vbool<W>(true);
   return (!b.preview) | (b.p_diffuse > vfloat<W>(0.1f)) | ((!b.mirror) & (b.alpha > vfloat<W>(kFollowsAlpha)));
+}
+
+// How much of the light from about unit `wi` (local), a lobe with that squared width, is sent on towards `wo`, over what a white
+// Lambert surface sends; less where the surface's own lobe is the narrower one.
+template <int W>
+PRIMRAY_INLINE vfloat<W> suits(const Bsdf<W>& b, const vvec3<W>& wo, const vvec3<W>& wi, vfloat<W> width2) {
+  const vbool<W> above = wi.z > vfloat<W>(0.0f);
+  if (!b.any_preview) return select(above, vfloat<W>(1.0f), vfloat<W>(0.0f));
+  const vvec3<W> h = wo + wi;
+  const vfloat<W> cos2 = h.z * h.z / max(dot(h, h), 1e-20f), a2 = b.alpha * b.alpha, wide2 = a2 + 0.25f * width2;
+  const vfloat<W> q = wide2 + (1.0f - cos2) / max(cos2, 1e-6f);
+  const vfloat<W> glossy = select(b.mirror, vfloat<W>(0.0f), b.p_specular * 0.25f * a2 / (q * q));
+  return select(above, select(b.preview, b.p_diffuse + glossy, vfloat<W>(1.0f)), vfloat<W>(0.0f));
 }
 
 // Density of the mixture, `own` that of the surface's sampling.

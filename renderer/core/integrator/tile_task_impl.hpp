@@ -254,7 +254,8 @@ class TilePaths {
   }
 
   PRIMRAY_RARE void go_on_guided(B scatters, Vertex& v, const PathLanes<W>& p) {
-    const CausticLanes<W> guide(*settings_.caustics, scatters & follows_caustics(v.bsdf), v.it.p);
+    const auto sends = [&](const V& w, F width2) { return suits(v.bsdf, v.wo, v.frame.to_local(w), width2); };
+    const CausticLanes<W> guide(*settings_.caustics, scatters & follows_caustics(v.bsdf), v.it.p, sends);
     if (any(guide.share > F(0.0f))) v.caustics = &guide;
     go_on(scatters, v, p);
   }

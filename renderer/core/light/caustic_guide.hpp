@@ -45,7 +45,7 @@ PRIMRAY_INLINE F caustic_nearness(F distance2, F reach2) {
 
 // At most so much of a point's rays goes there, and the density at which it is half of that. Smaller shares are not worth their
 // cost.
-constexpr float kMostGuided = 0.5f, kHalfDensity = 0.05f, kLeastShare = 0.002f;
+constexpr float kMostGuided = 0.5f, kHalfDensity = 0.05f, kLeastShare = 0.002f, kLeastDensity = 2e-4f;
 
 // The leaf of each lane, and the share of its scattered rays that follows it.
 template <int W>
@@ -56,7 +56,9 @@ struct CausticLanes {
   vvec3<W> towards[CausticGuide::kMostInLeaf];
   vfloat<W> chance[CausticGuide::kMostInLeaf];
 
-  CausticLanes(const CausticGuide& g, vbool<W> m, const vvec3<W>& p) : photons(g.leaf_photons) {
+  // `suits(w, width2)`: how much of what comes from about w the surface there sends on along the path, over a white Lambert one.
+  template <class Suits>
+  CausticLanes(const CausticGuide& g, vbool<W> m, const vvec3<W>& p, Suits suits) : photons(g.leaf_photons) {
     vint<W> node(0);
     for (int level = 0; level < g.levels; ++level) {
       const vint<W> axis = gather<W>(g.axis.data(), node);
@@ -69,12 +71,12 @@ struct CausticLanes {
     const auto beyond = [&](vfloat<W> x, int k) { return max(max(field(kLow + k) - x, x - field(kHigh + k)), 0.0f); };
     const vvec3<W> off{beyond(p.x, 0), beyond(p.y, 1), beyond(p.z, 2)};
     const vfloat<W> near = 1.0f / (1.0f + dot(off, off) * field(kFade)), density = field(kDensity) * near * near;
-    share = select(m, kMostGuided * density / (density + kHalfDensity), vfloat<W>(0.0f));
-    share = select(share < vfloat<W>(kLeastShare), vfloat<W>(0.0f), share);
-    if (!any(share > vfloat<W>(0.0f))) return;
+    share = vfloat<W>(0.0f);
+    m &= density > vfloat<W>(kLeastDensity);
+    if (!any(m)) return;
     width2 = field(kWidth2);
     const vfloat<W> reach2 = field(kReach2);
-    vfloat<W> total(0.0f);
+    vfloat<W> total(0.0f), sent(0.0f);
     for (int k = 0; k < photons; ++k) {
       const float* photon = g.photons.data();
       const vint<W> at = (leaf * vint<W>(photons) + vint<W>(k)) * vint<W>(6);
@@ -85,8 +87,13 @@ struct CausticLanes {
       towards[k] = to * (1.0f / sqrt(max(dot(to, to), 1e-30f)));
       chance[k] = caustic_nearness(dot(beside, beside), reach2);
       total += chance[k];
+      chance[k] *= suits(towards[k], width2);
+      sent += chance[k];
     }
-    const vfloat<W> scale = 1.0f / max(total, 1e-30f);
+    const vfloat<W> light = density * sent / max(total, 1e-30f);
+    share = select(m, kMostGuided * light / (light + kHalfDensity), share);
+    share = select(share < vfloat<W>(kLeastShare), vfloat<W>(0.0f), share);
+    const vfloat<W> scale = 1.0f / max(sent, 1e-30f);
     for (int k = 0; k < photons; ++k) chance[k] *= scale;
   }
 
