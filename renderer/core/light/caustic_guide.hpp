@@ -56,7 +56,8 @@ struct CausticLanes {
   vvec3<W> towards[CausticGuide::kMostInLeaf];
   vfloat<W> chance[CausticGuide::kMostInLeaf];
 
-  // `suits(w, width2)`: how much of what comes from about w the surface there sends on along the path, over a white Lambert one.
+  // `suits(w, width2)`: how much of what comes from about w the surface there sends on along the path, over a white Lambert
+  // one.
   template <class Suits>
   CausticLanes(const CausticGuide& g, vbool<W> m, const vvec3<W>& p, Suits suits) : photons(g.leaf_photons) {
     vint<W> node(0);
@@ -80,10 +81,8 @@ struct CausticLanes {
     for (int k = 0; k < photons; ++k) {
       const float* photon = g.photons.data();
       const vint<W> at = (leaf * vint<W>(photons) + vint<W>(k)) * vint<W>(6);
-      const auto point = [&](int f) {
-        return vvec3<W>{gather<W>(photon + f, at), gather<W>(photon + f + 1, at), gather<W>(photon + f + 2, at)};
-      };
-      const vvec3<W> to = point(0) - p, beside = point(3) - p;
+      const FourLanes<float, W> source = gather_four<W>(photon, at), landing = gather_four<W>(photon + 2, at);
+      const vvec3<W> to = vvec3<W>{source.x, source.y, source.z} - p, beside = vvec3<W>{landing.y, landing.z, landing.w} - p;
       towards[k] = to * (1.0f / sqrt(max(dot(to, to), 1e-30f)));
       chance[k] = caustic_nearness(dot(beside, beside), reach2);
       total += chance[k];
