@@ -27,7 +27,7 @@ using B = vbool<W>;
 using V = vvec3<W>;
 
 // Lobes up to this width (roughness 0.41) make caustics that scattered rays do not find by themselves. Rough metals and glass
-// under a sun of five degrees, 32 samples, four seeds: relMSE 0.0106, with 0.05 0.0193.
+// under a sun of five degrees, 32 samples, four seeds: relMSE x CPU 0.87 of that with 0.05.
 constexpr float kCasterAlpha = 0.17f;
 // A light is small where its directions have at least this density per steradian.
 constexpr float kSmallLight = 10;

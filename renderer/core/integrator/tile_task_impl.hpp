@@ -54,7 +54,7 @@ class TilePaths {
     for (int i = 0; i < pixels_; ++i) {
       int slot = i * samples_;
       for (int replicate = 0; replicate < kReplicates; slot += block_.count[replicate++]) {
-        const int asked = block_.count[replicate], valid = drop_invalid(slot, asked);
+        const int asked = block_.count[replicate], valid = drop_invalid(w_, slot, asked);
         const size_t p = film.at(replicate, block_.film_x + w_.pixel_x[i], block_.film_y + w_.pixel_y[i]);
         if (valid > 0) {
           film.add(p, 0, exact_sum(w_.r + slot, valid)), film.add(p, 1, exact_sum(w_.g + slot, valid));
@@ -78,17 +78,6 @@ class TilePaths {
   using I = vint<W>;
   using B = vbool<W>;
   using V = vvec3<W>;
-
-  // Moves the finite ones of samples [slot, slot + count) to the front; their number.
-  int drop_invalid(int slot, int count) const {
-    int kept = slot;
-    for (int s = slot; s < slot + count; ++s) {
-      if (!std::isfinite(w_.r[s]) || !std::isfinite(w_.g[s]) || !std::isfinite(w_.b[s])) continue;
-      w_.r[kept] = w_.r[s], w_.g[kept] = w_.g[s], w_.b[kept] = w_.b[s], w_.a[kept] = w_.a[s];
-      ++kept;
-    }
-    return kept - slot;
-  }
 
   // Pixels in Morton order, so that neighbours in a packet are neighbours on the film.
   void list_pixels() {
