@@ -136,8 +136,8 @@ class CoreScene:
 
     def caustics(self, settings: RenderSettings) -> Any:
         """Where small lights shine after metal and glass, found once by photons; None where there is nothing to speak of, and
-        for pictures of so few samples that it would take longer than they do."""
-        if settings.most_samples < FEWEST_GUIDED:
+        for a quick look."""
+        if settings.is_quick_look:
             return None
         depth = max_depth(settings)
         if depth not in self._caustics:
@@ -323,7 +323,6 @@ def max_depth(settings: RenderSettings) -> int:
     return NO_DEPTH_LIMIT if settings.max_depth is None else settings.max_depth
 
 
-FEWEST_GUIDED = 4  # samples a pixel, of pictures that caustics are looked for in
 BAND = 4 * TILE  # rows between which signals are looked after
 
 
@@ -353,7 +352,9 @@ class Pass:
 
 
 def choose_splits(scene: CoreScene, settings: RenderSettings) -> int:
-    """Paths that go on from the first surface, by a pilot; a function of scene and depth alone."""
+    """Paths that go on from the first surface, by a pilot; a function of scene and depth alone, but for a quick look."""
+    if settings.is_quick_look:
+        return 1
     try:
         return int(module().choose_splits(scene._scene, max_depth(settings), lanes(), scene.caustics(settings)))
     except module().CoreError as error:
@@ -373,7 +374,8 @@ def render_pass(
     The film is valid then, and another pass goes on from there to the same bits.
     """
     caustics = scene.caustics(settings)
-    guide = None if caustics is not None else scene.guide(max_depth(settings), splits)  # one of them at most
+    # One of them at most.
+    guide = None if settings.is_quick_look or caustics is not None else scene.guide(max_depth(settings), splits)
     try:
         done = module().render_pass(
             scene._scene,

@@ -41,6 +41,7 @@ MAX_RESOLUTION = 2**17  # a side: in floats a pixel beyond is known to less than
 MAX_PIXELS = 2**28
 MAX_SPP = 2**24
 DEFAULT_SPP = 64
+QUICK_LOOK = 4  # samples; renders of fewer start at once
 # Samples a pixel that stand together: each replicate takes one of them. Ranges of samples begin and end between blocks.
 SAMPLE_BLOCK = 2
 MAX_THREADS = 1024
@@ -86,6 +87,11 @@ class RenderSettings:
         if self.spp is not None:
             return self.spp
         return MAX_SPP if self.stops_early else DEFAULT_SPP
+
+    @property
+    def is_quick_look(self) -> bool:
+        """So few samples are asked for that no pilot could pay for itself: paths are neither split nor guided."""
+        return self.sample_range is None and not self.stops_early and self.most_samples < QUICK_LOOK
 
     @property
     def stops_early(self) -> bool:

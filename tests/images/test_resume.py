@@ -134,6 +134,22 @@ def test_a_cap_leaves_no_trace(cap: int, tmp_path: Path, first_error: float) -> 
     assert_same(run(target_error=first_error / 4), going_on)
 
 
+@pytest.mark.parametrize("cut", [False, True])
+def test_a_quick_look_leaves_no_trace(cut: bool, tmp_path: Path, cutter: Cutter) -> None:
+    """Up to three samples are not split; with more it begins anew, wherever the few were left."""
+    cutter.share = float(cut)
+    look = run(spp=3)
+    assert (look.stop is not None and look.stop.reason == "interrupted") == cut
+    assert look.splits == 1
+    cutter.share, path = 0.0, save(look, tmp_path / "a.prc")
+    for samples in (3, 24):
+        longer = go_on(path, spp=samples)
+        longer.run()
+        direct = run(spp=samples)
+        assert_same(direct, longer)
+    assert direct.splits > 1
+
+
 @pytest.mark.parametrize("factor", [1.3, 1.7, 2.1])
 def test_no_cap_decides(factor: float, tmp_path: Path, first_error: float) -> None:
     """Caps before, at and after where a render without them looks at the error; some end below the target by chance."""

@@ -29,7 +29,7 @@ from tests.statistics.surfaces import random_numbers
 
 from primray import core
 from primray.description import Doubles, Light, LightType, Shape, Sphere, Surface
-from primray.settings import RenderSettings
+from primray.settings import QUICK_LOOK, RenderSettings
 
 N = 40_000
 GLASS = Surface("/glass", diffuse_color=(1, 1, 1), roughness=0.0, opacity=0.0, ior=1.5)
@@ -142,11 +142,11 @@ def test_nothing_is_learnt_where_no_small_light_meets_a_smooth_surface() -> None
     assert without(lights=[light(LightType.DISTANT, emission=3.0, angle_deg=2.0)]) is not None
 
 
-def test_the_report_tells_of_it_and_tiny_pictures_do_without() -> None:
+def test_the_report_tells_of_it_and_quick_looks_do_without() -> None:
     scene = core.CoreScene(balls().build(), 1.0, [], (32, 32))
-    settings = RenderSettings(spp=core.FEWEST_GUIDED, max_depth=DEPTH, threads=1)
+    settings = RenderSettings(spp=QUICK_LOOK, max_depth=DEPTH, threads=1)
     bytes_before = scene.memory_bytes
-    assert scene.caustics(replace(settings, spp=core.FEWEST_GUIDED - 1)) is None
+    assert scene.caustics(replace(settings, spp=QUICK_LOOK - 1)) is None
     assert not any("caustics" in row["name"] for row in scene.features)
     guide = scene.caustics(settings)
     assert scene.caustics(settings) is guide
@@ -154,5 +154,5 @@ def test_the_report_tells_of_it_and_tiny_pictures_do_without() -> None:
     assert told == [{"name": f"caustics guided by {guide.photons} photons", "why": "small lights shine on metal or glass"}]
     assert scene.memory_bytes == bytes_before + guide.memory_bytes
     film = core.render(scene, settings)
-    plain = render(scene._scene, core.FEWEST_GUIDED, max_depth=DEPTH)
+    plain = render(scene._scene, QUICK_LOOK, max_depth=DEPTH)
     assert not np.array_equal(film.replicates, plain.replicates)
