@@ -1,3 +1,4 @@
+// See learn_caustics.hpp. Whether photons found caustics decides; what guided rays would gain is not tried out.
 #include "integrator/learn_caustics.hpp"
 
 #include "integrator/caustic_photons.hpp"
