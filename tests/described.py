@@ -221,6 +221,7 @@ def render(
     progress: Any = None,
     splits: int = 0,
     film: Any = None,
+    caustics: Any = None,
 ) -> Rendered:
     """A pass that takes every pixel's samples to `spp`, in a new film or on from where `film` stands."""
     module = core_module(isa)
@@ -228,8 +229,8 @@ def render(
     width, height = scene.resolution
     film = film or module.Film(width, height)
     ends = np.repeat(np.array(core.samples_of_replicates(spp), np.uint32)[:, None], film.next.shape[1], axis=1)
-    splits = splits or module.choose_splits(scene, max_depth, lanes)
-    done = module.render_pass(scene, film, ends, max_depth, splits, threads, seed, lanes, progress)
+    splits = splits or module.choose_splits(scene, max_depth, lanes, caustics)
+    done = module.render_pass(scene, film, ends, max_depth, splits, threads, seed, lanes, progress, caustics=caustics)
     return Rendered(film, done)
 
 

@@ -7,7 +7,7 @@ import os
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -85,7 +85,7 @@ def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None
     else:
         sampling = checkpoint.resume(prepared.scene, settings, about, held)
     sampling.resumable = True
-    return sampling, about
+    return sampling, replace(about, features=list(prepared.scene.features))
 
 
 class Saver:

@@ -126,6 +126,7 @@ class CoreScene:
         self.warnings = warnings  # code, prim path, message
         self.rendering_space = rendering_space
         self._guides: dict[tuple[int, int], Any] = {}
+        self._caustics: dict[int, Any] = {}
 
     def guide(self, depth: int, splits: int) -> Any:
         """Where light comes from, learnt once from paths of their own; None where that would not pay."""
@@ -133,10 +134,21 @@ class CoreScene:
             self._guides[depth, splits] = module().learn_guide(self._scene, depth, splits, lanes())
         return self._guides[depth, splits]
 
+    def caustics(self, settings: RenderSettings) -> Any:
+        """Where small lights shine after metal and glass, found once by photons; None where there is nothing to speak of, and
+        for a quick look."""
+        if settings.is_quick_look:
+            return None
+        depth = max_depth(settings)
+        if depth not in self._caustics:
+            self._caustics[depth] = module().learn_caustics(self._scene, depth, threads(settings))
+        return self._caustics[depth]
+
     @property
     def memory_bytes(self) -> int:
-        """Bytes of the core's arrays and of Embree's acceleration structures."""
-        return int(self._scene.memory_bytes) + int(module().embree_memory()[0])
+        """Bytes of the core's arrays, of Embree's acceleration structures, and of what guides into caustics."""
+        guides = sum(int(guide.memory_bytes) for guide in self._caustics.values() if guide is not None)
+        return int(self._scene.memory_bytes) + int(module().embree_memory()[0]) + guides
 
     @property
     def exposure_scale(self) -> float:
@@ -150,8 +162,9 @@ class CoreScene:
 
     @property
     def features(self) -> list[dict[str, str]]:
-        """What is modelled beyond opaque faceted Lambert triangles, and why."""
+        """What is modelled beyond opaque faceted Lambert triangles, and why; caustics once they have been looked for."""
         s = self._scene
+        photons = max((guide.photons for guide in self._caustics.values() if guide is not None), default=0)
         rows = [
             (s.has_instances, "instances", "prototypes are placed more than once"),
             (s.has_spheres, "exact spheres", "the scene has Sphere prims"),
@@ -167,6 +180,7 @@ class CoreScene:
             (s.has_shutter, "ray times", "the camera's shutter is open for a while"),
             (s.domes > 0, "dome", "the scene has a DomeLight"),
             (s.has_lobe_factors, "lobe factors", "a light's diffuse or specular multiplier is not 1"),
+            (photons > 0, f"caustics guided by {photons} photons", "small lights shine on metal or glass"),
             (s.sampled_lights > 0, f"light sampling ({s.sampled_lights})", "lights that are sampled at every vertex"),
         ]
         return [{"name": name, "why": why} for on, name, why in rows if on]
@@ -342,7 +356,7 @@ def choose_splits(scene: CoreScene, settings: RenderSettings) -> int:
     if settings.is_quick_look:
         return 1
     try:
-        return int(module().choose_splits(scene._scene, max_depth(settings), lanes()))
+        return int(module().choose_splits(scene._scene, max_depth(settings), lanes(), scene.caustics(settings)))
     except module().CoreError as error:
         _raise(error)
 
@@ -359,7 +373,9 @@ def render_pass(
 
     The film is valid then, and another pass goes on from there to the same bits.
     """
-    guide = None if settings.is_quick_look else scene.guide(max_depth(settings), splits)
+    caustics = scene.caustics(settings)
+    # One of them at most.
+    guide = None if settings.is_quick_look or caustics is not None else scene.guide(max_depth(settings), splits)
     try:
         done = module().render_pass(
             scene._scene,
@@ -372,6 +388,7 @@ def render_pass(
             lanes(),
             progress,
             guide,
+            caustics,
         )
     except module().CoreError as error:
         _raise(error)

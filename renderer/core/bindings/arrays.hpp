@@ -38,6 +38,7 @@ void bind_render(nb::module_& m);
 void bind_first_hit(nb::module_& m);
 void bind_subdivision(nb::module_& m);
 void bind_testing(nb::module_& m);
+void bind_caustics(nb::module_& m, nb::module_& testing);
 void bind_math(nb::module_& m);  // of it
 
 }  // namespace primray

@@ -36,4 +36,5 @@ NB_MODULE(PRIMRAY_MODULE, m) {
   bind_subdivision(m);
   nb::module_ testing = m.def_submodule("testing", "Array versions of what the kernels call, for the tests.");
   bind_testing(testing);
+  bind_caustics(m, testing);
 }

@@ -1,6 +1,7 @@
 // render_pass() for Python. The GIL is free while threads render; signals and progress are looked after in between.
 #include "bindings/arrays.hpp"
 #include "integrator/choose_splits.hpp"
+#include "integrator/learn_caustics.hpp"
 #include "integrator/learn_guide.hpp"
 #include "integrator/render.hpp"
 #include "integrator/replay.hpp"
@@ -16,9 +17,9 @@ struct Recording {
 };
 
 PassStatistics pass(const Scene& scene, Film& film, const InArray<uint32_t>& ends, int max_depth, int splits, int threads,
-                    uint32_t seed, int lanes, nb::object progress, const Guide* guide) {
+                    uint32_t seed, int lanes, nb::object progress, const Guide* guide, const CausticGuide* caustics) {
   IntegratorSettings settings{max_depth, threads, seed, splits};
-  settings.guide = guide;
+  settings.guide = guide, settings.caustics = caustics;
   const std::span<const uint32_t> to = span_of(ends);
   const Progress poll = [&](double fraction) {
     const nb::gil_scoped_acquire gil;
@@ -56,9 +57,11 @@ void record(Recording* self, const Scene& scene, int samples, int max_depth, uin
   Film film(scene.camera.pixels.width, scene.camera.pixels.height);
   IntegratorSettings settings{max_depth, 1, seed, 0};
   const nb::gil_scoped_release release;
+  const std::unique_ptr<CausticGuide> caustics = learn_caustics(scene, max_depth, 1);
+  settings.caustics = caustics.get();
   settings.splits = choose_splits(scene, settings, kernel_of(lanes));
   const std::vector<uint32_t> ends(film.next.size(), uint32_t((samples + 1) / kReplicates));
-  const std::unique_ptr<Guide> guide = learn_guide(scene, settings, kernel_of(lanes));
+  const std::unique_ptr<Guide> guide = caustics ? nullptr : learn_guide(scene, settings, kernel_of(lanes));
   settings.guide = guide.get();
   render_pass(scene, settings, lanes, ends, film, {}, &self->rays);
 }
@@ -87,13 +90,16 @@ void bind_render(nb::module_& m) {
       .def_ro("seconds", &PassStatistics::seconds);
   m.def(
       "choose_splits",
-      [](const Scene& scene, int max_depth, int lanes) {
-        return choose_splits(scene, IntegratorSettings{max_depth, 1, 0, 0}, kernel_of(lanes));
+      [](const Scene& scene, int max_depth, int lanes, const CausticGuide* caustics) {
+        IntegratorSettings settings{max_depth, 1, 0, 0};
+        settings.caustics = caustics;
+        return choose_splits(scene, settings, kernel_of(lanes));
       },
-      nb::arg("scene"), nb::arg("max_depth"), nb::arg("lanes"), nb::call_guard<nb::gil_scoped_release>());
+      nb::arg("scene"), nb::arg("max_depth"), nb::arg("lanes"), nb::arg("caustics").none() = nb::none(),
+      nb::call_guard<nb::gil_scoped_release>());
   m.def("render_pass", &pass, nb::arg("scene"), nb::arg("film"), nb::arg("ends"), nb::arg("max_depth"), nb::arg("splits"),
-        nb::arg("threads"), nb::arg("seed"), nb::arg("lanes"), nb::arg("progress").none(),
-        nb::arg("guide").none() = nb::none());
+        nb::arg("threads"), nb::arg("seed"), nb::arg("lanes"), nb::arg("progress").none(), nb::arg("guide").none() = nb::none(),
+        nb::arg("caustics").none() = nb::none());
   nb::class_<Guide>(m, "Guide").def_prop_ro("regions", [](const Guide& g) { return g.cdf.size() / (Guide::kBins + 1); });
   m.def(
       "learn_guide",

@@ -5,8 +5,8 @@
 
 namespace primray {
 
-// Paths to go on from the first surface, 1, 2, 4 or 8, by error per ray. A function of scene and depth, not of seed, samples,
-// threads or lanes, so that every part of a render comes to the same answer.
+// Paths to go on from the first surface, 1, 2, 4 or 8, by error per ray. A function of scene, depth and guide, not of seed,
+// samples, threads or lanes, so that every part of a render comes to the same answer.
 int choose_splits(const Scene& scene, const IntegratorSettings& settings, TaskFunction task);
 
 }  // namespace primray

@@ -5,6 +5,7 @@
 
 namespace primray {
 
+struct CausticGuide;
 struct Guide;
 struct GuideLog;
 
@@ -13,8 +14,9 @@ struct IntegratorSettings {
   int threads = 1;
   uint32_t seed = 0;
   int splits = 0;  // 1, 2, 4 or 8 paths that go on from the first surface that is no mirror; 0: what a pilot finds best
-  const Guide* guide = nullptr;  // what scattered rays are drawn by, beside the BSDF
-  GuideLog* log = nullptr;       // of paths that learn a guide
+  const Guide* guide = nullptr;            // what scattered rays are drawn by, beside the BSDF
+  GuideLog* log = nullptr;                 // of paths that learn a guide
+  const CausticGuide* caustics = nullptr;  // what scattered rays are drawn by towards metal and glass; never beside `guide`
 };
 
 // Samples of one replicate that one task takes of a tile; no bit of the image depends on it.

@@ -5,6 +5,7 @@
 // order whatever W is, so W does not show in the image.
 #pragma once
 
+#include <cmath>
 #include <memory>
 
 #include "bsdf/bsdf.hpp"
@@ -43,6 +44,17 @@ struct Worker {
   int64_t camera_rays = 0, scattered_rays = 0, shadow_rays = 0;
   int64_t busy_lanes = 0, shaded_lanes = 0;  // occupancy of the shading steps
 };
+
+// Moves the finite ones of samples [slot, slot + count) to the front; their number.
+inline int drop_invalid(Worker& w, int slot, int count) {
+  int kept = slot;
+  for (int s = slot; s < slot + count; ++s) {
+    if (!std::isfinite(w.r[s]) || !std::isfinite(w.g[s]) || !std::isfinite(w.b[s])) continue;
+    w.r[kept] = w.r[s], w.g[kept] = w.g[s], w.b[kept] = w.b[s], w.a[kept] = w.a[s];
+    ++kept;
+  }
+  return kept - slot;
+}
 
 // Records every ray in the order it was traced, for the benchmark that replays them through Embree alone.
 struct RayRecorder;

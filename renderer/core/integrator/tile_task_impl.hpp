@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "integrator/caustics.hpp"
 #include "integrator/emission.hpp"
 #include "integrator/emitter.hpp"
 #include "integrator/guided_scattering.hpp"
@@ -53,7 +54,7 @@ class TilePaths {
     for (int i = 0; i < pixels_; ++i) {
       int slot = i * samples_;
       for (int replicate = 0; replicate < kReplicates; slot += block_.count[replicate++]) {
-        const int asked = block_.count[replicate], valid = drop_invalid(slot, asked);
+        const int asked = block_.count[replicate], valid = drop_invalid(w_, slot, asked);
         const size_t p = film.at(replicate, block_.film_x + w_.pixel_x[i], block_.film_y + w_.pixel_y[i]);
         if (valid > 0) {
           film.add(p, 0, exact_sum(w_.r + slot, valid)), film.add(p, 1, exact_sum(w_.g + slot, valid));
@@ -77,17 +78,6 @@ class TilePaths {
   using I = vint<W>;
   using B = vbool<W>;
   using V = vvec3<W>;
-
-  // Moves the finite ones of samples [slot, slot + count) to the front; their number.
-  int drop_invalid(int slot, int count) const {
-    int kept = slot;
-    for (int s = slot; s < slot + count; ++s) {
-      if (!std::isfinite(w_.r[s]) || !std::isfinite(w_.g[s]) || !std::isfinite(w_.b[s])) continue;
-      w_.r[kept] = w_.r[s], w_.g[kept] = w_.g[s], w_.b[kept] = w_.b[s], w_.a[kept] = w_.a[s];
-      ++kept;
-    }
-    return kept - slot;
-  }
 
   // Pixels in Morton order, so that neighbours in a packet are neighbours on the film.
   void list_pixels() {
@@ -190,7 +180,8 @@ class TilePaths {
     V wo;  // in that frame
     Bsdf<W> bsdf;
     const Hits<W>& hits;
-    GuidePlace<W> place;  // region -1: scattered by the BSDF alone
+    GuidePlace<W> place;              // region -1: scattered by the BSDF alone
+    const CausticLanes<W>* caustics;  // null: no ray is guided into them
   };
 
   // One vertex of the paths at [at, at + W): light met, light sampled, next ray.
@@ -244,9 +235,20 @@ class TilePaths {
     const V ns = it.ns * side;
     const Frame<F> frame(select(dot(ns, wo) > F(1e-4f), ns, ng));
     const V wo_local = frame.to_local(wo);
-    Vertex v{it, ng, frame, wo_local, Bsdf<W>(rows, scatters, wo_local, front), hits, {I(-1), I(0)}};
+    Vertex v{it, ng, frame, wo_local, Bsdf<W>(rows, scatters, wo_local, front), hits, {I(-1), I(0)}, nullptr};
     v.bsdf.diffuse *= it.color;
     if (settings_.guide) v.place = find_place(*settings_.guide, scatters, it.p, ng, v.bsdf);
+    if (settings_.caustics) return go_on_guided(scatters, v, p);
+    go_on(scatters, v, p);
+  }
+
+  PRIMRAY_RARE void go_on_guided(B scatters, Vertex& v, const PathLanes<W>& p) {
+    const auto sends = [&](const V& w, F width2) { return suits(v.bsdf, v.wo, v.frame.to_local(w), width2); };
+    const CausticLanes<W> guide(*settings_.caustics, scatters & follows_caustics(v.bsdf), v.it.p, sends);
+    if (any(guide.share > F(0.0f))) v.caustics = &guide;
+    go_on(scatters, v, p);
+  }
+  void go_on(B scatters, const Vertex& v, const PathLanes<W>& p) {
     if (scene_.lights.count > 0) sample_light(scatters & (p.depth < I(settings_.max_depth)), v, p);
     scatter(scatters, v, p);
   }
@@ -295,7 +297,8 @@ class TilePaths {
     const B above = dot(v.ng, s.wi) > F(0.0f);
     useful &= (s.pdf > F(0.0f)) & (wi.z > F(0.0f)) & (above | v.it.smooth);
     if (!any(useful)) return;
-    const BsdfEval<W> f = v.bsdf.eval(v.wo, wi);
+    BsdfEval<W> f = v.bsdf.eval(v.wo, wi);
+    if (v.caustics) f.pdf = guided_pdf(*v.caustics, f.pdf, s.wi);
     V reflected = f.diffuse + f.specular;
     if (lights.lobe_factors) {
       const LightRow<W> row(lights, choice.light);
@@ -375,11 +378,12 @@ class TilePaths {
   void scatter_once(B scatters, const Vertex& v, const PathLanes<W>& p) {
     const I bounce = p.vertex + I(1);
     Pair<W> u = p.sampler.link(bounce + I(first_link()));
-    const F lobe = v.bsdf.any_preview ? p.sampler.single(bounce, Purpose::kLobe) : F(0.0f);
-    const B by_guide = settings_.guide ? choose_guide(v.place, u.u) : B(false);
-    BsdfSample<W> s = v.bsdf.sample(v.wo, lobe, u.u, u.v);
-    if (settings_.guide) sample_guided(*settings_.guide, v.place, by_guide, u, v.frame, v.wo, v.bsdf, s);
+    const F lobe = v.bsdf.any_preview || v.caustics ? p.sampler.single(bounce, Purpose::kLobe) : F(0.0f);
     PathLanes<W> n = p;
+    const B by_guide = settings_.guide ? choose_guide(v.place, u.u) : B(false);
+    BsdfSample<W> s = v.caustics ? sample_guided(*v.caustics, v.bsdf, v.frame, v.wo, lobe, u, settings_.splits, n.splits)
+                                 : v.bsdf.sample(v.wo, lobe, u.u, u.v);
+    if (settings_.guide) sample_guided(*settings_.guide, v.place, by_guide, u, v.frame, v.wo, v.bsdf, s);
     n.ray.d = select(s.straight, p.ray.d, v.frame.to_world(s.wi));
     const F out = dot(v.ng, n.ray.d);
     n.beta = p.beta * s.weight;
@@ -406,6 +410,11 @@ class TilePaths {
     if (needs_.normals) n.normal = select(s.straight, p.normal, v.frame.n);
     if (needs_.links) n.link = select(s.straight, p.link, v.it.link);
     if (scene_.lights.lobe_factors) n.share = select(s.straight, p.share, s.diffuse_share);
+    // What was guided counts as its surface would have sent it, until it next scatters widely.
+    if (settings_.caustics) {
+      const B widely = (s.pdf > F(0.0f)) & (s.pdf < F(kDiffuseDensity));
+      n.splits = select(widely, min(n.splits, float(settings_.splits)), n.splits);
+    }
     const B roulette = alive & (bounce >= I(kRouletteStart)) & !s.straight;
     if (any(roulette)) {
       const F most = select(bounce >= I(kRouletteDeep), F(kRouletteDeepKeep), F(1.0f));

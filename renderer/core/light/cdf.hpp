@@ -1,6 +1,8 @@
 // Looking up a cumulative distribution by lane.
 #pragma once
 
+#include <vector>
+
 #include "math/vec3.hpp"
 
 namespace primray {
@@ -16,6 +18,33 @@ PRIMRAY_INLINE vint<W> find_interval(const float* cdf, vint<W> base, int n, vflo
     lo = select(inside & (c <= u), mid, lo);
   }
   return lo;
+}
+
+// The same, where `cuts` has been filled by add_cuts(): from `cut_base` on, pieces + 1 numbers. Chen and Asau 1974, "On
+// Generating Random Variates from an Empirical Distribution".
+template <int W>
+PRIMRAY_INLINE vint<W> find_interval(const float* cdf, vint<W> base, const int32_t* cuts, vint<W> cut_base, int pieces,
+                                     vfloat<W> u) {
+  const vint<W> piece = cut_base + truncate(u * float(pieces));
+  vint<W> lo = gather<W>(cuts, piece), hi = gather<W>(cuts + 1, piece);
+  while (any(lo < hi)) {
+    const vint<W> mid = (lo + hi + vint<W>(1)) >> 1;
+    const vbool<W> below = gather<W>(cdf, base + mid) <= u;
+    lo = select(below, mid, lo), hi = select(below, hi, mid - vint<W>(1));
+  }
+  return lo;
+}
+
+// A power of two, so that u * pieces is exact.
+inline int pieces_of(int n) { return n < 8 ? 1 : 1 << (28 - __builtin_clz(unsigned(n))); }
+// Appends where the intervals of 0, 1 / pieces, ... 1 are in a distribution of n.
+inline void add_cuts(const float* cdf, int n, std::vector<int32_t>& cuts) {
+  const int pieces = pieces_of(n);
+  int i = 0;
+  for (int k = 0; k <= pieces; ++k) {
+    while (i + 1 < n && cdf[i + 1] <= float(k) / float(pieces)) ++i;
+    cuts.push_back(i);
+  }
 }
 
 }  // namespace primray

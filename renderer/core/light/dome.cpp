@@ -116,6 +116,7 @@ void build_distribution(Dome& d, double rest, bool needed) {
   d.sampled = total > 0;
   d.irradiance = total;
   if (!d.sampled) return;
+  d.row_cuts.clear(), d.column_cuts.clear();
   d.row_cdf.assign(h + 1, 0);
   d.column_cdf.assign(size_t(h) * (w + 1), 0);
   d.density.assign(size_t(h) * w, 0);
@@ -131,10 +132,12 @@ void build_distribution(Dome& d, double rest, bool needed) {
       d.density[size_t(y) * w + x] = float(row[x] / total);
     }
     columns[w] = 1;
+    add_cuts(columns, w, d.column_cuts);
     d.row_cdf[y] = float(row_sum / total);
     row_sum += sum * solid_angle[y];
   }
   d.row_cdf[h] = 1;
+  add_cuts(d.row_cdf.data(), h, d.row_cuts);
 }
 
 }  // namespace

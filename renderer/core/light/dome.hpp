@@ -26,6 +26,7 @@ struct Dome {
   // Sampling: cumulative probabilities of rows, and of columns in each row; probability density of each cell per steradian.
   int columns = 0, rows = 0;                        // of the grid of cells
   std::vector<float> row_cdf, column_cdf, density;  // rows + 1, rows (columns + 1), rows columns
+  std::vector<int32_t> row_cuts, column_cuts;       // into those, for looking them up; of columns row by row
   // Of each row, at its upper and lower edge, 1 - |cos| of the angle from the pole that it is nearer to (the upper one, if to
   // both): there cosines themselves have no digits for rows that are a thousandth of a radian high.
   std::vector<float> row_edges;  // 2 rows
@@ -97,10 +98,11 @@ PRIMRAY_INLINE vvec3<W> dome_eval(const Dome& dome, const vvec3<W>& world, vfloa
 template <int W>
 PRIMRAY_INLINE vvec3<W> dome_sample(const Dome& dome, vfloat<W> u, vfloat<W> v) {
   const float *rows = dome.row_cdf.data(), *columns = dome.column_cdf.data();
-  const vint<W> y = find_interval<W>(rows, vint<W>(0), dome.rows, u);
+  const vint<W> y = find_interval<W>(rows, vint<W>(0), dome.row_cuts.data(), vint<W>(0), pieces_of(dome.rows), u);
   const vfloat<W> r0 = gather<W>(rows, y), r1 = gather<W>(rows + 1, y);
   const vint<W> base = y * vint<W>(dome.columns + 1);
-  const vint<W> x = find_interval<W>(columns, base, dome.columns, v);
+  const int pieces = pieces_of(dome.columns);
+  const vint<W> x = find_interval<W>(columns, base, dome.column_cuts.data(), y * vint<W>(pieces + 1), pieces, v);
   const vfloat<W> c0 = gather<W>(columns, base + x), c1 = gather<W>(columns + 1, base + x);
   const vfloat<W> fy = clamp((u - r0) / max(r1 - r0, 1e-30f), 0.0f, 1.0f),
                   fx = clamp((v - c0) / max(c1 - c0, 1e-30f), 0.0f, 1.0f);

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "scene/error.hpp"
+#include "scene/evaluate_inputs.hpp"
 
 namespace primray {
 namespace {
@@ -67,6 +68,23 @@ vec3 average_emission(const Scene& scene, int32_t surface) {
   }
   const float* row = &scene.surfaces.rows[size_t(surface) * kSurfaceFields + kEmission];
   return {row[0], row[1], row[2]};
+}
+
+void average_row(const Scene& scene, int32_t surface, float (&row)[kSurfaceFields]) {
+  const int32_t number = scene.surface_inputs_of[surface];
+  if (number < 0) {
+    std::copy_n(&scene.surfaces.rows[size_t(surface) * kSurfaceFields], int(kSurfaceFields), row);
+    return;
+  }
+  const SurfaceInputs& inputs = scene.surface_inputs[number];
+  SurfaceValues<1> values(inputs.constants);
+  for (const InputSource& source : inputs.sources) {
+    const vec3 mean = mean_of(scene, source);
+    set_value(values, source.field, vvec3<1>{vfloat<1>(mean.x), vfloat<1>(mean.y), vfloat<1>(mean.z)});
+  }
+  vfloat<1> columns[kSurfaceFields];
+  reduce_surface(inputs.constants, values, columns);
+  for (int i = 0; i < kSurfaceFields; ++i) row[i] = columns[i][0];
 }
 
 }  // namespace primray

@@ -10,5 +10,7 @@ void note_inputs(Scene& scene);
 
 // Mean radiance that a surface emits, for choosing among emitters: a texture's mean texel, a primvar's mean over all shapes.
 vec3 average_emission(const Scene& scene, int32_t surface);
+// The row of a surface whose inputs all have their means.
+void average_row(const Scene& scene, int32_t surface, float (&row)[kSurfaceFields]);
 
 }  // namespace primray

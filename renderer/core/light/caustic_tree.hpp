@@ -1,0 +1,18 @@
+// The tree of a CausticGuide over photons.
+#pragma once
+
+#include <vector>
+
+#include "light/caustic_guide.hpp"
+
+namespace primray {
+
+struct CausticPhoton {
+  vec3 landing, source;
+  float weight;  // area of unhindered light that it stands for
+};
+
+// Photons' order decides nothing but which few are left out, so that leaves are equal.
+void build_caustic_tree(std::vector<CausticPhoton>& photons, CausticGuide& guide, int threads);
+
+}  // namespace primray

@@ -1,0 +1,158 @@
+"""Rays guided into caustics: drawn by their density, which sums to one; pictures keep mean and bits, with less noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.described import (
+    ISAS,
+    Described,
+    core_module,
+    describe,
+    ground,
+    kernels,
+    lambert,
+    light,
+    look_at,
+    perspective,
+    render,
+    replicate_means,
+    translation,
+)
+from tests.statistics.chi_square import SphereCells, density_p_value
+from tests.statistics.surfaces import random_numbers
+
+from primray import core
+from primray.description import Doubles, Light, LightType, Shape, Sphere, Surface
+from primray.settings import QUICK_LOOK, RenderSettings
+
+N = 40_000
+GLASS = Surface("/glass", diffuse_color=(1, 1, 1), roughness=0.0, opacity=0.0, ior=1.5)
+METAL = Surface("/metal", diffuse_color=(0.9, 0.8, 0.6), metallic=1.0, roughness=0.1)
+DEPTH = 6
+
+
+def sky() -> Any:
+    """Dim, but for a sun of two degrees, 50 degrees high."""
+    image = np.full((128, 256, 3), 0.2, np.float32)
+    image[28:30, 100:102] = 2000.0
+    return image
+
+
+def balls() -> Described:
+    shapes: list[tuple[Shape, Doubles]] = [
+        (ground(6.0), np.eye(4)),
+        (Sphere("/ball", 0.5, 1), translation(-0.7, 0.5, 0)),
+        (Sphere("/other", 0.5, 2), translation(0.7, 0.5, 0)),
+    ]
+    camera = perspective(look_at([0, 4.0, 4.0], [0, 0, 0]), 0.35)
+    return describe(shapes, [lambert(0.5), GLASS, METAL], [light(LightType.DOME)], camera, (32, 32), dome_texture=sky())
+
+
+@cache
+def learnt(threads: int = 1, isa: str | None = None) -> tuple[Any, Any]:
+    """The scene and its guide."""
+    scene = balls().build(isa)
+    return scene, core_module(isa).learn_caustics(scene, DEPTH, threads)
+
+
+def lit_points(guide: Any, scene: Any, count: int) -> Doubles:
+    """Of a grid on the ground, those with the largest guided share."""
+    at = np.stack(np.meshgrid(np.linspace(-3, 3, 160), [0.0], np.linspace(-3, 3, 160)), axis=-1).reshape(-1, 3)
+    zero = np.zeros((len(at), 3), np.float32)
+    share, *_ = kernels().caustic_lobes(scene, guide, at, zero, zero)
+    return at[np.argsort(-share)[:count]]
+
+
+def test_samples_follow_the_density() -> None:
+    scene, guide = learnt()
+    assert guide.photons > 1000
+    assert guide.memory_bytes > 24 * guide.photons
+    for point in lit_points(guide, scene, 40)[::20]:
+        p = np.ascontiguousarray(np.broadcast_to(point, (N, 3)))
+        u = random_numbers(N, 3, seed=5)
+        share, wi, pdf, _ = kernels().caustic_lobes(scene, guide, p, u, u)
+        assert (share > 0.1).all()
+        assert (share <= 0.5).all()
+        assert (pdf > 0).all()
+
+        def density(w: Doubles, at: Doubles = point) -> Doubles:
+            there = np.ascontiguousarray(np.broadcast_to(at, (len(w), 3)))
+            given = w.astype(np.float32)
+            found: Doubles = kernels().caustic_lobes(scene, guide, there, np.zeros_like(given), given)[3]
+            return found
+
+        toward = np.mean(wi, axis=0, dtype=np.float64)
+        cells = SphereCells(toward / np.linalg.norm(toward), spread=np.pi, growth=3, rings=24, points=40)
+        assert density_p_value(cells, density, wi, N) > 0.005
+
+
+def test_pictures_keep_their_mean_and_lose_noise() -> None:
+    scene, guide = learnt()
+    means, noise = [], []
+    for caustics in (guide, None):
+        pictures = [render(scene, 256, max_depth=DEPTH, seed=s, splits=1, caustics=caustics) for s in range(4)]
+        halves = np.concatenate([replicate_means(picture) for picture in pictures])
+        means.append(halves.mean(axis=(1, 2)))
+        noise.append(halves.std(axis=0).mean())
+    error = np.sqrt(sum(m.var(axis=0, ddof=1) / len(m) for m in means))
+    assert (np.abs(means[0].mean(axis=0) - means[1].mean(axis=0)) < 4 * error).all()
+    assert noise[0] < 0.8 * noise[1]  # 0.65 when this was written
+
+
+@pytest.mark.parametrize("isa", ISAS)
+def test_bits_do_not_depend_on_threads_or_lanes(isa: str) -> None:
+    most = core_module(isa).MAX_LANES
+    images = []
+    for learning, lanes, threads in ((1, most, 1), (3, 1, 2), (3, most, 3)):
+        scene, guide = learnt(learning, isa)
+        picture = render(scene, 40, isa=isa, max_depth=DEPTH, lanes=lanes, threads=threads, splits=2, caustics=guide)
+        images.append(picture.replicates.tobytes())
+    assert len(set(images)) == 1
+    assert render(learnt(1, isa)[0], 40, isa=isa, max_depth=DEPTH, splits=2).replicates.tobytes() not in images
+
+
+def test_a_pass_in_two_parts_has_the_same_bits() -> None:
+    scene, guide = learnt()
+    whole = render(scene, 70, max_depth=DEPTH, splits=4, caustics=guide)
+    part = render(scene, 32, max_depth=DEPTH, splits=4, caustics=guide)
+    rest = render(scene, 70, max_depth=DEPTH, splits=4, caustics=guide, film=part.film)
+    assert np.array_equal(rest.replicates, whole.replicates)
+
+
+def without(surface: Surface | None = None, lights: Sequence[Light] | None = None) -> Any:
+    described = balls()
+    d = described.description
+    surfaces = d.surfaces if surface is None else (d.surfaces[0], surface, surface)
+    changed = replace(d, surfaces=surfaces, lights=d.lights if lights is None else tuple(lights))
+    return core.module().learn_caustics(replace(described, description=changed).build(), DEPTH, 1)
+
+
+def test_nothing_is_learnt_where_no_small_light_meets_a_smooth_surface() -> None:
+    scene, _ = learnt()
+    assert core.module().learn_caustics(scene, 1, 1) is None
+    assert without(surface=lambert(0.5)) is None
+    assert without(surface=replace(METAL, roughness=0.5)) is None
+    assert without(lights=[light(LightType.DOME)]) is None
+    assert without(lights=[light(LightType.DISTANT, emission=3.0, angle_deg=2.0)]) is not None
+
+
+def test_the_report_tells_of_it_and_quick_looks_do_without() -> None:
+    scene = core.CoreScene(balls().build(), 1.0, [], (32, 32))
+    settings = RenderSettings(spp=QUICK_LOOK, max_depth=DEPTH, threads=1)
+    bytes_before = scene.memory_bytes
+    assert scene.caustics(replace(settings, spp=QUICK_LOOK - 1)) is None
+    assert not any("caustics" in row["name"] for row in scene.features)
+    guide = scene.caustics(settings)
+    assert scene.caustics(settings) is guide
+    told = [row for row in scene.features if "caustics" in row["name"]]
+    assert told == [{"name": f"caustics guided by {guide.photons} photons", "why": "small lights shine on metal or glass"}]
+    assert scene.memory_bytes == bytes_before + guide.memory_bytes
+    film = core.render(scene, settings)
+    plain = render(scene._scene, QUICK_LOOK, max_depth=DEPTH)
+    assert not np.array_equal(film.replicates, plain.replicates)
