@@ -142,6 +142,24 @@ def test_choices_are_good() -> None:
     assert np.median(by_power / variance) > 20
 
 
+def test_choices_are_good_where_the_surface_cuts_clusters() -> None:
+    """A light at hand counts although most of its cluster lies below the surface."""
+    rng = np.random.default_rng(20)
+    count = 1000
+    at, power = rng.uniform(-5, 5, (count, 3)), np.exp(rng.normal(size=count))
+    scene = scene_of([light(LightType.POINT, translation(*p), float(w)) for p, w in zip(at, power, strict=True)])
+    points, normals = rng.uniform(-4, 4, (400, 3)), unit(400, 21)
+    probability = kernels().light_probabilities(scene, points, normals).astype(np.float64)
+    to = at[None] - points[:, None]
+    distance = np.linalg.norm(to, axis=2)
+    brought = power * np.maximum((to * normals[:, None]).sum(axis=2), 0) / distance**3
+    some = np.maximum(probability, 1e-30)
+    variance = (brought**2 / some).sum(axis=1) / brought.sum(axis=1) ** 2 - 1
+    assert np.median(variance) < 0.05
+    assert variance.mean() < 0.08
+    assert variance.max() < 1
+
+
 @pytest.mark.parametrize("emission", [0.0, 1e-30, 1e30])
 def test_dark_and_bright_lights(emission: float) -> None:
     lights = [replace(x, emission=(emission, emission, emission)) if k % 2 else x for k, x in enumerate(mixed(60, seed=10))]
