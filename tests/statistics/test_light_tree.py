@@ -51,7 +51,7 @@ def scene_of(lights: list[Light]) -> object:
     return describe(lights=lights).build()
 
 
-@pytest.mark.parametrize("count", [17, 65, 200, 3000])
+@pytest.mark.parametrize("count", [4, 17, 65, 200, 3000])
 def test_probabilities_sum_to_one(count: int) -> None:
     lights = [x for x in mixed(3 * count) if x.type not in (LightType.DISK, LightType.RECT)]
     scene = scene_of([*lights[: count - 2], LIGHTS["sun"], LIGHTS["distant 180"]])
@@ -71,7 +71,7 @@ def test_little_is_lost_on_clusters_that_do_not_reach(count: int) -> None:
         assert total.mean() > 0.95
 
 
-@pytest.mark.parametrize("count", [17, 65, 1000])
+@pytest.mark.parametrize("count", [4, 17, 65, 1000])
 def test_the_probability_is_found_again(count: int) -> None:
     """From a light up as from the root down, and as often as it says."""
     scene = scene_of([*mixed(count - 1, seed=count), LIGHTS["sun"]])
@@ -87,7 +87,7 @@ def test_the_probability_is_found_again(count: int) -> None:
         assert (np.abs(share - again[k]) <= 5 * np.sqrt(again[k] * (1 - again[k]) / n) + 1e-4).all()
 
 
-@pytest.mark.parametrize("count", [30, 400])
+@pytest.mark.parametrize("count", [5, 30, 400])
 def test_no_light_that_reaches_a_surface_is_left_out(count: int) -> None:
     lights = mixed(count, seed=5, spread=1.0)
     scene = scene_of(lights)
@@ -214,7 +214,7 @@ def test_the_whole_is_the_sum_of_parts_that_are_weighed_one_by_one(radius: float
         d = describe([(ground(3), np.eye(4))], [lambert(0.8)], some, camera, (8, 8))
         return np.asarray(render(d.build(), 2048, max_depth=1).pixels(1.0)[..., :3], np.float64)
 
-    together, apart = image(lights), sum(image(lights[k : k + 16]) for k in range(0, 48, 16))
+    together, apart = image(lights), sum(image(lights[k : k + 3]) for k in range(0, 48, 3))
     np.testing.assert_allclose(together.mean(), np.mean(apart), rtol=4e-3)
     np.testing.assert_allclose(together, apart, rtol=0.1)
 
