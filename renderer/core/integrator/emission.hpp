@@ -76,19 +76,27 @@ PRIMRAY_INLINE vfloat<W> total_at(const LightTable& lights, const vvec3<W>& p, v
   return lights.count > 1 ? total_importance(lights, p) : vfloat<W>(1.0f);
 }
 
-// Adds what area and distant lights send back along the rays to `gathered`; lanes that see a light's body are the result.
+// Lanes that see a light's body, which and how far away.
 template <int W>
-PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, vbool<W> hit, const PathLanes<W>& p,
-                                    vfloat<W> t_surface, vvec3<W>& gathered) {
+struct MetLights {
+  vbool<W> covered{false};
+  vfloat<W> nearest{kInfinity};
+  vint<W> light{-1};
+};
+
+// Adds what area and distant lights send back along the rays to `gathered`.
+template <int W>
+PRIMRAY_INLINE MetLights<W> meet_lights(const LightTable& lights, vbool<W> active, vbool<W> hit, const PathLanes<W>& p,
+                                        vfloat<W> t_surface, vvec3<W>& gathered) {
   using F = vfloat<W>;
-  vbool<W> covered(false);
-  if (!lights.needs_hit_test) return covered;
+  MetLights<W> seen;
+  if (!lights.needs_hit_test) return seen;
   const vbool<W> sees_body = active & (p.bsdf_pdf == F(0.0f)), camera = p.depth == vint<W>(0);
   const vvec3<W> zero(F(0.0f)), from = p.ray.o - p.ray.d * p.travelled;
   const bool linked = lights.links.any();
   const bool weighed = lights.count > 1 && !lights.by_tree();
   const bool many = !lights.met.empty();
-  F nearest(kInfinity), total(0.0f);
+  F total(0.0f);
   bool has_total = false;
   vvec3<W> body = zero;
   const auto meet = [&](int i, vbool<W> lanes) {
@@ -110,13 +118,13 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
     if (!any(met)) return;
     L *= lobe_factor({row[kDiffuseFactor], row[kSpecularFactor]}, p);
     if (lights.has_shaping) L *= met_shaping(lights, row, p.ray.d);
-    const vbool<W> direct = met & sees_body & ((t < nearest) | vbool<W>(type == LightType::kDistant));
+    const vbool<W> direct = met & sees_body & ((t < seen.nearest) | vbool<W>(type == LightType::kDistant));
     if (type == LightType::kDistant) {
       gathered += select(direct, L, zero);
     } else {
-      nearest = select(direct, t, nearest);
+      seen.nearest = select(direct, t, seen.nearest), seen.light = select(direct, vint<W>(i), seen.light);
       body = select(direct, L, body);
-      covered |= direct;
+      seen.covered |= direct;
     }
     vbool<W> scattered = met & !sees_body;
     if (many) scattered &= !rarely_met(lights, vint<W>(i), from, p.bsdf_pdf);
@@ -131,7 +139,7 @@ PRIMRAY_INLINE vbool<W> meet_lights(const LightTable& lights, vbool<W> active, v
     visit_lights(lights.met, active, from, p.ray.d, min(t_surface, p.ray.tfar) + p.travelled, meeting_reach(p.bsdf_pdf), meet);
   }
   gathered += body;
-  return covered;
+  return seen;
 }
 
 // Radiance of all domes along the rays; right in lanes `m`.

@@ -144,7 +144,7 @@ class FirstHitTask {
       const Hits<W> hits = intersect_packet(scene_.accel(), active, p.ray);
       B hit = active & (hits.geom != I(-1));
       V gathered(F(0.0f));
-      const B covered = meet_lights(scene_.lights, active, hit, p, hits.t, gathered);
+      const B covered = meet_lights(scene_.lights, active, hit, p, hits.t, gathered).covered;
       hit &= !covered;
       const B escaped = active & !hit & !covered;
       if (!scene_.lights.domes.empty() && any(escaped))

@@ -40,6 +40,7 @@ struct Worker {
   static constexpr int kSlots = kTile * kTile * kBlock * kReplicates;
   alignas(64) float r[kSlots], g[kSlots], b[kSlots], a[kSlots];
   uint8_t pixel_x[kTile * kTile], pixel_y[kTile * kTile];
+  std::span<const LightOutlines::Part> outlines[kTile * kTile];
   EntryChoice camera_entry, scattered_entry, shadow_entry;
   int64_t camera_rays = 0, scattered_rays = 0, shadow_rays = 0;
   int64_t busy_lanes = 0, shaded_lanes = 0;  // occupancy of the shading steps

@@ -8,6 +8,7 @@
 #include "integrator/emission.hpp"
 #include "integrator/emitter.hpp"
 #include "integrator/guided_scattering.hpp"
+#include "integrator/outline_rays.hpp"
 #include "integrator/ray_recorder.hpp"
 #include "integrator/shadow_rays.hpp"
 #include "integrator/smooth_origin.hpp"
@@ -37,6 +38,8 @@ class TilePaths {
     std::fill_n(w_.r, slots, 0.0f), std::fill_n(w_.g, slots, 0.0f), std::fill_n(w_.b, slots, 0.0f),
         std::fill_n(w_.a, slots, 0.0f);
     w_.pool->count = 0;
+    if (outlined_)
+      look_for_outlines<W>(scene_, settings_.seed, block_, w_, pixels_, needs_, [&] { trace_shadows(), w_.shadows.count = 0; });
     while (true) {
       if (settings_.log) ++settings_.log->round;
       refill(slots);
@@ -88,6 +91,7 @@ class TilePaths {
       if (block_.x0 + x * block_.stride_x < block_.x1 && block_.y0 + y * block_.stride_y < block_.y1)
         w_.pixel_x[pixels_] = uint8_t(x), w_.pixel_y[pixels_] = uint8_t(y), ++pixels_;
     }
+    outlined_ = scene_.outlines.any() && find_outlines(scene_.outlines, block_, w_, pixels_);
   }
 
   bool has_special() const { return scene_.lights.has_special(); }
@@ -193,7 +197,10 @@ class TilePaths {
 
     // Light that comes back along the ray from lights it meets, and from afar.
     V gathered(F(0.0f));
-    const B covered = meet_lights(scene_.lights, active, hit, p, hits.t, gathered);
+    const MetLights<W> met = meet_lights(scene_.lights, active, hit, p, hits.t, gathered);
+    const B covered = met.covered;
+    if (const B camera = covered & (p.vertex == I(0)); outlined_ && any(camera))
+      gathered = select(is_outlined(w_, camera, p.slot, samples_, met.light), V(F(0.0f)), gathered);
     hit &= !covered;
     const B escaped = active & !hit & !covered;
     if (!scene_.lights.domes.empty() && any(escaped))
@@ -487,6 +494,7 @@ class TilePaths {
   RayRecorder* recorder_;
   const PathNeeds needs_;
   int samples_, pixels_ = 0, next_slot_ = 0, first_camera_ = 0;
+  bool outlined_ = false;  // lights end in some pixels of this tile
 };
 
 template <int W>

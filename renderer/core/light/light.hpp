@@ -98,12 +98,15 @@ struct LightTable {
   std::vector<float> shadow_rows;  // kShadowFields a row, where some light is special; else empty
   ShapingTable shaping;
   Fact<built::kShaping> has_shaping = false;  // some light's emission depends on its direction
-  static constexpr int kWeighed = 16;         // at most so many are weighed at every vertex
+  // At most so many are weighed at every vertex; from there on the tree's weights, which know the surface, are worth their
+  // cost. Portals are few as a rule, and so weighed that none is chosen where none can be seen.
+  static constexpr int kWeighed = 3, kWeighedPortals = 16;
+  int weighed = kWeighed;
 
   bool has_portals() const { return built::kPortals && !portals.empty(); }
   bool has_special() const { return built::kSpecialShadows && !shadow_rows.empty(); }
   bool has_images() const { return built::kLightImages && !images.empty(); }
-  bool by_tree() const { return count > kWeighed; }
+  bool by_tree() const { return count > weighed; }
   const float* row(int light) const { return rows.data() + light * kLightFields; }
 };
 

@@ -172,6 +172,7 @@ struct Builder {
     block.radius[s] = r.count() == 1 ? only.radius : std::sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
     if (directed) block.directed |= 1u << s;
     if (r.count() == 1 && only.exact) block.exact |= 1u << s;
+    if (r.count() > 1 && !only.far) block.clusters |= 1u << s;
   }
 
   // A node over these ranges.

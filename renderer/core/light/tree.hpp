@@ -13,7 +13,7 @@
 namespace primray {
 
 struct LightTree {
-  static constexpr int kBlock = 16, kBlocks = 4, kMostSlots = kBlock * kBlocks;
+  static constexpr int kBlock = 16, kBlocks = 2, kMostSlots = kBlock * kBlocks;
 
   struct alignas(64) Block {
     // About where: the mean of the lights, weighted by what they give, or the unit direction to a light that is infinitely far
@@ -25,8 +25,8 @@ struct LightTree {
     // they emit at all (cos_end; -2: all around). What is weighed falls with the cosine, to `floor` at least. `radius` of a
     // ball about the centre that holds them; 0 where the angle off the axis is the same for all of a light.
     float axis[3][kBlock], cos_axis[kBlock], sin_axis[kBlock], cos_end[kBlock], floor[kBlock], radius[kBlock];
-    int32_t child[kBlock];     // a node, or ~light
-    uint32_t exact, directed;  // bits of slots: weighed by their rows; with a cone
+    int32_t child[kBlock];               // a node, or ~light
+    uint32_t exact, directed, clusters;  // bits of slots: weighed by their rows; with a cone; of several lights
   };
   struct Node {
     int32_t block, blocks;        // first one, and how many

@@ -1,8 +1,9 @@
 // Choosing a light by the tree of light/tree.hpp, and finding the probability of a choice again.
 //
 // Slots are weighed by about the irradiance that they bring to a surface at p with normal n, and by 0 only where all of it
-// comes from below the surface or is sent elsewhere. Paths go down one after the other; the lanes of a vector are slots, in an
-// order of additions that does not depend on how many this machine has.
+// comes from below the surface or is sent elsewhere. A cluster about whose middle that says little, since the surface's plane
+// cuts it or the point is close, is weighed by the sum of its own slots (cf. the paper's adaptive splitting). Paths go down one
+// after the other; the lanes of a vector are slots, in an order of additions that does not depend on how many this machine has.
 #pragma once
 
 #include <algorithm>
@@ -34,27 +35,57 @@ struct LitPoint {
   }
 };
 
+// How a cluster lies: its middle from the point, its height above the surface, and half of what it takes up of heights.
+template <int N>
+struct SlotPlace {
+  using F = vfloat<N>;
+  vvec3<N> to;
+  F near, h{0.0f}, reach{0.0f};
+
+  PRIMRAY_INLINE SlotPlace(const LightTree::Block& block, int at, const LitPoint& x) : near(load<N>(block.near + at)) {
+    to = {load<N>(block.center[0] + at) - near * x.p[0], load<N>(block.center[1] + at) - near * x.p[1],
+          load<N>(block.center[2] + at) - near * x.p[2]};
+    if (!x.has_normal) return;
+    h = to.x * x.n[0] + to.y * x.n[1] + to.z * x.n[2];
+    reach = load<N>(block.half[0] + at) * x.across[0] + load<N>(block.half[1] + at) * x.across[1] +
+            load<N>(block.half[2] + at) * x.across[2];
+  }
+};
+
 // The part of a cluster's light that arrives by its distance and the surface's cosine: about the mean of cos / d^2. `d2`: the
 // square of the distance that it takes.
 template <int N>
-PRIMRAY_INLINE vfloat<N> geometry_of_slots(const LightTree::Block& block, int at, const LitPoint& x, vvec3<N>& to,
+PRIMRAY_INLINE vfloat<N> geometry_of_slots(const LightTree::Block& block, int at, const LitPoint& x, const SlotPlace<N>& s,
                                            vfloat<N>& d2) {
   using F = vfloat<N>;
-  const F near = load<N>(block.near + at);
-  to = {load<N>(block.center[0] + at) - near * x.p[0], load<N>(block.center[1] + at) - near * x.p[1],
-        load<N>(block.center[2] + at) - near * x.p[2]};
-  d2 = min(max(dot(to, to), load<N>(block.least2 + at)), 1e24f);
-  const F d = sqrt(d2);
+  d2 = min(max(dot(s.to, s.to), load<N>(block.least2 + at)), 1e24f);
   if (!x.has_normal) return 1.0f / d2;
-  const F h = to.x * x.n[0] + to.y * x.n[1] + to.z * x.n[2];
-  const F reach = load<N>(block.half[0] + at) * x.across[0] + load<N>(block.half[1] + at) * x.across[1] +
-                  load<N>(block.half[2] + at) * x.across[2];
-  const F up = h + reach, spread2 = load<N>(block.least2 + at), below = min(h, 0.0f);
+  const F d = sqrt(d2), up = s.h + s.reach;
+  F above = s.h;
   // The mean height of what is above the surface: that of the middle if all is; otherwise as if it were spread evenly over
   // heights, but of what lies mostly below no more than Cantelli's inequality leaves to be above at all.
-  const F part = 0.25f * up * (up * spread2 / (reach * (spread2 + below * below)));
-  const F above = max(select(h >= reach, h, part), 1e-6f * d);
-  return select(up > F(0.0f), above / (d2 * d), F(0.0f));
+  if (any((s.h < s.reach) & (up > F(0.0f)))) {
+    const F spread2 = load<N>(block.least2 + at), below = min(s.h, 0.0f);
+    const F part = 0.25f * up * (up * spread2 / (s.reach * (spread2 + below * below)));
+    above = select(s.h >= s.reach, s.h, part);
+  }
+  return select(up > F(0.0f), max(above, 1e-6f * d) / (d2 * d), F(0.0f));
+}
+
+// The square of what that is at most for clusters whose lights could all be at their place nearest to the point, or at their
+// highest above the surface; 0 for those that are seen from afar, and whole.
+template <int N>
+PRIMRAY_INLINE vfloat<N> most_of_slots(const LightTree::Block& block, int at, const LitPoint& x, const SlotPlace<N>& s,
+                                       vfloat<N> d2) {
+  using F = vfloat<N>;
+  const F zero(0.0f), up = s.h + s.reach, radius = load<N>(block.radius + at);
+  const vbool<N> close = (s.near > zero) & ((d2 < radius * radius * 2.0f) | ((s.h < s.reach) & (up > zero)));
+  if (!any(close)) return zero;
+  const F dx = max(abs(s.to.x) - load<N>(block.half[0] + at), zero), dy = max(abs(s.to.y) - load<N>(block.half[1] + at), zero),
+          dz = max(abs(s.to.z) - load<N>(block.half[2] + at), zero);
+  const F least2 = clamp(dx * dx + dy * dy + dz * dz, 1e-12f, 1e12f);
+  const F cos2 = x.has_normal ? min(up * up, least2) : least2;
+  return select(close & (up >= zero), cos2 / (least2 * least2 * least2), zero);
 }
 
 // The part that is sent towards the point by lights that do not emit all around.
@@ -74,15 +105,21 @@ PRIMRAY_INLINE vfloat<N> cone_of_slots(const LightTree::Block& block, int at, co
   return select(off > load<N>(block.cos_end + at), max(off, load<N>(block.floor + at)), none);
 }
 
-// Weights of a block's slots.
-PRIMRAY_INLINE void weigh_block(const LightTable& table, const LightTree::Block& block, const LitPoint& x, float* weights) {
+// Weights of a block's slots, and the squares of the most that they could be by the places of their lights.
+PRIMRAY_INLINE void weigh_block(const LightTable& table, const LightTree::Block& block, const LitPoint& x, float* weights,
+                                float* most2) {
   constexpr int N = kTreeLanes;
   using F = vfloat<N>;
   for (int at = 0; at < LightTree::kBlock; at += N) {
-    vvec3<N> to;
-    F d2, w = geometry_of_slots<N>(block, at, x, to, d2);
-    if (block.directed != 0) w = w * cone_of_slots<N>(block, at, to);
+    const SlotPlace<N> place(block, at, x);
+    F d2, w = geometry_of_slots<N>(block, at, x, place, d2);
     const F intensity = load<N>(block.intensity + at);
+    F sent(1.0f);
+    if (block.directed != 0) w = w * (sent = cone_of_slots<N>(block, at, place.to));
+    if (block.clusters != 0) {
+      const F all = intensity * sent;
+      store(most2 + at, most_of_slots<N>(block, at, x, place, d2) * all * all);
+    }
     // Never 0 for being small.
     w = select((w > F(0.0f)) & (intensity > F(0.0f)), max(w * intensity, 1e-36f), F(0.0f));
     store(weights + at, w);
@@ -90,10 +127,9 @@ PRIMRAY_INLINE void weigh_block(const LightTable& table, const LightTree::Block&
   for (uint32_t left = block.exact; left; left &= left - 1) {
     const int s = __builtin_ctz(left);
     if (!(weights[s] > 0)) continue;
-    vvec3<1> to;
     const vvec3<1> p{vfloat<1>(x.p[0]), vfloat<1>(x.p[1]), vfloat<1>(x.p[2])};
     vfloat<1> d2;
-    const vfloat<1> cosine = geometry_of_slots<1>(block, s, x, to, d2) * d2;
+    const vfloat<1> cosine = geometry_of_slots<1>(block, s, x, SlotPlace<1>(block, s, x), d2) * d2;
     const float own = light_weight(table, ~block.child[s], p)[0] * table.tree.scale * cosine[0];
     weights[s] = own > 0 ? std::max(own, 1e-36f) : 0.0f;
   }
@@ -117,20 +153,64 @@ PRIMRAY_INLINE void running_sums(const float* weights, float* sums) {
 #endif
 }
 
+// The sum of 16 weights, added in one order on every machine.
+PRIMRAY_INLINE float sum_of_block(const float* w) {
+  const vfloat<4> s = (load<4>(w) + load<4>(w + 8)) + (load<4>(w + 4) + load<4>(w + 12));
+  return (s[0] + s[2]) + (s[1] + s[3]);
+}
+
+// A cluster is looked into if it could have so much of its node's weight, and so many times what its middle says. On three
+// halls of 500 lamps, 64 samples, relMSE fell by 12 to 37 %; from 2 on in place of 100 it is another 0 to 3 %, for 50 to 90 %
+// more CPU seconds.
+constexpr float kWorthwhile = 0.5f, kDoubtful = 100;
+
 // A node's slots, weighed: slots of the same lane in all blocks are a column, and columns follow each other.
 struct WeighedNode {
   alignas(64) float weights[LightTree::kMostSlots], columns[LightTree::kBlock], sums[LightTree::kBlock];
 
   PRIMRAY_INLINE WeighedNode(const LightTable& table, const LightTree::Node& node, const LitPoint& x) {
+    alignas(64) float most2[LightTree::kMostSlots];
+    uint32_t clusters = 0;
+    for (int k = 0; k < node.blocks; ++k) {
+      const LightTree::Block& block = table.tree.blocks[size_t(node.block + k)];
+      weigh_block(table, block, x, weights + k * LightTree::kBlock, most2 + k * LightTree::kBlock);
+      clusters |= block.clusters;
+    }
+    add_up(node);
+    if (clusters != 0) look_into_clusters(table, node, x, most2);
+  }
+
+  PRIMRAY_INLINE void add_up(const LightTree::Node& node) {
     constexpr int N = kTreeLanes;
     for (int k = 0; k < node.blocks; ++k) {
-      float* w = weights + k * LightTree::kBlock;
-      weigh_block(table, table.tree.blocks[size_t(node.block + k)], x, w);
+      const float* w = weights + k * LightTree::kBlock;
       for (int at = 0; at < LightTree::kBlock; at += N)
         store(columns + at, k == 0 ? load<N>(w + at) : load<N>(columns + at) + load<N>(w + at));
     }
     running_sums(columns, sums);
   }
+
+  inline void look_into_clusters(const LightTable& table, const LightTree::Node& node, const LitPoint& x, const float* most2) {
+    constexpr int N = kTreeLanes;
+    const vfloat<N> worthwhile(kWorthwhile * total());
+    bool changed = false;
+    for (int k = 0; k < node.blocks; ++k) {
+      const LightTree::Block& block = table.tree.blocks[size_t(node.block + k)];
+      float* w = weights + k * LightTree::kBlock;
+      uint32_t doubtful = 0;
+      for (int at = 0; at < LightTree::kBlock; at += N) {
+        const vfloat<N> least = max(load<N>(w + at) * kDoubtful, worthwhile);
+        doubtful |= bits(load<N>(most2 + k * LightTree::kBlock + at) > least * least) << at;
+      }
+      for (doubtful &= block.clusters; doubtful; doubtful &= doubtful - 1) {
+        const int s = __builtin_ctz(doubtful);
+        w[s] = total_of_node(table, block.child[s], x);
+        changed = true;
+      }
+    }
+    if (changed) add_up(node);
+  }
+  static float total_of_node(const LightTable& table, int32_t node, const LitPoint& x);
   PRIMRAY_INLINE float total() const { return sums[LightTree::kBlock - 1]; }
 
   // The slot where the running sum exceeds `wanted`, in [0, total()), and where `wanted` lies in it, in [0, 1).
@@ -156,6 +236,15 @@ struct WeighedNode {
     return slot;
   }
 };
+
+inline float WeighedNode::total_of_node(const LightTable& table, int32_t number, const LitPoint& x) {
+  const LightTree::Node& node = table.tree.nodes[size_t(number)];
+  const LightTree::Block& first = table.tree.blocks[size_t(node.block)];
+  if (node.blocks > 1 || first.clusters != 0) return WeighedNode(table, node, x).total();
+  alignas(64) float w[LightTree::kBlock], most2[LightTree::kBlock];
+  weigh_block(table, first, x, w, most2);
+  return sum_of_block(w);
+}
 
 struct TreeChoice {
   int32_t light;

@@ -242,6 +242,7 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
   s.only_domes_found = !s.has_emission && !s.lights.needs_hit_test && !s.lights.domes.empty();
   if (s.needs_left_out()) throw Error("settings-error", "the scene needs a feature that this core was built without");
   build_accel(s);
+  s.outlines = find_light_outlines(s);
   return std::move(scene_);
 }
 

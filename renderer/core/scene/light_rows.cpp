@@ -97,6 +97,7 @@ void add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
   d.format = light.format;
   finish_dome_image(d);
   LightTable portals;
+  portals.weighed = LightTable::kWeighedPortals;
   const bool special = is_special(light);
   if (light.diffuse != 0 || light.specular != 0) {
     special ? build_whole_dome_distribution(d) : build_dome_distribution(d);
@@ -233,7 +234,7 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
 }
 
 void finish_light_rows(LightTable& table) {
-  if (table.listed > LightTable::kWeighed) add_hierarchy(table);
+  if (table.listed > table.weighed) add_hierarchy(table);
   finish_light_rules(table);
   build_light_choice(table);
 }

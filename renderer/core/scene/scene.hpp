@@ -21,6 +21,7 @@
 #include "scene/camera.hpp"
 #include "scene/emitters.hpp"
 #include "scene/geometry_lights.hpp"
+#include "scene/light_outlines.hpp"
 #include "scene/primvars.hpp"
 #include "scene/surface.hpp"
 #include "scene/surface_inputs.hpp"
@@ -92,6 +93,7 @@ struct Scene {
   EmitterTable emitters;
   GeometryLights geometry_lights;
   Camera camera;
+  LightOutlines outlines;
 
   // world = origin + p / scale, in scene units.
   dvec3 origin{0.0, 0.0, 0.0};

@@ -160,7 +160,8 @@ def metals() -> Scene:
 
 
 def lamps(count: int = 500) -> Scene:
-    """A hall of blocks lit by small coloured balls at every height, most of them hidden from most points."""
+    """A hall of blocks lit by small coloured balls at every height, most of them hidden from most points; as bright with any
+    `count` of them: more are smaller, fewer brighter."""
     scene = Scene("lamps", (640, 360), 4, Camera((0, 3.2, 11.0), (0, 1.1, 0), 52.0))
     scene.looks = {"floor": Look("diffuse", (0.5, 0.5, 0.5)), "block": Look("diffuse", (0.62, 0.58, 0.52))}
     scene.add("floor", rectangle((0, 0, 0), (0, 0, 12), (12, 0, 0)), "floor")
@@ -172,8 +173,8 @@ def lamps(count: int = 500) -> Scene:
         scene.add(f"block_{k}", block(at, (0.35, height, 0.35), rng.uniform(0, 90)), "block")
     for _ in range(count):
         center = (rng.uniform(-9, 9), rng.uniform(0.15, 3.2), rng.uniform(-7.5, 7.0))
-        radius = rng.uniform(0.02, 0.06)
-        color = rng.uniform(0.3, 1.0, 3) * 10 ** rng.uniform(0.8, 1.8)
+        radius = rng.uniform(0.02, 0.06) * min(1.0, np.sqrt(500 / count))
+        color = rng.uniform(0.3, 1.0, 3) * 10 ** rng.uniform(0.8, 1.8) * max(1.0, 500 / count)
         scene.lamps.append(Lamp("ball", tuple(float(c) for c in color), center, radius=float(radius)))  # type: ignore[arg-type]
     return scene
 
