@@ -109,3 +109,14 @@ def test_lanes_and_blocks_show_in_no_bit() -> None:
     np.testing.assert_array_equal(one, most)
     begun = render(scene, 16, splits=1)
     np.testing.assert_array_equal(render(scene, 48, splits=1, film=begun.film).pixels(), most)
+
+
+def test_a_crowd_of_lights_in_a_pixel_is_left_to_paths() -> None:
+    """Each would have rays of its own there: a pixel of ten thousand lights would take forever."""
+
+    def shadow_rays(count: int) -> int:
+        lights = [light(LightType.SPHERE, translation(0.4 + 1e-4 * i, 0.6, 0), 5.0, radius=0.01) for i in range(count)]
+        return int(render(scene_of(lights, albedo=0.0).build(), 64, max_depth=1, splits=1).shadow_rays)
+
+    assert shadow_rays(4) > 100
+    assert shadow_rays(100) == 0

@@ -57,6 +57,18 @@ inline int drop_invalid(Worker& w, int slot, int count) {
   return kept - slot;
 }
 
+// Lists the block's pixels in Morton order, so that neighbours in a packet are neighbours on the film; their number.
+inline int list_pixels(const TileBlock& block, Worker& worker) {
+  int pixels = 0;
+  for (int m = 0; m < kTile * kTile; ++m) {
+    int x = 0, y = 0;
+    for (int b = 0; (1 << b) < kTile; ++b) x |= (m >> (2 * b) & 1) << b, y |= (m >> (2 * b + 1) & 1) << b;
+    if (block.x0 + x * block.stride_x < block.x1 && block.y0 + y * block.stride_y < block.y1)
+      worker.pixel_x[pixels] = uint8_t(x), worker.pixel_y[pixels] = uint8_t(y), ++pixels;
+  }
+  return pixels;
+}
+
 // Records every ray in the order it was traced, for the benchmark that replays them through Embree alone.
 struct RayRecorder;
 

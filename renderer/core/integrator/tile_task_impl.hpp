@@ -33,7 +33,8 @@ class TilePaths {
   }
 
   void run() {
-    list_pixels();
+    pixels_ = list_pixels(block_, w_);
+    outlined_ = scene_.outlines.any() && find_outlines(scene_.outlines, block_, w_, pixels_);
     const int slots = pixels_ * samples_;
     std::fill_n(w_.r, slots, 0.0f), std::fill_n(w_.g, slots, 0.0f), std::fill_n(w_.b, slots, 0.0f),
         std::fill_n(w_.a, slots, 0.0f);
@@ -81,18 +82,6 @@ class TilePaths {
   using I = vint<W>;
   using B = vbool<W>;
   using V = vvec3<W>;
-
-  // Pixels in Morton order, so that neighbours in a packet are neighbours on the film.
-  void list_pixels() {
-    pixels_ = 0;
-    for (int m = 0; m < kTile * kTile; ++m) {
-      int x = 0, y = 0;
-      for (int b = 0; (1 << b) < kTile; ++b) x |= (m >> (2 * b) & 1) << b, y |= (m >> (2 * b + 1) & 1) << b;
-      if (block_.x0 + x * block_.stride_x < block_.x1 && block_.y0 + y * block_.stride_y < block_.y1)
-        w_.pixel_x[pixels_] = uint8_t(x), w_.pixel_y[pixels_] = uint8_t(y), ++pixels_;
-    }
-    outlined_ = scene_.outlines.any() && find_outlines(scene_.outlines, block_, w_, pixels_);
-  }
 
   bool has_special() const { return scene_.lights.has_special(); }
 

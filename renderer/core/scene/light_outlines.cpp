@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <utility>
 
 #include "accel/trace.hpp"
 #include "scene/light_bounds.hpp"
@@ -18,6 +19,10 @@ namespace {
 // are taken as well: between two steps the outline may cut their corners.
 constexpr double kStepsPerPixel = 4, kBeside = 0.5 / kStepsPerPixel + 0.01;
 constexpr int kFewest = 8, kMost = 8192;
+// Of more lights, looking for their outlines would take longer than it is worth; a pixel where more of them end is sampled as
+// all others, since each light has rays of its own there.
+constexpr int kMostLights = 1 << 14;
+constexpr ptrdiff_t kMostInPixel = 6;
 // Pixels around what was computed of a light's place on the film, more than is rounded anywhere.
 constexpr double kMargin = 1e-3;
 
@@ -190,6 +195,7 @@ LightOutlines find_light_outlines(const Scene& scene) {
   const Camera& camera = scene.camera;
   // Out of focus nothing has an outline. Through a pane lights are seen as bodies by the paths alone.
   if (!scene.lights.needs_hit_test || camera.orthographic || camera.lens_radius > 0 || scene.has_thin) return made;
+  if (scene.lights.listed > kMostLights) return made;
   std::vector<Pixel> found;
   Walk walk(scene);
   for (int i = 0; i < scene.lights.listed; ++i)
@@ -198,7 +204,13 @@ LightOutlines find_light_outlines(const Scene& scene) {
   found.erase(std::unique(found.begin(), found.end()), found.end());
   if (found.empty()) return made;
   made.rows.assign(size_t(camera.height) + 1, 0);
+  const auto crowded = [&](const Pixel& p) {
+    const auto [a, b] = std::equal_range(found.begin(), found.end(), p,
+                                         [](auto& q, auto& r) { return std::pair(q.y, q.x) < std::pair(r.y, r.x); });
+    return b - a > kMostInPixel;
+  };
   for (const Pixel& p : found) {
+    if (crowded(p)) continue;
     const auto bounds = walk.bounds(p.light);
     if (!bounds) continue;
     const Extent u = numbers_of(camera.filter, {(*bounds)[0].low - p.x - 0.5, (*bounds)[0].high - p.x - 0.5});
