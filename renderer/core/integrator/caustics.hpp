@@ -21,8 +21,8 @@ PRIMRAY_INLINE vbool<W> follows_caustics(const Bsdf<W>& b) {
   return (!b.preview) | (b.p_diffuse > vfloat<W>(0.1f)) | ((!b.mirror) & (b.alpha > vfloat<W>(kFollowsAlpha)));
 }
 
-// How much of the light from about unit `wi` (local), a lobe with that squared width, is sent on towards `wo`, over what a white
-// Lambert surface sends; less where the surface's own lobe is the narrower one.
+// How much of the light from about unit `wi` (local), a lobe with that squared width, is sent on towards `wo`, over what a
+// white Lambert surface sends; less where the surface's own lobe is the narrower one.
 template <int W>
 PRIMRAY_INLINE vfloat<W> suits(const Bsdf<W>& b, const vvec3<W>& wo, const vvec3<W>& wi, vfloat<W> width2) {
   const vbool<W> above = wi.z > vfloat<W>(0.0f);
