@@ -128,8 +128,12 @@ class CoreScene:
         self._guides: dict[tuple[int, int], Any] = {}
         self._caustics: dict[int, Any] = {}
 
-    def guide(self, depth: int, splits: int) -> Any:
-        """Where light comes from, learnt once from paths of their own; None where that would not pay."""
+    def guide(self, settings: RenderSettings, splits: int) -> Any:
+        """Where light comes from, learnt once from paths of their own; None where that would not pay, where caustics are guided
+        into, and for a quick look."""
+        if settings.is_quick_look or self.caustics(settings) is not None:
+            return None
+        depth = max_depth(settings)
         if (depth, splits) not in self._guides:
             self._guides[depth, splits] = module().learn_guide(self._scene, depth, splits, lanes())
         return self._guides[depth, splits]
@@ -373,9 +377,7 @@ def render_pass(
 
     The film is valid then, and another pass goes on from there to the same bits.
     """
-    caustics = scene.caustics(settings)
-    # One of them at most.
-    guide = None if settings.is_quick_look or caustics is not None else scene.guide(max_depth(settings), splits)
+    caustics, guide = scene.caustics(settings), scene.guide(settings, splits)
     try:
         done = module().render_pass(
             scene._scene,

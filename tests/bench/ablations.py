@@ -109,7 +109,7 @@ def in_process(job: dict[str, Any]) -> dict[str, Any]:
     settings = replace(settings, threads=None, seed=job["seed"], **job["settings"])
     film = core.Film(scene)
     splits = job["splits"] or core.choose_splits(scene, settings)
-    scene.guide(core.max_depth(settings), splits)  # learnt before the clock runs
+    scene.guide(settings, splits)  # learnt before the clock runs
     start = time.process_time()
     core.render_pass(scene, film, core.uniform_ends(film, job["spp"]), splits, settings)
     seconds = time.process_time() - start

@@ -84,7 +84,7 @@ def of_pictures(scene: BenchScene) -> list[dict[str, Any]]:
         for kind, count, made, wanted in cases:
             film = core.Film(made)
             splits = core.choose_splits(made, wanted)
-            made.guide(core.max_depth(wanted), splits)  # learnt before the clocks run
+            made.guide(wanted, splits)  # learnt before the clocks run
             cpu_start = time.process_time()
             done = core.render_pass(made, film, core.uniform_ends(film, wanted.most_samples), splits, wanted)
             cpu_s.setdefault((kind, count), []).append(round(time.process_time() - cpu_start, 5))

@@ -11,25 +11,28 @@ namespace {
 
 void attach(rtc::Scene scene, const OwnedGeometry& g, uint32_t id) { embree().rtcAttachGeometryByID(scene, g.get(), id); }
 
-// `count` of the group's triangles from its `first` on.
-OwnedGeometry make_triangles(const Scene& scene, const Group& group, uint32_t first, uint32_t count) {
+// A geometry of the group's vertices, without indices yet.
+OwnedGeometry over_positions(rtc::GeometryType type, const Scene& scene, const Group& group) {
   const rtc::Api& e = embree();
-  OwnedGeometry g(e.rtcNewGeometry(embree_device(), rtc::kTriangle));
+  OwnedGeometry g(e.rtcNewGeometry(embree_device(), type));
   e.rtcSetSharedGeometryBuffer(g.get(), rtc::kVertexBuffer, 0, rtc::kFloat3, scene.positions.data(),
                                size_t(group.vertex_base) * 12, 12, group.vertex_count);
-  e.rtcSetSharedGeometryBuffer(g.get(), rtc::kIndexBuffer, 0, rtc::kUint3, scene.indices.data(),
-                               (size_t(group.triangle_base) + first) * 12, 12, count);
+  return g;
+}
+
+// `count` of the group's triangles from its `first` on.
+OwnedGeometry make_triangles(const Scene& scene, const Group& group, uint32_t first, uint32_t count) {
+  OwnedGeometry g = over_positions(rtc::kTriangle, scene, group);
+  embree().rtcSetSharedGeometryBuffer(g.get(), rtc::kIndexBuffer, 0, rtc::kUint3, scene.indices.data(),
+                                      (size_t(group.triangle_base) + first) * 12, 12, count);
   return g;
 }
 
 // The pairs that the group's triangles begin with.
 OwnedGeometry make_pairs(const Scene& scene, const Group& group) {
-  const rtc::Api& e = embree();
-  OwnedGeometry g(e.rtcNewGeometry(embree_device(), rtc::kQuad));
-  e.rtcSetSharedGeometryBuffer(g.get(), rtc::kVertexBuffer, 0, rtc::kFloat3, scene.positions.data(),
-                               size_t(group.vertex_base) * 12, 12, group.vertex_count);
-  e.rtcSetSharedGeometryBuffer(g.get(), rtc::kIndexBuffer, 0, rtc::kUint4, scene.indices.data(),
-                               size_t(group.triangle_base) * 12 + 8, 24, group.paired_count / 2);
+  OwnedGeometry g = over_positions(rtc::kQuad, scene, group);
+  embree().rtcSetSharedGeometryBuffer(g.get(), rtc::kIndexBuffer, 0, rtc::kUint4, scene.indices.data(),
+                                      size_t(group.triangle_base) * 12 + 8, 24, group.paired_count / 2);
   return g;
 }
 
