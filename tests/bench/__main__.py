@@ -17,6 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from primray import core
+from primray.settings import QUICK_LOOK
 
 from . import ablations, curves, growth, replay, startup
 from .peer_runs import kept
@@ -41,7 +42,7 @@ def replays(spp: int, repetitions: int) -> None:
 
 def replays_at_8(quick: bool) -> None:
     """Eight lanes are the AVX2 build's: another process, as one takes one build."""
-    if core.isa() != "v4" or not list((ROOT / "renderer/primray").glob("_core_v3.*")):
+    if core.isa() != "v4" or not list(Path(core.module().__file__).parent.glob("_core_v3.*")):
         print("no second build of the core here: left out")
         return
     command = [sys.executable, "-m", "tests.bench", *(["--quick"] if quick else []), "replay"]
@@ -55,7 +56,7 @@ def steps(quick: bool) -> dict[str, Callable[[], None]]:
     found: dict[str, Callable[[], None]] = {"startup": lambda: startup.report(3 if quick else startup.ROUNDS)}
     for scene in SCENES:
         found[f"curve-{scene}"] = lambda scene=scene: curves.report(scene, rounds, limit_s)  # type: ignore[misc]
-    found["replay"] = lambda: replays(2, repeated)
+    found["replay"] = lambda: replays(QUICK_LOOK, repeated)  # the fewest that are split and guided
     found["replay-8"] = lambda: replays_at_8(quick)
     for kind in ("pictures", *growth.SIZES):
         largest = most // 10 if kind in ("prims", "referenced") else most  # which take minutes to write

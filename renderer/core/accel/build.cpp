@@ -98,6 +98,10 @@ void build_accel(Scene& scene) {
   // Shapes, then prototypes of them (which the builder was given later), last the world.
   for (size_t i = 1; i < scene.groups.size(); ++i) build_group(scene, scene.groups[i]);
   build_group(scene, scene.groups[0]);
+  const Group& world = scene.groups[0];
+  if (world.paired_count + world.cutout_count + world.sphere_count + world.placement_count == 0)
+    scene.few = gather_few(scene.positions.data() + 3 * size_t(world.vertex_base),
+                           scene.indices.data() + 3 * size_t(world.triangle_base), world.triangle_count);
 }
 
 }  // namespace primray

@@ -233,20 +233,26 @@ nb::tuple camera_rays(const Scene& scene, InInts pixel_, InFloats film_, InFloat
   return nb::make_tuple(o.array(), d.array(), tnear.array(), tfar.array());
 }
 
-nb::dict intersect(const Scene& scene, InArray<double> o_, InFloats d_, int lanes, bool packet) {
+nb::dict intersect_rays(const Scene& scene, InArray<double> o_, InFloats d_, int lanes, bool packet, bool embree) {
   const CorePoints o(scene, o_);
   const Input<float> d(d_, o.n, 3);
   Column<float> t(o.n), ng(o.n, 3), ns(o.n, 3), p(o.n, 3), color(o.n, 3), uv(o.n, 2), offset(o.n);
-  Column<int32_t> geometry(o.n), primitive(o.n), instance(o.n), surface(o.n);
+  Column<int32_t> geometry(o.n), primitive(o.n), instance(o.n), surface(o.n), blocked(o.n);
   const float unit = float(1 / scene.scale);
   for_rows(o.n, lanes, [&]<int W>(size_t at) {
     const vbool<W> active = lane_numbers<W>() < vint<W>(int32_t(std::min<size_t>(o.n - at, W)));
     const Rays<W> rays{o.vector<W>(at), d.vector<W>(at), vfloat<W>(0.0f), vfloat<W>(kInfinity)};
-    const Hits<W> h = packet ? intersect_packet(scene.accel(), active, rays) : intersect_single(scene.accel(), active, rays);
+    const Hits<W> h = !embree  ? intersect(scene, packet, active, rays)
+                      : packet ? intersect_packet(scene.accel(), active, rays)
+                               : intersect_single(scene.accel(), active, rays);
     const vbool<W> hit = active & (h.geom != vint<W>(-1));
     t.put(at, h.t * unit), uv.put(at, h.u, 0), uv.put(at, h.v, 1);
     geometry.put(at, select(hit, h.geom, vint<W>(-1))), primitive.put(at, select(hit, h.prim, vint<W>(-1)));
     instance.put(at, select(hit, h.inst, vint<W>(-1)));
+    const vbool<W> stopped = !embree  ? occluded(scene, packet, active, rays)
+                             : packet ? occluded_packet(scene.accel(), active, rays)
+                                      : occluded_single(scene.accel(), active, rays);
+    blocked.put(at, select(stopped, vint<W>(1), vint<W>(0)));
     if (!any(hit)) return;
     const Interaction<W> it = interact(scene, hit, rays, h);
     ng.put(at, it.ng), ns.put(at, it.ns), p.put(at, it.p * vfloat<W>(unit)), color.put(at, it.color),
@@ -258,7 +264,7 @@ nb::dict intersect(const Scene& scene, InArray<double> o_, InFloats d_, int lane
   r["p"] = p.array();  // relative to Scene.origin
   r["offset"] = offset.array();
   r["geometry"] = geometry.array(), r["primitive"] = primitive.array(), r["instance"] = instance.array(),
-  r["surface"] = surface.array();
+  r["surface"] = surface.array(), r["blocked"] = blocked.array();
   return r;
 }
 
@@ -317,7 +323,9 @@ void bind_testing(nb::module_& m) {
   m.def("choose_light", &choose_lights, nb::arg("scene"), nb::arg("p"), nb::arg("n"), nb::arg("u"), lanes);
   m.def("sampler_numbers", &sampler_numbers, nb::arg("seed"), nb::arg("key"), lanes);
   m.def("camera_rays", &camera_rays, nb::arg("scene"), nb::arg("pixel"), nb::arg("film"), nb::arg("lens"), lanes);
-  m.def("intersect", &intersect, nb::arg("scene"), nb::arg("o"), nb::arg("d"), lanes, nb::arg("packet") = true);
+  m.def("has_few_triangles", [](const Scene& scene) { return scene.few.any(); });
+  m.def("intersect", &intersect_rays, nb::arg("scene"), nb::arg("o"), nb::arg("d"), lanes, nb::arg("packet") = true,
+        nb::arg("embree") = false);
   m.def("texture_lookup", &texture_lookup, nb::arg("pixels"), nb::arg("wrap_s"), nb::arg("wrap_t"), nb::arg("first_level"),
         nb::arg("st"), nb::arg("level"), lanes);
   m.def("triangle_emission", &triangle_emission_rows, nb::arg("scene"), nb::arg("triangle"), nb::arg("placement"),

@@ -176,7 +176,7 @@ class Photons {
     alive &= left > F(0.0f);
     if (!any(alive)) return alive;
     const Rays<W> to_light{start, wi, F(0.0f), left * 0.999f, F(0.0f)};
-    alive &= !occluded_packet(scene_.accel(), alive, to_light);
+    alive &= !occluded(scene_, true, alive, to_light);
     rays = {start, -wi, F(0.0f), F(kInfinity), F(0.0f)};
     weight = kPi * radius * radius / field(4);
     return alive;
@@ -189,7 +189,7 @@ class Photons {
     B alive = launch(sampler, rays, weight), scattered(false);
     V source = rays.o;
     for (int vertex = 1; vertex <= longest_ && any(alive); ++vertex) {
-      const Hits<W> hits = intersect_packet(scene_.accel(), alive, rays);
+      const Hits<W> hits = intersect(scene_, true, alive, rays);
       alive &= hits.geom != I(-1);
       if (!any(alive)) return;
       Interaction<W> it = interact(scene_, alive, rays, hits);

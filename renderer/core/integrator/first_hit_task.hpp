@@ -141,7 +141,7 @@ class FirstHitTask {
     p.cone_width = F(scene_.camera.cone_width()), p.cone_spread = F(scene_.camera.cone_spread());
     p.slot = p.depth = p.vertex = I(0), p.link = I(kUnlinkedRow);
     for (int layer = 0; layer < kMostLayers && any(active); ++layer) {
-      const Hits<W> hits = intersect_packet(scene_.accel(), active, p.ray);
+      const Hits<W> hits = intersect(scene_, true, active, p.ray);
       B hit = active & (hits.geom != I(-1));
       V gathered(F(0.0f));
       const B covered = meet_lights(scene_.lights, active, hit, p, hits.t, gathered).covered;

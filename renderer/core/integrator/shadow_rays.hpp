@@ -53,7 +53,7 @@ PRIMRAY_RARE vbool<W> pass_thin(const Scene& scene, RayRecorder* recorder, vbool
   vbool<W> arrived(false);
   while (any(active)) {
     if (recorder) recorder->record(false, true, active, rays);
-    const Hits<W> hits = intersect_packet(scene.accel(), active, rays);
+    const Hits<W> hits = intersect(scene, true, active, rays);
     const vbool<W> hit = active & (hits.geom != vint<W>(-1));
     arrived |= active & !hit;
     active = hit;
@@ -85,7 +85,7 @@ PRIMRAY_RARE vvec3<W> pass_special(const Scene& scene, RayRecorder* recorder, vb
   active = casting | (active & has_body);
   while (any(active)) {
     if (recorder) recorder->record(false, true, active, rays);
-    const Hits<W> hits = intersect_packet(scene.accel(), active, rays);
+    const Hits<W> hits = intersect(scene, true, active, rays);
     active &= hits.geom != none;
     if (!any(active)) break;
     const ShadowStep<W> step(scene, active, rays, hits);

@@ -136,8 +136,7 @@ class TilePaths {
       const bool packet = entry.packet();
       if (recorder_) recorder_->record(false, packet, active, rays);
       const uint64_t start = entry.measuring() ? EntryChoice::now() : 0;
-      const Hits<W> hits =
-          packet ? intersect_packet(scene_.accel(), active, rays) : intersect_single(scene_.accel(), active, rays);
+      const Hits<W> hits = intersect(scene_, packet, active, rays);
       if (entry.measuring()) entry.record(EntryChoice::now() - start, std::min(W, pool.count - at));
       pool.set_hits(at, hits);
     }
@@ -333,7 +332,7 @@ class TilePaths {
     const Rays<W> rays{p.ray.o, normalize(to), F(0.0f), F(kInfinity), p.ray.time};
     if (recorder_) recorder_->record(false, false, m, rays);
     w_.scattered_rays += __builtin_popcount(bits(m));
-    const Hits<W> seen = intersect_single(scene_.accel(), m, rays);
+    const Hits<W> seen = intersect(scene_, false, m, rays);
     return m & (seen.geom == h.geom) & (seen.prim == h.prim) & (seen.inst == h.inst) & (seen.inst_prim == h.inst_prim);
   }
 
@@ -348,7 +347,7 @@ class TilePaths {
     const Rays<W> way{from, shift * (1.0f / far), F(0.0f), far + 2.0f * v.it.offset, time};
     if (recorder_) recorder_->record(true, false, lifted, way);
     w_.shadow_rays += __builtin_popcount(bits(lifted));
-    lifted &= !occluded_single(scene_.accel(), lifted, way);
+    lifted &= !occluded(scene_, false, lifted, way);
     o = select(lifted, from + shift, o);
     return lifted;
   }
@@ -454,7 +453,7 @@ class TilePaths {
         const bool packet = w_.shadow_entry.packet(), measuring = w_.shadow_entry.measuring();
         if (recorder_) recorder_->record(true, packet, active, rays);
         const uint64_t start = measuring ? EntryChoice::now() : 0;
-        blocked = packet ? occluded_packet(scene_.accel(), active, rays) : occluded_single(scene_.accel(), active, rays);
+        blocked = occluded(scene_, packet, active, rays);
         if (measuring) w_.shadow_entry.record(EntryChoice::now() - start, std::min(W, q.count - at));
       }
       add(active & !blocked, load<W>(q.slot + at), carried);

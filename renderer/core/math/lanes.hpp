@@ -250,6 +250,23 @@ PRIMRAY_INLINE vfloat<8> sqrt(vfloat<8> a) { return (vfloat<8>::Raw)_mm256_sqrt_
 #endif
 PRIMRAY_INLINE vfloat<4> sqrt(vfloat<4> a) { return (vfloat<4>::Raw)_mm_sqrt_ps((__m128)a.v); }
 
+// a b + c, rounded once where the class of CPU has an instruction for it, for every number of lanes alike.
+template <int W>
+PRIMRAY_INLINE vfloat<W> multiply_add(vfloat<W> a, vfloat<W> b, vfloat<W> c) {
+#if defined(__FMA__)
+#if defined(__AVX512F__)
+  if constexpr (W == 16) return (typename vfloat<W>::Raw)_mm512_fmadd_ps((__m512)a.v, (__m512)b.v, (__m512)c.v);
+#endif
+  if constexpr (W == 8) return (typename vfloat<W>::Raw)_mm256_fmadd_ps((__m256)a.v, (__m256)b.v, (__m256)c.v);
+  if constexpr (W == 4) return (typename vfloat<W>::Raw)_mm_fmadd_ps((__m128)a.v, (__m128)b.v, (__m128)c.v);
+  vfloat<W> r;
+  for (int i = 0; i < W; ++i) r.v[i] = __builtin_fmaf(a.v[i], b.v[i], c.v[i]);
+  return r;
+#else
+  return a * b + c;
+#endif
+}
+
 // sqrt of what rounding may have pushed below zero.
 template <int W>
 PRIMRAY_INLINE vfloat<W> safe_sqrt(vfloat<W> a) {

@@ -8,7 +8,7 @@
 #include <optional>
 #include <utility>
 
-#include "accel/trace.hpp"
+#include "accel/query.hpp"
 #include "scene/light_bounds.hpp"
 #include "scene/scene.hpp"
 
@@ -141,7 +141,7 @@ class Walk {
     const double distance = length(d), from = distance * camera_.near / -c.z;
     const Rays<1> ray{vvec3<1>(eye()), vvec3<1>(d * (1 / distance)), vfloat<1>(float(from)),
                       vfloat<1>(float(distance * 0.9999))};
-    if (any(occluded_single<1>(scene_.accel(), vbool<1>(true), ray))) return;
+    if (any(occluded(scene_, false, vbool<1>(true), ray))) return;
     first_ = first, last_ = last;
     for (int j = std::max(first.y - reach_, 0); j <= std::min(last.y + reach_, camera_.height - 1); ++j)
       for (int i = std::max(first.x - reach_, 0); i <= std::min(last.x + reach_, camera_.width - 1); ++i)

@@ -14,6 +14,7 @@
 
 #include "accel/cutout.hpp"
 #include "accel/embree.hpp"
+#include "accel/few_triangles.hpp"
 #include "accel/grouped_geometry.hpp"
 #include "accel/pairs.hpp"
 #include "light/light.hpp"
@@ -112,6 +113,8 @@ struct Scene {
   bool only_met_lights_found = false;   // ... or only lights in LightTable::met
   bool has_pairs = false;               // some groups begin with triangles in pairs
   Fact<built::kThin> has_thin = false;  // something lets light straight through: shadow rays must look at what they hit
+
+  FewTriangles few;  // all that there is, where it is few triangles
 
   rtc::Scene accel() const { return groups[0].accel.get(); }
   // It has something that this build lacks (scene/features.hpp).

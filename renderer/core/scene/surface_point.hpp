@@ -1,7 +1,7 @@
 // Where on which shape W hits are, for what varies over shapes: mesh and triangle, its corners and edges, the instance.
 #pragma once
 
-#include "accel/trace.hpp"
+#include "accel/query.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {

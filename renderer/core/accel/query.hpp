@@ -1,0 +1,23 @@
+// What rays meet in a scene: by Embree, or triangle by triangle where there are few.
+#pragma once
+
+#include "accel/few_triangles.hpp"
+#include "scene/scene.hpp"
+
+namespace primray {
+
+// Nearest hits of the `active` rays, as a packet or one by one; the bits are the same.
+template <int W>
+PRIMRAY_INLINE Hits<W> intersect(const Scene& scene, bool packet, vbool<W> active, const Rays<W>& rays) {
+  if (scene.few.any()) return intersect_few(scene.few, active, rays);
+  return packet ? intersect_packet(scene.accel(), active, rays) : intersect_single(scene.accel(), active, rays);
+}
+
+// Which of them are blocked.
+template <int W>
+PRIMRAY_INLINE vbool<W> occluded(const Scene& scene, bool packet, vbool<W> active, const Rays<W>& rays) {
+  if (scene.few.any()) return occluded_few(scene.few, active, rays);
+  return packet ? occluded_packet(scene.accel(), active, rays) : occluded_single(scene.accel(), active, rays);
+}
+
+}  // namespace primray
