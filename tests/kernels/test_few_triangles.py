@@ -110,7 +110,16 @@ def test_no_ray_passes_where_runs_of_triangles_meet() -> None:
 def ball(levels: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32]]:
     """An icosahedron whose triangles are split in four `levels` times."""
     g = (1 + 5**0.5) / 2
-    points = [(0, 1, g), (0, -1, g), (0, 1, -g), (0, -1, -g), (1, g, 0), (-1, g, 0), (1, -g, 0), (-1, -g, 0)]
+    points: list[tuple[float, float, float]] = [
+        (0, 1, g),
+        (0, -1, g),
+        (0, 1, -g),
+        (0, -1, -g),
+        (1, g, 0),
+        (-1, g, 0),
+        (1, -g, 0),
+        (-1, -g, 0),
+    ]
     points += [(g, 0, 1), (-g, 0, 1), (g, 0, -1), (-g, 0, -1)]
     faces = [(0, 1, 8), (0, 8, 4), (0, 4, 5), (0, 5, 9), (0, 9, 1), (1, 6, 8), (8, 6, 10), (8, 10, 4), (4, 10, 2), (4, 2, 5)]
     faces += [
