@@ -97,6 +97,30 @@ ROWS = (
         edits=(Edit("integrator/emission.hpp", "kRarelyMet = 0.05f;", "kRarelyMet = 1e-12f;"),),
     ),
     Row(
+        "few triangles without a hierarchy",
+        "Embree",
+        scenes=("box", "lamps"),
+        edits=(Edit("accel/few_triangles.cpp", "constexpr double kMostCost = 128;", "constexpr double kMostCost = 0;"),),
+    ),
+    Row(
+        "triangles in pairs",
+        "one by one",
+        scenes=("hills",),
+        edits=(Edit("accel/pairs.hpp", "kFewestPairs = 256;", "kFewestPairs = 1 << 30;"),),
+    ),
+    Row(
+        "caustics guided by photons",
+        "not guided",
+        scenes=("metals",),
+        edits=(Edit("integrator/learn_caustics.cpp", "max_depth < 2", "max_depth < 1 << 30"),),
+    ),
+    Row(
+        "camera rays for lights that end in a pixel",
+        "none",
+        scenes=("box", "lamps"),
+        edits=(Edit("scene/light_outlines.cpp", "kMostLights = 1 << 14;", "kMostLights = 0;"),),
+    ),
+    Row(
         "rectangles by solid angle",
         "by area",
         scenes=("box",),

@@ -34,17 +34,13 @@ PRIMRAY_INLINE vfloat<W> suits(const Bsdf<W>& b, const vvec3<W>& wo, const vvec3
   return select(above, select(b.preview, b.p_diffuse + glossy, vfloat<W>(1.0f)), vfloat<W>(0.0f));
 }
 
-// Density of the mixture, `own` that of the surface's sampling.
-template <int W>
-PRIMRAY_RARE vfloat<W> guided_pdf(const CausticLanes<W>& guide, vfloat<W> own, const vvec3<W>& wi) {
-  return select(guide.share > vfloat<W>(0.0f), own * (1.0f - guide.share) + guide.share * guide.pdf(wi), own);
-}
-
-// As Bsdf::sample; `splits`, by which roulette multiplies, takes in how much denser than the surface's the sampling was.
+// As Bsdf::sample, but `own` is the density by the surface alone, for MIS: photons lead to what casts caustics, not to lights,
+// and light samples need not ask them. `splits`, by which roulette multiplies, takes in how much denser than the surface's the
+// sampling was.
 template <int W>
 PRIMRAY_RARE BsdfSample<W> sample_guided(const CausticLanes<W>& guide, const Bsdf<W>& bsdf, const Frame<vfloat<W>>& frame,
                                          const vvec3<W>& wo, vfloat<W> lobe, const Pair<W>& u, int path_splits,
-                                         vfloat<W>& splits) {
+                                         vfloat<W>& splits, vfloat<W>& own) {
   const vfloat<W> zero(0.0f), rest = 1.0f - guide.share;
   const vbool<W> guided = lobe < guide.share;
   const vfloat<W> own_lobe = min((lobe - guide.share) / rest, 0x1.fffffep-1f);
@@ -64,7 +60,8 @@ PRIMRAY_RARE BsdfSample<W> sample_guided(const CausticLanes<W>& guide, const Bsd
     const vvec3<W> share = divide(e.diffuse, {max(sum.x, 1e-30f), max(sum.y, 1e-30f), max(sum.z, 1e-30f)});
     s.diffuse_share = select(guided, share, s.diffuse_share);
   }
-  const vfloat<W> own = s.pdf, mixed = own * rest + guide.share * guide.pdf(wi);
+  own = select(guided, max(s.pdf, 1e-20f), s.pdf);  // 0 would say that no light sample leads there
+  const vfloat<W> mixed = own * rest + guide.share * guide.pdf(wi);
   const vfloat<W> factor = select(guided, 1.0f / max(mixed, 1e-30f), select(s.is_delta, 1.0f / rest, own / max(mixed, 1e-30f)));
   s.weight = select(any_share, s.weight * factor, s.weight);
   s.pdf = select(any_share & !s.is_delta, mixed, s.pdf);

@@ -292,8 +292,7 @@ class TilePaths {
     const B above = dot(v.ng, s.wi) > F(0.0f);
     useful &= (s.pdf > F(0.0f)) & (wi.z > F(0.0f)) & (above | v.it.smooth);
     if (!any(useful)) return;
-    BsdfEval<W> f = v.bsdf.eval(v.wo, wi);
-    if (v.caustics) f.pdf = guided_pdf(*v.caustics, f.pdf, s.wi);
+    const BsdfEval<W> f = v.bsdf.eval(v.wo, wi);
     V reflected = f.diffuse + f.specular;
     if (lights.lobe_factors) {
       const LightRow<W> row(lights, choice.light);
@@ -376,7 +375,8 @@ class TilePaths {
     const F lobe = v.bsdf.any_preview || v.caustics ? p.sampler.single(bounce, Purpose::kLobe) : F(0.0f);
     PathLanes<W> n = p;
     const B by_guide = settings_.guide ? choose_guide(v.place, u.u) : B(false);
-    BsdfSample<W> s = v.caustics ? sample_guided(*v.caustics, v.bsdf, v.frame, v.wo, lobe, u, settings_.splits, n.splits)
+    F own(0.0f);
+    BsdfSample<W> s = v.caustics ? sample_guided(*v.caustics, v.bsdf, v.frame, v.wo, lobe, u, settings_.splits, n.splits, own)
                                  : v.bsdf.sample(v.wo, lobe, u.u, u.v);
     if (settings_.guide) sample_guided(*settings_.guide, v.place, by_guide, u, v.frame, v.wo, v.bsdf, s);
     n.ray.d = select(s.straight, p.ray.d, v.frame.to_world(s.wi));
@@ -396,7 +396,7 @@ class TilePaths {
     // The last vertex only looks for light: without any that a ray could meet, there is nothing to look for.
     const B last = n.depth == I(settings_.max_depth);
     if (!scene_.rays_find_light) alive &= !last;
-    n.bsdf_pdf = select(s.straight, p.bsdf_pdf, s.pdf);
+    n.bsdf_pdf = select(s.straight, p.bsdf_pdf, v.caustics ? own : s.pdf);
     if (scene_.has_thin) n.travelled = select(s.straight, p.travelled + dot(v.it.p - p.ray.o, p.ray.d), F(0.0f));
     if (scene_.has_inputs) {
       n.cone_width = p.cone_width + p.cone_spread * dot(v.it.p - p.ray.o, p.ray.d);
