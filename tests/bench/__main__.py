@@ -42,7 +42,7 @@ def replays(spp: int, repetitions: int) -> None:
 
 def replays_at_8(quick: bool) -> None:
     """Eight lanes are the AVX2 build's: another process, as one takes one build."""
-    if core.isa() != "v4" or not list(Path(core.module().__file__).parent.glob("_core_v3.*")):
+    if core.isa() != "v4" or not ablations.has_core("v3"):
         print("no second build of the core here: left out")
         return
     command = [sys.executable, "-m", "tests.bench", *(["--quick"] if quick else []), "replay"]

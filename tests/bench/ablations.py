@@ -161,10 +161,15 @@ def _worth(base: list[dict[str, Any]], without: list[dict[str, Any]]) -> dict[st
     return {"error": error, "seconds": seconds, "error_seconds": product, "range": [round(whole[0], 4), round(whole[-1], 4)]}
 
 
+def has_core(isa: str) -> bool:
+    """Whether the core was built for that class as well."""
+    return any(Path(core.module().__file__).parent.glob(f"_core_{isa}.*"))
+
+
 def possible(row: Row) -> bool:
     """Where this machine and this build can leave it out."""
     isa = row.environment.get("PRIMRAY_ISA")
-    if isa is not None and (isa == core.isa() or not list((ROOT / "renderer/primray").glob(f"_core_{isa}.*"))):
+    if isa is not None and (isa == core.isa() or not has_core(isa)):
         return False
     lanes = row.environment.get("PRIMRAY_LANES")
     if lanes is not None and int(lanes) >= core.lanes():

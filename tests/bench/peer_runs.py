@@ -25,8 +25,6 @@ ROOT = Path(__file__).parents[2]
 PEERS = Path(__file__).parent / "peers"
 PRIMRAY = [sys.executable, str(Path(sys.executable).with_name("primray"))]
 LIMIT_S = 900  # for a process
-# A process counts its parent's peak memory as its own (getrusage(2) across fork and exec); this one is small.
-APART = ["sh", "-c", '"$@"; exit $?', "sh"]
 Rows = list[dict[str, Any]]
 
 
@@ -82,7 +80,7 @@ def run(
     }  # fmt: skip
     module = f"tests.bench.peers.run_{renderer.peer}"
     done = subprocess.run(
-        [*APART, str(renderer.python), "-m", module, json.dumps(job)],
+        [str(renderer.python), "-m", module, json.dumps(job)],
         capture_output=True,
         text=True,
         timeout=LIMIT_S,
@@ -143,7 +141,7 @@ def _command_line(scene: str, samples: int, seed: int, out: Path) -> tuple[dict[
     stage = folder_of(scene) / f"{scene}.usdc"
     start = time.perf_counter()
     done = subprocess.run(
-        [*APART, *PRIMRAY, "render", str(stage), "-o", str(path), "--report", str(report), *options],
+        [*PRIMRAY, "render", str(stage), "-o", str(path), "--report", str(report), *options],
         capture_output=True,
         text=True,
         check=False,

@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import resource
 import subprocess
 import sys
 import tempfile
@@ -47,6 +46,7 @@ def measure(path: str, kind: str, count: int) -> dict[str, Any]:
     from primray import core, usd
     from primray.diagnostics import Diagnostics
     from primray.render import load_textures
+    from primray.report import peak_rss_bytes
     from primray.settings import RenderSettings
     from primray.summary import summary
     from primray.usd import instances
@@ -55,7 +55,7 @@ def measure(path: str, kind: str, count: int) -> dict[str, Any]:
         instances.MAX_FLAT_INSTANCES = count
     settings = RenderSettings(resolution=RESOLUTION, spp=1, threads=len(os.sched_getaffinity(0)))
     core.module()
-    before = _peak_bytes()
+    before = peak_rss_bytes()
     seconds = {}
     start, cpu_start = time.perf_counter(), time.process_time()
 
@@ -69,7 +69,7 @@ def measure(path: str, kind: str, count: int) -> dict[str, Any]:
     lap("open")
     description, _ = usd.translate(stage, settings)
     lap("translate")
-    after_translation = _peak_bytes()
+    after_translation = peak_rss_bytes()
     counted = summary(description)
     start, cpu_start = time.perf_counter(), time.process_time()
     description, textures = load_textures(description, Diagnostics(), usd.read_asset)
@@ -80,7 +80,7 @@ def measure(path: str, kind: str, count: int) -> dict[str, Any]:
     shapes, description = list(description.shapes), replace(description, shapes=())  # as render() does
     scene = core.build(description, textures, settings, shapes)
     lap("build")
-    peak = _peak_bytes()
+    peak = peak_rss_bytes()
     film = core.render(scene, settings)
     lap("render")
     start = time.perf_counter()
@@ -104,10 +104,6 @@ def measure(path: str, kind: str, count: int) -> dict[str, Any]:
         "timed_rays": timed.rays,
         "timed_relmse": float((stderr**2 / (pixels[..., :3] ** 2 + 0.01)).mean()),  # by its two replicates
     }
-
-
-def _peak_bytes() -> int:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def _in_process(code: str) -> str:

@@ -17,6 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from primray.report import peak_rss_bytes
+
 from ..worker.protocol import MAX_LINE_BYTES
 from .process_log import ProcessLog
 
@@ -55,7 +57,7 @@ class WorkerProcess:
         self.log = ProcessLog(log, log_bytes)
         self.exit: asyncio.Future[Exit] = self._loop.create_future()
         # What a child inherits of its parent's peak, by vfork, shows in its own.
-        self.parent_peak_bytes = _own_peak_bytes()
+        self.parent_peak_bytes = peak_rss_bytes()
         child = subprocess.Popen(
             start.argv,
             env=start.env,
@@ -190,11 +192,3 @@ def _read(handle: int) -> bytes | None:
         return None
     except OSError:
         return b""
-
-
-def _own_peak_bytes() -> int:
-    with open("/proc/self/status", encoding="ascii", errors="replace") as file:
-        for line in file:
-            if line.startswith("VmHWM:"):
-                return int(line.split()[1]) * 1024
-    return 0
