@@ -48,7 +48,7 @@ ROWS = (
             Edit(
                 "sampler/sampler.hpp",
                 "return {unit_float(reverse_bits(a)), unit_float(reverse_bits(b))};",
-                "return {unit_float(mix(reversed_index ^ s)), unit_float(mix(mix(reversed_index ^ s) + a + b))};",
+                "return {unit_float(mix(index ^ s)), unit_float(mix(mix(index ^ s) + a + b))};",
             ),
         ),
     ),

@@ -85,7 +85,7 @@ class FewLanes {
         for (int k = 0; k < 3; ++k)
           by[k] = bit_cast<vfloat<W>>(bit_cast<vint<W>>(load<W>(side[triangle->edge[k]])) ^ vint<W>(triangle->turned[k]));
         const vfloat<W> det = sum_of(d, triangle->normal), slack = abs(det) * kEdgeTolerance;
-        const vbool<W> inside = left() & ((min(min(by[0], by[1]), by[2]) >= -slack) | (max(max(by[0], by[1]), by[2]) <= slack));
+        const vbool<W> inside = here & ((min(min(by[0], by[1]), by[2]) >= -slack) | (max(max(by[0], by[1]), by[2]) <= slack));
         if (any(inside)) met(*triangle, inside, sum_of(constant(triangle->point) - o, triangle->normal) / det, by);
       }
     }
