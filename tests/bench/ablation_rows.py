@@ -61,13 +61,13 @@ ROWS = (
     Row(
         "packets or single rays by measurement",
         "always single rays",
-        scenes=("box", "field", "hills"),
+        scenes=("field", "hills"),
         edits=(Edit("integrator/entry_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return false;"),),
     ),
     Row(
         "packets or single rays by measurement (2)",
         "always packets",
-        scenes=("box", "field", "hills"),
+        scenes=("field", "hills"),
         edits=(Edit("integrator/entry_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return true;"),),
     ),
     Row(

@@ -48,8 +48,8 @@ FIRST_TEXT = """From the start of the process to a first picture of one sample a
 has ended and the file is written, the others' until the pixels are there; and the peak memory of the process after its largest
 picture."""
 REPLAY_TEXT = """Every ray of a render on one thread, recorded in order and the way it was traced, is traced again by Embree
-alone, by turns with the render: its seconds over the render's. Above 1 is possible: recorded rays come from memory, and scenes of
-few triangles are rendered without Embree."""
+alone, by turns with the render: its seconds over the render's. Above 1 is possible: recorded rays come from memory, and scenes
+of few triangles are rendered without Embree."""
 GROWTH_TEXT = """Powers are those of cost = fixed + each x count^power, fitted by relative deviations (their root mean square
 in brackets), beside the power that n log n looks like over the same range. Set-up: opening, translating, textures, dicing,
 building, for the most items; seconds, and CPU seconds of all threads, whose power and share of an item are shown. The cost of
