@@ -143,8 +143,9 @@ def test_the_log_is_json_with_ids_and_without_secrets(server: RunningServer) -> 
     key = "primray_" + "s3cr3tS3CR3T" * 4
     client.get("/v1/jobs/job_unknown", headers={"x-request-id": "my-request.1", "authorization": "Bearer " + key})
     client.get("/v1/jobs", params={"label": f"key={key}"}, headers={"x-request-id": "my-request.2"})
-    lines = [json.loads(line) for line in server.log.read_text().splitlines() if line.startswith("{")]
-    by_id = {line.get("request_id"): line for line in lines if line.get("event") == "request"}
+    until = time.monotonic() + 5  # a line is written when its answer has been sent
+    while "my-request.2" not in (by_id := _requests(server)) and time.monotonic() < until:
+        time.sleep(0.05)
     second = by_id["my-request.2"]
     assert (second["method"], second["path"], second["status"]) == ("GET", "/v1/jobs", 200)
     assert second["tenant"] == "local"
@@ -152,3 +153,9 @@ def test_the_log_is_json_with_ids_and_without_secrets(server: RunningServer) -> 
     assert second["timestamp"].endswith("Z")
     assert key not in server.log.read_text()
     assert "s3cr3t" not in server.log.read_text()
+
+
+def _requests(server: RunningServer) -> dict[str, Any]:
+    """What the log says of requests, by their ids; a line may be only half written."""
+    lines = [json.loads(line) for line in server.log.read_text().splitlines() if line.startswith("{") and line.endswith("}")]
+    return {line.get("request_id"): line for line in lines if line.get("event") == "request"}
