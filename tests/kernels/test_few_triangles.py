@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from tests.cages import cube, uniform
 from tests.described import box, describe, ground, kernels, lambert, mesh, placement, rotation, scaling, translation
 from tests.kernels.test_intersection import rays, triangles
 
@@ -97,60 +98,18 @@ def test_no_ray_passes_between_meshes_that_touch() -> None:
 
 
 def test_no_ray_passes_where_runs_of_triangles_meet() -> None:
-    """A rough ball of 80 triangles, cut into many runs."""
-    points, faces = ball(1)
-    points = (points * np.random.default_rng(6).uniform(2, 3, (len(points), 1))).astype(np.float32)
+    """A rough body of 48 triangles, cut into several runs."""
+    made = uniform(cube(), 1)
+    points, faces = made["points"], made["triangles"]
+    assert len(faces) == 48
+    points = (
+        points / np.linalg.norm(points, axis=1)[:, None] * np.random.default_rng(6).uniform(2, 3, (len(points), 1))
+    ).astype(np.float32)
     body = mesh(points, faces)
     scene = describe([(body, np.eye(4))], [lambert(0.5)]).build()
     assert kernels().has_few_triangles(scene)
     o, d = aimed_at_edges([body], 500_000, seed=5, within=0.5)
     assert (kernels().intersect(scene, o, d)["primitive"] >= 0).all()
-
-
-def ball(levels: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int32]]:
-    """An icosahedron whose triangles are split in four `levels` times."""
-    g = (1 + 5**0.5) / 2
-    points: list[tuple[float, float, float]] = [
-        (0, 1, g),
-        (0, -1, g),
-        (0, 1, -g),
-        (0, -1, -g),
-        (1, g, 0),
-        (-1, g, 0),
-        (1, -g, 0),
-        (-1, -g, 0),
-    ]
-    points += [(g, 0, 1), (-g, 0, 1), (g, 0, -1), (-g, 0, -1)]
-    faces = [(0, 1, 8), (0, 8, 4), (0, 4, 5), (0, 5, 9), (0, 9, 1), (1, 6, 8), (8, 6, 10), (8, 10, 4), (4, 10, 2), (4, 2, 5)]
-    faces += [
-        (5, 2, 11),
-        (5, 11, 9),
-        (9, 11, 7),
-        (9, 7, 1),
-        (1, 7, 6),
-        (3, 6, 7),
-        (3, 10, 6),
-        (3, 2, 10),
-        (3, 11, 2),
-        (3, 7, 11),
-    ]
-    at = [np.array(p, float) / np.linalg.norm(p) for p in points]
-    for _ in range(levels):
-        middle: dict[tuple[int, int], int] = {}
-
-        def between(a: int, b: int, middle: dict[tuple[int, int], int] = middle) -> int:
-            key = (min(a, b), max(a, b))
-            if key not in middle:
-                middle[key] = len(at)
-                at.append((at[a] + at[b]) / np.linalg.norm(at[a] + at[b]))
-            return middle[key]
-
-        split = []
-        for a, b, c in faces:
-            d, e, f = between(a, b), between(b, c), between(c, a)
-            split += [(a, d, f), (d, b, e), (f, e, c), (d, e, f)]
-        faces = split
-    return np.array(at), np.array(faces, np.int32)
 
 
 def test_what_is_not_few_or_no_triangle_is_left_to_embree() -> None:
