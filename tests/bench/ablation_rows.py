@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-ALL = ("box", "field", "hills", "metals", "lamps")
+ALL = ("box", "field", "hills", "metals", "lamps", "cove")
 
 
 @dataclass(frozen=True)
@@ -113,6 +113,36 @@ ROWS = (
         "not guided",
         scenes=("metals",),
         edits=(Edit("integrator/learn_caustics.cpp", "max_depth < 2", "max_depth < 1 << 30"),),
+    ),
+    Row(
+        "gradients of photons",
+        "sources stay where they are",
+        scenes=("metals",),
+        edits=(Edit("integrator/caustic_photons.cpp", "kLeastSpread = 1e-4f", "kLeastSpread = 2.0f"),),
+    ),
+    Row(
+        "a guide into indirect light",
+        "not guided",
+        scenes=("cove",),
+        edits=(Edit("integrator/learn_guide.cpp", "max_depth < 2", "max_depth < 1 << 30"),),
+    ),
+    Row(
+        "film point and directions in four dimensions",
+        "in two",
+        scenes=("box", "field", "hills", "cove"),
+        edits=(
+            Edit(
+                "sampler/sampler.hpp",
+                "dimension_seed(number >> 1, Purpose::kChain)",
+                "dimension_seed(number, Purpose::kChain)",
+            ),
+        ),
+    ),
+    Row(
+        "rectangles seen as slivers along their length",
+        "by solid angle, whose arc sines round",
+        scenes=("cove",),
+        edits=(Edit("light/rect.hpp", "kSliver = 0.02f", "kSliver = 0.0f"),),
     ),
     Row(
         "camera rays for lights that end in a pixel",

@@ -8,7 +8,7 @@
 #include <map>
 #include <utility>
 
-#include "math/vec3.hpp"
+#include "math/box.hpp"
 
 namespace primray {
 namespace {
@@ -25,23 +25,16 @@ constexpr float kFarthest = 1e12f;
 // Boxes are larger than what they hold by this much of the greatest coordinate, for what rounding does to edges.
 constexpr double kAround = 0x1p-20;
 
-struct Box {
-  Point low{INFINITY, INFINITY, INFINITY}, high{-INFINITY, -INFINITY, -INFINITY};
-  void add(const Point& p) {
-    for (size_t j = 0; j < 3; ++j) low[j] = std::min(low[j], p[j]), high[j] = std::max(high[j], p[j]);
-  }
-  void add(const Box& b) { add(b.low), add(b.high); }
-  float reach() const {
-    float most = 0;
-    for (const Point& p : {low, high})
-      for (const float x : p) most = std::max(most, std::abs(x));
-    return most;
-  }
-  double area() const {
-    const double x = double(high[0]) - low[0], y = double(high[1]) - low[1], z = double(high[2]) - low[2];
-    return x * y + y * z + z * x;
-  }
-};
+float reach(const Box& b) {
+  float most = 0;
+  for (const vec3& p : {b.low, b.high}) most = std::max({most, std::abs(p.x), std::abs(p.y), std::abs(p.z)});
+  return most;
+}
+
+double area(const Box& b) {
+  const dvec3 side = dvec3(b.high) - dvec3(b.low);
+  return side.x * side.y + side.y * side.z + side.z * side.x;
+}
 
 struct Corners {
   Point p[3];
@@ -58,13 +51,13 @@ class Gathering {
     for (const Corners& c : all_) box_.add(c.box);
     cut(0, all_.size());
   }
-  FewTriangles take() { return cost_ <= kMostCost && box_.reach() < kFarthest ? std::move(few_) : FewTriangles(); }
+  FewTriangles take() { return cost_ <= kMostCost && reach(box_) < kFarthest ? std::move(few_) : FewTriangles(); }
 
  private:
   // How likely a packet enters a box.
   double chance(const Box& b) const {
-    const double whole = box_.area();
-    return whole > 0 ? 1 - std::pow(1 - std::min(b.area() / whole, 1.0), kRaysApart) : 1;
+    const double whole = area(box_);
+    return whole > 0 ? 1 - std::pow(1 - std::min(area(b) / whole, 1.0), kRaysApart) : 1;
   }
 
   void cut(size_t first, size_t end) {
@@ -94,7 +87,8 @@ class Gathering {
 
   void sort(size_t first, size_t end, size_t axis) {
     std::sort(all_.begin() + long(first), all_.begin() + long(end), [axis](const Corners& a, const Corners& b) {
-      const float at = a.box.low[axis] + a.box.high[axis], bt = b.box.low[axis] + b.box.high[axis];
+      const float at = component(a.box.low, axis) + component(a.box.high, axis);
+      const float bt = component(b.box.low, axis) + component(b.box.high, axis);
       return at != bt ? at < bt : a.number < b.number;
     });
   }
@@ -134,8 +128,8 @@ class Gathering {
       few_.triangles.push_back(t);
     }
     run.points = uint32_t(from.size()), run.triangles = uint32_t(end - first);
-    const dvec3 around(box.reach() * kAround);
-    put(run.low, exact(box.low) - around), put(run.high, exact(box.high) + around);
+    const dvec3 around(reach(box) * kAround);
+    put(run.low, dvec3(box.low) - around), put(run.high, dvec3(box.high) + around);
     few_.runs.push_back(run);
   }
 
@@ -155,7 +149,7 @@ FewTriangles gather_few(const float* positions, const uint32_t* indices, uint32_
     for (uint32_t k = 0; k < 3; ++k) {
       const float* p = positions + 3 * size_t(indices[3 * t + k]);
       all[t].p[k] = {p[0] + 0.0f, p[1] + 0.0f, p[2] + 0.0f};  // one zero, not two
-      all[t].box.add(all[t].p[k]);
+      all[t].box.add({all[t].p[k][0], all[t].p[k][1], all[t].p[k][2]});
     }
   }
   return Gathering(std::move(all)).take();

@@ -11,6 +11,9 @@ namespace {
 // What may be chosen. Splitting wins only if it is clearly better, since the pilot itself is noisy.
 constexpr int kChoices = 4, kSplits[kChoices] = {1, 2, 4, 8};
 constexpr double kNeededGain[kChoices] = {1, 1.1, 1.15, 1.2};
+// Where photons guide, most of the error is rare bright paths, which a pilot does not see and splitting brings more of. Metals
+// and glass, four scenes of 32 samples, six seeds: two paths 1.2 to 1.8 times the efficiency of one, pilots 0.87 to 0.97.
+constexpr double kNeededGainGuided[kChoices] = {1, 0.7, 1, 1.2};
 
 }  // namespace
 
@@ -28,10 +31,11 @@ int choose_splits(const Scene& scene, const IntegratorSettings& settings, TaskFu
   few.join(), many.join();
   std::array<const Pilot*, kChoices> all;
   for (int i = 0; i < kChoices; ++i) all[size_t(i)] = pilots[size_t(i)].get();
+  const double (&needed)[kChoices] = settings.caustics ? kNeededGainGuided : kNeededGain;
   int best = 0;
   double least = 0;
   for (int i = 0; i < kChoices; ++i) {
-    const double cost = relative_error(*pilots[size_t(i)], all) * pilots[size_t(i)]->rays * kNeededGain[i];
+    const double cost = relative_error(*pilots[size_t(i)], all) * pilots[size_t(i)]->rays * needed[i];
     if (i == 0 || cost < least) best = i, least = cost;
   }
   return kSplits[best];

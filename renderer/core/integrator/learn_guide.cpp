@@ -1,5 +1,5 @@
 // Three passes of paths spread over the frame, each guided by what those before it found. Pilots decide before them whether
-// there is anything to win, after the first whether to go on, and at the end whether the guide is used.
+// there is anything to win, after each whether to go on, and at the end whether the guide is used.
 #include "integrator/learn_guide.hpp"
 
 #include <algorithm>
@@ -20,6 +20,8 @@ constexpr double kHard = 0.006;
 constexpr double kMostDirect = 0.3;
 // A guided ray costs more by its tables.
 constexpr double kGuidedCost = 1.25;
+// What little was learnt so far decides against it only where it costs so much more.
+constexpr double kHopeless = 1.25;
 // Tasks of the passes; one is 16 x 16 pixels with 2 x 16 samples.
 constexpr int kPasses = 3, kTasks[kPasses] = {4, 8, 16};
 // A region is halved while it holds twice as many records; below the fewest it is left to the BSDF.
@@ -196,7 +198,7 @@ std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings&
       for (const auto& f : found) records.insert(records.end(), f.begin(), f.end());
       guide = records.empty() ? nullptr : build(records);
       cost = guide ? cost_ratio(scene, settings, task, *guide, *plain) : 1;
-      if (!(cost < 1)) return;
+      if (!(cost < kHopeless)) return;
       first += tasks;
     }
   };

@@ -4,8 +4,10 @@
 // sun. So before a render photons are followed from small lights over smooth surfaces (integrator/caustic_photons.hpp). What is
 // kept of each is where it landed and the point of the smooth surface it came from. A balanced tree over the landings cuts
 // them into leaves of equally many; a surface point in a leaf sends a part of its scattered rays towards those points, each
-// under a lobe as wide as the leaf's photons lie apart. Only densities change: the picture stays what it was without it, and
-// photons, as directions (Jensen 1995, "Importance Driven Path Tracing using the Photon Map"), may be as wrong as they like.
+// under a lobe as wide as the leaf's photons lie apart. As the point moves over its surface so does the one that light comes
+// from, by gradients that photons bring along (photon differentials, Schjøth et al. 2007), or lobes would have to be as wide as
+// a leaf is. Only densities change: the picture stays what it was without it, and photons, as directions (Jensen 1995,
+// "Importance Driven Path Tracing using the Photon Map"), may be as wrong as they like.
 #pragma once
 
 #include <vector>
@@ -20,7 +22,7 @@ struct CausticGuide {
   int leaf_photons = 0;        // in each leaf
   std::vector<int32_t> axis;   // of inner nodes, children of node i at 2 i + 1 and 2 i + 2
   std::vector<float> split;    // where to part them
-  std::vector<float> photons;  // 6 floats a photon, leaf after leaf: the point that it came from, and where it landed
+  std::vector<float> photons;  // kPhotonFields a photon, leaf after leaf
   std::vector<float> leaf;     // kLeafFields a leaf
   bool any() const { return leaf_photons > 0; }
   int64_t memory_bytes() const { return int64_t(4 * (axis.size() + split.size() + photons.size() + leaf.size())); }
@@ -35,6 +37,26 @@ enum CausticLeafField : int {
   kReach2,            // squared distance beyond which a photon counts for little
   kLeafFields
 };
+
+enum CausticPhotonField : int {
+  kSource,                   // the point that it came from
+  kLanding = kSource + 3,    // where it landed
+  kGradient = kLanding + 3,  // of the source's x, y and z as the landing moves
+  kPhotonFields = 16         // a row of memory
+};
+
+// Sources move at most this far (squared; over the way to the landing): near foci their gradients grow without bound.
+constexpr float kFarthest2 = 0.1f;
+
+// Where a photon that had landed `beside` its landing would have come from.
+template <class F>
+PRIMRAY_INLINE Vec3<F> source_seen(const Vec3<F>& source, const Vec3<F>& landing, const Vec3<F>& beside,
+                                   const Vec3<F> (&gradient)[3]) {
+  using std::sqrt;
+  const Vec3<F> moved{dot(gradient[0], beside), dot(gradient[1], beside), dot(gradient[2], beside)}, way = source - landing;
+  const F farthest2 = kFarthest2 * dot(way, way);
+  return source + moved * sqrt(farthest2 / (dot(moved, moved) + farthest2 + F(1e-30f)));
+}
 
 // How much a photon counts at a point so far from its landing.
 template <class F>
@@ -80,9 +102,12 @@ struct CausticLanes {
     vfloat<W> total(0.0f), sent(0.0f);
     for (int k = 0; k < photons; ++k) {
       const float* photon = g.photons.data();
-      const vint<W> at = (leaf * vint<W>(photons) + vint<W>(k)) * vint<W>(6);
-      const FourLanes<float, W> source = gather_four<W>(photon, at), landing = gather_four<W>(photon + 2, at);
-      const vvec3<W> to = vvec3<W>{source.x, source.y, source.z} - p, beside = vvec3<W>{landing.y, landing.z, landing.w} - p;
+      const vint<W> at = (leaf * vint<W>(photons) + vint<W>(k)) * vint<W>(kPhotonFields);
+      const FourLanes<float, W> a = gather_four<W>(photon, at), b = gather_four<W>(photon + 4, at);
+      const FourLanes<float, W> c = gather_four<W>(photon + 8, at), d = gather_four<W>(photon + 12, at);
+      const vvec3<W> source{a.x, a.y, a.z}, landing{a.w, b.x, b.y}, beside = p - landing;
+      const vvec3<W> gradient[3] = {{b.z, b.w, c.x}, {c.y, c.z, c.w}, {d.x, d.y, d.z}};
+      const vvec3<W> to = source_seen(source, landing, beside, gradient) - p;
       towards[k] = to * (1.0f / sqrt(max(dot(to, to), 1e-30f)));
       chance[k] = caustic_nearness(dot(beside, beside), reach2);
       total += chance[k];

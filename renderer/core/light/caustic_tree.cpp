@@ -6,6 +6,8 @@
 #include <cmath>
 #include <thread>
 
+#include "math/box.hpp"
+
 namespace primray {
 namespace {
 
@@ -21,60 +23,54 @@ constexpr float kElsewhere = 0.1f;
 // Of the box that photons share: how far beside it their density fades, to a quarter.
 constexpr float kFadeShare = 0.5f;
 
-struct Box {
-  vec3 low{1e38f, 1e38f, 1e38f}, high{-1e38f, -1e38f, -1e38f};
-  void add(const vec3& p) {
-    low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
-    high = {std::max(high.x, p.x), std::max(high.y, p.y), std::max(high.z, p.z)};
-  }
-};
-
-float axis_of(const vec3& p, int axis) { return axis == 0 ? p.x : axis == 1 ? p.y : p.z; }
-
 vec3 unit_to(const vec3& from, const vec3& to) {
   const vec3 d = to - from;
   return d * (1.0f / std::sqrt(std::max(dot(d, d), 1e-30f)));
 }
 
-// The width and reach under which the photons of a leaf are likeliest, each seen by the others alone.
+// The width and reach under which the photons of a leaf are likeliest, each seen by the others alone; `moving`: with sources
+// that move as their gradients say.
 struct Lobes {
   float width2, reach2;
+  double likelihood;
 };
-Lobes likeliest_lobes(const CausticPhoton* photons, int count) {
+Lobes likeliest_lobes(const CausticPhoton* photons, int count, bool moving) {
   constexpr int most = CausticGuide::kMostInLeaf;
-  float apart2[most][most], chord2[most][most], mean = 0;
+  // A row for each photon that is seen, a column for each that sees it; all columns, so that loops over them have one length.
+  alignas(64) float apart2[most][most] = {}, chord2[most][most] = {};
+  float mean = 0;
   for (int j = 0; j < count; ++j) {
-    const vec3 d = unit_to(photons[j].landing, photons[j].source);
+    const vec3 at = photons[j].landing, d = unit_to(at, photons[j].source);
     for (int i = 0; i < count; ++i) {
-      const vec3 beside = photons[i].landing - photons[j].landing, off = unit_to(photons[j].landing, photons[i].source) - d;
-      apart2[j][i] = dot(beside, beside), chord2[j][i] = dot(off, off);
-      mean += apart2[j][i] / float(count * count);
+      const CausticPhoton& seen = photons[i];
+      const vec3 beside = at - seen.landing;
+      const vec3 source = moving ? source_seen(seen.source, seen.landing, beside, seen.gradient) : seen.source;
+      const vec3 off = unit_to(at, source) - d;
+      apart2[i][j] = dot(beside, beside), chord2[i][j] = dot(off, off);
+      mean += apart2[i][j] / float(count * count);
     }
   }
-  Lobes best{kNarrowest, 1};
-  float most_likely = -1e38f;
+  Lobes best{kNarrowest, 1, 0};
   for (const float reach : kReaches) {
     const float reach2 = std::max(reach * mean, 1e-20f);
-    float near[most][most], total[most];
-    for (int j = 0; j < count; ++j) {
-      total[j] = 1e-20f;
-      for (int i = 0; i < count; ++i) {
-        near[j][i] = i == j ? 0 : caustic_nearness(apart2[j][i], reach2);
-        total[j] += near[j][i];
-      }
+    alignas(64) float near[most][most], total[most];
+    std::fill_n(total, most, 1e-20f);
+    for (int i = 0; i < count; ++i) {
+      for (int j = 0; j < most; ++j) near[i][j] = i == j ? 0 : caustic_nearness(apart2[i][j], reach2);
+      for (int j = 0; j < most; ++j) total[j] += near[i][j];
     }
     float width2 = kNarrowest;
     for (int k = 0; k < kWidths; ++k, width2 *= kWidthStep) {
-      float likely = 0;
-      for (int j = 0; j < count; ++j) {
-        float sum = 0;
-        for (int i = 0; i < count; ++i) {
-          const float q = width2 + chord2[j][i];
-          sum += near[j][i] / (q * q);
+      alignas(64) float sum[most] = {};
+      for (int i = 0; i < count; ++i) {
+        for (int j = 0; j < most; ++j) {
+          const float q = width2 + chord2[i][j];
+          sum[j] += near[i][j] / (q * q);
         }
-        likely += std::log(sum / total[j] * width2 * (width2 + 4) * kInv4Pi + kElsewhere);
       }
-      if (likely > most_likely) most_likely = likely, best = {width2, reach2};
+      double likelihood = 1;
+      for (int j = 0; j < count; ++j) likelihood *= double(sum[j] / total[j] * (width2 * (width2 + 4) * kInv4Pi) + kElsewhere);
+      if (likelihood > best.likelihood) best = {width2, reach2, likelihood};
     }
   }
   return best;
@@ -89,28 +85,34 @@ struct Builder {
     Box box;
     for (size_t i = first; i < first + count; ++i) box.add(photons[i].landing);
     const vec3 side = box.high - box.low;
-    const int axis = side.x >= side.y && side.x >= side.z ? 0 : side.y >= side.z ? 1 : 2;
+    const size_t axis = side.x >= side.y && side.x >= side.z ? 0 : side.y >= side.z ? 1 : 2;
     const auto begin = photons.begin() + long(first), middle = begin + long(count / 2);
     std::nth_element(begin, middle, begin + long(count), [axis](const CausticPhoton& a, const CausticPhoton& b) {
-      return axis_of(a.landing, axis) < axis_of(b.landing, axis);
+      return component(a.landing, axis) < component(b.landing, axis);
     });
-    guide.axis[size_t(node)] = axis, guide.split[size_t(node)] = axis_of(middle->landing, axis);
+    guide.axis[size_t(node)] = int(axis), guide.split[size_t(node)] = component(middle->landing, axis);
     divide(2 * node + 1, level + 1, first, count / 2), divide(2 * node + 2, level + 1, first + count / 2, count - count / 2);
   }
 
+  static void put(float* to, const vec3& v) { to[0] = v.x, to[1] = v.y, to[2] = v.z; }
+
   void put_leaf(size_t number) const {
     const size_t count = size_t(guide.leaf_photons), first = number * count;
+    // Gradients say little of flat facets and of mirrors that are bumpy, and are then left out.
+    const Lobes still = likeliest_lobes(&photons[first], int(count), false);
+    const Lobes moving = likeliest_lobes(&photons[first], int(count), true);
+    const bool moves = moving.likelihood > still.likelihood;
+    const Lobes& lobes = moves ? moving : still;
     Box box;
     double weight = 0;
     for (size_t i = first; i < first + count; ++i) {
       const CausticPhoton& p = photons[i];
       box.add(p.landing);
       weight += p.weight;
-      float* to = &guide.photons[6 * i];
-      to[0] = p.source.x, to[1] = p.source.y, to[2] = p.source.z;
-      to[3] = p.landing.x, to[4] = p.landing.y, to[5] = p.landing.z;
+      float* to = &guide.photons[kPhotonFields * i];
+      put(to + kSource, p.source), put(to + kLanding, p.landing);
+      for (int k = 0; moves && k < 3; ++k) put(to + kGradient + 3 * k, p.gradient[k]);
     }
-    const Lobes lobes = likeliest_lobes(&photons[first], int(count));
     // The area that they share: of their box, without its shortest side.
     float side[3] = {box.high.x - box.low.x, box.high.y - box.low.y, box.high.z - box.low.z};
     std::sort(side, side + 3);
@@ -135,7 +137,7 @@ void build_caustic_tree(std::vector<CausticPhoton>& photons, CausticGuide& guide
   photons.resize(leaves * each);
   guide.leaf_photons = int(each);
   guide.axis.resize(leaves), guide.split.resize(leaves);
-  guide.photons.resize(6 * photons.size()), guide.leaf.resize(leaves * kLeafFields);
+  guide.photons.resize(kPhotonFields * photons.size()), guide.leaf.resize(leaves * kLeafFields);
   Builder builder{photons, guide};
   builder.divide(0, 0, 0, photons.size());
   std::atomic<size_t> next{0};

@@ -51,6 +51,10 @@ PRIMRAY_INLINE T max_component(const Vec3<T>& a) {
   }
 }
 template <class T>
+PRIMRAY_INLINE T component(const Vec3<T>& a, size_t axis) {
+  return axis == 0 ? a.x : axis == 1 ? a.y : a.z;
+}
+template <class T>
 PRIMRAY_INLINE T length(const Vec3<T>& a) {
   using std::sqrt;
   return sqrt(dot(a, a));

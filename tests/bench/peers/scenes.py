@@ -179,10 +179,36 @@ def lamps(count: int = 500) -> Scene:
     return scene
 
 
+def cove() -> Scene:
+    """A room lit by two narrow strips behind ledges below its ceiling: nothing that the camera sees has light at first hand."""
+    scene = Scene("cove", (512, 320), 8, Camera((0, 1.4, 3.6), (0, 1.2, -1), 62.0))
+    scene.looks = {
+        "plaster": Look("diffuse", (0.72, 0.7, 0.66)),
+        "floor": Look("diffuse", (0.42, 0.3, 0.2)),
+        "blue": Look("diffuse", (0.12, 0.2, 0.5)),
+        "clay": Look("diffuse", (0.6, 0.32, 0.2)),
+    }
+    scene.add("ground", rectangle((0, 0, 0), (0, 0, 4), (3, 0, 0)), "floor")
+    scene.add("ceiling", rectangle((0, 3, 0), (3, 0, 0), (0, 0, 4)), "plaster")
+    scene.add("back", rectangle((0, 1.5, -4), (3, 0, 0), (0, 1.5, 0)), "plaster")
+    scene.add("front", rectangle((0, 1.5, 4), (0, 1.5, 0), (3, 0, 0)), "plaster")
+    for side in (-1, 1):
+        scene.add(f"wall_{side + 1}", rectangle((3 * side, 1.5, 0), (0, 1.5, 0), (0, 0, -4.0 * side)), "plaster")
+        # The strip lies on the shelf; the lip before it hides the part of the ceiling that it lights most from the room.
+        scene.add(f"shelf_{side + 1}", block((2.8 * side, 2.6, 0), (0.2, 0.03, 4)), "plaster")
+        scene.add(f"lip_{side + 1}", block((2.6 * side, 2.68, 0), (0.02, 0.11, 4)), "plaster")
+        scene.lamps.append(Lamp("rect", (500.0, 420.0, 300.0), (2.9 * side, 2.65, 0), (0, 0, 3.5), (0.006, 0, 0)))
+    scene.add("table", block((-0.6, 0.4, -1.2), (0.8, 0.4, 0.45), 12), "clay")
+    scene.add("chest", block((1.3, 0.55, -2.2), (0.5, 0.55, 0.5), -20), "blue")
+    scene.add("globe", ball(4, 0.3, (-0.6, 1.1, -1.2), smooth=True), "plaster")
+    return scene
+
+
 SCENES: dict[str, Callable[[], Scene]] = {
     "box": box,
     "field": field_of_stones,
     "hills": hills,
     "metals": metals,
     "lamps": lamps,
+    "cove": cove,
 }
