@@ -20,6 +20,7 @@ AHEAD = {
     "hills": 2.0,
     "metals": 3.0,
     "lamps": 20.0,
+    "cove": 2.0,
 }  # of the best other renderer, in time to that error
 SHARES = {16: 0.8, 8: 0.75}  # of Embree's, that the render's speed should have
 SPEED_UP = 1.9  # with two threads
