@@ -74,14 +74,22 @@ ROWS = (
         "MIS compensation of domes",
         "the whole image is sampled",
         scenes=("hills", "metals"),
-        edits=(Edit("light/dome.cpp", "const double left = rest * d.mean;", "const double left = 0 * rest;"),),
+        edits=(Edit("light/dome_compensation.cpp", "by_both ? never : best;", "by_both ? never : 0;"),),
+    ),
+    Row(
+        "how much of a dome is left to rays",
+        "its mean",
+        scenes=("metals",),
+        edits=(Edit("light/dome_compensation.cpp", "kChoices = 7", "kChoices = 1"),),
     ),
     Row(
         "the choice whether a dome is sampled",
         "it always is",
         scenes=("field", "hills"),
         edits=(
-            Edit("light/dome_smooth.cpp", "return by_cosine <= kWorth * by_both;", "return by_cosine <= -kWorth * by_both;"),
+            Edit(
+                "light/dome_compensation.cpp", "return by_cosine <= kWorth * by_both", "return by_cosine <= -kWorth * by_both"
+            ),
         ),
     ),
     Row(

@@ -3,9 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
-#include "light/dome_smooth.hpp"
+#include "light/dome_compensation.hpp"
 
 namespace primray {
 namespace {
@@ -82,8 +83,8 @@ void extend_disc(Dome& d) {
     }
 }
 
-// `rest`: the part of the mean that is left to the BSDF's rays; `needed`: they do not look for the dome at all.
-void build_distribution(Dome& d, double rest, bool needed) {
+// `needed`: the BSDF's rays do not look for the dome at all.
+void build_distribution(Dome& d, bool needed) {
   constexpr double pi = std::numbers::pi;
   const int w = d.columns, h = d.rows;
   std::vector<double> weight = d.format == DomeFormat::kLatLong ? texel_means(d) : cell_means(d), solid_angle(h);
@@ -101,11 +102,13 @@ void build_distribution(Dome& d, double rest, bool needed) {
     for (int x = 0; x < w; ++x) total += weight[size_t(y) * w + x] * solid_angle[y];
   }
   d.mean = total / (4 * pi);
-  if (!needed && is_smooth_dome(weight, solid_angle, w)) {
+  // Where a cell is looked at here and there only, none is left out.
+  const double least = d.format == DomeFormat::kLatLong ? 0 : 1e-3 * d.mean;
+  const double left = needed ? -least : dome_compensation(weight, solid_angle, w);
+  if (!(left < std::numeric_limits<double>::infinity())) {
     d.sampled = false, d.irradiance = 0;
     return;
   }
-  const double left = rest * d.mean;
   total = 0;
   for (int y = 0; y < h; ++y)
     for (int x = 0; x < w; ++x) {
@@ -152,13 +155,12 @@ void finish_dome_image(Dome& d) {
 void build_dome_distribution(Dome& d) {
   d.sampled = false;
   d.mean = luminance(dvec3(d.tint));
-  if (d.width > 0) build_distribution(d, 1.0, false);  // under a constant sky the BSDF's rays alone are as good as it gets
+  if (d.width > 0) build_distribution(d, false);  // under a constant sky the BSDF's rays alone are as good as it gets
 }
 
 void build_whole_dome_distribution(Dome& d) {
   if (d.width == 0) d.width = d.height = d.columns = d.rows = 1, d.texels.assign(3, 1.0f);
-  // Where a cell is looked at here and there only, none is left out: -0.001 of the mean.
-  build_distribution(d, d.format == DomeFormat::kLatLong ? 0.0 : -1e-3, true);
+  build_distribution(d, true);
 }
 
 }  // namespace primray

@@ -2,9 +2,8 @@
 //
 // Orientation: UsdLux DomeLight, pole +y, image centre +z, s = 0.5 - atan2(x, z) / 2 pi, t from the top = acos(y) / pi; other
 // formats are in dome_format.hpp. Texels are read bilinearly. Sampling chooses a cell of a lat-long grid, which is the image's
-// own if that is lat-long, by a row and a column distribution, then uniformly in its solid angle. What is
-// at or below the mean is left to the BSDF's own rays ("MIS compensation": Karlik et al. 2019, "MIS Compensation: Optimizing
-// Sampling Techniques in Multiple Importance Sampling"); a constant dome so needs no light samples at all.
+// own if that is lat-long, by a row and a column distribution, then uniformly in its solid angle. A part of its radiance is
+// left to the BSDF's own rays everywhere (dome_compensation.hpp); a constant dome so needs no light samples at all.
 #pragma once
 
 #include <vector>

@@ -1,0 +1,124 @@
+// Variances for a Lambert surface in the open, summed over the ways that it may face: of one ray by the cosine, and of such a
+// ray and a sample of the dome together (multiple importance sampling by the power heuristic), which costs a ray more, for each
+// of several radiances that are left to the first. Karlik et al. leave the mean; but half of a sky is above its mean, and light
+// samples that go there are lost to a sun.
+#include "light/dome_compensation.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <vector>
+
+#include "math/vec3.hpp"
+
+namespace primray {
+namespace {
+
+// Of the grid that the dome is looked at on.
+constexpr int kRows = 32, kColumns = 64;
+// What may be left to the rays, in means; and beyond, where radiance is parted so that a sun counts as what it is, however
+// small.
+constexpr int kChoices = 7, kLevels = 13;
+constexpr std::array<double, kLevels> kMeans = {1, 1.5, 2, 3, 4, 6, 8, 16, 32, 64, 256, 1024, 4096};
+// Two rays cost twice as much as one, of which the second also finds the way on: what the second may be worse by.
+constexpr double kWorth = 1.5;
+// Rays by the cosine are split and well stratified, and what they find is smooth: of their variance so much counts beside that
+// of light samples. Metals under a sky with a weak sun, relMSE at 32 samples: 0.00099 with the mean left, 0.00043 with twice.
+constexpr double kRays = 0.25;
+// Least is left of what is nearly as good, for surfaces that are not Lambert.
+constexpr double kNearly = 1.05;
+
+// Of luminance and its square, by solid angle.
+struct Light {
+  double solid_angle = 0, sum = 0, squares = 0;
+};
+
+struct Cell {
+  dvec3 direction;
+  std::array<Light, kLevels + 1> parts;  // by how many of the levels are below
+};
+
+std::vector<Cell> coarse(std::span<const double> luminance, std::span<const double> solid_angle, int columns, double mean) {
+  using std::numbers::pi;
+  const int rows = int(solid_angle.size());
+  std::vector<Cell> cells(size_t(kRows) * kColumns);
+  for (int y = 0; y < rows; ++y)
+    for (int x = 0; x < columns; ++x) {
+      Cell& c = cells[size_t(int64_t(y) * kRows / rows) * kColumns + size_t(int64_t(x) * kColumns / columns)];
+      const double v = luminance[size_t(y) * size_t(columns) + size_t(x)], a = solid_angle[size_t(y)];
+      size_t level = 0;
+      while (level < kLevels && v > kMeans[level] * mean) ++level;
+      Light& part = c.parts[level];
+      part.solid_angle += a, part.sum += v * a, part.squares += v * v * a;
+    }
+  for (int y = 0; y < kRows; ++y)
+    for (int x = 0; x < kColumns; ++x) {
+      const double theta = pi * (y + 0.5) / kRows, phi = 2 * pi * (x + 0.5) / kColumns;
+      cells[size_t(y) * kColumns + size_t(x)].direction = {std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi),
+                                                           std::cos(theta)};
+    }
+  return cells;
+}
+
+struct Variances {
+  double by_cosine = 0, rays = 0, lights = 0;  // of one ray alone; of the two together, apart
+};
+
+// With the radiance of the level `left` left to rays.
+Variances variances(const std::vector<Cell>& cells, size_t left, double mean) {
+  using std::numbers::pi;
+  double excess = 0;
+  for (const Cell& c : cells)
+    for (size_t level = left + 1; level <= kLevels; ++level)
+      excess += c.parts[level].sum - kMeans[left] * mean * c.parts[level].solid_angle;
+  Variances all;
+  for (int i = -1; i <= 1; ++i)
+    for (int j = -1; j <= 1; ++j)
+      for (int k = -1; k <= 1; ++k) {
+        if (i == 0 && j == 0 && k == 0) continue;
+        const dvec3 n = normalize(dvec3{double(i), double(j), double(k)});
+        double one = 0, rays = 0, lights = 0, value = 0, found = 0, sampled = 0;
+        for (const Cell& c : cells) {
+          const double p = std::max(dot(c.direction, n), 0.0) / pi;  // the cosine's density, and what it weighs radiance by
+          if (p == 0) continue;
+          for (size_t level = 0; level <= kLevels; ++level) {
+            const Light& part = c.parts[level];
+            if (part.solid_angle == 0) continue;
+            value += part.sum * p, one += part.squares * p;
+            const double q = level > left ? (part.sum / part.solid_angle - kMeans[left] * mean) / excess : 0;
+            const double w = p * p / (p * p + q * q);
+            found += w * part.sum * p, rays += w * w * part.squares * p;
+            if (q > 0) sampled += (1 - w) * part.sum * p, lights += (1 - w) * (1 - w) * part.squares * p * p / q;
+          }
+        }
+        all.by_cosine += one - value * value;
+        all.rays += rays - found * found, all.lights += lights - sampled * sampled;
+      }
+  return all;
+}
+
+}  // namespace
+
+double dome_compensation(std::span<const double> luminance, std::span<const double> solid_angle, int columns) {
+  constexpr double never = std::numeric_limits<double>::infinity();
+  double total = 0, whole = 0, most = 0;
+  for (size_t y = 0; y < solid_angle.size(); ++y)
+    for (size_t x = 0; x < size_t(columns); ++x) {
+      const double v = luminance[y * size_t(columns) + x];
+      total += v * solid_angle[y], whole += solid_angle[y], most = std::max(most, v);
+    }
+  const double mean = total / whole;
+  const std::vector<Cell> cells = coarse(luminance, solid_angle, columns, mean);
+  double best = never, least = never, by_both = never, by_cosine = 0;
+  for (size_t i = 0; i < kChoices && kMeans[i] * mean < most; ++i) {
+    const Variances v = variances(cells, i, mean);
+    by_cosine = v.by_cosine, by_both = std::min(by_both, v.rays + v.lights);
+    const double cost = kRays * v.rays + v.lights;
+    if (cost * kNearly < least) least = cost, best = kMeans[i] * mean;
+  }
+  return by_cosine <= kWorth * by_both ? never : best;
+}
+
+}  // namespace primray
