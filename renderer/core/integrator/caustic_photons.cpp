@@ -35,7 +35,8 @@ constexpr size_t kFewest = 1 << 13, kMost = 1 << 17, kPixelsEach = 4;
 // A photon's gradients are taken from two that start beside it, by this share of what they aim at.
 constexpr int kCorners = 3;
 constexpr float kBeside = 2e-3f;
-constexpr float kLeastSpread = 1e-4f;  // squared sine between their landings
+constexpr float kLeastSpread = 1e-4f;   // squared sine between their landings
+constexpr float kLeastApart2 = 1e-20f;  // squared distances to those: less is rounding, and gradients would overflow
 static_assert(W >= kCorners);
 constexpr uint32_t kPhotonSeed = 0x51ed270bu;
 
@@ -187,7 +188,7 @@ class Photons {
   static void add_gradients(const vec3 (&landings)[2], const vec3 (&sources)[2], CausticPhoton& photon) {
     const vec3 &a = landings[0], &b = landings[1];
     const float aa = dot(a, a), ab = dot(a, b), bb = dot(b, b), det = aa * bb - ab * ab;
-    if (!(det > kLeastSpread * aa * bb)) return;
+    if (!(det > kLeastSpread * aa * bb) || std::min(aa, bb) < kLeastApart2) return;
     const vec3 by_a = (a * bb - b * ab) * (1 / det), by_b = (b * aa - a * ab) * (1 / det);
     photon.gradient[0] = by_a * sources[0].x + by_b * sources[1].x;
     photon.gradient[1] = by_a * sources[0].y + by_b * sources[1].y;
