@@ -104,7 +104,7 @@ void build_distribution(Dome& d, bool needed) {
   d.mean = total / (4 * pi);
   // Where a cell is looked at here and there only, none is left out.
   const double least = d.format == DomeFormat::kLatLong ? 0 : 1e-3 * d.mean;
-  const double left = needed ? -least : dome_compensation(weight, solid_angle, w);
+  const double left = needed ? -least : dome_compensation(weight, solid_angle, w, d.mean);
   if (!(left < std::numeric_limits<double>::infinity())) {
     d.sampled = false, d.irradiance = 0;
     return;

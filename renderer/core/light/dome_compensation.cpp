@@ -35,31 +35,35 @@ struct Light {
   double solid_angle = 0, sum = 0, squares = 0;
 };
 
-struct Cell {
+// What a cell of the grid has between two levels.
+struct Part {
   dvec3 direction;
-  std::array<Light, kLevels + 1> parts;  // by how many of the levels are below
+  size_t level;  // how many are below
+  Light light;
 };
 
-std::vector<Cell> coarse(std::span<const double> luminance, std::span<const double> solid_angle, int columns, double mean) {
+std::vector<Part> coarse(std::span<const double> luminance, std::span<const double> solid_angle, int columns, double mean) {
   using std::numbers::pi;
   const int rows = int(solid_angle.size());
-  std::vector<Cell> cells(size_t(kRows) * kColumns);
+  std::vector<std::array<Light, kLevels + 1>> cells(size_t(kRows) * kColumns);
   for (int y = 0; y < rows; ++y)
     for (int x = 0; x < columns; ++x) {
-      Cell& c = cells[size_t(int64_t(y) * kRows / rows) * kColumns + size_t(int64_t(x) * kColumns / columns)];
+      auto& cell = cells[size_t(int64_t(y) * kRows / rows) * kColumns + size_t(int64_t(x) * kColumns / columns)];
       const double v = luminance[size_t(y) * size_t(columns) + size_t(x)], a = solid_angle[size_t(y)];
       size_t level = 0;
       while (level < kLevels && v > kMeans[level] * mean) ++level;
-      Light& part = c.parts[level];
-      part.solid_angle += a, part.sum += v * a, part.squares += v * v * a;
+      cell[level].solid_angle += a, cell[level].sum += v * a, cell[level].squares += v * v * a;
     }
+  std::vector<Part> parts;
   for (int y = 0; y < kRows; ++y)
     for (int x = 0; x < kColumns; ++x) {
       const double theta = pi * (y + 0.5) / kRows, phi = 2 * pi * (x + 0.5) / kColumns;
-      cells[size_t(y) * kColumns + size_t(x)].direction = {std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi),
-                                                           std::cos(theta)};
+      const dvec3 direction{std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi), std::cos(theta)};
+      for (size_t level = 0; level <= kLevels; ++level)
+        if (const Light& light = cells[size_t(y) * kColumns + size_t(x)][level]; light.solid_angle > 0)
+          parts.push_back({direction, level, light});
     }
-  return cells;
+  return parts;
 }
 
 struct Variances {
@@ -67,12 +71,11 @@ struct Variances {
 };
 
 // With the radiance of the level `left` left to rays.
-Variances variances(const std::vector<Cell>& cells, size_t left, double mean) {
+Variances variances(const std::vector<Part>& parts, size_t left, double mean) {
   using std::numbers::pi;
   double excess = 0;
-  for (const Cell& c : cells)
-    for (size_t level = left + 1; level <= kLevels; ++level)
-      excess += c.parts[level].sum - kMeans[left] * mean * c.parts[level].solid_angle;
+  for (const auto& [direction, level, light] : parts)
+    if (level > left) excess += light.sum - kMeans[left] * mean * light.solid_angle;
   Variances all;
   for (int i = -1; i <= 1; ++i)
     for (int j = -1; j <= 1; ++j)
@@ -80,18 +83,14 @@ Variances variances(const std::vector<Cell>& cells, size_t left, double mean) {
         if (i == 0 && j == 0 && k == 0) continue;
         const dvec3 n = normalize(dvec3{double(i), double(j), double(k)});
         double one = 0, rays = 0, lights = 0, value = 0, found = 0, sampled = 0;
-        for (const Cell& c : cells) {
-          const double p = std::max(dot(c.direction, n), 0.0) / pi;  // the cosine's density, and what it weighs radiance by
+        for (const auto& [direction, level, light] : parts) {
+          const double p = std::max(dot(direction, n), 0.0) / pi;  // the cosine's density, and what it weighs radiance by
           if (p == 0) continue;
-          for (size_t level = 0; level <= kLevels; ++level) {
-            const Light& part = c.parts[level];
-            if (part.solid_angle == 0) continue;
-            value += part.sum * p, one += part.squares * p;
-            const double q = level > left ? (part.sum / part.solid_angle - kMeans[left] * mean) / excess : 0;
-            const double w = p * p / (p * p + q * q);
-            found += w * part.sum * p, rays += w * w * part.squares * p;
-            if (q > 0) sampled += (1 - w) * part.sum * p, lights += (1 - w) * (1 - w) * part.squares * p * p / q;
-          }
+          value += light.sum * p, one += light.squares * p;
+          const double q = level > left ? (light.sum / light.solid_angle - kMeans[left] * mean) / excess : 0;
+          const double w = p * p / (p * p + q * q);
+          found += w * light.sum * p, rays += w * w * light.squares * p;
+          if (q > 0) sampled += (1 - w) * light.sum * p, lights += (1 - w) * (1 - w) * light.squares * p * p / q;
         }
         all.by_cosine += one - value * value;
         all.rays += rays - found * found, all.lights += lights - sampled * sampled;
@@ -101,19 +100,14 @@ Variances variances(const std::vector<Cell>& cells, size_t left, double mean) {
 
 }  // namespace
 
-double dome_compensation(std::span<const double> luminance, std::span<const double> solid_angle, int columns) {
+double dome_compensation(std::span<const double> luminance, std::span<const double> solid_angle, int columns, double mean) {
   constexpr double never = std::numeric_limits<double>::infinity();
-  double total = 0, whole = 0, most = 0;
-  for (size_t y = 0; y < solid_angle.size(); ++y)
-    for (size_t x = 0; x < size_t(columns); ++x) {
-      const double v = luminance[y * size_t(columns) + x];
-      total += v * solid_angle[y], whole += solid_angle[y], most = std::max(most, v);
-    }
-  const double mean = total / whole;
-  const std::vector<Cell> cells = coarse(luminance, solid_angle, columns, mean);
+  const std::vector<Part> parts = coarse(luminance, solid_angle, columns, mean);
+  size_t top = 0;
+  for (const Part& part : parts) top = std::max(top, part.level);
   double best = never, least = never, by_both = never, by_cosine = 0;
-  for (size_t i = 0; i < kChoices && kMeans[i] * mean < most; ++i) {
-    const Variances v = variances(cells, i, mean);
+  for (size_t i = 0; i < std::min<size_t>(kChoices, top); ++i) {
+    const Variances v = variances(parts, i, mean);
     by_cosine = v.by_cosine, by_both = std::min(by_both, v.rays + v.lights);
     const double cost = kRays * v.rays + v.lights;
     if (cost * kNearly < least) least = cost, best = kMeans[i] * mean;
