@@ -129,13 +129,12 @@ class CoreScene:
         self._caustics: dict[int, Any] = {}
 
     def guide(self, settings: RenderSettings, splits: int) -> Any:
-        """Where light comes from, learnt once from paths of their own; None where that would not pay, where caustics are guided
-        into, and for a quick look."""
-        if settings.is_quick_look or self.caustics(settings) is not None:
+        """Where light comes from, learnt once from paths of their own; None where that would not pay, and for a quick look."""
+        if settings.is_quick_look:
             return None
         depth = max_depth(settings)
         if (depth, splits) not in self._guides:
-            self._guides[depth, splits] = module().learn_guide(self._scene, depth, splits, lanes())
+            self._guides[depth, splits] = module().learn_guide(self._scene, depth, splits, lanes(), self.caustics(settings))
         return self._guides[depth, splits]
 
     def caustics(self, settings: RenderSettings) -> Any:
@@ -150,9 +149,10 @@ class CoreScene:
 
     @property
     def memory_bytes(self) -> int:
-        """Bytes of the core's arrays, of Embree's acceleration structures, and of what guides into caustics."""
-        guides = sum(int(guide.memory_bytes) for guide in self._caustics.values() if guide is not None)
-        return int(self._scene.memory_bytes) + int(module().embree_memory()[0]) + guides
+        """Bytes of the core's arrays, of Embree's acceleration structures, and of guides."""
+        guides = [guide for guide in (*self._caustics.values(), *self._guides.values()) if guide is not None]
+        own = int(self._scene.memory_bytes) + int(module().embree_memory()[0])
+        return own + sum(int(guide.memory_bytes) for guide in guides)
 
     @property
     def exposure_scale(self) -> float:
@@ -166,9 +166,13 @@ class CoreScene:
 
     @property
     def features(self) -> list[dict[str, str]]:
-        """What is modelled beyond opaque faceted Lambert triangles, and why; caustics once they have been looked for."""
+        """What is modelled beyond opaque faceted Lambert triangles, and why; guides once they have been learnt."""
         s = self._scene
+        guides = [guide for guide in self._guides.values() if guide is not None]
+        regions = max((guide.regions for guide in guides), default=0)
         photons = max((guide.photons for guide in self._caustics.values() if guide is not None), default=0)
+        if any(guide.alone for guide in guides):
+            photons = 0
         rows = [
             (s.has_instances, "instances", "prototypes are placed more than once"),
             (s.has_spheres, "exact spheres", "the scene has Sphere prims"),
@@ -185,6 +189,7 @@ class CoreScene:
             (s.domes > 0, "dome", "the scene has a DomeLight"),
             (s.has_lobe_factors, "lobe factors", "a light's diffuse or specular multiplier is not 1"),
             (photons > 0, f"caustics guided by {photons} photons", "small lights shine on metal or glass"),
+            (regions > 0, f"indirect light guided in {regions} regions", "most of the noise is of light from other surfaces"),
             (s.sampled_lights > 0, f"light sampling ({s.sampled_lights})", "lights that are sampled at every vertex"),
         ]
         return [{"name": name, "why": why} for on, name, why in rows if on]
@@ -377,7 +382,9 @@ def render_pass(
 
     The film is valid then, and another pass goes on from there to the same bits.
     """
-    caustics, guide = scene.caustics(settings), scene.guide(settings, splits)
+    guide, caustics = scene.guide(settings, splits), scene.caustics(settings)
+    if guide is not None and guide.alone:
+        caustics = None
     try:
         done = module().render_pass(
             scene._scene,

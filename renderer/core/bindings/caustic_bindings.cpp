@@ -42,6 +42,7 @@ nb::tuple caustic_lobes(const Scene& scene, const CausticGuide& caustics, InArra
 void bind_caustics(nb::module_& m, nb::module_& testing) {
   nb::class_<CausticGuide>(m, "CausticGuide")
       .def_prop_ro("photons", [](const CausticGuide& g) { return g.photons.size() / kPhotonFields; })
+      .def_ro("sharp", &CausticGuide::sharp)
       .def_prop_ro("memory_bytes", &CausticGuide::memory_bytes);
   m.def(
       "learn_caustics",

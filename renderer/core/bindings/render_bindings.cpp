@@ -61,8 +61,9 @@ void record(Recording* self, const Scene& scene, int samples, int max_depth, uin
   settings.caustics = caustics.get();
   settings.splits = choose_splits(scene, settings, kernel_of(lanes));
   const std::vector<uint32_t> ends(film.next.size(), uint32_t((samples + 1) / kReplicates));
-  const std::unique_ptr<Guide> guide = caustics ? nullptr : learn_guide(scene, settings, kernel_of(lanes));
+  const std::unique_ptr<Guide> guide = learn_guide(scene, settings, kernel_of(lanes));
   settings.guide = guide.get();
+  if (guide && guide->alone) settings.caustics = nullptr;
   render_pass(scene, settings, lanes, ends, film, {}, &self->rays);
 }
 
@@ -100,14 +101,19 @@ void bind_render(nb::module_& m) {
   m.def("render_pass", &pass, nb::arg("scene"), nb::arg("film"), nb::arg("ends"), nb::arg("max_depth"), nb::arg("splits"),
         nb::arg("threads"), nb::arg("seed"), nb::arg("lanes"), nb::arg("progress").none(), nb::arg("guide").none() = nb::none(),
         nb::arg("caustics").none() = nb::none());
-  nb::class_<Guide>(m, "Guide").def_prop_ro("regions", [](const Guide& g) { return g.cdf.size() / (Guide::kBins + 1); });
+  nb::class_<Guide>(m, "Guide")
+      .def_prop_ro("regions", [](const Guide& g) { return g.cdf.size() / (Guide::kBins + 1); })
+      .def_ro("alone", &Guide::alone)
+      .def_prop_ro("memory_bytes", &Guide::memory_bytes);
   m.def(
       "learn_guide",
-      [](const Scene& scene, int max_depth, int splits, int lanes) {
-        return learn_guide(scene, IntegratorSettings{max_depth, 1, 0, splits}, kernel_of(lanes)).release();
+      [](const Scene& scene, int max_depth, int splits, int lanes, const CausticGuide* caustics) {
+        IntegratorSettings settings{max_depth, 1, 0, splits};
+        settings.caustics = caustics;
+        return learn_guide(scene, settings, kernel_of(lanes)).release();
       },
-      nb::arg("scene"), nb::arg("max_depth"), nb::arg("splits"), nb::arg("lanes"), nb::rv_policy::take_ownership,
-      nb::call_guard<nb::gil_scoped_release>());
+      nb::arg("scene"), nb::arg("max_depth"), nb::arg("splits"), nb::arg("lanes"), nb::arg("caustics").none() = nb::none(),
+      nb::rv_policy::take_ownership, nb::call_guard<nb::gil_scoped_release>());
   m.def("has_lanes", &has_lanes);
   nb::class_<Recording>(m, "Recording")
       .def("__init__", &record, nb::keep_alive<1, 2>())

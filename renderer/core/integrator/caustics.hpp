@@ -34,17 +34,17 @@ PRIMRAY_INLINE vfloat<W> suits(const Bsdf<W>& b, const vvec3<W>& wo, const vvec3
   return select(above, select(b.preview, b.p_diffuse + glossy, vfloat<W>(1.0f)), vfloat<W>(0.0f));
 }
 
-// As Bsdf::sample, but `own` is the density by the surface alone, for MIS: photons lead to what casts caustics, not to lights,
-// and light samples need not ask them. `splits`, by which roulette multiplies, takes in how much denser than the surface's the
-// sampling was.
-template <int W>
+// As Bsdf::sample, but `own` is the density without photons, for MIS: those lead to what casts caustics, not to lights, and
+// light samples need not ask them. `sample(lobe)` and `density(wi, by the BSDF)` are what is sampled without them, by the BSDF
+// or by another guide as well. `splits`, by which roulette multiplies, takes in how much denser than that the sampling was.
+template <int W, class Sample, class Density>
 PRIMRAY_RARE BsdfSample<W> sample_guided(const CausticLanes<W>& guide, const Bsdf<W>& bsdf, const Frame<vfloat<W>>& frame,
                                          const vvec3<W>& wo, vfloat<W> lobe, const Pair<W>& u, int path_splits,
-                                         vfloat<W>& splits, vfloat<W>& own) {
+                                         const Sample& sample, const Density& density, vfloat<W>& splits, vfloat<W>& own) {
   const vfloat<W> zero(0.0f), rest = 1.0f - guide.share;
   const vbool<W> guided = lobe < guide.share;
   const vfloat<W> own_lobe = min((lobe - guide.share) / rest, 0x1.fffffep-1f);
-  BsdfSample<W> s = bsdf.sample(wo, max(own_lobe, 0.0f), u.u, u.v);
+  BsdfSample<W> s = sample(max(own_lobe, 0.0f));
   const vbool<W> any_share = guide.share > zero;
   vvec3<W> wi = frame.to_world(s.wi);
   if (any(guided)) {
@@ -54,7 +54,7 @@ PRIMRAY_RARE BsdfSample<W> sample_guided(const CausticLanes<W>& guide, const Bsd
     const vbool<W> up = s.wi.z > zero;
     // For now f_cos itself and the density by the surface, below divided by the mixture's.
     s.weight = select(guided, select(up, e.diffuse + e.specular, vvec3<W>(zero)), s.weight);
-    s.pdf = select(guided, e.pdf, s.pdf);
+    s.pdf = select(guided, density(wi, e.pdf), s.pdf);
     s.is_delta = s.is_delta & !guided, s.transmits = s.transmits & !guided, s.straight = s.straight & !guided;
     const vvec3<W> sum = e.diffuse + e.specular;
     const vvec3<W> share = divide(e.diffuse, {max(sum.x, 1e-30f), max(sum.y, 1e-30f), max(sum.z, 1e-30f)});

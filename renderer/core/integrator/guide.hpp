@@ -30,6 +30,8 @@ struct Guide {
   float low[3], cells_per_unit[3];
   std::vector<int32_t> region;  // by side and cell; -1 where too little is known
   std::vector<float> cdf;       // kBins + 1 by region, from 0 to 1
+  bool alone = false;           // photons that guide into caustics are not worth their time beside it
+  int64_t memory_bytes() const { return int64_t(4 * (region.size() + cdf.size())); }
 
   template <int W>
   static PRIMRAY_INLINE vint<W> side_of(const vvec3<W>& n) {

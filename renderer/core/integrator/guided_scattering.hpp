@@ -60,10 +60,10 @@ PRIMRAY_RARE void sample_guided(const Guide& guide, const GuidePlace<W>& place, 
   s.diffuse_share = select(known, divide(f.diffuse, some), s.diffuse_share);
 }
 
-// Keeps vertices `p` and the rays `n` that were drawn there, for learning.
+// Keeps vertices `p` and the rays `n` that were drawn there with density `pdf`, for learning.
 template <int W>
 PRIMRAY_RARE void keep_vertex(GuideLog& log, vbool<W> m, const vvec3<W>& p, const vvec3<W>& ng, const vvec3<W>& ns,
-                              const PathLanes<W>& n) {
+                              vfloat<W> pdf, const PathLanes<W>& n) {
   const vfloat<W> beta = n.beta.x + n.beta.y + n.beta.z, cosine = abs(dot(ns, n.ray.d));
   const vvec3<W>& d = n.ray.d;
   for (uint32_t b = bits(m); b; b &= b - 1) {
@@ -71,7 +71,7 @@ PRIMRAY_RARE void keep_vertex(GuideLog& log, vbool<W> m, const vvec3<W>& p, cons
     log.add_vertex(n.slot[i], {{p.x[i], p.y[i], p.z[i]},
                                {ng.x[i], ng.y[i], ng.z[i]},
                                {d.x[i], d.y[i], d.z[i]},
-                               n.bsdf_pdf[i],
+                               pdf[i],
                                beta[i],
                                cosine[i],
                                0.0f,

@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "integrator/pilot.hpp"
+#include "light/caustic_guide.hpp"
 
 namespace primray {
 namespace {
@@ -15,11 +16,15 @@ namespace {
 constexpr uint32_t kSeed = 0x6c078965u;
 // Pictures whose pilot, 32 samples a pixel, errs by less are good soon without a guide; learning takes a quarter of a second of
 // one thread.
-constexpr double kHard = 0.006;
+constexpr double kHard = 0.002;
+// Pixels that pilots do not count.
+constexpr int kLeftOut = 5;
 // Where so much of the error is left with one scattering, indirect light is not what is hard.
 constexpr double kMostDirect = 0.3;
 // A guided ray costs more by its tables.
 constexpr double kGuidedCost = 1.25;
+// Photons of which fewer lead to small lights are not worth their time beside a guide, which finds large ones as well.
+constexpr float kFewSharp = 0.05f;
 // What little was learnt so far decides against it only where it costs so much more.
 constexpr double kHopeless = 1.25;
 // Tasks of the passes; one is 16 x 16 pixels with 2 x 16 samples.
@@ -165,7 +170,8 @@ double cost_ratio(const Scene& scene, IntegratorSettings settings, TaskFunction 
   settings.guide = &guide;
   const auto guided = std::make_unique<Pilot>(scene, settings, task);
   const Pilot* both[] = {guided.get(), &plain};
-  return relative_error(*guided, both) * guided->rays * kGuidedCost / (relative_error(plain, both) * plain.rays);
+  return relative_error(*guided, both, kLeftOut) * guided->rays * kGuidedCost /
+         (relative_error(plain, both, kLeftOut) * plain.rays);
 }
 
 }  // namespace
@@ -181,8 +187,8 @@ std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings&
     direct.max_depth = 1;
     const auto plain = std::make_unique<Pilot>(scene, settings, task), near = std::make_unique<Pilot>(scene, direct, task);
     const Pilot* whole[] = {plain.get()};
-    const double error = relative_error(*plain, whole);
-    if (error < kHard || relative_error(*near, whole) > kMostDirect * error) return;
+    const double error = relative_error(*plain, whole, kLeftOut);
+    if (error < kHard || relative_error(*near, whole, kLeftOut) > kMostDirect * error) return;
     int first = 0;
     for (int tasks : kTasks) {
       std::vector<std::vector<Record>> found{size_t(tasks)};
@@ -201,6 +207,7 @@ std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings&
       if (!(cost < kHopeless)) return;
       first += tasks;
     }
+    if (cost < 1) guide->alone = settings.caustics && settings.caustics->sharp < kFewSharp;
   };
   std::thread(work).join();
   return cost < 1 ? std::move(guide) : nullptr;

@@ -2,8 +2,7 @@
 // sampling would bring. Its samples are not used in the image, so nothing is biased by choosing on them.
 //
 // The error is what the render's own report counts, squared differences over (R^2 + 0.01), here between the two replicates,
-// which are independent; the cost is rays. The pixels with the largest differences are left out: a rare bright path would
-// decide alone.
+// which are independent; the cost is rays.
 #pragma once
 
 #include <algorithm>
@@ -39,9 +38,9 @@ struct Pilot {
   }
 };
 
-// The error of a pilot's picture per pixel and colour; R from all pilots.
-inline double relative_error(const Pilot& pilot, std::span<const Pilot* const> all) {
-  constexpr int kLeftOut = 5;
+// The error of a pilot's picture per pixel and colour; R from all pilots. `left_out`: so many pixels with the largest
+// differences are, where a rare bright path would decide alone.
+inline double relative_error(const Pilot& pilot, std::span<const Pilot* const> all, int left_out) {
   std::array<double, kTile * kTile> errors{};
   for (int p = 0; p < kTile * kTile; ++p) {
     for (int c = 0; c < 3; ++c) {
@@ -52,7 +51,7 @@ inline double relative_error(const Pilot& pilot, std::span<const Pilot* const> a
     }
   }
   std::sort(errors.begin(), errors.end());
-  return std::accumulate(errors.begin(), errors.end() - kLeftOut, 0.0) / (12.0 * double(errors.size() - kLeftOut));
+  return std::accumulate(errors.begin(), errors.end() - left_out, 0.0) / (12.0 * double(int(errors.size()) - left_out));
 }
 
 }  // namespace primray

@@ -16,7 +16,7 @@ struct IntegratorSettings {
   int splits = 0;  // 1, 2, 4 or 8 paths that go on from the first surface that is no mirror; 0: what a pilot finds best
   const Guide* guide = nullptr;            // what scattered rays are drawn by, beside the BSDF
   GuideLog* log = nullptr;                 // of paths that learn a guide
-  const CausticGuide* caustics = nullptr;  // what scattered rays are drawn by towards metal and glass; never beside `guide`
+  const CausticGuide* caustics = nullptr;  // what scattered rays are drawn by towards metal and glass
 };
 
 // Samples of one replicate that one task takes of a tile; no bit of the image depends on it.

@@ -46,17 +46,6 @@ struct Worker {
   int64_t busy_lanes = 0, shaded_lanes = 0;  // occupancy of the shading steps
 };
 
-// Moves the finite ones of samples [slot, slot + count) to the front; their number.
-inline int drop_invalid(Worker& w, int slot, int count) {
-  int kept = slot;
-  for (int s = slot; s < slot + count; ++s) {
-    if (!std::isfinite(w.r[s]) || !std::isfinite(w.g[s]) || !std::isfinite(w.b[s])) continue;
-    w.r[kept] = w.r[s], w.g[kept] = w.g[s], w.b[kept] = w.b[s], w.a[kept] = w.a[s];
-    ++kept;
-  }
-  return kept - slot;
-}
-
 // Lists the block's pixels in Morton order, so that neighbours in a packet are neighbours on the film; their number.
 inline int list_pixels(const TileBlock& block, Worker& worker) {
   int pixels = 0;

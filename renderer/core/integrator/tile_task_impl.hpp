@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "integrator/add_to_film.hpp"
 #include "integrator/caustics.hpp"
 #include "integrator/emission.hpp"
 #include "integrator/emitter.hpp"
@@ -51,31 +52,7 @@ class TilePaths {
     }
   }
 
-  void add_to(Film& film) const {
-    const int tile = block_.film_y / kTile * film.tiles_x + block_.film_x / kTile;
-    const std::lock_guard lock(film.lock_of(tile));
-    int64_t invalid = 0;
-    for (int i = 0; i < pixels_; ++i) {
-      int slot = i * samples_;
-      for (int replicate = 0; replicate < kReplicates; slot += block_.count[replicate++]) {
-        const int asked = block_.count[replicate], valid = drop_invalid(w_, slot, asked);
-        const size_t p = film.at(replicate, block_.film_x + w_.pixel_x[i], block_.film_y + w_.pixel_y[i]);
-        if (valid > 0) {
-          film.add(p, 0, exact_sum(w_.r + slot, valid)), film.add(p, 1, exact_sum(w_.g + slot, valid));
-          film.add(p, 2, exact_sum(w_.b + slot, valid));
-        }
-        film.counts[p] += uint32_t(valid);
-        film.covered[p] += uint32_t(std::count(w_.a + slot, w_.a + slot + valid, 1.0f));
-        invalid += asked - valid;
-      }
-    }
-    for (int r = 0; r < kReplicates; ++r) film.next[size_t(r) * film.tiles() + tile] += uint32_t(block_.count[r]);
-    film.tile_rays[tile] += w_.camera_rays + w_.scattered_rays + w_.shadow_rays;
-    film.invalid_samples += invalid;
-    film.samples += int64_t(pixels_) * samples_;
-    film.camera_rays += w_.camera_rays, film.scattered_rays += w_.scattered_rays, film.shadow_rays += w_.shadow_rays;
-    w_.camera_rays = w_.scattered_rays = w_.shadow_rays = 0;
-  }
+  void add_to(Film& film) const { add_to_film(block_, w_, pixels_, samples_, film); }
 
  private:
   using F = vfloat<W>;
@@ -301,7 +278,7 @@ class TilePaths {
     const F pdf = s.pdf * choice.probability;
     B special(false);  // no other way leads to those
     if (has_special()) special = (LightRow<W>(lights, choice.light).flags() & I(kSpecial)) != I(0);
-    const F scattered_pdf = settings_.guide ? mixed_pdf(*settings_.guide, v.place, s.wi, f.pdf) : f.pdf;
+    const F scattered_pdf = scattered_density(v, s.wi, f.pdf);
     B alone = s.is_delta | special;
     if (!lights.met.empty()) alone |= rarely_met(lights, choice.light, from, scattered_pdf);
     const F weight = select(alone, F(1.0f), mis_weight(pdf, scattered_pdf));
@@ -369,6 +346,11 @@ class TilePaths {
     }
   }
 
+  // The density of `wi` (of the world) without photons.
+  F scattered_density(const Vertex& v, const V& wi, F by_bsdf) const {
+    return settings_.guide ? mixed_pdf(*settings_.guide, v.place, wi, by_bsdf) : by_bsdf;
+  }
+
   void scatter_once(B scatters, const Vertex& v, const PathLanes<W>& p) {
     const I bounce = p.vertex + I(1);
     Pair<W> u = p.sampler.link(bounce + I(first_link()));
@@ -376,9 +358,15 @@ class TilePaths {
     PathLanes<W> n = p;
     const B by_guide = settings_.guide ? choose_guide(v.place, u.u) : B(false);
     F own(0.0f);
-    BsdfSample<W> s = v.caustics ? sample_guided(*v.caustics, v.bsdf, v.frame, v.wo, lobe, u, settings_.splits, n.splits, own)
-                                 : v.bsdf.sample(v.wo, lobe, u.u, u.v);
-    if (settings_.guide) sample_guided(*settings_.guide, v.place, by_guide, u, v.frame, v.wo, v.bsdf, s);
+    const auto sample = [&](F l) {
+      BsdfSample<W> found = v.bsdf.sample(v.wo, l, u.u, u.v);
+      if (settings_.guide) sample_guided(*settings_.guide, v.place, by_guide, u, v.frame, v.wo, v.bsdf, found);
+      return found;
+    };
+    const auto density = [&](const V& wi, F by_bsdf) { return scattered_density(v, wi, by_bsdf); };
+    BsdfSample<W> s = v.caustics ? sample_guided(*v.caustics, v.bsdf, v.frame, v.wo, lobe, u, settings_.splits, sample, density,
+                                                 n.splits, own)
+                                 : sample(lobe);
     n.ray.d = select(s.straight, p.ray.d, v.frame.to_world(s.wi));
     const F out = dot(v.ng, n.ray.d);
     n.beta = p.beta * s.weight;
@@ -434,7 +422,7 @@ class TilePaths {
       alive &= !sky;
       if (!any(alive)) return;
     }
-    if (settings_.log) keep_vertex(*settings_.log, alive & (s.pdf > F(0.0f)), v.it.p, v.ng, v.frame.n, n);
+    if (settings_.log) keep_vertex(*settings_.log, alive & (s.pdf > F(0.0f)), v.it.p, v.ng, v.frame.n, s.pdf, n);
     w_.next->append(Compaction<W>(alive), n, needs_);
   }
 

@@ -24,6 +24,8 @@ struct CausticGuide {
   std::vector<float> split;    // where to part them
   std::vector<float> photons;  // kPhotonFields a photon, leaf after leaf
   std::vector<float> leaf;     // kLeafFields a leaf
+  // Of the photons' weight, in leaves whose lobes are so narrow that hardly any ray would find that light without them.
+  float sharp = 0;
   bool any() const { return leaf_photons > 0; }
   int64_t memory_bytes() const { return int64_t(4 * (axis.size() + split.size() + photons.size() + leaf.size())); }
 };

@@ -20,6 +20,8 @@ constexpr float kNarrowest = 1e-6f, kWidthStep = 4;
 constexpr float kReaches[] = {0.03f, 0.2f, 1e4f};
 // Density, beside the lobes', of what else finds the light.
 constexpr float kElsewhere = 0.1f;
+// Lobes are sharp where they give photons, by their geometric mean, this density per steradian; a Lambert surface's is 0.3.
+constexpr double kSharp = 20;
 // Of the box that photons share: how far beside it their density fades, to a quarter.
 constexpr float kFadeShare = 0.5f;
 
@@ -76,6 +78,10 @@ Lobes likeliest_lobes(const CausticPhoton* photons, int count, bool moving) {
   return best;
 }
 
+struct LeafWeight {
+  double all = 0, sharp = 0;
+};
+
 struct Builder {
   std::vector<CausticPhoton>& photons;
   CausticGuide& guide;
@@ -96,7 +102,7 @@ struct Builder {
 
   static void put(float* to, const vec3& v) { to[0] = v.x, to[1] = v.y, to[2] = v.z; }
 
-  void put_leaf(size_t number) const {
+  LeafWeight put_leaf(size_t number) const {
     const size_t count = size_t(guide.leaf_photons), first = number * count;
     // Gradients say little of flat facets and of mirrors that are bumpy, and are then left out.
     const Lobes still = likeliest_lobes(&photons[first], int(count), false);
@@ -124,6 +130,7 @@ struct Builder {
     to[kFade] = float(1 / std::max(reach * reach, 1e-30));
     to[kDensity] = float(std::min(weight / std::max(area, 1e-30), 1e6));
     to[kWidth2] = lobes.width2, to[kReach2] = lobes.reach2;
+    return {weight, lobes.likelihood > std::pow(kSharp, double(count)) ? weight : 0};
   }
 };
 
@@ -140,13 +147,17 @@ void build_caustic_tree(std::vector<CausticPhoton>& photons, CausticGuide& guide
   guide.photons.resize(kPhotonFields * photons.size()), guide.leaf.resize(leaves * kLeafFields);
   Builder builder{photons, guide};
   builder.divide(0, 0, 0, photons.size());
+  std::vector<LeafWeight> weights(leaves);
   std::atomic<size_t> next{0};
   const auto work = [&] {
-    for (size_t i; (i = next++) < leaves;) builder.put_leaf(i);
+    for (size_t i; (i = next++) < leaves;) weights[i] = builder.put_leaf(i);
   };
   std::vector<std::thread> pool;
   for (int i = 0; i < std::max(threads, 1); ++i) pool.emplace_back(work);
   for (std::thread& t : pool) t.join();
+  LeafWeight sum;
+  for (const LeafWeight& w : weights) sum.all += w.all, sum.sharp += w.sharp;
+  guide.sharp = float(sum.sharp / std::max(sum.all, 1e-30));
 }
 
 }  // namespace primray

@@ -1,0 +1,50 @@
+"""How many paths go on from the first surface: as many as pilots say that the rest of the error is worth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.bench.peers.scenes import Camera, Lamp, Look, Scene, cove
+from tests.bench.peers.shapes import ball, rectangle
+from tests.bench.peers.write_usd import CAMERA, write_usd
+
+from primray import core
+from primray.diagnostics import Diagnostics
+from primray.render import open_once, prepare
+from primray.report import Costs
+from primray.settings import RenderSettings
+
+
+def balls(radiance: float) -> Scene:
+    """On open ground under a large lamp: most of the error is edges of shadows, which every path from the camera sees anew."""
+    scene = Scene("balls", (640, 360), 2, Camera((0, 2.3, 7.6), (0, 0.5, 0), 52.0))
+    scene.looks = {"ground": Look("diffuse", (0.5, 0.5, 0.5)), "red": Look("diffuse", (0.7, 0.2, 0.2))}
+    scene.add("ground", rectangle((0, 0, 0), (0, 0, 30), (30, 0, 0)), "ground")
+    for k in range(5):
+        scene.add(f"ball_{k}", ball(5, 0.6, (1.45 * (k - 2), 0.6, 0), smooth=True), "red")
+    scene.lamps = [Lamp("rect", (radiance,) * 3, (3, 5, 3), (1, 0, 0), (0, 0, 1))]
+    return scene
+
+
+def chosen(scene: Scene, folder: Path) -> int:
+    path = folder / "scene.usdc"
+    write_usd(scene, path)
+    settings = RenderSettings(resolution=scene.resolution, camera=CAMERA, max_depth=scene.depth)
+    opened = open_once(path, settings)
+    return core.choose_splits(prepare(opened.stage, opened.diagnostics, settings, Costs(), Diagnostics()).scene, settings)
+
+
+def test_edges_of_shadows_count(tmp_path: Path) -> None:
+    """8 take 1.7 times as long as 2 to an error; a choice that left out the worst pixels took them."""
+    assert chosen(balls(30.0), tmp_path) == 2
+
+
+def test_indirect_light_is_split(tmp_path: Path) -> None:
+    """Of pilots that err by rare bright paths each in its own way."""
+    assert chosen(cove(), tmp_path) == 8
+
+
+def test_what_is_not_lit_is_not_split(tmp_path: Path) -> None:
+    scene = balls(1.0)
+    scene.lamps = [Lamp("rect", (1.0, 1.0, 1.0), (3, -5, 3), (1, 0, 0), (0, 0, 1))]  # below the ground
+    assert chosen(scene, tmp_path) == 1
