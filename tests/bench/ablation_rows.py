@@ -131,7 +131,7 @@ ROWS = (
     Row(
         "a guide into indirect light",
         "not guided",
-        scenes=("cove",),
+        scenes=("cove", "window"),
         edits=(Edit("integrator/learn_guide.cpp", "max_depth < 2", "max_depth < 1 << 30"),),
     ),
     Row(

@@ -38,6 +38,7 @@ SCENE_TEXT = {
     "hills": "Two million triangles in one mesh under a sky; 3 scatterings.",
     "metals": "Metals from near-mirror to rough, two glass balls, a sky whose small sun has most of the light; 8 scatterings.",
     "lamps": "500 small coloured spheres of light among blocks, most hidden from most points; 4 scatterings.",
+    "window": "A room lit by a bright sky through one window; 8 scatterings.",
     "cove": "A room lit by two narrow strips behind ledges below its ceiling, at second hand everywhere; 8 scatterings.",
 }
 CURVES_TEXT = """Seconds are those of the picture alone; set-up is below. Columns: samples a second; the most samples a pixel

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.bench import indirect
+from tests.bench.peers.write_plain import write_scene
+from tests.bench.peers.write_usd import CAMERA
 from tests.described import replicate_means
 
 from primray import core
@@ -45,6 +47,25 @@ def test_a_guide_is_learnt_where_light_is_hard_to_find() -> None:
     guide = learnt("door")
     assert guide is not None
     assert 20 < guide.regions < 5000
+
+
+def test_a_guide_leads_to_windows(tmp_path: Path) -> None:
+    """Half of the error there is direct light of the sky, which rays look for."""
+    write_scene("window", tmp_path)
+    settings = RenderSettings(resolution=(48, 32), camera=CAMERA, max_depth=8)
+    opened = open_once(tmp_path / "window.usdc", settings)
+    scene = prepare(opened.stage, opened.diagnostics, settings, Costs(), Diagnostics()).scene
+    guide = core.module().learn_guide(scene._scene, 8, 2, core.lanes())
+    assert guide is not None
+
+    def error(use: Any, seed: int) -> float:
+        film = core.Film(scene)
+        ends = core.uniform_ends(film, 32)
+        core.module().render_pass(scene._scene, film._film, ends, 8, 2, 2, seed, core.lanes(), None, use)
+        one, other = replicate_means(film._film)
+        return float(((one - other) ** 2).mean())
+
+    assert sum(error(guide, seed) for seed in range(4)) < 0.7 * sum(error(None, seed) for seed in range(4))
 
 
 def test_bits_do_not_depend_on_lanes_or_threads() -> None:

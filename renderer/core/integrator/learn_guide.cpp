@@ -19,7 +19,8 @@ constexpr uint32_t kSeed = 0x6c078965u;
 constexpr double kHard = 0.002;
 // Pixels that pilots do not count.
 constexpr int kLeftOut = 5;
-// Where so much of the error is left with one scattering, indirect light is not what is hard.
+// Where so much of the error is left with one scattering, indirect light is not what is hard; but direct light of a dome, which
+// rays look for, may be guided as well: to windows.
 constexpr double kMostDirect = 0.3;
 // A guided ray costs more by its tables.
 constexpr double kGuidedCost = 1.25;
@@ -183,12 +184,16 @@ std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings&
   double cost = 1;  // over that without a guide
   const auto work = [&] {
     set_float_mode();
-    IntegratorSettings direct = settings;
-    direct.max_depth = 1;
-    const auto plain = std::make_unique<Pilot>(scene, settings, task), near = std::make_unique<Pilot>(scene, direct, task);
+    const auto plain = std::make_unique<Pilot>(scene, settings, task);
     const Pilot* whole[] = {plain.get()};
     const double error = relative_error(*plain, whole, kLeftOut);
-    if (error < kHard || relative_error(*near, whole, kLeftOut) > kMostDirect * error) return;
+    if (error < kHard) return;
+    if (scene.lights.domes.empty()) {
+      IntegratorSettings direct = settings;
+      direct.max_depth = 1;
+      const auto near = std::make_unique<Pilot>(scene, direct, task);
+      if (relative_error(*near, whole, kLeftOut) > kMostDirect * error) return;
+    }
     int first = 0;
     for (int tasks : kTasks) {
       std::vector<std::vector<Record>> found{size_t(tasks)};

@@ -204,6 +204,30 @@ def cove() -> Scene:
     return scene
 
 
+def window() -> Scene:
+    """A room lit by a bright sky through one window."""
+    scene = Scene("window", (480, 320), 8, Camera((0, 1.4, 3.6), (0.3, 1.2, -1), 62.0))
+    scene.looks = {
+        "plaster": Look("diffuse", (0.72, 0.7, 0.66)),
+        "floor": Look("diffuse", (0.42, 0.3, 0.2)),
+        "clay": Look("diffuse", (0.6, 0.32, 0.2)),
+    }
+    scene.add("ground", rectangle((0, 0, 0), (0, 0, 4), (3, 0, 0)), "floor")
+    scene.add("ceiling", rectangle((0, 3, 0), (3, 0, 0), (0, 0, 4)), "plaster")
+    scene.add("back", rectangle((0, 1.5, -4), (3, 0, 0), (0, 1.5, 0)), "plaster")
+    scene.add("front", rectangle((0, 1.5, 4), (0, 1.5, 0), (3, 0, 0)), "plaster")
+    scene.add("right", rectangle((3, 1.5, 0), (0, 1.5, 0), (0, 0, -4.0)), "plaster")
+    # The left wall, about a window from 1 to 2.2 above the floor.
+    for k, (low, high, far, near) in enumerate([(0, 3, -4, -2.5), (0, 3, -1, 4), (0, 1, -2.5, -1), (2.2, 3, -2.5, -1)]):
+        half = (0.1, (high - low) / 2, (near - far) / 2)
+        scene.add(f"left_{k}", block((-3.1, (low + high) / 2, (far + near) / 2), half), "plaster")
+    scene.add("table", block((-0.6, 0.4, -1.2), (0.8, 0.4, 0.45), 12), "clay")
+    scene.add("globe", ball(4, 0.3, (-0.6, 1.1, -1.2), smooth=True), "plaster")
+    scene.images = {"window_sky.exr": sky(256, (40, 40, 45), (40, 43, 50), (11, 10, 9))}
+    scene.lamps = [Lamp("sky", image="window_sky.exr")]
+    return scene
+
+
 SCENES: dict[str, Callable[[], Scene]] = {
     "box": box,
     "field": field_of_stones,
@@ -211,4 +235,5 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "metals": metals,
     "lamps": lamps,
     "cove": cove,
+    "window": window,
 }
