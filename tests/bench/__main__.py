@@ -1,7 +1,7 @@
 """The whole benchmark: python -m tests.bench [--quick] [--fresh] [STEP ...].
 
 Every step writes its own file in tests/bench/results; a run that was stopped goes on after its last finished step (--fresh
-begins again). About thirteen minutes on two quiet cores with every peer (PRIMRAY_PEERS, peers/installed.py) and with the
+begins again). About twenty minutes on two quiet cores with every peer (PRIMRAY_PEERS, peers/installed.py) and with the
 references there, which the first run makes (references.py). `make docs` then writes docs/benchmarks.md.
 """
 
@@ -19,7 +19,7 @@ from pathlib import Path
 from primray import core
 from primray.settings import QUICK_LOOK
 
-from . import ablations, curves, growth, replay, startup
+from . import ablations, curves, first_pictures, growth, replay, startup
 from .peer_runs import kept
 from .peers.scenes import SCENES
 from .results import write_results
@@ -54,6 +54,7 @@ def steps(quick: bool) -> dict[str, Callable[[], None]]:
     most = 10**6 if quick else 10**7
     repeated = 3 if quick else 5
     found: dict[str, Callable[[], None]] = {"startup": lambda: startup.report(3 if quick else startup.ROUNDS)}
+    found["first-pictures"] = lambda: first_pictures.report(1 if quick else first_pictures.ROUNDS)
     for scene in SCENES:
         found[f"curve-{scene}"] = lambda scene=scene: curves.report(scene, rounds, limit_s)  # type: ignore[misc]
     found["replay"] = lambda: replays(QUICK_LOOK, repeated)  # the fewest that are split and guided

@@ -15,7 +15,6 @@ import shutil
 import statistics
 import subprocess
 import sys
-import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -57,27 +56,41 @@ def module_of(row: Row) -> Path:
 
 
 def build(row: Row) -> None:
+    """All rows in one tree, in which only what a row changes is compiled anew."""
     target = module_of(row)
     if target.exists():
         return
     scripts = Path(sys.executable).parent
     nanobind = subprocess.run([sys.executable, "-m", "nanobind", "--cmake_dir"], capture_output=True, text=True, check=True)
-    with tempfile.TemporaryDirectory() as folder:
-        sources, made = Path(folder) / "core", Path(folder) / "build"
-        shutil.copytree(SOURCES, sources)
-        for file, text in edited(row).items():
-            (sources / file).write_text(text, encoding="utf-8")
-        flags = " ".join(f"-D{name}" for name in row.defines)
-        configure = [scripts / "cmake", "-G", "Ninja", "-S", sources, "-B", made, f"-DCMAKE_CXX_FLAGS={flags}"]
-        configure += [f"-Dnanobind_DIR={nanobind.stdout.strip()}", f"-DPython_EXECUTABLE={sys.executable}"]
-        configure += [f"-DCMAKE_MAKE_PROGRAM={scripts / 'ninja'}"]
-        for command in (configure, [scripts / "ninja", "-C", made, f"_core_{core.isa()}"]):
-            done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
-            if done.returncode:
-                raise SystemExit(f"{row.name}:\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}")
-        [module] = made.rglob(f"_core_{core.isa()}*.so")
-        target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(module, target)
+    sources, made = kept() / "ablated/core", kept() / "ablated/build"
+    put_sources(row, sources)
+    flags = " ".join(f"-D{name}" for name in row.defines)
+    configure = [scripts / "cmake", "-G", "Ninja", "-S", sources, "-B", made, f"-DCMAKE_CXX_FLAGS={flags}"]
+    configure += [f"-Dnanobind_DIR={nanobind.stdout.strip()}", f"-DPython_EXECUTABLE={sys.executable}"]
+    configure += [f"-DCMAKE_MAKE_PROGRAM={scripts / 'ninja'}"]
+    for command in (configure, [scripts / "ninja", "-C", made, f"_core_{core.isa()}"]):
+        done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise SystemExit(f"{row.name}:\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}")
+    [module] = made.rglob(f"_core_{core.isa()}*.so")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copy(module, target)
+
+
+def put_sources(row: Row, folder: Path) -> None:
+    """The core's sources with the row's changes; files that are so already keep their times."""
+    changed = edited(row)
+    wanted = {path.relative_to(SOURCES) for path in SOURCES.rglob("*") if path.is_file() and "__pycache__" not in path.parts}
+    for path in [path for path in folder.rglob("*") if path.is_file()]:
+        if path.relative_to(folder) not in wanted:
+            path.unlink()
+    for name in wanted:
+        there, data = folder / name, (SOURCES / name).read_bytes()
+        if text := changed.get(name.as_posix()):
+            data = text.encode()
+        if not there.exists() or there.read_bytes() != data:
+            there.parent.mkdir(parents=True, exist_ok=True)
+            there.write_bytes(data)
 
 
 def once(scene: str, row: Row, seed: int) -> dict[str, Any]:

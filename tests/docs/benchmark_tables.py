@@ -101,17 +101,22 @@ def curves_lost(scene: str, rows: Rows) -> Iterator[str]:
 def _median(row: dict[str, Any], what: str) -> float:
     if what == "peak_mb":
         return float(statistics.median(r["pictures"][-1]["peak_mb"] for r in row["rounds"]))
-    return float(statistics.median(r["first"][what] for r in row["rounds"]))
+    return float(statistics.median(first[what] for first in firsts(row)))
+
+
+def firsts(row: dict[str, Any]) -> Rows:
+    """First pictures: those that were made by turns, where they were, or else those of a curve."""
+    return row.get("firsts") or [r["first"] for r in row["rounds"]]
 
 
 def first_table(scenes: dict[str, Rows]) -> str:
     lines = []
     for scene, rows in scenes.items():
         for row in measured(rows):
-            firsts = [r["first"] for r in row["rounds"]]
-            stages = {name: statistics.median(f["stages_s"][name] for f in firsts) for name in firsts[0]["stages_s"]}
+            found = firsts(row)
+            stages = {name: statistics.median(f["stages_s"][name] for f in found) for name in found[0]["stages_s"]}
             told = ", ".join(f"{name} {seconds:.2f}" for name, seconds in stages.items() if seconds >= 0.005)
-            whole = spread([f["process_s"] for f in firsts])
+            whole = spread([f["process_s"] for f in found])
             lines.append((scene, row["renderer"], whole, told, f"{_median(row, 'peak_mb'):.0f}"))
     return table(("scene", "renderer", "s to a first picture", "of which, s", "peak MB"), lines)
 

@@ -109,6 +109,12 @@ def page() -> Page:
 
 def _curves(made: Page) -> None:
     found = {scene: latest(f"curve-{scene}") for scene in SCENES}
+    by_turns = latest("first-pictures")
+    for each in by_turns["rows"] if by_turns else ():
+        if curve := found[each["scene"]]:
+            for row in curve["rows"]:
+                if row["renderer"] == each["renderer"]:
+                    row["firsts"] = each["firsts"]
     made.add("## Time to an error", CURVES_TEXT)
     for scene, kept in found.items():
         made.add(f"### {scene}", SCENE_TEXT[scene])
@@ -132,6 +138,8 @@ def _curves(made: Page) -> None:
         made.about(startup)
         rows = [(row["name"], tables.spread(row["seconds"])) for row in startup["rows"]]
         made.add("The floor, in whole processes:", tables.table(("process", "s"), rows))
+    if by_turns:
+        made.about(by_turns)
     made.add(tables.first_table({scene: kept["rows"] for scene, kept in found.items() if kept}))
 
 

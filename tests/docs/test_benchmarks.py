@@ -65,6 +65,7 @@ def test_times_to_an_error_and_their_ratio():
         (curve("other", 0.12, 0.1), ["to a relMSE of 0.002 ours is 1.20 times as fast as other, 1.3 times is aimed at"]),
         (curve("other", 0.05, 0.1), ["other reaches a relMSE of 0.002 in 2.50 s, ours in 5.00 s"]),
         (curve("other", 0.3, 0.1, first=0.5), ["other takes 0.5 s to a first picture, ours 1"]),
+        (curve("other", 0.3, 0.1) | {"firsts": [{"process_s": 0.5}]}, ["other takes 0.5 s to a first picture, ours 1"]),
         (curve("other", 0.3, 0.1, peak=50.0), ["other takes 50 MB of memory, ours 100"]),
     ],
 )
