@@ -78,7 +78,7 @@ class Checkpoint:
     under_way: bool  # some pixels have more
     adaptive: bool
     splits: int
-    quick_look: bool
+    screen_block: int  # not 0 for a quick look
     seconds: float
     lanes: tuple[int, int]  # busy, shaded
     rows: tuple[Row, ...]
@@ -128,7 +128,7 @@ def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
         "under_way": sampling.ends is not None,
         "adaptive": settings.adapts,
         "splits": sampling.splits,
-        "quick_look": settings.is_quick_look,
+        "screen_block": settings.screen_block,
         "seconds": sampling.seconds,
         "lanes": [sampling.busy_lanes, sampling.shaded_lanes],
         "rows": rows,
@@ -204,7 +204,7 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
         under_way=bool(header["under_way"]),
         adaptive=bool(header["adaptive"]),
         splits=int(header["splits"]),
-        quick_look=bool(header["quick_look"]),
+        screen_block=int(header["screen_block"]),
         seconds=float(header["seconds"]),
         lanes=(int(busy), int(shaded)),
         rows=_rows(header["rows"], arrays, tiles),
@@ -301,8 +301,8 @@ def resume(scene: core.CoreScene, settings: RenderSettings, about: About, checkp
         is_, was = ("adaptive", "uniform") if settings.adapts else ("uniform", "adaptive")
         raise _other(f"its sampling is {was}, not {is_}", checkpoint.path)
     _check_range(settings, checkpoint)
-    if checkpoint.quick_look and not settings.is_quick_look:
-        # More samples are taken otherwise. The few that are held are less than a picture of both would lose.
+    if checkpoint.screen_block != settings.screen_block and checkpoint.ranges[0][1] < settings.most_samples:
+        # A quick look takes its samples otherwise. The few that are held are less than a picture of both would lose.
         return Sampling.begin(scene, settings)
     sampling = Sampling(scene, settings, core.Film(scene, checkpoint.film), checkpoint.splits)
     sampling.done = checkpoint.ranges[0][1]

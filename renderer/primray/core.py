@@ -398,6 +398,7 @@ def render_pass(
             progress,
             guide,
             caustics,
+            settings.screen_block,
         )
     except module().CoreError as error:
         _raise(error)

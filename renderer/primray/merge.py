@@ -92,6 +92,8 @@ def _check_part(part: Checkpoint, held: Sequence[Checkpoint]) -> None:
         raise _unfit("its sampling is adaptive: its pixels do not have the same samples", part.path)
     if held and held[0].splits != part.splits:
         raise _unfit("its paths were split otherwise", part.path)
+    if held and held[0].screen_block != part.screen_block:
+        raise _unfit("one of them is a quick look of up to 3 samples, which others cannot follow", part.path)
 
 
 def _check_overlap(span: Range, path: Path, taken: Sequence[tuple[Range, Path]]) -> None:

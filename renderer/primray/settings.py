@@ -94,6 +94,12 @@ class RenderSettings:
         return self.sample_range is None and not self.stops_early and self.most_samples < QUICK_LOOK
 
     @property
+    def screen_block(self) -> int:
+        """Samples of each replicate and pixel that one sequence over the whole screen gives to a quick look: errors of
+        neighbours make up for each other then. 0 where any number of samples may follow: each pixel has its own."""
+        return (0, 1, 1, 2)[self.most_samples] if self.is_quick_look else 0
+
+    @property
     def stops_early(self) -> bool:
         return self.target_error is not None or self.time_limit_s is not None
 

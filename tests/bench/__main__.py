@@ -19,7 +19,7 @@ from pathlib import Path
 from primray import core
 from primray.settings import QUICK_LOOK
 
-from . import ablations, curves, first_pictures, growth, replay, startup
+from . import ablations, curves, first_pictures, growth, quick_looks, replay, startup
 from .peer_runs import kept
 from .peers.scenes import SCENES
 from .results import write_results
@@ -55,6 +55,7 @@ def steps(quick: bool) -> dict[str, Callable[[], None]]:
     repeated = 3 if quick else 5
     found: dict[str, Callable[[], None]] = {"startup": lambda: startup.report(3 if quick else startup.ROUNDS)}
     found["first-pictures"] = lambda: first_pictures.report(1 if quick else first_pictures.ROUNDS)
+    found["quick-looks"] = quick_looks.report
     for scene in SCENES:
         found[f"curve-{scene}"] = lambda scene=scene: curves.report(scene, rounds, limit_s)  # type: ignore[misc]
     found["replay"] = lambda: replays(QUICK_LOOK, repeated)  # the fewest that are split and guided

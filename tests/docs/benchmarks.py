@@ -49,6 +49,9 @@ make of a scene, and LuxCore's pictures stand one pixel lower."""
 FIRST_TEXT = """From the start of the process to a first picture of one sample at the scene's resolution, ours until the process
 has ended and the file is written, the others' until the pixels are there; and the peak memory of the process after its largest
 picture."""
+LOOKS_TEXT = """Pictures of up to three samples take their numbers from one sequence over the whole screen, so that errors of
+neighbouring pixels make up for each other: mean square errors of one sample, over those of pixels with sequences of their own,
+as they are and blurred by a Gaussian of so many pixels."""
 REPLAY_TEXT = """Every ray of a render on one thread, recorded in order and the way it was traced, is traced again by Embree
 alone, by turns with the render: its seconds over the render's. Above 1 is possible: recorded rays come from memory, and scenes
 of few triangles are rendered without Embree."""
@@ -141,6 +144,11 @@ def _curves(made: Page) -> None:
     if by_turns:
         made.about(by_turns)
     made.add(tables.first_table({scene: kept["rows"] for scene, kept in found.items() if kept}))
+    if looks := latest("quick-looks"):
+        made.add("### Quick looks", LOOKS_TEXT)
+        made.about(looks)
+        head = ("scene", *(f"blurred by {blur}" if blur else "as it is" for blur in looks["rows"][0]["blurs"]))
+        made.add(tables.table(head, [(row["scene"], *(f"{r:.2f}" for r in row["ratios"])) for row in looks["rows"]]))
 
 
 def _ranges(row: dict[str, Any]) -> list[tuple[float, float]]:

@@ -150,6 +150,25 @@ def test_a_quick_look_leaves_no_trace(cut: bool, tmp_path: Path, cutter: Cutter)
     assert direct.splits > 1
 
 
+@pytest.mark.parametrize("few", [1, 2])
+def test_a_quick_look_begins_anew_for_another(few: int, tmp_path: Path) -> None:
+    """Of 3 samples, which share their sequences otherwise; 2 go on from 1."""
+    path = save(run(spp=few), tmp_path / "a.prc")
+    for samples in (2, 3):
+        longer = go_on(path, spp=samples)
+        longer.run()
+        assert_same(run(spp=samples), longer)
+
+
+def test_a_long_render_that_was_cut_soon_is_none_of_a_quick_look(tmp_path: Path, cutter: Cutter) -> None:
+    cutter.share = 1.0
+    path = save(run(spp=24), tmp_path / "a.prc")
+    cutter.share = 0.0
+    look = go_on(path, spp=2)
+    look.run()
+    assert_same(run(spp=2), look)
+
+
 @pytest.mark.parametrize("factor", [1.3, 1.7, 2.1])
 def test_no_cap_decides(factor: float, tmp_path: Path, first_error: float) -> None:
     """Caps before, at and after where a render without them looks at the error; some end below the target by chance."""

@@ -131,8 +131,36 @@ def test_errors_of_pixels_and_replicates_are_independent() -> None:
         assert abs(e.mean()) < 5 * e.std() / side
 
 
+@pytest.mark.parametrize("block", [1, 2])
+@pytest.mark.parametrize("replicate", [0, 1])
+def test_squares_of_pixels_share_a_net_on_the_screen(block: int, replicate: int) -> None:
+    for side, x0, y0 in ((2, 6, 4), (4, 12, 40), (16, 1600, 0), (32, 32, 32768 - 32)):
+        x, y = (column.ravel() for column in np.meshgrid(x0 + np.arange(side), y0 + np.arange(side)))
+        for purpose in (CHAIN, 4):
+            key = np.zeros((side * side * block, 6), np.int32)
+            key[:, 0], key[:, 1], key[:, 2] = np.repeat(x, block), np.repeat(y, block), replicate
+            key[:, 3], key[:, 4], key[:, 5] = np.tile(np.arange(block), side * side), 1, purpose
+            assert is_net(kernels().sampler_numbers(3, key, screen_block=block)[0]), (side, purpose)
+            assert not is_net(kernels().sampler_numbers(3, key)[0]), (side, purpose)
+
+
+def test_replicates_on_the_screen_are_independent() -> None:
+    side = 64
+    x, y = (column.ravel() for column in np.meshgrid(np.arange(side), np.arange(side)))
+    key = np.zeros((side * side, 6), np.int32)
+    key[:, 0], key[:, 1], key[:, 4], key[:, 5] = x, y, 1, 4
+    pairs = []
+    for replicate in (0, 1):
+        key[:, 2] = replicate
+        pairs.append(kernels().sampler_numbers(9, key, screen_block=1)[0])
+    for a in pairs[0].T:
+        for b in pairs[1].T:
+            assert abs(np.corrcoef(a, b)[0, 1]) < 4.9 / side
+
+
 def test_lanes_do_not_change_bits() -> None:
     rng = np.random.default_rng(1)
     key = np.stack([rng.integers(0, high, 1001) for high in (4000, 4000, 2, 100000, 40, PURPOSES)], axis=1).astype(np.int32)
-    for one, many in zip(kernels().sampler_numbers(5, key, 1), kernels().sampler_numbers(5, key), strict=True):
-        assert np.array_equal(one, many)
+    for block in (0, 2):
+        one, many = (kernels().sampler_numbers(5, key, *lanes, screen_block=block) for lanes in ((1,), ()))
+        assert all(np.array_equal(a, b) for a, b in zip(one, many, strict=True))

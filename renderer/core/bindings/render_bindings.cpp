@@ -17,8 +17,9 @@ struct Recording {
 };
 
 PassStatistics pass(const Scene& scene, Film& film, const InArray<uint32_t>& ends, int max_depth, int splits, int threads,
-                    uint32_t seed, int lanes, nb::object progress, const Guide* guide, const CausticGuide* caustics) {
-  IntegratorSettings settings{max_depth, threads, seed, splits};
+                    uint32_t seed, int lanes, nb::object progress, const Guide* guide, const CausticGuide* caustics,
+                    int screen_block) {
+  IntegratorSettings settings{max_depth, threads, seed, splits, screen_block};
   settings.guide = guide, settings.caustics = caustics;
   const std::span<const uint32_t> to = span_of(ends);
   const Progress poll = [&](double fraction) {
@@ -100,7 +101,7 @@ void bind_render(nb::module_& m) {
       nb::call_guard<nb::gil_scoped_release>());
   m.def("render_pass", &pass, nb::arg("scene"), nb::arg("film"), nb::arg("ends"), nb::arg("max_depth"), nb::arg("splits"),
         nb::arg("threads"), nb::arg("seed"), nb::arg("lanes"), nb::arg("progress").none(), nb::arg("guide").none() = nb::none(),
-        nb::arg("caustics").none() = nb::none());
+        nb::arg("caustics").none() = nb::none(), nb::arg("screen_block") = 0);
   nb::class_<Guide>(m, "Guide")
       .def_prop_ro("regions", [](const Guide& g) { return g.cdf.size() / (Guide::kBins + 1); })
       .def_ro("alone", &Guide::alone)

@@ -193,15 +193,16 @@ nb::tuple choose_lights(const Scene& scene, InArray<double> p_, InFloats n_, InF
   return nb::make_tuple(light.array(), probability.array());
 }
 
-// Rows of `key`: pixel x, pixel y, replicate, index, bounce (or link), purpose. Pairs (N, 2), and singles (N,).
-nb::tuple sampler_numbers(uint32_t seed, InInts key_, int lanes) {
+// Rows of `key`: pixel x, pixel y, replicate, index, bounce (or link), purpose. Pairs (N, 2), and singles (N,). screen_block:
+// 0, or the points of each pixel in one sequence over the screen.
+nb::tuple sampler_numbers(uint32_t seed, InInts key_, int lanes, int screen_block) {
   const size_t n = key_.shape(0);
   const Input<int32_t> key(key_, n, 6);
   Column<float> pairs(n, 2), singles(n);
   for_rows(n, lanes, [&]<int W>(size_t at) {
     const auto number = [&](int c) { return key.number<W>(at, c); };
-    const Sampler<W> all{reverse_bits(bit_cast<vuint<W>>(number(3))),
-                         Sampler<W>::pixel_seed(seed, number(0), number(1), bit_cast<vuint<W>>(number(2)))};
+    const vuint<W> replicate = bit_cast<vuint<W>>(number(2)), index = bit_cast<vuint<W>>(number(3));
+    const auto all = Sampler<W>::of(seed, number(0), number(1), replicate, index, screen_block);
     // A purpose is the same for all lanes in the kernels: ask for each and keep what each lane wants.
     for (uint32_t purpose = 0; purpose < uint32_t(Purpose::kCount); ++purpose) {
       const bool chain = Purpose(purpose) == Purpose::kChain;
@@ -321,7 +322,7 @@ void bind_testing(nb::module_& m) {
   m.def("light_probabilities", &light_probabilities, nb::arg("scene"), nb::arg("p"), nb::arg("n"), lanes);
   m.def("light_shaping", &light_shaping_rows, nb::arg("scene"), nb::arg("light"), nb::arg("wi"), lanes);
   m.def("choose_light", &choose_lights, nb::arg("scene"), nb::arg("p"), nb::arg("n"), nb::arg("u"), lanes);
-  m.def("sampler_numbers", &sampler_numbers, nb::arg("seed"), nb::arg("key"), lanes);
+  m.def("sampler_numbers", &sampler_numbers, nb::arg("seed"), nb::arg("key"), lanes, nb::arg("screen_block") = 0);
   m.def("camera_rays", &camera_rays, nb::arg("scene"), nb::arg("pixel"), nb::arg("film"), nb::arg("lens"), lanes);
   m.def("has_few_triangles", [](const Scene& scene) { return scene.few.any(); });
   m.def("intersect", &intersect_rays, nb::arg("scene"), nb::arg("o"), nb::arg("d"), lanes, nb::arg("packet") = true,

@@ -14,6 +14,9 @@ struct IntegratorSettings {
   int threads = 1;
   uint32_t seed = 0;
   int splits = 0;  // 1, 2, 4 or 8 paths that go on from the first surface that is no mirror; 0: what a pilot finds best
+  // So many samples of each replicate and pixel are points of one sequence over the screen, whose errors look finer; a power of
+  // two. 0: pixels have sequences of their own, which any number of samples may follow.
+  int screen_block = 0;
   const Guide* guide = nullptr;            // what scattered rays are drawn by, beside the BSDF
   GuideLog* log = nullptr;                 // of paths that learn a guide
   const CausticGuide* caustics = nullptr;  // what scattered rays are drawn by towards metal and glass

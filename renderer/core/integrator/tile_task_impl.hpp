@@ -85,7 +85,7 @@ class TilePaths {
       }
       const I px = load<W>(x), py = load<W>(y);
       PathLanes<W> p;
-      p.sampler = {reverse_bits(load<W>(index)), Sampler<W>::pixel_seed(settings_.seed, px, py, load<W>(replicate))};
+      p.sampler = Sampler<W>::of(settings_.seed, px, py, load<W>(replicate), load<W>(index), settings_.screen_block);
       const Pair<W> film = p.sampler.link(I(first_link()));
       Pair<W> lens{F(0.5f), F(0.5f)};
       if (scene_.camera.lens_radius > 0) lens = p.sampler.pair(I(0), Purpose::kLens);

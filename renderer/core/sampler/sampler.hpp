@@ -1,4 +1,5 @@
-// Owen-scrambled Sobol points: a number in [0,1) is a function of (seed, pixel, replicate, index, dimension) and nothing else.
+// Owen-scrambled Sobol points: a number in [0,1) is a function of (seed, pixel, replicate, index, dimension) and, in quick
+// looks, of how many samples are asked for; of nothing else.
 //
 // Every pair of dimensions takes the first two Sobol dimensions at an index shuffled for that pair, scrambled again: Burley
 // 2020, "Practical Hash-based Owen Scrambling", with the hash of Laine and Karras 2011 as improved by Vegdahl 2021 ("Building a
@@ -108,6 +109,16 @@ PRIMRAY_INLINE vuint<W> pascal_of_four(vuint<W> x) {
   return scale_digits(x, 0xe79e79e7u);
 }
 
+// The lower 16 bits, at even places.
+template <int W>
+PRIMRAY_INLINE vuint<W> every_other_bit(vuint<W> x) {
+  x = x & vuint<W>(0x0000ffffu);
+  x = (x ^ (x << 8)) & vuint<W>(0x00ff00ffu);
+  x = (x ^ (x << 4)) & vuint<W>(0x0f0f0f0fu);
+  x = (x ^ (x << 2)) & vuint<W>(0x33333333u);
+  return (x ^ (x << 1)) & vuint<W>(0x55555555u);
+}
+
 template <int W>
 struct Pair {
   vfloat<W> u, v;
@@ -120,6 +131,16 @@ struct Sampler {
 
   static PRIMRAY_INLINE vuint<W> pixel_seed(uint32_t seed, vint<W> x, vint<W> y, vuint<W> replicate) {
     return mix(mix(mix(mix(vuint<W>(seed)) + bit_cast<vuint<W>>(x)) ^ (bit_cast<vuint<W>>(y) << 1)) + replicate);
+  }
+  // Of sample `index` of a pixel. With a `screen_block`, a power of two above all indices, one sequence goes over the screen in
+  // Morton order and gives so many points to each pixel: any square of 2^k x 2^k pixels at multiples of 2^k has a net, so
+  // errors of neighbours make up for each other (Ahmed and Wonka 2020, "Screen-Space Blue-Noise Diffusion of Monte Carlo
+  // Sampling Error via Hierarchical Ordering of Pixels"). 0: every pixel has a sequence of its own.
+  static PRIMRAY_INLINE Sampler of(uint32_t seed, vint<W> x, vint<W> y, vuint<W> replicate, vuint<W> index, int screen_block) {
+    if (screen_block == 0) return {reverse_bits(index), pixel_seed(seed, x, y, replicate)};
+    const vuint<W> place = every_other_bit(bit_cast<vuint<W>>(x)) | (every_other_bit(bit_cast<vuint<W>>(y)) << 1);
+    const vint<W> none(0);
+    return {reverse_bits(place * vuint<W>(uint32_t(screen_block)) + index), pixel_seed(seed, none, none, replicate)};
   }
 
   PRIMRAY_INLINE vuint<W> dimension_seed(vint<W> bounce, Purpose purpose) const {
