@@ -68,6 +68,16 @@ def test_a_guide_leads_to_windows(tmp_path: Path) -> None:
     assert sum(error(guide, seed) for seed in range(4)) < 0.7 * sum(error(None, seed) for seed in range(4))
 
 
+def test_paths_go_on_by_what_they_are_expected_to_bring() -> None:
+    """The guide's directions alone leave 0.65 of the error; with roulette by expected light it is 0.29."""
+
+    def error(use: Any) -> float:
+        means = [replicate_means(rendered("door", 64, use, seed=seed)) for seed in range(4)]
+        return float(np.mean([(one - other) ** 2 for one, other in means]))
+
+    assert error(learnt("door")) < 0.45 * error(None)
+
+
 def test_bits_do_not_depend_on_lanes_or_threads() -> None:
     guides = {lanes: learnt("door", lanes) for lanes in (1, core.lanes())}
     runs = [(1, core.lanes(), 2), (1, 1, 1), (core.lanes(), 1, 3), (core.lanes(), core.lanes(), 1)]  # guide's, lanes, threads

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "math/transcendental.hpp"
 #include "math/vec3.hpp"
 
 namespace primray {
@@ -30,8 +31,10 @@ struct Guide {
   float low[3], cells_per_unit[3];
   std::vector<int32_t> region;  // by side and cell; -1 where too little is known
   std::vector<float> cdf;       // kBins + 1 by region, from 0 to 1
+  std::vector<float> received;  // by region: radiance from all sides of its half of the sphere, the mean by cosines
+  float usual = 0;              // of all regions
   bool alone = false;           // photons that guide into caustics are not worth their time beside it
-  int64_t memory_bytes() const { return int64_t(4 * (region.size() + cdf.size())); }
+  int64_t memory_bytes() const { return int64_t(4 * (region.size() + cdf.size() + received.size())); }
 
   template <int W>
   static PRIMRAY_INLINE vint<W> side_of(const vvec3<W>& n) {
@@ -98,6 +101,14 @@ struct Guide {
     return select(local.z > vfloat<W>(0.0f), mass * float(kBins) * bin.density, vfloat<W>(0.0f));
   }
 
+  // Radiance that comes from directions `d`, as far as is known, in valid regions.
+  template <int W>
+  PRIMRAY_INLINE vfloat<W> radiance(const GuidePlace<W>& at, const vvec3<W>& d) const {
+    // pdf is of radiance times cosine; in a bin of the lowest cosines that is too little to divide by.
+    const vfloat<W> cosine = max(abs(to_side(at.side, d).z), 1.0f / kCosine);
+    return gather<W>(received.data(), at.region) * kPi * pdf(at, d) / cosine;
+  }
+
   template <int W>
   PRIMRAY_INLINE vvec3<W> sample(const GuidePlace<W>& at, vfloat<W> u, vfloat<W> v) const {
     const vint<W> base = at.region * vint<W>(kBins + 1);
@@ -119,10 +130,10 @@ struct Guide {
   }
 };
 
-// A vertex of a learning path: where it stood, the direction that was drawn there with which density, what the path carried on,
-// and the luminance that came back.
+// A vertex of a learning path: where it stood, the direction that was drawn there with which density, with which chance the
+// path went on, what it carried on, and the luminance that came back.
 struct GuideRecord {
-  float p[3], n[3], d[3], pdf, beta, cosine, found;
+  float p[3], n[3], d[3], pdf, survival, beta, cosine, found;
   int32_t round;
 };
 

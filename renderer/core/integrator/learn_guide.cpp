@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numeric>
 #include <thread>
 
 #include "integrator/pilot.hpp"
@@ -38,6 +39,7 @@ constexpr float kMostOfMean = 50;
 struct Record {
   float p[3];
   float value;  // an estimate of the cosine-weighted radiance in its bin's direction, over the density it was found with
+  float paths;  // that it stands for: others from there did not go on
   int16_t bin;
   int8_t side;
 };
@@ -59,7 +61,7 @@ std::vector<Record> run_task(const Scene& scene, IntegratorSettings settings, Ta
   for (int slot = 0; slot < Worker::kSlots; ++slot) {
     for (int i = 0; i < log.counts[size_t(slot)]; ++i) {
       const GuideRecord& r = log.records[size_t(slot) * GuideLog::kMost + size_t(i)];
-      const float value = r.found * r.cosine / r.pdf;
+      const float value = r.found * r.cosine / (r.pdf * r.survival);
       if (!std::isfinite(value) || !(r.beta > 0)) continue;
       const vvec3<1> d{vfloat<1>(r.d[0]), vfloat<1>(r.d[1]), vfloat<1>(r.d[2])};
       const vvec3<1> n{vfloat<1>(r.n[0]), vfloat<1>(r.n[1]), vfloat<1>(r.n[2])};
@@ -68,7 +70,7 @@ std::vector<Record> run_task(const Scene& scene, IntegratorSettings settings, Ta
       // Directions beyond the side's half of the sphere only tell that the region is known.
       const bool before = local.z[0] > 0;
       const int bin = before ? Guide::bin_of<1>(local).number[0] : 0;
-      records.push_back({{r.p[0], r.p[1], r.p[2]}, before ? value : 0.0f, int16_t(bin), int8_t(side[0])});
+      records.push_back({{r.p[0], r.p[1], r.p[2]}, before ? value : 0.0f, 1 / r.survival, int16_t(bin), int8_t(side[0])});
     }
   }
   return records;
@@ -134,27 +136,34 @@ std::unique_ptr<Guide> build(const std::vector<Record>& records) {
   const size_t cells = size_t(Guide::kSides) * Guide::kGrid * Guide::kGrid * Guide::kGrid;
   guide->region.assign(cells, -1);
   std::vector<int> counts(cells), cell_of(records.size());
-  double sum = 0;
+  double sum = 0, all_paths = 0;
   for (size_t i = 0; i < records.size(); ++i) {
     const Record& r = records[i];
     const vvec3<1> p{vfloat<1>(r.p[0]), vfloat<1>(r.p[1]), vfloat<1>(r.p[2])};
     cell_of[i] = guide->cell_of<1>(vint<1>(r.side), p)[0];
     ++counts[size_t(cell_of[i])];
-    sum += double(r.value);
+    sum += double(r.value), all_paths += double(r.paths);
   }
   Regions regions{counts, extent, *guide};
   for (int side = 0; side < Guide::kSides; ++side) regions.halve(side, {0, 0, 0}, {Guide::kGrid, Guide::kGrid, Guide::kGrid});
   if (regions.regions == 0) return nullptr;
   const double most = kMostOfMean * sum / double(records.size());
   std::vector<double> bins(size_t(regions.regions) * Guide::kBins);
+  std::vector<double> paths(size_t(regions.regions));
   for (size_t i = 0; i < records.size(); ++i) {
     const int region = guide->region[size_t(cell_of[i])];
-    if (region >= 0) bins[size_t(region) * Guide::kBins + size_t(records[i].bin)] += std::min(double(records[i].value), most);
+    if (region < 0) continue;
+    bins[size_t(region) * Guide::kBins + size_t(records[i].bin)] += std::min(double(records[i].value), most);
+    paths[size_t(region)] += double(records[i].paths);
   }
+  guide->usual = float(sum / all_paths / kPi);
   guide->cdf.resize(size_t(regions.regions) * (Guide::kBins + 1));
+  guide->received.resize(size_t(regions.regions));
   std::array<double, Guide::kBins> soft;
   for (int region = 0; region < regions.regions; ++region) {
-    soften(&bins[size_t(region) * Guide::kBins], soft.data());
+    const double* own = &bins[size_t(region) * Guide::kBins];
+    guide->received[size_t(region)] = float(std::accumulate(own, own + Guide::kBins, 0.0) / paths[size_t(region)] / kPi);
+    soften(own, soft.data());
     double total = 0, run = 0;
     for (double b : soft) total += b;
     float* cdf = &guide->cdf[size_t(region) * (Guide::kBins + 1)];

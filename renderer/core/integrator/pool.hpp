@@ -64,15 +64,16 @@ struct PathLanes {
   vfloat<W> cone_width, cone_spread;
   vvec3<W> share;
   vvec3<W> normal;
+  vfloat<W> first;
   vint<W> link;
   vint<W> slot, depth, vertex;
   Sampler<W> sampler;
 };
 
 // What paths of a scene carry beyond the rest: through see-through surfaces, over textures, to lights with lobe factors, to
-// lights that are linked, while a shutter is open, among many lights.
+// lights that are linked, while a shutter is open, among many lights, with a guide.
 struct PathNeeds {
-  bool travelled, cones, shares, links, time, normals;
+  bool travelled, cones, shares, links, time, normals, first;
 };
 
 // One path between two vertices: its ray, and what it needs to go on.
@@ -95,6 +96,8 @@ struct PathPool {
   alignas(64) float time[kPadded];
   // Only where lights are chosen by a tree: the normal of the surface that scattered last, on the side that is lit.
   alignas(64) float nx[kPadded], ny[kPadded], nz[kPadded];
+  // Only with a guide: what the first surface that it knows receives; see expected_light().
+  alignas(64) float first[kPadded];
   // Only where lights are linked: the row of the surface that scattered last, or kUnlinkedRow.
   alignas(64) int32_t link[kPadded];
   int count = 0;
@@ -124,6 +127,7 @@ struct PathPool {
     if (needs.time) p.ray.time = load<W>(time + at);
     p.normal = vvec3<W>(vfloat<W>(0.0f));
     if (needs.normals) p.normal = {load<W>(nx + at), load<W>(ny + at), load<W>(nz + at)};
+    p.first = needs.first ? load<W>(first + at) : vfloat<W>(0.0f);
     p.link = needs.links ? load<W>(link + at) : vint<W>(kUnlinkedRow);
     p.slot = load<W>(slot + at), p.depth = load<W>(depth + at), p.vertex = load<W>(vertex + at);
     p.sampler = {load<W>(reversed_index + at), load<W>(seed + at)};
@@ -144,6 +148,7 @@ struct PathPool {
     if (needs.time) c.append(time + at, p.ray.time);
     if (needs.links) c.append(link + at, p.link);
     if (needs.normals) c.append(nx + at, p.normal.x), c.append(ny + at, p.normal.y), c.append(nz + at, p.normal.z);
+    if (needs.first) c.append(first + at, p.first);
     c.append(slot + at, p.slot), c.append(depth + at, p.depth), c.append(vertex + at, p.vertex);
     c.append(reversed_index + at, p.sampler.reversed_index), c.append(seed + at, p.sampler.seed);
     count += c.count;

@@ -28,7 +28,8 @@ class TilePaths {
         w_(worker),
         recorder_(recorder),
         needs_{scene.has_thin,           scene.has_inputs,          scene.lights.lobe_factors,
-               scene.lights.links.any(), scene.camera.shutter_open, scene.lights.by_tree()},
+               scene.lights.links.any(), scene.camera.shutter_open, scene.lights.by_tree(),
+               settings.guide != nullptr},
         samples_(block.count[0] + block.count[1]) {
     if (has_special() && !w_.special_shadows) w_.special_shadows = std::make_unique<SpecialShadowQueue>();
   }
@@ -93,7 +94,7 @@ class TilePaths {
       p.ray = {ray.o, ray.d, ray.tnear, ray.tfar};
       if (needs_.time) p.ray.time = p.sampler.single(I(0), kShutterTime);
       p.beta = V(F(1.0f)), p.share = p.normal = V(F(0.0f)), p.link = I(kUnlinkedRow);
-      p.bsdf_pdf = p.travelled = F(0.0f), p.splits = F(1.0f);
+      p.bsdf_pdf = p.travelled = p.first = F(0.0f), p.splits = F(1.0f);
       p.cone_width = F(scene_.camera.cone_width()), p.cone_spread = F(scene_.camera.cone_spread());
       p.slot = load<W>(slot), p.depth = p.vertex = I(0);
       pool.append(Compaction<W>(lane_numbers<W>() < I(n)), p, needs_);
@@ -398,13 +399,17 @@ class TilePaths {
       const B widely = (s.pdf > F(0.0f)) & (s.pdf < F(kDiffuseDensity));
       n.splits = select(widely, min(n.splits, float(settings_.splits)), n.splits);
     }
+    const F expected = needs_.first ? expected_light(*settings_.guide, v.place, n.ray.d, n.first) : F(0.0f);
     const B roulette = alive & (bounce >= I(kRouletteStart)) & !s.straight;
+    F survive(1.0f);
     if (any(roulette)) {
       const F most = select(bounce >= I(kRouletteDeep), F(kRouletteDeepKeep), F(1.0f));
-      const F survive = min(max_component(n.beta) * n.splits * kRouletteKeep, most);
+      F kept = max_component(n.beta) * n.splits * kRouletteKeep;
+      if (needs_.first) kept = select(n.first > F(0.0f), max(kept * expected, kLeastSurvival), kept);
+      survive = select(roulette, min(kept, most), survive);
       const F r = p.sampler.single(bounce, Purpose::kRoulette);
       alive &= !(roulette & (r >= survive));
-      n.beta = select(roulette, n.beta * (1.0f / survive), n.beta);
+      n.beta = n.beta * (1.0f / survive);
     }
     // Nor are there lights for it that light sampling does not find.
     if (scene_.only_met_lights_found)
@@ -422,7 +427,7 @@ class TilePaths {
       alive &= !sky;
       if (!any(alive)) return;
     }
-    if (settings_.log) keep_vertex(*settings_.log, alive & (s.pdf > F(0.0f)), v.it.p, v.ng, v.frame.n, s.pdf, n);
+    if (settings_.log) keep_vertex(*settings_.log, alive & (s.pdf > F(0.0f)), v.it.p, v.ng, v.frame.n, s.pdf, survive, n);
     w_.next->append(Compaction<W>(alive), n, needs_);
   }
 
