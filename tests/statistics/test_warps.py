@@ -37,20 +37,36 @@ def test_concentric_disk_keeps_neighbours_together() -> None:
         assert np.linalg.norm(np.diff(p, axis=axis), axis=-1).max() < 2 / 256 * np.pi / 2
 
 
+def unit(a: np.ndarray) -> np.ndarray:
+    return a / np.linalg.norm(a, axis=-1, keepdims=True)
+
+
 @pytest.mark.parametrize(("alpha", "cos"), [(0.05, 0.8), (0.3, 1.0), (0.3, 0.3), (0.3, 0.02), (1.0, 0.5)])
-def test_visible_normals(alpha: float, cos: float) -> None:
-    wo = direction(cos)
+def test_normals_to_reflect_about(alpha: float, cos: float) -> None:
+    """Visible ones (Heitz 2018, "Sampling the GGX Distribution of Visible Normals", eq. 3) on the bounded cap of Eto and Tokuyoshi
+    2023, in double; none is left out that reflects upwards."""
+    wo = direction(cos).astype(float)
+    bent = unit(wo * [alpha, alpha, 1])
+    s = 1 + np.hypot(wo[0], wo[1])
+    k = (1 - alpha**2) * s**2 / (s**2 + alpha**2 * cos**2)
+
+    def in_cap(h: np.ndarray) -> np.ndarray:
+        normal = unit(h / [alpha, alpha, 1])
+        return (2 * (normal @ bent)[:, None] * normal - bent)[:, 2] >= -k * bent[2]
 
     def density(h: np.ndarray) -> np.ndarray:
-        """Heitz 2018, "Sampling the GGX Distribution of Visible Normals", eq. 3, in double."""
         z2 = np.maximum(h[:, 2], 1e-9) ** 2
         d = 1 / (np.pi * alpha**2 * z2**2 * (1 + (1 - z2) / z2 / alpha**2) ** 2)
-        g1 = 2 / (1 + np.sqrt(1 + alpha**2 * (1 - cos * cos) / cos**2))
-        return np.where(h[:, 2] > 0, g1 * np.maximum(h @ wo.astype(float), 0) * d / cos, 0)
+        scale = 2 / (k * cos + np.sqrt(alpha**2 * (1 - cos * cos) + cos * cos))
+        return np.where((h[:, 2] > 0) & in_cap(h), scale * np.maximum(h @ wo, 0) * d, 0)
 
-    h = kernels().visible_normals(wo.tolist(), alpha, random_numbers(N, 2, seed=2))
-    cells = SphereCells([0, 0, 1], growth=2.0, spread=np.pi / 2, points=16)
+    h = kernels().reflection_normals(wo.tolist(), alpha, random_numbers(N, 2, seed=2))
+    cells = SphereCells([0, 0, 1], growth=2.0, spread=np.pi / 2, points=64)
     assert density_p_value(cells, density, h, N) > SIGNIFICANCE
+    anywhere = unit(np.random.default_rng(5).normal(size=(200_000, 3)))
+    reflected = 2 * (anywhere @ wo)[:, None] * anywhere - wo
+    upwards = (reflected[:, 2] > 1e-6) & (anywhere @ wo > 0) & (anywhere[:, 2] > 0)
+    assert in_cap(anywhere[upwards]).all()
 
 
 @pytest.mark.parametrize("filter", list(Filter))

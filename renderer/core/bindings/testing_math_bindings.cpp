@@ -70,12 +70,12 @@ void bind_math(nb::module_& m) {
       },
       nb::arg("u"), nb::arg("lanes") = 0);
   m.def(
-      "visible_normals",
+      "reflection_normals",
       [](nb::handle wo, float alpha, InFloats u, int lanes) {
         const vec3 w{nb::cast<float>(wo[0]), nb::cast<float>(wo[1]), nb::cast<float>(wo[2])};
         return map_pairs(u, 3, lanes, [&]<int W>(Column<float>& r, size_t at, vfloat<W> a, vfloat<W> b) {
           const vvec3<W> o(vfloat<W>(w.x), vfloat<W>(w.y), vfloat<W>(w.z));
-          r.put(at, ggx_sample_visible_normal(o, vfloat<W>(alpha), a, b));
+          r.put(at, ggx_sample_normal(o, vfloat<W>(alpha), a, b));
         });
       },
       nb::arg("wo"), nb::arg("alpha"), nb::arg("u"), nb::arg("lanes") = 0);

@@ -148,20 +148,19 @@ struct Bsdf {
     const vbool<W> glossy = reflects & preview & !mirror;
     if (any(glossy)) {
       const vfloat<W> lambda_out = ggx_lambda(wo, alpha), lambda_in = ggx_lambda(wi, alpha);
-      const vfloat<W> common = ggx_density(h, max(alpha, kMinAlpha)) / (4.0f * wo.z);
-      g = select(glossy, f * (common / (1.0f + lambda_out + lambda_in)), g);
-      pdf += select(glossy, p_specular * common / (1.0f + lambda_out), vfloat<W>(0.0f));
+      const vfloat<W> a = max(alpha, kMinAlpha), density = ggx_density(h, a);
+      g = select(glossy, f * (density / (4.0f * wo.z * (1.0f + lambda_out + lambda_in))), g);
+      pdf += select(glossy, p_specular * density * ggx_reflection_density(wo, a), vfloat<W>(0.0f));
     }
     if (any_coat) {
       const vfloat<W> keep = coat_keep * (1.0f - coat * coat_albedo(cos_in));
       const vfloat<W> lambda_out = ggx_lambda(wo, coat_alpha), lambda_in = ggx_lambda(wi, coat_alpha);
-      const vfloat<W> common = ggx_density(h, coat_alpha) / (4.0f * wo.z);
-      const vfloat<W> fc = coat * (coat_f0 + (1.0f - coat_f0) * s);
-      const vfloat<W> c =
-          select(reflects & (coat > vfloat<W>(0.0f)), fc * common / (1.0f + lambda_out + lambda_in), vfloat<W>(0.0f));
+      const vfloat<W> density = ggx_density(h, coat_alpha), fc = coat * (coat_f0 + (1.0f - coat_f0) * s);
+      const vbool<W> coated = reflects & (coat > vfloat<W>(0.0f));
+      const vfloat<W> c = select(coated, fc * density / (4.0f * wo.z * (1.0f + lambda_out + lambda_in)), vfloat<W>(0.0f));
       d *= keep;
       g = g * keep + vvec3<W>(c);
-      pdf += select(reflects & (coat > vfloat<W>(0.0f)), p_coat * common / (1.0f + lambda_out), vfloat<W>(0.0f));
+      pdf += select(coated, p_coat * density * ggx_reflection_density(wo, max(coat_alpha, kMinAlpha)), vfloat<W>(0.0f));
     }
     r.diffuse = select(preview, d * presence, r.diffuse);
     r.specular = select(preview, g * presence, r.specular);
@@ -190,7 +189,7 @@ struct Bsdf {
     const vbool<W> about_normal = (is_specular & !mirror) | is_coat;
     if (any(about_normal)) {
       const vfloat<W> a = any_coat ? select(is_coat, coat_alpha, alpha) : alpha;
-      const vvec3<W> h = ggx_sample_visible_normal(wo, max(a, kMinAlpha), u, v);
+      const vvec3<W> h = ggx_sample_normal(wo, max(a, kMinAlpha), u, v);
       wi = select(about_normal, h * (2.0f * dot(wo, h)) - wo, wi);
     }
     wi = select(is_mirror, vvec3<W>(-wo.x, -wo.y, wo.z), wi);

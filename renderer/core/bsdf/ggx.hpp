@@ -20,15 +20,32 @@ PRIMRAY_INLINE vfloat<W> ggx_lambda(const vvec3<W>& w, vfloat<W> alpha) {
   return 0.5f * (sqrt(1.0f + alpha * alpha * tan2) - 1.0f);
 }
 
-// A normal seen from wo (wo.z > 0): Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps".
+// What a reflection's normals are drawn from: the part of the visible ones, as a cap of the sphere, beyond which wo would be
+// reflected below the surface; Eto and Tokuyoshi 2023, "Bounded VNDF Sampling for Smith-GGX Reflections", their k for alpha
+// <= 1.
 template <int W>
-PRIMRAY_INLINE vvec3<W> ggx_sample_visible_normal(const vvec3<W>& wo, vfloat<W> alpha, vfloat<W> u, vfloat<W> v) {
+PRIMRAY_INLINE vfloat<W> ggx_cap(const vvec3<W>& wo, vfloat<W> alpha) {
+  const vfloat<W> s = 1.0f + safe_sqrt(wo.x * wo.x + wo.y * wo.y), s2 = s * s, a2 = alpha * alpha;
+  return (1.0f - a2) * s2 / (s2 + a2 * wo.z * wo.z);
+}
+
+// A normal h about which to reflect wo (wo.z > 0, alpha from 0 to 1): Dupuy and Benyoub 2023, "Sampling Visible GGX Normals
+// with Spherical Caps", on the bounded cap.
+template <int W>
+PRIMRAY_INLINE vvec3<W> ggx_sample_normal(const vvec3<W>& wo, vfloat<W> alpha, vfloat<W> u, vfloat<W> v) {
   const vvec3<W> std = normalize(vvec3<W>(wo.x * alpha, wo.y * alpha, wo.z));
-  const vfloat<W> z = (1.0f - v) * (1.0f + std.z) - std.z;
+  const vfloat<W> lowest = ggx_cap(wo, alpha) * std.z, z = (1.0f - v) * (1.0f + lowest) - lowest;
   const vfloat<W> s = safe_sqrt(1.0f - z * z);
   const SinCos<W> phi = sincos_turns(u);
   const vvec3<W> h{s * phi.cos + std.x, s * phi.sin + std.y, z + std.z};
   return normalize(vvec3<W>(h.x * alpha, h.y * alpha, h.z));
+}
+
+// The density of wi = reflect(wo, h) per solid angle, over D(h).
+template <int W>
+PRIMRAY_INLINE vfloat<W> ggx_reflection_density(const vvec3<W>& wo, vfloat<W> alpha) {
+  const vfloat<W> side2 = wo.x * wo.x + wo.y * wo.y;
+  return 0.5f / (ggx_cap(wo, alpha) * wo.z + sqrt(alpha * alpha * side2 + wo.z * wo.z));
 }
 
 }  // namespace primray
