@@ -217,4 +217,21 @@ PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<
   return select(m, pdf, none);
 }
 
+// Radiance of the surfaces that lanes `hit` met, with its MIS weight.
+template <int W>
+PRIMRAY_INLINE vvec3<W> emitted(const Scene& scene, vbool<W> hit, const Hits<W>& hits, const Interaction<W>& it,
+                                const SurfaceRows<W>& rows, const PathLanes<W>& p) {
+  const vfloat<W> zero(0.0f);
+  vvec3<W> L = rows.color(kEmission) * rows(kPresence);
+  if (scene.geometry_lights.any()) L = shown_emission(scene, hit, hits, it, p, L, rows(kPresence));
+  // A camera ray, or one after a mirror or refraction, could not have come from light sampling.
+  const vbool<W> sampled = hit & (max_component(L) > zero) & (p.bsdf_pdf > zero);
+  if (scene.emitters.any() && any(sampled)) {
+    const vvec3<W> from = p.ray.o - p.ray.d * p.travelled;
+    const vfloat<W> pdf = emitter_pdf(scene, sampled, hits, it, from, p.normal, p.ray.d, hits.t + p.travelled, p.link);
+    L *= select(sampled & (pdf > zero), mis_weight(p.bsdf_pdf, pdf), vfloat<W>(1.0f));
+  }
+  return L;
+}
+
 }  // namespace primray

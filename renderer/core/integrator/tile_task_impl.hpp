@@ -12,6 +12,7 @@
 #include "integrator/outline_rays.hpp"
 #include "integrator/ray_recorder.hpp"
 #include "integrator/shadow_rays.hpp"
+#include "integrator/shiny_lanes.hpp"
 #include "integrator/smooth_origin.hpp"
 #include "integrator/tile_task.hpp"
 
@@ -185,7 +186,7 @@ class TilePaths {
       const F width = p.cone_width + p.cone_spread * hits.t, cosine = abs(dot(it.ng, p.ray.d));
       rows = evaluate_inputs(scene_, hit, hits, it.surface, width * width / max(cosine, kGrazing), it.ng, it.ns, varying);
     }
-    if (scene_.has_emission) gathered += select(hit, emitted(hit, hits, it, rows, p), V(F(0.0f)));
+    if (scene_.has_emission) gathered += select(hit, emitted(scene_, hit, hits, it, rows, p), V(F(0.0f)));
     add(active, p.slot, p.beta * gathered);
 
     // Scatter, on the side of the surface where the ray came from. Where rounding hides which that is, the path ends: taking
@@ -226,20 +227,6 @@ class TilePaths {
     scatter(scatters, v, p);
   }
 
-  // Radiance of the surfaces that lanes `hit` met, with its MIS weight.
-  V emitted(B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows, const PathLanes<W>& p) const {
-    V L = rows.color(kEmission) * rows(kPresence);
-    if (scene_.geometry_lights.any()) L = shown_emission(scene_, hit, hits, it, p, L, rows(kPresence));
-    // A camera ray, or one after a mirror or refraction, could not have come from light sampling.
-    const B sampled = hit & (max_component(L) > F(0.0f)) & (p.bsdf_pdf > F(0.0f));
-    if (scene_.emitters.any() && any(sampled)) {
-      const V from = p.ray.o - p.ray.d * p.travelled;
-      const F pdf = emitter_pdf(scene_, sampled, hits, it, from, p.normal, p.ray.d, hits.t + p.travelled, p.link);
-      L *= select(sampled & (pdf > F(0.0f)), mis_weight(p.bsdf_pdf, pdf), F(1.0f));
-    }
-    return L;
-  }
-
   void sample_light(B scatters, const Vertex& v, const PathLanes<W>& p) {
     const LightTable& lights = scene_.lights;
     // From where scattered rays start, so that both agree on which lights lie before the surface.
@@ -247,8 +234,13 @@ class TilePaths {
     const I bounce = p.vertex + I(1);
     const Pair<W> u = p.sampler.pair(bounce, Purpose::kLightPoint);
     const vuint<W> number = lights.count > 1 ? p.sampler.bits_of(bounce, Purpose::kLightChoice) : vuint<W>(0u);
-    const LightChoice<W> choice = lights.links.any() ? choose_linked_light(lights, scatters, from, v.frame.n, number, v.it.link)
-                                                     : choose_light(lights, scatters, from, v.frame.n, number);
+    const bool linked = lights.links.any();
+    ShinyLanes<W> shiny;
+    const bool any_shiny =
+        v.bsdf.any_preview && lights.by_tree() && !linked && find_shiny(scatters, v.bsdf, v.frame.to_world(v.wo), shiny);
+    const LightChoice<W> choice = linked
+                                      ? choose_linked_light(lights, scatters, from, v.frame.n, number, v.it.link)
+                                      : choose_light(lights, scatters, from, v.frame.n, number, any_shiny ? &shiny : nullptr);
     B useful = scatters & (choice.probability > F(0.0f));
     if (!any(useful)) return;
     LightSample<W> s = light_sample(lights, choice.light, useful, from, u.u, u.v);
@@ -282,7 +274,14 @@ class TilePaths {
     const F scattered_pdf = scattered_density(v, s.wi, f.pdf);
     B alone = s.is_delta | special;
     if (!lights.met.empty()) alone |= rarely_met(lights, choice.light, from, scattered_pdf);
-    const F weight = select(alone, F(1.0f), mis_weight(pdf, scattered_pdf));
+    // For MIS the choice is as if no surface shone, which is all that a ray that meets the light knows: weights of both ways
+    // add up to 1, whatever the densities in them.
+    F known_pdf = pdf;
+    if (any_shiny) {
+      const B m = useful & shiny.shiny;
+      known_pdf = select(m, s.pdf * probability_of(lights, choice.light, m, from, v.frame.n), pdf);
+    }
+    const F weight = select(alone, F(1.0f), mis_weight(known_pdf, scattered_pdf));
     const V carried = p.beta * reflected * s.L * (weight / pdf);
     useful &= max_component(carried) > F(0.0f);
     V o = from;

@@ -20,13 +20,14 @@ PRIMRAY_INLINE vfloat<W> total_importance(const LightTable& table, const vvec3<W
 }
 
 // For the lanes of `m`, with 32 random bits each. `n`: the normal on the lit side, which many lights are chosen by; 0: any.
+// `shiny`: many lights are also chosen by how these surfaces reflect; probability_of() does not know that.
 template <int W>
 PRIMRAY_INLINE LightChoice<W> choose_light(const LightTable& table, vbool<W> m, const vvec3<W>& p, const vvec3<W>& n,
-                                           vuint<W> u) {
+                                           vuint<W> u, const ShinyLanes<W>* shiny = nullptr) {
   if (table.count == 1) return {vint<W>(0), vfloat<W>(1.0f)};
   LightChoice<W> choice{vint<W>(0), vfloat<W>(0.0f)};
   if (table.by_tree()) {
-    choose_in_tree(table, vint<W>(0), m, p, n, u, choice.light, choice.probability);
+    choose_in_tree(table, vint<W>(0), m, p, n, u, choice.light, choice.probability, shiny);
     return choice;
   }
   const vfloat<W> total = total_importance(table, p), wanted = unit_float(u) * total;

@@ -22,16 +22,32 @@ constexpr int kTreeLanes = 8;
 constexpr int kTreeLanes = 4;
 #endif
 
+// How surfaces whose reflections are sharp enough to tell lights apart send light on: towards unit wo, a GGX lobe with the part
+// `specular` of what they reflect, beside `rest` in all directions.
+template <int W>
+struct ShinyLanes {
+  vbool<W> shiny;
+  vvec3<W> wo;
+  vfloat<W> alpha2, specular, rest;
+};
+
 // Where light is wanted: a point, and the normal of its surface on the side that is lit; 0: from all around.
 struct LitPoint {
   float p[3], n[3], across[3];  // `across`: |n|
-  bool has_normal;
+  bool has_normal, shiny = false;
+  float wo[3], alpha2, specular, rest;  // where `shiny`
 
   template <int W>
   PRIMRAY_INLINE LitPoint(const vvec3<W>& at, const vvec3<W>& normal, int lane)
       : p{at.x[lane], at.y[lane], at.z[lane]}, n{normal.x[lane], normal.y[lane], normal.z[lane]} {
     for (int a = 0; a < 3; ++a) across[a] = n[a] < 0 ? -n[a] : n[a];
     has_normal = across[0] + across[1] + across[2] > 0;
+  }
+  template <int W>
+  PRIMRAY_INLINE void send_on(const ShinyLanes<W>& s, int lane) {
+    shiny = s.shiny[lane] != 0;
+    wo[0] = s.wo.x[lane], wo[1] = s.wo.y[lane], wo[2] = s.wo.z[lane];
+    alpha2 = s.alpha2[lane], specular = s.specular[lane], rest = s.rest[lane];
   }
 };
 
@@ -105,6 +121,20 @@ PRIMRAY_INLINE vfloat<N> cone_of_slots(const LightTree::Block& block, int at, co
   return select(off > load<N>(block.cos_end + at), max(off, load<N>(block.floor + at)), none);
 }
 
+// How much of a cluster's light a shiny surface sends on, over what a white Lambert surface does: about pi times its BRDF, with
+// the lobe widened by the cluster's own angle.
+template <int N>
+PRIMRAY_INLINE vfloat<N> sent_on_from_slots(const LightTree::Block& block, int at, const LitPoint& x, const SlotPlace<N>& s,
+                                            vfloat<N> d2) {
+  using F = vfloat<N>;
+  const F radius = load<N>(block.radius + at), inverse = 1.0f / max(sqrt(dot(s.to, s.to)), 1e-20f);
+  const vvec3<N> h{s.to.x * inverse + x.wo[0], s.to.y * inverse + x.wo[1], s.to.z * inverse + x.wo[2]};
+  const F along = h.x * x.n[0] + h.y * x.n[1] + h.z * x.n[2];
+  const F cos2 = min(along * along / max(dot(h, h), 1e-20f), 1.0f);
+  const F q = x.alpha2 + 0.25f * min(radius * radius / d2, 1.0f) + (1.0f - cos2) / max(cos2, 1e-6f);
+  return x.rest + x.specular * 0.25f * x.alpha2 / (q * q);
+}
+
 // Weights of a block's slots, and the squares of the most that they could be by the places of their lights.
 PRIMRAY_INLINE void weigh_block(const LightTable& table, const LightTree::Block& block, const LitPoint& x, float* weights,
                                 float* most2) {
@@ -120,6 +150,7 @@ PRIMRAY_INLINE void weigh_block(const LightTable& table, const LightTree::Block&
       const F all = intensity * sent;
       store(most2 + at, most_of_slots<N>(block, at, x, place, d2) * all * all);
     }
+    if (x.shiny) w = w * sent_on_from_slots<N>(block, at, x, place, d2);
     // Never 0 for being small.
     w = select((w > F(0.0f)) & (intensity > F(0.0f)), max(w * intensity, 1e-36f), F(0.0f));
     store(weights + at, w);
@@ -129,8 +160,10 @@ PRIMRAY_INLINE void weigh_block(const LightTable& table, const LightTree::Block&
     if (!(weights[s] > 0)) continue;
     const vvec3<1> p{vfloat<1>(x.p[0]), vfloat<1>(x.p[1]), vfloat<1>(x.p[2])};
     vfloat<1> d2;
-    const vfloat<1> cosine = geometry_of_slots<1>(block, s, x, SlotPlace<1>(block, s, x), d2) * d2;
-    const float own = light_weight(table, ~block.child[s], p)[0] * table.tree.scale * cosine[0];
+    const SlotPlace<1> place(block, s, x);
+    const vfloat<1> cosine = geometry_of_slots<1>(block, s, x, place, d2) * d2;
+    float own = light_weight(table, ~block.child[s], p)[0] * table.tree.scale * cosine[0];
+    if (x.shiny) own *= sent_on_from_slots<1>(block, s, x, place, d2)[0];
     weights[s] = own > 0 ? std::max(own, 1e-36f) : 0.0f;
   }
 }
@@ -284,11 +317,13 @@ inline float probability_from_leaf(const LightTable& table, LightTree::Place pla
 // The same for the lanes of `m`, each with a tree of its own by `root`, and a number of 32 bits.
 template <int W>
 PRIMRAY_RARE void choose_in_tree(const LightTable& table, vint<W> root, vbool<W> m, const vvec3<W>& p, const vvec3<W>& n,
-                                 vuint<W> u, vint<W>& light, vfloat<W>& probability) {
+                                 vuint<W> u, vint<W>& light, vfloat<W>& probability, const ShinyLanes<W>* shiny = nullptr) {
   light = vint<W>(0), probability = vfloat<W>(0.0f);
   for (uint32_t left = bits(m); left; left &= left - 1) {
     const int i = __builtin_ctz(left);
-    const TreeChoice c = choose_from_node(table, root[i], LitPoint(p, n, i), double(u[i]) * 0x1p-32);
+    LitPoint x(p, n, i);
+    if (shiny) x.send_on(*shiny, i);
+    const TreeChoice c = choose_from_node(table, root[i], x, double(u[i]) * 0x1p-32);
     light.set(i, c.light), probability.set(i, c.probability);
   }
 }
