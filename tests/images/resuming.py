@@ -22,7 +22,15 @@ from primray.sampling import Sampling
 from primray.settings import RenderSettings
 
 CAMERA = Camera("/camera", np.eye(4), Projection.PERSPECTIVE, (-1.0, 1.0, -1.0, 1.0), (0.1, 100.0))
+ROOT = Path(__file__).parents[2]
+STAGE = ROOT / "scenes/features/implicit-shapes/scene.usda"
+LONG = 1 << 20  # samples that no machine takes while a test waits
 DIGESTS = {name: name * 2 for name in ("geometry", "materials", "lights", "camera")}
+
+
+def reached(next_samples: Any) -> int:
+    """The samples a pixel of a render that was stopped somewhere, when all pixels have as many as the first ones."""
+    return 2 * int(next_samples.max())
 
 
 @cache
