@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from tests.described import describe, ground, lambert, light, look_at, orthographic, render, replicate_means, rotation, translation
+from tests.described import (
+    describe,
+    ground,
+    lambert,
+    light,
+    look_at,
+    orthographic,
+    render,
+    replicate_means,
+    rotation,
+    translation,
+)
 
 from primray.description import Doubles, Light, LightType, Surface
 
 # Straight down, below the lights.
 VIEW = orthographic(look_at([0, 0.01, 0], [0, 0, 0], up=(0, 0, -1)), 1.0, clipping_range=(1e-4, 1.0))
-METAL = {"metallic": 1.0, "diffuse_color": (0.9, 0.8, 0.6)}
+METAL = Surface("/a", metallic=1.0, diffuse_color=(0.9, 0.8, 0.6))
 SURFACES = {
-    "smooth metal": Surface("/a", roughness=0.3, **METAL),
-    "rough metal": Surface("/a", roughness=0.5, **METAL),
+    "smooth metal": replace(METAL, roughness=0.3),
+    "rough metal": replace(METAL, roughness=0.5),
     "plastic": Surface("/a", roughness=0.3, diffuse_color=(0.5, 0.2, 0.2)),
     "coated": Surface("/a", roughness=0.4, clearcoat=1.0, clearcoat_roughness=0.2, diffuse_color=(0.3, 0.5, 0.2)),
 }
@@ -48,7 +61,9 @@ def test_the_whole_is_the_sum_of_single_lights(name: str) -> None:
 
 
 # At 16 samples; by the irradiance that lights bring alone they are 0.19, 0.027, 0.013 and 0.051.
-@pytest.mark.parametrize(("name", "most"), [("smooth metal", 0.06), ("rough metal", 0.016), ("plastic", 0.006), ("coated", 0.03)])
+@pytest.mark.parametrize(
+    ("name", "most"), [("smooth metal", 0.06), ("rough metal", 0.016), ("plastic", 0.006), ("coated", 0.03)]
+)
 def test_lights_that_are_seen_reflected_are_chosen(name: str, most: float) -> None:
     means = np.stack([image(SURFACES[name], lamps(), 16, seed) for seed in range(16)])
     error = (means[:, 0] - means[:, 1]) ** 2 / (means.mean(axis=(0, 1)) ** 2 + 0.01)

@@ -43,8 +43,8 @@ def unit(a: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize(("alpha", "cos"), [(0.05, 0.8), (0.3, 1.0), (0.3, 0.3), (0.3, 0.02), (1.0, 0.5)])
 def test_normals_to_reflect_about(alpha: float, cos: float) -> None:
-    """Visible ones (Heitz 2018, "Sampling the GGX Distribution of Visible Normals", eq. 3) on the bounded cap of Eto and Tokuyoshi
-    2023, in double; none is left out that reflects upwards."""
+    """Visible ones (Heitz 2018, "Sampling the GGX Distribution of Visible Normals", eq. 3) on the bounded cap of Eto and
+    Tokuyoshi 2023, in double; none is left out that reflects upwards."""
     wo = direction(cos).astype(float)
     bent = unit(wo * [alpha, alpha, 1])
     s = 1 + np.hypot(wo[0], wo[1])
