@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-ALL = ("box", "field", "hills", "metals", "lamps", "cove")
+ALL = ("box", "field", "hills", "metals", "lamps", "cove", "showroom")
 
 
 @dataclass(frozen=True)
@@ -97,6 +97,54 @@ ROWS = (
         "every light is weighed at every vertex",
         scenes=("lamps",),
         edits=(Edit("light/light.hpp", "kWeighed = 3, ", "kWeighed = 1 << 20, "),),
+    ),
+    Row(
+        "paths end by the light that they are expected to find",
+        "by their throughput",
+        scenes=("cove", "window"),
+        edits=(Edit("integrator/tile_task_impl.hpp", "settings.guide != nullptr},", "false},"),),
+    ),
+    Row(
+        "many lights chosen by how shiny surfaces reflect",
+        "as for matte ones",
+        scenes=("showroom",),
+        edits=(Edit("integrator/shiny_lanes.hpp", "kShiny = 0.04f", "kShiny = 2.0f"),),
+    ),
+    Row(
+        "many lights chosen by the surface's normal",
+        "as if lit from all around",
+        scenes=("lamps", "showroom"),
+        edits=(Edit("light/tree_choice.hpp", "has_normal = across[0] + across[1] + across[2] > 0;", "has_normal = false;"),),
+    ),
+    Row(
+        "reflections from the bounded cap",
+        "from all visible normals",
+        scenes=("metals", "showroom"),
+        edits=(
+            Edit(
+                "bsdf/ggx.hpp",
+                "return (1.0f - a2) * s2 / (s2 + a2 * wo.z * wo.z);",
+                "return vfloat<W>(1.0f) + 0.0f * (s2 + a2);",
+            ),
+        ),
+    ),
+    Row(
+        "power heuristic",
+        "balance heuristic",
+        scenes=("box", "metals", "showroom"),
+        edits=(Edit("integrator/emission.hpp", "return 1.0f / (1.0f + r * r);", "return 1.0f / (1.0f + r);"),),
+    ),
+    Row(
+        "pixels of a tile in Morton order",
+        "by rows",
+        scenes=("field", "hills"),
+        edits=(
+            Edit(
+                "integrator/tile_task.hpp",
+                "x |= (m >> (2 * b) & 1) << b, y |= (m >> (2 * b + 1) & 1) << b;",
+                "x = m % kTile, y = m / kTile;",
+            ),
+        ),
     ),
     Row(
         "leaving rarely met lights to light samples",

@@ -37,9 +37,11 @@ SCENE_TEXT = {
     "field": "100,000 instances of a stone of 2,048 triangles on a plane under sun and sky; 4 scatterings.",
     "hills": "Two million triangles in one mesh under a sky; 3 scatterings.",
     "metals": "Metals from near-mirror to rough, two glass balls, a sky whose small sun has most of the light; 8 scatterings.",
+    "haze": "The same under a sun of a tenth.",
     "lamps": "500 small coloured spheres of light among blocks, most hidden from most points; 4 scatterings.",
     "window": "A room lit by a bright sky through one window; 8 scatterings.",
     "cove": "A room lit by two narrow strips behind ledges below its ceiling, at second hand everywhere; 8 scatterings.",
+    "showroom": "Metals from polished to rough in a closed room under 12 lamps; 6 scatterings.",
 }
 CURVES_TEXT = """Seconds are those of the picture alone; set-up is below. Columns: samples a second; the most samples a pixel
 that were taken, with their error and efficiency; seconds to an error, interpolated between pictures, ~ where error times

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -138,9 +139,10 @@ def hills(side: int = 1001) -> Scene:
     return scene
 
 
-def metals() -> Scene:
-    """Metals from near-mirror to rough and two glass balls, lit by a sky whose small sun has most of the light."""
-    scene = Scene("metals", (640, 360), 8, Camera((0, 2.3, 7.6), (0, 0.5, 0), 52.0))
+def metals(name: str = "metals", sun: float = 1.0) -> Scene:
+    """Metals from near-mirror to rough and two glass balls, lit by a sky whose small sun has most of the light; `sun`: the part
+    that comes through haze."""
+    scene = Scene(name, (640, 360), 8, Camera((0, 2.3, 7.6), (0, 0.5, 0), 52.0))
     scene.looks = {
         "ground": Look("diffuse", (0.45, 0.43, 0.4)),
         "glass": Look("glass", ior=1.5),
@@ -153,9 +155,9 @@ def metals() -> Scene:
         scene.add(f"back_{k}", ball(6, 0.62, (1.45 * (k - 2), 0.62, -0.7), smooth=True), f"metal_{k}")
     for k, look in enumerate(("glass", "chalk", "metal_1", "glass")):
         scene.add(f"front_{k}", ball(6, 0.45, (1.3 * (k - 1.5), 0.45, 1.1), smooth=True), look)
-    sun = ((0.55, 0.62, 0.35), 0.9, (3200.0, 2900.0, 2400.0))
-    scene.images = {"metals_sky.exr": sky(1024, (0.2, 0.38, 0.85), (0.8, 0.87, 1.0), (0.22, 0.2, 0.18), sun)}
-    scene.lamps = [Lamp("sky", image="metals_sky.exr")]
+    disc = ((0.55, 0.62, 0.35), 0.9, (3200.0 * sun, 2900.0 * sun, 2400.0 * sun))
+    scene.images = {f"{name}_sky.exr": sky(1024, (0.2, 0.38, 0.85), (0.8, 0.87, 1.0), (0.22, 0.2, 0.18), disc)}
+    scene.lamps = [Lamp("sky", image=f"{name}_sky.exr")]
     return scene
 
 
@@ -228,12 +230,37 @@ def window() -> Scene:
     return scene
 
 
+def showroom() -> Scene:
+    """Metals from polished to rough in a closed room, under 12 square lamps in its ceiling."""
+    scene = Scene("showroom", (480, 320), 6, Camera((0, 1.8, 3.8), (0, 0.8, -0.4), 66.0))
+    scene.looks = {
+        "plaster": Look("diffuse", (0.7, 0.68, 0.6)),
+        "floor": Look("diffuse", (0.4, 0.38, 0.36)),
+        "steel": Look("metal", (0.56, 0.57, 0.58), 0.35),
+    }
+    scene.add("ground", rectangle((0, 0, 0), (0, 0, 4), (3, 0, 0)), "floor")
+    scene.add("ceiling", rectangle((0, 3, 0), (3, 0, 0), (0, 0, 4)), "plaster")
+    scene.add("back", rectangle((0, 1.5, -4), (3, 0, 0), (0, 1.5, 0)), "plaster")
+    scene.add("front", rectangle((0, 1.5, 4), (0, 1.5, 0), (3, 0, 0)), "plaster")
+    for side in (-1, 1):
+        scene.add(f"wall_{side + 1}", rectangle((3 * side, 1.5, 0), (0, 1.5, 0), (0, 0, -4.0 * side)), "plaster")
+    for k, roughness in enumerate((0.15, 0.25, 0.35, 0.5, 0.7)):
+        scene.looks[f"metal_{k}"] = Look("metal", (0.9, 0.75, 0.5), roughness)
+        scene.add(f"ball_{k}", ball(5, 0.4, (1.05 * (k - 2), 0.4, 0.2), smooth=True), f"metal_{k}")
+    scene.add("counter", block((0, 0.45, -1.6), (2.2, 0.45, 0.4)), "steel")
+    for x in (-2.0, -0.7, 0.7, 2.0):
+        scene.lamps += [Lamp("rect", (40.0, 38.0, 34.0), (x, 2.95, z), (0.1, 0, 0), (0, 0, 0.1)) for z in (-2.5, -0.5, 1.5)]
+    return scene
+
+
 SCENES: dict[str, Callable[[], Scene]] = {
     "box": box,
     "field": field_of_stones,
     "hills": hills,
     "metals": metals,
+    "haze": partial(metals, "haze", 0.1),
     "lamps": lamps,
     "cove": cove,
     "window": window,
+    "showroom": showroom,
 }
