@@ -1,93 +1,12 @@
-// Sampling the scene's own geometry as lights (scene/emitters.hpp), on lanes: a point on a mesh by area, and for a ray that met
-// emitting geometry the density with which light sampling would have found that point.
+// The scene's own geometry as lights (scene/emitters.hpp), on lanes: what a ray that met some sees of it, and the density with
+// which light sampling would have found that point.
 #pragma once
 
-#include "integrator/interaction.hpp"
+#include "integrator/mesh_light.hpp"
 #include "integrator/pool.hpp"
 #include "light/linked_selection.hpp"
-#include "scene/surface_emission.hpp"
 
 namespace primray {
-
-// A triangle of a mesh light in world space; sampled and met points get the same numbers.
-template <int W>
-struct EmitterTriangle {
-  vvec3<W> p0, e1, e2;
-  vfloat<W> reach;  // largest coordinate involved, which bounds rounding
-
-  PRIMRAY_INLINE EmitterTriangle(const Scene& scene, const LightRow<W>& row, vint<W> vertex_base, vint<W> triangle) {
-    const int32_t* indices = reinterpret_cast<const int32_t*>(scene.indices.data());
-    vvec3<W> p[3];
-    for (int k = 0; k < 3; ++k) {
-      const vint<W> corner = vertex_base + gather<W>(indices + k, triangle * vint<W>(3));
-      p[k] = gather_vec3<W>(scene.positions.data(), corner * vint<W>(3));
-    }
-    e1 = row.to_world(p[1] - p[0]), e2 = row.to_world(p[2] - p[0]);
-    const vvec3<W> o = row.vector(kOrigin);
-    p0 = row.to_world(p[0]) + o;
-    reach = max(max_component(abs(p0)), max_component(abs(o))) + max_component(abs(e1)) + max_component(abs(e2));
-  }
-};
-
-// The last i in [0, count) with cdf[base + i] <= u.
-template <int W>
-PRIMRAY_INLINE vint<W> find_triangle(const EmitterTable& table, vint<W> base, vint<W> count, vint<W> u, int largest) {
-  vint<W> lo(0);
-  for (int step = 1 << (31 - __builtin_clz(unsigned(largest))); step > 0; step >>= 1) {
-    const vint<W> mid = lo + vint<W>(step);
-    const vbool<W> inside = mid < count;
-    const vint<W> c = gather<W>(table.cdf.data(), base + select(inside, mid, vint<W>(0)));
-    lo = select(inside & (c <= u), mid, lo);
-  }
-  return lo;
-}
-
-// Density per solid angle, from `distance` away, of a point chosen on a triangle with that probability.
-template <int W>
-PRIMRAY_INLINE vfloat<W> area_to_solid_angle(vfloat<W> probability, const vvec3<W>& doubled_area, const vvec3<W>& wi,
-                                             vfloat<W> distance) {
-  // probability / area * d^2 / |cos|, where |n| cos = 2 area cos.
-  return probability * 2.0f * distance * distance / max(abs(dot(doubled_area, wi)), 1e-38f);
-}
-
-// Replaces the sample of lanes `m`, whose `light` is a mesh: a triangle by its share of the power (`choice`: 30 random bits),
-// then a point uniform on it.
-template <int W>
-PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, const vvec3<W>& p, vint<W> choice, vfloat<W> u,
-                                vfloat<W> v, LightSample<W>& s) {
-  const EmitterTable& table = scene.emitters;
-  const LightRow<W> row(scene.lights, select(m, light, vint<W>(light[__builtin_ctz(bits(m))])));
-  const vint<W> shape = truncate(row(kSize1));
-  const vint<W> base = gather<W>(table.cdf_base.data(), shape), count = gather<W>(table.count.data(), shape);
-  int largest = 1;
-  for (uint32_t b = bits(m); b; b &= b - 1) largest = std::max(largest, count[__builtin_ctz(b)]);
-  const vint<W> i = find_triangle<W>(table, base, count, choice, largest);
-  const vint<W> width = gather<W>(table.cdf.data() + 1, base + i) - gather<W>(table.cdf.data(), base + i);
-  const vint<W> triangle = gather<W>(table.first.data(), shape) + i;
-  const vint<W> vertex_base = gather<W>(table.vertex_base.data(), shape);
-  const EmitterTriangle<W> t(scene, row, vertex_base, triangle);
-  // Heitz 2019, "A Low-Distortion Map Between Triangle and Square".
-  const vbool<W> upper = v > u;
-  const vfloat<W> b1 = select(upper, u * 0.5f, u - v * 0.5f), b2 = select(upper, v - u * 0.5f, v * 0.5f);
-  const vvec3<W> doubled_area = cross(t.e1, t.e2), exact = t.p0 + t.e1 * b1 + t.e2 * b2;
-  // A little in front of the triangle on p's side, so that its own rounding does not block the shadow ray.
-  const vvec3<W> to = exact - p, n = direction_of(doubled_area);
-  const vfloat<W> side = copysign(vfloat<W>(1.0f), -dot(to, n));
-  const vvec3<W> d = to + n * (side * (t.reach * kOffsetUlps));
-  const vfloat<W> distance = length(d);
-  const vvec3<W> wi = d * (1.0f / distance);
-  const vfloat<W> probability = to_float(width) * (1.0f / float(EmitterTable::kWhole));
-  const vfloat<W> pdf = area_to_solid_angle(probability, doubled_area, wi, distance);
-  const vbool<W> usable = (distance > vfloat<W>(0.0f)) & (pdf < vfloat<W>(kInfinity));
-  const bool lights = scene.geometry_lights.any();
-  const vbool<W> own = lights ? (row.flags() & vint<W>(kOwnRadiance)) != vint<W>(0) : vbool<W>(false);
-  vvec3<W> L = triangle_emission(scene, m, triangle, vertex_base, truncate(row(kMeshPlacement)), truncate(row(kMeshInstance)),
-                                 b1, b2, own);
-  if (lights) L *= row.vector(kGlow);
-  if (scene.lights.has_shaping) L *= light_shaping(scene.lights, row, m, wi);
-  s.wi = select(m, wi, s.wi), s.t = select(m, distance, s.t), s.L = select(m, L, s.L);
-  s.pdf = select(m, select(usable, pdf, vfloat<W>(0.0f)), s.pdf);
-}
 
 // Whether p is beyond doubt outside a sphere light that is geometry: a point on its own surface, seen from inside, may be
 // rounded to either side, and must not sample the outside.
@@ -188,16 +107,7 @@ PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<
   const LightRow<W> row(scene.lights, select(m, light, vint<W>(light[__builtin_ctz(bits(m))])));
   const vbool<W> sphere = m & is_type(row.type(), LightType::kSphere), mesh = m & is_type(row.type(), LightType::kMesh);
   vfloat<W> pdf = none;
-  if (any(mesh)) {
-    const EmitterTable& table = scene.emitters;
-    const vint<W> shape = select(mesh, truncate(row(kSize1)), vint<W>(0)), first = gather<W>(table.first.data(), shape);
-    const vint<W> triangle = select(mesh, it.triangle, first);
-    const vint<W> at = select(mesh, gather<W>(table.cdf_base.data(), shape) + triangle - first, vint<W>(0));
-    const vint<W> width = gather<W>(table.cdf.data() + 1, at) - gather<W>(table.cdf.data(), at);
-    const EmitterTriangle<W> t(scene, row, gather<W>(table.vertex_base.data(), shape), triangle);
-    const vfloat<W> probability = to_float(width) * (1.0f / float(EmitterTable::kWhole));
-    pdf = select(mesh, area_to_solid_angle(probability, cross(t.e1, t.e2), d, distance), pdf);
-  }
+  if (any(mesh)) pdf = select(mesh, mesh_pdf(scene, mesh, row, it.triangle, from, n, d, distance), pdf);
   if (any(sphere)) {
     const vvec3<W> local = row.to_light(from - row.vector(kOrigin));
     const vfloat<W> radius = row(kSize0), d2 = dot(local, local), len = length(row.to_light(d));

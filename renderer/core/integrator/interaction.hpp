@@ -48,12 +48,6 @@ PRIMRAY_INLINE void gather_corners(const Scene& scene, vbool<W> lanes, vint<W> m
   }
 }
 
-// The unit vector along `a`, however short or long it is: its square may be beyond what a float holds.
-template <int W>
-PRIMRAY_INLINE vvec3<W> direction_of(const vvec3<W>& a) {
-  return normalize(a * (1.0f / max_component(abs(a))));
-}
-
 // The plane of a triangle with edges e1, e2, for what is asked of it more than once.
 template <int W>
 struct TrianglePlane {

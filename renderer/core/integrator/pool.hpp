@@ -94,7 +94,8 @@ struct PathPool {
   alignas(64) float share_r[kPadded], share_g[kPadded], share_b[kPadded];
   // Only where the shutter is open for a while.
   alignas(64) float time[kPadded];
-  // Only where lights are chosen by a tree: the normal of the surface that scattered last, on the side that is lit.
+  // Only where lights, or triangles of lights, are chosen by a tree: the normal of the surface that scattered last, on the side
+  // that is lit.
   alignas(64) float nx[kPadded], ny[kPadded], nz[kPadded];
   // Only with a guide: what the first surface that it knows receives; see expected_light().
   alignas(64) float first[kPadded];

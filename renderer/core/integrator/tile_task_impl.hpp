@@ -29,7 +29,7 @@ class TilePaths {
         w_(worker),
         recorder_(recorder),
         needs_{scene.has_thin,           scene.has_inputs,          scene.lights.lobe_factors,
-               scene.lights.links.any(), scene.camera.shutter_open, scene.lights.by_tree(),
+               scene.lights.links.any(), scene.camera.shutter_open, scene.lights.by_tree() || scene.emitters.by_triangle(),
                settings.guide != nullptr},
         samples_(block.count[0] + block.count[1]) {
     if (has_special() && !w_.special_shadows) w_.special_shadows = std::make_unique<SpecialShadowQueue>();
@@ -254,8 +254,8 @@ class TilePaths {
       const B mesh = geometry & is_type(row.type(), LightType::kMesh), sphere = geometry & !mesh;
       if (any(sphere)) end_before_sphere(scene_, sphere, choice.light, from, s);
       if (any(mesh)) {
-        const I bits = bit_cast<I>(p.sampler.bits_of(bounce, Purpose::kEmitter) >> 2);
-        sample_mesh(scene_, mesh, choice.light, from, bits, u.u, u.v, s);
+        const vuint<W> bits = p.sampler.bits_of(bounce, Purpose::kEmitter);
+        sample_mesh(scene_, mesh, choice.light, from, v.frame.n, bits, u.u, u.v, s);
       }
     }
     const V wi = v.frame.to_local(s.wi);

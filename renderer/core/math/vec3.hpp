@@ -101,4 +101,10 @@ struct Frame {
   PRIMRAY_INLINE Vec3<T> to_world(const Vec3<T>& v) const { return s * v.x + t * v.y + n * v.z; }
 };
 
+// The unit vector along `a`, however short or long it is: its square may be beyond what a float holds.
+template <int W>
+PRIMRAY_INLINE vvec3<W> direction_of(const vvec3<W>& a) {
+  return normalize(a * (1.0f / max_component(abs(a))));
+}
+
 }  // namespace primray

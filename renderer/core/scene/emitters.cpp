@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "scene/emitter_triangles.hpp"
 #include "scene/input_facts.hpp"
 #include "scene/light_rows.hpp"
 #include "scene/light_rules.hpp"
@@ -22,11 +23,6 @@ vec3 radiance(const Scene& s, int32_t surface, int32_t light) {
 
 vec3 radiance_of_mesh(const Scene& s, size_t row) { return radiance(s, s.meshes.surface[row], s.geometry_lights.mesh(row)); }
 
-dvec3 vertex(const Scene& s, size_t base, uint32_t index) {
-  const float* p = &s.positions[3 * (base + index)];
-  return {p[0], p[1], p[2]};
-}
-
 daffine instance_matrix(const Scene& s, size_t instance) {
   const float* m = &s.world_from_group[12 * instance];
   return {{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}, {m[9], m[10], m[11]}};
@@ -43,26 +39,25 @@ struct ShapeWeight {
 // Adds the shape's triangles to the table; power 0 where nothing of it emits.
 ShapeWeight add_triangles(const Scene& s, EmitterTable& table, size_t first, size_t end, size_t vertex_base) {
   ShapeWeight w;
-  std::vector<double> run(1, 0.0);
+  const ShapeTriangles shape{s, first, end - first, vertex_base};
+  std::vector<double> powers;
   dvec3 low(INFINITY), high(-INFINITY);
-  for (size_t t = first; t < end; ++t) {
-    const double L = luminance(dvec3(radiance_of_mesh(s, s.triangle_mesh[t])));
-    const dvec3 p[3] = {vertex(s, vertex_base, s.indices[3 * t]), vertex(s, vertex_base, s.indices[3 * t + 1]),
-                        vertex(s, vertex_base, s.indices[3 * t + 2])};
-    const double power = L > 0 ? L * 0.5 * length(cross(p[1] - p[0], p[2] - p[0])) : 0.0;
-    run.push_back(run.back() + power);
-    if (!(power > 0)) continue;
-    for (const dvec3& q : p) {
+  for (size_t t = 0; t < shape.count; ++t) {
+    const double L = luminance(dvec3(radiance_of_mesh(s, s.triangle_mesh[first + t])));
+    const auto corners = shape.corners(t);
+    powers.push_back(L > 0 ? L * 0.5 * length(cross(corners[1] - corners[0], corners[2] - corners[0])) : 0.0);
+    w.power += powers.back();
+    if (!(powers.back() > 0)) continue;
+    for (const dvec3& q : corners) {
       low = {std::min(low.x, q.x), std::min(low.y, q.y), std::min(low.z, q.z)};
       high = {std::max(high.x, q.x), std::max(high.y, q.y), std::max(high.z, q.z)};
     }
   }
-  w.power = run.back();
   if (!(w.power > 0) || !std::isfinite(w.power)) return {};
   w.center = (low + high) * 0.5, w.radius = 0.5 * length(high - low);
   table.first.push_back(int32_t(first)), table.count.push_back(int32_t(end - first));
-  table.vertex_base.push_back(int32_t(vertex_base)), table.cdf_base.push_back(int32_t(table.cdf.size()));
-  for (double r : run) table.cdf.push_back(int32_t(std::llround(r / w.power * EmitterTable::kWhole)));
+  table.vertex_base.push_back(int32_t(vertex_base));
+  add_triangle_choice(shape, powers, table);
   return w;
 }
 
@@ -193,7 +188,8 @@ void build_emitters(Scene& s) {
     for (uint32_t i = group.sphere_base; i < group.sphere_base + group.sphere_count; ++i) {
       if (!(max_component(radiance(s, s.sphere_surface[i], s.geometry_lights.ball(i))) > 0)) continue;
       table.of_sphere[i] = int32_t(table.first.size()) - group_first[g];
-      table.first.push_back(int32_t(i)), table.count.push_back(0), table.vertex_base.push_back(0), table.cdf_base.push_back(0);
+      table.first.push_back(int32_t(i)), table.count.push_back(0), table.vertex_base.push_back(0);
+      for (auto* unused : {&table.root, &table.place_base, &table.run_shift, &table.cdf_base}) unused->push_back(0);
       weights.push_back({});
     }
   }

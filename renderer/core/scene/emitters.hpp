@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "light/light.hpp"
 #include "scene/features.hpp"
 
 namespace primray {
@@ -19,8 +20,12 @@ struct EmitterTable {
   // One a shape, the shapes of a group together: its first triangle (of the scene) and their number, its group's first vertex;
   // a sphere has no triangles, and its number in `first`.
   std::vector<int32_t> first, count, vertex_base;
-  // Triangles are chosen by area and luminance: count + 1 numbers from 0 to kWhole a shape, beginning at cdf_base. They are
-  // whole numbers, so that the probability of a choice is known exactly for meshes of any size.
+  // How triangles are chosen (emitter_triangles.hpp): in runs of 2^run_shift, 0 as a rule, by the tree from `root`, which
+  // stands in the space of the shape's group; its leaves are runs, counted in the shape, whose places begin at place_base.
+  LightTable by_place;  // a tree and nothing else
+  std::vector<int32_t> root, place_base, run_shift;
+  // In runs of several by area and luminance: count + 1 numbers from 0 to kWhole a shape, beginning at cdf_base. They are whole
+  // numbers, so that the probability of a choice is known exactly for meshes of any size.
   std::vector<int32_t> cdf, cdf_base;
   static constexpr int32_t kWhole = 1 << 30;
 
@@ -32,6 +37,7 @@ struct EmitterTable {
   int64_t unsampled = 0;  // emitting instances beyond kMaxEmitterRows
 
   bool any() const { return built::kEmission && !first.empty(); }
+  bool by_triangle() const { return built::kEmission && !by_place.tree.empty(); }
 };
 
 // Finds what emits and adds its rows to the scene's lights; after the last shape and placement.
