@@ -18,11 +18,11 @@ TARGETS = {
     "field": 0.003,
     "hills": 0.002,
     "metals": 0.02,
-    "haze": 0.005,
+    "haze": 0.02,
     "lamps": 0.05,
     "cove": 0.05,
     "window": 0.3,
-    "showroom": 0.005,
+    "showroom": 0.05,
 }
 # Of the best other renderer, in time to that error.
 AHEAD = {
