@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from tests.reference.emitters import emitters
 from tests.reference.irradiance import irradiance, irradiance_of, size_factor
+from tests.reference.polygons import lambert_polygon
 from tests.reference.profiles import uneven_profile
 from tests.reference.stages import Plane, light, rotation, scaling, stage, translation
 
@@ -20,16 +21,6 @@ DOWNWARD = translation(0, 1, 0) @ rotation([1, 0, 0], -90)
 
 def received(prims: str, p: np.ndarray = POINTS, n: np.ndarray = UP) -> np.ndarray:
     return irradiance(emitters(stage(prims, Plane())), p, n).value[:, 0]
-
-
-def lambert_polygon(p: np.ndarray, n: np.ndarray, corners: np.ndarray) -> float:
-    """Lambert's contour integral, 1760: irradiance under unit radiance of a polygon wholly above the horizon."""
-    v = (corners - p) / np.linalg.norm(corners - p, axis=1, keepdims=True)
-    w = np.roll(v, -1, axis=0)
-    cross = np.cross(v, w)
-    sine = np.linalg.norm(cross, axis=1)
-    angle = np.arctan2(sine, (v * w).sum(axis=1))
-    return abs(float((angle / sine) @ cross @ n)) / 2
 
 
 def clipped(p: np.ndarray, n: np.ndarray, corners: np.ndarray) -> np.ndarray:

@@ -23,6 +23,7 @@ from tests.described import (
     scaling,
     translation,
 )
+from tests.reference.polygons import lambert_polygon
 
 from primray.description import Doubles, Mesh, Placed, Prototype, Shape
 
@@ -46,13 +47,8 @@ def noise(shapes: Sequence[tuple[Shape, Doubles]], spp: int) -> float:
 
 
 def by_lambert(corners: Doubles) -> float:
-    """Irradiance of the ground's middle by a polygon above it: Lambert 1760, E = L / 2 sum of angle x cosine, by edges."""
-    units = corners / np.linalg.norm(corners, axis=1, keepdims=True)
-    total = 0.0
-    for a, b in zip(units, np.roll(units, -1, axis=0), strict=True):
-        across = np.cross(a, b)
-        total += math.atan2(np.linalg.norm(across), a @ b) * across[1] / np.linalg.norm(across)
-    return abs(total) * EMITTED / 2
+    """Irradiance of the ground's middle by a polygon above it."""
+    return EMITTED * lambert_polygon(np.zeros(3), np.array([0.0, 1.0, 0.0]), corners)
 
 
 TRIANGLES = {

@@ -181,6 +181,14 @@ def lamps(count: int = 500) -> Scene:
     return scene
 
 
+def add_room(scene: Scene) -> None:
+    """Floor, ceiling and end walls of a room of 6 x 3 x 8, in looks `floor` and `plaster`; its side walls are the scene's."""
+    scene.add("ground", rectangle((0, 0, 0), (0, 0, 4), (3, 0, 0)), "floor")
+    scene.add("ceiling", rectangle((0, 3, 0), (3, 0, 0), (0, 0, 4)), "plaster")
+    scene.add("back", rectangle((0, 1.5, -4), (3, 0, 0), (0, 1.5, 0)), "plaster")
+    scene.add("front", rectangle((0, 1.5, 4), (0, 1.5, 0), (3, 0, 0)), "plaster")
+
+
 def cove() -> Scene:
     """A room lit by two narrow strips behind ledges below its ceiling: nothing that the camera sees has light at first hand."""
     scene = Scene("cove", (512, 320), 8, Camera((0, 1.4, 3.6), (0, 1.2, -1), 62.0))
@@ -190,10 +198,7 @@ def cove() -> Scene:
         "blue": Look("diffuse", (0.12, 0.2, 0.5)),
         "clay": Look("diffuse", (0.6, 0.32, 0.2)),
     }
-    scene.add("ground", rectangle((0, 0, 0), (0, 0, 4), (3, 0, 0)), "floor")
-    scene.add("ceiling", rectangle((0, 3, 0), (3, 0, 0), (0, 0, 4)), "plaster")
-    scene.add("back", rectangle((0, 1.5, -4), (3, 0, 0), (0, 1.5, 0)), "plaster")
-    scene.add("front", rectangle((0, 1.5, 4), (0, 1.5, 0), (3, 0, 0)), "plaster")
+    add_room(scene)
     for side in (-1, 1):
         scene.add(f"wall_{side + 1}", rectangle((3 * side, 1.5, 0), (0, 1.5, 0), (0, 0, -4.0 * side)), "plaster")
         # The strip lies on the shelf; the lip before it hides the part of the ceiling that it lights most from the room.
@@ -214,10 +219,7 @@ def window() -> Scene:
         "floor": Look("diffuse", (0.42, 0.3, 0.2)),
         "clay": Look("diffuse", (0.6, 0.32, 0.2)),
     }
-    scene.add("ground", rectangle((0, 0, 0), (0, 0, 4), (3, 0, 0)), "floor")
-    scene.add("ceiling", rectangle((0, 3, 0), (3, 0, 0), (0, 0, 4)), "plaster")
-    scene.add("back", rectangle((0, 1.5, -4), (3, 0, 0), (0, 1.5, 0)), "plaster")
-    scene.add("front", rectangle((0, 1.5, 4), (0, 1.5, 0), (3, 0, 0)), "plaster")
+    add_room(scene)
     scene.add("right", rectangle((3, 1.5, 0), (0, 1.5, 0), (0, 0, -4.0)), "plaster")
     # The left wall, about a window from 1 to 2.2 above the floor.
     for k, (low, high, far, near) in enumerate([(0, 3, -4, -2.5), (0, 3, -1, 4), (0, 1, -2.5, -1), (2.2, 3, -2.5, -1)]):
@@ -238,10 +240,7 @@ def showroom() -> Scene:
         "floor": Look("diffuse", (0.4, 0.38, 0.36)),
         "steel": Look("metal", (0.56, 0.57, 0.58), 0.35),
     }
-    scene.add("ground", rectangle((0, 0, 0), (0, 0, 4), (3, 0, 0)), "floor")
-    scene.add("ceiling", rectangle((0, 3, 0), (3, 0, 0), (0, 0, 4)), "plaster")
-    scene.add("back", rectangle((0, 1.5, -4), (3, 0, 0), (0, 1.5, 0)), "plaster")
-    scene.add("front", rectangle((0, 1.5, 4), (0, 1.5, 0), (3, 0, 0)), "plaster")
+    add_room(scene)
     for side in (-1, 1):
         scene.add(f"wall_{side + 1}", rectangle((3 * side, 1.5, 0), (0, 1.5, 0), (0, 0, -4.0 * side)), "plaster")
     for k, roughness in enumerate((0.15, 0.25, 0.35, 0.5, 0.7)):
