@@ -109,6 +109,48 @@ def test_cut_into_triangles(n: int) -> None:
     assert noise([(grid(n), np.eye(4))], 16) < 0.015  # 0.023 to 0.027 by power and area alone
 
 
+PANELS = {
+    "above": np.array(FLAT),
+    "on edge": np.array([(0.4, 0.1, -3), (0.4, 0.1, 3), (0.4, 1.5, 3), (0.4, 1.5, -3)], float),
+    "far": np.array([(4.0, 5, 0), (4.1, 5, 0.1), (4.0, 5.1, 0.2), (3.9, 5.1, 0.1)]) @ rotation([1, 2, 3], 20)[:3, :3],
+    "sliver": np.array([(-20, 0.5, 0.01), (20, 0.5, 0.01), (20, 0.5, -0.01), (-20, 0.5, -0.01)]),
+    "no rectangle": np.array([(-1.0, 0.5, 1.0), (1.0, 0.5, 1.0), (1.6, 0.5, -1.0), (-0.4, 0.5, -1.0)]),
+}
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("name", PANELS)
+def test_a_panel_of_two_triangles(name: str, turned: bool) -> None:
+    """Whichever corner its triangles begin with, and whichever way round they are."""
+    corners = PANELS[name]
+    for first in range(3):
+        for second in range(3):
+            halves = np.stack([np.roll([0, 1, 2], first), np.roll([0, 2, 3], second)])
+            value, error = irradiance([(mesh(corners, halves[:, ::-1] if turned else halves, 1), np.eye(4))], 64)
+            assert abs(value - by_lambert(corners)) < 5 * error + 2e-4 * value
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_flat_lamp_does_not_light_itself(count: int) -> None:
+    """Of one triangle or of two: it shows its own radiance, though it is white and its points are rounded to both sides."""
+    turned = rotation([1, 2, 3], 50) @ translation(3, -7, 20)
+    corners = [(-0.5, 0, 0.5), (0.5, 0, 0.5), (0.5, 0, -0.5), (-0.5, 0, -0.5)]
+    lamp = mesh(corners, [[0, 1, 2], [0, 2, 3]][:count], 0)
+    camera = orthographic(turned @ look_at([0.2, 1, 0.25], [0.2, 0, 0.25], up=(0, 0, -1)), 0.2)
+    d = describe([(lamp, turned)], [lambert(1.0, emission=EMITTED)], [], camera, (32, 32))
+    assert np.abs(replicate_means(render(d.build(), 16, max_depth=2))[..., 1] / EMITTED - 1).max() < 1e-6
+
+
+def test_a_panel_is_sampled_as_a_whole() -> None:
+    """With less noise than its triangles, and the same where an instance squeezes it; not where one shears it."""
+    panel = quad(PANELS["above"], 1)
+    assert noise([(panel, np.eye(4))], 16) < 0.01
+    for matrix, most in ((scaling(0.2, 1, 1), 0.01), (np.eye(4) + np.outer([1, 0, 0, 0], [0, 0, 1, 0]), 0.02)):
+        value, error = irradiance([(panel, matrix)], 64)
+        assert abs(value - by_lambert(PANELS["above"] @ matrix[:3, :3].T)) < 5 * error + 2e-4 * value
+        assert noise([(panel, matrix)], 16) < most
+
+
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_closed_mesh_shows_its_front(turned: bool) -> None:
     """Of a box only the lower side is seen from below, whichever way round its triangles are."""

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "integrator/interaction.hpp"
+#include "integrator/mesh_rectangle.hpp"
 #include "light/selection.hpp"
 #include "light/triangle.hpp"
 #include "sampler/sampler.hpp"
@@ -71,23 +72,23 @@ PRIMRAY_INLINE vint<W> find_triangle(const EmitterTable& table, vint<W> base, vi
   return lo;
 }
 
-// Triangles in runs of several, lane by lane: the first of the run and how many there are.
+// Triangles in runs of several, lane by lane: the run's number, its first triangle and how many there are.
 template <int W>
 struct TriangleRun {
-  vint<W> first, count, cdf;
+  vint<W> run, first, count, cdf;
   vbool<W> several;
 
   // `number`: of a run, or, where `of_triangles`, of one of its triangles.
   TriangleRun(const EmitterTable& table, vbool<W> m, vint<W> shape, vint<W> number, bool of_triangles)
-      : first(number), count(1), cdf(0), several(false) {
+      : run(number), first(number), count(1), cdf(0), several(false) {
     const vint<W> shift = gather<W>(table.run_shift.data(), shape);
     several = m & (shift > vint<W>(0));
     if (!any(several)) return;
     cdf = gather<W>(table.cdf_base.data(), shape);
     const vint<W> all = gather<W>(table.count.data(), shape);
     for (uint32_t left = bits(several); left; left &= left - 1) {
-      const int i = __builtin_ctz(left), begin = (of_triangles ? number[i] >> shift[i] : number[i]) << shift[i];
-      first.set(i, begin), count.set(i, std::min(1 << shift[i], all[i] - begin));
+      const int i = __builtin_ctz(left), own = of_triangles ? number[i] >> shift[i] : number[i], begin = own << shift[i];
+      run.set(i, own), first.set(i, begin), count.set(i, std::min(1 << shift[i], all[i] - begin));
     }
   }
   vint<W> below(const EmitterTable& table) const {
@@ -127,37 +128,42 @@ PRIMRAY_RARE vint<W> choose_triangle(const EmitterTable& table, vbool<W> m, vint
 template <int W>
 PRIMRAY_RARE vfloat<W> probability_of_triangle(const EmitterTable& table, vbool<W> m, vint<W> shape, vint<W> triangle,
                                                const PlaceBeforeMesh<W>& from) {
-  const vint<W> base = gather<W>(table.place_base.data(), shape);
-  vint<W> place = base + triangle;
-  const TriangleRun<W> run(table, m, shape, triangle, true);
-  if (any(run.several)) {
-    const vint<W> shift = gather<W>(table.run_shift.data(), shape);
-    for (uint32_t left = bits(run.several); left; left &= left - 1) {
-      const int i = __builtin_ctz(left);
-      place.set(i, base[i] + (triangle[i] >> shift[i]));
-    }
-  }
+  const TriangleRun<W> in(table, m, shape, triangle, true);
+  const vint<W> place = gather<W>(table.place_base.data(), shape) + in.run;
   vbool<W> chosen = m;
   for (uint32_t left = bits(m); left; left &= left - 1) {
     const int i = __builtin_ctz(left);
     if (table.by_place.tree.places[size_t(place[i])].node < 0) chosen &= lane_numbers<W>() != vint<W>(i);
   }
   const vfloat<W> p = probability_in_tree(table.by_place, table.by_place.tree.places.data(), place, chosen, from.p, from.n);
-  return any(run.several) ? p * run.probability(table, triangle) : p;
+  return any(in.several) ? p * in.probability(table, triangle) : p;
 }
 
 // How a point of triangle `t` is chosen from p: by its solid angle, or by its area where that is as good or safer.
 template <int W>
 struct SeenTriangle {
   vvec3<W> a;  // from p to its first corner
-  SphericalTriangle<W> sphere;
   vbool<W> near;
+  SphericalTriangle<W> sphere;  // where some lane of `m` is near
 
-  PRIMRAY_INLINE SeenTriangle(const EmitterTriangle<W>& t, const vvec3<W>& p)
-      : a(t.p0 - p), sphere(a, a + t.e1, a + t.e2), near(!triangle_is_far(a, t.e1, t.e2)) {
+  PRIMRAY_INLINE SeenTriangle(vbool<W> m, const EmitterTriangle<W>& t, const vvec3<W>& p)
+      : a(t.p0 - p), near(m & !triangle_is_far(a, t.e1, t.e2)) {
+    if (!any(near)) return;
+    sphere = SphericalTriangle<W>(a, a + t.e1, a + t.e2);
     near &= sphere.solid_angle > vfloat<W>(kSmallTriangle);
   }
+  // Density per solid angle; `by_area`: what it is by area.
+  PRIMRAY_INLINE vfloat<W> pdf(vfloat<W> by_area) const {
+    return any(near) ? select(near, 1.0f / sphere.solid_angle, by_area) : by_area;
+  }
 };
+
+// Those of lanes `m` whose mesh is a rectangle.
+template <int W>
+PRIMRAY_INLINE vbool<W> rectangles_of(const EmitterTable& table, vbool<W> m, const LightRow<W>& row) {
+  if (!table.rectangles) return vbool<W>(false);
+  return table.others ? m & ((row.flags() & vint<W>(kRectangle)) != vint<W>(0)) : m;
+}
 
 // Replaces the sample of lanes `m`, whose `light` is a mesh, seen from p on a surface with normal `n` (0: from all around).
 // `number`: 32 random bits.
@@ -167,28 +173,39 @@ PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, c
   const EmitterTable& table = scene.emitters;
   const LightRow<W> row(scene.lights, select(m, light, vint<W>(light[__builtin_ctz(bits(m))])));
   const vint<W> shape = truncate(row(kSize1));
-  vfloat<W> probability;
-  const vint<W> chosen = choose_triangle(table, m, shape, PlaceBeforeMesh<W>(row, p, n), number, probability);
+  const vbool<W> whole = rectangles_of(table, m, row), parts = m & !whole;
+  vfloat<W> probability(1.0f);
+  vint<W> chosen(0);
+  if (any(parts)) chosen = choose_triangle(table, parts, shape, PlaceBeforeMesh<W>(row, p, n), number, probability);
+  vfloat<W> b1, b2, whole_pdf(0.0f);
+  if (any(whole)) {
+    const RectanglePoint<W> q(MeshRectangle<W>(row), gather<W>(table.corners.data(), shape), p, u, v);
+    chosen = select(whole, q.triangle, chosen), b1 = q.b1, b2 = q.b2, whole_pdf = q.pdf;
+  }
   const vint<W> triangle = gather<W>(table.first.data(), shape) + chosen;
   const vint<W> vertex_base = gather<W>(table.vertex_base.data(), shape);
   const EmitterTriangle<W> t(scene, row, vertex_base, triangle);
-  const SeenTriangle<W> seen(t, p);
-  vfloat<W> b1, b2;
-  triangle_by_area(u, v, b1, b2);
-  if (any(m & seen.near)) {
+  const SeenTriangle<W> seen(parts, t, p);
+  if (any(parts)) {
+    vfloat<W> c1, c2;
+    triangle_by_area(u, v, c1, c2);
+    b1 = select(whole, b1, c1), b2 = select(whole, b2, c2);
+  }
+  if (any(seen.near)) {
     vfloat<W> c1, c2;
     triangle_along(seen.sphere.sample(u, v), seen.a, t.e1, t.e2, c1, c2);
     b1 = select(seen.near, c1, b1), b2 = select(seen.near, c2, b2);
   }
   const vvec3<W> doubled_area = cross(t.e1, t.e2), exact = t.p0 + t.e1 * b1 + t.e2 * b2;
-  // A little in front of the triangle on p's side, so that its own rounding does not block the shadow ray.
+  // A little in front of the triangle on p's side, so that its own rounding does not block the shadow ray; but not beyond p,
+  // which may be on the triangle itself.
   const vvec3<W> to = exact - p, normal = direction_of(doubled_area);
-  const vfloat<W> side = copysign(vfloat<W>(1.0f), -dot(to, normal));
-  const vvec3<W> d = to + normal * (side * (t.reach * kOffsetUlps));
+  const vfloat<W> height = -dot(to, normal);
+  const vvec3<W> d = to + normal * copysign(min(t.reach * kOffsetUlps, 0.5f * abs(height)), height);
   const vfloat<W> distance = length(d);
   const vvec3<W> wi = d * (1.0f / distance);
   const vfloat<W> by_area = area_to_solid_angle(doubled_area, wi, distance);
-  const vfloat<W> pdf = probability * select(seen.near, 1.0f / seen.sphere.solid_angle, by_area);
+  const vfloat<W> pdf = select(whole, whole_pdf, probability * seen.pdf(by_area));
   const vbool<W> usable = (distance > vfloat<W>(0.0f)) & (pdf < vfloat<W>(kInfinity));
   const bool lights = scene.geometry_lights.any();
   const vbool<W> own = lights ? (row.flags() & vint<W>(kOwnRadiance)) != vint<W>(0) : vbool<W>(false);
@@ -207,11 +224,14 @@ PRIMRAY_INLINE vfloat<W> mesh_pdf(const Scene& scene, vbool<W> m, const LightRow
   const EmitterTable& table = scene.emitters;
   const vint<W> shape = select(m, truncate(row(kSize1)), vint<W>(0)), first = gather<W>(table.first.data(), shape);
   triangle = select(m, triangle, first);
+  const vbool<W> whole = rectangles_of(table, m, row), parts = m & !whole;
+  const vfloat<W> whole_pdf = any(whole) ? MeshRectangle<W>(row).pdf(p, d, distance) : vfloat<W>(0.0f);
+  if (!any(parts)) return whole_pdf;
   const EmitterTriangle<W> t(scene, row, gather<W>(table.vertex_base.data(), shape), triangle);
-  const SeenTriangle<W> seen(t, p);
+  const SeenTriangle<W> seen(parts, t, p);
   const vfloat<W> by_area = area_to_solid_angle(cross(t.e1, t.e2), d, distance);
-  return probability_of_triangle(table, m, shape, triangle - first, PlaceBeforeMesh<W>(row, p, n)) *
-         select(seen.near, 1.0f / seen.sphere.solid_angle, by_area);
+  const vfloat<W> chosen = probability_of_triangle(table, parts, shape, triangle - first, PlaceBeforeMesh<W>(row, p, n));
+  return select(whole, whole_pdf, chosen * seen.pdf(by_area));
 }
 
 }  // namespace primray

@@ -42,6 +42,11 @@ PRIMRAY_INLINE vfloat<W> light_importance(const float* row, const vvec3<W>& p) {
       return power * min(2 * row[kSize1] / (rho2 + beyond * beyond), 2.0f / sqrt(rho2));
     }
     case LightType::kMesh:
+      if (int(row[kLightFlags]) & kRectangle) {
+        const vvec3<W> quarter = cross(vector(kMeshHalfX), vector(kMeshHalfY));  // of its area
+        const vfloat<W> area = max(4 * length(quarter), 1e-38f), far = 4 * abs(dot(quarter, to)) / (d2 * sqrt(d2));
+        return power / area * min(max(far, 1e-6f), kPi);
+      }
       // A quarter of a closed surface's area is seen from afar, half of an open one's on average.
       return 0.5f * power / max(d2, row[kSize0] * row[kSize0]);
   }

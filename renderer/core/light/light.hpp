@@ -48,8 +48,11 @@ enum LightField : int {
   kLightFlags = kGlow + 3,
   kShaping,  // its number in ShapingTable, from 1; 0: none
   kLightFields,
-  // A mesh needs no inverse and has no one radiance, but its ball's centre, and the placement (-1: none) and its instance.
+  // A mesh needs no inverse and has no one radiance, but its ball's centre, half its edges where it is a rectangle, and the
+  // placement (-1: none) and its instance.
   kMeshCenter = kInverseX,
+  kMeshHalfX = kInverseY,
+  kMeshHalfY = kInverseZ,
   kMeshPlacement = kRadiance,
   kMeshInstance = kRadiance + 1,
   // Unit axes in the world of a mesh that is a light: its own x, and its own z, away from which it points.
@@ -58,9 +61,10 @@ enum LightField : int {
 };
 enum LightFlag : int32_t {
   kSheared = 1,
-  kGeometry = 2,  // rays meet it as a shape of the scene, not as a light
-  kHidden = 16,   // the camera does not see it
-  kSpecial = 32,  // its shadows are not the geometry's: light sampling alone finds it, with weight 1 (light/shadow.hpp)
+  kGeometry = 2,   // rays meet it as a shape of the scene, not as a light
+  kRectangle = 4,  // a mesh that is one (scene/emitter_rectangles.hpp)
+  kHidden = 16,    // the camera does not see it
+  kSpecial = 32,   // its shadows are not the geometry's: light sampling alone finds it, with weight 1 (light/shadow.hpp)
   // Of geometry that is a light (UsdLux LightAPI, light:materialSyncMode):
   kOwnRadiance = 1 << 10,  // it gives kGlow, whatever glow its material has
 };

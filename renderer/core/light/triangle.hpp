@@ -17,6 +17,7 @@ struct SphericalTriangle {
   vvec3<W> v0, v1, v2;  // unit, towards the corners, det(v0, v1, v2) >= 0
   vfloat<W> solid_angle;
 
+  SphericalTriangle() = default;
   PRIMRAY_INLINE SphericalTriangle(const vvec3<W>& a, const vvec3<W>& b, const vvec3<W>& c)
       : v0(direction_of(a)), v1(direction_of(b)), v2(direction_of(c)) {
     const vfloat<W> det = dot(cross(v0, v1), v2);

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "math/box.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
@@ -44,21 +45,19 @@ int outward(const ShapeTriangles& shape) {
 
 LightBounds bounds_of_run(const ShapeTriangles& shape, const std::vector<double>& powers, size_t begin, size_t end, int side) {
   LightBounds b;
-  dvec3 low(INFINITY), high(-INFINITY), sum(0.0), normal(0.0);
+  DoubleBox box;
+  dvec3 sum(0.0), normal(0.0);
   double power = 0, area = 0;
   for (size_t t = begin; t < end; ++t) {
     const auto p = shape.corners(t);
     normal = cross(p[1] - p[0], p[2] - p[0]);
     power += powers[t], area += 0.5 * length(normal), sum = sum + (p[0] + p[1] + p[2]) * (powers[t] / 3);
-    for (const dvec3& q : p) {
-      low = {std::min(low.x, q.x), std::min(low.y, q.y), std::min(low.z, q.z)};
-      high = {std::max(high.x, q.x), std::max(high.y, q.y), std::max(high.z, q.z)};
-    }
+    for (const dvec3& q : p) box.add(q);
   }
   const dvec3 center = sum * (1 / power);
   for (size_t a = 0; a < 3; ++a) {
-    b.low[a] = float(component(low, a)), b.high[a] = float(component(high, a)), b.center[a] = float(component(center, a));
-    b.axis[a] = 0;
+    b.low[a] = float(component(box.low, a)), b.high[a] = float(component(box.high, a));
+    b.center[a] = float(component(center, a)), b.axis[a] = 0;
   }
   b.least2 = std::max(float(area / std::numbers::pi), 1e-24f);
   if (side == 0 || end - begin > 1) return b;

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "math/box.hpp"
+#include "scene/emitter_rectangles.hpp"
 #include "scene/emitter_triangles.hpp"
 #include "scene/input_facts.hpp"
 #include "scene/light_rows.hpp"
@@ -33,6 +35,7 @@ struct ShapeWeight {
   double power = 0;  // area times luminance
   dvec3 center{0.0};
   double radius = 0;
+  ShapeHalves halves;
   int32_t light = -1;  // in Scene::geometry_lights
 };
 
@@ -41,22 +44,21 @@ ShapeWeight add_triangles(const Scene& s, EmitterTable& table, size_t first, siz
   ShapeWeight w;
   const ShapeTriangles shape{s, first, end - first, vertex_base};
   std::vector<double> powers;
-  dvec3 low(INFINITY), high(-INFINITY);
+  DoubleBox box;
   for (size_t t = 0; t < shape.count; ++t) {
     const double L = luminance(dvec3(radiance_of_mesh(s, s.triangle_mesh[first + t])));
     const auto corners = shape.corners(t);
     powers.push_back(L > 0 ? L * 0.5 * length(cross(corners[1] - corners[0], corners[2] - corners[0])) : 0.0);
     w.power += powers.back();
     if (!(powers.back() > 0)) continue;
-    for (const dvec3& q : corners) {
-      low = {std::min(low.x, q.x), std::min(low.y, q.y), std::min(low.z, q.z)};
-      high = {std::max(high.x, q.x), std::max(high.y, q.y), std::max(high.z, q.z)};
-    }
+    for (const dvec3& q : corners) box.add(q);
   }
   if (!(w.power > 0) || !std::isfinite(w.power)) return {};
-  w.center = (low + high) * 0.5, w.radius = 0.5 * length(high - low);
+  w.center = (box.low + box.high) * 0.5, w.radius = 0.5 * length(box.high - box.low);
   table.first.push_back(int32_t(first)), table.count.push_back(int32_t(end - first));
   table.vertex_base.push_back(int32_t(vertex_base));
+  w.halves = find_halves(shape, powers);
+  table.corners.push_back(w.halves.corners);
   add_triangle_choice(shape, powers, table);
   return w;
 }
@@ -94,6 +96,7 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
   const double size = std::cbrt(std::fabs(m.determinant()));
   row[kSize0] = float(w.radius * size);
   put_geometry_light(s, w.light, m, row);
+  (put_rectangle(w.halves, m, row) ? s.emitters.rectangles : s.emitters.others) = true;
   const double share = w.light < 0 ? 1.0 : share_of(s.geometry_lights.all[w.light], row);
   row[kSize1] = float(shape);
   row[kMeshPlacement] = float(placement), row[kMeshInstance] = float(instance);
@@ -189,7 +192,8 @@ void build_emitters(Scene& s) {
       if (!(max_component(radiance(s, s.sphere_surface[i], s.geometry_lights.ball(i))) > 0)) continue;
       table.of_sphere[i] = int32_t(table.first.size()) - group_first[g];
       table.first.push_back(int32_t(i)), table.count.push_back(0), table.vertex_base.push_back(0);
-      for (auto* unused : {&table.root, &table.place_base, &table.run_shift, &table.cdf_base}) unused->push_back(0);
+      for (auto* unused : {&table.corners, &table.root, &table.place_base, &table.run_shift, &table.cdf_base})
+        unused->push_back(0);
       weights.push_back({});
     }
   }

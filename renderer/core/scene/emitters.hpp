@@ -20,8 +20,10 @@ struct EmitterTable {
   // One a shape, the shapes of a group together: its first triangle (of the scene) and their number, its group's first vertex;
   // a sphere has no triangles, and its number in `first`.
   std::vector<int32_t> first, count, vertex_base;
-  // How triangles are chosen (emitter_triangles.hpp): in runs of 2^run_shift, 0 as a rule, by the tree from `root`, which
-  // stands in the space of the shape's group; its leaves are runs, counted in the shape, whose places begin at place_base.
+  std::vector<int32_t> corners;  // ShapeHalves::corners
+  // How triangles are chosen where a row is no rectangle (emitter_triangles.hpp): in runs of 2^run_shift, 0 as a rule, by the
+  // tree from `root`, which stands in the space of the shape's group; its leaves are runs, counted in the shape, whose places
+  // begin at place_base.
   LightTable by_place;  // a tree and nothing else
   std::vector<int32_t> root, place_base, run_shift;
   // In runs of several by area and luminance: count + 1 numbers from 0 to kWhole a shape, beginning at cdf_base. They are whole
@@ -34,10 +36,11 @@ struct EmitterTable {
   // First light row and rows an instance, of what is static and of each placement; -1: none, or not sampled.
   int32_t static_light = -1;
   std::vector<int32_t> placement_light, placement_rows;
-  int64_t unsampled = 0;  // emitting instances beyond kMaxEmitterRows
+  bool rectangles = false, others = false;  // rows of meshes that are rectangles, and that are not
+  int64_t unsampled = 0;                    // emitting instances beyond kMaxEmitterRows
 
   bool any() const { return built::kEmission && !first.empty(); }
-  bool by_triangle() const { return built::kEmission && !by_place.tree.empty(); }
+  bool by_triangle() const { return built::kEmission && others; }
 };
 
 // Finds what emits and adds its rows to the scene's lights; after the last shape and placement.

@@ -58,7 +58,8 @@ LightBox light_box(const float* row) {
         reach = s1 * x;
         break;
       case LightType::kMesh:
-        reach = mesh_radius(row) * std::sqrt(x * x + y * y + z * z);
+        reach = int(row[kLightFlags]) & kRectangle ? std::fabs(row[kMeshHalfX + a]) + std::fabs(row[kMeshHalfY + a])
+                                                   : mesh_radius(row) * std::sqrt(x * x + y * y + z * z);
         break;
       default:
         break;
