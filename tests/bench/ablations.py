@@ -2,12 +2,14 @@
 
 Each row of ablation_rows.py beside the renderer as it is, by turns, in processes of their own: CPU seconds of the render and
 relMSE against our converged picture (references.py). Rows that need a build of the core are measured where `--build` has
-made it from the sources as they are now; that takes minutes a row.
+made it from the sources as they are now; that takes minutes a row. A run of some rows or scenes leaves what was measured of
+the others before, with its day and machine.
 """
 
 from __future__ import annotations
 
 import argparse
+import datetime
 import hashlib
 import json
 import os
@@ -26,7 +28,7 @@ from .ablation_rows import ALL, BASE, ROWS, Row
 from .peer_runs import kept
 from .references import path_of
 from .relmse import relmse, saved
-from .results import write_results
+from .results import cpu_model, latest, write_results
 
 ROOT = Path(__file__).parents[2]
 SOURCES = ROOT / "renderer/core"
@@ -196,15 +198,36 @@ def report(scenes: list[str], rounds: int, only: str = "") -> None:
     for scene in scenes:
         rows = [row for row in wanted if scene in row.scenes and possible(row)]
         for row in measure(scene, rows, rounds) if rows else ():
-            found.append(row)
+            found.append(row | {"date": datetime.date.today().isoformat(), "cpu": cpu_model()})
             low, high = row["range"]
             print(
                 f"{scene:7} {row['name']:44} {row['instead']:36} error x {row['error']:.3f}  seconds x {row['seconds']:.3f}  "
                 f"both x {row['error_seconds']:.3f} ({low:.3f} to {high:.3f})",
                 flush=True,
             )
-    left_out = [{"name": row.name, "instead": row.instead, "left_out": "not built"} for row in wanted if not possible(row)]
+    found = with_earlier(found, latest("ablations"))
+    measured = {(row["name"], row["instead"]) for row in found}
+    left_out = [
+        {"name": row.name, "instead": row.instead, "left_out": "not built"}
+        for row in ROWS
+        if (row.name, row.instead) not in measured and not possible(row)
+    ]
     write_results("ablations", found + left_out)
+
+
+def with_earlier(found: list[dict[str, Any]], earlier: dict[str, Any] | None) -> list[dict[str, Any]]:
+    """What was measured now, and before that of other rows that there still are."""
+    if earlier is None:
+        return found
+    now = {_which(row) for row in found}
+    there_are = {(row.name, row.instead, scene) for row in ROWS for scene in row.scenes}
+    when = {"date": earlier["date"], "cpu": earlier["cpu"]}
+    left = [when | row for row in earlier["rows"] if "left_out" not in row]
+    return found + [row for row in left if _which(row) in there_are - now]
+
+
+def _which(row: dict[str, Any]) -> tuple[str, str, str]:
+    return row["name"], row["instead"], row["scene"]
 
 
 def main() -> None:

@@ -22,7 +22,7 @@ from .results import write_results
 
 LADDER = (4, 16, 64, 256)
 ROUNDS = 2
-LIMIT_S = 5.0
+LIMIT_S = 10.0
 
 
 def measure(scene: str, rounds: int, limit_s: float, ladder: tuple[int, ...] = LADDER) -> list[dict[str, Any]]:

@@ -10,7 +10,7 @@ import pytest
 
 from . import __main__ as whole
 from .ablation_rows import ROWS, Edit, Row
-from .ablations import _worth, edited
+from .ablations import _worth, edited, with_earlier
 from .curves import medians
 from .relmse import agreement, reference_of, relmse, save, saved
 
@@ -54,6 +54,19 @@ def test_medians_are_over_the_rounds_of_equal_samples():
     ]
     rounds[2]["pictures"].pop()
     assert medians({"rounds": rounds}) == [(4, 2.0, 0.3), (16, 6.0, pytest.approx(0.075))]
+
+
+def test_a_run_of_some_rows_keeps_the_others():
+    first, second = ROWS[0], ROWS[1]
+    now = [{"name": first.name, "instead": first.instead, "scene": first.scenes[0], "error": 2.0}]
+    older = [now[0] | {"error": 1.0}, *({"name": second.name, "instead": second.instead, "scene": s} for s in second.scenes)]
+    gone = {"name": second.name, "instead": "what no row says", "scene": second.scenes[0]}
+    lacked = {"name": second.name, "instead": second.instead, "left_out": "not built"}
+    earlier = {"date": "2026-01-01", "cpu": "this one", "rows": [*older, gone, lacked]}
+    kept = with_earlier(now, earlier)
+    assert kept[0] == now[0]
+    assert kept[1:] == [{"date": "2026-01-01", "cpu": "this one"} | row for row in older[1:]]
+    assert with_earlier(now, None) == now
 
 
 def test_worth_is_without_over_with_by_rounds():

@@ -267,10 +267,11 @@ def ablation_table(rows: Rows) -> str:
             f"{row['error']:.3f}",
             f"{row['seconds']:.3f}",
             f"{row['error_seconds']:.3f} ({row['range'][0]:.3f} to {row['range'][1]:.3f})",
+            f"{row['date']}, {row['cpu']}",
         )
         for row in sorted(measured(rows), key=lambda row: row["name"])
     ]
-    return table(("without", "instead", "scene", "error x", "seconds x", "both x"), lines)
+    return table(("without", "instead", "scene", "error x", "seconds x", "both x", "measured"), lines)
 
 
 def ablations_lost(rows: Rows) -> Iterator[str]:

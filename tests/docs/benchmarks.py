@@ -63,7 +63,7 @@ building, for the most items; seconds, and CPU seconds of all threads, whose pow
 a ray and the error are those of 160 x 90 pixels, 16 samples, 4 scatterings; the error is the render's own estimate."""
 ABLATIONS_TEXT = """Each row is the renderer without one thing, over the renderer as it is: error at equal samples, CPU seconds,
 and their product, by which more than 1 is what the thing is worth. Rows that need another build of the core are measured where
-`python -m tests.bench.ablations --build` has made it."""
+`python -m tests.bench.ablations --build` has made it. Each was measured against the renderer of its day."""
 
 
 class Page:
@@ -203,7 +203,7 @@ def _ablations(made: Page) -> None:
     made.add("## Ablations", ABLATIONS_TEXT)
     if kept := latest("ablations"):
         made.about(kept)
-        made.add(tables.ablation_table(kept["rows"]))
+        made.add(tables.ablation_table([{"date": kept["date"], "cpu": kept["cpu"]} | row for row in kept["rows"]]))
         made.loses(tables.ablations_lost(kept["rows"]))
         made.left_out += [
             f"without {row['name']} ({row['instead']}): {row['left_out']}" for row in kept["rows"] if "left_out" in row

@@ -109,6 +109,31 @@ def test_cut_into_triangles(n: int) -> None:
     assert noise([(grid(n), np.eye(4))], 16) < 0.015  # 0.023 to 0.027 by power and area alone
 
 
+def strip(x: float) -> Mesh:
+    """Long, of 200 triangles, 0.3 above the ground."""
+    z = np.linspace(-3, 3, 101)
+    points = np.stack([np.stack([np.full(101, x + side), np.full(101, 0.3), z], 1) for side in (-0.02, 0.02)], 1).reshape(-1, 3)
+    at = 2 * np.arange(100)
+    return mesh(points, np.concatenate([np.stack([at, at + 1, at + 3], 1), np.stack([at, at + 3, at + 2], 1)]), 1)
+
+
+def test_meshes_among_each_other_are_one_choice() -> None:
+    """Strips side by side, whose balls overlap, with a mesh between them that does not emit: as if they were one mesh."""
+    dark = (mesh([(9, 1, 9), (9, 2, 9), (9, 1, 8)], [[0, 1, 2]], 0), np.eye(4))
+    places = [(strip(x), np.eye(4)) for x in (0.1, 0.9, 1.7, 2.5)]
+    shapes = [places[0], dark, *places[1:]]
+    value, error = irradiance(shapes, 256)
+    corners = [
+        np.array([(x - w, 0.3, -3), (x + w, 0.3, -3), (x + w, 0.3, 3), (x - w, 0.3, 3)])
+        for x in (0.1, 0.9, 1.7, 2.5)
+        for w in [0.02]
+    ]
+    assert abs(value - sum(by_lambert(c) for c in corners)) < 5 * error + 2e-4 * value
+    assert noise(shapes, 16) < 0.05
+    scene = describe([(ground(4), np.eye(4)), *shapes], SURFACES, [], DOWN, (16, 16)).build()
+    assert scene.emitters == 4
+
+
 PANELS = {
     "above": np.array(FLAT),
     "on edge": np.array([(0.4, 0.1, -3), (0.4, 0.1, 3), (0.4, 1.5, 3), (0.4, 1.5, -3)], float),

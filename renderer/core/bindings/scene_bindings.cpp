@@ -181,7 +181,7 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("texture_images", &texture_images)
       .def_prop_ro("has_emission", [](const Scene& s) { return bool(s.has_emission); })
       .def_prop_ro("has_thin", [](const Scene& s) { return bool(s.has_thin); })
-      .def_prop_ro("emitters", [](const Scene& s) { return s.emitters.first.size(); })
+      .def_prop_ro("emitters", [](const Scene& s) { return s.emitters.shapes; })
       .def_prop_ro("unsampled_emitters", [](const Scene& s) { return s.emitters.unsampled; })
       .def_prop_ro("sampled_lights", [](const Scene& s) { return s.lights.count; })
       .def_prop_ro("light_images", [](const Scene& s) { return s.lights.images.size(); })

@@ -13,7 +13,6 @@
 namespace primray {
 namespace {
 
-constexpr size_t kMostRuns = 1 << 16;
 // Where an emitting shape is closed, what is seen of a triangle from its back is as a rule behind the shape's front: it is
 // chosen as if it shone with this part at most. Inside such a shape all triangles are seen so, and none is preferred.
 constexpr float kBackFloor = 0.1f;
@@ -84,11 +83,14 @@ std::array<dvec3, 3> ShapeTriangles::corners(size_t triangle) const {
   return r;
 }
 
-void add_triangle_choice(const ShapeTriangles& shape, const std::vector<double>& powers, EmitterTable& table) {
+void add_triangle_choice(const ShapeTriangles& shape, const std::vector<ShapeTriangles>& meshes,
+                         const std::vector<double>& powers, EmitterTable& table) {
   int shift = 0;
-  while ((shape.count >> shift) > kMostRuns) ++shift;
+  while ((shape.count >> shift) > kMostTriangleRuns) ++shift;
   const size_t runs = ((shape.count - 1) >> shift) + 1;
-  const int side = shift == 0 ? outward(shape) : 0;
+  std::vector<int> side(shape.count, 0);
+  for (const ShapeTriangles& mesh : meshes)
+    if (shift == 0) std::fill_n(side.begin() + ptrdiff_t(mesh.first - shape.first), mesh.count, outward(mesh));
   std::vector<double> power(runs);
   for (size_t t = 0; t < shape.count; ++t) power[t >> shift] += powers[t];
   const double strongest = *std::max_element(power.begin(), power.end());
@@ -96,7 +98,7 @@ void add_triangle_choice(const ShapeTriangles& shape, const std::vector<double>&
   std::vector<int32_t> numbers;
   for (size_t r = 0; r < runs; ++r) {
     if (!(power[r] > 0)) continue;
-    bounds[r] = bounds_of_run(shape, powers, r << shift, std::min((r + 1) << shift, shape.count), side);
+    bounds[r] = bounds_of_run(shape, powers, r << shift, std::min((r + 1) << shift, shape.count), side[r << shift]);
     bounds[r].intensity = float(std::max(power[r] / strongest, kWeakest));
     numbers.push_back(int32_t(r));
   }

@@ -20,8 +20,12 @@ struct ShapeTriangles {
   std::array<dvec3, 3> corners(size_t triangle) const;
 };
 
-// Adds the choice among the shape's triangles to the table, after the other columns of its shape. `powers`: luminance times
-// area, some of it positive; triangles of power 0 are not chosen.
-void add_triangle_choice(const ShapeTriangles& shape, const std::vector<double>& powers, EmitterTable& table);
+// Leaves of a shape's tree at most.
+constexpr size_t kMostTriangleRuns = 1 << 16;
+
+// Adds the choice among the shape's triangles to the table, after the other columns of its shape. `meshes`: those of it that
+// emit. `powers`: luminance times area, some of it positive; triangles of power 0 are not chosen.
+void add_triangle_choice(const ShapeTriangles& shape, const std::vector<ShapeTriangles>& meshes,
+                         const std::vector<double>& powers, EmitterTable& table);
 
 }  // namespace primray

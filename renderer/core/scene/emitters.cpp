@@ -4,10 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "math/box.hpp"
-#include "scene/emitter_rectangles.hpp"
-#include "scene/emitter_triangles.hpp"
-#include "scene/input_facts.hpp"
+#include "scene/emitter_shapes.hpp"
 #include "scene/light_rows.hpp"
 #include "scene/light_rules.hpp"
 #include "scene/shaping_rows.hpp"
@@ -15,52 +12,9 @@
 namespace primray {
 namespace {
 
-// What it lights with on average, before its area: `light` is its number in Scene::geometry_lights, or -1.
-vec3 radiance(const Scene& s, int32_t surface, int32_t light) {
-  const float presence = s.surfaces.rows[size_t(surface) * kSurfaceFields + kPresence];
-  if (light < 0) return average_emission(s, surface) * presence;
-  const GeometryLight& own = s.geometry_lights.all[light];
-  return (own.own ? vec3(1.0f) : average_emission(s, surface)) * own.radiance * presence;
-}
-
-vec3 radiance_of_mesh(const Scene& s, size_t row) { return radiance(s, s.meshes.surface[row], s.geometry_lights.mesh(row)); }
-
 daffine instance_matrix(const Scene& s, size_t instance) {
   const float* m = &s.world_from_group[12 * instance];
   return {{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}, {m[9], m[10], m[11]}};
-}
-
-// What selection weighs of a shape, in its group's space.
-struct ShapeWeight {
-  double power = 0;  // area times luminance
-  dvec3 center{0.0};
-  double radius = 0;
-  ShapeHalves halves;
-  int32_t light = -1;  // in Scene::geometry_lights
-};
-
-// Adds the shape's triangles to the table; power 0 where nothing of it emits.
-ShapeWeight add_triangles(const Scene& s, EmitterTable& table, size_t first, size_t end, size_t vertex_base) {
-  ShapeWeight w;
-  const ShapeTriangles shape{s, first, end - first, vertex_base};
-  std::vector<double> powers;
-  DoubleBox box;
-  for (size_t t = 0; t < shape.count; ++t) {
-    const double L = luminance(dvec3(radiance_of_mesh(s, s.triangle_mesh[first + t])));
-    const auto corners = shape.corners(t);
-    powers.push_back(L > 0 ? L * 0.5 * length(cross(corners[1] - corners[0], corners[2] - corners[0])) : 0.0);
-    w.power += powers.back();
-    if (!(powers.back() > 0)) continue;
-    for (const dvec3& q : corners) box.add(q);
-  }
-  if (!(w.power > 0) || !std::isfinite(w.power)) return {};
-  w.center = (box.low + box.high) * 0.5, w.radius = 0.5 * length(box.high - box.low);
-  table.first.push_back(int32_t(first)), table.count.push_back(int32_t(end - first));
-  table.vertex_base.push_back(int32_t(vertex_base));
-  w.halves = find_halves(shape, powers);
-  table.corners.push_back(w.halves.corners);
-  add_triangle_choice(shape, powers, table);
-  return w;
 }
 
 // What a shape's own light brings to its row, where its group stands so: kGlow, and what any light has.
@@ -92,9 +46,9 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
   row[kLightFlags] = float(int(kGeometry));
   const daffine& m = world_from_group;
   put(row, kAxisX, m.x), put(row, kAxisY, m.y), put(row, kAxisZ, m.z), put(row, kOrigin, m.o);
-  put(row, kMeshCenter, m.point(w.center));
+  put(row, kMeshCenter, m.point(w.center()));
   const double size = std::cbrt(std::fabs(m.determinant()));
-  row[kSize0] = float(w.radius * size);
+  row[kSize0] = float(w.radius() * size);
   put_geometry_light(s, w.light, m, row);
   (put_rectangle(w.halves, m, row) ? s.emitters.rectangles : s.emitters.others) = true;
   const double share = w.light < 0 ? 1.0 : share_of(s.geometry_lights.all[w.light], row);
@@ -113,7 +67,7 @@ void add_sphere_row(Scene& s, int32_t sphere, const daffine& world_from_group) {
   light.world_from_light =
       world_from_group * daffine{{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}, {m[9], m[10], m[11]}};
   const int32_t number = s.geometry_lights.ball(sphere);
-  light.emission = radiance(s, s.sphere_surface[sphere], number);
+  light.emission = average_radiance(s, s.sphere_surface[sphere], number);
   if (number >= 0) {
     const GeometryLight& own = s.geometry_lights.all[number];
     const double whole = luminance(dvec3(own.radiance));
@@ -169,27 +123,24 @@ void build_emitters(Scene& s) {
   for (size_t g = 0; g < s.groups.size(); ++g) {
     const Group& group = s.groups[g];
     group_first[g] = int32_t(table.first.size());
+    ShapeMaker shapes(s, group, weights);
     const size_t end = group.triangle_base + group.triangle_count + group.cutout_count;
     // Rows with the same first triangle are one mesh's.
     while (row < meshes.surface.size() && size_t(meshes.triangle_base[row]) < end) {
       size_t next = row;
       bool emits = false;
       for (; next < meshes.surface.size() && meshes.triangle_base[next] == meshes.triangle_base[row]; ++next)
-        emits |= max_component(radiance_of_mesh(s, next)) > 0;
+        emits |= max_component(average_radiance_of_mesh(s, next)) > 0;
       if (emits) {
         const size_t last = next < meshes.surface.size() ? size_t(meshes.triangle_base[next]) : s.indices.size() / 3;
-        const int32_t number = int32_t(table.first.size()) - group_first[g];
-        ShapeWeight w = add_triangles(s, table, meshes.triangle_base[row], std::min(last, end), group.vertex_base);
-        if (w.power > 0) {
-          w.light = s.geometry_lights.mesh(row);
-          weights.push_back(w);
-          std::fill(table.of_mesh.begin() + ptrdiff_t(row), table.of_mesh.begin() + ptrdiff_t(next), number);
-        }
+        shapes.add({size_t(meshes.triangle_base[row]), std::min(last, end), row, next});
       }
       row = next;
     }
+    shapes.finish();
     for (uint32_t i = group.sphere_base; i < group.sphere_base + group.sphere_count; ++i) {
-      if (!(max_component(radiance(s, s.sphere_surface[i], s.geometry_lights.ball(i))) > 0)) continue;
+      if (!(max_component(average_radiance(s, s.sphere_surface[i], s.geometry_lights.ball(i))) > 0)) continue;
+      ++table.shapes;
       table.of_sphere[i] = int32_t(table.first.size()) - group_first[g];
       table.first.push_back(int32_t(i)), table.count.push_back(0), table.vertex_base.push_back(0);
       for (auto* unused : {&table.corners, &table.root, &table.place_base, &table.run_shift, &table.cdf_base})

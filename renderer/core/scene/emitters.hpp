@@ -1,6 +1,6 @@
-// Geometry that emits, sampled as lights: which shapes, how their triangles are chosen, and which rows of the LightTable are
-// theirs. A shape in a prototype has a row for every instance. Shapes that are lights by themselves give what
-// geometry_lights.hpp says.
+// Geometry that emits, sampled as lights: which shapes (meshes that lie among each other are one), how their triangles are
+// chosen, and which rows of the LightTable are theirs. A shape in a prototype has a row for every instance. Shapes that are
+// lights by themselves give what geometry_lights.hpp says.
 #pragma once
 
 #include <cstdint>
@@ -36,6 +36,7 @@ struct EmitterTable {
   // First light row and rows an instance, of what is static and of each placement; -1: none, or not sampled.
   int32_t static_light = -1;
   std::vector<int32_t> placement_light, placement_rows;
+  int64_t shapes = 0;                       // of the scene that emit; several meshes may be one shape here
   bool rectangles = false, others = false;  // rows of meshes that are rectangles, and that are not
   int64_t unsampled = 0;                    // emitting instances beyond kMaxEmitterRows
 
