@@ -58,14 +58,17 @@ def test_medians_are_over_the_rounds_of_equal_samples():
 
 def test_a_run_of_some_rows_keeps_the_others():
     first, second = ROWS[0], ROWS[1]
-    now = [{"name": first.name, "instead": first.instead, "scene": first.scenes[0], "error": 2.0}]
-    older = [now[0] | {"error": 1.0}, *({"name": second.name, "instead": second.instead, "scene": s} for s in second.scenes)]
+    now: list[dict[str, object]] = [{"name": first.name, "instead": first.instead, "scene": first.scenes[0], "error": 2.0}]
+    others: list[dict[str, object]] = [
+        {"name": second.name, "instead": second.instead, "scene": scene} for scene in second.scenes
+    ]
+    older: list[dict[str, object]] = [now[0] | {"error": 1.0}, *others]
     gone = {"name": second.name, "instead": "what no row says", "scene": second.scenes[0]}
     lacked = {"name": second.name, "instead": second.instead, "left_out": "not built"}
     earlier = {"date": "2026-01-01", "cpu": "this one", "rows": [*older, gone, lacked]}
     kept = with_earlier(now, earlier)
     assert kept[0] == now[0]
-    assert kept[1:] == [{"date": "2026-01-01", "cpu": "this one"} | row for row in older[1:]]
+    assert kept[1:] == [{**row, "date": "2026-01-01", "cpu": "this one"} for row in older[1:]]
     assert with_earlier(now, None) == now
 
 
