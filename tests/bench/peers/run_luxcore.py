@@ -100,8 +100,14 @@ def _look(look: dict[str, Any]) -> Any:
         yield from (("type", "glass"), ("kr", [1.0] * 3), ("kt", [1.0] * 3), ("interiorior", look["ior"]), ("exteriorior", 1.0))
     elif look["kind"] == "metal":
         yield from (("type", "disney"), ("basecolor", color), ("metallic", 1.0), ("roughness", look["roughness"]))
+    elif look["kind"] == "glow":
+        yield from _glow(color)
     else:
         yield from (("type", "matte"), ("kd", color))
+
+
+def _glow(radiance: list[float]) -> Any:
+    return ("type", "matte"), ("kd", [0.0] * 3), ("emission", radiance)
 
 
 def _lamp(scene: PlainScene, lamp: dict[str, Any], name: str) -> Any:
@@ -116,9 +122,8 @@ def _lamp(scene: PlainScene, lamp: dict[str, Any], name: str) -> Any:
     elif lamp["kind"] == "sun":
         yield from ((at + "type", "sharpdistant"), (at + "direction", lamp["direction"]), (at + "color", color))
     elif lamp["kind"] == "rect":
-        yield f"scene.materials.{name}.type", "matte"
-        yield f"scene.materials.{name}.kd", [0.0] * 3
-        yield f"scene.materials.{name}.emission", color
+        for key, value in _glow(color):
+            yield f"scene.materials.{name}.{key}", value
         yield f"scene.objects.{name}.ply", scene.ply(name)
         yield f"scene.objects.{name}.material", name
     else:

@@ -41,8 +41,11 @@ def setup(scene: PlainScene, job: dict[str, Any]) -> tuple[Render, Save, Stages]
     }  # fmt: skip
     for name, look in scene["looks"].items():
         world[f"look_{name}"] = _bsdf(look)
+    glows = {name: _area(look["color"]) for name, look in scene["looks"].items() if look["kind"] == "glow"}
     for mesh, look in scene["objects"]:
         world[f"mesh_{mesh}"] = _ply(scene, mesh, look)
+        if look in glows:
+            world[f"mesh_{mesh}"]["emitter"] = glows[look]
     if scene["placed"]:
         world["group"] = {"type": "shapegroup", "shape": _ply(scene, **scene["placed"])}
         reference = {"type": "ref", "id": "group"}
@@ -69,13 +72,18 @@ def _rgb(value: list[float]) -> dict[str, Any]:
     return {"type": "rgb", "value": list(value)}
 
 
+def _area(radiance: list[float]) -> dict[str, Any]:
+    return {"type": "area", "radiance": _rgb(radiance)}
+
+
 def _bsdf(look: dict[str, Any]) -> dict[str, Any]:
     if look["kind"] == "glass":
         return {"type": "dielectric", "int_ior": look["ior"], "ext_ior": 1.0}
     if look["kind"] == "metal":
         metal = {"type": "principled", "base_color": _rgb(look["color"]), "metallic": 1.0, "roughness": look["roughness"]}
         return {"type": "twosided", "one": metal}
-    return {"type": "twosided", "one": {"type": "diffuse", "reflectance": _rgb(look["color"])}}
+    color = [0.0, 0.0, 0.0] if look["kind"] == "glow" else look["color"]
+    return {"type": "twosided", "one": {"type": "diffuse", "reflectance": _rgb(color)}}
 
 
 def _ply(scene: PlainScene, mesh: str, look: str) -> dict[str, Any]:
@@ -89,7 +97,7 @@ def _emitter(scene: PlainScene, lamp: dict[str, Any], place: Any, np: Any) -> di
         return {"type": "envmap", "filename": scene.file(lamp["image"])}
     if kind == "sun":
         return {"type": "directional", "direction": lamp["direction"], "irradiance": _rgb(lamp["radiance"])}
-    area = {"type": "area", "radiance": _rgb(lamp["radiance"])}
+    area = _area(lamp["radiance"])
     if kind == "ball":
         return {"type": "sphere", "center": lamp["center"], "radius": lamp["radius"], "emitter": area}
     u, v = np.array(lamp["half_u"], float), np.array(lamp["half_v"], float)

@@ -2,7 +2,8 @@
 
 What they mean: y up, metres, linear Rec.709, a pinhole camera, box filter one pixel wide, nothing clamped, nothing denoised.
 depth: surface scatterings (1 = direct light). diffuse: Lambert. metal: GGX, alpha = roughness squared, Schlick's Fresnel from
-the colour to 1. glass: a smooth dielectric. rect and ball: the radiance they emit, the rect to one side (u x v). sun: without
+the colour to 1. glass: a smooth dielectric. glow: the colour is the radiance it emits, it reflects nothing; meshes of it are
+closed or have something black behind them, as renderers differ in what backs emit. rect and ball: the radiance they emit, the rect to one side (u x v). sun: without
 extent, its irradiance. sky: a latitude-longitude image (shapes.sky).
 """
 
@@ -15,7 +16,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from .shapes import Array, Triangles, ball, block, bumps, rectangle, rotations, sky, terrain
+from .shapes import Array, Triangles, ball, block, bumps, rectangle, rotations, sky, terrain, tube
 
 Rgb = tuple[float, float, float]
 
@@ -29,7 +30,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Look:
-    kind: str  # diffuse, metal or glass
+    kind: str  # diffuse, metal, glass or glow
     color: Rgb = (1.0, 1.0, 1.0)
     roughness: float = 0.0
     ior: float = 1.5
@@ -252,6 +253,40 @@ def showroom() -> Scene:
     return scene
 
 
+def signs() -> Scene:
+    """A closed room lit by meshes that emit: bent tubes, five bars side by side, a globe, and a panel of two triangles."""
+    scene = Scene("signs", (480, 320), 6, Camera((0, 1.4, 3.6), (0, 1.2, -1), 62.0))
+    scene.looks = {
+        "plaster": Look("diffuse", (0.7, 0.68, 0.64)),
+        "floor": Look("diffuse", (0.42, 0.3, 0.2)),
+        "clay": Look("diffuse", (0.6, 0.32, 0.2)),
+        "black": Look("diffuse", (0.0, 0.0, 0.0)),
+        "steel": Look("metal", (0.7, 0.7, 0.72), 0.4),
+        "pink": Look("glow", (14.0, 3.0, 8.0)),
+        "cyan": Look("glow", (2.0, 9.0, 12.0)),
+        "amber": Look("glow", (6.0, 4.0, 1.5)),
+        "white": Look("glow", (24.0, 23.0, 21.0)),
+    }
+    add_room(scene)
+    for side in (-1, 1):
+        scene.add(f"wall_{side + 1}", rectangle((3 * side, 1.5, 0), (0, 1.5, 0), (0, 0, -4.0 * side)), "plaster")
+    scene.add("table", block((-0.6, 0.4, -1.2), (0.8, 0.4, 0.45), 12), "clay")
+    scene.add("chest", block((1.4, 0.55, -2.2), (0.5, 0.55, 0.5), -20), "clay")
+    scene.add("ball", ball(5, 0.4, (1.0, 0.4, 0.2), smooth=True), "steel")
+    around = np.arange(64) * (2 * np.pi / 64)
+    ring = np.stack([0.5 * np.cos(around) - 1.3, 0.5 * np.sin(around) + 1.9, np.full(64, -3.8)], axis=1)
+    scene.add("ring", tube(ring, 0.03, 12, closed=True), "pink")
+    along = np.linspace(0, 1, 65)
+    wave = np.stack([0.2 + 2.2 * along, 1.9 + 0.25 * np.sin(6 * np.pi * along), np.full(65, -3.8)], axis=1)
+    scene.add("wave", tube(wave, 0.025, 12, closed=False), "cyan")
+    for k in range(5):
+        scene.add(f"bar_{k}", block((-2.9, 1.4, -2.6 + 0.2 * k), (0.02, 0.7, 0.03)), "amber")
+    scene.add("globe", ball(4, 0.12, (-0.6, 0.92, -1.2)), "white")
+    scene.add("panel_back", rectangle((1.6, 2.98, -0.5), (0.3, 0, 0), (0, 0, 0.3)), "black")
+    scene.add("panel", rectangle((1.6, 2.97, -0.5), (0.3, 0, 0), (0, 0, 0.3)), "white")
+    return scene
+
+
 SCENES: dict[str, Callable[[], Scene]] = {
     "box": box,
     "field": field_of_stones,
@@ -262,4 +297,5 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "cove": cove,
     "window": window,
     "showroom": showroom,
+    "signs": signs,
 }

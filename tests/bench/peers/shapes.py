@@ -50,6 +50,27 @@ def ball(steps: int, radius: float = 1.0, center: tuple[float, ...] = (0.0, 0.0,
     return Triangles(points * radius + np.asarray(center), faces, points if smooth else None)
 
 
+def tube(path: Array, radius: float, sides: int, closed: bool) -> Triangles:
+    """Circles of that radius along a path (N, 3) in a plane of constant z; if not closed, with flat ends."""
+    ahead = np.roll(path, -1, axis=0) - np.roll(path, 1, axis=0)
+    if not closed:
+        ahead[[0, -1]] = path[1] - path[0], path[-1] - path[-2]
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    across = np.cross((0.0, 0.0, 1.0), ahead)
+    turn = np.arange(sides) * (2 * np.pi / sides)
+    circle = np.cos(turn)[:, None] * across[:, None] + np.sin(turn)[:, None] * np.array([0.0, 0.0, -1.0])
+    points = (path[:, None] + radius * circle).reshape(-1, 3)
+    ring, side = np.divmod(np.arange(len(path) * sides if closed else (len(path) - 1) * sides), sides)
+    after, beside = (ring + 1) % len(path) * sides, (side + 1) % sides
+    a, b, c, d = ring * sides + side, after + side, after + beside, ring * sides + beside
+    faces = [np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)]
+    if not closed:
+        last = (len(path) - 1) * sides
+        fan = np.stack([np.zeros(sides - 2, int), np.arange(1, sides - 1), np.arange(2, sides)], axis=1)
+        faces += [fan, last + fan[:, ::-1]]
+    return Triangles(points, np.concatenate(faces).astype(np.int32))
+
+
 def bumps(points: Array, octaves: int, frequency: float, seed: int) -> Array:
     """Sums of five plane waves an octave, amplitudes halved and frequencies doubled from one to the next: (N, K) to (N,)."""
     rng = np.random.default_rng(seed)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
-from .scenes import Lamp, Look, Scene
+from .scenes import Lamp, Look, Rgb, Scene
 from .shapes import Triangles, look_at
 
 Types = Sdf.ValueTypeNames
@@ -23,7 +24,7 @@ def write_usd(scene: Scene, path: Path) -> None:
         UsdGeom.Xform.Define(stage, scope)
     stage.SetDefaultPrim(stage.GetPrimAtPath("/world"))
     for name, look in scene.looks.items():
-        if look.kind != "diffuse":
+        if look.kind in ("metal", "glass"):
             _material(stage, f"/world/looks/{name}", look)
     for mesh, bound in scene.objects:
         _mesh(stage, f"/world/geometry/{mesh}", scene.meshes[mesh], bound, scene.looks[bound])
@@ -61,7 +62,9 @@ def _mesh(stage: Usd.Stage, path: str, shape: Triangles, name: str, look: Look) 
     if shape.normals is not None:
         mesh.CreateNormalsAttr(Vt.Vec3fArray.FromNumpy(shape.normals.astype(np.float32)))
         mesh.SetNormalsInterpolation("vertex")
-    if look.kind == "diffuse":
+    if look.kind == "glow":
+        _shine(UsdLux.MeshLightAPI.Apply(mesh.GetPrim()), look.color)
+    elif look.kind == "diffuse":
         mesh.CreateDisplayColorAttr([Gf.Vec3f(*look.color)])
     else:
         UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(UsdShade.Material.Get(stage, f"/world/looks/{name}"))
@@ -107,9 +110,14 @@ def _light(stage: Usd.Stage, path: str, lamp: Lamp) -> None:
         light.CreateAngleAttr(0.0)
         light.CreateNormalizeAttr(True)
         _place(light, look_at((0.0, 0.0, 0.0), lamp.direction))
-    strongest = max(lamp.radiance)
+    _shine(light, lamp.radiance)
+
+
+def _shine(light: Any, radiance: Rgb) -> None:
+    light = UsdLux.LightAPI(light)
+    strongest = max(radiance)
     light.CreateIntensityAttr(strongest)
-    light.CreateColorAttr(Gf.Vec3f(*(c / strongest for c in lamp.radiance)))
+    light.CreateColorAttr(Gf.Vec3f(*(c / strongest for c in radiance)))
 
 
 def _place(prim: UsdGeom.Xformable, matrix: np.ndarray) -> None:  # type: ignore[type-arg]
