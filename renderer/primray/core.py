@@ -138,13 +138,13 @@ class CoreScene:
         return self._guides[depth, splits]
 
     def caustics(self, settings: RenderSettings) -> Any:
-        """Where small lights shine after metal and glass, found once by photons; None where there is nothing to speak of, and
-        for a quick look."""
+        """Where small lights shine after metal and glass, found once by photons; None where there is nothing to speak of, where it
+        would not pay, and for a quick look."""
         if settings.is_quick_look:
             return None
         depth = max_depth(settings)
         if depth not in self._caustics:
-            self._caustics[depth] = module().learn_caustics(self._scene, depth, threads(settings))
+            self._caustics[depth] = module().learn_caustics(self._scene, depth, threads(settings), lanes())
         return self._caustics[depth]
 
     @property

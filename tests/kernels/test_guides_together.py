@@ -100,7 +100,7 @@ def room(name: str) -> Any:
 def guides(name: str, lanes: int = 0) -> tuple[Any, Any]:
     """What is learnt there, and the photons."""
     scene, lanes = room(name)._scene, lanes or core.lanes()
-    photons = core.module().learn_caustics(scene, DEPTH, 2)
+    photons = core.module().learn_caustics(scene, DEPTH, 2, lanes)
     return core.module().learn_guide(scene, DEPTH, SPLITS, lanes, photons), photons
 
 

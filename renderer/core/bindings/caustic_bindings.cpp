@@ -1,6 +1,7 @@
 // The guide into caustics for Python, and for the tests its densities and samples at points.
 #include "bindings/arrays.hpp"
 #include "integrator/learn_caustics.hpp"
+#include "integrator/render.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
@@ -46,9 +47,15 @@ void bind_caustics(nb::module_& m, nb::module_& testing) {
       .def_prop_ro("memory_bytes", &CausticGuide::memory_bytes);
   m.def(
       "learn_caustics",
-      [](const Scene& scene, int max_depth, int threads) { return learn_caustics(scene, max_depth, threads).release(); },
-      nb::arg("scene"), nb::arg("max_depth"), nb::arg("threads"), nb::rv_policy::take_ownership,
+      [](const Scene& scene, int max_depth, int threads, int lanes) {
+        return learn_caustics(scene, max_depth, threads, kernel_of(lanes)).release();
+      },
+      nb::arg("scene"), nb::arg("max_depth"), nb::arg("threads"), nb::arg("lanes"), nb::rv_policy::take_ownership,
       nb::call_guard<nb::gil_scoped_release>());
+  testing.def(
+      "find_caustics",
+      [](const Scene& scene, int max_depth, int threads) { return find_caustics(scene, max_depth, threads).release(); },
+      nb::rv_policy::take_ownership, nb::call_guard<nb::gil_scoped_release>());
   testing.def("caustic_lobes", &caustic_lobes);
 }
 

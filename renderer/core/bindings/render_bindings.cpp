@@ -58,7 +58,7 @@ void record(Recording* self, const Scene& scene, int samples, int max_depth, uin
   Film film(scene.camera.pixels.width, scene.camera.pixels.height);
   IntegratorSettings settings{max_depth, 1, seed, 0};
   const nb::gil_scoped_release release;
-  const std::unique_ptr<CausticGuide> caustics = learn_caustics(scene, max_depth, 1);
+  const std::unique_ptr<CausticGuide> caustics = learn_caustics(scene, max_depth, 1, kernel_of(lanes));
   settings.caustics = caustics.get();
   settings.splits = choose_splits(scene, settings, kernel_of(lanes));
   const std::vector<uint32_t> ends(film.next.size(), uint32_t((samples + 1) / kReplicates));

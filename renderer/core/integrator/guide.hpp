@@ -130,10 +130,10 @@ struct Guide {
   }
 };
 
-// A vertex of a learning path: where it stood, the direction that was drawn there with which density, with which chance the
-// path went on, what it carried on, and the luminance that came back.
+// A vertex of a learning path: where it stood, the direction that was drawn there with which density, and with which without
+// photons, with which chance the path went on, what it carried on, and the luminance that came back.
 struct GuideRecord {
-  float p[3], n[3], d[3], pdf, survival, beta, cosine, found;
+  float p[3], n[3], d[3], pdf, own_pdf, survival, beta, cosine, found;
   int32_t round;
 };
 

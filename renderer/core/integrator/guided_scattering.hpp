@@ -92,6 +92,7 @@ PRIMRAY_RARE void keep_vertex(GuideLog& log, vbool<W> m, const vvec3<W>& p, cons
                                {ng.x[i], ng.y[i], ng.z[i]},
                                {d.x[i], d.y[i], d.z[i]},
                                pdf[i],
+                               n.bsdf_pdf[i],
                                survival[i],
                                beta[i],
                                cosine[i],

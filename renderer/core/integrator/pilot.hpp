@@ -21,6 +21,7 @@ struct Pilot {
 
   Film film{kTile, kTile};
   double rays = 0;
+  std::array<int, kTile * kTile> place{};  // in the film, by the order in which its pixels are sampled
 
   Pilot(const Scene& scene, IntegratorSettings settings, TaskFunction task) {
     settings.seed = kSeed;
@@ -31,6 +32,7 @@ struct Pilot {
     const auto worker = std::make_unique<Worker>();
     task(scene, settings, block, *worker, film, nullptr);
     rays = double(film.tile_rays[0]);
+    for (size_t i = 0; i < place.size(); ++i) place[i] = worker->pixel_y[i] * kTile + worker->pixel_x[i];
   }
 
   double mean(int replicate, int pixel, int channel) const {

@@ -171,6 +171,7 @@ struct Builder {
     block.floor[s] = directed ? float(floor / intensity) : 1.0f;
     block.radius[s] = r.count() == 1 ? only.radius : std::sqrt(half[0] * half[0] + half[1] * half[1] + half[2] * half[2]);
     if (directed) block.directed |= 1u << s;
+    if (directed && (block.sin_axis[s] > 0 || block.radius[s] > 0)) block.wide |= 1u << s;
     if (r.count() == 1 && only.exact) block.exact |= 1u << s;
     if (r.count() > 1 && !only.far) block.clusters |= 1u << s;
   }

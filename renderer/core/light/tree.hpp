@@ -25,8 +25,9 @@ struct LightTree {
     // they emit at all (cos_end; -2: all around). What is weighed falls with the cosine, to `floor` at least. `radius` of a
     // ball about the centre that holds them; 0 where the angle off the axis is the same for all of a light.
     float axis[3][kBlock], cos_axis[kBlock], sin_axis[kBlock], cos_end[kBlock], floor[kBlock], radius[kBlock];
-    int32_t child[kBlock];               // a node, or ~light
-    uint32_t exact, directed, clusters;  // bits of slots: weighed by their rows; with a cone; of several lights
+    int32_t child[kBlock];  // a node, or ~light
+    // Bits of slots: weighed by their rows; with a cone; with one that is wider than a direction; of several lights.
+    uint32_t exact, directed, wide, clusters;
   };
   struct Node {
     int32_t block, blocks;        // first one, and how many

@@ -51,16 +51,19 @@ struct LitPoint {
   }
 };
 
-// How a cluster lies: its middle from the point, its height above the surface, and half of what it takes up of heights.
+// How a cluster lies: its middle from the point, the square of the distance that it takes and the distance's inverse, its
+// height above the surface, and half of what it takes up of heights.
 template <int N>
 struct SlotPlace {
   using F = vfloat<N>;
   vvec3<N> to;
-  F near, h{0.0f}, reach{0.0f};
+  F near, d2, inverse, h{0.0f}, reach{0.0f};
 
   PRIMRAY_INLINE SlotPlace(const LightTree::Block& block, int at, const LitPoint& x) : near(load<N>(block.near + at)) {
     to = {load<N>(block.center[0] + at) - near * x.p[0], load<N>(block.center[1] + at) - near * x.p[1],
           load<N>(block.center[2] + at) - near * x.p[2]};
+    d2 = min(max(dot(to, to), load<N>(block.least2 + at)), 1e24f);
+    inverse = 1.0f / sqrt(d2);
     if (!x.has_normal) return;
     h = to.x * x.n[0] + to.y * x.n[1] + to.z * x.n[2];
     reach = load<N>(block.half[0] + at) * x.across[0] + load<N>(block.half[1] + at) * x.across[1] +
@@ -68,15 +71,12 @@ struct SlotPlace {
   }
 };
 
-// The part of a cluster's light that arrives by its distance and the surface's cosine: about the mean of cos / d^2. `d2`: the
-// square of the distance that it takes.
+// The surface's cosine towards a cluster, about its mean.
 template <int N>
-PRIMRAY_INLINE vfloat<N> geometry_of_slots(const LightTree::Block& block, int at, const LitPoint& x, const SlotPlace<N>& s,
-                                           vfloat<N>& d2) {
+PRIMRAY_INLINE vfloat<N> cosine_of_slots(const LightTree::Block& block, int at, const LitPoint& x, const SlotPlace<N>& s) {
   using F = vfloat<N>;
-  d2 = min(max(dot(s.to, s.to), load<N>(block.least2 + at)), 1e24f);
-  if (!x.has_normal) return 1.0f / d2;
-  const F d = sqrt(d2), up = s.h + s.reach;
+  if (!x.has_normal) return F(1.0f);
+  const F up = s.h + s.reach;
   F above = s.h;
   // The mean height of what is above the surface: that of the middle if all is; otherwise as if it were spread evenly over
   // heights, but of what lies mostly below no more than Cantelli's inequality leaves to be above at all.
@@ -85,17 +85,16 @@ PRIMRAY_INLINE vfloat<N> geometry_of_slots(const LightTree::Block& block, int at
     const F part = 0.25f * up * (up * spread2 / (s.reach * (spread2 + below * below)));
     above = select(s.h >= s.reach, s.h, part);
   }
-  return select(up > F(0.0f), max(above, 1e-6f * d) / (d2 * d), F(0.0f));
+  return select(up > F(0.0f), max(above * s.inverse, 1e-6f), F(0.0f));
 }
 
-// The square of what that is at most for clusters whose lights could all be at their place nearest to the point, or at their
+// The square of cosine / d^2 at most for clusters whose lights could all be at their place nearest to the point, or at their
 // highest above the surface; 0 for those that are seen from afar, and whole.
 template <int N>
-PRIMRAY_INLINE vfloat<N> most_of_slots(const LightTree::Block& block, int at, const LitPoint& x, const SlotPlace<N>& s,
-                                       vfloat<N> d2) {
+PRIMRAY_INLINE vfloat<N> most_of_slots(const LightTree::Block& block, int at, const LitPoint& x, const SlotPlace<N>& s) {
   using F = vfloat<N>;
   const F zero(0.0f), up = s.h + s.reach, radius = load<N>(block.radius + at);
-  const vbool<N> close = (s.near > zero) & ((d2 < radius * radius * 2.0f) | ((s.h < s.reach) & (up > zero)));
+  const vbool<N> close = (s.near > zero) & ((s.d2 < radius * radius * 2.0f) | ((s.h < s.reach) & (up > zero)));
   if (!any(close)) return zero;
   const F dx = max(abs(s.to.x) - load<N>(block.half[0] + at), zero), dy = max(abs(s.to.y) - load<N>(block.half[1] + at), zero),
           dz = max(abs(s.to.z) - load<N>(block.half[2] + at), zero);
@@ -106,32 +105,34 @@ PRIMRAY_INLINE vfloat<N> most_of_slots(const LightTree::Block& block, int at, co
 
 // The part that is sent towards the point by lights that do not emit all around.
 template <int N>
-PRIMRAY_INLINE vfloat<N> cone_of_slots(const LightTree::Block& block, int at, const vvec3<N>& to) {
+PRIMRAY_INLINE vfloat<N> cone_of_slots(const LightTree::Block& block, int at, const SlotPlace<N>& s) {
   using F = vfloat<N>;
   const F one(1.0f), none(0.0f);
   const vvec3<N> axis{load<N>(block.axis[0] + at), load<N>(block.axis[1] + at), load<N>(block.axis[2] + at)};
-  const F distance = max(sqrt(dot(to, to)), 1e-30f), radius = load<N>(block.radius + at);
-  const F cosine = -dot(axis, to) / distance, sine = safe_sqrt(one - cosine * cosine);
-  const F sin_seen = min(radius / distance, one), cos_seen = safe_sqrt(one - sin_seen * sin_seen);
-  const F cos_axis = load<N>(block.cos_axis + at), sin_axis = load<N>(block.sin_axis + at);
-  // The angle off the nearest axis from the nearest place, as a cosine: that of the sum of both is all that can be gained.
-  const F cos_sum = cos_axis * cos_seen - sin_axis * sin_seen, sin_sum = sin_axis * cos_seen + cos_axis * sin_seen;
-  const vbool<N> within = (radius >= distance) | (cosine >= cos_sum) | (sin_sum < none);
-  const F off = select(within, one, cosine * cos_sum + sine * sin_sum);
+  const F cosine = -dot(axis, s.to) * s.inverse;
+  F off = cosine;
+  if (block.wide != 0) {
+    const F sine = safe_sqrt(one - cosine * cosine), sin_seen = min(load<N>(block.radius + at) * s.inverse, one);
+    const F cos_seen = safe_sqrt(one - sin_seen * sin_seen);
+    const F cos_axis = load<N>(block.cos_axis + at), sin_axis = load<N>(block.sin_axis + at);
+    // The angle off the nearest axis from the nearest place, as a cosine: that of the sum of both is all that can be gained.
+    const F cos_sum = cos_axis * cos_seen - sin_axis * sin_seen, sin_sum = sin_axis * cos_seen + cos_axis * sin_seen;
+    const vbool<N> within = (sin_seen >= one) | (cosine >= cos_sum) | (sin_sum < none);
+    off = select(within, one, cosine * cos_sum + sine * sin_sum);
+  }
   return select(off > load<N>(block.cos_end + at), max(off, load<N>(block.floor + at)), none);
 }
 
 // How much of a cluster's light a shiny surface sends on, over what a white Lambert surface does: about pi times its BRDF, with
 // the lobe widened by the cluster's own angle.
 template <int N>
-PRIMRAY_INLINE vfloat<N> sent_on_from_slots(const LightTree::Block& block, int at, const LitPoint& x, const SlotPlace<N>& s,
-                                            vfloat<N> d2) {
+PRIMRAY_INLINE vfloat<N> sent_on_from_slots(const LightTree::Block& block, int at, const LitPoint& x, const SlotPlace<N>& s) {
   using F = vfloat<N>;
-  const F radius = load<N>(block.radius + at), inverse = 1.0f / max(sqrt(dot(s.to, s.to)), 1e-20f);
-  const vvec3<N> h{s.to.x * inverse + x.wo[0], s.to.y * inverse + x.wo[1], s.to.z * inverse + x.wo[2]};
-  const F along = h.x * x.n[0] + h.y * x.n[1] + h.z * x.n[2];
-  const F cos2 = min(along * along / max(dot(h, h), 1e-20f), 1.0f);
-  const F q = x.alpha2 + 0.25f * min(radius * radius / d2, 1.0f) + (1.0f - cos2) / max(cos2, 1e-6f);
+  const F seen = min(load<N>(block.radius + at) * s.inverse, 1.0f);
+  const vvec3<N> h{s.to.x * s.inverse + x.wo[0], s.to.y * s.inverse + x.wo[1], s.to.z * s.inverse + x.wo[2]};
+  const F along = h.x * x.n[0] + h.y * x.n[1] + h.z * x.n[2], along2 = along * along, h2 = dot(h, h);
+  const F tan2 = max(h2 - along2, 0.0f) / max(max(along2, 1e-6f * h2), 1e-20f);
+  const F q = x.alpha2 + 0.25f * seen * seen + tan2;
   return x.rest + x.specular * 0.25f * x.alpha2 / (q * q);
 }
 
@@ -142,15 +143,15 @@ PRIMRAY_INLINE void weigh_block(const LightTable& table, const LightTree::Block&
   using F = vfloat<N>;
   for (int at = 0; at < LightTree::kBlock; at += N) {
     const SlotPlace<N> place(block, at, x);
-    F d2, w = geometry_of_slots<N>(block, at, x, place, d2);
+    F w = cosine_of_slots<N>(block, at, x, place) * (place.inverse * place.inverse);
     const F intensity = load<N>(block.intensity + at);
     F sent(1.0f);
-    if (block.directed != 0) w = w * (sent = cone_of_slots<N>(block, at, place.to));
+    if (block.directed != 0) w = w * (sent = cone_of_slots<N>(block, at, place));
     if (block.clusters != 0) {
       const F all = intensity * sent;
-      store(most2 + at, most_of_slots<N>(block, at, x, place, d2) * all * all);
+      store(most2 + at, most_of_slots<N>(block, at, x, place) * all * all);
     }
-    if (x.shiny) w = w * sent_on_from_slots<N>(block, at, x, place, d2);
+    if (x.shiny) w = w * sent_on_from_slots<N>(block, at, x, place);
     // Never 0 for being small.
     w = select((w > F(0.0f)) & (intensity > F(0.0f)), max(w * intensity, 1e-36f), F(0.0f));
     store(weights + at, w);
@@ -159,11 +160,9 @@ PRIMRAY_INLINE void weigh_block(const LightTable& table, const LightTree::Block&
     const int s = __builtin_ctz(left);
     if (!(weights[s] > 0)) continue;
     const vvec3<1> p{vfloat<1>(x.p[0]), vfloat<1>(x.p[1]), vfloat<1>(x.p[2])};
-    vfloat<1> d2;
     const SlotPlace<1> place(block, s, x);
-    const vfloat<1> cosine = geometry_of_slots<1>(block, s, x, place, d2) * d2;
-    float own = light_weight(table, ~block.child[s], p)[0] * table.tree.scale * cosine[0];
-    if (x.shiny) own *= sent_on_from_slots<1>(block, s, x, place, d2)[0];
+    float own = light_weight(table, ~block.child[s], p)[0] * table.tree.scale * cosine_of_slots<1>(block, s, x, place)[0];
+    if (x.shiny) own *= sent_on_from_slots<1>(block, s, x, place)[0];
     weights[s] = own > 0 ? std::max(own, 1e-36f) : 0.0f;
   }
 }
