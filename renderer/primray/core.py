@@ -138,8 +138,8 @@ class CoreScene:
         return self._guides[depth, splits]
 
     def caustics(self, settings: RenderSettings) -> Any:
-        """Where small lights shine after metal and glass, found once by photons; None where there is nothing to speak of, where it
-        would not pay, and for a quick look."""
+        """Where small lights shine after metal and glass, found once by photons; None where there is nothing to speak of, where
+        it would not pay, and for a quick look."""
         if settings.is_quick_look:
             return None
         depth = max_depth(settings)

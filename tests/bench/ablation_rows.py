@@ -171,6 +171,24 @@ ROWS = (
         edits=(Edit("integrator/learn_caustics.cpp", "max_depth < 2", "max_depth < 1 << 30"),),
     ),
     Row(
+        "photons only where they pay",
+        "wherever there are some",
+        scenes=("haze", "plastics", "showroom"),
+        edits=(Edit("integrator/learn_caustics.cpp", "return error * kGuidedCost <", "return kGuidedCost > 0 || error <"),),
+    ),
+    Row(
+        "meshes that emit among each other are one choice",
+        "each is one",
+        scenes=("signs",),
+        edits=(Edit("scene/emitter_shapes.cpp", "> kMostTriangleRuns) return false;", "> 0) return false;"),),
+    ),
+    Row(
+        "mesh lights' triangles near by solid angle",
+        "by area",
+        scenes=("signs",),
+        edits=(Edit("light/triangle.hpp", "> 4.0f * max(dot(half, half)", "> 0.0f * max(dot(half, half)"),),
+    ),
+    Row(
         "gradients of photons",
         "sources stay where they are",
         scenes=("metals",),

@@ -41,6 +41,8 @@ SCENE_TEXT = {
     "lamps": "500 small coloured spheres of light among blocks, most hidden from most points; 4 scatterings.",
     "window": "A room lit by a bright sky through one window; 8 scatterings.",
     "cove": "A room lit by two narrow strips behind ledges below its ceiling, at second hand everywhere; 8 scatterings.",
+    "plastics": "Plastics from glossy to dull on a polished floor, in a closed room under two large lamps; 6 scatterings.",
+    "signs": "A closed room lit by meshes: bent tubes, five bars, a globe, a panel of two triangles; 6 scatterings.",
     "showroom": "Metals from polished to rough in a closed room under 12 lamps; 6 scatterings.",
 }
 CURVES_TEXT = """Seconds are those of the picture alone; set-up is below. Columns: samples a second; the most samples a pixel

@@ -73,6 +73,8 @@ def _look(bpy: Any, name: str, look: dict[str, Any]) -> Any:
     elif look["kind"] == "metal":
         bsdf = _node(tree, "ShaderNodeBsdfMetallic", Roughness=look["roughness"], Base_Color=color, Edge_Tint=(1, 1, 1, 1))
         bsdf.distribution, bsdf.fresnel_type = "GGX", "F82"  # with a white edge: Schlick's
+    elif look["kind"] == "plastic":
+        bsdf = _node(tree, "ShaderNodeBsdfPrincipled", Base_Color=color, Roughness=look["roughness"], IOR=look["ior"])
     elif look["kind"] == "glow":
         bsdf = _node(tree, "ShaderNodeEmission", Color=color, Strength=1.0)
     else:

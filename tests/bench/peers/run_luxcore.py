@@ -100,6 +100,8 @@ def _look(look: dict[str, Any]) -> Any:
         yield from (("type", "glass"), ("kr", [1.0] * 3), ("kt", [1.0] * 3), ("interiorior", look["ior"]), ("exteriorior", 1.0))
     elif look["kind"] == "metal":
         yield from (("type", "disney"), ("basecolor", color), ("metallic", 1.0), ("roughness", look["roughness"]))
+    elif look["kind"] == "plastic":
+        yield from (("type", "disney"), ("basecolor", color), ("specular", 0.5), ("roughness", look["roughness"]))
     elif look["kind"] == "glow":
         yield from _glow(color)
     else:

@@ -79,9 +79,10 @@ def _area(radiance: list[float]) -> dict[str, Any]:
 def _bsdf(look: dict[str, Any]) -> dict[str, Any]:
     if look["kind"] == "glass":
         return {"type": "dielectric", "int_ior": look["ior"], "ext_ior": 1.0}
-    if look["kind"] == "metal":
-        metal = {"type": "principled", "base_color": _rgb(look["color"]), "metallic": 1.0, "roughness": look["roughness"]}
-        return {"type": "twosided", "one": metal}
+    if look["kind"] in ("metal", "plastic"):
+        base = {"type": "principled", "base_color": _rgb(look["color"]), "roughness": look["roughness"]}
+        kind = {"metallic": 1.0} if look["kind"] == "metal" else {"metallic": 0.0, "eta": look["ior"]}
+        return {"type": "twosided", "one": base | kind}
     color = [0.0, 0.0, 0.0] if look["kind"] == "glow" else look["color"]
     return {"type": "twosided", "one": {"type": "diffuse", "reflectance": _rgb(color)}}
 

@@ -2,9 +2,10 @@
 
 What they mean: y up, metres, linear Rec.709, a pinhole camera, box filter one pixel wide, nothing clamped, nothing denoised.
 depth: surface scatterings (1 = direct light). diffuse: Lambert. metal: GGX, alpha = roughness squared, Schlick's Fresnel from
-the colour to 1. glass: a smooth dielectric. glow: the colour is the radiance it emits, it reflects nothing; meshes of it are
-closed or have something black behind them, as renderers differ in what backs emit. rect and ball: the radiance they emit, the rect to one side (u x v). sun: without
-extent, its irradiance. sky: a latitude-longitude image (shapes.sky).
+the colour to 1. plastic: a diffuse base under GGX with the Fresnel term of an index of refraction of 1.5, as each renderer
+has it. glass: a smooth dielectric. glow: the colour is the radiance it emits, it reflects nothing; meshes of it are closed or
+have something black behind them, as renderers differ in what backs emit. rect and ball: the radiance they emit, the rect to
+one side (u x v). sun: without extent, its irradiance. sky: a latitude-longitude image (shapes.sky).
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Look:
-    kind: str  # diffuse, metal, glass or glow
+    kind: str  # diffuse, metal, plastic, glass or glow
     color: Rgb = (1.0, 1.0, 1.0)
     roughness: float = 0.0
     ior: float = 1.5
@@ -287,6 +288,33 @@ def signs() -> Scene:
     return scene
 
 
+def plastics() -> Scene:
+    """Plastics from glossy to dull on a polished wooden floor, in a closed room under two large lamps."""
+    scene = Scene("plastics", (480, 320), 6, Camera((0, 1.6, 3.7), (0, 0.8, -1), 62.0))
+    scene.looks = {
+        "plaster": Look("diffuse", (0.7, 0.68, 0.64)),
+        "floor": Look("plastic", (0.42, 0.3, 0.2), 0.25),
+    }
+    add_room(scene)
+    for side in (-1, 1):
+        scene.add(f"wall_{side + 1}", rectangle((3 * side, 1.5, 0), (0, 1.5, 0), (0, 0, -4.0 * side)), "plaster")
+    colors: list[Rgb] = [
+        (0.7, 0.05, 0.04),
+        (0.1, 0.5, 0.1),
+        (0.05, 0.1, 0.6),
+        (0.8, 0.7, 0.1),
+        (0.02, 0.02, 0.02),
+        (0.8, 0.8, 0.8),
+    ]
+    for k, (color, roughness) in enumerate(zip(colors, (0.1, 0.2, 0.3, 0.4, 0.15, 0.5), strict=True)):
+        scene.looks[f"p{k}"] = Look("plastic", color, roughness)
+        x, z = -1.9 + 0.76 * k, -0.4 - 0.9 * (k % 2)
+        shape = ball(5, 0.4, (x, 0.4, z), smooth=True) if k % 2 else block((x, 0.45, z), (0.3, 0.45, 0.3), 20 * k)
+        scene.add(f"b{k}", shape, f"p{k}")
+    scene.lamps += [Lamp("rect", (12.0, 11.5, 10.5), (x, 2.95, -1.0), (0.5, 0, 0), (0, 0, 0.5)) for x in (-1.2, 1.2)]
+    return scene
+
+
 SCENES: dict[str, Callable[[], Scene]] = {
     "box": box,
     "field": field_of_stones,
@@ -297,5 +325,6 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "cove": cove,
     "window": window,
     "showroom": showroom,
+    "plastics": plastics,
     "signs": signs,
 }

@@ -24,7 +24,7 @@ def write_usd(scene: Scene, path: Path) -> None:
         UsdGeom.Xform.Define(stage, scope)
     stage.SetDefaultPrim(stage.GetPrimAtPath("/world"))
     for name, look in scene.looks.items():
-        if look.kind in ("metal", "glass"):
+        if look.kind in ("metal", "plastic", "glass"):
             _material(stage, f"/world/looks/{name}", look)
     for mesh, bound in scene.objects:
         _mesh(stage, f"/world/geometry/{mesh}", scene.meshes[mesh], bound, scene.looks[bound])
@@ -44,7 +44,7 @@ def _material(stage: Usd.Stage, path: str, look: Look) -> None:
     surface.CreateInput("roughness", Types.Float).Set(look.roughness)
     if look.kind == "metal":
         surface.CreateInput("metallic", Types.Float).Set(1.0)
-    else:
+    if look.kind == "glass":
         surface.CreateInput("opacity", Types.Float).Set(0.0)
         surface.CreateInput("ior", Types.Float).Set(look.ior)
     material.CreateSurfaceOutput().ConnectToSource(surface.ConnectableAPI(), "surface")
