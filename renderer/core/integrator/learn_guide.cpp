@@ -24,7 +24,11 @@ constexpr int kLeftOut = 5;
 // rays look for, may be guided as well: to windows.
 constexpr double kMostDirect = 0.3;
 // A guided ray costs more by its tables.
-constexpr double kGuidedCost = 1.25;
+constexpr double kGuidedCost = 1.15;
+// Of a single pair of pilots, with a guide and without, a fifth to a half is chance: so many decide where the first one does
+// not say at once that a guide pays.
+constexpr int kPairs = 4;
+constexpr double kSure = 0.65;
 // Photons of which fewer lead to small lights are not worth their time beside a guide, which finds large ones as well.
 constexpr float kFewSharp = 0.05f;
 // What little was learnt so far decides against it only where it costs so much more.
@@ -175,13 +179,27 @@ std::unique_ptr<Guide> build(const std::vector<Record>& records) {
   return guide;
 }
 
-// Error by cost of paths with a guide, over that of paths without.
-double cost_ratio(const Scene& scene, IntegratorSettings settings, TaskFunction task, const Guide& guide, const Pilot& plain) {
-  settings.guide = &guide;
-  const auto guided = std::make_unique<Pilot>(scene, settings, task);
-  const Pilot* both[] = {guided.get(), &plain};
-  return relative_error(*guided, both, kLeftOut) * guided->rays * kGuidedCost /
-         (relative_error(plain, both, kLeftOut) * plain.rays);
+// Error by cost of paths with a guide, over that of paths without, by `pairs` of pilots; those without are kept in `plain`.
+double cost_ratio(const Scene& scene, const IntegratorSettings& settings, TaskFunction task, const Guide& guide,
+                  std::array<std::unique_ptr<Pilot>, kPairs>& plain, int pairs) {
+  std::array<double, kPairs> with{}, without{};
+  IntegratorSettings guiding = settings;
+  guiding.guide = &guide;
+  const auto half = [&](int begin) {
+    set_float_mode();
+    for (int i = begin; i < pairs; i += 2) {
+      const size_t k = size_t(i);
+      if (!plain[k]) plain[k] = std::make_unique<Pilot>(scene, settings, task, i);
+      const auto guided = std::make_unique<Pilot>(scene, guiding, task, i);
+      const Pilot* both[] = {guided.get(), plain[k].get()};
+      with[k] = relative_error(*guided, both, kLeftOut) * guided->rays;
+      without[k] = relative_error(*plain[k], both, kLeftOut) * plain[k]->rays;
+    }
+  };
+  std::thread other(half, 1);
+  half(0);
+  other.join();
+  return kGuidedCost * std::accumulate(with.begin(), with.end(), 0.0) / std::accumulate(without.begin(), without.end(), 0.0);
 }
 
 }  // namespace
@@ -193,9 +211,10 @@ std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings&
   double cost = 1;  // over that without a guide
   const auto work = [&] {
     set_float_mode();
-    const auto plain = std::make_unique<Pilot>(scene, settings, task);
-    const Pilot* whole[] = {plain.get()};
-    const double error = relative_error(*plain, whole, kLeftOut);
+    std::array<std::unique_ptr<Pilot>, kPairs> plain;
+    plain[0] = std::make_unique<Pilot>(scene, settings, task);
+    const Pilot* whole[] = {plain[0].get()};
+    const double error = relative_error(*plain[0], whole, kLeftOut);
     if (error < kHard) return;
     if (scene.lights.domes.empty()) {
       IntegratorSettings direct = settings;
@@ -204,7 +223,8 @@ std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings&
       if (relative_error(*near, whole, kLeftOut) > kMostDirect * error) return;
     }
     int first = 0;
-    for (int tasks : kTasks) {
+    for (int pass = 0; pass < kPasses; ++pass) {
+      const int tasks = kTasks[pass];
       std::vector<std::vector<Record>> found{size_t(tasks)};
       IntegratorSettings guided = settings;
       guided.guide = guide.get();
@@ -217,11 +237,13 @@ std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings&
       other.join();
       for (const auto& f : found) records.insert(records.end(), f.begin(), f.end());
       guide = records.empty() ? nullptr : build(records);
-      cost = guide ? cost_ratio(scene, settings, task, *guide, *plain) : 1;
-      if (!(cost < kHopeless)) return;
+      const bool last = pass + 1 == kPasses;
+      cost = guide ? cost_ratio(scene, settings, task, *guide, plain, 1) : 1;
+      if (last && guide && cost > kSure) cost = cost_ratio(scene, settings, task, *guide, plain, kPairs);
+      if (!(cost < (last ? 1 : kHopeless))) return;
       first += tasks;
     }
-    if (cost < 1) guide->alone = settings.caustics && settings.caustics->sharp < kFewSharp;
+    guide->alone = settings.caustics && settings.caustics->sharp < kFewSharp;
   };
   std::thread(work).join();
   return cost < 1 ? std::move(guide) : nullptr;

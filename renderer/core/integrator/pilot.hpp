@@ -23,11 +23,13 @@ struct Pilot {
   double rays = 0;
   std::array<int, kTile * kTile> place{};  // in the film, by the order in which its pixels are sampled
 
-  Pilot(const Scene& scene, IntegratorSettings settings, TaskFunction task) {
-    settings.seed = kSeed;
+  // Those of other numbers have other pixels and points.
+  Pilot(const Scene& scene, IntegratorSettings settings, TaskFunction task, int number = 0) {
+    settings.seed = kSeed + uint32_t(number);
     TileBlock block{0, 0, scene.camera.width, scene.camera.height, 0, 0};
     block.stride_x = std::max(1, scene.camera.width / kTile), block.stride_y = std::max(1, scene.camera.height / kTile);
-    block.x0 = block.stride_x / 2, block.y0 = block.stride_y / 2;
+    block.x0 = (block.stride_x / 2 + number * 7) % block.stride_x,
+    block.y0 = (block.stride_y / 2 + number * 5) % block.stride_y;
     for (int& n : block.count) n = kBlock;
     const auto worker = std::make_unique<Worker>();
     task(scene, settings, block, *worker, film, nullptr);

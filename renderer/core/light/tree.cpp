@@ -176,6 +176,9 @@ struct Builder {
     if (r.count() > 1 && !only.far) block.clusters |= 1u << s;
   }
 
+  // A few more in place of nodes below them that would be nearly empty.
+  static int most_in(int count) { return count <= LightTree::kLastSlots ? LightTree::kLastSlots : LightTree::kMostSlots; }
+
   // A node over these ranges.
   int32_t add_node(const std::vector<Range>& slots, int32_t parent, int32_t parent_slot, int depth) {
     const int32_t node = int32_t(tree.nodes.size()), first = int32_t(tree.blocks.size());
@@ -200,7 +203,7 @@ struct Builder {
     for (size_t k = 0; k < slots.size(); ++k) {
       if (slots[k].count() == 1) continue;
       const int slot = slot_of(k);
-      const int32_t child = add_node(parts({slots[k]}, LightTree::kMostSlots, depth + 1), node, slot, depth + 1);
+      const int32_t child = add_node(parts({slots[k]}, most_in(slots[k].count()), depth + 1), node, slot, depth + 1);
       block_of(slot).child[slot % LightTree::kBlock] = child;
     }
     return node;

@@ -13,7 +13,7 @@
 namespace primray {
 
 struct LightTree {
-  static constexpr int kBlock = 16, kBlocks = 2, kMostSlots = kBlock * kBlocks;
+  static constexpr int kBlock = 16, kMostSlots = 2 * kBlock, kLastSlots = 4 * kBlock;
 
   struct alignas(64) Block {
     // About where: the mean of the lights, weighted by what they give, or the unit direction to a light that is infinitely far

@@ -198,10 +198,10 @@ constexpr float kWorthwhile = 0.5f, kDoubtful = 100;
 
 // A node's slots, weighed: slots of the same lane in all blocks are a column, and columns follow each other.
 struct WeighedNode {
-  alignas(64) float weights[LightTree::kMostSlots], columns[LightTree::kBlock], sums[LightTree::kBlock];
+  alignas(64) float weights[LightTree::kLastSlots], columns[LightTree::kBlock], sums[LightTree::kBlock];
 
   PRIMRAY_INLINE WeighedNode(const LightTable& table, const LightTree::Node& node, const LitPoint& x) {
-    alignas(64) float most2[LightTree::kMostSlots];
+    alignas(64) float most2[LightTree::kLastSlots];
     uint32_t clusters = 0;
     for (int k = 0; k < node.blocks; ++k) {
       const LightTree::Block& block = table.tree.blocks[size_t(node.block + k)];
