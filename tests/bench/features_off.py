@@ -164,7 +164,7 @@ def main() -> None:
                 row |= {"cpu_s": [[round(s, 4) for s in way] for way in seconds], "ratio": round(statistics.median(ratios), 4)}
             rows.append(row)
             print(f"{scene.name:10} {row['ratio']:.4f} with all over without {', '.join(without)}", flush=True)
-    print(f"written: {write_results('features_off', rows)}")
+    print(f"written: {write_results('features_off', rows, options.isa)}")
 
 
 if __name__ == "__main__":

@@ -13,11 +13,13 @@ from typing import Any
 from primray import core
 
 RESULTS = Path(__file__).parent / "results"
+LANES = {"v2": 4, "v3": 8, "v4": 16}
 
 
-def write_results(name: str, rows: list[dict[str, Any]]) -> Path:
-    """The raw figures of one run, by benchmark, ISA class and date."""
+def write_results(name: str, rows: list[dict[str, Any]], measured: str | None = None) -> Path:
+    """The raw figures of one run, by benchmark, ISA class (this process' unless another was `measured`) and date."""
     RESULTS.mkdir(exist_ok=True)
+    isa, lanes = (measured, LANES[measured]) if measured else (core.isa(), core.lanes())
     today = datetime.date.today().isoformat()
     facts = {
         "date": today,
@@ -25,10 +27,10 @@ def write_results(name: str, rows: list[dict[str, Any]]) -> Path:
         "cpu": cpu_model(),
         "cores": os.cpu_count(),
         "python": platform.python_version(),
-        "isa": core.isa(),
-        "lanes": core.lanes(),
+        "isa": isa,
+        "lanes": lanes,
     }
-    path = RESULTS / f"{name}_{core.isa()}_{core.lanes()}_{today}.json"
+    path = RESULTS / f"{name}_{isa}_{lanes}_{today}.json"
     path.write_text(json.dumps(facts | {"rows": rows}, indent=1) + "\n")
     return path
 
