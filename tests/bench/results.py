@@ -13,13 +13,12 @@ from typing import Any
 from primray import core
 
 RESULTS = Path(__file__).parent / "results"
-LANES = {"v2": 4, "v3": 8, "v4": 16}
 
 
 def write_results(name: str, rows: list[dict[str, Any]], measured: str | None = None) -> Path:
     """The raw figures of one run, by benchmark, ISA class (this process' unless another was `measured`) and date."""
     RESULTS.mkdir(exist_ok=True)
-    isa, lanes = (measured, LANES[measured]) if measured else (core.isa(), core.lanes())
+    isa, lanes = (measured, core.DEFAULT_LANES[measured]) if measured else (core.isa(), core.lanes())
     today = datetime.date.today().isoformat()
     facts = {
         "date": today,
