@@ -79,7 +79,7 @@ def test_a_guide_leads_to_windows(tmp_path: Path) -> None:
 
 
 def test_a_guide_that_gains_a_fifth_is_used(tmp_path: Path) -> None:
-    """Among mesh lights a fifth of the error is direct light; one pair of pilots in three says that no guide pays there."""
+    """Among mesh lights a fifth of the error is direct light; one pair of pilots in four says that no guide pays there."""
     scene = peer_room("signs", (480, 320), 6, tmp_path)
     assert core.module().learn_guide(scene._scene, 6, 1, core.lanes()) is not None
     scene = peer_room("signs", (96, 64), 6, tmp_path)
