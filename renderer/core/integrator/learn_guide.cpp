@@ -179,28 +179,40 @@ std::unique_ptr<Guide> build(const std::vector<Record>& records) {
   return guide;
 }
 
-// Error by cost of paths with a guide, over that of paths without, by `pairs` of pilots; those without are kept in `plain`.
-double cost_ratio(const Scene& scene, const IntegratorSettings& settings, TaskFunction task, const Guide& guide,
-                  std::array<std::unique_ptr<Pilot>, kPairs>& plain, int pairs) {
-  std::array<double, kPairs> with{}, without{};
-  IntegratorSettings guiding = settings;
-  guiding.guide = &guide;
+// Calls f with [first, end), on two threads by turns.
+template <class F>
+void on_two_threads(int first, int end, F f) {
   const auto half = [&](int begin) {
     set_float_mode();
-    for (int i = begin; i < pairs; i += 2) {
+    for (int i = begin; i < end; i += 2) f(i);
+  };
+  std::thread other(half, first + 1);
+  half(first);
+  other.join();
+}
+
+// Error times rays of pairs of pilots, with a guide and without; those without are kept for the next guide.
+struct Comparison {
+  std::array<std::unique_ptr<Pilot>, kPairs> plain;
+  std::array<double, kPairs> with{}, without{};
+
+  void add(const Scene& scene, const IntegratorSettings& settings, TaskFunction task, const Guide& guide, int first, int end) {
+    IntegratorSettings guiding = settings;
+    guiding.guide = &guide;
+    on_two_threads(first, end, [&](int i) {
       const size_t k = size_t(i);
       if (!plain[k]) plain[k] = std::make_unique<Pilot>(scene, settings, task, i);
       const auto guided = std::make_unique<Pilot>(scene, guiding, task, i);
       const Pilot* both[] = {guided.get(), plain[k].get()};
       with[k] = relative_error(*guided, both, kLeftOut) * guided->rays;
       without[k] = relative_error(*plain[k], both, kLeftOut) * plain[k]->rays;
-    }
-  };
-  std::thread other(half, 1);
-  half(0);
-  other.join();
-  return kGuidedCost * std::accumulate(with.begin(), with.end(), 0.0) / std::accumulate(without.begin(), without.end(), 0.0);
-}
+    });
+  }
+  // Error by cost of paths with a guide, over that of paths without.
+  double ratio() const {
+    return kGuidedCost * std::accumulate(with.begin(), with.end(), 0.0) / std::accumulate(without.begin(), without.end(), 0.0);
+  }
+};
 
 }  // namespace
 
@@ -211,10 +223,10 @@ std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings&
   double cost = 1;  // over that without a guide
   const auto work = [&] {
     set_float_mode();
-    std::array<std::unique_ptr<Pilot>, kPairs> plain;
-    plain[0] = std::make_unique<Pilot>(scene, settings, task);
-    const Pilot* whole[] = {plain[0].get()};
-    const double error = relative_error(*plain[0], whole, kLeftOut);
+    Comparison comparison;
+    comparison.plain[0] = std::make_unique<Pilot>(scene, settings, task);
+    const Pilot* whole[] = {comparison.plain[0].get()};
+    const double error = relative_error(*whole[0], whole, kLeftOut);
     if (error < kHard) return;
     if (scene.lights.domes.empty()) {
       IntegratorSettings direct = settings;
@@ -228,18 +240,16 @@ std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings&
       std::vector<std::vector<Record>> found{size_t(tasks)};
       IntegratorSettings guided = settings;
       guided.guide = guide.get();
-      const auto half = [&](int begin) {
-        set_float_mode();
-        for (int i = begin; i < tasks; i += 2) found[size_t(i)] = run_task(scene, guided, task, first + i);
-      };
-      std::thread other(half, 1);
-      half(0);
-      other.join();
+      on_two_threads(0, tasks, [&](int i) { found[size_t(i)] = run_task(scene, guided, task, first + i); });
       for (const auto& f : found) records.insert(records.end(), f.begin(), f.end());
       guide = records.empty() ? nullptr : build(records);
       const bool last = pass + 1 == kPasses;
-      cost = guide ? cost_ratio(scene, settings, task, *guide, plain, 1) : 1;
-      if (last && guide && cost > kSure) cost = cost_ratio(scene, settings, task, *guide, plain, kPairs);
+      cost = 1;
+      if (guide) {
+        comparison.add(scene, settings, task, *guide, 0, 1);
+        if (last && comparison.ratio() > kSure) comparison.add(scene, settings, task, *guide, 1, kPairs);
+        cost = comparison.ratio();
+      }
       if (!(cost < (last ? 1 : kHopeless))) return;
       first += tasks;
     }

@@ -1,10 +1,10 @@
 // A tree over the lights, for scenes with too many of them to weigh each: Conty Estevez and Kulla 2018, "Importance Sampling of
 // Many Lights with Adaptive Tree Splitting". Here its data; choices are made in tree_choice.hpp.
 //
-// A node holds up to kMostSlots lights and clusters of lights, in blocks of kBlock that are weighed side by side: a path goes
-// down alone, and the lanes of a vector are the slots of a node. Wide nodes need few steps, and compare many small clusters
-// where a binary tree would compare two big ones. Slots are weighed from numbers in the block alone, but for lights that only
-// their own row can weigh well (`exact`).
+// A node holds up to kMostSlots lights and clusters of lights, or up to kLastSlots lights alone, in blocks of kBlock that are
+// weighed side by side: a path goes down alone, and the lanes of a vector are the slots of a node. Wide nodes need few steps,
+// and compare many small clusters where a binary tree would compare two big ones. Slots are weighed from numbers in the block
+// alone, but for lights that only their own row can weigh well (`exact`).
 #pragma once
 
 #include <cstdint>
