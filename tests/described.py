@@ -220,17 +220,21 @@ def render(
     lanes: int = 0,
     progress: Any = None,
     splits: int = 0,
+    light_samples: int = 1,
     film: Any = None,
     caustics: Any = None,
 ) -> Rendered:
-    """A pass that takes every pixel's samples to `spp`, in a new film or on from where `film` stands."""
+    """A pass that takes every pixel's samples to `spp`, in a new film or on from where `film` stands; `splits` 0: by pilots."""
     module = core_module(isa)
     lanes = lanes or module.MAX_LANES
     width, height = scene.resolution
     film = film or module.Film(width, height)
     ends = np.repeat(np.array(core.samples_of_replicates(spp), np.uint32)[:, None], film.next.shape[1], axis=1)
-    splits = splits or module.choose_splits(scene, max_depth, lanes, caustics)
-    done = module.render_pass(scene, film, ends, max_depth, splits, threads, seed, lanes, progress, caustics=caustics)
+    if not splits:
+        splits, light_samples = module.choose_splits(scene, max_depth, lanes, caustics)
+    done = module.render_pass(
+        scene, film, ends, max_depth, splits, threads, seed, lanes, progress, caustics=caustics, light_samples=light_samples
+    )
     return Rendered(film, done)
 
 

@@ -30,7 +30,7 @@ from .sampling import Row, Sampling
 from .settings import MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
 
 REPLICATES, COLORS = 2, 3
-SPLITS = (1, 2, 4, 8)  # what core.choose_splits answers; others would be taken for what they are not
+SPLITS = ((1, 2, 4, 8), (1, 2, 4))  # what core.choose_splits answers; others would be taken for what they are not
 BINS = (-4, 3)  # exact_sum.hpp: kLowestBin, and that of the largest float
 
 # Settings that decide about pixels once the scene is translated, and those that decide what is translated.
@@ -77,7 +77,7 @@ class Checkpoint:
     ranges: tuple[Range, ...]  # the samples a pixel that are complete
     under_way: bool  # some pixels have more
     adaptive: bool
-    splits: int
+    splits: core.Splits
     screen_block: int  # not 0 for a quick look
     seconds: float
     lanes: tuple[int, int]  # busy, shaded
@@ -183,8 +183,9 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
     film = {name.removeprefix("film."): array for name, array in arrays.items() if name.startswith("film.")}
     _check_film(film, width, height, tiles)
     plan = _plan(int(header["plan"]), arrays, width * height, tiles) if header["plan"] is not None else None
+    splits = core.Splits(*header["splits"])
     busy, shaded = header["lanes"]
-    _valid(header["splits"] in SPLITS and 0 <= int(busy) <= int(shaded) < 2**63)
+    _valid(all(n in known for n, known in zip(splits, SPLITS, strict=True)) and 0 <= int(busy) <= int(shaded) < 2**63)
     _valid(_is_number(header["seconds"]))
     target, metric = header["target"]
     return Checkpoint(
@@ -203,7 +204,7 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
         ranges=ranges,
         under_way=bool(header["under_way"]),
         adaptive=bool(header["adaptive"]),
-        splits=int(header["splits"]),
+        splits=splits,
         screen_block=int(header["screen_block"]),
         seconds=float(header["seconds"]),
         lanes=(int(busy), int(shaded)),

@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from .errors import CheckpointError, PrimrayError
 
-FORMAT = 1
+FORMAT = 2
 _NAME = b"primray checkpoint "
 _MAGIC = _NAME + b"%d\n" % FORMAT
 _DIGEST_BYTES = 32

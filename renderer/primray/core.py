@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -125,16 +125,18 @@ class CoreScene:
         self._exposure_scale = exposure_scale
         self.warnings = warnings  # code, prim path, message
         self.rendering_space = rendering_space
-        self._guides: dict[tuple[int, int], Any] = {}
+        self._guides: dict[tuple[int, Splits], Any] = {}
         self._caustics: dict[int, Any] = {}
 
-    def guide(self, settings: RenderSettings, splits: int) -> Any:
+    def guide(self, settings: RenderSettings, splits: Splits) -> Any:
         """Where light comes from, learnt once from paths of their own; None where that would not pay, and for a quick look."""
         if settings.is_quick_look:
             return None
         depth = max_depth(settings)
         if (depth, splits) not in self._guides:
-            self._guides[depth, splits] = module().learn_guide(self._scene, depth, splits, lanes(), self.caustics(settings))
+            self._guides[depth, splits] = module().learn_guide(
+                self._scene, depth, splits.paths, lanes(), self.caustics(settings), splits.lights
+            )
         return self._guides[depth, splits]
 
     def caustics(self, settings: RenderSettings) -> Any:
@@ -360,12 +362,19 @@ class Pass:
     shaded_lanes: int
 
 
-def choose_splits(scene: CoreScene, settings: RenderSettings) -> int:
-    """Paths that go on from the first surface, by a pilot; a function of scene and depth alone, but for a quick look."""
+class Splits(NamedTuple):
+    """Paths that go on from the first surface, and samples of lights that are taken there."""
+
+    paths: int = 1
+    lights: int = 1
+
+
+def choose_splits(scene: CoreScene, settings: RenderSettings) -> Splits:
+    """What a pilot finds best; a function of scene and depth alone, but for a quick look."""
     if settings.is_quick_look:
-        return 1
+        return Splits()
     try:
-        return int(module().choose_splits(scene._scene, max_depth(settings), lanes(), scene.caustics(settings)))
+        return Splits(*module().choose_splits(scene._scene, max_depth(settings), lanes(), scene.caustics(settings)))
     except module().CoreError as error:
         _raise(error)
 
@@ -374,7 +383,7 @@ def render_pass(
     scene: CoreScene,
     film: Film,
     ends: npt.NDArray[np.uint32],
-    splits: int,
+    splits: Splits,
     settings: RenderSettings,
     progress: Progress | None = None,
 ) -> Pass:
@@ -391,7 +400,7 @@ def render_pass(
             film._film,
             np.ascontiguousarray(ends, np.uint32),
             max_depth(settings),
-            splits,
+            splits.paths,
             threads(settings),
             settings.seed,
             lanes(),
@@ -399,6 +408,7 @@ def render_pass(
             guide,
             caustics,
             settings.screen_block,
+            splits.lights,
         )
     except module().CoreError as error:
         _raise(error)

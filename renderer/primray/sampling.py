@@ -77,7 +77,7 @@ class Sampling:
     scene: core.CoreScene
     settings: RenderSettings
     film: core.Film
-    splits: int
+    splits: core.Splits
     done: int = 0
     ends: Ends | None = None
     goal: int = 0

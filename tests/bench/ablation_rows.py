@@ -25,7 +25,7 @@ class Row:
     instead: str  # what is rendered then
     scenes: tuple[str, ...] = ALL
     settings: Mapping[str, Any] = field(default_factory=dict)  # of RenderSettings
-    splits: int | None = None  # None: what the pilot finds
+    splits: Mapping[str, int] = field(default_factory=dict)  # of core.Splits, in place of what pilots find
     environment: Mapping[str, str] = field(default_factory=dict)
     edits: tuple[Edit, ...] = ()
     defines: tuple[str, ...] = ()  # macros of the core
@@ -37,7 +37,8 @@ class Row:
 
 BASE = Row("as it is", "")
 ROWS = (
-    Row("splitting at the first surface", "one path goes on from there", scenes=("box", "metals"), splits=1),
+    Row("splitting at the first surface", "one path goes on from there", scenes=("box", "metals"), splits={"paths": 1}),
+    Row("samples of lights at the first surface", "one", scenes=("box", "field", "lamps"), splits={"lights": 1}),
     Row("16 lanes", "8 lanes of the same build", scenes=("box", "hills"), environment={"PRIMRAY_LANES": "8"}),
     Row("lanes", "one lane", environment={"PRIMRAY_LANES": "1"}, scenes=("box", "hills")),
     Row("AVX-512", "the AVX2 build", scenes=("box", "hills"), environment={"PRIMRAY_ISA": "v3"}),

@@ -98,7 +98,7 @@ def put_sources(row: Row, folder: Path) -> None:
 def once(scene: str, row: Row, seed: int) -> dict[str, Any]:
     """One render in a process of its own."""
     job = {
-        "scene": scene, "settings": dict(row.settings), "splits": row.splits, "seed": seed, "spp": SPP,
+        "scene": scene, "settings": dict(row.settings), "splits": dict(row.splits), "seed": seed, "spp": SPP,
         "core": str(module_of(row)) if row.needs_build else None, "reference": str(path_of(scene, "primray")),
     }  # fmt: skip
     code = (
@@ -123,7 +123,7 @@ def in_process(job: dict[str, Any]) -> dict[str, Any]:
     scene, settings = built(bench_scene(job["scene"]), job["spp"])
     settings = replace(settings, threads=None, seed=job["seed"], **job["settings"])
     film = core.Film(scene)
-    splits = job["splits"] or core.choose_splits(scene, settings)
+    splits = core.choose_splits(scene, settings)._replace(**job["splits"])
     scene.guide(settings, splits)  # learnt before the clock runs
     start = time.process_time()
     core.render_pass(scene, film, core.uniform_ends(film, job["spp"]), splits, settings)

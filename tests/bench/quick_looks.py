@@ -50,7 +50,7 @@ def errors(scene: core.CoreScene, settings: RenderSettings, reference: Picture) 
         pictures = []
         for seed in (2 * pair, 2 * pair + 1):
             film = core.Film(scene)
-            core.render_pass(scene, film, core.uniform_ends(film, 1), 1, replace(settings, seed=seed))
+            core.render_pass(scene, film, core.uniform_ends(film, 1), core.Splits(), replace(settings, seed=seed))
             pictures.append(film.pixels[..., :3].astype(float))
         off = (pictures[0] - pictures[1]) / np.sqrt(2 * (reference**2 + DARK))
         sums += [(blurred(np.clip(off, -1, 1), sigma) ** 2).mean() for sigma in BLURS]

@@ -101,7 +101,7 @@ class Cutter:
         self.cuts = 0
         self._render_pass: Callable[..., core.Pass] = core.render_pass
 
-    def __call__(self, scene: Any, film: core.Film, ends: Any, splits: int, settings: Any, progress: Any) -> core.Pass:
+    def __call__(self, scene: Any, film: core.Film, ends: Any, splits: core.Splits, settings: Any, progress: Any) -> core.Pass:
         if self.rng.random() > self.share:
             return self._render_pass(scene, film, ends, splits, settings, progress)
         self.cuts += 1

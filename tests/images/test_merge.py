@@ -161,7 +161,7 @@ def test_the_whole_way(tmp_path: Path) -> None:
     direct.save(tmp_path / "direct.exr")
     facts = json.loads(report.read_text())
     assert facts["pixels_sha256"] == direct.report["pixels_sha256"]
-    for name in ("error", "scene", "features", "diagnostics", "samples", "rays_by_kind", "splits", "versions"):
+    for name in ("error", "scene", "features", "diagnostics", "samples", "rays_by_kind", "splits", "light_samples", "versions"):
         assert facts[name] == json.loads(json.dumps(direct.report[name])), name
     assert facts["parts"] == parts
     headers, own = [], ("primray:lane_occupancy", "oiio:SourcePath", "DateTime")

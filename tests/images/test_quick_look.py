@@ -26,7 +26,7 @@ def coarseness(scene: core.CoreScene, settings: RenderSettings, samples: int) ->
     pictures = []
     for seed in (1, 2):
         film = core.Film(scene)
-        core.render_pass(scene, film, core.uniform_ends(film, samples), 1, replace(settings, seed=seed))
+        core.render_pass(scene, film, core.uniform_ends(film, samples), core.Splits(), replace(settings, seed=seed))
         pictures.append(np.minimum(film.pixels[..., :3].astype(float), 1.0))
     off = pictures[0] - pictures[1]
     height, width = off.shape[:2]

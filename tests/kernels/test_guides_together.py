@@ -167,11 +167,11 @@ def test_bits_do_not_depend_on_lanes_or_threads() -> None:
 def test_the_report_tells_what_guides() -> None:
     settings = RenderSettings(max_depth=DEPTH, spp=64)
     scene = room("rough floor")
-    assert core.choose_splits(scene, settings) > 1
+    assert core.choose_splits(scene, settings).paths > 1
     assert scene.caustics(settings) is not None
     told = {row["name"].split(" in ")[0].split(" by ")[0] for row in scene.features}
     assert "caustics guided" in told
-    assert scene.guide(settings, SPLITS).alone
+    assert scene.guide(settings, core.Splits(SPLITS)).alone
     told = {row["name"].split(" in ")[0].split(" by ")[0] for row in scene.features}
     assert "caustics guided" not in told
     assert "indirect light guided" in told

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import primray
+from primray.core import Splits
 from primray.description import Camera, Light, LightType, Projection, SceneDescription, TextureFile
 from primray.diagnostics import Diagnostics
 from primray.error import Estimate, FrameError
@@ -111,7 +112,7 @@ class FakeSampling:
         self.scene = scene
         self.settings = settings
         self.stop: Stop | None = None
-        self.splits, self.lane_occupancy, self.seconds, self.earlier_rays = 1, 0.97, 0.5, 0
+        self.splits, self.lane_occupancy, self.seconds, self.earlier_rays = Splits(), 0.97, 0.5, 0
         self.rows: list[Row] = []
 
     def run(self, progress: Any, pause: Any = None) -> bool:

@@ -24,6 +24,7 @@ REPORT_KEYS = {
     "rays",
     "rays_by_kind",
     "splits",
+    "light_samples",
     "frame",
     "lane_occupancy",
     "invalid_samples",

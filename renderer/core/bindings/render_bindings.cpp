@@ -1,4 +1,6 @@
 // render_pass() for Python. The GIL is free while threads render; signals and progress are looked after in between.
+#include <nanobind/stl/pair.h>
+
 #include "bindings/arrays.hpp"
 #include "integrator/choose_splits.hpp"
 #include "integrator/learn_caustics.hpp"
@@ -18,8 +20,9 @@ struct Recording {
 
 PassStatistics pass(const Scene& scene, Film& film, const InArray<uint32_t>& ends, int max_depth, int splits, int threads,
                     uint32_t seed, int lanes, nb::object progress, const Guide* guide, const CausticGuide* caustics,
-                    int screen_block) {
-  IntegratorSettings settings{max_depth, threads, seed, splits, screen_block};
+                    int screen_block, int light_samples) {
+  if (light_samples < 1 || light_samples > kMostLightSamples) throw nb::value_error("light_samples is not 1 to 4");
+  IntegratorSettings settings{max_depth, threads, seed, splits, light_samples, screen_block};
   settings.guide = guide, settings.caustics = caustics;
   const std::span<const uint32_t> to = span_of(ends);
   const Progress poll = [&](double fraction) {
@@ -60,7 +63,8 @@ void record(Recording* self, const Scene& scene, int samples, int max_depth, uin
   const nb::gil_scoped_release release;
   const std::unique_ptr<CausticGuide> caustics = learn_caustics(scene, max_depth, 1, kernel_of(lanes));
   settings.caustics = caustics.get();
-  settings.splits = choose_splits(scene, settings, kernel_of(lanes));
+  const Splits chosen = choose_splits(scene, settings, kernel_of(lanes));
+  settings.splits = chosen.paths, settings.light_samples = chosen.lights;
   const std::vector<uint32_t> ends(film.next.size(), uint32_t((samples + 1) / kReplicates));
   const std::unique_ptr<Guide> guide = learn_guide(scene, settings, kernel_of(lanes));
   settings.guide = guide.get();
@@ -95,26 +99,27 @@ void bind_render(nb::module_& m) {
       [](const Scene& scene, int max_depth, int lanes, const CausticGuide* caustics) {
         IntegratorSettings settings{max_depth, 1, 0, 0};
         settings.caustics = caustics;
-        return choose_splits(scene, settings, kernel_of(lanes));
+        const Splits chosen = choose_splits(scene, settings, kernel_of(lanes));
+        return std::pair(chosen.paths, chosen.lights);
       },
       nb::arg("scene"), nb::arg("max_depth"), nb::arg("lanes"), nb::arg("caustics").none() = nb::none(),
       nb::call_guard<nb::gil_scoped_release>());
   m.def("render_pass", &pass, nb::arg("scene"), nb::arg("film"), nb::arg("ends"), nb::arg("max_depth"), nb::arg("splits"),
         nb::arg("threads"), nb::arg("seed"), nb::arg("lanes"), nb::arg("progress").none(), nb::arg("guide").none() = nb::none(),
-        nb::arg("caustics").none() = nb::none(), nb::arg("screen_block") = 0);
+        nb::arg("caustics").none() = nb::none(), nb::arg("screen_block") = 0, nb::arg("light_samples") = 1);
   nb::class_<Guide>(m, "Guide")
       .def_prop_ro("regions", [](const Guide& g) { return g.cdf.size() / (Guide::kBins + 1); })
       .def_ro("alone", &Guide::alone)
       .def_prop_ro("memory_bytes", &Guide::memory_bytes);
   m.def(
       "learn_guide",
-      [](const Scene& scene, int max_depth, int splits, int lanes, const CausticGuide* caustics) {
-        IntegratorSettings settings{max_depth, 1, 0, splits};
+      [](const Scene& scene, int max_depth, int splits, int lanes, const CausticGuide* caustics, int light_samples) {
+        IntegratorSettings settings{max_depth, 1, 0, splits, light_samples};
         settings.caustics = caustics;
         return learn_guide(scene, settings, kernel_of(lanes)).release();
       },
       nb::arg("scene"), nb::arg("max_depth"), nb::arg("splits"), nb::arg("lanes"), nb::arg("caustics").none() = nb::none(),
-      nb::rv_policy::take_ownership, nb::call_guard<nb::gil_scoped_release>());
+      nb::arg("light_samples") = 1, nb::rv_policy::take_ownership, nb::call_guard<nb::gil_scoped_release>());
   m.def("has_lanes", &has_lanes);
   nb::class_<Recording>(m, "Recording")
       .def("__init__", &record, nb::keep_alive<1, 2>())

@@ -1,4 +1,4 @@
-// One pilot without splitting, one with two, one with four and one with eight.
+// Pilots of one path and of two, four and eight, and one with more samples of lights.
 #include "integrator/choose_splits.hpp"
 
 #include <algorithm>
@@ -17,6 +17,14 @@ constexpr double kNeededGain[kChoices] = {1, 1, 1.02, 1.04};
 // Where photons guide, most of the error is rare bright paths, which a pilot does not see and splitting brings more of. Metals
 // and glass, four scenes of 32 samples, six seeds: two paths 1.2 to 1.8 times the efficiency of one, pilots 0.87 to 0.97.
 constexpr double kNeededGainGuided[kChoices] = {1, 0.6, 1, 1.2};
+constexpr int kLightChoices = 3, kLightSamples[kLightChoices] = {1, 2, 4};
+constexpr double kNeededGainLights[kLightChoices] = {1, 1.02, 1.04};
+// A sample of many lights, and of lights of many triangles, costs more than a ray.
+constexpr double kTreeCost = 1.2, kTrianglesCost = 2;
+// Of an error no larger part is expected to be divided by samples of lights.
+constexpr double kMostByLights = 0.8;
+// The choice whose paths the pilot with the most samples of lights takes as well, point by point.
+constexpr size_t kLit = 2;
 
 using Errors = std::array<double, kChoices>;
 
@@ -49,32 +57,53 @@ Errors fit(const Errors& found) {
 
 }  // namespace
 
-int choose_splits(const Scene& scene, const IntegratorSettings& settings, TaskFunction task) {
-  if (settings.max_depth < 2 && !scene.rays_find_light) return 1;  // nothing comes after the first surface
+Splits choose_splits(const Scene& scene, const IntegratorSettings& settings, TaskFunction task) {
+  if (settings.max_depth < 2 && !scene.rays_find_light) return {};  // nothing comes after the first surface
   std::array<std::unique_ptr<Pilot>, kChoices> pilots;
-  const auto run = [&](int choice) {
+  std::unique_ptr<Pilot> lit;
+  const auto pilot = [&](int splits, int light_samples) {
     IntegratorSettings chosen = settings;
-    chosen.splits = kSplits[choice];
-    pilots[size_t(choice)] = std::make_unique<Pilot>(scene, chosen, task);
+    chosen.splits = splits, chosen.light_samples = light_samples;
+    return std::make_unique<Pilot>(scene, chosen, task);
   };
   // Both threads trace about as many rays.
-  std::thread few([&] { set_float_mode(), run(0), run(1), run(2); });
-  std::thread many([&] { set_float_mode(), run(3); });
+  std::thread few([&] {
+    set_float_mode();
+    for (size_t i = 0; i + 1 < kChoices; ++i) pilots[i] = pilot(kSplits[i], 1);
+    if (scene.lights.count > 0) lit = pilot(kSplits[kLit], kMostLightSamples);
+  });
+  std::thread many([&] { set_float_mode(), pilots.back() = pilot(kSplits[kChoices - 1], 1); });
   few.join(), many.join();
   std::array<const Pilot*, kChoices> all;
-  for (int i = 0; i < kChoices; ++i) all[size_t(i)] = pilots[size_t(i)].get();
+  for (size_t i = 0; i < kChoices; ++i) all[i] = pilots[i].get();
   const double (&needed)[kChoices] = settings.caustics ? kNeededGainGuided : kNeededGain;
   Errors errors;
   for (size_t i = 0; i < kChoices; ++i) errors[i] = relative_error(*pilots[i], all, 0);
-  if (!(*std::min_element(errors.begin(), errors.end()) > 0)) return 1;  // nothing is lit
-  errors = fit(errors);
-  int best = 0;
-  double least = 0;
-  for (int i = 0; i < kChoices; ++i) {
-    const double cost = errors[size_t(i)] * pilots[size_t(i)]->rays * needed[i];
-    if (i == 0 || cost < least) best = i, least = cost;
+  if (!(*std::min_element(errors.begin(), errors.end()) > 0)) return {};  // nothing is lit
+  // What samples of lights divide is known apart, as both pilots have the same paths, rare bright ones too.
+  double by_lights = 0, light_rays = 0;
+  if (lit) {
+    constexpr double kDivided = 1 - 1.0 / kMostLightSamples;
+    by_lights = std::max(0.0, errors[kLit] - relative_error(*lit, all, 0)) / kDivided;
+    const double cost = scene.emitters.by_triangle() ? kTrianglesCost : scene.lights.by_tree() ? kTreeCost : 1;
+    light_rays = cost * (lit->rays - pilots[kLit]->rays) / (kMostLightSamples - 1);
   }
-  return kSplits[best];
+  errors = fit(errors);
+  Splits best;
+  double least = std::numeric_limits<double>::infinity();
+  for (size_t i = 0; i < kChoices; ++i) {
+    // As much of the error with fewer paths. With more it was found to be less: between as much and the same part.
+    double divided = by_lights;
+    if (i > kLit) divided *= (1 + errors[i] / errors[kLit]) / 2;
+    divided = std::min(divided, kMostByLights * errors[i]);
+    for (int j = 0; j < kLightChoices; ++j) {
+      const int lights = kLightSamples[j];
+      const double error = errors[i] - divided * (1 - 1.0 / lights);
+      const double cost = error * (pilots[i]->rays + (lights - 1) * light_rays) * needed[i] * kNeededGainLights[j];
+      if (cost < least) best = {kSplits[i], lights}, least = cost;
+    }
+  }
+  return best;
 }
 
 }  // namespace primray

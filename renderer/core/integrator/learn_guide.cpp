@@ -49,7 +49,7 @@ struct Record {
 };
 
 std::vector<Record> run_task(const Scene& scene, IntegratorSettings settings, TaskFunction task, int number) {
-  settings.splits = 1;
+  settings.splits = settings.light_samples = 1;
   settings.seed = kSeed + uint32_t(number);
   const int w = scene.camera.width, h = scene.camera.height;
   TileBlock block{0, 0, w, h, 0, 0};

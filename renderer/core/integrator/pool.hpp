@@ -2,6 +2,7 @@
 #pragma once
 
 #include "accel/trace.hpp"
+#include "integrator/settings.hpp"
 #include "light/linking.hpp"
 #include "sampler/sampler.hpp"
 
@@ -169,10 +170,10 @@ struct PathPool {
   }
 };
 
-// Shadow rays with what they carry if nothing blocks them. A path sends at most two from a vertex: to a light, and to a dome in
+// Shadow rays with what they carry if nothing blocks them. From a vertex a path sends so many to lights, and one to a dome in
 // place of its last scattered ray; a path that splits takes the pool's room of all its parts.
 struct ShadowQueue {
-  static constexpr int kSize = 2 * kPool + 16;
+  static constexpr int kSize = (kMostLightSamples + 1) * kPool + 16;
   alignas(64) float ox[kSize], oy[kSize], oz[kSize], dx[kSize], dy[kSize], dz[kSize], tfar[kSize];
   alignas(64) float r[kSize], g[kSize], b[kSize];
   alignas(64) int32_t slot[kSize];

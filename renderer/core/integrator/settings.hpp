@@ -13,7 +13,8 @@ struct IntegratorSettings {
   int max_depth = 1 << 20;  // surface scatterings; roulette ends paths long before
   int threads = 1;
   uint32_t seed = 0;
-  int splits = 0;  // 1, 2, 4 or 8 paths that go on from the first surface that is no mirror; 0: what a pilot finds best
+  int splits = 0;         // 1, 2, 4 or 8 paths that go on from the first surface that is no mirror; 0: to be chosen
+  int light_samples = 1;  // 1, 2 or 4 samples of lights there
   // So many samples of each replicate and pixel are points of one sequence over the screen, whose errors look finer; a power of
   // two. 0: pixels have sequences of their own, which any number of samples may follow.
   int screen_block = 0;
@@ -22,6 +23,7 @@ struct IntegratorSettings {
   const CausticGuide* caustics = nullptr;  // what scattered rays are drawn by towards metal and glass
 };
 
+constexpr int kMostLightSamples = 4;
 // Samples of one replicate that one task takes of a tile; no bit of the image depends on it.
 constexpr int kBlock = 16;
 // Roulette: from this scattering on a path survives with probability min(1, kRouletteKeep * its largest throughput). On the

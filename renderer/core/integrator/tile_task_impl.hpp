@@ -223,8 +223,30 @@ class TilePaths {
     go_on(scatters, v, p);
   }
   void go_on(B scatters, const Vertex& v, const PathLanes<W>& p) {
-    if (scene_.lights.count > 0) sample_light(scatters & (p.depth < I(settings_.max_depth)), v, p);
+    if (scene_.lights.count > 0) sample_lights(scatters & (p.depth < I(settings_.max_depth)), v, p);
     scatter(scatters, v, p);
+  }
+
+  // One sample of the lights; at a path's first surface that is no mirror, as many as pilots found worth their rays.
+  void sample_lights(B scatters, const Vertex& v, const PathLanes<W>& p) {
+    const B more = scatters & (p.vertex == I(0)) & !v.bsdf.mirror;
+    if (settings_.light_samples == 1 || !any(more)) return sample_light(scatters, v, p);
+    PathLanes<W> part = part_of(p, more, settings_.light_samples);
+    for (int k = 0; k < settings_.light_samples; ++k) {
+      number_part(part, p, more, settings_.light_samples, k);
+      sample_light(k == 0 ? scatters : more, v, part);
+    }
+  }
+
+  // One of `parts` parts of a path in lanes `split`, which take the numbers after each other in a sequence so much longer.
+  static PathLanes<W> part_of(const PathLanes<W>& p, B split, int parts) {
+    PathLanes<W> part = p;
+    part.beta = select(split, p.beta * (1.0f / float(parts)), p.beta);
+    return part;
+  }
+  static void number_part(PathLanes<W>& part, const PathLanes<W>& p, B split, int parts, int k) {
+    const vuint<W> number = reverse_bits(p.sampler.reversed_index) * vuint<W>(uint32_t(parts)) + vuint<W>(uint32_t(k));
+    part.sampler.reversed_index = select(split, reverse_bits(number), p.sampler.reversed_index);
   }
 
   void sample_light(B scatters, const Vertex& v, const PathLanes<W>& p) {
@@ -334,14 +356,10 @@ class TilePaths {
     const int splits = settings_.splits;
     const B split = scatters & (p.vertex == I(0)) & !v.bsdf.mirror;
     if (splits == 1 || !any(split)) return scatter_once(scatters, v, p);
-    // The parts take the numbers after each other in a sequence `splits` times as long.
-    const vuint<W> index = reverse_bits(p.sampler.reversed_index);
-    PathLanes<W> part = p;
+    PathLanes<W> part = part_of(p, split, splits);
     part.splits = select(split, F(float(splits)), p.splits);
-    part.beta = select(split, p.beta * (1.0f / float(splits)), p.beta);
     for (int k = 0; k < splits; ++k) {
-      const vuint<W> number = index * vuint<W>(uint32_t(splits)) + vuint<W>(uint32_t(k));
-      part.sampler.reversed_index = select(split, reverse_bits(number), p.sampler.reversed_index);
+      number_part(part, p, split, splits, k);
       scatter_once(k == 0 ? scatters : split, v, part);
     }
   }
