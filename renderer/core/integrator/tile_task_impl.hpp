@@ -10,6 +10,7 @@
 #include "integrator/emitter.hpp"
 #include "integrator/guided_scattering.hpp"
 #include "integrator/outline_rays.hpp"
+#include "integrator/path_parts.hpp"
 #include "integrator/ray_recorder.hpp"
 #include "integrator/shadow_rays.hpp"
 #include "integrator/shiny_lanes.hpp"
@@ -236,17 +237,6 @@ class TilePaths {
       number_part(part, p, more, settings_.light_samples, k);
       sample_light(k == 0 ? scatters : more, v, part);
     }
-  }
-
-  // One of `parts` parts of a path in lanes `split`, which take the numbers after each other in a sequence so much longer.
-  static PathLanes<W> part_of(const PathLanes<W>& p, B split, int parts) {
-    PathLanes<W> part = p;
-    part.beta = select(split, p.beta * (1.0f / float(parts)), p.beta);
-    return part;
-  }
-  static void number_part(PathLanes<W>& part, const PathLanes<W>& p, B split, int parts, int k) {
-    const vuint<W> number = reverse_bits(p.sampler.reversed_index) * vuint<W>(uint32_t(parts)) + vuint<W>(uint32_t(k));
-    part.sampler.reversed_index = select(split, reverse_bits(number), p.sampler.reversed_index);
   }
 
   void sample_light(B scatters, const Vertex& v, const PathLanes<W>& p) {
