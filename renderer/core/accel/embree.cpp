@@ -65,6 +65,9 @@ void find_all(void* lib, rtc::Api& a) {
   PRIMRAY_FIND(rtcSetGeometryOccludedFunction);
   PRIMRAY_FIND(rtcSetGeometryIntersectFilterFunction);
   PRIMRAY_FIND(rtcSetGeometryOccludedFilterFunction);
+  PRIMRAY_FIND(rtcNewBVH);
+  PRIMRAY_FIND(rtcReleaseBVH);
+  PRIMRAY_FIND(rtcBuildBVH);
   PRIMRAY_FIND(rtcIntersect1);
   PRIMRAY_FIND(rtcIntersect4);
   PRIMRAY_FIND(rtcIntersect8);

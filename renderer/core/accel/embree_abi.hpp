@@ -12,9 +12,11 @@ namespace primray::rtc {
 struct DeviceHandle;
 struct SceneHandle;
 struct GeometryHandle;
+struct BvhHandle;
 using Device = DeviceHandle*;
 using Scene = SceneHandle*;
 using Geometry = GeometryHandle*;
+using Bvh = BvhHandle*;
 
 constexpr uint32_t kInvalidId = 0xffffffffu;
 
@@ -90,6 +92,28 @@ struct QueryArguments {
   void* callback = nullptr;
 };
 
+// RTCBuildPrimitive and RTCBuildArguments: hierarchies of our own by Embree's builder.
+struct alignas(32) BuildPrimitive {
+  float lower_x, lower_y, lower_z;
+  uint32_t geom_id;
+  float upper_x, upper_y, upper_z;
+  uint32_t prim_id;
+};
+struct BuildArguments {
+  size_t byte_size = sizeof(BuildArguments);
+  int quality = kMediumQuality, flags = 0;
+  uint32_t branching = 2, max_depth = 32, block = 1, min_leaf = 1, max_leaf = 32;
+  float traversal_cost = 1, intersection_cost = 1;
+  Bvh bvh = nullptr;
+  BuildPrimitive* primitives = nullptr;
+  size_t count = 0, capacity = 0;
+  void* (*create_node)(void* allocator, unsigned children, void* user) = nullptr;
+  void (*set_children)(void* node, void** children, unsigned count, void* user) = nullptr;
+  void (*set_bounds)(void* node, const Bounds** bounds, unsigned count, void* user) = nullptr;
+  void* (*create_leaf)(void* allocator, const BuildPrimitive*, size_t count, void* user) = nullptr;
+  void *split = nullptr, *progress = nullptr, *user = nullptr;
+};
+
 using MemoryMonitor = bool (*)(void* user, ptrdiff_t bytes, bool post);
 using BoundsFunction = void (*)(const BoundsArguments*);
 using IntersectFunction = void (*)(const IntersectArguments*);
@@ -121,6 +145,9 @@ struct Api {
   void (*rtcSetGeometryOccludedFunction)(Geometry, OccludedFunction);
   void (*rtcSetGeometryIntersectFilterFunction)(Geometry, FilterFunction);
   void (*rtcSetGeometryOccludedFilterFunction)(Geometry, FilterFunction);
+  Bvh (*rtcNewBVH)(Device);
+  void (*rtcReleaseBVH)(Bvh);
+  void* (*rtcBuildBVH)(const BuildArguments*);
   void (*rtcIntersect1)(Scene, RayHit<1>*, QueryArguments*);
   void (*rtcIntersect4)(const int*, Scene, RayHit<4>*, QueryArguments*);
   void (*rtcIntersect8)(const int*, Scene, RayHit<8>*, QueryArguments*);

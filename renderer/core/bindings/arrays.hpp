@@ -39,6 +39,7 @@ void bind_first_hit(nb::module_& m);
 void bind_subdivision(nb::module_& m);
 void bind_testing(nb::module_& m);
 void bind_caustics(nb::module_& m, nb::module_& testing);
-void bind_math(nb::module_& m);  // of it
+void bind_math(nb::module_& m);       // of it
+void bind_hierarchy(nb::module_& m);  // likewise
 
 }  // namespace primray

@@ -336,6 +336,7 @@ void bind_testing(nb::module_& m) {
     return nb::make_tuple(c.x, c.y, c.z);
   });
   bind_math(m);
+  bind_hierarchy(m);
 }
 
 }  // namespace primray

@@ -1,0 +1,61 @@
+// A hierarchy of our own for worlds that consist of triangles alone, so laid out that many rays can go through it at once, each
+// on its own way: accel/interleaved.hpp. Only where a CPU has AVX-512; Embree has all else.
+//
+// Embree's builder decides on the splits. A node holds the boxes of up to 8 children, each in the slot whose bits best say on
+// which side of the others it lies: slots, taken in the order of their numbers XOR a ray's octant, are then about ordered along
+// the ray (Ylitie, Karras and Laine 2017, "Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs").
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+
+#include "math/lanes.hpp"
+
+namespace primray {
+
+struct Scene;
+
+struct Unmap {
+  size_t reserved = 0;
+  void operator()(char* memory) const;
+  void shrink(char* memory, size_t used);  // a whole number of pages
+};
+
+struct TriangleBvh {
+  static constexpr int kWidth = 8, kLeafPairs = 4;
+  static constexpr uint32_t kMaxDepth = 32;
+  static constexpr bool kBuilt = PRIMRAY_MAX_LANES >= 16;
+
+  // Where a child lies: the number of its unit of 64 bytes, and what it is.
+  enum Kind : uint32_t { kNode = 0, kLeaf = 1, kEnd = 2 };
+  static constexpr uint32_t kUnit = 64;
+  static constexpr uint32_t id_of(size_t unit, Kind kind) { return uint32_t(unit) << 2 | kind; }
+  static constexpr size_t offset_of(uint32_t id) { return size_t(id & ~3u) * (kUnit / 4); }
+  static constexpr Kind kind_of(uint32_t id) { return Kind(id & 3); }
+
+  struct alignas(kUnit) Node {
+    float bounds[2][3][kWidth];  // lower, upper; by axis
+    uint32_t child[kWidth];      // kEnd in empty slots, whose boxes are inside out
+  };
+  // Pairs of triangles (d, a, c) and (b, c, a), as Embree's quads are (accel/pairs.hpp); fewer are filled up with the last.
+  struct alignas(kUnit) Leaf {
+    float at[3][4][kLeafPairs];   // by axis and corner d, a, b, c
+    uint32_t first[kLeafPairs];   // the number of (d, a, c) in its group
+    uint32_t second[kLeafPairs];  // that of (b, c, a); kAlone where there is none
+    uint32_t two;                 // a bit for each pair that has two
+  };
+  static constexpr uint32_t kAlone = 0xffffffffu;
+
+  std::unique_ptr<char, Unmap> memory;
+  size_t bytes = 0;  // used of it
+  uint32_t root = 0;
+
+  bool any() const { return kBuilt && memory != nullptr; }
+};
+
+// Of the world's triangles. Empty where there is more than triangles in it, or what floats cannot hold the products of; or
+// where memory for it cannot be had: Embree then has them.
+TriangleBvh build_triangle_bvh(const Scene& scene);
+
+}  // namespace primray

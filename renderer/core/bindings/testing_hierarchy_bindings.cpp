@@ -1,0 +1,44 @@
+// A TriangleBvh of a scene's world, and rays through it, for the tests: renders do not use it yet.
+#include <nanobind/stl/string.h>
+
+#include "accel/interleaved.hpp"
+#include "bindings/arrays.hpp"
+#include "bindings/testing_rows.hpp"
+
+namespace primray {
+namespace {
+
+// None where the world is not for it.
+nb::object intersect_rays(const Scene& scene, InArray<double> o_, InFloats d_) {
+  const TriangleBvh bvh = build_triangle_bvh(scene);
+  if (!bvh.any()) return nb::none();
+  const CorePoints o(scene, o_);
+  const Input<float> d(d_, o.n, 3);
+  std::vector<float> column[8];
+  for (std::vector<float>& c : column) c.resize(o.n);
+  for (size_t i = 0; i < o.n; ++i) {
+    const vvec3<1> from = o.vector<1>(i), way = d.vector<1>(i);
+    const float ray[8] = {from.x[0], from.y[0], from.z[0], way.x[0], way.y[0], way.z[0], 0.0f, kInfinity};
+    for (int k = 0; k < 8; ++k) column[k][i] = ray[k];
+  }
+  const RayColumns rays{column[0].data(), column[1].data(), column[2].data(), column[3].data(),
+                        column[4].data(), column[5].data(), column[6].data(), column[7].data()};
+  std::vector<float> t(o.n), u(o.n), v(o.n);
+  std::vector<int32_t> primitive(o.n), geometry(o.n), blocked(o.n);
+  intersect_interleaved(bvh, uint32_t(o.n), rays, {t.data(), u.data(), v.data(), primitive.data(), geometry.data()});
+  occluded_interleaved(bvh, uint32_t(o.n), rays, blocked.data());
+  for (float& distance : t) distance *= float(1 / scene.scale);
+  nb::dict r;
+  r["t"] = to_numpy(std::move(t), {o.n}), r["u"] = to_numpy(std::move(u), {o.n}), r["v"] = to_numpy(std::move(v), {o.n});
+  r["primitive"] = to_numpy(std::move(primitive), {o.n}), r["blocked"] = to_numpy(std::move(blocked), {o.n});
+  return r;
+}
+
+}  // namespace
+
+void bind_hierarchy(nb::module_& m) {
+  m.def("intersect_interleaved", &intersect_rays, nb::arg("scene"), nb::arg("o"), nb::arg("d"),
+        "Triangles counted in the world's group, as pairs have them; primitive -1: none met.");
+}
+
+}  // namespace primray
