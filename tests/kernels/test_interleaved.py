@@ -12,7 +12,7 @@ from tests.kernels.test_pairs import apart, bumps
 
 from primray import core
 
-pytestmark = pytest.mark.skipif(core.isa() != "v4", reason="no AVX-512")
+pytestmark = pytest.mark.skipif(core.isa() != "v4", reason="skipped: no AVX-512")
 
 
 def scene(what: str) -> object:
