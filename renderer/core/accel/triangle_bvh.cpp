@@ -190,9 +190,7 @@ class Builder {
       const std::array<uint32_t, 4> corners = self.corners_of(k);
       for (int c = 0; c < 4; ++c)
         for (int axis = 0; axis < 3; ++axis) leaf.at[axis][c][i] = self.positions_[3 * size_t(corners[c]) + axis];
-      const bool pair = k < self.paired_ / 2;
-      leaf.first[i] = self.first_of(k), leaf.second[i] = pair ? leaf.first[i] + 1 : Bvh::kAlone;
-      leaf.two |= uint32_t(pair) << i;
+      leaf.first[i] = self.first_of(k), leaf.two |= uint32_t(k < self.paired_ / 2) << i;
     }
     return reinterpret_cast<char*>(&leaf) + 1;
   }

@@ -40,12 +40,10 @@ struct TriangleBvh {
   };
   // Pairs of triangles (d, a, c) and (b, c, a), as Embree's quads are (accel/pairs.hpp); fewer are filled up with the last.
   struct alignas(kUnit) Leaf {
-    float at[3][4][kLeafPairs];   // by axis and corner d, a, b, c
-    uint32_t first[kLeafPairs];   // the number of (d, a, c) in its group
-    uint32_t second[kLeafPairs];  // that of (b, c, a); kAlone where there is none
-    uint32_t two;                 // a bit for each pair that has two
+    float at[3][4][kLeafPairs];  // by axis and corner d, a, b, c
+    uint32_t first[kLeafPairs];  // the number of (d, a, c) in its group; (b, c, a) has the next
+    uint32_t two;                // a bit for each pair that has two
   };
-  static constexpr uint32_t kAlone = 0xffffffffu;
 
   std::unique_ptr<char, Unmap> memory;
   size_t bytes = 0;  // used of it

@@ -1,6 +1,4 @@
 // A TriangleBvh of a scene's world, and rays through it, for the tests: renders do not use it yet.
-#include <nanobind/stl/string.h>
-
 #include "accel/interleaved.hpp"
 #include "bindings/arrays.hpp"
 #include "bindings/testing_rows.hpp"
