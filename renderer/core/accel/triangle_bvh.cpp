@@ -13,6 +13,7 @@
 
 #include "accel/embree.hpp"
 #include "accel/pairs.hpp"
+#include "math/box.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
@@ -78,15 +79,14 @@ class Builder {
     to.resize(n);
     float reach = 0;
     for (uint32_t k = 0; k < n; ++k) {
-      const std::array<uint32_t, 4> corners = corners_of(k);
-      float low[3] = {kInf, kInf, kInf}, high[3] = {-kInf, -kInf, -kInf};
-      for (const uint32_t c : corners)
-        for (int axis = 0; axis < 3; ++axis) {
-          const float x = positions_[3 * size_t(c) + axis];
-          if (!(std::abs(x) < kFarthest)) return false;
-          low[axis] = std::min(low[axis], x), high[axis] = std::max(high[axis], x), reach = std::max(reach, std::abs(x));
-        }
-      to[k] = {low[0], low[1], low[2], 0, high[0], high[1], high[2], k};
+      Box box;
+      for (const uint32_t c : corners_of(k)) {
+        const float* p = positions_ + 3 * size_t(c);
+        const float farthest = std::max({std::abs(p[0]), std::abs(p[1]), std::abs(p[2])});
+        if (!(farthest < kFarthest) || std::isnan(p[0] + p[1] + p[2])) return false;
+        box.add({p[0], p[1], p[2]}), reach = std::max(reach, farthest);
+      }
+      to[k] = {box.low.x, box.low.y, box.low.z, 0, box.high.x, box.high.y, box.high.z, k};
     }
     return reach > kSmallest;
   }
