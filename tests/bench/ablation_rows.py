@@ -36,6 +36,7 @@ class Row:
 
 
 BASE = Row("as it is", "")
+_EMBREE = Edit("accel/triangle_bvh.hpp", "kBuilt = PRIMRAY_MAX_LANES >= 16;", "kBuilt = false;")
 ROWS = (
     Row("splitting at the first surface", "one path goes on from there", scenes=("box", "metals"), splits={"paths": 1}),
     Row("samples of lights at the first surface", "one", scenes=("box", "field", "lamps"), splits={"lights": 1}),
@@ -62,13 +63,13 @@ ROWS = (
     Row(
         "packets or single rays by measurement",
         "always single rays",
-        scenes=("field", "hills"),
+        scenes=("field",),
         edits=(Edit("integrator/entry_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return false;"),),
     ),
     Row(
         "packets or single rays by measurement (2)",
         "always packets",
-        scenes=("field", "hills"),
+        scenes=("field",),
         edits=(Edit("integrator/entry_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return true;"),),
     ),
     Row(
@@ -157,8 +158,12 @@ ROWS = (
         "few triangles without a hierarchy",
         "Embree",
         scenes=("box", "lamps"),
-        edits=(Edit("accel/few_triangles.cpp", "constexpr double kMostCost = 128;", "constexpr double kMostCost = 0;"),),
+        edits=(
+            Edit("accel/few_triangles.cpp", "constexpr double kMostCost = 128;", "constexpr double kMostCost = 0;"),
+            _EMBREE,
+        ),
     ),
+    Row("rays that take turns in worlds of triangles", "Embree", scenes=("hills", "plastics", "signs"), edits=(_EMBREE,)),
     Row(
         "triangles in pairs",
         "one by one",

@@ -25,6 +25,7 @@ from typing import Any
 from primray import core
 
 from .ablation_rows import ALL, BASE, ROWS, Row
+from .other_core import use_core
 from .peer_runs import kept
 from .references import path_of
 from .relmse import relmse, saved
@@ -116,7 +117,7 @@ def once(scene: str, row: Row, seed: int) -> dict[str, Any]:
 
 def in_process(job: dict[str, Any]) -> dict[str, Any]:
     if job["core"]:
-        _use_core(Path(job["core"]))
+        use_core(Path(job["core"]))
     from .replay import build as built
     from .scenes import bench_scene
 
@@ -130,20 +131,6 @@ def in_process(job: dict[str, Any]) -> dict[str, Any]:
     seconds = time.process_time() - start
     error = relmse(film.pixels[..., :3].astype(float), saved(Path(job["reference"])))
     return {"seconds": round(seconds, 4), "relmse": float(f"{error:.5g}"), "rays": film.rays, "samples": film.samples}
-
-
-def _use_core(path: Path) -> None:
-    """Before the first use of the core: that file in place of the installed module."""
-    from importlib.machinery import ExtensionFileLoader
-    from importlib.util import module_from_spec, spec_from_file_location
-
-    name = f"primray._core_{core.isa()}"
-    spec = spec_from_file_location(name, path, loader=ExtensionFileLoader(name, str(path)))
-    assert spec is not None
-    assert spec.loader is not None
-    module = module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
 
 
 def measure(scene: str, rows: list[Row], rounds: int) -> list[dict[str, Any]]:

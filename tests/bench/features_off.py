@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import os
 import re
-import shutil
 import statistics
 import subprocess
 import sys
@@ -45,8 +44,9 @@ USES = {"box": set[str](), "hills": set[str](), "field": {"instances"}}
 
 # One process for each way: a line asks for a pass, its CPU seconds and the film's hash are the answer.
 WORKER = """
-import hashlib, sys, time
-from tests.bench import replay, scenes
+import hashlib, pathlib, sys, time
+from tests.bench import other_core, replay, scenes
+other_core.use_core(pathlib.Path(sys.argv[3]))
 from primray import core
 scene = next(s for s in scenes.available() if s.name == sys.argv[1])
 spp = int(sys.argv[2])
@@ -62,34 +62,30 @@ for _ in sys.stdin:
 
 
 def build(folder: Path, isa: str, without: list[str]) -> Path:
-    """A folder to put first on Python's path: the package with a core that lacks `without`."""
+    """The file of a core that lacks `without`."""
     nanobind = subprocess.check_output([sys.executable, "-m", "nanobind", "--cmake_dir"], text=True).strip()
     made = folder / "build"
     command = ["cmake", "-G", "Ninja", "-S", str(CORE), "-B", str(made), f"-Dnanobind_DIR={nanobind}"]
     command += [f"-DPython_EXECUTABLE={sys.executable}", f"-DPRIMRAY_WITHOUT={';'.join(without)}"]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     subprocess.run(["cmake", "--build", str(made), "--target", f"_core_{isa}"], check=True, stdout=subprocess.DEVNULL)
-    package = folder / "primray"
-    shutil.rmtree(package, ignore_errors=True)
-    shutil.copytree(ROOT / "renderer/primray", package, ignore=shutil.ignore_patterns("*.so", "__pycache__"))
-    for module in made.glob(f"_core_{isa}*.so"):
-        shutil.copy(module, package)
-    return folder
+    (module,) = made.glob(f"_core_{isa}*.so")
+    return module
 
 
-def environment(way: Path, isa: str) -> dict[str, str]:
-    return os.environ | {"PYTHONPATH": f"{way}{os.pathsep}{ROOT}", "PRIMRAY_ISA": isa}
+def environment(isa: str) -> dict[str, str]:
+    return os.environ | {"PYTHONPATH": str(ROOT), "PRIMRAY_ISA": isa}
 
 
 def times(ways: list[Path], scene: BenchScene, isa: str, rounds: int, spp: int) -> list[list[float]]:
     """CPU seconds of passes, by turns, for each way."""
     workers = [
         subprocess.Popen(
-            [sys.executable, "-c", WORKER, scene.name, str(spp)],
+            [sys.executable, "-c", WORKER, scene.name, str(spp), str(way)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
-            env=environment(way, isa),
+            env=environment(isa),
         )
         for way in ways
     ]
@@ -119,10 +115,11 @@ def instructions(way: Path, scene: BenchScene, isa: str) -> int:
     """Of the core's own code, for a small picture on one thread."""
     with tempfile.TemporaryDirectory() as folder:
         counted = Path(folder) / "callgrind.out"
-        code = "from primray.cli import main; main()"
+        code = f"import pathlib; from tests.bench import other_core; other_core.use_core(pathlib.Path({str(way)!r})); "
+        code += "from primray.cli import main; main()"
         command = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={counted}", sys.executable, "-c", code]
         command += arguments(scene, folder)
-        subprocess.run(command, check=True, env=environment(way, isa), stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+        subprocess.run(command, check=True, env=environment(isa), stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
         table = subprocess.check_output(["callgrind_annotate", "--threshold=100", str(counted)], text=True)
     rows = re.findall(rf"^\s*([\d,]+) \(.*\[.*_core_{isa}.*\]$", table, re.MULTILINE)
     return sum(int(row.replace(",", "")) for row in rows)

@@ -1,53 +1,61 @@
-"""The hierarchy of our own for worlds of triangles alone (the core's accel/interleaved.hpp): Embree's hits, and no gaps."""
+"""Worlds of many triangles alone, on CPUs with AVX-512 (the core's accel/interleaved.hpp): Embree's hits, and no gaps."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import pytest
 from tests.cages import cube, uniform
-from tests.described import describe, kernels, lambert, mesh
-from tests.kernels.test_few_triangles import aimed_at_edges
+from tests.described import box, describe, kernels, lambert, mesh, placement, rotation, scaling
+from tests.kernels.test_few_triangles import (
+    aimed_at_edges,
+    assert_any_lanes_meet_the_same_bits,
+    assert_rays_meet_what_embree_says,
+)
 from tests.kernels.test_intersection import rays, triangles
 from tests.kernels.test_pairs import apart, bumps
 
 from primray import core
+from primray.description import Placed, Prototype, Sphere
 
 pytestmark = pytest.mark.skipif(core.isa() != "v4", reason="skipped: no AVX-512")
 
+SCENES = ("soup", "pairs", "lone", "mixed")
 
-def scene(what: str) -> object:
+
+def scene(what: str) -> Any:
     if what == "soup":
         return describe([(mesh(*triangles(3000, seed=1)), np.eye(4))], [lambert(0.5)]).build()
     points, indices = bumps()
-    return describe([(mesh(points, indices if what == "pairs" else apart(indices)), np.eye(4))], [lambert(0.5)]).build()
+    sheet = mesh(points, indices if what in ("pairs", "mixed") else apart(indices))
+    bar = [(box([0.5, 3, 0.4], 1), rotation([1, 2, 3], 30))] if what == "mixed" else []
+    return describe([*bar, (sheet, np.eye(4))], [lambert(0.5), lambert(0.2)]).build()
 
 
-@pytest.mark.parametrize("what", ["soup", "pairs", "lone"])
+@pytest.mark.parametrize("what", SCENES)
 def test_rays_meet_what_embree_says(what: str) -> None:
     made = scene(what)
-    o, d = rays(seed=2)
-    ours = kernels().intersect_interleaved(made, o, d)
-    embree = kernels().intersect(made, o, d, embree=True)
-    hit = embree["primitive"] >= 0
-    assert hit.mean() > 0.1
-    same = ours["primitive"] == embree["primitive"]
-    # Rays through an edge may fall to either side.
-    assert same.mean() > 0.999
-    assert ((ours["primitive"] >= 0) == hit).mean() > 0.9997
-    assert np.array_equal(ours["blocked"] == 1, ours["primitive"] >= 0)
-    steep = hit & same & (np.abs(np.sum(embree["ng"] * d, axis=1)) > 0.05)
-    reach = np.maximum(embree["t"], np.abs(embree["p"]).max(axis=1))
-    assert (np.abs(ours["t"] - embree["t"])[steep] < 2e-5 * reach[steep]).all()
-    assert (np.abs(np.stack([ours["u"], ours["v"]], axis=1) - embree["uv"])[steep] < 2e-3).all()
+    assert kernels().has_hierarchy(made)
+    assert_rays_meet_what_embree_says(made, *rays(seed=2))
 
 
-def test_a_ray_does_not_depend_on_the_others() -> None:
-    made = scene("pairs")
+@pytest.mark.parametrize("what", SCENES)
+def test_any_number_of_lanes_meets_the_same_bits(what: str) -> None:
+    assert_any_lanes_meet_the_same_bits(scene(what))
+
+
+@pytest.mark.parametrize("what", ["soup", "pairs"])
+def test_a_ray_does_not_depend_on_the_others(what: str) -> None:
+    """All at once, where new rays take the places of those that end, and in calls of 16."""
+    made = scene(what)
     o, d = rays(seed=3)
-    whole = kernels().intersect_interleaved(made, o, d)
-    some = kernels().intersect_interleaved(made, o[7::13].copy(), d[7::13].copy())
-    for name, column in some.items():
-        np.testing.assert_array_equal(column, whole[name][7::13])
+    stream, calls = kernels().intersect_stream(made, o, d), kernels().intersect(made, o, d, 16)
+    hit = calls["primitive"] >= 0
+    assert np.array_equal(stream["blocked"], calls["blocked"])
+    assert np.array_equal(stream["primitive"], calls["primitive"])
+    assert np.array_equal(stream["t"][hit], calls["t"][hit])
+    assert np.array_equal(np.stack([stream["u"], stream["v"]], axis=1)[hit], calls["uv"][hit])
 
 
 def test_no_ray_leaves_a_closed_mesh() -> None:
@@ -55,7 +63,23 @@ def test_no_ray_leaves_a_closed_mesh() -> None:
     made = uniform(cube(), 4)
     body = mesh(made["points"], made["triangles"])
     built = describe([(body, np.eye(4))], [lambert(0.5)]).build()
+    assert kernels().has_hierarchy(built)
     o, d = aimed_at_edges([body], 500_000, seed=5, within=0.15)
-    found = kernels().intersect_interleaved(built, o, d)
+    found = kernels().intersect_stream(built, o, d)
     assert (found["primitive"] >= 0).all()
     assert (found["blocked"] == 1).all()
+
+
+def test_worlds_with_more_than_triangles_are_left_to_embree() -> None:
+    points, index = triangles(3000, seed=1)
+    soup = mesh(points, index)
+    prototype = Prototype("/p", (Placed(1, np.eye(4)),))
+    placed = describe(
+        [(soup, np.eye(4))],
+        [lambert(0.5)],
+        prototypes=[prototype],
+        prototype_shapes=[box([1, 1, 1])],
+        placements=[placement(0, [scaling(0.1, 0.1, 0.1)])],
+    )
+    assert not kernels().has_hierarchy(placed.build())
+    assert not kernels().has_hierarchy(describe([(soup, np.eye(4)), (Sphere("/s", 0.5, 0), np.eye(4))], [lambert(0.5)]).build())

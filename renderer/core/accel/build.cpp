@@ -28,12 +28,30 @@ OwnedGeometry make_triangles(const Scene& scene, const Group& group, uint32_t fi
   return g;
 }
 
-// The pairs that the group's triangles begin with.
-OwnedGeometry make_pairs(const Scene& scene, const Group& group) {
+// The pairs that the group's triangles begin with, of `paired` triangles.
+OwnedGeometry make_pairs(const Scene& scene, const Group& group, uint32_t paired) {
   OwnedGeometry g = over_positions(rtc::kQuad, scene, group);
   embree().rtcSetSharedGeometryBuffer(g.get(), rtc::kIndexBuffer, 0, rtc::kUint4, scene.indices.data(),
-                                      size_t(group.triangle_base) * 12 + 8, 24, group.paired_count / 2);
+                                      size_t(group.triangle_base) * 12 + 8, 24, paired / 2);
   return g;
+}
+
+uint32_t paired_in(const Scene& scene, const Group& group) {
+  return count_paired({scene.indices.data() + size_t(group.triangle_base) * 3, size_t(group.triangle_count) * 3});
+}
+
+// The group's triangles that no filter looks at, the first `paired` of them as pairs.
+void attach_triangles(rtc::Scene target, const Scene& scene, const Group& group, uint32_t paired) {
+  if (paired > 0) {
+    const OwnedGeometry g = make_pairs(scene, group, paired);
+    embree().rtcCommitGeometry(g.get());
+    attach(target, g, kPairGeometry);
+  }
+  if (const uint32_t alone = group.triangle_count - paired; alone > 0) {
+    const OwnedGeometry g = make_triangles(scene, group, paired, alone);
+    embree().rtcCommitGeometry(g.get());
+    attach(target, g, kTriangleGeometry);
+  }
 }
 
 OwnedGeometry make_placement(Scene& scene, size_t placement) {
@@ -65,18 +83,9 @@ OwnedScene new_scene() {
 void build_group(Scene& scene, Group& group) {
   group.accel = new_scene();
   rtc::Scene target = group.accel.get();
-  group.paired_count = count_paired({scene.indices.data() + size_t(group.triangle_base) * 3, size_t(group.triangle_count) * 3});
-  if (group.paired_count > 0) {
-    scene.has_pairs = true;
-    const OwnedGeometry g = make_pairs(scene, group);
-    embree().rtcCommitGeometry(g.get());
-    attach(target, g, kPairGeometry);
-  }
-  if (const uint32_t alone = group.triangle_count - group.paired_count; alone > 0) {
-    const OwnedGeometry g = make_triangles(scene, group, group.paired_count, alone);
-    embree().rtcCommitGeometry(g.get());
-    attach(target, g, kTriangleGeometry);
-  }
+  group.paired_count = paired_in(scene, group);
+  scene.has_pairs |= group.paired_count > 0;
+  attach_triangles(target, scene, group, group.paired_count);
   if (group.cutout_count > 0) {
     const OwnedGeometry g = make_triangles(scene, group, group.triangle_count, group.cutout_count);
     scene.cutouts.push_back({&scene, uint32_t(&group - scene.groups.data())});
@@ -92,16 +101,34 @@ void build_group(Scene& scene, Group& group) {
   check_embree();
 }
 
+// Whether Embree is not needed for the world.
+bool build_without_embree(Scene& scene) {
+  const Group& world = scene.groups[0];
+  if (world.cutout_count + world.sphere_count + world.placement_count > 0) return false;
+  // Pairs mean many.
+  if (paired_in(scene, world) == 0)
+    scene.few = gather_few(scene.positions.data() + 3 * size_t(world.vertex_base),
+                           scene.indices.data() + 3 * size_t(world.triangle_base), world.triangle_count);
+  if (!scene.few.any()) scene.many = build_triangle_bvh(scene);
+  return scene.few.any() || scene.many.any();
+}
+
 }  // namespace
 
 void build_accel(Scene& scene) {
   // Shapes, then prototypes of them (which the builder was given later), last the world.
   for (size_t i = 1; i < scene.groups.size(); ++i) build_group(scene, scene.groups[i]);
-  build_group(scene, scene.groups[0]);
+  if (!build_without_embree(scene)) build_group(scene, scene.groups[0]);
+}
+
+EmbreeWorld::EmbreeWorld(const Scene& scene) : scene_(scene.accel()) {
+  if (scene_) return;
   const Group& world = scene.groups[0];
-  if (world.paired_count + world.cutout_count + world.sphere_count + world.placement_count == 0)
-    scene.few = gather_few(scene.positions.data() + 3 * size_t(world.vertex_base),
-                           scene.indices.data() + 3 * size_t(world.triangle_base), world.triangle_count);
+  paired_ = paired_in(scene, world);
+  own_ = new_scene(), scene_ = own_.get();
+  attach_triangles(scene_, scene, world, paired_);
+  embree().rtcCommitScene(scene_);
+  check_embree();
 }
 
 }  // namespace primray

@@ -1,12 +1,37 @@
-// Makes Embree scenes of a Scene's groups: prototypes first, then the top scene with what is static and all placements.
+// Makes Embree scenes of a Scene's groups: prototypes first, then the top scene with what is static and all placements. Worlds
+// of triangles alone are traced without Embree (accel/query.hpp).
 #pragma once
 
+#include "accel/trace.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
 
-// Fills groups[].accel. Positions, indices, spheres and matrices are shared with Embree, so the Scene must not move or grow
-// after.
+// Fills groups[].accel, or `few` or `many` in place of the world's. Positions, indices, spheres and matrices are shared with
+// Embree, so the Scene must not move or grow after.
 void build_accel(Scene& scene);
+
+// The world as Embree has it, built anew where the scene has it otherwise: for what is compared with Embree.
+class EmbreeWorld {
+ public:
+  explicit EmbreeWorld(const Scene& scene);
+  rtc::Scene get() const { return scene_; }
+  bool apart() const { return own_.get() != nullptr; }
+
+  // Hits of it as the scene counts them.
+  template <int W>
+  Hits<W> in_scene(Hits<W> h) const {
+    if (!apart()) return h;
+    const vint<W> triangle{int32_t(kTriangleGeometry)};
+    h.prim = select(h.geom == triangle, h.prim + vint<W>(int32_t(paired_)), h.prim);
+    h.geom = select(h.geom == vint<W>(int32_t(kPairGeometry)), triangle, h.geom);
+    return h;
+  }
+
+ private:
+  OwnedScene own_;
+  rtc::Scene scene_;
+  uint32_t paired_ = 0;
+};
 
 }  // namespace primray

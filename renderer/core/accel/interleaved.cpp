@@ -23,94 +23,123 @@ constexpr uint32_t kStack = 7 * (Bvh::kMaxDepth + 1) + 1 + 8;
 constexpr float kLeastDirection = 1e-18f;  // so that inverses times coordinates stay finite
 // Of a plane's distance: of the part that is the ray's origin, where rounding does not depend on the box, and of the whole.
 constexpr float kOriginRounding = 0x1p-22f, kFarRounding = 1 + 0x1p-21f;
-// Of the products that an edge's side is the difference of: what rounding may do to it, and a little.
-constexpr float kEdgeRounding = 0x1p-22f;
+
+// By octant and axis, where a node's planes are to stand: first the 8 through which a ray of that octant enters, then those
+// through which it leaves, of the children in an order that begins with what lies farthest along it.
+struct PlaneOrder {
+  alignas(64) int32_t from[8][3][16];
+  constexpr PlaneOrder() : from{} {
+    for (int octant = 0; octant < 8; ++octant)
+      for (int axis = 0; axis < 3; ++axis)
+        for (int i = 0; i < 16; ++i) {
+          const bool up = octant >> axis & 1, upper = (i >= 8) == up;
+          from[octant][axis][i] = ((i ^ octant) & 7) + (upper ? 8 : 0);
+        }
+  }
+};
+constexpr PlaneOrder kPlaneOrder;
 
 struct alignas(64) RayState {
-  __m256i order;                                    // of a node's slots: first what lies farthest along the ray
-  float inverse[3], low_offset[3], high_offset[3];  // a plane p along an axis is at p * inverse + offset
-  float tnear, tfar;
-  uint32_t low_plane[3], high_plane[3];  // of a node's bounds, those where the ray enters and leaves, in bytes
+  // Of what a node's planes p become after PlaneOrder: p * scale + offset is -t where the ray enters, t where it leaves; for
+  // the ray's own ends likewise.
+  float scale[3][16], offset[3][16], ends[16];
+  const int32_t (*order)[16];
   uint32_t current, depth, index;
-  float origin[3], shear[2], scale;  // along axes axis[0], axis[1], and axis[2], along which the ray goes farthest
+  float tnear, tfar;
+  float origin[3], shear[2], per_z;  // along axes axis[0], axis[1], and axis[2], along which the ray goes farthest
   uint32_t axis[3];
-  float u, v;
-  int32_t prim;  // -1: none yet
+  float u, v, sum;  // of the hit: barycentrics times their sum
+  int32_t prim;     // -1: none yet
   alignas(64) uint32_t stack[kStack];
-  float entry[kStack];  // where the ray enters what is on the stack
+  float entry[kStack];  // -t where the ray enters what is on the stack
 };
 
-inline __m256 all_8(const float& x) { return _mm256_broadcast_ss(&x); }
-inline __m128 absolute(__m128 x) { return _mm_andnot_ps(_mm_set1_ps(-0.0f), x); }
+inline __m512 all_16(const float& x) { return _mm512_set1_ps(x); }
+inline __m256 upper_half(__m512 x) { return _mm512_extractf32x8_ps(x, 1); }
+inline __m256 halves_swapped(__m256 x) { return _mm256_permute2f128_ps(x, x, 1); }
 
 class Interleaved {
  public:
   Interleaved(const Bvh& bvh, const RayColumns& rays) : memory_(bvh.memory.get()), root_(bvh.root), rays_(rays) {}
 
-  // Follows `count` rays: the nearest hits, or with kAny whether there are any. `done(state, met)` for each, in any order.
+  // Follows `count` rays: the nearest hits, or with kAny whether there are any. `done(state)` for each, in any order.
   template <bool kAny, class Done>
   void follow(uint32_t count, const Done& done) {
-    uint32_t at_node[kRays + 1], at_leaf[kRays + 1], unused[kRays + 1];
-    uint32_t nodes = 0, leaves = 0, spare = 0, next = 0;
-    for (uint32_t k = std::min(count, kRays); k-- > 0;) unused[spare++] = k;
-    // Where rays go next is told by additions, not by branches.
-    uint32_t kept = 0;
-    const auto sort_in = [&](uint32_t k, uint32_t (&here)[kRays + 1], uint32_t (&other)[kRays + 1], uint32_t& there,
-                             Bvh::Kind own, Bvh::Kind others) {
-      const Bvh::Kind kind = Bvh::kind_of(states_[k].current);
-      here[kept] = k, other[there] = k, unused[spare] = k;
-      kept += kind == own, there += kind == others, spare += kind == Bvh::kEnd;
-      if (kind == Bvh::kEnd) done(states_[k], false);
+    // Which rays are at a node, at a leaf, at their end; how many is kept in bytes of one number. Where a ray goes next is told
+    // by additions, not by branches.
+    uint32_t list[3][32];
+    uint64_t counts = 0;
+    const auto many = [&](Bvh::Kind kind) { return uint32_t(counts >> (8 * kind) & 255); };
+    const auto put = [&](uint32_t k) {
+      const uint32_t kind = Bvh::kind_of(states_[k].current);
+      list[kind][counts >> (8 * kind) & 255] = k;
+      counts += uint64_t(1) << (8 * kind);
     };
-    for (uint32_t busy = 0;;) {
-      for (; spare > 0 && next < count; ++busy) begin(states_[at_node[nodes++] = unused[--spare]], next++);
-      if (busy == 0) return;
-      const uint32_t before = spare;
-      kept = 0;
+    const auto take_all = [&](Bvh::Kind kind) { counts &= ~(uint64_t(255) << (8 * kind)); };
+    uint32_t next = 0;
+    for (; next < std::min(count, kRays); ++next) begin(states_[next], next), put(next);
+    while (true) {
+      // What is put back into a list that is read does not reach what is still to be read of it.
+      const uint32_t nodes = many(Bvh::kNode);
+      take_all(Bvh::kNode);
       for (uint32_t i = 0; i < nodes; ++i) {
-        step(states_[at_node[i]]);
-        sort_in(at_node[i], at_node, at_leaf, leaves, Bvh::kNode, Bvh::kLeaf);
+        const uint32_t k = list[Bvh::kNode][i];
+        step<kAny>(states_[k]);
+        put(k);
       }
-      nodes = kept, kept = 0;
+      const uint32_t leaves = many(Bvh::kLeaf);
+      take_all(Bvh::kLeaf);
       for (uint32_t i = 0; i < leaves; ++i) {
-        RayState& s = states_[at_leaf[i]];
-        if (meets_leaf<kAny>(s)) {
-          if (kAny) {
-            unused[spare++] = at_leaf[i];
-            done(s, true);
-            continue;
-          }
-          forget_farther(s);
-        }
-        go_to(s, s.stack[--s.depth]);
-        sort_in(at_leaf[i], at_leaf, at_node, nodes, Bvh::kLeaf, Bvh::kNode);
+        const uint32_t k = list[Bvh::kLeaf][i];
+        meet_leaf<kAny>(states_[k]);
+        put(k);
       }
-      leaves = kept, busy -= spare - before;
+      const uint32_t ended = many(Bvh::kEnd);
+      take_all(Bvh::kEnd);
+      for (uint32_t i = 0; i < ended; ++i) {
+        const uint32_t k = list[Bvh::kEnd][i];
+        done(states_[k]);
+        if (next < count) begin(states_[k], next++), put(k);
+      }
+      if (counts == 0) return;
     }
   }
 
  private:
   void begin(RayState& s, uint32_t i) const {
-    const float o[3] = {rays_.ox[i], rays_.oy[i], rays_.oz[i]}, d[3] = {rays_.dx[i], rays_.dy[i], rays_.dz[i]};
-    uint32_t octant = 0;
-    for (uint32_t k = 0; k < 3; ++k) {
-      s.inverse[k] = 1 / (std::abs(d[k]) < kLeastDirection ? std::copysign(kLeastDirection, d[k]) : d[k]);
-      const float start = o[k] * s.inverse[k], around = std::abs(start) * kOriginRounding;
-      s.low_offset[k] = -start - around, s.high_offset[k] = -start + around;
-      const bool up = s.inverse[k] > 0;
-      constexpr uint32_t kAxis = sizeof(Bvh::Node::bounds[0][0]), kSide = sizeof(Bvh::Node::bounds[0]);
-      s.low_plane[k] = kAxis * k + (up ? 0 : kSide), s.high_plane[k] = kAxis * k + (up ? kSide : 0);
-      octant |= uint32_t(up) << k, s.origin[k] = o[k];
+    const __m128 o = _mm_setr_ps(rays_.ox[i], rays_.oy[i], rays_.oz[i], 0),
+                 d = _mm_setr_ps(rays_.dx[i], rays_.dy[i], rays_.dz[i], 0);
+    const __m128 sign = _mm_set1_ps(-0.0f), least = _mm_set1_ps(kLeastDirection);
+    const __m128 inverse =
+        _mm_div_ps(_mm_set1_ps(1), _mm_or_ps(_mm_and_ps(sign, d), _mm_max_ps(_mm_andnot_ps(sign, d), least)));
+    const __m128 start = _mm_mul_ps(o, inverse), around = _mm_mul_ps(_mm_andnot_ps(sign, start), _mm_set1_ps(kOriginRounding));
+    // From 16 numbers, vectors of which each half repeats one.
+    const __m256 scales = _mm256_set_m128(inverse, _mm_xor_ps(sign, inverse));
+    const __m256 offsets = _mm256_set_m128(_mm_sub_ps(around, start), _mm_add_ps(around, start));
+    const __m512i halves = _mm512_setr_epi32(0, 0, 0, 0, 0, 0, 0, 0, 4, 4, 4, 4, 4, 4, 4, 4);
+    for (int k = 0; k < 3; ++k) {
+      const __m512i from = _mm512_add_epi32(halves, _mm512_set1_epi32(k));
+      _mm512_store_ps(s.scale[k], _mm512_permutexvar_ps(from, _mm512_castps256_ps512(scales)));
+      _mm512_store_ps(s.offset[k], _mm512_permutexvar_ps(from, _mm512_castps256_ps512(offsets)));
     }
-    s.order = _mm256_xor_si256(_mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7), _mm256_set1_epi32(int(octant)));
-    const float x = std::abs(d[0]), y = std::abs(d[1]), z = std::abs(d[2]);
-    s.axis[2] = x > y ? (x > z ? 0 : 2) : (y > z ? 1 : 2);
-    s.axis[0] = (s.axis[2] + 1) % 3, s.axis[1] = (s.axis[2] + 2) % 3;
-    s.scale = 1 / d[s.axis[2]], s.shear[0] = d[s.axis[0]] * s.scale, s.shear[1] = d[s.axis[1]] * s.scale;
-    s.tnear = rays_.tnear ? rays_.tnear[i] : 0.0f, s.tfar = rays_.tfar[i];
-    s.prim = -1, s.u = s.v = 0, s.index = i;
-    s.stack[0] = Bvh::kEnd, s.entry[0] = -std::numeric_limits<float>::infinity(), s.depth = 1;
+    s.order = kPlaneOrder.from[~_mm_movemask_ps(inverse) & 7];
+    s.tnear = rays_.tnear ? rays_.tnear[i] : 0.0f;
+    _mm256_store_ps(s.ends, _mm256_set1_ps(-s.tnear));
+    set_far(s, rays_.tfar[i]);
+    const float x = std::abs(rays_.dx[i]), y = std::abs(rays_.dy[i]), z = std::abs(rays_.dz[i]);
+    const uint32_t main = x > y ? (x > z ? 0 : 2) : (y > z ? 1 : 2);
+    s.axis[2] = main, s.axis[0] = main == 2 ? 0 : main + 1, s.axis[1] = main == 0 ? 2 : main - 1;
+    alignas(16) float from[4], way[4];
+    _mm_store_ps(from, o), _mm_store_ps(way, d);
+    for (int k = 0; k < 3; ++k) s.origin[k] = from[s.axis[k]];
+    s.per_z = 1 / way[main], s.shear[0] = way[s.axis[0]] * s.per_z, s.shear[1] = way[s.axis[1]] * s.per_z;
+    s.prim = -1, s.u = s.v = 0, s.sum = 1, s.index = i;
+    s.stack[0] = Bvh::kEnd, s.entry[0] = std::numeric_limits<float>::infinity(), s.depth = 1;
     s.current = root_;
+  }
+  static void set_far(RayState& s, float t) {
+    s.tfar = t;
+    _mm256_store_ps(s.ends + 8, _mm256_set1_ps(t));
   }
 
   // What is looked at next round is fetched in this one.
@@ -120,35 +149,35 @@ class Interleaved {
     for (uint32_t line = 0; line < sizeof(Bvh::Node); line += 64) _mm_prefetch(at + line, _MM_HINT_T0);
   }
 
+  template <bool kAny>
   void step(RayState& s) const {
-    const char* const node = memory_ + Bvh::offset_of(s.current);
-    const auto planes = [&](uint32_t at) { return _mm256_load_ps(reinterpret_cast<const float*>(node + at)); };
-    const auto enter = [&](int k) {
-      return _mm256_fmadd_ps(planes(s.low_plane[k]), all_8(s.inverse[k]), all_8(s.low_offset[k]));
+    const Bvh::Node& node = *reinterpret_cast<const Bvh::Node*>(memory_ + Bvh::offset_of(s.current));
+    const auto order = [&](int k) { return _mm512_load_si512(s.order[k]); };
+    const auto distances = [&](int k) {
+      return _mm512_fmadd_ps(_mm512_permutexvar_ps(order(k), _mm512_load_ps(node.bounds[k])), _mm512_load_ps(s.scale[k]),
+                             _mm512_load_ps(s.offset[k]));
     };
-    const auto leave = [&](int k) {
-      return _mm256_fmadd_ps(planes(s.high_plane[k]), all_8(s.inverse[k]), all_8(s.high_offset[k]));
-    };
-    const __m256 first = _mm256_max_ps(_mm256_max_ps(enter(0), enter(1)), _mm256_max_ps(enter(2), all_8(s.tnear)));
-    const __m256 last = _mm256_min_ps(_mm256_min_ps(leave(0), leave(1)), _mm256_min_ps(leave(2), all_8(s.tfar)));
-    const __m256 entry = _mm256_permutevar8x32_ps(first, s.order);
-    const __m256 exit = _mm256_permutevar8x32_ps(_mm256_mul_ps(last, _mm256_set1_ps(kFarRounding)), s.order);
-    const __m256i children = _mm256_load_si256(reinterpret_cast<const __m256i*>(node + offsetof(Bvh::Node, child)));
-    const __mmask8 met = _mm256_cmp_ps_mask(entry, exit, _CMP_LE_OQ);
-    _mm256_storeu_si256(reinterpret_cast<__m256i*>(s.stack + s.depth),
-                        _mm256_maskz_compress_epi32(met, _mm256_permutevar8x32_epi32(children, s.order)));
-    _mm256_storeu_ps(s.entry + s.depth, _mm256_maskz_compress_ps(met, entry));
+    const __m512 ends =
+        _mm512_min_ps(_mm512_min_ps(distances(0), distances(1)), _mm512_min_ps(distances(2), _mm512_load_ps(s.ends)));
+    const __m256 entry = _mm512_castps512_ps256(ends);
+    const __m256 inside = _mm256_fmadd_ps(upper_half(ends), _mm256_set1_ps(kFarRounding), entry);
+    const __mmask8 met = _mm256_cmp_ps_mask(inside, _mm256_setzero_ps(), _CMP_GE_OQ);
+    const __m256i children = _mm256_permutevar8x32_epi32(_mm256_load_si256(reinterpret_cast<const __m256i*>(node.child)),
+                                                         _mm512_castsi512_si256(order(0)));
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(s.stack + s.depth), _mm256_maskz_compress_epi32(met, children));
+    if (!kAny) _mm256_storeu_ps(s.entry + s.depth, _mm256_maskz_compress_ps(met, entry));
     s.depth += uint32_t(__builtin_popcount(met)) - 1;
     go_to(s, s.stack[s.depth]);
   }
 
   // Takes what lies beyond the hit off the stack.
   static void forget_farther(RayState& s) {
+    const __m256 far = _mm256_set1_ps(-s.tfar);
     uint32_t kept = 0;
     for (uint32_t i = 0; i < s.depth; i += 8) {
       const __m256 entry = _mm256_loadu_ps(s.entry + i);
       const __m256i ids = _mm256_loadu_si256(reinterpret_cast<const __m256i*>(s.stack + i));
-      __mmask8 near = _mm256_cmp_ps_mask(entry, all_8(s.tfar), _CMP_LE_OQ);
+      __mmask8 near = _mm256_cmp_ps_mask(entry, far, _CMP_GE_OQ);
       if (s.depth - i < 8) near &= __mmask8((1u << (s.depth - i)) - 1);
       _mm256_storeu_ps(s.entry + kept, _mm256_maskz_compress_ps(near, entry));
       _mm256_storeu_si256(reinterpret_cast<__m256i*>(s.stack + kept), _mm256_maskz_compress_epi32(near, ids));
@@ -157,69 +186,58 @@ class Interleaved {
     s.depth = kept;
   }
 
-  // Corners d, a, b, c in 4 blocks of 4 lanes; outer edges da, ab, bc, cd likewise, and ac between the two triangles.
+  // Corners d, b, c, a of 4 pairs in 4 blocks of 4 lanes, their outer edges da, bc, cd, ab likewise; then in 8 lanes triangles
+  // (d, a, c), and after them (b, c, a).
   template <bool kAny>
-  bool meets_leaf(RayState& s) const {
+  void meet_leaf(RayState& s) const {
     const Bvh::Leaf& leaf = *reinterpret_cast<const Bvh::Leaf*>(memory_ + Bvh::offset_of(s.current));
-    const auto from_origin = [&](int k) {
-      return _mm512_sub_ps(_mm512_load_ps(leaf.at[s.axis[k]]), _mm512_set1_ps(s.origin[s.axis[k]]));
-    };
+    const auto from_origin = [&](int k) { return _mm512_sub_ps(_mm512_load_ps(leaf.at[s.axis[k]]), all_16(s.origin[k])); };
     const __m512 z = from_origin(2);
-    const __m512 x = _mm512_fnmadd_ps(_mm512_set1_ps(s.shear[0]), z, from_origin(0));
-    const __m512 y = _mm512_fnmadd_ps(_mm512_set1_ps(s.shear[1]), z, from_origin(1));
-    constexpr int kNextBlock = 0x39;
-    const __m512 next_x = _mm512_shuffle_f32x4(x, x, kNextBlock), next_y = _mm512_shuffle_f32x4(y, y, kNextBlock);
-    const __m512 taken = _mm512_mul_ps(y, next_x), side = _mm512_fmsub_ps(x, next_y, taken);
-    const __m512 room = _mm512_mul_ps(_mm512_abs_ps(taken), _mm512_set1_ps(kEdgeRounding));
-    const uint32_t left = _mm512_cmp_ps_mask(_mm512_add_ps(side, room), _mm512_setzero_ps(), _CMP_GE_OQ);
-    const uint32_t right = _mm512_cmp_ps_mask(side, room, _CMP_LE_OQ);
-    const __m128 ax = _mm512_extractf32x4_ps(x, 1), ay = _mm512_extractf32x4_ps(y, 1);
-    const __m128 cx = _mm512_extractf32x4_ps(x, 3), cy = _mm512_extractf32x4_ps(y, 3);
-    const __m128 taken_ac = _mm_mul_ps(ay, cx), ac = _mm_fmsub_ps(ax, cy, taken_ac);
-    const __m128 room_ac = _mm_mul_ps(absolute(taken_ac), _mm_set1_ps(kEdgeRounding));
-    const uint32_t left_ac = _mm_cmp_ps_mask(_mm_add_ps(ac, room_ac), _mm_setzero_ps(), _CMP_GE_OQ);
-    const uint32_t right_ac = _mm_cmp_ps_mask(ac, room_ac, _CMP_LE_OQ);
-    // (d, a, c) has da, ac, cd; (b, c, a) has bc, ca, ab. Passed on one side by all edges, the ray is inside.
-    const uint32_t first = ((left & (left >> 12) & left_ac) | (right & (right >> 12) & right_ac)) & 15;
-    const uint32_t second = (((left >> 4) & (left >> 8) & right_ac) | ((right >> 4) & (right >> 8) & left_ac)) & leaf.two;
-    if (!(first | second)) return false;
-    const __m128 da = _mm512_castps512_ps128(side), ab = _mm512_extractf32x4_ps(side, 1);
-    const __m128 bc = _mm512_extractf32x4_ps(side, 2), cd = _mm512_extractf32x4_ps(side, 3);
-    const __m128 zd = _mm512_castps512_ps128(z), za = _mm512_extractf32x4_ps(z, 1);
-    const __m128 zb = _mm512_extractf32x4_ps(z, 2), zc = _mm512_extractf32x4_ps(z, 3);
-    bool nearer = false;
-    // Corners p, q, r of triangles weigh by the sides of the edges across. Numbered as the group has them, from r's next corner
-    // on: (a, c, d) for (d, a, c), (a, b, c) for (b, c, a); u is of `u_side`, v of `v_side`.
-    const auto take = [&](uint32_t inside, __m128 p, __m128 q, __m128 r, __m128 zp, __m128 zq, __m128 zr, __m128 u_side,
-                          __m128 v_side, uint32_t later) {
-      const __m128 sum = _mm_add_ps(_mm_add_ps(p, q), r);
-      const __m128 weighed = _mm_fmadd_ps(p, zp, _mm_fmadd_ps(q, zq, _mm_mul_ps(r, zr)));
-      // Of triangles seen from their edge, sides are little but rounding: a hit stays where the triangle is.
-      const __m128 least = _mm_min_ps(_mm_min_ps(zp, zq), zr), most = _mm_max_ps(_mm_max_ps(zp, zq), zr);
-      const __m128 depth = _mm_min_ps(_mm_max_ps(_mm_div_ps(weighed, sum), least), most);
-      const __m128 t = _mm_mul_ps(depth, _mm_set1_ps(s.scale));
-      const uint32_t flat = _mm_cmp_ps_mask(sum, _mm_setzero_ps(), _CMP_EQ_UQ);
-      const uint32_t between =
-          _mm_cmp_ps_mask(t, _mm_set1_ps(s.tnear), _CMP_GT_OQ) & _mm_cmp_ps_mask(t, _mm_set1_ps(s.tfar), _CMP_LT_OQ);
-      uint32_t m = inside & between & ~flat;
-      if (!m) return;
-      nearer = true;
-      if (kAny) return;
-      alignas(16) float ts[4], us[4], vs[4], sums[4];
-      _mm_store_ps(ts, t), _mm_store_ps(us, u_side), _mm_store_ps(vs, v_side), _mm_store_ps(sums, sum);
-      for (; m; m &= m - 1) {
-        const int i = __builtin_ctz(m);
-        if (!(ts[i] < s.tfar)) continue;
-        s.tfar = ts[i], s.prim = int32_t(leaf.first[i] + later);
-        s.u = std::clamp(us[i] / sums[i], 0.0f, 1.0f), s.v = std::clamp(vs[i] / sums[i], 0.0f, 1.0f);
-      }
-    };
-    if (first) take(first, ac, cd, da, zd, za, zc, da, ac, 0);
-    if (second) {
-      const __m128 ca = _mm_sub_ps(_mm_setzero_ps(), ac);
-      take(second, ca, ab, bc, zb, zc, za, ca, ab, 1);
+    const __m512 x = _mm512_fnmadd_ps(all_16(s.shear[0]), z, from_origin(0));
+    const __m512 y = _mm512_fnmadd_ps(all_16(s.shear[1]), z, from_origin(1));
+    // On which side an edge passes the ray: the difference of two rounded products, so that the edge's other triangle, which
+    // goes along it the other way, gets the very opposite.
+    constexpr int kNextCorner = 3 | 2 << 2 | 0 << 4 | 1 << 6;
+    const __m512 next_x = _mm512_shuffle_f32x4(x, x, kNextCorner), next_y = _mm512_shuffle_f32x4(y, y, kNextCorner);
+    const __m512 outer = _mm512_sub_ps(_mm512_mul_ps(x, next_y), _mm512_mul_ps(y, next_x));
+    const __m256 cx = upper_half(x), cy = upper_half(y), ax = halves_swapped(cx), ay = halves_swapped(cy);
+    // Weights of corners d and b, a and c, c and a: the sides of the edges across.
+    const __m256 p = _mm256_sub_ps(_mm256_mul_ps(ax, cy), _mm256_mul_ps(ay, cx));
+    const __m256 q = upper_half(outer), r = _mm512_castps512_ps256(outer);
+    const __m256 zp = _mm512_castps512_ps256(z), zr = upper_half(z), zq = halves_swapped(zr);
+    const __m256 zero = _mm256_setzero_ps();
+    const __mmask8 left = _mm256_cmp_ps_mask(_mm256_min_ps(_mm256_min_ps(p, q), r), zero, _CMP_GE_OQ);
+    const __mmask8 right = _mm256_cmp_ps_mask(_mm256_max_ps(_mm256_max_ps(p, q), r), zero, _CMP_LE_OQ);
+    const __m256 sum = _mm256_add_ps(_mm256_add_ps(p, q), r);
+    const __m256 weighed = _mm256_fmadd_ps(p, zp, _mm256_fmadd_ps(q, zq, _mm256_mul_ps(r, zr)));
+    // Of triangles seen from their edge, sides are little but rounding: a hit stays where the triangle is.
+    const __m256 nearest = _mm256_min_ps(_mm256_min_ps(zp, zq), zr), farthest = _mm256_max_ps(_mm256_max_ps(zp, zq), zr);
+    const __m256 depth = _mm256_min_ps(_mm256_max_ps(_mm256_div_ps(weighed, sum), nearest), farthest);
+    const __m256 t = _mm256_mul_ps(depth, _mm256_set1_ps(s.per_z));
+    __mmask8 met = __mmask8((left | right) & leaf.there);
+    met = _mm256_mask_cmp_ps_mask(met, sum, zero, _CMP_NEQ_OQ);
+    met = _mm256_mask_cmp_ps_mask(met, t, _mm256_set1_ps(s.tnear), _CMP_GT_OQ);
+    met = _mm256_mask_cmp_ps_mask(met, t, _mm256_set1_ps(s.tfar), _CMP_LT_OQ);
+    if (kAny) {
+      s.prim = met ? 0 : -1;
+      return go_to(s, s.stack[s.depth = met ? 0 : s.depth - 1]);
     }
-    return nearer;
+    if (met) {
+      alignas(32) float ts[8], weights[3][8];
+      _mm256_store_ps(ts, t), _mm256_store_ps(weights[0], p), _mm256_store_ps(weights[1], q), _mm256_store_ps(weights[2], r);
+      uint32_t m = met;
+      int best = __builtin_ctz(m);
+      while (m &= m - 1)
+        if (const int i = __builtin_ctz(m); ts[i] < ts[best]) best = i;
+      // Numbered as the group has them, (a, c, d) and (a, b, c): u is the second corner's, v the third's.
+      const bool second = best >= Bvh::kLeafPairs;
+      set_far(s, ts[best]);
+      s.prim = int32_t(leaf.first[best % Bvh::kLeafPairs] + second);
+      s.u = weights[second ? 0 : 2][best], s.v = weights[second ? 1 : 0][best];
+      s.sum = weights[0][best] + weights[1][best] + weights[2][best];
+      forget_farther(s);
+    }
+    go_to(s, s.stack[--s.depth]);
   }
 
   const char* const memory_;
@@ -231,15 +249,15 @@ class Interleaved {
 }  // namespace
 
 void intersect_interleaved(const TriangleBvh& bvh, uint32_t count, const RayColumns& rays, const HitColumns& hits) {
-  Interleaved(bvh, rays).follow<false>(count, [&](const RayState& s, bool) {
+  Interleaved(bvh, rays).follow<false>(count, [&](const RayState& s) {
     const uint32_t i = s.index;
-    hits.t[i] = s.tfar, hits.u[i] = s.u, hits.v[i] = s.v;
-    hits.prim[i] = s.prim, hits.geom[i] = s.prim < 0 ? -1 : 0;
+    hits.t[i] = s.tfar, hits.prim[i] = s.prim, hits.geom[i] = s.prim < 0 ? -1 : 0;
+    hits.u[i] = std::clamp(s.u / s.sum, 0.0f, 1.0f), hits.v[i] = std::clamp(s.v / s.sum, 0.0f, 1.0f);
   });
 }
 
 void occluded_interleaved(const TriangleBvh& bvh, uint32_t count, const RayColumns& rays, int32_t* blocked) {
-  Interleaved(bvh, rays).follow<true>(count, [&](const RayState& s, bool met) { blocked[s.index] = met; });
+  Interleaved(bvh, rays).follow<true>(count, [&](const RayState& s) { blocked[s.index] = s.prim >= 0; });
 }
 
 }  // namespace primray

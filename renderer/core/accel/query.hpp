@@ -1,7 +1,8 @@
-// What rays meet in a scene: by Embree, or triangle by triangle where there are few.
+// What rays meet in a scene: by Embree, or without where the world is triangles alone.
 #pragma once
 
 #include "accel/few_triangles.hpp"
+#include "accel/interleaved.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
@@ -10,6 +11,7 @@ namespace primray {
 template <int W>
 PRIMRAY_INLINE Hits<W> intersect(const Scene& scene, bool packet, vbool<W> active, const Rays<W>& rays) {
   if (scene.few.any()) return intersect_few(scene.few, active, rays);
+  if (scene.many.any()) return intersect_interleaved(scene.many, active, rays);
   return packet ? intersect_packet(scene.accel(), active, rays) : intersect_single(scene.accel(), active, rays);
 }
 
@@ -17,6 +19,7 @@ PRIMRAY_INLINE Hits<W> intersect(const Scene& scene, bool packet, vbool<W> activ
 template <int W>
 PRIMRAY_INLINE vbool<W> occluded(const Scene& scene, bool packet, vbool<W> active, const Rays<W>& rays) {
   if (scene.few.any()) return occluded_few(scene.few, active, rays);
+  if (scene.many.any()) return occluded_interleaved(scene.many, active, rays);
   return packet ? occluded_packet(scene.accel(), active, rays) : occluded_single(scene.accel(), active, rays);
 }
 

@@ -91,14 +91,14 @@ class Builder {
     return reach > kSmallest;
   }
 
-  // Corners d, a, b, c; of a lone triangle (d, a, c), b is c.
+  // Corners d, b, c, a; of a lone triangle (d, a, c), b is c.
   std::array<uint32_t, 4> corners_of(uint32_t k) const {
     if (k < paired_ / 2) {
       const uint32_t* i = indices_ + 6 * size_t(k) + 2;
-      return {i[0], i[1], i[2], i[3]};
+      return {i[0], i[2], i[3], i[1]};
     }
     const uint32_t* i = indices_ + 3 * size_t(first_of(k));
-    return {i[2], i[0], i[1], i[1]};
+    return {i[2], i[1], i[1], i[0]};
   }
   uint32_t first_of(uint32_t k) const { return k < paired_ / 2 ? 2 * k : k + paired_ / 2; }
 
@@ -131,7 +131,7 @@ class Builder {
                             there ? bounds[i]->lower_z : kInf};
       const float high[3] = {there ? bounds[i]->upper_x : -kInf, there ? bounds[i]->upper_y : -kInf,
                              there ? bounds[i]->upper_z : -kInf};
-      for (int axis = 0; axis < 3; ++axis) node.bounds[0][axis][i] = low[axis], node.bounds[1][axis][i] = high[axis];
+      for (int axis = 0; axis < 3; ++axis) node.bounds[axis][0][i] = low[axis], node.bounds[axis][1][i] = high[axis];
     }
   }
 
@@ -143,7 +143,7 @@ class Builder {
       const int from = child_in[slot];
       for (int side = 0; side < 2; ++side)
         for (int axis = 0; axis < 3; ++axis)
-          node.bounds[side][axis][slot] = from < 0 ? (side ? -kInf : kInf) : unordered.bounds[side][axis][from];
+          node.bounds[axis][side][slot] = from < 0 ? (side ? -kInf : kInf) : unordered.bounds[axis][side][from];
       node.child[slot] = from < 0 ? uint32_t(Bvh::kEnd) : static_cast<Builder*>(user)->id_in(children[from]);
     }
   }
@@ -153,7 +153,7 @@ class Builder {
   static std::array<int, Bvh::kWidth> ordered(const Bvh::Node& node, int count) {
     float away[Bvh::kWidth][3];
     for (int axis = 0; axis < 3; ++axis) {
-      const float *low = node.bounds[0][axis], *high = node.bounds[1][axis];
+      const float *low = node.bounds[axis][0], *high = node.bounds[axis][1];
       const float middle = *std::min_element(low, low + count) + *std::max_element(high, high + count);
       for (int i = 0; i < count; ++i) away[i][axis] = low[i] + high[i] - middle;
     }
@@ -184,13 +184,14 @@ class Builder {
   static void* create_leaf(void*, const rtc::BuildPrimitive* primitives, size_t count, void* user) {
     Builder& self = *static_cast<Builder*>(user);
     Bvh::Leaf& leaf = *self.allocate<Bvh::Leaf>();
-    leaf.two = 0;
+    leaf.there = 0;
     for (size_t i = 0; i < Bvh::kLeafPairs; ++i) {
       const uint32_t k = primitives[std::min(i, count - 1)].prim_id;
       const std::array<uint32_t, 4> corners = self.corners_of(k);
       for (int c = 0; c < 4; ++c)
         for (int axis = 0; axis < 3; ++axis) leaf.at[axis][c][i] = self.positions_[3 * size_t(corners[c]) + axis];
-      leaf.first[i] = self.first_of(k), leaf.two |= uint32_t(k < self.paired_ / 2) << i;
+      leaf.first[i] = self.first_of(k);
+      if (i < count) leaf.there |= (k < self.paired_ / 2 ? 1u | 1u << Bvh::kLeafPairs : 1u) << i;
     }
     return reinterpret_cast<char*>(&leaf) + 1;
   }

@@ -35,14 +35,14 @@ struct TriangleBvh {
   static constexpr Kind kind_of(uint32_t id) { return Kind(id & 3); }
 
   struct alignas(kUnit) Node {
-    float bounds[2][3][kWidth];  // lower, upper; by axis
+    float bounds[3][2][kWidth];  // by axis; lower, upper
     uint32_t child[kWidth];      // kEnd in empty slots, whose boxes are inside out
   };
   // Pairs of triangles (d, a, c) and (b, c, a), as Embree's quads are (accel/pairs.hpp); fewer are filled up with the last.
   struct alignas(kUnit) Leaf {
-    float at[3][4][kLeafPairs];  // by axis and corner d, a, b, c
+    float at[3][4][kLeafPairs];  // by axis and corner d, b, c, a
     uint32_t first[kLeafPairs];  // the number of (d, a, c) in its group; (b, c, a) has the next
-    uint32_t two;                // a bit for each pair that has two
+    uint32_t there;              // a bit for each (d, a, c) that is there, then for each (b, c, a)
   };
 
   std::unique_ptr<char, Unmap> memory;

@@ -1,6 +1,9 @@
 // Array versions of what the kernels call, for the tests: N rows in, N rows out, W at a time through their templates.
 // Points, distances, directions: in world space and scene units; local ones of BSDFs: about the shading normal. `lanes`: 1, or
 // 0 for the most there are.
+#include <optional>
+
+#include "accel/build.hpp"
 #include "bindings/surface_input.hpp"
 #include "bindings/testing_rows.hpp"
 #include "bsdf/bsdf.hpp"
@@ -240,19 +243,21 @@ nb::dict intersect_rays(const Scene& scene, InArray<double> o_, InFloats d_, int
   Column<float> t(o.n), ng(o.n, 3), ns(o.n, 3), p(o.n, 3), color(o.n, 3), uv(o.n, 2), offset(o.n);
   Column<int32_t> geometry(o.n), primitive(o.n), instance(o.n), surface(o.n), blocked(o.n);
   const float unit = float(1 / scene.scale);
+  std::optional<EmbreeWorld> world;
+  if (embree) world.emplace(scene);
   for_rows(o.n, lanes, [&]<int W>(size_t at) {
     const vbool<W> active = lane_numbers<W>() < vint<W>(int32_t(std::min<size_t>(o.n - at, W)));
     const Rays<W> rays{o.vector<W>(at), d.vector<W>(at), vfloat<W>(0.0f), vfloat<W>(kInfinity)};
-    const Hits<W> h = !embree  ? intersect(scene, packet, active, rays)
-                      : packet ? intersect_packet(scene.accel(), active, rays)
-                               : intersect_single(scene.accel(), active, rays);
+    const Hits<W> h = !world   ? intersect(scene, packet, active, rays)
+                      : packet ? world->in_scene(intersect_packet(world->get(), active, rays))
+                               : world->in_scene(intersect_single(world->get(), active, rays));
     const vbool<W> hit = active & (h.geom != vint<W>(-1));
     t.put(at, h.t * unit), uv.put(at, h.u, 0), uv.put(at, h.v, 1);
     geometry.put(at, select(hit, h.geom, vint<W>(-1))), primitive.put(at, select(hit, h.prim, vint<W>(-1)));
     instance.put(at, select(hit, h.inst, vint<W>(-1)));
-    const vbool<W> stopped = !embree  ? occluded(scene, packet, active, rays)
-                             : packet ? occluded_packet(scene.accel(), active, rays)
-                                      : occluded_single(scene.accel(), active, rays);
+    const vbool<W> stopped = !world   ? occluded(scene, packet, active, rays)
+                             : packet ? occluded_packet(world->get(), active, rays)
+                                      : occluded_single(world->get(), active, rays);
     blocked.put(at, select(stopped, vint<W>(1), vint<W>(0)));
     if (!any(hit)) return;
     const Interaction<W> it = interact(scene, hit, rays, h);

@@ -1,4 +1,4 @@
-// A TriangleBvh of a scene's world, and rays through it, for the tests: renders do not use it yet.
+// Rays through the world's TriangleBvh in one stream, as a render's pools have them, for the tests.
 #include "accel/interleaved.hpp"
 #include "bindings/arrays.hpp"
 #include "bindings/testing_rows.hpp"
@@ -6,10 +6,8 @@
 namespace primray {
 namespace {
 
-// None where the world is not for it.
-nb::object intersect_rays(const Scene& scene, InArray<double> o_, InFloats d_) {
-  const TriangleBvh bvh = build_triangle_bvh(scene);
-  if (!bvh.any()) return nb::none();
+nb::dict intersect_stream(const Scene& scene, InArray<double> o_, InFloats d_) {
+  if (!scene.many.any()) throw nb::value_error("the scene has no hierarchy of triangles");
   const CorePoints o(scene, o_);
   const Input<float> d(d_, o.n, 3);
   std::vector<float> column[8];
@@ -23,8 +21,8 @@ nb::object intersect_rays(const Scene& scene, InArray<double> o_, InFloats d_) {
                         column[4].data(), column[5].data(), column[6].data(), column[7].data()};
   std::vector<float> t(o.n), u(o.n), v(o.n);
   std::vector<int32_t> primitive(o.n), geometry(o.n), blocked(o.n);
-  intersect_interleaved(bvh, uint32_t(o.n), rays, {t.data(), u.data(), v.data(), primitive.data(), geometry.data()});
-  occluded_interleaved(bvh, uint32_t(o.n), rays, blocked.data());
+  intersect_interleaved(scene.many, uint32_t(o.n), rays, {t.data(), u.data(), v.data(), primitive.data(), geometry.data()});
+  occluded_interleaved(scene.many, uint32_t(o.n), rays, blocked.data());
   for (float& distance : t) distance *= float(1 / scene.scale);
   nb::dict r;
   r["t"] = to_numpy(std::move(t), {o.n}), r["u"] = to_numpy(std::move(u), {o.n}), r["v"] = to_numpy(std::move(v), {o.n});
@@ -35,8 +33,8 @@ nb::object intersect_rays(const Scene& scene, InArray<double> o_, InFloats d_) {
 }  // namespace
 
 void bind_hierarchy(nb::module_& m) {
-  m.def("intersect_interleaved", &intersect_rays, nb::arg("scene"), nb::arg("o"), nb::arg("d"),
-        "Triangles counted in the world's group, as pairs have them; primitive -1: none met.");
+  m.def("has_hierarchy", [](const Scene& scene) { return scene.many.any(); });
+  m.def("intersect_stream", &intersect_stream, nb::arg("scene"), nb::arg("o"), nb::arg("d"));
 }
 
 }  // namespace primray

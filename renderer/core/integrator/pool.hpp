@@ -1,7 +1,7 @@
 // The paths that a thread has under way: structures of arrays, kept dense, so that every lane of every step has a path.
 #pragma once
 
-#include "accel/trace.hpp"
+#include "accel/interleaved.hpp"
 #include "integrator/settings.hpp"
 #include "light/linking.hpp"
 #include "sampler/sampler.hpp"
@@ -115,6 +115,8 @@ struct PathPool {
             load<W>(tnear + at),
             load<W>(tfar + at)};
   }
+  RayColumns ray_columns() const { return {ox, oy, oz, dx, dy, dz, tnear, tfar}; }
+  HitColumns hit_columns() { return {t, u, v, prim, geom}; }
   template <int W>
   PRIMRAY_INLINE PathLanes<W> paths(int at, PathNeeds needs) const {
     PathLanes<W> p;
@@ -187,6 +189,7 @@ struct ShadowQueue {
             vfloat<W>(0.0f),
             load<W>(tfar + at)};
   }
+  RayColumns ray_columns() const { return {ox, oy, oz, dx, dy, dz, nullptr, tfar}; }
   template <int W>
   PRIMRAY_INLINE void append(vbool<W> m, const vvec3<W>& o, const vvec3<W>& d, vfloat<W> end, const vvec3<W>& carried,
                              vint<W> to_slot, vfloat<W> at_time, PathNeeds needs) {

@@ -3,14 +3,19 @@
 
 #include <xmmintrin.h>
 
+#include <algorithm>
 #include <chrono>
 #include <utility>
+
+#include "accel/build.hpp"
 
 namespace primray {
 namespace {
 
+enum class Entry { kAsRecorded, kPacket, kSingle };
+
 template <int W>
-double replay_lanes(const Scene& scene, const RayRecorder& recorder) {
+double replay_lanes(rtc::Scene world, const RayRecorder& recorder, Entry entry) {
   float sink = 0;
   const auto start = std::chrono::steady_clock::now();
   for (const RayRecorder::Call& call : recorder.calls) {
@@ -22,10 +27,11 @@ double replay_lanes(const Scene& scene, const RayRecorder& recorder) {
     vint<W> lanes;
     for (int i = 0; i < W; ++i) lanes.set(i, -int32_t(call.active >> i & 1));
     const vbool<W> active(lanes.v);
+    const bool packet = entry == Entry::kAsRecorded ? call.packet : entry == Entry::kPacket;
     if (call.shadow) {
-      sink += float(bits(call.packet ? occluded_packet(scene.accel(), active, r) : occluded_single(scene.accel(), active, r)));
+      sink += float(bits(packet ? occluded_packet(world, active, r) : occluded_single(world, active, r)));
     } else {
-      sink += (call.packet ? intersect_packet(scene.accel(), active, r) : intersect_single(scene.accel(), active, r)).t[0];
+      sink += (packet ? intersect_packet(world, active, r) : intersect_single(world, active, r)).t[0];
     }
   }
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -36,13 +42,17 @@ double replay_lanes(const Scene& scene, const RayRecorder& recorder) {
 }  // namespace
 
 double replay(const Scene& scene, const RayRecorder& recorder, int lanes) {
+  const EmbreeWorld world(scene);
   const unsigned mode = _mm_getcsr();
   _mm_setcsr(mode | 0x8040);
-  double s = -1;
-  if (lanes == 1) s = replay_lanes<1>(scene, recorder);
-  if (lanes == 4) s = replay_lanes<4>(scene, recorder);
-  if (lanes == 8) s = replay_lanes<8>(scene, recorder);
-  if (lanes == 16) s = replay_lanes<16>(scene, recorder);
+  const auto seconds = [&](Entry entry) {
+    if (lanes == 1) return replay_lanes<1>(world.get(), recorder, entry);
+    if (lanes == 4) return replay_lanes<4>(world.get(), recorder, entry);
+    if (lanes == 8) return replay_lanes<8>(world.get(), recorder, entry);
+    if (lanes == 16) return replay_lanes<16>(world.get(), recorder, entry);
+    return -1.0;
+  };
+  const double s = world.apart() ? std::min(seconds(Entry::kPacket), seconds(Entry::kSingle)) : seconds(Entry::kAsRecorded);
   _mm_setcsr(mode);
   return s;
 }

@@ -6,7 +6,8 @@
 
 namespace primray {
 
-// Seconds of one thread for all recorded calls, each traced the way it was.
+// Seconds of one thread for all recorded calls, each traced the way it was; where the render did without Embree, all as packets
+// or all one by one, whichever takes less.
 double replay(const Scene& scene, const RayRecorder& recorder, int lanes);
 
 }  // namespace primray

@@ -11,11 +11,11 @@
 #include "integrator/guided_scattering.hpp"
 #include "integrator/outline_rays.hpp"
 #include "integrator/path_parts.hpp"
-#include "integrator/ray_recorder.hpp"
-#include "integrator/shadow_rays.hpp"
+#include "integrator/ray_streams.hpp"
 #include "integrator/shiny_lanes.hpp"
 #include "integrator/smooth_origin.hpp"
 #include "integrator/tile_task.hpp"
+#include "integrator/trace_shadows.hpp"
 
 namespace primray {
 
@@ -108,6 +108,7 @@ class TilePaths {
 
   void trace() {
     PathPool& pool = *w_.pool;
+    if (scene_.many.any()) return trace_stream<W>(scene_.many, recorder_, pool);
     for (int at = 0; at < pool.count; at += W) {
       const B active = lane_numbers<W>() < I(pool.count - at);
       Rays<W> rays = pool.rays<W>(at);
@@ -134,15 +135,8 @@ class TilePaths {
     std::swap(w_.pool, w_.next);
   }
 
-  // Adds `c` to the slots of lanes `m`; most paths bring nothing from most vertices.
-  void add(B m, I slot, const V& c) {
-    const F zero(0.0f);
-    for (uint32_t b = bits(m & ((c.x != zero) | (c.y != zero) | (c.z != zero))); b; b &= b - 1) {
-      const int i = __builtin_ctz(b), s = slot[i];
-      w_.r[s] += c.x[i], w_.g[s] += c.y[i], w_.b[s] += c.z[i];
-      if (settings_.log) settings_.log->add_light(s, c.x[i] + c.y[i] + c.z[i]);
-    }
-  }
+  void add(B m, I slot, const V& c) { add_to_slots(w_, settings_, m, slot, c); }
+  void trace_shadows() { ShadowTracer<W>(scene_, settings_, recorder_, needs_, w_).trace(); }
 
   // What scattering at a vertex needs to know of it.
   struct Vertex {
@@ -436,43 +430,6 @@ class TilePaths {
     }
     if (settings_.log) keep_vertex(*settings_.log, alive & (s.pdf > F(0.0f)), v.it.p, v.ng, v.frame.n, s.pdf, survive, n);
     w_.next->append(Compaction<W>(alive), n, needs_);
-  }
-
-  void trace_shadows() {
-    ShadowQueue& q = w_.shadows;
-    w_.shadow_rays += q.count;
-    for (int at = 0; at < q.count; at += W) {
-      const B active = lane_numbers<W>() < I(q.count - at);
-      Rays<W> rays = q.rays<W>(at);
-      if (needs_.time) rays.time = load<W>(q.time + at);
-      V carried{load<W>(q.r + at), load<W>(q.g + at), load<W>(q.b + at)};
-      B blocked;
-      if (scene_.has_thin) {
-        blocked = !pass_thin(scene_, recorder_, active, rays, carried);
-      } else {
-        const bool packet = w_.shadow_entry.packet(), measuring = w_.shadow_entry.measuring();
-        if (recorder_) recorder_->record(true, packet, active, rays);
-        const uint64_t start = measuring ? EntryChoice::now() : 0;
-        blocked = occluded(scene_, packet, active, rays);
-        if (measuring) w_.shadow_entry.record(EntryChoice::now() - start, std::min(W, q.count - at));
-      }
-      add(active & !blocked, load<W>(q.slot + at), carried);
-    }
-    if (has_special()) trace_special_shadows();
-  }
-
-  void trace_special_shadows() {
-    const SpecialShadowQueue& q = *w_.special_shadows;
-    w_.shadow_rays += q.rays.count;
-    for (int at = 0; at < q.rays.count; at += W) {
-      const B active = lane_numbers<W>() < I(q.rays.count - at);
-      const V carried{load<W>(q.rays.r + at), load<W>(q.rays.g + at), load<W>(q.rays.b + at)};
-      const I light = select(active, load<W>(q.light + at), I(q.light[at]));
-      Rays<W> rays = q.rays.rays<W>(at);
-      if (needs_.time) rays.time = load<W>(q.rays.time + at);
-      const V left = pass_special(scene_, recorder_, active, rays, light);
-      add(active, load<W>(q.rays.slot + at), carried * left);
-    }
   }
 
   const Scene& scene_;

@@ -259,7 +259,7 @@ int64_t Scene::memory_bytes() const {
   const auto bytes = [](const auto& v) { return int64_t(v.capacity() * sizeof(v[0])); };
   int64_t total = bytes(positions) + bytes(indices) + bytes(triangle_mesh) + bytes(normals) + bytes(colors) + bytes(spheres) +
                   bytes(world_from_group) + bytes(primvars.values) + bytes(primvars.of_mesh) + bytes(primvars.of_placement) +
-                  texture_bytes();
+                  texture_bytes() + int64_t(many.bytes);
   for (const Dome& d : lights.domes) total += bytes(d.texels) + bytes(d.column_cdf) + bytes(d.column_cuts) + bytes(d.density);
   for (const LightImage& i : lights.images) total += bytes(i.texels) + bytes(i.column_cdf);
   total += bytes(lights.rows) + bytes(lights.tree.blocks) + bytes(lights.tree.places) + bytes(lights.linked.places);

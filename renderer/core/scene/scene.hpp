@@ -17,6 +17,7 @@
 #include "accel/few_triangles.hpp"
 #include "accel/grouped_geometry.hpp"
 #include "accel/pairs.hpp"
+#include "accel/triangle_bvh.hpp"
 #include "light/light.hpp"
 #include "math/matrix.hpp"
 #include "scene/camera.hpp"
@@ -52,7 +53,7 @@ struct SphereRecord {
 
 struct Group {
   uint32_t triangle_base = 0, triangle_count = 0;
-  uint32_t paired_count = 0;  // of the triangles, the first that are in pairs
+  uint32_t paired_count = 0;  // of the triangles, the first that Embree has as pairs
   uint32_t cutout_count = 0;  // triangles after those, which a filter looks at
   uint32_t vertex_base = 0, vertex_count = 0;
   uint32_t sphere_base = 0, sphere_count = 0;
@@ -114,7 +115,9 @@ struct Scene {
   bool has_pairs = false;               // some groups begin with triangles in pairs
   Fact<built::kThin> has_thin = false;  // something lets light straight through: shadow rays must look at what they hit
 
-  FewTriangles few;  // all that there is, where it is few triangles
+  // All that there is, where it is triangles alone: few, or many. The world has no Embree scene then (accel/query.hpp).
+  FewTriangles few;
+  TriangleBvh many;
 
   rtc::Scene accel() const { return groups[0].accel.get(); }
   // It has something that this build lacks (scene/features.hpp).
