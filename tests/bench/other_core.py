@@ -1,4 +1,4 @@
-"""A build of the core in place of the installed one. A folder on PYTHONPATH does not do: an editable install comes before it."""
+"""A build of the core in place of the installed one. A folder on PYTHONPATH does not do: editable installs come before it."""
 
 from __future__ import annotations
 
