@@ -19,7 +19,7 @@ from pathlib import Path
 from primray import core
 from primray.settings import QUICK_LOOK
 
-from . import ablations, curves, first_pictures, growth, quick_looks, replay, startup
+from . import ablations, curves, efficiency, first_pictures, growth, quick_looks, replay, startup
 from .peer_runs import kept
 from .peers.scenes import SCENES
 from .results import write_results
@@ -58,6 +58,7 @@ def steps(quick: bool) -> dict[str, Callable[[], None]]:
     found["quick-looks"] = quick_looks.report
     for scene in SCENES:
         found[f"curve-{scene}"] = lambda scene=scene: curves.report(scene, rounds, limit_s)  # type: ignore[misc]
+    found["efficiency"] = lambda: efficiency.report(1 if quick else efficiency.ROUNDS)
     found["replay"] = lambda: replays(QUICK_LOOK, repeated)  # the fewest that are split and guided
     found["replay-8"] = lambda: replays_at_8(quick)
     for kind in ("pictures", *growth.SIZES):

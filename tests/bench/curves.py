@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import statistics
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,10 @@ ROUNDS = 2
 LIMIT_S = 10.0
 
 
-def measure(scene: str, rounds: int, limit_s: float, ladder: tuple[int, ...] = LADDER) -> list[dict[str, Any]]:
-    renderers = installed(scene)
+def measure(
+    scene: str, rounds: int, limit_s: float, ladder: tuple[int, ...] = LADDER, only: Callable[[Renderer], bool] = lambda _: True
+) -> list[dict[str, Any]]:
+    renderers = [renderer for renderer in installed(scene) if only(renderer)]
     references: dict[str, Reference] = {}
     for renderer in renderers:
         if renderer.peer not in references:  # its first variant makes it

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from tests.bench.curves import medians
+from tests.bench.efficiency import ratios
 from tests.bench.fits import Growth, growth, power_of_n_log_n, time_to
 from tests.bench.growth import ray_us, setup_cpu_s, setup_s
 
@@ -95,6 +96,26 @@ def curve_table(scene: str, rows: Rows) -> str:
 
 def _told(found: tuple[float, bool] | None) -> str:
     return "" if found is None else f"{'~' if found[1] else ''}{found[0]:.2f}"
+
+
+def efficiency_table(rows: Rows) -> str:
+    lines = []
+    for row in rows:
+        [(_, seconds, error)] = medians(row)
+        [ours] = [each for each in rows if each["renderer"] == OURS and each["scene"] == row["scene"]]
+        ahead = "" if row is ours else spread(ratios(ours, row))
+        mean = statistics.median(r["pictures"][0]["mean"] for r in row["rounds"])
+        told = f"{1 / (error * seconds):.4g}"
+        lines.append((row["scene"], row["renderer"], f"{seconds:.2f}", f"{error:.3g}", told, ahead, f"{100 * mean:+.2f} %"))
+    return table(("scene", "renderer", "s", "relMSE", "1 / (relMSE s)", "ours over it", "mean"), lines)
+
+
+def efficiency_lost(rows: Rows) -> Iterator[str]:
+    for scene in dict.fromkeys(row["scene"] for row in rows):
+        ours, *others = sorted((row for row in rows if row["scene"] == scene), key=lambda row: row["renderer"] != OURS)
+        ahead, name = min((statistics.median(ratios(ours, row)), row["renderer"]) for row in others)
+        if ahead < AHEAD[scene]:
+            yield f"{scene}: at 64 samples each ours is {ahead:.2f} times as efficient as {name}, {AHEAD[scene]:g} is aimed at"
 
 
 def curves_lost(scene: str, rows: Rows) -> Iterator[str]:

@@ -50,6 +50,8 @@ that were taken, with their error and efficiency; seconds to an error, interpola
 seconds was taken to stay the same beyond them; how that compares to ours; how far the picture's mean is from its reference's;
 how far that reference is from ours, by blocks of 8 x 8 pixels: renderers differ a little in what they
 make of a scene, and LuxCore's pictures stand one pixel lower."""
+EFFICIENCY_TEXT = """However long that takes, beside the peers that come near. By turns; ratios are the median and the range
+over the rounds."""
 FIRST_TEXT = """From the start of the process to a first picture of one sample at the scene's resolution, ours until the process
 has ended and the file is written, the others' until the pixels are there; and the peak memory of the process after its largest
 picture."""
@@ -140,6 +142,11 @@ def _curves(made: Page) -> None:
         made.add(tables.curve_table(scene, rows))
         made.loses(tables.curves_lost(scene, rows))
         made.left_out += [f"{scene}: {row['renderer']}: {row['left_out']}" for row in rows if "left_out" in row]
+    if kept := latest("efficiency"):
+        made.add("### At 64 samples each", EFFICIENCY_TEXT)
+        made.about(kept)
+        made.add(tables.efficiency_table(kept["rows"]))
+        made.loses(tables.efficiency_lost(kept["rows"]))
     made.add("## First picture and memory", FIRST_TEXT)
     if startup := latest("startup"):
         made.about(startup)
