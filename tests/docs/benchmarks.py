@@ -59,8 +59,8 @@ LOOKS_TEXT = """Pictures of up to three samples take their numbers from one sequ
 neighbouring pixels make up for each other: mean square errors of one sample, over those of pixels with sequences of their own,
 as they are and blurred by a Gaussian of so many pixels."""
 REPLAY_TEXT = """Every ray of a render on one thread, recorded in order and the way it was traced, is traced again by Embree
-alone, by turns with the render: its seconds over the render's. Above 1 is possible: recorded rays come from memory, and scenes
-of few triangles are rendered without Embree."""
+alone, by turns with the render: its seconds over the render's. Above 1 is possible: recorded rays come from memory, and worlds
+of triangles alone are rendered without Embree, which then gets them all as packets or one by one, whichever takes it less."""
 GROWTH_TEXT = """Powers are those of cost = fixed + each x count^power, fitted by relative deviations (their root mean square
 in brackets), beside the power that n log n looks like over the same range. Set-up: opening, translating, textures, dicing,
 building, for the most items; seconds, and CPU seconds of all threads, whose power and share of an item are shown. The cost of

@@ -1,5 +1,5 @@
-// See triangle_bvh.hpp. Nodes and leaves are written where they stay, in a range of addresses that is as long as the worst case
-// needs; only what is written takes memory.
+// See triangle_bvh.hpp. How many nodes there will be is not known before, so they are written into slabs, whose pages are then
+// moved to where they stand one after the other: nothing is copied, and no more is asked for than is used.
 #include "accel/triangle_bvh.hpp"
 
 #include <sys/mman.h>
@@ -9,19 +9,22 @@
 #include <atomic>
 #include <cmath>
 #include <limits>
+#include <memory>
+#include <mutex>
+#include <new>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "accel/embree.hpp"
 #include "accel/pairs.hpp"
 #include "math/box.hpp"
+#include "scene/error.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
 
-void Unmap::operator()(char* memory) const { munmap(memory, reserved); }
-void Unmap::shrink(char* memory, size_t used) {
-  if (used < reserved) munmap(memory + used, reserved - used), reserved = used;
-}
+void Unmap::operator()(char* memory) const { munmap(memory, bytes); }
 
 namespace {
 
@@ -31,6 +34,65 @@ using Bvh = TriangleBvh;
 // the smallest.
 constexpr float kFarthest = 1e12f, kSmallest = 1e-12f;
 constexpr float kInf = std::numeric_limits<float>::infinity();
+
+using Mapped = std::unique_ptr<char, Unmap>;
+Mapped map(size_t bytes) {
+  void* const range = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  if (range == MAP_FAILED) throw std::bad_alloc();
+  return Mapped(static_cast<char*>(range), {bytes});
+}
+
+// Units of 64 bytes, numbered as they will stand.
+class Slabs {
+ public:
+  explicit Slabs(size_t most_bytes) : slabs_(most_bytes / kSlab + 1) {}
+
+  char* at(size_t unit) const { return slabs_[unit / kUnits].get() + unit % kUnits * Bvh::kUnit; }
+
+  // Units for one T, for this thread; threads take blocks, and what of a block is left over stays empty.
+  template <class T>
+  size_t allocate() {
+    constexpr size_t units = sizeof(T) / Bvh::kUnit;
+    thread_local struct {
+      uint64_t number = 0;
+      size_t next = 0, end = 0;
+    } block;
+    if (block.number != number_ || block.next + units > block.end)
+      block.number = number_, block.next = take_block(), block.end = block.next + kBlock;
+    block.next += units;
+    return block.next - units;
+  }
+
+  Mapped joined() {
+    const std::lock_guard lock(mutex_);
+    const size_t bytes = used_ * Bvh::kUnit;
+    Mapped made = map(bytes);
+    for (size_t k = 0; k * kSlab < bytes; ++k) {
+      const size_t held = std::min(kSlab, bytes - k * kSlab);
+      if (mremap(slabs_[k].get(), held, held, MREMAP_MAYMOVE | MREMAP_FIXED, made.get() + k * kSlab) == MAP_FAILED)
+        throw std::bad_alloc();
+      char* const rest = slabs_[k].release() + held;
+      if (held < kSlab) munmap(rest, kSlab - held);
+    }
+    return made;
+  }
+
+ private:
+  static constexpr size_t kSlab = size_t(1) << 22, kUnits = kSlab / Bvh::kUnit, kBlock = 1024;
+
+  size_t take_block() {
+    const std::lock_guard lock(mutex_);
+    Mapped& slab = slabs_.at(used_ / kUnits);
+    if (!slab) slab = map(kSlab);
+    return std::exchange(used_, used_ + kBlock);
+  }
+
+  std::mutex mutex_;
+  std::vector<Mapped> slabs_;
+  size_t used_ = 0;
+  const uint64_t number_ = ++built_;  // what a thread has left of a block must not go into the next hierarchy
+  static inline std::atomic<uint64_t> built_{0};
+};
 
 class Builder {
  public:
@@ -44,13 +106,9 @@ class Builder {
     std::vector<rtc::BuildPrimitive> primitives;
     if (!bound(primitives)) return {};
     // No leaf is without a pair and no node without two children.
-    const size_t n = primitives.size(), most = n * (sizeof(Bvh::Leaf) + sizeof(Bvh::Node)) + kBlock * kMostBlocks;
+    const size_t n = primitives.size(), most = n * (sizeof(Bvh::Leaf) + sizeof(Bvh::Node)) + kLeftOver;
     if (most / Bvh::kUnit >= size_t(1) << 30) return {};
-    void* const range = mmap(nullptr, most, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
-    if (range == MAP_FAILED) return {};
-    Bvh made;
-    made.memory = std::unique_ptr<char, Unmap>(static_cast<char*>(range), {most});
-    base_ = made.memory.get();
+    slabs_.emplace(most);
     const rtc::Api& e = embree();
     rtc::BuildArguments arguments;
     arguments.branching = Bvh::kWidth, arguments.max_depth = Bvh::kMaxDepth;
@@ -63,15 +121,14 @@ class Builder {
     const void* const root = e.rtcBuildBVH(&arguments);
     e.rtcReleaseBVH(arguments.bvh);
     check_embree();
-    if (!root) return {};
-    made.root = id_in(root), made.bytes = used_;
-    made.memory.get_deleter().shrink(made.memory.get(), made.bytes);
+    if (!root) throw Error("embree", "Embree built no hierarchy");
+    Bvh made;
+    made.memory = slabs_->joined(), made.bytes = made.memory.get_deleter().bytes, made.root = id_of(root);
     return made;
   }
 
  private:
-  // Builder threads take blocks; what of them is left over is never written.
-  static constexpr size_t kBlock = size_t(1) << 16, kMostBlocks = 1024;
+  static constexpr size_t kLeftOver = size_t(1) << 26;  // at the ends of blocks, one for each thread
 
   // Boxes of what goes into leaves: pairs, and triangles without one. False where that is not for floats.
   bool bound(std::vector<rtc::BuildPrimitive>& to) const {
@@ -102,29 +159,20 @@ class Builder {
   }
   uint32_t first_of(uint32_t k) const { return k < paired_ / 2 ? 2 * k : k + paired_ / 2; }
 
-  template <class T>
-  T* allocate() {
-    thread_local struct {
-      uint64_t build = 0;
-      size_t at = 0, end = 0;
-    } block;
-    if (block.build != build_ || block.at + sizeof(T) > block.end) {
-      block.build = build_, block.at = used_.fetch_add(kBlock), block.end = block.at + kBlock;
-    }
-    T* const made = reinterpret_cast<T*>(base_ + block.at);
-    block.at += sizeof(T);
-    return made;
+  // Embree holds numbers in place of pointers, one more so that none is null.
+  static void* pointer_of(size_t unit, Bvh::Kind kind) {
+    return reinterpret_cast<void*>(uintptr_t(Bvh::id_of(unit, kind)) + 1);
   }
-  uint32_t id_in(const void* tagged) const {
-    const size_t at = size_t(static_cast<const char*>(tagged) - base_);
-    return Bvh::id_of(at / Bvh::kUnit, at % Bvh::kUnit ? Bvh::kLeaf : Bvh::kNode);
-  }
+  static uint32_t id_of(const void* pointer) { return uint32_t(reinterpret_cast<uintptr_t>(pointer) - 1); }
+  Bvh::Node& node_of(void* pointer) { return *reinterpret_cast<Bvh::Node*>(slabs_->at(id_of(pointer) >> 2)); }
 
-  static void* create_node(void*, unsigned, void* user) { return static_cast<Builder*>(user)->allocate<Bvh::Node>(); }
+  static void* create_node(void*, unsigned, void* user) {
+    return pointer_of(static_cast<Builder*>(user)->slabs_->allocate<Bvh::Node>(), Bvh::kNode);
+  }
 
   // Called before set_children(), with the children in the same order.
-  static void set_bounds(void* to, const rtc::Bounds** bounds, unsigned count, void*) {
-    Bvh::Node& node = *static_cast<Bvh::Node*>(to);
+  static void set_bounds(void* to, const rtc::Bounds** bounds, unsigned count, void* user) {
+    Bvh::Node& node = static_cast<Builder*>(user)->node_of(to);
     for (unsigned i = 0; i < Bvh::kWidth; ++i) {
       const bool there = i < count;
       const float low[3] = {there ? bounds[i]->lower_x : kInf, there ? bounds[i]->lower_y : kInf,
@@ -136,7 +184,7 @@ class Builder {
   }
 
   static void set_children(void* to, void** children, unsigned count, void* user) {
-    Bvh::Node& node = *static_cast<Bvh::Node*>(to);
+    Bvh::Node& node = static_cast<Builder*>(user)->node_of(to);
     const Bvh::Node unordered = node;
     const std::array<int, Bvh::kWidth> child_in = ordered(unordered, int(count));
     for (int slot = 0; slot < Bvh::kWidth; ++slot) {
@@ -144,7 +192,7 @@ class Builder {
       for (int side = 0; side < 2; ++side)
         for (int axis = 0; axis < 3; ++axis)
           node.bounds[axis][side][slot] = from < 0 ? (side ? -kInf : kInf) : unordered.bounds[axis][side][from];
-      node.child[slot] = from < 0 ? uint32_t(Bvh::kEnd) : static_cast<Builder*>(user)->id_in(children[from]);
+      node.child[slot] = from < 0 ? uint32_t(Bvh::kEnd) : id_of(children[from]);
     }
   }
 
@@ -180,10 +228,10 @@ class Builder {
     return child_in;
   }
 
-  // Leaves are told from nodes by the lowest bit of their address.
   static void* create_leaf(void*, const rtc::BuildPrimitive* primitives, size_t count, void* user) {
     Builder& self = *static_cast<Builder*>(user);
-    Bvh::Leaf& leaf = *self.allocate<Bvh::Leaf>();
+    const size_t unit = self.slabs_->allocate<Bvh::Leaf>();
+    Bvh::Leaf& leaf = *reinterpret_cast<Bvh::Leaf*>(self.slabs_->at(unit));
     leaf.there = 0;
     for (size_t i = 0; i < Bvh::kLeafPairs; ++i) {
       const uint32_t k = primitives[std::min(i, count - 1)].prim_id;
@@ -193,16 +241,13 @@ class Builder {
       leaf.first[i] = self.first_of(k);
       if (i < count) leaf.there |= (k < self.paired_ / 2 ? 1u | 1u << Bvh::kLeafPairs : 1u) << i;
     }
-    return reinterpret_cast<char*>(&leaf) + 1;
+    return pointer_of(unit, Bvh::kLeaf);
   }
 
   const float* const positions_;
   const uint32_t* const indices_;
   const uint32_t count_, paired_;
-  char* base_ = nullptr;
-  std::atomic<size_t> used_{0};
-  const uint64_t build_ = ++builds_;  // threads keep what is left of a block, which must not go into the next hierarchy
-  static inline std::atomic<uint64_t> builds_{0};
+  std::optional<Slabs> slabs_;
 };
 
 }  // namespace

@@ -17,9 +17,8 @@ namespace primray {
 struct Scene;
 
 struct Unmap {
-  size_t reserved = 0;
+  size_t bytes = 0;
   void operator()(char* memory) const;
-  void shrink(char* memory, size_t used);  // a whole number of pages
 };
 
 struct TriangleBvh {
@@ -46,14 +45,14 @@ struct TriangleBvh {
   };
 
   std::unique_ptr<char, Unmap> memory;
-  size_t bytes = 0;  // used of it
+  size_t bytes = 0;
   uint32_t root = 0;
 
   bool any() const { return kBuilt && memory != nullptr; }
 };
 
-// Of the world's triangles. Empty where there is more than triangles in it, or what floats cannot hold the products of; or
-// where memory for it cannot be had: Embree then has them.
+// Of the world's triangles. Empty where there is more than triangles in it, or what floats cannot hold the products of: Embree
+// then has them. That is a fact of the scene, as its bits depend on it; where memory cannot be had, this throws.
 TriangleBvh build_triangle_bvh(const Scene& scene);
 
 }  // namespace primray
