@@ -196,34 +196,29 @@ class Builder {
     }
   }
 
-  // Which child goes into which slot, -1: none. Bit k of a slot is for what lies above the middle along axis k; the child that
-  // gains most by a slot takes it first.
+  // Which child goes into which slot, -1: none. Bit k of a slot is for what lies above the middle along axis k; those that lie
+  // farthest from the middle choose first.
   static std::array<int, Bvh::kWidth> ordered(const Bvh::Node& node, int count) {
-    float away[Bvh::kWidth][3];
+    float away[3][Bvh::kWidth] = {}, reach[Bvh::kWidth] = {};
     for (int axis = 0; axis < 3; ++axis) {
       const float *low = node.bounds[axis][0], *high = node.bounds[axis][1];
       const float middle = *std::min_element(low, low + count) + *std::max_element(high, high + count);
-      for (int i = 0; i < count; ++i) away[i][axis] = low[i] + high[i] - middle;
+      for (int i = 0; i < count; ++i) away[axis][i] = low[i] + high[i] - middle, reach[i] += std::abs(away[axis][i]);
     }
-    struct Choice {
-      float gain;
-      int child, slot;
-    };
-    std::array<Choice, Bvh::kWidth * Bvh::kWidth> choices;
-    int n = 0;
-    for (int i = 0; i < count; ++i)
-      for (int slot = 0; slot < Bvh::kWidth; ++slot) {
-        const auto along = [&](int axis) { return slot >> axis & 1 ? away[i][axis] : -away[i][axis]; };
-        choices[n++] = {along(0) + along(1) + along(2), i, slot};
-      }
-    std::stable_sort(choices.begin(), choices.begin() + n, [](const Choice& a, const Choice& b) { return a.gain > b.gain; });
-    std::array<int, Bvh::kWidth> child_in;
+    std::array<int, Bvh::kWidth> child_in, by_reach = {0, 1, 2, 3, 4, 5, 6, 7};
+    std::sort(by_reach.begin(), by_reach.begin() + count,
+              [&](int a, int b) { return reach[a] != reach[b] ? reach[a] > reach[b] : a < b; });
     child_in.fill(-1);
-    uint32_t placed = 0;
-    for (int k = 0; k < n; ++k) {
-      const Choice& c = choices[k];
-      if (child_in[c.slot] >= 0 || placed >> c.child & 1) continue;
-      child_in[c.slot] = c.child, placed |= 1u << c.child;
+    for (int k = 0; k < count; ++k) {
+      const int child = by_reach[k];
+      int best = -1;
+      float most = -kInf;
+      for (int slot = 0; slot < Bvh::kWidth; ++slot) {
+        const auto along = [&](int axis) { return slot >> axis & 1 ? away[axis][child] : -away[axis][child]; };
+        const float gain = along(0) + along(1) + along(2);
+        if (child_in[slot] < 0 && (best < 0 || gain > most)) best = slot, most = gain;
+      }
+      child_in[best] = child;
     }
     return child_in;
   }
