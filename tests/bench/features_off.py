@@ -1,6 +1,6 @@
 """What features cost scenes that do not use them: the core as it is, and with their code left out, on the same scenes.
 
-python -m tests.bench.features_off [--isa v3] [--rounds 15] [--instructions] [--one-by-one] [--keep FOLDER]
+python -m tests.bench.features_off [--isa v3] [--rounds 15] [--instructions] [--one-by-one] [--keep FOLDER] [SCENE ...]
 
 Builds the core again (minutes each), so CI does not run it. Both ways' pixels must be the same. The figure is the way with all
 over the way without: of CPU seconds the median over interleaved passes, or of the core's own instructions, by valgrind's
@@ -16,6 +16,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -134,6 +135,7 @@ def arguments(scene: BenchScene, folder: str) -> list[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.bench.features_off", description=__doc__)
+    parser.add_argument("scenes", nargs="*", default=list(USES))
     parser.add_argument("--isa", default="v3")
     parser.add_argument("--rounds", type=int, default=15)
     parser.add_argument("--spp", type=int, default=2)
@@ -145,7 +147,7 @@ def main() -> None:
     whole = build(folder / "whole", options.isa, [])
     rows: list[dict[str, Any]] = []
     for scene in available():
-        if scene.name not in USES:
+        if scene.name not in options.scenes:
             continue
         left = [f for f in FEATURES if f not in USES[scene.name]]
         for without in [left, *([[f] for f in left] if options.one_by_one else [])]:
@@ -153,7 +155,8 @@ def main() -> None:
             way = build(folder / name, options.isa, without)
             row: dict[str, Any] = {"scene": scene.name, "without": without}
             if options.instructions:
-                counts = [instructions(w, scene, options.isa) for w in (whole, way)]
+                with ThreadPoolExecutor() as both:
+                    counts = list(both.map(instructions, (whole, way), (scene, scene), (options.isa, options.isa)))
                 row |= {"core_instructions": counts, "ratio": round(counts[0] / counts[1], 4)}
             else:
                 seconds = times([whole, way], scene, options.isa, options.rounds, options.spp)

@@ -58,6 +58,17 @@ def test_a_ray_does_not_depend_on_the_others(what: str) -> None:
     assert np.array_equal(np.stack([stream["u"], stream["v"]], axis=1)[hit], calls["uv"][hit])
 
 
+def test_of_triangles_in_one_place_the_first_is_met() -> None:
+    """Whatever order the builder's threads left them in."""
+    points, indices = triangles(3000, seed=1)
+    twice = np.concatenate([indices, indices + len(points)])
+    found = kernels().intersect(
+        describe([(mesh(np.concatenate([points, points]), twice), np.eye(4))], [lambert(0.5)]).build(), *rays(seed=2)
+    )
+    assert (found["primitive"] >= 0).mean() > 0.1
+    assert found["primitive"].max() < len(indices)
+
+
 def test_no_ray_leaves_a_closed_mesh() -> None:
     """Aimed at edges from within, where rounding decides on which side they pass."""
     made = uniform(cube(), 4)

@@ -186,6 +186,29 @@ class Interleaved {
     s.depth = kept;
   }
 
+  // Of the triangles `met` and the hit before: of those as near the first by number, since how the builder's threads laid them
+  // out must not show.
+  static void take_nearest(RayState& s, const Bvh::Leaf& leaf, uint32_t met, __m256 t, __m256 p, __m256 q, __m256 r) {
+    alignas(32) float ts[8], weights[3][8];
+    _mm256_store_ps(ts, t), _mm256_store_ps(weights[0], p), _mm256_store_ps(weights[1], q), _mm256_store_ps(weights[2], r);
+    float nearest = s.tfar;
+    int32_t number = s.prim;
+    int best = -1;
+    for (; met; met &= met - 1) {
+      const int i = __builtin_ctz(met);
+      const int32_t n = int32_t(leaf.first[i % Bvh::kLeafPairs]) + i / Bvh::kLeafPairs;
+      if (ts[i] < nearest || (ts[i] == nearest && n < number)) nearest = ts[i], number = n, best = i;
+    }
+    if (best < 0) return;
+    set_far(s, nearest);
+    s.prim = number;
+    // As the group has them, (a, c, d) and (a, b, c): u is the second corner's, v the third's.
+    const bool second = best >= Bvh::kLeafPairs;
+    s.u = weights[second ? 0 : 2][best], s.v = weights[second ? 1 : 0][best];
+    s.sum = weights[0][best] + weights[1][best] + weights[2][best];
+    forget_farther(s);
+  }
+
   // Corners d, b, c, a of 4 pairs in 4 blocks of 4 lanes, their outer edges da, bc, cd, ab likewise; then in 8 lanes triangles
   // (d, a, c), and after them (b, c, a).
   template <bool kAny>
@@ -217,26 +240,14 @@ class Interleaved {
     __mmask8 met = __mmask8((left | right) & leaf.there);
     met = _mm256_mask_cmp_ps_mask(met, sum, zero, _CMP_NEQ_OQ);
     met = _mm256_mask_cmp_ps_mask(met, t, _mm256_set1_ps(s.tnear), _CMP_GT_OQ);
-    met = _mm256_mask_cmp_ps_mask(met, t, _mm256_set1_ps(s.tfar), _CMP_LT_OQ);
+    const __m256 far = _mm256_set1_ps(s.tfar);
     if (kAny) {
+      met = _mm256_mask_cmp_ps_mask(met, t, far, _CMP_LT_OQ);
       s.prim = met ? 0 : -1;
       return go_to(s, s.stack[s.depth = met ? 0 : s.depth - 1]);
     }
-    if (met) {
-      alignas(32) float ts[8], weights[3][8];
-      _mm256_store_ps(ts, t), _mm256_store_ps(weights[0], p), _mm256_store_ps(weights[1], q), _mm256_store_ps(weights[2], r);
-      uint32_t m = met;
-      int best = __builtin_ctz(m);
-      while (m &= m - 1)
-        if (const int i = __builtin_ctz(m); ts[i] < ts[best]) best = i;
-      // Numbered as the group has them, (a, c, d) and (a, b, c): u is the second corner's, v the third's.
-      const bool second = best >= Bvh::kLeafPairs;
-      set_far(s, ts[best]);
-      s.prim = int32_t(leaf.first[best % Bvh::kLeafPairs] + second);
-      s.u = weights[second ? 0 : 2][best], s.v = weights[second ? 1 : 0][best];
-      s.sum = weights[0][best] + weights[1][best] + weights[2][best];
-      forget_farther(s);
-    }
+    met = _mm256_mask_cmp_ps_mask(met, t, far, _CMP_LE_OQ);
+    if (met) take_nearest(s, leaf, met, t, p, q, r);
     go_to(s, s.stack[--s.depth]);
   }
 
