@@ -40,7 +40,7 @@ SCENES = ("soup", "walls", "plain")
 def assert_rays_meet_what_embree_says(scene: Any, o: npt.NDArray[np.float64], d: npt.NDArray[np.float32]) -> None:
     ours, embree = (kernels().intersect(scene, o, d, embree=which) for which in (False, True))
     hit = embree["primitive"] >= 0
-    assert hit.mean() > 0.1
+    assert hit.mean() > 0.2
     same = ours["primitive"] == embree["primitive"]
     # Rays through an edge may fall to either side.
     assert same.mean() > 0.999
