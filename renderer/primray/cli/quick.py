@@ -1,16 +1,19 @@
 """Reads plain `primray render` command lines by itself, since Typer and what it needs take longer to import than NumPy.
 
-Not a second command line: flags outside the table, help, anything that is wrong or merely unusual are Typer's, which then
-reads the whole line; `test_quick.py` holds the table against what Typer was told.
+Not a second command line: help, anything that is wrong or merely unusual is Typer's, which then reads the whole line;
+`test_quick.py` holds the table against what Typer was told.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-FLAG, LIST, PAIR = "flag", "list", "pair"  # True; values that add up; two whole numbers
+from ..settings import Filter, Metric
+
+FLAG, SWITCH = "flag", "switch"  # True; True by the first name, False by the second
+LIST, PAIR = "list", "pair"  # values that add up; two whole numbers
 Kind = Callable[[str], Any] | str
 
 
@@ -30,21 +33,45 @@ def _whole(text: str) -> int:
 TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "outputs": (LIST, ("--output", "-o")),
     "camera": (str, ("--camera", "-c", "-cam")),
+    "render_settings": (str, ("--render-settings", "--renderSettingsPrimPath", "-rs")),
+    "product": (LIST, ("--product",)),
+    "all_products": (FLAG, ("--all-products",)),
+    "output_dir": (str, ("--output-dir",)),
     "res": (PAIR, ("--res", "-r")),
     "image_width": (_whole, ("--imageWidth", "-w")),
     "frames": (str, ("--frames", "-f")),
     "spp": (_whole, ("--spp", "--pixel-samples", "-p")),
     "target_error": (_number, ("--target-error",)),
+    "error_metric": (Metric, ("--error-metric",)),
     "time_limit": (_number, ("--time-limit",)),
+    "sample_range": (str, ("--sample-range",)),
+    "checkpoint": (str, ("--checkpoint",)),
+    "checkpoint_every": (_number, ("--checkpoint-every",)),
+    "resume": (str, ("--resume",)),
+    "adaptive": (SWITCH, ("--adaptive", "--no-adaptive")),
     "max_depth": (_whole, ("--max-depth",)),
+    "pixel_filter": (Filter, ("--filter",)),
+    "filter_width": (_number, ("--filter-width",)),
     "threads": (_whole, ("--threads", "-j")),
     "seed": (_whole, ("--seed",)),
+    "rendering_color_space": (str, ("--rendering-color-space",)),
+    "display": (str, ("--display",)),
     "aovs": (LIST, ("--aov",)),
-    "report": (str, ("--report",)),
-    "checkpoint": (str, ("--checkpoint",)),
-    "json": (FLAG, ("--json",)),
+    "view": (str, ("--view",)),
+    "look": (str, ("--look",)),
+    "exposure": (_number, ("--exposure",)),
     "strict": (FLAG, ("--strict",)),
+    "max_memory": (str, ("--max-memory",)),
+    "dicing_rate": (_number, ("--dicing-rate",)),
+    "report": (str, ("--report",)),
+    "json": (FLAG, ("--json",)),
     "no_default_light": (FLAG, ("--no-default-light",)),
+    "purposes": (str, ("--purposes",)),
+    "variants": (LIST, ("--variant",)),
+    "no_payloads": (FLAG, ("--no-payloads",)),
+    "load": (LIST, ("--load",)),
+    "mask": (LIST, ("--mask",)),
+    "session_layer": (str, ("--session-layer", "--sessionLayer")),
     "verbose": (FLAG, ("--verbose", "-V")),
 }
 _BY_FLAG = {flag: (name, kind) for name, (kind, flags) in TABLE.items() for flag in flags}
@@ -60,31 +87,35 @@ def render_arguments(line: Sequence[str]) -> dict[str, Any] | None:
         return None
 
 
-def _read(words: Any) -> dict[str, Any]:
+def _read(words: Iterator[str]) -> dict[str, Any]:
     places: list[str] = []
     given: dict[str, Any] = {}
     for word in words:
         if not word.startswith("-"):
             places.append(word)
             continue
-        name, kind = _BY_FLAG.get(word, ("", FLAG))
-        if not name:
+        flag, joined, text = word.partition("=") if word.startswith("--") else (word, "", "")
+        name, kind = _BY_FLAG.get(flag, ("", FLAG))
+        if not name or (joined and kind in (FLAG, SWITCH, PAIR)):
             raise ValueError(word)
+        values = iter([text]) if joined else words
         if kind == FLAG:
             given[name] = True
+        elif kind == SWITCH:
+            given[name] = flag == TABLE[name][1][0]
         elif kind == LIST:
-            given.setdefault(name, []).append(_value(words))
+            given.setdefault(name, []).append(_value(values))
         elif kind == PAIR:
-            given[name] = (_whole(next(words)), _whole(next(words)))
+            given[name] = (_whole(next(values)), _whole(next(values)))
         elif callable(kind):
-            given[name] = kind(_value(words))
+            given[name] = kind(_value(values))
     if not 1 <= len(places) <= 2 or not all(places):
         raise ValueError("the scene, and perhaps the output")
     return given | dict(zip(("scene", "output"), places, strict=False))
 
 
-def _value(words: Any) -> str:
-    text: str = next(words)
+def _value(values: Iterator[str]) -> str:
+    text = next(values)
     if text.startswith("-") or not text:
         raise ValueError(text)
     return text
