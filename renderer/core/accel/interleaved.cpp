@@ -76,32 +76,21 @@ class Interleaved {
       counts += uint64_t(1) << (8 * kind);
     };
     const auto take_all = [&](Bvh::Kind kind) { counts &= ~(uint64_t(255) << (8 * kind)); };
+    // What is put back into a list that is read does not reach what is still to be read of it.
+    const auto each = [&](Bvh::Kind kind, const auto& turn) {
+      const uint32_t n = many(kind);
+      take_all(kind);
+      for (uint32_t i = 0; i < n; ++i) turn(list[kind][i]);
+    };
     uint32_t next = 0;
     for (; next < std::min(count, kRays); ++next) begin(states_[next], next), put(next);
-    while (true) {
-      // What is put back into a list that is read does not reach what is still to be read of it.
-      const uint32_t nodes = many(Bvh::kNode);
-      take_all(Bvh::kNode);
-      for (uint32_t i = 0; i < nodes; ++i) {
-        const uint32_t k = list[Bvh::kNode][i];
-        step<kAny>(states_[k]);
-        put(k);
-      }
-      const uint32_t leaves = many(Bvh::kLeaf);
-      take_all(Bvh::kLeaf);
-      for (uint32_t i = 0; i < leaves; ++i) {
-        const uint32_t k = list[Bvh::kLeaf][i];
-        meet_leaf<kAny>(states_[k]);
-        put(k);
-      }
-      const uint32_t ended = many(Bvh::kEnd);
-      take_all(Bvh::kEnd);
-      for (uint32_t i = 0; i < ended; ++i) {
-        const uint32_t k = list[Bvh::kEnd][i];
+    while (counts != 0) {
+      each(Bvh::kNode, [&](uint32_t k) { step<kAny>(states_[k]), put(k); });
+      each(Bvh::kLeaf, [&](uint32_t k) { meet_leaf<kAny>(states_[k]), put(k); });
+      each(Bvh::kEnd, [&](uint32_t k) {
         done(states_[k]);
         if (next < count) begin(states_[k], next++), put(k);
-      }
-      if (counts == 0) return;
+      });
     }
   }
 

@@ -17,7 +17,6 @@
 #include <vector>
 
 #include "accel/embree.hpp"
-#include "accel/pairs.hpp"
 #include "math/box.hpp"
 #include "scene/error.hpp"
 #include "scene/scene.hpp"
@@ -96,11 +95,11 @@ class Slabs {
 
 class Builder {
  public:
-  Builder(const Scene& scene, const Group& world)
+  Builder(const Scene& scene, const Group& world, uint32_t paired)
       : positions_(scene.positions.data() + 3 * size_t(world.vertex_base)),
         indices_(scene.indices.data() + 3 * size_t(world.triangle_base)),
         count_(world.triangle_count),
-        paired_(count_paired({indices_, 3 * size_t(count_)})) {}
+        paired_(paired) {}
 
   Bvh build() {
     std::vector<rtc::BuildPrimitive> primitives;
@@ -247,11 +246,10 @@ class Builder {
 
 }  // namespace
 
-TriangleBvh build_triangle_bvh(const Scene& scene) {
+TriangleBvh build_triangle_bvh(const Scene& scene, uint32_t paired) {
   const Group& world = scene.groups[0];
-  const bool more = world.cutout_count + world.sphere_count + world.placement_count > 0;
-  if (!Bvh::kBuilt || more || world.triangle_count == 0) return {};
-  return Builder(scene, world).build();
+  if (!Bvh::kBuilt || world.triangle_count == 0) return {};
+  return Builder(scene, world, paired).build();
 }
 
 }  // namespace primray

@@ -51,8 +51,9 @@ struct TriangleBvh {
   bool any() const { return kBuilt && memory != nullptr; }
 };
 
-// Of the world's triangles. Empty where there is more than triangles in it, or what floats cannot hold the products of: Embree
-// then has them. That is a fact of the scene, as its bits depend on it; where memory cannot be had, this throws.
-TriangleBvh build_triangle_bvh(const Scene& scene);
+// Of the triangles of a world that has nothing else, the first `paired` of them in pairs (accel/pairs.hpp). Empty where floats
+// cannot hold their products: Embree then has them. That is a fact of the scene, as its bits depend on it; where memory cannot
+// be had, this throws.
+TriangleBvh build_triangle_bvh(const Scene& scene, uint32_t paired);
 
 }  // namespace primray
