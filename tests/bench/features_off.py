@@ -4,7 +4,7 @@ python -m tests.bench.features_off [--isa v3] [--rounds 15] [--instructions] [--
 
 Builds the core again (minutes each), so CI does not run it. Both ways' pixels must be the same. The figure is the way with all
 over the way without: of CPU seconds the median over interleaved passes, or of the core's own instructions, by valgrind's
-callgrind.
+callgrind. Both trace packets, and never choose by the clock.
 """
 
 from __future__ import annotations
@@ -20,10 +20,12 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
+from .ablation_rows import Edit, Row
+from .ablations import put_sources
 from .results import write_results
 from .scenes import ROOT, BenchScene, available
 
-CORE = ROOT / "renderer/core"
+CLOCKLESS = Row("", "", edits=(Edit("integrator/entry_choice.hpp", "{ return __rdtsc(); }", "{ return 0; }"),))
 # As PRIMRAY_WITHOUT of renderer/core/CMakeLists.txt has them, and the scenes here that use one.
 FEATURES = [
     "attributes",
@@ -69,8 +71,9 @@ for _ in sys.stdin:
 def build(folder: Path, isa: str, without: list[str]) -> Path:
     """The file of a core that lacks `without`."""
     nanobind = subprocess.check_output([sys.executable, "-m", "nanobind", "--cmake_dir"], text=True).strip()
-    made = folder / "build"
-    command = ["cmake", "-G", "Ninja", "-S", str(CORE), "-B", str(made), f"-Dnanobind_DIR={nanobind}"]
+    made, sources = folder / "build", folder / "core"
+    put_sources(CLOCKLESS, sources)
+    command = ["cmake", "-G", "Ninja", "-S", str(sources), "-B", str(made), f"-Dnanobind_DIR={nanobind}"]
     command += [f"-DPython_EXECUTABLE={sys.executable}", f"-DPRIMRAY_WITHOUT={';'.join(without)}"]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     subprocess.run(["cmake", "--build", str(made), "--target", f"_core_{isa}"], check=True, stdout=subprocess.DEVNULL)
@@ -111,21 +114,45 @@ def times(ways: list[Path], scene: BenchScene, isa: str, rounds: int, spp: int) 
         assert worker.stdin
         worker.stdin.close()
         worker.wait()
-    if len(hashes) != 1:
-        raise SystemExit(f"{scene.name}: the pixels differ")
+    check_same(scene, hashes)
     return seconds
 
 
-def instructions(way: Path, scene: BenchScene, isa: str) -> int:
-    """Of the core's own code, for one pass of a small picture: how a whole render divides its passes depends on the clock."""
+def check_same(scene: BenchScene, hashes: set[str]) -> None:
+    if len(hashes) != 1:
+        raise SystemExit(f"{scene.name}: the pixels differ")
+
+
+def instructions(way: Path, scene: BenchScene, isa: str) -> tuple[int, str]:
+    """Of the core's own code, for one pass of a small picture: how a whole render divides its passes depends on the clock.
+    And the pixels' hash."""
     with tempfile.TemporaryDirectory() as folder:
         counted = Path(folder) / "callgrind.out"
         command = ["valgrind", "--tool=callgrind", f"--callgrind-out-file={counted}"]
         command += [sys.executable, "-c", WORKER, scene.name, "4", str(way), "4"]
-        subprocess.run(command, check=True, env=environment(isa), input=b"\n", capture_output=True)
-        table = subprocess.check_output(["callgrind_annotate", "--threshold=100", str(counted)], text=True)
-    rows = re.findall(rf"^\s*([\d,]+) \(.*\[.*_core_{isa}.*\]$", table, re.MULTILINE)
-    return sum(int(row.replace(",", "")) for row in rows)
+        done = subprocess.run(command, check=True, env=environment(isa), input="\n", text=True, capture_output=True)
+        return counted_in(f"_core_{isa}", counted.read_text().splitlines()), done.stdout.split()[-1]
+
+
+def counted_in(name: str, lines: list[str]) -> int:
+    """Instructions of the object with `name` in its path, from a file of callgrind's: by their addresses alone, as
+    callgrind_annotate has them, functions of several stripped objects can be one."""
+    objects: dict[str, str] = {}
+    current, total, of_call = "", 0, False
+    for line in lines:
+        if match := re.match(r"c?ob=(\(\d+\))(?: (.*))?$", line):
+            number, path = match.groups()
+            if path is not None:
+                objects[number] = path
+            if line[0] != "c":
+                current = objects[number]
+        elif line.startswith("calls="):
+            of_call = True  # the next line's cost is that of the callee
+        elif line[:1] in "0123456789+-*" and line:
+            if not of_call and name in current:
+                total += int(line.split()[-1])
+            of_call = False
+    return total
 
 
 def main() -> None:
@@ -151,7 +178,9 @@ def main() -> None:
             row: dict[str, Any] = {"scene": scene.name, "without": without}
             if options.instructions:
                 with ThreadPoolExecutor() as both:
-                    counts = list(both.map(instructions, (whole, way), (scene, scene), (options.isa, options.isa)))
+                    found = list(both.map(instructions, (whole, way), (scene, scene), (options.isa, options.isa)))
+                check_same(scene, {pixels for _, pixels in found})
+                counts = [count for count, _ in found]
                 row |= {"core_instructions": counts, "ratio": round(counts[0] / counts[1], 4)}
             else:
                 seconds = times([whole, way], scene, options.isa, options.rounds, options.spp)

@@ -12,6 +12,7 @@ from . import __main__ as whole
 from .ablation_rows import ROWS, Edit, Row
 from .ablations import _worth, edited, with_earlier
 from .curves import medians
+from .features_off import counted_in
 from .relmse import agreement, reference_of, relmse, save, saved
 
 SHAPE = (64, 64, 3)
@@ -112,3 +113,34 @@ def test_a_stopped_run_goes_on_where_it_was(tmp_path, monkeypatch, capsys):
     assert "a: done before" in capsys.readouterr().out
     whole.main()
     assert ran == [*"abcabc"]
+
+
+CALLGRIND = """\
+events: Ir
+ob=(1) /usr/lib/libc.so.6
+fn=(1) 0x2300
+0 1000
+ob=(2) /made/_core_v3.so
+fn=(1)
+0 5
+cob=(1)
+cfn=(1)
+calls=3 0
+0 700
++1 8
+ob=(1)
+fn=(2) free
+* 90
+ob=(2)
+fn=(3) next
+-4 100
+totals: 1203
+"""
+
+
+def test_instructions_are_the_objects_own():
+    """Without what it calls, and though another object has a function of the same name."""
+    lines = CALLGRIND.splitlines()
+    assert counted_in("_core_v3", lines) == 5 + 8 + 100
+    assert counted_in("libc", lines) == 1090
+    assert counted_in("", lines) == 1203
