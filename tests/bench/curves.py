@@ -2,7 +2,8 @@
 
 By turns: in every round each renderer, in a process of its own, makes a first picture of one sample, then pictures of 4, 16,
 64 ... samples for as long as one is expected to take no more than the limit. Seconds are those of the picture alone; until
-the first picture, from the start of the process; memory is the process's peak. PRIMRAY_PEERS: peers/installed.py.
+the first picture, from the start of the process; memory is the process's peak. PRIMRAY_PEERS: peers/installed.py. Of a peer
+that is not there the rows of its last run stay, with their day and machine.
 """
 
 from __future__ import annotations
@@ -14,12 +15,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from .peer_runs import facts, run
+from .peer_runs import digest, facts, run
 from .peers.installed import OURS, RENDERERS, Renderer, installed, reason_against
 from .peers.scenes import SCENES
 from .references import reference
 from .relmse import Reference, agreement, load, relmse
-from .results import write_results
+from .results import latest, write_results
 
 LADDER = (4, 16, 64, 256)
 ROUNDS = 2
@@ -49,6 +50,7 @@ def measure(
         {
             "renderer": renderer.name,
             "scene": scene,
+            "digest": digest(scene),
             "resolution": facts(scene)["resolution"],
             "depth": facts(scene)["depth"],
             "reference": _rounded(
@@ -89,6 +91,17 @@ def medians(row: dict[str, Any]) -> list[tuple[int, float, float]]:
     ]
 
 
+def with_earlier(rows: list[dict[str, Any]], earlier: dict[str, Any] | None, digest: str) -> list[dict[str, Any]]:
+    """In place of peers that are not installed, what was measured of them before on the same scene."""
+    when = {} if earlier is None else {"date": earlier["date"], "cpu": earlier["cpu"]}
+    before = {
+        row["renderer"]: when | row
+        for row in (earlier["rows"] if earlier else ())
+        if "left_out" not in row and row.get("digest", digest) == digest
+    }
+    return [before.get(row["renderer"], row) if row.get("left_out") == "not installed" else row for row in rows]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.bench.curves", description=__doc__)
     parser.add_argument("scenes", nargs="*", default=list(SCENES))
@@ -100,7 +113,7 @@ def main() -> None:
 
 
 def report(scene: str, rounds: int, limit_s: float) -> None:
-    rows = measure(scene, rounds, limit_s)
+    rows = with_earlier(measure(scene, rounds, limit_s), latest(f"curve-{scene}"), digest(scene))
     path = write_results(f"curve-{scene}", rows)
     for row in rows:
         if "left_out" in row:

@@ -12,6 +12,7 @@ from . import __main__ as whole
 from .ablation_rows import ROWS, Edit, Row
 from .ablations import _worth, edited, with_earlier
 from .curves import medians
+from .curves import with_earlier as with_earlier_peers
 from .features_off import counted_in
 from .relmse import agreement, reference_of, relmse, save, saved
 
@@ -144,3 +145,15 @@ def test_instructions_are_the_objects_own():
     assert counted_in("_core_v3", lines) == 5 + 8 + 100
     assert counted_in("libc", lines) == 1090
     assert counted_in("", lines) == 1203
+
+
+def test_a_peer_that_is_not_there_keeps_its_last_curve_of_the_same_scene():
+    gone = {"renderer": "b", "left_out": "not installed"}
+    now = [{"renderer": "a", "rounds": [2]}, gone, {"renderer": "c", "left_out": "takes minutes"}]
+    rows = [{"renderer": name, "digest": "x", "rounds": [1]} for name in "abc"]
+    earlier = {"date": "2026-11-01", "cpu": "old", "rows": rows}
+    kept = {"renderer": "b", "digest": "x", "rounds": [1], "date": "2026-11-01", "cpu": "old"}
+    assert with_earlier_peers(now, earlier, "x") == [now[0], kept, now[2]]
+    assert with_earlier_peers(now, earlier, "y") == now
+    assert with_earlier_peers(now, None, "x") == now
+    assert with_earlier_peers([gone], {"date": "2026-11-02", "cpu": "new", "rows": [kept]}, "x") == [kept]

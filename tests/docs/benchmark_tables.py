@@ -79,7 +79,7 @@ def curve_table(scene: str, rows: Rows) -> str:
         speeds = [p["samples"] * width * height / p["seconds"] / 1e6 for r in row["rounds"] for p in r["pictures"][-1:]]
         lines.append(
             (
-                row["renderer"],
+                f"{row['renderer']} ({row['date']})" if "date" in row else row["renderer"],
                 spread(speeds),
                 str(samples),
                 f"{error:.5f}",
