@@ -3,7 +3,7 @@
 Each row of ablation_rows.py beside the renderer as it is, by turns, in processes of their own: CPU seconds of the render and
 relMSE against our converged picture (references.py). Rows that need a build of the core are measured where `--build` has
 made it from the sources as they are now; that takes minutes a row. A run of some rows or scenes leaves what was measured of
-the others before, with its day and machine.
+the others before, with its day and machine. Scenes are written one by one.
 """
 
 from __future__ import annotations
@@ -24,10 +24,12 @@ from typing import Any
 
 from primray import core
 
-from .ablation_rows import ALL, BASE, ROWS, Row
+from .ablation_rows import BASE, ROWS, Row
 from .other_core import use_core
 from .peer_runs import kept
-from .references import path_of
+from .peers.installed import RENDERERS
+from .peers.scenes import SCENES
+from .references import path_of, reference
 from .relmse import relmse, saved
 from .results import cpu_model, latest, write_results
 
@@ -181,18 +183,25 @@ def possible(row: Row) -> bool:
 
 def report(scenes: list[str], rounds: int, only: str = "") -> None:
     wanted = [row for row in ROWS if only in row.name]
-    found = []
     for scene in scenes:
         rows = [row for row in wanted if scene in row.scenes and possible(row)]
-        for row in measure(scene, rows, rounds) if rows else ():
-            found.append(row | {"date": datetime.date.today().isoformat(), "cpu": cpu_model()})
+        if not rows:
+            continue
+        reference(RENDERERS[0], scene)
+        when = {"date": datetime.date.today().isoformat(), "cpu": cpu_model()}
+        found = [row | when for row in measure(scene, rows, rounds)]
+        for row in found:
             low, high = row["range"]
             print(
                 f"{scene:7} {row['name']:44} {row['instead']:36} error x {row['error']:.3f}  seconds x {row['seconds']:.3f}  "
                 f"both x {row['error_seconds']:.3f} ({low:.3f} to {high:.3f})",
                 flush=True,
             )
-    found = with_earlier(found, latest("ablations"))
+        _write(found)
+
+
+def _write(rows: list[dict[str, Any]]) -> None:
+    found = with_earlier(rows, latest("ablations"))
     measured = {(row["name"], row["instead"]) for row in found}
     left_out = [
         {"name": row.name, "instead": row.instead, "left_out": "not built"}
@@ -219,7 +228,7 @@ def _which(row: dict[str, Any]) -> tuple[str, str, str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.bench.ablations", description=__doc__)
-    parser.add_argument("scenes", nargs="*", default=list(ALL))
+    parser.add_argument("scenes", nargs="*", default=list(SCENES))
     parser.add_argument("--build", action="store_true", help="make the builds that are missing, and measure nothing")
     parser.add_argument("--rounds", type=int, default=ROUNDS)
     parser.add_argument("--only", default="", help="rows with this in their name")

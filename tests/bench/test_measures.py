@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -149,7 +150,7 @@ def test_instructions_are_the_objects_own():
 
 def test_a_peer_that_is_not_there_keeps_its_last_curve_of_the_same_scene():
     gone = {"renderer": "b", "left_out": "not installed"}
-    now = [{"renderer": "a", "rounds": [2]}, gone, {"renderer": "c", "left_out": "takes minutes"}]
+    now: list[dict[str, Any]] = [{"renderer": "a", "rounds": [2]}, gone, {"renderer": "c", "left_out": "takes minutes"}]
     rows = [{"renderer": name, "digest": "x", "rounds": [1]} for name in "abc"]
     earlier = {"date": "2026-11-01", "cpu": "old", "rows": rows}
     kept = {"renderer": "b", "digest": "x", "rounds": [1], "date": "2026-11-01", "cpu": "old"}
