@@ -238,4 +238,26 @@ ROWS = (
             Edit("light/rect.hpp", "return dot(p, p) > 4.0f * (hx * hx + hy * hy);", "return dot(p, p) > 0.0f * (hx + hy);"),
         ),
     ),
+    Row(
+        "spheres by solid angle",
+        "by area, their far sides too",
+        scenes=("lamps",),
+        edits=(
+            Edit(
+                "light/sphere.hpp",
+                "return {w, t, select(outside > vfloat<W>(0.0f), 1.0f / (2.0f * kPi * spread), vfloat<W>(0.0f))};",
+                "const vfloat<W> z = 1.0f - 2.0f * u, ring = safe_sqrt(1.0f - z * z);"
+                "const vvec3<W> n(ring * phi.cos, ring * phi.sin, z), to = n * r - p;"
+                "const vfloat<W> there = sqrt(dot(to, to)), cosine = dot(n, to) / there * -1.0f;"
+                "const vbool<W> seen = (outside > vfloat<W>(0.0f)) & (cosine > vfloat<W>(0.0f));"
+                "const vfloat<W> pdf = there * there / (cosine * 4.0f * kPi * r * r);"
+                "return {to * (1.0f / there), there, select(seen, pdf, vfloat<W>(0.0f))};",
+            ),
+            Edit(
+                "light/sphere.hpp",
+                "select(hit, 1.0f / (2.0f * kPi * sphere_one_minus_cos(dot(p, p), r, outside)), vfloat<W>(0.0f))};",
+                "select(hit, t * t / (dot(p + w * t, w) * -4.0f * kPi * r), vfloat<W>(0.0f))};",
+            ),
+        ),
+    ),
 )
