@@ -65,21 +65,27 @@ def build(row: Row) -> None:
     target = module_of(row)
     if target.exists():
         return
-    scripts = Path(sys.executable).parent
-    nanobind = subprocess.run([sys.executable, "-m", "nanobind", "--cmake_dir"], capture_output=True, text=True, check=True)
-    sources, made = kept() / "ablated/core", kept() / "ablated/build"
-    put_sources(row, sources)
     flags = " ".join(f"-D{name}" for name in row.defines)
-    configure = [scripts / "cmake", "-G", "Ninja", "-S", sources, "-B", made, f"-DCMAKE_CXX_FLAGS={flags}"]
-    configure += [f"-Dnanobind_DIR={nanobind.stdout.strip()}", f"-DPython_EXECUTABLE={sys.executable}"]
-    configure += [f"-DCMAKE_MAKE_PROGRAM={scripts / 'ninja'}"]
-    for command in (configure, [scripts / "ninja", "-C", made, f"_core_{core.isa()}"]):
-        done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
-        if done.returncode:
-            raise SystemExit(f"{row.name}:\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}")
-    [module] = made.rglob(f"_core_{core.isa()}*.so")
+    module = compile_core(row, kept() / "ablated", core.isa(), f"-DCMAKE_CXX_FLAGS={flags}")
     target.parent.mkdir(parents=True, exist_ok=True)
     shutil.copy(module, target)
+
+
+def compile_core(row: Row, folder: Path, isa: str, option: str) -> Path:
+    """The file of a core with the row's changes, configured with `option`; its sources and its tree stay in the folder."""
+    scripts = Path(sys.executable).parent
+    nanobind = subprocess.run([sys.executable, "-m", "nanobind", "--cmake_dir"], capture_output=True, text=True, check=True)
+    sources, made = folder / "core", folder / "build"
+    put_sources(row, sources)
+    configure = [scripts / "cmake", "-G", "Ninja", "-S", sources, "-B", made, option]
+    configure += [f"-Dnanobind_DIR={nanobind.stdout.strip()}", f"-DPython_EXECUTABLE={sys.executable}"]
+    configure += [f"-DCMAKE_MAKE_PROGRAM={scripts / 'ninja'}"]
+    for command in (configure, [scripts / "ninja", "-C", made, f"_core_{isa}"]):
+        done = subprocess.run([str(part) for part in command], capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise SystemExit(f"{row.name}, {option}:\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}")
+    [module] = made.rglob(f"_core_{isa}*.so")
+    return module
 
 
 def put_sources(row: Row, folder: Path) -> None:

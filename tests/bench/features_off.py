@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from .ablation_rows import Edit, Row
-from .ablations import put_sources
+from .ablations import compile_core
 from .results import write_results
 from .scenes import ROOT, BenchScene, available
 
@@ -70,15 +70,7 @@ for _ in sys.stdin:
 
 def build(folder: Path, isa: str, without: list[str]) -> Path:
     """The file of a core that lacks `without`."""
-    nanobind = subprocess.check_output([sys.executable, "-m", "nanobind", "--cmake_dir"], text=True).strip()
-    made, sources = folder / "build", folder / "core"
-    put_sources(CLOCKLESS, sources)
-    command = ["cmake", "-G", "Ninja", "-S", str(sources), "-B", str(made), f"-Dnanobind_DIR={nanobind}"]
-    command += [f"-DPython_EXECUTABLE={sys.executable}", f"-DPRIMRAY_WITHOUT={';'.join(without)}"]
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    subprocess.run(["cmake", "--build", str(made), "--target", f"_core_{isa}"], check=True, stdout=subprocess.DEVNULL)
-    (module,) = made.glob(f"_core_{isa}*.so")
-    return module
+    return compile_core(CLOCKLESS, folder, isa, f"-DPRIMRAY_WITHOUT={';'.join(without)}")
 
 
 def environment(isa: str) -> dict[str, str]:
@@ -148,7 +140,7 @@ def counted_in(name: str, lines: list[str]) -> int:
                 current = objects[number]
         elif line.startswith("calls="):
             of_call = True  # the next line's cost is that of the callee
-        elif line[:1] in "0123456789+-*" and line:
+        elif line and line[0] in "0123456789+-*":
             if not of_call and name in current:
                 total += int(line.split()[-1])
             of_call = False
