@@ -185,7 +185,7 @@ ROWS = (
     Row(
         "meshes that emit among each other are one choice",
         "each is one",
-        scenes=("signs",),
+        scenes=("studio",),
         edits=(Edit("scene/emitter_shapes.cpp", "> kMostTriangleRuns) return false;", "> 0) return false;"),),
     ),
     Row(
@@ -257,6 +257,50 @@ ROWS = (
                 "light/sphere.hpp",
                 "select(hit, 1.0f / (2.0f * kPi * sphere_one_minus_cos(dot(p, p), r, outside)), vfloat<W>(0.0f))};",
                 "select(hit, t * t / (dot(p + w * t, w) * -4.0f * kPi * r), vfloat<W>(0.0f))};",
+            ),
+        ),
+    ),
+    Row(
+        "discs by solid angle",
+        "by area",
+        scenes=("studio",),
+        edits=(
+            Edit(
+                "light/disk.hpp",
+                "concentric_disk(u, v, x, y);",
+                "concentric_disk(u, v, x, y);"
+                "const vvec3<W> there{x * r - p.x, y * r - p.y, -p.z};"
+                "const vfloat<W> far = length(there), by_area = far * far * far / (kPi * r * r * -p.z);"
+                "return {there * (1.0f / far), far, select(front, by_area, vfloat<W>(0.0f))};",
+            ),
+            Edit(
+                "light/disk.hpp",
+                "const vfloat<W> pdf = cone.pdf(cos2, sin2, cone.one_minus_cos(cos2, sin2));",
+                "const vfloat<W> pdf = t * t / (kPi * r * r * w.z) + 0.0f * (cos2 + sin2);",
+            ),
+        ),
+    ),
+    Row(
+        "cylinders by solid angle",
+        "by area, their far sides too",
+        scenes=("studio",),
+        edits=(
+            Edit(
+                "light/cylinder.hpp",
+                "const vfloat<W> theta_max = ",
+                "const SinCos<W> turn = sincos_turns(u);"
+                "const vvec3<W> there = vvec3<W>((2.0f * v - 1.0f) * h, r * turn.cos, r * turn.sin) - p;"
+                "const vfloat<W> far = length(there), cosine = (there.y * turn.cos + there.z * turn.sin) / far * -1.0f;"
+                "const vbool<W> facing = (outside > vfloat<W>(0.0f)) & (cosine > vfloat<W>(0.0f));"
+                "return {there * (1.0f / far), far, "
+                "select(facing, far * far / (cosine * 4.0f * kPi * r * h), vfloat<W>(0.0f))};"
+                "const vfloat<W> theta_max = ",
+            ),
+            Edit(
+                "light/cylinder.hpp",
+                "const vfloat<W> pdf = 1.0f / (2.0f * atan2(r, safe_sqrt(outside)) * line.difference);",
+                "const vfloat<W> pdf = t * t / (((p.y + w.y * t) * w.y + (p.z + w.z * t) * w.z) * -4.0f * kPi * h)"
+                " + 0.0f * line.difference;",
             ),
         ),
     ),

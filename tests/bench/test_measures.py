@@ -68,17 +68,17 @@ def test_a_run_of_some_rows_keeps_the_others():
     older: list[dict[str, object]] = [now[0] | {"error": 1.0}, *others]
     gone = {"name": second.name, "instead": "what no row says", "scene": second.scenes[0]}
     lacked = {"name": second.name, "instead": second.instead, "left_out": "not built"}
-    earlier = {"date": "2026-01-01", "cpu": "this one", "rows": [*older, gone, lacked]}
+    earlier = {"date": "2026-01-01", "cpu": "this one", "isa": "v4", "rows": [*older, gone, lacked]}
     kept = with_earlier(now, earlier)
     assert kept[0] == now[0]
-    assert kept[1:] == [{**row, "date": "2026-01-01", "cpu": "this one"} for row in older[1:]]
+    assert kept[1:] == [{**row, "date": "2026-01-01", "cpu": "this one", "isa": "v4"} for row in older[1:]]
     assert with_earlier(now, None) == now
 
 
-def test_worth_is_without_over_with_by_rounds():
-    base = [{"relmse": 0.1, "seconds": 1.0}, {"relmse": 0.1, "seconds": 2.0}, {"relmse": 0.1, "seconds": 4.0}]
-    without = [{"relmse": 0.3, "seconds": 0.5}, {"relmse": 0.3, "seconds": 1.0}, {"relmse": 0.4, "seconds": 2.0}]
-    assert _worth(base, without) == {"error": 3.0, "seconds": 0.5, "error_seconds": 1.5, "range": [1.5, 2.0]}
+def test_worth_is_without_over_with():
+    base = [{"relmse": 0.1, "seconds": 1.0}, {"relmse": 0.1, "seconds": 2.0}, {"relmse": 0.2, "seconds": 4.0}]
+    without = [{"relmse": 0.3, "seconds": 0.5}, {"relmse": 0.3, "seconds": 1.0}, {"relmse": 0.8, "seconds": 2.0}]
+    assert _worth(base, without) == {"error": 3.5, "seconds": 0.5, "error_seconds": 1.75, "range": [1.5, 2.0]}
 
 
 @pytest.mark.parametrize("row", [row for row in ROWS if row.edits], ids=lambda row: f"{row.name}, {row.instead}")

@@ -43,6 +43,8 @@ SCENE_TEXT = {
     "cove": "A room lit by two narrow strips behind ledges below its ceiling, at second hand everywhere; 8 scatterings.",
     "plastics": "Plastics from glossy to dull on a polished floor, in a closed room under two large lamps; 6 scatterings.",
     "signs": "A closed room lit by meshes: bent tubes, five bars, a globe, a panel of two triangles; 6 scatterings.",
+    "studio": "A closed room lit by two discs and three tubes close to what they light, and by a heap of glowing rings; "
+    "6 scatterings.",
     "showroom": "Metals from polished to rough in a closed room under 12 lamps; 6 scatterings.",
 }
 CURVES_TEXT = """Seconds are those of the picture alone; set-up is below. Columns: samples a second; the most samples a pixel
@@ -66,7 +68,8 @@ in brackets), beside the power that n log n looks like over the same range. Set-
 building, for the most items; seconds, and CPU seconds of all threads, whose power and share of an item are shown. The cost of
 a ray and the error are those of 160 x 90 pixels, 16 samples, 4 scatterings; the error is the render's own estimate."""
 ABLATIONS_TEXT = """Each row is the renderer without one thing, over the renderer as it is: error at equal samples, CPU seconds,
-and their product, by which more than 1 is what the thing is worth. Rows that need another build of the core are measured where
+and their product, by which more than 1 is what the thing is worth; of errors' means since 2026-11-25 (before: medians of the
+rounds' ratios), with the range of the rounds. Rows that need another build of the core are measured where
 `python -m tests.bench.ablations --build` has made it. Each was measured against the renderer of its day."""
 
 
@@ -212,7 +215,8 @@ def _ablations(made: Page) -> None:
     made.add("## Ablations", ABLATIONS_TEXT)
     if kept := latest("ablations"):
         made.about(kept)
-        made.add(tables.ablation_table([{"date": kept["date"], "cpu": kept["cpu"]} | row for row in kept["rows"]]))
+        where = {key: kept[key] for key in ("date", "cpu", "isa")}
+        made.add(tables.ablation_table([where | row for row in kept["rows"]]))
         made.loses(tables.ablations_lost(kept["rows"]))
         made.left_out += [
             f"without {row['name']} ({row['instead']}): {row['left_out']}" for row in kept["rows"] if "left_out" in row

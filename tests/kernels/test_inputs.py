@@ -10,6 +10,7 @@ from tests.described import Described, describe, image, kernels, lambert, look_a
 from tests.kernels.scenes import SCENES
 from tests.textured import FILE, glowing, plate, primvar, texture, with_primvars
 
+from primray import core
 from primray.description import Input, Interpolation, Placed, PrimvarInput, Prototype, Surface, TextureFile
 from primray.surface_upload import INPUT_FIELDS
 
@@ -27,7 +28,7 @@ def connected(surface: Surface) -> Surface:
     return replace(surface, inputs=inputs, **constants)
 
 
-@pytest.mark.parametrize("lanes", [1, 16])
+@pytest.mark.parametrize("lanes", [1, core.lanes()])
 @pytest.mark.parametrize("name", ["all lights", "materials", "instances", "smooth, lens"])
 def test_connected_constants_give_the_same_bits(name: str, lanes: int) -> None:
     constant = SCENES[name]()
@@ -37,7 +38,7 @@ def test_connected_constants_give_the_same_bits(name: str, lanes: int) -> None:
         varying = replace(constant, description=replace(constant.description, surfaces=some))
         scene = varying.build()
         assert scene.has_inputs
-        images = [render(s, 8, lanes=min(lanes, 16)).pixels(1.0) for s in (constant.build(), scene)]
+        images = [render(s, 8, lanes=lanes).pixels(1.0) for s in (constant.build(), scene)]
         assert np.array_equal(images[0], images[1])
 
 

@@ -176,8 +176,12 @@ struct Builder {
     if (r.count() > 1 && !only.far) block.clusters |= 1u << s;
   }
 
-  // A few more in place of nodes below them that would be nearly empty.
-  static int most_in(int count) { return count <= LightTree::kLastSlots ? LightTree::kLastSlots : LightTree::kMostSlots; }
+  // A few more in place of nodes below them that would be nearly empty, and fewer where those below are then full: a block that
+  // is not weighed, and not kept, is worth more than smaller clusters.
+  static int most_in(int count) {
+    if (count <= LightTree::kLastSlots) return LightTree::kLastSlots;
+    return count <= LightTree::kBlock * LightTree::kBlock ? LightTree::kBlock : LightTree::kMostSlots;
+  }
 
   // A node over these ranges.
   int32_t add_node(const std::vector<Range>& slots, int32_t parent, int32_t parent_slot, int depth) {

@@ -167,22 +167,24 @@ PRIMRAY_INLINE void weigh_block(const LightTable& table, const LightTree::Block&
   }
 }
 
-// Sums of 16 weights up to each and with it, added in one order on every machine.
+// Sums of 16 weights up to each and with it, added in one order on every machine: each to those 1, 2, 4 and 8 before it.
 PRIMRAY_INLINE void running_sums(const float* weights, float* sums) {
-#if defined(__AVX512F__)
-  const vint<16> lane = lane_numbers<16>();
-  vfloat<16> s = load<16>(weights);
-  for (int step = 1; step < 16; step *= 2)
-    s = s + select(lane >= vint<16>(step), permute(s, lane - vint<16>(step)), vfloat<16>(0.0f));
-  store(sums, s);
-#else
-  float s[2][16];
-  for (int i = 0; i < 16; ++i) s[0][i] = weights[i];
-  int from = 0;
-  for (int step = 1; step < 16; step *= 2, from ^= 1)
-    for (int i = 0; i < 16; ++i) s[from ^ 1][i] = s[from][i] + (i >= step ? s[from][i - step] : 0.0f);
-  for (int i = 0; i < 16; ++i) sums[i] = s[from][i];
-#endif
+  constexpr int N = kTreeLanes, kVectors = 16 / N;
+  const vint<N> lane = lane_numbers<N>();
+  vfloat<N> s[kVectors];
+  for (int k = 0; k < kVectors; ++k) s[k] = load<N>(weights + k * N);
+  for (int step = 1; step < 16; step *= 2) {
+    for (int k = kVectors - 1; k >= step / N; --k) {
+      if (step >= N) {
+        s[k] = s[k] + s[k - step / N];
+        continue;
+      }
+      const vint<N> from = lane - vint<N>(step);  // modulo N
+      const vfloat<N> before = k > 0 ? permute(s[k > 0 ? k - 1 : 0], from) : vfloat<N>(0.0f);
+      s[k] = s[k] + select(lane >= vint<N>(step), permute(s[k], from), before);
+    }
+  }
+  for (int k = 0; k < kVectors; ++k) store(sums + k * N, s[k]);
 }
 
 // The sum of 16 weights, added in one order on every machine.

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+EMITTING = ("glow", "ember")  # looks; to those who read this there is no difference
+
 
 class PlainScene:
     """The JSON of write_plain.py, and the files beside it."""

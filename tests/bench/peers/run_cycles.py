@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from .loop import Render, Save, Stages, run
-from .plain import PlainScene
+from .plain import EMITTING, PlainScene
+from .shapes import cylinder, disc, rectangle
 
 LIGHT_BOUNCES = 1024
 
@@ -75,7 +76,7 @@ def _look(bpy: Any, name: str, look: dict[str, Any]) -> Any:
         bsdf.distribution, bsdf.fresnel_type = "GGX", "F82"  # with a white edge: Schlick's
     elif look["kind"] == "plastic":
         bsdf = _node(tree, "ShaderNodeBsdfPrincipled", Base_Color=color, Roughness=look["roughness"], IOR=look["ior"])
-    elif look["kind"] == "glow":
+    elif look["kind"] in EMITTING:
         bsdf = _node(tree, "ShaderNodeEmission", Color=color, Strength=1.0)
     else:
         bsdf = _node(tree, "ShaderNodeBsdfDiffuse", Roughness=0.0, Color=color)
@@ -90,6 +91,9 @@ def _lights(bpy: Any, Matrix: Any, scene: PlainScene, world: Any, z_up: Any) -> 
         matrix = np.eye(4)
         if lamp["kind"] == "sky":
             _sky(bpy, scene, world, lamp)
+            continue
+        if lamp["kind"] == "tube":
+            _tube(bpy, world, z_up, lamp)
             continue
         if lamp["kind"] == "sun":
             matrix[:3, :3] = _frame(np.array(lamp["direction"]))
@@ -106,11 +110,12 @@ def _lights(bpy: Any, Matrix: Any, scene: PlainScene, world: Any, z_up: Any) -> 
             u, v = np.array(lamp["half_u"], float), np.array(lamp["half_v"], float)
             width, height = np.linalg.norm(u), np.linalg.norm(v)
             matrix[:3] = np.stack([u / width, -v / height, -np.cross(u / width, v / height), lamp["center"]], axis=1)
-            light = _light(bpy, "AREA", [c * math.pi * 4 * width * height for c in lamp["radiance"]])
-            light.shape, light.size, light.size_y = "RECTANGLE", 2 * width, 2 * height
-            center = np.array(lamp["center"])
-            corners = np.stack([center - u - v, center + u - v, center + u + v, center - u + v])
-            seen.append((corners, np.array([[0, 1, 2], [0, 2, 3]]), lamp["radiance"]))
+            round_one = lamp["kind"] == "disc"
+            area = (math.pi if round_one else 4) * width * height
+            light = _light(bpy, "AREA", [c * math.pi * area for c in lamp["radiance"]])
+            light.shape, light.size, light.size_y = "ELLIPSE" if round_one else "RECTANGLE", 2 * width, 2 * height
+            shape = (disc if round_one else rectangle)(lamp["center"], lamp["half_u"], lamp["half_v"])
+            seen.append((shape.points, shape.faces, lamp["radiance"]))
         placed = bpy.data.objects.new("light", light)
         placed.matrix_world = z_up @ Matrix(matrix.tolist())
         world.collection.objects.link(placed)
@@ -119,6 +124,17 @@ def _lights(bpy: Any, Matrix: Any, scene: PlainScene, world: Any, z_up: Any) -> 
     if world.world is None:
         world.world = bpy.data.worlds.new("dark")
         _node(_nodes(world.world), "ShaderNodeOutputWorld")
+
+
+def _tube(bpy: Any, world: Any, z_up: Any, lamp: dict[str, Any]) -> None:
+    """It has no lamp of that shape: a mesh."""
+    shape = cylinder(lamp["center"], lamp["half_u"], lamp["radius"])
+    mesh = bpy.data.meshes.new("tube")
+    mesh.from_pydata(shape.points.tolist(), [], shape.faces.tolist())
+    mesh.materials.append(_look(bpy, "tube", {"kind": EMITTING[0], "color": lamp["radiance"]}))
+    placed = bpy.data.objects.new("tube", mesh)
+    placed.matrix_world = z_up
+    world.collection.objects.link(placed)
 
 
 def _light(bpy: Any, kind: str, power: list[float]) -> Any:

@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 from .loop import Render, Save, Stages, run
-from .plain import PlainScene
+from .plain import EMITTING, PlainScene
 
 NEVER = 10**9
 
@@ -102,7 +102,7 @@ def _look(look: dict[str, Any]) -> Any:
         yield from (("type", "disney"), ("basecolor", color), ("metallic", 1.0), ("roughness", look["roughness"]))
     elif look["kind"] == "plastic":
         yield from (("type", "disney"), ("basecolor", color), ("specular", 0.5), ("roughness", look["roughness"]))
-    elif look["kind"] == "glow":
+    elif look["kind"] in EMITTING:
         yield from _glow(color)
     else:
         yield from (("type", "matte"), ("kd", color))
@@ -123,7 +123,7 @@ def _lamp(scene: PlainScene, lamp: dict[str, Any], name: str) -> Any:
         yield at + "transformation", [0.0, 0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
     elif lamp["kind"] == "sun":
         yield from ((at + "type", "sharpdistant"), (at + "direction", lamp["direction"]), (at + "color", color))
-    elif lamp["kind"] == "rect":
+    elif lamp["kind"] in ("rect", "disc", "tube"):
         for key, value in _glow(color):
             yield f"scene.materials.{name}.{key}", value
         yield f"scene.objects.{name}.ply", scene.ply(name)

@@ -7,7 +7,7 @@ import time
 from typing import Any
 
 from .loop import Render, Save, Stages, run
-from .plain import PlainScene
+from .plain import EMITTING, PlainScene
 
 
 def setup(scene: PlainScene, job: dict[str, Any]) -> tuple[Render, Save, Stages]:
@@ -41,7 +41,7 @@ def setup(scene: PlainScene, job: dict[str, Any]) -> tuple[Render, Save, Stages]
     }  # fmt: skip
     for name, look in scene["looks"].items():
         world[f"look_{name}"] = _bsdf(look)
-    glows = {name: _area(look["color"]) for name, look in scene["looks"].items() if look["kind"] == "glow"}
+    glows = {name: _area(look["color"]) for name, look in scene["looks"].items() if look["kind"] in EMITTING}
     for mesh, look in scene["objects"]:
         world[f"mesh_{mesh}"] = _ply(scene, mesh, look)
         if look in glows:
@@ -83,7 +83,7 @@ def _bsdf(look: dict[str, Any]) -> dict[str, Any]:
         base = {"type": "principled", "base_color": _rgb(look["color"]), "roughness": look["roughness"]}
         kind = {"metallic": 1.0} if look["kind"] == "metal" else {"metallic": 0.0, "eta": look["ior"]}
         return {"type": "twosided", "one": base | kind}
-    color = [0.0, 0.0, 0.0] if look["kind"] == "glow" else look["color"]
+    color = [0.0, 0.0, 0.0] if look["kind"] in EMITTING else look["color"]
     return {"type": "twosided", "one": {"type": "diffuse", "reflectance": _rgb(color)}}
 
 
@@ -101,11 +101,15 @@ def _emitter(scene: PlainScene, lamp: dict[str, Any], place: Any, np: Any) -> di
     area = _area(lamp["radiance"])
     if kind == "ball":
         return {"type": "sphere", "center": lamp["center"], "radius": lamp["radius"], "emitter": area}
+    if kind == "tube":
+        center, half = np.array(lamp["center"], float), np.array(lamp["half_u"], float)
+        ends = {"p0": (center - half).tolist(), "p1": (center + half).tolist()}
+        return {"type": "cylinder", "radius": lamp["radius"], "emitter": area} | ends
     u, v = np.array(lamp["half_u"], float), np.array(lamp["half_v"], float)
     normal = np.cross(u, v)
     matrix = np.eye(4)
     matrix[:3] = np.stack([u, v, normal / np.linalg.norm(normal), lamp["center"]], axis=1)
-    return {"type": "rectangle", "to_world": place(matrix), "emitter": area}
+    return {"type": "disk" if kind == "disc" else "rectangle", "to_world": place(matrix), "emitter": area}
 
 
 if __name__ == "__main__":

@@ -4,8 +4,10 @@ What they mean: y up, metres, linear Rec.709, a pinhole camera, box filter one p
 depth: surface scatterings (1 = direct light). diffuse: Lambert. metal: GGX, alpha = roughness squared, Schlick's Fresnel from
 the colour to 1. plastic: a diffuse base under GGX with the Fresnel term of an index of refraction of 1.5, as each renderer
 has it. glass: a smooth dielectric. glow: the colour is the radiance it emits, it reflects nothing; meshes of it are closed or
-have something black behind them, as renderers differ in what backs emit. rect and ball: the radiance they emit, the rect to
-one side (u x v). sun: without extent, its irradiance. sky: a latitude-longitude image (shapes.sky).
+have something black behind them, as renderers differ in what backs emit. ember: the same, in USD by the surface's material
+where a glow is a light of its own. rect, disc, tube and ball: the radiance they emit; the rect, and the disc inscribed in it,
+to one side (u x v); the tube, along u, from its lateral area, with something black at its ends. sun: without extent, its
+irradiance. sky: a latitude-longitude image (shapes.sky).
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from .shapes import Array, Triangles, ball, block, bumps, rectangle, rotations, sky, terrain, tube
+from .shapes import Array, Triangles, ball, block, bumps, cylinder, rectangle, rotations, sky, terrain, tube
 
 Rgb = tuple[float, float, float]
 
@@ -31,7 +33,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Look:
-    kind: str  # diffuse, metal, plastic, glass or glow
+    kind: str  # diffuse, metal, plastic, glass, glow or ember
     color: Rgb = (1.0, 1.0, 1.0)
     roughness: float = 0.0
     ior: float = 1.5
@@ -39,7 +41,7 @@ class Look:
 
 @dataclass(frozen=True)
 class Lamp:
-    kind: str  # rect, ball, sun or sky
+    kind: str  # rect, disc, tube, ball, sun or sky
     radiance: Rgb = (1.0, 1.0, 1.0)  # of a sun: its irradiance
     center: tuple[float, ...] = ()
     half_u: tuple[float, ...] = ()
@@ -288,6 +290,46 @@ def signs() -> Scene:
     return scene
 
 
+def studio() -> Scene:
+    """A closed room lit by round lamps close to what they light, two discs and three tubes, and by a heap of glowing rings."""
+    scene = Scene("studio", (480, 320), 6, Camera((0, 1.4, 3.6), (0, 1.0, -1), 62.0))
+    scene.looks = {
+        "plaster": Look("diffuse", (0.7, 0.68, 0.64)),
+        "floor": Look("diffuse", (0.42, 0.3, 0.2)),
+        "clay": Look("diffuse", (0.6, 0.32, 0.2)),
+        "black": Look("diffuse", (0.0, 0.0, 0.0)),
+        "steel": Look("metal", (0.7, 0.7, 0.72), 0.3),
+        "ember": Look("ember", (9.0, 3.2, 0.8)),
+    }
+    add_room(scene)
+    for side in (-1, 1):
+        scene.add(f"wall_{side + 1}", rectangle((3 * side, 1.5, 0), (0, 1.5, 0), (0, 0, -4.0 * side)), "plaster")
+    scene.add("table", block((-0.9, 0.4, -1.0), (0.7, 0.4, 0.45), 8), "clay")
+    scene.add("globe", ball(5, 0.16, (-0.7, 0.96, -1.0), smooth=True), "steel")
+    scene.add("chest", block((1.2, 0.45, -2.2), (0.6, 0.45, 0.5), -15), "clay")
+    scene.add("pot", ball(5, 0.25, (1.2, 1.15, -2.2), smooth=True), "steel")
+    # A pendant over the table, and a softbox at the wall.
+    scene.add("shade", block((-0.9, 1.47, -1.0), (0.34, 0.015, 0.34)), "black")
+    scene.lamps.append(Lamp("disc", (16.0, 13.0, 9.0), (-0.9, 1.45, -1.0), (0.32, 0, 0), (0, 0, 0.32)))
+    scene.add("softbox", block((2.93, 1.3, -0.6), (0.015, 0.72, 0.72)), "black")
+    scene.lamps.append(Lamp("disc", (1.6, 1.8, 2.2), (2.91, 1.3, -0.6), (0, 0, 0.7), (0, 0.7, 0)))
+    for k, (center, half) in enumerate(
+        [((-2.3, 1.2, -3.9), (0, 0.8, 0)), ((-1.9, 1.2, -3.9), (0, 0.8, 0)), ((1.2, 1.75, -2.9), (0.7, 0, 0))]
+    ):
+        scene.lamps.append(Lamp("tube", (6.0, 8.0, 11.0), center, half, radius=0.03))
+        scene.add(f"core_{k}", cylinder(center, half, 0.029, 32), "black")  # not every renderer's lamps are in light's way
+        for end in (-1, 1):
+            at = tuple(c + end * h * 1.02 for c, h in zip(center, half, strict=True))
+            scene.add(f"cap_{k}_{end + 1}", block(at, tuple(max(0.02 * h, 0.035) for h in half)), "black")
+    rng = np.random.default_rng(41)
+    around = np.arange(48) * (2 * np.pi / 48)
+    for k in range(9):
+        x, y, z = np.array([0.6, 0.32, 0.1]) + rng.uniform(-0.12, 0.12, 3)
+        ring = np.stack([0.18 * np.cos(around) + x, 0.18 * np.sin(around) + y, np.full(48, z)], axis=1)
+        scene.add(f"ring_{k}", tube(ring, 0.02, 8, closed=True), "ember")
+    return scene
+
+
 def plastics() -> Scene:
     """Plastics from glossy to dull on a polished wooden floor, in a closed room under two large lamps."""
     scene = Scene("plastics", (480, 320), 6, Camera((0, 1.6, 3.7), (0, 0.8, -1), 62.0))
@@ -327,4 +369,5 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "showroom": showroom,
     "plastics": plastics,
     "signs": signs,
+    "studio": studio,
 }

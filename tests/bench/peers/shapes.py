@@ -71,6 +71,30 @@ def tube(path: Array, radius: float, sides: int, closed: bool) -> Triangles:
     return Triangles(points, np.concatenate(faces).astype(np.int32))
 
 
+def disc(
+    center: Array | tuple[float, ...], half_u: tuple[float, ...], half_v: tuple[float, ...], sides: int = 256
+) -> Triangles:
+    """The ellipse that a rectangle of the same terms is about."""
+    c, u, v = np.asarray(center, float), np.asarray(half_u, float), np.asarray(half_v, float)
+    turn = np.arange(sides) * (2 * np.pi / sides)
+    rim = c + np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v
+    k = np.arange(1, sides - 1)
+    return Triangles(rim, np.stack([np.zeros_like(k), k, k + 1], axis=1).astype(np.int32))
+
+
+def cylinder(center: Array | tuple[float, ...], half: tuple[float, ...], radius: float, sides: int = 256) -> Triangles:
+    """Its lateral area, looking out."""
+    c, h = np.asarray(center, float), np.asarray(half, float)
+    across = np.cross(h, np.eye(3)[np.argmin(np.abs(h))])
+    across *= radius / np.linalg.norm(across)
+    turn = np.arange(sides) * (2 * np.pi / sides)
+    beside = np.cross(h, across) / np.linalg.norm(h)
+    circle = c + np.cos(turn)[:, None] * across + np.sin(turn)[:, None] * beside
+    k, after = np.arange(sides), (np.arange(sides) + 1) % sides
+    faces = np.concatenate([np.stack([k, after, after + sides], axis=1), np.stack([k, after + sides, k + sides], axis=1)])
+    return Triangles(np.concatenate([circle - h, circle + h]), faces.astype(np.int32))
+
+
 def bumps(points: Array, octaves: int, frequency: float, seed: int) -> Array:
     """Sums of five plane waves an octave, amplitudes halved and frequencies doubled from one to the next: (N, K) to (N,)."""
     rng = np.random.default_rng(seed)

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
 
-from .scenes import SCENES, Scene
-from .shapes import Triangles, rectangle
+from .scenes import SCENES, Lamp, Scene
+from .shapes import Triangles, cylinder, disc, rectangle
 from .write_usd import write_usd
+
+LAMP_SHAPES: dict[str, Callable[[Lamp], Triangles]] = {
+    "rect": lambda lamp: rectangle(lamp.center, lamp.half_u, lamp.half_v),
+    "disc": lambda lamp: disc(lamp.center, lamp.half_u, lamp.half_v),
+    "tube": lambda lamp: cylinder(lamp.center, lamp.half_u, lamp.radius),
+}
 
 
 def write_scene(name: str, folder: Path) -> None:
@@ -27,8 +34,8 @@ def write_scene(name: str, folder: Path) -> None:
     for mesh, shape in scene.meshes.items():
         _write_ply(folder / f"{name}_{mesh}.ply", shape)
     for k, lamp in enumerate(scene.lamps):
-        if lamp.kind == "rect":
-            _write_ply(folder / f"{name}_light_{k}.ply", rectangle(lamp.center, lamp.half_u, lamp.half_v))
+        if lamp.kind in LAMP_SHAPES:
+            _write_ply(folder / f"{name}_light_{k}.ply", LAMP_SHAPES[lamp.kind](lamp))
     if scene.placed is not None:
         np.save(folder / f"{name}_placed.npy", scene.placed.matrices().astype(np.float32))
     write_usd(scene, folder / f"{name}.usdc")

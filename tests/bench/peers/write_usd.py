@@ -24,7 +24,7 @@ def write_usd(scene: Scene, path: Path) -> None:
         UsdGeom.Xform.Define(stage, scope)
     stage.SetDefaultPrim(stage.GetPrimAtPath("/world"))
     for name, look in scene.looks.items():
-        if look.kind in ("metal", "plastic", "glass"):
+        if look.kind in ("metal", "plastic", "glass", "ember"):
             _material(stage, f"/world/looks/{name}", look)
     for mesh, bound in scene.objects:
         _mesh(stage, f"/world/geometry/{mesh}", scene.meshes[mesh], bound, scene.looks[bound])
@@ -40,9 +40,12 @@ def _material(stage: Usd.Stage, path: str, look: Look) -> None:
     material = UsdShade.Material.Define(stage, path)
     surface = UsdShade.Shader.Define(stage, f"{path}/surface")
     surface.CreateIdAttr("UsdPreviewSurface")
-    surface.CreateInput("diffuseColor", Types.Color3f).Set(Gf.Vec3f(*look.color))
+    glows = look.kind == "ember"  # on a black metal, which reflects nothing
+    surface.CreateInput("emissiveColor" if glows else "diffuseColor", Types.Color3f).Set(Gf.Vec3f(*look.color))
     surface.CreateInput("roughness", Types.Float).Set(look.roughness)
-    if look.kind == "metal":
+    if glows:
+        surface.CreateInput("diffuseColor", Types.Color3f).Set(Gf.Vec3f(0, 0, 0))
+    if look.kind in ("metal", "ember"):
         surface.CreateInput("metallic", Types.Float).Set(1.0)
     if look.kind == "glass":
         surface.CreateInput("opacity", Types.Float).Set(0.0)
@@ -91,17 +94,32 @@ def _light(stage: Usd.Stage, path: str, lamp: Lamp) -> None:
         dome.CreateTextureFileAttr(f"./{lamp.image}")
         dome.CreateTextureFormatAttr("latlong")
         return
-    light: UsdLux.SphereLight | UsdLux.RectLight | UsdLux.DistantLight
+    light: UsdLux.SphereLight | UsdLux.RectLight | UsdLux.DiskLight | UsdLux.CylinderLight | UsdLux.DistantLight
     if lamp.kind == "ball":
         light = UsdLux.SphereLight.Define(stage, path)
         light.CreateRadiusAttr(lamp.radius)
         light.AddTranslateOp().Set(Gf.Vec3d(*lamp.center))
-    elif lamp.kind == "rect":
-        light = UsdLux.RectLight.Define(stage, path)
+    elif lamp.kind == "tube":
+        light = UsdLux.CylinderLight.Define(stage, path)
+        half = float(np.linalg.norm(lamp.half_u))
+        light.CreateLengthAttr(2 * half)
+        light.CreateRadiusAttr(lamp.radius)
+        along = np.asarray(lamp.half_u) / half  # its x
+        across = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
+        across /= np.linalg.norm(across)
+        matrix = np.eye(4)
+        matrix[:3] = np.stack([along, across, np.cross(along, across), lamp.center], axis=1)
+        _place(light, matrix)
+    elif lamp.kind in ("rect", "disc"):
         u, v = np.asarray(lamp.half_u), np.asarray(lamp.half_v)
         width, height = np.linalg.norm(u), np.linalg.norm(v)
-        light.CreateWidthAttr(float(2 * width))
-        light.CreateHeightAttr(float(2 * height))
+        if lamp.kind == "rect":
+            light = UsdLux.RectLight.Define(stage, path)
+            light.CreateWidthAttr(float(2 * width))
+            light.CreateHeightAttr(float(2 * height))
+        else:
+            light = UsdLux.DiskLight.Define(stage, path)
+            light.CreateRadiusAttr(float(width))
         matrix = np.eye(4)  # it emits along -z, u x v: so its y is -v
         matrix[:3] = np.stack([u / width, -v / height, -np.cross(u / width, v / height), lamp.center], axis=1)
         _place(light, matrix)
