@@ -14,7 +14,7 @@ from .peers import loop
 from .peers.plain import PlainScene
 from .peers.scenes import SCENES, Scene, field_of_stones, hills
 from .peers.shapes import Triangles, ball, block, look_at, rectangle, sky
-from .peers.write_plain import write_scene
+from .peers.write_plain import LAMP_SHAPES, write_scene
 
 
 def volume(mesh: Triangles) -> float:
@@ -66,6 +66,36 @@ def test_usd_and_plain_files_are_one_scene(name, tmp_path):
         if lamp["kind"] == "rect":
             np.testing.assert_allclose(-to_world[2, :3], (0, -1, 0), atol=1e-6)  # its light goes down
     assert (tmp_path / f"{name}_{plain['objects'][0][0]}.ply").read_bytes().startswith(b"ply\n")
+
+
+def area(mesh: Triangles) -> float:
+    a, b, c = (mesh.points[mesh.faces[:, k]] for k in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def test_round_lamps_are_the_same_as_lights_and_as_meshes(tmp_path):
+    write_scene("studio", tmp_path)
+    stage = Usd.Stage.Open(str(tmp_path / "studio.usdc"))
+    kinds = set()
+    for k, lamp in enumerate(SCENES["studio"]().lamps):
+        prim = stage.GetPrimAtPath(f"/world/lights/light_{k}")
+        matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default()))
+        shape = LAMP_SHAPES[lamp.kind](lamp)
+        a, b, c = (shape.points[shape.faces[:, k]] for k in range(3))
+        normals = np.cross(b - a, c - a)
+        np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-6)
+        if lamp.kind == "disc":
+            radius = UsdLux.DiskLight(prim).GetRadiusAttr().Get()
+            assert area(shape) == pytest.approx(np.pi * radius**2, rel=1e-3)
+            assert (normals @ -matrix[2, :3] > 0).all()  # lights shine along -z
+        else:
+            light = UsdLux.CylinderLight(prim)
+            radius, length = light.GetRadiusAttr().Get(), light.GetLengthAttr().Get()
+            assert area(shape) == pytest.approx(2 * np.pi * radius * length, rel=1e-3)
+            assert np.ptp((shape.points - lamp.center) @ matrix[0, :3]) == pytest.approx(length)  # they lie along x
+            assert (np.sum(normals * ((a + b + c) / 3 - lamp.center), axis=1) > 0).all()
+        kinds.add(lamp.kind)
+    assert kinds == {"disc", "tube"}
 
 
 def test_matrices_are_what_an_instancer_makes_of_its_arrays(tmp_path, monkeypatch):
