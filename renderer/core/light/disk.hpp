@@ -30,12 +30,12 @@ PRIMRAY_INLINE void concentric_disk(vfloat<W> u, vfloat<W> v, vfloat<W>& x, vflo
 // that plane has the tangent 2 r z / g, the half angle across it the sine 2 r / (near + far), where g = near far + d^2 - r^2.
 template <int W>
 struct DiskCone {
-  vfloat<W> z, rho, r;                        // of the point: below the plane, and from the axis
-  vfloat<W> farthest;                         // distance
-  vfloat<W> towards_x, towards_y;             // unit, in the plane: from the point to the axis
-  vfloat<W> axis_out, axis_up;                // the cone's axis: along towards, and up
-  vfloat<W> tan2_along, tan2_across;          // squared tangents of the half angles
-  vfloat<W> stretch2_along, stretch2_across;  // 2 (1 - cos) / tan^2 of them: from the tangent plane to the map of equal area
+  vfloat<W> z, rho, r;                // of the point: below the plane, and from the axis
+  vfloat<W> farthest;                 // distance
+  vfloat<W> towards_x, towards_y;     // unit, in the plane: from the point to the axis
+  vfloat<W> axis_out, axis_up;        // the cone's axis: along towards, and up
+  vfloat<W> tan2_across, tan2_ratio;  // squared tangents of the half angles: of that across, and it over the other
+  vfloat<W> map_ratio;                // across over along in the map of equal area
 
   PRIMRAY_INLINE DiskCone(const vvec3<W>& p, vfloat<W> radius) : z(-p.z), r(radius) {
     rho = sqrt(p.x * p.x + p.y * p.y);
@@ -53,25 +53,24 @@ struct DiskCone {
     axis_out = out * length;
     axis_up = z * length;
     const vfloat<W> tan_along = size / g;
-    tan2_along = min(tan_along * tan_along, 1e30f);
     tan2_across = min(2.0f * r * r / g, 1e30f);
-    stretch2_along = stretch2(tan2_along);
-    stretch2_across = stretch2(tan2_across);
+    tan2_ratio = min(0.5f * g / z2, 1e30f);  // by squares of tangents it would be lost for the smallest discs
+    map_ratio = sqrt(tan2_ratio * stretch2(tan2_across) / stretch2(min(tan_along * tan_along, 1e30f)));
   }
 
+  // 2 (1 - cos) / tan^2: from the tangent plane to the map of equal area.
   static PRIMRAY_INLINE vfloat<W> stretch2(vfloat<W> tan2) {
     const vfloat<W> secant = sqrt(1.0f + tan2);
     return 2.0f / (secant * (1.0f + secant));
   }
   // 1 - cos of the half angle in the direction whose squared cosine and sine about the axis are given.
   PRIMRAY_INLINE vfloat<W> one_minus_cos(vfloat<W> cos2, vfloat<W> sin2) const {
-    const vfloat<W> tan2 = tan2_along * tan2_across / (cos2 * tan2_across + sin2 * tan2_along);
+    const vfloat<W> tan2 = tan2_across / (cos2 * tan2_ratio + sin2);
     return 0.5f * tan2 * stretch2(tan2);
   }
   // Density per solid angle in that direction, whose one_minus_cos is `height`.
   PRIMRAY_INLINE vfloat<W> pdf(vfloat<W> cos2, vfloat<W> sin2, vfloat<W> height) const {
-    const vfloat<W> along = stretch2_along * tan2_along, across = stretch2_across * tan2_across;
-    return sqrt(along * across) / ((cos2 * across + sin2 * along) * (2.0f * kPi) * height);
+    return map_ratio / ((cos2 * map_ratio * map_ratio + sin2) * (2.0f * kPi) * height);
   }
 };
 
@@ -81,12 +80,10 @@ PRIMRAY_INLINE LocalSample<W> disk_sample(const vvec3<W>& p, vfloat<W> r, vfloat
   const DiskCone<W> cone(p, r);
   vfloat<W> x, y;
   concentric_disk(u, v, x, y);
-  const vfloat<W> along = x * sqrt(cone.stretch2_along * cone.tan2_along);
-  const vfloat<W> across = y * sqrt(cone.stretch2_across * cone.tan2_across);
-  const vfloat<W> flat2 = along * along + across * across;
+  const vfloat<W> across = y * cone.map_ratio, flat2 = x * x + across * across;
   const vbool<W> aside = flat2 > vfloat<W>(0.0f);
   const vfloat<W> inverse = 1.0f / sqrt(select(aside, flat2, vfloat<W>(1.0f)));
-  const vfloat<W> cos_phi = select(aside, along * inverse, vfloat<W>(1.0f)), sin_phi = across * inverse;
+  const vfloat<W> cos_phi = select(aside, x * inverse, vfloat<W>(1.0f)), sin_phi = across * inverse;
   const vfloat<W> cos2 = cos_phi * cos_phi, sin2 = sin_phi * sin_phi, edge = cone.one_minus_cos(cos2, sin2);
   const vfloat<W> height = (x * x + y * y) * edge, sine = safe_sqrt(height * (2.0f - height));
   // Where that meets the plane, along `towards` and across it; rounding leads neither beyond the far end nor out of the disc.
