@@ -264,21 +264,7 @@ ROWS = (
         "discs by solid angle",
         "by area",
         scenes=("studio",),
-        edits=(
-            Edit(
-                "light/disk.hpp",
-                "concentric_disk(u, v, x, y);",
-                "concentric_disk(u, v, x, y);"
-                "const vvec3<W> there{x * r - p.x, y * r - p.y, -p.z};"
-                "const vfloat<W> far = length(there), by_area = far * far * far / (kPi * r * r * -p.z);"
-                "return {there * (1.0f / far), far, select(front, by_area, vfloat<W>(0.0f))};",
-            ),
-            Edit(
-                "light/disk.hpp",
-                "const vfloat<W> pdf = cone.pdf(cos2, sin2, cone.one_minus_cos(cos2, sin2));",
-                "const vfloat<W> pdf = t * t / (kPi * r * r * w.z) + 0.0f * (cos2 + sin2);",
-            ),
-        ),
+        edits=(Edit("light/disk.hpp", "> 32.0f * r * r;", "> 0.0f * r;"),),
     ),
     Row(
         "cylinders by solid angle",
