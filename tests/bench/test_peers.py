@@ -17,8 +17,12 @@ from .peers.shapes import Triangles, ball, block, look_at, rectangle, sky
 from .peers.write_plain import LAMP_SHAPES, write_scene
 
 
+def corners(mesh: Triangles) -> list[np.ndarray]:
+    return [mesh.points[mesh.faces[:, k]] for k in range(3)]
+
+
 def volume(mesh: Triangles) -> float:
-    a, b, c = (mesh.points[mesh.faces[:, k]] for k in range(3))
+    a, b, c = corners(mesh)
     return float((np.cross(a, b) * c).sum() / 6)
 
 
@@ -69,7 +73,7 @@ def test_usd_and_plain_files_are_one_scene(name, tmp_path):
 
 
 def area(mesh: Triangles) -> float:
-    a, b, c = (mesh.points[mesh.faces[:, k]] for k in range(3))
+    a, b, c = corners(mesh)
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
 
@@ -81,7 +85,7 @@ def test_round_lamps_are_the_same_as_lights_and_as_meshes(tmp_path):
         prim = stage.GetPrimAtPath(f"/world/lights/light_{k}")
         matrix = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default()))
         shape = LAMP_SHAPES[lamp.kind](lamp)
-        a, b, c = (shape.points[shape.faces[:, k]] for k in range(3))
+        a, b, c = corners(shape)
         normals = np.cross(b - a, c - a)
         np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-6)
         if lamp.kind == "disc":

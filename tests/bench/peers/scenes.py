@@ -193,6 +193,13 @@ def add_room(scene: Scene) -> None:
     scene.add("front", rectangle((0, 1.5, 4), (0, 1.5, 0), (3, 0, 0)), "plaster")
 
 
+def add_closed_room(scene: Scene) -> None:
+    """The same with side walls of plaster."""
+    add_room(scene)
+    for side in (-1, 1):
+        scene.add(f"wall_{side + 1}", rectangle((3 * side, 1.5, 0), (0, 1.5, 0), (0, 0, -4.0 * side)), "plaster")
+
+
 def cove() -> Scene:
     """A room lit by two narrow strips behind ledges below its ceiling: nothing that the camera sees has light at first hand."""
     scene = Scene("cove", (512, 320), 8, Camera((0, 1.4, 3.6), (0, 1.2, -1), 62.0))
@@ -244,9 +251,7 @@ def showroom() -> Scene:
         "floor": Look("diffuse", (0.4, 0.38, 0.36)),
         "steel": Look("metal", (0.56, 0.57, 0.58), 0.35),
     }
-    add_room(scene)
-    for side in (-1, 1):
-        scene.add(f"wall_{side + 1}", rectangle((3 * side, 1.5, 0), (0, 1.5, 0), (0, 0, -4.0 * side)), "plaster")
+    add_closed_room(scene)
     for k, roughness in enumerate((0.15, 0.25, 0.35, 0.5, 0.7)):
         scene.looks[f"metal_{k}"] = Look("metal", (0.9, 0.75, 0.5), roughness)
         scene.add(f"ball_{k}", ball(5, 0.4, (1.05 * (k - 2), 0.4, 0.2), smooth=True), f"metal_{k}")
@@ -270,9 +275,7 @@ def signs() -> Scene:
         "amber": Look("glow", (6.0, 4.0, 1.5)),
         "white": Look("glow", (24.0, 23.0, 21.0)),
     }
-    add_room(scene)
-    for side in (-1, 1):
-        scene.add(f"wall_{side + 1}", rectangle((3 * side, 1.5, 0), (0, 1.5, 0), (0, 0, -4.0 * side)), "plaster")
+    add_closed_room(scene)
     scene.add("table", block((-0.6, 0.4, -1.2), (0.8, 0.4, 0.45), 12), "clay")
     scene.add("chest", block((1.4, 0.55, -2.2), (0.5, 0.55, 0.5), -20), "clay")
     scene.add("ball", ball(5, 0.4, (1.0, 0.4, 0.2), smooth=True), "steel")
@@ -301,9 +304,7 @@ def studio() -> Scene:
         "steel": Look("metal", (0.7, 0.7, 0.72), 0.3),
         "ember": Look("ember", (9.0, 3.2, 0.8)),
     }
-    add_room(scene)
-    for side in (-1, 1):
-        scene.add(f"wall_{side + 1}", rectangle((3 * side, 1.5, 0), (0, 1.5, 0), (0, 0, -4.0 * side)), "plaster")
+    add_closed_room(scene)
     scene.add("table", block((-0.9, 0.4, -1.0), (0.7, 0.4, 0.45), 8), "clay")
     scene.add("globe", ball(5, 0.16, (-0.7, 0.96, -1.0), smooth=True), "steel")
     scene.add("chest", block((1.2, 0.45, -2.2), (0.6, 0.45, 0.5), -15), "clay")
@@ -337,9 +338,7 @@ def plastics() -> Scene:
         "plaster": Look("diffuse", (0.7, 0.68, 0.64)),
         "floor": Look("plastic", (0.42, 0.3, 0.2), 0.25),
     }
-    add_room(scene)
-    for side in (-1, 1):
-        scene.add(f"wall_{side + 1}", rectangle((3 * side, 1.5, 0), (0, 1.5, 0), (0, 0, -4.0 * side)), "plaster")
+    add_closed_room(scene)
     colors: list[Rgb] = [
         (0.7, 0.05, 0.04),
         (0.1, 0.5, 0.1),

@@ -82,10 +82,15 @@ def disc(
     return Triangles(rim, np.stack([np.zeros_like(k), k, k + 1], axis=1).astype(np.int32))
 
 
+def perpendicular(axis: Array) -> Array:
+    """To it, of some length."""
+    return np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+
+
 def cylinder(center: Array | tuple[float, ...], half: tuple[float, ...], radius: float, sides: int = 256) -> Triangles:
     """Its lateral area, looking out."""
     c, h = np.asarray(center, float), np.asarray(half, float)
-    across = np.cross(h, np.eye(3)[np.argmin(np.abs(h))])
+    across = perpendicular(h)
     across *= radius / np.linalg.norm(across)
     turn = np.arange(sides) * (2 * np.pi / sides)
     beside = np.cross(h, across) / np.linalg.norm(h)

@@ -9,7 +9,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
 from .scenes import Lamp, Look, Rgb, Scene
-from .shapes import Triangles, look_at
+from .shapes import Triangles, look_at, perpendicular
 
 Types = Sdf.ValueTypeNames
 CAMERA = "/world/camera"
@@ -105,7 +105,7 @@ def _light(stage: Usd.Stage, path: str, lamp: Lamp) -> None:
         light.CreateLengthAttr(2 * half)
         light.CreateRadiusAttr(lamp.radius)
         along = np.asarray(lamp.half_u) / half  # its x
-        across = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
+        across = perpendicular(along)
         across /= np.linalg.norm(across)
         matrix = np.eye(4)
         matrix[:3] = np.stack([along, across, np.cross(along, across), lamp.center], axis=1)
