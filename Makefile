@@ -57,6 +57,7 @@ format: setup  ## format Python and C++
 
 docs: setup  ## bring the generated pages and parts of README.md up to date
 	$(BIN)/python -m tests.docs.supported
+	$(BIN)/python -m tests.docs.decisions
 	$(BIN)/python -m tests.docs.hard_cases
 	$(BIN)/python -m tests.docs.openapi
 	$(BIN)/python -m tests.docs.fidelity
