@@ -56,7 +56,7 @@ format: setup  ## format Python and C++
 	$(if $(CORE_FORMATTED),$(BIN)/clang-format -i $(CORE_FORMATTED))
 
 docs: setup  ## bring the generated pages and parts of README.md up to date
-	$(BIN)/python -m tests.docs.supported
+	$(BIN)/python -m tests.docs.diagnostics
 	$(BIN)/python -m tests.docs.decisions
 	$(BIN)/python -m tests.docs.hard_cases
 	$(BIN)/python -m tests.docs.openapi

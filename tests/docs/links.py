@@ -28,7 +28,7 @@ def broken_links(page: Path) -> Iterator[str]:
 
 
 def headings(page: Path) -> set[str]:
-    """As GitHub names the places of a page: lower case, dashes for spaces, else only letters, digits, dashes and underscores."""
+    """As GitHub names a page's places: lower case, dashes for spaces, else only letters, digits, dashes and underscores."""
     if page.suffix != ".md":
         return set()
     titles = re.findall(r"^#+ (.+)$", without_code(page.read_text(encoding="utf-8"), spans=False), re.MULTILINE)

@@ -1,20 +1,22 @@
-"""README.md is true: its generated table is fresh, its exit codes are the errors', its commands and flags exist."""
+"""README.md and the pages of docs/ are true: figures are fresh, commands, flags and exit codes exist; README.md is short."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from primray import errors
 from primray.cli import run
 
-from .supported import BEGIN, END, README, with_table
+from . import readme_figures
+from .readme_figures import README, with_figures
 
 TEXT = README.read_text(encoding="utf-8")
 ROOT = README.parent
+MOST_LINES = 130
+PAGES = [README, ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 def error_classes(base: type[errors.PrimrayError] = errors.PrimrayError) -> Iterator[type[errors.PrimrayError]]:
@@ -25,15 +27,34 @@ def error_classes(base: type[errors.PrimrayError] = errors.PrimrayError) -> Iter
             yield from error_classes(derived)
 
 
-def test_the_table_is_fresh():
-    assert BEGIN in TEXT
-    assert END in TEXT
-    assert with_table(TEXT) == TEXT, "README.md is stale; run `make docs`"
+def commands(name: str) -> list[str]:
+    """What the pages show of a command of primray, without what is said beside it."""
+    text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+    return [line.partition(" #")[0] for line in re.findall(rf"^ +primray {name} .*$", text, re.MULTILINE)]
+
+
+def unknown_flags(command: str, known: set[str]) -> list[str]:
+    return [flag for flag in re.findall(r"(?<=\s)--?[a-zA-Z][a-zA-Z-]*", command) if flag not in known]
+
+
+def test_it_is_short():
+    assert TEXT.count("\n") <= MOST_LINES
+
+
+def test_pictures_come_first():
+    assert "](docs/showcase.png)" in TEXT[: TEXT.index("## ")]
+
+
+def test_its_figures_are_fresh():
+    assert readme_figures.BEGIN in TEXT
+    assert readme_figures.END in TEXT
+    assert with_figures(TEXT) == TEXT, "README.md is stale; run `make docs`"
 
 
 @pytest.mark.parametrize("error", list(error_classes()), ids=lambda error: error.__name__)
 def test_each_error_has_a_documented_exit_code(error):
-    documented = {int(code): meaning for code, meaning in re.findall(r"^\| (\d+) \| (.+) \|$", TEXT, re.MULTILINE)}
+    text = (ROOT / "docs" / "exit-codes.md").read_text(encoding="utf-8")
+    documented = {int(code): meaning for code, meaning in re.findall(r"^\| (\d+) \| (.+) \|$", text, re.MULTILINE)}
     assert error.exit_code in documented
     assert re.fullmatch(r"[a-z-]+", error.code)
 
@@ -44,20 +65,21 @@ def test_each_error_is_in_the_tree_at_the_top():
         assert error.__name__ in errors.__doc__
 
 
-def test_the_flags_it_names_exist(capsys: pytest.CaptureFixture[str]):
-    run(["render", "--help"])
+@pytest.mark.parametrize("name", ["render", "estimate", "merge", "compare", "inspect", "sheet"])
+def test_the_flags_they_name_exist(name: str, capsys: pytest.CaptureFixture[str]):
+    run([name, "--help"])
     known = set(re.findall(r"--?[a-zA-Z-]+", capsys.readouterr().out))
-    for command in re.findall(r"^\s*primray render .*$", TEXT, re.MULTILINE):
-        for flag in re.findall(r"(?<=\s)--?[a-zA-Z][a-zA-Z-]*", command):
-            assert flag in known, f"{flag} in: {command}"
+    assert commands(name)
+    for command in commands(name):
+        assert not unknown_flags(command, known), command
 
 
-def test_the_commands_it_names_exist():
+def test_flags_that_do_not_exist_are_seen():
+    assert unknown_flags("primray render a.usda --spp 4 --nothing x -o a.exr", {"--spp", "-o"}) == ["--nothing"]
+
+
+def test_the_commands_they_name_exist():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
-    for target in re.findall(r"\bmake ([a-z-]+)", TEXT):
-        assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
-
-
-def test_the_files_it_links_exist():
-    for link in re.findall(r"\]\(([^)#:]+)\)", TEXT):
-        assert Path(ROOT, link).exists(), link
+    for page in PAGES:
+        for target in re.findall(r"(?:`|^ {4})make ([a-z-]+)", page.read_text(encoding="utf-8"), re.MULTILINE):
+            assert re.search(rf"^{target}:", makefile, re.MULTILINE), f"{page.name}: {target}"

@@ -1,4 +1,4 @@
-"""README.md's table of what is and isn't supported, from diagnostics.CODES. `python -m tests.docs.supported` rewrites it."""
+"""docs/diagnostics.md's table, from diagnostics.CODES. `python -m tests.docs.diagnostics` rewrites it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from primray.diagnostics import CODES, Severity
 
-README = Path(__file__).resolve().parents[2] / "README.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "diagnostics.md"
 BEGIN = "<!-- generated from diagnostics.CODES by `make docs`: begin -->"
 END = "<!-- generated: end -->"
 
@@ -21,12 +21,12 @@ def table() -> str:
     return "\n".join(rows)
 
 
-def with_table(readme: str) -> str:
-    """The README with the table between its marks made new."""
-    before, _, rest = readme.partition(BEGIN)
+def with_table(page: str) -> str:
+    """The page with the table between its marks made new."""
+    before, _, rest = page.partition(BEGIN)
     _, _, after = rest.partition(END)
     return f"{before}{BEGIN}\n{table()}\n{END}{after}"
 
 
 if __name__ == "__main__":
-    README.write_text(with_table(README.read_text(encoding="utf-8")), encoding="utf-8")
+    PAGE.write_text(with_table(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
