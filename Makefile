@@ -15,7 +15,7 @@ PYTHON_SOURCES := $(wildcard renderer/primray service tests)
 SHOWCASE ?= $(firstword $(wildcard scenes/showcase/*/*.usda))
 DEMO = $(notdir $(patsubst %/,%,$(dir $(SHOWCASE))))
 
-.PHONY: help setup demo test test-long check format docs bench render-assets wheel clean
+.PHONY: help setup demo test test-long check format docs bench render-assets wheel release clean
 
 help:  ## list the commands
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
@@ -77,6 +77,9 @@ wheel: setup  ## build a wheel into dist/
 	@rm -rf dist
 	$(PIP) wheel --no-deps --no-build-isolation --wheel-dir dist .
 	@ls dist/*.whl
+
+release:  ## make a version, ready to be tagged: VERSION=x.y.z (.ci/release says what it checks)
+	@VERSION="$(VERSION)" CHECKED="$(CHECKED)" $(PYTHON) .ci/release
 
 clean:  ## remove everything that was made
 	rm -rf .venv build dist out .mypy_cache .ruff_cache .pytest_cache
