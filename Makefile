@@ -9,18 +9,23 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 # where Python may not write its caches each start would do that again (half of one).
 STARTED := numpy pxr OpenImageIO PyOpenColorIO typer pydantic pydantic_core rich typing_extensions.py
 INSTALL := $(PIP) install --no-compile
+SITE = $$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("platlib"))')
 CORE := $(shell find renderer/core -type f 2>/dev/null)
 CORE_FORMATTED = $(filter %.cpp %.hpp %.h,$(CORE))
-PYTHON_SOURCES := $(wildcard renderer/primray service tests)
+PYTHON_SOURCES := $(wildcard renderer service tests)
+# The ISA classes that `make setup` compiles the core for: this CPU's newest, and the one that PRIMRAY_ISA asks for.
+ISA := $(or $(PRIMRAY_ISA),own)
 SHOWCASE ?= $(firstword $(wildcard scenes/showcase/*/*.usda))
 DEMO = $(notdir $(patsubst %/,%,$(dir $(SHOWCASE))))
 
-.PHONY: help setup demo test test-long check format docs bench render-assets wheel release clean
+.PHONY: help setup cores demo test test-long check format docs bench render-assets wheel release clean
 
 help:  ## list the commands
 	@sed -n 's/^\([a-z-]*\):[^#]*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | awk -F'|' '{ printf "%-18s %s\n", $$1, $$2 }'
 
-setup: .venv/.installed  ## make .venv and build; .venv/bin/primray is there afterwards
+setup: .venv/.core-$(ISA)  ## make .venv and build for this CPU; .venv/bin/primray is there afterwards
+
+cores: .venv/.core-all  ## build for the older ISA classes too, as tests and PRIMRAY_ISA=v2 ask
 
 demo: setup  ## render a showcase scene to out/, as EXR and PNG
 	@test -n "$(SHOWCASE)" || { echo "make demo: no scene in scenes/showcase" >&2; exit 1; }
@@ -37,13 +42,13 @@ $(BIN)/python -m pytest --ignore=tests/service; others=$$?; wait $$service; serv
 echo tests/service; cat build/service-tests.log; [ $$others = 0 ] && [ $$service = 0 ]
 endef
 
-test: setup  ## run the tests
+test: cores  ## run the tests
 	@$(TESTS)
 
-test-long: setup  ## run all tests, the long ones too
+test-long: cores  ## run all tests, the long ones too
 	$(BIN)/python -m pytest -m ""
 
-check: setup  ## what must pass: format, lint, types, tests
+check: cores  ## what must pass: format, lint, types, tests
 	$(BIN)/ruff format --check $(PYTHON_SOURCES)
 	$(BIN)/ruff check $(PYTHON_SOURCES)
 	$(if $(CORE_FORMATTED),$(BIN)/clang-format --dry-run --Werror $(CORE_FORMATTED))
@@ -75,7 +80,7 @@ render-assets: setup  ## render every stage under ASSETS=DIR into a contact shee
 
 wheel: setup  ## build a wheel into dist/
 	@rm -rf dist
-	$(PIP) wheel --no-deps --no-build-isolation --wheel-dir dist .
+	$(BIN)/python renderer/core/build.py wheel
 	@ls dist/*.whl
 
 release:  ## make a version, ready to be tagged: VERSION=x.y.z (.ci/release says what it checks)
@@ -90,11 +95,12 @@ clean:  ## remove everything that was made
 	@test -n "$(PYTHON)" || { echo "make: no Python 3.11 to 3.14 with the venv module found; install one (Debian: python3-venv)," \
 	  "or name it: make PYTHON=/path/to/python3 ..." >&2; exit 1; }
 	$(PYTHON) -m venv --clear .venv
-	$(INSTALL) -r requirements-dev.lock
+	@echo "installing packages into .venv (a minute or so) ..."
+	@$(INSTALL) -r requirements-dev.lock
 	@touch $@
 
-.venv/.installed: .venv/.locked pyproject.toml renderer/primray/__init__.py $(CORE)
-	$(INSTALL) --no-deps --no-build-isolation --editable .
-	@site=$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("platlib"))'); cd $$site; \
-	$(CURDIR)/$(BIN)/python -m compileall -q $(CURDIR)/renderer/primray $(CURDIR)/service/primray_service $(STARTED)
-	@touch $@
+# One stamp for each ISA class that is there: an install has what it was asked for alone.
+.venv/.core-%: .venv/.locked pyproject.toml renderer/primray/__init__.py $(CORE)
+	@$(BIN)/python renderer/core/build.py install $*
+	@cd $(SITE); $(CURDIR)/$(BIN)/python -m compileall -q $(CURDIR)/renderer/primray $(CURDIR)/service/primray_service $(STARTED)
+	@rm -f .venv/.core-*; touch .venv/.core-own $@ $$(ls $(SITE)/primray | sed -n 's/^_core_\(v.\)\..*/.venv\/.core-\1/p')

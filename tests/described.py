@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -10,8 +9,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 
-from primray import core
+from primray import core, errors
 from primray.description import (
     Camera,
     Doubles,
@@ -39,7 +39,7 @@ from primray.texture import Texture
 
 DOME = TextureFile("dome", "raw")
 
-ISAS = tuple(name for name in ("v2", "v3", "v4") if all(f in core._cpu_flags() for f in core.ISA_FLAGS[name]))
+ISAS = tuple(reversed(core.runnable_isas()))
 
 
 @cache
@@ -47,9 +47,10 @@ def core_module(isa: str | None = None) -> Any:
     """One build of the core with Embree loaded: the default one, or that of an ISA class."""
     if isa is None:
         return core.module()
-    module = importlib.import_module(f"primray._core_{isa}")
-    module.load_embree(str(core._embree_path()))
-    return module
+    try:
+        return core.load(isa)
+    except errors.SettingsError as error:
+        pytest.skip(f"skipped: {error.message}")
 
 
 def kernels(isa: str | None = None) -> Any:

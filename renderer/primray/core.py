@@ -48,24 +48,29 @@ def _cpu_flags() -> set[str]:
     return set()
 
 
+def runnable_isas() -> list[str]:
+    """The ISA classes that this CPU runs, newest first."""
+    flags, runnable = _cpu_flags(), list[str]()
+    for name in reversed(ISA_FLAGS):  # each class has all of the older ones
+        if not ISA_FLAGS[name] <= flags:
+            break
+        runnable.insert(0, name)
+    return runnable
+
+
 @cache
 def isa() -> str:
     """The ISA class in use: the newest that the CPU has, unless PRIMRAY_ISA names one."""
-    flags = _cpu_flags()
-    available = [
-        name
-        for name in ISA_FLAGS
-        if all(f in flags for older in list(ISA_FLAGS)[list(ISA_FLAGS).index(name) :] for f in ISA_FLAGS[older])
-    ]
+    runnable = runnable_isas()
     wanted = os.environ.get("PRIMRAY_ISA")
     if wanted is None:
-        if not available:
+        if not runnable:
             raise errors.UnsupportedError("this CPU lacks SSE4.2 (x86-64-v2), the least that primray runs on", code="cpu")
-        return available[0]
+        return runnable[0]
     if wanted not in ISA_FLAGS:
         raise errors.SettingsError(f"PRIMRAY_ISA is {wanted!r}; it may be v2, v3 or v4")
-    if wanted not in available:
-        raise errors.SettingsError(f"PRIMRAY_ISA={wanted}, but this CPU offers {', '.join(available)}")
+    if wanted not in runnable:
+        raise errors.SettingsError(f"PRIMRAY_ISA={wanted}, but this CPU offers {', '.join(runnable)}")
     return wanted
 
 
@@ -92,7 +97,20 @@ def _embree_path() -> Path:
 @cache
 def module() -> Any:
     """The extension module for `isa()`, with Embree loaded."""
-    core = importlib.import_module(f"primray._core_{isa()}")
+    return load(isa())
+
+
+def load(isa: str) -> Any:
+    """The extension module for an ISA class, with Embree loaded."""
+    name = f"primray._core_{isa}"
+    try:
+        core = importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name != name:
+            raise
+        raise errors.SettingsError(
+            f"this build of primray has no {isa} core; in its source tree, `make cores` compiles all that this CPU runs"
+        ) from error
     core.load_embree(str(_embree_path()))
     return core
 
