@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,9 @@ from primray import __version__
 from .changelog import faults
 
 ROOT = Path(__file__).resolve().parents[2]
-FILES = (".ci/release", "CHANGELOG.md", "renderer/primray/__init__.py", "schemas/openapi.json")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+VERSION_FILE = PROJECT["tool"]["scikit-build"]["metadata"]["version"]["input"]
+FILES = (".ci/release", "CHANGELOG.md", "pyproject.toml", VERSION_FILE, "schemas/openapi.json")
 NEXT = f"{int(__version__.split('.')[0]) + 1}.0.0"
 ENTRY = "\n### Added\n\n- Something new.\n"
 
@@ -71,7 +74,7 @@ def test_a_release_is_a_commit_that_can_be_tagged(scratch):
     assert (scratch / "out/checked").exists()
     assert git(scratch, "log", "-1", "--format=%s") == f"Version {NEXT}"
     assert not git(scratch, "status", "--porcelain")
-    assert f'\n__version__ = "{NEXT}"\n' in (scratch / "renderer/primray/__init__.py").read_text(encoding="utf-8")
+    assert f'\n__version__ = "{NEXT}"\n' in (scratch / VERSION_FILE).read_text(encoding="utf-8")
     openapi = (scratch / "schemas/openapi.json").read_text(encoding="utf-8")
     assert openapi == (ROOT / "schemas/openapi.json").read_text(encoding="utf-8").replace(f'"{__version__}"', f'"{NEXT}"')
     changes = (scratch / "CHANGELOG.md").read_text(encoding="utf-8")
