@@ -8,7 +8,7 @@
       RenderCancelled        asked for, not a fault
       InternalError          ours: a failed core invariant, an unexpected Embree code
 
-`exit_code` is what the command line ends with; README.md documents them.
+`exit_code` is what the command line ends with; docs/exit-codes.md documents them.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 // guessed wrongly. Here a step has no branches: a node's children that the ray meets are all put on its stack, the nearest
 // last, and the top of the stack is its next. What a hit makes too far leaves the stack when the hit is found. Two dozen
 // rays take turns, so their steps overlap. On a terrain of 2 million triangles that takes half of Embree's time
-// (ARCHITECTURE.md).
+// (docs/decisions/tracing/rays-that-take-turns.md).
 //
 // A ray is followed alone, so that its bits do not depend on the others. Edges are tight: rays are sheared onto an axis,
 // corners with them, which rounds a corner alike for all triangles that share it (Woop, Benthin and Wald 2013, "Watertight

@@ -1,5 +1,5 @@
 // Pairs of triangles that share an edge, as quads are: Embree tests and stores both together, which takes two thirds of the
-// memory and of the time to build, and traces about a tenth faster than triangles do (ARCHITECTURE.md).
+// memory and of the time to build, and traces about a tenth faster than triangles do (docs/decisions/tracing).
 //
 // A pair is two triangles after each other, (a, c, d) and (a, b, c). Four of their six indices in a row, from the third on,
 // are then Embree's quad (d, a, b, c), which it cuts from a to c as well: it reads the triangles' own indices.
