@@ -4,9 +4,9 @@
 // theta_i|. Base layer as the specification has it: diffuse albedo / pi (1 - F(wo.h)) plus GGX with F = lerp(F0, F90, (1 -
 // wo.h)^5). That sum reflects more than it receives at grazing angles, so the diffuse lobe is multiplied by k(wo) k(wi), k =
 // min(1, (1 - E) / D) with E and D the albedos of both lobes: 1 where the specification conserves energy, reciprocal, and never
-// above it (docs/decisions/surfaces). The clearcoat takes from the base what it reflects: (1 - c Ec(wo)) (1 - c Ec(wi)). What is
-// not opaque passes without roughness: refracted if the geometry is closed, else straight on. Radiance along refracted paths is
-// kept as L / n^2, so no factor appears.
+// above it (docs/decisions/surfaces). The clearcoat takes from the base what it reflects: (1 - c Ec(wo)) (1 - c Ec(wi)). What
+// is not opaque passes without roughness: refracted if the geometry is closed, else straight on. Radiance along refracted paths
+// is kept as L / n^2, so no factor appears.
 #pragma once
 
 #include "bsdf/albedo.hpp"
