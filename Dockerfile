@@ -1,6 +1,6 @@
 # The render service as an image: built from the sources, run by an unprivileged user, with bubblewrap inside.
 #
-#   docker build -f deploy/Dockerfile -t primray .
+#   docker build -t primray .
 #   docker run -p 8700:8700 -v primray-data:/data primray
 #
 # Build arguments: PIP_CERT, a file mounted into the build with the certificates that pip is to trust (behind a proxy of your own).
