@@ -4,7 +4,7 @@
 #include "accel/cutout.hpp"
 #include "accel/grouped_geometry.hpp"
 #include "accel/sphere_geometry.hpp"
-#include "scene/error.hpp"
+#include "base/error.hpp"
 
 namespace primray {
 namespace {
@@ -105,11 +105,12 @@ void build_group(Scene& scene, Group& group) {
 bool build_without_embree(Scene& scene) {
   const Group& world = scene.groups[0];
   if (world.cutout_count + world.sphere_count + world.placement_count > 0) return false;
-  const uint32_t paired = paired_in(scene, world);
-  if (paired == 0)  // pairs mean many
-    scene.few = gather_few(scene.positions.data() + 3 * size_t(world.vertex_base),
-                           scene.indices.data() + 3 * size_t(world.triangle_base), world.triangle_count);
-  if (!scene.few.any()) scene.many = build_triangle_bvh(scene, paired);
+  const TriangleSoup soup{scene.positions.data() + 3 * size_t(world.vertex_base),
+                          scene.indices.data() + 3 * size_t(world.triangle_base), world.triangle_count,
+                          paired_in(scene, world)};
+  if (soup.paired == 0)  // pairs mean many
+    scene.few = gather_few(soup.positions, soup.indices, soup.count);
+  if (!scene.few.any()) scene.many = build_triangle_bvh(soup);
   return scene.few.any() || scene.many.any();
 }
 

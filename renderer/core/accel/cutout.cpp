@@ -4,7 +4,7 @@
 // that meets the edge of two triangles may be asked about twice, with the same answer.
 #include "accel/cutout.hpp"
 
-#include "scene/evaluate_inputs.hpp"
+#include "surface/evaluate_inputs.hpp"
 
 namespace primray {
 namespace {

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "math/matrix.hpp"
+#include "ray/grouped_hit.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {

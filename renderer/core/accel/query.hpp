@@ -1,8 +1,9 @@
 // What rays meet in a scene: by Embree, or without where the world is triangles alone.
 #pragma once
 
-#include "accel/few_triangles.hpp"
-#include "accel/interleaved.hpp"
+#include "accel/trace.hpp"
+#include "bvh/few_triangles.hpp"
+#include "bvh/interleaved.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {

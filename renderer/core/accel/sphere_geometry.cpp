@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "scene/error.hpp"
+#include "base/error.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {

@@ -1,7 +1,7 @@
 // Exact spheres and ellipsoids as user geometry: the same intersection for packets and single rays.
 #pragma once
 
-#include "accel/embree.hpp"
+#include "embree/embree.hpp"
 
 namespace primray {
 

@@ -1,7 +1,7 @@
 // See arrays.hpp.
 #include "bindings/arrays.hpp"
 
-#include "scene/error.hpp"
+#include "base/error.hpp"
 
 namespace primray {
 

@@ -1,7 +1,7 @@
 // The guide into caustics for Python, and for the tests its densities and samples at points.
 #include "bindings/arrays.hpp"
-#include "integrator/learn_caustics.hpp"
-#include "integrator/render.hpp"
+#include "pilot/learn_caustics.hpp"
+#include "render/render.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {

@@ -1,8 +1,8 @@
 // Film for Python: pictures out of it, and its state in and out, whole, for checkpoints and merging.
+#include "base/error.hpp"
 #include "bindings/arrays.hpp"
 #include "film/film.hpp"
 #include "film/frame_error.hpp"
-#include "scene/error.hpp"
 
 #include <algorithm>
 #include <cmath>

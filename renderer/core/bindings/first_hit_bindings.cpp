@@ -2,9 +2,9 @@
 // out.
 #include <nanobind/stl/string.h>
 
+#include "aov/first_hit.hpp"
+#include "base/error.hpp"
 #include "bindings/arrays.hpp"
-#include "integrator/first_hit.hpp"
-#include "scene/error.hpp"
 
 namespace primray {
 namespace {

@@ -1,7 +1,7 @@
 // The extension module: one for each ISA class, same contents.
-#include "accel/embree.hpp"
+#include "base/error.hpp"
 #include "bindings/arrays.hpp"
-#include "scene/error.hpp"
+#include "embree/embree.hpp"
 
 #include <nanobind/stl/string.h>
 

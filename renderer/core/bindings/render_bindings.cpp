@@ -2,11 +2,11 @@
 #include <nanobind/stl/pair.h>
 
 #include "bindings/arrays.hpp"
-#include "integrator/choose_splits.hpp"
-#include "integrator/learn_caustics.hpp"
-#include "integrator/learn_guide.hpp"
-#include "integrator/render.hpp"
-#include "integrator/replay.hpp"
+#include "pilot/choose_splits.hpp"
+#include "pilot/learn_caustics.hpp"
+#include "pilot/learn_guide.hpp"
+#include "render/render.hpp"
+#include "render/replay.hpp"
 
 namespace primray {
 namespace {

@@ -4,10 +4,10 @@
 
 #include <algorithm>
 
+#include "base/error.hpp"
 #include "bindings/arrays.hpp"
 #include "bindings/surface_input.hpp"
-#include "scene/builder.hpp"
-#include "scene/error.hpp"
+#include "build/builder.hpp"
 
 namespace primray {
 namespace {

@@ -2,7 +2,7 @@
 #include <nanobind/stl/string.h>
 
 #include "bindings/arrays.hpp"
-#include "subdivision/dice.hpp"
+#include "subdivision/dicing/dice.hpp"
 
 namespace primray {
 namespace {

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "bindings/arrays.hpp"
-#include "scene/surface.hpp"
+#include "bsdf/surface.hpp"
 
 namespace primray {
 

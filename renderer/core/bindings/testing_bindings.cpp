@@ -4,14 +4,15 @@
 #include <optional>
 
 #include "accel/build.hpp"
+#include "accel/query.hpp"
 #include "bindings/surface_input.hpp"
 #include "bindings/testing_rows.hpp"
 #include "bsdf/bsdf.hpp"
-#include "integrator/interaction.hpp"
+#include "build/input_facts.hpp"
 #include "light/portal.hpp"
 #include "sampler/sampler.hpp"
-#include "scene/input_facts.hpp"
-#include "scene/surface_emission.hpp"
+#include "surface/interaction.hpp"
+#include "surface/surface_emission.hpp"
 #include "texture/mip_pyramid.hpp"
 
 namespace primray {

@@ -1,7 +1,7 @@
 // Rays through the world's TriangleBvh in one stream, as a render's pools have them, for the tests.
-#include "accel/interleaved.hpp"
 #include "bindings/arrays.hpp"
 #include "bindings/testing_rows.hpp"
+#include "bvh/interleaved.hpp"
 
 namespace primray {
 namespace {

@@ -5,8 +5,8 @@
 #include <type_traits>
 #include <vector>
 
+#include "base/error.hpp"
 #include "bindings/arrays.hpp"
-#include "scene/error.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {

@@ -11,7 +11,7 @@
 
 #include "bsdf/albedo.hpp"
 #include "bsdf/ggx.hpp"
-#include "scene/surface.hpp"
+#include "bsdf/surface.hpp"
 
 namespace primray {
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "scene/error.hpp"
+#include "base/error.hpp"
 
 namespace primray {
 

@@ -8,18 +8,18 @@
 #include <cstdint>
 #include <vector>
 
+#include "light/choice/hierarchy.hpp"
+#include "light/choice/linking.hpp"
+#include "light/choice/tree.hpp"
 #include "light/cylinder.hpp"
 #include "light/disk.hpp"
 #include "light/distant.hpp"
 #include "light/dome.hpp"
-#include "light/hierarchy.hpp"
 #include "light/line.hpp"
-#include "light/linking.hpp"
 #include "light/rect.hpp"
 #include "light/shaping.hpp"
 #include "light/sphere.hpp"
 #include "light/textured_rect.hpp"
-#include "light/tree.hpp"
 
 namespace primray {
 
@@ -62,7 +62,7 @@ enum LightField : int {
 enum LightFlag : int32_t {
   kSheared = 1,
   kGeometry = 2,   // rays meet it as a shape of the scene, not as a light
-  kRectangle = 4,  // a mesh that is one (scene/emitter_rectangles.hpp)
+  kRectangle = 4,  // a mesh that is one (build/emitters/emitter_rectangles.hpp)
   kHidden = 16,    // the camera does not see it
   kSpecial = 32,   // its shadows are not the geometry's: light sampling alone finds it, with weight 1 (light/shadow.hpp)
   // Of geometry that is a light (UsdLux LightAPI, light:materialSyncMode):

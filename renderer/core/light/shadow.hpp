@@ -1,9 +1,9 @@
 // What lights do to their shadows (UsdLux ShadowAPI and shadow linking). "Special" lights are those whose shadows are not what
 // the geometry casts: light sampling alone finds them, so that their occlusion is decided in one place
-// (integrator/shadow_rays.hpp).
+// (path/shadow_rays.hpp).
 #pragma once
 
-#include "light/linking.hpp"
+#include "light/choice/linking.hpp"
 #include "math/power.hpp"
 
 namespace primray {

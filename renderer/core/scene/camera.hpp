@@ -4,9 +4,9 @@
 #include <cmath>
 #include <vector>
 
+#include "base/features.hpp"
 #include "math/matrix.hpp"
 #include "math/transcendental.hpp"
-#include "scene/features.hpp"
 
 namespace primray {
 

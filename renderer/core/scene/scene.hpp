@@ -1,37 +1,36 @@
 // The scene as the core renders it: flat float arrays, relative to the camera and scaled, joined by indices. Knows no USD.
 //
-// Folder: scene.hpp the data; builder.cpp fills it from double-precision input; camera.hpp the film's rays; surface_point.hpp
-// and evaluate_inputs.hpp read what varies over shapes, with the images of texture/. accel/ makes Embree scenes of it, light/
-// and bsdf/ read their tables, integrator/ walks paths through it. A `Group` is geometry with an Embree scene of its own: group
-// 0 is everything placed once, in world space; the others are prototypes in their own space, placed by instances.
-// Instances may stand in a prototype, which has no shapes then: Embree knows one level of instances, so such a prototype is
-// placed by accel/grouped_geometry.
+// Folder: scene.hpp and the tables beside it are the data, which build/ fills from double-precision input; camera.hpp the
+// film's rays. accel/ makes Embree scenes of it, surface/ reads what varies over shapes, light/ and bsdf/ read their tables,
+// path/ walks paths through it. A `Group` is geometry with an Embree scene of its own: group 0 is everything placed once, in
+// world space; the others are prototypes in their own space, placed by instances. Instances may stand in a prototype, which has
+// no shapes then: Embree knows one level of instances, so such a prototype is placed by accel/grouped_geometry.
 #pragma once
 
 #include <cstdint>
 #include <deque>
 #include <vector>
 
-#include "accel/cutout.hpp"
-#include "accel/embree.hpp"
-#include "accel/few_triangles.hpp"
-#include "accel/grouped_geometry.hpp"
-#include "accel/pairs.hpp"
-#include "accel/triangle_bvh.hpp"
+#include "bsdf/surface.hpp"
+#include "bsdf/surface_inputs.hpp"
+#include "bvh/few_triangles.hpp"
+#include "bvh/pairs.hpp"
+#include "bvh/triangle_bvh.hpp"
+#include "embree/embree.hpp"
 #include "light/light.hpp"
 #include "math/matrix.hpp"
+#include "ray/grouped_hit.hpp"
 #include "scene/camera.hpp"
-#include "scene/emitters.hpp"
-#include "scene/geometry_lights.hpp"
-#include "scene/light_outlines.hpp"
+#include "scene/embree_records.hpp"
+#include "scene/emitter_table.hpp"
+#include "scene/geometry_light_table.hpp"
+#include "scene/light_outline_table.hpp"
 #include "scene/primvars.hpp"
-#include "scene/surface.hpp"
-#include "scene/surface_inputs.hpp"
 #include "texture/texture.hpp"
 
 namespace primray {
 
-// Embree geometry numbers: in every group triangles, spheres, cut-out triangles and pairs of triangles (accel/pairs.hpp), and
+// Embree geometry numbers: in every group triangles, spheres, cut-out triangles and pairs of triangles (bvh/pairs.hpp), and
 // after them the placements in it, from its first on.
 constexpr uint32_t kTriangleGeometry = 0, kSphereGeometry = 1, kCutoutGeometry = 2, kFirstPlacement = kPairGeometry + 1;
 static_assert(kFirstPlacement <= 1 << kGeometryBits);
@@ -120,7 +119,7 @@ struct Scene {
   TriangleBvh many;
 
   rtc::Scene accel() const { return groups[0].accel.get(); }
-  // It has something that this build lacks (scene/features.hpp).
+  // It has something that this build lacks (base/features.hpp).
   bool needs_left_out() const;
   int64_t memory_bytes() const;
   int64_t texture_bytes() const;

@@ -5,7 +5,7 @@
 #include <bit>
 #include <cmath>
 
-#include "scene/error.hpp"
+#include "base/error.hpp"
 
 namespace primray {
 namespace {

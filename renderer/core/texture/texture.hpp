@@ -16,7 +16,7 @@ struct Texture {
   bool finest_only = false;  // read by cut-outs, which know no footprint
   std::vector<TextureImage> images;
   std::array<int32_t, kTileColumns * kTileRows> tiles{};  // index into images, or -1
-  // Least footprint that any ray can have on it, as an area in (s, t): see scene/texture_levels.cpp. Infinite: nothing wears
+  // Least footprint that any ray can have on it, as an area in (s, t): see build/texture_levels.cpp. Infinite: nothing wears
   // it.
   float least_footprint = 0;
 

@@ -1,0 +1,63 @@
+// See first_hit.hpp. Threads take tiles in any order; a pixel is written by one of them.
+#include "aov/first_hit.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <string>
+#include <thread>
+
+#include "aov/first_hit_task.hpp"
+#include "base/error.hpp"
+#include "film/film.hpp"
+#include "render/task_function.hpp"
+
+namespace primray {
+namespace {
+
+template <int W>
+void run(const Scene& scene, const PixelRect& r, FirstHitPlanes& planes) {
+  FirstHitTask<W> task(scene, planes);
+  if (planes.wants_points()) task.points(r);
+  if (planes.wants_filtered()) task.filtered(r);
+}
+
+using Run = void (*)(const Scene&, const PixelRect&, FirstHitPlanes&);
+
+Run run_of(int lanes) {
+  switch (lanes) {
+    case 1:
+      return run<1>;
+    case 4:
+      return run<4>;
+#if PRIMRAY_MAX_LANES >= 8
+    case 8:
+      return run<8>;
+#endif
+#if PRIMRAY_MAX_LANES >= 16
+    case 16:
+      return run<16>;
+#endif
+  }
+  throw Error("settings-error", "this build has no kernel of " + std::to_string(lanes) + " lanes");
+}
+
+}  // namespace
+
+void find_first_hits(const Scene& scene, int lanes, int threads, int first_row, int end_row, FirstHitPlanes& planes) {
+  const Run run_tile = run_of(lanes);
+  const int width = scene.camera.pixels.width, end = std::min(end_row, scene.camera.pixels.height);
+  const int across = (width + kTile - 1) / kTile, down = (std::max(end - first_row, 0) + kTile - 1) / kTile;
+  std::atomic<int> next{0};
+  const auto work = [&] {
+    set_float_mode();
+    for (int i; (i = next++) < across * down;) {
+      const int x = i % across * kTile, y = first_row + i / across * kTile;
+      run_tile(scene, {x, y, std::min(x + kTile, width), std::min(y + kTile, end)}, planes);
+    }
+  };
+  std::vector<std::thread> pool;
+  for (int i = 0; i < std::clamp(threads, 1, std::max(across * down, 1)); ++i) pool.emplace_back(work);
+  for (std::thread& t : pool) t.join();
+}
+
+}  // namespace primray

@@ -1,0 +1,245 @@
+// First hits of one tile of pixels, W rays at a time: see first_hit.hpp.
+#pragma once
+
+#include <limits>
+
+#include "accel/query.hpp"
+#include "aov/first_hit.hpp"
+#include "emitter/emitter.hpp"
+#include "path/emission.hpp"
+#include "sampler/sampler.hpp"
+#include "surface/evaluate_inputs.hpp"
+#include "surface/interaction.hpp"
+
+namespace primray {
+
+// Layers of half-present surfaces that a ray looks through; what is beyond counts as background.
+constexpr int kMostLayers = 256;
+// Of less than this presence a surface is looked through by point samples.
+constexpr float kThere = 0.5f;
+// The filtered samples' own, whatever the render's seed.
+constexpr uint32_t kFirstHitSeed = 0x2545f491u;
+
+// Reflectance (and transmittance) at normal incidence: what a denoiser divides by. It does not depend on the view, and no
+// surface has more than 1: F0 + (1 - F0) (diffuse + transmission), under the clearcoat's share.
+template <int W>
+PRIMRAY_INLINE vvec3<W> normal_albedo(const SurfaceRows<W>& rows, const vvec3<W>& color) {
+  const vvec3<W> one(vfloat<W>(1.0f)), f0 = rows.color(kF0);
+  const vvec3<W> base = f0 + (one - f0) * (rows.color(kDiffuse) * color + vvec3<W>(rows(kTransmission)));
+  const vfloat<W> coat = rows(kClearcoat) * rows(kClearcoatF0);
+  return base * (1.0f - coat) + vvec3<W>(coat);
+}
+
+struct PixelRect {
+  int x0, y0, x1, y1;
+};
+
+template <int W>
+class FirstHitTask {
+ public:
+  FirstHitTask(const Scene& scene, FirstHitPlanes& planes)
+      : scene_(scene), planes_(planes), center_(scene.camera), unit_(1.0 / scene.scale) {
+    center_.lens_radius = 0;
+    center_.filter.box_width = 0;
+    center_.filter.inverse_cdf.clear();
+  }
+
+  void points(const PixelRect& r) {
+    const int width = r.x1 - r.x0, count = width * (r.y1 - r.y0);
+    for (int at = 0; at < count; at += W) {
+      const I n = I(at) + lane_numbers<W>();
+      alignas(64) int32_t x[W], y[W];
+      for (int i = 0; i < W; ++i) {
+        const int k = n[i] < count ? n[i] : count - 1;
+        x[i] = r.x0 + k % width, y[i] = r.y0 + k / width;
+      }
+      const F half(0.5f), zero(0.0f);
+      const CameraRay<W> ray = center_.ray<W>(frame_x(x), frame_y(y), half, half, zero, zero);
+      B active = n < I(count);
+      clear(active, x, y);
+      follow(
+          active, ray, [&](B, const V&) {},
+          [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows) {
+            const B there = hit & (rows(kPresence) >= F(kThere));
+            if (any(there)) write(there, x, y, ray, hits, it);
+            return hit & !there;
+          });
+    }
+  }
+
+  // What a surface that the camera sees along unit `d` shines with, by its presence.
+  vvec3<W> shown(vbool<W> hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows,
+                 const vvec3<W>& d) const {
+    const F presence = rows(kPresence);
+    const V glow = rows.color(kEmission) * presence;
+    if (!scene_.geometry_lights.any()) return glow;
+    PathLanes<W> p;
+    p.ray.d = d, p.bsdf_pdf = F(0.0f), p.share = V(F(0.0f)), p.depth = I(0), p.link = I(kUnlinkedRow);
+    return shown_emission(scene_, hit, hits, it, p, glow, presence);
+  }
+
+  void filtered(const PixelRect& r) {
+    const int width = r.x1 - r.x0, slots = width * (r.y1 - r.y0) * kFilteredSamples;
+    double sums[6] = {};
+    for (int at = 0; at < slots; at += W) {
+      alignas(64) int32_t x[W], y[W];
+      alignas(64) uint32_t index[W];
+      for (int i = 0; i < W; ++i) {
+        const int slot = at + i < slots ? at + i : slots - 1, pixel = slot / kFilteredSamples;
+        x[i] = r.x0 + pixel % width, y[i] = r.y0 + pixel / width, index[i] = uint32_t(slot % kFilteredSamples);
+      }
+      const I px = frame_x(x), py = frame_y(y);
+      const Sampler<W> sampler{reverse_bits(load<W>(index)), Sampler<W>::pixel_seed(kFirstHitSeed, px, py, vuint<W>(0u))};
+      const Pair<W> film = sampler.pair(I(0), Purpose::kFilm), lens = sampler.pair(I(0), Purpose::kLens);
+      const CameraRay<W> ray = scene_.camera.ray<W>(px, py, film.u, film.v, lens.u, lens.v);
+      V albedo(F(0.0f)), emission(F(0.0f));
+      F left(1.0f);  // of the view that no layer has covered yet
+      follow(
+          I(at) + lane_numbers<W>() < I(slots), ray,
+          [&](B m, const V& light) { emission += select(m, light * left, V(F(0.0f))); },
+          [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows) {
+            const F presence = rows(kPresence);
+            const F share = left * presence;
+            albedo += select(hit, normal_albedo(rows, it.color) * share, V(F(0.0f)));
+            if (scene_.has_emission) emission += select(hit, shown(hit, hits, it, rows, ray.d) * left, V(F(0.0f)));
+            left = select(hit, left * (1.0f - presence), left);
+            return hit & (left > F(0.0f));
+          });
+      // In the order of the samples, so that the number of lanes does not show.
+      for (int i = 0; i < W && at + i < slots; ++i) {
+        const float own[6] = {albedo.x[i], albedo.y[i], albedo.z[i], emission.x[i], emission.y[i], emission.z[i]};
+        for (int c = 0; c < 6; ++c) sums[c] += own[c];
+        if (index[i] != kFilteredSamples - 1) continue;
+        const size_t p = pixel_of(x[i], y[i]);
+        for (int c = 0; c < 3; ++c) {
+          if (!planes_.albedo.empty()) planes_.albedo[3 * p + c] = float(sums[c] / kFilteredSamples);
+          if (!planes_.emission.empty()) planes_.emission[3 * p + c] = float(sums[3 + c] / kFilteredSamples);
+        }
+        for (double& s : sums) s = 0;
+      }
+    }
+  }
+
+ private:
+  using F = vfloat<W>;
+  using I = vint<W>;
+  using B = vbool<W>;
+  using V = vvec3<W>;
+
+  // Pixels are counted on the film, and by the camera on the frame that holds it.
+  size_t pixel_of(int x, int y) const { return size_t(y) * scene_.camera.pixels.width + x; }
+  I frame_x(const int32_t* x) const { return load<W>(x) + I(scene_.camera.pixels.x); }
+  I frame_y(const int32_t* y) const { return load<W>(y) + I(scene_.camera.pixels.y); }
+
+  // Goes along the rays from surface to surface. `light(lanes, L)`: L comes from lights and domes that are met before the next
+  // surface; `surface(lanes, ...)` gives the lanes that look through what they met.
+  template <class Light, class Surface>
+  PRIMRAY_INLINE void follow(B active, const CameraRay<W>& from, const Light& light, const Surface& surface) const {
+    PathLanes<W> p;
+    p.ray = {from.o, from.d, from.tnear, from.tfar};
+    p.beta = V(F(1.0f)), p.share = p.normal = V(F(0.0f));
+    p.bsdf_pdf = p.travelled = F(0.0f), p.splits = F(1.0f);
+    p.cone_width = F(scene_.camera.cone_width()), p.cone_spread = F(scene_.camera.cone_spread());
+    p.slot = p.depth = p.vertex = I(0), p.link = I(kUnlinkedRow);
+    for (int layer = 0; layer < kMostLayers && any(active); ++layer) {
+      const Hits<W> hits = intersect(scene_, true, active, p.ray);
+      B hit = active & (hits.geom != I(-1));
+      V gathered(F(0.0f));
+      const B covered = meet_lights(scene_.lights, active, hit, p, hits.t, gathered).covered;
+      hit &= !covered;
+      const B escaped = active & !hit & !covered;
+      if (!scene_.lights.domes.empty() && any(escaped))
+        gathered += select(escaped, meet_domes(scene_.lights, escaped, p), V(F(0.0f)));
+      light(active, gathered);
+      if (!any(hit)) return;
+      Interaction<W> it = interact(scene_, hit, p.ray, hits);
+      SurfaceRows<W> rows(scene_.surfaces, it.surface);
+      LaneRows<W> varying;
+      if (scene_.has_inputs && any(hit & (gather<W>(scene_.surface_inputs_of.data(), it.surface) >= I(0)))) {
+        const F width = p.cone_width + p.cone_spread * hits.t, cosine = abs(dot(it.ng, p.ray.d));
+        rows = evaluate_inputs(scene_, hit, hits, it.surface, width * width / max(cosine, 0.05f), it.ng, it.ns, varying);
+      }
+      active = surface(hit, hits, it, rows);
+      if (!any(active)) return;
+      // On beyond the surface, as paths go straight through it.
+      const F side = copysign(F(1.0f), dot(it.ng, p.ray.d));
+      const V o = it.p + it.ng * (it.offset * side);
+      const F gone = dot(it.p - p.ray.o, p.ray.d);
+      p.travelled += gone;
+      p.cone_width += p.cone_spread * gone;
+      p.ray.tfar = p.ray.tfar - dot(o - p.ray.o, p.ray.d);
+      p.ray.tnear = F(0.0f);
+      p.ray.o = o;
+      active &= p.ray.tfar > F(0.0f);
+    }
+  }
+
+  static void put(std::vector<float>& plane, size_t p, const V& v, int i) {
+    if (!plane.empty()) plane[3 * p] = v.x[i], plane[3 * p + 1] = v.y[i], plane[3 * p + 2] = v.z[i];
+  }
+
+  // What pixels have where nothing is seen.
+  void clear(B m, const int32_t* x, const int32_t* y) {
+    constexpr float kFar = std::numeric_limits<float>::infinity();
+    for (uint32_t b = bits(m); b; b &= b - 1) {
+      const int i = __builtin_ctz(b);
+      const size_t p = pixel_of(x[i], y[i]);
+      if (!planes_.depth.empty()) planes_.depth[p] = kFar;
+      if (!planes_.distance.empty()) planes_.distance[p] = kFar;
+      for (std::vector<int32_t>* ids : {&planes_.shape, &planes_.surface, &planes_.instance, &planes_.outer})
+        if (!ids->empty()) (*ids)[p] = -1;
+    }
+  }
+
+  void write(B m, const int32_t* x, const int32_t* y, const CameraRay<W>& ray, const Hits<W>& hits, const Interaction<W>& it) {
+    const HitGroup<W> in(scene_, m, hits);
+    const SurfacePoint<W> point(scene_, m, hits);
+    const F side = copysign(F(1.0f), -dot(it.ng, ray.d));
+    const V ng = it.ng * side, ns = it.ns * side;
+    const Affine<float>& c = scene_.camera.world_from_camera;
+    for (uint32_t b = bits(m); b; b &= b - 1) {
+      const int i = __builtin_ctz(b);
+      const size_t p = pixel_of(x[i], y[i]);
+      const dvec3 at{it.p.x[i], it.p.y[i], it.p.z[i]};
+      const dvec3 from_camera = at - dvec3(c.o), along{ray.d.x[i], ray.d.y[i], ray.d.z[i]};
+      const dvec3 from_start = at - dvec3(ray.o.x[i], ray.o.y[i], ray.o.z[i]);
+      const dvec3 seen{dot(from_camera, dvec3(c.x)), dot(from_camera, dvec3(c.y)), dot(from_camera, dvec3(c.z))};
+      if (!planes_.depth.empty()) planes_.depth[p] = float(-seen.z * unit_);
+      if (!planes_.distance.empty()) planes_.distance[p] = float(dot(from_start, along) * unit_);
+      if (!planes_.position.empty()) {
+        const dvec3 world = scene_.origin + at * unit_;
+        planes_.position[3 * p] = world.x, planes_.position[3 * p + 1] = world.y, planes_.position[3 * p + 2] = world.z;
+      }
+      if (!planes_.camera_position.empty()) {
+        float* to = &planes_.camera_position[3 * p];
+        to[0] = float(seen.x * unit_), to[1] = float(seen.y * unit_), to[2] = float(seen.z * unit_);
+      }
+      put(planes_.normal, p, ns, i), put(planes_.geometric, p, ng, i);
+      if (!planes_.shape.empty()) planes_.shape[p] = point.is_triangle[i] ? it.mesh[i] : -2 - it.sphere[i];
+      if (!planes_.surface.empty()) planes_.surface[p] = it.surface[i];
+      if (!planes_.instance.empty() && in.instanced[i]) planes_.instance[p] = in.instance[i];
+      if (!planes_.outer.empty() && in.grouped[i]) planes_.outer[p] = in.outer[i];
+    }
+    for (PrimvarPlane& plane : planes_.primvars) write_primvar(plane, m, x, y, point);
+  }
+
+  void write_primvar(PrimvarPlane& plane, B m, const int32_t* x, const int32_t* y, const SurfacePoint<W>& point) {
+    const PrimvarLanes<W> whole(scene_, m, point, plane.names[1]), read(scene_, m, point, plane.names[0]);
+    for (int k = 0; k < plane.width; ++k) {
+      const F a = whole.interpolate(scene_, point, k, 0.0f), b = read.interpolate(scene_, point, k, 0.0f);
+      for (uint32_t left = bits(m); left; left &= left - 1) {
+        const int i = __builtin_ctz(left);
+        const PrimvarLanes<W>& own = whole.present[i] ? whole : read;
+        const bool has = own.present[i] && k < own.width[i];
+        plane.values[pixel_of(x[i], y[i]) * plane.width + k] = has ? (whole.present[i] ? a[i] : b[i]) : 0.0f;
+      }
+    }
+  }
+
+  const Scene& scene_;
+  FirstHitPlanes& planes_;
+  Camera center_;  // without lens and filter
+  const double unit_;
+};
+
+}  // namespace primray

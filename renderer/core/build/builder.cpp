@@ -1,0 +1,270 @@
+// Filling the scene; lights are in builder_lights.cpp.
+#include "build/builder.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <unordered_map>
+#include <utility>
+
+#include "accel/build.hpp"
+#include "base/error.hpp"
+#include "build/input_facts.hpp"
+#include "build/lights/light_rows.hpp"
+#include "build/lights/shaping_rows.hpp"
+
+namespace primray {
+namespace {
+
+constexpr size_t kMaxElements = size_t(1) << 31;  // gathers address elements by 32-bit signed numbers
+
+void put(std::vector<float>& v, const dvec3& p) { v.insert(v.end(), {float(p.x), float(p.y), float(p.z)}); }
+
+bool is_finite(const daffine& m) {
+  double s = 0;
+  for (const dvec3* c : {&m.x, &m.y, &m.z, &m.o}) s += c->x * 0 + c->y * 0 + c->z * 0;
+  return s == 0;
+}
+
+// Whether a map is invertible for our purposes: its determinant beyond rounding.
+bool is_regular(const daffine& m) {
+  const double size = length(m.x) * length(m.y) * length(m.z);
+  return is_finite(m) && size > 0 && std::fabs(m.determinant()) > 1e-14 * size;
+}
+
+}  // namespace
+
+SceneBuilder::SceneBuilder(dvec3 origin, double scale) : scene_(std::make_unique<Scene>()) {
+  scene_->origin = origin;
+  scene_->scale = scale;
+  begin_prototype(origin, scale);
+}
+
+int SceneBuilder::begin_prototype(dvec3 center, double scale) {
+  group_origin_ = center, group_scale_ = scale;
+  Group g;
+  g.triangle_base = uint32_t(scene_->indices.size() / 3), g.vertex_base = uint32_t(scene_->positions.size() / 3);
+  g.sphere_base = uint32_t(scene_->spheres.size());
+  scene_->groups.push_back(std::move(g));
+  outside_from_group_.push_back({{1 / scale, 0, 0}, {0, 1 / scale, 0}, {0, 0, 1 / scale}, center});
+  group_from_outside_.push_back({{scale, 0, 0}, {0, scale, 0}, {0, 0, scale}, center * -scale});
+  return int(scene_->groups.size()) - 1;
+}
+
+void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_object) {
+  Scene& s = *scene_;
+  Group& group = s.groups.back();
+  const size_t points = mesh.points.size() / 3, triangles = mesh.triangles.size() / 3;
+  if (s.positions.size() + 3 * points >= kMaxElements || s.indices.size() + 3 * triangles >= kMaxElements)
+    throw Error("too-large", "more than 715 million points or triangles");
+  const int32_t first_vertex = int32_t(s.positions.size() / 3), first_triangle = int32_t(s.indices.size() / 3);
+  for (size_t i = 0; i < points; ++i) {
+    const float* p = &mesh.points[3 * i];
+    put(s.positions, to_group(group_from_object.point({p[0], p[1], p[2]})));
+  }
+  // A mirrored mesh keeps its outside by turning its triangles around; attributes by corner turn with them.
+  const bool mirrored = group_from_object.determinant() < 0;
+  const int order[3] = {0, mirrored ? 2 : 1, mirrored ? 1 : 2};
+  const uint32_t base = uint32_t(first_vertex) - group.vertex_base;
+  for (size_t t = 0; t < triangles; ++t)
+    for (int k : order) s.indices.push_back(base + uint32_t(mesh.triangles[3 * t + k]));
+
+  MeshTable& table = s.meshes;
+  const auto add_vectors = [&](std::vector<float>& to, std::span<const float> from, Attribute kind, auto convert) {
+    const int32_t at = int32_t(to.size());
+    if (to.size() + from.size() >= kMaxElements) throw Error("too-large", "more than 715 million normals or colours");
+    for (size_t i = 0; i < from.size() / 3; ++i) {
+      const size_t j = kind == Attribute::kCorner ? i - i % 3 + order[i % 3] : i;
+      put(to, convert(dvec3{from[3 * j], from[3 * j + 1], from[3 * j + 2]}));
+    }
+    return at;
+  };
+  const dvec3 cx = cross(group_from_object.y, group_from_object.z), cy = cross(group_from_object.z, group_from_object.x),
+              cz = cross(group_from_object.x, group_from_object.y);
+  // All by one factor and not each to length 1: normals are interpolated as the object has them, here as in instances.
+  const double largest = std::max({length(cx), length(cy), length(cz)});
+  const double factor = (mirrored ? -1 : 1) / (largest > 0 ? largest : 1.0);
+  const int32_t normals = add_vectors(s.normals, mesh.normals, mesh.normal_kind,
+                                      [&](const dvec3& n) { return (cx * n.x + cy * n.y + cz * n.z) * factor; });
+  const int32_t colors = add_vectors(s.colors, mesh.colors, mesh.color_kind, [](const dvec3& c) { return c; });
+
+  last_mesh_rows_ = table.surface.size(), last_mirrored_ = mirrored, last_is_sphere_ = false;
+  // One row for each surface that the mesh wears; most wear one.
+  std::unordered_map<int32_t, int32_t> row_of_surface;
+  for (size_t t = 0; t < triangles; ++t) {
+    const int32_t surface = mesh.surfaces[mesh.surfaces.size() == 1 ? 0 : t];
+    if (t > 0 && mesh.surfaces.size() == 1) {
+      s.triangle_mesh.push_back(s.triangle_mesh.back());
+      continue;
+    }
+    const auto [row, is_new] = row_of_surface.try_emplace(surface, int32_t(table.surface.size()));
+    if (is_new) {
+      table.surface.push_back(surface);
+      table.normals.push_back(int32_t(mesh.normal_kind)), table.colors.push_back(int32_t(mesh.color_kind));
+      table.normal_base.push_back(normals), table.color_base.push_back(colors);
+      table.triangle_base.push_back(first_triangle), table.vertex_base.push_back(first_vertex);
+      if (s.lights.links.any()) table.link.push_back(link_row_);
+      s.primvars.of_mesh.insert(s.primvars.of_mesh.end(), s.primvars.names, -1);
+    }
+    s.triangle_mesh.push_back(row->second);
+  }
+  group.vertex_count += uint32_t(points);
+  if (group.cutout_count > 0 && !mesh.cutout) throw Error("internal", "a mesh comes after its group's cut-outs");
+  (mesh.cutout ? group.cutout_count : group.triangle_count) += uint32_t(triangles);
+  s.has_cutouts |= mesh.cutout && triangles > 0;
+  s.has_attributes |= mesh.normal_kind != Attribute::kNone || mesh.color_kind != Attribute::kNone;
+}
+
+bool SceneBuilder::add_sphere(double radius, int32_t surface, const daffine& group_from_object) {
+  last_sphere_taken_ = false, last_is_sphere_ = true;
+  const daffine size{{radius, 0, 0}, {0, radius, 0}, {0, 0, radius}, dvec3(0.0)};
+  const daffine m = group_from_outside_.back() * group_from_object * size;
+  if (!is_regular(m)) return false;
+  const daffine inv = inverse(m);
+  SphereRecord r;
+  const dvec3 *columns[] = {&m.x, &m.y, &m.z, &m.o}, *inverse_columns[] = {&inv.x, &inv.y, &inv.z, &inv.o};
+  for (int k = 0; k < 4; ++k) {
+    r.group_from_object[3 * k] = float(columns[k]->x), r.group_from_object[3 * k + 1] = float(columns[k]->y),
+                            r.group_from_object[3 * k + 2] = float(columns[k]->z);
+    r.object_from_group[3 * k] = inverse_columns[k]->x, r.object_from_group[3 * k + 1] = inverse_columns[k]->y,
+                            r.object_from_group[3 * k + 2] = inverse_columns[k]->z;
+  }
+  scene_->spheres.push_back(r);
+  scene_->sphere_surface.push_back(surface);
+  if (scene_->lights.links.any()) scene_->sphere_link.push_back(link_row_);
+  scene_->primvars.of_sphere.insert(scene_->primvars.of_sphere.end(), scene_->primvars.names, -1);
+  last_sphere_taken_ = true;
+  scene_->groups.back().sphere_count++;
+  scene_->has_spheres = true;
+  return true;
+}
+
+void SceneBuilder::reserve_triangles(size_t points, size_t triangles) {
+  if (3 * points >= kMaxElements || 3 * triangles >= kMaxElements)
+    throw Error("too-large", "more than 715 million points or triangles");
+  scene_->positions.reserve(3 * points + 4);  // and what finish() adds
+  scene_->indices.reserve(3 * triangles + 1), scene_->triangle_mesh.reserve(triangles);
+}
+
+void SceneBuilder::reserve_instances(size_t count) {
+  if (count >= kMaxElements / 12) throw Error("too-large", "more than 178 million instances");
+  scene_->world_from_group.reserve(12 * count);
+}
+
+void SceneBuilder::begin_placement(int parent, int prototype) {
+  Scene& s = *scene_;
+  parent_ = parent, undo_ = outside_from_group_[prototype], redo_ = group_from_outside_[parent];
+  Group& group = s.groups[parent];
+  if (group.placement_count == 0) group.placement_base = uint32_t(s.placement_group.size());
+  s.placement_group.push_back(prototype);
+  s.placement_instance.push_back(int32_t(s.world_from_group.size() / 12));
+  s.primvars.of_placement.insert(s.primvars.of_placement.end(), s.primvars.names, -1);
+}
+
+std::vector<int64_t> SceneBuilder::add_instances(std::span<const double> rows) {
+  std::vector<float>& to = scene_->world_from_group;
+  if (to.size() + rows.size() >= kMaxElements) throw Error("too-large", "more than 178 million instances");
+  std::vector<int64_t> left_out;
+  for (size_t i = 0; i < rows.size(); i += 12) {
+    const daffine parent_from_prototype = affine_from_rows(&rows[i]);
+    if (!is_regular(parent_from_prototype)) {
+      left_out.push_back(int64_t(i / 12));
+      continue;
+    }
+    const daffine m = redo_ * (parent_from_prototype * undo_);
+    for (const dvec3* c : {&m.x, &m.y, &m.z, &m.o}) put(to, *c);
+  }
+  return left_out;
+}
+
+void SceneBuilder::end_placement() {
+  Scene& s = *scene_;
+  const Group& g = s.groups[s.placement_group.back()];
+  const size_t first = size_t(s.placement_instance.back()) * 12;
+  if (g.empty() || s.world_from_group.size() == first) {
+    s.world_from_group.resize(first);
+    s.placement_group.pop_back(), s.placement_instance.pop_back();
+    s.primvars.of_placement.resize(s.primvars.of_placement.size() - s.primvars.names);
+    last_placement_taken_ = false;
+    return;
+  }
+  last_placement_taken_ = true;
+  s.groups[parent_].placement_count++;
+  s.has_instances = true;
+  s.has_grouped |= g.placement_count > 0;
+}
+
+int SceneBuilder::add_ies_profile(const IesInput& profile) { return add_ies(profile, scene_->lights.shaping.profiles); }
+
+void SceneBuilder::set_camera(const CameraInput& c) {
+  Scene& s = *scene_;
+  Camera& camera = s.camera;
+  const daffine& m = c.world_from_camera;
+  camera.width = c.width, camera.height = c.height, camera.pixels = c.pixels, camera.orthographic = c.orthographic;
+  camera.world_from_camera = {vec3(m.x), vec3(m.y), vec3(m.z), vec3((m.o - s.origin) * s.scale)};
+  const double unit = c.orthographic ? s.scale : 1.0;
+  camera.left = float(c.window[0] * unit), camera.right = float(c.window[1] * unit);
+  camera.bottom = float(c.window[2] * unit), camera.top = float(c.window[3] * unit);
+  // Embree's rays see nothing before their origin.
+  const double back = std::max(0.0, -c.near);
+  camera.back = float(back * s.scale);
+  camera.near = float((c.near + back) * s.scale), camera.far = float((c.far + back) * s.scale);
+  for (size_t i = 0; i + 4 <= c.clipping_planes.size(); i += 4) {
+    const double* p = &c.clipping_planes[i];
+    const double size = std::max({std::fabs(p[0]), std::fabs(p[1]), std::fabs(p[2])}), unit = size > 0 ? 1 / size : 1;
+    camera.clipping_planes.push_back(
+        {float(p[0] * unit), float(p[1] * unit), float(p[2] * unit), float(std::clamp(p[3] * unit * s.scale, -3e38, 3e38))});
+  }
+  camera.blades = c.blades, camera.shutter_open = c.shutter_open;
+  camera.first_corner = float(c.blade_rotation_deg / 360 - std::floor(c.blade_rotation_deg / 360));
+  camera.lens_radius = float(c.lens_radius * s.scale), camera.focus_distance = float(c.focus_distance * s.scale);
+  camera.filter.box_width = c.filter_width;
+  camera.filter.inverse_cdf.assign(c.filter_inverse_cdf.begin(), c.filter_inverse_cdf.end());
+}
+
+std::unique_ptr<Scene> SceneBuilder::finish() {
+  Scene& s = *scene_;
+  s.positions.insert(s.positions.end(), 4, 0.0f);  // Embree reads 16 bytes of the last vertex
+  s.indices.push_back(0);                          // as the core does of the last triangle
+  for (size_t i = 0; i < s.surfaces.rows.size(); i += kSurfaceFields) {
+    const float* row = &s.surfaces.rows[i];
+    const int flags = int(row[kFlags]);
+    s.has_emission |= (flags & kEmits) != 0;
+    s.has_thin |= ((flags & kThin) && row[kTransmission] > 0) || row[kPresence] < 1;
+  }
+  note_inputs(s);
+  s.has_emission |= s.geometry_lights.any();
+  if (!s.lights.portals.empty()) s.lights.portals.resize(s.lights.domes.size());
+  s.lights.listed = s.lights.count;
+  if (s.has_emission) build_emitters(s);
+  finish_light_rows(s.lights);
+  s.rays_find_light = s.has_emission || s.lights.needs_hit_test || !s.lights.domes.empty();
+  s.only_met_lights_found = !s.has_emission && s.lights.domes.empty() && !s.lights.met.empty() && s.lights.met.far.empty();
+  s.only_domes_found = !s.has_emission && !s.lights.needs_hit_test && !s.lights.domes.empty();
+  if (s.needs_left_out()) throw Error("settings-error", "the scene needs a feature that this core was built without");
+  build_accel(s);
+  s.outlines = find_light_outlines(s);
+  return std::move(scene_);
+}
+
+bool Scene::needs_left_out() const {
+  return has_instances.is_left_out() || has_spheres.is_left_out() || has_attributes.is_left_out() || has_inputs.is_left_out() ||
+         has_cutouts.is_left_out() || has_emission.is_left_out() || has_thin.is_left_out() ||
+         lights.lobe_factors.is_left_out() || lights.has_shaping.is_left_out() || camera.shutter_open.is_left_out() ||
+         (!built::kLinks && lights.links.words > 0) || (!built::kPortals && !lights.portals.empty()) ||
+         (!built::kSpecialShadows && !lights.shadow_rows.empty()) || (!built::kLightImages && !lights.images.empty()) ||
+         (!built::kEmission && !geometry_lights.all.empty());
+}
+
+int64_t Scene::memory_bytes() const {
+  const auto bytes = [](const auto& v) { return int64_t(v.capacity() * sizeof(v[0])); };
+  int64_t total = bytes(positions) + bytes(indices) + bytes(triangle_mesh) + bytes(normals) + bytes(colors) + bytes(spheres) +
+                  bytes(world_from_group) + bytes(primvars.values) + bytes(primvars.of_mesh) + bytes(primvars.of_placement) +
+                  texture_bytes() + int64_t(many.bytes);
+  for (const Dome& d : lights.domes) total += bytes(d.texels) + bytes(d.column_cdf) + bytes(d.column_cuts) + bytes(d.density);
+  for (const LightImage& i : lights.images) total += bytes(i.texels) + bytes(i.column_cdf);
+  total += bytes(lights.rows) + bytes(lights.tree.blocks) + bytes(lights.tree.places) + bytes(lights.linked.places);
+  total += bytes(lights.shaping.rows) + bytes(lights.shaping.profiles.data);
+  return total;
+}
+
+}  // namespace primray

@@ -1,0 +1,153 @@
+// From double-precision input in scene units to the Scene's flat float arrays, relative to an origin and scaled by a power of
+// two.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+
+#include "build/lights/light_rules.hpp"
+#include "light/shaping_input.hpp"
+#include "scene/scene.hpp"
+
+namespace primray {
+
+// One mesh's arrays as they come from outside; all indices have been checked to be in range.
+struct MeshInput {
+  std::span<const float> points;       // 3 N
+  std::span<const int32_t> triangles;  // 3 T
+  std::span<const float> normals;      // empty, 3 N or 9 T
+  std::span<const float> colors;       // empty, 3 T, 3 N or 9 T
+  Attribute normal_kind = Attribute::kNone, color_kind = Attribute::kNone;
+  std::span<const int32_t> surfaces;  // one, or one a triangle
+  bool cutout = false;                // all of its surfaces have an opacity threshold, or none
+};
+
+// An image as it comes from outside: (height, width, channels) linear floats, finite, first row at the top.
+struct ImageInput {
+  std::span<const float> pixels;
+  int width = 0, height = 0;
+};
+
+// A rectangle that a dome is sampled through.
+struct PortalInput {
+  daffine world_from_portal;
+  double width = 1, height = 1;
+};
+
+// A photometric profile: angles in degrees, ascending, two or more of each; `candela` by horizontal angle. See light/ies.hpp.
+struct IesInput {
+  std::span<const float> vertical_deg, horizontal_deg, candela;
+  bool horizontal_pole = false;
+};
+
+struct LightInput : LightRules {
+  LightType type = LightType::kPoint;
+  daffine world_from_light;
+  vec3 emission;
+  double width = 1, height = 1, radius = 0.5, length = 1, angle_deg = 0;
+  float diffuse = 1, specular = 1;
+  int texture_width = 0, texture_height = 0;
+  std::span<const float> texels;  // a dome's: 3 (width) (height), first row at the top
+  DomeFormat format = DomeFormat::kLatLong;
+  std::vector<PortalInput> portals;  // of a dome
+  std::optional<ShapingInput> shaping;
+  // Of geometry: see GeometryLight.
+  bool own = false, shown = false, normalize = false;
+};
+
+struct CameraInput {
+  daffine world_from_camera;
+  bool orthographic = false;
+  double window[4] = {-1, 1, -1, 1};  // left, right, bottom, top
+  double near = 0, far = 0, lens_radius = 0, focus_distance = 1;
+  int width = 1, height = 1;
+  PixelWindow pixels{0, 0, 1, 1};
+  int blades = 0;
+  double blade_rotation_deg = 0;
+  bool shutter_open = false;
+  std::span<const double> clipping_planes;  // 4 a plane
+  float filter_width = 1;
+  std::span<const float> filter_inverse_cdf;  // empty: a box
+};
+
+class SceneBuilder {
+ public:
+  // world point -> (world - origin) * scale; scale is a power of two, so that nothing is rounded by it.
+  SceneBuilder(dvec3 origin, double scale);
+  SceneBuilder(const SceneBuilder&) = delete;
+
+  // How many names of primvars the surfaces' inputs read; before any shape.
+  void set_primvar_names(int count) { scene_->primvars.names = count; }
+  // Inputs that vary, beside the surface's constants; textures by their number.
+  int32_t add_surface(const SurfaceInput& constants, std::vector<InputSource> varying = {});
+  // A texture without its images yet: `channels` 1 or 3; `finest_only` for those that cut-outs read.
+  int add_texture(int channels, bool udim, bool finest_only);
+  // Until the next begin_prototype, shapes go to the current group: the static one at first.
+  // Prototype space is recentred and scaled as well; `center` and `scale` are in its own units.
+  int begin_prototype(dvec3 center, double scale);
+  // A group's cut-outs come after its other meshes.
+  void add_mesh(const MeshInput& mesh, const daffine& group_from_object);
+  // False where the matrix has no inverse: there is no such sphere then.
+  bool add_sphere(double radius, int32_t surface, const daffine& group_from_object);
+  // `width` numbers a row, of the shape that was added last.
+  void add_mesh_primvar(int name, PrimvarKind kind, int width, std::span<const float> values);
+  void add_sphere_primvar(int name, int width, std::span<const float> values);
+  // How many rows of meshes, spheres and placements there are so far: for those who keep tables beside them.
+  size_t mesh_rows() const { return scene_->meshes.surface.size(); }
+  size_t sphere_rows() const { return scene_->spheres.size(); }
+  size_t placement_rows() const { return scene_->placement_group.size(); }
+  // Room for all meshes, as for instances.
+  void reserve_triangles(size_t points, size_t triangles);
+  // Room for all instances of all placements: appending would else take twice their memory for a moment.
+  void reserve_instances(size_t count);
+  // Between the two come its instances. `parent` is 0 or a prototype without shapes, which is then placed by user geometry;
+  // placements of one parent follow each other.
+  void begin_placement(int parent, int prototype);
+  // `rows`: 12 doubles an instance, parent from prototype. Singular or non-finite ones are left out; the result names them.
+  std::vector<int64_t> add_instances(std::span<const double> rows);
+  void end_placement();
+  // A row for every instance that was not left out of the last placement.
+  void add_placement_primvar(int name, int width, std::span<const float> values);
+  // Before shapes and lights: whether what wears row r is in collection c, (rows) (collections) flags; number 0 has all.
+  void set_links(int rows, int collections, std::span<const uint8_t> members);
+  // Of the shapes that follow.
+  void set_link_row(int row) { link_row_ = row; }
+  // Its number, for ShapingInput.
+  int add_ies_profile(const IesInput& profile);
+  // An image for rectangle lights; its number.
+  int add_light_image(const ImageInput& image);
+  // `image`: of a rectangle, or -1.
+  void add_light(const LightInput& light, int image = -1);
+  // A light that shapes wear; its number.
+  int add_geometry_light(const LightInput& light);
+  // The shape that was added last is a part of that light.
+  void wear_light(int light, const daffine& group_from_object);
+  void set_camera(const CameraInput& camera);
+  // After all shapes, placements and the camera, which decide the levels that are kept. `tile`: 0, or 1001 to 1100.
+  void set_texture_image(int texture, int tile, const ImageInput& image);
+  // Builds the acceleration structures; the builder is empty afterwards.
+  std::unique_ptr<Scene> finish();
+
+ private:
+  dvec3 to_group(const dvec3& p) const { return (p - group_origin_) * group_scale_; }
+  int32_t append_primvar(std::span<const float> values);
+
+  std::unique_ptr<Scene> scene_;
+  // Of the current group.
+  dvec3 group_origin_;
+  double group_scale_;
+  // By group: undoes its recentring, and does it.
+  std::vector<daffine> outside_from_group_, group_from_outside_;
+  // Of the placement that is being filled.
+  int parent_ = 0;
+  daffine undo_, redo_;
+  // Of the shape and the placement that were added last.
+  size_t last_mesh_rows_ = 0;  // first row of the mesh
+  bool last_is_sphere_ = false;
+  bool last_mirrored_ = false, last_sphere_taken_ = false, last_placement_taken_ = false;
+  bool levels_measured_ = false;
+  int32_t link_row_ = 0;
+};
+
+}  // namespace primray

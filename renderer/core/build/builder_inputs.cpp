@@ -1,0 +1,81 @@
+// The part of SceneBuilder that takes what surfaces' inputs read: primvars, sources, textures.
+#include "build/builder.hpp"
+
+#include <algorithm>
+
+#include "base/error.hpp"
+#include "build/texture_levels.hpp"
+#include "texture/mip_pyramid.hpp"
+
+namespace primray {
+
+int32_t SceneBuilder::append_primvar(std::span<const float> values) {
+  std::vector<float>& all = scene_->primvars.values;
+  if (all.size() + values.size() >= size_t(1) << 31) throw Error("too-large", "more than 2147 million values in primvars");
+  const int32_t at = int32_t(all.size());
+  all.insert(all.end(), values.begin(), values.end());
+  return at;
+}
+
+int32_t SceneBuilder::add_surface(const SurfaceInput& constants, std::vector<InputSource> varying) {
+  Scene& s = *scene_;
+  s.surface_inputs_of.push_back(varying.empty() ? -1 : int32_t(s.surface_inputs.size()));
+  if (!varying.empty()) s.surface_inputs.push_back({constants, std::move(varying)});
+  return s.surfaces.add(constants);
+}
+
+void SceneBuilder::add_mesh_primvar(int name, PrimvarKind kind, int width, std::span<const float> values) {
+  Scene& s = *scene_;
+  if (last_mesh_rows_ == s.meshes.surface.size()) return;  // without triangles
+  const int32_t at = append_primvar(values);
+  if (kind == PrimvarKind::kCorner && last_mirrored_) {
+    // Mirrored triangles run the other way around: their second and third corner have changed places.
+    float* v = &s.primvars.values[at];
+    for (size_t i = 0; i + 3 * width <= values.size(); i += 3 * width)
+      std::swap_ranges(v + i + width, v + i + 2 * width, v + i + 2 * width);
+  }
+  const int32_t primvar = s.primvars.add(kind, width, at);
+  for (size_t row = last_mesh_rows_; row < s.meshes.surface.size(); ++row)
+    s.primvars.of_mesh[row * s.primvars.names + name] = primvar;
+}
+
+void SceneBuilder::add_sphere_primvar(int name, int width, std::span<const float> values) {
+  PrimvarTable& t = scene_->primvars;
+  if (!last_sphere_taken_) return;
+  t.of_sphere[t.of_sphere.size() - t.names + name] = t.add(PrimvarKind::kConstant, width, append_primvar(values));
+}
+
+void SceneBuilder::add_placement_primvar(int name, int width, std::span<const float> values) {
+  PrimvarTable& t = scene_->primvars;
+  if (!last_placement_taken_) return;
+  t.of_placement[t.of_placement.size() - t.names + name] = t.add(PrimvarKind::kInstance, width, append_primvar(values));
+}
+
+int SceneBuilder::add_texture(int channels, bool udim, bool finest_only) {
+  Texture t;
+  t.channels = channels, t.udim = udim, t.finest_only = finest_only;
+  scene_->textures.push_back(std::move(t));
+  return int(scene_->textures.size()) - 1;
+}
+
+void SceneBuilder::set_texture_image(int texture, int tile, const ImageInput& image) {
+  if (!levels_measured_) measure_footprints(*scene_);
+  levels_measured_ = true;
+  Texture& t = scene_->textures.at(texture);
+  if (t.udim) {
+    const int number = tile - kFirstTile;
+    if (number < 0 || number >= int(t.tiles.size())) throw Error("internal", "no tile of that number");
+    t.tiles[number] = int32_t(t.images.size());
+  }
+  t.images.push_back(make_image(image.pixels, image.width, image.height, t.channels, finest_level(t, image.width, image.height),
+                                t.finest_only));
+}
+
+int64_t Scene::texture_bytes() const {
+  int64_t total = 0;
+  for (const Texture& t : textures)
+    for (const TextureImage& image : t.images) total += image.memory_bytes();
+  return total;
+}
+
+}  // namespace primray

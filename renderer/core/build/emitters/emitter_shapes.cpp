@@ -1,0 +1,85 @@
+// See emitter_shapes.hpp.
+#include "build/emitters/emitter_shapes.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "build/input_facts.hpp"
+
+namespace primray {
+namespace {
+
+std::vector<double> powers_of(const Scene& s, const ShapeTriangles& shape) {
+  std::vector<double> powers;
+  for (size_t t = 0; t < shape.count; ++t) {
+    const double L = luminance(dvec3(average_radiance_of_mesh(s, s.triangle_mesh[shape.first + t])));
+    const auto p = shape.corners(t);
+    powers.push_back(L > 0 ? L * 0.5 * length(cross(p[1] - p[0], p[2] - p[0])) : 0.0);
+  }
+  return powers;
+}
+
+ShapeWeight weigh(const Scene& s, const ShapeTriangles& shape, size_t row) {
+  ShapeWeight w;
+  const std::vector<double> powers = powers_of(s, shape);
+  for (size_t t = 0; t < shape.count; ++t) {
+    w.power += powers[t];
+    if (!(powers[t] > 0)) continue;
+    for (const dvec3& q : shape.corners(t)) w.box.add(q);
+  }
+  if (!(w.power > 0) || !std::isfinite(w.power)) return {};
+  w.halves = find_halves(shape, powers);
+  w.light = s.geometry_lights.mesh(row);
+  return w;
+}
+
+}  // namespace
+
+vec3 average_radiance(const Scene& s, int32_t surface, int32_t light) {
+  const float presence = s.surfaces.rows[size_t(surface) * kSurfaceFields + kPresence];
+  if (light < 0) return average_emission(s, surface) * presence;
+  const GeometryLight& own = s.geometry_lights.all[light];
+  return (own.own ? vec3(1.0f) : average_emission(s, surface)) * own.radiance * presence;
+}
+
+vec3 average_radiance_of_mesh(const Scene& s, size_t row) {
+  return average_radiance(s, s.meshes.surface[row], s.geometry_lights.mesh(row));
+}
+
+void ShapeMaker::add(const EmittingMesh& mesh) {
+  const ShapeWeight w = weigh(s_, triangles(mesh.first, mesh.end), mesh.row);
+  if (!(w.power > 0)) return;
+  ++s_.emitters.shapes;
+  if (!meshes_.empty() && !joins(mesh, w)) finish();
+  weight_ = meshes_.empty() ? w : weight_;
+  if (!meshes_.empty()) weight_.power += w.power, weight_.box.add(w.box);
+  meshes_.push_back(mesh);
+}
+
+void ShapeMaker::finish() {
+  if (meshes_.empty()) return;
+  EmitterTable& table = s_.emitters;
+  const ShapeTriangles shape = triangles(meshes_.front().first, meshes_.back().end);
+  const int32_t number = int32_t(table.first.size() - group_first_);
+  std::vector<ShapeTriangles> parts;
+  std::vector<double> powers(shape.count, 0.0);  // of meshes between them: none
+  for (const EmittingMesh& m : meshes_) {
+    parts.push_back(triangles(m.first, m.end));
+    const std::vector<double> own = powers_of(s_, parts.back());
+    std::copy(own.begin(), own.end(), powers.begin() + ptrdiff_t(m.first - shape.first));
+    std::fill(table.of_mesh.begin() + ptrdiff_t(m.row), table.of_mesh.begin() + ptrdiff_t(m.next), number);
+  }
+  table.first.push_back(int32_t(shape.first)), table.count.push_back(int32_t(shape.count));
+  table.vertex_base.push_back(int32_t(shape.vertex_base)), table.corners.push_back(weight_.halves.corners);
+  add_triangle_choice(shape, parts, powers, table);
+  weights_.push_back(weight_);
+  meshes_.clear();
+}
+
+bool ShapeMaker::joins(const EmittingMesh& mesh, const ShapeWeight& w) const {
+  if (w.light >= 0 || weight_.light >= 0 || w.halves.corners >= 0 || weight_.halves.corners >= 0) return false;
+  if (mesh.end - meshes_.front().first > kMostTriangleRuns) return false;
+  return length(w.center() - weight_.center()) < w.radius() + weight_.radius();
+}
+
+}  // namespace primray

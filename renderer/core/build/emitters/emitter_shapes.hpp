@@ -1,0 +1,54 @@
+// The shapes of the EmitterTable: meshes that emit, some of them taken together, and what selection weighs of them.
+#pragma once
+
+#include <vector>
+
+#include "build/emitters/emitter_rectangles.hpp"
+#include "math/box.hpp"
+#include "scene/scene.hpp"
+
+namespace primray {
+
+// What a surface lights with on average, before its area: `light` is its number in Scene::geometry_lights, or -1.
+vec3 average_radiance(const Scene& s, int32_t surface, int32_t light);
+vec3 average_radiance_of_mesh(const Scene& s, size_t row);
+
+// What selection weighs of a shape, in its group's space.
+struct ShapeWeight {
+  double power = 0;  // area times luminance
+  DoubleBox box;
+  ShapeHalves halves;
+  int32_t light = -1;  // in Scene::geometry_lights
+
+  dvec3 center() const { return (box.low + box.high) * 0.5; }
+  double radius() const { return 0.5 * length(box.high - box.low); }
+};
+
+// Triangles `first` to `end` of the scene, and the rows of the MeshTable from `row` to `next` that they belong to.
+struct EmittingMesh {
+  size_t first, end, row, next;
+};
+
+// The meshes of a group that emit, made into shapes: those that follow each other and lie among each other are one, since as
+// balls they could not be told apart. Lights of their own, rectangles, and what would be too large for a tree stay alone.
+class ShapeMaker {
+ public:
+  ShapeMaker(Scene& s, const Group& group, std::vector<ShapeWeight>& weights)
+      : s_(s), group_(group), weights_(weights), group_first_(s.emitters.first.size()) {}
+
+  void add(const EmittingMesh& mesh);
+  void finish();  // after the last mesh
+
+ private:
+  ShapeTriangles triangles(size_t first, size_t end) const { return {s_, first, end - first, group_.vertex_base}; }
+  bool joins(const EmittingMesh& mesh, const ShapeWeight& w) const;
+
+  Scene& s_;
+  const Group& group_;
+  std::vector<ShapeWeight>& weights_;
+  const size_t group_first_;
+  std::vector<EmittingMesh> meshes_;
+  ShapeWeight weight_;  // of them together
+};
+
+}  // namespace primray

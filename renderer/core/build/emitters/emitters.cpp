@@ -1,0 +1,184 @@
+// Every emitting mesh and sphere becomes a light row where it stands; instances share the choice among their triangles.
+#include "build/emitters/emitters.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "build/emitters/emitter_shapes.hpp"
+#include "build/lights/light_rows.hpp"
+#include "build/lights/light_rules.hpp"
+#include "build/lights/shaping_rows.hpp"
+
+namespace primray {
+namespace {
+
+daffine instance_matrix(const Scene& s, size_t instance) {
+  const float* m = &s.world_from_group[12 * instance];
+  return {{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}, {m[9], m[10], m[11]}};
+}
+
+// What a shape's own light brings to its row, where its group stands so: kGlow, and what any light has.
+void put_geometry_light(Scene& s, int32_t number, const daffine& world_from_group, float* row) {
+  row[kGlow] = row[kGlow + 1] = row[kGlow + 2] = 1;
+  if (number < 0) return;
+  const GeometryLight& light = s.geometry_lights.all[number];
+  copy_common_fields(light.row.data(), row);
+  const vec3 L = placed_radiance(s, light, world_from_group);
+  put(row, kGlow, dvec3(L));
+  row[kLightFlags] = float(int(row[kLightFlags]) | (light.own ? kOwnRadiance : 0));
+  const daffine m = world_from_group * light.group_from_object;
+  if (light.shaping) add_shaping(*light.shaping, m, row, s.lights);
+  if (LightType(int(row[kType])) != LightType::kMesh) return;
+  put(row, kMeshFrameX, normalize(m.x)), put(row, kMeshFrameZ, normalize(m.z));
+}
+
+// What dividing by the area has left of its radiance.
+double share_of(const GeometryLight& light, const float* row) {
+  const double whole = luminance(dvec3(light.radiance));
+  return whole > 0 ? luminance(dvec3{row[kGlow], row[kGlow + 1], row[kGlow + 2]}) / whole : 0.0;
+}
+
+// `placement`, `instance`: see kMeshPlacement.
+void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& world_from_group, int placement, int instance) {
+  float row[kLightFields] = {};
+  row[kType] = float(int(LightType::kMesh));
+  row[kDiffuseFactor] = row[kSpecularFactor] = row[kInverseDet] = 1;
+  row[kLightFlags] = float(int(kGeometry));
+  const daffine& m = world_from_group;
+  put(row, kAxisX, m.x), put(row, kAxisY, m.y), put(row, kAxisZ, m.z), put(row, kOrigin, m.o);
+  put(row, kMeshCenter, m.point(w.center()));
+  const double size = std::cbrt(std::fabs(m.determinant()));
+  row[kSize0] = float(w.radius() * size);
+  put_geometry_light(s, w.light, m, row);
+  (put_rectangle(w.halves, m, row) ? s.emitters.rectangles : s.emitters.others) = true;
+  const double share = w.light < 0 ? 1.0 : share_of(s.geometry_lights.all[w.light], row);
+  row[kSize1] = float(shape);
+  row[kMeshPlacement] = float(placement), row[kMeshInstance] = float(instance);
+  row[kImportance] = float(w.power * size * size * share);
+  s.lights.rows.insert(s.lights.rows.end(), row, row + kLightFields);
+  ++s.lights.count;
+  if (w.light >= 0) add_light_rules(s.geometry_lights.all[w.light].rules, s.scale, s.lights);
+}
+
+void add_sphere_row(Scene& s, int32_t sphere, const daffine& world_from_group) {
+  const float* m = s.spheres[sphere].group_from_object;
+  LightInput light;
+  light.type = LightType::kSphere, light.radius = 1;
+  light.world_from_light =
+      world_from_group * daffine{{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}, {m[9], m[10], m[11]}};
+  const int32_t number = s.geometry_lights.ball(sphere);
+  light.emission = average_radiance(s, s.sphere_surface[sphere], number);
+  if (number >= 0) {
+    const GeometryLight& own = s.geometry_lights.all[number];
+    const double whole = luminance(dvec3(own.radiance));
+    if (whole > 0) light.emission *= float(luminance(dvec3(placed_radiance(s, own, world_from_group))) / whole);
+  }
+  const bool hit_test = s.lights.needs_hit_test;
+  const int before = s.lights.count;
+  add_light_rows(light, dvec3(0.0), 1.0, s.lights);
+  s.lights.needs_hit_test = hit_test;  // rays meet it as geometry
+  // Every shape of a group has its row, whatever becomes of it.
+  if (s.lights.count == before) s.lights.rows.resize(s.lights.rows.size() + kLightFields, 0.0f), ++s.lights.count;
+  float* row = &s.lights.rows[size_t(s.lights.count - 1) * kLightFields];
+  row[kLightFlags] = float(int(row[kLightFlags]) | kGeometry);
+  put_geometry_light(s, number, world_from_group, row);
+  if (number >= 0) add_light_rules(s.geometry_lights.all[number].rules, s.scale, s.lights);
+}
+
+// By geometry light: a place where its group stands.
+std::vector<daffine> first_places(const Scene& s) {
+  const daffine here{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)};
+  std::vector<daffine> of_group(s.groups.size(), here);
+  std::vector<char> known(s.groups.size(), 0);
+  for (size_t p = 0; p < s.placement_group.size(); ++p) {
+    const size_t group = size_t(s.placement_group[p]);
+    if (!known[group]) of_group[group] = instance_matrix(s, s.placement_instance[p]), known[group] = 1;
+  }
+  std::vector<daffine> r;
+  for (const GeometryLight& light : s.geometry_lights.all) {
+    size_t group = 0;
+    for (size_t g = 0; g < s.groups.size(); ++g) {
+      const Group& in = s.groups[g];
+      const size_t triangle = light.triangles.empty() ? SIZE_MAX : light.triangles[0].first;
+      const bool holds = light.sphere >= 0 ? uint32_t(light.sphere) - in.sphere_base < in.sphere_count
+                                           : triangle >= in.triangle_base &&
+                                                 triangle < size_t(in.triangle_base) + in.triangle_count + in.cutout_count;
+      if (holds) group = g;
+    }
+    r.push_back(of_group[group]);
+  }
+  return r;
+}
+
+}  // namespace
+
+void build_emitters(Scene& s) {
+  if (s.geometry_lights.any()) finish_geometry_lights(s, first_places(s));
+  EmitterTable& table = s.emitters;
+  MeshTable& meshes = s.meshes;
+  std::vector<ShapeWeight> weights;
+  std::vector<int32_t> group_first(s.groups.size() + 1);
+  table.of_mesh.assign(meshes.surface.size(), -1), table.of_sphere.assign(s.spheres.size(), -1);
+  size_t row = 0;
+  for (size_t g = 0; g < s.groups.size(); ++g) {
+    const Group& group = s.groups[g];
+    group_first[g] = int32_t(table.first.size());
+    ShapeMaker shapes(s, group, weights);
+    const size_t end = group.triangle_base + group.triangle_count + group.cutout_count;
+    // Rows with the same first triangle are one mesh's.
+    while (row < meshes.surface.size() && size_t(meshes.triangle_base[row]) < end) {
+      size_t next = row;
+      bool emits = false;
+      for (; next < meshes.surface.size() && meshes.triangle_base[next] == meshes.triangle_base[row]; ++next)
+        emits |= max_component(average_radiance_of_mesh(s, next)) > 0;
+      if (emits) {
+        const size_t last = next < meshes.surface.size() ? size_t(meshes.triangle_base[next]) : s.indices.size() / 3;
+        shapes.add({size_t(meshes.triangle_base[row]), std::min(last, end), row, next});
+      }
+      row = next;
+    }
+    shapes.finish();
+    for (uint32_t i = group.sphere_base; i < group.sphere_base + group.sphere_count; ++i) {
+      if (!(max_component(average_radiance(s, s.sphere_surface[i], s.geometry_lights.ball(i))) > 0)) continue;
+      ++table.shapes;
+      table.of_sphere[i] = int32_t(table.first.size()) - group_first[g];
+      table.first.push_back(int32_t(i)), table.count.push_back(0), table.vertex_base.push_back(0);
+      for (auto* unused : {&table.corners, &table.root, &table.place_base, &table.run_shift, &table.cdf_base})
+        unused->push_back(0);
+      weights.push_back({});
+    }
+  }
+  group_first.back() = int32_t(table.first.size());
+  table.placement_light.assign(s.placement_group.size(), -1), table.placement_rows.assign(s.placement_group.size(), 0);
+  if (!table.any()) return;
+
+  const auto add_rows = [&](size_t group, const daffine& world_from_group, int placement, int instance) {
+    for (int32_t k = group_first[group]; k < group_first[group + 1]; ++k) {
+      if (table.count[k] > 0)
+        add_mesh_row(s, weights[k], k, world_from_group, placement, instance);
+      else
+        add_sphere_row(s, table.first[k], world_from_group);
+    }
+  };
+  const int first_row = s.lights.count;
+  if (group_first[1] > 0) {
+    table.static_light = s.lights.count;
+    add_rows(0, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)}, -1, 0);
+  }
+  for (size_t p = 0; p < s.placement_group.size(); ++p) {
+    const size_t group = s.placement_group[p], first = s.placement_instance[p],
+                 end = p + 1 < s.placement_group.size() ? s.placement_instance[p + 1] : s.world_from_group.size() / 12;
+    const int64_t rows = group_first[group + 1] - group_first[group], wanted = rows * int64_t(end - first);
+    if (rows == 0) continue;
+    // Of two levels of instances the inner ones stand in as many places as there are outer ones: no row holds those.
+    const bool in_world = p - s.groups[0].placement_base < s.groups[0].placement_count;
+    if (!in_world || s.lights.count - first_row + wanted > kMaxEmitterRows) {
+      table.unsampled += wanted;
+      continue;
+    }
+    table.placement_light[p] = s.lights.count, table.placement_rows[p] = int32_t(rows);
+    for (size_t i = first; i < end; ++i) add_rows(group, instance_matrix(s, i), int(p), int(i - first));
+  }
+}
+
+}  // namespace primray

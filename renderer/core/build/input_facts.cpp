@@ -1,0 +1,90 @@
+// See input_facts.hpp.
+#include "build/input_facts.hpp"
+
+#include <algorithm>
+
+#include "base/error.hpp"
+#include "surface/evaluate_inputs.hpp"
+
+namespace primray {
+namespace {
+
+// The least that a source's first channel can be; 0 where that is not known.
+float lower_bound(const Scene& scene, const InputSource& source) {
+  if (source.texture < 0) return 0;
+  const Texture& texture = scene.textures[source.texture];
+  float least = texture.udim ? source.missing[0] : INFINITY;
+  const auto see = [&](float v) { least = std::min(least, v * source.scale[0] + source.bias[0]); };
+  for (const TextureImage& image : texture.images) see(image.low[0]), see(image.high[0]);
+  if (source.wrap_s == Wrap::kBlack || source.wrap_t == Wrap::kBlack) see(0);
+  return least;
+}
+
+vec3 mean_of(const Scene& scene, const InputSource& source) {
+  double sum[3] = {}, weight = 0;
+  if (source.texture >= 0) {
+    for (const TextureImage& image : scene.textures[source.texture].images) {
+      for (int c = 0; c < 3; ++c) sum[c] += double(image.mean[c]) * source.scale[c] + source.bias[c];
+      weight += 1;
+    }
+  } else if (source.primvar >= 0) {
+    const PrimvarTable& t = scene.primvars;
+    for (const std::vector<int32_t>* of : {&t.of_mesh, &t.of_sphere, &t.of_placement}) {
+      for (size_t i = source.primvar; i < of->size(); i += t.names) {
+        const int32_t p = (*of)[i];
+        if (p < 0) continue;
+        const size_t end = size_t(p) + 1 < t.base.size() ? t.base[p + 1] : t.values.size();
+        for (size_t at = t.base[p]; at + t.width[p] <= end; at += t.width[p], weight += 1)
+          for (int c = 0; c < 3; ++c) sum[c] += t.values[at + std::min(c, t.width[p] - 1)];
+      }
+    }
+  }
+  if (weight == 0) return {source.fallback[0], source.fallback[1], source.fallback[2]};
+  return {float(sum[0] / weight), float(sum[1] / weight), float(sum[2] / weight)};
+}
+
+}  // namespace
+
+void note_inputs(Scene& scene) {
+  scene.has_inputs = !scene.surface_inputs.empty();
+  for (const SurfaceInputs& inputs : scene.surface_inputs) {
+    for (const InputSource& source : inputs.sources) {
+      if (source.texture >= 0 && !scene.textures[source.texture].udim && scene.textures[source.texture].images.empty())
+        throw Error("internal", "a texture was given no image");
+    }
+    scene.has_emission |= inputs.find(InputField::kEmissiveColor) != nullptr;
+    const InputSource* opacity = inputs.find(InputField::kOpacity);
+    const SurfaceInput& s = inputs.constants;
+    if (opacity && !(s.opacity_threshold > 0) && (s.presence || s.thin)) scene.has_thin |= lower_bound(scene, *opacity) < 1;
+  }
+}
+
+vec3 average_emission(const Scene& scene, int32_t surface) {
+  const int32_t inputs = scene.surface_inputs_of[surface];
+  const InputSource* source = inputs < 0 ? nullptr : scene.surface_inputs[inputs].find(InputField::kEmissiveColor);
+  if (source) {
+    const vec3 mean = mean_of(scene, *source);
+    return {std::max(mean.x, 0.0f), std::max(mean.y, 0.0f), std::max(mean.z, 0.0f)};
+  }
+  const float* row = &scene.surfaces.rows[size_t(surface) * kSurfaceFields + kEmission];
+  return {row[0], row[1], row[2]};
+}
+
+void average_row(const Scene& scene, int32_t surface, float (&row)[kSurfaceFields]) {
+  const int32_t number = scene.surface_inputs_of[surface];
+  if (number < 0) {
+    std::copy_n(&scene.surfaces.rows[size_t(surface) * kSurfaceFields], int(kSurfaceFields), row);
+    return;
+  }
+  const SurfaceInputs& inputs = scene.surface_inputs[number];
+  SurfaceValues<1> values(inputs.constants);
+  for (const InputSource& source : inputs.sources) {
+    const vec3 mean = mean_of(scene, source);
+    set_value(values, source.field, vvec3<1>{vfloat<1>(mean.x), vfloat<1>(mean.y), vfloat<1>(mean.z)});
+  }
+  vfloat<1> columns[kSurfaceFields];
+  reduce_surface(inputs.constants, values, columns);
+  for (int i = 0; i < kSurfaceFields; ++i) row[i] = columns[i][0];
+}
+
+}  // namespace primray

@@ -1,0 +1,63 @@
+// See geometry_lights.hpp.
+#include "build/lights/geometry_lights.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "math/ellipsoid.hpp"
+#include "scene/scene.hpp"
+
+namespace primray {
+namespace {
+
+dvec3 vertex(const Scene& s, size_t base, uint32_t index) {
+  const float* p = &s.positions[3 * (base + index)];
+  return {p[0], p[1], p[2]};
+}
+
+uint32_t vertex_base_of(const Scene& s, size_t triangle) {
+  for (const Group& g : s.groups)
+    if (triangle >= g.triangle_base && triangle < size_t(g.triangle_base) + g.triangle_count + g.cutout_count)
+      return g.vertex_base;
+  return 0;
+}
+
+}  // namespace
+
+double world_area(const Scene& s, const GeometryLight& light, const daffine& m) {
+  double area = 0;
+  for (const auto& [first, end] : light.triangles) {
+    const uint32_t base = vertex_base_of(s, first);
+    for (size_t t = first; t < end; ++t) {
+      const dvec3 p = vertex(s, base, s.indices[3 * t]);
+      const dvec3 e1 = vertex(s, base, s.indices[3 * t + 1]) - p, e2 = vertex(s, base, s.indices[3 * t + 2]) - p;
+      area += 0.5 * length(cross(m.vector(e1), m.vector(e2)));
+    }
+  }
+  if (light.sphere >= 0) {
+    const float* g = s.spheres[light.sphere].group_from_object;
+    area += ellipsoid_area(m * daffine{{g[0], g[1], g[2]}, {g[3], g[4], g[5]}, {g[6], g[7], g[8]}, dvec3(0.0)});
+  }
+  return area / (s.scale * s.scale);
+}
+
+vec3 placed_radiance(const Scene& s, const GeometryLight& light, const daffine& m) {
+  if (!light.normalize) return light.radiance;
+  const double area = world_area(s, light, m);
+  return area > 0 ? vec3(dvec3(light.radiance) * (1 / area)) : vec3(0.0f);
+}
+
+void finish_geometry_lights(Scene& s, const std::vector<daffine>& first_place) {
+  GeometryLights& lights = s.geometry_lights;
+  lights.of_mesh.resize(s.meshes.surface.size(), -1), lights.of_sphere.resize(s.spheres.size(), -1);
+  for (size_t i = 0; i < lights.all.size(); ++i) {
+    const GeometryLight& light = lights.all[i];
+    const vec3 L = placed_radiance(s, light, first_place[i]);
+    lights.flags.push_back((light.own ? GeometryLights::kOwn : 0) | (light.shown ? GeometryLights::kShown : 0));
+    lights.link.push_back(light.rules.link);
+    lights.diffuse.push_back(light.row[kDiffuseFactor]), lights.specular.push_back(light.row[kSpecularFactor]);
+    lights.radiance.insert(lights.radiance.end(), {L.x, L.y, L.z});
+  }
+}
+
+}  // namespace primray

@@ -1,0 +1,148 @@
+// Beside the formula's own numbers, a row says how far off its axis a light reaches at all, for the choice of lights.
+#include "build/lights/shaping_rows.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace primray {
+namespace {
+
+constexpr double kRadians = std::numbers::pi / 180;
+// Beyond it a factor could not be told from one that divides by 0.
+constexpr double kSteepest = 1e30;
+
+// The light's axes in the world; perpendicular ones in place of those that a flat matrix lacks.
+daffine whole_axes(const daffine& m) {
+  if (m.determinant() != 0) return m;
+  const double x = length(m.x), y = length(m.y), z = length(m.z);
+  dvec3 n = z > 0 ? m.z * (1 / z) : cross(m.x, m.y);
+  if (!(length(n) > 0)) n = x > 0 ? Frame<double>(normalize(m.x)).s : y > 0 ? Frame<double>(normalize(m.y)).s : dvec3{0, 0, 1};
+  n = normalize(n);
+  dvec3 s = m.x - n * dot(n, m.x);
+  if (!(length(s) > 1e-9 * x)) s = Frame<double>(n).s;
+  s = normalize(s);
+  return {s, cross(n, s), n, m.o};
+}
+
+bool keeps_angles(const daffine& m) {
+  const double x = length(m.x), y = length(m.y), z = length(m.z), low = 1e-6 * x * x;
+  return std::fabs(x - y) <= 1e-6 * x && std::fabs(x - z) <= 1e-6 * x && std::fabs(dot(m.x, m.y)) <= low &&
+         std::fabs(dot(m.y, m.z)) <= low && std::fabs(dot(m.z, m.x)) <= low;
+}
+
+// Of a ball about the light's centre that holds it, more than rounding needs.
+double reach_radius(const float* row) {
+  const auto axis = [&](int field) { return double(std::hypot(row[field], row[field + 1], row[field + 2])); };
+  const double x = axis(kAxisX), y = axis(kAxisY), z = axis(kAxisZ), s0 = row[kSize0], s1 = row[kSize1];
+  const bool sheared = int(row[kLightFlags]) & kSheared;
+  double r = 0;
+  switch (LightType(int(row[kType]))) {
+    case LightType::kSphere:
+      r = sheared ? s0 * std::hypot(x, y, z) : s0;
+      break;
+    case LightType::kDisk:
+      r = sheared ? s0 * std::hypot(x, y) : s0;
+      break;
+    case LightType::kRect:
+      r = sheared ? s0 * x + s1 * y : std::hypot(s0, s1);
+      break;
+    case LightType::kCylinder:
+      r = sheared ? s1 * x + s0 * std::hypot(y, z) : std::hypot(s0, s1);
+      break;
+    case LightType::kLine:
+      r = s1;
+      break;
+    case LightType::kMesh: {
+      // Its size went by the cube root of the determinant: an uneven matrix reaches further.
+      const dvec3 a{row[kAxisX], row[kAxisX + 1], row[kAxisX + 2]}, b{row[kAxisY], row[kAxisY + 1], row[kAxisY + 2]},
+          c{row[kAxisZ], row[kAxisZ + 1], row[kAxisZ + 2]};
+      const double size = std::cbrt(std::fabs(dot(cross(a, b), c)));
+      r = size > 0 ? s0 / size * std::hypot(x, y, z) : 1e30;
+    } break;
+    default:
+      break;
+  }
+  const int center = LightType(int(row[kType])) == LightType::kMesh ? kMeshCenter : kOrigin;
+  return r * 1.001 + 1e-6 * std::max({std::fabs(row[center]), std::fabs(row[center + 1]), std::fabs(row[center + 2])});
+}
+
+struct ProfileFacts {
+  double peak = 0, mean = 0, last = 0;  // `last`: the last vertical angle with light, radians
+};
+
+ProfileFacts facts_of(const IesTable& t, int profile) {
+  const int nv = t.verticals[profile], nh = t.horizontals[profile];
+  const float *v = &t.data[t.first[profile]], *h = v + nv, *c = h + nh;
+  const bool about_y = t.about_y[profile];
+  ProfileFacts f;
+  for (int j = 0; j < nh; ++j)
+    for (int i = 0; i < nv; ++i) {
+      const double here = c[j * nv + i];
+      f.peak = std::max(f.peak, here);
+      if (here > 0) f.last = std::max(f.last, double(v[std::min(i + 1, nv - 1)]));
+      if (i + 1 == nv || j + 1 == nh) continue;
+      const double all = (here + c[j * nv + i + 1] + c[(j + 1) * nv + i] + c[(j + 1) * nv + i + 1]) / 4;
+      const double dv = double(v[i + 1]) - v[i], dh = double(h[j + 1]) - h[j];
+      const double jacobian = about_y ? std::cos(0.5 * (double(h[j]) + h[j + 1])) : std::sin(0.5 * (double(v[i]) + v[i + 1]));
+      f.mean += all * dv * dh * std::fabs(jacobian) / (4 * std::numbers::pi);
+    }
+  if (about_y) f.last = std::numbers::pi;
+  return f;
+}
+
+}  // namespace
+
+int add_ies(const IesInput& profile, IesTable& t) {
+  const size_t nv = profile.vertical_deg.size(), nh = profile.horizontal_deg.size();
+  t.first.push_back(int32_t(t.data.size()));
+  t.verticals.push_back(int32_t(nv)), t.horizontals.push_back(int32_t(nh)), t.about_y.push_back(profile.horizontal_pole);
+  t.any_about_y |= profile.horizontal_pole;
+  t.longest = std::max({t.longest, int(nv), int(nh)});
+  for (const auto angles : {profile.vertical_deg, profile.horizontal_deg})
+    for (const float a : angles) t.data.push_back(float(double(a) * kRadians));
+  t.data.insert(t.data.end(), profile.candela.begin(), profile.candela.end());
+  return int(t.first.size()) - 1;
+}
+
+void add_shaping(const ShapingInput& s, const daffine& world_from_light, float* light, LightTable& table) {
+  float row[kShapingFields] = {};
+  const daffine m = whole_axes(world_from_light);
+  put(row, kShapedAxis, normalize(m.z) * -1.0);
+  const double softness = std::clamp(s.cone_softness, 0.0, 1.0), cutoff = s.cone_angle_deg * kRadians, fade = softness * cutoff;
+  row[kFocus] = float(std::clamp(s.focus, 0.0, 1e30));
+  put(row, kFocusTint, dvec3(s.focus_tint));
+  row[kConeCutoff] = float(cutoff);
+  row[kConeSteepness] = fade > 0 ? float(std::min(1 / fade, kSteepest)) : 0.0f;
+  double reach = std::clamp(cutoff, 0.0, std::numbers::pi);
+  double peak = s.focus > 0 ? std::max(1.0f, luminance(s.focus_tint)) : 1.0;
+  const double lit = s.focus > 0 ? 1 / (s.focus + 1) : 1.0;  // mean of |cos|^focus over all directions
+  double mean = lit + (1 - lit) * luminance(s.focus_tint);
+  if (s.ies >= 0) {
+    row[kIesProfile] = float(s.ies + 1);
+    // The profile's horizontal angles begin at the light's -X: see primray/ies.py.
+    const daffine inv = inverse(m);
+    double largest = 0;
+    for (const dvec3& c : {inv.x, inv.y, inv.z})
+      largest = std::max(largest, max_component(dvec3{std::fabs(c.x), std::fabs(c.y), std::fabs(c.z)}));
+    const dvec3 turned{-1 / largest, -1 / largest, 1 / largest};
+    put(row, kIesFrame, inv.x * turned), put(row, kIesFrame + 3, inv.y * turned), put(row, kIesFrame + 6, inv.z * turned);
+    // UsdLux ShapingAPI, inputs:shaping:ies:angleScale: theta / a; theta; (theta - pi) / -a + pi.
+    const double a = s.ies_angle_scale, scale = a == 0 ? 1 : std::min(1 / std::fabs(a), kSteepest),
+                 origin = a < 0 ? std::numbers::pi : 0;
+    row[kIesScale] = float(scale), row[kIesOrigin] = float(origin);
+    row[kIesFactor] = float(1 / s.ies_divisor);
+    const ProfileFacts f = facts_of(table.shaping.profiles, s.ies);
+    peak *= f.peak / s.ies_divisor, mean *= f.mean / s.ies_divisor;
+    if (keeps_angles(world_from_light) && f.last < 3.14159)
+      reach = std::min(reach, std::max((f.last - origin) / scale + origin, 0.0));
+  }
+  row[kReach] = float(reach), row[kReachRadius] = float(reach_radius(light));
+  row[kPeak] = float(peak);
+  row[kMean] = float(std::max(mean * 0.5 * (1 - std::cos(reach * (1 - 0.5 * softness))), 1e-4 * peak));
+  table.shaping.rows.insert(table.shaping.rows.end(), row, row + kShapingFields);
+  table.has_shaping = true;
+  light[kShaping] = float(table.shaping.rows.size() / kShapingFields);
+}
+
+}  // namespace primray

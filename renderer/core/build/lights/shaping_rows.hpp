@@ -1,0 +1,13 @@
+// Turns a light's shaping and photometric profiles into rows of the ShapingTable.
+#pragma once
+
+#include "build/builder.hpp"
+#include "math/row.hpp"
+
+namespace primray {
+
+int add_ies(const IesInput& profile, IesTable& table);
+// For the light of `row`, whose other fields are there; the row then has its number.
+void add_shaping(const ShapingInput& shaping, const daffine& world_from_light, float* row, LightTable& table);
+
+}  // namespace primray

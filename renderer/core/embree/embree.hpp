@@ -1,0 +1,37 @@
+// Embree, opened once: its entry points, its device, and owners for its scenes.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "embree/embree_abi.hpp"
+
+namespace primray {
+
+// Opens the library at `path` and a device pinned to this module's ISA class. Error("embree", ...) if it is missing, not 4.4.0
+// or of another build. Later calls do nothing.
+void load_embree(const std::string& path);
+
+// Both need load_embree() first.
+const rtc::Api& embree();
+rtc::Device embree_device();
+
+// Bytes that Embree holds now, and the most it held, over all scenes of the process.
+struct EmbreeMemory {
+  int64_t now, peak;
+};
+EmbreeMemory embree_memory();
+
+// Throws Error("embree" or "out-of-memory") for what went wrong on this thread since the last call.
+void check_embree();
+
+struct ReleaseScene {
+  void operator()(rtc::Scene s) const { embree().rtcReleaseScene(s); }
+};
+struct ReleaseGeometry {
+  void operator()(rtc::Geometry g) const { embree().rtcReleaseGeometry(g); }
+};
+using OwnedScene = std::unique_ptr<rtc::SceneHandle, ReleaseScene>;
+using OwnedGeometry = std::unique_ptr<rtc::GeometryHandle, ReleaseGeometry>;
+
+}  // namespace primray

@@ -1,0 +1,147 @@
+// The scene's own geometry as lights (build/emitters/emitters.hpp), on lanes: what a ray that met some sees of it, and the
+// density with which light sampling would have found that point.
+#pragma once
+
+#include "emitter/mesh_light.hpp"
+#include "light/choice/linked_selection.hpp"
+#include "ray/path_lanes.hpp"
+
+namespace primray {
+
+// Whether p is beyond doubt outside a sphere light that is geometry: a point on its own surface, seen from inside, may be
+// rounded to either side, and must not sample the outside.
+template <int W>
+PRIMRAY_INLINE vbool<W> is_outside(const LightRow<W>& row, const vvec3<W>& p, const vvec3<W>& local) {
+  const vvec3<W> stretch = abs(row.vector(kInverseX)) + abs(row.vector(kInverseY)) + abs(row.vector(kInverseZ));
+  const vfloat<W> doubt = max_component(stretch) * max_component(abs(p)) * (2 * kOffsetUlps);
+  return length(local) > row(kSize0) * 1.00001f + doubt;
+}
+
+// Ends the shadow rays of lanes `m`, whose light is a sphere of the scene, before that sphere. A ray that grazes it meets it
+// where float cannot say: the end is on a larger one, by which the discriminant exceeds its rounding (some 4e-7 d^2).
+template <int W>
+PRIMRAY_INLINE void end_before_sphere(const Scene& scene, vbool<W> m, vint<W> light, const vvec3<W>& p, LightSample<W>& s) {
+  const LightRow<W> row(scene.lights, select(m, light, vint<W>(light[__builtin_ctz(bits(m))])));
+  const vvec3<W> o = row.to_light(p - row.vector(kOrigin)), d = row.to_light(s.wi);
+  const vfloat<W> radius = row(kSize0), d2 = dot(o, o), r2 = radius * radius;
+  const vfloat<W> larger = r2 + max(r2 * 2e-4f, d2 * 8e-7f);
+  const vfloat<W> a = dot(d, d), b = dot(o, d);
+  const vfloat<W> t = (-b - safe_sqrt(b * b - a * (d2 - larger))) / a;
+  s.t = select(m, max(min(t, s.t), 0.0f), s.t);
+  s.pdf = select(m & !is_outside(row, p, o), vfloat<W>(0.0f), s.pdf);
+}
+
+// The light row of what lanes `m` met, -1 where it is none.
+template <int W>
+PRIMRAY_INLINE vint<W> emitter_light(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it) {
+  const EmitterTable& table = scene.emitters;
+  const vint<W> zero(0), none(-1);
+  const HitGroup<W> in(scene, m, h);
+  const vbool<W> is_triangle = in.is_triangle(scene, m);
+  vint<W> number = none;
+  if (any(is_triangle)) number = select(is_triangle, gather<W>(table.of_mesh.data(), select(is_triangle, it.mesh, zero)), none);
+  const vbool<W> is_sphere = scene.has_spheres ? in.is(m, kSphereGeometry) : vbool<W>(false);
+  if (scene.has_spheres && any(is_sphere))
+    number = select(is_sphere, gather<W>(table.of_sphere.data(), select(is_sphere, it.sphere, zero)), number);
+  vint<W> base(table.static_light);
+  if (in.any_instanced) {
+    const vint<W> first = gather<W>(table.placement_light.data(), in.placement);
+    base = select(in.instanced, first + gather<W>(table.placement_rows.data(), in.placement) * h.inst_prim, base);
+    number = select(in.instanced & (first < zero), none, number);
+  }
+  return select((number >= zero) & (base >= zero), base + number, none);
+}
+
+// What lanes `m`, which met surfaces that emit `glow` and are there by `presence`, show of it where some shapes are lights
+// (build/lights/geometry_lights.hpp): bodies to the camera, mirrors and refractions, and what they light with to other rays.
+template <int W>
+PRIMRAY_RARE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
+                                     const PathLanes<W>& p, const vvec3<W>& glow, vfloat<W> presence) {
+  const GeometryLights& lights = scene.geometry_lights;
+  const vint<W> zero(0), none(-1);
+  const HitGroup<W> in(scene, m, h);
+  const vbool<W> is_triangle = in.is_triangle(scene, m);
+  const vbool<W> is_sphere = scene.has_spheres ? in.is(m, kSphereGeometry) : vbool<W>(false);
+  vint<W> number = none;
+  if (any(is_triangle))
+    number = select(is_triangle, gather<W>(lights.of_mesh.data(), select(is_triangle, it.mesh, zero)), none);
+  if (any(is_sphere))
+    number = select(is_sphere, gather<W>(lights.of_sphere.data(), select(is_sphere, it.sphere, zero)), number);
+  m &= number >= zero;
+  if (!any(m)) return glow;
+  number = select(m, number, zero);
+  const vint<W> flags = gather<W>(lights.flags.data(), number);
+  const auto has = [&](int32_t flag) { return (flags & vint<W>(flag)) != zero; };
+  // As bright as where this instance stands, if that is known.
+  vvec3<W> radiance = gather_vec3<W>(lights.radiance.data(), number * vint<W>(3));
+  const vint<W> light = scene.emitters.any() ? emitter_light(scene, m, h, it) : none;
+  if (const vbool<W> placed = m & (light >= zero); any(placed)) {
+    const LightRow<W> row(scene.lights, select(placed, light, zero));
+    radiance = select(placed, row.vector(kGlow), radiance);
+    if (scene.lights.has_shaping) radiance *= light_shaping(scene.lights, row, placed, p.ray.d);
+  }
+  const vvec3<W> one(vfloat<W>(1.0f));
+  vvec3<W> given = radiance * select(has(GeometryLights::kOwn), one * presence, glow);
+  if (scene.lights.lobe_factors) {
+    const vfloat<W> diffuse = gather<W>(lights.diffuse.data(), number), specular = gather<W>(lights.specular.data(), number);
+    given = select(p.depth == zero, given, given * (p.share * diffuse + (one - p.share) * specular));
+  }
+  if (scene.lights.links.any()) {
+    const vbool<W> reached = in_collection(scene.lights.links, p.link, gather<W>(lights.link.data(), number));
+    given = select(reached, given, vvec3<W>(vfloat<W>(0.0f)));
+  }
+  const vbool<W> body = (p.bsdf_pdf == vfloat<W>(0.0f)) & !has(GeometryLights::kShown);
+  return select(m & !body, given, glow);
+}
+
+// Density per solid angle with which light sampling at `from`, on a surface with normal `n` that wears row `link`, chooses the
+// point that a ray along unit `d` met at `distance`; infinite where nothing but light sampling is to find it.
+template <int W>
+PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<W>& h, const Interaction<W>& it,
+                                     const vvec3<W>& from, const vvec3<W>& n, const vvec3<W>& d, vfloat<W> distance,
+                                     vint<W> link) {
+  const vfloat<W> none(0.0f);
+  const vint<W> light = emitter_light(scene, m, h, it);
+  m &= light >= vint<W>(0);
+  if (!any(m)) return none;
+  const LightRow<W> row(scene.lights, select(m, light, vint<W>(light[__builtin_ctz(bits(m))])));
+  const vbool<W> sphere = m & is_type(row.type(), LightType::kSphere), mesh = m & is_type(row.type(), LightType::kMesh);
+  vfloat<W> pdf = none;
+  if (any(mesh)) pdf = select(mesh, mesh_pdf(scene, mesh, row, it.triangle, from, n, d, distance), pdf);
+  if (any(sphere)) {
+    const vvec3<W> local = row.to_light(from - row.vector(kOrigin));
+    const vfloat<W> radius = row(kSize0), d2 = dot(local, local), len = length(row.to_light(d));
+    const vbool<W> sheared = (row.flags() & vint<W>(kSheared)) != vint<W>(0);
+    const vfloat<W> cone = 1.0f / (2.0f * kPi * sphere_one_minus_cos(d2, radius, row.outside(from, radius, 1.0f)));
+    const vfloat<W> stretched = select(sheared, cone * row(kInverseDet) / (len * len * len), cone);
+    pdf = select(sphere & is_outside(row, from, local), stretched, pdf);
+  }
+  const LightTable& lights = scene.lights;
+  const vfloat<W> chosen =
+      lights.links.any() ? linked_probability_of(lights, light, m, from, n, link) : probability_of(lights, light, m, from, n);
+  pdf = pdf * chosen;
+  if (lights.has_special()) {
+    const vbool<W> special = (row.flags() & vint<W>(kSpecial)) != vint<W>(0);
+    pdf = select(special & (pdf > none), vfloat<W>(kInfinity), pdf);
+  }
+  return select(m, pdf, none);
+}
+
+// Radiance of the surfaces that lanes `hit` met, with its MIS weight.
+template <int W>
+PRIMRAY_INLINE vvec3<W> emitted(const Scene& scene, vbool<W> hit, const Hits<W>& hits, const Interaction<W>& it,
+                                const SurfaceRows<W>& rows, const PathLanes<W>& p) {
+  const vfloat<W> zero(0.0f);
+  vvec3<W> L = rows.color(kEmission) * rows(kPresence);
+  if (scene.geometry_lights.any()) L = shown_emission(scene, hit, hits, it, p, L, rows(kPresence));
+  // A camera ray, or one after a mirror or refraction, could not have come from light sampling.
+  const vbool<W> sampled = hit & (max_component(L) > zero) & (p.bsdf_pdf > zero);
+  if (scene.emitters.any() && any(sampled)) {
+    const vvec3<W> from = p.ray.o - p.ray.d * p.travelled;
+    const vfloat<W> pdf = emitter_pdf(scene, sampled, hits, it, from, p.normal, p.ray.d, hits.t + p.travelled, p.link);
+    L *= select(sampled & (pdf > zero), mis_weight(p.bsdf_pdf, pdf), vfloat<W>(1.0f));
+  }
+  return L;
+}
+
+}  // namespace primray

@@ -1,0 +1,237 @@
+// Meshes that emit, sampled as lights (build/emitters/emitters.hpp), on lanes: a triangle by what it could bring to the point,
+// then a point on it by solid angle or area; and the density with which that finds a point.
+#pragma once
+
+#include "emitter/mesh_rectangle.hpp"
+#include "light/choice/selection.hpp"
+#include "light/triangle.hpp"
+#include "sampler/sampler.hpp"
+#include "surface/interaction.hpp"
+#include "surface/surface_emission.hpp"
+
+namespace primray {
+
+// A triangle of a mesh light in world space; sampled and met points get the same numbers.
+template <int W>
+struct EmitterTriangle {
+  vvec3<W> p0, e1, e2;
+  vfloat<W> reach;  // largest coordinate involved, which bounds rounding
+
+  PRIMRAY_INLINE EmitterTriangle(const Scene& scene, const LightRow<W>& row, vint<W> vertex_base, vint<W> triangle) {
+    const int32_t* indices = reinterpret_cast<const int32_t*>(scene.indices.data());
+    vvec3<W> p[3];
+    for (int k = 0; k < 3; ++k) {
+      const vint<W> corner = vertex_base + gather<W>(indices + k, triangle * vint<W>(3));
+      p[k] = gather_vec3<W>(scene.positions.data(), corner * vint<W>(3));
+    }
+    e1 = row.to_world(p[1] - p[0]), e2 = row.to_world(p[2] - p[0]);
+    const vvec3<W> o = row.vector(kOrigin);
+    p0 = row.to_world(p[0]) + o;
+    reach = max(max_component(abs(p0)), max_component(abs(o))) + max_component(abs(e1)) + max_component(abs(e2));
+  }
+};
+
+// Density per solid angle, from `distance` away, of a point chosen uniformly on a triangle.
+template <int W>
+PRIMRAY_INLINE vfloat<W> area_to_solid_angle(const vvec3<W>& doubled_area, const vvec3<W>& wi, vfloat<W> distance) {
+  // 1 / area * d^2 / |cos|, where |n| cos = 2 area cos.
+  return 2.0f * distance * distance / max(abs(dot(doubled_area, wi)), 1e-38f);
+}
+
+// The point on a surface with normal `n`, as a shape sees it whose light is `row`: in the space of its group, where its
+// triangles are weighed. A group that stands flat has no such space; there they are weighed as from afar.
+template <int W>
+struct PlaceBeforeMesh {
+  vvec3<W> p, n;
+
+  PRIMRAY_INLINE PlaceBeforeMesh(const LightRow<W>& row, const vvec3<W>& at, const vvec3<W>& normal) {
+    const vvec3<W> x = row.vector(kAxisX), y = row.vector(kAxisY), z = row.vector(kAxisZ), to = at - row.vector(kOrigin);
+    const vvec3<W> yz = cross(y, z);
+    const vfloat<W> inverse = 1.0f / dot(x, yz), far(1e9f), none(0.0f);
+    p = vvec3<W>(dot(yz, to), dot(cross(z, x), to), dot(cross(x, y), to)) * inverse;
+    const vfloat<W> size = max_component(abs(p));
+    const vbool<W> stands = size < far;  // not if it is no number
+    p = select(stands, p, vvec3<W>(far));
+    const vvec3<W> local(dot(x, normal), dot(y, normal), dot(z, normal));
+    const vfloat<W> length2 = dot(local, local);
+    const vbool<W> known = stands & (length2 > none) & (length2 < vfloat<W>(kInfinity));
+    n = select(known, local * (1.0f / sqrt(select(known, length2, vfloat<W>(1.0f)))), vvec3<W>(none));
+  }
+};
+
+// The last i in [0, count) with cdf[base + i] <= u.
+template <int W>
+PRIMRAY_INLINE vint<W> find_triangle(const EmitterTable& table, vint<W> base, vint<W> count, vint<W> u, int largest) {
+  vint<W> lo(0);
+  for (int step = 1 << (31 - __builtin_clz(unsigned(largest))); step > 0; step >>= 1) {
+    const vint<W> mid = lo + vint<W>(step);
+    const vbool<W> inside = mid < count;
+    const vint<W> c = gather<W>(table.cdf.data(), base + select(inside, mid, vint<W>(0)));
+    lo = select(inside & (c <= u), mid, lo);
+  }
+  return lo;
+}
+
+// Triangles in runs of several, lane by lane: the run's number, its first triangle and how many there are.
+template <int W>
+struct TriangleRun {
+  vint<W> run, first, count, cdf;
+  vbool<W> several;
+
+  // `number`: of a run, or, where `of_triangles`, of one of its triangles.
+  TriangleRun(const EmitterTable& table, vbool<W> m, vint<W> shape, vint<W> number, bool of_triangles)
+      : run(number), first(number), count(1), cdf(0), several(false) {
+    const vint<W> shift = gather<W>(table.run_shift.data(), shape);
+    several = m & (shift > vint<W>(0));
+    if (!any(several)) return;
+    cdf = gather<W>(table.cdf_base.data(), shape);
+    const vint<W> all = gather<W>(table.count.data(), shape);
+    for (uint32_t left = bits(several); left; left &= left - 1) {
+      const int i = __builtin_ctz(left), own = of_triangles ? number[i] >> shift[i] : number[i], begin = own << shift[i];
+      run.set(i, own), first.set(i, begin), count.set(i, std::min(1 << shift[i], all[i] - begin));
+    }
+  }
+  vint<W> below(const EmitterTable& table) const {
+    return gather<W>(table.cdf.data(), select(several, cdf + first, vint<W>(0)));
+  }
+  vint<W> width(const EmitterTable& table) const {
+    return gather<W>(table.cdf.data(), select(several, cdf + first + count, vint<W>(0))) - below(table);
+  }
+  // Of a triangle in its run.
+  PRIMRAY_RARE vfloat<W> probability(const EmitterTable& table, vint<W> triangle) const {
+    const vint<W> at = select(several, cdf + triangle, vint<W>(0));
+    const vint<W> own = gather<W>(table.cdf.data() + 1, at) - gather<W>(table.cdf.data(), at);
+    return select(several, to_float(own) / max(to_float(width(table)), 1.0f), vfloat<W>(1.0f));
+  }
+};
+
+// A triangle of lane's `shape`, counted in it, by 32 random bits, and its probability.
+template <int W>
+PRIMRAY_RARE vint<W> choose_triangle(const EmitterTable& table, vbool<W> m, vint<W> shape, const PlaceBeforeMesh<W>& from,
+                                     vuint<W> number, vfloat<W>& probability) {
+  vint<W> triangle;
+  choose_in_tree(table.by_place, gather<W>(table.root.data(), shape), m, from.p, from.n, number, triangle, probability);
+  const TriangleRun<W> run(table, m, shape, triangle, false);
+  if (!any(run.several)) return triangle;
+  // Other bits, as these have led to the run.
+  const vfloat<W> wanted = unit_float(mix(number)) * to_float(run.width(table));
+  int largest = 1;
+  for (uint32_t left = bits(run.several); left; left &= left - 1) largest = std::max(largest, run.count[__builtin_ctz(left)]);
+  const vint<W> base = select(run.several, run.cdf + run.first, vint<W>(0));
+  const vint<W> found = run.first + find_triangle<W>(table, base, run.count, run.below(table) + truncate(wanted), largest);
+  triangle = select(run.several, found, triangle);
+  probability *= run.probability(table, triangle);
+  return triangle;
+}
+
+// The probability of that.
+template <int W>
+PRIMRAY_RARE vfloat<W> probability_of_triangle(const EmitterTable& table, vbool<W> m, vint<W> shape, vint<W> triangle,
+                                               const PlaceBeforeMesh<W>& from) {
+  const TriangleRun<W> in(table, m, shape, triangle, true);
+  const vint<W> place = gather<W>(table.place_base.data(), shape) + in.run;
+  vbool<W> chosen = m;
+  for (uint32_t left = bits(m); left; left &= left - 1) {
+    const int i = __builtin_ctz(left);
+    if (table.by_place.tree.places[size_t(place[i])].node < 0) chosen &= lane_numbers<W>() != vint<W>(i);
+  }
+  const vfloat<W> p = probability_in_tree(table.by_place, table.by_place.tree.places.data(), place, chosen, from.p, from.n);
+  return any(in.several) ? p * in.probability(table, triangle) : p;
+}
+
+// How a point of triangle `t` is chosen from p: by its solid angle, or by its area where that is as good or safer.
+template <int W>
+struct SeenTriangle {
+  vvec3<W> a;  // from p to its first corner
+  vbool<W> near;
+  SphericalTriangle<W> sphere;  // where some lane of `m` is near
+
+  PRIMRAY_INLINE SeenTriangle(vbool<W> m, const EmitterTriangle<W>& t, const vvec3<W>& p)
+      : a(t.p0 - p), near(m & !triangle_is_far(a, t.e1, t.e2)) {
+    if (!any(near)) return;
+    sphere = SphericalTriangle<W>(a, a + t.e1, a + t.e2);
+    near &= sphere.solid_angle > vfloat<W>(kSmallTriangle);
+  }
+  // Density per solid angle; `by_area`: what it is by area.
+  PRIMRAY_INLINE vfloat<W> pdf(vfloat<W> by_area) const {
+    return any(near) ? select(near, 1.0f / sphere.solid_angle, by_area) : by_area;
+  }
+};
+
+// Those of lanes `m` whose mesh is a rectangle.
+template <int W>
+PRIMRAY_INLINE vbool<W> rectangles_of(const EmitterTable& table, vbool<W> m, const LightRow<W>& row) {
+  if (!table.rectangles) return vbool<W>(false);
+  return table.others ? m & ((row.flags() & vint<W>(kRectangle)) != vint<W>(0)) : m;
+}
+
+// Replaces the sample of lanes `m`, whose `light` is a mesh, seen from p on a surface with normal `n` (0: from all around).
+// `number`: 32 random bits.
+template <int W>
+PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, const vvec3<W>& p, const vvec3<W>& n,
+                                vuint<W> number, vfloat<W> u, vfloat<W> v, LightSample<W>& s) {
+  const EmitterTable& table = scene.emitters;
+  const LightRow<W> row(scene.lights, select(m, light, vint<W>(light[__builtin_ctz(bits(m))])));
+  const vint<W> shape = truncate(row(kSize1));
+  const vbool<W> whole = rectangles_of(table, m, row), parts = m & !whole;
+  vfloat<W> probability(1.0f);
+  vint<W> chosen(0);
+  if (any(parts)) chosen = choose_triangle(table, parts, shape, PlaceBeforeMesh<W>(row, p, n), number, probability);
+  vfloat<W> b1, b2, whole_pdf(0.0f);
+  if (any(whole)) {
+    const RectanglePoint<W> q(MeshRectangle<W>(row), gather<W>(table.corners.data(), shape), p, u, v);
+    chosen = select(whole, q.triangle, chosen), b1 = q.b1, b2 = q.b2, whole_pdf = q.pdf;
+  }
+  const vint<W> triangle = gather<W>(table.first.data(), shape) + chosen;
+  const vint<W> vertex_base = gather<W>(table.vertex_base.data(), shape);
+  const EmitterTriangle<W> t(scene, row, vertex_base, triangle);
+  const SeenTriangle<W> seen(parts, t, p);
+  if (any(parts)) {
+    vfloat<W> c1, c2;
+    triangle_by_area(u, v, c1, c2);
+    b1 = select(whole, b1, c1), b2 = select(whole, b2, c2);
+  }
+  if (any(seen.near)) {
+    vfloat<W> c1, c2;
+    triangle_along(seen.sphere.sample(u, v), seen.a, t.e1, t.e2, c1, c2);
+    b1 = select(seen.near, c1, b1), b2 = select(seen.near, c2, b2);
+  }
+  const vvec3<W> doubled_area = cross(t.e1, t.e2), exact = t.p0 + t.e1 * b1 + t.e2 * b2;
+  // A little in front of the triangle on p's side, so that its own rounding does not block the shadow ray; but not beyond p,
+  // which may be on the triangle itself.
+  const vvec3<W> to = exact - p, normal = direction_of(doubled_area);
+  const vfloat<W> height = -dot(to, normal);
+  const vvec3<W> d = to + normal * copysign(min(t.reach * kOffsetUlps, 0.5f * abs(height)), height);
+  const vfloat<W> distance = length(d);
+  const vvec3<W> wi = d * (1.0f / distance);
+  const vfloat<W> by_area = area_to_solid_angle(doubled_area, wi, distance);
+  const vfloat<W> pdf = select(whole, whole_pdf, probability * seen.pdf(by_area));
+  const vbool<W> usable = (distance > vfloat<W>(0.0f)) & (pdf < vfloat<W>(kInfinity));
+  const bool lights = scene.geometry_lights.any();
+  const vbool<W> own = lights ? (row.flags() & vint<W>(kOwnRadiance)) != vint<W>(0) : vbool<W>(false);
+  vvec3<W> L = triangle_emission(scene, m, triangle, vertex_base, truncate(row(kMeshPlacement)), truncate(row(kMeshInstance)),
+                                 b1, b2, own);
+  if (lights) L *= row.vector(kGlow);
+  if (scene.lights.has_shaping) L *= light_shaping(scene.lights, row, m, wi);
+  s.wi = select(m, wi, s.wi), s.t = select(m, distance, s.t), s.L = select(m, L, s.L);
+  s.pdf = select(m, select(usable, pdf, vfloat<W>(0.0f)), s.pdf);
+}
+
+// The density with which that finds the point of `triangle`, counted over the scene, that lies `distance` away along unit d.
+template <int W>
+PRIMRAY_INLINE vfloat<W> mesh_pdf(const Scene& scene, vbool<W> m, const LightRow<W>& row, vint<W> triangle, const vvec3<W>& p,
+                                  const vvec3<W>& n, const vvec3<W>& d, vfloat<W> distance) {
+  const EmitterTable& table = scene.emitters;
+  const vint<W> shape = select(m, truncate(row(kSize1)), vint<W>(0)), first = gather<W>(table.first.data(), shape);
+  triangle = select(m, triangle, first);
+  const vbool<W> whole = rectangles_of(table, m, row), parts = m & !whole;
+  const vfloat<W> whole_pdf = any(whole) ? MeshRectangle<W>(row).pdf(p, d, distance) : vfloat<W>(0.0f);
+  if (!any(parts)) return whole_pdf;
+  const EmitterTriangle<W> t(scene, row, gather<W>(table.vertex_base.data(), shape), triangle);
+  const SeenTriangle<W> seen(parts, t, p);
+  const vfloat<W> by_area = area_to_solid_angle(cross(t.e1, t.e2), d, distance);
+  const vfloat<W> chosen = probability_of_triangle(table, parts, shape, triangle - first, PlaceBeforeMesh<W>(row, p, n));
+  return select(whole, whole_pdf, chosen * seen.pdf(by_area));
+}
+
+}  // namespace primray

@@ -1,6 +1,0 @@
-// The path loop on 4 lanes.
-#include "integrator/tile_task_impl.hpp"
-
-namespace primray {
-template void render_tile_block<4>(const Scene&, const IntegratorSettings&, const TileBlock&, Worker&, Film&, RayRecorder*);
-}

@@ -1,0 +1,17 @@
+// Whom a light reaches, who casts its shadows and how, whether the camera sees it, as it comes from outside.
+#pragma once
+
+#include "math/vec3.hpp"
+
+namespace primray {
+
+struct LightRules {
+  // Collections that it reaches, and that cast its shadows; 0: all surfaces.
+  int link = 0, casters = 0;
+  bool visible_to_camera = true;
+  bool casts_shadows = true;
+  vec3 shadow_color{0.0f, 0.0f, 0.0f};
+  double shadow_distance = -1, shadow_falloff = -1, shadow_gamma = 1;  // negative: none; lengths in scene units
+};
+
+}  // namespace primray

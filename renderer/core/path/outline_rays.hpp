@@ -1,0 +1,85 @@
+// Camera rays of their own for lights that end in a pixel (build/lights/light_outlines.hpp): they look for that light as a
+// body, and for what hides it, and scatter nowhere. The paths of such a pixel then bring nothing of that light's body.
+#pragma once
+
+#include "path/emission.hpp"
+#include "path/tile_task.hpp"
+
+namespace primray {
+
+// By sample of the pixel and light that ends in it.
+constexpr int kOutlineRays = 4;
+
+// Notes what ends in the pixels that the worker has listed; whether there is anything.
+inline bool find_outlines(const LightOutlines& outlines, const TileBlock& block, Worker& w, int pixels) {
+  bool some = false;
+  for (int i = 0; i < pixels; ++i) {
+    w.outlines[i] = outlines.at(block.x0 + w.pixel_x[i] * block.stride_x, block.y0 + w.pixel_y[i] * block.stride_y);
+    some |= !w.outlines[i].empty();
+  }
+  return some;
+}
+
+// Appends what the rays see of one light in pixel number `pixel` of the worker to the shadow queue, and calls flush() when that
+// is full.
+template <int W, class Flush>
+PRIMRAY_RARE void look_for_outline(const Scene& scene, uint32_t seed, const TileBlock& block, Worker& w, int pixel,
+                                   const LightOutlines::Part& part, PathNeeds needs, const Flush& flush) {
+  using F = vfloat<W>;
+  using I = vint<W>;
+  const int samples = block.count[0] + block.count[1], rays = samples * kOutlineRays;
+  const I x(block.x0 + w.pixel_x[pixel] * block.stride_x), y(block.y0 + w.pixel_y[pixel] * block.stride_y);
+  const float share = part.width * part.height * (1.0f / kOutlineRays);
+  for (int at = 0; at < rays; at += W) {
+    alignas(64) int32_t slot[W];
+    alignas(64) uint32_t index[W], number[W], replicate[W];
+    for (int i = 0; i < W; ++i) {
+      const int ray = std::min(at + i, rays - 1), k = ray / kOutlineRays, r = k < block.count[0] ? 0 : 1;
+      slot[i] = pixel * samples + k, replicate[i] = uint32_t(r);
+      index[i] = uint32_t(block.first[r] + (r ? k - block.count[0] : k));
+      number[i] = index[i] * kOutlineRays + uint32_t(ray % kOutlineRays);
+    }
+    const vuint<W> of_pixel = Sampler<W>::pixel_seed(seed, x, y, load<W>(replicate));
+    const Sampler<W> own{reverse_bits(load<W>(number)), of_pixel};
+    const Pair<W> film = own.pair(I(part.light), Purpose::kFilm);
+    const F u = part.u + film.u * part.width, v = part.v + film.v * part.height;
+    const CameraRay<W> ray = scene.camera.ray<W>(x, y, u, v, F(0.5f), F(0.5f));
+    PathLanes<W> p;
+    p.ray = {ray.o, ray.d, ray.tnear, ray.tfar};
+    if (needs.time) p.ray.time = Sampler<W>{reverse_bits(load<W>(index)), of_pixel}.single(I(0), kShutterTime);
+    p.bsdf_pdf = p.travelled = F(0.0f), p.depth = I(0), p.link = I(kUnlinkedRow);
+    p.normal = p.share = vvec3<W>(F(0.0f));
+    const vbool<W> active = lane_numbers<W>() < I(rays - at);
+    vvec3<W> L(F(0.0f));
+    const MetLights<W> met = meet_lights(scene.lights, active, vbool<W>(true), p, F(kInfinity), L);
+    const vbool<W> seen = met.covered & (met.light == I(part.light));
+    if (!any(seen)) continue;
+    if (w.shadows.count > ShadowQueue::kSize - 2 * W) flush();
+    // From where the camera begins to see.
+    w.shadows.append(seen, ray.o + ray.d * ray.tnear, ray.d, max(met.nearest * kNearlyOne - ray.tnear, 0.0f), L * share,
+                     load<W>(slot), p.ray.time, needs);
+  }
+}
+
+template <int W, class Flush>
+PRIMRAY_RARE void look_for_outlines(const Scene& scene, uint32_t seed, const TileBlock& block, Worker& w, int pixels,
+                                    PathNeeds needs, const Flush& flush) {
+  w.shadows.count = 0;
+  if (w.special_shadows) w.special_shadows->rays.count = 0;
+  for (int i = 0; i < pixels; ++i)
+    for (const LightOutlines::Part& part : w.outlines[i]) look_for_outline<W>(scene, seed, block, w, i, part, needs, flush);
+  flush();
+}
+
+// Which of the camera rays `m` met a light that has rays of its own in their pixel.
+template <int W>
+PRIMRAY_RARE vbool<W> is_outlined(const Worker& w, vbool<W> m, vint<W> slot, int samples, vint<W> light) {
+  vint<W> found(0);
+  for (uint32_t b = bits(m); b; b &= b - 1) {
+    const int i = __builtin_ctz(b);
+    for (const LightOutlines::Part& part : w.outlines[slot[i] / samples]) found.set(i, found[i] | (part.light == light[i]));
+  }
+  return found != vint<W>(0);
+}
+
+}  // namespace primray

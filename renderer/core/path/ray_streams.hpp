@@ -1,0 +1,30 @@
+// A pool's rays, or a queue's shadow rays, all at once, where rays take turns (bvh/interleaved.hpp).
+#pragma once
+
+#include "bvh/interleaved.hpp"
+#include "path/pool.hpp"
+#include "path/ray_recorder.hpp"
+
+namespace primray {
+
+template <int W, class Rays>
+void record_stream(RayRecorder& recorder, bool shadow, const Rays& rays) {
+  for (int at = 0; at < rays.count; at += W)
+    recorder.record(shadow, true, lane_numbers<W>() < vint<W>(rays.count - at), rays.template rays<W>(at));
+}
+
+// Hits are left in the pool.
+template <int W>
+void trace_stream(const TriangleBvh& bvh, RayRecorder* recorder, PathPool& pool) {
+  if (recorder) record_stream<W>(*recorder, false, pool);
+  intersect_interleaved(bvh, uint32_t(pool.count), pool.ray_columns(), pool.hit_columns());
+}
+
+// `blocked`: 1 or 0 for each ray.
+template <int W>
+void occlude_stream(const TriangleBvh& bvh, RayRecorder* recorder, const ShadowQueue& queue, int32_t* blocked) {
+  if (recorder) record_stream<W>(*recorder, true, queue);
+  occluded_interleaved(bvh, uint32_t(queue.count), queue.ray_columns(), blocked);
+}
+
+}  // namespace primray

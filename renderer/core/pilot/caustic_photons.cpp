@@ -1,0 +1,229 @@
+// See caustic_photons.hpp. Photons aim at the bounding balls of what has a smooth surface; a photon is a function of its number
+// alone, and they are kept in the order of their numbers, so that threads and lanes show in no bit.
+#include "pilot/caustic_photons.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <thread>
+
+#include "accel/query.hpp"
+#include "bsdf/bsdf.hpp"
+#include "guide/caustic_tree.hpp"
+#include "guide/caustics.hpp"
+#include "light/choice/selection.hpp"
+#include "pilot/caustic_targets.hpp"
+#include "render/task_function.hpp"
+#include "sampler/sampler.hpp"
+#include "surface/evaluate_inputs.hpp"
+#include "surface/interaction.hpp"
+
+namespace primray {
+namespace {
+
+constexpr int W = PRIMRAY_MAX_LANES;
+using F = vfloat<W>;
+using I = vint<W>;
+using B = vbool<W>;
+using V = vvec3<W>;
+
+// A light is small where its directions have at least this density per steradian.
+constexpr float kSmallLight = 10;
+constexpr int kLongest = 10;  // vertices of a photon's path
+constexpr int kRound = 1 << 14, kRounds = 16, kTask = 256;
+// Photons that are kept, by the frame's pixels; small pictures would wait for more than they gain.
+constexpr size_t kFewest = 1 << 13, kMost = 1 << 17, kPixelsEach = 4;
+// A photon's gradients are taken from two that start beside it, by this share of what they aim at.
+constexpr int kCorners = 3;
+constexpr float kBeside = 2e-3f;
+constexpr float kLeastSpread = 1e-4f;   // squared sine between their landings
+constexpr float kLeastApart2 = 1e-20f;  // squared distances to those: less is rounding, and gradients would overflow
+static_assert(W >= kCorners);
+constexpr uint32_t kPhotonSeed = 0x51ed270bu;
+
+class Photons {
+ public:
+  Photons(const Scene& scene, std::vector<CausticTarget> targets, int longest)
+      : scene_(scene), targets_(std::move(targets)), longest_(longest) {
+    // By radius: neither the smallest nor the largest are forgotten.
+    double sum = 0;
+    for (const CausticTarget& t : targets_) sum += t.radius;
+    float run = 0;
+    for (const CausticTarget& t : targets_) {
+      cdf_.push_back(run), run += float(t.radius / sum);
+      data_.insert(data_.end(), {t.center.x, t.center.y, t.center.z, t.radius, float(t.radius / sum)});
+    }
+    cdf_.push_back(1.0f);
+  }
+
+  // Photons [first, first + kTask).
+  void trace(uint32_t first, std::vector<CausticPhoton>& landed) const {
+    for (int i = 0; i < kTask; i += W / kCorners) {
+      alignas(64) int32_t number[W], corner[W], inside[W];
+      for (int k = 0; k < W; ++k) {
+        const int photon = i + k / kCorners;
+        number[k] = int32_t(first) + photon, corner[k] = k % kCorners;
+        inside[k] = k / kCorners < W / kCorners && photon < kTask;
+      }
+      trace_lanes({bit_cast<vuint<W>>(load<W>(number)), load<W>(corner), load<W>(inside) != I(0)}, landed);
+    }
+  }
+
+ private:
+  const Scene& scene_;
+  const std::vector<CausticTarget> targets_;
+  const int longest_;
+  std::vector<float> cdf_, data_;
+
+  // Photons by threes of neighbouring lanes: the photon itself, and two that start beside it and are scattered by the same
+  // numbers.
+  struct Corners {
+    vuint<W> number;
+    I corner;
+    B active;
+  };
+
+  B launch(const Corners& lanes, const Sampler<W>& sampler, Rays<W>& rays, F& weight) const {
+    const LightTable& lights = scene_.lights;
+    const I none(0);
+    const I t = find_interval<W>(cdf_.data(), none, int(targets_.size()), sampler.single(none, Purpose::kLobe));
+    const auto field = [&](int f) { return gather<W>(data_.data() + f, t * I(5)); };
+    const V center{field(0), field(1), field(2)};
+    const F radius = field(3);
+    const LightChoice<W> choice =
+        choose_light(lights, B(true), center, V(F(0.0f)), sampler.bits_of(none, Purpose::kLightChoice));
+    const Pair<W> u = sampler.pair(none, Purpose::kLightPoint), disc = sampler.link(none);
+    const B possible = choice.probability > F(0.0f);
+    const LightSample<W> s = light_sample(lights, choice.light, possible, center, u.u, u.v);
+    B alive = lanes.active & possible & (s.pdf > F(0.0f)) & (s.is_delta | (s.pdf > F(kSmallLight)));
+    alive &= max_component(s.L) > F(0.0f);
+    const Frame<F> frame(s.wi);
+    const SinCos<W> phi = sincos_turns(disc.v);
+    const F r = radius * sqrt(disc.u);
+    const F beside = radius * kBeside, zero(0.0f);
+    const V at = center + frame.s * (r * phi.cos + select(lanes.corner == I(1), beside, zero)) +
+                 frame.t * (r * phi.sin + select(lanes.corner == I(2), beside, zero));
+    // From the light's point there, if that is near.
+    const B near = s.t < F(1e18f);
+    const V point = center + s.wi * select(near, s.t, F(0.0f));
+    const V wi = select(near, normalize(point - at), s.wi);
+    const V start = at + wi * (radius * 1.01f);
+    const F left = select(near, length(point - at) - radius * 1.01f, F(kInfinity));
+    alive &= left > F(0.0f);
+    if (!any(alive)) return alive;
+    const Rays<W> to_light{start, wi, F(0.0f), left * 0.999f, F(0.0f)};
+    alive &= !occluded(scene_, true, alive, to_light);
+    rays = {start, -wi, F(0.0f), F(kInfinity), F(0.0f)};
+    weight = kPi * radius * radius / field(4);
+    return alive;
+  }
+
+  void trace_lanes(const Corners& lanes, std::vector<CausticPhoton>& landed) const {
+    const Sampler<W> sampler{reverse_bits(lanes.number), Sampler<W>::pixel_seed(kPhotonSeed, I(0), I(0), vuint<W>(0u))};
+    Rays<W> rays;
+    F weight(0.0f);
+    B alive = launch(lanes, sampler, rays, weight), scattered(false);
+    V source = rays.o;
+    I way(0);  // a number of the surfaces that were met, and of what passed them
+    for (int vertex = 1; vertex <= longest_ && any(alive); ++vertex) {
+      const Hits<W> hits = intersect(scene_, true, alive, rays);
+      alive &= hits.geom != I(-1);
+      if (!any(alive)) return;
+      Interaction<W> it = interact(scene_, alive, rays, hits);
+      SurfaceRows<W> rows(scene_.surfaces, it.surface);
+      LaneRows<W> varying;
+      if (scene_.has_inputs && any(alive & (gather<W>(scene_.surface_inputs_of.data(), it.surface) >= I(0))))
+        rows = evaluate_inputs(scene_, alive, hits, it.surface, F(0.0f), it.ng, it.ns, varying);
+      const V wo = -rays.d;
+      const B front = dot(it.ng, wo) > F(0.0f);
+      const F side = select(front, F(1.0f), F(-1.0f));
+      const V ng = it.ng * side, ns = it.ns * side;
+      const Frame<F> frame(select(dot(ns, wo) > F(1e-4f), ns, ng));
+      const V local = frame.to_local(wo);
+      const Bsdf<W> bsdf(rows, alive, local, front);
+      const B there = alive & scattered;
+      keep(there, there & (lanes.corner == I(0)) & follows_caustics(bsdf), it.p, source, way + it.surface, weight, landed);
+      if (!bsdf.any_preview) return;
+      const Pair<W> u = sampler.link(I(vertex));
+      const F lobe = sampler.single(I(vertex), Purpose::kLobe);
+      const BsdfSample<W> s = bsdf.sample(local, lobe, u.u, u.v);
+      const B rough = !s.is_delta;
+      const F among = lobe / max(bsdf.presence, 1e-20f);
+      B smooth = among >= bsdf.p_diffuse;
+      if (bsdf.any_coat) {
+        const B coat = among >= bsdf.p_diffuse + bsdf.p_specular;
+        smooth &= (coat & (bsdf.coat_alpha < F(kCasterAlpha))) | ((!coat) & (bsdf.alpha < F(kCasterAlpha)));
+      } else {
+        smooth &= bsdf.alpha < F(kCasterAlpha);
+      }
+      alive &= bsdf.preview & (s.is_delta | (rough & smooth)) & (max_component(s.weight) > F(0.0f));
+      const V d = select(s.straight, rays.d, frame.to_world(s.wi));
+      const F out = dot(ng, d);
+      alive &= s.transmits | (out > F(0.0f));
+      source = select(s.straight, source, it.p);
+      way = way * I(31) + it.surface * I(2) + select(s.transmits, I(1), I(0));
+      scattered |= alive & !s.straight;
+      weight = select(s.straight, weight, weight * min(luminance(s.weight), 1.0f));
+      rays.o = it.p + ng * (it.offset * select(out > F(0.0f), F(1.0f), F(-1.0f)));
+      rays.d = d;
+    }
+  }
+
+  // Photons `kept` of those that are `there`, with gradients where their neighbours went the same way.
+  static void keep(B there, B kept, const V& p, const V& source, I way, F weight, std::vector<CausticPhoton>& landed) {
+    const auto at = [](const V& v, int i) { return vec3{v.x[i], v.y[i], v.z[i]}; };
+    constexpr uint32_t all = (1u << kCorners) - 1;
+    for (uint32_t b = bits(kept); b; b &= b - 1) {
+      const int i = __builtin_ctz(b);
+      CausticPhoton photon{at(p, i), at(source, i), weight[i]};
+      if ((bits(there) >> i & all) == all && way[i + 1] == way[i] && way[i + 2] == way[i]) {
+        const vec3 landings[2] = {at(p, i + 1) - photon.landing, at(p, i + 2) - photon.landing};
+        const vec3 sources[2] = {at(source, i + 1) - photon.source, at(source, i + 2) - photon.source};
+        add_gradients(landings, sources, photon);
+      }
+      landed.push_back(photon);
+    }
+  }
+
+  // The least gradients by which sources move as they do with landings: by the pseudo-inverse of the landings.
+  static void add_gradients(const vec3 (&landings)[2], const vec3 (&sources)[2], CausticPhoton& photon) {
+    const vec3 &a = landings[0], &b = landings[1];
+    const float aa = dot(a, a), ab = dot(a, b), bb = dot(b, b), det = aa * bb - ab * ab;
+    if (!(det > kLeastSpread * aa * bb) || std::min(aa, bb) < kLeastApart2) return;
+    const vec3 by_a = (a * bb - b * ab) * (1 / det), by_b = (b * aa - a * ab) * (1 / det);
+    photon.gradient[0] = by_a * sources[0].x + by_b * sources[1].x;
+    photon.gradient[1] = by_a * sources[0].y + by_b * sources[1].y;
+    photon.gradient[2] = by_a * sources[0].z + by_b * sources[1].z;
+  }
+};
+
+}  // namespace
+
+std::vector<CausticPhoton> trace_photons(const Scene& scene, int longest, int threads) {
+  std::vector<CausticPhoton> all;
+  if (scene.lights.count == 0) return all;
+  std::vector<CausticTarget> targets = caustic_targets(scene);
+  if (targets.empty()) return all;
+  const Photons photons(scene, std::move(targets), std::min(longest, kLongest));
+  const size_t pixels = size_t(scene.camera.width) * size_t(scene.camera.height);
+  const size_t enough = std::clamp(pixels / kPixelsEach, kFewest, kMost);
+  int rounds = 0;
+  while (rounds < kRounds && all.size() < enough) {
+    std::vector<CausticPhoton> landed[kRound / kTask];
+    std::atomic<int> next{0};
+    const auto work = [&] {
+      set_float_mode();
+      for (int i; (i = next++) < kRound / kTask;) photons.trace(uint32_t(rounds * kRound + i * kTask), landed[i]);
+    };
+    std::vector<std::thread> pool;
+    for (int i = 0; i < std::max(threads, 1); ++i) pool.emplace_back(work);
+    for (std::thread& t : pool) t.join();
+    for (const auto& part : landed) all.insert(all.end(), part.begin(), part.end());
+    ++rounds;
+    if (all.size() < size_t(kRound) / 512) return {};  // hardly any light comes that way
+  }
+  for (CausticPhoton& p : all) p.weight /= float(rounds * kRound);
+  return all;
+}
+
+}  // namespace primray

@@ -1,0 +1,15 @@
+// A guide learnt by paths of its own before the render.
+#pragma once
+
+#include <memory>
+
+#include "guide/guide.hpp"
+#include "render/task_function.hpp"
+
+namespace primray {
+
+// Null where it would not pay. A function of scene, depth and settings.splits (which must be chosen) alone, not of seed,
+// threads or lanes, so that every part of a render has the same one.
+std::unique_ptr<Guide> learn_guide(const Scene& scene, const IntegratorSettings& settings, TaskFunction task);
+
+}  // namespace primray

@@ -1,0 +1,61 @@
+// A pilot: 16 x 16 pixels spread over the frame, whatever part of it is rendered, 2 x 16 samples each, to see what a choice of
+// sampling would bring. Its samples are not used in the image, so nothing is biased by choosing on them.
+//
+// The error is what the render's own report counts, squared differences over (R^2 + 0.01), here between the two replicates,
+// which are independent; the cost is rays.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <memory>
+#include <numeric>
+#include <span>
+
+#include "render/task_function.hpp"
+
+namespace primray {
+
+struct Pilot {
+  // The same for every seed of a scene, so that renders that differ in seed alone take the same paths.
+  static constexpr uint32_t kSeed = 0x9d2c5680u;
+
+  Film film{kTile, kTile};
+  double rays = 0;
+  std::array<int, kTile * kTile> place{};  // in the film, by the order in which its pixels are sampled
+
+  // Those of other numbers have other pixels and points.
+  Pilot(const Scene& scene, IntegratorSettings settings, TaskFunction task, int number = 0) {
+    settings.seed = kSeed + uint32_t(number);
+    TileBlock block{0, 0, scene.camera.width, scene.camera.height, 0, 0};
+    block.stride_x = std::max(1, scene.camera.width / kTile), block.stride_y = std::max(1, scene.camera.height / kTile);
+    block.x0 = (block.stride_x / 2 + number * 7) % block.stride_x,
+    block.y0 = (block.stride_y / 2 + number * 5) % block.stride_y;
+    for (int& n : block.count) n = kBlock;
+    const auto worker = std::make_unique<Worker>();
+    task(scene, settings, block, *worker, film, nullptr);
+    rays = double(film.tile_rays[0]);
+    for (size_t i = 0; i < place.size(); ++i) place[i] = worker->pixel_y[i] * kTile + worker->pixel_x[i];
+  }
+
+  double mean(int replicate, int pixel, int channel) const {
+    return film.mean(size_t(replicate) * kTile * kTile + pixel, channel);
+  }
+};
+
+// The error of a pilot's picture per pixel and colour; R from all pilots. `left_out`: so many pixels with the largest
+// differences are, where a rare bright path would decide alone.
+inline double relative_error(const Pilot& pilot, std::span<const Pilot* const> all, int left_out) {
+  std::array<double, kTile * kTile> errors{};
+  for (int p = 0; p < kTile * kTile; ++p) {
+    for (int c = 0; c < 3; ++c) {
+      double r = 0;
+      for (const Pilot* other : all) r += (other->mean(0, p, c) + other->mean(1, p, c)) / double(2 * all.size());
+      const double d = pilot.mean(0, p, c) - pilot.mean(1, p, c);
+      errors[size_t(p)] += d * d / (r * r + 0.01);
+    }
+  }
+  std::sort(errors.begin(), errors.end());
+  return std::accumulate(errors.begin(), errors.end() - left_out, 0.0) / (12.0 * double(int(errors.size()) - left_out));
+}
+
+}  // namespace primray

@@ -1,0 +1,23 @@
+// W rays, and what they hit.
+#pragma once
+
+#include "math/vec3.hpp"
+
+namespace primray {
+
+template <int W>
+struct Rays {
+  vvec3<W> o, d;
+  vfloat<W> tnear, tfar;
+  vfloat<W> time = vfloat<W>(0.0f);  // within the shutter's opening, [0, 1]
+};
+
+template <int W>
+struct Hits {
+  vfloat<W> t;  // the ray's own tfar where nothing is hit
+  vvec3<W> ng;  // as Embree gives it: for spheres the unit normal in object space
+  vfloat<W> u, v;
+  vint<W> prim, geom, inst, inst_prim;  // geom -1: nothing hit; of pairs, prim counts triangles
+};
+
+}  // namespace primray

@@ -1,0 +1,6 @@
+// The path loop on 1 lane.
+#include "path/path_loop.hpp"
+
+namespace primray {
+template void render_tile_block<1>(const Scene&, const IntegratorSettings&, const TileBlock&, Worker&, Film&, RayRecorder*);
+}

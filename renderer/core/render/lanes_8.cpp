@@ -1,0 +1,6 @@
+// The path loop on 8 lanes.
+#include "path/path_loop.hpp"
+
+namespace primray {
+template void render_tile_block<8>(const Scene&, const IntegratorSettings&, const TileBlock&, Worker&, Film&, RayRecorder*);
+}

@@ -1,0 +1,18 @@
+// The kernels of this module by number of lanes, and the float mode they run in.
+#pragma once
+
+#include "path/tile_task.hpp"
+
+namespace primray {
+
+using TaskFunction = void (*)(const Scene&, const IntegratorSettings&, const TileBlock&, Worker&, Film&, RayRecorder*);
+
+// Null for a number of lanes that this module was not built with.
+TaskFunction task_function(int lanes);
+
+inline bool has_lanes(int lanes) { return task_function(lanes) != nullptr; }
+
+// Denormals to zero, as Embree's speed and our bits want it; on threads of our own only.
+void set_float_mode();
+
+}  // namespace primray

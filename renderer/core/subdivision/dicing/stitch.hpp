@@ -1,0 +1,21 @@
+// Drawn faces of all levels to triangles. A face beside finer ones takes up the vertices that these have on its edges, so that
+// every edge of the mesh has the same two ends on both sides.
+#pragma once
+
+#include <vector>
+
+#include "subdivision/dicing/level.hpp"
+
+namespace primray::subdivision {
+
+struct Triangles {
+  std::vector<int32_t> points;               // three a triangle, into the output's vertices
+  std::vector<int32_t> normals;              // as many; empty where normals belong to vertices
+  std::vector<std::vector<int32_t>> values;  // one a face-varying primvar
+  std::vector<int32_t> faces;                // of the cage, one a triangle
+};
+
+// `points`: the output's vertices, three floats each.
+Triangles stitch(const std::vector<Level>& levels, const std::vector<float>& points);
+
+}  // namespace primray::subdivision

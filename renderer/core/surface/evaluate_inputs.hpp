@@ -1,0 +1,280 @@
+// Runs the inputs of surfaces on lanes: primvars and textures at W hits, reduced to rows of the surface table.
+//
+// Lanes with the same surface go together; lanes whose surface has constants only keep the table's row. A shape's
+// primvar is nearer than one of its instance, which is constant at the instance's root ("Primvars on PointInstancer",
+// UsdGeomPointInstancer); the fallback stands where neither has it.
+#pragma once
+
+#include "bsdf/surface_inputs.hpp"
+#include "surface/surface_point.hpp"
+
+namespace primray {
+
+// How far `st` may change over a triangle (squared area) before its tangents count as none.
+constexpr float kTinyStArea = 1e-20f;
+
+template <int W>
+struct LaneRows {
+  alignas(64) float rows[W * kSurfaceFields];
+};
+
+// One primvar at W points: offsets of its values at the three corners, equal where it does not vary over a triangle.
+template <int W>
+struct PrimvarLanes {
+  vbool<W> present;
+  vint<W> at[3], width;
+  bool varies;
+
+  PRIMRAY_INLINE PrimvarLanes(const Scene& scene, vbool<W> active, const SurfacePoint<W>& p, int name) {
+    using I = vint<W>;
+    const PrimvarTable& t = scene.primvars;
+    const I zero(0), names(t.names), none(-1);
+    I primvar = none;
+    if (name >= 0) {
+      const I n(name);
+      const auto look = [&](const std::vector<int32_t>& of, vbool<W> lanes, I owner) {
+        if (of.empty() || !any(lanes)) return;
+        const I found = gather<W>(of.data(), select(lanes, owner * names + n, zero));
+        primvar = select(lanes & (found >= zero), found, primvar);
+      };
+      look(t.of_mesh, active & p.is_triangle, p.mesh);
+      look(t.of_sphere, active & !p.is_triangle, p.sphere);
+      look(t.of_placement, active & p.instanced & !(primvar >= zero), p.placement);
+    }
+    present = primvar >= zero;
+    varies = false;
+    width = I(1), at[0] = at[1] = at[2] = zero;
+    if (!any(present)) return;
+    primvar = select(present, primvar, zero);
+    const I kind = select(present, gather<W>(t.kind.data(), primvar), zero);
+    const auto is = [&](PrimvarKind k) { return kind == I(int32_t(k)); };
+    width = gather<W>(t.width.data(), primvar);
+    const I base = select(present, gather<W>(t.base.data(), primvar), zero);
+    I face = zero, first_vertex = zero;
+    if (any(p.is_triangle)) {
+      face = p.triangle - gather<W>(scene.meshes.triangle_base.data(), p.mesh);
+      first_vertex = gather<W>(scene.meshes.vertex_base.data(), p.mesh);
+    }
+    const vbool<W> point = is(PrimvarKind::kPoint), corner = is(PrimvarKind::kCorner);
+    const I whole = select(is(PrimvarKind::kFace), face, select(is(PrimvarKind::kInstance), p.instance_row, zero));
+    for (int k = 0; k < 3; ++k) {
+      const I row = select(point, p.corner[k] - first_vertex, select(corner, face * I(3) + I(k), whole));
+      at[k] = base + row * width;
+    }
+    varies = any(point | corner);
+  }
+  // Component `c`, or the last there is, at corner k.
+  PRIMRAY_INLINE vfloat<W> component(const Scene& scene, int c, int k) const {
+    return gather<W>(scene.primvars.values.data(), at[k] + min(vint<W>(c), width - vint<W>(1)));
+  }
+  PRIMRAY_INLINE vfloat<W> interpolate(const Scene& scene, const SurfacePoint<W>& p, int c, float fallback) const {
+    if (!any(present)) return vfloat<W>(fallback);
+    vfloat<W> r = component(scene, c, 0);
+    // Differences, so that equal corners give their value exactly, whatever is beside them in other lanes.
+    if (varies) r += (component(scene, c, 1) - r) * p.u + (component(scene, c, 2) - r) * p.v;
+    return select(present, r, fallback);
+  }
+};
+
+// A primvar's two numbers as texture coordinates, and their differences along the triangle's edges.
+template <int W>
+struct StLanes {
+  vfloat<W> s, t, s1, t1, s2, t2;
+  StLanes() = default;
+  PRIMRAY_INLINE StLanes(const Scene& scene, vbool<W> active, const SurfacePoint<W>& p, int name, const float* fallback) {
+    const PrimvarLanes<W> st(scene, active, p, name);
+    s = st.interpolate(scene, p, 0, fallback[0]), t = st.interpolate(scene, p, 1, fallback[1]);
+    s1 = t1 = s2 = t2 = vfloat<W>(0.0f);
+    if (!st.varies) return;
+    const vfloat<W> s0 = st.component(scene, 0, 0), t0 = st.component(scene, 1, 0);
+    s1 = st.component(scene, 0, 1) - s0, t1 = st.component(scene, 1, 1) - t0;
+    s2 = st.component(scene, 0, 2) - s0, t2 = st.component(scene, 1, 2) - t0;
+  }
+  // Twice the triangle's area in (s, t), with its sign.
+  PRIMRAY_INLINE vfloat<W> area2() const { return s1 * t2 - s2 * t1; }
+};
+
+// `channels` of one image of a texture; `footprint`: area in (s, t) over which to average.
+template <int W>
+PRIMRAY_INLINE vvec3<W> read_image(const TextureImage& image, Wrap wrap_s, Wrap wrap_t, vfloat<W> s, vfloat<W> t,
+                                   vfloat<W> footprint) {
+  const vfloat<W> level = 0.5f * coarse_log2(footprint * (float(image.width) * float(image.height)));
+  if (image.channels == 1) return vvec3<W>(lookup<1>(image, wrap_s, wrap_t, s, t, level).c[0]);
+  const Texels<3, W> r = lookup<3>(image, wrap_s, wrap_t, s, t, level);
+  return {r.c[0], r.c[1], r.c[2]};
+}
+
+template <int W>
+PRIMRAY_INLINE vvec3<W> broadcast(const float* c) {
+  return {vfloat<W>(c[0]), vfloat<W>(c[1]), vfloat<W>(c[2])};
+}
+
+// texture(st') scale + bias.
+template <int W>
+PRIMRAY_INLINE vvec3<W> read_texture(const Scene& scene, vbool<W> active, const InputSource& source, const StLanes<W>& st,
+                                     vfloat<W> footprint) {
+  using F = vfloat<W>;
+  using I = vint<W>;
+  const Texture& texture = scene.textures[source.texture];
+  const float* m = source.st_transform;
+  const F s = st.s * m[0] + st.t * m[1] + m[2], t = st.s * m[3] + st.t * m[4] + m[5];
+  footprint = footprint * __builtin_fabsf(m[0] * m[4] - m[1] * m[3]);
+  const vvec3<W> scale = broadcast<W>(source.scale), bias = broadcast<W>(source.bias);
+  if (!texture.udim) return read_image(texture.images[0], source.wrap_s, source.wrap_t, s, t, footprint) * scale + bias;
+  // Each lane in its own tile.
+  const I column = floor_to_int(clamp(s, -1.0f, float(kTileColumns))), row = floor_to_int(clamp(t, -1.0f, float(kTileRows)));
+  const vbool<W> inside = (column >= I(0)) & (column < I(kTileColumns)) & (row >= I(0)) & (row < I(kTileRows));
+  const I tile = select(inside, gather<W>(texture.tiles.data(), select(inside, row * I(kTileColumns) + column, I(0))), I(-1));
+  vvec3<W> r = broadcast<W>(source.missing);
+  for (vbool<W> left = active & (tile >= I(0)); any(left);) {
+    const int image = tile[__builtin_ctz(bits(left))];
+    const vbool<W> same = left & (tile == I(image));
+    left &= !same;
+    const vvec3<W> c =
+        read_image(texture.images[image], Wrap::kClamp, Wrap::kClamp, s - to_float(column), t - to_float(row), footprint);
+    r = select(same, c * scale + bias, r);
+  }
+  return r;
+}
+
+// Values of inputs of one surface at W points, with texture coordinates read once where inputs share them.
+template <int W>
+class InputReader {
+ public:
+  // `footprint`: area on the surface, in world space, over which textures are averaged; 0: as finely as they are kept.
+  PRIMRAY_INLINE InputReader(const Scene& scene, vbool<W> active, const SurfacePoint<W>& point, vfloat<W> footprint)
+      : scene_(scene), active_(active), point_(point), footprint_(footprint) {}
+
+  PRIMRAY_INLINE const StLanes<W>& st(int name, const float* fallback) {
+    if (!has_st_ || st_name_ != name || st_fallback_[0] != fallback[0] || st_fallback_[1] != fallback[1]) {
+      st_ = StLanes<W>(scene_, active_, point_, name, fallback);
+      has_st_ = true, st_name_ = name, st_fallback_[0] = fallback[0], st_fallback_[1] = fallback[1];
+    }
+    return st_;
+  }
+  __attribute__((noinline)) vvec3<W> read(const InputSource& source) {
+    if (source.texture >= 0) {
+      const StLanes<W>& c = st(source.primvar, source.fallback);
+      const vfloat<W> per_area = abs(c.area2()) / max(point_.area2, 1e-30f);
+      return read_texture(scene_, active_, source, c, footprint_ * per_area);
+    }
+    const PrimvarLanes<W> primvar(scene_, active_, point_, source.primvar);
+    const auto component = [&](int c) { return primvar.interpolate(scene_, point_, c, source.fallback[c]); };
+    return {component(0), component(1), component(2)};
+  }
+
+ private:
+  const Scene& scene_;
+  vbool<W> active_;
+  const SurfacePoint<W>& point_;
+  vfloat<W> footprint_;
+  bool has_st_ = false;
+  int st_name_ = -1;
+  float st_fallback_[2] = {};
+  StLanes<W> st_;
+};
+
+// Normal maps: `tangent_normal` in the frame of dp/ds, dp/dt and the shading normal `ns`, both tangents made perpendicular to
+// ns. Mirrored coordinates turn the second one around; where st does not span the triangle, ns stays.
+template <int W>
+PRIMRAY_INLINE vvec3<W> bend_normal(const SurfacePoint<W>& p, const StLanes<W>& st, const vvec3<W>& tangent_normal,
+                                    const vvec3<W>& ns) {
+  using F = vfloat<W>;
+  // p changes by e1 where st changes by (s1, t1), by e2 where it changes by (s2, t2).
+  const F area = st.area2(), sign = copysign(F(1.0f), area);
+  const vvec3<W> ds = (p.e1 * st.t2 - p.e2 * st.t1) * sign, dt = (p.e2 * st.s1 - p.e1 * st.s2) * sign;
+  vvec3<W> tangent = ds - ns * dot(ns, ds);
+  const F length2 = dot(tangent, tangent);
+  tangent = tangent * (1.0f / sqrt(max(length2, 1e-38f)));
+  vvec3<W> bitangent = cross(ns, tangent);
+  bitangent = bitangent * copysign(F(1.0f), dot(bitangent, dt));
+  const vvec3<W> n = tangent * tangent_normal.x + bitangent * tangent_normal.y + ns * tangent_normal.z;
+  const F n2 = dot(n, n);
+  const vbool<W> good = p.is_triangle & (area * area > F(kTinyStArea)) & (length2 > F(1e-38f)) & (n2 > F(1e-12f));
+  return select(good, n * (1.0f / sqrt(max(n2, 1e-30f))), ns);
+}
+
+// What comes from outside, within what the model means; NaN becomes the lower bound.
+template <int W>
+PRIMRAY_INLINE vvec3<W> not_negative(const vvec3<W>& c) {
+  constexpr float kMost = 1e30f;
+  return {clamp(c.x, 0.0f, kMost), clamp(c.y, 0.0f, kMost), clamp(c.z, 0.0f, kMost)};
+}
+template <int W>
+PRIMRAY_INLINE void set_value(SurfaceValues<W>& v, InputField field, const vvec3<W>& x) {
+  const auto unit = [&] { return clamp(x.x, 0.0f, 1.0f); };
+  const auto unit_color = [&] { return vvec3<W>(clamp(x.x, 0.0f, 1.0f), clamp(x.y, 0.0f, 1.0f), clamp(x.z, 0.0f, 1.0f)); };
+  switch (field) {
+    case InputField::kDiffuseColor:
+      v.diffuse_color = unit_color();
+      break;
+    case InputField::kEmissiveColor:
+      v.emissive_color = not_negative(x);
+      break;
+    case InputField::kSpecularColor:
+      v.specular_color = unit_color();
+      break;
+    case InputField::kMetallic:
+      v.metallic = unit();
+      break;
+    case InputField::kRoughness:
+      v.roughness = unit();
+      break;
+    case InputField::kClearcoat:
+      v.clearcoat = unit();
+      break;
+    case InputField::kClearcoatRoughness:
+      v.clearcoat_roughness = unit();
+      break;
+    case InputField::kOpacity:
+      v.opacity = unit();
+      break;
+    case InputField::kIor:
+      v.ior = clamp(x.x, 0.01f, 100.0f);
+      break;
+    case InputField::kNormal:
+    case InputField::kCount:
+      break;
+  }
+}
+
+// Rows of the surfaces at the hits `h`, and their normals `ns` where a normal map bends them. `footprint` as in InputReader.
+template <int W>
+__attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbool<W> active, const Hits<W>& h, vint<W> surface,
+                                                         vfloat<W> footprint, const vvec3<W>& ng, vvec3<W>& ns,
+                                                         LaneRows<W>& out) {
+  using I = vint<W>;
+  const SurfacePoint<W> point(scene, active, h);
+  for (int i = 0; i < W; ++i)
+    std::memcpy(out.rows + i * kSurfaceFields, scene.surfaces.rows.data() + surface[i] * kSurfaceFields,
+                kSurfaceFields * sizeof(float));
+  const I number = gather<W>(scene.surface_inputs_of.data(), surface);
+  for (vbool<W> left = active & (number >= I(0)); any(left);) {
+    const int k = number[__builtin_ctz(bits(left))];
+    const vbool<W> same = left & (number == I(k));
+    left &= !same;
+    const SurfaceInputs& inputs = scene.surface_inputs[k];
+    SurfaceValues<W> values(inputs.constants);
+    InputReader<W> reader(scene, same, point, footprint);
+    for (const InputSource& source : inputs.sources) {
+      if (source.field == InputField::kOpacity && inputs.constants.opacity_threshold > 0) continue;  // decided by the filter
+      const vvec3<W> x = reader.read(source);
+      if (source.field == InputField::kNormal) {
+        const vvec3<W> n = bend_normal(point, reader.st(source.tangents, source.fallback), x, ns);
+        // One that points into the surface is no normal of it.
+        ns = select(same & (dot(n, ng) > vfloat<W>(0.0f)), n, ns);
+      } else {
+        set_value(values, source.field, x);
+      }
+    }
+    vfloat<W> row[kSurfaceFields];
+    reduce_surface(inputs.constants, values, row);
+    for (uint32_t b = bits(same); b; b &= b - 1) {
+      const int i = __builtin_ctz(b);
+      for (int f = 0; f < kSurfaceFields; ++f) out.rows[i * kSurfaceFields + f] = row[f][i];
+    }
+  }
+  return SurfaceRows<W>(out.rows, lane_numbers<W>() * I(kSurfaceFields));
+}
+
+}  // namespace primray

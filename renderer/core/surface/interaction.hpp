@@ -1,0 +1,208 @@
+// Where a ray met the scene: point, normals, surface and colour of W hits, in world space.
+//
+// Points come from barycentrics, as o + t d is off by more; but not where triangles and spheres are so large that it is off by
+// far less (kNearer). `offset` bounds their rounding and Embree's, so that a ray started that
+// far off the surface does not meet it again.
+#pragma once
+
+#include "surface/surface_point.hpp"
+
+namespace primray {
+
+template <int W>
+struct Interaction {
+  vvec3<W> p, ng, ns;  // ng outwards as authored, ns on its side
+  vfloat<W> offset;
+  vfloat<W> edge_on;  // below this cosine it cannot be told which side of the surface a ray comes from
+  vbool<W> on_edge;   // of a triangle, to rounding: it may have been missed, and its neighbour beyond been met
+  vint<W> surface;
+  vint<W> mesh, triangle, sphere;  // where the hit is one: row of the MeshTable and triangle of the scene, or sphere
+  vint<W> link;                    // row of the lights' LinkTable, 0 where there is none
+  vvec3<W> color;                  // multiplies the diffuse albedo
+  vbool<W> smooth;                 // ns is interpolated from normals
+};
+
+// Multiples of 2^-24 times the largest coordinate involved. Barycentric interpolation, the instance's transform and its inverse
+// in Embree each round a few times; 16 is a choice with room for that, neither derived nor the smallest that works.
+constexpr float kOffsetUlps = 16 * 0x1p-24f;
+// Rounding of a normal's direction: some ulps, times |e1| |e2| / |e1 x e2| for thin triangles; beyond that thin, light may
+// come through rather than slivers be black.
+constexpr float kNormalUlps = 4 * 0x1p-24f, kThinnest = 64;
+// Embree takes hits that lie outside a triangle by 2^-23 of it, and more where its signs are rounded: with 2^-22, 1 of 2e7 rays
+// at closed boxes still came in past an outline, with this none of 1e8.
+constexpr float kEdge = 0x1p-19f;
+
+// Rows of normals or colours at the three corners of triangles.
+template <int W>
+PRIMRAY_INLINE void gather_corners(const Scene& scene, vbool<W> lanes, vint<W> mesh, vint<W> triangle, const vint<W> corner[3],
+                                   const float* data, vint<W> kind, vint<W> base, vvec3<W> value[3]) {
+  const MeshTable& t = scene.meshes;
+  // Vertex values are counted within the mesh's vertices, triangle and corner values within its triangles.
+  const vint<W> local_triangle = triangle - gather<W>(t.triangle_base.data(), mesh),
+                first_vertex = gather<W>(t.vertex_base.data(), mesh);
+  const vbool<W> by_vertex = kind == vint<W>(int(Attribute::kVertex)), by_corner = kind == vint<W>(int(Attribute::kCorner));
+  for (int k = 0; k < 3; ++k) {
+    const vint<W> i = select(by_vertex, corner[k] - first_vertex,
+                             select(by_corner, local_triangle * vint<W>(3) + vint<W>(k), local_triangle));
+    value[k] = gather_vec3<W>(data, select(lanes, base + i * vint<W>(3), vint<W>(0)));
+  }
+}
+
+// The plane of a triangle with edges e1, e2, for what is asked of it more than once.
+template <int W>
+struct TrianglePlane {
+  vfloat<W> size, unit;  // the largest component of an edge, and one over it
+  vvec3<W> n;            // unit
+  vfloat<W> per_area;    // 1 / |e1 x e2|, with edges brought to size 1
+
+  PRIMRAY_INLINE TrianglePlane(vbool<W> m, const vvec3<W>& e1, const vvec3<W>& e2)
+      : size(max(max_component(abs(e1)), max_component(abs(e2)))), unit(1.0f / size), n(cross(e1 * unit, e2 * unit)) {
+    // Size 1 keeps the product of the edges of small triangles from vanishing; of slivers its square may vanish all the same.
+    vfloat<W> square = dot(n, n);
+    const vbool<W> sliver = square < vfloat<W>(1e-30f);
+    if (any(m & sliver)) [[unlikely]] {
+      const vfloat<W> height = max_component(abs(n)), up = 1.0f / height;
+      const vvec3<W> raised = n * up;
+      per_area = 1.0f / sqrt(select(sliver, dot(raised, raised), square));
+      n = select(sliver, raised * per_area, n * per_area);
+      per_area = select(sliver, per_area * up, per_area);
+      return;
+    }
+    per_area = 1.0f / sqrt(square);
+    n = n * per_area;
+  }
+
+  // The height above its plane that rounding can put a point of the triangle at, in multiples of 2^-24 as above: the point's
+  // own coordinates are rounded, of which only what lies along the normal counts, and Embree takes the edges from corners that
+  // it rounded relative to the ray's origin, which turns the plane about the point. A ground of 1e6 units that lies along the
+  // axes so has the offset of its height alone, and what stands on it keeps its shadow.
+  PRIMRAY_INLINE vfloat<W> reach(const vvec3<W>& p0, const vvec3<W>& e1, const vvec3<W>& e2) const {
+    const vvec3<W> extent = abs(e1) + abs(e2), e = extent * unit;
+    const vfloat<W> turned = e.x * e.y * e.z * per_area * size;
+    return dot(abs(n), abs(p0) + extent) + 2.0f * turned;
+  }
+  // |e1| |e2| / |e1 x e2|.
+  PRIMRAY_INLINE vfloat<W> thinness(const vvec3<W>& e1, const vvec3<W>& e2) const {
+    const vvec3<W> a = e1 * unit, b = e2 * unit;
+    return sqrt(dot(a, a) * dot(b, b)) * per_area;
+  }
+};
+
+template <int W>
+PRIMRAY_INLINE void add_attributes(const Scene& scene, vbool<W> m, vint<W> mesh, vint<W> triangle, const vint<W> corner[3],
+                                   const Hits<W>& h, vvec3<W>& normal, vbool<W>& has_normal, vvec3<W>& color) {
+  const MeshTable& t = scene.meshes;
+  const vfloat<W> b0 = 1.0f - h.u - h.v;
+  const auto interpolate = [&](const float* data, vint<W> kind, vint<W> base, vbool<W> lanes) {
+    vvec3<W> value[3];
+    gather_corners(scene, lanes, mesh, triangle, corner, data, kind, base, value);
+    return value[0] * b0 + value[1] * h.u + value[2] * h.v;
+  };
+  const vint<W> zero(0);
+  const vint<W> normal_kind = gather<W>(t.normals.data(), mesh), color_kind = gather<W>(t.colors.data(), mesh);
+  has_normal = m & (normal_kind != zero);
+  if (any(has_normal))
+    normal = interpolate(scene.normals.data(), normal_kind, gather<W>(t.normal_base.data(), mesh), has_normal);
+  const vbool<W> has_color = m & (color_kind != zero);
+  if (any(has_color)) {
+    const vvec3<W> c = interpolate(scene.colors.data(), color_kind, gather<W>(t.color_base.data(), mesh), has_color);
+    color = select(has_color, c, color);
+  }
+}
+
+// How much smaller the ray's coordinates must be than the shape's for the point to come from the ray: a 2^24th of a ground's
+// size is what barycentrics tell its points apart by, which may be more than what stands there.
+constexpr float kNearer = 0x1p-8f;
+
+template <int W>
+PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, const Rays<W>& rays, const Hits<W>& h) {
+  const vint<W> zero(0);
+  Interaction<W> r;
+  r.color = vvec3<W>(vfloat<W>(1.0f));
+  r.surface = r.mesh = r.triangle = r.sphere = r.link = zero;
+  const HitGroup<W> in(scene, active, h);
+  const vbool<W> instanced = in.instanced;
+  const bool any_instanced = in.any_instanced;
+  const vbool<W> is_triangle = in.is_triangle(scene, active);
+  vvec3<W> e1(vfloat<W>(0.0f)), e2(vfloat<W>(0.0f)), normal(vfloat<W>(0.0f)), p(vfloat<W>(0.0f));
+  vvec3<W> p0(vfloat<W>(0.0f)), sphere_normal(vfloat<W>(0.0f)), sphere_spread(vfloat<W>(0.0f));
+  vbool<W> smooth(false);
+  if (any(is_triangle)) {
+    const vint<W> triangle = in.triangle(scene, is_triangle, h);
+    const vint<W> mesh = gather<W>(scene.triangle_mesh.data(), triangle);
+    r.surface = gather<W>(scene.meshes.surface.data(), mesh);
+    r.mesh = mesh, r.triangle = triangle;
+    const vint<W> first = select(is_triangle, in.base(scene, &Group::vertex_base), zero);
+    vint<W> corner[3];
+    gather_vertices(scene, triangle, first, corner);
+    p0 = gather_position(scene, corner[0]);
+    // Lanes that met a sphere have no edges: `reach` below must not see those of another lane's triangle.
+    e1 = select(is_triangle, gather_position(scene, corner[1]) - p0, e1);
+    e2 = select(is_triangle, gather_position(scene, corner[2]) - p0, e2);
+    p = p0 + e1 * h.u + e2 * h.v;
+    if (scene.has_attributes) add_attributes(scene, is_triangle, mesh, triangle, corner, h, normal, smooth, r.color);
+    if (scene.lights.links.any()) r.link = gather<W>(scene.meshes.link.data(), mesh);
+  }
+  const vbool<W> is_sphere = scene.has_spheres ? in.is(active, kSphereGeometry) : vbool<W>(false);
+  const bool any_sphere = scene.has_spheres && any(is_sphere);
+  if (any_sphere) {
+    const vint<W> sphere = select(is_sphere, in.base(scene, &Group::sphere_base) + h.prim, zero);
+    r.sphere = sphere;
+    r.surface = select(is_sphere, gather<W>(scene.sphere_surface.data(), sphere), r.surface);
+    if (scene.lights.links.any()) r.link = select(is_sphere, gather<W>(scene.sphere_link.data(), sphere), r.link);
+    const InstanceLanes<W> m(scene.spheres[0].group_from_object, sphere * vint<W>(int(sizeof(SphereRecord) / sizeof(float))));
+    p = select(is_sphere, m.vector(h.ng) + m.o, p);
+    sphere_normal = m.normal(h.ng);
+    // The centre of a big sphere is further away than its surface, and rounded so.
+    sphere_spread = abs(m.x * h.ng.x) + abs(m.y * h.ng.y) + abs(m.z * h.ng.z) + abs(m.o);
+  }
+  const TrianglePlane<W> plane(is_triangle, e1, e2);
+  vvec3<W> ng = plane.n;
+  vfloat<W> reach = max(max_component(abs(p)), plane.size);
+  if (any_sphere) {
+    ng = select(is_sphere, direction_of(sphere_normal), ng);
+    reach = select(is_sphere, max_component(sphere_spread), reach);
+  }
+  const vfloat<W> ray_reach = max_component(abs(rays.o) + abs(rays.d) * h.t);
+  const vbool<W> from_ray = active & !instanced & (ray_reach < reach * kNearer);
+  const bool any_from_ray = any(from_ray);
+  if (any_from_ray) {
+    p = select(from_ray, rays.o + rays.d * h.t, p);
+    reach = select(from_ray & is_sphere, ray_reach, reach);
+  }
+  if (any(is_triangle & !instanced)) {
+    const vfloat<W> bound = plane.reach(p0, e1, e2);
+    // A triangle so thin that its plane is lost in rounding has no such bound.
+    reach = select(is_triangle & (bound < reach), bound, reach);
+    if (any_from_ray) p = select(from_ray & is_triangle, p - ng * dot(ng, p - p0), p);
+  }
+  r.on_edge = is_triangle & (min(min(h.u, h.v), 1.0f - h.u - h.v) < kEdge);
+  r.edge_on = min(max(plane.thinness(e1, e2), 1.0f), kThinnest) * kNormalUlps;
+  r.p = p;
+  if (any_instanced) {
+    vvec3<W> far;
+    const InstanceLanes<W> m = in.matrix(scene, far);
+    const vvec3<W> q = m.vector(p) + m.o;
+    r.p = select(instanced, q, p);
+    vvec3<W> inner = abs(p);
+    if (any_sphere) inner = select(is_sphere, sphere_spread, inner);
+    const vvec3<W> spread = abs(m.x) * inner.x + abs(m.y) * inner.y + abs(m.z) * inner.z + abs(m.o) + far;
+    const vvec3<W> edges = abs(m.vector(e1)) + abs(m.vector(e2));
+    reach = select(instanced, max(max_component(spread), max_component(edges)), reach);
+    ng = select(instanced, direction_of(m.normal(ng)), ng);
+    if (any(smooth)) normal = select(instanced, m.normal(normal), normal);
+  }
+  r.offset = reach * kOffsetUlps;
+  r.ng = ng;
+  r.ns = r.ng;
+  if (any(smooth)) {
+    const vvec3<W> n = direction_of(normal);
+    const vfloat<W> side = dot(n, r.ng);
+    smooth &= abs(side) > vfloat<W>(0.0f);
+    r.ns = select(smooth, n * copysign(vfloat<W>(1.0f), side), r.ns);
+  }
+  r.smooth = smooth;
+  return r;
+}
+
+}  // namespace primray

@@ -1,0 +1,48 @@
+// Where rays start that leave a smooth-shaded triangle below its plane, but above the surface that its normals stand for.
+//
+// Where light grazes a coarse mesh, triangles that lie behind their own plane would be black although their normals face the
+// light: the shadow terminator problem. Such rays start where the tangent planes at the triangle's corners lift the point to:
+// Hanika 2021, "Hacking the Shadow Terminator" (Ray Tracing Gems II, chapter 4). On a mesh inscribed in a sphere that is
+// outside the sphere. What is concave is not lifted, and rays below its plane end as those of flat triangles do.
+#pragma once
+
+#include "surface/interaction.hpp"
+
+namespace primray {
+
+// Points are lifted by this many offsets or not at all: nearer to a vertex, rounding decides whether such rays meet the
+// triangles around it, and from which side. Finer meshes lose nothing that could be seen.
+constexpr float kLeastLift = 64;
+
+// Which of the rays along `wi` from the hits `m`, all on smooth triangles, may start at their point plus `shift`. `ng` is on
+// the side where the path came from.
+template <int W>
+PRIMRAY_INLINE vbool<W> lift_to_smooth(const Scene& scene, vbool<W> m, const Hits<W>& h, vfloat<W> offset, const vvec3<W>& ng,
+                                       const vvec3<W>& wi, vvec3<W>& shift) {
+  using F = vfloat<W>;
+  const SurfacePoint<W> at(scene, m, h);
+  vvec3<W> n[3];
+  const MeshTable& t = scene.meshes;
+  gather_corners(scene, m, at.mesh, at.triangle, at.corner, scene.normals.data(), gather<W>(t.normals.data(), at.mesh),
+                 gather<W>(t.normal_base.data(), at.mesh), n);
+  const HitGroup<W> in(scene, m, h);
+  if (in.any_instanced) {
+    vvec3<W> rounded;
+    const InstanceLanes<W> world_from_group = in.matrix(scene, rounded);
+    for (vvec3<W>& k : n) k = select(in.instanced, world_from_group.normal(k), k);
+  }
+  const F b[3] = {1.0f - at.u - at.v, at.u, at.v};
+  const vvec3<W> from_first = at.e1 * at.u + at.e2 * at.v;
+  const vvec3<W> ns = n[0] * b[0] + n[1] * b[1] + n[2] * b[2];
+  const F side = copysign(F(1.0f), dot(ns, ng));
+  shift = vvec3<W>(F(0.0f));
+  const vvec3<W> from[3] = {from_first, from_first - at.e1, from_first - at.e2};
+  for (int k = 0; k < 3; ++k) {
+    const vvec3<W> unit = normalize(n[k]) * side;
+    shift = shift - unit * (min(dot(from[k], unit), 0.0f) * b[k]);
+  }
+  // What bends a normal further, as normal maps do, does not move the surface.
+  return m & at.is_triangle & (dot(ns, wi) * side > F(0.0f)) & (dot(shift, ng) > offset * kLeastLift);
+}
+
+}  // namespace primray
