@@ -10,8 +10,8 @@ import numpy.typing as npt
 from tests.described import core_module, look_at
 
 from primray.description import Doubles, Interpolation, Primvar, SubdivisionMesh
-from primray.dice import Dicing, core_arrays
-from primray.footprint import Footprint, Projected
+from primray.refine.dice import Dicing, core_arrays
+from primray.refine.footprint import Footprint, Projected
 
 NOWHERE = Footprint(Projected(np.eye(4), False, 1.0, (-1, 1, -1, 1)), np.zeros((0, 3, 4)), 0.0)
 

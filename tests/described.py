@@ -12,6 +12,9 @@ import numpy.typing as npt
 import pytest
 
 from primray import core, errors
+from primray.core.pixel_filter import inverse_cdf
+from primray.core.scene_upload import upload
+from primray.core.surface_upload import Textures
 from primray.description import (
     Camera,
     Doubles,
@@ -31,11 +34,8 @@ from primray.description import (
     TextureFile,
     Wrap,
 )
-from primray.pixel_filter import inverse_cdf
-from primray.scene_upload import upload
 from primray.settings import DEFAULT_FILTER_WIDTH, Filter
-from primray.surface_upload import Textures
-from primray.texture import Texture
+from primray.textures.texture import Texture
 
 DOME = TextureFile("dome", "raw")
 

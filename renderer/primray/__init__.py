@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 from .errors import PrimrayError
 from .render import render, render_frames
 from .settings import Filter, RenderSettings
+from .version import __version__
 
 if TYPE_CHECKING:
-    from .checkpointing import Checkpointing
+    from .checkpoints.checkpointing import Checkpointing
     from .description import Camera
-    from .image import Image
-    from .products import Product, render_products
+    from .images.image import Image
+    from .render.products import Product, render_products
 
-__version__ = "0.1.0"
 __all__ = [
     "Camera",
     "Checkpointing",
@@ -26,6 +26,7 @@ __all__ = [
     "PrimrayError",
     "Product",
     "RenderSettings",
+    "__version__",
     "render",
     "render_frames",
     "render_products",
@@ -34,11 +35,11 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     if name == "Image":
-        from .image import Image
+        from .images.image import Image
 
         return Image
     if name == "Checkpointing":
-        from .checkpointing import Checkpointing
+        from .checkpoints.checkpointing import Checkpointing
 
         return Checkpointing
     if name == "Camera":
@@ -46,7 +47,7 @@ def __getattr__(name: str) -> Any:
 
         return Camera
     if name in ("Product", "render_products"):
-        from . import products
+        from .render import products
 
         return getattr(products, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

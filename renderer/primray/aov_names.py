@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 from .errors import SettingsError
 
+WIDE = "aov:"  # before a primvar's name: all of its numbers, where surfaces read fewer of them
+
 
 @dataclass(frozen=True)
 class AovKind:

@@ -10,7 +10,7 @@ from decimal import Decimal, DecimalException
 from typing import Any
 
 from primray.errors import LimitError, SettingsError
-from primray.frame_numbers import parse_frames
+from primray.render.frame_numbers import parse_frames
 from primray.settings import Filter, Metric, RenderSettings
 
 from . import ids

@@ -36,7 +36,7 @@ class Row:
 
 
 BASE = Row("as it is", "")
-_EMBREE = Edit("accel/triangle_bvh.hpp", "kBuilt = PRIMRAY_MAX_LANES >= 16;", "kBuilt = false;")
+_EMBREE = Edit("bvh/triangle_bvh.hpp", "kBuilt = PRIMRAY_MAX_LANES >= 16;", "kBuilt = false;")
 ROWS = (
     Row("splitting at the first surface", "one path goes on from there", scenes=("box", "metals"), splits={"paths": 1}),
     Row("samples of lights at the first surface", "one", scenes=("box", "field", "lamps"), splits={"lights": 1}),
@@ -58,19 +58,19 @@ ROWS = (
         "Russian roulette",
         "none before the 1024th scattering",
         scenes=("box", "metals"),
-        edits=(Edit("integrator/settings.hpp", "constexpr int kRouletteStart = 2;", "constexpr int kRouletteStart = 1024;"),),
+        edits=(Edit("path/settings.hpp", "constexpr int kRouletteStart = 2;", "constexpr int kRouletteStart = 1024;"),),
     ),
     Row(
         "packets or single rays by measurement",
         "always single rays",
         scenes=("field",),
-        edits=(Edit("integrator/entry_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return false;"),),
+        edits=(Edit("path/entry_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return false;"),),
     ),
     Row(
         "packets or single rays by measurement (2)",
         "always packets",
         scenes=("field",),
-        edits=(Edit("integrator/entry_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return true;"),),
+        edits=(Edit("path/entry_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return true;"),),
     ),
     Row(
         "MIS compensation of domes",
@@ -104,19 +104,21 @@ ROWS = (
         "paths end by the light that they are expected to find",
         "by their throughput",
         scenes=("cove", "window"),
-        edits=(Edit("integrator/tile_task_impl.hpp", "settings.guide != nullptr},", "false},"),),
+        edits=(Edit("path/path_loop.hpp", "settings.guide != nullptr},", "false},"),),
     ),
     Row(
         "many lights chosen by how shiny surfaces reflect",
         "as for matte ones",
         scenes=("showroom",),
-        edits=(Edit("integrator/shiny_lanes.hpp", "kShiny = 0.04f", "kShiny = 2.0f"),),
+        edits=(Edit("path/shiny_lanes.hpp", "kShiny = 0.04f", "kShiny = 2.0f"),),
     ),
     Row(
         "many lights chosen by the surface's normal",
         "as if lit from all around",
         scenes=("lamps", "showroom"),
-        edits=(Edit("light/tree_choice.hpp", "has_normal = across[0] + across[1] + across[2] > 0;", "has_normal = false;"),),
+        edits=(
+            Edit("light/choice/tree_choice.hpp", "has_normal = across[0] + across[1] + across[2] > 0;", "has_normal = false;"),
+        ),
     ),
     Row(
         "reflections from the bounded cap",
@@ -134,7 +136,7 @@ ROWS = (
         "power heuristic",
         "balance heuristic",
         scenes=("box", "metals", "showroom"),
-        edits=(Edit("integrator/emission.hpp", "return 1.0f / (1.0f + r * r);", "return 1.0f / (1.0f + r);"),),
+        edits=(Edit("path/emission.hpp", "return 1.0f / (1.0f + r * r);", "return 1.0f / (1.0f + r);"),),
     ),
     Row(
         "pixels of a tile in Morton order",
@@ -142,7 +144,7 @@ ROWS = (
         scenes=("field", "hills"),
         edits=(
             Edit(
-                "integrator/tile_task.hpp",
+                "path/tile_task.hpp",
                 "x |= (m >> (2 * b) & 1) << b, y |= (m >> (2 * b + 1) & 1) << b;",
                 "x = m % kTile, y = m / kTile;",
             ),
@@ -152,14 +154,14 @@ ROWS = (
         "leaving rarely met lights to light samples",
         "rays look for all of them",
         scenes=("lamps",),
-        edits=(Edit("integrator/emission.hpp", "kRarelyMet = 0.05f;", "kRarelyMet = 1e-12f;"),),
+        edits=(Edit("path/emission.hpp", "kRarelyMet = 0.05f;", "kRarelyMet = 1e-12f;"),),
     ),
     Row(
         "few triangles without a hierarchy",
         "Embree",
         scenes=("box", "lamps"),
         edits=(
-            Edit("accel/few_triangles.cpp", "constexpr double kMostCost = 128;", "constexpr double kMostCost = 0;"),
+            Edit("bvh/few_triangles.cpp", "constexpr double kMostCost = 128;", "constexpr double kMostCost = 0;"),
             _EMBREE,
         ),
     ),
@@ -168,25 +170,25 @@ ROWS = (
         "triangles in pairs",
         "one by one",
         scenes=("hills",),
-        edits=(Edit("accel/pairs.hpp", "kFewestPairs = 256;", "kFewestPairs = 1 << 30;"),),
+        edits=(Edit("bvh/pairs.hpp", "kFewestPairs = 256;", "kFewestPairs = 1 << 30;"),),
     ),
     Row(
         "caustics guided by photons",
         "not guided",
         scenes=("metals",),
-        edits=(Edit("integrator/learn_caustics.cpp", "max_depth < 2", "max_depth < 1 << 30"),),
+        edits=(Edit("pilot/learn_caustics.cpp", "max_depth < 2", "max_depth < 1 << 30"),),
     ),
     Row(
         "photons only where they pay",
         "wherever there are some",
         scenes=("haze", "plastics", "showroom"),
-        edits=(Edit("integrator/learn_caustics.cpp", "return error * kGuidedCost <", "return kGuidedCost > 0 || error <"),),
+        edits=(Edit("pilot/learn_caustics.cpp", "return error * kGuidedCost <", "return kGuidedCost > 0 || error <"),),
     ),
     Row(
         "meshes that emit among each other are one choice",
         "each is one",
         scenes=("studio",),
-        edits=(Edit("scene/emitter_shapes.cpp", "> kMostTriangleRuns) return false;", "> 0) return false;"),),
+        edits=(Edit("build/emitters/emitter_shapes.cpp", "> kMostTriangleRuns) return false;", "> 0) return false;"),),
     ),
     Row(
         "mesh lights' triangles near by solid angle",
@@ -198,13 +200,13 @@ ROWS = (
         "gradients of photons",
         "sources stay where they are",
         scenes=("metals",),
-        edits=(Edit("integrator/caustic_photons.cpp", "kLeastSpread = 1e-4f", "kLeastSpread = 2.0f"),),
+        edits=(Edit("pilot/caustic_photons.cpp", "kLeastSpread = 1e-4f", "kLeastSpread = 2.0f"),),
     ),
     Row(
         "a guide into indirect light",
         "not guided",
         scenes=("cove", "window"),
-        edits=(Edit("integrator/learn_guide.cpp", "max_depth < 2", "max_depth < 1 << 30"),),
+        edits=(Edit("pilot/learn_guide.cpp", "max_depth < 2", "max_depth < 1 << 30"),),
     ),
     Row(
         "film point and directions in four dimensions",
@@ -228,7 +230,7 @@ ROWS = (
         "camera rays for lights that end in a pixel",
         "none",
         scenes=("box", "lamps"),
-        edits=(Edit("scene/light_outlines.cpp", "kMostLights = 1 << 14;", "kMostLights = 0;"),),
+        edits=(Edit("build/lights/light_outlines.cpp", "kMostLights = 1 << 14;", "kMostLights = 0;"),),
     ),
     Row(
         "rectangles by solid angle",

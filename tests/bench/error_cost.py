@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 from primray import core
-from primray.sampling import Sampling
+from primray.sampling.sampling import Sampling
 from primray.settings import RenderSettings
 
 from .replay import build

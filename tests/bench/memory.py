@@ -23,9 +23,9 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 from primray import usd
 from primray.cli.sheet_runs import Limits, render_all
 from primray.diagnostics import Diagnostics
+from primray.report.summary import PROCESS_BYTES, summary
+from primray.report.texture_sizes import texture_sizes
 from primray.settings import RenderSettings
-from primray.summary import PROCESS_BYTES, summary
-from primray.texture_sizes import texture_sizes
 
 from .results import write_results
 

@@ -46,10 +46,10 @@ def measure(path: str, kind: str, count: int) -> dict[str, Any]:
     from primray import core, usd
     from primray.diagnostics import Diagnostics
     from primray.render import load_textures
-    from primray.report import peak_rss_bytes
+    from primray.report.report import peak_rss_bytes
+    from primray.report.summary import summary
     from primray.settings import RenderSettings
-    from primray.summary import summary
-    from primray.usd import instances
+    from primray.usd.walking import instances
 
     if kind == "multiplied":
         instances.MAX_FLAT_INSTANCES = count

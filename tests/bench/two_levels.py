@@ -18,7 +18,7 @@ from primray import core, usd
 from primray.description import SceneDescription
 from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
-from primray.usd import instances
+from primray.usd.walking import instances
 
 from .results import write_results
 from .scaling_stages import write

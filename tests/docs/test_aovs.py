@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from primray.aov import channel_names
 from primray.aov_names import AOVS
-from primray.usd.adapters.render_var import COMMON
+from primray.images.aov import channel_names
+from primray.usd.adapters.rendering.render_var import COMMON
 
 TEXT = (Path(__file__).parents[2] / "docs" / "aovs.md").read_text()
 

@@ -9,7 +9,7 @@ from tests.bench.features_off import FEATURES
 
 
 def test_the_measurement_knows_every_feature_of_the_core() -> None:
-    text = (SOURCES / "scene/features.hpp").read_text()
+    text = (SOURCES / "base/features.hpp").read_text()
     assert [f.upper() for f in FEATURES] == re.findall(r"#ifndef PRIMRAY_HAS_(\w+)", text)
 
 
@@ -22,7 +22,7 @@ def test_every_feature_spares_code() -> None:
 def test_a_scene_that_needs_what_is_left_out_is_refused() -> None:
     """Each fact is asked about where a scene is finished."""
     asked = re.search(
-        r"bool Scene::needs_left_out\(\) const \{(.*?)\n\}", (SOURCES / "scene/builder.cpp").read_text(), re.DOTALL
+        r"bool Scene::needs_left_out\(\) const \{(.*?)\n\}", (SOURCES / "build/builder.cpp").read_text(), re.DOTALL
     )
     assert asked
     facts = re.findall(r"Fact<built::k\w+> (\w+)", "".join(p.read_text() for p in SOURCES.rglob("*.hpp")))

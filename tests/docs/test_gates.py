@@ -25,20 +25,20 @@ def test_gate(gate):
 
 
 def test_the_sources_are_found():
-    assert PurePosixPath("renderer/primray/render.py") in SOURCES
+    assert PurePosixPath("renderer/primray/render/render.py") in SOURCES
 
 
 @pytest.mark.parametrize(
     ("path", "text"),
     [
-        ("renderer/primray/render.py", "from pxr import Usd\n"),
-        ("renderer/primray/cli/render.py", "def f():\n    import pxr.Usd\n"),
+        ("renderer/primray/render/render.py", "from pxr import Usd\n"),
+        ("renderer/primray/cli/commands/render.py", "def f():\n    import pxr.Usd\n"),
         ("renderer/primray/usd/translate.py", "from .. import core\n"),
-        ("renderer/primray/usd/adapters/mesh.py", "from ... import core\n"),
+        ("renderer/primray/usd/adapters/shapes/mesh.py", "from .... import core\n"),
         ("renderer/primray/usd/translate.py", "from primray.core import build\n"),
         ("renderer/primray/usd/translate.py", "from .._core_v3 import build\n"),
-        ("renderer/primray/render.py", "from . import _core_v3\n"),
-        ("renderer/primray/render.py", "import primray_service\n"),
+        ("renderer/primray/render/render.py", "from .. import _core_v3\n"),
+        ("renderer/primray/render/render.py", "import primray_service\n"),
         ("service/primray_service/worker.py", "from fastapi import FastAPI\n"),
         ("service/primray_service/app.py", "import uvicorn\n"),
         ("service/primray_service/routes.py", "import sqlalchemy\n"),
@@ -62,9 +62,9 @@ def test_each_rule_can_fail(path, text):
 @pytest.mark.parametrize(
     ("path", "text"),
     [
-        ("renderer/primray/usd/stage.py", '"""Stage."""\nfrom pxr import Usd\nfrom ..errors import SceneError\n'),
-        ("renderer/primray/core.py", '"""The core."""\nfrom . import _core_v3\n'),
-        ("renderer/core/accel/embree.cpp", "// Embree\nrtcNewDevice(nullptr);\n"),
+        ("renderer/primray/usd/opening/stage.py", '"""Stage."""\nfrom pxr import Usd\nfrom ..errors import SceneError\n'),
+        ("renderer/primray/core/isa_class.py", '"""The core."""\nfrom .. import _core_v3\n'),
+        ("renderer/core/embree/embree.cpp", "// Embree\nrtcNewDevice(nullptr);\n"),
         ("renderer/core/film/film.cpp", "// as rtcIntersect1 does\n"),
         ("service/primray_service/worker.py", '"""Worker."""\nimport primray\n'),
     ],

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pxr import Usd
 
 from primray import Filter, RenderSettings, render
-from primray.image import Image
+from primray.images.image import Image
 
 Doubles = npt.NDArray[np.float64]
 TRANSLATE = """double3 xformOp:translate = (%r, %r, %r)

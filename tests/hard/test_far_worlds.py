@@ -15,7 +15,7 @@ import OpenImageIO as oiio
 import pytest
 from tests.hard.placed_scenes import CUBE, Doubles, apart, bound, problems, shot
 
-from primray.image import Image
+from primray.images.image import Image
 
 DISTANCES = (1e4, 1e6, 1e8, 1e10)
 DIRECTION = np.array([1.0, -0.7123, 0.3217])

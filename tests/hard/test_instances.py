@@ -8,8 +8,8 @@ from pxr import Gf, Usd, UsdGeom, Vt
 from tests.expanded import flat_stage
 from tests.hard.placed_scenes import CUBE, Doubles, apart, bound, codes, matrix_text, picture_of, problems, stage_of
 
-from primray.image import Image
-from primray.placement import PointInstances
+from primray.description.placement import PointInstances
+from primray.images.image import Image
 
 CAMERA = """def Camera "eye"
 {

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.hard.placed_scenes import CUBE, apart, bound, problems, shot
 
-from primray.image import Image
+from primray.images.image import Image
 
 SCALES = (1e-6, 1e-3, 1e3, 1e6)
 CORNERS = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]

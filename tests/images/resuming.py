@@ -12,13 +12,13 @@ import pytest
 from tests.kernels.scenes import SCENES
 
 from primray import core
-from primray.checkpoint import About, contents, identity, load, resume, settings_to_go_on
-from primray.checkpoint_file import write_checkpoint
+from primray.checkpoints.checkpoint import About, contents, identity, load, resume, settings_to_go_on
+from primray.checkpoints.checkpoint_file import write_checkpoint
 from primray.description import Camera, Projection
-from primray.frame import whole_frame
-from primray.image import pixels_sha256
-from primray.report import settings_as_json
-from primray.sampling import Sampling
+from primray.description.frame import whole_frame
+from primray.images.image import pixels_sha256
+from primray.report.report import settings_as_json
+from primray.sampling.sampling import Sampling
 from primray.settings import RenderSettings
 
 CAMERA = Camera("/camera", np.eye(4), Projection.PERSPECTIVE, (-1.0, 1.0, -1.0, 1.0), (0.1, 100.0))

@@ -14,12 +14,12 @@ from tests.images.test_aovs import BODIES, SIZE, picture, values
 
 from primray import render
 from primray.aov_names import AOVS
-from primray.aov_parts import MOST_IDS, ids_text, read_aovs
-from primray.checkpointing import Checkpointing
+from primray.checkpoints.checkpointing import Checkpointing
+from primray.checkpoints.merge import merge
 from primray.cli import run
 from primray.errors import LimitError, SettingsError
-from primray.image_file import read_image
-from primray.merge import merge
+from primray.images.aov_parts import MOST_IDS, ids_text, read_aovs
+from primray.images.image_file import read_image
 from primray.settings import RenderSettings
 
 PRODUCT = """

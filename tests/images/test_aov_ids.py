@@ -7,10 +7,10 @@ import pytest
 from tests.images.seen import stage_of
 from tests.images.test_aovs import picture, values
 
-from primray.image import Image
+from primray.images.image import Image
 from primray.settings import RenderSettings
-from primray.usd import instances as arrangement
 from primray.usd import translate
+from primray.usd.walking import instances as arrangement
 
 # Balls of radius 0.2 on whole coordinates, seen from (2, 1, 20) or so: which one is at a point is plain.
 NESTED = """

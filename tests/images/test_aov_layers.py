@@ -7,7 +7,7 @@ import pytest
 from tests.images.seen import stage_of
 from tests.images.test_aovs import picture, values
 
-from primray.image import Image
+from primray.images.image import Image
 
 SQUARE = """
 def Mesh "NAME"

@@ -11,7 +11,7 @@ from tests.images.seen import Ball, Box, Seen, look, rays, stage_of
 
 from primray import render
 from primray.aov_names import AOVS
-from primray.image import Image, pixels_sha256
+from primray.images.image import Image, pixels_sha256
 from primray.settings import Filter, RenderSettings
 
 SIZE = (72, 54)

@@ -13,14 +13,14 @@ from tests.unit.usd.usd_text import stage_of
 
 import primray
 from primray import RenderSettings
-from primray.checkpointing import Checkpointing
-from primray.cli.inspect import camera_facts
+from primray.checkpoints.checkpointing import Checkpointing
+from primray.checkpoints.merge import merge
+from primray.cli.commands.inspect import camera_facts
 from primray.cli.inspect_text import camera_rows
-from primray.comparison import compare
+from primray.compare.comparison import compare
+from primray.description.frame import Frame, PixelWindow
 from primray.errors import CheckpointError, InvalidSceneError, LimitError, SettingsError
-from primray.frame import Frame, PixelWindow
-from primray.image_file import read_image
-from primray.merge import merge
+from primray.images.image_file import read_image
 from primray.usd import translate
 
 RESOLUTION = (50, 36)

@@ -17,7 +17,7 @@ from pxr import Usd
 
 import primray
 from primray.cli import run
-from primray.image import pixels_sha256
+from primray.images.image import pixels_sha256
 
 SCENE = Path(__file__).parents[2] / "scenes" / "features" / "light-rect" / "scene.usda"
 SMALL = primray.RenderSettings(resolution=(48, 0), spp=4)

@@ -14,8 +14,8 @@ from tests.expanded import flat_stage
 
 from primray import core, render
 from primray.description import SceneDescription
+from primray.report.summary import summary
 from primray.settings import RenderSettings
-from primray.summary import summary
 from primray.usd import translate
 
 ASSETS = Path(os.environ.get("PRIMRAY_ASSETS", Path(__file__).parents[3] / "shared" / "assets"))

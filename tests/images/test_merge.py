@@ -12,11 +12,11 @@ import OpenImageIO as oiio
 import pytest
 
 import primray
-from primray.checkpoint import load
-from primray.checkpointing import Checkpointing
+from primray.checkpoints.checkpoint import load
+from primray.checkpoints.checkpointing import Checkpointing
+from primray.checkpoints.merge import merge
 from primray.cli import run as primray_command
 from primray.errors import CheckpointError
-from primray.merge import merge
 from primray.settings import RenderSettings
 
 from .resuming import assert_same, begin, cutter, go_on, run, save, sha256

@@ -11,7 +11,7 @@ from pxr import Usd
 
 import primray
 from primray.cli import run
-from primray.image_file import read_image
+from primray.images.image_file import read_image
 from primray.settings import RenderSettings
 
 SCENE = Path(__file__).parents[2] / "scenes/features/render-products/scene.usda"

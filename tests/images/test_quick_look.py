@@ -14,7 +14,7 @@ from tests.bench.peers.write_usd import CAMERA, write_usd
 from primray import core
 from primray.diagnostics import Diagnostics
 from primray.render import open_once, prepare
-from primray.report import Costs
+from primray.report.report import Costs
 from primray.settings import RenderSettings
 
 BLOCK = 8  # pixels

@@ -14,11 +14,11 @@ from tests.colorimetry import AP1, between
 from tests.colorimetry import REC709 as PUBLISHED
 
 import primray
-from primray import color
 from primray.cli import run
-from primray.color_space import ACESCG, REC709, matrix, named, transformed
-from primray.image import encode
-from primray.image_file import read_image
+from primray.color import ocio as color
+from primray.color.color_space import ACESCG, REC709, matrix, named, transformed
+from primray.images.image import encode
+from primray.images.image_file import read_image
 
 TO_AP1, FROM_AP1 = between(PUBLISHED, AP1), between(AP1, PUBLISHED)
 WALL, LIGHT = (0.7, 0.1, 0.05), (0.3, 0.6, 2.0)

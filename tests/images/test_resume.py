@@ -10,11 +10,11 @@ import pytest
 
 import primray
 from primray import core
-from primray.checkpoint import load
-from primray.checkpoint_file import read_checkpoint, write_checkpoint
-from primray.checkpointing import Checkpointing
+from primray.checkpoints.checkpoint import load
+from primray.checkpoints.checkpoint_file import read_checkpoint, write_checkpoint
+from primray.checkpoints.checkpointing import Checkpointing
 from primray.errors import CheckpointError, SettingsError
-from primray.sampling import FIRST_ANCHOR
+from primray.sampling.sampling import FIRST_ANCHOR
 from primray.settings import Metric, RenderSettings
 
 from .resuming import LONG, STAGE, Cutter, assert_same, begin, cutter, go_on, reached, run, save, scene, settings, sha256

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 
 import primray
-from primray.checkpoint import load
-from primray.checkpointing import Checkpointing
+from primray.checkpoints.checkpoint import load
+from primray.checkpoints.checkpointing import Checkpointing
 from primray.errors import CheckpointError, RenderCancelled
 from primray.settings import RenderSettings
 
@@ -139,7 +139,7 @@ def test_one_checkpoint_is_written_at_a_time(tmp_path: Path, monkeypatch: pytest
         time.sleep(0.15)
         writing.release()
 
-    monkeypatch.setattr("primray.checkpoint_file.write_checkpoint", slowly)
+    monkeypatch.setattr("primray.checkpoints.checkpoint_file.write_checkpoint", slowly)
     image = primray.render(
         STAGE,
         replace(SETTINGS, spp=LONG),

@@ -14,8 +14,8 @@ from tests.statistics.calibration import case
 import primray
 from primray import RenderSettings
 from primray.cli import run
-from primray.error import Estimate
 from primray.errors import SettingsError
+from primray.sampling.error import Estimate
 from primray.settings import Metric
 
 SCENE = str(Path(__file__).resolve().parents[2] / "scenes" / "features" / "texture" / "scene.usda")

@@ -21,8 +21,8 @@ from tests.described import (
 )
 from tests.textured import FILE, UNIT_ST, glowing, look_at_plate, plate, texture
 
+from primray.core.scene_upload import upload
 from primray.description import Placed, Prototype, Wrap
-from primray.scene_upload import upload
 
 SIZE = 256
 CHECKER = (np.indices((SIZE, SIZE)).sum(axis=0) % 2).astype(np.float32)

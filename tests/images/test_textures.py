@@ -35,6 +35,8 @@ from tests.textured import (
     with_primvars,
 )
 
+from primray.core.pixel_filter import inverse_cdf
+from primray.core.scene_upload import upload
 from primray.description import (
     Interpolation,
     LightType,
@@ -48,10 +50,8 @@ from primray.description import (
     TextureFile,
     Wrap,
 )
-from primray.pixel_filter import inverse_cdf
-from primray.scene_upload import upload
 from primray.settings import Filter
-from primray.texture import Texture
+from primray.textures.texture import Texture
 
 RNG = np.random.default_rng(0)
 PICTURE = (RNG.integers(0, 256, (5, 7, 4)) / 255).astype(np.float32)

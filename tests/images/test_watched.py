@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from tests.images import resuming
 
-from primray.checkpoint import load
-from primray.checkpointing import Saver
+from primray.checkpoints.checkpoint import load
+from primray.checkpoints.checkpointing import Saver
 from primray.settings import SAMPLE_BLOCK
 
 

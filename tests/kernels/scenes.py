@@ -41,7 +41,7 @@ from primray.description import (
     TextureFile,
     Wrap,
 )
-from primray.texture import Texture
+from primray.textures.texture import Texture
 
 RESOLUTION = (37, 23)  # neither whole tiles nor whole packets
 ASPECT = RESOLUTION[0] / RESOLUTION[1]

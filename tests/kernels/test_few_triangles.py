@@ -1,4 +1,4 @@
-"""Scenes of few triangles are traced without Embree (the core's accel/few_triangles.hpp): the same hits, and no gaps."""
+"""Scenes of few triangles are traced without Embree (the core's bvh/few_triangles.hpp): the same hits, and no gaps."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from tests.described import replicate_means
 from primray import core
 from primray.diagnostics import Diagnostics
 from primray.render import open_once, prepare
-from primray.report import Costs
+from primray.report.report import Costs
 from primray.settings import RenderSettings
 
 DEPTH, SPLITS = 6, 2

@@ -1,4 +1,4 @@
-"""Worlds of many triangles alone, on CPUs with AVX-512 (the core's accel/interleaved.hpp): Embree's hits, and no gaps."""
+"""Worlds of many triangles alone, on CPUs with AVX-512 (the core's bvh/interleaved.hpp): Embree's hits, and no gaps."""
 
 from __future__ import annotations
 

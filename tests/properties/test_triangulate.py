@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from primray.usd.ear_clip import ear_clip
-from primray.usd.triangulate import fan_of, flipped, triangulate
+from primray.usd.shapes.ear_clip import ear_clip
+from primray.usd.shapes.triangulate import fan_of, flipped, triangulate
 
 
 def simple_polygon(rng: np.random.Generator, n: int, kind: str) -> np.ndarray:

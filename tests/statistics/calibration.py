@@ -16,10 +16,10 @@ import numpy as np
 from primray import core, usd
 from primray.description import Doubles
 from primray.diagnostics import Diagnostics
-from primray.error import ALL_PIXELS, Estimate
 from primray.render import prepare
-from primray.report import Costs
-from primray.sampling import Sampling
+from primray.report.report import Costs
+from primray.sampling.error import ALL_PIXELS, Estimate
+from primray.sampling.sampling import Sampling
 from primray.settings import RenderSettings
 
 FEATURES = Path(__file__).resolve().parents[2] / "scenes" / "features"

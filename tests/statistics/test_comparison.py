@@ -15,7 +15,7 @@ from tests.compared_scenes import CHANGES, room, scenes
 from tests.measured import BuiltScene
 
 from primray import RenderSettings
-from primray.comparison import Comparison, Verdict, compare
+from primray.compare.comparison import Comparison, Verdict, compare
 
 ALPHAS = (0.05, 0.01)
 SAMPLES = ((8, 8), (16, 16), (64, 64), (8, 64), (16, 512))  # of A and of B

@@ -188,7 +188,7 @@ def test_very_near_lamp() -> None:
 def test_too_many_instances_are_said_to_be_unsampled() -> None:
     from tests.described import core_module
 
-    from primray.scene_upload import upload
+    from primray.core.scene_upload import upload
 
     rows = np.tile(np.eye(4)[:3], ((1 << 18) + 1, 1, 1))
     rows[:, 0, 3] = np.arange(len(rows))

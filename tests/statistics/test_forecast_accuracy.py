@@ -13,14 +13,14 @@ from typing import Any
 
 import pytest
 
-from primray import sampling as sampling_module
 from primray import usd
 from primray.diagnostics import Diagnostics
-from primray.error import Estimate
-from primray.forecast import Forecaster
 from primray.render import prepare
-from primray.report import Costs
-from primray.sampling import Sampling
+from primray.report.report import Costs
+from primray.sampling import sampling as sampling_module
+from primray.sampling.error import Estimate
+from primray.sampling.forecast import Forecaster
+from primray.sampling.sampling import Sampling
 from primray.settings import RenderSettings
 
 SCENES = Path(__file__).parents[2] / "scenes" / "features"

@@ -30,7 +30,7 @@ from tests.described import (
 from tests.statistics.lights import irradiances
 
 from primray.description import Doubles, Light, LightType, Mesh, Placed, Prototype, Shape, Sphere, Surface
-from primray.usd.adapters.geometry_light import LAMP
+from primray.usd.adapters.lights.geometry_light import LAMP
 
 GLOWING = lambert(0.0, emission=5.0)
 SURFACES = (lambert(1.0), GLOWING, lambert(0.0), LAMP)
@@ -225,7 +225,7 @@ def test_too_many_to_sample_are_as_bright() -> None:
     )
     from tests.described import core_module
 
-    from primray.scene_upload import upload
+    from primray.core.scene_upload import upload
 
     scene, warnings = upload(core_module(), d.description, {}, 1.0, np.zeros(0, np.float32))
     assert [w[0] for w in warnings] == ["emitters-unsampled"]

@@ -1,6 +1,6 @@
 """Camera rays of their own for lights that end in a pixel: the picture is the one of paths alone, and far less noisy.
 
-A lens of almost no radius turns them off (scene/light_outlines.cpp), and shows the same picture otherwise.
+A lens of almost no radius turns them off (build/lights/light_outlines.cpp), and shows the same picture otherwise.
 """
 
 from __future__ import annotations

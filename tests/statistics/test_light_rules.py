@@ -39,7 +39,7 @@ from tests.statistics.test_irradiance import (
 )
 
 from primray.description import Light, LightType, Linked, Shadow, Sphere, Surface
-from primray.geometry import Shape
+from primray.description.geometry import Shape
 
 EVERYBODY = np.ones((1, 2), np.bool_)
 # Row 0 is in collection 1, row 1 is not.

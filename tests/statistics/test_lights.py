@@ -12,7 +12,7 @@ from tests.statistics.lights import LIGHTS, PLACED, VIEWS, only, parameters, pat
 from tests.statistics.surfaces import random_numbers
 
 from primray.description import Light, LightType
-from primray.lighting import Shadow
+from primray.description.lighting import Shadow
 
 FLAT = (LightType.DISK, LightType.RECT)
 N = 40_000

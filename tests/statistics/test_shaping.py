@@ -27,7 +27,7 @@ from tests.statistics.shaping import shaped
 from tests.statistics.surfaces import random_numbers
 
 from primray.description import Doubles, IesProfile, Light, LightType, Shaping
-from primray.ies import profile_power
+from primray.textures.ies import profile_power
 
 N = 1500
 

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from tests.statistics.calibration import Case, case
 
-from primray.prediction import run_pilot
+from primray.sampling.prediction import run_pilot
 
 RESULTS = Path(__file__).resolve().parents[1] / "bench" / "results" / "stopping-accuracy.json"
 REFERENCE_SPP = 1 << 14

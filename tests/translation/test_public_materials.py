@@ -12,7 +12,7 @@ from primray.description import Interpolation, Mesh, PrimvarInput, SceneDescript
 from primray.diagnostics import Diagnostics
 from primray.render import load_textures
 from primray.settings import RenderSettings
-from primray.texture import Texture, load_texture
+from primray.textures.texture import Texture, load_texture
 from primray.usd import open_stage, read_asset, translate
 
 from .test_public_stages import ASSETS, STAGES

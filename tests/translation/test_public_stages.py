@@ -10,8 +10,8 @@ import pytest
 
 from primray.description import Mesh
 from primray.diagnostics import Diagnostics
+from primray.report.summary import summary
 from primray.settings import RenderSettings
-from primray.summary import summary
 from primray.usd import open_stage, translate
 
 ASSETS = Path(os.environ.get("PRIMRAY_ASSETS", Path(__file__).parents[3] / "shared" / "assets"))

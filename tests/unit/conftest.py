@@ -14,10 +14,10 @@ import primray
 from primray.core import Splits
 from primray.description import Camera, Light, LightType, Projection, SceneDescription, TextureFile
 from primray.diagnostics import Diagnostics
-from primray.error import Estimate, FrameError
 from primray.errors import StageOpenError
-from primray.sampling import Row, Stop
-from primray.summary import ImageSize
+from primray.report.summary import ImageSize
+from primray.sampling.error import Estimate, FrameError
+from primray.sampling.sampling import Row, Stop
 
 
 def make_camera(**changes: Any) -> Camera:
@@ -139,7 +139,7 @@ class FakeSampling:
 
 @pytest.fixture
 def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
-    """Replaces primray.usd, primray.core and primray.summary for one test."""
+    """Replaces primray.usd, primray.core and primray.report.summary for one test."""
     fake = FakePipeline()
 
     def install(name: str, **functions: Any) -> None:
@@ -165,15 +165,15 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         lanes=lambda: 16,
         versions=lambda: {"embree": "4.4.0"},
     )
-    monkeypatch.setattr("primray.sampling.Sampling", SimpleNamespace(begin=fake.begin))
+    monkeypatch.setattr("primray.sampling.sampling.Sampling", SimpleNamespace(begin=fake.begin))
     install(
-        "summary",
+        "report.summary",
         summary=lambda description, dicing_rate=4.0, images=(): _Summary(fake.memory_bytes),
         ImageSize=ImageSize,
         counts=asdict,
         primvar_names=lambda description: {"st": 2},
     )
-    install("texture_sizes", texture_sizes=lambda description, read: {"/no/such.png": None})
+    install("report.texture_sizes", texture_sizes=lambda description, read: {"/no/such.png": None})
     return fake
 
 

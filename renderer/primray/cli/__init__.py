@@ -51,7 +51,7 @@ def run(arguments: list[str]) -> int:
     try:
         plain = render_arguments(arguments)
         if plain is not None:
-            from .render import render
+            from .commands.render import render
 
             render(**plain)
         else:

@@ -7,14 +7,14 @@ from typing import Annotated
 import typer
 
 from . import options
-from . import render as render_module
-from .compare import compare
-from .doctor import doctor
-from .estimate import estimate
-from .inspect import inspect
+from .commands import render as render_module
+from .commands.compare import compare
+from .commands.doctor import doctor
+from .commands.estimate import estimate
+from .commands.inspect import inspect
+from .commands.merge import merge
+from .commands.sheet import sheet
 from .installed import CommandGroup
-from .merge import merge
-from .sheet import sheet
 
 app = typer.Typer(
     cls=CommandGroup,
@@ -28,7 +28,7 @@ app = typer.Typer(
 
 def _print_version(asked: bool) -> None:
     if asked:
-        from ..report import package_versions
+        from ..report.report import package_versions
 
         versions = package_versions()
         print(f"primray {versions['primray']}")

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..frame_numbers import check_names, has_frame_holder, name_of_frame
+from ..render.frame_numbers import check_names, has_frame_holder, name_of_frame
 from ..settings import RenderSettings
 
 if TYPE_CHECKING:
@@ -32,8 +32,8 @@ def product_shots(
     scene: str, settings: RenderSettings, asked: Sequence[str] | None, folder: str | None, time_codes: list[float] | None
 ) -> tuple[OpenedStage, list[Shot]]:
     """The stage, and every frame of the products asked for (None: all) under their own names in `folder`."""
-    from ..products import products_of
     from ..render import open_once
+    from ..render.products import products_of
 
     opened = open_once(scene, settings)
     shots = []

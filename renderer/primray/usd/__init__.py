@@ -6,13 +6,13 @@ description objects; `translate` holds the table of adapters and puts it all tog
 column-vector.
 """
 
-from .adapters.render_product import ProductSettings, RenderVariable
-from .adapters.render_settings import products
-from .asset import read_asset
-from .dependencies import Dependencies, dependencies, write_usdz
-from .stage import open_stage
-from .stage_facts import stage_facts
-from .stage_metadata import used_files
+from .adapters.rendering.render_product import ProductSettings, RenderVariable
+from .adapters.rendering.render_settings import products
+from .facts.dependencies import Dependencies, dependencies, write_usdz
+from .facts.stage_facts import stage_facts
+from .opening.asset import read_asset
+from .opening.stage import open_stage
+from .opening.stage_metadata import used_files
 from .translate import camera_paths, translate
 
 __all__ = [

@@ -13,55 +13,44 @@ from itertools import islice
 import numpy as np
 from pxr import Tf, Usd
 
-from ..aov_names import AovRequest, primvars_of, requests_of
-from ..description import (
-    Camera,
-    Doubles,
-    Frame,
-    Light,
-    Placed,
-    Placement,
-    Prototype,
-    SceneDescription,
-    Shape,
-    Surface,
-)
+from ..aov_names import WIDE, AovRequest, primvars_of, requests_of
+from ..arrays import Doubles
+from ..description import Camera, Frame, Light, Placed, Placement, Prototype, SceneDescription, Shape, Surface
+from ..description.instance_names import name_of
+from ..description.lighting import NO_LINKS
+from ..description.placement import IDENTITY, MatrixInstances, chunks, named_levels, rows_of_levels
 from ..diagnostics import Diagnostics
-from ..instance_names import name_of
-from ..lighting import NO_LINKS
-from ..placement import IDENTITY, MatrixInstances, chunks, named_levels, rows_of_levels
-from ..scene_record import WIDE
 from ..settings import RenderSettings
-from .adapters.draw_mode import DRAW_MODES
-from .adapters.geometry_light import as_light, without_material
-from .adapters.implicit import sphere, tessellated
-from .adapters.light import light
-from .adapters.light_rules import rules_of
-from .adapters.mesh import mesh
-from .adapters.point_instancer import point_instances
-from .adapters.points import POINT, point_sphere
-from .adapters.render_product import ProductSettings
-from .adapters.render_settings import product_settings
-from .adapters.render_var import aovs_of_variables
-from .color_spaces import rendering_space
-from .context import Context
-from .convert import square
-from .default_light import default_lights
-from .find_by_type import find_by_type
-from .framing import Bounds, shape_bounds, stage_bounds
-from .instance_primvars import without_unread
-from .instances import Arrangement, Chain, Group, arrange, count_of, merge_coincident
-from .light_links import find_links
-from .motion import note_motion
-from .portals import note_unnamed_portals
-from .pose import posed, prototypes_hold_skeletons
-from .primvars_read import primvars_read
-from .read import When, when_of
-from .resolve import ResolvedPrim
-from .stage import tf_message, usd_messages
-from .stage_metadata import meters_per_unit, up_axis
-from .view import select_camera, view_through
-from .walk import walk
+from .adapters.lights.geometry_light import as_light, without_material
+from .adapters.lights.light import light
+from .adapters.lights.light_rules import rules_of
+from .adapters.rendering.render_product import ProductSettings
+from .adapters.rendering.render_settings import product_settings
+from .adapters.rendering.render_var import aovs_of_variables
+from .adapters.shapes.draw_mode import DRAW_MODES
+from .adapters.shapes.implicit import sphere, tessellated
+from .adapters.shapes.mesh import mesh
+from .adapters.shapes.point_instancer import point_instances
+from .adapters.shapes.points import POINT, point_sphere
+from .lights.default_light import default_lights
+from .lights.light_links import find_links
+from .lights.portals import note_unnamed_portals
+from .materials.primvars_read import primvars_read
+from .opening.pose import posed, prototypes_hold_skeletons
+from .opening.stage import tf_message, usd_messages
+from .opening.stage_metadata import meters_per_unit, up_axis
+from .resolving.color_spaces import rendering_space
+from .resolving.context import Context
+from .resolving.convert import square
+from .resolving.read import When, when_of
+from .resolving.resolve import ResolvedPrim
+from .shapes.instance_primvars import without_unread
+from .viewing.framing import Bounds, shape_bounds, stage_bounds
+from .viewing.motion import note_motion
+from .viewing.view import select_camera, view_through
+from .walking.find_by_type import find_by_type
+from .walking.instances import Arrangement, Chain, Group, arrange, count_of, merge_coincident
+from .walking.walk import walk
 
 ShapeAdapter = Callable[[ResolvedPrim, Context], Shape | None]
 LightAdapter = Callable[[ResolvedPrim, Doubles, Context], Light | None]

@@ -6,7 +6,7 @@ import json
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from primray.report import settings_as_json
+from primray.report.report import settings_as_json
 from primray.settings import RenderSettings
 
 from ..admission import render_settings

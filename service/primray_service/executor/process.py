@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from primray.report import peak_rss_bytes
+from primray.report.report import peak_rss_bytes
 
 from ..worker.protocol import MAX_LINE_BYTES
 from .process_log import ProcessLog

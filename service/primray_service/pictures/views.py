@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from primray.image import encode
+from primray.images.image import encode
 
 from ..worker.preview import Preview
 from .request import PictureRequest

@@ -13,10 +13,10 @@ from typing import Any, Protocol
 
 from primray.errors import StageOpenError
 from primray.fidelity import FIDELITY, Kind
-from primray.usd.expansion import expansion
-from primray.usd.layer_content import LayerContent, layer_content, line_of
-from primray.usd.nesting import nesting_depth
-from primray.usd.scene_facts import MissingLayer, SceneFacts, layer_file, scene_facts
+from primray.usd.facts.expansion import expansion
+from primray.usd.facts.layer_content import LayerContent, layer_content, line_of
+from primray.usd.facts.nesting import nesting_depth
+from primray.usd.facts.scene_facts import MissingLayer, SceneFacts, layer_file, scene_facts
 
 from ..limits import Limits
 from ..problems import Problem

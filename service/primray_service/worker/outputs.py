@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from .channel import finite
 
 if TYPE_CHECKING:
-    from primray.image import Image
+    from primray.images.image import Image
 
 MEDIA_TYPES = {".exr": "image/x-exr", ".png": "image/png", ".json": "application/json"}
 DEFAULT_NAMES = ("beauty.exr", "beauty.png", "report.json")

@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from primray import usd
-from primray.checkpointing import Saver, begin
+from primray.checkpoints.checkpointing import Saver, begin
 from primray.diagnostics import Diagnostics
 from primray.render import Prepared, picture_of, prepare
-from primray.report import Costs, settings_as_json
-from primray.sampling import Sampling
+from primray.report.report import Costs, settings_as_json
+from primray.sampling.sampling import Sampling
 from primray.settings import RenderSettings, settings_of_json
 
 from ..problems import Problem

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from primray.checkpointing import Saver
-from primray.color_space import REC709, ColorSpace, matrix, transformed
+from primray.checkpoints.checkpointing import Saver
+from primray.color.color_space import REC709, ColorSpace, matrix, transformed
 from primray.diagnostics import Diagnostics
-from primray.forecast import Forecaster
-from primray.sampling import Sampling
+from primray.sampling.forecast import Forecaster
+from primray.sampling.sampling import Sampling
 from primray.settings import SAMPLE_BLOCK
 
 from .channel import Channel

@@ -15,9 +15,9 @@ from tests.service.dispatch.rig import NO_QUOTAS, MakeExecutor, Rig, dispatching
 from tests.service.faults import descendants
 
 from primray import RenderSettings, render
-from primray.aov_parts import read_aovs
-from primray.image import pixels_sha256
-from primray.image_file import read_image
+from primray.images.aov_parts import read_aovs
+from primray.images.image import pixels_sha256
+from primray.images.image_file import read_image
 from primray_service.executor.local import LocalExecutor
 from primray_service.files import DataDirectory
 from primray_service.jobs import Job, JobState

@@ -19,7 +19,7 @@ import pytest
 from tests.service.files.finished import queued_job
 from tests.service.serving import RunningServer
 
-from primray.image import encode
+from primray.images.image import encode
 from primray_service.worker.preview import decode_preview, preview_of, write_preview
 
 WIDTH, HEIGHT = 120, 60

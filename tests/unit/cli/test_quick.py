@@ -13,8 +13,8 @@ import pytest
 from typer.main import get_command
 
 from primray.cli.app import app
+from primray.cli.commands.render import render
 from primray.cli.quick import TABLE, render_arguments
-from primray.cli.render import render
 
 LINES = [
     "render s.usd",
@@ -93,9 +93,9 @@ HEAVY = [
     "click",
     "importlib.metadata",
     "primray.cli.app",
-    "primray.cli.compare",
-    "primray.checkpoint_file",
-    "primray.comparison",
+    "primray.cli.commands.compare",
+    "primray.checkpoints.checkpoint_file",
+    "primray.compare.comparison",
     "pydantic",
     "rich",
     "typer",

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from tests.described import box, core_module, describe, kernels, lambert, orthographic, placement, translation
 
+from primray.core.scene_upload import add_placement, upload
 from primray.description import Doubles, Placed, Placement, Prototype, Shape
-from primray.scene_upload import add_placement, upload
 
 CUBE = Prototype("/cube", (Placed(0, np.eye(4)),))
 NO_TABLE = np.zeros(0, np.float32)

@@ -7,8 +7,8 @@ import numpy.typing as npt
 import pytest
 from tests.described import kernels
 
+from primray.core.surface_upload import WRAPS
 from primray.description import Wrap
-from primray.surface_upload import WRAPS
 
 Floats = npt.NDArray[np.float32]
 

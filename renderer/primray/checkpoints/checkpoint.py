@@ -1,0 +1,375 @@
+"""Checkpoints: all of a render under way in one file, from which it goes on to the bits of one that ran through.
+
+A checkpoint holds the film, how far its samples have come, the error's measurements and the plan of adaptive sampling; and
+what decides about pixels, by which a render is recognised: settings, the scene's contents, the ISA class and the core's build.
+How a render ends (samples, target error, time limit), its threads and its outputs are no part of that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .. import core
+from ..color.color_space import REC709, ColorSpace, is_gamut
+from ..description import Camera, Frame
+from ..errors import CheckpointError
+from ..report.report import settings_as_json
+from ..sampling.adaptive import DOUBLINGS, Plan
+from ..sampling.error import Estimate, FrameError
+from ..sampling.sampling import Row, Sampling
+from ..settings import MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
+from .camera_json import camera_as_json, camera_of, frame_of
+from .checkpoint_file import Arrays, read_checkpoint, read_header
+
+REPLICATES, COLORS = 2, 3
+SPLITS = ((1, 2, 4, 8), (1, 2, 4))  # what core.choose_splits answers; others would be taken for what they are not
+BINS = (-4, 3)  # exact_sum.hpp: kLowestBin, and that of the largest float
+
+# Settings that decide about pixels once the scene is translated, and those that decide what is translated.
+OF_PIXELS = ("resolution", "seed", "max_depth", "filter", "filter_width", "dicing_rate", "rendering_color_space")
+OF_SCENE = (
+    "camera",
+    "render_settings",
+    "product",
+    "time_code",
+    "default_light",
+    "purposes",
+    "variants",
+    "load",
+    "mask",
+    "session_layer",
+)
+
+PLAN_ARRAYS = ("begin", "order", "levels", "spent")
+
+Range = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class About:
+    """What goes into a checkpoint besides the sampling: how it is recognised, and what a report and an EXR's header say."""
+
+    identity: Mapping[str, Any]
+    settings: Mapping[str, Any]
+    camera: Camera
+    frame: Frame
+    counts: Mapping[str, int]
+    features: list[dict[str, str]]
+    diagnostics: list[dict[str, str]]
+    aovs: tuple[str, ...] = ()  # that the render makes beside the picture: from the scene, not from what is held here
+    rendering_space: ColorSpace = REC709
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A checkpoint as read, not yet compared with what it is to be used for."""
+
+    path: Path
+    about: About
+    ranges: tuple[Range, ...]  # the samples a pixel that are complete
+    under_way: bool  # some pixels have more
+    adaptive: bool
+    splits: core.Splits
+    screen_block: int  # not 0 for a quick look
+    seconds: float
+    lanes: tuple[int, int]  # busy, shaded
+    rows: tuple[Row, ...]
+    target: tuple[float | None, str]  # and its metric: what rows were due for
+    plan: Plan | None
+    film: Arrays
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        """Of the film."""
+        return self.about.frame.size
+
+
+def identity(settings: RenderSettings, scene: Mapping[str, str]) -> dict[str, Any]:
+    """What two renders of the same pixels have in common, by names that an error can use; `settings` are resolved."""
+    values = settings_as_json(settings)
+    return {
+        "isa": core.isa(),
+        "core": core.build_digest(),
+        **core.versions(),
+        **{name: values[name] for name in OF_PIXELS},
+        **{f"scene.{name}": digest for name, digest in scene.items()},
+    }
+
+
+# ---- writing ------------------------------------------------------------------------------------------------------------
+
+
+def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
+    """Header and arrays of a checkpoint: a copy of all, so that sampling can go on while they are written."""
+    settings, plan, film = sampling.settings, sampling.plan, sampling.film.state()
+    first = settings.sample_range[0] if settings.sample_range else 0
+    rows = [asdict(replace(row, error=replace(row.error, tiles=np.zeros(0)))) for row in sampling.rows]
+    for row in rows:
+        del row["error"]["tiles"]
+    header: dict[str, Any] = {
+        "identity": dict(about.identity),
+        "settings": dict(about.settings),
+        "camera": camera_as_json(about.camera),
+        "frame": asdict(about.frame),
+        "counts": dict(about.counts),
+        "features": about.features,
+        "diagnostics": about.diagnostics,
+        "aovs": list(about.aovs),
+        "rendering_space": asdict(about.rendering_space),
+        "ranges": [[first, sampling.done]],
+        "under_way": sampling.ends is not None,
+        "adaptive": settings.adapts,
+        "splits": sampling.splits,
+        "screen_block": settings.screen_block,
+        "seconds": sampling.seconds,
+        "lanes": [sampling.busy_lanes, sampling.shaded_lanes],
+        "rows": rows,
+        "target": [settings.target_error, settings.error_metric.value],
+        "plan": None if plan is None else plan.samples,
+    }
+    arrays = {f"film.{name}": array for name, array in film.items()}
+    if sampling.rows:
+        arrays["tiles"] = np.stack([row.error.tiles for row in sampling.rows[_last_anchor(sampling.rows) :]])
+    if plan is not None:
+        arrays |= {f"plan.{name}": getattr(plan, name) for name in PLAN_ARRAYS}
+    return header, arrays
+
+
+def _last_anchor(rows: Sequence[Row]) -> int:
+    """The number of the first row whose tiles may still decide something."""
+    anchors = [i for i, row in enumerate(rows) if row.anchor]
+    return anchors[-1] if anchors else len(rows) - 1
+
+
+# ---- reading ------------------------------------------------------------------------------------------------------------
+
+
+def load(path: Path) -> Checkpoint:
+    """CheckpointError if there is none, or none that could have been written."""
+    header, arrays = read_checkpoint(path)
+    try:
+        return _checkpoint(path, header, arrays)
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise CheckpointError(
+            "the checkpoint is damaged: its header makes no sense", where=str(path), code="checkpoint-damaged"
+        ) from error
+
+
+def check(path: Path) -> None:
+    """CheckpointError if the beginning of the file shows that it cannot be used here; cheap, before a scene is translated."""
+    found = read_header(path).get("identity")
+    if not isinstance(found, dict):
+        raise CheckpointError(
+            "the checkpoint is damaged: its header makes no sense", where=str(path), code="checkpoint-damaged"
+        )
+    here = {"isa": core.isa(), "core": core.build_digest(), **core.versions()}
+    _compare({name: found.get(name) for name in here}, here, path)
+
+
+def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoint:
+    frame = frame_of(header["frame"])
+    width, height = frame.size
+    ranges = tuple((int(a), int(b)) for a, b in header["ranges"])
+    _valid(bool(ranges) and all(0 <= a <= b <= MAX_SPP for a, b in ranges))
+    tiles = math.ceil(width / core.TILE) * math.ceil(height / core.TILE)
+    film = {name.removeprefix("film."): array for name, array in arrays.items() if name.startswith("film.")}
+    _check_film(film, width, height, tiles)
+    plan = _plan(int(header["plan"]), arrays, width * height, tiles) if header["plan"] is not None else None
+    splits = core.Splits(*header["splits"])
+    busy, shaded = header["lanes"]
+    _valid(all(n in known for n, known in zip(splits, SPLITS, strict=True)) and 0 <= int(busy) <= int(shaded) < 2**63)
+    _valid(_is_number(header["seconds"]))
+    target, metric = header["target"]
+    return Checkpoint(
+        path=path,
+        about=About(
+            identity=dict(header["identity"]),
+            settings=dict(header["settings"]),
+            camera=camera_of(header["camera"]),
+            frame=frame,
+            counts=dict(header["counts"]),
+            features=list(header["features"]),
+            diagnostics=[dict(row) for row in header["diagnostics"]],
+            aovs=tuple(str(name) for name in header["aovs"]),
+            rendering_space=_space_of(header["rendering_space"]),
+        ),
+        ranges=ranges,
+        under_way=bool(header["under_way"]),
+        adaptive=bool(header["adaptive"]),
+        splits=splits,
+        screen_block=int(header["screen_block"]),
+        seconds=float(header["seconds"]),
+        lanes=(int(busy), int(shaded)),
+        rows=_rows(header["rows"], arrays, tiles),
+        target=(None if target is None else float(target), Metric(metric).value),
+        plan=plan,
+        film=film,
+    )
+
+
+def _valid(holds: bool) -> None:
+    if not holds:
+        raise ValueError
+
+
+def _is_number(value: Any) -> bool:
+    return math.isfinite(float(value)) and float(value) >= 0
+
+
+def _check_film(film: Arrays, width: int, height: int, tiles: int) -> None:
+    pixels = (REPLICATES, height, width)
+    shapes: dict[str, tuple[str, tuple[int, ...]]] = {
+        "parts": ("<i8", (*pixels, COLORS, 2)),
+        "bins": ("|i1", (*pixels, COLORS)),
+        "counts": ("<u4", pixels),
+        "covered": ("<u4", pixels),
+        "next": ("<u4", (REPLICATES, tiles)),
+        "tile_rays": ("<i8", (tiles,)),
+        "totals": ("<i8", (5,)),
+    }
+    _valid({name: (array.dtype.str, array.shape) for name, array in film.items()} == shapes)
+    _valid(BINS[0] <= film["bins"].min() and film["bins"].max() <= BINS[1] and film["next"].max() <= 4 * MAX_SPP)
+
+
+def _plan(samples: int, arrays: Arrays, pixels: int, tiles: int) -> Plan:
+    found = {name: arrays[f"plan.{name}"] for name in PLAN_ARRAYS}
+    lengths = {"begin": tiles, "order": tiles * DOUBLINGS, "levels": tiles * DOUBLINGS, "spent": tiles * DOUBLINGS}
+    _valid({name: (a.dtype.str, a.shape) for name, a in found.items()} == {n: ("<i8", (k,)) for n, k in lengths.items()})
+    begin, order, levels, spent = found.values()
+    _valid(0 < samples <= MAX_SPP and begin.min() >= 0 and begin.max() <= MAX_SPP)
+    _valid(order.min() >= 0 and order.max() < tiles and levels.min() >= 0 and levels.max() < DOUBLINGS)
+    _valid(np.bincount(order).max() <= DOUBLINGS and spent.min() >= 0 and bool((np.diff(spent) >= 0).all()))
+    return Plan(samples, begin, order, levels, spent, pixels)
+
+
+def _rows(rows: Sequence[Mapping[str, Any]], arrays: Arrays, tiles: int) -> tuple[Row, ...]:
+    """The last of them with their tiles."""
+    if not rows:
+        return ()
+    errors = arrays["tiles"]
+    _valid(errors.dtype.str == "<f8" and errors.ndim == 2 and errors.shape[1] == tiles and 1 <= len(errors) <= len(rows))
+    without = len(rows) - len(errors)
+    found = tuple(_row(row, errors[i - without] if i >= without else np.zeros(0)) for i, row in enumerate(rows))
+    _valid(_last_anchor(found) >= without)
+    return found
+
+
+def _row(row: Mapping[str, Any], tiles: npt.NDArray[np.float64]) -> Row:
+    found = {metric: row["error"][metric.value] for metric in Metric}
+    estimates = {
+        metric.value: None if e is None else Estimate(float(e["value"]), float(e["low"]), float(e["high"]))
+        for metric, e in found.items()
+    }
+    for number in (row["samples"], row["seconds"], *(v for e in found.values() if e is not None for v in e.values())):
+        _valid(_is_number(number))
+    _valid(float(row["samples"]) > 0)
+    relmse, rmse = estimates["relmse"], estimates["rmse"]
+    if relmse is None or rmse is None:
+        raise ValueError
+    error = FrameError(relmse, rmse, tiles, estimates["display"])
+    return Row(float(row["samples"]), float(row["seconds"]), error, bool(row["anchor"]), bool(row["due"]))
+
+
+def _space_of(values: Mapping[str, Any]) -> ColorSpace:
+    red, green, blue, white = ((float(x), float(y)) for x, y in (values[k] for k in ("red", "green", "blue", "white")))
+    space = ColorSpace(str(values["name"]), red, green, blue, white)
+    _valid(is_gamut(space))
+    return space
+
+
+# ---- going on -----------------------------------------------------------------------------------------------------------
+
+
+def settings_to_go_on(settings: RenderSettings, checkpoint: Checkpoint) -> RenderSettings:
+    """What was not said about adaptive sampling is as it was."""
+    if settings.adaptive is None and settings.sample_range is None and settings.adapts != checkpoint.adaptive:
+        return replace(settings, adaptive=checkpoint.adaptive)
+    return settings
+
+
+def resume(scene: core.CoreScene, settings: RenderSettings, about: About, checkpoint: Checkpoint) -> Sampling:
+    """The sampling where it was left; CheckpointError, naming what differs, if it was another picture's."""
+    compare(checkpoint.about, about, checkpoint.path)
+    if settings.adapts != checkpoint.adaptive:
+        is_, was = ("adaptive", "uniform") if settings.adapts else ("uniform", "adaptive")
+        raise _other(f"its sampling is {was}, not {is_}", checkpoint.path)
+    _check_range(settings, checkpoint)
+    if checkpoint.screen_block != settings.screen_block and checkpoint.ranges[0][1] < settings.most_samples:
+        # A quick look takes its samples otherwise. The few that are held are less than a picture of both would lose.
+        return Sampling.begin(scene, settings)
+    sampling = Sampling(scene, settings, core.Film(scene, checkpoint.film), checkpoint.splits)
+    sampling.done = checkpoint.ranges[0][1]
+    sampling.plan = checkpoint.plan
+    same_target = checkpoint.target == (settings.target_error, settings.error_metric.value)
+    sampling.rows = [replace(row, due=row.due and same_target) for row in checkpoint.rows]
+    sampling.busy_lanes, sampling.shaded_lanes = checkpoint.lanes
+    sampling.seconds = sampling.earlier_seconds = checkpoint.seconds
+    sampling.earlier_done, sampling.earlier_rays = sampling.done, sampling.film.rays
+    if checkpoint.under_way:
+        sampling.aim()
+    return sampling
+
+
+def _check_range(settings: RenderSettings, checkpoint: Checkpoint) -> None:
+    held, path = checkpoint.ranges, checkpoint.path
+    if len(held) > 1:
+        raise _other(f"samples {', '.join(f'{a}:{b}' for a, b in gaps(held))} are missing in it; merge them first", path)
+    first, end = held[0]
+    wanted, most = settings.sample_range or (0, MAX_SPP)
+    if first != wanted:
+        how = f"--sample-range {first}:... goes on with it" if first else "no --sample-range, or one from 0, goes on with it"
+        raise _other(f"its samples begin at {first}, not at {wanted}; {how}", path)
+    reached = max(end, int(checkpoint.film["next"].max()) * SAMPLE_BLOCK) if checkpoint.under_way else end
+    if reached > most:
+        raise _other(f"it holds samples up to {reached}, beyond the range's end at {most}", path)
+
+
+def gaps(ranges: tuple[Range, ...]) -> list[Range]:
+    """What is missing between sorted ranges."""
+    return [(a[1], b[0]) for a, b in pairwise(ranges) if a[1] < b[0]]
+
+
+def compare(held: About, wanted: About, path: Path) -> None:
+    """CheckpointError, naming what differs, unless both are of the same picture on the same machine code."""
+    if held.identity == wanted.identity:
+        return
+    hints = [name for name in OF_SCENE if held.settings.get(name) != wanted.settings.get(name)]
+    _compare(held.identity, wanted.identity, path, hints)
+
+
+def _compare(held: Mapping[str, Any], wanted: Mapping[str, Any], path: Path, hints: list[str] | None = None) -> None:
+    found: list[str] = []
+    scene = []
+    for name in dict.fromkeys([*wanted, *held]):
+        was, now = held.get(name), wanted.get(name)
+        if was == now:
+            continue
+        if name.startswith("scene."):
+            scene.append(name.removeprefix("scene."))
+        else:
+            found.append(f"{name.replace('_', ' ')} is {_shown(was)} in it, {_shown(now)} here")
+    if scene:
+        by = f" (by {', '.join(hints)}?)".replace("_", " ") if hints else ""
+        found.append(
+            f"the scene's {' and '.join(scene)} {'is' if scene in (['camera'], ['frame']) else 'are'} not the same{by}"
+        )
+    if found:
+        raise _other("; ".join(found), path)
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, list):
+        return " x ".join(map(str, value))
+    return "none" if value is None else str(value)[:80]
+
+
+def _other(how: str, path: Path) -> CheckpointError:
+    return CheckpointError(f"the checkpoint is of another render: {how}", where=str(path), code="checkpoint-other")

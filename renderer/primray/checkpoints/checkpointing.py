@@ -1,0 +1,164 @@
+"""Rendering with a checkpoint file: begun or resumed, written every so often while rendering goes on, and at the end."""
+
+from __future__ import annotations
+
+import math
+import os
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import CheckpointError, PrimrayError, SettingsError
+
+if TYPE_CHECKING:
+    from ..diagnostics import Diagnostic
+    from ..report.prepared import Prepared
+    from ..sampling.sampling import Progress, Sampling
+    from .checkpoint import About
+
+DEFAULT_EVERY_S = 60.0
+
+
+@dataclass(frozen=True)
+class Checkpointing:
+    """Where a render's checkpoint is written, every so many seconds and at the end, and which one it goes on from, if any."""
+
+    file: Path
+    every_s: float = DEFAULT_EVERY_S
+    resume: Path | None = None
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.every_s) and self.every_s > 0):
+            raise SettingsError(f"checkpoints are written every so many seconds above 0, not {self.every_s}")
+
+    def check(self) -> None:
+        """Find out before rendering what cannot be read, or written after it; what is there already is not overwritten."""
+        from ..images.image import check_folder
+        from . import checkpoint
+
+        check_folder(self.file)
+        if self.resume is not None:
+            checkpoint.check(self.resume)
+        if self.file.exists() and (self.resume is None or not os.path.samefile(self.file, self.resume)):
+            raise CheckpointError(
+                "there is a checkpoint already: resume it, or remove it", where=str(self.file), code="checkpoint-exists"
+            )
+
+    def run(self, prepared: Prepared, diagnostics: list[Diagnostic], progress: Progress) -> tuple[Sampling, dict[str, Any]]:
+        """Sample until something stops it; and what the report says of checkpoints."""
+        sampling, about = begin(prepared, diagnostics, self.resume)
+        resumed_at = sampling.mean_samples()
+        saver = Saver(about, self.every_s, lambda: self.file)
+        try:
+            while not sampling.run(progress, saver.is_due):
+                saver.save_meanwhile(sampling)
+        finally:
+            saver.wait()
+        saver.save(sampling)
+        return sampling, saver.as_json() | ({} if self.resume is None else {"resumed_at": resumed_at})
+
+
+def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None) -> tuple[Sampling, About]:
+    """The sampling of a scene, from a checkpoint where one is given, and what its checkpoints are to say of it."""
+    from ..report.report import settings_as_json
+    from ..sampling.sampling import Sampling
+    from . import checkpoint
+
+    held = None if resume is None else checkpoint.load(resume)
+    settings = prepared.settings if held is None else checkpoint.settings_to_go_on(prepared.settings, held)
+    about = checkpoint.About(
+        identity=checkpoint.identity(settings, prepared.fingerprint),
+        settings=settings_as_json(settings),
+        camera=prepared.camera,
+        frame=prepared.frame,
+        counts=prepared.counts,
+        features=list(prepared.scene.features),
+        diagnostics=[diagnostic.as_json() for diagnostic in diagnostics],
+        aovs=tuple(request.name for request in prepared.aovs),
+        rendering_space=prepared.scene.rendering_space,
+    )
+    if held is None:
+        sampling = Sampling.begin(prepared.scene, settings)
+    else:
+        sampling = checkpoint.resume(prepared.scene, settings, about, held)
+    sampling.resumable = True
+    return sampling, replace(about, features=list(prepared.scene.features))
+
+
+class Saver:
+    """Writes checkpoints, one at a time, from copies, so that rendering need not wait for the disk.
+
+    `name` says where the next one goes; `written` hears of each (its file, samples a pixel, seconds of sampling), in the
+    thread that wrote it. A render does not end because a checkpoint cannot be written; the report says so.
+    """
+
+    def __init__(
+        self,
+        about: About,
+        every_s: float,
+        name: Callable[[], Path],
+        written: Callable[[Path, float, float], None] | None = None,
+    ) -> None:
+        self._name = name
+        self._on_written = written
+        self._file = Path()
+        self._every_s = every_s
+        self._about = about
+        self._thread: threading.Thread | None = None
+        self._next = time.monotonic() + self._every_s
+        self._written = 0
+        self._paused_s = 0.0
+        self._write_s = 0.0
+        self._failed: str | None = None
+
+    def is_due(self) -> bool:
+        return time.monotonic() >= self._next and (self._thread is None or not self._thread.is_alive())
+
+    def save_meanwhile(self, sampling: Sampling) -> None:
+        from .checkpoint import contents
+
+        start = time.perf_counter()
+        copy = contents(sampling, self._about)
+        work = (*copy, sampling.mean_samples(), sampling.seconds)
+        self._thread = threading.Thread(target=self._write, args=work, name="checkpoint")
+        self._thread.start()
+        self._paused_s += time.perf_counter() - start
+        self._next = time.monotonic() + self._every_s
+
+    def save(self, sampling: Sampling) -> None:
+        from .checkpoint import contents
+
+        start = time.perf_counter()
+        self._write(*contents(sampling, self._about), sampling.mean_samples(), sampling.seconds)
+        self._paused_s += time.perf_counter() - start
+
+    def wait(self) -> None:
+        if self._thread is not None:
+            self._thread.join()
+
+    def _write(self, header: dict[str, Any], arrays: dict[str, Any], samples: float, seconds: float) -> None:
+        from .checkpoint_file import write_checkpoint
+
+        start = time.perf_counter()
+        self._file = self._name()
+        try:
+            write_checkpoint(self._file, header, arrays)
+            self._written, self._failed = self._written + 1, None
+            if self._on_written is not None:
+                self._on_written(self._file, samples, seconds)
+        except PrimrayError as error:
+            self._failed = str(error)
+        self._write_s += time.perf_counter() - start
+
+    def as_json(self) -> dict[str, Any]:
+        """`paused_s`: what rendering waited for; `write_s`: all of writing; `failed`: why the last one was not written."""
+        return {
+            "file": str(self._file),
+            "written": self._written,
+            "paused_s": self._paused_s,
+            "write_s": self._write_s,
+            "failed": self._failed,
+        }

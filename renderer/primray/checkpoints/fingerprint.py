@@ -1,0 +1,83 @@
+"""What a scene is to its picture, as digests: the same for the same contents wherever its files lie and its prims are named.
+
+Taken of the translated description, before dicing, with the textures' contents in place of their paths.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+
+from ..description import SceneDescription, TextureFile
+from ..textures.texture import Texture
+
+# Say where something comes from, and what was noticed on the way, but not what it looks like.
+UNSEEN = {"path", "collections", "bad_texels", "turned", "names", "instance"}
+
+TextureSet = Mapping[TextureFile, Sequence[tuple[int, Texture]]]
+
+
+def fingerprint(description: SceneDescription, textures: TextureSet) -> dict[str, str]:
+    """Digests by what an error can name: geometry, materials, lights, camera and the frame that is rendered."""
+    d = description
+    digests = _Digests(textures)
+    parts = {
+        "geometry": (d.shapes, d.static, d.prototypes, d.placements),
+        "materials": d.surfaces,
+        "lights": (d.lights, d.linked),
+        "camera": d.camera,
+        "frame": (d.pixels, d.pixel_aspect_ratio),
+    }
+    return {name: digests.of(part) for name, part in parts.items()}
+
+
+class _Digests:
+    def __init__(self, textures: TextureSet) -> None:
+        self._textures = textures
+        self._images: dict[int, str] = {}
+
+    def of(self, value: Any) -> str:
+        h = hashlib.sha256()
+        self._add(h, value)
+        return h.hexdigest()
+
+    def _add(self, h: Any, value: Any) -> None:
+        """Every value after its kind and size, so that no two different ones run together to the same bytes."""
+        if value is None or isinstance(value, bool | int | np.integer):
+            h.update(f"{value};".encode())
+        elif isinstance(value, float | np.floating):
+            h.update(b"f" + struct.pack("<d", float(value)))
+        elif isinstance(value, str):
+            h.update(f"s{len(value)}:{value}".encode("utf-8", "surrogatepass"))
+        elif isinstance(value, np.ndarray):
+            h.update(f"a{value.dtype.str}{value.shape}".encode())
+            h.update(np.ascontiguousarray(value).data)
+        elif isinstance(value, tuple | list):
+            h.update(f"t{len(value)}:".encode())
+            for item in value:
+                self._add(h, item)
+        elif isinstance(value, Enum):
+            self._add(h, value.value)
+        elif isinstance(value, TextureFile):
+            self._add_texture(h, value)
+        elif is_dataclass(value):
+            h.update(f"d{type(value).__name__}:".encode())
+            for item in fields(value):
+                if item.name not in UNSEEN:
+                    self._add(h, getattr(value, item.name))
+        else:
+            raise TypeError(f"a {type(value).__name__} has no digest")
+
+    def _add_texture(self, h: Any, file: TextureFile) -> None:
+        images = self._textures.get(file, ())
+        h.update(f"x{len(images)}:".encode())
+        for number, image in images:
+            if id(image) not in self._images:
+                self._images[id(image)] = self.of(image)
+            h.update(f"{number}:{self._images[id(image)]}".encode())

@@ -1,0 +1,71 @@
+"""`primray compare`: have two pictures changed, beyond their noise? Exit codes 0 unchanged, 1 changed, 3 undecided, 2 usage."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ...errors import PrimrayError, SettingsError
+
+EXIT_CODES = {"unchanged": 0, "changed": 1, "undecided": 3}
+
+
+def compare(
+    a: Annotated[str, typer.Argument(metavar="A", help="EXR with error channels, as `primray render` writes it: before.")],
+    b: Annotated[str, typer.Argument(metavar="B", help="EXR of the same size: after.")],
+    alpha: Annotated[float, typer.Option(metavar="P", help="False alarms allowed, over all tiles together.")] = 0.001,
+    tolerance: Annotated[
+        float, typer.Option(metavar="T", help="Smallest relative difference that matters; 0: any that noise does not explain.")
+    ] = 0.01,
+    tile: Annotated[int, typer.Option(metavar="N", help="Pixels across a tile.")] = 32,
+    difference: Annotated[
+        str | None, typer.Option(metavar="FILE", help="PNG or EXR of the difference in units of its noise.", show_default=False)
+    ] = None,
+    report: Annotated[str | None, typer.Option(metavar="FILE", help="Write the result as JSON.", show_default=False)] = None,
+    json: Annotated[bool, typer.Option("--json", help="A JSON line on stdout in place of words.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-V", help="Tracebacks of errors.")] = False,
+) -> None:
+    """Say whether a picture has changed, tile by tile. Exit code 0: unchanged, 1: changed, 3: needs more samples, 2: usage."""
+    try:
+        verdict = _compare(a, b, alpha, tolerance, tile, difference, report, json)
+    except PrimrayError as error:
+        error.exit_code = 2  # whatever went wrong: 1 would say that the picture has changed
+        raise
+    raise typer.Exit(EXIT_CODES[verdict])
+
+
+def _compare(
+    a: str, b: str, alpha: float, tolerance: float, tile: int, difference: str | None, report: str | None, json: bool
+) -> str:
+    from ...compare.comparison import compare as compare_images
+    from ...compare.comparison_report import as_json, lines
+    from ...compare.difference_picture import check_difference_path, save_difference
+    from ...images.image import check_folder, write_text
+    from ...images.image_file import read_image
+    from ..json_lines import dumps, print_line
+
+    if difference is not None:
+        check_difference_path(difference)
+    if report is not None:
+        check_folder(Path(report))
+    for output in (difference, report):
+        if output is not None and Path(output).resolve() in (Path(a).resolve(), Path(b).resolve()):
+            raise SettingsError("the output would replace a picture that is compared", where=output, code="output-folder")
+    result = compare_images(read_image(a), read_image(b), alpha=alpha, tolerance=tolerance, tile=tile)
+    facts = {"a": a, "b": b, **as_json(result)}
+    if difference is not None:
+        save_difference(result, difference)
+    if report is not None:
+        write_text(Path(report), dumps(facts, indent=2) + "\n")
+    try:
+        if json:
+            print_line({"type": "comparison", **facts})
+        else:
+            print("\n".join(lines(result, a, b)), flush=True)
+    except BrokenPipeError:  # a reader that has seen enough, such as `head`, does not change the verdict
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return result.verdict.value

@@ -1,0 +1,135 @@
+"""`primray estimate`: what an error would cost in samples and seconds, from a pilot of a few seconds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ...errors import SettingsError
+from ...render.frame_numbers import parse_frames
+from ...settings import DEFAULT_DICING_RATE, Filter, Metric, RenderSettings
+from .. import option_values, options
+
+if TYPE_CHECKING:
+    from ...sampling.prediction import Pilot, Prediction
+
+
+# Stands for all the round targets of the table: the render that is meant has no other end.
+SMALLEST_TARGET = 1e-30
+
+
+def estimate(
+    scene: options.Scene,
+    target_errors: Annotated[
+        list[float] | None,
+        typer.Option("--target-error", metavar="E", help="May be repeated.", show_default="a table of round ones"),
+    ] = None,
+    error_metric: options.ErrorMetric = Metric.RELMSE,
+    pilot_seconds: Annotated[float, typer.Option("--pilot", metavar="S", help="Seconds of sampling to judge by.")] = 3.0,
+    adaptive: options.Adaptive = None,
+    spp: options.Samples = None,
+    camera: options.Camera = None,
+    render_settings: options.RenderSettingsPrim = None,
+    res: options.Resolution = None,
+    image_width: options.ImageWidth = None,
+    frame: options.Frame = None,
+    max_depth: options.MaxDepth = None,
+    pixel_filter: options.PixelFilter = Filter.BOX,
+    filter_width: options.FilterWidth = None,
+    threads: options.Threads = None,
+    seed: options.Seed = 0,
+    dicing_rate: options.DicingRate = DEFAULT_DICING_RATE,
+    json: options.Json = False,
+    no_default_light: options.NoDefaultLight = False,
+    purposes: options.Purposes = None,
+    variants: options.Variants = None,
+    no_payloads: options.NoPayloads = False,
+    load: options.Load = None,
+    mask: options.Mask = None,
+    session_layer: options.SessionLayer = None,
+    verbose: options.Verbose = False,
+) -> None:
+    """Predict the samples and seconds that a render needs to reach an error, without rendering it."""
+    time_codes: list[float | None] = [None] if frame is None else [*parse_frames(frame)]
+    if len(time_codes) > 1:
+        raise SettingsError("estimate looks at one frame", code="frames")
+    if not pilot_seconds > 0:
+        raise SettingsError(f"the pilot needs some seconds, not {pilot_seconds}", code="pilot")
+    targets = sorted(set(target_errors or ()), reverse=True)
+    settings = RenderSettings(
+        camera=option_values.camera_of(camera),
+        render_settings=render_settings,
+        resolution=option_values.resolution_of(res, image_width),
+        time_code=time_codes[0],
+        spp=spp,
+        target_error=min(targets, default=SMALLEST_TARGET),
+        error_metric=error_metric,
+        adaptive=True if adaptive is None else adaptive,
+        max_depth=max_depth,
+        filter=pixel_filter,
+        filter_width=filter_width,
+        threads=threads,
+        seed=seed,
+        default_light=not no_default_light,
+        purposes=option_values.purposes_of(purposes),
+        variants=tuple(variants or ()),
+        load=option_values.load_of(no_payloads, load),
+        mask=option_values.mask_of(mask),
+        session_layer=session_layer,
+        dicing_rate=dicing_rate,
+    )
+    for target in targets:
+        RenderSettings(target_error=target)  # checks itself
+    _print(_pilot(scene, settings, pilot_seconds, verbose), targets, json)
+
+
+def _pilot(scene: str, settings: RenderSettings, seconds: float, verbose: bool) -> Pilot:
+    from ... import usd
+    from ...diagnostics import Diagnostics
+    from ...render import prepare
+    from ...report.report import Costs
+    from ...sampling.prediction import run_pilot
+    from ..diagnostics_text import print_diagnostics
+
+    opening, diagnostics = Diagnostics(), Diagnostics()
+    stage = usd.open_stage(scene, opening, settings.composition)
+    prepared = prepare(stage, opening, settings, Costs(), diagnostics)
+    print_diagnostics([diagnostic.as_json() for diagnostic in diagnostics], verbose=verbose)
+    pilot = run_pilot(prepared.scene, prepared.settings, seconds)
+    if pilot is None:
+        raise KeyboardInterrupt
+    return pilot
+
+
+def _print(pilot: Pilot, targets: list[float], as_json: bool) -> None:
+    from ...sampling.prediction import usual_targets
+    from ..json_lines import print_line
+
+    predictions = [pilot.predict(target) for target in targets or usual_targets(pilot)]
+    row, metric = pilot.row, pilot.metric.value
+    if as_json:
+        found: dict[str, Any] = {"samples": row.samples, "seconds": row.seconds, metric: row.error.of(pilot.metric).as_json()}
+        print_line({"type": "estimate", "metric": metric, "pilot": found, "targets": [p.as_json() for p in predictions]})
+        return
+    known = row.error.of(pilot.metric)
+    print(
+        f"pilot: {row.samples:.0f} samples a pixel in {row.seconds:.2f} s, "
+        f"{metric} {known.value:.3g} (95 %: {known.low:.3g} to {known.high:.3g})"
+    )
+    if not predictions:
+        print("the picture has no error that could be seen")
+        return
+    print(f"{metric:>10}  {'samples':>8}  {'(95 %)':>17}  {'seconds':>8}  {'(95 %)':>17}")
+    for prediction in predictions:
+        print(_line(prediction))
+
+
+def _line(prediction: Prediction) -> str:
+    samples, seconds = prediction.samples, prediction.seconds
+    if samples is None or seconds is None:
+        return f"{prediction.target:>10.3g}  more samples than are allowed"
+    return (
+        f"{prediction.target:>10.3g}  {samples.value:>8.0f}  {f'{samples.low:.0f} - {samples.high:.0f}':>17}  "
+        f"{seconds.value:>8.1f}  {f'{seconds.low:.1f} - {seconds.high:.1f}':>17}"
+    )

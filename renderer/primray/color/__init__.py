@@ -1,0 +1,1 @@
+"""Colour: RGB spaces by their primaries, and the views of displays through OpenColorIO."""

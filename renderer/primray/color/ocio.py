@@ -1,0 +1,224 @@
+"""Colour management: the rendering space to a display's view, and any colour space to the rendering space.
+
+Spaces that USD names are converted by their primaries (color_space.py); what else the OpenColorIO configuration knows, and
+views, are its work. The configuration is $OCIO's, else OpenColorIO's own default (an ACES config for CG). OpenColorIO is
+imported when a colour needs it, so that the command line starts quickly.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Doubles, Floats
+from ..errors import SettingsError
+from . import color_space
+from .color_space import REC709, ColorSpace
+
+BUILTIN_CONFIG = "ocio://default"
+# Under which names configurations know linear spaces, beside the interop id: ACES configs of 2.x and 1.x, older ones. In
+# the order in which they are tried to reach a space that the configuration lacks.
+CONFIG_NAMES = {
+    "lin_rec709_scene": ("Linear Rec.709 (sRGB)", "lin_rec709", "lin_rec709_srgb", "lin_srgb", "Utility - Linear - sRGB"),
+    "lin_ap0_scene": ("ACES2065-1", "lin_ap0", "ACES - ACES2065-1", "aces_interchange"),
+    "lin_ap1_scene": ("ACEScg", "lin_ap1", "ACES - ACEScg"),
+    "lin_p3d65_scene": ("Linear P3-D65", "lin_p3d65", "Utility - Linear - P3-D65"),
+    "lin_rec2020_scene": ("Linear Rec.2020", "lin_rec2020", "Utility - Linear - Rec.2020"),
+    "lin_ciexyzd65_scene": ("CIE XYZ-D65 - Scene-referred", "cie_xyz_d65_scene"),
+}
+
+# A space of ours, or the name of one that only the configuration knows.
+Source = ColorSpace | str
+
+
+@lru_cache(maxsize=4)
+def _load_config(source: str) -> Any:
+    import PyOpenColorIO as ocio
+
+    try:
+        return ocio.Config.CreateFromFile(source)
+    except (ocio.Exception, ocio.ExceptionMissingFile) as error:
+        raise SettingsError(f"the OCIO configuration cannot be read: {error}", where=source, code="ocio-config") from error
+
+
+def _config() -> Any:
+    return _load_config(os.environ.get("OCIO") or BUILTIN_CONFIG)
+
+
+def config_name() -> str:
+    """The configuration in use, as its file says it is called."""
+    source = os.environ.get("OCIO") or BUILTIN_CONFIG
+    return str(_config().getName()) or source
+
+
+def displays() -> list[str]:
+    return list(_config().getDisplays())
+
+
+def views(display: str | None = None) -> list[str]:
+    """Names of the views of `display` (None: the default one), the default view first."""
+    config = _config()
+    display = display or config.getDefaultDisplay()
+    names = list(config.getViews(display))
+    names.sort(key=lambda name: name != config.getDefaultView(display))
+    return names
+
+
+def check_view(view: str | None, display: str | None = None) -> tuple[str, str]:
+    """The display and view meant (None: the defaults); SettingsError that lists the known ones."""
+    config = _config()
+    if display is not None and display not in displays():
+        raise SettingsError(f"no display {display!r}; {config_name()} has: {', '.join(displays())}", code="unknown-display")
+    chosen = display or config.getDefaultDisplay()
+    if view is not None and view not in views(chosen):
+        raise SettingsError(f"no view {view!r} on {chosen!r}; there are: {', '.join(views(chosen))}", code="unknown-view")
+    return chosen, view or config.getDefaultView(chosen)
+
+
+def looks() -> list[str]:
+    return list(_config().getLookNames())
+
+
+def check_look(look: str | None) -> None:
+    """SettingsError that lists the known ones."""
+    if look is not None and look not in looks():
+        known = ", ".join(looks()) or "none"
+        raise SettingsError(f"no look {look!r}; {config_name()} has: {known}", code="unknown-look")
+
+
+def to_display(
+    rgb: Floats,
+    view: str | None = None,
+    display: str | None = None,
+    exposure: float = 0.0,
+    *,
+    look: str | None = None,
+    space: ColorSpace = REC709,
+) -> Floats:
+    """(H, W, 3) of the rendering space `space` to display values, nominally [0,1]; `exposure` in stops, applied first.
+
+    A look takes the place of those that the view has.
+    """
+    import PyOpenColorIO as ocio
+
+    display, view = check_view(view, display)
+    check_look(look)
+    known_as, by = _in_config(space)
+    transform = ocio.DisplayViewTransform(src=known_as, display=display, view=view)
+    scaled = color_space.transformed(rgb * np.float32(2.0**exposure), by)
+    if look is None:
+        return _apply(lambda config: config.getProcessor(transform), scaled)
+    pipeline = ocio.LegacyViewingPipeline()
+    pipeline.setDisplayViewTransform(transform)
+    pipeline.setLooksOverrideEnabled(True)
+    pipeline.setLooksOverride(look)
+    return _apply(pipeline.getProcessor, scaled)
+
+
+def space_named(name: str) -> Source | None:
+    """The space that USD or the configuration calls so; None where neither does."""
+    found = color_space.named(name)
+    if found is not None:
+        return found
+    space = _config().getColorSpace(name)
+    if space is None:
+        return None
+    if space.isData():
+        return color_space.named("raw")
+    ids = (_interop_id(space), *space.getAliases())
+    return next((ours for alias in ids if (ours := color_space.named(str(alias))) is not None), str(space.getName()))
+
+
+def rendering_space(name: str) -> ColorSpace:
+    """A linear RGB space to render in; SettingsError if nobody knows it, or it is none."""
+    found = space_named(name)
+    if found is None:
+        raise SettingsError(f"neither USD nor {config_name()} has a colour space {name!r}", code="unknown-color-space")
+    if isinstance(found, str):
+        found = _measured(found)
+    if found is None or not is_rendering_space(found):
+        raise SettingsError(f"{name!r} is no linear RGB space, so no light adds up in it", code="unknown-color-space")
+    return found
+
+
+def is_rendering_space(space: ColorSpace) -> bool:
+    """Linear, and of primaries: (1, 1, 1) is a light's white there, which it is not in XYZ."""
+    return space.is_linear and not space.is_data and color_space.is_gamut(space) and space.name != "lin_ciexyzd65_scene"
+
+
+def convert(rgb: Floats, source: Source, target: ColorSpace) -> Floats:
+    """(..., 3) to a linear space; SettingsError if the configuration cannot."""
+    if isinstance(source, ColorSpace):
+        return np.asarray(color_space.converted(rgb, source, target), np.float32)
+    import PyOpenColorIO as ocio
+
+    if _config().getColorSpace(source) is None:
+        raise SettingsError(f"{config_name()} has no colour space {source!r}", code="unknown-color-space")
+    known_as, by = _in_config(target)
+    rows = np.asarray(rgb, np.float32).reshape(-1, 1, 3) if np.ndim(rgb) != 3 else np.asarray(rgb, np.float32)
+    made = _apply(lambda config: config.getProcessor(ocio.ColorSpaceTransform(src=source, dst=known_as)), rows)
+    back: Doubles | None = None if by is None else np.asarray(np.linalg.inv(by), np.float64)
+    return color_space.transformed(made, back).reshape(np.shape(rgb))
+
+
+def _interop_id(space: Any) -> str:
+    return str(space.getInteropID()) if hasattr(space, "getInteropID") else ""
+
+
+def _in_config(space: ColorSpace) -> tuple[str, Doubles | None]:
+    """What the configuration calls the space; or another linear one that it has, and the matrix that leads there."""
+    for name in (space.name, *CONFIG_NAMES):
+        found = _find(name)
+        other = space if name == space.name else color_space.named(name)
+        if found is not None and other is not None:
+            return found, color_space.matrix(space, other)
+    known = ", ".join(CONFIG_NAMES)
+    raise SettingsError(f"{config_name()} has no linear space that is known here (looked for {known})", code="ocio-config")
+
+
+def _find(name: str) -> str | None:
+    config = _config()
+    for candidate in (name, *CONFIG_NAMES.get(name, ())):
+        space = config.getColorSpace(candidate)
+        if space is not None:
+            return str(space.getName())
+    return next((str(space.getName()) for space in config.getColorSpaces() if _interop_id(space) == name), None)
+
+
+def _measured(name: str) -> ColorSpace | None:
+    """A space that only the configuration knows, by what it makes of its primaries; None unless it is linear."""
+    probes = np.array([[[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0], [4, 2, 1]]], np.float32)
+    xyz_space = color_space.named("lin_ciexyzd65_scene")
+    assert xyz_space is not None
+    xyz = np.asarray(convert(probes, name, xyz_space), np.float64)[0]
+    sums = xyz[:3].sum(axis=1, keepdims=True)
+    if np.abs(xyz[3]).max() > 1e-6 or np.abs(xyz[4] - [4, 2, 1] @ xyz[:3]).max() > 1e-4 or (sums == 0).any():
+        return None
+    red, green, blue = (xyz[:3] / sums)[:, :2].round(7)
+    white = xyz[:3].sum(axis=0)
+    if abs(white[1] - 1.0) > 1e-3:
+        return None
+    around = white / white.sum()
+    if np.abs(around[:2] - REC709.white).max() < 1e-5:
+        around = np.array([*REC709.white, 0.0])
+    corners = [(float(corner[0]), float(corner[1])) for corner in (red, green, blue, around)]
+    return ColorSpace(name, corners[0], corners[1], corners[2], corners[3])
+
+
+def _apply(processor_of: Callable[[Any], Any], rgb: Floats) -> Floats:
+    import PyOpenColorIO as ocio
+
+    out = np.array(rgb, np.float32, order="C")
+    try:
+        processor = processor_of(_config()).getDefaultCPUProcessor()
+    except ocio.Exception as error:
+        raise SettingsError(f"the OCIO configuration cannot convert this: {error}", code="ocio-config") from error
+    # Pixels are independent, and an ACES view costs 0.6 microseconds for each: share the rows among the cores.
+    with ThreadPoolExecutor(min(8, len(os.sched_getaffinity(0)))) as threads:
+        list(threads.map(processor.applyRGB, np.array_split(out, min(out.shape[0], 64))))
+    return out

@@ -1,0 +1,265 @@
+"""Has the picture changed? Two images with their error channels to a verdict for the whole and for every tile.
+
+`changed`: a difference of at least `tolerance` (relative) that noise explains with a probability below `alpha`, over all tiles
+and statistics together. `undecided`: no such difference, but the noise of a tile is so large that one of that size could hide.
+`unchanged`: neither. The tests are difference_tests.py's, what they rest on is in difference.py.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from ..arrays import Doubles
+from ..errors import SettingsError
+from ..images.image_file import MeasuredImage
+from .difference import Difference, difference
+from .difference_tests import Family, Resolution, Tests, threshold
+
+DEFAULT_ALPHA = 0.001
+DEFAULT_TOLERANCE = 0.01
+DEFAULT_TILE = 32
+SMALLEST_TILE = 8
+_MARGIN = 1.15  # more samples than the estimate says: the worst tile of many is not the same one the next time
+_ABOUT_AS_UNLIKELY = 0.7  # of the logarithm of a probability: a statistic within 16 % of the best
+LIKELY = 1.2816  # standard errors beyond the threshold: a change of the tolerance's size would be found 9 times in 10
+
+
+class Verdict(Enum):
+    UNCHANGED = "unchanged"
+    CHANGED = "changed"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One significant difference: which statistic found it, where, and how large it is."""
+
+    kind: str
+    channel: str
+    box: tuple[int, int, int, int]  # x0, y0, x1, y1 in pixels from the upper left, the end not included
+    log_p: float  # of the probability of such a difference without a change, corrected for all tests of the comparison
+    relative: float  # root mean square of the difference over that of the picture in the box
+    signed: float  # B - A, relative; for moved-x and moved-y pixels to the right and down
+
+    @property
+    def p(self) -> float:
+        return math.exp(self.log_p)
+
+
+@dataclass(frozen=True)
+class Tile:
+    box: tuple[int, int, int, int]
+    verdict: Verdict
+    relative: float  # mean difference over R, G, B, B - A, relative
+    resolution: float  # relative mean difference that would have been found, 9 times in 10
+    finding: Finding | None  # the strongest; significant, though not of the tolerance's size unless the tile has changed
+
+
+@dataclass(frozen=True)
+class Needs:
+    """Further samples a pixel that would decide every tile; None: no number does, or the image does not say what it has."""
+
+    factor: float | None  # times the samples that both have
+    a: int | None  # with this and the next: further samples of A and of B
+    b: int | None
+    a_alone: int | None  # further samples of A if B stays as it is
+    b_alone: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    verdict: Verdict
+    alpha: float
+    tolerance: float
+    tiles: tuple[Tile, ...]
+    finding: Finding | None  # of the image as a whole
+    relative: float  # mean difference of the image, relative, with its standard error
+    relative_error: float
+    needs: Needs | None  # of an undecided comparison
+    unjudged_pixels: int  # without an estimate of their error, or finite in neither picture
+    identical: bool  # bit for bit
+    of: Difference
+    notes: tuple[str, ...]
+
+    def count(self, verdict: Verdict) -> int:
+        return sum(tile.verdict is verdict for tile in self.tiles)
+
+
+def compare(
+    a: MeasuredImage,
+    b: MeasuredImage,
+    *,
+    alpha: float = DEFAULT_ALPHA,
+    tolerance: float = DEFAULT_TOLERANCE,
+    tile: int = DEFAULT_TILE,
+) -> Comparison:
+    """SettingsError if the two cannot be compared."""
+    _check(alpha, tolerance, tile)
+    of = difference(a, b)
+    tests = Tests(of, tile)
+    families, resolution = tests.run()
+    findings = _findings(families, alpha, of.channels)
+    reach, factor = _reach(resolution, families, alpha, of)
+    tiles = _tiles(of, tests, findings, reach, tolerance)
+    image = _strongest([f for f in findings if f.box == tests.image.box(0, 0) and f.kind != "spot"], tolerance)
+    relative, relative_error = _mean_difference(of, tests)
+
+    verdict = Verdict.UNCHANGED
+    if any(t.verdict is Verdict.UNDECIDED for t in tiles):
+        verdict = Verdict.UNDECIDED
+    if any(t.verdict is Verdict.CHANGED for t in tiles) or (image is not None and _matters(image, tolerance)):
+        verdict = Verdict.CHANGED
+    return Comparison(
+        verdict,
+        alpha,
+        tolerance,
+        tuple(tiles),
+        image,
+        relative,
+        relative_error,
+        _needs(reach, factor, resolution, tolerance, of) if verdict is Verdict.UNDECIDED else None,
+        int(of.judged.size - np.count_nonzero(of.judged | of.broken)),
+        not of.d.any() and bool(of.judged.all()),
+        of,
+        of.notes,
+    )
+
+
+def _check(alpha: float, tolerance: float, tile: int) -> None:
+    if not 0 < alpha < 1:
+        raise SettingsError(f"the false-alarm rate must be between 0 and 1, not {alpha}", code="alpha")
+    if not (math.isfinite(tolerance) and tolerance >= 0):
+        raise SettingsError(f"the tolerance must be a relative difference from 0, not {tolerance}", code="tolerance")
+    if tile < SMALLEST_TILE:
+        raise SettingsError(f"tiles must be at least {SMALLEST_TILE} pixels across, not {tile}", code="tile")
+
+
+def _tests_for_one(family: Family, families: list[Family]) -> int:
+    """How many tests share alpha with one of this family: families have equal parts of it, whatever their size."""
+    return family.log_p.size * len(families)
+
+
+def _findings(families: list[Family], alpha: float, channels: tuple[str, ...]) -> list[Finding]:
+    found = []
+    for family in families:
+        log_p = family.log_p + math.log(_tests_for_one(family, families))
+        for c, y, x in np.argwhere(log_p <= math.log(alpha)):
+            found.append(
+                Finding(
+                    family.kind,
+                    channels[c],
+                    family.grid.box(y, x),
+                    float(log_p[c, y, x]),
+                    float(family.size[c, y, x]),
+                    float(family.signed[c, y, x]),
+                )
+            )
+    return found
+
+
+def _matters(finding: Finding, tolerance: float) -> bool:
+    return finding.relative >= tolerance
+
+
+def _strongest(findings: list[Finding], tolerance: float) -> Finding | None:
+    """Of those that matter, else of all: the largest of those that are about as unlikely as the least likely one."""
+    chosen = [f for f in findings if _matters(f, tolerance)] or findings
+    if not chosen:
+        return None
+    least = _ABOUT_AS_UNLIKELY * min(f.log_p for f in chosen)
+    return max((f for f in chosen if f.log_p <= least), key=lambda f: (f.kind != "spot", f.relative))
+
+
+def _reach(resolution: Resolution, families: list[Family], alpha: float, of: Difference) -> tuple[Doubles, Doubles]:
+    """(C, h, w): the relative mean difference of a tile that is found 9 times in 10, and how noise counts towards it.
+
+    A difference D adds D^2 / 3 a pixel to V, so that few pixels never reach the threshold: infinite there.
+    """
+    family = next(f for f in families if f.kind == "shift" and f.grid is resolution.grid)
+    needed = threshold(alpha, _tests_for_one(family, families)) + LIKELY
+    room = 1 - needed**2 / (3 * np.maximum(resolution.pixels, 1))
+    factor = np.where(room > 0, needed / np.sqrt(np.maximum(room, 1e-9)), np.inf)
+    factor = np.broadcast_to(factor, resolution.noise.shape)
+    same = resolution.grid.sum((of.d != 0).any(axis=0).astype(np.float64)) == 0
+    all_known = resolution.grid.sum((~of.judged).astype(np.float64)) == 0
+    # Tiles with the same bits have nothing to hide: independent noise would show.
+    quiet = np.broadcast_to(same & all_known, resolution.noise.shape)
+    with np.errstate(invalid="ignore"):
+        reach = np.where(resolution.noise > 0, resolution.noise * factor, np.where(np.isfinite(factor), 0.0, np.inf))
+    return np.where(quiet, 0.0, reach), factor
+
+
+def _tiles(of: Difference, tests: Tests, findings: list[Finding], reach: Doubles, tolerance: float) -> list[Tile]:
+    grid = tests.tiles
+    by_tile: dict[tuple[int, int], list[Finding]] = {}
+    image_box = tests.image.box(0, 0)
+    for finding in findings:
+        x0, y0, x1, y1 = finding.box
+        if finding.box == image_box and (len(grid.rows), len(grid.columns)) != (1, 1):
+            continue
+        y = int(np.searchsorted(grid.rows, (y0 + y1) // 2, side="right")) - 1
+        x = int(np.searchsorted(grid.columns, (x0 + x1) // 2, side="right")) - 1
+        by_tile.setdefault((y, x), []).append(finding)
+    for y, x in np.argwhere(grid.sum(of.broken.astype(np.float64)) > 0):
+        broken = Finding("not-finite", "RGB", grid.box(y, x), -math.inf, math.inf, math.inf)
+        by_tile.setdefault((int(y), int(x)), []).append(broken)
+    mean = tile_means(of, tests)
+    tiles = []
+    for y in range(len(grid.rows)):
+        for x in range(len(grid.columns)):
+            finding_here = _strongest(by_tile.get((y, x), []), tolerance)
+            worst = float(reach[:, y, x].max())
+            verdict = Verdict.UNCHANGED
+            if finding_here is not None and _matters(finding_here, tolerance):
+                verdict = Verdict.CHANGED
+            elif worst > tolerance > 0 or not np.isfinite(worst):
+                verdict = Verdict.UNDECIDED
+            tiles.append(Tile(grid.box(y, x), verdict, float(mean[y, x]), worst, finding_here))
+    return tiles
+
+
+def tile_means(of: Difference, tests: Tests) -> Doubles:
+    count = tests.tiles.sum(of.judged.astype(np.float64))
+    return tests.relative(tests.tiles.sum(of.d[:3].mean(axis=0)) / np.maximum(count, 1), tests.tiles, 0)
+
+
+def _mean_difference(of: Difference, tests: Tests) -> tuple[float, float]:
+    """Of the image over R, G, B. Its error takes channels as fully correlated, which is their most."""
+    count = max(int(np.count_nonzero(of.judged)), 1)
+    mean = of.d[:3].mean() * of.judged.size / count
+    deviation = np.sqrt((of.d[:3] ** 2 + 2 * (of.variance_a + of.variance_b)[:3]).sum(axis=(1, 2)) / 3).mean() / count
+    pair = tests.relative(np.array([[mean, deviation]]), tests.image, 0)
+    return float(pair[0, 0]), float(pair[0, 1])
+
+
+def _needs(reach: Doubles, factor: Doubles, resolution: Resolution, tolerance: float, of: Difference) -> Needs:
+    """By variance proportional to 1 / samples; quasi-random points may well need fewer, rare bright paths more."""
+    na, nb = of.samples
+    if not np.isfinite(reach).all() or tolerance == 0:
+        return Needs(None, None, None, None, None)
+    square, share = _MARGIN * (reach / tolerance) ** 2, resolution.share_a
+    more = float(np.max(square))
+
+    def alone(share_of_it: Doubles, has: float | None) -> int | None:
+        # share / k + (1 - share) = 1 / square, for every tile that is not good enough yet
+        open_tiles = square > 1
+        rest = 1 / square[open_tiles] - (1 - share_of_it[open_tiles])
+        if has is None or (rest <= 0).any():
+            return None
+        return _further(has, float((share_of_it[open_tiles] / rest).max()))
+
+    return Needs(
+        more,
+        _further(na, more) if na else None,
+        _further(nb, more) if nb else None,
+        alone(share, na),
+        alone(1 - share, nb),
+    )
+
+
+def _further(has: float, factor: float) -> int:
+    return math.ceil(has * (factor - 1))

@@ -1,0 +1,137 @@
+"""What the fixture `primray_image` does: renders a stage, compares it with its reference, keeps the evidence of a failure."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ..errors import PrimrayError
+from ..images.image_file import MeasuredImage, read_image
+from ..settings import RenderSettings
+from .comparison import DEFAULT_ALPHA, DEFAULT_TILE, DEFAULT_TOLERANCE, Comparison, Verdict, compare
+from .comparison_report import as_json, lines
+
+
+def render_file(stage: Any, settings: RenderSettings, path: Path) -> int:
+    """Render a stage to an EXR with error channels; its samples a pixel, rounded up."""
+    from ..render import render
+
+    image = render(stage, settings)
+    image.save(path)
+    width, height = image.resolution
+    return -(-int(image.report["samples"]) // (width * height))
+
+
+class ImageCheck:
+    """`folder`: where relative paths start. `written`: collects references that are written (--primray-update), else None."""
+
+    def __init__(self, folder: Path, evidence: Path, written: list[str] | None) -> None:
+        self.folder = folder
+        self.evidence = evidence
+        self.written = written
+
+    def __call__(
+        self,
+        stage: str | os.PathLike[str] | Any,
+        reference: str | os.PathLike[str],
+        *,
+        spp: int | None = None,
+        resolution: tuple[int, int] | None = None,
+        camera: str | None = None,
+        settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
+        alpha: float = DEFAULT_ALPHA,
+        tolerance: float = DEFAULT_TOLERANCE,
+        tile: int = DEFAULT_TILE,
+        max_spp: int | None = None,
+        reference_spp: int | None = None,
+        allow_undecided: bool = False,
+    ) -> Comparison:
+        """Fail the test if the picture has changed, or if noise could hide a change of `tolerance` (relative).
+
+        `spp`, `resolution` and `camera` replace those of `settings`. A picture that `spp` samples leave undecided is rendered
+        again, with as many as it needs up to `max_spp` (None: 4 times `spp`). References are rendered with `reference_spp`
+        (None: as the picture; an unchanged scene then gives the same bits, and nothing needs to be judged).
+        """
+        __tracebackhide__ = True
+        asked: dict[str, Any] = {"spp": spp, "resolution": resolution, "camera": camera}
+        try:
+            settings = replace(settings, **{name: value for name, value in asked.items() if value is not None})
+            stage = str(self.folder / stage) if isinstance(stage, str | os.PathLike) else stage
+            path = self.folder / reference
+            if self.written is not None:
+                return self._update(stage, path, replace(settings, spp=reference_spp or settings.spp))
+            if not path.is_file():
+                pytest.fail(f"there is no reference {path}; `pytest --primray-update` renders it", pytrace=False)
+            # Two looks share the false alarms.
+            criteria: dict[str, Any] = {"alpha": alpha / 2, "tolerance": tolerance, "tile": tile}
+            return self._check(stage, path, settings, max_spp, criteria, allow_undecided)
+        except PrimrayError as error:
+            pytest.fail(f"{reference}: {error}", pytrace=False)
+
+    def _update(self, stage: Any, path: Path, settings: RenderSettings) -> Comparison:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        render_file(stage, settings, path)
+        assert self.written is not None
+        self.written.append(str(path))
+        return compare(read_image(path), read_image(path))
+
+    def _check(
+        self,
+        stage: Any,
+        path: Path,
+        settings: RenderSettings,
+        max_spp: int | None,
+        criteria: dict[str, Any],
+        allow_undecided: bool,
+    ) -> Comparison:
+        __tracebackhide__ = True
+        kept = self.evidence / path.stem
+        kept.mkdir(parents=True, exist_ok=True)
+        rendered = kept / "render.exr"
+        reference = read_image(path)
+        first = render_file(stage, settings, rendered)
+        cap = 4 * first if max_spp is None else max_spp
+        result = compare(reference, read_image(rendered), **criteria)
+        spp = _spp_that_decides(result, first, cap)
+        if spp > first:
+            render_file(stage, replace(settings, spp=spp, target_error=None, time_limit_s=None), rendered)
+            result = compare(reference, read_image(rendered), **criteria)
+        if result.verdict is Verdict.UNCHANGED or (result.verdict is Verdict.UNDECIDED and allow_undecided):
+            shutil.rmtree(kept)
+            return result
+        self._keep(result, path, reference, kept)
+        pytest.fail(_message(result, path, kept, cap), pytrace=False)
+
+    def _keep(self, result: Comparison, path: Path, reference: MeasuredImage, kept: Path) -> None:
+        from ..images.image import write_text
+        from .difference_picture import save_difference
+
+        shutil.copyfile(path, kept / "reference.exr")
+        save_difference(result, kept / "difference.png")
+        facts = {"a": str(path), "b": str(kept / "render.exr"), **as_json(result)}
+        write_text(kept / "report.json", json.dumps(facts, indent=2, allow_nan=False) + "\n")
+
+
+def _spp_that_decides(result: Comparison, spp: int, cap: int) -> int:
+    """Samples to render with again, the reference staying as it is; `spp` if that would not help."""
+    if result.verdict is not Verdict.UNDECIDED or result.needs is None or result.needs.b_alone is None:
+        return spp
+    return min(cap, 2 * ((spp + result.needs.b_alone * 5 // 4 + 1) // 2))
+
+
+def _message(result: Comparison, path: Path, kept: Path, cap: int) -> str:
+    """What has happened, where, and what to do."""
+    said = "\n".join(lines(result, path.name, "the picture rendered now"))
+    if result.verdict is Verdict.CHANGED:
+        advice = "if the change is meant: pytest --primray-update"
+    elif result.needs is not None and result.needs.b_alone is None:
+        advice = "the reference is too noisy: write it with a larger reference_spp, or ask for a larger tolerance"
+    else:
+        advice = f"more than max_spp={cap} would be needed: raise it, ask for a larger tolerance, or allow_undecided=True"
+    return f"{said}\n  evidence: {kept} (render.exr, reference.exr, difference.png, report.json)\n  {advice}"

@@ -1,0 +1,43 @@
+"""The C++ core from Python: which of its builds runs, a scene built in it, a film of it, and passes that render.
+
+`isa_class` chooses the build, `building` uploads a description to it, `film` and `passes` take samples, `first_hit_planes`
+looks at what is seen.
+"""
+
+from .building import build, dice
+from .film import TILE, Film, samples_of_replicates, uniform_ends
+from .first_hit_planes import first_hits
+from .isa_class import DEFAULT_LANES, ISA_FLAGS, build_digest, isa, lanes, load, module, runnable_isas, versions
+from .limits import NO_DEPTH_LIMIT, max_depth, threads
+from .passes import Pass, Progress, Recording, choose_splits, render, render_pass
+from .scene import CoreScene, Splits
+
+__all__ = [
+    "DEFAULT_LANES",
+    "ISA_FLAGS",
+    "NO_DEPTH_LIMIT",
+    "TILE",
+    "CoreScene",
+    "Film",
+    "Pass",
+    "Progress",
+    "Recording",
+    "Splits",
+    "build",
+    "build_digest",
+    "choose_splits",
+    "dice",
+    "first_hits",
+    "isa",
+    "lanes",
+    "load",
+    "max_depth",
+    "module",
+    "render",
+    "render_pass",
+    "runnable_isas",
+    "samples_of_replicates",
+    "threads",
+    "uniform_ends",
+    "versions",
+]

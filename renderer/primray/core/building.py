@@ -1,0 +1,40 @@
+"""From a description to a scene in the core: cages diced, everything uploaded and accelerated."""
+
+from __future__ import annotations
+
+from ..description import SceneDescription, Shape
+from ..refine import dice as dicing
+from ..settings import DEFAULT_FILTER_WIDTH, RenderSettings
+from .core_errors import raise_as_ours
+from .isa_class import module
+from .limits import threads
+from .pixel_filter import inverse_cdf
+from .scene import CoreScene
+from .scene_record import SceneRecord
+from .scene_upload import upload
+from .surface_upload import MutableTextures
+
+
+def dice(description: SceneDescription, settings: RenderSettings) -> tuple[SceneDescription, dicing.Warnings]:
+    """The description with triangles for subdivision cages, and what is coarser or sharper than the stage says."""
+    try:
+        return dicing.dice(module(), description, dicing.dicing_of(settings), threads(settings))
+    except module().CoreError as error:
+        raise_as_ours(error)
+
+
+def build(
+    description: SceneDescription, textures: MutableTextures, settings: RenderSettings, shapes: list[Shape] | None = None
+) -> CoreScene:
+    """The core's scene, accelerated; `textures`: the images of every TextureFile that could be read, taken out of it.
+
+    `shapes`, where given, are used in place of the description's and let go on the way: the list is empty afterwards.
+    """
+    width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.filter]
+    record = SceneRecord() if description.aovs else None
+    try:
+        scene, warnings = upload(module(), description, textures, width, inverse_cdf(settings.filter, width), shapes, record)
+    except module().CoreError as error:
+        raise_as_ours(error)
+    d = description
+    return CoreScene(scene, d.camera.exposure_scale, warnings, d.frame.size, record, d.rendering_space)

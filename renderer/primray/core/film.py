@@ -1,0 +1,121 @@
+"""A film: what has been gathered so far of a scene's picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays import Floats
+from .core_errors import raise_as_ours
+from .isa_class import module
+from .scene import CoreScene
+
+TILE = 16  # pixels across; kTile in film.hpp
+
+
+class Film:
+    """What a scene's render has gathered so far; arrays are of shape (H, W, ...), R = 2 replicates."""
+
+    def __init__(self, scene: CoreScene, state: Mapping[str, npt.NDArray[Any]] | None = None) -> None:
+        width, height = scene.resolution
+        self._film = module().Film(width, height) if state is None else module().Film.from_state(width, height, dict(state))
+        self._exposure_scale = scene._exposure_scale
+        self._image: tuple[int, tuple[Floats, Floats]] | None = None
+
+    def image(self) -> tuple[Floats, Floats]:
+        """Mean R, G, B, coverage (H, W, 4) and the standard errors of R, G, B (H, W, 3); inf where there is no estimate."""
+        if self._image is None or self._image[0] != self.samples:
+            self._image = (self.samples, self._film.image(self._exposure_scale))
+        return self._image[1]
+
+    @property
+    def pixels(self) -> Floats:
+        return self.image()[0]
+
+    @property
+    def replicates(self) -> npt.NDArray[np.float64]:
+        """Sums (R, H, W, 4) of each independent replicate, before exposure."""
+        sums: npt.NDArray[np.float64] = self._film.replicates
+        return sums
+
+    @property
+    def counts(self) -> npt.NDArray[np.uint32]:
+        """Samples (R, H, W) in each sum."""
+        counts: npt.NDArray[np.uint32] = self._film.counts
+        return counts
+
+    @property
+    def samples_per_pixel(self) -> tuple[int, int]:
+        total = self.counts.sum(axis=0)
+        return int(total.min()), int(total.max())
+
+    @property
+    def samples(self) -> int:
+        return int(self._film.samples)
+
+    @property
+    def invalid_samples(self) -> int:
+        return int(self._film.invalid_samples)
+
+    @property
+    def rays_by_kind(self) -> dict[str, int]:
+        film = self._film
+        return {"camera": film.camera_rays, "scattered": film.scattered_rays, "shadow": film.shadow_rays}
+
+    @property
+    def rays(self) -> int:
+        return sum(self.rays_by_kind.values())
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        return int(self._film.width), int(self._film.height)
+
+    @property
+    def tiles(self) -> tuple[int, int]:
+        """Tiles across and down."""
+        return int(self._film.tiles_x), int(self._film.tiles_y)
+
+    @property
+    def next(self) -> npt.NDArray[np.uint32]:
+        """(R, tiles): the number of each tile's next sample, rows of tiles from the top."""
+        numbers: npt.NDArray[np.uint32] = self._film.next
+        return numbers
+
+    @property
+    def tile_rays(self) -> npt.NDArray[np.int64]:
+        rays: npt.NDArray[np.int64] = self._film.tile_rays
+        return rays
+
+    def start_at(self, number: int) -> None:
+        """Begin the sequences with another sample than the first."""
+        self._film.start_at(number)
+
+    def merge(self, other: Film) -> None:
+        """Add what another film gathered from other samples: the same bits as one film that took them all."""
+        try:
+            self._film.merge(other._film)
+        except module().CoreError as error:
+            raise_as_ours(error)
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """All of it as arrays, for `Film(scene, state)`."""
+        state: dict[str, npt.NDArray[Any]] = self._film.state()
+        return state
+
+    def error_sums(self, most_pixels: int, threads: int) -> dict[str, Any]:
+        """Sums behind the error's estimates; see film/frame_error.hpp, and error.py for what is made of them."""
+        sums: dict[str, Any] = self._film.error(self._exposure_scale, most_pixels, threads)
+        return sums
+
+
+def samples_of_replicates(samples: int) -> tuple[int, int]:
+    """How many of a pixel's first `samples` fall to each replicate: they take turns."""
+    return (samples + 1) // 2, samples // 2
+
+
+def uniform_ends(film: Film, samples: int) -> npt.NDArray[np.uint32]:
+    """`ends` of a pass that gives every pixel its first `samples`."""
+    return np.repeat(np.array(samples_of_replicates(samples), np.uint32)[:, None], film.next.shape[1], axis=1)

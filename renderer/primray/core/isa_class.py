@@ -1,0 +1,108 @@
+"""Which build of the C++ core runs: chosen by CPU. The only module that imports `_core_*`.
+
+`PRIMRAY_ISA` (v2, v3, v4) and `PRIMRAY_LANES` (1, 4, 8, 16) override the choice by CPU.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import os
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from .. import errors
+from ..installed_packages import library_of, version_of
+
+# What each class needs, as the kernel names it (x86-64 psABI, section 3.1.1); newest first.
+ISA_FLAGS = {
+    "v4": {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"},
+    "v3": {"avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "abm", "movbe"},
+    "v2": {"cx16", "lahf_lm", "popcnt", "sse4_1", "sse4_2", "ssse3"},
+}
+DEFAULT_LANES = {"v4": 16, "v3": 8, "v2": 4}
+
+
+def _cpu_flags() -> set[str]:
+    for line in Path("/proc/cpuinfo").read_text().splitlines():
+        if line.startswith("flags"):
+            return set(line.split(":", 1)[1].split())
+    return set()
+
+
+def runnable_isas() -> list[str]:
+    """The ISA classes that this CPU runs, newest first."""
+    flags, runnable = _cpu_flags(), list[str]()
+    for name in reversed(ISA_FLAGS):  # each class has all of the older ones
+        if not ISA_FLAGS[name] <= flags:
+            break
+        runnable.insert(0, name)
+    return runnable
+
+
+@cache
+def isa() -> str:
+    """The ISA class in use: the newest that the CPU has, unless PRIMRAY_ISA names one."""
+    runnable = runnable_isas()
+    wanted = os.environ.get("PRIMRAY_ISA")
+    if wanted is None:
+        if not runnable:
+            raise errors.UnsupportedError("this CPU lacks SSE4.2 (x86-64-v2), the least that primray runs on", code="cpu")
+        return runnable[0]
+    if wanted not in ISA_FLAGS:
+        raise errors.SettingsError(f"PRIMRAY_ISA is {wanted!r}; it may be v2, v3 or v4")
+    if wanted not in runnable:
+        raise errors.SettingsError(f"PRIMRAY_ISA={wanted}, but this CPU offers {', '.join(runnable)}")
+    return wanted
+
+
+@cache
+def lanes() -> int:
+    """Paths that go through the kernel at a time."""
+    wanted = os.environ.get("PRIMRAY_LANES")
+    if wanted is None:
+        return DEFAULT_LANES[isa()]
+    if not wanted.isdigit() or not module().has_lanes(int(wanted)):
+        raise errors.SettingsError(
+            f"PRIMRAY_LANES is {wanted!r}; the {isa()} build has 1, 4, 8 and 16 up to {module().MAX_LANES}"
+        )
+    return int(wanted)
+
+
+def _embree_path() -> Path:
+    found = library_of("embreex", "libembree4")
+    if found is None:
+        raise errors.InternalError("the embreex package carries no Embree library for this platform", code="embree")
+    return found
+
+
+@cache
+def module() -> Any:
+    """The extension module for `isa()`, with Embree loaded."""
+    return load(isa())
+
+
+def load(isa: str) -> Any:
+    """The extension module for an ISA class, with Embree loaded."""
+    name = f"primray._core_{isa}"
+    try:
+        core = importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        if error.name != name:
+            raise
+        raise errors.SettingsError(
+            f"this build of primray has no {isa} core; in its source tree, `make cores` compiles all that this CPU runs"
+        ) from error
+    core.load_embree(str(_embree_path()))
+    return core
+
+
+@cache
+def build_digest() -> str:
+    """Of the module's file: two builds need not agree in every bit."""
+    return hashlib.sha256(Path(str(module().__file__)).read_bytes()).hexdigest()[:16]
+
+
+def versions() -> dict[str, str]:
+    return {"embree": "4.4.0", "embreex": str(version_of("embreex"))}

@@ -1,0 +1,93 @@
+"""Passes of rendering: from a scene and a film to a film with more samples."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..settings import RenderSettings
+from .core_errors import raise_as_ours
+from .film import Film, uniform_ends
+from .isa_class import lanes, module
+from .limits import max_depth, threads
+from .scene import CoreScene, Splits
+
+Progress = Callable[[float], bool | None]  # fraction of the pass
+
+
+@dataclass(frozen=True)
+class Pass:
+    """What a pass of rendering did."""
+
+    interrupted: bool
+    seconds: float
+    busy_lanes: int
+    shaded_lanes: int
+
+
+def choose_splits(scene: CoreScene, settings: RenderSettings) -> Splits:
+    """What a pilot finds best; a function of scene and depth alone, but for a quick look."""
+    if settings.is_quick_look:
+        return Splits()
+    try:
+        return Splits(*module().choose_splits(scene._scene, max_depth(settings), lanes(), scene.caustics(settings)))
+    except module().CoreError as error:
+        raise_as_ours(error)
+
+
+def render_pass(
+    scene: CoreScene,
+    film: Film,
+    ends: npt.NDArray[np.uint32],
+    splits: Splits,
+    settings: RenderSettings,
+    progress: Progress | None = None,
+) -> Pass:
+    """Take every tile's sequences (R, tiles) to `ends`, or until `progress` answers False or Ctrl-C comes.
+
+    The film is valid then, and another pass goes on from there to the same bits.
+    """
+    guide, caustics = scene.guide(settings, splits), scene.caustics(settings)
+    if guide is not None and guide.alone:
+        caustics = None
+    try:
+        done = module().render_pass(
+            scene._scene,
+            film._film,
+            np.ascontiguousarray(ends, np.uint32),
+            max_depth(settings),
+            splits.paths,
+            threads(settings),
+            settings.seed,
+            lanes(),
+            progress,
+            guide,
+            caustics,
+            settings.screen_block,
+            splits.lights,
+        )
+    except module().CoreError as error:
+        raise_as_ours(error)
+    return Pass(bool(done.interrupted), float(done.seconds), int(done.busy_lanes), int(done.shaded_lanes))
+
+
+def render(scene: CoreScene, settings: RenderSettings, progress: Progress | None = None) -> Film:
+    """One uniform pass of `settings.spp` samples, without looking at the error on the way."""
+    film = Film(scene)
+    splits = choose_splits(scene, settings)
+    render_pass(scene, film, uniform_ends(film, settings.most_samples), splits, settings, progress)
+    return film
+
+
+class Recording:
+    """Every ray of a one-threaded render in order, to trace again through Embree alone (for the benchmark; takes memory)."""
+
+    def __init__(self, scene: CoreScene, settings: RenderSettings) -> None:
+        self._recording = module().Recording(scene._scene, settings.most_samples, max_depth(settings), settings.seed, lanes())
+
+    def replay_s(self) -> float:
+        """Seconds of one thread to trace them, each as packet or single ray as the render did."""
+        return float(self._recording.replay_seconds())

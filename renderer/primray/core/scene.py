@@ -1,0 +1,108 @@
+"""A scene built in the core, and the splits and guides that were found for it."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from ..color.color_space import REC709, ColorSpace
+from ..settings import RenderSettings
+from .isa_class import lanes, module
+from .limits import max_depth, threads
+from .scene_record import InstanceNumbers, SceneRecord
+
+
+class Splits(NamedTuple):
+    """Paths that go on from the first surface, and samples of lights that are taken there."""
+
+    paths: int = 1
+    lights: int = 1
+
+
+class CoreScene:
+    """A scene built in the core, ready to render."""
+
+    def __init__(
+        self,
+        scene: Any,
+        exposure_scale: float,
+        warnings: list[tuple[str, str, str]],
+        resolution: tuple[int, int],
+        record: SceneRecord | None = None,
+        rendering_space: ColorSpace = REC709,
+    ) -> None:
+        self._scene = scene
+        self.record = record  # where AOVs are asked for
+        self.resolution = resolution  # of the film
+        self._exposure_scale = exposure_scale
+        self.warnings = warnings  # code, prim path, message
+        self.rendering_space = rendering_space
+        self._guides: dict[tuple[int, Splits], Any] = {}
+        self._caustics: dict[int, Any] = {}
+
+    def guide(self, settings: RenderSettings, splits: Splits) -> Any:
+        """Where light comes from, learnt once from paths of their own; None where that would not pay, and for a quick look."""
+        if settings.is_quick_look:
+            return None
+        depth = max_depth(settings)
+        if (depth, splits) not in self._guides:
+            self._guides[depth, splits] = module().learn_guide(
+                self._scene, depth, splits.paths, lanes(), self.caustics(settings), splits.lights
+            )
+        return self._guides[depth, splits]
+
+    def caustics(self, settings: RenderSettings) -> Any:
+        """Where small lights shine after metal and glass, found once by photons; None where there is nothing to speak of, where
+        it would not pay, and for a quick look."""
+        if settings.is_quick_look:
+            return None
+        depth = max_depth(settings)
+        if depth not in self._caustics:
+            self._caustics[depth] = module().learn_caustics(self._scene, depth, threads(settings), lanes())
+        return self._caustics[depth]
+
+    @property
+    def memory_bytes(self) -> int:
+        """Bytes of the core's arrays, of Embree's acceleration structures, and of guides."""
+        guides = [guide for guide in (*self._caustics.values(), *self._guides.values()) if guide is not None]
+        own = int(self._scene.memory_bytes) + int(module().embree_memory()[0])
+        return own + sum(int(guide.memory_bytes) for guide in guides)
+
+    @property
+    def exposure_scale(self) -> float:
+        return self._exposure_scale
+
+    @property
+    def instance_numbers(self) -> InstanceNumbers:
+        assert self.record is not None
+        group, first, parent, total = self._scene.placements
+        return InstanceNumbers(self.record, group, first, parent, int(total))
+
+    @property
+    def features(self) -> list[dict[str, str]]:
+        """What is modelled beyond opaque faceted Lambert triangles, and why; guides once they have been learnt."""
+        s = self._scene
+        guides = [guide for guide in self._guides.values() if guide is not None]
+        regions = max((guide.regions for guide in guides), default=0)
+        photons = max((guide.photons for guide in self._caustics.values() if guide is not None), default=0)
+        if any(guide.alone for guide in guides):
+            photons = 0
+        rows = [
+            (s.has_instances, "instances", "prototypes are placed more than once"),
+            (s.has_spheres, "exact spheres", "the scene has Sphere prims"),
+            (s.has_attributes, "vertex attributes", "meshes have normals or varying displayColor"),
+            (s.textures > 0, f"textures ({s.texture_bytes / 2**20:.1f} MiB)", "surfaces' inputs are connected to images"),
+            (s.has_inputs, "varying inputs", "a surface's inputs are connected to textures or primvars"),
+            (s.has_cutouts, "cut-outs", "a surface has an opacityThreshold and an opacity that varies"),
+            (s.has_emission, "surface emission", "a surface has emissiveColor"),
+            (s.emitters > 0, "emitting geometry sampled as lights", f"{s.emitters} shapes emit"),
+            (s.has_thin, "see-through shadows", "a surface lets light straight through"),
+            (s.has_lens, "thin lens", "the camera has an fStop and a focus distance"),
+            (s.has_clipping_planes, "clipping planes", "the camera has clippingPlanes"),
+            (s.has_shutter, "ray times", "the camera's shutter is open for a while"),
+            (s.domes > 0, "dome", "the scene has a DomeLight"),
+            (s.has_lobe_factors, "lobe factors", "a light's diffuse or specular multiplier is not 1"),
+            (photons > 0, f"caustics guided by {photons} photons", "small lights shine on metal or glass"),
+            (regions > 0, f"indirect light guided in {regions} regions", "most of the noise is of light from other surfaces"),
+            (s.sampled_lights > 0, f"light sampling ({s.sampled_lights})", "lights that are sampled at every vertex"),
+        ]
+        return [{"name": name, "why": why} for on, name, why in rows if on]

@@ -1,0 +1,228 @@
+"""Hands a SceneDescription to the core's builder: chooses origin and scale, merges what is static, counts what is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..aov_names import WIDE, primvars_of
+from ..arrays import Doubles
+from ..description import Camera, Frame, Mesh, Placement, Projection, SceneDescription, Shape, Sphere
+from ..description.placement import Box, chunks, named_levels, placed_box, transformed_box, transformed_boxes
+from ..refine.far_geometry import FARTHEST, OUTLYING, FarInstances, usual_boxes, usual_union
+from ..refine.skewed import bake_skewed
+from .light_upload import LightUpload
+from .scene_record import SceneRecord
+from .shape_upload import NO_FLOATS, ShapeUpload, matrix
+from .spare_memory import WORTH_ITEMS, give_back
+from .surface_upload import MutableTextures, SurfaceUpload
+from .surface_upload import width as width_of
+
+
+def upload(
+    core: Any,
+    description: SceneDescription,
+    textures: MutableTextures,
+    filter_width: float,
+    filter_inverse_cdf: npt.NDArray[np.float32],
+    shapes: list[Shape] | None = None,
+    record: SceneRecord | None = None,
+) -> tuple[Any, list[tuple[str, str, str]]]:
+    """The core's Scene, and (code, prim path, message) of what could not be taken along. Empties `textures` to save memory.
+
+    `shapes`, where given, takes the place of the description's: emptied when the core has copies, before it accelerates these.
+    `record` is told what the core's numbers mean.
+    """
+    shapes = list(description.shapes) if shapes is None else shapes
+    d = bake_skewed(description, shapes)
+    full_boxes = shape_boxes(core, shapes)
+    boxes = usual_boxes(full_boxes, shapes)
+    prototype_boxes = boxes_of_prototypes(d, boxes)
+    origin = d.camera.world_from_camera[:3, 3]
+    scale = power_of_two_scale(scene_reach(d, boxes, prototype_boxes, origin))
+    builder = core.SceneBuilder(origin, scale)
+    inputs, lights = SurfaceUpload(builder, textures), LightUpload(builder)
+    if record is not None:
+        note_names(record, description, shapes, inputs)
+    builder.reserve_triangles(*points_and_triangles(shapes))
+    if d.linked.collections:
+        builder.set_links(d.linked.members.astype(np.uint8))
+    warnings: list[tuple[str, str, str]] = []
+    handing = ShapeUpload(builder, inputs, lights, inputs.add_surfaces(d.surfaces), shapes, full_boxes, warnings, record)
+    handing.add(d.static, origin, scale)
+    instances = sum(map(len, [*d.placements, *(p for proto in d.prototypes for p in proto.placements)]))
+    builder.reserve_instances(instances)
+    numbers: dict[int, int] = {}
+    placements = PlacementUpload(builder, inputs, d, numbers, warnings, record)
+    # Prototypes of placements last: what they place has its number by then.
+    for i, proto in sorted(enumerate(d.prototypes), key=lambda item: bool(item[1].placements)):
+        low, high = prototype_boxes[i]
+        center, unit = (low + high) / 2, power_of_two_scale(float(np.max(high - low)) / 2)
+        numbers[i] = builder.begin_prototype(center, unit)
+        handing.add(proto.shapes, center, unit)
+        placements.add(proto.placements, numbers[i], center, unit, prototype_boxes)
+    placements.add(d.placements, 0, origin, scale, prototype_boxes)
+    lights.add(d.lights, textures)
+    set_camera(builder, d.camera, d.frame, filter_width, filter_inverse_cdf)
+    inputs.add_images()
+    items = sum(points_and_triangles(shapes)) + instances
+    shapes.clear()
+    if items > WORTH_ITEMS:
+        give_back()
+    scene = builder.finish()
+    if scene.unsampled_emitters:
+        message = f"{scene.unsampled_emitters} instances that emit are too many to be sampled as lights: expect noise"
+        warnings.append(("emitters-unsampled", "", message))
+    return scene, warnings
+
+
+@dataclass(frozen=True)
+class PlacementUpload:
+    """Placements with their instances' primvars; notes what cannot be taken along in `warnings`."""
+
+    builder: Any
+    inputs: SurfaceUpload
+    description: SceneDescription
+    numbers: Mapping[int, int]  # the core's, by prototype
+    warnings: list[tuple[str, str, str]]
+    record: SceneRecord | None = None
+
+    def add(
+        self, placements: Sequence[Placement], parent: int, center: Doubles, scale: float, prototype_boxes: Sequence[Box]
+    ) -> None:
+        """Into the group `parent`, 0 being the world."""
+        for placement in placements:
+            path = self.description.prototypes[placement.prototype].path
+            box = prototype_boxes[placement.prototype]
+            with np.errstate(over="ignore", invalid="ignore"):
+                reach = _reach(placed_box(placement.levels, box), center) * scale
+            far = None if reach < FARTHEST else FarInstances(box, center, FARTHEST / scale)
+            left_out = add_placement(self.builder, placement, parent, self.numbers[placement.prototype], far)
+            if self.record is not None and self.builder.placement_rows > len(self.record.placements):
+                rows = np.delete(np.arange(len(placement)), left_out) if len(left_out) else None
+                self.record.placements.append((named_levels(placement.levels), rows))
+            for name, _, width, values in self.inputs.primvars(placement.primvars):
+                kept = np.delete(values, left_out, axis=0) if len(left_out) else values
+                self.builder.add_placement_primvar(name, width, kept)
+            gone = far.count(placement) if far else 0
+            if gone:
+                self.warnings.append(("too-far", path, f"{gone} instances are too large or too far away to be drawn"))
+            if len(left_out) > gone:
+                message = f"{len(left_out) - gone} instances have a singular or non-finite matrix and are left out"
+                self.warnings.append(("singular-transform", path, message))
+
+
+def note_names(record: SceneRecord, d: SceneDescription, shapes: Sequence[Shape], inputs: SurfaceUpload) -> None:
+    """What shapes and surfaces are called, and the primvars that AOVs read."""
+    record.shape_paths = [shape.path for shape in shapes]
+    record.surface_paths = [surface.path for surface in d.surfaces]
+    wanted = primvars_of(d.aovs)
+    record.primvar_names = inputs.name_primvars([name for own in wanted for name in (own, WIDE + own)])
+    for owner in (*shapes, *d.placements, *(p for proto in d.prototypes for p in proto.placements)):
+        for primvar in owner.primvars:
+            if primvar.name in record.primvar_names:
+                record.note_primvar(primvar.name, width_of(primvar.values))
+
+
+def add_placement(
+    builder: Any, placement: Placement, parent: int, prototype: int, far: FarInstances | None = None
+) -> npt.NDArray[np.int64]:
+    """Which of its instances are left out: the core has no row for them."""
+    builder.begin_placement(parent, prototype)
+    left_out, start = [np.zeros(0, np.int64)], 0
+    for rows in placement.chunks():
+        left_out.append(builder.add_instances(rows if far is None else far.removed(rows)) + start)
+        start += len(rows)
+    builder.end_placement()
+    return np.concatenate(left_out)
+
+
+def set_camera(builder: Any, c: Camera, frame: Frame, filter_width: float, inverse_cdf: npt.NDArray[np.float32]) -> None:
+    near, far = c.clipping_range
+    pixels = frame.pixels
+    builder.set_camera(
+        matrix(c.world_from_camera),
+        c.projection is Projection.ORTHOGRAPHIC,
+        c.window,
+        near,
+        far,
+        c.lens_radius,
+        c.focus_distance,
+        c.blades,
+        c.blade_rotation_deg,
+        np.array(c.clipping_planes, np.float64).ravel(),
+        c.shutter[0] < c.shutter[1],
+        *frame.resolution,
+        (pixels.x, pixels.y, pixels.width, pixels.height),
+        filter_width,
+        inverse_cdf,
+    )
+
+
+def shape_boxes(core: Any, shapes: Sequence[Shape]) -> Doubles:
+    """(S, 2, 3): low and high corners, each in its own space."""
+    boxes: Doubles = core.boxes([NO_FLOATS if isinstance(s, Sphere) else s.points for s in shapes])
+    spheres = [(k, shape.radius) for k, shape in enumerate(shapes) if isinstance(shape, Sphere)]
+    if spheres:
+        reach = np.abs([radius for _, radius in spheres])[:, None]
+        boxes[[k for k, _ in spheres]] = np.stack([-reach, reach], axis=1)
+    return boxes
+
+
+def union(boxes: Sequence[Box]) -> Box:
+    if not boxes:
+        return np.zeros(3), np.zeros(3)
+    return np.min([b[0] for b in boxes], axis=0), np.max([b[1] for b in boxes], axis=0)
+
+
+def points_and_triangles(shapes: Sequence[Shape]) -> tuple[int, int]:
+    meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
+    return sum(len(mesh.points) for mesh in meshes), sum(len(mesh.triangles) for mesh in meshes)
+
+
+def boxes_of_prototypes(d: SceneDescription, boxes: Doubles) -> list[Box]:
+    """Each in its own space."""
+    leaves = [
+        usual_union(np.array([transformed_box(p.matrix, (boxes[p.shape, 0], boxes[p.shape, 1])) for p in proto.shapes]))
+        for proto in d.prototypes
+    ]
+    return [
+        union([placed_box(p.levels, leaves[p.prototype]) for p in proto.placements]) if proto.placements else leaf
+        for proto, leaf in zip(d.prototypes, leaves, strict=True)
+    ]
+
+
+def scene_reach(d: SceneDescription, boxes: Doubles, prototype_boxes: list[Box], origin: npt.NDArray[np.float64]) -> float:
+    """Largest coordinate distance of any geometry from the origin, of a few outliers left aside; 0 for an empty scene."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        found: list[float] = []
+        if d.static:
+            own = boxes[[p.shape for p in d.static]]
+            lo, hi = transformed_boxes(np.array([p.matrix for p in d.static]), own[:, 0], own[:, 1])
+            found += np.maximum(np.abs(lo - origin), np.abs(hi - origin)).max(axis=1).tolist()
+        found += [_reach(placed_box(p.levels, prototype_boxes[p.prototype]), origin) for p in d.placements]
+        reach = float(np.fmax.reduce(found, initial=0.0))
+        if not np.isfinite(reach):
+            return 0.0
+        usual = [*found[: len(d.static)], *(_usual_distance(p, origin) for p in d.placements)]
+        return min(reach, OUTLYING * min((r for r in usual if r > 0), default=reach))
+
+
+def _reach(box: Box, origin: npt.NDArray[np.float64]) -> float:
+    return float(np.fmax(np.abs(box[0] - origin).max(), np.abs(box[1] - origin).max()))
+
+
+def _usual_distance(placement: Placement, origin: npt.NDArray[np.float64]) -> float:
+    """The lower median of its instances, or of a part of many."""
+    for rows in chunks(placement.levels, 1024):
+        return float(np.quantile(np.abs(rows[:, :, 3] - origin).max(axis=1), 0.5, method="lower"))
+    return 0.0
+
+
+def power_of_two_scale(reach: float) -> float:
+    """The power of two that brings `reach` into (0.5, 1]; 1 where it is 0."""
+    return 1.0 if not reach > 0 else float(2.0 ** -np.ceil(np.log2(reach)))

@@ -1,0 +1,221 @@
+"""Shapes for the core: meshes in parts by cut-outs and surfaces, spheres; what is too far away is left out and told."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays import Doubles, Floats, Ints
+from ..description import Interpolation, Mesh, Placed, Primvar, Shape, Sphere, Surface
+from ..description.pairs import is_paired
+from ..description.placement import transformed_boxes
+from ..refine.far_geometry import FARTHEST, OUTLYING, Flags, near_triangles
+from .light_upload import LightUpload
+from .scene_record import SceneRecord
+from .surface_upload import SurfaceUpload, is_cutout, is_hole
+
+# Order of Attribute in scene/scene.hpp.
+NONE, PER_TRIANGLE, PER_VERTEX, PER_CORNER = range(4)
+
+NO_FLOATS = np.zeros((0, 3), np.float32)
+
+
+def matrix(m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    return np.ascontiguousarray(m, np.float64)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A mesh's triangles of one sort, with what belongs to each of them or to its corners. Points are all of the mesh's."""
+
+    mesh: Mesh
+    triangles: Ints
+    surfaces: Ints  # one, or one a triangle
+    normals: tuple[Floats, int]  # values and kind
+    colors: tuple[Floats, int]
+    primvars: tuple[Primvar, ...]
+
+
+class ShapeUpload:
+    """Shapes for the builder's current group: its cut-outs after its other meshes, as the core wants them."""
+
+    def __init__(
+        self,
+        builder: Any,
+        inputs: SurfaceUpload,
+        lights: LightUpload,
+        surfaces: Sequence[Surface],
+        shapes: Sequence[Shape],
+        boxes: Doubles,  # of all their points
+        warnings: list[tuple[str, str, str]],
+        record: SceneRecord | None = None,
+    ) -> None:
+        self._builder = builder
+        self._record = record
+        self._inputs = inputs
+        self._shapes = shapes
+        self._boxes = boxes
+        self._warnings = warnings
+        self._lights = lights
+        self._cutout = np.array([is_cutout(s) for s in surfaces], bool)
+        self._hole = np.array([is_hole(s) for s in surfaces], bool)
+        self._link_row = 0
+        self._paired = {i for i, s in enumerate(shapes) if isinstance(s, Mesh) and is_paired(s.triangles)}
+        self._alone = np.arange(len(surfaces), dtype=np.int32)[:, None]  # of meshes that have one
+
+    def add(self, placed: Sequence[Placed], center: Doubles, scale: float) -> None:
+        """Into the current group, whose lengths are `scale` times those from `center`."""
+        near = self._near(placed, center, scale)
+        lights: dict[int, int] = {}  # the builder's, by number of what is placed: each place is a light of its own
+        for i, p in self._pairs_first(placed):
+            shape = self._shapes[p.shape]
+            if shape.light is not None:
+                lights[i] = self._lights.add_worn(shape.light, matrix(p.matrix))
+            if isinstance(shape, Mesh):
+                self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=False)
+                self._note_mesh(p)
+            elif not isinstance(shape, Sphere):
+                raise ValueError(f"{shape.path} is not diced")
+            elif i not in near:
+                self._add_sphere(shape, matrix(p.matrix), lights.get(i))
+                self._note_sphere(p)
+        for i, p in enumerate(placed) if self._cutout.any() else []:
+            shape = self._shapes[p.shape]
+            if isinstance(shape, Mesh):
+                self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=True)
+                self._note_mesh(p)
+
+    def _pairs_first(self, placed: Sequence[Placed]) -> Iterable[tuple[int, Placed]]:
+        """With their numbers; first the meshes whose triangles stand in pairs, as the core wants to begin with those."""
+        numbered = enumerate(placed)
+        return sorted(numbered, key=lambda p: p[1].shape not in self._paired) if self._paired else numbered
+
+    def _note_mesh(self, placed: Placed) -> None:
+        if self._record is not None:
+            self._record.note_shape(self._record.meshes, placed.shape, placed.instance, self._builder.mesh_rows)
+
+    def _note_sphere(self, placed: Placed) -> None:
+        if self._record is not None:
+            self._record.note_shape(self._record.spheres, placed.shape, placed.instance, self._builder.sphere_rows)
+
+    def _near(self, placed: Sequence[Placed], center: Doubles, scale: float) -> dict[int, Flags]:
+        """By number, of shapes that are too far away in part: the triangles that are not. Notes what is."""
+        if not placed:
+            return {}
+        own = self._boxes[[p.shape for p in placed]]
+        with np.errstate(over="ignore", invalid="ignore"):
+            low, high = transformed_boxes(np.array([p.matrix for p in placed]), own[:, 0], own[:, 1])
+            reach = np.maximum(np.abs(low - center), np.abs(high - center)).max(axis=1) * scale
+        near: dict[int, Flags] = {}
+        for i in np.flatnonzero(~(reach < OUTLYING)).tolist():
+            shape = self._shapes[placed[i].shape]
+            if isinstance(shape, Mesh):
+                kept, blurred = near_triangles(shape, core_from_object(placed[i].matrix, center, scale))
+                if not kept.all():
+                    near[i] = kept
+                    lost = f"{int((~kept).sum())} of {len(kept)} triangles are too large or too far away to be drawn"
+                    self._warnings.append(("too-far", shape.path, lost))
+                if blurred:
+                    message = f"{blurred} of {len(kept)} triangles reach so far that floats blur their edges"
+                    self._warnings.append(("far-edges", shape.path, message))
+            elif not reach[i] < FARTHEST:
+                near[i] = np.zeros(0, bool)
+                self._warnings.append(("too-far", shape.path, "The sphere is too large or too far away to be drawn"))
+        return near
+
+    def _add_sphere(self, sphere: Sphere, world_from_object: npt.NDArray[np.float64], light: int | None) -> None:
+        if self._hole[sphere.surface]:
+            return
+        self._wear(sphere)
+        if not self._builder.add_sphere(sphere.radius, sphere.surface, world_from_object) and sphere.radius != 0:
+            self._warnings.append(("singular-transform", sphere.path, "A sphere with a singular matrix is left out"))
+        for name, _, width, values in self._inputs.primvars(sphere.primvars):
+            self._builder.add_sphere_primvar(name, width, values)
+        if light is not None:
+            self._builder.wear_light(light, world_from_object)
+
+    def _wear(self, shape: Shape) -> None:
+        """Tell the core the row of what follows, where it changes."""
+        if shape.link_row != self._link_row:
+            self._link_row = shape.link_row
+            self._builder.set_link_row(shape.link_row)
+
+    def _add_part(
+        self, mesh: Mesh, world_from_object: npt.NDArray[np.float64], near: Flags | None, light: int | None, *, cutout: bool
+    ) -> None:
+        if isinstance(mesh.surface, int):
+            if self._cutout[mesh.surface] == cutout and not self._hole[mesh.surface]:
+                part = whole(mesh, self._alone[mesh.surface])
+                self._add_mesh(part if near is None else part_of(part, near), world_from_object, light, cutout)
+            return
+        surfaces = np.atleast_1d(np.asarray(mesh.surface, np.int32))
+        wanted = (self._cutout[surfaces] == cutout) & ~self._hole[surfaces]
+        if near is not None:
+            wanted &= near
+        if not wanted.any():
+            return
+        part = whole(mesh, surfaces) if wanted.all() else part_of(whole(mesh, surfaces), wanted)
+        self._add_mesh(part, world_from_object, light, cutout)
+
+    def _add_mesh(self, part: Part, world_from_object: npt.NDArray[np.float64], light: int | None, cutout: bool) -> None:
+        self._wear(part.mesh)
+        self._builder.add_mesh(
+            part.mesh.points, part.triangles, *part.normals, *part.colors, part.surfaces, world_from_object, cutout
+        )  # fmt: skip
+        for name, number, width, values in self._inputs.primvars(part.primvars):
+            self._builder.add_mesh_primvar(name, number, width, values)
+        if light is not None:
+            self._builder.wear_light(light, world_from_object)
+
+
+def core_from_object(world_from_object: Doubles, center: Doubles, scale: float) -> Doubles:
+    m = world_from_object * scale
+    m[:3, 3] -= center * scale
+    return m
+
+
+def whole(mesh: Mesh, surfaces: Ints) -> Part:
+    points, triangles = len(mesh.points), len(mesh.triangles)
+    normals = (NO_FLOATS if mesh.normals is None else mesh.normals, kind(mesh.normals, points, triangles, normals=True))
+    colors = (NO_FLOATS if mesh.colors is None else mesh.colors, kind(mesh.colors, points, triangles, normals=False))
+    return Part(mesh, mesh.triangles, surfaces, normals, colors, mesh.primvars)
+
+
+def part_of(p: Part, wanted: npt.NDArray[np.bool_]) -> Part:
+    """The triangles that are `wanted`."""
+    corners = np.repeat(wanted, 3)
+    rows = {PER_TRIANGLE: wanted, PER_CORNER: corners}
+
+    def values(of: tuple[Floats, int]) -> tuple[Floats, int]:
+        return (np.ascontiguousarray(of[0][rows[of[1]]]) if of[1] in rows else of[0]), of[1]
+
+    def primvar(of: Primvar) -> Primvar:
+        rows = {Interpolation.FACE: wanted, Interpolation.CORNER: corners}
+        return replace(of, values=of.values[rows[of.interpolation]]) if of.interpolation in rows else of
+
+    return replace(
+        p,
+        triangles=np.ascontiguousarray(p.triangles[wanted]),
+        surfaces=p.surfaces[wanted] if len(p.surfaces) == len(wanted) else p.surfaces,
+        normals=values(p.normals),
+        colors=values(p.colors),
+        primvars=tuple(primvar(v) for v in p.primvars),
+    )
+
+
+def kind(values: npt.NDArray[np.float32] | None, points: int, triangles: int, *, normals: bool) -> int:
+    """Which elements an attribute's rows belong to, by their number: corners before points before triangles."""
+    if values is None:
+        return NONE
+    n = len(values)
+    if n == 3 * triangles:
+        return PER_CORNER
+    if n == points:
+        return PER_VERTEX
+    if n == triangles and not normals:
+        return PER_TRIANGLE
+    raise ValueError(f"{n} values for {points} points and {triangles} triangles")

@@ -1,0 +1,194 @@
+"""Surfaces, the primvars and the textures that their inputs read, for the core's builder. Part of scene_upload.
+
+A texture in the core is one channel, or three, of a file: what no input reads is not kept, and an alpha channel is stored as
+exactly as it came, whatever its colours need. Cut-outs have one of their own, of the finest level alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, MutableMapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Floats
+from ..description import Input, Interpolation, Primvar, Surface, TextureFile, TextureInput, Wrap
+from ..textures.texture import Texture
+
+Textures = Mapping[TextureFile, Sequence[tuple[int, Texture]]]  # tile numbers, or 0 for a file that is no set of tiles
+MutableTextures = MutableMapping[TextureFile, list[tuple[int, Texture]]]
+
+# Order of InputField in bsdf/surface_inputs.hpp.
+INPUT_FIELDS = (
+    "diffuse_color",
+    "emissive_color",
+    "specular_color",
+    "metallic",
+    "roughness",
+    "clearcoat",
+    "clearcoat_roughness",
+    "opacity",
+    "ior",
+    "normal",
+)
+# Order of Wrap in texture/lookup.hpp, of PrimvarKind in scene/primvars.hpp.
+WRAPS = (Wrap.BLACK, Wrap.CLAMP, Wrap.REPEAT, Wrap.MIRROR)
+PRIMVAR_KINDS = (Interpolation.CONSTANT, Interpolation.FACE, Interpolation.POINT, Interpolation.CORNER, Interpolation.INSTANCE)
+NORMAL_ST = "st"  # spans the tangents of a normal that no texture gives
+
+
+def is_cutout(surface: Surface) -> bool:
+    """Whether rays must ask where it is; a constant opacity needs no asking."""
+    return surface.opacity_threshold > 0 and any(name == "opacity" for name, _ in surface.inputs)
+
+
+def is_hole(surface: Surface) -> bool:
+    """Whether it is nowhere."""
+    return surface.opacity_threshold > surface.opacity and not is_cutout(surface)
+
+
+def with_readable_inputs(surface: Surface, textures: Textures) -> Surface:
+    """The surface with the fallbacks of textures that could not be read, as constants."""
+    unreadable = [(name, i) for name, i in surface.inputs if isinstance(i, TextureInput) and not textures.get(i.file)]
+    if not unreadable:
+        return surface
+    constants: dict[str, Any] = {}
+    for name, texture in unreadable:
+        assert isinstance(texture, TextureInput)
+        if name != "normal":  # without a map the normal is the surface's own
+            value = channels_of(texture.fallback, texture.channels)
+            constants[name] = value if isinstance(getattr(surface, name), tuple) else value[0]
+    kept = tuple(item for item in surface.inputs if item not in unreadable)
+    return replace(surface, inputs=kept, **constants)
+
+
+def channels_of(rgba: Sequence[float], channels: str) -> tuple[float, float, float]:
+    """What an output of UsdUVTexture has of four numbers; a single channel three times."""
+    r, g, b = rgba[:3] if channels == "rgb" else [rgba["rgba".index(channels)]] * 3
+    return float(r), float(g), float(b)
+
+
+def three(values: Sequence[float]) -> tuple[float, float, float]:
+    """The last of 1 to 4 numbers repeated, or the first three."""
+    r, g, b = (*values, *[values[-1]] * 2)[:3]
+    return float(r), float(g), float(b)
+
+
+def selected_channels(texture: Texture, channels: str) -> Floats:
+    """(H, W, 1 or 3) of it: one channel is grey, two are grey and alpha, without alpha it is 1 (UsdUVTexture)."""
+    count = texture.shape[2]
+    if channels == "a" and count in (1, 3):
+        return np.ones((1, 1, 1), np.float32)
+    if count <= 2:
+        return texture.channels(1, 2) if channels == "a" else texture.channels(0, 1)
+    if channels == "rgb":
+        return texture.channels(0, 3)
+    at = "rgba".index(channels)
+    return texture.channels(at, at + 1)
+
+
+def tripled_if(three: bool, pixels: Floats) -> Floats:
+    """Grey in three channels where a set's other tiles have colours."""
+    return np.ascontiguousarray(np.broadcast_to(pixels, (*pixels.shape[:2], 3))) if three else pixels
+
+
+@dataclass(frozen=True)
+class TextureKey:
+    file: TextureFile
+    channels: str
+    finest_only: bool
+
+
+class SurfaceUpload:
+    """Numbers of primvars' names and of textures while surfaces are handed over, and afterwards their values."""
+
+    def __init__(self, builder: Any, textures: MutableTextures) -> None:
+        self._builder = builder
+        self._textures = textures
+        self._names: dict[str, int] = {}
+        self._numbers: dict[TextureKey, int] = {}
+
+    def name_primvars(self, names: Sequence[str]) -> dict[str, int]:
+        """Before the surfaces: more names that are read, and their numbers."""
+        return {name: self._name(name) for name in names}
+
+    def add_surfaces(self, surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
+        """Before any shape; the surfaces as the core has them."""
+        readable = tuple(with_readable_inputs(s, self._textures) for s in surfaces)
+        for surface in readable:
+            cutout = is_cutout(surface)
+            sources = [self._source(name, i, cutout and name == "opacity") for name, i in surface.inputs]
+            self._builder.add_surface(surface, sources)
+        self._builder.set_primvar_names(len(self._names))
+        return readable
+
+    def _name(self, name: str) -> int:
+        return self._names.setdefault(name, len(self._names))
+
+    def _source(self, field: str, value: Input, finest_only: bool) -> tuple[Any, ...]:
+        """An InputSource's fields in order."""
+        number = INPUT_FIELDS.index(field)
+        if not isinstance(value, TextureInput):
+            name, tangents = self._name(value.name), self._name(NORMAL_ST) if field == "normal" else -1
+            return number, name, three(value.fallback), -1, 0, 0, (1, 0, 0, 0, 1, 0), *[(0, 0, 0)] * 3, tangents
+        tiles = self._textures[value.file]
+        texture = tiles[0][1]
+        wraps = [
+            own if wrap is Wrap.USE_METADATA else wrap
+            for wrap, own in ((value.wrap_s, texture.wrap_s), (value.wrap_t, texture.wrap_t))
+        ]
+        return (
+            number,
+            self._name(value.st.name),
+            three(value.st.fallback),
+            self._texture(value, finest_only),
+            WRAPS.index(wraps[0]),
+            WRAPS.index(wraps[1]),
+            value.st_transform,
+            channels_of(value.scale, value.channels),
+            channels_of(value.bias, value.channels),
+            channels_of(value.fallback, value.channels),
+            self._name(value.st.name),
+        )
+
+    def _texture(self, value: TextureInput, finest_only: bool) -> int:
+        key = TextureKey(value.file, value.channels, finest_only)
+        if key not in self._numbers:
+            tiles = self._textures[value.file]
+            grey = value.channels != "rgb" or all(texture.shape[2] <= 2 for _, texture in tiles)
+            udim = any(number for number, _ in tiles)
+            self._numbers[key] = self._builder.add_texture(1 if grey else 3, udim, finest_only)
+        return self._numbers[key]
+
+    def primvars(self, primvars: Sequence[Primvar]) -> list[tuple[int, int, int, Floats]]:
+        """Name, kind, width and values of those that some surface reads; what is not finite is 0."""
+        return [
+            (self._names[p.name], PRIMVAR_KINDS.index(p.interpolation), width(p.values), finite(p.values))
+            for p in primvars
+            if p.name in self._names
+        ]
+
+    def add_images(self) -> None:
+        """After all shapes, placements, lights and the camera. Every file is let go when the core has what it keeps of it."""
+        wanted: dict[TextureFile, list[tuple[TextureKey, int]]] = {}
+        for key, number in self._numbers.items():
+            wanted.setdefault(key.file, []).append((key, number))
+        for file, keys in wanted.items():
+            self._add_file(self._textures.pop(file), keys)
+        self._textures.clear()
+
+    def _add_file(self, tiles: Sequence[tuple[int, Texture]], keys: Sequence[tuple[TextureKey, int]]) -> None:
+        colored = any(texture.shape[2] > 2 for _, texture in tiles)
+        for key, number in keys:
+            for tile, texture in tiles:  # one image's floats at a time: none has a name here
+                three = key.channels == "rgb" and colored
+                self._builder.set_texture_image(number, tile, tripled_if(three, selected_channels(texture, key.channels)))
+
+
+def width(values: Floats) -> int:
+    return 1 if values.ndim == 1 else values.shape[1]
+
+
+def finite(values: Floats) -> Floats:
+    return np.ascontiguousarray(np.where(np.isfinite(values), values, 0), np.float32)

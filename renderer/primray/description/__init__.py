@@ -1,0 +1,53 @@
+"""The seam between USD and the core: a scene as frozen data and numpy arrays. Knows neither USD nor Embree.
+
+Matrices are 4x4 float64 in column-vector convention, named right to left (`world_from_object`). Lengths are scene
+units. Colours are linear in the rendering colour space (`rendering_space`). The package `usd` makes a
+SceneDescription; `core` uploads it.
+"""
+
+from ..aov_names import AovRequest
+from ..arrays import Doubles, Floats, Ints
+from .camera import Camera, Projection
+from .frame import Frame, PixelWindow
+from .geometry import Interpolation, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
+from .lighting import IesProfile, Light, LightType, Linked, Portal, Shadow, Shaping
+from .placement import Instances, MatrixInstances, Placement, PointInstances
+from .scene import Placed, Prototype, SceneDescription
+from .shading import Input, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
+
+__all__ = [
+    "AovRequest",
+    "Camera",
+    "Doubles",
+    "Floats",
+    "Frame",
+    "IesProfile",
+    "Input",
+    "Instances",
+    "Interpolation",
+    "Ints",
+    "Light",
+    "LightType",
+    "Linked",
+    "MatrixInstances",
+    "Mesh",
+    "PixelWindow",
+    "Placed",
+    "Placement",
+    "PointInstances",
+    "Portal",
+    "Primvar",
+    "PrimvarInput",
+    "Projection",
+    "Prototype",
+    "SceneDescription",
+    "Shadow",
+    "Shape",
+    "Shaping",
+    "Sphere",
+    "SubdivisionMesh",
+    "Surface",
+    "TextureFile",
+    "TextureInput",
+    "Wrap",
+]

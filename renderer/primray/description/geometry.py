@@ -1,0 +1,88 @@
+"""The seam's shapes: triangles, subdivision cages, spheres, and the primvars on them. Part of description.py."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from ..arrays import Floats, Ints
+from .lighting import Light
+
+
+class Interpolation(Enum):
+    """What each row of a primvar's values belongs to."""
+
+    CONSTANT = "constant"  # the whole shape: one row
+    FACE = "face"  # a triangle of a Mesh, a face of a SubdivisionMesh
+    POINT = "point"
+    CORNER = "corner"  # of a triangle (3T rows) or of a face
+    VARYING = "varying"  # SubdivisionMesh only: a point, interpolated linearly over each face
+    INSTANCE = "instance"  # Placement only
+
+
+@dataclass(frozen=True, eq=False)
+class Primvar:
+    """Values that surfaces' inputs read by name; `indices`, where given, say which row each element has."""
+
+    name: str
+    interpolation: Interpolation
+    values: Floats  # (K, C), C from 1 to 4
+    indices: Ints | None = None  # SubdivisionMesh's CORNER only, where equal indices mean one point of the surface
+
+
+@dataclass(frozen=True, slots=True)  # there may be millions
+class Mesh:
+    """Triangles in object space; cross(p1 - p0, p2 - p0) points outwards (left-handed input is already flipped)."""
+
+    path: str
+    points: Floats  # (N, 3)
+    triangles: Ints  # (T, 3), indices into points, all in range
+    normals: Floats | None  # None: flat; (N, 3): per point; (3T, 3): per triangle corner. Unit length, outwards.
+    colors: Floats | None  # None: the surface's own; (T, 3), (N, 3) or (3T, 3): multiplies diffuse_color (made white)
+    surface: int | Ints  # index into SceneDescription.surfaces, or (T,) of them
+    primvars: tuple[Primvar, ...] = ()
+    light: Light | None = None  # of type GEOMETRY: what it gives as a light
+    link_row: int = 0  # of SceneDescription.linked
+
+
+@dataclass(frozen=True, eq=False)
+class SubdivisionMesh:
+    """A cage, diced into a Mesh before rendering (dice.py). Faces run around their outside (left-handed ones are flipped).
+
+    Names and meanings as in UsdGeomMesh: sharpness 10 and more is infinite. Every index is in range.
+    """
+
+    path: str
+    scheme: str  # "catmullClark", "loop" (triangles only), "bilinear"
+    points: Floats  # (N, 3)
+    face_counts: Ints  # (F,), 3 or more each
+    face_points: Ints  # (sum of face_counts,)
+    surface: int | Ints  # index into SceneDescription.surfaces, or (F,) of them, -1 for faces that are not drawn
+    colors: Primvar | None = None  # displayColor where it varies: multiplies diffuse_color (made white)
+    holes: Ints | None = None  # faces that shape the surface but are not drawn
+    crease_lengths: Ints | None = None
+    crease_points: Ints | None = None
+    crease_sharpnesses: Floats | None = None  # one a crease, or one an edge
+    corner_points: Ints | None = None
+    corner_sharpnesses: Floats | None = None
+    interpolate_boundary: str = "edgeAndCorner"  # none, edgeOnly, edgeAndCorner
+    face_varying_interpolation: str = "cornersPlus1"  # none, cornersOnly, cornersPlus1, cornersPlus2, boundaries, all
+    triangle_rule: str = "catmullClark"  # triangleSubdivisionRule: catmullClark, smooth
+    primvars: tuple[Primvar, ...] = ()
+    light: Light | None = None
+    link_row: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Sphere:
+    """An exact sphere about the object-space origin."""
+
+    path: str
+    radius: float
+    surface: int
+    primvars: tuple[Primvar, ...] = ()  # constant ones
+    light: Light | None = None
+    link_row: int = 0
+
+
+Shape = Mesh | SubdivisionMesh | Sphere

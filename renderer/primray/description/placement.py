@@ -1,0 +1,220 @@
+"""The seam's instances: where prototypes stand, as data that yields matrices in chunks. Part of description.py.
+
+Millions of instances stay what USD authors, positions, quaternions and scales in float, nested ones a product of levels;
+double matrices of all of them never exist at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays import Doubles
+from .geometry import Interpolation, Primvar
+from .instance_names import Levels, Names
+
+CHUNK = 1 << 14  # matrices at a time: 1.5 MB
+IDENTITY: Doubles = np.eye(4)[:3]
+
+Numbers = npt.NDArray[np.floating[Any]]
+Box = tuple[Doubles, Doubles]
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixInstances:
+    """Instances given by their matrices."""
+
+    matrices: Doubles  # (K, 3, 4): the upper three rows
+    primvars: tuple[Primvar, ...] = ()  # INSTANCE: K rows
+    names: Names | None = None  # where an AOV asks for instances
+
+    def __len__(self) -> int:
+        return len(self.matrices)
+
+    def rows(self, start: int, stop: int) -> Doubles:
+        """(stop - start, 3, 4)."""
+        return self.matrices[start:stop]
+
+    def take(self, chosen: npt.NDArray[Any]) -> MatrixInstances:
+        """Those that a mask or an array of indices chooses."""
+        return MatrixInstances(self.matrices[chosen], _take(self.primvars, chosen), _take_names(self.names, chosen))
+
+    def placed(self, outer: Doubles, name: str = "") -> MatrixInstances:
+        """The same after one more matrix (3, 4), of an instance of that name."""
+        return replace(self, matrices=compose(outer[None], self.matrices), names=_below(self.names, name))
+
+
+@dataclass(frozen=True, eq=False)
+class PointInstances:
+    """Instances as a point instancer has them: `outer` * translation * rotation * scaling, composed in double."""
+
+    outer: Doubles  # (3, 4)
+    positions: Numbers  # (K, 3)
+    orientations: Numbers | None = None  # (K, 4): x, y, z, w, of any length; half, float or double
+    scales: Numbers | None = None  # (K, 3)
+    primvars: tuple[Primvar, ...] = ()  # INSTANCE: K rows
+    names: Names | None = None  # where an AOV asks for instances
+
+    def __len__(self) -> int:
+        return len(self.positions)
+
+    def rows(self, start: int, stop: int) -> Doubles:
+        """(stop - start, 3, 4)."""
+        local = np.zeros((stop - start, 3, 4))
+        if self.orientations is None:
+            local[:, [0, 1, 2], [0, 1, 2]] = 1.0
+        else:
+            _rotate(local, self.orientations[start:stop])
+        if self.scales is not None:
+            local[:, :, :3] *= self.scales[start:stop, None, :]
+        local[:, :, 3] = self.positions[start:stop]
+        return local if np.array_equal(self.outer, IDENTITY) else compose(self.outer[None], local)
+
+    def take(self, chosen: npt.NDArray[Any]) -> PointInstances:
+        """Those that a mask or an array of indices chooses."""
+        orientations = None if self.orientations is None else self.orientations[chosen]
+        scales = None if self.scales is None else self.scales[chosen]
+        primvars, names = _take(self.primvars, chosen), _take_names(self.names, chosen)
+        return PointInstances(self.outer, self.positions[chosen], orientations, scales, primvars, names)
+
+    def placed(self, outer: Doubles, name: str = "") -> PointInstances:
+        """The same after one more matrix (3, 4), of an instance of that name."""
+        return replace(self, outer=compose(outer[None], self.outer[None])[0], names=_below(self.names, name))
+
+
+Instances = MatrixInstances | PointInstances
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Instances of a prototype: one for every combination of one instance of each level, the last level fastest."""
+
+    prototype: int
+    levels: tuple[Instances, ...]  # outermost first
+    primvars: tuple[Primvar, ...] = ()  # INSTANCE: a row an instance
+
+    def __len__(self) -> int:
+        return math.prod(len(level) for level in self.levels)
+
+    def chunks(self) -> Iterator[Doubles]:
+        """(n, 3, 4) world_from_prototype, in order, at most CHUNK at a time."""
+        return chunks(self.levels)
+
+    @property
+    def nbytes(self) -> int:
+        return sum(a.nbytes for level in self.levels for a in vars(level).values() if isinstance(a, np.ndarray))
+
+
+def chunks(levels: Sequence[Instances], size: int = CHUNK) -> Iterator[Doubles]:
+    """The products of the levels' matrices, (n, 3, 4) with n <= `size`, the last level fastest."""
+    if not levels:
+        yield IDENTITY[None]
+        return
+    *outer, last = levels
+    count = len(last)
+    if not outer or count == 0:
+        yield from (last.rows(start, min(start + size, count)) for start in range(0, count, size))
+    elif count > size:
+        for one in (row[None] for block in chunks(outer, size) for row in block):
+            yield from (compose(one, inner) for inner in chunks([last], size))
+    else:
+        inner = last.rows(0, count)
+        yield from (compose(block, inner) for block in chunks(outer, size // count))
+
+
+def compose(outer: Doubles, inner: Doubles) -> Doubles:
+    """(N * K, 3, 4): every outer (N, 3, 4) after every inner (K, 3, 4), outer slowest."""
+    n, k = len(outer), len(inner)
+    columns = inner.transpose(1, 0, 2).reshape(3, k * 4)
+    product = (outer[:, :, :3].reshape(-1, 3) @ columns).reshape(n, 3, k, 4)
+    result = np.ascontiguousarray(product.transpose(0, 2, 1, 3))
+    result[..., 3] += outer[:, None, :, 3]
+    return result.reshape(n * k, 3, 4)
+
+
+def placed_box(levels: Sequence[Instances], box: Box) -> Box:
+    """A box around all images of a box; for several levels, or turned and scaled instances, not the smallest one."""
+    for level in reversed(levels):
+        box = _level_box(level, box)
+    return box
+
+
+def transformed_box(m: Doubles, box: Box) -> Box:
+    """Box around a box's image: Arvo 1990, "Transforming Axis-Aligned Bounding Boxes"."""
+    center, half = (box[0] + box[1]) / 2, (box[1] - box[0]) / 2
+    c, h = m[..., :3, :3] @ center + m[..., :3, 3], np.abs(m[..., :3, :3]) @ half
+    return c - h, c + h
+
+
+def transformed_boxes(m: Doubles, low: Doubles, high: Doubles) -> Box:
+    """Boxes around the images of as many boxes (N, 3), each by its own matrix (N, 4, 4)."""
+    center, half = ((low + high) / 2)[..., None], ((high - low) / 2)[..., None]
+    c, h = (m[:, :3, :3] @ center)[..., 0] + m[:, :3, 3], (np.abs(m[:, :3, :3]) @ half)[..., 0]
+    return c - h, c + h
+
+
+def _level_box(level: Instances, box: Box) -> Box:
+    if isinstance(level, PointInstances):
+        return transformed_box(level.outer, _points_box(level, box))
+    with np.errstate(invalid="ignore", over="ignore"):
+        low, high = transformed_box(level.matrices, box)
+        finite = np.isfinite(low).all(axis=1) & np.isfinite(high).all(axis=1)
+    return (low[finite].min(axis=0), high[finite].max(axis=0)) if finite.any() else (np.zeros(3), np.zeros(3))
+
+
+def _points_box(level: PointInstances, box: Box) -> Box:
+    low, high = (getattr(level.positions, f)(axis=0).astype(np.float64) for f in ("min", "max"))
+    sizes = np.ones(3)
+    if level.scales is not None:
+        sizes = np.maximum(np.abs(level.scales.min(axis=0)), np.abs(level.scales.max(axis=0))).astype(np.float64)
+    far = np.maximum(np.abs(box[0]), np.abs(box[1])) * sizes
+    if level.orientations is not None:
+        far = np.full(3, np.linalg.norm(far))
+    elif level.scales is None:
+        return low + box[0], high + box[1]
+    return low - far, high + far
+
+
+def _take(primvars: tuple[Primvar, ...], chosen: npt.NDArray[Any]) -> tuple[Primvar, ...]:
+    return tuple(replace(p, values=p.values[chosen]) for p in primvars)
+
+
+def _take_names(names: Names | None, chosen: npt.NDArray[Any]) -> Names | None:
+    return None if names is None else names.take(chosen)
+
+
+def _below(names: Names | None, outer: str) -> Names | None:
+    return None if names is None else names.below(outer)
+
+
+def named_levels(levels: Sequence[Instances]) -> Levels:
+    """Their numbers of instances and names, without the rest."""
+    return tuple((len(level), level.names) for level in levels)
+
+
+def rows_of_levels(levels: Sequence[Instances]) -> tuple[Primvar, ...]:
+    """The primvars of a placement of these levels, a row an instance; of equal names the innermost level's."""
+    found: dict[str, Primvar] = {}
+    counts = [len(level) for level in levels]
+    for i, level in enumerate(levels):
+        before, after = math.prod(counts[:i]), math.prod(counts[i + 1 :])
+        for p in level.primvars:
+            values = p.values if before == after == 1 else np.tile(np.repeat(p.values, after, axis=0), (before, 1))
+            found[p.name] = Primvar(p.name, Interpolation.INSTANCE, values)
+    return tuple(found.values())
+
+
+def _rotate(out: Doubles, quaternions: Numbers) -> None:
+    """Rotation matrices into out (K, 3, :3) of (K, 4) quaternions x, y, z, w, made unit length; zero ones turn nothing."""
+    x, y, z, w = quaternions.astype(np.float64).T
+    square = x * x + y * y + z * z + w * w
+    s = np.divide(2.0, square, out=np.zeros_like(square), where=square > 0)
+    xs, ys, zs = x * s, y * s, z * s
+    out[:, 0, 0], out[:, 0, 1], out[:, 0, 2] = 1 - (y * ys + z * zs), x * ys - w * zs, x * zs + w * ys
+    out[:, 1, 0], out[:, 1, 1], out[:, 1, 2] = x * ys + w * zs, 1 - (x * xs + z * zs), y * zs - w * xs
+    out[:, 2, 0], out[:, 2, 1], out[:, 2, 2] = x * zs - w * ys, y * zs + w * xs, 1 - (x * xs + y * ys)

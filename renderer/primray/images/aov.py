@@ -1,0 +1,108 @@
+"""An output beside the picture: its values, its channels, and what the numbers in it stand for."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from ..aov_names import AOVS, RGB, UV, XYZ, AovRequest, primvar_of
+
+Stored = Literal["float", "half", "uint"]
+Values = npt.NDArray[Any]
+
+# UsdRenderVar.dataType is "a USD attribute type": how many numbers it has, and whether they are colours.
+_TYPE = re.compile(
+    r"(float|half|double|int|uint|uchar|int64|uint64|bool)([234]?)|(color|point|vector|normal|texCoord)([234])([fhd])"
+)
+_LETTERS = {1: ("",), 2: UV, 3: XYZ, 4: ("R", "G", "B", "A")}
+
+
+@dataclass(frozen=True, eq=False)
+class Aov:
+    """`values` (H, W, C): float32, float64 (positions) or uint32 (`stored` as whole numbers), read-only."""
+
+    values: Values
+    channels: tuple[str, ...]
+    source: str
+    meaning: str
+    stored: Stored = "float"  # what a file holds of it
+    ids: Mapping[int, str] = field(default_factory=dict)  # what the numbers in `values` stand for
+
+    def __post_init__(self) -> None:
+        values = np.ascontiguousarray(self.values)
+        if values.ndim != 3 or values.shape[2] != len(self.channels):
+            raise ValueError(f"values of shape {values.shape} do not hold the channels {self.channels}")
+        values.flags.writeable = False
+        object.__setattr__(self, "values", values)
+
+    def as_json(self) -> dict[str, Any]:
+        """What a report says of it: the values and what numbers mean are in the image and its file."""
+        found = {"source": self.source, "channels": list(self.channels), "stored": self.stored, "meaning": self.meaning}
+        return found | ({"ids": len(self.ids)} if self.ids else {})
+
+
+@dataclass(frozen=True)
+class DataType:
+    components: int
+    letters: tuple[str, ...]
+    stored: Stored
+
+
+def data_type_of(text: str) -> DataType | None:
+    """What a UsdRenderVar's dataType asks of a file; None for types that no channels can hold."""
+    match = _TYPE.fullmatch(text)
+    if match is None:
+        return None
+    number, size, role, role_size, precision = match.groups()
+    count = int(size or role_size or 1)
+    letters = (("R", "G", "B", "A")[:count] if role == "color" else _LETTERS[count]) if count > 1 else ("",)
+    if number in ("int", "uint", "uchar", "int64", "uint64", "bool"):
+        return DataType(count, letters, "uint")
+    return DataType(count, letters, "half" if number == "half" or precision == "h" else "float")
+
+
+def make_aov(request: AovRequest, values: Values, ids: Mapping[int, str] | None = None) -> Aov:
+    """The values of its source as the request wants them: as many components, of its type, its name on the channels."""
+    kind, wanted = AOVS.get(request.source), data_type_of(request.data_type)
+    primvar = primvar_of(request.source)
+    meaning = kind.meaning if kind is not None else f"the primvar {primvar}; 0 where nothing has it"
+    if wanted is None:
+        width = values.shape[2]
+        letters = kind.channels if kind is not None else (("",), UV, RGB, ("R", "G", "B", "A"))[width - 1]
+        stored: Stored = "uint" if values.dtype == np.uint32 else "float"
+        name = request.name if kind is not None else str(primvar)
+        return Aov(values, channel_names(name, letters), request.source, meaning, stored, ids or {})
+    values = _as_type(_with_components(values, wanted.components), wanted.stored)
+    return Aov(values, channel_names(request.name, wanted.letters), request.source, meaning, wanted.stored, ids or {})
+
+
+def channel_names(name: str, letters: tuple[str, ...]) -> tuple[str, ...]:
+    """Layers as OpenEXR has them, NAME.X; a channel alone bears its own name."""
+    if len(letters) == 1:
+        return (letters[0] or name,)
+    return tuple(f"{name}.{letter}" for letter in letters)
+
+
+def _with_components(values: Values, count: int) -> Values:
+    """The first `count`; one alone stands in all of them, else 0 in what is missing."""
+    have = values.shape[2]
+    if have >= count:
+        return values[..., :count]
+    if have == 1:
+        return np.repeat(values, count, axis=2)
+    return np.concatenate([values, np.zeros((*values.shape[:2], count - have), values.dtype)], axis=2)
+
+
+def _as_type(values: Values, stored: Stored) -> Values:
+    if stored == "uint" and values.dtype != np.uint32:
+        with np.errstate(invalid="ignore"):
+            whole: Values = np.clip(np.nan_to_num(np.rint(values.astype(np.float64))), 0, 2**32 - 1).astype(np.uint32)
+        return whole
+    if stored != "uint" and values.dtype == np.uint32:
+        return np.asarray(values, np.float32)
+    return values

@@ -1,0 +1,99 @@
+"""AOVs as parts of a multi-part EXR, beside the picture in the first part: written here, and read back."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import SettingsError
+from ..textures.image_error import last_error
+from .aov import Aov, Stored, Values
+
+PICTURE_PART = "rgba"
+# Of what a part says of its numbers: this many entries and this much text at most; the rest is counted.
+MOST_IDS, MOST_TEXT = 1 << 16, 1 << 22
+IDS, SOURCE, MEANING = "primray:ids", "primray:source", "primray:meaning"
+
+
+def parts_of(picture: Any, aovs: Mapping[str, Aov]) -> list[tuple[Any, Values]]:
+    """An OIIO ImageSpec and values for each; `picture` is the first part's spec, whose windows they share. It gets a name."""
+    import OpenImageIO as oiio
+
+    if not aovs:
+        return []
+    types = {"float": oiio.FLOAT, "half": oiio.HALF, "uint": oiio.UINT32}
+    found = []
+    for name, aov in aovs.items():
+        part = oiio.ImageSpec(picture)
+        part.nchannels, part.channelnames, part.channelformats = len(aov.channels), aov.channels, ()
+        part.set_format(types[aov.stored])
+        part.alpha_channel = part.z_channel = -1
+        for attribute in [a.name for a in picture.extra_attribs if a.name.startswith("primray:")]:
+            part.erase_attribute(attribute)
+        part.attribute("oiio:subimagename", name)
+        part.attribute(SOURCE, aov.source)
+        part.attribute(MEANING, aov.meaning)
+        if aov.ids:
+            part.attribute(IDS, ids_text(aov.ids))
+        if aov.source not in ("albedo", "emission"):
+            part.attribute("oiio:ColorSpace", "data")
+            part.attribute("colorInteropID", "data")
+            part.erase_attribute("chromaticities")
+        found.append((part, np.asarray(aov.values, np.uint32 if aov.stored == "uint" else np.float32)))
+    picture.attribute("oiio:subimagename", PICTURE_PART)
+    return found
+
+
+def ids_text(ids: Mapping[int, str]) -> str:
+    """JSON, {"1": "/World/a"}; "" counts what would be too much."""
+    kept: dict[str, str] = {}
+    size = 0
+    for number, path in ids.items():
+        size += len(path) + 16
+        if len(kept) == MOST_IDS or size > MOST_TEXT:
+            kept[""] = f"and {len(ids) - len(kept)} more"
+            break
+        kept[str(number)] = path
+    return json.dumps(kept, ensure_ascii=False)
+
+
+def read_aovs(path: str | os.PathLike[str]) -> dict[str, Aov]:
+    """The AOVs of an EXR that `Image.save` wrote, by name; SettingsError if there is no such file, or it is damaged."""
+    import OpenImageIO as oiio
+
+    name = os.fspath(path)
+    if not Path(name).is_file():
+        raise SettingsError("there is no such picture", where=name, code="image-missing")
+    file = oiio.ImageInput.open(name)
+    if file is None:
+        raise SettingsError(f"the picture cannot be read: {last_error(oiio)}", where=name, code="image-unreadable")
+    found: dict[str, Aov] = {}
+    try:
+        number = 1
+        while file.seek_subimage(number, 0):
+            spec = file.spec(number)
+            values = file.read_image(number, 0, 0, spec.nchannels, oiio.UNKNOWN)
+            if values is None:
+                raise SettingsError(f"the picture is damaged: {last_error(file)}", where=name, code="image-unreadable")
+            values = np.asarray(values).reshape(spec.height, spec.width, spec.nchannels)
+            found[spec.get_string_attribute("oiio:subimagename", str(number))] = _aov(spec, values)
+            number += 1
+    finally:
+        file.close()
+    return found
+
+
+def _aov(spec: Any, values: Values) -> Aov:
+    kinds: dict[str, Stored] = {"uint32": "uint", "float16": "half"}
+    stored = kinds.get(values.dtype.name, "float")
+    text = spec.get_string_attribute(IDS)
+    ids = {int(number): path for number, path in json.loads(text).items() if number} if text else {}
+    values = values if stored == "uint" else values.astype(np.float32)
+    return Aov(
+        values, tuple(spec.channelnames), spec.get_string_attribute(SOURCE), spec.get_string_attribute(MEANING), stored, ids
+    )

@@ -1,0 +1,130 @@
+"""The outputs beside the picture (AOVs), from what the core says is seen first at every pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .. import core
+from ..aov_names import WIDE, AovRequest, primvar_of, primvars_of
+from ..core.scene_record import SceneRecord
+from ..description import Camera
+from ..errors import LimitError
+from ..settings import RenderSettings
+from .aov import Aov, Values, make_aov
+
+MOST_NUMBERS = 2**32 - 1
+# The core's planes are called as the AOVs; these are made of others, or of none.
+_MADE_OF: dict[str, tuple[str, ...]] = {"camera_normal": ("normal",), "samples": (), "instance": ("instance", "prim")}
+
+
+def aovs_of(
+    scene: core.CoreScene,
+    requests: Sequence[AovRequest],
+    camera: Camera,
+    counts: npt.NDArray[np.uint32],
+    settings: RenderSettings,
+) -> dict[str, Aov]:
+    """By name, in the order of the requests; `counts` (R, H, W) are the film's."""
+    record = scene.record
+    assert record is not None
+    primvars = [name for name in primvars_of(requests) if record.width_of(name)]
+    wanted = [(record.primvar_names[n], record.primvar_names[WIDE + n], record.width_of(n)) for n in primvars]
+    planes = dict.fromkeys(p for r in requests if primvar_of(r.source) is None for p in _MADE_OF.get(r.source, (r.source,)))
+    found = core.first_hits(scene, list(planes), wanted, settings)
+    found |= {f"primvar:{name}": values for name, values in zip(primvars, found["primvars"], strict=True)}
+    made: dict[str, Aov] = {}
+    ids = _Ids(scene, record)
+    for request in requests:
+        made[request.name] = _aov(request, found, camera, counts, scene.exposure_scale, ids)
+    return made
+
+
+def _aov(
+    request: AovRequest,
+    found: dict[str, Any],
+    camera: Camera,
+    counts: npt.NDArray[np.uint32],
+    exposure_scale: float,
+    ids: _Ids,
+) -> Aov:
+    source = request.source
+    primvar = primvar_of(source)
+    if primvar is not None:
+        missing = np.zeros((*counts.shape[1:], 2 if source == "st" else 1), np.float32)
+        values = found.get(f"primvar:{primvar}", missing)
+        return make_aov(request, _two(values) if source == "st" else values)
+    if source == "samples":
+        return make_aov(request, counts.sum(axis=0, dtype=np.uint32)[..., None])
+    if source == "camera_normal":
+        return make_aov(request, (found["normal"] @ camera.world_from_camera[:3, :3]).astype(np.float32))
+    if source == "emission":
+        return make_aov(request, found[source] * np.float32(exposure_scale))
+    if source in ("prim", "material", "instance"):
+        return make_aov(request, *getattr(ids, source)(found))
+    return make_aov(request, found[source])
+
+
+def _two(values: Values) -> Values:
+    if values.shape[2] == 1:
+        return np.concatenate([values, np.zeros_like(values)], axis=2)
+    return values[..., :2]
+
+
+class _Ids:
+    """Numbers from 1 on in place of the core's own, paths in sorted order; and what each number that is seen stands for."""
+
+    def __init__(self, scene: core.CoreScene, record: SceneRecord) -> None:
+        self._scene = scene
+        self._record = record
+
+    def prim(self, found: dict[str, Any]) -> tuple[Values, dict[int, str]]:
+        record = self._record
+        numbers, paths = _numbered(record.shape_paths)
+        ids = _of_rows(found["prim"], *([numbers[shape] for shape, _ in rows] for rows in (record.meshes, record.spheres)))
+        return ids, _seen(ids, lambda n: paths[n - 1])
+
+    def material(self, found: dict[str, Any]) -> tuple[Values, dict[int, str]]:
+        rows = found["material"]
+        numbers, paths = _numbered(self._record.surface_paths)
+        ids = np.zeros(rows.shape, np.uint32)
+        ids[rows >= 0] = numbers[rows[rows >= 0]]
+        return ids, _seen(ids, lambda n: paths[n - 1])
+
+    def instance(self, found: dict[str, Any]) -> tuple[Values, dict[int, str]]:
+        """After those that the core has: instances of which there is one alone, whose shapes stand in the world themselves."""
+        instances, record = self._scene.instance_numbers, self._record
+        most = instances.most
+        alone, names = _numbered([name for rows in (record.meshes, record.spheres) for _, name in rows])
+        if most + len(names) > MOST_NUMBERS:
+            raise LimitError(f"{most} instances are more than an AOV's 32 bits can number", code="aov-instances")
+        ids = instances.number(found["instance"], found.get("outer"))
+        if names:
+            numbers = np.where(alone > 0, alone + np.uint32(most), 0)
+            at = len(record.meshes)
+            ids = np.where(ids > 0, ids, _of_rows(found["prim"], numbers[:at], numbers[at:]))
+        return ids, _seen(ids, lambda n: instances.name(n) if n <= most else names[n - most - 1])
+
+
+def _of_rows(rows: Values, meshes: Sequence[int] | Values, spheres: Sequence[int] | Values) -> Values:
+    """The numbers of the core's rows of meshes and spheres, 0 where it saw none."""
+    ids = np.zeros(rows.shape, np.uint32)
+    ids[rows >= 0] = np.asarray(meshes, np.uint32)[rows[rows >= 0]]
+    ids[rows <= -2] = np.asarray(spheres, np.uint32)[-2 - rows[rows <= -2]]
+    return ids
+
+
+def _numbered(paths: Sequence[str]) -> tuple[npt.NDArray[np.uint32], list[str]]:
+    """A number from 1 on for each, 0 for "", the same for the same paths; and the paths by number."""
+    different = sorted(set(paths) - {""})
+    number = {path: n for n, path in enumerate(different, start=1)} | {"": 0}
+    return np.array([number[path] for path in paths], np.uint32), different
+
+
+def _seen(ids: Values, name: Callable[[int], str]) -> dict[int, str]:
+    largest = int(ids.max(initial=0))
+    present = np.flatnonzero(np.bincount(ids.ravel())) if largest < 1 << 24 else np.unique(ids)
+    return {n: name(n) for n in present.tolist() if n}

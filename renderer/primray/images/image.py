@@ -1,0 +1,268 @@
+"""A rendered picture and its files: EXR is the record, PNG and JPEG are views of it through OpenColorIO."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Doubles, Floats
+from ..color import ocio as color
+from ..color.color_space import REC709, ColorSpace, named
+from ..description import Camera, Frame, Projection
+from ..errors import PrimrayError, SettingsError
+from ..textures.image_error import last_error
+from .aov import Aov
+from .aov_parts import parts_of
+
+CHANNELS = ("R", "G", "B", "A")
+ERROR_CHANNELS = ("stderr.R", "stderr.G", "stderr.B")
+VIEW_EXTENSIONS = (".png", ".jpg", ".jpeg")
+EXTENSIONS = (".exr", *VIEW_EXTENSIONS)
+
+# SMPTE ST 2065-1 (AP0) and the ACEScg specification S-2014-004 (AP1): about ACES's own white, to which values adapt.
+_ACES_WHITE = (0.32168, 0.33767)
+_ACES_CHROMATICITIES = {
+    "lin_ap0_scene": ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077), _ACES_WHITE),
+    "lin_ap1_scene": ((0.713, 0.293), (0.165, 0.83), (0.128, 0.044), _ACES_WHITE),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """Scene-linear premultiplied RGBA, alpha = coverage, with the report of its render."""
+
+    pixels: Floats  # (H, W, 4), read-only
+    report: Mapping[str, Any] = field(default_factory=dict)
+    metadata: Mapping[str, str | int | float] = field(default_factory=dict)  # goes into an EXR's header as primray:<name>
+    camera: Camera | None = None
+    channels: tuple[str, ...] = CHANNELS
+    # (H, W, 3) standard errors of R, G, B, read-only; inf where a pixel has too few samples to tell. One degree of freedom
+    # each: their squares are to be averaged over pixels before they are relied on.
+    errors: Floats | None = None
+    color_space: ColorSpace = REC709  # linear
+    frame: Frame | None = None  # where the pixels lie; None: they are the whole
+    aovs: Mapping[str, Aov] = field(default_factory=dict)  # outputs beside the picture; an EXR holds each as a part
+
+    def __post_init__(self) -> None:
+        pixels = np.array(self.pixels, np.float32, order="C")
+        if pixels.ndim != 3 or pixels.shape[2] != len(self.channels):
+            raise ValueError(f"pixels of shape {pixels.shape} do not hold the channels {self.channels}")
+        pixels.flags.writeable = False
+        object.__setattr__(self, "pixels", pixels)
+        if self.errors is not None:
+            errors = np.array(self.errors, np.float32, order="C")
+            if errors.shape != (*pixels.shape[:2], len(ERROR_CHANNELS)):
+                raise ValueError(f"errors of shape {errors.shape} do not go with pixels of shape {pixels.shape}")
+            errors.flags.writeable = False
+            object.__setattr__(self, "errors", errors)
+        for name, aov in self.aovs.items():
+            if aov.values.shape[:2] != pixels.shape[:2]:
+                raise ValueError(f"{name} of shape {aov.values.shape} does not go with pixels of shape {pixels.shape}")
+        if self.frame is not None and self.frame.size != self.resolution:
+            raise ValueError(f"pixels of shape {pixels.shape} do not fill {self.frame}")
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        """Of the pixels that are there; `frame` says of which whole."""
+        return self.pixels.shape[1], self.pixels.shape[0]
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        view: str | None = None,
+        display: str | None = None,
+        exposure: float = 0.0,
+        look: str | None = None,
+    ) -> Path:
+        """Write `path` whole or not at all; `view`, `display`, `exposure` (stops) and `look` are for PNG and JPEG, which show
+        the picture alone."""
+        path = check_output_path(path)
+        with _replacing(path) as temporary:
+            if path.suffix.lower() == ".exr":
+                _write_exr(self, temporary)
+            else:
+                chosen = {"view": view, "display": display, "look": look}
+                encoded = encode(self.pixels, exposure=exposure, space=self.color_space, **chosen)
+                _write_view(encoded if path.suffix.lower() == ".png" else encoded[..., :3], temporary)
+        return path
+
+    def _repr_png_(self) -> bytes:
+        with tempfile.TemporaryDirectory() as folder:
+            return self.save(Path(folder, "picture.png")).read_bytes()
+
+
+def pixels_sha256(pixels: Floats) -> str:
+    """Of the decoded float channels: little-endian float32 RGBA, row by row from the top."""
+    return hashlib.sha256(np.ascontiguousarray(pixels, "<f4").tobytes()).hexdigest()
+
+
+def check_output_path(path: str | os.PathLike[str]) -> Path:
+    """The path, if its format is known and its folder can be written to; else SettingsError. Ask before rendering."""
+    path = Path(path)
+    if path.suffix.lower() not in EXTENSIONS:
+        known = ", ".join(EXTENSIONS)
+        raise SettingsError(f"the output's name must end in one of {known}", where=str(path), code="unknown-extension")
+    check_folder(path)
+    return path
+
+
+def check_folder(path: Path) -> None:
+    """SettingsError unless a file can be put at `path`."""
+    if not path.parent.is_dir():
+        raise SettingsError(f"the folder {path.parent} does not exist", where=str(path), code="output-folder")
+    if path.is_dir() or not os.access(path.parent, os.W_OK | os.X_OK):
+        raise SettingsError("a file cannot be written there", where=str(path), code="output-folder")
+
+
+def encode(
+    pixels: Floats,
+    *,
+    view: str | None = None,
+    display: str | None = None,
+    exposure: float = 0.0,
+    look: str | None = None,
+    space: ColorSpace = REC709,
+) -> np.ndarray[Any, Any]:
+    """8-bit display values: (H, W, 4) with straight alpha, or (H, W, 3) where the picture is opaque.
+
+    Light without coverage (a visible dome behind everything) has no straight-alpha form: such a picture is opaque,
+    composited over the black it was rendered on.
+    """
+    finite = np.where(np.isfinite(pixels), pixels, np.float32(0))
+    rgb, alpha = finite[..., :3], np.clip(finite[..., 3:], 0, 1)
+    background_shines = bool(np.any(rgb[alpha[..., 0] == 0] > 0))
+    opaque = background_shines or bool(np.all(alpha == 1))
+    if not opaque:
+        rgb = np.divide(rgb, alpha, out=np.zeros_like(rgb), where=alpha > 0)
+    shown = color.to_display(rgb, view, display, exposure, look=look, space=space)
+    if not opaque:
+        shown = np.concatenate([shown, alpha], axis=2)
+    return (np.clip(np.nan_to_num(shown), 0, 1) * 255 + 0.5).astype(np.uint8)
+
+
+@contextmanager
+def _replacing(path: Path) -> Iterator[str]:
+    """A temporary name beside `path` that takes its place when the block ends well."""
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}.{os.urandom(4).hex()}{path.suffix}")
+    try:
+        yield str(temporary)
+        os.replace(temporary, path)
+    except OSError as error:
+        raise PrimrayError(f"the file cannot be written: {error.strerror}", where=str(path), code="write-failed") from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_png(encoded: np.ndarray[Any, Any], path: Path) -> Path:
+    """Write 8-bit values (H, W, 3 or 4) as they are, whole or not at all."""
+    with _replacing(path) as temporary:
+        _write_view(encoded, temporary)
+    return path
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file whole or not at all."""
+    with _replacing(path) as temporary:
+        Path(temporary).write_text(text, encoding="utf-8")
+
+
+def _write_exr(image: Image, path: str) -> None:
+    import OpenImageIO as oiio
+
+    width, height = image.resolution
+    channels, values = image.channels, image.pixels
+    if image.errors is not None:
+        channels, values = channels + ERROR_CHANNELS, np.concatenate([image.pixels, image.errors], axis=2)
+    spec = oiio.ImageSpec(width, height, len(channels), oiio.FLOAT)
+    spec.channelnames = channels
+    _place(spec, image.frame)
+    spec.attribute("compression", "zip")
+    _describe_colors(spec, image.color_space)
+    for name, value in image.metadata.items():
+        fits = not isinstance(value, int) or -(2**31) <= value < 2**31
+        spec.attribute(f"primray:{name}", value if fits else str(value))
+    if image.camera is not None:
+        camera_matrix, ndc_matrix = exr_matrices(image.camera)
+        spec.attribute("worldtocamera", oiio.TypeMatrix, _row_vector_floats(camera_matrix))
+        spec.attribute("worldtoNDC", oiio.TypeMatrix, _row_vector_floats(ndc_matrix))
+    _write(path, spec, values, image.aovs)
+
+
+def _place(spec: Any, frame: Frame | None) -> None:
+    """Data and display window, and the shape of a pixel."""
+    spec.attribute("PixelAspectRatio", 1.0 if frame is None else frame.pixel_aspect_ratio)
+    if frame is not None:
+        spec.x, spec.y = frame.pixels.x, frame.pixels.y
+        spec.full_x = spec.full_y = 0
+        spec.full_width, spec.full_height = frame.resolution
+
+
+def _describe_colors(spec: Any, space: ColorSpace) -> None:
+    """By interop id where the space has one, and by chromaticities: of ACES those of its standards, as readers expect."""
+    import OpenImageIO as oiio
+
+    known = named(space.name) == space
+    spec.attribute("oiio:ColorSpace", space.name)
+    if known:
+        spec.attribute("colorInteropID", space.name)
+    corners = _ACES_CHROMATICITIES.get(space.name, space.gamut) if known else space.gamut
+    numbers = tuple(float(x) for corner in corners for x in corner)
+    spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), numbers)
+
+
+def exr_matrices(camera: Camera) -> tuple[Doubles, Doubles]:
+    """worldToCamera and worldToNDC as OpenEXR's ImfStandardAttributes.h defines them, here for column vectors.
+
+    Its camera space is left-handed (objects in front have positive z); its NDC has (0, 0) upper left, (1, 1) lower right.
+    """
+    camera_from_world = np.diag([1.0, 1.0, -1.0, 1.0]) @ np.linalg.inv(camera.world_from_camera)
+    left, right, bottom, top = camera.window
+    near, far = camera.clipping_range
+    depth = np.array([0.0, 0.0, far / (far - near), -far * near / (far - near)])
+    x, y = np.array([1.0, 0, 0, 0]), np.array([0, 1.0, 0, 0])
+    if camera.projection is Projection.PERSPECTIVE:
+        w = np.array([0.0, 0.0, 1.0, 0.0])
+    else:
+        w = np.array([0.0, 0.0, 0.0, 1.0])
+        depth = np.array([0.0, 0.0, 1.0, -near]) / (far - near)
+    ndc_from_camera = np.stack([(x - left * w) / (right - left), (top * w - y) / (top - bottom), depth, w])
+    return camera_from_world, ndc_from_camera @ camera_from_world
+
+
+def _row_vector_floats(matrix: Doubles) -> tuple[float, ...]:
+    return tuple(float(v) for v in matrix.T.ravel())
+
+
+def _write_view(encoded: np.ndarray[Any, Any], path: str) -> None:
+    import OpenImageIO as oiio
+
+    height, width, channels = encoded.shape
+    spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
+    spec.attribute("oiio:UnassociatedAlpha", 1)
+    spec.attribute("CompressionQuality", 95)
+    _write(path, spec, encoded)
+
+
+def _write(path: str, spec: Any, pixels: np.ndarray[Any, Any], aovs: Mapping[str, Aov] | None = None) -> None:
+    """The picture, and a part of its own for each of `aovs`."""
+    import OpenImageIO as oiio
+
+    out = oiio.ImageOutput.create(path)
+    if out is None:
+        raise PrimrayError(f"the file cannot be written: {last_error(oiio)}", where=path, code="write-failed")
+    parts = parts_of(spec, aovs or {})
+    done = out.open(path, [spec, *(part for part, _ in parts)]) if parts else out.open(path, spec)
+    done = done and out.write_image(pixels)
+    for part, values in parts:
+        done = done and out.open(path, part, "AppendSubimage") and out.write_image(values)
+    if not done or not out.close():
+        raise PrimrayError(f"the file cannot be written: {last_error(out)}", where=path, code="write-failed")

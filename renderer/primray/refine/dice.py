@@ -1,0 +1,248 @@
+"""Every SubdivisionMesh of a description becomes a Mesh on its limit surface, as fine as the camera asks.
+
+The refinement itself is the core's (core/subdivision/dice.hpp).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..arrays import Floats, Ints
+from ..description import Interpolation, Mesh, Primvar, SceneDescription, SubdivisionMesh
+from ..settings import RenderSettings
+from .footprint import MAX_LEVEL, OUTSIDE, Footprint, footprints
+
+# In the order of the core's enumerations (topology.hpp, face_varying.hpp).
+SCHEMES = ("catmullClark", "loop", "bilinear")
+BOUNDARIES = ("none", "edgeOnly", "edgeAndCorner")
+FACE_VARYING_RULES = ("none", "cornersOnly", "cornersPlus1", "cornersPlus2", "boundaries", "all")
+
+MAX_TRIANGLES = 1 << 24
+FLATNESS = 0.1
+BYTES_PER_TRIANGLE = 300  # at the peak of dicing and building: 170 measured without primvars
+MAX_BATCH = 64  # cages that a thread takes at a time
+NO_INTS = np.zeros(0, np.int32)
+NO_FLOATS = np.zeros(0, np.float32)
+NO_COLUMNS = np.zeros((0, 0), np.float32)
+
+Warnings = list[tuple[str, str, str]]  # code, prim path, message
+
+
+@dataclass(frozen=True)
+class Dicing:
+    """How finely: edges at most `pixels` long, between two levels; one level for all makes cages uniform. Faces that are flat
+    to within `flatness` pixels are not split, however long; with 0, all are."""
+
+    pixels: float
+    min_level: int = 0
+    max_level: int = MAX_LEVEL
+    max_triangles: int = MAX_TRIANGLES
+    flatness: float = FLATNESS
+
+
+def dicing_of(settings: RenderSettings) -> Dicing:
+    """Within half of the memory that is allowed, where a limit is set."""
+    limit = MAX_TRIANGLES
+    if settings.max_memory_bytes is not None:
+        limit = max(1, min(limit, settings.max_memory_bytes // 2 // BYTES_PER_TRIANGLE))
+    return Dicing(settings.dicing_rate, max_triangles=limit)
+
+
+def dice(core: Any, description: SceneDescription, dicing: Dicing, threads: int) -> tuple[SceneDescription, Warnings]:
+    """The description with triangles for cages, and what had to be approximated. Edges are longer where there is no room."""
+    prints = footprints(description)
+    if not prints:
+        return description, []
+    cages = {k: s for k, s in enumerate(description.shapes) if isinstance(s, SubdivisionMesh)}
+    made, pixels = _within_limit(core, cages, prints, dicing, threads)
+    warnings: Warnings = []
+    if pixels > dicing.pixels:
+        warnings.append(
+            (
+                "dicing-limited",
+                "",
+                f"{dicing.max_triangles} triangles are allowed: edges cover up to {pixels:g} pixels, not {dicing.pixels:g}.",
+            )
+        )
+    shapes = list(description.shapes)
+    for k, cage in cages.items():
+        shapes[k] = _mesh(cage, made[k])
+        warnings += _warnings(cage, made[k], pixels, dicing)
+    return replace(description, shapes=tuple(shapes)), warnings
+
+
+def _within_limit(
+    core: Any, cages: dict[int, SubdivisionMesh], prints: dict[int, Footprint], dicing: Dicing, threads: int
+) -> tuple[dict[int, dict[str, Any]], float]:
+    """The core's results and the pixels that it took: doubled until all cages together have few enough triangles."""
+    pixels = dicing.pixels
+    numbers = list(cages)
+    size = max(1, min(MAX_BATCH, len(numbers) // (16 * max(threads, 1))))  # small ones take less than handing them over
+    batches = [numbers[start : start + size] for start in range(0, len(numbers), size)]
+    with ThreadPoolExecutor(max(threads, 1)) as pool:
+        while True:
+            limit = dicing.max_triangles if pixels < 1e6 else 1 << 31
+            now = replace(dicing, pixels=pixels, max_triangles=limit)
+            jobs = [pool.submit(_dice_some, core, [(cages[k], prints[k]) for k in some], now) for some in batches]
+            made = dict(zip(cages, (each for job in jobs for each in job.result()), strict=True))
+            if all(m is not None for m in made.values()) and sum(len(m["triangles"]) for m in made.values()) <= limit:
+                return made, pixels
+            pixels *= 2
+
+
+def _dice_some(core: Any, cages: Sequence[tuple[SubdivisionMesh, Footprint]], dicing: Dicing) -> list[Any]:
+    return [core.dice(core_arrays(cage, footprint, dicing)) for cage, footprint in cages]
+
+
+def _warnings(cage: SubdivisionMesh, made: dict[str, Any], pixels: float, dicing: Dicing) -> Warnings:
+    out: Warnings = []
+    if made["level_limited"] and dicing.min_level < dicing.max_level:
+        sentence = f"Edges cover more than {pixels:g} pixels even at level {dicing.max_level}, the finest."
+        out.append(("dicing-limited", cage.path, sentence))
+    if made["non_manifold_edges"]:
+        sentence = f"{made['non_manifold_edges']} edges do not join two faces that run the same way round: they are sharp."
+        out.append(("cage-topology", cage.path, sentence))
+    if made["unknown_creases"]:
+        out.append(("cage-topology", cage.path, f"Creases name {made['unknown_creases']} edges that no face has."))
+    return out
+
+
+def estimated_triangles(core: Any, cage: SubdivisionMesh, footprint: Footprint, pixels: float) -> int:
+    """Triangles that dicing to edges of so many pixels makes, roughly."""
+    return int(core.estimated_triangles(core_arrays(cage, footprint, Dicing(pixels))))
+
+
+def core_arrays(cage: SubdivisionMesh, footprint: Footprint, dicing: Dicing) -> dict[str, Any]:
+    """What the core's dice() reads."""
+    hidden = np.flatnonzero(cage.surface < 0).astype(np.int32) if isinstance(cage.surface, np.ndarray) else NO_INTS
+    camera = footprint.projected
+    return {
+        "scheme": SCHEMES.index(cage.scheme),
+        "boundary": BOUNDARIES.index(cage.interpolate_boundary),
+        "smooth_triangles": cage.triangle_rule == "smooth",
+        "face_varying_rule": FACE_VARYING_RULES.index(cage.face_varying_interpolation),
+        "points": _floats(cage.points),
+        "face_counts": _ints(cage.face_counts),
+        "face_points": _ints(cage.face_points),
+        "holes": np.concatenate([_ints(cage.holes), hidden]) if len(hidden) else _ints(cage.holes),
+        "crease_lengths": _ints(cage.crease_lengths),
+        "crease_points": _ints(cage.crease_points),
+        "crease_sharpnesses": _floats(cage.crease_sharpnesses),
+        "corner_points": _ints(cage.corner_points),
+        "corner_sharpnesses": _floats(cage.corner_sharpnesses),
+        "vertex_values": _side_by_side(primvars_of(cage, Interpolation.POINT), len(cage.points)),
+        "varying_values": _side_by_side(primvars_of(cage, Interpolation.VARYING), len(cage.points)),
+        "face_varying": [_channel(p) for p in primvars_of(cage, Interpolation.CORNER)],
+        "orthographic": camera.orthographic,
+        "pixels_per_unit": camera.pixels_per_unit,
+        "window": camera.window,
+        "outside": OUTSIDE,
+        "views": np.ascontiguousarray(footprint.views, np.float64),
+        "density": footprint.density,
+        "pixels": dicing.pixels,
+        "flatness": dicing.flatness,
+        "faces_differ": not isinstance(cage.surface, int) or bool(primvars_of(cage, Interpolation.FACE)),
+        "min_level": dicing.min_level,
+        "max_level": dicing.max_level,
+        "max_triangles": dicing.max_triangles,
+    }
+
+
+def primvars_of(cage: SubdivisionMesh, interpolation: Interpolation) -> list[Primvar]:
+    """The colours and primvars that vary so, in the order in which the core gives them back."""
+    if cage.colors is None and not cage.primvars:
+        return []
+    every = [*([cage.colors] if cage.colors is not None else []), *cage.primvars]
+    return [p for p in every if p.interpolation is interpolation]
+
+
+def _ints(values: Ints | None) -> Ints:
+    return NO_INTS if values is None else np.ascontiguousarray(values, np.int32)
+
+
+def _floats(values: Floats | None) -> Floats:
+    return NO_FLOATS if values is None else np.ascontiguousarray(values, np.float32)
+
+
+def _side_by_side(primvars: Sequence[Primvar], points: int) -> Floats:
+    if not primvars:
+        return NO_COLUMNS
+    return np.ascontiguousarray(np.concatenate([_rows(p) for p in primvars], axis=1), np.float32).reshape(points, -1)
+
+
+def _rows(primvar: Primvar) -> Floats:
+    return primvar.values if primvar.indices is None else primvar.values[primvar.indices]
+
+
+def _channel(primvar: Primvar) -> tuple[Ints, Floats]:
+    indices = np.arange(len(primvar.values)) if primvar.indices is None else primvar.indices
+    return np.ascontiguousarray(indices, np.int32), _floats(primvar.values)
+
+
+def _mesh(cage: SubdivisionMesh, made: dict[str, Any]) -> Mesh:
+    triangles: Ints = made["triangles"]
+    primvars = {id(p): _diced(p, k, cage, made) for p, k in _numbered(cage)}
+    normals: Floats = made["normals"]
+    if len(made["normal_indices"]):
+        normals = normals[made["normal_indices"].ravel()]
+    colors = None if cage.colors is None else primvars[id(cage.colors)]
+    surface = cage.surface if isinstance(cage.surface, int) else np.asarray(cage.surface)[made["faces"]]
+    points = len(made["points"])
+    if points == 3 * len(triangles) == len(normals):  # lengths must not be mistaken: description.Mesh
+        normals = normals if len(made["normal_indices"]) else normals[triangles.ravel()]
+    return Mesh(
+        cage.path,
+        made["points"],
+        triangles,
+        normals,
+        None if colors is None else _colors(colors, triangles, points),
+        surface,
+        tuple(primvars[id(p)] for p in cage.primvars),
+        cage.light,
+        cage.link_row,
+    )
+
+
+def _numbered(cage: SubdivisionMesh) -> list[tuple[Primvar, int]]:
+    """Colours and primvars with their place: the first column of those by point, the channel of those by corner."""
+    out: list[tuple[Primvar, int]] = []
+    if cage.colors is None and not cage.primvars:
+        return out
+    for interpolation in Interpolation:
+        place = 0
+        for p in primvars_of(cage, interpolation):
+            out.append((p, place))
+            place += 1 if interpolation is Interpolation.CORNER else p.values.shape[1]
+    return out
+
+
+def _diced(primvar: Primvar, place: int, cage: SubdivisionMesh, made: dict[str, Any]) -> Primvar:
+    """The primvar on the triangles."""
+    kind, width = primvar.interpolation, primvar.values.shape[1]
+    if kind is Interpolation.CONSTANT:
+        return primvar
+    if kind is Interpolation.FACE:
+        return Primvar(primvar.name, kind, _rows(primvar)[made["faces"]])
+    if kind is Interpolation.CORNER:
+        indices, values = made["face_varying"][place]
+        if len(values) == len(made["points"]) and np.array_equal(indices, made["triangles"]):
+            return Primvar(primvar.name, Interpolation.POINT, values)  # without a seam
+        return Primvar(primvar.name, kind, values[indices.ravel()])
+    columns = made["vertex_values" if kind is Interpolation.POINT else "varying_values"]
+    return Primvar(primvar.name, Interpolation.POINT, np.ascontiguousarray(columns[:, place : place + width]))
+
+
+def _colors(colors: Primvar, triangles: Ints, points: int) -> Floats:
+    """With a length that says what they belong to, as description.Mesh reads it: by corners where two numbers are equal."""
+    values, kind = colors.values, colors.interpolation
+    distinct = len({points, len(triangles), 3 * len(triangles)}) == 3
+    if kind is Interpolation.CONSTANT:
+        return np.repeat(values[:1], 3 * len(triangles), axis=0)
+    if distinct or kind is Interpolation.CORNER:
+        return values
+    return values[triangles.ravel()] if kind is Interpolation.POINT else np.repeat(values, 3, axis=0)

@@ -1,0 +1,92 @@
+"""Geometry so far away that floats beside it fail: what the scale of all leaves aside, and what is left out with a word.
+
+Embree leaves out, without a word, what reaches beyond 1.844e18; shading squares a triangle's cross product.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays import Doubles
+from ..description import Mesh, Shape
+from ..description.placement import Box, Placement, transformed_boxes
+
+# What lies further from the camera than the nearest shape, or the usual instance, by this does not count for the scale of all:
+# in floats the rest would be too small to be hit (products of three lengths below 1e-38).
+OUTLYING = 2.0**24
+
+FARTHEST = 1e18  # in the core's lengths
+
+Flags = npt.NDArray[np.bool_]
+
+
+def usual_boxes(boxes: Doubles, shapes: Sequence[Shape]) -> Doubles:
+    """(S, 2, 3), without the few points of a mesh that lie absurdly far from its others."""
+    far = np.flatnonzero(np.abs(boxes).max(axis=(1, 2), initial=0.0) > OUTLYING)
+    if len(far) == 0:
+        return boxes
+    usual = boxes.copy()
+    for k in far.tolist():
+        shape = shapes[k]
+        if isinstance(shape, Mesh) and len(shape.triangles):
+            usual[k] = _box_of_most(shape.points[np.unique(shape.triangles)].astype(np.float64))
+    return usual
+
+
+def _box_of_most(points: Doubles) -> Doubles:
+    distance = np.abs(points - np.quantile(points, 0.5, axis=0, method="lower")).max(axis=1)
+    usual = float(np.quantile(distance, 0.5, method="lower"))
+    kept = points[distance <= OUTLYING * usual] if usual > 0 else points
+    return np.array([kept.min(axis=0), kept.max(axis=0)])
+
+
+def usual_union(boxes: Doubles) -> Box:
+    """Of boxes (S, 2, 3), without those that lie absurdly far from the others."""
+    if len(boxes) == 0:
+        return np.zeros(3), np.zeros(3)
+    low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+    if len(boxes) > 1 and np.max(high - low) > OUTLYING:
+        center = np.quantile(boxes.mean(axis=1), 0.5, axis=0, method="lower")
+        distance = np.abs(boxes - center).max(axis=(1, 2))
+        near = distance <= OUTLYING * np.min(distance[distance > 0], initial=np.inf)
+        low, high = boxes[near, 0].min(axis=0), boxes[near, 1].max(axis=0)
+    return low, high
+
+
+def near_triangles(mesh: Mesh, core_from_object: Doubles) -> tuple[Flags, int]:
+    """(T,): which triangles floats can hold; and how many of these reach so far that their edges are off by a unit or more."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        points = mesh.points.astype(np.float64) @ core_from_object[:3, :3].T + core_from_object[:3, 3]
+        p = points[mesh.triangles]
+        doubled_area = np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1)
+        reach = np.abs(p).max(axis=(1, 2))
+        near = np.asarray((reach < FARTHEST) & (doubled_area < FARTHEST))
+    return near, int((near & (reach > OUTLYING)).sum())
+
+
+@dataclass(frozen=True)
+class FarInstances:
+    """Those whose `box` reaches `limit` or further from `center`."""
+
+    box: Box
+    center: Doubles
+    limit: float
+
+    def _are_far(self, rows: Doubles) -> Flags:
+        with np.errstate(over="ignore", invalid="ignore"):
+            low, high = transformed_boxes(rows, *(np.broadcast_to(corner, (len(rows), 3)) for corner in self.box))
+            reach = np.maximum(np.abs(low - self.center), np.abs(high - self.center)).max(axis=1)
+        return np.asarray(np.isfinite(rows).all(axis=(1, 2)) & ~(reach < self.limit))
+
+    def removed(self, rows: Doubles) -> Doubles:
+        """Rows (K, 3, 4) with NaN for these, which the core leaves out."""
+        kept = rows.copy()
+        kept[self._are_far(rows)] = np.nan
+        return kept
+
+    def count(self, placement: Placement) -> int:
+        return sum(int(self._are_far(rows).sum()) for rows in placement.chunks())

@@ -1,0 +1,181 @@
+"""How large the cages of a description are on the image: what dice.py asks the core for.
+
+A cage that stands once is looked at face by face. Of instances, the few that ask for most are; the rest count by the most
+pixels that any of them gives to a unit of the cage's space.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Doubles
+from ..description import (
+    Camera,
+    Frame,
+    Placed,
+    Placement,
+    Projection,
+    Prototype,
+    SceneDescription,
+    SubdivisionMesh,
+)
+from ..description.placement import compose
+
+# Where the camera does not look, edges may be longer by this: seen in mirrors and as shadows only.
+OUTSIDE = 4.0
+MARGIN = 0.05  # of the image's size, on each side: filters and lenses look past the edge
+MAX_VIEWS = 4
+MAX_LEVEL = 10  # a face of the cage in 2^20 parts
+
+
+@dataclass(frozen=True)
+class Projected:
+    """The camera as footprints see it."""
+
+    camera_from_world: Doubles  # (4, 4)
+    orthographic: bool
+    pixels_per_unit: float  # at unit distance, or everywhere
+    window: tuple[float, float, float, float]  # with its margin
+
+
+@dataclass(frozen=True)
+class Footprint:
+    projected: Projected
+    views: Doubles  # (V, 3, 4) camera_from_object
+    density: float  # pixels that a unit of the cage covers in all other placements
+
+
+def projected(camera: Camera, frame: Frame) -> Projected:
+    """What the whole frame shows, and what is rendered beyond it: a part of a picture has the triangles of the whole."""
+    left, right, bottom, top = camera.window
+    width, height = frame.resolution
+    x, y = MARGIN * (right - left), MARGIN * (top - bottom)
+    scale = max(width / abs(right - left), height / abs(top - bottom))
+    across, down = (right - left) / width, (top - bottom) / height  # of a pixel
+    pixels = frame.pixels
+    beyond_right = max(0, pixels.x + pixels.width - width) * across
+    beyond_bottom = max(0, pixels.y + pixels.height - height) * down
+    window = (
+        left - x - max(0, -pixels.x) * across,
+        right + x + beyond_right,
+        bottom - y - beyond_bottom,
+        top + y + max(0, -pixels.y) * down,
+    )
+    camera_from_world = np.asarray(np.linalg.inv(camera.world_from_camera), np.float64)
+    return Projected(camera_from_world, camera.projection is Projection.ORTHOGRAPHIC, scale, window)
+
+
+def footprints(description: SceneDescription) -> dict[int, Footprint]:
+    """Of every cage, by its index in `shapes`."""
+    cages = {k: s for k, s in enumerate(description.shapes) if isinstance(s, SubdivisionMesh)}
+    if not cages:
+        return {}
+    camera = projected(description.camera, description.frame)
+    seen: dict[int, list[_Seen]] = {k: [] for k in cages}
+    static = [placed for placed in description.static if placed.shape in cages]
+    for placed in static:
+        seen[placed.shape].append(_Seen(lambda: iter([np.eye(4)[None, :3]]), placed.matrix))
+    for placement in description.placements:
+        prototype = description.prototypes[placement.prototype]
+        _see(prototype, placement.chunks, cages, seen)
+        for inner in prototype.placements:
+            _see(description.prototypes[inner.prototype], _nested(placement, inner, camera), cages, seen)
+    alone = _seen_once([placed for placed in static if len(seen[placed.shape]) == 1], camera)
+    return {k: alone[k] if k in alone else _footprint(cage, seen[k], camera) for k, cage in cages.items()}
+
+
+def _seen_once(static: list[Placed], camera: Projected) -> dict[int, Footprint]:
+    """What _footprint says of cages that stand in the world once, and nowhere else: of all of them in one go."""
+    if not static:
+        return {}
+    rows = camera.camera_from_world[:3, :3] @ np.eye(4)[None, :3]
+    rows[:, :, 3] += camera.camera_from_world[:3, 3]
+    views = rows[:, :, :3] @ np.array([placed.matrix[:3] for placed in static])
+    views[:, :, 3] += rows[:, :, 3]
+    finite: list[bool] = np.asarray(np.isfinite(views).all(axis=(1, 2))).tolist()
+    return {p.shape: Footprint(camera, views[i : i + finite[i]], 0.0) for i, p in enumerate(static)}
+
+
+@dataclass(frozen=True)
+class _Seen:
+    chunks: Callable[[], Iterator[Doubles]]  # (K, 3, 4) world_from_prototype
+    matrix: Doubles  # (4, 4) prototype_from_object
+
+
+def _see(
+    prototype: Prototype, chunks: Callable[[], Iterator[Doubles]], cages: Mapping[int, object], seen: dict[int, list[_Seen]]
+) -> None:
+    for placed in prototype.shapes:
+        if placed.shape in cages:
+            seen[placed.shape].append(_Seen(chunks, placed.matrix))
+
+
+def _nested(outer: Placement, inner: Placement, camera: Projected) -> Callable[[], Iterator[Doubles]]:
+    """Two levels of instances are too many to look at: the inner ones in the few outer ones that are nearest to the camera."""
+    eye = np.linalg.inv(camera.camera_from_world)[:3, 3]
+    nearest = np.zeros((0, 3, 4))
+    for rows in outer.chunks():
+        nearest = np.concatenate([nearest, rows])
+        nearest = nearest[np.argsort(np.linalg.norm(nearest[:, :, 3] - eye, axis=1), kind="stable")[:MAX_VIEWS]]
+    return lambda: (compose(nearest, rows) for rows in inner.chunks())
+
+
+def _footprint(cage: SubdivisionMesh, seen: Sequence[_Seen], camera: Projected) -> Footprint:
+    """The placements that give a unit of the cage most pixels become views."""
+    center, radius = _bounding_sphere(cage)
+    views, densities, rest = np.zeros((0, 3, 4)), np.zeros(0), 0.0
+    for matrices in _chunks(seen, camera):
+        views = np.concatenate([views, matrices])
+        densities = np.concatenate([densities, _densities(matrices, center, radius, camera)])
+        order = np.argsort(-densities, kind="stable")
+        if len(order) > MAX_VIEWS:
+            rest = max(rest, float(densities[order[MAX_VIEWS]]))
+        views, densities = views[order[:MAX_VIEWS]], densities[order[:MAX_VIEWS]]
+    return Footprint(camera, np.ascontiguousarray(views), rest)
+
+
+def _chunks(seen: Sequence[_Seen], camera: Projected) -> Iterator[Doubles]:
+    """camera_from_object of all placements, (K, 3, 4)."""
+    for each in seen:
+        for world in each.chunks():
+            rows = camera.camera_from_world[:3, :3] @ world
+            rows[:, :, 3] += camera.camera_from_world[:3, 3]
+            made = rows[:, :, :3] @ each.matrix[:3]
+            made[:, :, 3] += rows[:, :, 3]
+            yield made[np.isfinite(made).all(axis=(1, 2))]
+
+
+def _bounding_sphere(cage: SubdivisionMesh) -> tuple[Doubles, float]:
+    if len(cage.face_points) == 0:
+        return np.zeros(3), 0.0
+    used = cage.points[np.unique(cage.face_points)].astype(np.float64)
+    low, high = used.min(axis=0), used.max(axis=0)
+    return (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+
+
+def _densities(matrices: Doubles, center: Doubles, radius: float, camera: Projected) -> Doubles:
+    """Pixels that a unit of the object covers where the placement is nearest; at its centre where the camera is inside."""
+    scale = np.sqrt(np.square(matrices[:, :, :3]).sum(axis=1)).max(axis=1)
+    if camera.orthographic:
+        return np.asarray(scale * camera.pixels_per_unit)
+    at = matrices[:, :, :3] @ center + matrices[:, :, 3]
+    extent = scale * radius
+    distance = np.maximum(np.linalg.norm(at, axis=1) - extent, np.maximum(0.25 * extent, 1e-30))
+    density = scale * camera.pixels_per_unit / distance
+    return np.asarray(np.where(_is_outside(at, extent, camera), density / OUTSIDE, density))
+
+
+def _is_outside(at: Doubles, extent: Doubles, camera: Projected) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Spheres wholly beyond one side of the view."""
+    left, right, bottom, top = camera.window
+    x, y, depth = at[:, 0], at[:, 1], -at[:, 2]
+    return np.asarray(
+        (x - left * depth < -extent * np.hypot(1, left))
+        | (right * depth - x < -extent * np.hypot(1, right))
+        | (y - bottom * depth < -extent * np.hypot(1, bottom))
+        | (top * depth - y < -extent * np.hypot(1, top))
+        | (depth < -extent)
+    )

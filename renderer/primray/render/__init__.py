@@ -1,0 +1,25 @@
+"""Renders: `render` is the whole order on one page, `prepare` what comes before the first sample, `products` several of them.
+
+The package shares its name with the function `primray.render`. Importing it costs nothing: what does the work is imported when
+a render starts.
+"""
+
+from ..report.prepared import Prepared
+from .prepare import OpenedStage, check_memory, image_sizes, load_textures, open_once, prepare
+from .render import OnInterrupt, core_says, find_aovs, picture_of, render, render_frames
+
+__all__ = [
+    "OnInterrupt",
+    "OpenedStage",
+    "Prepared",
+    "check_memory",
+    "core_says",
+    "find_aovs",
+    "image_sizes",
+    "load_textures",
+    "open_once",
+    "picture_of",
+    "prepare",
+    "render",
+    "render_frames",
+]

@@ -1,0 +1,134 @@
+"""From a stage to a scene that is ready to sample: opened, translated, its textures loaded, built within the memory allowed.
+
+What does the work is imported when a render starts; importing this module costs nothing.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from ..errors import LimitError
+from ..report.prepared import Prepared
+from ..settings import RenderSettings
+
+if TYPE_CHECKING:
+    from ..description import SceneDescription, TextureFile
+    from ..diagnostics import Diagnostics
+    from ..report.report import Costs
+    from ..report.summary import ImageSize
+    from ..textures.texture import Texture
+
+FILM_BYTES = 118  # a pixel: both replicates' exact sums and counts, film.hpp
+
+
+@dataclass(frozen=True)
+class OpenedStage:
+    """A stage that has been composed, with what there was to tell of it."""
+
+    stage: Any  # Usd.Stage
+    composed_by: tuple[Any, ...]  # the settings that decide how
+    diagnostics: Diagnostics
+    seconds: float
+
+
+def composing_settings(settings: RenderSettings) -> tuple[Any, ...]:
+    return settings.variants, settings.load, settings.mask, settings.session_layer
+
+
+def open_once(stage: str | os.PathLike[str] | Any, settings: RenderSettings) -> OpenedStage:
+    """Open a stage as `settings` compose it, for `render_frames` and to look at before."""
+    from .. import usd
+    from ..diagnostics import Diagnostics
+    from ..report.report import Costs
+
+    costs, diagnostics = Costs(), Diagnostics()
+    with costs.stage("open"):
+        opened = usd.open_stage(stage, diagnostics, settings.composition)
+    return OpenedStage(opened, composing_settings(settings), diagnostics, costs.stages_s["open"])
+
+
+def prepare(
+    stage: Any,
+    opening: Diagnostics,
+    settings: RenderSettings,
+    costs: Costs,
+    diagnostics: Diagnostics,
+    *,
+    fingerprinted: bool = False,
+) -> Prepared:
+    """Translate an opened stage, load its textures and build its scene; what there is to tell goes to `diagnostics`."""
+    from .. import core, usd
+    from ..checkpoints.fingerprint import fingerprint
+    from ..report.report import resolve_settings
+    from ..report.summary import counts, summary
+
+    with costs.stage("translate"):
+        description, translating = usd.translate(stage, settings)
+        diagnostics.extend([*opening, *translating])
+        description, textures = load_textures(description, diagnostics, usd.read_asset)
+        if settings.strict:
+            diagnostics.raise_if_strict()
+    images = image_sizes(textures)
+    check_memory(description, settings, images, film_copies=int(fingerprinted))
+    digests = fingerprint(description, textures) if fingerprinted else {}
+    with costs.stage("dice"):
+        description, limits = core.dice(description, settings)
+    for code, path, message in limits:
+        diagnostics.add(code, path, message)
+
+    settings = resolve_settings(settings, description)
+    counted = counts(summary(description, settings.dicing_rate, images))
+    shapes, description = list(description.shapes), replace(description, shapes=())
+    with costs.stage("build"):
+        scene = core.build(description, textures, settings, shapes)
+    for code, path, message in scene.warnings:
+        diagnostics.add(code, path, message)
+    if settings.strict:
+        diagnostics.raise_if_strict()
+    return Prepared(scene, settings, counted, description.camera, description.frame, digests, description.aovs)
+
+
+def load_textures(
+    description: SceneDescription, diagnostics: Diagnostics, read: Callable[[str], bytes] | None
+) -> tuple[SceneDescription, dict[TextureFile, list[tuple[int, Texture]]]]:
+    """The images of every file that could be read (with their tiles' numbers, or 0), and the description without the domes
+    whose texture could not; each file that could not is a diagnostic."""
+    from ..textures.light_textures import with_read_textures
+    from ..textures.texture_outside import note_textures_outside
+    from ..textures.texture_set import load_texture_set
+
+    textures = load_texture_set(description, diagnostics, read)
+    note_textures_outside(description, textures, diagnostics)
+    return replace(description, lights=with_read_textures(description.lights, textures, diagnostics)), textures
+
+
+def image_sizes(textures: dict[TextureFile, list[tuple[int, Texture]]]) -> list[ImageSize]:
+    """Of images that are held once, whoever reads them."""
+    from ..report.summary import ImageSize
+
+    different = {id(image): image for images in textures.values() for _, image in images}
+    return [ImageSize(i.shape[1], i.shape[0], i.shape[2], i.stored.itemsize) for i in different.values()]
+
+
+def check_memory(
+    description: SceneDescription, settings: RenderSettings, images: list[ImageSize], film_copies: int = 0
+) -> None:
+    """LimitError if the scene is estimated to need more memory than is allowed, before anything of it is built.
+
+    A copy of the film is what a checkpoint is written from, or read into.
+    """
+    limit_bytes = settings.max_memory_bytes
+    if limit_bytes is None:
+        return
+    from ..aov_names import aov_bytes
+    from ..report.summary import summary
+
+    width, height = description.frame.size
+    pixel_bytes = film_copies * FILM_BYTES + aov_bytes(description.aovs)
+    needed = summary(description, settings.dicing_rate, images).memory_bytes + pixel_bytes * width * height
+    if needed > limit_bytes:
+        sentence = f"the scene needs about {needed / 2**20:.0f} MiB, {limit_bytes / 2**20:.0f} MiB are allowed"
+        raise LimitError(sentence, code="memory-limit")

@@ -1,0 +1,162 @@
+"""A stage to an image: opens and translates it, loads textures, builds the scene and renders it, with a report of all that.
+
+What does the work is imported when a render starts; importing this module costs nothing.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, replace
+from itertools import chain, repeat
+from typing import TYPE_CHECKING, Any, Literal
+
+from ..errors import RenderCancelled, SettingsError
+from ..report.prepared import Prepared
+from ..settings import RenderSettings
+from .interruption import Interruption, interruption
+from .prepare import OpenedStage, composing_settings, open_once, prepare
+
+if TYPE_CHECKING:
+    from ..checkpoints.checkpointing import Checkpointing
+    from ..core import CoreScene
+    from ..diagnostics import Diagnostics
+    from ..images.aov import Aov
+    from ..images.image import Image
+    from ..report.report import Costs
+    from ..sampling.sampling import Progress, Sampling
+
+OnInterrupt = Literal["raise", "partial"]
+
+
+def render(
+    stage: str | os.PathLike[str] | Any,
+    settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
+    *,
+    progress: Progress | None = None,
+    on_interrupt: OnInterrupt = "raise",
+    checkpointing: Checkpointing | None = None,
+) -> Image:
+    """Render a stage, given as a Usd.Stage or as the path of one.
+
+    Ctrl-C raises KeyboardInterrupt and `progress` returning False raises RenderCancelled, unless `on_interrupt` is
+    "partial": then the picture made so far comes back, its report saying "interrupted". A checkpoint is written before either.
+    """
+    return next(render_frames(stage, [settings], progress=progress, on_interrupt=on_interrupt, checkpointing=[checkpointing]))
+
+
+def render_frames(
+    stage: str | os.PathLike[str] | OpenedStage | Any,
+    frames: Iterable[RenderSettings],
+    *,
+    progress: Progress | None = None,
+    on_interrupt: OnInterrupt = "raise",
+    checkpointing: Iterable[Checkpointing | None] = (),
+) -> Iterator[Image]:
+    """Render one stage several times, opening it once (the first report has the time of that).
+
+    `checkpointing`, where given, has one item a frame.
+    """
+    from ..report.report import Costs
+
+    opened, told = stage if isinstance(stage, OpenedStage) else None, False
+    for settings, saved in zip(frames, chain(checkpointing, repeat(None)), strict=False):
+        if opened is None:
+            opened = open_once(stage, settings)
+        if composing_settings(settings) != opened.composed_by:
+            raise SettingsError("all frames must compose the stage alike: variants, load, mask, session_layer")
+        costs = Costs()
+        if not told:
+            costs.stages_s["open"], told = opened.seconds, True
+        yield _render_one(opened.stage, opened.diagnostics, settings, costs, progress, on_interrupt, saved)
+
+
+def _render_one(
+    stage: Any,
+    opening: Diagnostics,
+    settings: RenderSettings,
+    costs: Costs,
+    progress: Progress | None,
+    on_interrupt: OnInterrupt,
+    checkpointing: Checkpointing | None,
+) -> Image:
+    from ..diagnostics import Diagnostics
+    from ..sampling.sampling import Sampling
+
+    diagnostics = Diagnostics()
+    if checkpointing is not None:
+        checkpointing.check()
+    prepared = prepare(stage, opening, settings, costs, diagnostics, fingerprinted=checkpointing is not None)
+    saved: dict[str, Any] = {}
+    with costs.stage("render"), interruption() as asked:
+        watched = _Watched(progress, asked)
+        if checkpointing is None:
+            sampling = Sampling.begin(prepared.scene, prepared.settings)
+            sampling.run(watched)
+        else:
+            sampling, saved = checkpointing.run(prepared, list(diagnostics), watched)
+        sampling.film.image()
+    assert sampling.stop is not None
+    if asked.asked:  # even if all was done by then, frames may follow
+        sampling.stop = replace(sampling.stop, reason="interrupted")
+    if sampling.stop.reason == "interrupted" and on_interrupt == "raise":
+        if watched.stopped:
+            raise RenderCancelled("the render was stopped by its progress callback")
+        raise KeyboardInterrupt
+
+    if saved:
+        costs.checkpoint = saved
+    return picture_of(prepared, sampling, costs, diagnostics)
+
+
+def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics: Diagnostics) -> Image:
+    """What a render that has stopped made, with its report; what sampling has to tell goes to `diagnostics`."""
+    from ..images.image import Image, pixels_sha256
+    from ..report.report import header_of, make_report
+
+    film, failed = sampling.film, (costs.checkpoint or {}).get("failed")
+    if failed:
+        diagnostics.add("checkpoint-unwritten", "", failed)
+    if film.invalid_samples:
+        diagnostics.add("invalid-samples", "", f"{film.invalid_samples} of {film.samples} samples are left out")
+    pixels, errors = film.image()
+    space = prepared.scene.rendering_space
+    aovs = find_aovs(prepared, sampling, costs)
+    as_json = [diagnostic.as_json() for diagnostic in diagnostics]
+    report = make_report(sampling, costs, prepared.counts, as_json, core_says(prepared.scene), pixels_sha256(pixels), space)
+    metadata = header_of(report)
+    report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
+    report["frame"] = asdict(prepared.frame)
+    frame = prepared.frame
+    return Image(pixels, report, metadata, prepared.camera, errors=errors, frame=frame, aovs=aovs, color_space=space)
+
+
+def find_aovs(prepared: Prepared, sampling: Sampling, costs: Costs) -> dict[str, Aov]:
+    """The outputs beside the picture, by name."""
+    if not prepared.aovs:
+        return {}
+    from ..images.first_hit import aovs_of
+
+    with costs.stage("aovs"):
+        return aovs_of(prepared.scene, prepared.aovs, prepared.camera, sampling.film.counts, prepared.settings)
+
+
+def core_says(scene: CoreScene) -> dict[str, Any]:
+    """The core's own lines of a report."""
+    from .. import core
+
+    return {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": list(scene.features)}
+
+
+class _Watched:
+    """The caller's progress callback, and whether it or a signal asked to stop."""
+
+    def __init__(self, progress: Progress | None, asked: Interruption) -> None:
+        self.progress = progress
+        self.asked = asked
+        self.stopped = False
+
+    def __call__(self, fraction: float, samples: int, rays: int) -> bool:
+        if self.progress is not None and self.progress(fraction, samples, rays) is False:
+            self.stopped = True
+        return not self.stopped and not self.asked.asked

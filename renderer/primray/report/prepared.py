@@ -1,0 +1,26 @@
+"""A render that is ready to sample: its scene, and what the stage and the machine made of the settings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ..settings import RenderSettings
+
+if TYPE_CHECKING:
+    from ..aov_names import AovRequest
+    from ..core import CoreScene
+    from ..description import Camera, Frame
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A scene that is built, and what the stage and the machine made of the settings."""
+
+    scene: CoreScene
+    settings: RenderSettings
+    counts: dict[str, int]
+    camera: Camera
+    frame: Frame
+    fingerprint: dict[str, str]  # empty unless it was asked for
+    aovs: tuple[AovRequest, ...] = ()

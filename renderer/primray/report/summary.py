@@ -1,0 +1,188 @@
+"""What would be rendered, counted: for `primray inspect` and the report. Knows only the description, not USD."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from .. import core
+from ..description import Mesh, Placement, SceneDescription, Shape, Sphere, SubdivisionMesh, TextureInput
+from ..refine.dice import estimated_triangles
+from ..refine.footprint import Footprint, footprints
+from ..settings import DEFAULT_DICING_RATE
+
+# Peak bytes, fitted to what `python -m tests.bench.memory` measures there: arrays of the description are counted
+# exactly and stand twice while the core copies them; these come on top.
+TRIANGLE_BYTES = 120  # Embree's hierarchy, and what building it takes
+DICED_TRIANGLE_BYTES = 70  # half a vertex with its normal, and three indices, twice, and dicing
+SHAPE_BYTES = 2000
+INSTANCE_BYTES = 210  # Embree's INSTANCE_ARRAY and the core's matrix; what the description holds is counted
+PIXEL_BYTES = 146  # the exact sums and counts of both replicates, and the image with its errors
+# Images are kept as their files have them until the core has taken what it keeps: levels as fine as the view needs (about
+# four texels a pixel, and a third for the coarser ones, two bytes a channel), one image at a time, which stands as floats then,
+# with its first coarser levels, or is converted between colour spaces before.
+KEPT_TEXEL_BYTES = 2 * 4 / 3
+TEXELS_PER_PIXEL = 4
+IMAGE_BYTES = {1: 5.3, 2: 5.3, 4: 7.5}  # a channel, by what it takes as stored; half floats are read before they are widened
+PROCESS_BYTES = 150 * 2**20  # Python, USD, OpenImageIO and the core, before they hold a scene
+VIEW_BYTES = 48 * 2**20  # OpenColorIO's when a PNG is written, when most of the scene's peak is free again
+
+
+@dataclass(frozen=True)
+class ImageSize:
+    """An image in memory, before the core has it."""
+
+    width: int
+    height: int
+    channels: int
+    channel_bytes: int  # 1, 2 or 4
+
+    @property
+    def values(self) -> int:
+        return self.width * self.height * self.channels
+
+
+@dataclass(frozen=True)
+class LightSummary:
+    path: str
+    type: str
+    emission: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Summary:
+    camera: str  # "" for the automatic one
+    resolution: tuple[int, int]
+    lights: tuple[LightSummary, ...]
+    surfaces: int
+    meshes: int
+    cages: int  # subdivision surfaces, whose triangles are estimated
+    spheres: int
+    triangles_unique: int  # stored
+    triangles_instanced: int  # as seen, each instance counted
+    spheres_instanced: int
+    prototypes: int
+    instances: int
+    textures: int  # files
+    memory_bytes: int  # estimate of the peak: geometry, hierarchies, instances, textures, film
+    process_bytes: int  # estimate of the whole process's peak
+
+    def as_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def summary(
+    description: SceneDescription, dicing_rate: float = DEFAULT_DICING_RATE, images: Sequence[ImageSize] = ()
+) -> Summary:
+    """Counts of a description, its cages as diced to edges of so many pixels, with such textures."""
+    shapes = description.shapes
+    prints = footprints(description)
+    count = [_triangles(s, prints.get(k), dicing_rate) for k, s in enumerate(shapes)]
+    seen = [0] * len(shapes)
+    for placed in description.static:
+        seen[placed.shape] += 1
+    _count_instances(description, description.placements, 1, seen)
+    is_sphere = [isinstance(s, Sphere) for s in shapes]
+    is_cage = [isinstance(s, SubdivisionMesh) for s in shapes]
+    instances, stored, placement_bytes = _instances(description)
+    width, height = description.frame.size
+    loading, kept = _image_bytes(images, width * height)
+    memory = (
+        2 * _array_bytes(shapes)
+        + max(sum(count) * TRIANGLE_BYTES, loading)  # hierarchies are built when the images are gone
+        + kept
+        + sum(n for n, cage in zip(count, is_cage, strict=True) if cage) * DICED_TRIANGLE_BYTES
+        + len(shapes) * SHAPE_BYTES
+        + stored * INSTANCE_BYTES
+        + placement_bytes
+        + width * height * PIXEL_BYTES
+    )
+    return Summary(
+        camera=description.camera.path,
+        resolution=description.resolution,
+        lights=tuple(LightSummary(light.path, light.type.value, light.emission) for light in description.lights),
+        surfaces=len(description.surfaces),
+        meshes=len(shapes) - sum(is_sphere) - sum(is_cage),
+        cages=sum(is_cage),
+        spheres=sum(is_sphere),
+        triangles_unique=sum(count),
+        triangles_instanced=sum(n * k for n, k in zip(count, seen, strict=True)),
+        spheres_instanced=sum(k for k, sphere in zip(seen, is_sphere, strict=True) if sphere),
+        prototypes=len(description.prototypes),
+        instances=instances,
+        textures=len(texture_files(description)),
+        memory_bytes=memory,
+        process_bytes=PROCESS_BYTES + max(memory, VIEW_BYTES),
+    )
+
+
+def _image_bytes(images: Sequence[ImageSize], pixels: int) -> tuple[int, int]:
+    """While they are loaded and handed over, and what the core keeps of them."""
+    loading: float = sum(i.values * i.channel_bytes for i in images)
+    loading += max((i.values * IMAGE_BYTES[i.channel_bytes] for i in images), default=0.0)
+    kept = sum(min(i.width * i.height, TEXELS_PER_PIXEL * pixels) * i.channels for i in images) * KEPT_TEXEL_BYTES
+    return int(loading), int(kept)
+
+
+def _count_instances(d: SceneDescription, placements: tuple[Placement, ...], times: int, seen: list[int]) -> None:
+    """Add to `seen`, by shape, how often it stands in the world."""
+    for placement in placements:
+        count, prototype = times * len(placement), d.prototypes[placement.prototype]
+        for placed in prototype.shapes:
+            seen[placed.shape] += count
+        _count_instances(d, prototype.placements, count, seen)
+
+
+def _instances(d: SceneDescription) -> tuple[int, int, int]:
+    """Instances in the world, those stored (fewer where nested ones are kept in two levels), and the description's bytes."""
+    inner = [p for prototype in d.prototypes for p in prototype.placements]
+    inside = [sum(map(len, p.placements)) or 1 for p in d.prototypes]
+    whole = sum(len(p) * inside[p.prototype] for p in d.placements)
+    every = [*d.placements, *inner]
+    return whole, sum(map(len, every)), sum(p.nbytes for p in every)
+
+
+def texture_files(description: SceneDescription) -> dict[str, None]:
+    """Paths of all textures, tiles apart, in order of use."""
+    files = [light.texture for light in description.lights if light.texture is not None]
+    for surface in description.surfaces:
+        files += [made.file for _, made in surface.inputs if isinstance(made, TextureInput)]
+    return dict.fromkeys(path for file in files for path in ([tile for _, tile in file.tiles] or [file.path]) if path)
+
+
+def primvar_names(description: SceneDescription) -> dict[str, int]:
+    """Of the primvars that surfaces can read: how many shapes have each."""
+    return dict(Counter(primvar.name for shape in description.shapes for primvar in shape.primvars))
+
+
+def counts(summed: Summary) -> dict[str, int]:
+    """The numbers of a Summary."""
+    return {name: value for name, value in asdict(summed).items() if isinstance(value, int)}
+
+
+def _triangles(shape: Shape, footprint: Footprint | None, dicing_rate: float) -> int:
+    if isinstance(shape, SubdivisionMesh) and footprint is not None:
+        return estimated_triangles(core.module(), shape, footprint, dicing_rate)
+    return len(shape.triangles) if isinstance(shape, Mesh) else 0
+
+
+def _array_bytes(shapes: tuple[Shape, ...]) -> int:
+    """Of all arrays that shapes hold, shared ones once."""
+    arrays: dict[int, int] = {}
+    for shape in shapes:
+        held = [getattr(shape, name) for name in _ARRAYS[type(shape)]]
+        for values in held + [p.values for p in shape.primvars]:
+            if isinstance(values, np.ndarray):
+                arrays[id(values)] = values.nbytes
+    return sum(arrays.values())
+
+
+# The fields that are arrays, or may be, by type of shape.
+_ARRAYS = {
+    kind: [field.name for field in fields(kind) if "Floats" in str(field.type) or "Ints" in str(field.type)]
+    for kind in (Mesh, SubdivisionMesh, Sphere)
+}

@@ -1,0 +1,135 @@
+"""What a film's two replicates say of its error: estimates for the whole frame, each with a 95 % interval.
+
+relMSE: mean over pixels and channels (of the rendering space) of (I - R)^2 / (R^2 + 0.01), nothing clamped. RMSE: root of the
+mean of (I - R)^2. Display: RMSE after the display's view, in steps of 8 bits. I is the picture as delivered, R what it
+converges to; the interval is for this picture's error, not for the average of such pictures.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..arrays import Doubles, Floats
+from ..color import ocio as color
+from ..color.color_space import REC709, ColorSpace
+from ..settings import Metric
+
+if TYPE_CHECKING:
+    from ..core import Film
+
+Z95 = 1.959964  # a normal distribution has 95 % within as many standard deviations
+ALL_PIXELS = 1 << 62
+DISPLAY_PIXELS = 1 << 14  # a view costs 0.6 microseconds a pixel; as many pixels know its error to a percent
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """An error with the ends of its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def around(cls, value: float, relative_deviation: float) -> Estimate:
+        """The interval of a logarithm that is known to `relative_deviation`: errors are positive, and uncertain by factors."""
+        factor = math.exp(min(Z95 * relative_deviation, 50.0))
+        return cls(value, value / factor, value * factor)
+
+    def root(self) -> Estimate:
+        return Estimate(math.sqrt(self.value), math.sqrt(self.low), math.sqrt(self.high))
+
+    def as_json(self) -> dict[str, Any]:
+        return {"estimate": self.value, "ci95": [self.low, self.high]}
+
+
+@dataclass(frozen=True)
+class FrameError:
+    relmse: Estimate
+    rmse: Estimate
+    tiles: Doubles  # each tile's part of relMSE
+    display: Estimate | None = None  # measured only where it is asked for
+
+    def of(self, metric: Metric) -> Estimate:
+        found = {Metric.RELMSE: self.relmse, Metric.RMSE: self.rmse, Metric.DISPLAY: self.display}[metric]
+        assert found is not None
+        return found
+
+    def as_json(self) -> dict[str, Any]:
+        return {metric.value: self.of(metric).as_json() for metric in Metric}
+
+
+def measure(film: Film, threads: int, view: DisplayView | None = None, most_pixels: int = ALL_PIXELS) -> FrameError | None:
+    """The error of the film's picture, or of a part of it; None where no pixel has samples of both replicates.
+
+    `view` asks for the error on a display too.
+    """
+    if film.samples_per_pixel[1] < 2:
+        return None
+    sums = film.error_sums(most_pixels, threads)
+    values = int(sums["values"])
+    if values == 0:
+        return None
+    return FrameError(
+        relmse=_relmse(sums, values),
+        rmse=_mean_square(sums["squared"], sums["squared_variance"], values).root(),
+        tiles=sums["tiles"] / values,
+        display=None if view is None else _display(film, view),
+    )
+
+
+def _relmse(sums: Mapping[str, Any], values: int) -> Estimate:
+    total = float(sums["relative"])
+    if not total > 0:
+        return Estimate(0.0, 0.0, 0.0)
+    # By chance, and by what the weights rest on: how far the two kinds are apart, and how much the spread of R does.
+    chance = math.sqrt(max(float(sums["relative_variance"]), 0.0)) / total
+    kinds = _log_ratio(sums["relative_alike"], sums["relative_alone"]) / 2
+    spread = _log_ratio(total, sums["relative_plain"])
+    return Estimate.around(total / values, math.sqrt(chance**2 + kinds**2 + spread**2))
+
+
+def _log_ratio(a: float, b: float) -> float:
+    return abs(math.log(max(a, 1e-300) / max(b, 1e-300)))
+
+
+def _mean_square(total: float, variance: float, values: int) -> Estimate:
+    if not total > 0:
+        return Estimate(0.0, 0.0, 0.0)
+    return Estimate.around(total / values, math.sqrt(max(variance, 0.0)) / total)
+
+
+@dataclass(frozen=True)
+class DisplayView:
+    """How pictures are looked at; None is OpenColorIO's default."""
+
+    display: str | None = None
+    view: str | None = None
+    exposure: float = 0.0
+    space: ColorSpace = REC709  # what the film's colours are in
+
+
+def _display(film: Film, view: DisplayView) -> Estimate:
+    """From a random part of the pixels: the view of the picture with its replicates' difference added and taken away."""
+    pixels, errors = film.image()
+    rgb, d = pixels[..., :3].reshape(-1, 3), errors.reshape(-1, 3)
+    chosen = np.flatnonzero(np.isfinite(d).all(axis=1))
+    if len(chosen) > DISPLAY_PIXELS:
+        chosen = np.random.default_rng(0).choice(chosen, DISPLAY_PIXELS, replace=False)
+    mean, step = rgb[chosen], d[chosen]
+    shown = [_shown(mean + sign * step, view) for sign in (0, 1, -1)]
+    squares = 0.5 * ((shown[1] - shown[0]) ** 2 + (shown[2] - shown[0]) ** 2).sum(axis=1)
+    total = float(squares.sum())
+    # d^2 of one pixel has one degree of freedom: the variance of the true square less the estimated one is 4 / 3 of its square.
+    return _mean_square(total, 4 / 3 * float((squares**2).sum()), squares.size * 3).root()
+
+
+def _shown(rgb: Floats, view: DisplayView) -> Doubles:
+    shown = color.to_display(rgb[None], view.view, view.display, view.exposure, space=view.space)[0]
+    steps: Doubles = np.clip(np.nan_to_num(shown), 0, 1).astype(np.float64) * 255
+    return steps

@@ -1,0 +1,150 @@
+"""What can be said of a render under way between two measurements: its error by now, and when it will end.
+
+Both go from the last measurement by the rate at which errors fell (sampling.py); intervals widen with the distance from it.
+Nothing here decides anything.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from ..settings import MAX_SPP, Metric
+from .error import Z95, Estimate
+from .prediction import BETWEEN_BLOCKS, OF_SPEED
+from .sampling import FASTEST, FIRST_ANCHOR, FIRST_PLAN, SLOWEST
+
+if TYPE_CHECKING:
+    from .sampling import Row, Sampling
+
+# How uncertain the logarithm of a squared error is for every doubling, until two anchors have told its rate; and after that,
+# since the rate changes.
+UNKNOWN_RATE, KNOWN_RATE = 0.35, 0.15
+# How fast errors fall when adaptive sampling has begun (its first doubling gains more than those after), and how much of what
+# a doubling showed beyond 1 the next ones keep. By five stages and twelve targets; test_forecast_accuracy.py has some.
+ADAPTIVE_RATE, ADAPTIVE_TRUST = 1.35, 0.4
+WINDOW = 0.5  # speeds are of this last part of what was sampled
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """None: nothing can be said yet, or it has no end that could be told."""
+
+    error: Estimate | None
+    left_s: Estimate | None
+
+
+@dataclass
+class Forecaster:
+    """Looks at one sampling again and again; `tail_s`: seconds from the last sample to the end of all work."""
+
+    sampling: Sampling
+    tail_s: float = 0.0
+    marks: deque[tuple[float, float]] = field(default_factory=deque)  # seconds and samples a pixel, of this run
+
+    def __post_init__(self) -> None:
+        self.start_s = self.sampling.seconds
+        self.marks.append((self.start_s, self.sampling.mean_samples()))
+
+    def look(self) -> Forecast:
+        samples, seconds = self.sampling.mean_samples(), self.sampling.now_s
+        self.marks.append((seconds, samples))
+        return Forecast(self._error(samples), self._left(samples, seconds))
+
+    # ---- the error --------------------------------------------------------------------------------------------------------
+
+    def _row(self) -> Row | None:
+        return self.sampling.rows[-1] if self.sampling.rows else None
+
+    def _error(self, samples: float) -> Estimate | None:
+        row = self._row()
+        if row is None:
+            return None
+        measured = row.error.of(self.sampling.settings.error_metric)
+        doublings = math.log2(max(samples / row.samples, 1.0))
+        if doublings == 0 or not measured.value > 0:
+            return measured
+        half = 1.0 if self._is_squared() else 0.5
+        spread = math.hypot(_width(measured), half * self._per_doubling() * doublings)
+        return Estimate.around(measured.value * 2 ** (-half * self._rate() * doublings), spread)
+
+    def _is_squared(self) -> bool:
+        return self.sampling.settings.error_metric is Metric.RELMSE
+
+    def _alike(self) -> list[Row]:
+        """Measurements between which samples were chosen as they will be: from the first plan on, where there is one."""
+        first = 2 * FIRST_PLAN if self.sampling.settings.adapts else FIRST_ANCHOR
+        return [row for row in self.sampling.rows if row.anchor and row.samples >= 0.9 * first]
+
+    def _rate(self) -> float:
+        """The power of 1 / samples with which squared errors will fall."""
+        if not self.sampling.settings.adapts:
+            return self.sampling.rate()
+        rows = self._alike()
+        if len(rows) < 2:
+            return ADAPTIVE_RATE
+        before, after = (row.error.of(self.sampling.settings.error_metric).value for row in rows[-2:])
+        if not (before > 0 and after > 0):
+            return ADAPTIVE_RATE
+        seen = math.log(before / after) / math.log(rows[-1].samples / rows[-2].samples) * (1 if self._is_squared() else 2)
+        return min(max(1 + ADAPTIVE_TRUST * (seen - 1), SLOWEST), FASTEST)
+
+    def _per_doubling(self) -> float:
+        return KNOWN_RATE if len(self._alike()) >= 2 else UNKNOWN_RATE
+
+    # ---- the end ----------------------------------------------------------------------------------------------------------
+
+    def _left(self, samples: float, seconds: float) -> Estimate | None:
+        """By the rule that will stop it first: each end of the interval by the rule that is first there."""
+        settings = self.sampling.settings
+        rules: list[Estimate] = []
+        each = self._seconds_a_sample(samples, seconds)
+        if each is not None:
+            if settings.spp is not None or not settings.stops_early:
+                rules.append(Estimate.around(max(settings.most_samples - samples, 0.0) * each, OF_SPEED))
+            by_target = self._samples_to_target(samples)
+            if by_target is not None:
+                rules.append(Estimate(*(_at(by_target, end, samples, each) for end in (0, -1, 1))))
+        if settings.time_limit_s is not None:
+            left = max(settings.time_limit_s - (seconds - self.sampling.earlier_seconds), 0.0)
+            rules.append(Estimate(left, left, left))
+        if not rules:
+            return None
+        ends = [min(getattr(rule, name) for rule in rules) + self.tail_s for name in ("value", "low", "high")]
+        return Estimate(*ends)
+
+    def _seconds_a_sample(self, samples: float, seconds: float) -> float | None:
+        """Of the last part of this run, since passes differ in cost and other work comes and goes."""
+        since = self.start_s + (1 - WINDOW) * (seconds - self.start_s)
+        while len(self.marks) > 1 and self.marks[1][0] <= since:
+            self.marks.popleft()
+        begin_s, begin = self.marks[0]
+        return (seconds - begin_s) / (samples - begin) if samples > begin and seconds > begin_s else None
+
+    def _samples_to_target(self, samples: float) -> tuple[float, float] | None:
+        """Samples a pixel at which the target should be reached, and how uncertain their logarithm is."""
+        target, row = self.sampling.settings.target_error, self._row()
+        if target is None or row is None:
+            return None
+        measured = row.error.of(self.sampling.settings.error_metric)
+        if not measured.value > 0:
+            return samples, 0.0
+        power = 1.0 if self._is_squared() else 2.0
+        end = row.samples * max(measured.value / target, 1.0) ** (power / self._rate())
+        end = max(end, self.sampling.expected_end() or 0)  # before that it will not look
+        further = max(math.log2(min(end, MAX_SPP) / row.samples), 0.0)
+        width = _width(measured) * (1.0 if self._is_squared() else 2.0) / self._rate()
+        return min(float(end), float(MAX_SPP)), math.hypot(width, BETWEEN_BLOCKS, self._per_doubling() * further)
+
+
+def _at(by_target: tuple[float, float], end: int, samples: float, each: float) -> float:
+    """Seconds left if the target takes as many samples as expected (0), or the fewest (-1) or most (1) of the interval."""
+    needed, spread = by_target
+    return max(needed * math.exp(min(end * Z95 * math.hypot(spread, OF_SPEED), 50.0)) - samples, 0.0) * each
+
+
+def _width(estimate: Estimate) -> float:
+    """The standard deviation of an estimate's logarithm."""
+    return math.log(max(estimate.high, 1e-300) / max(estimate.low, 1e-300)) / (2 * Z95)

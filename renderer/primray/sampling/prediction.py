@@ -1,0 +1,162 @@
+"""What an error will cost: samples and seconds to targets, from a pilot of a few seconds of the same render.
+
+The pilot's anchors tell how large the error is and how fast it falls; from the last one on, tiles are doubled as adaptive
+sampling would (adaptive.py), each time with the factor that the pilot saw for a whole picture. Seconds are rays times the
+pilot's seconds a ray, and what measuring costs.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .. import core
+from ..settings import MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
+from .adaptive import make_plan
+from .error import ALL_PIXELS, Z95, Estimate
+from .sampling import FIRST_ANCHOR, FIRST_PLAN, SLOWEST, Progress, Sampling
+
+if TYPE_CHECKING:
+    from .sampling import Row
+
+DOUBLINGS = 20
+# A render plans anew at each doubling, with better knowledge than one plan from the pilot has: as many samples of those that
+# this would take, a doubling. By 30 renders each of five stages, from pilots of 16 samples to targets that took about 100.
+REPLANNING = 0.94
+# How uncertain (as a logarithm) the samples are: for every doubling beyond the pilot, and by how targets fall between blocks;
+# and the seconds beyond that, since other work shares the machine.
+PER_DOUBLING, BETWEEN_BLOCKS, OF_SPEED = 0.06, 0.04, 0.08
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """For one target: samples a pixel on average and seconds of sampling, with 95 % intervals; None beyond what is possible."""
+
+    target: float
+    samples: Estimate | None
+    seconds: Estimate | None
+
+    def as_json(self) -> dict[str, Any]:
+        found = {"target_error": self.target}
+        return found | {
+            name: None if e is None else e.as_json() for name, e in (("samples", self.samples), ("seconds", self.seconds))
+        }
+
+
+@dataclass(frozen=True)
+class Pilot:
+    """What a pilot found, ready to answer for any target."""
+
+    sampling: Sampling
+    row: Row
+    seconds_per_ray: float
+    seconds_per_measurement: float
+
+    @property
+    def metric(self) -> Metric:
+        return self.sampling.settings.error_metric
+
+    def predict(self, target: float) -> Prediction:
+        """Samples and seconds until the error is no larger than `target`."""
+        rows = self.sampling.rows
+        met = next((i for i, row in enumerate(rows) if row.error.of(self.metric).value <= target), None)
+        if met == 0:
+            samples, rays, width = rows[0].samples, self._rays(rows[0].samples), 0.0
+        else:
+            # From the last measurement above the target; how fast the error falls from there the pilot may have seen.
+            start = rows[-1] if met is None else rows[met - 1]
+            rate = self.sampling.rate() if met is None else self._rate(start, rows[met])
+            part = self._part(target, start)
+            samples, rays = self._to(part, start, rate, replanning=met is None)
+            width = self._width(start) / rate
+        if samples > (self.sampling.settings.spp or MAX_SPP):
+            return Prediction(target, None, None)
+        further = max(math.log2(samples / self.row.samples), 0.0)
+        spread = math.hypot(width, BETWEEN_BLOCKS, PER_DOUBLING * further)
+        # Measured at the anchors, where the target should be reached, and of what is shown at the end.
+        measurements = max(math.log2(samples / FIRST_ANCHOR), 0.0) + 3
+        seconds = rays * self.seconds_per_ray + measurements * self.seconds_per_measurement
+        return Prediction(target, Estimate.around(samples, spread), Estimate.around(seconds, math.hypot(spread, OF_SPEED)))
+
+    def _squared(self, row: Row) -> float:
+        value = max(row.error.of(self.metric).value, 1e-150)
+        return value if self.metric is Metric.RELMSE else value * value
+
+    def _part(self, target: float, row: Row) -> float:
+        return (target if self.metric is Metric.RELMSE else target * target) / self._squared(row)
+
+    def _rate(self, before: Row, after: Row) -> float:
+        return max(math.log(self._squared(before) / self._squared(after)) / math.log(after.samples / before.samples), SLOWEST)
+
+    def _width(self, row: Row) -> float:
+        """How uncertain the logarithm of the squared error is."""
+        known = row.error.of(self.metric)
+        width = math.log(max(known.high, 1e-300) / max(known.low, 1e-300)) / (2 * Z95)
+        return width if self.metric is Metric.RELMSE else 2 * width
+
+    def _rays(self, samples: float) -> float:
+        """Of so many samples a pixel, the same number everywhere."""
+        film = self.sampling.film
+        width, height = film.resolution
+        return film.rays * samples * width * height / film.samples
+
+    def _to(self, part: float, row: Row, rate: float, replanning: bool) -> tuple[float, float]:
+        """Samples a pixel and rays at which the error has fallen to `part` of the row's."""
+        film = self.sampling.film
+        if not self.sampling.settings.adapts or row.samples < FIRST_PLAN:
+            samples = float(math.ceil(row.samples * part ** (-1 / rate) / SAMPLE_BLOCK) * SAMPLE_BLOCK)
+            return samples, self._rays(samples)
+        begin = np.full(len(film.tile_rays), round(row.samples) // 2, np.int64)
+        plan = make_plan(film, row.error.tiles, round(row.samples), begin, DOUBLINGS)
+        samples = plan.samples_for(row.error.tiles, row.samples, part, 0.5**rate)
+        if not math.isfinite(samples):
+            return math.inf, math.inf
+        each = film.tile_rays / np.maximum(film.next.sum(axis=0), 1)  # rays a sample, over a tile
+        added = float((2 * (plan.ends(math.ceil(samples))[0] - begin) * each).sum())
+        fewer = REPLANNING ** math.log2(samples / row.samples) if replanning else 1.0
+        more = max(samples * fewer, row.samples + SAMPLE_BLOCK)
+        return more, self._rays(row.samples) + added * (more - row.samples) / (samples - row.samples)
+
+
+def run_pilot(
+    scene: core.CoreScene, settings: RenderSettings, seconds: float, progress: Progress | None = None
+) -> Pilot | None:
+    """Sample up to the last anchor that about so many seconds allow; None where nothing can be told of the error.
+
+    Where the first anchor alone takes more than three times as long, what there is then has to do.
+    """
+    samples = FIRST_ANCHOR
+    uniform = replace(settings, spp=samples, time_limit_s=3 * seconds, target_error=None, adaptive=False)
+    sampling = Sampling.begin(scene, uniform)
+    sampling.pilot = True
+    while True:
+        sampling.run(progress)
+        assert sampling.stop is not None
+        if sampling.stop.reason == "interrupted":
+            return None
+        if sampling.stop.reason == "time-limit" or 2 * sampling.seconds > seconds or 2 * samples > MAX_SPP:
+            break
+        samples *= 2
+        sampling.settings = replace(uniform, spp=samples)
+    sampling.settings = settings
+    if not sampling.rows:
+        return None
+    before = time.perf_counter()
+    sampling.film.error_sums(ALL_PIXELS, core.threads(settings))
+    measuring = time.perf_counter() - before
+    sampled = max(sampling.seconds - measuring * len(sampling.rows), 0.1 * sampling.seconds)
+    return Pilot(sampling, sampling.rows[-1], sampled / max(sampling.film.rays, 1), measuring)
+
+
+def usual_targets(pilot: Pilot) -> Sequence[float]:
+    """Round targets from the pilot's error down: 1, 2 and 5 times powers of ten."""
+    value = pilot.row.error.of(pilot.metric).value
+    if not value > 0:
+        return []
+    steps = [digit * 10.0**power for power in range(math.floor(math.log10(value)), -9, -1) for digit in (5, 2, 1)]
+    return [step for step in steps if step < value][:6]

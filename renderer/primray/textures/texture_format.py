@@ -1,0 +1,91 @@
+"""What an image file says of itself: which channels are what, whether it is sRGB, how it wraps. Part of texture.py."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from typing import Any
+
+from ..description import Wrap
+
+# OpenImageIO's names for wrap modes, in textures made by maketx.
+_WRAPS = {"black": Wrap.BLACK, "clamp": Wrap.CLAMP, "periodic": Wrap.REPEAT, "mirror": Wrap.MIRROR}
+_PNG = b"\x89PNG\r\n\x1a\n"
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the file has grey or red, green and blue, and then alpha if it has any."""
+
+    channels: tuple[int, ...]
+    colors: int  # 1 or 3: how many come before alpha
+
+    def reduced(self, wanted: frozenset[str]) -> Layout:
+        """Without the channels that nobody reads, as far as a layout remains: "r" alone is a grey image's."""
+        colors = 1 if self.colors == 3 and not wanted & {"g", "b"} else self.colors
+        alpha = self.channels[self.colors :] if "a" in wanted else ()
+        return Layout(self.channels[:colors] + alpha, colors)
+
+
+def layout_of(names: tuple[str, ...]) -> Layout:
+    """By name where there are R, G and B, alone or in a layer ("diffuse.R"): the first one; else by their number.
+
+    One channel is grey, two are grey and alpha, three and more red, green, blue and alpha (UsdUVTexture).
+    """
+    upper = [name.upper() for name in names]
+    for name in upper:
+        layer = name.removesuffix("R")
+        if name.endswith("R") and (not layer or layer.endswith(".")) and {layer + "G", layer + "B"} <= set(upper):
+            rgb = tuple(upper.index(layer + c) for c in "RGB")
+            return Layout(rgb + ((upper.index(layer + "A"),) if layer + "A" in upper else ()), 3)
+    if "Y" in upper and not {"X", "Z"} & set(upper):
+        return Layout((upper.index("Y"),) + ((upper.index("A"),) if "A" in upper else ()), 1)
+    count = min(len(names), 4)
+    return Layout(tuple(range(count)), 3 if count >= 3 else 1)
+
+
+def is_srgb(spec: Any, path: str) -> bool:
+    """What "auto" means: as the file's metadata say, else sRGB for 8 bits with 3 or 4 channels (UsdUVTexture)."""
+    says = _png_says(path)
+    if says is not None:
+        return says
+    if spec.getattribute("Exif:ColorSpace") == 1 or "sRGB" in str(spec.getattribute("ICCProfile:profile_description") or ""):
+        return True
+    import OpenImageIO as oiio
+
+    return bool(spec.format.basetype == oiio.UINT8 and spec.nchannels in (3, 4))
+
+
+def _png_says(path: str) -> bool | None:
+    """By its sRGB or gAMA chunk, which come before the pixels; None where it is no PNG or has neither.
+
+    OpenImageIO's own attribute does not tell: it is sRGB also for files that say nothing.
+    """
+    gamma = None
+    with open(path, "rb") as file:
+        if file.read(8) != _PNG:
+            return None
+        while len(head := file.read(8)) == 8:
+            length, kind = struct.unpack(">I4s", head)
+            if kind == b"sRGB":
+                return True
+            if kind in (b"IDAT", b"IEND"):
+                break
+            if kind == b"gAMA" and length == 4:
+                gamma = struct.unpack(">I", file.read(4))[0] / 100000
+                length = 0
+            file.seek(length + 4, 1)
+    if gamma is None:
+        return None
+    return True if abs(gamma - 1 / 2.2) < 0.01 else False if abs(gamma - 1) < 0.01 else None
+
+
+def wraps_of(spec: Any) -> tuple[Wrap, Wrap]:
+    """In s and t; black where the file does not say (UsdUVTexture, useMetadata)."""
+    modes = str(spec.getattribute("wrapmodes") or "black").split(",")
+    return _WRAPS.get(modes[0], Wrap.BLACK), _WRAPS.get(modes[-1], Wrap.BLACK)
+
+
+def environment_of(spec: Any) -> str:
+    """OpenEXR's envmap attribute, and what maketx writes, under OpenImageIO's name for both."""
+    return {"LatLong Environment": "latlong", "CubeFace Environment": "cube"}.get(str(spec.getattribute("textureformat")), "")

@@ -1,0 +1,119 @@
+"""All textures of a description, each file read once whoever uses it, several at a time; what cannot be read is noted."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from ..description import LightType, SceneDescription, TextureFile, TextureInput
+from ..diagnostics import Diagnostics
+from ..errors import AssetError, LimitError
+from .texture import ReadAsset, Texture, load_texture
+
+TextureSet = dict[TextureFile, list[tuple[int, Texture]]]
+
+THREADS = 8
+BRIGHTEST_TEXEL = 1e15  # of a light: times its tint it must stay a float
+
+
+@dataclass
+class _Use:
+    """Who reads a file: its channels, and where to report what is wrong with it."""
+
+    channels: set[str] = field(default_factory=set)
+    light: str | None = None  # the light that it belongs to
+    without: str = ""  # what becomes of that light where the file cannot be read
+    surface: str = ""
+
+
+def load_texture_set(description: SceneDescription, diagnostics: Diagnostics, read: ReadAsset | None) -> TextureSet:
+    """The images of every file that can be read, with their tiles' numbers, or 0."""
+    uses = _uses(description)
+    same = _alpha_elsewhere(uses)
+    for other in same.values():
+        uses[other].channels.add("a")
+    jobs = [(file, number, path) for file in uses if file not in same for number, path in _images(file)]
+
+    def load(job: tuple[TextureFile, int, str]) -> Texture | AssetError | LimitError:
+        file, _, path = job
+        try:
+            return load_texture(file, read, path=path, channels=frozenset(uses[file].channels))
+        except (AssetError, LimitError) as error:
+            return error
+
+    found: TextureSet = {}
+    with ThreadPoolExecutor(min(THREADS, len(os.sched_getaffinity(0)))) as threads:
+        for (file, number, path), loaded in zip(jobs, threads.map(load, jobs), strict=True):
+            if isinstance(loaded, Texture):
+                found.setdefault(file, []).append((number, _noted(loaded, path, uses[file], diagnostics)))
+            else:
+                _note_unreadable(loaded, uses[file], diagnostics)
+    return found | {file: found[other] for file, other in same.items() if other in found}
+
+
+def _uses(description: SceneDescription) -> dict[TextureFile, _Use]:
+    uses: dict[TextureFile, _Use] = {}
+    for light in description.lights:
+        if light.texture is not None:
+            use = uses.setdefault(light.texture, _Use())
+            use.channels |= set("rgb")
+            use.light = use.light or light.path
+            use.without = "it shines without" if light.type is LightType.RECT else "the light is left out"
+    for surface in description.surfaces:
+        for _, reads in surface.inputs:
+            if isinstance(reads, TextureInput) and reads.file.path:
+                use = uses.setdefault(reads.file, _Use())
+                use.channels |= set(reads.channels)
+                use.surface = use.surface or surface.path
+    return uses
+
+
+def _alpha_elsewhere(uses: dict[TextureFile, _Use]) -> dict[TextureFile, TextureFile]:
+    """For files of which only alpha is read: the same file in another colour space, which leaves alpha as it is."""
+    read_more = {(f.path, f.tiles): f for f, use in uses.items() if use.channels != {"a"} and use.light is None}
+    only_alpha = [f for f, use in uses.items() if use.channels == {"a"}]
+    return {f: read_more[f.path, f.tiles] for f in only_alpha if (f.path, f.tiles) in read_more}
+
+
+def _images(file: TextureFile) -> Iterator[tuple[int, str]]:
+    yield from file.tiles or ((0, file.path),)
+
+
+def _noted(texture: Texture, path: str, use: _Use, diagnostics: Diagnostics) -> Texture:
+    bad, where = texture.bad_texels, use.light or use.surface
+    if use.light is not None and texture.to_target is not None and (texture.to_target < 0).any():
+        texture = replace(texture, stored=texture.pixels, srgb_channels=0, to_target=None)
+    if use.light is not None and texture.stored.dtype.kind == "f":  # no light is negative
+        negative = _texels(texture.stored < 0)
+        if negative:  # also colours outside the rendering space: the nearest inside keeps its other channels
+            bad += negative
+            texture = replace(texture, stored=np.maximum(texture.stored, np.float32(0)))
+        bright = _texels(texture.stored > BRIGHTEST_TEXEL)
+        if bright:
+            diagnostics.add(
+                "texture-bad-texels", where, f"{bright} texels are above {BRIGHTEST_TEXEL:g}, and read as that ({path})"
+            )
+            texture = replace(texture, stored=np.minimum(texture.stored, np.float32(BRIGHTEST_TEXEL)))
+    if bad:
+        kind = "negative (or outside the rendering space) or not finite" if use.light is not None else "not finite"
+        diagnostics.add("texture-bad-texels", where, f"{bad} texels are {kind}, and read as 0 ({path})")
+    if texture.turned:
+        diagnostics.add("texture-turned", where, f"The file asks to be shown turned or mirrored ({path}).")
+    return texture
+
+
+def _texels(marked: npt.NDArray[np.bool_]) -> int:
+    """How many have a channel that is marked, (H, W, C). Most often none, which is seen thirty times as fast."""
+    return int(np.count_nonzero(marked.any(axis=2))) if marked.any() else 0
+
+
+def _note_unreadable(error: AssetError | LimitError, use: _Use, diagnostics: Diagnostics) -> None:
+    if use.light is not None:
+        diagnostics.add("texture-unreadable", use.light, f"{use.without}: {error.message} ({error.where})")
+    if use.surface:
+        diagnostics.add("texture-unreadable", use.surface, f"the fallback is used: {error.message} ({error.where})")

@@ -1,0 +1,1 @@
+"""UsdGeomCamera: its window and lens, shutter and clipping."""

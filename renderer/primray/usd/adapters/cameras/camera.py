@@ -1,0 +1,199 @@
+"""UsdGeomCamera to the description's camera: rigid frame, window conformed to the image, thin lens, exposure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from pxr import Gf, Usd, UsdGeom
+
+from ....arrays import Doubles
+from ....description import Camera, Projection
+from ....diagnostics import Diagnostics
+from ...resolving.convert import matrix
+from ...resolving.read import When, number, token
+from ...resolving.resolve import local_matrix
+from ..rendering.render_product import ProductSettings
+from .clipping import clipping_planes, clipping_range
+from .lens import MM, WIDEST, Lens, note_no_lens, read_lens
+from .shutter import INSTANT, read_shutter
+
+# Beyond this floats would overflow: an exposure is multiplied by radiance.
+BRIGHTEST = 2.0**64
+
+
+@dataclass(frozen=True)
+class Aperture:
+    """The film's extent and offset in the camera's own units."""
+
+    width: float
+    height: float
+    offset_x: float = 0.0
+    offset_y: float = 0.0
+
+    @property
+    def aspect(self) -> float:
+        return self.width / self.height
+
+
+def read_aperture(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Aperture:
+    def positive(name: str, default: float) -> float:
+        size = number(prim, name, when, default, diagnostics)
+        if size > 0:
+            return size
+        diagnostics.add("out-of-range", str(prim.GetPath()), f"{name} = {size:g} is not positive: {default:g} is used.", name)
+        return default
+
+    return Aperture(
+        positive("horizontalAperture", 20.955),
+        positive("verticalAperture", 15.2908),
+        number(prim, "horizontalApertureOffset", when, 0.0, diagnostics),
+        number(prim, "verticalApertureOffset", when, 0.0, diagnostics),
+    )
+
+
+def conform(aperture: Aperture, resolution: tuple[int, int], product: ProductSettings) -> Aperture:
+    """The aperture adapted to the image (UsdRenderSettingsBase, aspectRatioConformPolicy); offsets stay as they are."""
+    image = product.pixel_aspect_ratio * resolution[0] / resolution[1]
+    policy = product.conform_policy
+    wider = aperture.aspect > image
+    taller, narrower = replace(aperture, height=aperture.width / image), replace(aperture, width=aperture.height * image)
+    match policy:
+        case "adjustPixelAspectRatio":
+            return aperture  # the pixels follow it: pixel_aspect_ratio
+        case "adjustApertureWidth":
+            return narrower
+        case "adjustApertureHeight":
+            return taller
+        case "cropAperture":
+            return narrower if wider else taller
+        case _:
+            return taller if wider else narrower
+
+
+def pixel_aspect_ratio(aperture: Aperture, resolution: tuple[int, int], product: ProductSettings) -> float:
+    """Width over height of a pixel, once the policy has its way."""
+    if product.conform_policy == "adjustPixelAspectRatio":
+        return aperture.aspect * resolution[1] / resolution[0]
+    return product.pixel_aspect_ratio
+
+
+def camera(
+    prim: Usd.Prim, when: When, resolution: tuple[int, int], product: ProductSettings, diagnostics: Diagnostics
+) -> Camera:
+    path = str(prim.GetPath())
+    aperture = conform(read_aperture(prim, when, diagnostics), resolution, product)
+    orthographic = token(prim, "projection", when, "perspective") == "orthographic"
+    focal = number(prim, "focalLength", when, 50.0, diagnostics)
+    if focal <= 0 and not orthographic:
+        diagnostics.add("out-of-range", path, f"focalLength = {focal:g} is not positive: 50 is used.", "focalLength")
+        focal = 50.0
+    window = window_of(aperture, MM if orthographic else 1.0 / focal)
+    if not _is_usable(window):
+        shown = ", ".join(f"{side:g}" for side in window)
+        diagnostics.add("camera-input", path, f"No film can be as wide as ({shown}) at unit distance: apertures are ignored.")
+        focal, aperture = max(focal, 50.0), conform(Aperture(20.955, 15.2908), resolution, ProductSettings())
+        window = window_of(aperture, MM if orthographic else 1.0 / focal)
+    lens = Lens()
+    if orthographic:
+        note_no_lens(prim, when, product.disable_depth_of_field, diagnostics)
+    else:
+        lens = read_lens(prim, focal, when, product.disable_depth_of_field, diagnostics)
+    shutter = read_shutter(prim, when, product.disable_motion_blur, diagnostics)
+    exposure_scale = _exposure_scale(prim, when, diagnostics)
+    _note_ignored(prim, when, diagnostics)
+    return Camera(
+        path,
+        _world_from_camera(prim, when, diagnostics),
+        Projection.ORTHOGRAPHIC if orthographic else Projection.PERSPECTIVE,
+        window,
+        clipping_range(prim, when, orthographic, diagnostics),
+        lens.radius,
+        lens.focus_distance,
+        0.0 if shutter is None else exposure_scale,
+        lens.blades,
+        lens.rotation_deg,
+        clipping_planes(prim, when, diagnostics),
+        shutter or INSTANT,
+    )
+
+
+def window_of(aperture: Aperture, scale: float) -> tuple[float, float, float, float]:
+    """GfCamera::GetFrustum: the aperture about its offset, over the focal length or in scene units."""
+    x, y, w, h = aperture.offset_x, aperture.offset_y, aperture.width / 2, aperture.height / 2
+    return ((x - w) * scale, (x + w) * scale, (y - h) * scale, (y + h) * scale)
+
+
+def _is_usable(window: tuple[float, float, float, float]) -> bool:
+    """Whether floats can tell its sides apart, and square them."""
+    with np.errstate(over="ignore"):
+        left, right, bottom, top = map(np.float32, window)
+    return bool(left < right and bottom < top and np.abs([left, right, bottom, top]).max() < WIDEST)
+
+
+def _exposure_scale(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> float:
+    """UsdGeomCamera::ComputeLinearExposureScale: responsivity * time * iso / 100 * 2^exposure / fStop^2."""
+
+    def get(name: str, default: float) -> float:
+        return number(prim, name, when, default, diagnostics)
+
+    def note(what: str) -> None:
+        diagnostics.add("camera-input", str(prim.GetPath()), what)
+
+    f_stop = get("exposure:fStop", 1.0)
+    time, iso, responsivity = get("exposure:time", 1.0), get("exposure:iso", 100.0), get("exposure:responsivity", 1.0)
+    if f_stop <= 0:
+        note(f"exposure:fStop = {f_stop:g} is not positive: 1 is used.")
+        f_stop = 1.0
+    if min(time, iso, responsivity) < 0:
+        note("An exposure (time, iso or responsivity) below 0 is ignored: 1 is used for all.")
+        return 1.0
+    # In double, where neither these floats' products nor their squares overflow; powers of two would.
+    scale = responsivity * time * iso / 100.0 / f_stop / f_stop
+    scale *= math.pow(2.0, min(max(get("exposure", 0.0), -1000.0), 400.0))
+    if not scale < BRIGHTEST:
+        note(f"The exposure multiplies the picture by {scale:g}, beyond what its floats hold: 1 is used.")
+        return 1.0
+    if scale < 1e-37:
+        note(f"The exposure multiplies the picture by {scale:g}: it is black.")
+    return scale
+
+
+def _world_from_camera(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Doubles:
+    """Rigid, as GfFrustum makes it: scale and shear are removed."""
+    gf = _world_matrix(prim, when)
+    if not np.isfinite(np.array(gf)).all():
+        diagnostics.add(
+            "invalid-transform", str(prim.GetPath()), "The camera's transform is not finite: it is placed at the origin."
+        )
+        return np.eye(4)
+    rigid = gf.RemoveScaleShear()
+    rigid.Orthonormalize()
+    before, after = matrix(gf), matrix(rigid)
+    if not np.allclose(before[:3, :3], after[:3, :3], atol=1e-4):
+        diagnostics.add(
+            "camera-scaled", str(prim.GetPath()), "Scale and shear are removed from its transform, as USD's GfFrustum does."
+        )
+    return after
+
+
+def _world_matrix(prim: Usd.Prim, when: When) -> Gf.Matrix4d:
+    cache = UsdGeom.XformCache(when.time)
+    if not when.careful:
+        return cache.GetLocalToWorldTransform(prim)
+    world = Gf.Matrix4d(1.0)
+    while prim and not prim.IsPseudoRoot():
+        local, resets = local_matrix(prim, frozenset(prim.GetAuthoredPropertyNames()), when, cache)
+        world = world * local
+        if resets:
+            break
+        prim = prim.GetParent()
+    return world
+
+
+def _note_ignored(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> None:
+    role = token(prim, "stereoRole", when, "mono")
+    if role != "mono":
+        message = f"stereoRole = {role} is ignored: the camera is rendered by itself, as one eye."
+        diagnostics.add("camera-input", str(prim.GetPath()), message, "stereoRole")

@@ -1,0 +1,1 @@
+"""UsdLux: emission, shaping, shadows, links and visibility of lights."""

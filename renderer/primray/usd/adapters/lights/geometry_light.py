@@ -1,0 +1,61 @@
+"""Shapes that LightAPI or MeshLightAPI makes lights, by light:materialSyncMode (UsdLux LightAPI)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ....description import Shape, Sphere, Surface
+from ...resolving.context import Context
+from ...resolving.read import token
+from ...resolving.resolve import ResolvedPrim
+from .light import geometry_light
+from .light_rules import rules_of
+
+GLOW, INDEPENDENT, NO_MATERIAL = "materialGlowTintsLight", "independent", "noMaterialResponse"
+# "As if there is no Material bound at all, i.e. there is no diffuse, specular, or transmissive response."
+LAMP = Surface("", lambert=True, diffuse_color=(0.0, 0.0, 0.0), emissive_color=(1.0, 1.0, 1.0))
+
+
+def sync_mode(prim: ResolvedPrim, ctx: Context) -> str:
+    """The modes relate a light to the glow "of geometry that has a bound Material": without one its color is all there is."""
+    if prim.material is None and not any(subset.material is not None for subset in prim.subsets):
+        return NO_MATERIAL
+    mode = token(prim.prim, "light:materialSyncMode", ctx.when, NO_MATERIAL)  # the schemas' own defaults come with them
+    if mode in (GLOW, INDEPENDENT, NO_MATERIAL):
+        return mode
+    message = f"light:materialSyncMode = {mode!r} is none of {GLOW}, {INDEPENDENT}, {NO_MATERIAL}: {NO_MATERIAL} is used."
+    ctx.warn("light-input", prim.path, message, "light:materialSyncMode")
+    return NO_MATERIAL
+
+
+def without_material(prim: ResolvedPrim, ctx: Context) -> ResolvedPrim:
+    """The prim as its adapter is to see it: where the material has no response, not even one that hides faces."""
+    return replace(prim, material=None, subsets=()) if sync_mode(prim, ctx) == NO_MATERIAL else prim
+
+
+def as_light(shape: Shape, prim: ResolvedPrim, ctx: Context) -> Shape:
+    light = rules_of(prim, ctx).applied(geometry_light(prim, ctx))
+    if not light.visible_to_camera:
+        ctx.warn("light-input", prim.path, "The camera sees this light all the same, since it is a shape of the scene.")
+    mode = sync_mode(prim, ctx)
+    if mode == NO_MATERIAL:
+        lamp = ctx.surface_index(LAMP)
+        light = replace(light, own_color=True, shows_own=True)
+        if isinstance(shape, Sphere):
+            return replace(shape, surface=lamp, primvars=(), light=light)
+        return replace(shape, surface=lamp, primvars=(), colors=None, light=light)
+    if mode == GLOW and not any(_glows(s) for s in _surfaces(shape, ctx)):
+        message = "materialGlowTintsLight: its light is tinted by the glow of its material, which has none. It gives no light."
+        ctx.warn("light-dark", prim.path, message, "light:materialSyncMode")
+    return replace(shape, light=replace(light, own_color=mode == INDEPENDENT))
+
+
+def _surfaces(shape: Shape, ctx: Context) -> list[Surface]:
+    all_surfaces = list(ctx.surfaces)
+    return [all_surfaces[i] for i in np.unique(np.atleast_1d(np.asarray(shape.surface))).tolist() if i >= 0]
+
+
+def _glows(surface: Surface) -> bool:
+    return any(surface.emissive_color) or any(name == "emissive_color" for name, _ in surface.inputs)

@@ -1,0 +1,283 @@
+"""UsdLux lights to what they emit: L = color * temperature * intensity * 2^exposure / sizeFactor (UsdLux LightAPI)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from pxr import Sdf, UsdGeom, UsdLux
+
+from ....arrays import Doubles
+from ....color.color_space import REC709, converted
+from ....description import Light, LightType, TextureFile
+from ...lights.light_area import cylinder_area, disk_area, rect_area, sphere_area
+from ...lights.light_color import light_color
+from ...lights.portals import portals_of
+from ...materials.texture_asset import light_texture
+from ...resolving.context import Context
+from ...resolving.read import flag, number, read, token
+from ...resolving.resolve import ResolvedPrim
+from .light_notes import note_ignored_inputs
+from .light_shaping import note_unshaped, peak, shaping
+
+Color = tuple[float, float, float]
+
+# What more radiance than this would do to single precision, nobody wants to see; of a dome with an image, the product of both.
+BRIGHTEST, BRIGHTEST_TINT = 1e30, 1e15
+# With normalize a light without size has a limit, a point or a line of the same power. It is rendered with this size.
+SMALLEST = 1e-12
+_FORMATS = ("automatic", "latlong", "mirroredBall", "angular", "cubeMapVerticalCross")  # UsdLux, DomeLight
+COOLEST_K, HOTTEST_K = 1000.0, 10000.0  # of UsdLux.BlackbodyTemperatureAsRgb
+
+
+def light(prim: ResolvedPrim, world_from_light: Doubles, ctx: Context) -> Light | None:
+    """The light at this matrix; None where it emits nothing, with a diagnostic."""
+    note_ignored_inputs(prim, ctx)
+    return _BY_TYPE[prim.type_name](prim, world_from_light, ctx)
+
+
+def _radiance(prim: ResolvedPrim, ctx: Context) -> Color:
+    """Before division by the light's size."""
+    r, g, b = light_color(prim, "inputs:color", (1.0, 1.0, 1.0), ctx)
+    scale = _number(prim, "inputs:intensity", 1.0, ctx) * _exp2(_number(prim, "inputs:exposure", 0.0, ctx))
+    if "inputs:enableColorTemperature" in prim.names and flag(prim.prim, "inputs:enableColorTemperature", ctx.when, False):
+        kelvin = _within(prim, "inputs:colorTemperature", 6500.0, COOLEST_K, HOTTEST_K, ctx)
+        rec709 = np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin))  # "then transformed to the rendering color space"
+        tint = converted(rec709, REC709, ctx.rendering_space).tolist()
+        r, g, b = r * tint[0], g * tint[1], b * tint[2]
+    return (r * scale, g * scale, b * scale)
+
+
+def _emission(prim: ResolvedPrim, emission: Color, brightest: float, ctx: Context) -> Color:
+    """As much of it as can be rendered: light is not negative, and single precision ends."""
+    if min(emission) < 0:
+        ctx.warn(
+            "out-of-range", prim.path, f"Its emission {_shown(emission)} is negative: that is taken as 0.", "inputs:intensity"
+        )
+    if max(emission) > brightest:
+        message = f"Its emission {_shown(emission)} is taken as no more than {brightest:g}."
+        ctx.warn("out-of-range", prim.path, message, "inputs:intensity")
+    r, g, b = (min(max(x, 0.0), brightest) for x in emission)
+    return (r, g, b)
+
+
+def _shown(color: Color) -> str:
+    return f"({color[0]:g}, {color[1]:g}, {color[2]:g})"
+
+
+def _exp2(exposure: float) -> float:
+    return math.pow(2.0, min(exposure, 1000.0))
+
+
+def _sized(prim: ResolvedPrim, radiance: Color, area: float, ctx: Context) -> Color | None:
+    """`radiance` divided by the area if normalize is on; None, noted, where nothing is emitted."""
+    if area == 0 or not math.isfinite(area):
+        ctx.warn("light-dark", prim.path, f"The light's area is {area:g}: it emits nothing.")
+        return None
+    return _over(radiance, area) if _normalizes(prim, ctx) else radiance
+
+
+def _size(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:
+    size = _number(prim, name, default, ctx)
+    if size < 0:
+        ctx.warn("out-of-range", prim.path, f"{name} = {size:g} is negative: it is taken as {-size:g}.", name)
+    return max(abs(size), SMALLEST) if _normalizes(prim, ctx) else abs(size)
+
+
+def _has_depth(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> bool:
+    """Whether a light that needs all three axes has them; noted where it has not."""
+    if _spans_space(matrix[:3, :3].tobytes()):
+        return True
+    ctx.warn("light-dark", prim.path, "Its transform leaves it without depth: it emits nothing.")
+    return False
+
+
+@lru_cache(maxsize=256)
+def _spans_space(linear: bytes) -> bool:
+    axes = np.frombuffer(linear).reshape(3, 3)
+    return bool(abs(np.linalg.det(axes)) > 1e-14 * np.prod(np.linalg.norm(axes, axis=0)))
+
+
+def _sphere(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
+    radius = _size(prim, "inputs:radius", 0.5, ctx)
+    radiance = _radiance(prim, ctx)
+    area, normalizes = sphere_area(matrix, radius), _normalizes(prim, ctx)
+    if flag(prim.prim, "treatAsPoint", ctx.when, False) or (normalizes and radius <= SMALLEST):
+        # The limit of a sphere: I = L pi r^2, a quarter of its area (also an ellipsoid's mean, by Cauchy's formula).
+        if not normalizes and area == 0:
+            ctx.warn("light-dark", prim.path, "A sphere light of radius 0 without normalize emits nothing.")
+            return None
+        intensity = _times(radiance, 0.25 if normalizes else 0.25 * area)
+        return _light(prim, LightType.POINT, matrix, intensity, ctx)
+    emission = _sized(prim, radiance, area, ctx)
+    if emission is None or not _has_depth(prim, matrix, ctx):
+        return None
+    return _light(prim, LightType.SPHERE, matrix, emission, ctx, radius=radius)
+
+
+def _disk(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
+    radius = _size(prim, "inputs:radius", 0.5, ctx)
+    emission = _sized(prim, _radiance(prim, ctx), disk_area(matrix, radius), ctx)
+    return emission and _light(prim, LightType.DISK, matrix, emission, ctx, radius=radius)
+
+
+def _rect(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
+    width, height = _size(prim, "inputs:width", 1.0, ctx), _size(prim, "inputs:height", 1.0, ctx)
+    emission = _sized(prim, _radiance(prim, ctx), rect_area(matrix, width, height), ctx)
+    if emission is None:
+        return None
+    return _light(prim, LightType.RECT, matrix, emission, ctx, width=width, height=height, texture=_texture(prim, ctx))
+
+
+def _cylinder(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light | None:
+    length, radius = _size(prim, "inputs:length", 1.0, ctx), _size(prim, "inputs:radius", 0.5, ctx)
+    area = cylinder_area(matrix, length, radius)
+    emission = _sized(prim, _radiance(prim, ctx), area, ctx)
+    if emission is None:
+        return None
+    if flag(prim.prim, "treatAsLine", ctx.when, False) or (_normalizes(prim, ctx) and radius <= SMALLEST):
+        # The limit of a cylinder. Across it a length dl of one shows L 2 r dl, which is L times its area over pi (also of an
+        # elliptic one's mean, by Cauchy's formula).
+        stretched = length * float(np.linalg.norm(matrix[:3, 0]))
+        return _light(prim, LightType.LINE, matrix, _times(emission, area / (math.pi * stretched)), ctx, length=length)
+    if not _has_depth(prim, matrix, ctx):
+        return None
+    return _light(prim, LightType.CYLINDER, matrix, emission, ctx, length=length, radius=radius)
+
+
+def _distant(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light:
+    angle_deg = _within(prim, "inputs:angle", 0.53, 0.0, 360.0, ctx)
+    radiance = _radiance(prim, ctx)
+    if _normalizes(prim, ctx):
+        radiance = _over(radiance, distant_size_factor(angle_deg))
+    return _light(prim, LightType.DISTANT, matrix, radiance, ctx, angle_deg=angle_deg)
+
+
+def distant_size_factor(angle_deg: float) -> float:
+    """UsdLux DistantLight: 1 at angle 0, pi sin^2 theta up to 180 degrees, pi (2 - sin^2 theta) beyond."""
+    theta = min(max(math.radians(angle_deg) / 2, 0.0), math.pi)
+    if theta == 0:
+        return 1.0
+    squared = math.sin(theta) ** 2
+    return math.pi * squared if theta <= math.pi / 2 else math.pi * (2.0 - squared)
+
+
+def _dome(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Light:
+    """Normalize has no effect on domes (UsdLux LightAPI)."""
+    if prim.type_name == "DomeLight_1":
+        matrix = matrix @ _pole_rotation(prim, ctx)
+    texture = _texture(prim, ctx)
+    dome = _light(prim, LightType.DOME, matrix, _radiance(prim, ctx), ctx, texture=texture)
+    portals = portals_of(prim, matrix, ctx) if "portals" in prim.names else ()
+    return replace(dome, texture_format=_texture_format(prim, ctx) if texture else "automatic", portals=portals)
+
+
+def _pole_rotation(prim: ResolvedPrim, ctx: Context) -> Doubles:
+    """DomeLight_1 with pole Z: latitude +pi/2 points to +Z and longitude 0 to -Y; longitude pi/2 stays at +X."""
+    axis = token(prim.prim, "poleAxis", ctx.when, "scene")
+    if axis == "scene":
+        axis = str(UsdGeom.GetStageUpAxis(ctx.stage))
+    turned = np.eye(4)
+    if axis == "Z":
+        turned[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
+    return turned
+
+
+def _texture(prim: ResolvedPrim, ctx: Context) -> TextureFile | None:
+    """The image of a dome or rectangle. One that is missing is left out: the light then emits its plain colour."""
+    if "inputs:texture:file" not in prim.names:
+        return None
+    asset = read(prim.prim, "inputs:texture:file", ctx.when)
+    if not isinstance(asset, Sdf.AssetPath) or not asset.path:
+        return None
+    if not asset.resolvedPath:
+        kind = "dome" if prim.type_name.startswith("Dome") else "light"
+        message = f"{asset.path} cannot be found: the {kind} is rendered without its texture."
+        ctx.warn("asset-missing", prim.path, message, "inputs:texture:file")
+        return None
+    return light_texture(asset.resolvedPath, prim.prim.GetAttribute("inputs:texture:file"), prim, ctx)
+
+
+def _texture_format(prim: ResolvedPrim, ctx: Context) -> str:
+    layout = token(prim.prim, "inputs:texture:format", ctx.when, "automatic")
+    if layout in _FORMATS:
+        return layout
+    message = f"inputs:texture:format = {layout!r} is none of {', '.join(_FORMATS)}: automatic is used."
+    ctx.warn("light-input", prim.path, message, "inputs:texture:format")
+    return "automatic"
+
+
+def geometry_light(prim: ResolvedPrim, ctx: Context) -> Light:
+    """What a shape gives that has LightAPI: its radiance before the area, which is known where it stands."""
+    note_ignored_inputs(prim, ctx)
+    return replace(_light(prim, LightType.GEOMETRY, np.eye(4), _radiance(prim, ctx), ctx), normalize=_normalizes(prim, ctx))
+
+
+def _light(
+    prim: ResolvedPrim,
+    kind: LightType,
+    matrix: Doubles,
+    emission: Color,
+    ctx: Context,
+    *,
+    width: float = 1.0,
+    height: float = 1.0,
+    radius: float = 0.5,
+    length: float = 1.0,
+    angle_deg: float = 0.0,
+    texture: TextureFile | None = None,
+) -> Light:
+    diffuse = _within(prim, "inputs:diffuse", 1.0, 0.0, BRIGHTEST, ctx)
+    specular = _within(prim, "inputs:specular", 1.0, 0.0, BRIGHTEST, ctx)
+    shaped = None
+    if kind in (LightType.DISTANT, LightType.DOME):
+        note_unshaped(prim, ctx)
+    else:
+        shaped = shaping(prim, matrix, ctx)
+    brightest = (BRIGHTEST_TINT if texture else BRIGHTEST) / max(peak(shaped), 1.0)
+    emission = _emission(prim, emission, brightest, ctx)
+    sizes = (width, height, radius, length, angle_deg)
+    return Light(prim.path, kind, matrix, emission, *sizes, diffuse, specular, texture, shaping=shaped)
+
+
+def _number(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:
+    # Asking USD takes most of the time of 100,000 lights. Of numbers, intensity alone has other defaults for other lights.
+    if name not in prim.names and name != "inputs:intensity":
+        return default
+    return number(prim.prim, name, ctx.when, default, ctx.diagnostics)
+
+
+def _within(prim: ResolvedPrim, name: str, default: float, low: float, high: float, ctx: Context) -> float:
+    """A number in its range; one that is brought there is noted."""
+    found = _number(prim, name, default, ctx)
+    inside = min(max(found, low), high)
+    if inside != found:
+        message = f"{name} = {found:g} is outside [{low:g}, {high:g}]: it is taken as {inside:g}."
+        ctx.warn("out-of-range", prim.path, message, name)
+    return inside
+
+
+def _normalizes(prim: ResolvedPrim, ctx: Context) -> bool:
+    return "inputs:normalize" in prim.names and flag(prim.prim, "inputs:normalize", ctx.when, False)
+
+
+def _over(color: Color, divisor: float) -> Color:
+    return (color[0] / divisor, color[1] / divisor, color[2] / divisor)
+
+
+def _times(color: Color, factor: float) -> Color:
+    return (color[0] * factor, color[1] * factor, color[2] * factor)
+
+
+_BY_TYPE: dict[str, Callable[[ResolvedPrim, Doubles, Context], Light | None]] = {
+    "SphereLight": _sphere,
+    "DiskLight": _disk,
+    "RectLight": _rect,
+    "CylinderLight": _cylinder,
+    "DistantLight": _distant,
+    "DomeLight": _dome,
+    "DomeLight_1": _dome,
+}

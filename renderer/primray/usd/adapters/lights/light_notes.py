@@ -1,0 +1,24 @@
+"""What a light asks for and does not get, as diagnostics: filters, other shaders."""
+
+from __future__ import annotations
+
+from ...resolving.context import Context
+from ...resolving.read import read
+from ...resolving.resolve import ResolvedPrim
+
+
+def note_ignored_inputs(prim: ResolvedPrim, ctx: Context) -> None:
+    if "light:filters" in prim.names and prim.prim.GetRelationship("light:filters").GetTargets():
+        ctx.warn("light-input", prim.path, "Light filters are ignored.", "light:filters")
+    _note_shader(prim, ctx)
+
+
+def _note_shader(prim: ResolvedPrim, ctx: Context) -> None:
+    """light:shaderId is the schema's own for every light that is rendered; nothing stands for others."""
+    if "light:shaderId" not in prim.names:
+        return
+    shader = read(prim.prim, "light:shaderId", ctx.when)
+    own = {prim.type_name, prim.type_name.removesuffix("_1"), "MeshLight", ""}
+    if shader not in own:
+        message = f"light:shaderId = {shader!r} is ignored: it is rendered as its type says."
+        ctx.warn("light-input", prim.path, message, "light:shaderId")

@@ -1,0 +1,40 @@
+"""What belongs to a light beside its emission: whom it reaches, who casts its shadows and how, whether the camera sees it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from ....description import Light, Shadow
+from ...resolving.context import Context
+from ...resolving.resolve import ResolvedPrim
+from .light_shadow import shadow_of
+from .light_visibility import is_seen_by_camera
+
+
+@dataclass(frozen=True)
+class LightRules:
+    """Of all instances of one prim with LightAPI."""
+
+    shadow: Shadow | None = None
+    light_link: int = 0
+    shadow_link: int = 0
+    visible_to_camera: bool = True
+
+    def applied(self, light: Light) -> Light:
+        if self == _NONE:
+            return light
+        return replace(
+            light,
+            shadow=self.shadow,
+            light_link=self.light_link,
+            shadow_link=self.shadow_link,
+            visible_to_camera=self.visible_to_camera,
+        )
+
+
+_NONE = LightRules()
+
+
+def rules_of(prim: ResolvedPrim, ctx: Context) -> LightRules:
+    links = (0, 0) if ctx.links is None else ctx.links.of_light(prim)
+    return LightRules(shadow_of(prim, ctx), *links, is_seen_by_camera(prim, ctx))

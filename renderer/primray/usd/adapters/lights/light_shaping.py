@@ -1,0 +1,125 @@
+"""UsdLux ShapingAPI: what it says of one light, None where it changes nothing.
+
+Attributes count that are authored though the schema is not applied; its fallbacks, a cone of 90 degrees among them, only
+where it is.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from pxr import Sdf
+
+from ....arrays import Doubles
+from ....description import IesProfile, Shaping
+from ...lights.ies_asset import FILE, ies_profile
+from ...lights.light_color import light_color
+from ...resolving.context import Context
+from ...resolving.read import flag, number, read
+from ...resolving.resolve import ResolvedPrim
+
+FOCUS, TINT = "inputs:shaping:focus", "inputs:shaping:focusTint"
+ANGLE, SOFTNESS = "inputs:shaping:cone:angle", "inputs:shaping:cone:softness"
+SCALE, NORMALIZE = "inputs:shaping:ies:angleScale", "inputs:shaping:ies:normalize"
+_NEUTRAL_ANGLE = 180.0
+_WHITE = (1.0, 1.0, 1.0)
+
+
+def shaping(prim: ResolvedPrim, matrix: Doubles, ctx: Context) -> Shaping | None:
+    applied = _is_applied(prim)
+    if not applied and not _authored(prim):
+        return None
+    profile = _profile(prim, ctx)
+    found = Shaping(
+        _focus(prim, ctx),
+        _tint(prim, ctx),
+        _cone_angle(prim, 90.0 if applied else _NEUTRAL_ANGLE, ctx),
+        _softness(prim, ctx),
+        profile,
+        number(prim.prim, SCALE, ctx.when, 0.0, ctx.diagnostics),
+        profile is not None and profile.power > 0 and flag(prim.prim, NORMALIZE, ctx.when, False),
+    )
+    return found if _changes_anything(found, prim, matrix) else None
+
+
+def peak(found: Shaping | None) -> float:
+    """No component of the light's emission grows by more than this."""
+    if found is None:
+        return 1.0
+    focus = max(1.0, *found.focus_tint) if found.focus > 0 else 1.0
+    if found.ies is None:
+        return focus
+    divisor = found.ies.power if found.ies_normalize else 1.0
+    return focus * float(found.ies.candela.max()) / divisor
+
+
+def note_unshaped(prim: ResolvedPrim, ctx: Context) -> None:
+    """For lights to which shaping does not apply: what is asked for in vain."""
+    for name in sorted(_authored(prim)):
+        raw = read(prim.prim, name, ctx.when)
+        if name == FILE and not (isinstance(raw, Sdf.AssetPath) and raw.path):
+            continue
+        if (name == FOCUS and raw in (None, 0.0)) or (name == ANGLE and isinstance(raw, float) and raw >= 180.0):
+            continue
+        message = f"{name} is ignored: shaping does not apply to a {prim.type_name}."
+        ctx.warn("light-input", prim.path, message, name)
+
+
+def _is_applied(prim: ResolvedPrim) -> bool:
+    return any(str(schema) == "ShapingAPI" for schema in prim.prim.GetAppliedSchemas())
+
+
+def _authored(prim: ResolvedPrim) -> list[str]:
+    return [name for name in prim.names if name.startswith("inputs:shaping:")]
+
+
+def _focus(prim: ResolvedPrim, ctx: Context) -> float:
+    """ "Values < 0 are ignored" (ShapingAPI)."""
+    focus = number(prim.prim, FOCUS, ctx.when, 0.0, ctx.diagnostics)
+    if focus < 0:
+        ctx.warn("light-input", prim.path, f"{FOCUS} = {focus:g} is negative: it is ignored.", FOCUS)
+    return max(focus, 0.0)
+
+
+def _tint(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, float]:
+    r, g, b = light_color(prim, TINT, (0.0, 0.0, 0.0), ctx)
+    if min(r, g, b) < 0:
+        ctx.warn("out-of-range", prim.path, f"{TINT} = ({r:g}, {g:g}, {b:g}) is negative: that is taken as 0.", TINT)
+    return (max(r, 0.0), max(g, 0.0), max(b, 0.0))
+
+
+def _cone_angle(prim: ResolvedPrim, default: float, ctx: Context) -> float:
+    angle = number(prim.prim, ANGLE, ctx.when, default, ctx.diagnostics)
+    if angle <= 0:
+        ctx.warn("light-dark", prim.path, f"{ANGLE} = {angle:g} leaves no directions to emit in.", ANGLE)
+    return angle
+
+
+def _softness(prim: ResolvedPrim, ctx: Context) -> float:
+    """ "Values outside of the [0, 1] range are clamped to the range" (ShapingAPI)."""
+    softness = number(prim.prim, SOFTNESS, ctx.when, 0.0, ctx.diagnostics)
+    inside = min(max(softness, 0.0), 1.0)
+    if inside != softness:
+        message = f"{SOFTNESS} = {softness:g} is outside [0, 1]: it is taken as {inside:g}."
+        ctx.warn("out-of-range", prim.path, message, SOFTNESS)
+    return inside
+
+
+def _profile(prim: ResolvedPrim, ctx: Context) -> IesProfile | None:
+    asset = read(prim.prim, FILE, ctx.when)
+    if not isinstance(asset, Sdf.AssetPath) or not asset.path:
+        return None
+    return ies_profile(asset, prim.path, ctx)
+
+
+def _changes_anything(found: Shaping, prim: ResolvedPrim, matrix: Doubles) -> bool:
+    if found.ies is not None or (found.focus > 0 and found.focus_tint != _WHITE) or found.cone_softness > 0:
+        return True
+    # A flat light whose -Z is its normal has no light beyond 90 degrees that a cone could take away.
+    flat = prim.type_name in ("RectLight", "DiskLight") and _is_straight(matrix)
+    return found.cone_angle_deg < (90.0 if flat else _NEUTRAL_ANGLE)
+
+
+def _is_straight(matrix: Doubles) -> bool:
+    x, y, z = matrix[:3, :3].T
+    size = float(np.linalg.norm(z))
+    return all(abs(float(axis @ z)) <= 1e-9 * size * float(np.linalg.norm(axis)) for axis in (x, y)) and size > 0

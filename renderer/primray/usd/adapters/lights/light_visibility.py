@@ -1,0 +1,41 @@
+"""Whether the camera sees a light itself. UsdLux has no word for it: what its renderers read is honoured, and lights are
+seen by default, as hdEmbree's reference and the text ("a directly visible light") have them."""
+
+from __future__ import annotations
+
+from ...resolving.context import Context
+from ...resolving.read import read
+from ...resolving.resolve import ResolvedPrim
+
+# The first of these that is authored decides. Each is a number or a flag, 0 for lights that the camera does not see.
+ATTRIBUTES = (
+    "inputs:visibility:camera",  # hdEmbree of the UsdLux test suite
+    "primvars:ri:attributes:visibility:camera",  # RenderMan; hdOSPRay reads it as well
+    "karma:light:renderlightgeo",
+    "primvars:arnold:camera",  # a weight
+    "visibleInPrimaryRay",  # Omniverse RTX
+)
+_ATTRIBUTES = frozenset(ATTRIBUTES)
+
+
+def is_seen_by_camera(prim: ResolvedPrim, ctx: Context) -> bool:
+    if _ATTRIBUTES.isdisjoint(prim.names):
+        return True
+    found: list[tuple[str, bool]] = []
+    for name in ATTRIBUTES:
+        if name not in prim.names:
+            continue
+        raw = read(prim.prim, name, ctx.when)
+        if not isinstance(raw, bool | int | float):
+            ctx.warn("wrong-type", prim.path, f"{name} = {raw!r} is neither a flag nor a number: ignored.", name)
+            continue
+        if 0 < raw < 1:
+            ctx.warn("light-input", prim.path, f"{name} = {raw:g} is no whole weight: the camera sees the light.", name)
+        found.append((name, bool(raw > 0)))
+    if not found:
+        return True
+    decides, seen = found[0]
+    for name, other in found[1:]:
+        if other != seen:
+            ctx.warn("light-input", prim.path, f"{name} says otherwise than {decides}, which decides.", name)
+    return seen

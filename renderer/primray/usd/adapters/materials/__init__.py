@@ -1,0 +1,1 @@
+"""Which surface a shape gets, and what its material says."""

@@ -1,0 +1,230 @@
+"""UsdShadeMaterial to a Surface: UsdPreviewSurface's inputs, each a constant, a primvar or a texture (network_nodes).
+
+A material whose surface shader is anything else has no surface of ours: the shape shows its displayColor instead.
+`occlusion` has no effect: what it approximates, a path tracer computes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+from pxr import Usd, UsdShade
+
+from ....description import Input, PrimvarInput, Surface, TextureInput
+from ...materials.network import Constant, Node, as_numbers, constant_color, find_source, node_path, parameter
+from ...materials.network_nodes import NO_PRIMVAR, NODES, NodeKind, reader_input, texture_input
+from ...materials.primvars_read import COLOR_INPUTS, SURFACE_SHADERS
+from ...resolving.context import Context
+from ...resolving.notes import note_unknown_schemas
+from ...resolving.resolve import Inherited
+
+
+@dataclass(frozen=True)
+class _Slot:
+    """An input that may vary: the Surface's field, its default and its range (UsdPreviewSurface specification)."""
+
+    field: str
+    default: tuple[float, ...]
+    low: float = -math.inf
+    high: float = math.inf
+
+
+_SLOTS = {
+    "diffuseColor": _Slot("diffuse_color", (0.18, 0.18, 0.18), 0.0, 1.0),
+    "emissiveColor": _Slot("emissive_color", (0.0, 0.0, 0.0), 0.0, 1e30),  # as much as the core takes from textures
+    "specularColor": _Slot("specular_color", (0.0, 0.0, 0.0), 0.0, 1.0),
+    "metallic": _Slot("metallic", (0.0,), 0.0, 1.0),
+    "roughness": _Slot("roughness", (0.5,), 0.0, 1.0),
+    "clearcoat": _Slot("clearcoat", (0.0,), 0.0, 1.0),
+    "clearcoatRoughness": _Slot("clearcoat_roughness", (0.01,), 0.0, 1.0),
+    "opacity": _Slot("opacity", (1.0,), 0.0, 1.0),
+    "ior": _Slot("ior", (1.5,), 0.0),
+    "normal": _Slot("normal", (0.0, 0.0, 1.0)),
+}
+_OTHER_INPUTS = frozenset({"useSpecularWorkflow", "opacityMode", "opacityThreshold", "displacement", "occlusion"})
+
+
+@dataclass(frozen=True)
+class Material:
+    """`surface` is None where the displayColor stands in; `hidden`: cut out altogether by opacityThreshold."""
+
+    surface: Surface | None
+    hidden: bool = False
+
+
+@dataclass
+class _Inputs:
+    """The Surface's fields, as far as the shader has them."""
+
+    constants: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    varying: dict[str, Input] = field(default_factory=dict)
+
+
+def material(prim: Usd.Prim, bound_to: Inherited, ctx: Context) -> Material:
+    """The material's surface, translated once, or once for each colour scope handed down to the prototype that it is in."""
+    path = prim.GetPath()
+    outer = bound_to.outer_colors if prim.IsInPrototype() else ()
+    key = (path, outer) if outer else path
+    if key not in ctx.materials:
+        around = replace(ctx, outer_colors=outer) if outer else ctx
+        ctx.materials[key] = _translate(UsdShade.Material(prim), ctx.shown(str(path)), around)
+    made: Material = ctx.materials[key]
+    return made
+
+
+def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Material:
+    """By the first surface output, the universal one before those of renderers, that leads to a shader known here."""
+    _note_outputs(usd_material, path, ctx)
+    outputs = sorted(usd_material.GetSurfaceOutputs(), key=lambda output: output.GetBaseName() != "surface")
+    others = []
+    for output in outputs:
+        source = find_source(output.GetAttr(), ctx)
+        if isinstance(source, Node):
+            if source.id in SURFACE_SHADERS:
+                return _preview_surface(source, path, ctx)
+            others.append(f"{source.id or 'a shader without id'} ({output.GetBaseName()})")
+    reason = f"The surface shader is {', '.join(others)}" if others else "No surface output leads to a shader"
+    ctx.warn("shader-ignored", path, f"{reason}: displayColor is used.", "outputs:surface")
+    return Material(None)
+
+
+def _note_outputs(usd_material: UsdShade.Material, path: str, ctx: Context) -> None:
+    """What a material has besides its surface; UsdPreviewSurface's own displacement is noted by its input."""
+    for context in ("", "mtlx"):
+        for output in (usd_material.GetDisplacementOutput(context), usd_material.GetVolumeOutput(context)):
+            source = find_source(output.GetAttr(), ctx) if output else None
+            if isinstance(source, Node) and source.id not in SURFACE_SHADERS:
+                is_volume = output.GetBaseName().endswith("volume")
+                what = "Volumes are not rendered" if is_volume else "The surface is rendered where its mesh is"
+                message = f"{what}: {source.id or 'a shader without id'} is ignored."
+                ctx.warn("shader-ignored" if is_volume else "displacement", path, message, str(output.GetFullName()))
+
+
+def _preview_surface(shader: Node, path: str, ctx: Context) -> Material:
+    names = {str(name).removeprefix("inputs:") for name in shader.prim.GetAuthoredPropertyNames() if name.startswith("inputs:")}
+    at = node_path(shader, ctx)
+    _note_inputs(shader, names, at, ctx)
+    found = _Inputs()
+    for name in (name for name in _SLOTS if name in names):
+        _read_slot(shader, name, found, at, ctx)
+    constants = found.constants
+    threshold = _number(shader, "opacityThreshold", 0.0, at, ctx) if "opacityThreshold" in names else 0.0
+    if "opacity" not in found.varying:
+        if threshold > 0:  # a cut-out, whatever opacityMode: at the threshold and above fully opaque, below nothing
+            if constants.get("opacity", (1.0,))[0] < threshold:
+                return Material(Surface(path), hidden=True)
+            constants.pop("opacity", None)
+        threshold = 0.0
+    mode = parameter(shader, "opacityMode", ctx) if "opacityMode" in names else None
+    workflow = parameter(shader, "useSpecularWorkflow", ctx) if "useSpecularWorkflow" in names else None
+    return Material(
+        Surface(
+            path,
+            use_specular_workflow=workflow is not None and bool(workflow.value),
+            presence=mode is not None and mode.value in ("presence", 1),  # MaterialX numbers the modes
+            opacity_threshold=max(threshold, 0.0),
+            inputs=tuple(found.varying.items()),
+            **{name: value[0] if len(value) == 1 else value for name, value in constants.items()},  # type: ignore[arg-type]
+        )
+    )
+
+
+def _read_slot(shader: Node, name: str, found: _Inputs, path: str, ctx: Context) -> None:
+    slot = _SLOTS[name]
+    source = find_source(shader.prim.GetAttribute(f"inputs:{name}"), ctx)
+    if isinstance(source, Node):
+        made = _varying(source, name, slot, path, ctx)
+        if made is not None and _can_vary(made):
+            found.varying[slot.field] = made
+        if made is not None and slot.field != "normal":
+            found.constants[slot.field] = _clamped(_stand_in(made), slot)
+    elif source is not None:
+        constant = _constant(source, name, slot, path, ctx)
+        if slot.field != "normal":
+            found.constants[slot.field] = constant
+        elif not any(constant):
+            ctx.warn("material-input", path, "normal has no length and is ignored.", "inputs:normal")
+        elif constant != slot.default:
+            found.varying["normal"] = PrimvarInput(NO_PRIMVAR, constant)
+
+
+def _varying(source: Node, name: str, slot: _Slot, path: str, ctx: Context) -> Input | None:
+    width = len(slot.default)
+    kind = NODES[source.id].kind if source.id in NODES else None
+    made: Input | None = None
+    if kind is NodeKind.READER:
+        made = reader_input(source, width, ctx, is_color=name in COLOR_INPUTS)
+    elif kind in (NodeKind.TEXTURE, NodeKind.IMAGE):
+        made = texture_input(source, width, ctx, is_color=name in COLOR_INPUTS)
+    else:
+        code = "connection-type" if kind else "shader-ignored"
+        message = f"{name} comes from {source.id or 'a shader without id'}: {_shown(slot.default)} is used."
+        ctx.warn(code, path, message, f"inputs:{name}")
+        return None
+    if made is None:
+        ctx.warn("material-input", path, f"{name} cannot be read: {_shown(slot.default)} is used.", f"inputs:{name}")
+    return made
+
+
+def _can_vary(made: Input) -> bool:
+    """Not what is a constant in disguise: a texture without a file is its fallback."""
+    return not isinstance(made, TextureInput) or made.file.path != ""
+
+
+def _stand_in(made: Input) -> tuple[float, ...]:
+    """The constant that an input gives where neither file nor primvar is there."""
+    if isinstance(made, PrimvarInput):
+        return made.fallback
+    return _of_channels(made)
+
+
+def _of_channels(made: TextureInput) -> tuple[float, ...]:
+    return made.fallback[:3] if made.channels == "rgb" else (made.fallback["rgba".index(made.channels)],)
+
+
+def _clamped(values: tuple[float, ...], slot: _Slot) -> tuple[float, ...]:
+    """In range, and as many as the field has: one channel makes a grey."""
+    inside = tuple(min(max(x, slot.low), slot.high) for x in values)
+    return inside * len(slot.default) if len(inside) == 1 else inside
+
+
+def _constant(source: Constant, name: str, slot: _Slot, path: str, ctx: Context) -> tuple[float, ...]:
+    values = as_numbers(source.value)
+    if values is None or len(values) != len(slot.default):
+        wanted = "a finite number" if len(slot.default) == 1 else f"{len(slot.default)} finite numbers"
+        ctx.warn(
+            "wrong-type", path, f"{name} = {source.value!r} is not {wanted}: {_shown(slot.default)} is used.", f"inputs:{name}"
+        )
+        return slot.default
+    if name in COLOR_INPUTS:
+        values = constant_color(values, source, ctx)
+    inside = _clamped(values, slot)
+    if inside != values:
+        message = f"{name} = {_shown(values)} is outside [{slot.low:g}, {slot.high:g}] and is clamped."
+        ctx.warn("out-of-range", path, message, f"inputs:{name}")
+    return inside
+
+
+def _number(shader: Node, name: str, default: float, path: str, ctx: Context) -> float:
+    found = parameter(shader, name, ctx)
+    if found is None:
+        return default
+    return _constant(found, name, _Slot(name, (default,)), path, ctx)[0]
+
+
+def _note_inputs(shader: Node, names: set[str], path: str, ctx: Context) -> None:
+    """What has no effect on the picture."""
+    note_unknown_schemas(shader.prim, path, ctx)
+    unknown = sorted(names - _SLOTS.keys() - _OTHER_INPUTS)
+    for name in unknown:
+        ctx.warn("unknown-input", path, f"{shader.id} has no {name}.", f"inputs:{name}")
+    if "displacement" in names:
+        source = find_source(shader.prim.GetAttribute("inputs:displacement"), ctx)
+        if isinstance(source, Node) or (isinstance(source, Constant) and source.value != 0):
+            ctx.warn("displacement", path, "The surface is rendered where its mesh is.", "inputs:displacement")
+
+
+def _shown(values: tuple[float, ...]) -> str:
+    listed = ", ".join(f"{x:g}" for x in values)
+    return listed if len(values) == 1 else f"({listed})"

@@ -1,0 +1,119 @@
+"""Which surface a shape gets: its bound material, else its displayColor and displayOpacity, else USD's fallback grey.
+
+Without a material, what displayOpacity leaves out is not there at all: a Lambert surface of that presence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+from pxr import Usd, UsdGeom
+
+from ....description import Input, PrimvarInput, Surface
+from ...resolving.context import Context
+from ...resolving.read import read
+from ...resolving.resolve import ResolvedPrim
+from ...shapes.primvars import note_clamped_color
+from .material import Material, material
+
+# UsdGeomGprim's displayColor has no fallback; 0.18 is UsdPreviewSurface's diffuseColor and what Storm draws.
+FALLBACK_COLOR = (0.18, 0.18, 0.18)
+_COLOR, _OPACITY = "displayColor", "displayOpacity"
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """Either a material, or a colour and an opacity: constant, or varying over the mesh or with its instances.
+
+    Where `varying_color`, the mesh brings it (and the surface is white); `inputs` are read as primvars.
+    """
+
+    material: Material | None
+    color: tuple[float, float, float] = FALLBACK_COLOR
+    varying_color: bool = False
+    opacity: float = 1.0
+    inputs: tuple[tuple[str, Input], ...] = ()
+
+
+def appearance_of(prim: ResolvedPrim, bound: Usd.Prim | None, ctx: Context) -> Appearance:
+    made = material(bound, prim.inherited, ctx) if bound is not None else None
+    if made is not None and made.surface is not None:
+        return Appearance(made)
+    inputs: list[tuple[str, Input]] = []
+    color, varying_color = FALLBACK_COLOR, False
+    if not prim.own_color and _varies(prim, _COLOR):
+        color, varying_color = (1.0, 1.0, 1.0), True
+    elif prim.inherited.color is None and _COLOR in prim.inherited.per_instance:
+        inputs.append(("diffuse_color", PrimvarInput(_COLOR, FALLBACK_COLOR)))
+    else:
+        color = _constant_color(prim, ctx)
+    opacity = 1.0 if prim.inherited.opacity is None else min(max(prim.inherited.opacity, 0.0), 1.0)
+    if _varies(prim, _OPACITY) or (prim.inherited.opacity is None and _OPACITY in prim.inherited.per_instance):
+        inputs.append(("opacity", PrimvarInput(_OPACITY, (1.0,))))
+        opacity = 1.0
+    return Appearance(None, color, varying_color, opacity, tuple(inputs))
+
+
+def _varies(prim: ResolvedPrim, name: str) -> bool:
+    """Whether the prim has a primvar of this name with a value for each of its parts."""
+    if f"primvars:{name}" not in prim.names:
+        return False
+    attribute = prim.prim.GetAttribute(f"primvars:{name}")
+    return bool(attribute.HasAuthoredValue() and UsdGeom.Primvar(attribute).GetInterpolation() != "constant")
+
+
+def surface_of(appearance: Appearance, is_closed: Callable[[], bool], ctx: Context) -> int:
+    """The index of the appearance's surface."""
+    return ctx.surface_index(make_surface(appearance, is_closed))
+
+
+def make_surface(appearance: Appearance, is_closed: Callable[[], bool]) -> Surface:
+    """The appearance's surface on a shape; `is_closed` is asked only where something shines through."""
+    if appearance.material is None or appearance.material.surface is None:
+        return _display_surface(appearance)
+    surface = appearance.material.surface
+    varying = dict(surface.inputs) if surface.inputs else {}
+    if surface.opacity < 1 or ("opacity" in varying and surface.opacity_threshold == 0):
+        straight = surface.ior == 1 and "ior" not in varying
+        surface = replace(surface, thin=straight or not is_closed())
+    return surface
+
+
+@lru_cache(maxsize=1024)
+def _display_surface(appearance: Appearance) -> Surface:
+    opaque = appearance.opacity == 1 and all(name != "opacity" for name, _ in appearance.inputs)
+    return Surface(
+        path="",
+        lambert=True,
+        diffuse_color=appearance.color,
+        opacity=appearance.opacity,
+        presence=not opaque,
+        thin=not opaque,
+        inputs=appearance.inputs,
+    )
+
+
+def is_hidden(appearance: Appearance) -> bool:
+    return appearance.material is not None and appearance.material.hidden
+
+
+def _constant_color(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, float]:
+    if prim.inherited.color is None:
+        if "primvars:displayColor" in prim.names and not _is_empty(prim, ctx):
+            message = "primvars:displayColor is not a usable colour: the fallback grey is used."
+            ctx.warn("invalid-primvar", prim.path, message, "primvars:displayColor")
+        return FALLBACK_COLOR
+    r, g, b = prim.inherited.color
+    if 0.0 <= r <= 1.0 and 0.0 <= g <= 1.0 and 0.0 <= b <= 1.0:
+        return prim.inherited.color
+    r, g, b = (min(max(x, 0.0), 1.0) for x in prim.inherited.color)
+    if (r, g, b) != tuple(prim.inherited.color):
+        note_clamped_color("primvars:displayColor is", prim, ctx)
+    return (r, g, b)
+
+
+def _is_empty(prim: ResolvedPrim, ctx: Context) -> bool:
+    raw = read(prim.prim, "primvars:displayColor", ctx.when)
+    return raw is None or (hasattr(raw, "__len__") and len(raw) == 0)

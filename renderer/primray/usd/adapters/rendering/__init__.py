@@ -1,0 +1,1 @@
+"""UsdRender: settings, products, outputs and passes."""

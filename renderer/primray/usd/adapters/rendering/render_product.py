@@ -1,0 +1,234 @@
+"""One product of a render: what a UsdRenderProduct asks, and where it is silent its UsdRenderSettings; values are checked."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from pxr import Sdf, Tf, Usd
+
+from ....diagnostics import Diagnostics
+from ....settings import PURPOSES
+from ...resolving.read import When, value
+
+Window = tuple[float, float, float, float]
+WHOLE: Window = (0.0, 0.0, 1.0, 1.0)
+POLICIES = ("expandAperture", "cropAperture", "adjustApertureWidth", "adjustApertureHeight", "adjustPixelAspectRatio")
+SOURCE_TYPES = ("raw", "primvar", "lpe", "intrinsic")
+MOST_VARIABLES = 1000
+
+
+@dataclass(frozen=True)
+class RenderVariable:
+    """A UsdRenderVar: a channel group that a product is to hold; the defaults are the schema's."""
+
+    path: str
+    name: str  # the prim's: "drives the name of the data variable that the renderer will produce"
+    data_type: str = "color3f"
+    source_name: str = ""
+    source_type: str = "raw"
+
+
+@dataclass(frozen=True)
+class ProductSettings:
+    """What one product is to be; the defaults are UsdRenderSettingsBase's, or None where no settings are there at all."""
+
+    path: str = ""  # of the RenderProduct; "": the settings have none, so a picture of colour alone
+    settings_path: str = ""  # of the RenderSettings; "": the stage has none
+    name: str = ""  # productName as authored; product_name.safe_product_name makes a file's name of it
+    type: str = "raster"
+    camera: str | None = None
+    resolution: tuple[int, int] | None = None
+    pixel_aspect_ratio: float = 1.0
+    conform_policy: str = "expandAperture"
+    data_window: Window = WHOLE  # left, bottom, right, top; (0, 0) is the picture's lower left corner, (1, 1) its upper right
+    disable_motion_blur: bool = False
+    disable_depth_of_field: bool = False
+    purposes: tuple[str, ...] = ("default", "render")
+    material_purposes: tuple[str, ...] = ("full", "")
+    rendering_color_space: str | None = None
+    variables: tuple[RenderVariable, ...] = ()  # in order; none: colour alone
+
+
+def settings_alone(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> ProductSettings:
+    """The default product of settings that have none."""
+    return _Reader(prim, prim, when, diagnostics).product()
+
+
+def product_of(settings: Usd.Prim, product: Usd.Prim, when: When, diagnostics: Diagnostics) -> ProductSettings:
+    """Only values that the product authors override the settings' (UsdRenderProduct)."""
+    reader = _Reader(settings, product, when, diagnostics)
+    name, kind = reader.own("productName", ""), reader.own("productType", "raster")
+    if kind != "raster":
+        reader.note("productType", f"productType = {kind!r} is not made: a raster image is.")
+    return replace(
+        reader.product(),
+        path=str(product.GetPath()),
+        name=name if isinstance(name, str) else "",
+        type="raster",
+        variables=tuple(_variables(product, when, diagnostics)),
+    )
+
+
+@dataclass(frozen=True)
+class _Reader:
+    settings: Usd.Prim
+    prim: Usd.Prim  # whose values come first: the product, or the settings themselves
+    when: When
+    diagnostics: Diagnostics
+
+    def note(self, attribute: str, message: str) -> None:
+        owner = self.prim if _is_authored(self.prim, attribute) else self.settings
+        self.diagnostics.add("render-settings-input", str(owner.GetPath()), message, attribute)
+
+    def own(self, name: str, default: Any) -> Any:
+        found = _get(self.prim, name, self.when)
+        return default if found is None else found
+
+    def value(self, name: str) -> Any:
+        return _get(self.prim if _is_authored(self.prim, name) else self.settings, name, self.when)
+
+    def checked(self, name: str, default: Any, accept: Callable[[Any], Any], what: str) -> Any:
+        """What `accept` makes of the value; where that is None, the default, and a diagnostic."""
+        raw = self.value(name)
+        if raw is None:
+            return default
+        try:
+            accepted = accept(raw)
+        except (TypeError, ValueError, OverflowError):
+            accepted = None
+        if accepted is not None:
+            return accepted
+        self.note(name, f"{name} = {raw!r} is no {what}: {default} is used.")
+        return default
+
+    def product(self) -> ProductSettings:
+        return ProductSettings(
+            settings_path=str(self.settings.GetPath()),
+            camera=self._camera(),
+            resolution=self.checked("resolution", (2048, 1080), _resolution, "size of a picture"),
+            pixel_aspect_ratio=self.checked("pixelAspectRatio", 1.0, _ratio, "positive number"),
+            conform_policy=self.checked(
+                "aspectRatioConformPolicy", "expandAperture", lambda p: p if p in POLICIES else None, "known policy"
+            ),
+            data_window=self.checked("dataWindowNDC", WHOLE, _window, "window"),
+            disable_motion_blur=self._is_set("disableMotionBlur") or self._is_set("instantaneousShutter"),
+            disable_depth_of_field=self._is_set("disableDepthOfField"),
+            purposes=self._purposes(),
+            material_purposes=self._material_purposes(),
+            rendering_color_space=self._rendering_color_space(),
+        )
+
+    def _is_set(self, name: str) -> bool:
+        return bool(self.checked(name, False, lambda v: bool(v) if isinstance(v, bool | int) else None, "truth value"))
+
+    def _camera(self) -> str | None:
+        for prim in (self.prim, self.settings):
+            targets = _targets(prim, "camera")
+            if len(targets) > 1:
+                message = f"Only the first of its {len(targets)} cameras is used."
+                self.diagnostics.add("render-settings-input", str(prim.GetPath()), message, "camera")
+            if targets:
+                return str(targets[0])
+        return None
+
+    def _purposes(self) -> tuple[str, ...]:
+        names = _tokens(_get(self.settings, "includedPurposes", self.when))
+        if names is None:
+            return ("default", "render")
+        unknown = [name for name in names if name not in PURPOSES]
+        if unknown:
+            self.note("includedPurposes", f"includedPurposes names {', '.join(unknown)}, which are no purposes: ignored.")
+        if not names:
+            self.note("includedPurposes", "includedPurposes names no purpose at all: no geometry is rendered.")
+        return tuple(name for name in names if name in PURPOSES)
+
+    def _material_purposes(self) -> tuple[str, ...]:
+        """The token "allPurpose" stands for the empty one in the files of some writers."""
+        names = _tokens(_get(self.settings, "materialBindingPurposes", self.when))
+        if names is None:
+            return ("full", "")
+        if not names:
+            self.note("materialBindingPurposes", "materialBindingPurposes names no purpose at all: no material is bound.")
+        return tuple("" if name == "allPurpose" else name for name in names)
+
+    def _rendering_color_space(self) -> str | None:
+        found = _get(self.settings, "renderingColorSpace", self.when)
+        return found if isinstance(found, str) and found else None
+
+
+def _variables(product: Usd.Prim, when: When, diagnostics: Diagnostics) -> Iterable[RenderVariable]:
+    stage, path = product.GetStage(), str(product.GetPath())
+    targets = _targets(product, "orderedVars")
+    if len(targets) > MOST_VARIABLES:
+        message = f"Only the first {MOST_VARIABLES} of its {len(targets)} variables are looked at."
+        diagnostics.add("render-settings-input", path, message, "orderedVars")
+    for target in targets[:MOST_VARIABLES]:
+        prim = stage.GetPrimAtPath(target)
+        if not prim or prim.GetTypeName() != "RenderVar":
+            diagnostics.add(
+                "render-settings-input", path, f"orderedVars leads to {target}, which is no RenderVar.", "orderedVars"
+            )
+            continue
+        yield variable(prim, when, diagnostics)
+
+
+def variable(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> RenderVariable:
+    """What a UsdRenderVar says; its data type is not looked at here."""
+
+    def text(name: str, default: str) -> str:
+        found = _get(prim, name, when)
+        return found if isinstance(found, str) else default
+
+    kind = text("sourceType", "raw")
+    if kind not in SOURCE_TYPES:
+        message = f"sourceType = {kind!r} is unknown: raw is used."
+        diagnostics.add("render-settings-input", str(prim.GetPath()), message, "sourceType")
+        kind = "raw"
+    return RenderVariable(str(prim.GetPath()), prim.GetName(), text("dataType", "color3f"), text("sourceName", ""), kind)
+
+
+def _get(prim: Usd.Prim, name: str, when: When) -> Any:
+    attribute = prim.GetAttribute(name)
+    try:
+        return value(attribute, when) if attribute else None
+    except (Tf.ErrorException, UnicodeDecodeError):
+        return None
+
+
+def _is_authored(prim: Usd.Prim, name: str) -> bool:
+    attribute = prim.GetAttribute(name)
+    return bool(attribute and attribute.HasAuthoredValue())
+
+
+def _targets(prim: Usd.Prim, name: str) -> list[Sdf.Path]:
+    relationship = prim.GetRelationship(name)
+    return list(relationship.GetForwardedTargets()) if relationship else []
+
+
+def _tokens(raw: Any) -> tuple[str, ...] | None:
+    if raw is None or isinstance(raw, str):
+        return None
+    try:
+        names = tuple(raw)
+    except TypeError:
+        return None
+    return names if all(isinstance(name, str) for name in names) else None
+
+
+def _resolution(raw: Any) -> tuple[int, int] | None:
+    width, height = (int(side) for side in raw)
+    return (width, height) if width > 0 and height > 0 else None
+
+
+def _ratio(raw: Any) -> float | None:
+    """Beyond a million to one a request is a mistake, and floats lose the picture."""
+    return float(raw) if 1e-6 < float(raw) < 1e6 else None
+
+
+def _window(raw: Any) -> Window | None:
+    left, bottom, right, top = (float(side) for side in raw)
+    finite = all(map(math.isfinite, (left, bottom, right, top)))
+    return (left, bottom, right, top) if finite and left < right and bottom < top else None

@@ -1,0 +1,117 @@
+"""Which UsdRenderSettings a render follows, and which of its products it makes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pxr import Sdf, Usd
+
+from ....diagnostics import Diagnostics
+from ....errors import SettingsError
+from ....settings import RenderSettings
+from ...resolving.read import When, when_of
+from .render_product import ProductSettings, product_of, settings_alone
+
+LISTED = 20
+
+
+def products(
+    stage: Usd.Stage, settings: RenderSettings | None = None, diagnostics: Diagnostics | None = None
+) -> tuple[ProductSettings, ...]:
+    """All products of the settings that a render would follow, in order; one by default where there are none.
+
+    SettingsError where `settings` ask for RenderSettings that there are not.
+    """
+    settings = settings or RenderSettings()
+    diagnostics = Diagnostics() if diagnostics is None else diagnostics
+    candidates = [prim for prim in stage.Traverse() if prim.GetTypeName() == "RenderSettings"]
+    prim = _choose(stage, settings.render_settings, candidates, diagnostics)
+    when = when_of(stage, settings.time_code)
+    return tuple(_read(prim, product, when, diagnostics) for product in _products(stage, prim, diagnostics))
+
+
+def product_settings(
+    stage: Usd.Stage, settings: RenderSettings, candidates: Sequence[Usd.Prim], when: When, diagnostics: Diagnostics
+) -> ProductSettings:
+    """Those of the product that a render makes: the one asked for, else the first. `candidates`: the RenderSettings prims."""
+    prim = _choose(stage, settings.render_settings, candidates, diagnostics)
+    targets = _products(stage, prim, diagnostics)
+    if settings.product is not None:
+        return _read(prim, _named(settings.product, targets), when, diagnostics)
+    if len(targets) > 1:
+        others = ", ".join(str(p.GetPath()) for p in targets[1 : LISTED + 1] if p is not None)
+        message = f"The first of {len(targets)} products, {_path(targets[0])}, is rendered; the others are {others}."
+        diagnostics.add("product-chosen", _path(prim), message, "products")
+    return _read(prim, targets[0], when, diagnostics)
+
+
+def _choose(stage: Usd.Stage, asked: str | None, candidates: Sequence[Usd.Prim], diagnostics: Diagnostics) -> Usd.Prim | None:
+    """The settings asked for, else those that the stage's metadata name, else the only ones, else none."""
+    if asked is not None:
+        return _asked_for(stage, asked, candidates)
+    if stage.HasAuthoredMetadata("renderSettingsPrimPath"):
+        named = stage.GetMetadata("renderSettingsPrimPath")
+        prim = _at(stage, named)
+        if prim is not None and prim.GetTypeName() == "RenderSettings":
+            return prim
+        message = f"renderSettingsPrimPath leads to {named or 'nothing'}, which is no RenderSettings prim."
+        diagnostics.add("render-settings-input", "", message, "renderSettingsPrimPath")
+    if len(candidates) > 1:
+        names = ", ".join(str(p.GetPath()) for p in candidates[:LISTED])
+        message = f"The stage names none of its {len(candidates)} RenderSettings, so none is used: {names}."
+        diagnostics.add("render-settings-input", "", message, "renderSettingsPrimPath")
+    return candidates[0] if len(candidates) == 1 else None
+
+
+def _asked_for(stage: Usd.Stage, asked: str, candidates: Sequence[Usd.Prim]) -> Usd.Prim:
+    prim = _at(stage, asked)
+    if prim is not None and prim.GetTypeName() == "RenderSettings":
+        return prim
+    listed = ", ".join(str(p.GetPath()) for p in candidates[:LISTED]) or "none"
+    raise SettingsError(
+        f"There are no RenderSettings {asked}; the stage's: {listed}.", where=asked, code="unknown-render-settings"
+    )
+
+
+def _named(asked: str, targets: Sequence[Usd.Prim | None]) -> Usd.Prim:
+    for prim in targets:
+        if prim is not None and str(prim.GetPath()) == asked:
+            return prim
+    listed = ", ".join(_path(prim) for prim in targets[:LISTED] if prim is not None) or "none"
+    raise SettingsError(
+        f"There is no product {asked}; the products of the render settings: {listed}.", where=asked, code="unknown-product"
+    )
+
+
+def _products(stage: Usd.Stage, settings: Usd.Prim | None, diagnostics: Diagnostics) -> list[Usd.Prim | None]:
+    """At least one; None stands for the default one."""
+    if settings is None:
+        return [None]
+    found: list[Usd.Prim | None] = []
+    for target in settings.GetRelationship("products").GetForwardedTargets():
+        prim = _at(stage, target)
+        if prim is not None and prim.GetTypeName() == "RenderProduct":
+            found.append(prim)
+        else:
+            message = f"products leads to {target}, which is no RenderProduct."
+            diagnostics.add("render-settings-input", _path(settings), message, "products")
+    return found or [None]
+
+
+def _read(settings: Usd.Prim | None, product: Usd.Prim | None, when: When, diagnostics: Diagnostics) -> ProductSettings:
+    if settings is None:
+        return ProductSettings()
+    if product is None:
+        return settings_alone(settings, when, diagnostics)
+    return product_of(settings, product, when, diagnostics)
+
+
+def _at(stage: Usd.Stage, path: object) -> Usd.Prim | None:
+    text = str(path or "")
+    if not Sdf.Path.IsValidPathString(text) or not Sdf.Path(text).IsAbsolutePath():
+        return None
+    return stage.GetPrimAtPath(Sdf.Path(text)) or None
+
+
+def _path(prim: Usd.Prim | None) -> str:
+    return str(prim.GetPath()) if prim is not None else ""

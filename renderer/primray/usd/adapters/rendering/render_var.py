@@ -1,0 +1,99 @@
+"""UsdRenderVars to AOVs. The schema leaves names to renderers; these are those in use, by what they hold here.
+
+Collected from Hydra's HdAovTokens, RenderMan's and Arnold's outputs as their USD plug-ins name them, Karma's standard render
+variables (ray:hitP ...) and those of Omniverse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+from ....aov_names import AOVS, LONGEST_NAME, PRIMVAR, AovRequest, check_names
+from ....diagnostics import Diagnostics
+from ....errors import SettingsError
+from ....images.aov import data_type_of
+from .render_product import RenderVariable
+
+# In the picture's own part, whatever they are called.
+BEAUTY = frozenset({"Ci", "C", "C.*", "color", "rgb", "rgba", "RGB", "RGBA", "beauty", "Beauty", "LdrColor", "HdrColor"})
+ALPHA = frozenset({"a", "A", "alpha", "Alpha"})
+ERRORS = frozenset({"stderr", "standardError"})
+COMMON: dict[str, tuple[str, ...]] = {
+    "depth": ("z", "Z", "Pz", "cameraDepth", "linearDepth", "__depth", "ray:hitPz", "distance_to_image_plane"),
+    "distance": ("ray:hitdist", "distance_to_camera"),
+    "position": ("P", "Pworld", "__Pworld", "Pw", "worldPosition", "ray:hitP"),
+    "camera_position": ("Peye", "Pcam", "Pc"),
+    "normal": ("N", "Nn", "Nworld", "__Nworld", "normals", "Normal", "ray:hitN"),
+    "geometric_normal": ("Ng", "Ngn", "ray:hitNg"),
+    "camera_normal": ("Neye", "Ncam"),
+    "st": ("uv", "UV", "__st"),
+    "albedo": ("Albedo",),
+    "emission": ("Emission", "emissive"),
+    "prim": ("primId", "id", "ID", "objectId", "objectid", "ray:objectid"),
+    "instance": ("instanceId", "instanceid"),
+    "material": ("materialId", "materialid"),
+    "samples": ("sampleCount", "samplecount", "ray:pixelsamples"),
+}
+NAMES = {name: source for source in AOVS for name in (source, *COMMON.get(source, ()))}
+# Light path expressions that are the picture, and that are what the camera sees directly.
+LPE_BEAUTY = frozenset({"C.*", "C.*[LO]", "C.*<[LO].>", "C[.]*[LO]", "C.*[<L.>O]", "C.*[<L.><O.>]"})
+LPE_EMISSION = frozenset({"C[LO]", "C<[LO].>", "C[<L.>O]"})
+
+
+def aovs_of_variables(variables: Iterable[RenderVariable], diagnostics: Diagnostics) -> tuple[AovRequest, ...]:
+    """Those of a product, in order; what the picture holds anyway needs none, what cannot be had is noted."""
+    found: dict[str, AovRequest] = {}
+    for request, path in _requests(variables, diagnostics):
+        if request.name in found:
+            diagnostics.add("render-var", path, f"Two variables of the product are called {request.name}: the first is made.")
+        else:
+            found[request.name] = request
+    return tuple(found.values())
+
+
+def _requests(variables: Iterable[RenderVariable], diagnostics: Diagnostics) -> Iterator[tuple[AovRequest, str]]:
+    for var in variables:
+        source = _source(var, diagnostics)
+        if source is not None:
+            data_type = var.data_type
+            if data_type_of(data_type) is None:
+                message = f"dataType = {data_type!r} is no type that a picture's channels hold: the source's own is used."
+                diagnostics.add("render-var", var.path, message, "dataType")
+                data_type = ""
+            yield AovRequest(var.name, source, data_type), var.path
+
+
+def _source(var: RenderVariable, diagnostics: Diagnostics) -> str | None:
+    """None where the picture has it, or nothing has."""
+    name = var.source_name or var.name  # "an output of this name": without one, the variable's own says what it is
+    if var.source_type == "primvar":
+        return _primvar(name.removeprefix("primvars:"), var, diagnostics)
+    if var.source_type == "lpe" or name.lower().startswith(("lpe:", "color lpe:")):
+        expression = "".join(name.split()).removeprefix("color").removeprefix("lpe:").removeprefix("LPE:")
+        if expression in LPE_BEAUTY:
+            return None
+        if expression in LPE_EMISSION:
+            return "emission"
+        message = f"The light path expression {name} is not made: of these there are the whole (C.*) and what is seen (C[LO])."
+        diagnostics.add("render-var", var.path, message, "sourceName")
+        return None
+    if name in BEAUTY or name in ALPHA or name in ERRORS:
+        return None
+    if name in NAMES:
+        return NAMES[name]
+    if name.startswith(("primvars:", PRIMVAR)):
+        return _primvar(name.removeprefix("primvars:").removeprefix(PRIMVAR), var, diagnostics)
+    message = f"The renderer has no output called {name}; there are {', '.join(AOVS)} and primvars."
+    diagnostics.add("render-var", var.path, message, "sourceName")
+    return None
+
+
+def _primvar(name: str, var: RenderVariable, diagnostics: Diagnostics) -> str | None:
+    source = PRIMVAR + name
+    try:
+        check_names([source])
+    except SettingsError:
+        message = f"sourceName = {name[:LONGEST_NAME]!r} is no name of a primvar."
+        diagnostics.add("render-var", var.path, message, "sourceName")
+        return None
+    return source

@@ -1,0 +1,1 @@
+"""UsdGeom: one file a kind of shape."""

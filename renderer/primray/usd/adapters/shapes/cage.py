@@ -1,0 +1,93 @@
+"""UsdGeomMesh with a subdivision scheme to a SubdivisionMesh: its cage (usd/subdivision.py), colours, primvars and surfaces.
+
+Authored normals do not count: the limit surface has its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ....arrays import Ints
+from ....description import Interpolation, Primvar, SubdivisionMesh, Surface
+from ...resolving.context import Context
+from ...resolving.resolve import ResolvedPrim
+from ...shapes.primvars import read_display_color
+from ...shapes.subdivision import Cage, is_closed_cage, on_cage, read_cage
+from ...shapes.surface_primvars import cage_primvars
+from ..materials.surface import FALLBACK_COLOR, Appearance, is_hidden, make_surface
+from .face_parts import face_parts
+
+
+def cage(prim: ResolvedPrim, ctx: Context) -> SubdivisionMesh | None:
+    found: Cage | None = ctx.shared_geometry.get(prim.path) or read_cage(prim, ctx)
+    if found is None:
+        return None
+    if prim.path in ctx.shares:
+        ctx.shared_geometry[prim.path] = found
+    whole = face_parts(prim, found.sizes.faces, ctx)
+    parts, part_of_face = whole.appearances, whole.of_face[found.faces]
+    colors = None
+    if any(part.varying_color for part in parts):
+        varying = np.array([part.varying_color for part in parts])[part_of_face]
+        colors = _colors(prim, found, varying, ctx) if varying.any() else None
+    if colors is None:
+        parts = [replace(part, color=FALLBACK_COLOR) if part.varying_color else part for part in parts]
+    surfaces = _surfaces(parts, part_of_face, found)
+    if not surfaces:
+        return None
+    creases = found.creases
+    return SubdivisionMesh(
+        prim.path,
+        found.scheme,
+        found.points,
+        found.face_counts,
+        found.face_points,
+        _indices(surfaces, part_of_face, ctx),
+        colors,
+        found.holes,
+        None if creases is None else creases.lengths,
+        None if creases is None else creases.points,
+        None if creases is None else creases.sharpnesses,
+        found.corner_points,
+        found.corner_sharpnesses,
+        found.boundary,
+        found.face_varying,
+        found.triangle_rule,
+        cage_primvars(prim, surfaces.values(), found, ctx),
+    )
+
+
+def _surfaces(parts: list[Appearance], part_of_face: Ints, found: Cage) -> dict[int, Surface]:
+    """By part, of those that are drawn."""
+    worn = [0] if len(parts) == 1 else np.unique(part_of_face).tolist()
+    used = [part for part in worn if not is_hidden(parts[part])]
+    return {part: make_surface(parts[part], lambda: is_closed_cage(found)) for part in used}
+
+
+def _indices(surfaces: dict[int, Surface], part_of_face: Ints, ctx: Context) -> int | Ints:
+    """One surface, or one a face with -1 where nothing is drawn."""
+    numbers = {part: ctx.surface_index(surface) for part, surface in surfaces.items()}
+    last = int(part_of_face.max())
+    if last == 0:
+        return numbers[0]
+    return np.array([numbers.get(part, -1) for part in range(last + 1)], np.int32)[part_of_face]
+
+
+def _colors(
+    prim: ResolvedPrim, found: Cage, varying: np.ndarray[tuple[int], np.dtype[np.bool_]], ctx: Context
+) -> Primvar | None:
+    """displayColor on the faces whose surface takes it (`varying`, (F,)), 1 on those with a colour of their own."""
+    read = read_display_color(found.sizes, prim, ctx)
+    if read is None or read.values.shape[1] != 3:
+        return None
+    colors = on_cage("displayColor", read, found)
+    if varying.all() or colors.interpolation is Interpolation.CONSTANT:
+        return colors
+    if colors.interpolation is Interpolation.FACE:
+        return replace(colors, values=np.where(varying[:, None], colors.values, np.float32(1)))
+    indices = found.face_points if colors.indices is None else colors.indices
+    white = np.ones((1, 3), np.float32)
+    indices = np.where(np.repeat(varying, found.face_counts), indices, len(colors.values)).astype(np.int32)
+    return Primvar(colors.name, Interpolation.CORNER, np.concatenate([colors.values, white]), indices)

@@ -1,0 +1,259 @@
+"""model:drawMode: what is drawn in place of a model: textured cards, the edges of its bounds, or its axes.
+
+Rules are UsdGeomModelAPI's (usdGeom's schema.usda). Where its text says how a card's texture lies, OpenUSD's own imaging
+and the assets made with it say otherwise, and are followed: upright as seen from outside, for Z- upside down (_ST below).
+Lines have no width in a path tracer: they are bars, BAR_WIDTH of the box's longest side or of a unit axis thick.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from pxr import Kind, Sdf, Tf, Usd, UsdGeom
+
+from ....arrays import Doubles
+from ....description import Interpolation, Mesh, Primvar, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
+from ....textures.texture_matrix import read_matrix
+from ...materials.texture_asset import in_space
+from ...opening.asset import read_asset
+from ...opening.stage_metadata import up_axis
+from ...resolving.color_spaces import color_in_rendering_space
+from ...resolving.context import Context
+from ...resolving.read import read, token, vector
+from ...resolving.resolve import ResolvedPrim
+from ...viewing.framing import is_deep
+
+BAR_WIDTH = 0.01
+DEFAULT_COLOR = (0.18, 0.18, 0.18)  # model:drawModeColor's fallback
+OPACITY_THRESHOLD = 0.1  # as OpenUSD's imaging cuts cards out
+# Cards of a cross stand back to back, this part of the box apart, so that each is seen from its own side.
+CROSS_GAP = 1e-4
+
+FACES = ("XPos", "XNeg", "YPos", "YNeg", "ZPos", "ZNeg")
+# Of each face's texture: which of the box's axes s and t run along, and whether against it.
+_ST = {
+    "XPos": ((1, False), (2, False)),
+    "XNeg": ((1, True), (2, False)),
+    "YPos": ((0, True), (2, False)),
+    "YNeg": ((0, False), (2, False)),
+    "ZPos": ((0, False), (1, False)),
+    "ZNeg": ((0, False), (1, True)),
+}
+
+
+def stand_in(prim: ResolvedPrim, ctx: Context) -> str:
+    """The draw mode that replaces this prim and all below it; "" where they are drawn themselves."""
+    mode = prim.inherited.draw_mode
+    if mode == "default" or not _applies(prim, ctx):
+        return ""
+    if mode not in DRAW_MODES:
+        ctx.warn(
+            "draw-mode-input", prim.path, f"model:drawMode = {mode!r} is not known; the geometry is drawn.", "model:drawMode"
+        )
+        return ""
+    return mode
+
+
+def _applies(prim: ResolvedPrim, ctx: Context) -> bool:
+    if "model:applyDrawMode" in prim.names:
+        authored = read(prim.prim, "model:applyDrawMode", ctx.when)
+        if isinstance(authored, bool):
+            return authored
+    return bool(Usd.ModelAPI(prim.prim).IsKind(Kind.Tokens.component))
+
+
+def origin(prim: ResolvedPrim, ctx: Context) -> Mesh | None:
+    """The model's axes, a unit long."""
+    ctx.warn("draw-mode", prim.path, f"Its axes are drawn, as bars {BAR_WIDTH:g} thick.")
+    return _bars(prim, [(np.zeros(3), axis) for axis in np.eye(3)], BAR_WIDTH, ctx)
+
+
+def bounds(prim: ResolvedPrim, ctx: Context) -> Mesh | None:
+    """The edges of the model's box."""
+    box = _box(prim, ctx)
+    if box is None:
+        return None
+    edges = []
+    for corner in itertools.product((0, 1), repeat=3):
+        for axis in range(3):
+            if corner[axis] == 0:
+                ends = np.array([corner, corner])
+                ends[1, axis] = 1
+                edges.append((np.where(ends[0], box[1], box[0]), np.where(ends[1], box[1], box[0])))
+    width = BAR_WIDTH * float((box[1] - box[0]).max())
+    ctx.warn("draw-mode", prim.path, f"The edges of its bounds are drawn, as bars {width:g} thick.")
+    return _bars(prim, edges, width, ctx) if width > 0 else None
+
+
+def cards(prim: ResolvedPrim, ctx: Context) -> Mesh | None:
+    geometry = token(prim.prim, "model:cardGeometry", ctx.when, "cross")
+    found = _from_textures(prim, ctx) if geometry == "fromTexture" else _on_box(prim, geometry == "box", ctx)
+    hidden = _hidden_axis(prim, ctx)
+    found = [card for card in found if card.face[0] != hidden and _has_area(card.corners)]
+    if not found:
+        return None
+    ctx.warn("draw-mode", prim.path, f"{len(found)} cards are drawn ({geometry}); they are seen from both sides.")
+    quads = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    return Mesh(
+        prim.path,
+        np.concatenate([card.corners for card in found]).astype(np.float32),
+        np.concatenate([quads + 4 * k for k in range(len(found))]),
+        None,
+        None,
+        np.repeat([ctx.surface_index(card.surface) for card in found], 2).astype(np.int32),
+        (Primvar("st", Interpolation.POINT, np.concatenate([card.st for card in found]).astype(np.float32)),),
+    )
+
+
+DRAW_MODES = {"cards": cards, "bounds": bounds, "origin": origin}
+
+
+@dataclass(frozen=True, eq=False)
+class _Card:
+    face: str
+    corners: Doubles  # (4, 3), around its outside
+    st: Doubles  # (4, 2)
+    surface: Surface
+
+
+def _on_box(prim: ResolvedPrim, box_faces: bool, ctx: Context) -> list[_Card]:
+    """On the faces of the model's box, or through its middle. An axis with no texture is left out where others have one."""
+    box = _box(prim, ctx)
+    if box is None:
+        return []
+    textures = {face: path for face in FACES if (path := _texture(prim, face, ctx)) is not None}
+    made = []
+    for k, face in enumerate(FACES):
+        opposite = FACES[k ^ 1]
+        source = face if face in textures else opposite
+        if textures and source not in textures:
+            continue
+        unit = _unit_face(face, box_faces)
+        st = np.stack([1 - unit[:, axis] if against else unit[:, axis] for axis, against in _ST[source]], axis=1)
+        corners = box[0] + unit * (box[1] - box[0])
+        made.append(_Card(face, corners, st, _surface(prim, textures.get(source), ctx)))
+    return made
+
+
+def _unit_face(face: str, box_faces: bool) -> Doubles:
+    """Corners of a face of the unit box, or of the card within it, in the order that makes its outside front."""
+    axis, positive = "XYZ".index(face[0]), face.endswith("Pos")
+    u, v = (axis + 1) % 3, (axis + 2) % 3
+    corners = np.empty((4, 3))
+    corners[:, [u, v]] = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    gap = CROSS_GAP / 2 if positive else -CROSS_GAP / 2
+    corners[:, axis] = float(positive) if box_faces else 0.5 + gap
+    return corners if positive else corners[::-1].copy()
+
+
+def _from_textures(prim: ResolvedPrim, ctx: Context) -> list[_Card]:
+    """Where the matrix in a texture's metadata puts it: the quad from (-1, -1, 0) to (1, 1, 0) of its clip space."""
+    made = []
+    quad = np.array([(-1, -1, 0, 1), (1, -1, 0, 1), (1, 1, 0, 1), (-1, 1, 0, 1)], np.float64)
+    for face in FACES:
+        path = _texture(prim, face, ctx)
+        matrix = read_matrix(path, read_asset) if path else None
+        if matrix is None or not np.isfinite(matrix).all() or np.linalg.det(matrix) == 0:
+            if path is not None:
+                ctx.warn(
+                    "draw-mode-input", prim.path, f"{path or face} has no usable worldtoscreen matrix: its card is not drawn."
+                )
+            continue
+        placed = quad @ np.linalg.inv(matrix)  # row vectors, as the matrix is written
+        if (placed[:, 3] != 0).all():
+            made.append(_Card(face, placed[:, :3] / placed[:, 3:], (quad[:, :2] + 1) / 2, _surface(prim, path, ctx)))
+    return made
+
+
+def _texture(prim: ResolvedPrim, face: str, ctx: Context) -> str | None:
+    """Its resolved path, "" where the file is missing; None where none is named."""
+    asset = read(prim.prim, f"model:cardTexture{face}", ctx.when)
+    if not isinstance(asset, Sdf.AssetPath) or not asset.path:
+        return None
+    if not asset.resolvedPath:
+        message = f"The card's texture {asset.path} is not there: model:drawModeColor is used."
+        ctx.warn("asset-missing", prim.path, message, f"model:cardTexture{face}")
+    return str(asset.resolvedPath)
+
+
+def _surface(prim: ResolvedPrim, path: str | None, ctx: Context) -> Surface:
+    color = _color(prim, ctx)
+    if not path:
+        return Surface("", lambert=True, diffuse_color=color)
+    st, file = PrimvarInput("st", (0.0, 0.0)), in_space(TextureFile(path, "auto"), "auto", True, ctx)
+    fallback = (*color, 1.0)
+    rgb = TextureInput(file, "rgb", st, wrap_s=Wrap.CLAMP, wrap_t=Wrap.CLAMP, fallback=fallback)
+    alpha = TextureInput(file, "a", st, wrap_s=Wrap.CLAMP, wrap_t=Wrap.CLAMP, fallback=fallback)
+    inputs = (("diffuse_color", rgb), ("opacity", alpha))
+    return Surface(prim.path, diffuse_color=color, opacity_threshold=OPACITY_THRESHOLD, thin=True, inputs=inputs)
+
+
+def _color(prim: ResolvedPrim, ctx: Context) -> tuple[float, float, float]:
+    r, g, b = vector(prim.prim, "model:drawModeColor", ctx.when, DEFAULT_COLOR, ctx.diagnostics)
+    attribute = prim.prim.GetAttribute("model:drawModeColor")
+    return color_in_rendering_space((r, g, b), attribute, prim.inherited.colors, ctx) if attribute else (r, g, b)
+
+
+def _hidden_axis(prim: ResolvedPrim, ctx: Context) -> str:
+    """The stage's up axis where the nearest model:cardVisibility is simple."""
+    above = prim.prim
+    while above and not above.IsPseudoRoot():
+        visibility = token(above, "model:cardVisibility", ctx.when, "inherited")
+        if visibility != "inherited":
+            return up_axis(ctx.stage) if visibility == "simple" else ""
+        above = above.GetParent()
+    return ""
+
+
+def _has_area(corners: Doubles) -> bool:
+    return bool(np.cross(corners[1] - corners[0], corners[3] - corners[0]).any())
+
+
+_PURPOSES = ("default", "render", "proxy")
+
+
+def _box(prim: ResolvedPrim, ctx: Context) -> tuple[Doubles, Doubles] | None:
+    """The model's bounds in its own space, of all purposes but guide, at its earliest time: authored, else computed."""
+    box = _extents_hint(prim.prim)
+    if box is None and not is_deep(Usd.PrimRange(prim.prim, Usd.TraverseInstanceProxies())):
+        try:
+            cache = UsdGeom.BBoxCache(Usd.TimeCode.EarliestTime(), list(_PURPOSES), useExtentsHint=True)
+            found = cache.ComputeUntransformedBound(prim.prim).ComputeAlignedRange()
+        except Tf.ErrorException:
+            found = None
+        if found is not None and not found.IsEmpty():
+            box = np.array(found.GetMin()), np.array(found.GetMax())
+    if box is None or not (np.isfinite(box).all() and (box[0] <= box[1]).all()):
+        ctx.warn("draw-mode-input", prim.path, "The model has no bounds: nothing is drawn in its place.", "extentsHint")
+        return None
+    return box
+
+
+def _extents_hint(prim: Usd.Prim) -> tuple[Doubles, Doubles] | None:
+    """The union of its boxes for default, render and proxy: two points a purpose; one without geometry has an empty box."""
+    attribute = prim.GetAttribute("extentsHint")
+    hint = attribute.Get(Usd.TimeCode.EarliestTime()) if attribute else None
+    try:
+        pairs = np.asarray(hint, np.float64).reshape(-1, 2, 3)[: len(_PURPOSES)]
+    except (TypeError, ValueError):
+        return None
+    pairs = pairs[(pairs[:, 0] <= pairs[:, 1]).all(axis=1)]
+    return (pairs[:, 0].min(axis=0), pairs[:, 1].max(axis=0)) if len(pairs) else None
+
+
+def _bars(prim: ResolvedPrim, lines: list[tuple[Doubles, Doubles]], width: float, ctx: Context) -> Mesh:
+    """Boxes around lines along the axes."""
+    unit = np.array(list(itertools.product((0.0, 1.0), repeat=3)))[:, ::-1]  # x fastest
+    quads = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]])
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    points = [low - width / 2 + unit * (high - low + width) for low, high in lines]
+    return Mesh(
+        prim.path,
+        np.concatenate(points).astype(np.float32),
+        np.concatenate([triangles + 8 * k for k in range(len(lines))]).astype(np.int32),
+        None,
+        None,
+        ctx.surface_index(Surface("", lambert=True, diffuse_color=_color(prim, ctx))),
+    )

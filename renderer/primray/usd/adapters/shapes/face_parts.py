@@ -1,0 +1,50 @@
+"""Which appearance each face of a mesh has: that of the subset that holds it, else the mesh's own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ....arrays import Ints
+from ...resolving.context import Context
+from ...resolving.read import array, read, token
+from ...resolving.resolve import ResolvedPrim
+from ..materials.surface import Appearance, appearance_of
+
+
+@dataclass(frozen=True)
+class FaceParts:
+    """`of_face` (F,), counted over the faces as authored, says which of `appearances` each has; the first is the mesh's own."""
+
+    appearances: list[Appearance]
+    of_face: Ints
+
+
+def face_parts(prim: ResolvedPrim, faces: int, ctx: Context) -> FaceParts:
+    parts = [appearance_of(prim, prim.material, ctx)]
+    of_face = np.zeros(faces, np.int32)
+    families: list[str | None] = [None]  # of each part; the mesh's own is in none
+    for subset in prim.subsets:
+        indices = array(read(subset.prim, "indices", ctx.when), 1, "i")
+        if indices is None or (len(indices) and (indices.min() < 0 or indices.max() >= faces)):
+            ctx.warn("subset-ignored", subset.path, f"Its indices are not faces of the mesh, which has {faces}.", "indices")
+            continue
+        held = np.array([family == subset.family for family in families])[of_face[indices]]
+        if held.any():
+            ctx.warn(
+                "subset-overlap", subset.path, f"{int(held.sum())} of its faces are in another subset of its family.", "indices"
+            )
+        families.append(subset.family)
+        of_face[indices] = len(parts)
+        parts.append(appearance_of(prim, subset.material, ctx))
+    if prim.subsets:
+        _note_incomplete(prim, of_face, ctx)
+    return FaceParts(parts, of_face)
+
+
+def _note_incomplete(prim: ResolvedPrim, of_face: Ints, ctx: Context) -> None:
+    name = "subsetFamily:materialBind:familyType"
+    if name in prim.names and token(prim.prim, name, ctx.when, "") == "partition" and not of_face.all():
+        rest = int(np.count_nonzero(of_face == 0))
+        ctx.warn("subset-incomplete", prim.path, f"{rest} faces are in none, though {name} is partition.", name)

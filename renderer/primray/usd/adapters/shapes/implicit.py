@@ -1,0 +1,120 @@
+"""UsdGeom's implicit shapes: spheres exactly, the others as fine meshes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ....description import Mesh, Shape, Sphere
+from ...resolving.context import Context
+from ...resolving.read import number, token
+from ...resolving.resolve import ResolvedPrim
+from ...shapes import tessellate
+from ...shapes.seam_mesh import Values, seam_mesh
+from ...shapes.surface_primvars import constant_primvars
+from ...shapes.tessellate import Tessellated
+from ..materials.surface import FALLBACK_COLOR, Appearance, appearance_of, is_hidden, make_surface
+
+_Call = tuple[Any, ...]  # a function of tessellate.py and what to give it: many shapes are alike
+
+
+def sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
+    radius = abs(_number(prim, "radius", 1.0, ctx))
+    appearance = _appearance(prim, ctx)
+    if radius == 0 or is_hidden(appearance):
+        return None
+    surface = make_surface(appearance, lambda: True)
+    if _is_left_handed(prim, ctx) and not surface.thin and (surface.opacity < 1 or "opacity" in dict(surface.inputs)):
+        ctx.warn("shape-input", prim.path, "orientation = leftHanded is ignored: the sphere's inside is inside.", "orientation")
+    return Sphere(prim.path, radius, ctx.surface_index(surface), constant_primvars(prim, (surface,), ctx))
+
+
+def tessellated(prim: ResolvedPrim, ctx: Context) -> Shape | None:
+    """A shape of any other kind."""
+    how = _TESSELLATE[prim.type_name](prim, ctx)
+    if how not in ctx.shared_implicits:
+        made = how[0](*how[1:])
+        usable = bool(np.isfinite(made.points).all() and made.points.any())
+        ctx.shared_implicits[how] = made if usable else None
+    made = ctx.shared_implicits[how]
+    appearance = _appearance(prim, ctx)
+    if made is None or is_hidden(appearance):
+        return None
+    if _is_left_handed(prim, ctx):
+        made = _flipped(made)
+    if prim.type_name not in ("Cube", "Plane"):
+        ctx.warn("tessellated", prim.path, f"{prim.type_name} is rendered with {tessellate.AROUND} segments around.")
+    normals = None if made.normals is None else Values(made.normals, "corner")
+    surface = make_surface(appearance, lambda: prim.type_name != "Plane")
+    primvars = constant_primvars(prim, (surface,), ctx)
+    mesh: Mesh = seam_mesh(prim.path, made.points, made.triangles, normals, None, ctx.surface_index(surface), primvars)
+    return mesh
+
+
+def _is_left_handed(prim: ResolvedPrim, ctx: Context) -> bool:
+    return "orientation" in prim.names and token(prim.prim, "orientation", ctx.when, "rightHanded") == "leftHanded"
+
+
+def _flipped(made: Tessellated) -> Tessellated:
+    """Facing the other way, as UsdGeomGprim's orientation has it."""
+    normals = None if made.normals is None else -made.normals.reshape(-1, 3, 3)[:, [0, 2, 1]].reshape(-1, 3)
+    return Tessellated(made.points, made.triangles[:, [0, 2, 1]], normals)
+
+
+def _appearance(prim: ResolvedPrim, ctx: Context) -> Appearance:
+    appearance = appearance_of(prim, prim.material, ctx)
+    if appearance.varying_color:
+        message = f"primvars:displayColor varies, which a {prim.type_name} cannot show: ignored."
+        ctx.warn("invalid-primvar", prim.path, message, "primvars:displayColor")
+        appearance = replace(appearance, color=FALLBACK_COLOR, varying_color=False)
+    return appearance
+
+
+def _cube(prim: ResolvedPrim, ctx: Context) -> _Call:
+    return tessellate.cube, abs(_number(prim, "size", 2.0, ctx))
+
+
+def _plane(prim: ResolvedPrim, ctx: Context) -> _Call:
+    return tessellate.plane, _number(prim, "width", 2.0, ctx), _number(prim, "length", 2.0, ctx), _axis(prim, ctx)
+
+
+def _cone(prim: ResolvedPrim, ctx: Context) -> _Call:
+    return tessellate.cone, abs(_number(prim, "radius", 1.0, ctx)), _number(prim, "height", 2.0, ctx), _axis(prim, ctx)
+
+
+def _cylinder(prim: ResolvedPrim, ctx: Context) -> _Call:
+    return tessellate.cylinder, *_radii(prim, 1.0, ctx), _number(prim, "height", 2.0, ctx), _axis(prim, ctx)
+
+
+def _capsule(prim: ResolvedPrim, ctx: Context) -> _Call:
+    return tessellate.capsule, *_radii(prim, 0.5, ctx), _number(prim, "height", 1.0, ctx), _axis(prim, ctx)
+
+
+def _radii(prim: ResolvedPrim, default: float, ctx: Context) -> tuple[float, float]:
+    if prim.type_name.endswith("_1"):
+        return abs(_number(prim, "radiusBottom", default, ctx)), abs(_number(prim, "radiusTop", default, ctx))
+    radius = abs(_number(prim, "radius", default, ctx))
+    return radius, radius
+
+
+def _axis(prim: ResolvedPrim, ctx: Context) -> str:
+    axis = token(prim.prim, "axis", ctx.when, "Z") if "axis" in prim.names else "Z"
+    return axis if axis in ("X", "Y", "Z") else "Z"
+
+
+def _number(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:
+    return number(prim.prim, name, ctx.when, default, ctx.diagnostics)  # also if it is not authored: value clips may have it
+
+
+_TESSELLATE: dict[str, Callable[[ResolvedPrim, Context], _Call]] = {
+    "Cube": _cube,
+    "Plane": _plane,
+    "Cone": _cone,
+    "Cylinder": _cylinder,
+    "Cylinder_1": _cylinder,
+    "Capsule": _capsule,
+    "Capsule_1": _capsule,
+}

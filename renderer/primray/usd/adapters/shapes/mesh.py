@@ -1,0 +1,201 @@
+"""UsdGeomMesh to triangles: topology checked face by face, normals and colours brought to triangles, surfaces assigned.
+
+`doubleSided` has no effect: both sides of every surface shade, as in other path tracers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from ....arrays import Floats, Ints
+from ....description import Mesh, SubdivisionMesh
+from ...resolving.context import Context
+from ...resolving.read import token
+from ...resolving.resolve import ResolvedPrim
+from ...shapes.normals import read_normals, shading_normals
+from ...shapes.pairs import paired
+from ...shapes.primvars import Sizes, is_per_point, per_corner, read_display_vectors
+from ...shapes.seam_mesh import Values, keep_triangles, seam_mesh
+from ...shapes.surface_primvars import mesh_primvars, moved
+from ...shapes.topology import Faces, all_usable, read_topology, usable_faces, without_holes
+from ...shapes.triangulate import Fan, Triangles, fan_of, flipped, triangulate
+from ..materials.surface import FALLBACK_COLOR, Appearance, appearance_of, is_hidden, make_surface
+from .cage import cage
+from .face_parts import FaceParts, face_parts
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """What does not depend on materials: shared by the prototypes that hold the same prim."""
+
+    points: Floats
+    triangles: Triangles
+    normals: Values | None
+    sizes: Sizes
+
+
+def mesh(prim: ResolvedPrim, ctx: Context) -> Mesh | SubdivisionMesh | None:
+    if "subdivisionScheme" not in prim.names or token(prim.prim, "subdivisionScheme", ctx.when, "catmullClark") != "none":
+        return cage(prim, ctx)
+    geometry = ctx.shared_geometry.get(prim.path) or _geometry(prim, ctx)
+    if geometry is None:
+        return None
+    if prim.path in ctx.shares:
+        ctx.shared_geometry[prim.path] = geometry
+    if prim.subsets:
+        return _with_subsets(prim, geometry, face_parts(prim, geometry.sizes.faces, ctx), ctx)
+    return _shape(prim, geometry, appearance_of(prim, prim.material, ctx), ctx)
+
+
+def _shape(prim: ResolvedPrim, geometry: Geometry, appearance: Appearance, ctx: Context) -> Mesh | None:
+    if is_hidden(appearance):
+        return None
+    colors = _colors(prim, geometry, ctx) if appearance.varying_color else None
+    if appearance.varying_color and colors is None:
+        appearance = replace(appearance, color=FALLBACK_COLOR)
+    surface = make_surface(appearance, lambda: is_closed(geometry.points, geometry.triangles.points))
+    return seam_mesh(
+        prim.path,
+        geometry.points,
+        geometry.triangles.points,
+        geometry.normals,
+        colors,
+        ctx.surface_index(surface),
+        mesh_primvars(prim, (surface,), geometry.triangles, geometry.sizes, ctx),
+    )
+
+
+def _geometry(prim: ResolvedPrim, ctx: Context) -> Geometry | None:
+    topology = read_topology(prim, ctx)
+    if topology is None:
+        return None
+    points, faces = topology
+    sizes = Sizes(len(faces.counts), len(points), len(faces.indices))
+    alike, keep = _alike(points, faces) if "holeIndices" not in prim.names else None, None
+    if alike is not None:
+        points, triangles = alike
+    else:
+        points, usable = usable_faces(prim, points, faces, ctx)
+        keep = without_holes(usable, prim, sizes.faces, ctx)
+        triangles = triangulate(points, faces.counts, faces.indices, keep)
+        _note_degenerate(prim, keep, sizes.faces, triangles, faces.counts, ctx)
+    if len(triangles.faces) == 0:
+        return None
+    if "orientation" in prim.names and token(prim.prim, "orientation", ctx.when, "rightHanded") == "leftHanded":
+        triangles = flipped(triangles)
+    triangles = paired(triangles)
+    return Geometry(points, triangles, _normals(prim, points, triangles, sizes, ctx), sizes)
+
+
+def _alike(points: Floats, faces: Faces) -> tuple[Floats, Triangles] | None:
+    """Points and triangles of all small meshes that are alike; None where they are not simple fans, or not all usable."""
+    if not faces.is_shared:
+        return None
+    if "fan" not in faces.made:
+        faces.made["fan"] = fan_of(faces.counts, faces.indices)
+    fan: Fan | None = faces.made["fan"]
+    if fan is None:
+        return None
+    key = points.tobytes()
+    known: Floats | None = faces.made.get(key)
+    if known is None and all_usable(points, faces) and fan.fits(points):
+        known = faces.made[key] = np.frombuffer(key, points.dtype).reshape(points.shape)  # these bytes are kept anyway
+    return None if known is None else (known, fan.triangles)
+
+
+def _note_degenerate(
+    prim: ResolvedPrim,
+    keep: npt.NDArray[np.bool_] | None,
+    faces: int,
+    triangles: Triangles,
+    counts: Ints,
+    ctx: Context,
+) -> None:
+    """Say how many faces vanished altogether; triangles without area inside a face need no word."""
+    wanted = faces if keep is None else int(keep.sum())
+    if len(triangles.faces) >= int((counts if keep is None else counts[keep]).sum()) - 2 * wanted:
+        return
+    lost = wanted - len(np.unique(triangles.faces))
+    if lost:
+        ctx.warn("faces-degenerate", prim.path, f"{lost} of {faces} faces have no area.")
+
+
+def _normals(prim: ResolvedPrim, points: Floats, triangles: Triangles, sizes: Sizes, ctx: Context) -> Values | None:
+    """None where the mesh is to look faceted: polygonal without normals."""
+    normals = read_normals(prim, sizes, ctx)
+    return None if normals is None else shading_normals(normals, points, triangles)
+
+
+def _colors(prim: ResolvedPrim, geometry: Geometry, ctx: Context) -> Values | None:
+    primvar = read_display_vectors(geometry.sizes, prim, ctx)
+    if primvar is None:
+        return None
+    if primvar.interpolation == "uniform":
+        return Values(primvar.values[geometry.triangles.faces], "face")
+    if is_per_point(primvar):
+        return Values(primvar.values, "point")
+    return Values(per_corner(primvar, geometry.triangles), "corner")
+
+
+def _with_subsets(prim: ResolvedPrim, geometry: Geometry, found: FaceParts, ctx: Context) -> Mesh | None:
+    """A surface per triangle."""
+    parts = found.appearances
+    of_triangle = found.of_face[geometry.triangles.faces]
+    hidden = np.array([is_hidden(part) for part in parts])
+    visible = np.logical_not(np.take(hidden, of_triangle))
+    if not visible.any():
+        return None
+    closed = is_closed(geometry.points, geometry.triangles.points)
+    used = np.unique(of_triangle[visible])
+    surfaces = {int(part): make_surface(parts[part], lambda: closed) for part in used}
+    index_of_part = np.full(len(parts), -1, np.int32)
+    for part, surface in surfaces.items():
+        index_of_part[part] = ctx.surface_index(surface)
+    colors = _subset_colors(prim, geometry, np.array([part.varying_color for part in parts])[of_triangle], visible, ctx)
+    return seam_mesh(
+        prim.path,
+        geometry.points,
+        geometry.triangles.points[visible],
+        keep_triangles(geometry.normals, visible),
+        keep_triangles(colors, visible),
+        index_of_part[of_triangle[visible]],
+        moved(mesh_primvars(prim, surfaces.values(), geometry.triangles, geometry.sizes, ctx), visible),
+    )
+
+
+def _subset_colors(
+    prim: ResolvedPrim,
+    geometry: Geometry,
+    varying: npt.NDArray[np.bool_],
+    visible: npt.NDArray[np.bool_],
+    ctx: Context,
+) -> Values | None:
+    """Per corner: displayColor on triangles whose surface takes it (`varying`, (T,)), 1 on those with a colour of their own."""
+    if not (varying & visible).any():
+        return None
+    primvar = read_display_vectors(geometry.sizes, prim, ctx)
+    if primvar is None:
+        return None
+    colors = per_corner(primvar, geometry.triangles).copy()
+    colors[np.repeat(~varying, 3)] = 1.0
+    return Values(colors, "corner")
+
+
+def is_closed(points: Floats, triangles: Ints) -> bool:
+    """Whether every edge is shared by exactly two triangles that run along it in opposite directions (a 2-manifold).
+
+    Points at the same place are one, so that meshes with split vertices count as closed.
+    """
+    _, welded = np.unique(points, axis=0, return_inverse=True)
+    t = welded.reshape(-1)[triangles].astype(np.int64)
+    edges = np.concatenate([t[:, [0, 1]], t[:, [1, 2]], t[:, [2, 0]]])
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    if len(edges) == 0:
+        return False
+    size = int(edges.max()) + 1
+    forward = np.sort(edges[:, 0] * size + edges[:, 1])
+    backward = np.sort(edges[:, 1] * size + edges[:, 0])
+    return bool((forward[1:] != forward[:-1]).all() and (forward == backward).all())

@@ -1,0 +1,139 @@
+"""UsdGeomPointInstancer: where it puts each prototype, for all its instances at once (UsdGeomPointInstancer,
+"Computing an Instance Transform"); the prototype root's own transform is left to the walk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sized
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pxr import UsdGeom
+
+from ....description.instance_names import Names
+from ....description.placement import PointInstances
+from ...resolving.context import Context
+from ...resolving.notes import note_velocities
+from ...resolving.read import array, read, time_of
+from ...resolving.resolve import ResolvedPrim
+from ...shapes.instance_primvars import instance_primvars
+
+
+def point_instances(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, PointInstances]]:
+    """(prototype root path, where it stands in the stage or the group) for each prototype with visible instances.
+
+    What belongs to one instance is kept in one PointInstances, so that masks take all of it along.
+    """
+    roots = [str(path) for path in prim.prim.GetRelationship("prototypes").GetForwardedTargets()]
+    raw_proto, raw_positions = (read(prim.prim, name, ctx.when) for name in ("protoIndices", "positions"))
+    missing = [_is_empty(raw_proto), _is_empty(raw_positions)]
+    if any(missing):
+        if not all(missing):
+            there, absent = ("positions", "protoIndices") if missing[0] else ("protoIndices", "positions")
+            ctx.warn(
+                "invalid-instancer", prim.path, f"It has {there} but no {absent}: none of its instances can be placed.", absent
+            )
+        return []
+    proto, positions = array(raw_proto, 1, "i"), array(raw_positions, 3, "f")
+    if proto is None or positions is None or len(positions) != len(proto):
+        ctx.warn(
+            "invalid-instancer", prim.path, "protoIndices and positions are not arrays of the same length.", "protoIndices"
+        )
+        return []
+    keep = _shown(prim, roots, proto, positions, ctx)
+    instances = _instances(prim, positions, ctx)
+    bad = keep & ~_finite(instances)
+    if bad.any():
+        ctx.warn(
+            "invalid-transform", prim.path, f"{int(bad.sum())} of {len(proto)} instances have transforms that are not finite."
+        )
+        keep &= ~bad
+    _note_ignored(prim, ctx)
+    return [(roots[k], chosen) for k, chosen in _by_prototype(instances, proto, keep, len(roots))]
+
+
+def _is_empty(raw: Any) -> bool:
+    return raw is None or (isinstance(raw, Sized) and len(raw) == 0)
+
+
+def _by_prototype(
+    instances: PointInstances, proto: npt.NDArray[Any], keep: npt.NDArray[np.bool_], roots: int
+) -> Iterator[tuple[int, PointInstances]]:
+    """The kept instances of each prototype that has any, in their order."""
+    shown = np.flatnonzero(keep) if not keep.all() else None
+    kept = proto if shown is None else proto[shown]
+    counts = np.bincount(kept, minlength=roots)
+    if np.count_nonzero(counts) == 1 and shown is None:
+        yield int(kept[0]), instances
+        return
+    # Few prototypes have small numbers, which numpy sorts in linear time.
+    order = np.argsort(kept.astype(np.uint16 if roots <= 1 << 16 else np.int32), kind="stable")
+    ends = np.cumsum(counts)
+    for k in np.flatnonzero(counts):
+        chosen = order[ends[k] - counts[k] : ends[k]]
+        yield int(k), instances.take(chosen if shown is None else shown[chosen])
+
+
+def _shown(
+    prim: ResolvedPrim, roots: list[str], proto: npt.NDArray[Any], positions: npt.NDArray[Any], ctx: Context
+) -> npt.NDArray[np.bool_]:
+    """Which instances are neither masked nor without a prototype."""
+    keep = (proto >= 0) & (proto < len(roots))
+    if not keep.all():
+        ctx.warn(
+            "invalid-instancer",
+            prim.path,
+            f"{int((~keep).sum())} of {len(proto)} protoIndices name no prototype.",
+            "protoIndices",
+        )
+    for k, root in enumerate(roots):
+        if not ctx.stage.GetPrimAtPath(root) and (proto == k).any():
+            ctx.warn("invalid-instancer", prim.path, f"The prototype {root} does not exist.", "prototypes")
+            keep &= proto != k
+    if "invisibleIds" in prim.names or prim.prim.HasAuthoredMetadata("inactiveIds"):
+        time = time_of(prim.prim.GetAttribute("protoIndices"), ctx.when)
+        mask = np.array(UsdGeom.PointInstancer(prim.prim).ComputeMaskAtTime(time), bool)  # empty: all are shown
+        if len(mask) == len(keep):
+            keep &= mask
+        elif len(mask):
+            ctx.warn("invalid-instancer", prim.path, "ids does not fit the instances: no instance is hidden by its id.", "ids")
+    return keep
+
+
+def _instances(prim: ResolvedPrim, positions: npt.NDArray[Any], ctx: Context) -> PointInstances:
+    count = len(positions)
+    quaternions = _per_instance(prim, "orientationsf", 4, count, ctx)
+    if quaternions is None:
+        quaternions = _per_instance(prim, "orientations", 4, count, ctx)
+    scales = _per_instance(prim, "scales", 3, count, ctx)
+    names = Names(prim.path, numbers=np.arange(count, dtype=np.int32)) if ctx.names_instances else None
+    outer, primvars = prim.group_from_prim[:3], instance_primvars(prim, count, ctx)
+    return PointInstances(outer, positions, quaternions, scales, primvars, names)
+
+
+def _finite(instances: PointInstances) -> npt.NDArray[np.bool_]:
+    """Which have a transform of finite numbers."""
+    finite = np.asarray(np.isfinite(instances.positions).all(axis=1))
+    finite &= bool(np.isfinite(instances.outer).all())
+    for values in (instances.orientations, instances.scales):
+        if values is not None:
+            finite &= np.isfinite(values).all(axis=1)
+    return finite
+
+
+def _per_instance(prim: ResolvedPrim, name: str, columns: int, count: int, ctx: Context) -> npt.NDArray[Any] | None:
+    if name not in prim.names:
+        return None
+    raw = read(prim.prim, name, ctx.when)
+    if raw is None or len(raw) == 0:
+        return None
+    values = array(raw, columns, "f")
+    if values is None or len(values) != count:
+        ctx.warn("invalid-instancer", prim.path, f"{name} has {len(raw)} values for {count} instances: ignored.", name)
+        return None
+    return values
+
+
+def _note_ignored(prim: ResolvedPrim, ctx: Context) -> None:
+    note_velocities(prim, "positions", ctx)
+    note_velocities(prim, "orientationsf" if "orientationsf" in prim.names else "orientations", ctx, "angularVelocities")

@@ -1,0 +1,1 @@
+"""What a stage is and holds, told without rendering it."""

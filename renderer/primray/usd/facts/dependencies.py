@@ -1,0 +1,114 @@
+"""The files that a stage is made of, for sending them elsewhere. Opens all of them: for the user's own scenes only."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from pxr import Ar, Sdf, Tf, Usd, UsdUtils
+
+from ...diagnostics import Diagnostics
+from ...errors import StageOpenError
+from ..opening.stage import tf_message, usd_messages
+
+_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")
+
+
+@dataclass(frozen=True)
+class Dependencies:
+    """`files`: absolute paths, the stage's own first. `fixed`: (layer, asset path) that lead to the same file only on this
+    machine: absolute ones, and those found by a search path. `missing`: asset paths that lead nowhere."""
+
+    files: tuple[str, ...]
+    fixed: tuple[tuple[str, str], ...]
+    missing: tuple[str, ...]
+
+
+def dependencies(path: str) -> Dependencies:
+    """Of all variants, payloads, clips and tiles; StageOpenError if a layer cannot be read."""
+    root = os.path.abspath(path)
+    with usd_messages(Diagnostics()):
+        layers, assets, missing = _all_of(root)
+        for composed in _composed_layers(root):  # what expression variables of one layer make of a path in another
+            if composed not in layers:
+                more_layers, more_assets, more_missing = _all_of(composed)
+                layers, assets, missing = layers | more_layers, assets | more_assets, missing | more_missing
+        fixed = sorted({found for layer in layers for found in _fixed_paths(layer)})
+    files = (root, *sorted((layers | assets) - {root}))
+    return Dependencies(files, tuple(fixed), tuple(sorted(missing)))
+
+
+def write_usdz(path: str, target: str) -> None:
+    """A usdz of the stage and all its files, with their paths rewritten to lead to each other in it.
+
+    Not a folder of such files: USD rewrites paths to begin at the package's root, which a folder does not have.
+    """
+    with usd_messages(Diagnostics()):
+        try:
+            UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(os.path.abspath(path)), target)
+        except Tf.ErrorException as error:
+            raise StageOpenError(f"USD cannot package it: {tf_message(error)}", where=path) from None
+    if not os.path.isfile(target):  # it answers False also where a file is missing, and the package is as good as can be
+        raise StageOpenError("USD cannot package it with the files it refers to.", where=path)
+
+
+def _all_of(path: str) -> tuple[set[str], set[str], set[str]]:
+    """Files that are layers, other files, and asset paths that lead nowhere."""
+    try:
+        layers, assets, missing = UsdUtils.ComputeAllDependencies(Sdf.AssetPath(path))
+    except Tf.ErrorException as error:
+        raise StageOpenError(f"USD cannot open it: {tf_message(error)}", where=path) from None
+    if not layers:
+        raise StageOpenError("USD cannot open it.", where=path)
+    files = {_file(layer.realPath) for layer in layers if layer.realPath}
+    return files, {_file(asset) for asset in assets} - files, {text for text in missing if not _is_tiles(text, assets)}
+
+
+def _file(path: str) -> str:
+    """The file on the disk: of a member of a usdz, the usdz."""
+    return os.path.abspath(str(Ar.SplitPackageRelativePathOuter(path)[0]))
+
+
+def _is_tiles(text: str, assets: list[str]) -> bool:
+    """Whether a path with a tile's place in it was found, as tiles."""
+    before, place, _ = text.partition("<UDIM>")
+    return bool(place) and any(asset.startswith(os.path.abspath(before)) or before in asset for asset in assets)
+
+
+def _composed_layers(path: str) -> Iterator[str]:
+    try:
+        stage = Usd.Stage.Open(path)
+    except Tf.ErrorException as error:
+        raise StageOpenError(f"USD cannot open it: {tf_message(error)}", where=path) from None
+    for layer in stage.GetUsedLayers():
+        if layer.realPath:
+            yield _file(layer.realPath)
+
+
+def _fixed_paths(file: str) -> Iterator[tuple[str, str]]:
+    if file.endswith(".usdz"):
+        return  # its own layers may refer only to what is in it
+    try:
+        layer = Sdf.Layer.OpenAsAnonymous(file)
+    except Tf.ErrorException as error:
+        raise StageOpenError(f"USD cannot open it: {tf_message(error)}", where=file) from None
+    texts: list[str] = []
+
+    def note(text: str) -> str:
+        texts.append(text)
+        return text
+
+    UsdUtils.ModifyAssetPaths(layer, note)
+    for text in texts:
+        if os.path.isabs(text) or _SCHEME.match(text) or _is_found_by_searching(file, text):
+            yield file, text
+
+
+def _is_found_by_searching(file: str, text: str) -> bool:
+    if text.startswith((".", "`")) or "<UDIM>" in text:
+        return False
+    outer = Ar.SplitPackageRelativePathOuter(text)[0]
+    beside = os.path.join(os.path.dirname(file), outer)
+    return bool(outer) and not os.path.exists(beside) and bool(str(Ar.GetResolver().Resolve(outer)))

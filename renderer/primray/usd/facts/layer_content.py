@@ -1,0 +1,173 @@
+"""One layer by itself, opened without any other: the files that it names anywhere, and its prims with their arcs.
+
+Composing would open what is named (UsdUtils.ComputeAllDependencies does too), so nothing is composed here. Asset paths are
+those of all variants, time samples, arrays, clips and metadata; expressions are evaluated with the layer's own variables only.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from pxr import Sdf, Tf, UsdUtils
+
+from ...diagnostics import Diagnostics
+from ...errors import StageOpenError
+from ..opening.stage import tf_message, usd_messages
+
+# Prims that are looked at for their arcs; a layer that has more is not a small text that expands to a large scene.
+MOST_NODES = 20_000
+_LINE = re.compile(r"\.usda?[^:\s]*:(\d+):\d+")
+_FORMAT_ARGUMENTS = ":SDF_FORMAT_ARGS:"
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A reference, payload, inherit or specialize; `asset` is "" for the same layer stack, `path` None for a default prim."""
+
+    asset: str
+    path: str | None
+
+
+@dataclass
+class Node:
+    """A prim's spec: names of its children with theirs, its arcs, and its variants by set."""
+
+    children: dict[str, Node] = field(default_factory=dict)
+    arcs: list[Arc] = field(default_factory=list)
+    variants: list[list[Node]] = field(default_factory=list)
+    is_instanceable: bool = False
+
+
+@dataclass
+class LayerContent:
+    asset_paths: list[str]  # everything that names a file, once each, in order
+    expressions: list[str]  # as written between the backticks; what they give with the layer's own variables is above
+    composition: set[str]  # those of the asset paths that lead to other layers
+    has_variables: bool  # of expressions: then what was evaluated may be something else when composed
+    identifiers: set[str]  # assetInfo's, which name files that nothing opens
+    sublayers: list[str]
+    default_prim: str | None
+    root: Node | None  # None: too many prims
+    depth: int
+
+
+def layer_content(path: str, name: str) -> LayerContent:
+    """StageOpenError, with `name` as its place and the line if USD told one, where the layer cannot be read."""
+    with usd_messages(Diagnostics()):
+        try:
+            layer = Sdf.Layer.OpenAsAnonymous(path)
+        except Tf.ErrorException as error:
+            raise unreadable(name, tf_message(error)) from None
+        if layer is None:
+            raise unreadable(name, "")
+        found = _tree(layer)
+        sublayers = [_without_arguments(path) for path in layer.subLayerPaths]
+        has_variables = bool(layer.expressionVariables)
+        composition = {_without_arguments(path) for path in layer.GetCompositionAssetDependencies()}
+        paths, expressions = _asset_paths(layer, name)
+        return LayerContent(
+            paths,
+            expressions,
+            composition,
+            has_variables,
+            found.identifiers,
+            sublayers,
+            layer.defaultPrim or None,
+            found.root,
+            found.depth,
+        )
+
+
+def unreadable(name: str, message: str) -> StageOpenError:
+    """Never USD's own text, which quotes the file."""
+    line = _LINE.search(message)
+    where = f" at line {line[1]}" if line else ""
+    return StageOpenError(f"USD cannot read this layer{where}.", where=name)
+
+
+def line_of(error: StageOpenError) -> int | None:
+    found = re.search(r" at line (\d+)\.$", error.message)
+    return int(found[1]) if found else None
+
+
+def _asset_paths(layer: Sdf.Layer, name: str) -> tuple[list[str], list[str]]:
+    """Callbacks may be called with what is not text: then the layer counts as unreadable."""
+    found: dict[str, None] = {}
+
+    def keep(path: str) -> str:
+        found.setdefault(path)
+        return path
+
+    try:
+        for path in layer.GetCompositionAssetDependencies():
+            keep(path)
+        UsdUtils.ModifyAssetPaths(layer, keep)
+    except (Tf.ErrorException, UnicodeDecodeError):
+        raise unreadable(name, "") from None
+    plain = [_without_arguments(path) for path in found if path and not path.startswith("`")]
+    return list(dict.fromkeys(plain)), [path.strip("`") for path in found if path.startswith("`")]
+
+
+def _without_arguments(path: str) -> str:
+    return path.partition(_FORMAT_ARGUMENTS)[0]
+
+
+@dataclass
+class _Tree:
+    root: Node | None = None
+    identifiers: set[str] = field(default_factory=set)
+    depth: int = 0
+
+
+def _tree(layer: Sdf.Layer) -> _Tree:
+    """Without recursion: prims may be nested as deep as a binary layer can say."""
+    tree = _Tree()
+    root = Node()
+    waiting: list[tuple[Any, Node, int]] = [(layer.pseudoRoot, root, 0)]
+    count = 0
+    while waiting:
+        spec, node, depth = waiting.pop()
+        tree.depth = max(tree.depth, depth)
+        if depth:
+            _read(spec, node, tree.identifiers)
+        children = spec.nameChildren
+        count += len(children)
+        if count > MOST_NODES:
+            return tree
+        waiting += [(child, _child(node, child.name), depth + 1) for child in children]
+        for variant, alternative in _variants(spec, node):
+            waiting.append((variant, alternative, depth))
+            count += 1
+    tree.root = root
+    return tree
+
+
+def _child(node: Node, name: str) -> Node:
+    return node.children.setdefault(name, Node())
+
+
+def _variants(spec: Sdf.PrimSpec, node: Node) -> Iterator[tuple[Sdf.PrimSpec, Node]]:
+    for variant_set in spec.variantSets.values() if spec.HasInfo("variantSetNames") else ():
+        alternatives: list[Node] = []
+        node.variants.append(alternatives)
+        for variant in variant_set.variantList:
+            alternatives.append(Node())
+            yield variant.primSpec, alternatives[-1]
+
+
+def _read(spec: Sdf.PrimSpec, node: Node, identifiers: set[str]) -> None:
+    node.is_instanceable = bool(spec.HasInfo("instanceable") and spec.instanceable)
+    for key, items in (("references", "referenceList"), ("payload", "payloadList")):
+        if spec.HasInfo(key):
+            for arc in getattr(spec, items).GetAppliedItems():
+                node.arcs.append(Arc(_without_arguments(arc.assetPath), str(arc.primPath) or None))
+    for key, items in (("inheritPaths", "inheritPathList"), ("specializes", "specializesList")):
+        if spec.HasInfo(key):
+            node.arcs += [Arc("", str(path)) for path in getattr(spec, items).GetAppliedItems()]
+    if spec.HasInfo("assetInfo"):
+        identifier = spec.assetInfo.get("identifier")
+        if isinstance(identifier, Sdf.AssetPath):
+            identifiers.add(identifier.path)

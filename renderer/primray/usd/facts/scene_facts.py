@@ -1,0 +1,229 @@
+"""What a composed stage offers to whoever sets up a render of it: cameras, render settings, times, lights, what is missing.
+
+Cheap beside composition: no geometry is read. Texts are ours; USD's own would name the machine's folders.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+from typing import Any
+
+from pxr import Sdf, Usd, UsdGeom, UsdLux
+
+from ...diagnostics import CODES, Diagnostics
+from ...settings import RenderSettings
+from ..adapters.cameras.camera import read_aperture
+from ..adapters.rendering.render_settings import product_settings
+from ..opening.stage import error_text, open_stage
+from ..resolving.read import when_of
+from ..translate import LIGHTS, SHAPES
+from .stage_facts import stage_facts
+
+MOST = 500  # of each list: cameras, render settings, variants
+# Drawn by other ways than the table of adapters.
+_DRAWN = frozenset(SHAPES) | {"PointInstancer", "Points"}
+_MISSING = re.compile(
+    r"Could not (?:open asset @(?P<asset>.*?)@ for (?P<arc>\w+) introduced by @(?P<by>.*?)@<(?P<prim>.*?)>"
+    r"|load sublayer @(?P<sublayer>.*?)@ of layer @(?P<of>.*?)@)",
+    re.DOTALL,
+)
+_OUR_OWN = {"composition-error", "usd-message"}  # which quote USD
+
+
+@dataclass(frozen=True)
+class MissingLayer:
+    layer: str  # USD's identifier of the one that names it
+    asset_path: str
+    prim: str
+    arc: str  # sublayer, reference, payload
+
+
+@dataclass(frozen=True)
+class Note:
+    code: str
+    prim: str
+    detail: str
+    severity: str
+    attribute: str = ""
+
+
+@dataclass(frozen=True)
+class SceneFacts:
+    facts: dict[str, Any]
+    notes: list[Note]
+    missing: list[MissingLayer]
+    drawable: int  # prims that could appear in a picture, lights too
+    used_layers: int
+
+
+def scene_facts(path: str | os.PathLike[str]) -> SceneFacts:
+    """Of the stage that a file is the root of; raises as open_stage does."""
+    diagnostics = Diagnostics()
+    stage = open_stage(path, diagnostics)
+    notes = [Note(d.code, d.prim_path, d.message, d.severity.value, d.attribute) for d in diagnostics if d.code not in _OUR_OWN]
+    missing, broken = _composition_errors(stage)
+    found = stage_facts(stage)
+    prims = list(stage.Traverse())
+    cameras = [prim for prim in prims if prim.GetTypeName() == "Camera"]
+    settings = [prim for prim in prims if prim.GetTypeName() == "RenderSettings"]
+    unused = Diagnostics()
+    chosen = product_settings(stage, RenderSettings(), settings, when_of(stage, None), unused)
+    types: dict[str, int] = found["prim_types"]
+    used_layers = sum(not layer.anonymous for layer in stage.GetUsedLayers())
+    lights = sum(count for name, count in types.items() if name in LIGHTS)
+    facts = {
+        "cameras": [_camera(prim) for prim in cameras[:MOST]],
+        "camera": _default_camera(chosen.camera, cameras),
+        "resolution": list(chosen.resolution) if chosen.resolution else None,
+        "render_settings": [_settings(prim) for prim in settings[:MOST]],
+        "frame_range": _frame_range(found["time"]),
+        "up_axis": found["up_axis"],
+        "meters_per_unit": found["meters_per_unit"],
+        "default_prim": found["default_prim"],
+        "variants": [v | {"names": v["names"][:MOST]} for v in found["variants"][:MOST]],
+        "counts": {
+            "prims": sum(types.values()),
+            "lights": lights,
+            "cameras": len(cameras),
+            "meshes": types.get("Mesh", 0),
+            "native_instances": found["native_instances"],
+            "point_instances": sum(instancer["instances"] for instancer in found["point_instancers"]),
+            "layers": used_layers,
+        },
+        "prim_types": dict(list(types.items())[:MOST]),
+    }
+    notes += [*broken, *_product_notes(settings), *_unsupported(prims)]
+    drawable = lights + sum(count for name, count in types.items() if name in _DRAWN)
+    return SceneFacts(facts, notes, missing, drawable, used_layers)
+
+
+def _composition_errors(stage: Usd.Stage) -> tuple[list[MissingLayer], list[Note]]:
+    missing, others = [], Counter[tuple[str, str]]()
+    for error in stage.GetCompositionErrors():
+        found = _MISSING.search(error_text(error))
+        if found is None:
+            others[_site(error), str(error.errorType).removeprefix("Pcp.ErrorType_")] += 1
+        elif found["sublayer"] is not None:
+            missing.append(MissingLayer(found["of"], found["sublayer"], "", "sublayer"))
+        else:
+            missing.append(MissingLayer(found["by"], found["asset"], found["prim"], found["arc"]))
+    notes = [
+        Note(
+            "composition-error",
+            prim,
+            f"USD could not compose something here: {kind}.",
+            CODES["composition-error"].severity.value,
+        )
+        for prim, kind in others
+    ]
+    return missing, notes
+
+
+def _site(error: Any) -> str:
+    try:
+        return str(error.rootSite.path)
+    except (AttributeError, UnicodeDecodeError):
+        return ""
+
+
+def _camera(prim: Usd.Prim) -> dict[str, Any]:
+    aspect = read_aperture(prim, when_of(prim.GetStage(), None), Diagnostics()).aspect
+    return {
+        "path": str(prim.GetPath()),
+        "name": prim.GetName(),
+        "aspect": aspect if math.isfinite(aspect) else None,
+        "projection": str(UsdGeom.Camera(prim).GetProjectionAttr().Get() or "perspective"),
+    }
+
+
+def _default_camera(asked: str | None, cameras: list[Usd.Prim]) -> str | None:
+    paths = [str(prim.GetPath()) for prim in cameras]
+    return asked if asked in paths else paths[0] if paths else None
+
+
+def _settings(prim: Usd.Prim) -> dict[str, Any]:
+    resolution = prim.GetAttribute("resolution")
+    size = resolution.Get() if resolution and resolution.HasAuthoredValue() else None
+    products = [prim.GetStage().GetPrimAtPath(path) for path in _targets(prim, "products")]
+    return {
+        "path": str(prim.GetPath()),
+        "resolution": [int(v) for v in size] if size is not None else None,
+        "camera": next(iter(_targets(prim, "camera")), None),
+        "products": [_product(product) for product in products[:MOST] if product],
+    }
+
+
+def _product(prim: Usd.Prim) -> dict[str, Any]:
+    return {
+        "path": str(prim.GetPath()),
+        "name": _text(prim, "productName"),
+        "type": _text(prim, "productType"),
+        "vars": _targets(prim, "orderedVars")[:MOST],
+    }
+
+
+def _targets(prim: Usd.Prim, name: str) -> list[str]:
+    relationship = prim.GetRelationship(name)
+    return [str(path) for path in relationship.GetForwardedTargets()] if relationship else []
+
+
+def _text(prim: Usd.Prim, name: str) -> str:
+    attribute = prim.GetAttribute(name)
+    try:
+        value = attribute.Get() if attribute else None
+    except UnicodeDecodeError:
+        return ""
+    return str(value)[:1024] if value is not None else ""
+
+
+def _frame_range(time: dict[str, Any]) -> dict[str, Any]:
+    """Where none is authored, the range of what is sampled; `sampled`: whether anything moves."""
+    sampled = time["sampled"]
+    start, end = (time["start"], time["end"]) if time["start"] is not None else (sampled or (None, None))
+    return {"start": start, "end": end, "fps": time["frames_per_second"], "sampled": sampled is not None}
+
+
+def _product_notes(settings: Iterable[Usd.Prim]) -> list[Note]:
+    """Names of products are output paths: those that would lead elsewhere are said to be ignored."""
+    notes = []
+    for prim in settings:
+        for path in _targets(prim, "products"):
+            product = prim.GetStage().GetPrimAtPath(path)
+            name = _text(product, "productName") if product else ""
+            parts = PurePosixPath(name.replace("\\", "/")).parts
+            if name and (name[0] in "/\\" or ".." in parts or re.match(r"[A-Za-z][A-Za-z0-9+.-]*:", name)):
+                detail = "Its productName leads out of the output folder; the files of a job have names of the service's own."
+                notes.append(Note("product-name-rewritten", path, detail, "warning"))
+    return notes
+
+
+def _unsupported(prims: list[Usd.Prim]) -> list[Note]:
+    """One note a type: what inspecting would say of each prim, without reading any."""
+    first: dict[str, Usd.Prim] = {}
+    count: Counter[str] = Counter()
+    for prim in prims:
+        name = str(prim.GetTypeName())
+        if name and name not in _DRAWN and name not in LIGHTS and (name in first or _is_drawn(prim)):
+            first.setdefault(name, prim)
+            count[name] += 1
+    notes = []
+    for name, prim in first.items():
+        code = "unsupported-light" if prim.HasAPI(UsdLux.LightAPI) else "unsupported-prim"
+        detail = f"{name} is not rendered ({count[name]:,} prims)." if count[name] > 1 else f"{name} is not rendered."
+        notes.append(Note(code, str(prim.GetPath()), detail, CODES[code].severity.value))
+    return notes
+
+
+def _is_drawn(prim: Usd.Prim) -> bool:
+    return bool(prim.IsA(UsdGeom.Gprim) or prim.HasAPI(UsdLux.LightAPI))
+
+
+def layer_file(identifier: str) -> str:
+    """The path of a layer by its identifier, without arguments; of one in a package as `package[member]`."""
+    return str(Sdf.Layer.SplitIdentifier(identifier)[0])

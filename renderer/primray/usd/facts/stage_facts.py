@@ -1,0 +1,97 @@
+"""What a stage is made of before anything is translated: layers, choices, payloads, prims, times. For `primray inspect`."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any
+
+from pxr import Sdf, Usd, UsdGeom
+
+from ..opening.stage_metadata import layer_names, meters_per_unit, up_axis
+
+
+def stage_facts(stage: Usd.Stage) -> dict[str, Any]:
+    """As JSON. Prims of prototypes are counted once, whatever the number of their instances."""
+    prims = list(stage.TraverseAll())
+    inside = [prim for prototype in stage.GetPrototypes() for prim in Usd.PrimRange.AllPrims(prototype)]
+    every = prims + inside
+    return {
+        "layers": layer_names(stage),
+        "default_prim": str(stage.GetDefaultPrim().GetPath()) if stage.HasDefaultPrim() else None,
+        "up_axis": up_axis(stage),
+        "meters_per_unit": meters_per_unit(stage),
+        "time": _time(stage),
+        "variants": list(_variants(prims)),
+        "payloads": _payloads(stage),
+        "prim_types": dict(Counter(str(prim.GetTypeName()) for prim in every if prim.GetTypeName()).most_common()),
+        "purposes": dict(Counter(_purpose(prim) for prim in every if prim.IsA(UsdGeom.Gprim)).most_common()),
+        "native_instances": sum(prim.IsInstance() for prim in every),
+        "native_prototypes": len(stage.GetPrototypes()),
+        "point_instancers": [_instancer(prim) for prim in every if prim.IsA(UsdGeom.PointInstancer)],
+        "draw_modes": list(_draw_modes(prims)),
+    }
+
+
+def _time(stage: Usd.Stage) -> dict[str, Any]:
+    """`start` and `end` are None where none is authored; whether anything is sampled says `sampled`."""
+    authored = stage.HasAuthoredTimeCodeRange()
+    span = (stage.GetStartTimeCode(), stage.GetEndTimeCode()) if authored else (None, None)
+    sampled = sorted({t for layer in stage.GetUsedLayers() for t in _ends(layer)})
+    return {
+        "start": span[0],
+        "end": span[1],
+        "time_codes_per_second": stage.GetTimeCodesPerSecond(),
+        "frames_per_second": stage.GetFramesPerSecond(),
+        "sampled": [sampled[0], sampled[-1]] if sampled else None,
+    }
+
+
+def _ends(layer: Sdf.Layer) -> list[float]:
+    """The first and last finite sample of a layer, in its own time."""
+    times = [t for t in layer.ListAllTimeSamples() if math.isfinite(t)]
+    return [times[0], times[-1]] if times else []
+
+
+def _variants(prims: list[Usd.Prim]) -> Iterator[dict[str, Any]]:
+    for prim in prims:
+        if prim.HasVariantSets():
+            for name in prim.GetVariantSets().GetNames():
+                chosen = prim.GetVariantSet(name)
+                yield {
+                    "prim": str(prim.GetPath()),
+                    "set": name,
+                    "selection": chosen.GetVariantSelection(),
+                    "names": chosen.GetVariantNames(),
+                }
+
+
+def _payloads(stage: Usd.Stage) -> dict[str, Any]:
+    loaded = set(stage.GetLoadSet())
+    # Where all is loaded nothing is asked: FindLoadable goes through every instance of every instance, which may be a thousand
+    # million in a small file.
+    all_loaded = stage.GetLoadRules() == Usd.StageLoadRules.LoadAll()
+    unloaded = [] if all_loaded else sorted(str(path) for path in set(stage.FindLoadable()) - loaded)
+    return {"loaded": sorted(map(str, loaded)), "unloaded": unloaded}
+
+
+def _purpose(prim: Usd.Prim) -> str:
+    return str(UsdGeom.Imageable(prim).ComputePurpose())
+
+
+def _instancer(prim: Usd.Prim) -> dict[str, Any]:
+    instancer = UsdGeom.PointInstancer(prim)
+    indices = instancer.GetProtoIndicesAttr().Get(Usd.TimeCode.EarliestTime())
+    return {
+        "path": str(prim.GetPath()),
+        "instances": len(indices) if hasattr(indices, "__len__") else 0,
+        "prototypes": [str(path) for path in instancer.GetPrototypesRel().GetForwardedTargets()],
+    }
+
+
+def _draw_modes(prims: list[Usd.Prim]) -> Iterator[dict[str, str]]:
+    for prim in prims:
+        attribute = prim.GetAttribute("model:drawMode")
+        if attribute and attribute.HasAuthoredValue():
+            yield {"prim": str(prim.GetPath()), "mode": str(attribute.Get())}

@@ -1,0 +1,42 @@
+"""A light's photometric file as an IesProfile: resolved by Ar, read once however many lights name it."""
+
+from __future__ import annotations
+
+from pxr import Sdf
+
+from ...description.lighting import IesProfile
+from ...errors import AssetError
+from ...textures.ies import MAX_BYTES, IesError, IesFile, parse_ies
+from ..opening.asset import read_asset
+from ..resolving.context import Context
+
+FILE = "inputs:shaping:ies:file"
+
+
+def ies_profile(asset: Sdf.AssetPath, path: str, ctx: Context) -> IesProfile | None:
+    """The profile; None where it cannot be had, which is noted for the light at `path`."""
+    if not asset.resolvedPath:
+        ctx.warn("asset-missing", path, f"{asset.path} cannot be found: the light is rendered without a profile.", FILE)
+        return None
+    resolved = str(asset.resolvedPath)
+    if resolved not in ctx.profiles:
+        ctx.profiles[resolved] = _read(resolved)
+    found: IesFile | str = ctx.profiles[resolved]
+    if isinstance(found, str):
+        ctx.warn("light-input", path, f"{asset.path} is ignored, and the light rendered without it: {found}.", FILE)
+        return None
+    for note in found.notes:
+        ctx.warn("light-input", path, f"{asset.path}: {note}.", FILE)
+    if not found.profile.candela.any():
+        ctx.warn("light-dark", path, f"{asset.path} has no intensity above 0: the light emits nothing.", FILE)
+    return found.profile
+
+
+def _read(resolved: str) -> IesFile | str:
+    """What is wrong with it, where it is of no use."""
+    try:
+        return parse_ies(read_asset(resolved, MAX_BYTES))
+    except IesError as error:
+        return str(error)
+    except AssetError as error:
+        return error.message

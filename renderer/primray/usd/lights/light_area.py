@@ -1,0 +1,89 @@
+"""World-space areas of UsdLux's shapes under any affine transform, exact but for rounding: what `normalize` divides by."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from ...arrays import Doubles
+
+
+def rect_area(world_from_light: Doubles, width: float, height: float) -> float:
+    return abs(width * height) * float(np.linalg.norm(np.cross(world_from_light[:3, 0], world_from_light[:3, 1])))
+
+
+def disk_area(world_from_light: Doubles, radius: float) -> float:
+    return math.pi * rect_area(world_from_light, radius, radius)
+
+
+def cylinder_area(world_from_light: Doubles, length: float, radius: float) -> float:
+    """The lateral area (no caps): length times the perimeter of the ellipse that cross products sweep around the axis."""
+    axis, y, z = world_from_light[:3, :3].T
+    swept = np.stack([np.cross(axis, y), np.cross(axis, z)], axis=1)
+    a, b = np.linalg.svd(swept, compute_uv=False)
+    return abs(length * radius) * 8.0 * carlson_rg(0.0, a * a, b * b)  # DLMF 19.30.5: L = 8 R_G(0, a^2, b^2)
+
+
+def sphere_area(world_from_light: Doubles, radius: float) -> float:
+    """Of the ellipsoid that the sphere becomes: DLMF 19.33.1, S = 4 pi R_G(a^2 b^2, a^2 c^2, b^2 c^2)."""
+    return _sphere_area(world_from_light[:3, :3].tobytes(), radius)
+
+
+@lru_cache(maxsize=256)
+def _sphere_area(linear: bytes, radius: float) -> float:
+    """Many lights differ by where they stand alone."""
+    a, b, c = (float(s) * radius for s in np.linalg.svd(np.frombuffer(linear).reshape(3, 3), compute_uv=False))
+    return 4.0 * math.pi * carlson_rg((a * b) ** 2, (a * c) ** 2, (b * c) ** 2)
+
+
+def carlson_rg(x: float, y: float, z: float) -> float:
+    """Carlson's symmetric integral R_G of three numbers >= 0 (DLMF 19.16.3, computed by 19.21.10)."""
+    x, y, z = sorted((float(x), float(y), float(z)))
+    if z == 0.0:
+        return 0.0
+    if y == 0.0:
+        return 0.5 * math.sqrt(z)  # DLMF 19.20.4
+    x, y, z, scale = x / z, y / z, 1.0, math.sqrt(z)
+    # 19.21.10 loses least when its z is the middle argument.
+    x, y, z = x, z, y
+    total = z * _carlson_rf(x, y, z) - (x - z) * (y - z) * _carlson_rd(x, y, z) / 3.0 + math.sqrt(x * y / z)
+    return 0.5 * total * scale
+
+
+def _carlson_rf(x: float, y: float, z: float) -> float:
+    """DLMF 19.36.1, by duplication until the arguments agree to rounding."""
+    for _ in range(60):
+        mean = (x + y + z) / 3.0
+        if max(abs(x - mean), abs(y - mean), abs(z - mean)) < 1e-3 * mean:
+            break
+        step = math.sqrt(x * y) + math.sqrt(y * z) + math.sqrt(z * x)
+        x, y, z = (x + step) / 4.0, (y + step) / 4.0, (z + step) / 4.0
+    mean = (x + y + z) / 3.0
+    dx, dy = 1.0 - x / mean, 1.0 - y / mean
+    dz = -(dx + dy)
+    e2, e3 = dx * dy - dz * dz, dx * dy * dz
+    return (1.0 - e2 / 10.0 + e3 / 14.0 + e2 * e2 / 24.0 - 3.0 * e2 * e3 / 44.0) / math.sqrt(mean)
+
+
+def _carlson_rd(x: float, y: float, z: float) -> float:
+    """DLMF 19.36.2, by duplication."""
+    total, power = 0.0, 1.0
+    for _ in range(60):
+        mean = (x + y + 3.0 * z) / 5.0
+        if max(abs(x - mean), abs(y - mean), abs(z - mean)) < 1e-3 * mean:
+            break
+        step = math.sqrt(x * y) + math.sqrt(y * z) + math.sqrt(z * x)
+        total += power / (math.sqrt(z) * (z + step))
+        power /= 4.0
+        x, y, z = (x + step) / 4.0, (y + step) / 4.0, (z + step) / 4.0
+    mean = (x + y + 3.0 * z) / 5.0
+    dx, dy = 1.0 - x / mean, 1.0 - y / mean
+    dz = -(dx + dy) / 3.0
+    e2 = dx * dy - 6.0 * dz * dz
+    e3 = (3.0 * dx * dy - 8.0 * dz * dz) * dz
+    e4 = 3.0 * (dx * dy - dz * dz) * dz * dz
+    e5 = dx * dy * dz**3
+    series = 1.0 - 3 * e2 / 14 + e3 / 6 + 9 * e2 * e2 / 88 - 3 * e4 / 22 - 9 * e2 * e3 / 52 + 3 * e5 / 26
+    return 3.0 * total + power * series / (mean * math.sqrt(mean))

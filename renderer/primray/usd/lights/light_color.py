@@ -1,0 +1,20 @@
+"""A light's colour inputs in the rendering space."""
+
+from __future__ import annotations
+
+from ..resolving.color_spaces import color_in_rendering_space
+from ..resolving.context import Context
+from ..resolving.read import vector
+from ..resolving.resolve import ResolvedPrim
+
+Color = tuple[float, float, float]
+
+
+def light_color(prim: ResolvedPrim, name: str, default: Color, ctx: Context) -> Color:
+    """Linear Rec.709 where no space is authored (ColorSpaceAPI), but for inputs:color: that is "in the rendering color space"
+    then (LightAPI)."""
+    if name not in prim.names:
+        return default
+    r, g, b = vector(prim.prim, name, ctx.when, default, ctx.diagnostics)
+    attribute = prim.prim.GetAttribute(name)
+    return color_in_rendering_space((r, g, b), attribute, prim.inherited.colors, ctx, assumed=name != "inputs:color")

@@ -1,0 +1,1 @@
+"""Shading networks: connections followed, nodes read, textures resolved, bindings gathered."""

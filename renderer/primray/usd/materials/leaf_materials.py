@@ -1,0 +1,96 @@
+"""The materials of all shapes and instances: USD is asked once for those that cannot but be bound alike.
+
+Where no collection binds anything, what is bound follows from the nearest prim that binds: the shape itself, whose targets say
+all, or one above it, whose path does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from dataclasses import replace
+
+from pxr import Sdf, Usd
+
+from ..resolving.bindings import Subset, subsets_of
+from ..resolving.context import Context
+from ..resolving.prim_kinds import PrimKind
+from ..resolving.resolve import Binding, ResolvedPrim, as_bound, bind_materials, inner_or_outer
+
+MAX_EXPRESSED = 1024  # instances that a collection's expression may make prototypes of their own
+_SUBSETS = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier)
+
+
+def bound_alike(kind: PrimKind, path: str, targets: list[list[Sdf.Path]], above: str) -> Hashable:
+    """Equal for prims that have one material; "" for those that have none. `above`: the path of the nearest prim that binds."""
+    if not kind.bindings:
+        return above
+    if not all(targets) or "MaterialBindingAPI" not in kind.schemas:  # of which USD has something to say, prim by prim
+        return path
+    return kind.bindings, tuple(map(tuple, targets)), above
+
+
+def bindings_of(instances: list[ResolvedPrim], by_collection: bool, ctx: Context) -> list[Binding | None]:
+    """What is bound to each of some instances; where no collection binds anything, one object for those bound alike."""
+    if by_collection:
+        return bind_materials([as_bound(instance.prim, instance.inherited) for instance in instances], ctx.material_purposes)
+    first = {instance.bound_as: instance.prim for instance in reversed(instances) if instance.bound_as}
+    found: dict[Hashable, Binding | None] = dict(
+        zip(first, bind_materials([*first.values()], ctx.material_purposes), strict=True)
+    )
+    return [found.get(instance.bound_as) for instance in instances]
+
+
+def told_apart(instances: list[ResolvedPrim], ctx: Context) -> list[bool]:
+    """Which of these instances are bound prim by prim, since collections with a material look into them."""
+    if not ctx.expressed and not ctx.told_apart:
+        return [False] * len(instances)
+    paths = [as_bound(instance.prim, instance.inherited).GetPath() for instance in instances]
+    expressed = [any(path.HasPrefix(at) for at in ctx.expressed) for path in paths]
+    if sum(expressed) > MAX_EXPRESSED:
+        message = (
+            f"Of {sum(expressed)} instances below it each is bound as a whole, whatever the expression says of what is inside."
+        )
+        for at in ctx.expressed:
+            ctx.warn("binding-expression", ctx.shown(str(at)), message)
+        expressed = [False] * len(paths)
+    return [path in ctx.told_apart or by for path, by in zip(paths, expressed, strict=True)]
+
+
+def bind_leaves(shapes: list[ResolvedPrim], by_collection: bool, ctx: Context) -> None:
+    """Give every shape its material and subsets."""
+    key_of: Callable[[ResolvedPrim], Hashable] = _place if by_collection else _bound_as
+    asked: dict[Hashable, int] = {}
+    prims: list[Usd.Prim] = []
+    subsets: dict[str, list[Subset]] = {}
+    for leaf in shapes:
+        key = key_of(leaf)
+        if key and key not in asked:
+            asked[key] = len(prims)
+            prims.append(as_bound(leaf.prim, leaf.inherited))
+        if leaf.type_name == "Mesh" and (place := _place(leaf)) not in subsets:
+            subsets[place] = subsets_of(as_bound(leaf.prim, leaf.inherited), _SUBSETS, ctx)
+    for place, owned in subsets.items():
+        for subset in owned:
+            asked[place, subset.path] = len(prims)
+            prims.append(subset.prim)
+    bindings = bind_materials(prims, ctx.material_purposes) if prims else []
+    for leaf in shapes:
+        outer = leaf.inherited.outer
+        key = key_of(leaf)
+        leaf.material = _material(bindings[asked[key]] if key else None, outer)
+        if leaf.type_name == "Mesh" and (owned := subsets[place := _place(leaf)]):
+            leaf.subsets = tuple(replace(s, material=_material(bindings[asked[place, s.path]], outer)) for s in owned)
+
+
+def _bound_as(leaf: ResolvedPrim) -> Hashable:
+    return leaf.bound_as
+
+
+def _place(leaf: ResolvedPrim) -> str:
+    """One for what is the same prim in the same instance."""
+    return leaf.inherited.proxy + leaf.path
+
+
+def _material(inner: Binding | None, outer: Binding | None) -> Usd.Prim | None:
+    binding = inner_or_outer(inner, outer)
+    return binding.material if binding else None

@@ -1,0 +1,1 @@
+"""Opening a stage: composed as asked, its metadata checked, its skeletons posed."""

@@ -1,0 +1,18 @@
+"""Bytes of an asset that Ar resolved, also from inside a package."""
+
+from __future__ import annotations
+
+from pxr import Ar
+
+from ...errors import AssetError
+
+
+def read_asset(path: str, most: int | None = None) -> bytes:
+    """The asset's bytes; AssetError if it cannot be opened, or has more than `most`."""
+    asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path))
+    if not asset:
+        raise AssetError("the asset cannot be opened", where=path, code="asset-missing")
+    with asset as opened:
+        if most is not None and opened.GetSize() > most:
+            raise AssetError(f"the asset has {opened.GetSize()} bytes, more than {most}", where=path, code="asset-missing")
+        return bytes(opened.GetBuffer())

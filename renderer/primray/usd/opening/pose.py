@@ -1,0 +1,104 @@
+"""Meshes bound to skeletons, posed by USD's own skinning (UsdSkel.BakeSkinning): joints, blend shapes, normals.
+
+The posed values are opinions in the session layer of another stage on the same layers, so neither files nor the caller's stage
+change. Baking does not reach into native instances: those with skeletons are taken apart there, up to MAX_TAKEN_APART.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from pxr import Gf, Tf, Usd
+
+from ...diagnostics import Diagnostics
+from ..resolving.read import When, value
+from .stage import scratch_copy, tf_message
+
+if TYPE_CHECKING:
+    from pxr import UsdSkel  # imported where a stage has skeletons: it takes as long as Python itself
+
+MAX_TAKEN_APART = 1000
+
+
+def prototypes_hold_skeletons(stage: Usd.Stage) -> bool:
+    return any(_has_root(prototype) for prototype in stage.GetPrototypes())
+
+
+def posed(stage: Usd.Stage, when: When, diagnostics: Diagnostics) -> Usd.Stage:
+    """The stage as its skeletons pose it."""
+    from pxr import UsdSkel
+
+    made = scratch_copy(stage)
+    made.SetEditTarget(made.GetSessionLayer())
+    _take_apart(made)
+    for path in [str(prim.GetPath()) for prim in made.Traverse() if _is_root(prim)]:
+        problem = _pose(UsdSkel.Root(made.GetPrimAtPath(path)), when)
+        if problem:
+            diagnostics.add("skinning", path, problem)
+        else:
+            diagnostics.add("posed", path, "Meshes below are posed by their skeleton.")
+    return made
+
+
+def _is_root(prim: Usd.Prim) -> bool:
+    return bool(prim.GetTypeName() == "SkelRoot" and not prim.IsInstance())
+
+
+def _has_root(prim: Usd.Prim) -> bool:
+    return any(below.GetTypeName() == "SkelRoot" for below in Usd.PrimRange(prim))
+
+
+def _take_apart(stage: Usd.Stage) -> None:
+    """Instances that hold skeletons, directly or in further instances, become prims of their own."""
+    while True:
+        holding = _holding_prototypes(stage)
+        instances = [prim for prim in stage.Traverse() if prim.IsInstance()]
+        found = [p for p in instances if p.GetTypeName() == "SkelRoot" or str(p.GetPrototype().GetPath()) in holding]
+        if not found or len(found) > MAX_TAKEN_APART:
+            return
+        for path in [prim.GetPath() for prim in found]:
+            stage.GetPrimAtPath(path).SetInstanceable(False)
+
+
+def _holding_prototypes(stage: Usd.Stage) -> set[str]:
+    """Paths of the prototypes with a skeleton in them, or in what they are made of."""
+    prototypes = stage.GetPrototypes()
+    held = {str(p.GetPath()): {str(i.GetPrototype().GetPath()) for i in Usd.PrimRange(p) if i.IsInstance()} for p in prototypes}
+    found = {str(p.GetPath()) for p in prototypes if _has_root(p)}
+    while more := {path for path, inner in held.items() if path not in found and inner & found}:
+        found |= more
+    return found
+
+
+def _pose(root: UsdSkel.Root, when: When) -> str:
+    """What went wrong, if anything. Baking visits authored samples only, so all that moves is first held where it now is."""
+    from pxr import UsdSkel
+
+    try:
+        for prim in _involved(root):
+            for attribute in prim.GetAuthoredAttributes():
+                if attribute.GetNumTimeSamples() > 0:
+                    present = value(attribute, when)
+                    if present is not None:
+                        attribute.Set(present)
+        return "" if UsdSkel.BakeSkinning(root, Gf.Interval(0, 0)) else "USD cannot pose it."
+    except Tf.ErrorException as error:
+        return f"USD cannot pose it: {tf_message(error)}"
+
+
+def _involved(root: UsdSkel.Root) -> Iterator[Usd.Prim]:
+    """Everything that the pose depends on: what stands above and below the root, and the animations."""
+    from pxr import UsdSkel
+
+    above = root.GetPrim().GetParent()
+    while above and not above.IsPseudoRoot():
+        yield above
+        above = above.GetParent()
+    yield from Usd.PrimRange(root.GetPrim())
+    cache = UsdSkel.Cache()
+    if cache.Populate(root, Usd.PrimDefaultPredicate):
+        for binding in cache.ComputeSkelBindings(root, Usd.PrimDefaultPredicate):
+            animation = cache.GetSkelQuery(binding.GetSkeleton()).GetAnimQuery()
+            if animation and not animation.GetPrim().IsInstanceProxy():
+                yield animation.GetPrim()

@@ -1,0 +1,109 @@
+"""What a render may choose of a stage: variants, payloads, and the prims that are populated at all.
+
+Choices are written to the stage's session layer, which is in memory: no file changes. What is not there is a SettingsError
+that lists what is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from pxr import Ar, Sdf, Tf, Usd
+
+from ...composition import Composition, VariantChoice
+from ...diagnostics import Diagnostics
+from ...errors import SettingsError
+
+_LISTED = 20
+
+
+def populate(
+    root: Sdf.Layer, session: Sdf.Layer, context: Ar.ResolverContext | None, composition: Composition | None
+) -> Usd.Stage:
+    """The stage of these layers, without payloads if they are to be chosen, within the mask if there is one."""
+    load = Usd.Stage.LoadAll if composition is None or composition.load is None else Usd.Stage.LoadNone
+    if composition is None or composition.mask is None:
+        return Usd.Stage.Open(root, session, context, load) if context is not None else Usd.Stage.Open(root, session, load)
+    mask = Usd.StagePopulationMask([_prim_path(path, "mask") for path in composition.mask])
+    if context is None:
+        context = Ar.GetResolver().CreateDefaultContextForAsset(root.identifier)
+    return Usd.Stage.OpenMasked(root, session, context, mask, load)
+
+
+def add_load_rules(stage: Usd.Stage, load: tuple[str, ...] | None) -> None:
+    """Load the payloads of these prims and of all below them."""
+    for path in load or ():
+        try:
+            stage.Load(_prim_path(path, "load"), Usd.LoadWithDescendants)
+        except Tf.ErrorException:  # of paths of which not even the parent is there
+            _prim(stage, path, "load")
+
+
+def choose_variants(stage: Usd.Stage, choices: Iterable[VariantChoice]) -> None:
+    """One after the other: what one brings, the next may choose from."""
+    with Usd.EditContext(stage, stage.GetSessionLayer()):
+        for choice in choices:
+            _choose(stage, choice)
+
+
+def check_population(stage: Usd.Stage, composition: Composition) -> None:
+    """Widen a mask by what its prims refer to, such as their materials; SettingsError for paths without prims."""
+    if composition.mask is not None:
+        stage.ExpandPopulationMask()
+    for what, paths in (("mask", composition.mask or ()), ("load", composition.load or ())):
+        for path in paths:
+            if not stage.GetPrimAtPath(_prim_path(path, what)):
+                stage.SetPopulationMask(Usd.StagePopulationMask.All())  # so that the error can list what there is
+            _prim(stage, path, what)
+
+
+def note_unloaded(stage: Usd.Stage, diagnostics: Diagnostics) -> None:
+    for path in sorted(set(stage.FindLoadable()) - set(stage.GetLoadSet())):
+        diagnostics.add("payloads-unloaded", str(path), "Its payload is not loaded.")
+
+
+def _choose(stage: Usd.Stage, choice: VariantChoice) -> None:
+    prim = _prim(stage, choice.prim, "variant")
+    if prim.IsInstanceProxy():
+        instance = prim
+        while instance.IsInstanceProxy():
+            instance = instance.GetParent()
+        raise SettingsError(
+            f"it lies inside the instance {instance.GetPath()}, whose prims are shared; choose on the instance",
+            where=choice.prim,
+            code="unknown-variant",
+        )
+    sets = prim.GetVariantSets().GetNames()
+    if choice.set not in sets:
+        raise _unknown(f"there is no variant set {choice.set}", "its variant sets", sets, choice.prim, "unknown-variant")
+    names = prim.GetVariantSet(choice.set).GetVariantNames()
+    if choice.name and choice.name not in names:
+        raise _unknown(
+            f"the variant set {choice.set} has no {choice.name}", "its variants", names, choice.prim, "unknown-variant"
+        )
+    if choice.name:
+        prim.GetVariantSet(choice.set).SetVariantSelection(choice.name)
+    else:
+        prim.GetVariantSet(choice.set).BlockVariantSelection()
+
+
+def _prim_path(path: str, what: str) -> Sdf.Path:
+    if not Sdf.Path.IsValidPathString(path) or not Sdf.Path(path).IsAbsoluteRootOrPrimPath():
+        raise SettingsError("it is no path of a prim, such as /World/car", where=path, code=f"unknown-{what}")
+    return Sdf.Path(path)
+
+
+def _prim(stage: Usd.Stage, path: str, what: str) -> Usd.Prim:
+    prim = stage.GetPrimAtPath(_prim_path(path, what))
+    if not prim:
+        nearest = _prim_path(path, what)
+        while not stage.GetPrimAtPath(nearest):
+            nearest = nearest.GetParentPath()
+        below = [str(child.GetPath()) for child in stage.GetPrimAtPath(nearest).GetAllChildren()]
+        raise _unknown("there is no such prim", f"below {nearest} there are", below, path, f"unknown-{what}")
+    return prim
+
+
+def _unknown(problem: str, what: str, names: list[str], where: str, code: str) -> SettingsError:
+    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    return SettingsError(f"{problem}; {what}: {', '.join(names[:_LISTED]) or 'none'}{more}", where=where, code=code)

@@ -1,0 +1,110 @@
+"""Metadata of a stage and its layers, checked: rates that would hang USD, units that differ, values of no meaning.
+
+Pcp maps time across an arc by the ratio of the two layers' timeCodesPerSecond. Where that is 0, infinite or not a number,
+usd-core 26.11 never comes back from listing an attribute's time samples (it does come back from everything else).
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterable
+from typing import Any
+
+from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
+
+from ...diagnostics import Diagnostics
+from ...errors import InvalidSceneError
+
+# Rates between these divide and multiply by each other without leaving double's range, however long the chain of arcs.
+_RATES = (1e-9, 1e12)
+
+
+def check_rates(stage: Usd.Stage, diagnostics: Diagnostics) -> None:
+    """InvalidSceneError where reading time samples would hang; a diagnostic for bad rates that nothing is sampled by."""
+    session = stage.GetSessionLayer()
+    layers = [layer for layer in stage.GetUsedLayers() if layer != session or layer.HasTimeCodesPerSecond()]
+    bad = [layer for layer in layers if not (layer.timeCodesPerSecond > 0 and _can_be_mapped(layer))]
+    if not bad:
+        return
+    rates = ", ".join(f"{layer.timeCodesPerSecond:g} in {layer.identifier}" for layer in bad[:3])
+    differ = len({layer.timeCodesPerSecond for layer in layers}) > 1
+    if differ and not all(map(_can_be_mapped, bad)) and any(layer.ListAllTimeSamples() for layer in layers):
+        raise InvalidSceneError(
+            f"timeCodesPerSecond is {rates}: USD cannot map time samples from one layer to another, and would never return",
+            where=bad[0].identifier,
+            code="time-metadata",
+        )
+    diagnostics.add("time-metadata", "", f"timeCodesPerSecond is {rates}.", "timeCodesPerSecond")
+
+
+def _can_be_mapped(layer: Sdf.Layer) -> bool:
+    rate = layer.timeCodesPerSecond
+    return math.isfinite(rate) and _RATES[0] <= abs(rate) <= _RATES[1]
+
+
+def note_units(stage: Usd.Stage, diagnostics: Diagnostics) -> None:
+    """Layers that were made in other units than the stage's: USD composes their numbers as they are."""
+    root = stage.GetRootLayer()
+    for name, of_stage in (("metersPerUnit", meters_per_unit(stage)), ("upAxis", up_axis(stage))):
+        others: dict[Any, list[str]] = {}
+        for layer in stage.GetUsedLayers():
+            if layer != root and layer.pseudoRoot.HasInfo(name):
+                value = layer.pseudoRoot.GetInfo(name)
+                if not _same(value, of_stage):
+                    others.setdefault(value, []).append(layer.identifier)
+        for value, layers in others.items():
+            more = f" and {len(layers) - 1} more" if len(layers) > 1 else ""
+            diagnostics.add("layer-units", "", f"{name} is {value} in {layers[0]}{more}, {of_stage} in the stage.", name)
+
+
+def _same(a: Any, b: Any) -> bool:
+    return math.isclose(a, b, rel_tol=1e-6) if isinstance(a, float) and isinstance(b, float) else bool(a == b)
+
+
+def up_axis(stage: Usd.Stage, diagnostics: Diagnostics | None = None) -> str:
+    """Y or Z."""
+    axis = str(UsdGeom.GetStageUpAxis(stage))
+    if axis not in ("Y", "Z") and diagnostics is not None:
+        diagnostics.add("stage-metadata", "", f"upAxis is {axis!r}, neither Y nor Z; Y is used.", "upAxis")
+    return axis if axis in ("Y", "Z") else "Y"
+
+
+def meters_per_unit(stage: Usd.Stage, diagnostics: Diagnostics | None = None) -> float:
+    """Above 0."""
+    value = float(UsdGeom.GetStageMetersPerUnit(stage))
+    if math.isfinite(value) and value > 0:
+        return value
+    if diagnostics is not None:
+        diagnostics.add("stage-metadata", "", f"metersPerUnit is {value:g}, no length; 0.01 is used.", "metersPerUnit")
+    return 0.01
+
+
+def used_files(paths: Iterable[str]) -> set[str]:
+    """Files that these layers name as sublayers, references or payloads; layers that cannot be opened name none."""
+    used: set[str] = set()
+    delegate = UsdUtils.CoalescingDiagnosticDelegate()
+    for path in paths:
+        try:
+            layer = Sdf.Layer.FindOrOpen(path)
+        except Tf.ErrorException:
+            continue
+        if layer is None:
+            continue
+        for asset in layer.GetCompositionAssetDependencies():
+            file = os.path.realpath(layer.ComputeAbsolutePath(asset))
+            if file != os.path.realpath(path):
+                used.add(file)
+    delegate.TakeUncoalescedDiagnostics()
+    return used
+
+
+def layer_names(stage: Usd.Stage) -> list[str]:
+    """What the stage is composed of, strongest layer stack first; layers in memory that hold nothing are left out."""
+    local = stage.GetLayerStack()
+    rest = sorted((layer for layer in stage.GetUsedLayers() if layer not in local), key=lambda layer: str(layer.identifier))
+    return [str(layer.identifier) for layer in (*local, *rest) if not _is_empty(layer)]
+
+
+def _is_empty(layer: Sdf.Layer) -> bool:
+    return bool(layer.anonymous and layer.empty)

@@ -1,0 +1,116 @@
+"""Where materials are bound: bindings that lead nowhere, and the subsets of a mesh that have materials of their own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pxr import Sdf, Tf, Usd, UsdShade
+
+from ..opening.stage import tf_message
+from .context import Context
+
+BINDING = "material:binding"
+NO_MATERIAL = "which is no Material"
+
+
+@dataclass(frozen=True)
+class Subset:
+    """A GeomSubset of faces; a later one in its mesh's list is stronger."""
+
+    path: str
+    prim: Usd.Prim
+    family: str = ""
+    material: Usd.Prim | None = None
+
+
+def note_bindings(prim: Usd.Prim, path: str, names: tuple[str, ...], ctx: Context) -> list[list[Sdf.Path]]:
+    """The targets of these bindings, for whatever purpose, noting those that are no material."""
+    found = [_targets(prim, path, name, ctx) for name in names]
+    for name, targets in zip(names, found, strict=True):
+        if is_collection(name) and targets:
+            _note_members(targets[0], prim.GetPath(), ctx)
+        for target in targets:
+            if target not in ctx.bound:
+                ctx.bound[target] = _wrong(target, ctx) if target.IsPrimPath() else ""
+            wrong = ctx.bound[target]
+            if wrong and not (wrong == NO_MATERIAL and is_collection(name)):
+                ctx.warn("binding-missing", path, f"{name} leads to {ctx.shown(str(target))}, {wrong}.", name)
+    return found
+
+
+def _note_members(collection: Sdf.Path, bound_at: Sdf.Path, ctx: Context) -> None:
+    """Remember below which prims some are in the collection and some are not, or may be where it is an expression."""
+    if collection in ctx.collections:
+        return
+    ctx.collections.add(collection)
+    try:
+        api = Usd.CollectionAPI.GetCollection(ctx.stage, collection)
+        rules = api.ComputeMembershipQuery().GetAsPathExpansionRuleMap() if api else {}
+    except Tf.ErrorException as error:
+        ctx.warn("wrong-type", ctx.shown(str(bound_at)), f"{collection} is no collection that can be read: {tf_message(error)}")
+        return
+    expression = api.GetMembershipExpressionAttr().Get() if api else None
+    if isinstance(expression, Sdf.PathExpression) and not expression.IsEmpty():
+        ctx.expressed.add(bound_at)
+    for path, rule in rules.items():
+        above = path if rule == Usd.Tokens.explicitOnly else path.GetParentPath()
+        ctx.told_apart.update(above.GetPrefixes())
+
+
+def binds_by_collection(prim: Usd.Prim) -> bool:
+    """Whether it or a prim above it binds materials by a collection."""
+    while prim and not prim.IsPseudoRoot():
+        if any(map(is_collection, binding_names(frozenset(prim.GetAuthoredPropertyNames())))):
+            return True
+        prim = prim.GetParent()
+    return False
+
+
+def binding_names(names: frozenset[str]) -> tuple[str, ...]:
+    """Those of these properties that bind materials."""
+    return tuple(sorted(name for name in names if name.startswith(BINDING)))
+
+
+def _wrong(target: Sdf.Path, ctx: Context) -> str:
+    found = ctx.stage.GetPrimAtPath(target)
+    if not found:
+        return "which does not exist"
+    return "" if found.IsA(UsdShade.Material) else NO_MATERIAL
+
+
+def _targets(prim: Usd.Prim, path: str, name: str, ctx: Context) -> list[Sdf.Path]:
+    try:
+        return list(prim.GetRelationship(name).GetForwardedTargets())
+    except Tf.ErrorException as error:
+        ctx.warn("wrong-type", path, f"{name} is no relationship that can be followed: {tf_message(error)}", name)
+        return []
+
+
+def is_collection(name: str) -> bool:
+    """Their first target is a collection, or the prim of one that is its default."""
+    return ":collection:" in name
+
+
+def subsets_of(mesh: Usd.Prim, predicate: Usd._PrimFlagsPredicate, ctx: Context) -> list[Subset]:
+    """Subsets of faces that say which material: those of the family materialBind, and any others that bind one.
+
+    Hydra's renderers take subsets of any family; materialBind is the family meant for it and wins where both hold a face.
+    """
+    others: list[Subset] = []
+    meant: list[Subset] = []
+    for child in mesh.GetFilteredChildren(predicate):
+        if child.GetTypeName() != "GeomSubset":
+            continue
+        names = frozenset(child.GetAuthoredPropertyNames())
+        path = ctx.shown(str(child.GetPath()))
+        family = str(child.GetAttribute("familyName").Get() or "")
+        is_meant = family == UsdShade.Tokens.materialBind
+        if not is_meant and not any(name.startswith(BINDING) for name in names):
+            continue
+        note_bindings(child, path, binding_names(names), ctx)
+        element = child.GetAttribute("elementType").Get()
+        if element != "face":
+            ctx.warn("subset-ignored", path, f"It holds elements of the type {element}, not faces.", "elementType")
+            continue
+        (meant if is_meant else others).append(Subset(path, child, family))
+    return others + meant

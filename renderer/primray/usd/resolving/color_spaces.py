@@ -1,0 +1,187 @@
+"""Which colour space USD says that a value is in, and its conversion to the rendering space.
+
+An attribute's own colorSpace metadata, else the nearest ColorSpaceAPI's colorSpace:name at its prim or above, else linear
+Rec.709 (ColorSpaceAPI). Custom spaces (ColorSpaceDefinitionAPI) are known where they are defined and below, the nearest of a
+name first; they win over names that USD knows. What is above an instance is above all in its prototype.
+UsdColorSpaceAPI's own functions stop at prototypes; outside of these a test holds that they agree.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pxr import Usd
+
+from ...color import ocio as color
+from ...color.color_space import REC709, ColorSpace, is_gamut
+from ...errors import SettingsError
+from .applied_schemas import applied_schemas
+from .context import Context
+from .read import value
+
+_DEFINITION = "ColorSpaceDefinitionAPI:"
+# ColorSpaceDefinitionAPI's fallbacks: RGB is XYZ.
+_DEFAULTS = {"redChroma": (1.0, 0.0), "greenChroma": (0.0, 1.0), "blueChroma": (0.0, 0.0), "whitePoint": (1 / 3, 1 / 3)}
+
+
+@dataclass(frozen=True)
+class ColorScope:
+    """What a prim hands down: the nearest colorSpace:name, and custom spaces, the nearest first."""
+
+    name: str = ""
+    definitions: tuple[ColorSpace, ...] = ()
+
+
+NOWHERE = ColorScope()
+
+
+def scope_below(above: ColorScope, prim: Usd.Prim, schemas: list[str], ctx: Context) -> ColorScope:
+    """With what the prim says itself; `schemas` are those applied to it."""
+    if not any(schema.startswith("ColorSpace") for schema in schemas):
+        return above
+    own = [made for schema in schemas if schema.startswith(_DEFINITION) and (made := _definition(prim, schema, ctx))]
+    name = _token(prim, "colorSpace:name", ctx) if "ColorSpaceAPI" in schemas else ""
+    return ColorScope(name or above.name, (*own, *(d for d in above.definitions if d.name not in {o.name for o in own})))
+
+
+def scope_at(prim: Usd.Prim, ctx: Context) -> ColorScope:
+    """By namespace; a prototype's root stands for its instance, above which `ctx.outer_colors` tells what there is."""
+    if not prim or prim.IsPseudoRoot():
+        return NOWHERE
+    if prim.IsPrototype():
+        return outer_scope(str(prim.GetPath()), ctx.outer_colors)
+    key = (prim.GetPath(), ctx.outer_colors)
+    if key not in ctx.color_scopes:
+        schemas = applied_schemas(prim)
+        ctx.color_scopes[key] = scope_below(scope_at(prim.GetParent(), ctx), prim, schemas, ctx)
+    found: ColorScope = ctx.color_scopes[key]
+    return found
+
+
+def outer_scope(path: str, outer: tuple[tuple[str, ColorScope], ...]) -> ColorScope:
+    """What instances hand down to the prototype in which `path` is."""
+    root = path[: path.find("/", 1)] if "/" in path[1:] else path
+    return next((scope for prototype, scope in outer if prototype == root), NOWHERE)
+
+
+def authored_space(attribute: Usd.Attribute, scope: ColorScope, ctx: Context) -> color.Source | None:
+    """None where nothing is authored, or nobody knows the name, which is noted."""
+    name = str(attribute.GetColorSpace()) if attribute.HasColorSpace() else ""
+    name = name or scope.name
+    if not name:
+        return None
+    found = space_named(name, scope, ctx)
+    if found is None:
+        path = ctx.shown(str(attribute.GetPrim().GetPath()))
+        message = f"No colour space {name!r} is known: the values are taken as linear Rec.709."
+        ctx.warn("color-space", path, message, str(attribute.GetName()))
+    return found
+
+
+def space_named(name: str, scope: ColorScope, ctx: Context) -> color.Source | None:
+    """A custom space in scope, else one of USD or of the OCIO configuration."""
+    for definition in scope.definitions:
+        if definition.name == name:
+            return definition
+    if name not in ctx.color_names:
+        try:
+            ctx.color_names[name] = color.space_named(name)
+        except SettingsError:  # of a configuration that cannot be read, which matters where a picture is shown
+            ctx.color_names[name] = None
+    found: color.Source | None = ctx.color_names[name]
+    return found
+
+
+def rendering_space(settings_path: str, wanted: str | None, ctx: Context) -> ColorSpace:
+    """What the user asks for, else what RenderSettings do, else linear Rec.709; SettingsError where the user's is none."""
+    asked = ctx.settings.rendering_color_space
+    if asked is None and not wanted:
+        return REC709
+    scope = scope_at(ctx.stage.GetPrimAtPath(settings_path), ctx) if settings_path else NOWHERE
+    name = asked or wanted or ""
+    defined = next((space for space in scope.definitions if space.name == name), None)
+    if defined is not None and color.is_rendering_space(defined):
+        return defined
+    try:
+        return color.rendering_space(name)
+    except SettingsError as error:
+        if asked is not None:
+            raise
+        ctx.warn("color-space", settings_path, f"{error.message}: linear Rec.709 is used.", "renderingColorSpace")
+        return REC709
+
+
+def in_rendering_space(
+    values: npt.NDArray[np.floating], attribute: Usd.Attribute, scope: ColorScope, ctx: Context, *, assumed: bool = True
+) -> npt.NDArray[np.floating]:
+    """(..., 3) colours converted; without `assumed` only what is authored converts them, else linear Rec.709 is the default."""
+    if _is_plain(attribute, scope, ctx, assumed):
+        return values
+    source = authored_space(attribute, scope, ctx)
+    if source is None:
+        source = REC709 if assumed else ctx.rendering_space
+    if isinstance(source, ColorSpace) and (source.is_data or _same(source, ctx.rendering_space)):
+        return values
+    try:
+        return color.convert(np.asarray(values), source, ctx.rendering_space)
+    except SettingsError as error:
+        path = ctx.shown(str(attribute.GetPrim().GetPath()))
+        ctx.warn("color-space", path, f"{error.message}: no conversion.", str(attribute.GetName()))
+        return values
+
+
+def color_in_rendering_space(
+    rgb: tuple[float, float, float], attribute: Usd.Attribute, scope: ColorScope, ctx: Context, *, assumed: bool = True
+) -> tuple[float, float, float]:
+    """One colour."""
+    if _is_plain(attribute, scope, ctx, assumed):
+        return rgb
+    given = np.array(rgb, np.float64)
+    found = in_rendering_space(given, attribute, scope, ctx, assumed=assumed)
+    return rgb if found is given else (float(found[0]), float(found[1]), float(found[2]))
+
+
+def _is_plain(attribute: Usd.Attribute, scope: ColorScope, ctx: Context, assumed: bool) -> bool:
+    """Quickly, since most stages say nothing of colour spaces and are rendered in the default one."""
+    return scope is NOWHERE and (not assumed or ctx.rendering_space is REC709) and not attribute.HasColorSpace()
+
+
+def _same(source: ColorSpace, target: ColorSpace) -> bool:
+    return source.is_linear and source.gamut == target.gamut
+
+
+def _definition(prim: Usd.Prim, schema: str, ctx: Context) -> ColorSpace | None:
+    """One instance of ColorSpaceDefinitionAPI; None, noted, where its numbers make no colour space."""
+    prefix = f"colorSpaceDefinition:{schema.removeprefix(_DEFINITION)}:"
+    name = _token(prim, prefix + "name", ctx) or "custom"
+    chroma = [_numbers(prim, prefix + key, default, ctx) for key, default in _DEFAULTS.items()]
+    gamma, bias = (_numbers(prim, prefix + key, (default,), ctx) for key, default in (("gamma", 1.0), ("linearBias", 0.0)))
+    if None not in chroma and gamma is not None and bias is not None:
+        red, green, blue, white = ((c[0], c[1]) for c in chroma if c is not None)
+        made = ColorSpace(name, red, green, blue, white, gamma[0], bias[0])
+        if is_gamut(made) and made.gamma > 0 and made.bias >= 0 and (made.gamma > 1 or made.bias == 0):
+            return made
+    ctx.warn("color-space", ctx.shown(str(prim.GetPath())), f"{prefix[:-1]} defines no colour space by its numbers.")
+    return None
+
+
+def _token(prim: Usd.Prim, name: str, ctx: Context) -> str:
+    attribute = prim.GetAttribute(name)
+    found = value(attribute, ctx.when) if attribute else None
+    return str(found) if isinstance(found, str) else ""
+
+
+def _numbers(prim: Usd.Prim, name: str, default: tuple[float, ...], ctx: Context) -> tuple[float, ...] | None:
+    attribute = prim.GetAttribute(name)
+    raw: Any = value(attribute, ctx.when) if attribute and attribute.HasAuthoredValue() else None
+    if raw is None:
+        return default
+    try:  # single precision has seven digits: 0.64 is meant where 0.63999998 is stored
+        numbers = tuple(round(float(x), 7) for x in ((raw,) if isinstance(raw, int | float) else raw))
+    except (TypeError, ValueError):
+        return None
+    return numbers if len(numbers) == len(default) and all(map(math.isfinite, numbers)) else None

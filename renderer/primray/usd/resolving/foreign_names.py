@@ -1,0 +1,89 @@
+"""Authored names that no schema of USD's defines: inputs of lights, and what speaks to another renderer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cache
+
+from pxr import Usd
+
+from ..adapters.cameras.lens import CONVENTIONS, LENS_WORDS
+from ..adapters.lights.light_visibility import ATTRIBUTES as VISIBILITY
+from .context import Context
+from .resolve import ResolvedPrim
+
+# First words of the namespaces that renderers document for their own attributes (arnold-usd, hdPrman, Karma, Redshift, V-Ray,
+# Octane, Cycles' and MoonRay's Hydra delegates, Omniverse, Radeon ProRender, 3Delight), maybe within primvars: or outputs:.
+_RENDERERS = "arnold cycles husk karma mantra mitsuba moonray nsi octane omni prman redshift ri rman rpr vray"
+RENDERERS = frozenset(_RENDERERS.split())
+_WITHIN = frozenset({"primvars", "inputs", "outputs"})
+# Defined for lights in general; a light's own definition says which of its schemas are applied.
+_LIGHT_SCHEMAS = ("LightAPI", "ShapingAPI", "ShadowAPI")
+_EXTENSIONS = ("inputs:visibility:",)  # read by some renderers, no part of UsdLux
+
+# Other renderers' attributes that are read here, or are told of where they are looked for.
+_READ = frozenset(VISIBILITY) | {name for c in CONVENTIONS for name in (c.blades, c.rotation_deg, c.roundness)}
+
+
+@dataclass
+class NameSet:
+    """The names that some prims have authored, and which prims."""
+
+    names: frozenset[str]
+    first_path: str
+    count: int = 0
+
+
+def renderer_of(name: str) -> str:
+    """The renderer that an attribute speaks to, "" for none or where the attribute is read here."""
+    if name in _READ or any(word in name.lower() for word in LENS_WORDS):
+        return ""
+    first, _, rest = name.partition(":")
+    if first in _WITHIN:
+        first, _, rest = rest.partition(":")
+    return first if rest and first in RENDERERS else ""
+
+
+def note_other_renderers(sets: Iterable[NameSet], ctx: Context) -> None:
+    """One diagnostic for each namespace, however many prims have attributes in it."""
+    found: dict[str, dict[str, NameSet]] = {}
+    prims: dict[str, int] = {}
+    for names in sets:
+        for renderer in {renderer_of(name) for name in names.names} - {""}:
+            prims[renderer] = prims.get(renderer, 0) + names.count
+            for name in sorted(names.names):
+                if renderer_of(name) == renderer:
+                    found.setdefault(renderer, {}).setdefault(name, names)
+    for renderer, attributes in sorted(found.items()):
+        first, names = next(iter(attributes.items()))
+        many = f"{len(attributes)} attributes" if len(attributes) > 1 else "An attribute"
+        of = f"{prims[renderer]:,} prims" if prims[renderer] > 1 else "this prim"
+        ctx.warn("other-renderer", ctx.shown(names.first_path), f"{many} of the namespace {renderer} on {of}: not read.", first)
+
+
+def note_light_inputs(prim: ResolvedPrim, applied: list[str], ctx: Context) -> None:
+    """Inputs that no schema of lights defines, and those by their names of before USD 21.02."""
+    key = (prim.type_name, tuple(applied), prim.names)
+    if key not in ctx.light_inputs:  # the same for all lights of a kind
+        ctx.light_inputs[key] = list(_told_of_inputs(prim))
+    for code, message, name in ctx.light_inputs[key]:
+        ctx.warn(code, prim.path, message, name)
+
+
+def _told_of_inputs(prim: ResolvedPrim) -> Iterator[tuple[str, str, str]]:
+    defined = set(prim.prim.GetPrimDefinition().GetPropertyNames()) | _of_light_schemas()
+    for name in sorted(prim.names - defined):
+        if name.startswith("inputs:"):
+            if not name.startswith(_EXTENSIONS) and not renderer_of(name):
+                yield "unknown-input", f"{prim.type_name} has no such input.", name
+        elif f"inputs:{name}" in defined and f"inputs:{name}" not in prim.names:
+            yield "old-attribute", f"inputs:{name} is what a light reads.", name
+
+
+@cache
+def _of_light_schemas() -> frozenset[str]:
+    registry = Usd.SchemaRegistry()
+    return frozenset(
+        name for schema in _LIGHT_SCHEMAS for name in registry.FindAppliedAPIPrimDefinition(schema).GetPropertyNames()
+    )

@@ -1,0 +1,129 @@
+"""What a prim carries that the picture will not show: one look at each prim the walk passes, as diagnostics.
+
+Only what any prim may carry is noted here; adapters note what is special to what they read.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+from pxr import Usd, UsdGeom
+
+from ..lights.portals import note_portal
+from .applied_schemas import IGNORED, UNDERSTOOD, applied_schemas
+from .context import Context
+from .foreign_names import note_light_inputs
+from .read import read
+from .resolve import ResolvedPrim, is_drawn
+
+_GEOMETRY = """BasisCurves NurbsCurves HermiteCurves NurbsPatch TetMesh Volume ParticleField
+    ParticleField3DGaussianSplat GenerativeProcedural"""
+UNSUPPORTED = frozenset(_GEOMETRY.split())
+_LIGHTS = "GeometryLight PluginLight LightFilter PluginLightFilter"
+UNSUPPORTED_LIGHTS = frozenset(_LIGHTS.split())
+
+_LIGHT_SCHEMAS = {"LightAPI", "MeshLightAPI", "VolumeLightAPI"}
+_TYPES_NOTED = UNSUPPORTED | UNSUPPORTED_LIGHTS | {"PortalLight", "SkelRoot"}
+_DRAWN_OTHERWISE = frozenset({"PointInstancer", "Points", "SkelRoot", "Skeleton"})
+# UsdGeom MotionAPI: attribute -> the value that changes nothing.
+_MOTION = {"motion:blurScale": 1.0, "motion:velocityScale": 1.0, "motion:nonlinearSampleCount": 3}
+
+
+def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], kind: str) -> bool:
+    """Whether `note_prim` may have something to say about prims of this type with these schemas, as `prim` is one."""
+    names = {schema.split(":")[0] for schema in schemas}
+    if kind == "light" or names & (_LIGHT_SCHEMAS | {"MotionAPI"}) or names - UNDERSTOOD:
+        return True
+    return (
+        not kind and bool(type_name) and (type_name in _TYPES_NOTED or prim.IsA(UsdGeom.Boundable) or not _is_known(type_name))
+    )
+
+
+def note_prim(prim: ResolvedPrim, applied: list[str], kind: str, ctx: Context) -> None:
+    """Diagnostics for one prim, by the schemas applied to it; `kind` is "" for types that no adapter takes."""
+    schemas = [schema.split(":")[0] for schema in applied]
+    if schemas:
+        _note_schemas(prim, schemas, kind, ctx)
+    if kind == "light" or "LightAPI" in schemas:
+        note_light_inputs(prim, applied, ctx)
+    if not kind and prim.type_name:
+        _note_type(prim, ctx)
+
+
+def note_unknown_schemas(prim: Usd.Prim, path: str, ctx: Context) -> None:
+    """Of a prim that the walk does not pass: a shader."""
+    for schema in {schema.split(":")[0] for schema in applied_schemas(prim)} - UNDERSTOOD:
+        _note_unread(schema, path, ctx)
+
+
+def _note_unread(schema: str, path: str, ctx: Context) -> None:
+    known = schema in IGNORED
+    message = f"{schema}: {IGNORED[schema]}" if known else f"{schema} is not known: what it means to the picture is ignored."
+    ctx.warn("api-schema", path, message)
+
+
+def note_velocities(prim: ResolvedPrim, positions: str, ctx: Context, velocities: str = "velocities") -> None:
+    """Between two samples USD moves `positions` by their velocities; here they are interpolated or held."""
+    if velocities not in prim.names or ctx.when.time.IsDefault():
+        return
+    time = ctx.when.time.GetValue()
+    around = prim.prim.GetAttribute(positions).GetBracketingTimeSamples(time)
+    if len(around) == 2 and time not in around:
+        with_them = " and accelerations" if velocities == "velocities" and "accelerations" in prim.names else ""
+        message = f"{velocities}{with_them} are ignored between two samples of {positions}."
+        ctx.warn("motion", prim.path, message, velocities)
+
+
+def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
+    if prim.type_name in UNSUPPORTED:
+        if is_drawn(prim.inherited, ctx.purposes):
+            ctx.warn("unsupported-prim", prim.path, f"{prim.type_name} is not rendered.")
+    elif prim.type_name == "PortalLight":
+        note_portal(prim, ctx)
+    elif prim.type_name in UNSUPPORTED_LIGHTS:
+        ctx.warn("unsupported-light", prim.path, f"{prim.type_name} is not supported.")
+    elif prim.type_name == "SkelRoot" and prim.prim.IsInPrototype():
+        ctx.warn(
+            "skinning",
+            prim.path,
+            "Inside one of very many instances: meshes below are rendered as they are authored, not posed by their skeleton.",
+        )
+    elif prim.prim.IsA(UsdGeom.Boundable) and prim.type_name not in _DRAWN_OTHERWISE:  # of a plug-in, or of a newer USD
+        if is_drawn(prim.inherited, ctx.purposes):
+            ctx.warn("unsupported-prim", prim.path, f"{prim.type_name} is not rendered.")
+    elif not _is_known(prim.type_name):
+        ctx.warn("unknown-prim-type", prim.path, f"No schema of the name {prim.type_name} is known.")
+
+
+def _note_schemas(prim: ResolvedPrim, schemas: list[str], kind: str, ctx: Context) -> None:
+    for schema in schemas:
+        if schema in _LIGHT_SCHEMAS:
+            _note_light_schema(prim, schema, kind, ctx)
+        elif schema == "MotionAPI":
+            _note_motion(prim, ctx)
+        elif schema not in UNDERSTOOD:
+            _note_unread(schema, prim.path, ctx)
+
+
+def _note_motion(prim: ResolvedPrim, ctx: Context) -> None:
+    for name in sorted(prim.names & _MOTION.keys()):
+        found = read(prim.prim, name, ctx.when)
+        if found != _MOTION[name]:
+            ctx.warn("motion", prim.path, f"{name} = {found} is ignored: the scene is rendered at one instant.", name)
+
+
+def _note_light_schema(prim: ResolvedPrim, schema: str, kind: str, ctx: Context) -> None:
+    """Shapes become lights; what is not rendered as a surface does not."""
+    if kind == "shape":
+        ctx.light_shapes.add(prim.path)
+        if schema == "VolumeLightAPI":
+            message = "VolumeLightAPI on a surface: it gives light as with MeshLightAPI."
+            ctx.warn("light-input", prim.path, message)
+    elif kind != "light" and prim.type_name not in UNSUPPORTED_LIGHTS | {"PortalLight"}:
+        kept = "its shape is rendered unlit" if prim.type_name == "Points" else "its light is missing"
+        ctx.warn("unsupported-light", prim.path, f"{schema} makes this {prim.type_name or 'prim'} a light: {kept}.")
+
+
+@cache
+def _is_known(schema: str) -> bool:
+    return bool(Usd.SchemaRegistry.GetTypeFromSchemaTypeName(schema))

@@ -1,0 +1,141 @@
+"""Attribute values at the time of the render, checked: what is not of the expected kind is a diagnostic, never an exception.
+
+At the default time an attribute that has time samples and no default value is read at its earliest sample.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from pxr import Usd
+
+from ...arrays import Floats
+from ...diagnostics import Diagnostics
+
+MAX_COLUMNS = 4  # of a primvar
+_UNSET = (Usd.ResolveInfoSourceFallback, Usd.ResolveInfoSourceNone)
+
+
+@dataclass(frozen=True)
+class When:
+    """The time to read at; `careful` when it is the default time and the stage has time samples at all.
+
+    `remembered`, where given, keeps what was read: for prims that are read again and again.
+    """
+
+    time: Usd.TimeCode
+    careful: bool
+    remembered: dict[tuple[Usd.Prim, str], Any] | None = field(default=None, compare=False)
+
+
+def when_of(stage: Usd.Stage, time_code: float | None) -> When:
+    if time_code is not None:
+        return When(Usd.TimeCode(time_code), careful=False)
+    return When(Usd.TimeCode.Default(), careful=has_time_samples(stage))
+
+
+def has_time_samples(stage: Usd.Stage) -> bool:
+    """Whether any layer of the stage authors time samples or value clips (clips are samples from further files)."""
+    if any(prim.HasAuthoredMetadata("clips") for prim in stage.GetPseudoRoot().GetAllChildren()):
+        return True
+    return any(layer.ListAllTimeSamples() for layer in stage.GetUsedLayers())
+
+
+def time_of(attribute: Usd.Attribute, when: When) -> Usd.TimeCode:
+    """The time at which to read this attribute."""
+    if when.careful and attribute.GetResolveInfo(when.time).GetSource() in _UNSET and attribute.GetNumTimeSamples() > 0:
+        return Usd.TimeCode.EarliestTime()
+    return when.time
+
+
+def value(attribute: Usd.Attribute, when: When) -> Any:
+    """The attribute's value, None when it has none."""
+    return attribute.Get(time_of(attribute, when))
+
+
+def read(prim: Usd.Prim, name: str, when: When) -> Any:
+    if when.remembered is None:
+        return _read(prim, name, when)
+    if (prim, name) not in when.remembered:
+        when.remembered[(prim, name)] = _read(prim, name, when)
+    return when.remembered[(prim, name)]
+
+
+def _read(prim: Usd.Prim, name: str, when: When) -> Any:
+    attribute = prim.GetAttribute(name)
+    return value(attribute, when) if attribute else None
+
+
+def array(raw: Any, columns: int, kind: str) -> npt.NDArray[Any] | None:
+    """A numpy array (N, columns), or (N,) for one column, of dtype kind `f` or `i`; None when `raw` is no such thing."""
+    try:
+        values = np.asarray(raw)
+    except (TypeError, ValueError):
+        return None
+    if values.size == 0 and values.dtype.kind in "fiuO":
+        values = np.zeros((0, columns) if columns > 1 else (0,), np.float32 if kind == "f" else np.int32)
+    ok = values.ndim == (2 if columns > 1 else 1) and values.dtype.kind in ("f" if kind == "f" else "iu")
+    return values if ok and (columns == 1 or values.shape[1] == columns) else None
+
+
+def is_single(raw: Any) -> bool:
+    """Whether a value is one number or vector, not an array of them."""
+    return isinstance(raw, int | float | str) or type(raw).__module__ == "pxr.Gf"
+
+
+def as_columns(raw: Any, element_size: int) -> Floats | None:
+    """(N, 1 to 4) float32 from an array of numbers or vectors; None when it is none, or not whole elements."""
+    try:
+        values = np.asarray(raw)
+    except (TypeError, ValueError):
+        return None
+    if values.size == 0:
+        return np.zeros((0, 1), np.float32)
+    if values.dtype.kind not in "fiub" or values.ndim > 2:
+        return None
+    columns = (values.shape[1] if values.ndim == 2 else 1) * max(element_size, 1)
+    if columns > MAX_COLUMNS or values.size % columns:
+        return None
+    return values.astype(np.float32, copy=False).reshape(-1, columns)
+
+
+def number(prim: Usd.Prim, name: str, when: When, default: float, diagnostics: Diagnostics) -> float:
+    """A finite number; `default` when there is none, with a diagnostic when the value is not a finite number."""
+    raw = read(prim, name, when)
+    if raw is None:
+        return default
+    if isinstance(raw, int | float) and math.isfinite(raw):
+        return float(raw)
+    diagnostics.add("wrong-type", str(prim.GetPath()), f"{name} = {raw!r} is not a finite number; {default:g} is used.", name)
+    return default
+
+
+def vector(prim: Usd.Prim, name: str, when: When, default: tuple[float, ...], diagnostics: Diagnostics) -> tuple[float, ...]:
+    """As many finite numbers as `default` has."""
+    raw = read(prim, name, when)
+    if raw is None:
+        return default
+    try:
+        values = tuple(float(x) for x in raw)
+    except (TypeError, ValueError):
+        values = ()
+    if len(values) == len(default) and all(map(math.isfinite, values)):
+        return values
+    diagnostics.add(
+        "wrong-type", str(prim.GetPath()), f"{name} = {raw!r} is not {len(default)} finite numbers; {default} is used.", name
+    )
+    return default
+
+
+def token(prim: Usd.Prim, name: str, when: When, default: str) -> str:
+    raw = read(prim, name, when)
+    return raw if isinstance(raw, str) and raw else default
+
+
+def flag(prim: Usd.Prim, name: str, when: When, default: bool) -> bool:
+    raw = read(prim, name, when)
+    return bool(raw) if isinstance(raw, bool | int) else default

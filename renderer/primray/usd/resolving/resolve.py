@@ -1,0 +1,278 @@
+"""What a prim inherits: transform, visibility, purpose, bound material, constant primvars, in USD's own terms.
+
+`descend` takes what a parent hands down to a child; `bind_materials` asks USD for the bindings of many prims at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Container, Hashable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade
+
+from ...arrays import Doubles
+from .bindings import BINDING, Subset
+from .color_spaces import NOWHERE, ColorScope, color_in_rendering_space, in_rendering_space, scope_below
+from .context import Context
+from .poses import ROOT, Poses
+from .read import When, array, as_columns, is_single, read, time_of, value
+
+_IDENTITY = Gf.Matrix4d(1.0)
+_PURPOSE_VISIBILITY = {f"{purpose}Visibility": purpose for purpose in ("guide", "proxy", "render")}
+_HANDED = {"visibility", "purpose", "model:drawMode", "primvars:displayColor", "primvars:displayOpacity", *_PURPOSE_VISIBILITY}
+_CONSTANT = (None, "constant")  # a primvar's interpolation where nothing is authored, and the token
+
+
+@dataclass(frozen=True)
+class Binding:
+    """A bound material; `stronger`: it overrides what descendants bind; `rank`: its purpose's among those asked for."""
+
+    material: Usd.Prim
+    stronger: bool = False
+    rank: int = 0
+
+
+@dataclass(frozen=True)
+class Inherited:
+    """What a prim hands down. `outer` is the binding of the instance whose prototype is being walked.
+
+    `proxy`: the path of that instance, where a collection with a material tells apart what is inside it; then prims are
+    bound as its proxies are, and `outer` is what is bound around that instance's own prototype, if it is in one.
+    """
+
+    purpose: str = "default"
+    draw_mode: str = "default"  # the nearest model:drawMode, whether or not it is applied
+    outer: Binding | None = None
+    proxy: str = ""
+    color: tuple[float, float, float] | None = None  # the nearest constant primvars:displayColor, the prim's own included
+    opacity: float | None = None  # likewise primvars:displayOpacity
+    primvars: tuple[tuple[str, tuple[float, ...]], ...] = ()  # constant ones that a material of the stage reads, likewise
+    per_instance: frozenset[str] = frozenset()  # primvars that the instances around have one value each of
+    colors: ColorScope = NOWHERE
+    outer_colors: tuple[tuple[str, ColorScope], ...] = ()  # what the instances around hand down to their prototypes
+    # Where lights are linked (light_links.py): the instance that prims of a prototype are asked for in; what the point
+    # instancers around say, by collection.
+    seen_as: str = ""
+    linked_by_instancers: tuple[tuple[int, bool], ...] = ()
+    invisible: frozenset[str] = frozenset()  # purposes that VisibilityAPI hides, by the nearest opinion on each
+
+
+@dataclass(slots=True)
+class ResolvedPrim:
+    """A prim and what it inherits. Not frozen: a stage may have millions, whose materials are found last."""
+
+    prim: Usd.Prim
+    path: str
+    type_name: str
+    names: frozenset[str]  # authored properties
+    inherited: Inherited = field(compare=False)
+    poses: Poses = field(compare=False)
+    pose: int = ROOT  # of the group's poses
+    bound_as: Hashable = ""  # of a shape: leaf_materials.bound_alike
+    material: Usd.Prim | None = None
+    subsets: tuple[Subset, ...] = ()
+    own_color: bool = False  # the colour in `inherited` is its own: one for all of it
+
+    @property
+    def group_from_prim(self) -> Doubles:
+        """(4, 4), to the world, or to the prototype's space inside one."""
+        return self.poses.at(self.pose)
+
+
+def local_matrix(prim: Usd.Prim, names: frozenset[str], when: When, cache: UsdGeom.XformCache) -> tuple[Gf.Matrix4d, bool]:
+    """The prim's own transform and whether it resets the stack, with un-sampled defaults read at their earliest sample."""
+    if "xformOpOrder" not in names:
+        return _IDENTITY, False
+    if not when.careful:
+        local, resets = cache.GetLocalTransformation(prim)
+        return local, resets
+    xformable = UsdGeom.Xformable(prim)
+    if not xformable:
+        return _IDENTITY, False
+    local = Gf.Matrix4d(1.0)
+    for op in xformable.GetOrderedXformOps():  # least local first; row vectors: the most local multiplies from the left
+        local = op.GetOpTransform(time_of(op.GetAttr(), when)) * local
+    return local, xformable.GetResetXformStack()
+
+
+def is_drawn(inherited: Inherited, purposes: Container[str]) -> bool:
+    """Whether a shape's purpose is among those that are rendered and is visible."""
+    return inherited.purpose in purposes and inherited.purpose not in inherited.invisible
+
+
+def hands_down(names: frozenset[str], schemas: list[str], ctx: Context) -> bool:
+    """Whether prims that have authored these may hand down something else than what is handed to them."""
+    return not names.isdisjoint(_HANDED | ctx.primvars_read) or any(s.startswith("ColorSpace") for s in schemas)
+
+
+def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: list[str], ctx: Context) -> Inherited | None:
+    """What `prim` hands down, None if it is invisible (and so is all below it); `schemas` are those applied to it."""
+    when = ctx.when
+    if "visibility" in names and read(prim, "visibility", when) == "invisible":
+        return None
+    mine = parent
+    if schemas and (colors := scope_below(parent.colors, prim, schemas, ctx)) is not parent.colors:
+        mine = replace(mine, colors=colors)
+    if "purpose" in names:
+        purpose = prim.GetAttribute("purpose").Get()
+        if isinstance(purpose, str):
+            mine = replace(mine, purpose=purpose)
+        elif purpose is not None:
+            Tf.Warn(f"The purpose of {prim.GetPath()} is {purpose!r}, no token: it is ignored.")
+    if not names.isdisjoint(_PURPOSE_VISIBILITY):
+        mine = _with_purpose_visibility(mine, prim, names)
+    if "model:drawMode" in names:
+        mode = read(prim, "model:drawMode", when)
+        mine = replace(mine, draw_mode=mode) if isinstance(mode, str) and mode != "inherited" else mine
+    if "primvars:displayColor" in names:
+        attribute = prim.GetAttribute("primvars:displayColor")
+        color = constant_of(attribute, 3, names, when)
+        if color is not None:
+            mine = _colored(mine, color_in_rendering_space((color[0], color[1], color[2]), attribute, mine.colors, ctx), ctx)
+    if "primvars:displayOpacity" in names:
+        opacity = constant_of(prim.GetAttribute("primvars:displayOpacity"), 1, names, when)
+        mine = mine if opacity is None else replace(mine, opacity=opacity[0])
+    read_names = ctx.primvars_read
+    return mine if names.isdisjoint(read_names) else _with_primvars(mine, prim, names & read_names, ctx)
+
+
+def _with_purpose_visibility(parent: Inherited, prim: Usd.Prim, names: frozenset[str]) -> Inherited:
+    """UsdGeomVisibilityAPI: "visible" below overrides "invisible" above. Without an opinion a purpose that is asked for is
+    visible, guides too: the schema leaves that to the "calling context" for the others, and nobody asks for guides in vain."""
+    if not prim.HasAPI(UsdGeom.VisibilityAPI):
+        return parent
+    invisible = set(parent.invisible)
+    for name, purpose in _PURPOSE_VISIBILITY.items():
+        opinion = prim.GetAttribute(name).Get() if name in names else "inherited"
+        if opinion == "invisible":
+            invisible.add(purpose)
+        elif opinion == "visible":
+            invisible.discard(purpose)
+    return replace(parent, invisible=frozenset(invisible))
+
+
+def _with_primvars(parent: Inherited, prim: Usd.Prim, names: frozenset[str], ctx: Context) -> Inherited:
+    handed = dict(parent.primvars)
+    for name in names:
+        if (values := constant_numbers(prim, name, ctx.when)) is not None:
+            if name in ctx.color_primvars and len(values) >= 3:
+                rgb = in_rendering_space(np.array(values[:3]), prim.GetAttribute(name), parent.colors, ctx)
+                values = (*rgb.tolist(), *values[3:])
+            handed[name.removeprefix("primvars:")] = values
+    return replace(parent, primvars=tuple(sorted(handed.items())))
+
+
+def constant_numbers(prim: Usd.Prim, name: str, when: When) -> tuple[float, ...] | None:
+    """A constant primvar of one to four finite numbers; None where it is no such thing."""
+    primvar = UsdGeom.Primvar(prim.GetAttribute(name))
+    if primvar.GetInterpolation() != UsdGeom.Tokens.constant:
+        return None
+    raw = value(primvar.GetAttr(), when)
+    if raw is None:
+        return None
+    values = as_columns([raw] if is_single(raw) else raw, primvar.GetElementSize())
+    if values is None or len(values) == 0:
+        return None
+    at = _first_index(primvar, when)
+    return tuple(values[at].tolist()) if 0 <= at < len(values) and np.isfinite(values[at]).all() else None
+
+
+def _first_index(primvar: UsdGeom.Primvar, when: When) -> int:
+    if not primvar.IsIndexed():
+        return 0
+    indices = array(value(primvar.GetIndicesAttr(), when), 1, "i")
+    return int(indices[0]) if indices is not None and len(indices) else 0
+
+
+def _colored(mine: Inherited, rgb: tuple[float, float, float], ctx: Context) -> Inherited:
+    """With this colour: one object for all children of a prim that have the same."""
+    known = ctx.colored.get((id(mine), rgb))
+    if known is None:
+        known = ctx.colored[id(mine), rgb] = mine, replace(mine, color=rgb)  # what is known by its id is kept
+    found: Inherited = known[1]
+    return found
+
+
+def constant_of(attribute: Usd.Attribute, columns: int, names: frozenset[str], when: When) -> list[float] | None:
+    """A constant primvar's value: only constant ones are inherited (UsdGeomPrimvarsAPI). None where it has none to use."""
+    if not attribute or attribute.GetMetadata("interpolation") not in _CONSTANT:
+        return None
+    values = array(value(attribute, when), columns, "f")
+    if values is None or len(values) == 0:
+        return None
+    at = _first_index(UsdGeom.Primvar(attribute), when) if f"{attribute.GetName()}:indices" in names else 0
+    if not 0 <= at < len(values):
+        return None
+    row = values[at].tolist()
+    numbers = [row] if columns == 1 else row
+    return numbers if all(map(math.isfinite, numbers)) else None
+
+
+def as_bound(prim: Usd.Prim, inherited: Inherited) -> Usd.Prim:
+    """The prim to ask for a binding: its proxy in the one instance that is walked, else itself."""
+    if not inherited.proxy or not prim.IsInPrototype():
+        return prim
+    path = prim.GetPath()
+    return prim.GetStage().GetPrimAtPath(path.ReplacePrefix(path.GetPrefixes()[0], Sdf.Path(inherited.proxy))) or prim
+
+
+def bind_materials(prims: list[Usd.Prim], purposes: tuple[str, ...]) -> list[Binding | None]:
+    """The material bound to each prim within its namespace: by the first purpose that gives one, last the general one."""
+    found: list[Binding | None] = [None] * len(prims)
+    for rank, purpose in enumerate(purposes):
+        missing = [i for i, binding in enumerate(found) if binding is None or binding.rank > rank]
+        if not missing:
+            break
+        materials, rels = _compute_bound([prims[i] for i in missing], purpose)
+        for i, material, rel in zip(missing, materials, rels, strict=True):
+            if material:
+                found[i] = _first_by_rank(found[i], Binding(material.GetPrim(), _is_stronger(rel), _rank(rel, purposes)))
+    return found
+
+
+def _first_by_rank(a: Binding | None, b: Binding) -> Binding:
+    return b if a is None or b.rank < a.rank else a
+
+
+def _rank(rel: Usd.Relationship, purposes: tuple[str, ...]) -> int:
+    """Asked for any purpose, USD gives the general binding where that has none (UsdShadeMaterialBindingAPI)."""
+    purpose = _purpose(rel)
+    return purposes.index(purpose) if purpose in purposes else len(purposes)
+
+
+def _purpose(rel: Usd.Relationship) -> str:
+    names = str(rel.GetName()).split(":")[2:]
+    names = names[1:-1] if names[:1] == ["collection"] else names  # material:binding:collection:full:name
+    return names[0] if names else ""
+
+
+def _compute_bound(prims: list[Usd.Prim], purpose: str) -> tuple[list[UsdShade.Material], list[Usd.Relationship]]:
+    """USD's answer for all prims; nothing for those it fails on, such as prims whose binding is no relationship."""
+    try:
+        materials, rels = UsdShade.MaterialBindingAPI.ComputeBoundMaterials(prims, purpose)
+        return list(materials), list(rels)
+    except Tf.ErrorException:
+        if len(prims) == 1:
+            Tf.Warn(f"The material bound to {prims[0].GetPath()} cannot be read.")
+            return [UsdShade.Material()], [Usd.Relationship()]
+    half = len(prims) // 2
+    parts = [_compute_bound(part, purpose) for part in (prims[:half], prims[half:])]
+    return parts[0][0] + parts[1][0], parts[0][1] + parts[1][1]
+
+
+def _is_stronger(rel: Usd.Relationship) -> bool:
+    """Also where a collection has taken the place of the same prim's own binding, which was stronger."""
+    own = rel.GetPrim().GetRelationship(":".join(filter(None, (BINDING, _purpose(rel)))))
+    strengths = [UsdShade.MaterialBindingAPI.GetMaterialBindingStrength(r) for r in (rel, own) if r]
+    return bool(UsdShade.Tokens.strongerThanDescendants in strengths)
+
+
+def inner_or_outer(inner: Binding | None, outer: Binding | None) -> Binding | None:
+    """Inside a prototype: the binding of the stronger purpose; of one purpose the inner, unless the outer overrides it."""
+    if inner is None or outer is None:
+        return inner or outer
+    if inner.rank != outer.rank:
+        return min(inner, outer, key=lambda binding: binding.rank)
+    return outer if outer.stronger else inner

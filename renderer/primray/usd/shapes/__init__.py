@@ -1,0 +1,1 @@
+"""Meshes and primvars as numbers: topology, triangles, normals, cages, tessellation."""

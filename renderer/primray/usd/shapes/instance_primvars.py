@@ -1,0 +1,80 @@
+"""A point instancer's primvars, one value an instance: displayColor, displayOpacity and what the stage's materials read.
+
+They are constant at the root of each instance (UsdGeomPointInstancer, "Primvars on PointInstancer"): what a prototype itself
+has, or what is authored between it and the instancer, is nearer and wins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from pxr import UsdGeom
+
+from ...description import Interpolation, Placement, Primvar, Prototype, Shape, Surface
+from ..resolving.context import Context
+from ..resolving.resolve import Inherited, ResolvedPrim
+from .primvars import Sizes, as_colors, finite, read_raw_primvar
+from .surface_primvars import names_read
+
+# What shapes without a material show, and how many numbers that is.
+_SHOWN = {"displayColor": 3, "displayOpacity": 1}
+
+
+def instance_primvars(prim: ResolvedPrim, count: int, ctx: Context) -> tuple[Primvar, ...]:
+    """One row an instance, hidden ones included, of every primvar that is not constant over the instancer."""
+    found = []
+    for name in sorted(prim.names & (ctx.primvars_read | {f"primvars:{shown}" for shown in _SHOWN})):
+        attribute = prim.prim.GetAttribute(name)
+        if UsdGeom.Primvar(attribute).GetInterpolation() == "constant" or not attribute.HasAuthoredValue():
+            continue
+        primvar = read_raw_primvar(attribute, Sizes(1, count, count), prim, ctx)
+        if primvar is None:
+            continue
+        if name in ctx.color_primvars:
+            primvar = as_colors(primvar, attribute, prim, ctx)
+        short = name.removeprefix("primvars:")
+        if primvar.values.shape[1] != _SHOWN.get(short, primvar.values.shape[1]):
+            ctx.warn("instance-primvar", prim.path, f"{name} has {primvar.values.shape[1]} numbers an instance.", name)
+            continue
+        values = finite(primvar.flat(), name, prim, ctx)
+        if primvar.interpolation == "uniform":  # the whole value applies to each instance
+            values = np.repeat(values, count, axis=0)
+        found.append(Primvar(short, Interpolation.INSTANCE, values))
+    return tuple(found)
+
+
+def given_per_instance(handed: Inherited, names: Iterable[str]) -> Inherited:
+    """What is handed down to a prototype whose instances have values of their own for these names."""
+    given = frozenset(names)
+    if not given:
+        return handed
+    return replace(
+        handed,
+        color=None if "displayColor" in given else handed.color,
+        opacity=None if "displayOpacity" in given else handed.opacity,
+        primvars=tuple(item for item in handed.primvars if item[0] not in given),
+        per_instance=handed.per_instance | given,
+    )
+
+
+def without_unread(
+    placements: Sequence[Placement],
+    prototypes: Sequence[Prototype],
+    shapes: Sequence[Shape],
+    surfaces: Sequence[Surface],
+    others: Sequence[str] = (),
+) -> tuple[Placement, ...]:
+    """The placements without primvars that no surface in their prototypes reads, but for `others`."""
+    return tuple(_without_unread(p, prototypes[p.prototype], shapes, surfaces, others) if p.primvars else p for p in placements)
+
+
+def _without_unread(
+    placement: Placement, prototype: Prototype, shapes: Sequence[Shape], surfaces: Sequence[Surface], others: Sequence[str]
+) -> Placement:
+    if prototype.placements:
+        return placement
+    used = {int(s) for placed in prototype.shapes for s in np.unique(shapes[placed.shape].surface) if s >= 0}
+    wanted = {*names_read(surfaces[i] for i in used), *others}
+    return replace(placement, primvars=tuple(p for p in placement.primvars if p.name in wanted))

@@ -1,0 +1,48 @@
+"""A mesh's authored normals by USD's precedence, unit length, per point or per triangle corner."""
+
+from __future__ import annotations
+
+import numpy as np
+from pxr import UsdGeom
+
+from ...arrays import Floats
+from ..resolving.context import Context
+from ..resolving.read import value
+from ..resolving.resolve import ResolvedPrim
+from .primvars import Primvar, Sizes, check_values, is_per_point, per_corner, read_primvar
+from .seam_mesh import Values
+from .triangulate import Triangles
+from .vectors import cross
+
+
+def read_normals(prim: ResolvedPrim, sizes: Sizes, ctx: Context) -> Primvar | None:
+    """`primvars:normals` where it has a value, else `normals` (UsdGeomMesh, UsdGeomPointBased::GetNormalsAttr)."""
+    if "primvars:normals" in prim.names:
+        attribute = prim.prim.GetAttribute("primvars:normals")
+        if attribute.HasAuthoredValue():
+            return read_primvar(attribute, sizes, prim, ctx)
+    if "normals" not in prim.names:
+        return None
+    raw = value(prim.prim.GetAttribute("normals"), ctx.when)
+    if raw is None or len(raw) == 0:
+        return None
+    interpolation = UsdGeom.PointBased(prim.prim).GetNormalsInterpolation()
+    return check_values(raw, interpolation, "normals", sizes, prim, ctx)
+
+
+def shading_normals(normals: Primvar, points: Floats, triangles: Triangles) -> Values:
+    """Unit normals per point or per corner; zero and non-finite ones become the face's normal."""
+    per_point = is_per_point(normals)
+    values = normals.values if per_point else per_corner(normals, triangles)
+    length = np.linalg.norm(values.astype(np.float64), axis=1)
+    good = np.isfinite(length) & (length > 0)
+    if good.all():
+        return Values((values / length[:, None]).astype(np.float32), "point" if per_point else "corner")
+    if per_point:
+        at = triangles.points.ravel()
+        values, length, good = values[at], length[at], good[at]
+    p = points.astype(np.float64)[triangles.points]
+    face = cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+    face /= np.linalg.norm(face, axis=1)[:, None]
+    unit = np.where(good[:, None], values / np.where(good, length, 1.0)[:, None], np.repeat(face, 3, axis=0))
+    return Values(unit.astype(np.float32), "corner")

@@ -1,0 +1,173 @@
+"""A gprim's primvars, read and checked: any type of up to four numbers, any interpolation, indexed or not.
+
+elementSize n means that n consecutive values make one element: float[] of elementSize 2 is read as pairs. Values that are
+not finite are read as 0, and noted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+from pxr import Usd, UsdGeom
+
+from ...arrays import Floats
+from ..resolving.color_spaces import in_rendering_space
+from ..resolving.context import Context
+from ..resolving.read import MAX_COLUMNS, array, as_columns, is_single, value
+from ..resolving.resolve import ResolvedPrim
+from .triangulate import Triangles
+
+
+@dataclass(frozen=True)
+class Primvar:
+    """`values` (M, columns), one for each element of what `interpolation` (USD's token) says; or for each of `indices`."""
+
+    values: Floats
+    interpolation: str
+    indices: npt.NDArray[np.int32] | None = None
+
+    def flat(self) -> Floats:
+        return self.values if self.indices is None else self.values[self.indices]
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How many values each interpolation needs on one mesh."""
+
+    faces: int
+    points: int
+    corners: int
+
+    def of(self, interpolation: str) -> int:
+        return {"constant": 1, "uniform": self.faces, "vertex": self.points, "varying": self.points}.get(
+            interpolation, self.corners
+        )
+
+
+def read_primvar(attribute: Usd.Attribute, sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
+    """A primvar of three columns, indices applied; None, noted, when it does not fit; None if it has no value."""
+    return _of_three(read_raw_primvar(attribute, sizes, prim, ctx), attribute.GetName(), prim, ctx)
+
+
+def read_display_color(sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
+    """primvars:displayColor, indexed or not, in the rendering space and in [0, 1]: what reflects neither adds light nor takes
+    what was never there."""
+    attribute = prim.prim.GetAttribute("primvars:displayColor")
+    found = read_raw_primvar(attribute, sizes, prim, ctx)
+    if found is None:
+        return None
+    found = as_colors(found, attribute, prim, ctx)
+    inside = np.clip(found.values, 0.0, 1.0)
+    outside = int(np.count_nonzero((inside != found.values).any(axis=1)))
+    if not outside:
+        return found
+    note_clamped_color(f"{outside} values of primvars:displayColor are", prim, ctx)
+    return replace(found, values=inside)
+
+
+def as_colors(primvar: Primvar, attribute: Usd.Attribute, prim: ResolvedPrim, ctx: Context) -> Primvar:
+    """The first three of its numbers in the rendering space; fewer are no colours."""
+    if primvar.values.shape[1] < 3:
+        return primvar
+    given = primvar.values[:, :3]
+    converted = in_rendering_space(given, attribute, prim.inherited.colors, ctx)
+    if converted is given:
+        return primvar
+    return replace(primvar, values=np.concatenate([converted, primvar.values[:, 3:]], axis=1).astype(np.float32))
+
+
+def note_clamped_color(what: str, prim: ResolvedPrim, ctx: Context) -> None:
+    ctx.warn("out-of-range", prim.path, f"{what} outside [0, 1] and clamped.", "primvars:displayColor")
+
+
+def check_values(raw: object, interpolation: str, name: str, sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
+    """Values of three columns that belong to no primvar."""
+    return _of_three(_checked(raw, None, interpolation, name, sizes, prim, ctx, 1), name, prim, ctx)
+
+
+def read_display_vectors(sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
+    """The same, indices applied; None, noted, if it has not three columns."""
+    return _of_three(read_display_color(sizes, prim, ctx), "primvars:displayColor", prim, ctx)
+
+
+def _of_three(found: Primvar | None, name: str, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
+    if found is None:
+        return None
+    if found.values.shape[1] != 3:
+        ctx.warn("invalid-primvar", prim.path, f"{name} is not an array of three floats each.", name)
+        return None
+    return Primvar(found.flat(), found.interpolation)
+
+
+def read_raw_primvar(attribute: Usd.Attribute, sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
+    """A primvar of 1 to 4 columns with its indices; None, noted, when it does not fit; None if it has no value."""
+    primvar = UsdGeom.Primvar(attribute)
+    raw = value(attribute, ctx.when)
+    if raw is None:
+        return None
+    if is_single(raw):
+        raw = [raw]
+    indices = value(primvar.GetIndicesAttr(), ctx.when) if primvar.IsIndexed() else None
+    name = attribute.GetName()
+    element_size = 1 if type(raw).__name__.startswith(("Vec3", "Vec4")) else primvar.GetElementSize()
+    return _checked(raw, indices, primvar.GetInterpolation(), name, sizes, prim, ctx, element_size)
+
+
+def _checked(
+    raw: object,
+    raw_indices: object,
+    interpolation: str,
+    name: str,
+    sizes: Sizes,
+    prim: ResolvedPrim,
+    ctx: Context,
+    element_size: int,
+) -> Primvar | None:
+    values = as_columns(raw, element_size)
+    if values is None:
+        of_size = f" of elementSize {element_size}" if element_size != 1 else ""
+        ctx.warn("invalid-primvar", prim.path, f"{name}{of_size} is not an array of one to {MAX_COLUMNS} numbers each.", name)
+        return None
+    indices = None
+    if raw_indices is not None:
+        indices = array(raw_indices, 1, "i")
+        if indices is None or (len(indices) and (indices.min() < 0 or indices.max() >= len(values))):
+            ctx.warn("invalid-primvar", prim.path, f"{name} has indices outside its {len(values)} values.", name)
+            return None
+    needed = sizes.of(interpolation)
+    count = len(values) if indices is None else len(indices)
+    if interpolation == "constant" and count > 1:
+        values, indices = values[:1] if indices is None else values[indices[:1]], None
+        count = 1
+    if count != needed:
+        ctx.warn("invalid-primvar", prim.path, f"{name} ({interpolation}) has {count} values where {needed} are needed.", name)
+        return None
+    return Primvar(values, interpolation, indices)
+
+
+def finite(values: Floats, name: str, prim: ResolvedPrim, ctx: Context) -> Floats:
+    """The values with 0 for those that are not finite."""
+    good = np.isfinite(values)
+    if good.all():
+        return values
+    bad = int(np.count_nonzero(~good.all(axis=1)))
+    ctx.warn("invalid-primvar", prim.path, f"{name} has {bad} values that are not finite: they are read as 0.", name)
+    return np.where(good, values, np.float32(0))
+
+
+def per_corner(primvar: Primvar, triangles: Triangles) -> Floats:
+    """(3T, columns): the values at every triangle's corners."""
+    values = primvar.flat()
+    if primvar.interpolation == "constant":
+        return np.repeat(values, triangles.points.size, axis=0)
+    if primvar.interpolation == "uniform":
+        return np.repeat(values[triangles.faces], 3, axis=0)
+    if primvar.interpolation in ("vertex", "varying"):
+        return values[triangles.points.ravel()]
+    return values[triangles.corners.ravel()]
+
+
+def is_per_point(primvar: Primvar) -> bool:
+    return primvar.interpolation in ("vertex", "varying")

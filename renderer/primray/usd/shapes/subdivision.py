@@ -1,0 +1,254 @@
+"""UsdGeomMesh as a subdivision cage: faces checked and turned outwards, creases and corners, primvars of any interpolation.
+
+`Cage` remembers which authored face and corner each of its own was, since primvars and subsets speak of those.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...arrays import Floats, Ints
+from ...description import Interpolation
+from ...description import Primvar as SeamPrimvar
+from ..resolving.context import Context
+from ..resolving.read import array, read, token
+from ..resolving.resolve import ResolvedPrim
+from .primvars import Primvar, Sizes
+from .topology import Faces, Flags, hole_indices, read_topology, usable_faces
+
+SCHEMES = ("catmullClark", "loop", "bilinear")
+BOUNDARIES = ("edgeAndCorner", "none", "edgeOnly")
+FACE_VARYING_RULES = ("cornersPlus1", "none", "cornersOnly", "cornersPlus2", "boundaries", "all")
+TRIANGLE_RULES = ("catmullClark", "smooth")
+INTERPOLATIONS = {
+    "constant": Interpolation.CONSTANT,
+    "uniform": Interpolation.FACE,
+    "vertex": Interpolation.POINT,
+    "varying": Interpolation.VARYING,
+    "faceVarying": Interpolation.CORNER,
+}
+
+
+@dataclass(frozen=True)
+class Creases:
+    lengths: Ints
+    points: Ints
+    sharpnesses: Floats  # one a crease, or one an edge
+
+
+@dataclass(frozen=True)
+class Cage:
+    points: Floats
+    face_counts: Ints
+    face_points: Ints
+    faces: Ints  # the authored face of each face
+    corners: Ints  # the authored corner of each corner
+    sizes: Sizes  # as authored
+    holes: Ints | None
+    creases: Creases | None
+    corner_points: Ints | None
+    corner_sharpnesses: Floats | None
+    scheme: str
+    boundary: str
+    face_varying: str
+    triangle_rule: str
+
+
+def read_cage(prim: ResolvedPrim, ctx: Context) -> Cage | None:
+    topology = read_topology(prim, ctx)
+    if topology is None:
+        return None
+    points, whole = topology
+    sizes = Sizes(len(whole.counts), len(points), len(whole.indices))
+    points, usable = usable_faces(prim, points, whole, ctx)
+    kept = _kept(whole, usable, _is_left_handed(prim, ctx))
+    if kept.lost:
+        ctx.warn("faces-degenerate", prim.path, f"{kept.lost} of {sizes.faces} faces have a vertex more than once.")
+    if len(kept.faces) == 0:
+        return None
+    creases = _creases(prim, len(points), ctx)
+    tips, sharpnesses = _sharp_points(prim, len(points), ctx)
+    return Cage(
+        points,
+        kept.counts,
+        kept.points,
+        kept.faces,
+        kept.corners,
+        sizes,
+        _holes(prim, sizes.faces, kept.faces, ctx),
+        creases,
+        tips,
+        sharpnesses,
+        _scheme(prim, kept.counts, ctx),
+        _choice(prim, "interpolateBoundary", BOUNDARIES, ctx),
+        _choice(prim, "faceVaryingLinearInterpolation", FACE_VARYING_RULES, ctx),
+        _choice(prim, "triangleSubdivisionRule", TRIANGLE_RULES, ctx),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """The faces that make a surface, turned outwards."""
+
+    faces: Ints
+    corners: Ints
+    counts: Ints
+    points: Ints
+    lost: int  # faces that could be rendered, but have a vertex more than once
+
+
+def _is_left_handed(prim: ResolvedPrim, ctx: Context) -> bool:
+    return "orientation" in prim.names and token(prim.prim, "orientation", ctx.when, "rightHanded") == "leftHanded"
+
+
+def _kept(whole: Faces, usable: Flags | None, left_handed: bool) -> _Kept:
+    """Found once for all cages that have the same faces and can use all of them."""
+    known: _Kept | None = whole.made.get(left_handed) if usable is None else None
+    if known is not None:
+        return known
+    faces, corners, lost = _distinct_corners(whole.counts, whole.indices, usable)
+    counts = np.bincount(np.searchsorted(faces, _face_of(whole.counts)[corners]), minlength=len(faces)).astype(np.int32)
+    if left_handed:
+        corners = _turned(counts, corners)
+    made = _Kept(faces, corners, counts, whole.indices[corners].astype(np.int32), lost)
+    if usable is None and whole.is_shared:
+        whole.made[left_handed] = made
+    return made
+
+
+def _face_of(counts: Ints) -> Ints:
+    return np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+
+
+def _distinct_corners(counts: Ints, indices: Ints, usable: Flags | None) -> tuple[Ints, Ints, int]:
+    """The faces and corners that make a surface: a vertex that follows itself counts once, coming back it spoils its face."""
+    face = _face_of(counts)
+    start = np.cumsum(counts) - counts
+    following = np.arange(1, len(indices) + 1)
+    following[(start + counts - 1)[counts > 0]] = start[counts > 0]
+    keep = indices != indices[following] if len(indices) else np.zeros(0, bool)
+    good = np.bincount(face[keep], minlength=len(counts)) >= 3
+    if usable is not None:
+        good &= usable
+    corners = np.flatnonzero(keep & good[face])
+    order = np.lexsort((indices[corners], face[corners]))
+    a, b = corners[order[:-1]], corners[order[1:]]
+    good[face[a[(indices[a] == indices[b]) & (face[a] == face[b])]]] = False
+    lost = int((~good if usable is None else usable & ~good).sum())
+    corners = corners[good[face[corners]]]
+    return np.flatnonzero(good).astype(np.int32), corners.astype(np.int32), lost
+
+
+def _turned(counts: Ints, corners: Ints) -> Ints:
+    """Each face the other way round, from the same first corner."""
+    start = np.repeat(np.cumsum(counts) - counts, counts)
+    place = np.arange(len(corners)) - start
+    return np.asarray(corners[start + (np.repeat(counts, counts) - place) % np.repeat(counts, counts)])
+
+
+def _holes(prim: ResolvedPrim, authored: int, faces: Ints, ctx: Context) -> Ints | None:
+    holes = hole_indices(prim, authored, ctx)
+    if holes is None:
+        return None
+    return np.flatnonzero(np.isin(faces, holes)).astype(np.int32)
+
+
+def _scheme(prim: ResolvedPrim, counts: Ints, ctx: Context) -> str:
+    scheme = _choice(prim, "subdivisionScheme", SCHEMES, ctx)
+    if scheme == "loop" and (counts != 3).any():
+        sentence = f"subdivisionScheme = loop, but {int((counts != 3).sum())} faces are not triangles: catmullClark is used."
+        ctx.warn("subdivision-data", prim.path, sentence, "subdivisionScheme")
+        return "catmullClark"
+    return scheme
+
+
+def _choice(prim: ResolvedPrim, name: str, known: Sequence[str], ctx: Context) -> str:
+    """The token; the first of those known, noted, where it is none of them."""
+    found = token(prim.prim, name, ctx.when, known[0]) if name in prim.names else known[0]
+    if found in known:
+        return found
+    ctx.warn("subdivision-data", prim.path, f"{name} = {found} is not known: {known[0]} is used.", name)
+    return known[0]
+
+
+def _integers(prim: ResolvedPrim, name: str, ctx: Context) -> Ints | None:
+    values = array(read(prim.prim, name, ctx.when), 1, "i") if name in prim.names else None
+    return None if values is None else values.astype(np.int32)
+
+
+def _sharpnesses(prim: ResolvedPrim, name: str, ctx: Context) -> Floats | None:
+    """Sharpnesses; what is not a number counts as smooth."""
+    values = array(read(prim.prim, name, ctx.when), 1, "f") if name in prim.names else None
+    if values is None:
+        return None
+    if np.isnan(values).any():
+        ctx.warn("subdivision-data", prim.path, f"{name} has values that are not numbers: they count as 0.", name)
+    return np.asarray(np.nan_to_num(np.clip(values, 0, 10), nan=0.0), np.float32)
+
+
+def _creases(prim: ResolvedPrim, points: int, ctx: Context) -> Creases | None:
+    lengths = _integers(prim, "creaseLengths", ctx)
+    indices = _integers(prim, "creaseIndices", ctx)
+    sharpnesses = _sharpnesses(prim, "creaseSharpnesses", ctx)
+    parts = (lengths, indices, sharpnesses)
+    if all(part is None or len(part) == 0 for part in parts):
+        return None
+    problem = ""
+    if lengths is None or indices is None or sharpnesses is None:
+        problem = "one of creaseLengths, creaseIndices and creaseSharpnesses is missing or of the wrong type"
+    elif (len(lengths) and lengths.min() < 2) or int(lengths.sum(dtype=np.int64)) != len(indices):
+        problem = f"creaseLengths sum to {int(lengths.sum(dtype=np.int64))} (each at least 2) for {len(indices)} creaseIndices"
+    elif len(sharpnesses) not in (len(lengths), len(indices) - len(lengths)):
+        problem = f"{len(sharpnesses)} creaseSharpnesses for {len(lengths)} creases of {len(indices) - len(lengths)} edges"
+    elif len(indices) and (indices.min() < 0 or indices.max() >= points):
+        problem = "creaseIndices has indices outside the points"
+    if problem or lengths is None or indices is None or sharpnesses is None:
+        ctx.warn("subdivision-data", prim.path, f"Creases are ignored: {problem}.", "creaseIndices")
+        return None
+    return Creases(lengths, indices, sharpnesses)
+
+
+def _sharp_points(prim: ResolvedPrim, points: int, ctx: Context) -> tuple[Ints | None, Floats | None]:
+    indices = _integers(prim, "cornerIndices", ctx)
+    sharpnesses = _sharpnesses(prim, "cornerSharpnesses", ctx)
+    if all(part is None or len(part) == 0 for part in (indices, sharpnesses)):
+        return None, None
+    if indices is None or sharpnesses is None or len(indices) != len(sharpnesses):
+        counts = [0 if part is None else len(part) for part in (indices, sharpnesses)]
+        sentence = f"Corners are ignored: {counts[1]} cornerSharpnesses for {counts[0]} cornerIndices."
+        ctx.warn("subdivision-data", prim.path, sentence, "cornerSharpnesses")
+        return None, None
+    if indices.min() < 0 or indices.max() >= points:
+        ctx.warn(
+            "subdivision-data", prim.path, "Corners are ignored: cornerIndices has indices outside the points.", "cornerIndices"
+        )
+        return None, None
+    return indices, sharpnesses
+
+
+def on_cage(name: str, primvar: Primvar, cage: Cage) -> SeamPrimvar:
+    """A primvar of the mesh as authored, brought to the faces and corners that the cage has."""
+    interpolation = INTERPOLATIONS.get(primvar.interpolation, Interpolation.CORNER)
+    if interpolation is Interpolation.CORNER:
+        # Corners keep their indices, which say what is one point of the surface.
+        indices = np.arange(len(primvar.values), dtype=np.int32) if primvar.indices is None else primvar.indices
+        return SeamPrimvar(name, interpolation, primvar.values, indices[cage.corners])
+    values = primvar.flat()
+    return SeamPrimvar(name, interpolation, values[cage.faces] if interpolation is Interpolation.FACE else values)
+
+
+def is_closed_cage(cage: Cage) -> bool:
+    """Whether every edge joins exactly two faces that run along it in opposite directions, and no face is left out."""
+    if cage.holes is not None and len(cage.holes):
+        return False
+    start = np.cumsum(cage.face_counts) - cage.face_counts
+    following = np.arange(1, len(cage.face_points) + 1)
+    following[start + cage.face_counts - 1] = start
+    a = cage.face_points.astype(np.int64)
+    b = a[following]
+    size = len(cage.points)
+    forward, backward = np.sort(a * size + b), np.sort(b * size + a)
+    return bool((forward[1:] != forward[:-1]).all() and np.array_equal(forward, backward))

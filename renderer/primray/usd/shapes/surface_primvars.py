@@ -1,0 +1,128 @@
+"""The primvars that a shape's surfaces read, by name: from the shape itself, else a constant one handed down to it.
+
+What neither has is left out: then the instance's own may stand in (instance_primvars), or else the input's fallback.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from ...aov_names import WIDE
+from ...description import Input, Interpolation, PrimvarInput, Surface
+from ...description import Primvar as SeamPrimvar
+from ..resolving.context import Context
+from ..resolving.resolve import ResolvedPrim
+from .primvars import Primvar, Sizes, as_colors, finite, is_per_point, per_corner, read_raw_primvar
+from .subdivision import Cage, on_cage
+from .triangulate import Triangles
+
+NO_SIZES = Sizes(0, 0, 0)  # of shapes that take constant primvars only
+TANGENT_ST = "st"  # spans the tangents of a normal that no texture gives
+
+
+def names_read(surfaces: Iterable[Surface]) -> dict[str, int]:
+    """The primvars that surfaces read, in order, and how many numbers of each."""
+    wanted: dict[str, int] = {}
+    for surface in surfaces:
+        for field, reads in surface.inputs:
+            primvar = _primvar_of(reads)
+            if primvar.name:
+                wanted[primvar.name] = max(wanted.get(primvar.name, 0), len(primvar.fallback))
+            if field == "normal" and primvar is reads:
+                wanted.setdefault(TANGENT_ST, 2)
+    return wanted
+
+
+def _primvar_of(reads: Input) -> PrimvarInput:
+    return reads if isinstance(reads, PrimvarInput) else reads.st
+
+
+def mesh_primvars(
+    prim: ResolvedPrim, surfaces: Collection[Surface], triangles: Triangles, sizes: Sizes, ctx: Context
+) -> tuple[SeamPrimvar, ...]:
+    """Per triangle, point or corner, as a Mesh has them."""
+    if not ctx.aov_primvars and not any(surface.inputs for surface in surfaces):
+        return ()
+    return tuple(_on_triangles(name, found, triangles) for name, found in read_primvars(prim, surfaces, sizes, ctx))
+
+
+def cage_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], cage: Cage, ctx: Context) -> tuple[SeamPrimvar, ...]:
+    """Per face, point or corner, as a SubdivisionMesh has them."""
+    return tuple(on_cage(name, found, cage) for name, found in read_primvars(prim, surfaces, cage.sizes, ctx))
+
+
+def constant_primvars(prim: ResolvedPrim, surfaces: Collection[Surface], ctx: Context) -> tuple[SeamPrimvar, ...]:
+    """Of a shape without points of its own: what varies over it is noted and left out."""
+    if not ctx.aov_primvars and not any(surface.inputs for surface in surfaces):
+        return ()
+    return tuple(
+        SeamPrimvar(name, Interpolation.CONSTANT, found.flat())
+        for name, found in read_primvars(prim, surfaces, NO_SIZES, ctx)
+        if found.interpolation == "constant"
+    )
+
+
+def read_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], sizes: Sizes, ctx: Context) -> list[tuple[str, Primvar]]:
+    """What surfaces read of a shape, by name, checked against its sizes; no more columns than are read."""
+    found = []
+    for name, width in names_read(surfaces).items():
+        primvar = _own(prim, name, sizes, ctx) or _handed_down(prim, name)
+        if primvar is None:
+            if name not in prim.inherited.per_instance:
+                message = f"A material reads primvars:{name}, which it lacks: the fallback is used."
+                ctx.warn("primvar-missing", prim.path, message, f"primvars:{name}")
+        elif primvar.values.shape[1] < width:
+            message = f"primvars:{name} has too few numbers each: {width} are read."
+            ctx.warn("invalid-primvar", prim.path, message, f"primvars:{name}")
+        else:
+            values = np.ascontiguousarray(finite(primvar.values, f"primvars:{name}", prim, ctx)[:, :width])
+            found.append((name, Primvar(values, primvar.interpolation, primvar.indices)))
+    return found + _for_aovs(prim, {name: p.values.shape[1] for name, p in found}, sizes, ctx) if ctx.aov_primvars else found
+
+
+def _for_aovs(prim: ResolvedPrim, widths: dict[str, int], sizes: Sizes, ctx: Context) -> list[tuple[str, Primvar]]:
+    """What AOVs show of a shape beyond what its surfaces read (`widths`): all numbers of each element."""
+    found = []
+    for name in ctx.aov_primvars:
+        primvar = _own(prim, name, sizes, ctx) or _handed_down(prim, name)
+        if primvar is not None and primvar.values.shape[1] != widths.get(name):
+            values = np.ascontiguousarray(finite(primvar.values, f"primvars:{name}", prim, ctx))
+            found.append((WIDE + name if name in widths else name, Primvar(values, primvar.interpolation, primvar.indices)))
+    return found
+
+
+def _own(prim: ResolvedPrim, name: str, sizes: Sizes, ctx: Context) -> Primvar | None:
+    if f"primvars:{name}" not in prim.names:
+        return None
+    attribute = prim.prim.GetAttribute(f"primvars:{name}")
+    found = read_raw_primvar(attribute, sizes, prim, ctx) if attribute.HasAuthoredValue() else None
+    is_color = found is not None and f"primvars:{name}" in ctx.color_primvars
+    return as_colors(found, attribute, prim, ctx) if found is not None and is_color else found
+
+
+def _handed_down(prim: ResolvedPrim, name: str) -> Primvar | None:
+    """Only constant primvars are inherited (UsdGeomPrimvarsAPI)."""
+    for handed, values in prim.inherited.primvars:
+        if handed == name:
+            return Primvar(np.array([values], np.float32), "constant")
+    return None
+
+
+def _on_triangles(name: str, primvar: Primvar, triangles: Triangles) -> SeamPrimvar:
+    if primvar.interpolation == "constant":
+        return SeamPrimvar(name, Interpolation.CONSTANT, primvar.flat())
+    if primvar.interpolation == "uniform":
+        return SeamPrimvar(name, Interpolation.FACE, primvar.flat()[triangles.faces])
+    if is_per_point(primvar):
+        return SeamPrimvar(name, Interpolation.POINT, primvar.flat())
+    return SeamPrimvar(name, Interpolation.CORNER, per_corner(primvar, triangles))
+
+
+def moved(primvars: tuple[SeamPrimvar, ...], keep: npt.NDArray[np.bool_]) -> tuple[SeamPrimvar, ...]:
+    """The primvars of some triangles only; `keep` is (T,)."""
+    rows = {Interpolation.FACE: keep, Interpolation.CORNER: np.repeat(keep, 3)}
+    return tuple(replace(p, values=p.values[rows[p.interpolation]]) if p.interpolation in rows else p for p in primvars)

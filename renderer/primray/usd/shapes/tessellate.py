@@ -1,0 +1,127 @@
+"""Implicit shapes as triangles with exact normals: surfaces of revolution along Z, boxes and planes, turned to their axis."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ...arrays import Doubles, Floats, Ints
+
+AROUND = 64
+CAP_RINGS = 16  # per hemisphere of a capsule: a quarter circle, as fine as the circle around
+
+
+@dataclass(frozen=True)
+class Tessellated:
+    points: Floats
+    triangles: Ints
+    normals: Floats | None  # (3T, 3) per corner; None: flat
+
+
+def cube(size: float) -> Tessellated:
+    h = size / 2
+    points = np.array([[x, y, z] for z in (-h, h) for y in (-h, h) for x in (-h, h)], np.float32)
+    quads = np.array([[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]], np.int32)
+    return Tessellated(points, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]), None)
+
+
+def plane(width: float, length: float, axis: str) -> Tessellated:
+    """UsdGeomPlane: for axis Z, width along X and length along Y; for X, width along Z and length along Y; for Y, X and Z."""
+    w, d = width / 2, length / 2
+    corners = {
+        "Z": [[-w, -d, 0], [w, -d, 0], [w, d, 0], [-w, d, 0]],
+        "Y": [[-w, 0, d], [w, 0, d], [w, 0, -d], [-w, 0, -d]],
+        "X": [[0, -d, w], [0, -d, -w], [0, d, -w], [0, d, w]],
+    }[axis]
+    return Tessellated(np.array(corners, np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.int32), None)
+
+
+def cone(radius: float, height: float, axis: str) -> Tessellated:
+    """Apex on the positive axis, closed base."""
+    h = height / 2
+    return revolve([_Band([(radius, -h), (0.0, h)], [(height, radius)] * 2), _cap(radius, -h, -1)], axis)
+
+
+def cylinder(bottom: float, top: float, height: float, axis: str) -> Tessellated:
+    """With both caps; the radii differ for Cylinder_1."""
+    h = height / 2
+    side = (height, bottom - top)
+    return revolve([_Band([(bottom, -h), (top, h)], [side, side]), _cap(bottom, -h, -1), _cap(top, h, 1)], axis)
+
+
+def capsule(bottom: float, top: float, height: float, axis: str) -> Tessellated:
+    """UsdGeomCapsule, and Capsule_1 with two radii: spherical caps that meet the cone between them in its own tangent."""
+    slope = math.atan2(bottom - top, height)  # the side's normal leans this much towards the axis
+    low = _arc(bottom, -height / 2, slope, np.linspace(-math.pi / 2, slope, CAP_RINGS + 1))
+    high = _arc(top, height / 2, slope, np.linspace(slope, math.pi / 2, CAP_RINGS + 1))
+    side = _Band([low.profile[-1], high.profile[0]], [low.normals[-1], high.normals[0]])
+    return revolve([low, side, high], axis)
+
+
+def _arc(radius: float, z: float, slope: float, angles: Doubles) -> _Band:
+    """Of the sphere that touches the circle (radius, z) with the side's slope, at these latitudes."""
+    sphere, center = radius / math.cos(slope), z - radius * math.tan(slope)
+    c, s = np.cos(angles), np.sin(angles)
+    c[np.abs(angles) == math.pi / 2] = 0.0
+    profile = [(float(sphere * x), float(center + sphere * y)) for x, y in zip(c, s, strict=True)]
+    return _Band(profile, [(float(x), float(y)) for x, y in zip(c, s, strict=True)])
+
+
+@dataclass(frozen=True)
+class _Band:
+    """A profile (radius, z) from low to high, or outwards in for a top cap, with normals (radial, axial) at its points."""
+
+    profile: list[tuple[float, float]]
+    normals: list[tuple[float, float]]
+
+
+def _cap(radius: float, z: float, side: int) -> _Band:
+    profile = [(radius, z), (0.0, z)] if side > 0 else [(0.0, z), (radius, z)]
+    return _Band(profile, [(0.0, float(side))] * 2)
+
+
+def revolve(bands: list[_Band], axis: str) -> Tessellated:
+    """Bands turned about the axis; rings that agree share their points, so that the surface is closed."""
+    points: list[Doubles] = []
+    rings: dict[tuple[float, float], int] = {}  # (radius, z) -> its first point
+    triangles: list[Ints] = []
+    normals: list[Doubles] = []
+    phi = 2 * math.pi * np.arange(AROUND) / AROUND
+    circle = np.stack([np.cos(phi), np.sin(phi)], axis=1)
+    i = np.arange(AROUND)
+    j = (i + 1) % AROUND
+
+    def ring(radius: float, z: float) -> Ints:
+        key = (float(radius), float(z))
+        if key not in rings:
+            rings[key] = sum(len(p) for p in points)
+            count = 1 if radius == 0 else AROUND
+            points.append(np.column_stack([circle[:count] * radius, np.full(count, z)]))
+        return rings[key] + (np.zeros(AROUND, np.int32) if radius == 0 else i.astype(np.int32))
+
+    for band in bands:
+        for k in range(len(band.profile) - 1):
+            lower, upper = ring(*band.profile[k]), ring(*band.profile[k + 1])
+            for a, b, c, at in (
+                (lower, lower, upper, ((k, i), (k, j), (k + 1, j))),
+                (lower, upper, upper, ((k, i), (k + 1, j), (k + 1, i))),
+            ):
+                corners = np.stack([a[at[0][1]], b[at[1][1]], c[at[2][1]]], axis=1)
+                solid = (corners[:, 0] != corners[:, 1]) & (corners[:, 1] != corners[:, 2]) & (corners[:, 2] != corners[:, 0])
+                triangles.append(corners[solid])
+                n = np.stack([_normals(circle, band.normals[ring_of], around) for ring_of, around in at], axis=1)
+                normals.append(n[solid].reshape(-1, 3))
+    order = {"X": [2, 0, 1], "Y": [1, 2, 0], "Z": [0, 1, 2]}[axis]
+    return Tessellated(
+        np.concatenate(points)[:, order].astype(np.float32),
+        np.concatenate(triangles).astype(np.int32),
+        np.concatenate(normals)[:, order].astype(np.float32),
+    )
+
+
+def _normals(circle: Doubles, normal: tuple[float, float], around: npt.NDArray[np.integer]) -> Doubles:
+    length = math.hypot(*normal) or 1.0
+    return np.column_stack([circle[around] * (normal[0] / length), np.full(len(around), normal[1] / length)])

@@ -1,0 +1,188 @@
+"""Polygons to triangles, with numpy for all but concave ones; every triangle remembers its face and its corners.
+
+Triangles keep the polygon's own winding: cross(p1 - p0, p2 - p0) points along the polygon's right-handed normal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ...arrays import Doubles, Ints
+from .ear_clip import ear_clip
+from .vectors import cross
+
+Mask = npt.NDArray[np.bool_]
+Points = npt.NDArray[np.floating]
+BLOCK = 1 << 12
+_NEXT, _BEFORE = np.array([1, 2, 3, 0]), np.array([3, 0, 1, 2])
+_BEFORE_OF_3, _XYZXY = np.array([2, 0, 1]), np.array([0, 1, 2, 0, 1])
+
+
+@dataclass(frozen=True)
+class Triangles:
+    points: Ints  # (T, 3) indices of points
+    corners: Ints  # (T, 3) indices into the mesh's faceVertexIndices, for values per corner
+    faces: Ints  # (T,) indices of faces, for values per face, in order
+
+
+def triangulate(points: Points, counts: Ints, indices: Ints, keep: Mask | None = None) -> Triangles:
+    """Triangles of the faces that `keep` marks (all if None); those without area are left out.
+
+    The topology must be valid: counts sum to the indices' number; kept faces have 3 vertices or more, all in range.
+    """
+    if (keep is not None and not keep.any()) or len(counts) == 0:
+        return Triangles(np.zeros((0, 3), np.int32), np.zeros((0, 3), np.int32), np.zeros(0, np.int32))
+    low, high = int(counts.min()), int(counts.max())
+    if keep is None and low == high:
+        corners = np.arange(len(indices), dtype=np.int32).reshape(-1, low)
+        return _finished(points, indices, *_of_size(points, indices, corners, np.arange(len(counts), dtype=np.int32)))
+    faces = np.arange(len(counts), dtype=np.int32) if keep is None else np.flatnonzero(keep).astype(np.int32)
+    starts = (np.cumsum(counts, dtype=np.int64) - counts).astype(np.int32)
+    sizes = counts[faces]
+    parts = []
+    for n in np.unique(sizes):
+        chosen = faces[sizes == n]
+        parts.append(_of_size(points, indices, starts[chosen][:, None] + np.arange(n, dtype=np.int32), chosen))
+    if len(parts) == 1:
+        return _finished(points, indices, *parts[0])
+    owners = np.concatenate([owner for _, owner, _ in parts])
+    order = np.argsort(owners, kind="stable")
+    return _finished(points, indices, np.concatenate([corner for corner, _, _ in parts])[order], owners[order], False)
+
+
+@dataclass(frozen=True, eq=False)
+class Fan:
+    """Triangles of faces that all have 3 vertices, or all 4: of quads they are right where no corner bends backwards."""
+
+    triangles: Triangles
+    corners: npt.NDArray[np.intp]  # (F, 3 or 4) indices of points
+    following: npt.NDArray[np.intp]  # the point after each
+
+    def fits(self, points: Points) -> bool:
+        """Whether triangulate() gives the same for these points. Says no where rounding might decide."""
+        p = points.T.take(_XYZXY, axis=0).astype(np.float64)  # few calls matter here, not few operations
+        edge = p.take(self.following, axis=1) - p.take(self.corners, axis=1)
+        before = edge.take(_BEFORE if edge.shape[2] == 4 else _BEFORE_OF_3, axis=2)
+        own = before[1:4] * edge[2:] - before[2:] * edge[1:4]
+        if edge.shape[2] == 3:
+            return bool(own.any(axis=0).all())
+        normal = own[:, :, 1:2] + own[:, :, 3:]
+        return bool(((own * normal).sum(axis=0) > 2e-12 * (normal * normal).sum(axis=0)).all())
+
+
+def fan_of(counts: Ints, indices: Ints) -> Fan | None:
+    """None where faces are of other sizes."""
+    n = int(counts[0])
+    if n not in (3, 4) or (counts != n).any():
+        return None
+    corners = np.arange(len(indices), dtype=np.int32).reshape(-1, n)
+    fans = corners if n == 3 else _fans(corners)
+    faces = np.repeat(np.arange(len(counts), dtype=np.int32), n - 2)
+    points = indices.reshape(-1, n).astype(np.intp)
+    return Fan(Triangles(indices[fans].astype(np.int32, copy=False), fans, faces), points, np.roll(points, -1, axis=1))
+
+
+def flipped(triangles: Triangles) -> Triangles:
+    """The same triangles with the opposite winding."""
+    order = [0, 2, 1]
+    return Triangles(triangles.points[:, order], triangles.corners[:, order], triangles.faces)
+
+
+def _finished(points: Points, indices: Ints, corners: Ints, faces: Ints, solid: bool) -> Triangles:
+    """Without the triangles whose area is zero in double, unless all are known to be `solid`."""
+    triangles = indices[corners].astype(np.int32, copy=False)
+    if not solid:
+        has_area = _have_area(points, triangles)
+        if not has_area.all():
+            triangles, corners, faces = triangles[has_area], corners[has_area], faces[has_area]
+    return Triangles(triangles, corners, faces)
+
+
+def _have_area(points: Points, triangles: Ints) -> Mask:
+    """In double; of many triangles, only those that floats leave in doubt."""
+    if len(triangles) <= BLOCK or points.dtype != np.float32:
+        return np.concatenate([_has_area(points[block].astype(np.float64)) for block in _blocks(triangles)])
+    sure = _surely_have_area(points, triangles)
+    doubtful = np.flatnonzero(~sure)
+    for block in _blocks(doubtful.astype(np.int32)):
+        sure[block] = _has_area(points[triangles[block]].astype(np.float64))
+    return sure
+
+
+def _surely_have_area(points: Points, triangles: Ints) -> Mask:
+    """Where |u x v| in floats is beyond its rounding: 4 * 2^-24 of |u| |v| (sums of sizes), far less than is asked here."""
+    x, y, z = (np.ascontiguousarray(points[:, k]) for k in range(3))
+    sure = np.empty(len(triangles), bool)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for start in range(0, len(triangles), 4 * BLOCK):
+            i, j, k = triangles[start : start + 4 * BLOCK].T
+            ux, uy, uz, vx, vy, vz = x[j] - x[i], y[j] - y[i], z[j] - z[i], x[k] - x[i], y[k] - y[i], z[k] - z[i]
+            size = np.abs(uy * vz - uz * vy) + np.abs(uz * vx - ux * vz) + np.abs(ux * vy - uy * vx)
+            sides = (np.abs(ux) + np.abs(uy) + np.abs(uz)) * (np.abs(vx) + np.abs(vy) + np.abs(vz))
+            sure[start : start + 4 * BLOCK] = size > np.float32(1e-5) * sides + np.float32(1e-30)
+    return sure
+
+
+def _has_area(p: Doubles) -> Mask:
+    return np.asarray(cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]).any(axis=1))
+
+
+def _of_size(points: Points, indices: Ints, corners: Ints, faces: Ints) -> tuple[Ints, Ints, bool]:
+    """Corners (T, 3) and faces (T,) of polygons (F, n) that all have n vertices, and whether all are known to have area."""
+    n = corners.shape[1]
+    if n == 3:
+        return corners, faces, False
+    bends = _quad_bends if n == 4 else _bends
+    bent = np.concatenate([bends(points[indices[block]].astype(np.float64)) for block in _blocks(corners)])
+    if not bent.any():
+        return _fans(corners), np.repeat(faces, n - 2), n == 4  # a quad's triangles are two of its corners
+    number = bent.sum(axis=1)
+    if n == 4:  # a quad's fan from its one reflex vertex is right
+        one = number == 1
+        pivot = np.where(one, bent.argmax(axis=1), 0)
+        corners = np.take_along_axis(corners, (pivot[:, None] + np.arange(4)) % 4, axis=1)
+        number = np.where(one, 0, number)
+    triangles = _fans(corners).reshape(len(faces), n - 2, 3)
+    for f in np.flatnonzero(number):
+        triangles[f] = corners[f][ear_clip(points[indices[corners[f]]].astype(np.float64))]
+    return triangles.reshape(-1, 3), np.repeat(faces, n - 2), False
+
+
+def _blocks(rows: Ints) -> list[Ints]:
+    """In pieces whose vertices in double stay in the cache; one where that is all."""
+    return [rows[start : start + BLOCK] for start in range(0, len(rows), BLOCK)]
+
+
+def _fans(corners: Ints) -> Ints:
+    """(F * (n - 2), 3): triangles (0, j, j + 1) of each polygon."""
+    count, n = corners.shape
+    fan = np.empty((count, n - 2, 3), np.int32)
+    fan[:, :, 0] = corners[:, :1]
+    fan[:, :, 1] = corners[:, 1:-1]
+    fan[:, :, 2] = corners[:, 2:]
+    return fan.reshape(-1, 3)
+
+
+def _quad_bends(p: Doubles) -> Mask:
+    """`_bends` of quads (F, 4, 3): their Newell normal is the sum of two opposite corners' own."""
+    edge = p[:, _NEXT] - p
+    own = cross(edge[:, _BEFORE], edge)
+    return _against(own, own[:, 1] + own[:, 3])
+
+
+def _bends(p: Doubles) -> Mask:
+    """(F, n) from vertices (F, n, 3): the corners that turn against their polygon's Newell normal, or not at all."""
+    n = p.shape[1]
+    edge = p[:, np.arange(1, n + 1) % n] - p
+    before = edge[:, np.arange(-1, n - 1)]
+    spoke = p - p[:, :1]
+    normal = cross(spoke[:, 1:-1], spoke[:, 2:]).sum(axis=1)
+    return _against(cross(before, edge), normal)
+
+
+def _against(own: Doubles, normal: Doubles) -> Mask:
+    # Rounding of points in float cannot tell these from 0.
+    return np.asarray(np.vecdot(own, normal[:, None]) <= 1e-12 * np.vecdot(normal, normal)[:, None])

@@ -1,0 +1,1 @@
+"""Which camera looks, how large its picture is, and what moves while its shutter is open."""

@@ -1,0 +1,112 @@
+"""The camera of a stage that has none: the one usdrecord frames it with (UsdAppUtilsFrameRecorder)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from pxr import Tf, Usd, UsdGeom
+
+from ...arrays import Doubles
+from ...description import Camera, Mesh, Placed, Placement, Projection, Prototype, Shape, Sphere
+from ...description.placement import placed_box
+from ..adapters.cameras.camera import Aperture, conform, window_of
+from ..adapters.rendering.render_product import ProductSettings
+from ..resolving.read import When
+
+# GfCamera's defaults: 50 mm, 35 mm projector aperture.
+FOCAL_LENGTH = 50.0
+APERTURE = Aperture(20.955, 15.2908)
+
+
+MANY = 1_000_000  # instances whose own corners are looked at, one by one
+
+Bounds = tuple[Doubles, Doubles]  # centre and size of the world's axis-aligned box
+
+
+def framing_camera(bounds: Bounds, z_up: bool, resolution: tuple[int, int], product: ProductSettings) -> Camera:
+    """At the centre of the bounds, back from it far enough for them to fit; nothing is clipped."""
+    center, size = bounds
+    up, depth = (2, 1) if z_up else (1, 2)
+    radius = math.hypot(size[0], size[up]) / 2
+    tan_half = APERTURE.width / (2 * FOCAL_LENGTH)
+    distance = radius / tan_half + size[depth] / 2
+    if distance < 1:  # GfCamera's near plane
+        distance += 1
+    world_from_camera = np.eye(4)
+    if z_up:  # looks along +Y with +Z up
+        world_from_camera[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
+    world_from_camera[:3, 3] = center
+    world_from_camera[depth, 3] += -distance if z_up else distance
+    aperture = conform(APERTURE, resolution, product)
+    return Camera("", world_from_camera, Projection.PERSPECTIVE, window_of(aperture, 1 / FOCAL_LENGTH), (0.0, 3e38))
+
+
+# UsdGeomBBoxCache (26.11) recurses: 1000 levels it survives, at 2000 it overflows the stack.
+DEEPEST = 500
+
+
+def stage_bounds(stage: Usd.Stage, when: When, purposes: tuple[str, ...]) -> Bounds | None:
+    """As usdrecord sees them, authored extents included; None where USD cannot say, or says nothing finite.
+
+    Not to be asked where an instancer contains itself: UsdGeomBBoxCache (26.11) then overflows the stack.
+    """
+    if is_deep(stage.TraverseAll()):
+        return None
+    time = Usd.TimeCode.EarliestTime() if when.careful else when.time
+    try:
+        box = UsdGeom.BBoxCache(time, list(purposes), useExtentsHint=True).ComputeWorldBound(stage.GetPseudoRoot())
+    except Tf.ErrorException:  # something on the stage is of the wrong type; its own reader says what
+        return None
+    aligned = box.ComputeAlignedRange()
+    if aligned.IsEmpty():
+        return None
+    center, size = np.array(box.ComputeCentroid()), np.array(aligned.GetSize())
+    return (center, size) if np.isfinite(center).all() and np.isfinite(size).all() else None
+
+
+def is_deep(prims: Iterable[Usd.Prim]) -> bool:
+    """Whether UsdGeomBBoxCache must not be asked about them."""
+    return any(prim.GetPath().pathElementCount > DEEPEST for prim in prims)
+
+
+def shape_bounds(
+    shapes: Sequence[Shape], static: Sequence[Placed], prototypes: Sequence[Prototype], placements: Sequence[Placement]
+) -> Bounds:
+    """Of what has been translated, by the corners of the shapes' own boxes; a unit box where there is nothing."""
+    corners = [_box_corners(shapes[p.shape]) @ p.matrix[:3, :3].T + p.matrix[:3, 3] for p in static]
+    for placement in placements:
+        if prototypes[placement.prototype].placements or len(placement) > MANY:
+            corners.append(np.array(placed_box(placement.levels, _prototype_box(shapes, prototypes, placement.prototype))))
+            continue
+        for p in prototypes[placement.prototype].shapes:
+            local = _box_corners(shapes[p.shape]) @ p.matrix[:3, :3].T + p.matrix[:3, 3]
+            for world in placement.chunks():
+                at = (local @ world[:, :, :3].transpose(0, 2, 1) + world[:, None, :, 3]).reshape(-1, 3)
+                corners.append(np.array([at.min(axis=0), at.max(axis=0)]))
+    if not corners:
+        return np.zeros(3), np.ones(3)
+    low = np.min([c.min(axis=0) for c in corners], axis=0)
+    high = np.max([c.max(axis=0) for c in corners], axis=0)
+    return (low + high) / 2, high - low
+
+
+def _prototype_box(shapes: Sequence[Shape], prototypes: Sequence[Prototype], number: int) -> Bounds:
+    """Low and high corner of a prototype in its own space."""
+    p = prototypes[number]
+    boxes = [placed_box(inner.levels, _prototype_box(shapes, prototypes, inner.prototype)) for inner in p.placements]
+    for placed in p.shapes:
+        at = _box_corners(shapes[placed.shape]) @ placed.matrix[:3, :3].T + placed.matrix[:3, 3]
+        boxes.append((at.min(axis=0), at.max(axis=0)))
+    return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
+
+
+def _box_corners(shape: Shape) -> Doubles:
+    if isinstance(shape, Sphere):
+        low, high = np.full(3, -shape.radius), np.full(3, shape.radius)
+    else:
+        used = shape.points[np.unique(shape.triangles if isinstance(shape, Mesh) else shape.face_points)].astype(np.float64)
+        low, high = used.min(axis=0), used.max(axis=0)
+    pick = np.array([[(k >> axis) & 1 for axis in range(3)] for k in range(8)], bool)
+    return np.where(pick, high, low)

@@ -1,0 +1,1 @@
+"""Going down the stage, and where groups of instances stand."""

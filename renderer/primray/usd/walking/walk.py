@@ -1,0 +1,300 @@
+"""Going down the stage: prunes what is not rendered, expands instances into groups, and notes what is not supported.
+
+Each native prototype and each point instancer's prototype is walked once per distinct thing handed down to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+from pxr import Gf, Tf, Usd, UsdGeom
+
+from ...arrays import Doubles
+from ...description.instance_names import texts
+from ...description.placement import MatrixInstances, PointInstances
+from ..adapters.shapes.draw_mode import stand_in
+from ..adapters.shapes.points import POINT, spheres
+from ..materials.leaf_materials import bind_leaves, bindings_of, bound_alike, told_apart
+from ..opening.stage import tf_message
+from ..resolving.applied_schemas import applied_schemas
+from ..resolving.bindings import binds_by_collection, note_bindings
+from ..resolving.color_spaces import NOWHERE, scope_at
+from ..resolving.context import Context
+from ..resolving.foreign_names import note_other_renderers
+from ..resolving.notes import note_prim
+from ..resolving.poses import ROOT, Poses
+from ..resolving.prim_kinds import PrimKinds
+from ..resolving.resolve import (
+    Binding,
+    Inherited,
+    ResolvedPrim,
+    as_bound,
+    descend,
+    inner_or_outer,
+    is_drawn,
+    local_matrix,
+)
+from ..shapes.instance_primvars import given_per_instance
+from .instances import Group
+
+Expand = Callable[[ResolvedPrim, Context], list[tuple[str, PointInstances]]]  # (prototype root, group_from_prototype)
+
+# Inside prototypes of point instancers `over` ancestors are common: they keep prototypes from being drawn by themselves.
+_IN_PROTOTYPE = Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier
+_IN_WORLD = _IN_PROTOTYPE & ~Usd.PrimIsAbstract
+# Nothing below these is drawn by itself.
+_CLOSED = frozenset({"Material", "Shader", "NodeGraph", "GeomSubset", "PointInstancer", "Camera"})
+_MADE = frozenset({"PointInstancer", "Points"})  # into groups
+FORGOTTEN_AFTER = 1 << 14  # transforms
+
+
+@dataclass(frozen=True)
+class GroupKey:
+    root: str
+    inherited: Inherited
+
+
+class _Above(NamedTuple):
+    """What all children of a prim are given."""
+
+    path: str
+    pose: int
+    inherited: Inherited
+    binds: str  # the path of the nearest prim, this one or above it, that binds materials; "" for none
+
+
+@dataclass
+class _Walk:
+    ctx: Context
+    leaf_types: Mapping[str, str]
+    expand: Expand
+    cache: UsdGeom.XformCache
+    kinds: PrimKinds
+    has_instances: bool
+    groups: list[Group[ResolvedPrim]] = field(default_factory=list)
+    index: dict[GroupKey, int] = field(default_factory=dict)
+    queue: list[tuple[int, Usd.Prim, Inherited]] = field(default_factory=list)
+
+    def group(self, root: Usd.Prim, inherited: Inherited) -> int:
+        """The group of this prototype under what is handed to it, queued for walking when new."""
+        key = GroupKey(str(root.GetPath()), inherited)
+        if key not in self.index:
+            self.index[key] = len(self.groups)
+            self.groups.append(Group(self.ctx.shown(key.root)))
+            self.queue.append((self.index[key], root, inherited))
+        return self.index[key]
+
+
+def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand) -> list[Group[ResolvedPrim]]:
+    """All groups, the world first. `leaf_types` names the prim types that adapters take; `expand` reads an instancer."""
+    kinds = PrimKinds(ctx, leaf_types)
+    has_instances = bool(ctx.stage.GetPrototypes())
+    state = _Walk(ctx, leaf_types, expand, UsdGeom.XformCache(ctx.when.time), kinds, has_instances)
+    state.group(ctx.stage.GetPseudoRoot(), Inherited())
+    for index, root, inherited in state.queue:  # grows as instances are found
+        _walk_group(state, state.groups[index], root, inherited)
+    shapes = [leaf for group in state.groups for leaf in group.leaves if leaf_types[leaf.type_name] == "shape"]
+    bind_leaves(shapes, kinds.by_collection, ctx)
+    ctx.property_names.update(kind.names for kind in kinds.found.values())
+    note_other_renderers(kinds.found.values(), ctx)
+    return state.groups
+
+
+def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inherited: Inherited) -> None:
+    ctx, poses, native = state.ctx, Poses(), list[ResolvedPrim]()
+    is_namespace_root = root.IsPseudoRoot() or root.IsPrototype()
+    drawn = _IN_WORLD if is_namespace_root else _IN_PROTOTYPE
+    prims = root.GetFilteredChildren(drawn) if is_namespace_root else [root]
+    parent = str((root if is_namespace_root else root.GetParent()).GetPath())
+    # What a point instancer's prototype has above it is not known here, but the same whenever it is walked.
+    if not is_namespace_root:
+        state.kinds.by_collection |= binds_by_collection(root.GetParent())
+    top = _Above(ctx.shown(parent).removesuffix("/"), ROOT, inherited, "" if is_namespace_root else str(root.GetPath()))
+    stack = [(prim, top) for prim in reversed(prims)]
+    while stack:
+        prim, above = stack.pop()
+        path = f"{above.path}/{prim.GetName()}"
+        kind = state.kinds.of(prim, path)
+        type_name = kind.type_name
+        mine = above.inherited
+        if kind.hands_down:
+            handed = descend(mine, prim, kind.names, kind.schemas, ctx)
+            if handed is None:
+                continue
+            mine = handed
+        pose = _pose(state, group, prim, kind.names, path, poses, above.pose) if kind.has_transform else above.pose
+        is_instance = state.has_instances and prim.IsInstance()
+        resolved: ResolvedPrim | None = None
+        if kind.taken_as or kind.is_noted or kind.bindings or is_instance or type_name in _MADE or mine.draw_mode != "default":
+            resolved = ResolvedPrim(prim, path, type_name, kind.names, mine, poses, pose, above.binds)
+            resolved.own_color = mine.color is not above.inherited.color
+            drawn_as = stand_in(resolved, ctx) if mine.draw_mode != "default" else ""
+            if drawn_as:
+                if is_drawn(mine, ctx.purposes):
+                    group.leaves.append(replace(resolved, type_name=drawn_as))
+                continue
+            if kind.is_noted:
+                note_prim(resolved, kind.schemas, kind.taken_as, ctx)
+            if kind.bindings:
+                targets = note_bindings(prim, path, kind.bindings, ctx)
+                resolved.bound_as = bound_alike(kind, path, targets, above.binds)
+            if type_name == "PointInstancer":
+                _expand_points(state, group, resolved)
+                continue
+            if type_name == "Points" and is_drawn(mine, ctx.purposes):
+                _place_spheres(state, group, resolved)
+            if kind.taken_as and is_drawn(mine, ctx.purposes):  # also an instance may itself be a shape
+                group.leaves.append(resolved)
+            if is_instance:
+                native.append(resolved)
+        if not is_instance and type_name not in _CLOSED and (children := prim.GetFilteredChildren(drawn)):
+            below = _Above(path, pose, mine, path if kind.bindings else above.binds)
+            stack += [(child, below) for child in reversed(children)]
+    _expand_native(state, group, native, poses)
+
+
+def _pose(
+    state: _Walk, group: Group[ResolvedPrim], prim: Usd.Prim, names: frozenset[str], path: str, poses: Poses, above: int
+) -> int:
+    local, resets = _local(state, prim, names)
+    if resets and group is not state.groups[0]:
+        message = "The reset goes as far as the prototype's root."
+        state.ctx.warn("reset-xform-in-prototype", path, message, "xformOpOrder")
+    pose = poses.add(local, above, resets=resets)
+    if pose % FORGOTTEN_AFTER == 0:
+        state.cache.Clear()  # it keeps 400 bytes a prim, and nothing is asked twice
+    return pose
+
+
+def _local(state: _Walk, prim: Usd.Prim, names: frozenset[str]) -> tuple[Gf.Matrix4d, bool]:
+    """The prim's own transform; none where its operations are not what USD can read."""
+    try:
+        return local_matrix(prim, names, state.ctx.when, state.cache)
+    except Tf.ErrorException as error:
+        state.ctx.warn(
+            "wrong-type", state.ctx.shown(str(prim.GetPath())), f"No transform is used: {tf_message(error)}", "xformOpOrder"
+        )
+        return Gf.Matrix4d(1.0), False
+
+
+def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[ResolvedPrim], poses: Poses) -> None:
+    """Instances of one prototype that hand down the same become one array of matrices."""
+    ctx = state.ctx
+    if not instances:
+        return
+    bindings = bindings_of(instances, state.kinds.by_collection, ctx)
+    places = poses.of([instance.pose for instance in instances])[:, :3]
+    by_child: dict[int, list[int]] = {}
+    names: dict[int, list[str]] = {}
+    apart = told_apart(instances, ctx)
+    alike: dict[Hashable, int] = {}  # many have one object for what is above them, and one binding
+    for i, (instance, inner, alone) in enumerate(zip(instances, bindings, apart, strict=True)):
+        prototype = instance.prim.GetPrototype()
+        key = (prototype, id(instance.inherited), id(inner))
+        if key not in alike or alone or ctx.links is not None:
+            ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
+            alike[key] = state.group(prototype, _handed_to_instance(instance, prototype, inner, alone, ctx))
+        child = alike[key]
+        by_child.setdefault(child, []).append(i)
+        if ctx.names_instances:
+            names.setdefault(child, []).append(_within(state, group, instance.path))
+    for child, chosen in by_child.items():
+        group.instances.append((child, _finite(places[chosen], names.get(child), group, ctx)))
+
+
+def _handed_to_instance(
+    instance: ResolvedPrim, prototype: Usd.Prim, inner: Binding | None, alone: bool, ctx: Context
+) -> Inherited:
+    mine = instance.inherited
+    if mine.colors is not NOWHERE:
+        mine = replace(mine, outer_colors=((str(prototype.GetPath()), mine.colors), *mine.outer_colors))
+    if alone:
+        handed = replace(mine, proxy=str(as_bound(instance.prim, instance.inherited).GetPath()))
+    else:
+        handed = replace(mine, outer=inner_or_outer(inner, mine.outer), proxy="")
+    return handed if ctx.links is None else ctx.links.handed_to_instance(handed, instance.prim, prototype)
+
+
+def _within(state: _Walk, group: Group[ResolvedPrim], path: str) -> str:
+    """A path relative to the root of its group: the whole one in the world."""
+    return path if group is state.groups[0] else path.removeprefix(group.path)
+
+
+def _finite(matrices: Doubles, names: list[str] | None, group: Group[ResolvedPrim], ctx: Context) -> MatrixInstances:
+    all_of_them = MatrixInstances(matrices, names=None if names is None else texts(names))
+    finite = np.isfinite(matrices).all(axis=(1, 2))
+    if not finite.all():
+        bad = int(np.count_nonzero(~finite))
+        ctx.warn("invalid-transform", group.path, f"{bad} of {len(matrices)} instances have transforms that are not finite.")
+    return all_of_them if finite.all() else all_of_them.take(np.flatnonzero(finite))
+
+
+def _expand_points(state: _Walk, group: Group[ResolvedPrim], instancer: ResolvedPrim) -> None:
+    ctx = state.ctx
+    for root_path, instances in state.expand(instancer, ctx):
+        root = ctx.stage.GetPrimAtPath(root_path)
+        if not root or not root.IsActive():
+            continue
+        handed = _handed_to_prototype(instancer, root, [p.name for p in instances.primvars], ctx)
+        if ctx.links is not None:
+            handed = ctx.links.handed_to_prototype(handed, instancer.prim, root)
+        if root.IsInstanceProxy():
+            root = root.GetPrimInPrototype()
+        if instances.names is not None:
+            instances = replace(instances, names=replace(instances.names, prefix=_within(state, group, instancer.path)))
+        group.instances.append((state.group(root, handed), instances))
+
+
+def _place_spheres(state: _Walk, group: Group[ResolvedPrim], points: ResolvedPrim) -> None:
+    """A group of one leaf in many places; primvars that vary over the points are their instances' own."""
+    placed = spheres(points, state.ctx)
+    to_group = points.group_from_prim
+    matrices = to_group[:3, :3] @ placed.matrices
+    matrices[:, :, 3] += to_group[:3, 3]
+    names = None if placed.names is None else replace(placed.names, prefix=_within(state, group, points.path))
+    varying = [p.name for p in placed.primvars]
+    leaf = replace(
+        points,
+        type_name=POINT,
+        names=points.names - {f"primvars:{name}" for name in varying},
+        poses=Poses(),
+        pose=ROOT,
+        inherited=given_per_instance(points.inherited, varying),
+    )
+    group.instances.append((len(state.groups), replace(placed, matrices=matrices, names=names)))
+    state.groups.append(Group(points.path, [leaf]))
+
+
+def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, per_instance: list[str], ctx: Context) -> Inherited:
+    """A prototype inherits the instancer's purpose and colours, and what scopes between the two author.
+
+    Bindings and colour spaces follow namespace, so `outer` applies only where both stand in the same native prototype.
+    """
+    between = []
+    parent = root.GetParent()
+    while parent and parent != instancer.prim:
+        between.append(parent)
+        parent = parent.GetParent()
+    handed = given_per_instance(instancer.inherited, per_instance)
+    if not parent:
+        return _with_colors_of(root, handed, ctx)
+    for scope in reversed(between):
+        names = frozenset(scope.GetAuthoredPropertyNames()) - {"visibility"}
+        schemas = applied_schemas(scope)
+        handed = descend(handed, scope, names, schemas, ctx) or handed
+    return handed
+
+
+def _with_colors_of(root: Usd.Prim, handed: Inherited, ctx: Context) -> Inherited:
+    """Colour spaces go by namespace (ColorSpaceAPI), wherever the prototype stands."""
+    around = replace(ctx, outer_colors=handed.outer_colors)
+    outer = handed.outer_colors
+    instance = root
+    while instance.IsInstanceProxy() and not instance.IsInstance():
+        instance = instance.GetParent()
+    if instance.IsInstance() and instance != root and (above := scope_at(instance, around)) is not NOWHERE:
+        outer = ((str(instance.GetPrototype().GetPath()), above), *outer)
+    return replace(handed, colors=scope_at(root.GetParent(), around), outer_colors=outer)

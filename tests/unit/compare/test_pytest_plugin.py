@@ -1,0 +1,178 @@
+"""The fixture `primray_image` in pytest runs of its own, with renders of a room made by the real core."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.compared_scenes import CHANGES, PLAIN, ROOM
+from tests.measured import BuiltScene, save
+
+from primray import RenderSettings
+from primray.compare import image_check
+from primray.compare.comparison import compare
+from primray.compare.difference_picture import save_difference
+from primray.images.image_file import read_image
+
+pytest_plugins = ["pytester"]
+ROOT = Path(__file__).parents[3]
+INSTALLED = any(point.value == "primray.compare.pytest_plugin" for point in importlib.metadata.entry_points(group="pytest11"))
+PLUGIN = [] if INSTALLED else ["-p", "primray.compare.pytest_plugin"]
+TEST = """
+def test_shot(primray_image):
+    result = primray_image("shot.usda", reference="refs/shot.exr", {arguments})
+    assert result.tiles
+"""
+Run = Callable[..., pytest.RunResult]
+
+
+def write_room(folder: Path, **changes: Any) -> None:
+    (folder / "shot.usda").write_text(ROOM % (PLAIN | changes))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _everything_is_imported(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """A pytest run inside a test forgets the modules that it imports, and USD's cannot be imported twice."""
+    folder = tmp_path_factory.mktemp("imports")
+    write_room(folder)
+    image = BuiltScene(str(folder / "shot.usda"), RenderSettings(resolution=(8, 8))).render(0, 2)
+    image = read_image(save(image, folder / "a.exr"))
+    save_difference(compare(image, image), folder / "a.png")
+
+
+@pytest.fixture
+def renders(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Samples of every render that the fixture asks for."""
+    made: list[int] = []
+
+    render_file = image_check.render_file
+
+    def counted(stage: Any, settings: RenderSettings, path: Path) -> int:
+        made.append(settings.most_samples)
+        return render_file(stage, settings, path)
+
+    monkeypatch.setattr(image_check, "render_file", counted)
+    return made
+
+
+@pytest.fixture
+def run(pytester: pytest.Pytester, renders: list[int]) -> Run:
+    def run_pytest(*flags: str, arguments: str = "spp=64, resolution=(48, 32)") -> pytest.RunResult:
+        pytester.makepyfile(test_shots=TEST.format(arguments=arguments))
+        return pytester.runpytest_inprocess(*PLUGIN, "-p", "no:cacheprovider", *flags)
+
+    return run_pytest
+
+
+def test_a_missing_reference_is_written_and_then_met(pytester: pytest.Pytester, run: Run, renders: list[int]) -> None:
+    write_room(pytester.path)
+    missing = run()
+    missing.assert_outcomes(failed=1)
+    missing.stdout.fnmatch_lines(["*there is no reference *refs/shot.exr; `pytest --primray-update` renders it"])
+    assert renders == []
+    updated = run("--primray-update")
+    updated.assert_outcomes(passed=1)
+    updated.stdout.fnmatch_lines(["primray: wrote the reference *refs/shot.exr"])
+    run().assert_outcomes(passed=1)
+    assert renders == [64, 64]
+
+
+def test_a_change_fails_with_its_evidence(pytester: pytest.Pytester, run: Run) -> None:
+    write_room(pytester.path)
+    run("--primray-update")
+    write_room(pytester.path, **CHANGES["small box removed"])
+    result = run("--primray-evidence", "kept")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        ["changed: shot.exr (A) and the picture rendered now (B), 48 x 32", "*tiles: *changed*", "*--primray-update*"]
+    )
+    assert "Traceback" not in result.stdout.str()
+    kept = pytester.path / "kept" / "test_shots.py_test_shot" / "shot"
+    assert f"evidence: {kept}" in result.stdout.str()
+    assert sorted(path.name for path in kept.iterdir()) == ["difference.png", "reference.exr", "render.exr", "report.json"]
+    assert json.loads((kept / "report.json").read_text())["verdict"] == "changed"
+    assert (kept / "reference.exr").read_bytes() == (pytester.path / "refs/shot.exr").read_bytes()
+
+
+def test_an_unchanged_scene_with_other_noise_passes_and_leaves_nothing(pytester: pytest.Pytester, run: Run) -> None:
+    write_room(pytester.path)
+    run("--primray-update", arguments="spp=256, resolution=(48, 32)")
+    other = "settings=__import__('primray').RenderSettings(seed=5, resolution=(48, 32)), spp=256"
+    run("--primray-evidence", "kept", arguments=other).assert_outcomes(passed=1)
+    assert not list(pytester.path.glob("kept/*/shot"))
+
+
+@pytest.mark.parametrize(
+    ("more", "outcome", "samples"),
+    [
+        ("max_spp=4", {"failed": 1}, [4]),
+        ("max_spp=4, allow_undecided=True", {"passed": 1}, [4]),
+        ("max_spp=4096", {"passed": 1}, None),
+    ],
+)
+def test_undecided_pictures_are_rendered_again_up_to_the_cap(
+    pytester: pytest.Pytester, run: Run, renders: list[int], more: str, outcome: dict[str, int], samples: list[int] | None
+) -> None:
+    write_room(pytester.path)
+    common = "settings=__import__('primray').RenderSettings(seed=5, resolution=(48, 32)), reference_spp=1024"
+    run("--primray-update", arguments=f"{common}, spp=4")
+    renders.clear()
+    result = run(arguments=f"{common}, spp=4, {more}")
+    result.assert_outcomes(**outcome)
+    if samples is not None:
+        assert renders == samples
+    else:
+        assert len(renders) == 2
+        assert 4 < renders[1] <= 1024
+    if "failed" in outcome:
+        result.stdout.fnmatch_lines(["undecided: *", "*more samples a pixel*", "*max_spp=4 would be needed*"])
+
+
+def test_another_size_is_an_error_in_words(pytester: pytest.Pytester, run: Run) -> None:
+    write_room(pytester.path)
+    run("--primray-update")
+    result = run(arguments="spp=8, resolution=(24, 16)")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["refs/shot.exr: image-size: the pictures differ in size: 48 x 32 and 24 x 16*"])
+
+
+def test_the_samples_of_a_second_look() -> None:
+    """Not asked for where the reference is what is too noisy."""
+    from primray.compare.comparison import Needs, Verdict
+
+    class Result:
+        verdict = Verdict.UNDECIDED
+        needs = Needs(3.0, 16, 16, None, 24)
+
+    result: Any = Result()
+    assert image_check._spp_that_decides(result, 8, 1000) == 38
+    assert image_check._spp_that_decides(result, 8, 20) == 20
+    result.needs = replace(Result.needs, b_alone=None)
+    assert image_check._spp_that_decides(result, 8, 1000) == 8
+
+
+def test_the_plugin_costs_nothing_where_it_is_not_used(tmp_path: Path) -> None:
+    (tmp_path / "test_nothing.py").write_text(
+        "import sys\n"
+        "def test_nothing():\n"
+        "    loaded = {'numpy', 'pxr', 'OpenImageIO'} & set(sys.modules)\n"
+        "    loaded |= {'primray.compare.comparison', 'primray.compare.image_check'} & set(sys.modules)\n"
+        "    assert not loaded\n"
+        "    assert 'primray.compare.pytest_plugin' in sys.modules\n"
+    )
+    command = [sys.executable, "-m", "pytest", "-q", *PLUGIN, "-p", "no:cacheprovider", str(tmp_path)]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout
+
+
+def test_the_entry_point_is_declared() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert project["entry-points"]["pytest11"] == {"primray": "primray.compare.pytest_plugin"}

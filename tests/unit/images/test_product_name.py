@@ -1,0 +1,71 @@
+"""Product names are data of a stage: whatever they say, the file lies where the caller puts it."""
+
+from __future__ import annotations
+
+from pathlib import Path, PurePosixPath, PureWindowsPath
+
+import pytest
+
+from primray.images.image import check_output_path
+from primray.images.product_name import safe_product_name
+from primray.render.frame_numbers import name_of_frame
+
+NAMES = {
+    "beauty.exr": "beauty.exr",
+    "beauty": "beauty.exr",
+    "beauty.PNG": "beauty.PNG",
+    "beauty.jpeg": "beauty.jpeg",
+    "beauty.tif": "beauty.exr",
+    "shot.0001": "shot.0001.exr",
+    "key.v2": "key.v2.exr",
+    "out/render/beauty.exr": "beauty.exr",
+    "/etc/cron.d/x": "x.exr",
+    "out/../../x": "x.exr",
+    "..\\..\\windows\\x.exr": "x.exr",
+    "C:\\x.exr": "x.exr",
+    "C:x.exr": "x.exr",
+    "file:///tmp/x.exr": "x.exr",
+    ".bashrc": "bashrc.exr",
+    "-rf.exr": "rf.exr",
+    "~.exr": "fallback.exr",
+    "": "fallback.exr",
+    ".": "fallback.exr",
+    "..": "fallback.exr",
+    "a/": "fallback.exr",
+    ".exr": "exr.exr",
+    "   ": "fallback.exr",
+    "a\x00b\n.exr": "a_b_.exr",
+    'a<b>:"|?*.exr': "a_b______.exr",
+    "con": "_con.exr",
+    "NUL.exr": "_NUL.exr",
+    "com1.x.exr": "_com1.x.exr",
+    "a\u202eb": "a_b.exr",
+    "\ud800": "?".replace("?", "_") + ".exr",
+    "schön": "schön.exr",
+    "a.####.exr": "a.####.exr",
+    "a.<F4>.exr": "a.$F4.exr",
+    "a..exr": "a.exr",
+}
+
+
+@pytest.mark.conforms("RenderProduct.productName")
+@pytest.mark.parametrize("name", NAMES, ids=ascii)
+def test_names(name: str) -> None:
+    assert safe_product_name(name, "fallback") == NAMES[name]
+
+
+@pytest.mark.parametrize(
+    "name", [*NAMES, "x" * 5000, "ö" * 5000, "." * 300 + "a", "a" * 250 + ".exr"], ids=lambda n: ascii(n[:20])
+)
+def test_every_name_can_be_written(name: str, tmp_path: Path) -> None:
+    safe = safe_product_name(name, "fallback")
+    assert len(PurePosixPath(safe).parts) == len(PureWindowsPath(safe).parts) == 1
+    assert len(safe.encode()) < 200
+    assert safe == safe_product_name(safe, "other")  # once is enough
+    path = check_output_path(tmp_path / safe)
+    path.with_name(name_of_frame(safe, 3.0)).touch()
+
+
+def test_a_bad_default_is_made_safe_too() -> None:
+    assert safe_product_name("", "/a/b") == "b.exr"
+    assert safe_product_name("", "..") == "picture.exr"

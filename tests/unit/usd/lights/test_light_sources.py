@@ -1,0 +1,298 @@
+"""Where light comes from, as translated: textures, formats, portals, shapes that are lights, and what is told of the rest."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from primray.description import Light, LightType, SceneDescription, TextureFile
+from primray.diagnostics import Diagnostic, Diagnostics
+from primray.settings import RenderSettings
+from primray.textures.light_textures import with_read_textures
+from primray.textures.texture import Texture
+from primray.usd import translate
+
+from ..usd_text import stage_of
+
+NO_DEFAULT = RenderSettings(default_light=False)
+
+
+def translated(text: str, up: str = "Y") -> tuple[SceneDescription, list[Diagnostic]]:
+    text = text.replace("{ ", "{\n").replace(" }", "\n}")  # a statement of usda ends with its line
+    description, diagnostics = translate(stage_of(f'#usda 1.0\n(\n    upAxis = "{up}"\n)\n{text}'), NO_DEFAULT)
+    return description, list(diagnostics)
+
+
+def told(found: list[Diagnostic], path: str) -> list[tuple[str, str]]:
+    return [(d.code, d.attribute) for d in found if d.prim_path == path]
+
+
+@pytest.mark.conforms("RectLight.inputs:texture:file", "DomeLight.inputs:texture:file", "DomeLight_1.inputs:texture:file")
+@pytest.mark.parametrize("kind", ["RectLight", "DomeLight", "DomeLight_1"])
+def test_textures(kind: str, tmp_path: Path) -> None:
+    file = tmp_path / "a.exr"
+    file.write_bytes(b"")
+    description, found = translated(
+        f'def {kind} "l" {{ asset inputs:texture:file = @{file}@ (colorSpace = "raw")\n color3f inputs:color = (1, 2, 3) }}'
+    )
+    (light,) = description.lights
+    assert light.texture is not None
+    assert (light.texture.path, light.texture.color_space) == (str(file), "raw")
+    assert light.emission == (1, 2, 3)
+    assert told(found, "/l") == []
+    description, found = translated(f'def {kind} "l" {{ asset inputs:texture:file = @nowhere.exr@ }}')
+    assert description.lights[0].texture is None
+    assert told(found, "/l") == [("asset-missing", "inputs:texture:file")]
+
+
+@pytest.mark.conforms("DomeLight.inputs:texture:format", "DomeLight_1.inputs:texture:format")
+def test_formats(tmp_path: Path) -> None:
+    file = tmp_path / "a.exr"
+    file.write_bytes(b"")
+    for layout in ("automatic", "latlong", "mirroredBall", "angular", "cubeMapVerticalCross", "fisheye"):
+        body = f'asset inputs:texture:file = @{file}@\n token inputs:texture:format = "{layout}"'
+        description, found = translated(f'def DomeLight_1 "l" {{ {body} }}')
+        known = layout != "fisheye"
+        assert description.lights[0].texture_format == (layout if known else "automatic")
+        assert told(found, "/l") == ([] if known else [("light-input", "inputs:texture:format")])
+
+
+FILE = TextureFile("a", "raw")
+
+
+@pytest.mark.conforms("DomeLight.inputs:texture:format", "DomeLight_1.inputs:texture:format")
+@pytest.mark.parametrize(
+    ("asked", "size", "says", "becomes", "noted"),
+    [
+        ("automatic", (8, 4), "", "latlong", False),
+        ("automatic", (7, 4), "", "latlong", False),
+        ("automatic", (6, 8), "", "cubeMapVerticalCross", False),
+        ("automatic", (6, 8), "latlong", "latlong", False),
+        ("automatic", (8, 8), "", "latlong", True),
+        ("automatic", (1, 1), "", "latlong", False),
+        ("automatic", (4, 24), "cube", "latlong", True),
+        ("angular", (8, 8), "", "angular", False),
+        ("angular", (8, 4), "", "angular", True),
+        ("mirroredBall", (8, 8), "latlong", "mirroredBall", False),
+        ("cubeMapVerticalCross", (8, 8), "", "cubeMapVerticalCross", True),
+        ("latlong", (3, 4), "", "latlong", False),
+    ],
+)
+def test_automatic_formats(asked: str, size: tuple[int, int], says: str, becomes: str, noted: bool) -> None:
+    dome = Light("/dome", LightType.DOME, np.eye(4), (1, 1, 1), texture=FILE, texture_format=asked)
+    texture = Texture(np.zeros((size[1], size[0], 3), np.float32), environment=says)
+    found = Diagnostics()
+    (settled,) = with_read_textures([dome], {FILE: [(0, texture)]}, found)
+    assert settled.texture_format == becomes
+    assert told(list(found), "/dome") == ([("light-input", "inputs:texture:format")] if noted else [])
+
+
+@pytest.mark.conforms("RectLight.inputs:texture:file")
+def test_rectangles_shine_without_a_file_that_cannot_be_read() -> None:
+    rect = Light("/rect", LightType.RECT, np.eye(4), (1, 1, 1), texture=FILE)
+    dome = Light("/dome", LightType.DOME, np.eye(4), (1, 1, 1), texture=FILE)
+    (only,) = with_read_textures([rect, dome], {}, Diagnostics())
+    assert (only.path, only.texture) == ("/rect", None)
+
+
+@pytest.mark.conforms("DomeLight.guideRadius", "DomeLight_1.guideRadius")
+def test_the_guide_radius_means_nothing_to_a_picture() -> None:
+    for kind in ("DomeLight", "DomeLight_1"):
+        small, found = translated(f'def {kind} "l" {{ float guideRadius = 3 }}')
+        large, _ = translated(f'def {kind} "l" {{ float guideRadius = 3000 }}')
+        np.testing.assert_array_equal(small.lights[0].world_from_light, large.lights[0].world_from_light)
+        assert small.lights[0].emission == large.lights[0].emission
+        assert told(found, "/l") == []
+
+
+DOME_WITH_PORTALS = """
+def Xform "house" {{
+    double3 xformOp:translate = (1, 2, 3)
+    double3 xformOp:scale = (2, 2, 2)
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]
+    def PortalLight "window" {{ float inputs:width = 3
+        float inputs:height = 0.5
+        double xformOp:rotateY = 90
+        uniform token[] xformOpOrder = ["xformOp:rotateY"] }}
+    def PortalLight "other" {{ {other} }}
+}}
+def {kind} "sky" {{ rel portals = [{targets}] }}
+"""
+
+
+@pytest.mark.conforms(
+    "DomeLight.portals",
+    "DomeLight_1.portals",
+    "PortalLight.inputs:width",
+    "PortalLight.inputs:height",
+    "PortalLight.light:shaderId",
+)
+@pytest.mark.parametrize("kind", ["DomeLight", "DomeLight_1"])
+def test_portals(kind: str) -> None:
+    text = DOME_WITH_PORTALS.format(kind=kind, targets="</house/window>, </house/other>", other="")
+    description, found = translated(text)
+    (sky,) = description.lights
+    window, other = sky.portals
+    assert (window.width, window.height, other.width, other.height) == (3, 0.5, 1, 1)
+    # Turned by 90 degrees about y: its x is -z, its z is x; twice as large, moved.
+    expected = np.array([[0, 0, 2, 1], [0, 2, 0, 2], [-2, 0, 0, 3], [0, 0, 0, 1]])
+    np.testing.assert_allclose(window.world_from_portal, expected, atol=1e-12)
+    assert [d for d in found if d.prim_path.startswith(("/house", "/sky"))] == []
+
+
+@pytest.mark.conforms("DomeLight.portals", "DomeLight_1.portals")
+def test_portals_that_guide_nothing() -> None:
+    flat = "float inputs:width = 0\n color3f inputs:color = (1, 0, 0)"
+    text = DOME_WITH_PORTALS.format(kind="DomeLight", targets="</house/other>, </house>, </nowhere>", other=flat)
+    description, found = translated(text)
+    assert description.lights[0].portals == ()
+    assert told(found, "/house/window") == [("light-input", "portals")]  # nobody names it
+    assert told(found, "/sky") == [("light-input", "portals")] * 2  # no portal, nothing at all
+    assert told(found, "/house/other") == [("light-input", "inputs:color"), ("light-input", "")]
+
+
+GLOW = """
+def Material "m" {
+    token outputs:surface.connect = </m/s.outputs:surface>
+    def Shader "s" { uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:emissiveColor = (0.5, 1, 2)
+        color3f inputs:diffuseColor = (0.25, 0.25, 0.25)
+        token outputs:surface }
+}
+"""
+BODIES = {
+    "Mesh": "int[] faceVertexCounts = [3]\n int[] faceVertexIndices = [0, 1, 2]\n"
+    "point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]\n uniform token subdivisionScheme = \"none\"",
+    "Sphere": "",
+    "Cube": "",
+    "Cylinder": "",
+    "Capsule": "",
+    "Cone": "",
+    "Plane": "",
+}  # fmt: skip
+SUBDIVIDED = BODIES["Mesh"].replace('"none"', '"catmullClark"')
+
+
+def shape_light(kind: str, body: str, schema: str = "LightAPI", extra: str = "") -> tuple[SceneDescription, list[Diagnostic]]:
+    return translated(
+        f'def {kind} "x" (prepend apiSchemas = ["{schema}", "MaterialBindingAPI"]) '
+        f"{{ {body}\n rel material:binding = </m>\n float inputs:intensity = 3\n float inputs:exposure = 1\n {extra} }}\n{GLOW}"
+    )
+
+
+ROWS: tuple[str, ...] = ("LightAPI.light:materialSyncMode", "MeshLightAPI.light:materialSyncMode", "LightAPI.inputs:intensity")
+ROWS += ("LightAPI.inputs:exposure", "LightAPI.light:shaderId", "MeshLightAPI.light:shaderId")
+
+
+@pytest.mark.conforms(*ROWS)
+@pytest.mark.parametrize("kind", [*BODIES, "subdivided"])
+@pytest.mark.parametrize("schema", ["LightAPI", "MeshLightAPI"])
+@pytest.mark.parametrize("mode", ["", "materialGlowTintsLight", "independent", "noMaterialResponse"])
+def test_shapes_that_are_lights(kind: str, schema: str, mode: str) -> None:
+    body = SUBDIVIDED if kind == "subdivided" else BODIES[kind]
+    extra = f'uniform token light:materialSyncMode = "{mode}"' if mode else ""
+    description, found = shape_light("Mesh" if kind == "subdivided" else kind, body, schema, extra)
+    (shape,) = description.shapes
+    light = shape.light
+    assert light is not None
+    assert description.lights == ()
+    assert (light.type, light.emission) == (LightType.GEOMETRY, (6, 6, 6))
+    # The schemas' own defaults: noMaterialResponse for LightAPI, materialGlowTintsLight for MeshLightAPI.
+    mode = mode or ("materialGlowTintsLight" if schema == "MeshLightAPI" else "noMaterialResponse")
+    assert (light.own_color, light.shows_own) == (mode != "materialGlowTintsLight", mode == "noMaterialResponse")
+    surface = description.surfaces[int(np.max(shape.surface))]
+    if mode == "noMaterialResponse":
+        assert (surface.lambert, surface.diffuse_color, surface.emissive_color) == (True, (0, 0, 0), (1, 1, 1))
+    else:
+        assert (surface.path, surface.emissive_color) == ("/m", (0.5, 1, 2))
+    assert not [d for d in found if d.code not in ("tessellated", "camera-automatic")]
+
+
+@pytest.mark.conforms(
+    "LightAPI.inputs:color", "LightAPI.inputs:normalize", "LightAPI.inputs:diffuse", "LightAPI.inputs:specular",
+    "LightAPI.inputs:enableColorTemperature", "LightAPI.inputs:colorTemperature",
+)  # fmt: skip
+def test_inputs_of_shapes_that_are_lights() -> None:
+    description, _ = shape_light(
+        "Sphere", "", extra="color3f inputs:color = (1, 0.5, 0)\n bool inputs:normalize = 1\n float inputs:diffuse = 0.25\n"
+        "float inputs:specular = 2\n bool inputs:enableColorTemperature = 1\n float inputs:colorTemperature = 3000",
+    )  # fmt: skip
+    from pxr import UsdLux
+
+    light = description.shapes[0].light
+    assert light is not None
+    tint = UsdLux.BlackbodyTemperatureAsRgb(3000)
+    assert light.emission == pytest.approx((6 * tint[0], 3 * tint[1], 0), rel=1e-6)
+    assert (light.normalize, light.diffuse, light.specular) == (True, 0.25, 2)
+
+
+@pytest.mark.conforms("MeshLightAPI.light:materialSyncMode", state="honoured")
+def test_no_glow_to_tint_is_told() -> None:
+    dark = GLOW.replace("color3f inputs:emissiveColor = (0.5, 1, 2)", "")
+    body = f"{BODIES['Mesh']}\n rel material:binding = </m>"
+    text = f'def Mesh "x" (prepend apiSchemas = ["MeshLightAPI", "MaterialBindingAPI"]) {{ {body} }}\n'
+    assert told(translated(text + GLOW)[1], "/x") == []
+    assert told(translated(text + dark)[1], "/x") == [("light-dark", "light:materialSyncMode")]
+
+
+@pytest.mark.conforms("MeshLightAPI.light:materialSyncMode")
+@pytest.mark.parametrize("mode", ["materialGlowTintsLight", "independent"])
+def test_without_a_material_there_is_no_glow_to_relate_to(mode: str) -> None:
+    """The modes are "for a LightAPI applied to geometry that has a bound Material"."""
+    text = f'def Sphere "x" (prepend apiSchemas = ["MeshLightAPI"]) {{ uniform token light:materialSyncMode = "{mode}" }}'
+    description, found = translated(text)
+    light = description.shapes[0].light
+    assert light is not None
+    assert (light.own_color, light.shows_own) == (True, True)
+    assert told(found, "/x") == []
+
+
+def test_a_mode_that_is_none_is_told() -> None:
+    _, found = shape_light("Sphere", "", extra='uniform token light:materialSyncMode = "sometimes"')
+    assert ("light-input", "light:materialSyncMode") in told(found, "/x")
+
+
+SHADERS = {name: name for name in ("DistantLight", "DiskLight", "RectLight", "SphereLight", "CylinderLight", "DomeLight")}
+SHADERS["DomeLight_1"] = "DomeLight"
+
+
+@pytest.mark.conforms("LightAPI.light:shaderId", *(f"{kind}.light:shaderId" for kind in SHADERS), state="diagnosed")
+@pytest.mark.parametrize("kind", SHADERS)
+def test_other_shaders_are_told(kind: str) -> None:
+    _, found = translated(f'def {kind} "x" {{ uniform token light:shaderId = "MyLight" }}')
+    assert told(found, "/x") == [("light-input", "light:shaderId")]
+    _, found = translated(f'def {kind} "x" {{ uniform token light:shaderId = "{SHADERS[kind]}" }}')
+    assert told(found, "/x") == []
+
+
+@pytest.mark.conforms("VolumeLightAPI.light:shaderId", "VolumeLightAPI.light:materialSyncMode", state="diagnosed")
+@pytest.mark.parametrize("kind", ["Volume", "BasisCurves", "Points", "Xform"])
+def test_what_cannot_be_a_light_is_told(kind: str) -> None:
+    schema = "VolumeLightAPI" if kind == "Volume" else "LightAPI"
+    _, found = translated(f'def {kind} "x" (prepend apiSchemas = ["{schema}"]) {{ }}')
+    assert "unsupported-light" in [code for code, _ in told(found, "/x")]
+
+
+@pytest.mark.conforms("LightAPI.light:filters", "LightFilter.lightFilter:shaderId", state="diagnosed")
+@pytest.mark.conforms("LightFilter.collection:filterLink", "LightFilter.collection:filterLink:includeRoot", state="diagnosed")
+@pytest.mark.conforms("GeometryLight.geometry", "GeometryLight.light:shaderId", state="diagnosed")
+@pytest.mark.parametrize("kind", ["LightFilter", "PluginLight", "PluginLightFilter", "GeometryLight"])
+def test_other_kinds_are_told(kind: str) -> None:
+    _, found = translated(f'def {kind} "x" {{ }}\ndef SphereLight "l" {{ rel light:filters = </x> }}')
+    assert [code for code, _ in told(found, "/x")] == ["unsupported-light"]
+    assert told(found, "/l") == [("light-input", "light:filters")]
+
+
+def test_a_prototype_holds_its_light() -> None:
+    """Instanced twice: one shape, one light, two places."""
+    text = (
+        'class "c" { def Sphere "x" (prepend apiSchemas = ["LightAPI"]) { bool inputs:normalize = 1 } }\n'
+        'def "a" (instanceable = true\n prepend inherits = </c>) { double3 xformOp:translate = (1, 0, 0)\n'
+        'uniform token[] xformOpOrder = ["xformOp:translate"] }\n'
+        'def "b" (instanceable = true\n prepend inherits = </c>) { }'
+    )
+    description, _ = translated(text)
+    assert [s.light is not None for s in description.shapes] == [True]
+    assert sum(map(len, description.placements)) == 2

@@ -1,0 +1,128 @@
+"""Every attribute of UsdGeomPointInstancer: authored, the instances stand as the schema says."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from primray.settings import RenderSettings
+from primray.usd import translate
+
+from ..usd_text import stage_of, translate_text
+
+
+def conforms(row: str, *values: Any, state: str = "honoured") -> Any:
+    return pytest.param(*values, marks=pytest.mark.conforms(row, state=state), id=row)
+
+
+def about_x(degrees: float) -> np.ndarray:
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+
+
+INSTANCER = """def PointInstancer "p"
+{
+    rel prototypes = [</p/a>, </p/b>]
+    int[] protoIndices = [0, 1, 1]
+    point3f[] positions = [(0, 0, 0), (10, 0, 0), (20, 0, 0)]
+    %s
+    def Sphere "a"
+    {
+        double radius = 1
+    }
+    def Sphere "b"
+    {
+        double radius = 2
+    }
+}
+"""
+
+
+def stands(more: str, meta: str = "", prototypes: str = "[</p/a>, </p/b>]") -> dict[float, tuple[float, np.ndarray]]:
+    """x -> radius, and the matrix."""
+    text = (INSTANCER % more).replace("[</p/a>, </p/b>]", prototypes)
+    text = text.replace('"p"\n{', f'"p" ({meta})\n{{' if meta else '"p"\n{', 1)
+    description, _ = translate_text(text)
+    found = {}
+    for placed in description.static:
+        found[float(placed.matrix[0, 3])] = (description.shapes[placed.shape].radius, placed.matrix[:3, :3])  # type: ignore[union-attr]
+    for placement in description.placements:
+        for m in np.concatenate(list(placement.chunks())):
+            (inner,) = description.prototypes[placement.prototype].shapes
+            found[float(m[0, 3])] = (description.shapes[inner.shape].radius, m[:3, :3])  # type: ignore[union-attr]
+    return found
+
+
+@pytest.mark.conforms("PointInstancer.prototypes", "PointInstancer.protoIndices", "PointInstancer.positions")
+def test_instances_stand_where_they_are_put() -> None:
+    assert {x: radius for x, (radius, _) in stands("").items()} == {0: 1, 10: 2, 20: 2}
+    swapped = stands("", prototypes="[</p/b>, </p/a>]")
+    assert {x: radius for x, (radius, _) in swapped.items()} == {0: 2, 10: 1, 20: 1}
+
+
+TURNED = "[(0.6, 0.8, 0, 0), (1, 0, 0, 0), (1, 0, 0, 0)]"
+
+
+@pytest.mark.parametrize(
+    ("authored", "expected"),
+    [
+        conforms("PointInstancer.scales", "float3[] scales = [(1, 2, 3), (1, 1, 1), (1, 1, 1)]", np.diag([1, 2, 3])),
+        conforms("PointInstancer.orientations", f"quath[] orientations = {TURNED}", about_x(106.2602047)),
+        conforms("PointInstancer.orientationsf", f"quatf[] orientationsf = {TURNED}", about_x(106.2602047)),
+    ],
+)
+def test_instances_are_turned_and_scaled(authored: str, expected: np.ndarray) -> None:
+    assert stands(authored)[0.0][1] == pytest.approx(expected, abs=1e-3 if "quath" in authored else 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("authored", "meta", "left"),
+    [
+        conforms("PointInstancer.invisibleIds", "int64[] invisibleIds = [1]", "", {0, 20}),
+        conforms("PointInstancer.ids", "int64[] ids = [7, 8, 9]\nint64[] invisibleIds = [7, 1]", "", {10, 20}),
+        conforms("PointInstancer.inactiveIds", "", "inactiveIds = [2]", {0, 10}),
+    ],
+)
+def test_instances_are_hidden_by_their_ids(authored: str, meta: str, left: set[float]) -> None:
+    assert set(stands(authored, meta)) == left
+
+
+SPEED = "[(0, 0, 1), (0, 0, 1), (0, 0, 1)]"
+STILL = "[(1, 0, 0, 0), (1, 0, 0, 0), (1, 0, 0, 0)]"
+
+
+@pytest.mark.parametrize(
+    ("authored", "name"),
+    [
+        conforms("PointInstancer.velocities", f"vector3f[] velocities = {SPEED}", "velocities", state="diagnosed"),
+        conforms(
+            "PointInstancer.accelerations",
+            f"vector3f[] velocities = {SPEED}\nvector3f[] accelerations = {SPEED}",
+            "velocities",
+            state="diagnosed",
+        ),
+        conforms(
+            "PointInstancer.angularVelocities",
+            f"vector3f[] angularVelocities = {SPEED}",
+            "angularVelocities",
+            state="diagnosed",
+        ),
+    ],
+)
+def test_velocities_are_told_between_samples(authored: str, name: str) -> None:
+    moving = (
+        "point3f[] positions.timeSamples = { 1: [(0, 0, 0), (10, 0, 0), (20, 0, 0)], 3: [(0, 0, 1), (10, 0, 1), (20, 0, 1)] }"
+    )
+    turning = f"quatf[] orientationsf.timeSamples = {{ 1: {STILL}, 3: {STILL} }}"
+    stage = stage_of(
+        (INSTANCER % f"{moving}\n{turning}\n{authored}").replace(
+            "    point3f[] positions = [(0, 0, 0), (10, 0, 0), (20, 0, 0)]\n", ""
+        )
+    )
+    between = [d for d in translate(stage, RenderSettings(time_code=2.0))[1] if d.code == "motion"]
+    assert [d.attribute for d in between] == [name]
+    assert ("accelerations" in between[0].message) == ("accelerations" in authored)
+    assert not [d for d in translate(stage, RenderSettings(time_code=1.0))[1] if d.code == "motion"]
