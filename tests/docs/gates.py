@@ -99,10 +99,18 @@ def files_say_what_they_are(path: PurePosixPath, text: str) -> Iterator[str]:
         yield "does not open with what it is"
 
 
+def no_section_banners(path: PurePosixPath, text: str) -> Iterator[str]:
+    """A file that needs them is several files."""
+    for number, line in enumerate(text.splitlines(), 1):
+        if re.match(r"\s*(#|//) ?([-=*])\2{2,}", line):
+            yield f"has a section banner in line {number}"
+
+
 GATES: tuple[Gate, ...] = (
     imports_point_one_way,
     one_gate_per_dependency,
     files_are_short,
     names_say_something,
     files_say_what_they_are,
+    no_section_banners,
 )

@@ -51,6 +51,8 @@ def test_the_sources_are_found():
         ("renderer/core/common/math.hpp", "// maths\n"),
         ("renderer/core/film/film.cpp", "#pragma once\n"),
         ("renderer/primray/film.py", "import os\n"),
+        ("renderer/primray/images/image.py", "# ---- writing ----\n"),
+        ("renderer/core/film/film.cpp", "// film\n// ====\n"),
     ],
 )
 def test_each_rule_can_fail(path, text):

@@ -219,9 +219,6 @@ def test_without_volume(m: Doubles, measured) -> None:
     measured(problems(image)[0])
 
 
-# --- crowds
-
-
 def crowd(positions: Doubles, scales: Doubles | None = None, inside: str = "") -> Usd.Stage:
     """Cubes of a point instancer."""
     toy = f'    def Xform "toy"\n    {{\n        {block(np.eye(3))}\n        {inside}\n    }}\n'
@@ -305,8 +302,6 @@ def test_equal_meshes_in_one_place(measured) -> None:
     measured("the same picture, bit for bit")
 
 
-# --- nesting
-
 DEPTH = 20
 STEP = (
     "double3 xformOp:translate = (0.21, 0.05, -0.1)\n double xformOp:rotateZ = 9\n double3 xformOp:scale = (0.97, 1.01, -0.98)"
@@ -368,9 +363,6 @@ def test_nested(kinds: str, measured) -> None:
     found = apart(image, expected, again)
     assert found < 0.02  # a sample or two at an edge
     measured(f"{bound(found)} of the picture's variance")
-
-
-# --- orientations
 
 
 @pytest.mark.hard_case(

@@ -140,8 +140,6 @@ def test_what_is_no_part(tmp_path: Path, cutter: Any) -> None:
     assert code_of(a)[0] == "checkpoint-damaged"
 
 
-# ---- the command line ---------------------------------------------------------------------------------------------------
-
 SMALL = ["--res", "40", "24"]
 
 

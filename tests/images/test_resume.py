@@ -28,9 +28,6 @@ def first_error() -> float:
     return run(spp=16).rows[-1].error.relmse.value
 
 
-# ---- determinism --------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("adaptive", [False, True])
 def test_threads_show_in_no_bit(adaptive: bool, first_error: float) -> None:
     renders = [run(spp=48, target_error=first_error / 50, adaptive=adaptive, threads=threads) for threads in (1, 2, 16)]
@@ -59,9 +56,6 @@ def test_lanes_may_change_on_the_way(tmp_path: Path, monkeypatch: pytest.MonkeyP
     going_on.run()
     monkeypatch.undo()
     assert_same(run(spp=40), going_on)
-
-
-# ---- stopped and continued ----------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -238,9 +232,6 @@ def test_a_time_limit_does_not_decide_before_the_first_anchor(first_error: float
     free, limited = (run(target_error=first_error * 4, time_limit_s=limit) for limit in (None, 60.0))
     assert_same(free, limited)
     assert free.done == FIRST_ANCHOR
-
-
-# ---- what cannot be resumed ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

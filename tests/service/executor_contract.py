@@ -91,8 +91,6 @@ class ExecutorContract:
         """Send a signal to the process that does the chunk's work."""
         raise NotImplementedError
 
-    # ---- what tests say ---------------------------------------------------------------------------------------------------
-
     @pytest.fixture
     def scene(self, tmp_path: Path) -> Path:
         path = tmp_path / "upload"
@@ -149,8 +147,6 @@ class ExecutorContract:
         assert watched.handle is not None
         watched.handle.release()
         return sha256
-
-    # ---- tests ------------------------------------------------------------------------------------------------------------
 
     def test_a_render_ends_with_outputs(self, executor: Executor, loop: asyncio.Runner, scene: Path) -> None:
         async def go() -> None:

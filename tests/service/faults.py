@@ -72,9 +72,6 @@ def specs(weight: float) -> list[Spec]:
     ]
 
 
-# ---- a database ------------------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Database:
     """`kill_connections` is None where there are none."""
@@ -97,9 +94,6 @@ def database(kind: str, server: PostgresServer | None = None) -> Iterator[Callab
             return Database(running.url_of(name), lambda: running.kill_connections(name))
 
         yield make
-
-
-# ---- a server that comes back ----------------------------------------------------------------------------------------
 
 
 class Service:
@@ -169,9 +163,6 @@ def _command(pid: int) -> bytes:
         return Path(f"/proc/{pid}/cmdline").read_bytes()
     except OSError:
         return b""
-
-
-# ---- jobs ------------------------------------------------------------------------------------------------------------
 
 
 @dataclass
@@ -255,9 +246,6 @@ def made(store: Store, data: DataDirectory, job_id: str) -> Made:
         int(job.result["samples"]),
         {row.name: row.sha256 for row in rows if not row.name.endswith(".json")},
     )
-
-
-# ---- the study -------------------------------------------------------------------------------------------------------
 
 
 @dataclass

@@ -86,9 +86,6 @@ def corpus(count: int, seed: int = 1) -> Iterator[Input]:
         yield Input(number, kind, name, _packed(kind, damaged) if kind in ("png", "exr") else damaged)
 
 
-# ---- what is damaged ---------------------------------------------------------------------------------------------------------
-
-
 def _bases() -> dict[str, bytes]:
     layer = usda(ROOM + TEXTURED.replace("IMAGE", "png"), 'defaultPrim = "floor"').encode()
     part = usda('def Xform "P" { def Cube "c" {} }').encode()
@@ -133,9 +130,6 @@ def _image(kind: str) -> bytes:
         file.write_image(pixels)
         file.close()
         return Path(path).read_bytes()
-
-
-# ---- how ---------------------------------------------------------------------------------------------------------------------
 
 
 def _flip_bits(data: bytes, rng: random.Random) -> bytes:

@@ -230,9 +230,6 @@ def test_what_is_told_early_comes_after_the_command(tmp_path: Path) -> None:
     asyncio.run(go())
 
 
-# ---- slots ------------------------------------------------------------------------------------------------------------------
-
-
 READ = """
     job = json.loads(os.environ["PRIMRAY_SANDBOX"])["job"]
     found = {}

@@ -112,7 +112,7 @@ def test_instances_look_as_what_they_are() -> None:
     np.testing.assert_allclose(image(flat, 4, 1), image(instanced, 4, 1), atol=1e-5)
 
 
-# CSE 168, project 1, as issue 2 states it.
+# CSE 168, project 1: scenes/analytic/cse168_project1.usda.
 WIDTH, HEIGHT = 800, 600
 SKY = (0.8, 0.9, 1.0)
 SIZE = np.array([0.5, 0.2, 0.3])

@@ -1,4 +1,4 @@
-// Tracing W rays at once: as a packet or one by one, whichever was measured faster. The bits are the same (architecture).
+// Tracing W rays at once: as a packet or one by one, whichever was measured faster. The bits are the same.
 #pragma once
 
 #include "bvh/pairs.hpp"

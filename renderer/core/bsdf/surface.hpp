@@ -82,7 +82,7 @@ PRIMRAY_INLINE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>
     row[kAlpha] = row[kRoughness] = one;
     return;
   }
-  // UsdPreviewSurface specification, "Specular workflow", "Metallic workflow" (usd-facts, section 5).
+  // UsdPreviewSurface specification, "Specular workflow", "Metallic workflow".
   const F r = (1.0f - v.ior) / (1.0f + v.ior), f0 = r * r;
   const F metallic = s.use_specular_workflow ? zero : v.metallic;
   const F opacity = s.presence ? one : there;

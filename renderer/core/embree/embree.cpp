@@ -11,7 +11,7 @@
 namespace primray {
 namespace {
 
-// The class this module was compiled for; Embree's own choice by CPU would change bits (architecture: determinism).
+// The class this module was compiled for; Embree's own choice by CPU would change bits.
 #if defined(__AVX512F__)
 constexpr const char* kConfig = "isa=avx512";
 #elif defined(__AVX2__)

@@ -1,4 +1,4 @@
-// All lights: one table of floats, one dispatch by type and lane. A new light is a file beside rect.hpp and a branch here.
+// All lights: one table of floats, one dispatch by type and lane. What a type samples is in a file of its own, as rect.hpp.
 //
 // Area lights live in a frame of their own without size (their size is in kSize0, kSize1), so that sampling by solid angle
 // there is sampling by solid angle here; only a sheared frame changes it, by the Jacobian |det A| / |A w|^3 of directions under
@@ -117,7 +117,7 @@ struct LightTable {
 template <int W>
 struct LightSample {
   vvec3<W> wi;       // unit
-  vfloat<W> t, pdf;  // distance, density per solid angle including the choice of the light; 0: nothing
+  vfloat<W> t, pdf;  // distance, density per solid angle without the choice of the light; 0: nothing
   vvec3<W> L;
   vbool<W> is_delta;
   vint<W> light;

@@ -1,7 +1,7 @@
 // Packets or single rays, by what measures best here: camera rays, scattered rays and shadow rays each choose for themselves.
 //
-// The bits of a hit do not depend on how its ray was traced (architecture: "A ray's bits do not depend on its packet"), so
-// a choice by the clock leaves the image alone.
+// A hit has the same bits as a packet's and as a single ray's (tests/kernels/test_intersection.py), so a choice by the clock
+// leaves the image alone.
 #pragma once
 
 #include <x86intrin.h>

@@ -104,9 +104,6 @@ def identity(settings: RenderSettings, scene: Mapping[str, str]) -> dict[str, An
     }
 
 
-# ---- writing ------------------------------------------------------------------------------------------------------------
-
-
 def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
     """Header and arrays of a checkpoint: a copy of all, so that sampling can go on while they are written."""
     settings, plan, film = sampling.settings, sampling.plan, sampling.film.state()
@@ -147,9 +144,6 @@ def _last_anchor(rows: Sequence[Row]) -> int:
     """The number of the first row whose tiles may still decide something."""
     anchors = [i for i, row in enumerate(rows) if row.anchor]
     return anchors[-1] if anchors else len(rows) - 1
-
-
-# ---- reading ------------------------------------------------------------------------------------------------------------
 
 
 def load(path: Path) -> Checkpoint:
@@ -283,9 +277,6 @@ def _space_of(values: Mapping[str, Any]) -> ColorSpace:
     space = ColorSpace(str(values["name"]), red, green, blue, white)
     _valid(is_gamut(space))
     return space
-
-
-# ---- going on -----------------------------------------------------------------------------------------------------------
 
 
 def settings_to_go_on(settings: RenderSettings, checkpoint: Checkpoint) -> RenderSettings:

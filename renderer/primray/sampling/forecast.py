@@ -53,8 +53,6 @@ class Forecaster:
         self.marks.append((seconds, samples))
         return Forecast(self._error(samples), self._left(samples, seconds))
 
-    # ---- the error --------------------------------------------------------------------------------------------------------
-
     def _row(self) -> Row | None:
         return self.sampling.rows[-1] if self.sampling.rows else None
 
@@ -93,8 +91,6 @@ class Forecaster:
 
     def _per_doubling(self) -> float:
         return KNOWN_RATE if len(self._alike()) >= 2 else UNKNOWN_RATE
-
-    # ---- the end ----------------------------------------------------------------------------------------------------------
 
     def _left(self, samples: float, seconds: float) -> Estimate | None:
         """By the rule that will stop it first: each end of the interval by the rule that is first there."""

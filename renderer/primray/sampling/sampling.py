@@ -112,8 +112,6 @@ class Sampling:
         """So much of the time limit is used up, before this run."""
         self.earlier_seconds = self.seconds - seconds
 
-    # ---- what comes next ------------------------------------------------------------------------------------------------
-
     def run(self, progress: Progress | None = None, pause: Callable[[], bool] | None = None) -> bool:
         """Sample until something stops it: True; or until `pause` answers True in the middle of a pass: False, to be run on.
 
@@ -233,8 +231,6 @@ class Sampling:
         """Where each tile's sequences should stand when pixels have `samples` on average."""
         return core.uniform_ends(self.film, samples) if self.plan is None else self.plan.ends(samples)
 
-    # ---- measuring and stopping -----------------------------------------------------------------------------------------
-
     def _last_row(self) -> Row | None:
         return self.rows[-1] if self.rows else None
 
@@ -322,8 +318,6 @@ class Sampling:
 
     def _end(self, reason: str) -> None:
         self.stop = Stop(reason, None)
-
-    # ---- what can be told of it -----------------------------------------------------------------------------------------
 
     def mean_samples(self) -> float:
         """Samples a pixel, averaged over the picture."""

@@ -68,7 +68,6 @@ class Client:
     def close(self) -> None:
         self._transport.close()
 
-    # ---- scenes ----------------------------------------------------------------------------------------------------------
     def upload(self, path: str | os.PathLike[str], *, name: str | None = None, show: Show = nothing) -> Scene:
         """Upload a usda, usdc, usdz or zip; only its digest is sent where the server has it already."""
         file = Path(path)
@@ -129,7 +128,6 @@ class Client:
     def delete_scene(self, scene_id: str) -> None:
         self._transport.request("DELETE", f"/v1/scenes/{quote(scene_id, safe=':')}")
 
-    # ---- jobs ------------------------------------------------------------------------------------------------------------
     def submit(
         self,
         scene: Scene | str,
@@ -245,7 +243,6 @@ class Client:
         """Canceled if it runs, and gone with everything it made."""
         self._transport.request("DELETE", _job(job_id))
 
-    # ---- what a job has --------------------------------------------------------------------------------------------------
     def frames(self, job_id: str) -> Iterator[Frame]:
         return self._pages(f"{_job(job_id)}/frames", {}, Frame)
 
@@ -272,7 +269,6 @@ class Client:
         """An output into a folder, by its name; what an earlier call left unfinished is gone on with."""
         return download(self._transport, job_id, output, target_of(output, Path(folder)), show)
 
-    # ---- the service -----------------------------------------------------------------------------------------------------
     def whoami(self) -> Json:
         return _object(self._get("/v1/whoami"))
 
@@ -296,7 +292,6 @@ class Client:
     def revoke_key(self, key_id: str) -> None:
         self._transport.request("DELETE", f"/v1/keys/{quote(key_id, safe='')}")
 
-    # ---- reading ---------------------------------------------------------------------------------------------------------
     def _get(self, path: str, params: Mapping[str, Any] | None = None) -> Any:
         return _json(self._transport.request("GET", path, params=params, headers={"Accept": "application/json"}))
 

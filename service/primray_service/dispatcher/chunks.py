@@ -103,9 +103,6 @@ def frame_settings(asked: Json, frame: Frame, capacity: Capacity) -> RenderSetti
     return replace(settings, time_code=frame.time_code, threads=capacity.threads, max_memory_bytes=capacity.memory_bytes)
 
 
-# ---- what outputs are called ------------------------------------------------------------------------------------------------
-
-
 def output_names(job: Job, frame: Frame, frames: int) -> tuple[str, ...]:
     """In the job's outputs folder and in URLs. Jobs of several frames have the time code in them; later attempts have their
     number, since whoever fetched a name may keep what it meant."""

@@ -92,8 +92,6 @@ class Ending:
             job = await parts.calls.store(parts.store.requeue_frame, parts.fence, frame, time.time())
         self.is_over = job.state in TERMINAL
 
-    # ---- outputs ------------------------------------------------------------------------------------------------------------
-
     async def _earlier_outputs(self) -> list[str]:
         """Of earlier attempts: their rows go when the frame ends, their files after that."""
         if self.job.attempt == 1:
@@ -125,8 +123,6 @@ class Ending:
             outputs.append(Output(job.id, made.name, frame.number, made.bytes, made.sha256, made.media_type, now))
         await parts.calls.disk(adoption.published, folder)
         return outputs
-
-    # ---- rows ---------------------------------------------------------------------------------------------------------------
 
     async def _end(
         self,

@@ -60,8 +60,6 @@ class RunningFrame:
     def is_canceling(self) -> bool:
         return self.job.state is JobState.CANCELING
 
-    # ---- what others tell it ------------------------------------------------------------------------------------------------
-
     def saw(self, job: Job | None) -> None:
         """The job's row as it is now."""
         if job is None or job.attempt != self.job.attempt or job.state in TERMINAL:
@@ -102,8 +100,6 @@ class RunningFrame:
         self._kill_for = self._kill_for or why
         if self._run is not None:
             self._run.kill(why)
-
-    # ---- its life -----------------------------------------------------------------------------------------------------------
 
     async def live(self) -> None:
         """Lost if another dispatcher has the frame now."""
@@ -215,8 +211,6 @@ class RunningFrame:
             self.going = self._out_of_time = True
             run.tell_to_end("stop", max(limits.stop_grace_s, YIELD_S), "silent")
 
-    # ---- what comes from it -------------------------------------------------------------------------------------------------
-
     async def _take_checkpoints(self, run: ChunkRun) -> None:
         while run.inbox.checkpoints and self._kill_for not in DROPPED:
             await self._take_checkpoint(run, run.inbox.checkpoints.popleft())
@@ -280,8 +274,6 @@ class RunningFrame:
             return  # there is no room for it; nobody's picture depends on it
         if taken:
             await reports.tell_preview(parts, shared, self.frame, preview.number)
-
-    # ---- the end ------------------------------------------------------------------------------------------------------------
 
     async def _settle(self, shared: SharedJob, ended: Ended | None, outcome: Outcome) -> None:
         run, parts = self._run, self._parts

@@ -47,8 +47,6 @@ class Term:
         self._asked: dict[tuple[str, int], float] = {}  # previews of frames that did not run yet
         self._disk_at = 0.0
 
-    # ---- what others tell it ------------------------------------------------------------------------------------------------
-
     def wake(self) -> None:
         self._awake.set()
 
@@ -65,8 +63,6 @@ class Term:
     def stop(self) -> None:
         self._stopping = True
         self._awake.set()
-
-    # ---- its life -----------------------------------------------------------------------------------------------------------
 
     async def live(self) -> None:
         """Until the lease is lost, or `stop` and all that ran has been written down."""
@@ -138,8 +134,6 @@ class Term:
             LOG.error("the dispatcher's %s failed, so it begins anew", task.get_name(), exc_info=error)
             self.has_failed = True
         self._awake.set()
-
-    # ---- frames -------------------------------------------------------------------------------------------------------------
 
     def _free_slots(self) -> int:
         taken = sum(running.has_slot for running in self._running.values())
@@ -224,8 +218,6 @@ class Term:
         ]
         for key in who_gives_way(seen, waiting, self._parts.limits.time_slice_s):
             self._running[key].give_way()
-
-    # ---- checks -------------------------------------------------------------------------------------------------------------
 
     async def _start_check(self) -> None:
         if self._check is not None and not self._check.done():

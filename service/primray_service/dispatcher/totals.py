@@ -72,8 +72,6 @@ class JobTotals:
     def is_over(self) -> bool:
         return all(frame.state in FRAME_TERMINAL for frame in self._frames.values())
 
-    # ---- warnings -----------------------------------------------------------------------------------------------------------
-
     def add_warnings(self, warnings: Iterable[Json]) -> list[Json]:
         """Those that are new: what several frames say of a prim is said once."""
         new = []
@@ -95,8 +93,6 @@ class JobTotals:
             sentence = f"{self._left_out} more warnings are left out here; the frames' reports have them."
             listed.append({"code": "more-warnings", "prim": "", "detail": sentence})
         return listed
-
-    # ---- progress -----------------------------------------------------------------------------------------------------------
 
     def progress(self, now: float) -> Json:
         counts, sums = self._added_up()
@@ -158,8 +154,6 @@ class JobTotals:
         eta = (sum(left) + sum(max(each - frame.sampling_s, 0.0) for frame in waiting)) / len(running)
         width = _spread(running, left)
         return eta, None if width is None else [eta * (1 - width[0]), eta * (1 + width[1])]
-
-    # ---- the end ------------------------------------------------------------------------------------------------------------
 
     def usage(self) -> Json:
         frames = self._frames.values()
@@ -232,9 +226,6 @@ def _sums(rows: Iterable[Mapping[str, float]]) -> dict[str, float]:
         for name, value in row.items():
             found[name] = found.get(name, 0.0) + value
     return found
-
-
-# ---- a frame's own -----------------------------------------------------------------------------------------------------
 
 
 def frame_result(report: Mapping[str, object], stop: Json, job: Job, outputs: Sequence[str]) -> Json:

@@ -118,8 +118,6 @@ class LocalExecutor:
         await asyncio.gather(*(run.result() for run in list(self._runs)))
         await asyncio.to_thread(self._slots.close)
 
-    # ---- warm workers -----------------------------------------------------------------------------------------------------
-
     def _start_worker(self, kind: str, memory_bytes: int | None = None) -> Worker:
         memory, slot = memory_bytes or self._limits.memory_bytes, self._slots.make()
         try:

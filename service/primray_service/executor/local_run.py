@@ -100,8 +100,6 @@ class Run:
         """Of the process that was started; a sandbox's processes may be around the worker."""
         return self._process.pid
 
-    # ---- Handle -----------------------------------------------------------------------------------------------------------
-
     @property
     def folder(self) -> Path:
         return self._worker.slot.out
@@ -124,8 +122,6 @@ class Run:
             self._released = True
             if self.ended.done():
                 self._remove()
-
-    # ---- its life ---------------------------------------------------------------------------------------------------------
 
     def _completed(self, command: Json, threads: int) -> bytes:
         """What this machine decides about where the chunk leaves it open."""
@@ -209,8 +205,6 @@ class Run:
         if not self._process.exit.done():
             self._said = f"the worker did not leave after {self._last!r}"
             self._kill("exited")
-
-    # ---- its end ----------------------------------------------------------------------------------------------------------
 
     def _kill(self, reason: str) -> None:
         if not self._process.exit.done():

@@ -85,8 +85,6 @@ class WorkerProcess:
         self._loop.add_reader(self._stderr.fileno(), self._read_log)
         self._loop.add_reader(self._pidfd, self._ended)
 
-    # ---- to it ------------------------------------------------------------------------------------------------------------
-
     def write(self, line: bytes) -> None:
         if self.exit.done() or self._stdin.closed:
             return
@@ -115,8 +113,6 @@ class WorkerProcess:
             return
         with suppress(ProcessLookupError):
             os.killpg(self.pid, signal.SIGKILL)
-
-    # ---- from it ----------------------------------------------------------------------------------------------------------
 
     def _read_messages(self) -> None:
         data = _read(self._stdout.fileno())
@@ -160,8 +156,6 @@ class WorkerProcess:
         """What was printed so far is forgotten."""
         self._read_log()
         self.log.begin()
-
-    # ---- its end ----------------------------------------------------------------------------------------------------------
 
     def _ended(self) -> None:
         _, status, usage = os.wait4(self.pid, 0)

@@ -94,9 +94,6 @@ def _remove_if_dead(lock: Path) -> None:
         os.close(handle)
 
 
-# ---- what a worker is to find -----------------------------------------------------------------------------------------
-
-
 def fill(job: Path, inputs: Mapping[str, Path], folders: Mapping[str, Path]) -> None:
     """Give the job folder its files: links to what lies there, copies where links cannot be."""
     for name, source in inputs.items():

@@ -94,7 +94,6 @@ class Usage:
 
 
 class Store(Protocol):
-    # ---- life ------------------------------------------------------------------------------------------------------------
     def migrate(self) -> None:
         """Bring the schema up to date (Alembic); several servers may do so at once."""
 
@@ -107,7 +106,6 @@ class Store(Protocol):
         """Call `on_change(job_id)`, from whatever thread, after each commit that changed a job through this store object
         (other processes' changes are not told); answers a function that ends it."""
 
-    # ---- jobs ------------------------------------------------------------------------------------------------------------
     def create_job(
         self, job: Job, time_codes: Sequence[float | None], quotas: Quotas, idempotency: tuple[str, str] | None = None
     ) -> tuple[Job, bool]:
@@ -145,10 +143,8 @@ class Store(Protocol):
     def delete_job(self, job_id: str) -> bool:
         """The row and all that hangs on it. Conflict while a frame runs."""
 
-    # ---- events ----------------------------------------------------------------------------------------------------------
     def events(self, job_id: str, after: int, limit: int) -> Sequence[Event]: ...
 
-    # ---- scenes ----------------------------------------------------------------------------------------------------------
     def put_scene(self, scene: Scene, quotas: Quotas) -> tuple[Scene, bool]:
         """The tenant's scene of these bytes, made if there was none (True). If another tenant's same scene was checked
         already, the
@@ -172,7 +168,6 @@ class Store(Protocol):
     ) -> None:
         """Ready, or rejected with a problem; all tenants' rows. Queued jobs of a rejected scene fail with the problem."""
 
-    # ---- the dispatcher --------------------------------------------------------------------------------------------------
     def acquire_lease(self, holder: str, now: float, ttl_s: float) -> int | None:
         """A fence, larger than all before, if nobody holds the lease or its holder's time is over. Jobs whose frames were
         running go back to queued (canceling ones with no frame left to run: canceled)."""
@@ -238,7 +233,6 @@ class Store(Protocol):
     def unused_scenes(self, fence: int, before: float, limit: int) -> Sequence[Scene]:
         """Scenes that no job uses and nobody touched since."""
 
-    # ---- keys, quotas, webhooks ------------------------------------------------------------------------------------------
     def create_key(self, key: ApiKey) -> None: ...
 
     def key_by_sha256(self, sha256: str) -> ApiKey | None: ...

@@ -75,8 +75,6 @@ class _Check:
         stage = self._compose(entry)
         return {**package, **stage.facts}
 
-    # ---- layers by themselves ------------------------------------------------------------------------------------------------
-
     def _read_layers(self) -> None:
         layers = scene_layers(self.files)
         if not layers:
@@ -145,8 +143,6 @@ class _Check:
         if found.expanded > self.limits.instances:
             raise _too_large("prims of instances", found.expanded, self.limits.instances)
 
-    # ---- the composed stage --------------------------------------------------------------------------------------------------
-
     def _compose(self, entry: str) -> SceneFacts:
         try:
             stage = scene_facts(self.root / entry)
@@ -176,8 +172,6 @@ class _Check:
         elif path.startswith("/"):
             path = f".../{path.rpartition('/')[2]}"
         return layer_file(missing.layer).removeprefix(root), path
-
-    # ---- what is told --------------------------------------------------------------------------------------------------------
 
     def _package_facts(self, entries: list[str], entry: str | None) -> dict[str, Any]:
         files = [(container.shown(file.name), file) for container, file in self.files.walk()]

@@ -66,9 +66,6 @@ class BadPreview(ValueError):
     """The file is not what this module writes."""
 
 
-# ---- writing ------------------------------------------------------------------------------------------------------------
-
-
 def preview_of(pixels: Values, errors: Values, passes: int, samples: int) -> Preview:
     """Of a film's means with coverage (H, W, 4) and standard errors (H, W, 3)."""
     height, width = pixels.shape[:2]
@@ -118,9 +115,6 @@ def write_preview(preview: Preview, folder: Path) -> tuple[str, int]:
     partial.write_bytes(data)
     os.replace(partial, folder / FILE)
     return FILE, len(data)
-
-
-# ---- reading ------------------------------------------------------------------------------------------------------------
 
 
 def read_preview(path: Path) -> Preview:

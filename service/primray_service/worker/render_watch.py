@@ -156,8 +156,6 @@ class Watch:
         if self._sampling.film.samples != self._shown_samples:
             self._preview()
 
-    # ---- called by the sampling -------------------------------------------------------------------------------------------
-
     def _on_progress(self, fraction: float, samples: int, rays: int) -> bool:
         now = time.monotonic()
         if now >= self._next_progress:
@@ -172,8 +170,6 @@ class Watch:
     def _on_pass(self) -> None:
         if self._shown < 0:
             self._preview()
-
-    # ---- telling ----------------------------------------------------------------------------------------------------------
 
     def _wants_preview(self) -> bool:
         """The first one as soon as every pixel has samples; that of a frame that goes on from a checkpoint may at once."""

@@ -42,7 +42,6 @@ def client_of(server: Scripted, sleeps: Sleeps, **options: Any) -> Client:
     return Client(server.url, sleep=sleeps, **options)
 
 
-# ---- tries ---------------------------------------------------------------------------------------------------------------
 def test_a_refusal_is_waited_out_as_long_as_the_server_asks(sleeps: Sleeps) -> None:
     with serving([problem("too-many-requests", 429, Retry_After="7"), problem("unavailable", 503), as_json(DONE)]) as server:
         assert client_of(server, sleeps).job("job_1").state == "succeeded"
@@ -136,7 +135,6 @@ def test_ids_do_not_lead_elsewhere(sleeps: Sleeps) -> None:
     assert server.asked == ["GET /v1/jobs/..%2Fkeys", "GET /v1/jobs/a%3Fb%3Dc", "GET /v1/jobs/a%2Fcancel"]
 
 
-# ---- uploads -------------------------------------------------------------------------------------------------------------
 def test_an_upload_that_the_server_has_is_not_sent(tmp_path: Path, sleeps: Sleeps) -> None:
     file = tmp_path / "shot.usda"
     file.write_bytes(b"#usda 1.0\n")
@@ -160,7 +158,6 @@ def test_an_upload_that_broke_off_is_sent_again(tmp_path: Path, sleeps: Sleeps) 
     assert shown[-1] == (1_000_000, 1_000_000)
 
 
-# ---- waiting and watching ------------------------------------------------------------------------------------------------
 def test_waiting_polls_long_and_sees_each_state_once(sleeps: Sleeps) -> None:
     running = {**JOB, "state": "running", "progress": {"fraction": 0.5, "eta_ci95": [3, 4], "new": 1}}
     script = [as_json(JOB, ETag='"1"'), Answer(304), as_json(running, ETag='"2"'), as_json(DONE, ETag='"3"')]
@@ -238,7 +235,6 @@ def test_lines_of_json_end_at_line_feeds_only(sleeps: Sleeps) -> None:
     assert event.data == {"detail": "a\u2028b\x85c"}
 
 
-# ---- downloads -----------------------------------------------------------------------------------------------------------
 PICTURE = bytes(range(256)) * 4000
 PICTURE_OUTPUT = Output("beauty.0001.exr", len(PICTURE), hashlib.sha256(PICTURE).hexdigest(), "image/x-exr", 0)
 

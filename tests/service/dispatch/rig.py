@@ -32,8 +32,6 @@ class Rig:
     limits: Limits
     dispatcher: Dispatcher
 
-    # ---- asking the store ---------------------------------------------------------------------------------------------------
-
     def job(self, job_id: str) -> Job:
         job = self.store.job(job_id)
         assert job is not None
@@ -55,8 +53,6 @@ class Rig:
             assert (len(body), hashlib.sha256(body).hexdigest()) == (row.bytes, row.sha256), row.name
         return rows
 
-    # ---- waiting ------------------------------------------------------------------------------------------------------------
-
     async def until(self, holds: Callable[[], bool], timeout_s: float = 20.0) -> None:
         until = time.monotonic() + timeout_s
         while not await asyncio.to_thread(holds):
@@ -66,8 +62,6 @@ class Rig:
     async def ended(self, *job_ids: str, timeout_s: float = 30.0) -> list[Job]:
         await self.until(lambda: all(self.job(job_id).state in TERMINAL for job_id in job_ids), timeout_s)
         return [self.job(job_id) for job_id in job_ids]
-
-    # ---- making -------------------------------------------------------------------------------------------------------------
 
     def scene(self, body: bytes = b"#usda 1.0\n", tenant: str = "studio", *, ready: bool = True) -> Scene:
         return put_scene(self.store, self.data, body, tenant, ready=ready)

@@ -21,7 +21,7 @@ TO_KEY = (-0.5, 0.7, 1.0)  # in the camera's frame: left, up, back
 
 def default_lights(camera: Camera) -> tuple[Light, Light]:
     """For a dome of its own radiance and a distant light of a given irradiance at normal incidence."""
-    # Irradiance of a distant light: pi L sin^2 of its half-angle (usd-facts, section 1).
+    # Irradiance of a distant light: pi L sin^2 of its half-angle (UsdLux, DistantLight).
     radiance = KEY_SHARE / math.sin(math.radians(ANGLE_DEG / 2)) ** 2
     dome = Light(DOME, LightType.DOME, np.eye(4), (RADIANCE,) * 3)
     return dome, Light(KEY, LightType.DISTANT, _frame(camera), (radiance,) * 3, angle_deg=ANGLE_DEG)
