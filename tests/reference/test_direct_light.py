@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 from tests.reference.cases import Case
 from tests.reference.judge import judge
+from tests.reference.kept import kept_or_made, key_of, pictures
 from tests.reference.record import record
+from tests.reference.referee import expected
 from tests.reference.table import cases
 
 SEEDS = 4
@@ -22,15 +24,23 @@ def _params(chosen: list[Case]) -> list[object]:
 @pytest.mark.parametrize("case", _params([c for c in cases() if c.quick]))
 def test_direct_light_roughly(case: Case, tmp_path: Path) -> None:
     """Few, large pixels: the mean within its own error of the referee's, and every pixel."""
-    found = judge(case.stage(tmp_path), case.plane, case.spp, SEEDS, ROUGHLY)
+    stage = case.stage(tmp_path)
+    found = judge(stage, kept_or_made(case, stage, ROUGHLY), case.spp, SEEDS)
     assert not found.faults(tolerance=0.01)
+
+
+def test_pictures_that_are_kept_are_of_these_cases_and_this_referee() -> None:
+    known = {case.id: key_of(case, ROUGHLY) for case in cases()}
+    stale = [name for name, kept in pictures().items() if known.get(name) != kept["key"]]
+    assert not stale, "PRIMRAY_UPDATE=1 python -m pytest tests/reference"
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("case", _params(cases()))
 def test_direct_light(case: Case, tmp_path: Path) -> None:
     spp = case.spp * case.times
-    found = judge(case.stage(tmp_path), case.plane, spp, SEEDS, case.resolution)
+    stage = case.stage(tmp_path)
+    found = judge(stage, expected(stage, case.plane, case.resolution), spp, SEEDS)
     record(case, found, spp, SEEDS)
     assert found.referee_error < REFEREE_BOUND
     assert not found.faults()
