@@ -231,8 +231,8 @@ def test_shadow_of_a_stack(lamp: str, measured: Measured) -> None:
     below = orthographic(0.2, -1.5)
     floor = plates("white", [-2.0], name="floor") + material("white", "float inputs:roughness = 1")
     common = (below, lamps[lamp], floor)
-    bare = show(*common, spp=64, max_depth=1)
-    shadowed = show(*common, plates("m", stack(1000)), presence(0.001), spp=64, max_depth=1)
+    bare = show(*common, spp=16, max_depth=1)
+    shadowed = show(*common, plates("m", stack(1000)), presence(0.001), spp=16, max_depth=1)
     np.testing.assert_allclose(shadowed.pixels, bare.pixels * 0.999**1000, rtol=5e-3)  # rays that meet the lamp are few
     measured(f"{shadowed.mean / bare.mean / 0.999**1000:.4f} of it")
 
