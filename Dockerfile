@@ -8,7 +8,7 @@
 FROM docker.io/library/debian:12-slim AS build
 ARG PIP_CERT
 RUN apt-get update \
- && apt-get install --yes --no-install-recommends g++ make git python3 python3-dev python3-venv \
+ && apt-get install --yes --no-install-recommends ccache g++ make git python3 python3-dev python3-venv \
  && rm -rf /var/lib/apt/lists/*
 WORKDIR /src
 COPY requirements-dev.lock ./
@@ -19,7 +19,10 @@ RUN python3 -m venv /build \
 COPY pyproject.toml LICENSE NOTICE README.md ./
 COPY renderer renderer
 COPY service service
-RUN PATH="/build/bin:$PATH" /build/bin/pip wheel --no-cache-dir --disable-pip-version-check --no-deps --no-build-isolation \
+# What was compiled is found again by the next build, if its sources are the same.
+RUN --mount=type=cache,target=/ccache \
+    PATH="/build/bin:$PATH" CXX=g++ CMAKE_CXX_COMPILER_LAUNCHER=ccache CCACHE_DIR=/ccache \
+    /build/bin/pip wheel --no-cache-dir --disable-pip-version-check --no-deps --no-build-isolation \
       --wheel-dir /wheels . \
  && python3 -m venv /opt/primray \
  && /opt/primray/bin/pip install --no-cache-dir --disable-pip-version-check -c requirements-dev.lock \
