@@ -9,6 +9,8 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 # where Python may not write its caches each start would do that again (half of one).
 STARTED := numpy pxr OpenImageIO PyOpenColorIO typer pydantic pydantic_core rich typing_extensions.py
 INSTALL := $(PIP) install --no-compile
+# Tests start hundreds of processes: where Python may not write its caches, a server takes twice as long to start.
+unexport PYTHONDONTWRITEBYTECODE
 SITE = $$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("platlib"))')
 CORE := $(shell find renderer/core -type f 2>/dev/null)
 CORE_FORMATTED = $(filter %.cpp %.hpp %.h,$(CORE))

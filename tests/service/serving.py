@@ -36,7 +36,7 @@ class RunningServer:
 
     def client(self, key: str | None = None, **options: Any) -> httpx2.Client:
         headers = {} if key is None else {"authorization": f"Bearer {key}"}
-        client = httpx2.Client(base_url=self.url, headers=headers, timeout=30, trust_env=False, **options)
+        client = httpx2.Client(base_url=self.url, headers=headers, timeout=30, trust_env=False, verify=False, **options)
         self.clients.append(client)
         return client
 
