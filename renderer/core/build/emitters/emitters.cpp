@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "build/emitters/emitter_shapes.hpp"
+#include "build/lights/geometry_lights.hpp"
 #include "build/lights/light_rows.hpp"
 #include "build/lights/light_rules.hpp"
 #include "build/lights/shaping_rows.hpp"
