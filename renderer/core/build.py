@@ -24,6 +24,8 @@ QUIET_S = 10.0  # between lines where no terminal can show one that changes
 def isas_of(asked: str) -> list[str]:
     """The ISA classes that `own`, `all` or the name of one mean here."""
     sys.path.insert(0, str(ROOT / "renderer"))
+    # The sources as they are, not where the last install found them.
+    sys.meta_path[:] = [finder for finder in sys.meta_path if not type(finder).__module__.startswith("_editable")]
     from primray import core
 
     runnable = core.runnable_isas()
