@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from primray.diagnostics import CODES, Severity
+from primray.diagnostic_codes import CODES, Severity
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "diagnostics.md"
 BEGIN = "<!-- generated from diagnostics.CODES by `make docs`: begin -->"

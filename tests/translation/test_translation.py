@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from primray.diagnostics import Diagnostics, Severity
+from primray.diagnostic_codes import Severity
+from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
 from primray.usd import open_stage, translate
 

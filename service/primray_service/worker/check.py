@@ -11,8 +11,9 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, Protocol
 
+from primray.diagnostic_codes import CODES
 from primray.errors import StageOpenError
-from primray.fidelity import FIDELITY, Kind
+from primray.fidelity import Kind
 from primray.usd.facts.expansion import expansion
 from primray.usd.facts.layer_content import LayerContent, layer_content, line_of
 from primray.usd.facts.nesting import nesting_depth
@@ -196,7 +197,7 @@ class _Check:
         self.warned.add(key)
         if len(self.warned) > MOST_WARNINGS:
             code, prim, detail, severity = "more-warnings", "", f"There are more than {MOST_WARNINGS} warnings.", "info"
-        kind = FIDELITY[code].kind if code in FIDELITY else Kind.NOTE  # the service's own are about files and names
+        kind = CODES[code].kind if code in CODES else Kind.NOTE  # the service's own are about files and names
         self.channel.send(
             "warning",
             code=code,

@@ -16,7 +16,8 @@ from typing import Any
 
 from pxr import Sdf, Usd, UsdGeom, UsdLux
 
-from ...diagnostics import CODES, Diagnostics
+from ...diagnostic_codes import CODES
+from ...diagnostics import Diagnostics
 from ...settings import RenderSettings
 from ..adapters.cameras.camera import read_aperture
 from ..adapters.rendering.render_settings import product_settings
