@@ -13,13 +13,13 @@ import random
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from email.utils import parsedate_to_datetime
 from typing import Any
 
 import httpx2
 
 from primray import __version__
 
+from ..retry_after import retry_after_s
 from .errors import ProblemError, ServerUnreachable, UnexpectedAnswer
 
 RETRIED_STATUSES = frozenset({429, 502, 503, 504})
@@ -139,7 +139,7 @@ def read_error(answer: httpx2.Response) -> None:
 
 
 def problem_of(answer: httpx2.Response) -> ProblemError | UnexpectedAnswer:
-    asked = _retry_after(answer.headers)
+    asked = retry_after_s(answer.headers, time.time())
     try:
         document = answer.json() if answer.request.method != "HEAD" else {}
     except (ValueError, httpx2.ResponseNotRead):
@@ -148,16 +148,6 @@ def problem_of(answer: httpx2.Response) -> ProblemError | UnexpectedAnswer:
     if is_problem or answer.status_code in RETRIED_STATUSES:
         return ProblemError(answer.status_code, document if isinstance(document, dict) else {}, asked)
     return UnexpectedAnswer(f"{answer.request.url} answered {answer.status_code}, and not as a primray service does")
-
-
-def _retry_after(headers: httpx2.Headers) -> float | None:
-    text = headers.get("Retry-After", "").strip()
-    if text.isascii() and text.isdigit():
-        return float(text[:9])
-    try:
-        return max(0.0, parsedate_to_datetime(text).timestamp() - time.time())
-    except (ValueError, TypeError, OverflowError):
-        return None
 
 
 def _unreachable(server: str, error: httpx2.TransportError) -> ServerUnreachable:

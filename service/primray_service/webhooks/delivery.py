@@ -10,7 +10,6 @@ import json
 import ssl
 from collections.abc import Sequence
 from dataclasses import dataclass
-from email.utils import parsedate_to_datetime
 from typing import Literal
 
 import httpx2
@@ -19,6 +18,7 @@ from primray import __version__
 
 from ..config import ServeConfig
 from ..problems import Problem
+from ..retry_after import retry_after_s
 from ..store.base import WebhookDelivery
 from .addresses import Resolve, Target
 from .signing import signed_headers
@@ -124,14 +124,4 @@ def _outcome(response: httpx2.Response, now: float) -> Outcome:
     if status == 410:  # "no longer interested in receiving webhooks from this source"
         return Outcome("hopeless", "the receiver answered 410 Gone")
     moved = "; redirects are not followed" if 300 <= status < 400 else ""
-    return Outcome("undelivered", f"the receiver answered {status}{moved}", _retry_after(response.headers, now))
-
-
-def _retry_after(headers: httpx2.Headers, now: float) -> float | None:
-    text = headers.get("Retry-After", "").strip()
-    if text.isascii() and text.isdigit():
-        return float(text[:9])
-    try:
-        return max(0.0, parsedate_to_datetime(text).timestamp() - now)
-    except (ValueError, TypeError, OverflowError):
-        return None
+    return Outcome("undelivered", f"the receiver answered {status}{moved}", retry_after_s(response.headers, now))
