@@ -7,6 +7,7 @@ import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from .executor import by_name
 from .limits import Limits, Quotas
 
 
@@ -22,6 +23,7 @@ class ServeConfig:
     limits: Limits = field(default_factory=Limits)
     quotas: Quotas = field(default_factory=Quotas)  # of tenants whose keys name none
     slots: int | None = None  # renders at a time; None: one for eight cores
+    executor: str = by_name.DEFAULT  # where renders run: a name of executor/by_name.py
     cores: int | None = None  # None: all that this process may use
     require_keys: bool | None = None  # None: unless on loopback
     allow_unsandboxed: bool = False
@@ -32,6 +34,10 @@ class ServeConfig:
     webhook_http: bool = False  # plain http is allowed
     warm: bool = True  # keep workers ready before there is work
     log_json: bool = True
+
+    def __post_init__(self) -> None:
+        """SettingsError for an executor that there is not."""
+        by_name.check_name(self.executor)
 
     @property
     def on_loopback(self) -> bool:

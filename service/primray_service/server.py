@@ -26,7 +26,7 @@ from .app import create_app
 from .changes import Changes
 from .config import ServeConfig
 from .dispatcher import Dispatcher
-from .executor.base import Executor
+from .executor.by_name import executor_maker
 from .files import DataDirectory
 from .problems import Problem
 from .routes.answers import json_bytes
@@ -119,7 +119,7 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
     reads = SharedReads(SHARED_READ_S if config.database_url.startswith("sqlite") else 0.0)
     # In this order: whoever is woken by a change reads it.
     unsubscribe = [store.subscribe(reads.changed), store.subscribe(changes.changed)]
-    executor = new_executor(config, data)
+    executor = executor_maker(config.executor)(config, data)
     service = Service(config, store, data, executor, None, changes, reads)  # type: ignore[arg-type]
     service.dispatcher = Dispatcher(store, executor, data, config.limits, quotas_of(store, config.quotas))
     dispatching: asyncio.Task[None] | None = None
@@ -162,18 +162,6 @@ def check_walls(config: ServeConfig, data: DataDirectory) -> SelfTest:
                 "127.0.0.1 only, or start with --allow-unsandboxed.",
             )
     return found
-
-
-def new_executor(config: ServeConfig, data: DataDirectory) -> Executor:
-    from .executor.local import LocalExecutor
-
-    return LocalExecutor(
-        data,
-        config.limits,
-        slots=config.slots,
-        cores=config.usable_cores,
-        warm=config.warm,
-    )
 
 
 class Server(uvicorn.Server):

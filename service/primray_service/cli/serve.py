@@ -74,6 +74,7 @@ def serve(
     """Start a render service: an HTTP API and a page. Ctrl-C stops it; jobs go on when it is started again."""
     need_extra("serve")
     from ..config import ServeConfig
+    from ..executor import by_name
 
     check_networks(webhook_network or [])
     chosen_limits, quotas = limit_options.limits_of(limit or [])
@@ -84,6 +85,7 @@ def serve(
         database=database or os.environ.get("PRIMRAY_DATABASE") or None,
         limits=chosen_limits,
         quotas=quotas,
+        executor=os.environ.get("PRIMRAY_EXECUTOR") or by_name.DEFAULT,
         slots=slots,
         cores=cores,
         require_keys=True if require_keys else None,

@@ -1,1 +1,2 @@
-"""Executors: where the chunks of jobs run. base.py is what the dispatcher knows of them; local.py runs processes here."""
+"""Executors: where the chunks of jobs run. base.py is what the dispatcher knows of them, by_name.py chooses
+one; local.py runs processes here."""

@@ -11,6 +11,7 @@ import logging
 import time
 from contextlib import suppress
 
+from ..config import ServeConfig
 from ..files import DataDirectory
 from ..ids import ulid
 from ..jobs import Json
@@ -29,6 +30,10 @@ READY_WITHIN_S = 120.0  # of a machine under load
 # while it runs, sooner where more could come at any time.
 WARM_AGAIN_AFTER_S, WARM_AGAIN_IF_FREE_AFTER_S = 8.0, 1.0
 WARM_AGAIN_AFTER_DEATH_S = 10.0
+
+
+def local_executor(config: ServeConfig, data: DataDirectory) -> LocalExecutor:
+    return LocalExecutor(data, config.limits, slots=config.slots, cores=config.usable_cores, warm=config.warm)
 
 
 class LocalExecutor:

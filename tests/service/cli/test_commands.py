@@ -270,6 +270,12 @@ def test_serve_says_what_is_wrong_before_it_starts(arguments: list[str], says: s
     assert says in capsys.readouterr().err
 
 
+def test_an_executor_that_there_is_not(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("PRIMRAY_EXECUTOR", "nowhere")
+    assert run(["serve"]) == 2
+    assert "error: executor: there is no executor 'nowhere'; there are: local" in capsys.readouterr().err
+
+
 def test_a_data_directory_or_database_that_cannot_be_used(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
