@@ -1,7 +1,9 @@
 """The render service: USD in over HTTP, images and their error out.
 
-    routes/, app.py     HTTP: parse, call one function, answer
-    jobs.py, models.py  what a job is (pure); what clients send and get
+    app.py, routes/     HTTP: parse, call one function, answer; http/: what routes share
+    api/                what clients send and get
+    access/             who may ask, and for how much
+    jobs.py             what a job is (pure); admission.py: from a request to a job
     problems.py         everything that is answered as an error
     limits.py           what is allowed
     store/              the only SQL: SQLite or PostgreSQL
@@ -11,6 +13,7 @@
     executor/           where chunks run: base.py is the interface
     worker/             the program that runs one
     sandbox/            the walls around it
+    telemetry/          logs, metrics, traces
     page/               the web page
     cli/, client/       `primray serve`, `submit`, ...; the Python client
 

@@ -14,9 +14,9 @@ from primray.render.frame_numbers import parse_frames
 from primray.settings import Filter, Metric, RenderSettings
 
 from . import ids
+from .api.models import JobPatch, JobRequest, Settings, StopRules
 from .jobs import Job, JobState, Json
 from .limits import Limits
-from .models import JobPatch, JobRequest, Settings, StopRules
 from .problems import Problem
 
 _NUMBER = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"

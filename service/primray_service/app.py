@@ -10,33 +10,17 @@ from fastapi.routing import APIRoute
 
 from primray import __version__
 
-from .auth import Keys, Sessions, session_secret
-from .metrics import RequestMetrics
-from .quotas import RequestRates
-from .routes import (
-    account,
-    convergence,
-    documents,
-    events,
-    frames,
-    health,
-    jobs,
-    keys,
-    logs,
-    metrics,
-    outputs,
-    page,
-    previews,
-    scenes,
-    sessions,
-    submissions,
-)
-from .routes.failures import MethodsByPath, add_handlers
-from .routes.guard import OriginGuard, RequestGuard
-from .routes.metrics import Measured
-from .routes.rates import RateHeaders, spend_request
+from .access.auth import Keys, Sessions, session_secret
+from .access.quotas import RequestRates
+from .http.failures import MethodsByPath, add_handlers
+from .http.guard import OriginGuard, RequestGuard
+from .http.measured import Measured
+from .http.rates import RateHeaders, spend_request
+from .routes import account, documents, health, keys, metrics, page, scenes, sessions
+from .routes.jobs import convergence, events, frames, jobs, logs, outputs, previews, submissions
 from .service import Service
-from .tracing import instrument
+from .telemetry.metrics import RequestMetrics
+from .telemetry.tracing import instrument
 
 # Every router there is, in the order of the document. A path is looked for from the first to the last.
 ROUTERS: tuple[APIRouter, ...] = (

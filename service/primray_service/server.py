@@ -21,21 +21,21 @@ import structlog
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from . import logs
+from .access.tenants import quotas_of
 from .app import create_app
 from .changes import Changes
 from .config import ServeConfig
 from .dispatcher import Dispatcher
 from .executor.by_name import executor_maker
 from .files import DataDirectory
+from .http.answers import json_bytes
 from .problems import Problem
-from .routes.answers import json_bytes
 from .sandbox import SelfTest, self_test
 from .scenes.keep import sweep
 from .service import Service
 from .shared_reads import SharedReads
 from .store import open_store
-from .tenants import quotas_of
+from .telemetry import logs
 from .webhooks import WebhookSender
 
 log = structlog.get_logger("primray.server")

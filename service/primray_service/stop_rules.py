@@ -5,9 +5,9 @@ from __future__ import annotations
 from primray.settings import DEFAULT_SPP
 
 from .admission import check_stop, invalid
+from .api.models import ContinuedRules, StopRules
 from .jobs import Job, JobState, Json
 from .limits import Limits
-from .models import ContinuedRules, StopRules
 
 RULES = ("target_error", "max_samples", "max_seconds")
 

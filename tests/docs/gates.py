@@ -12,6 +12,7 @@ VAGUE_NAMES = {"utils", "util", "common", "misc", "helpers", "helper", "manager"
 WEB = {"fastapi", "starlette"}
 HTTP_SERVER = {"uvicorn", "h11"}
 SERVICE = "service/primray_service"
+HTTP = (f"{SERVICE}/http", f"{SERVICE}/routes")
 EMBREE = ("renderer/core/embree", "renderer/core/accel", "renderer/core/bvh")  # the last has Embree build its hierarchies
 SQL = {"sqlalchemy", "alembic", "sqlite3", "psycopg"}
 
@@ -60,8 +61,8 @@ def one_gate_per_dependency(path: PurePosixPath, text: str) -> Iterator[str]:
             root = module.split(".")[0]
             if root == "pxr" and not is_under(path, "renderer/primray/usd"):
                 yield "imports pxr outside primray/usd"
-            if root in WEB and path.name != "app.py" and not is_under(path, f"{SERVICE}/routes"):
-                yield f"imports {root} outside app.py and routes/"
+            if root in WEB and path.name != "app.py" and not any(is_under(path, folder) for folder in HTTP):
+                yield f"imports {root} outside app.py, http/ and routes/"
             if root in HTTP_SERVER and path != PurePosixPath(f"{SERVICE}/server.py"):
                 yield f"imports {root} outside server.py"
             if root in SQL and not is_under(path, f"{SERVICE}/store"):

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from primray_service.app import create_routes
-from primray_service.routes.document import REF, openapi
+from primray_service.http.openapi import REF, openapi
 
 FOLDER = Path(__file__).parents[2] / "schemas"
 CONTRACTS = {

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from primray_service.admission import check_settings, new_job, render_settings, time_codes
+from primray_service.api.models import ContinuedRules, JobRequest, Settings
 from primray_service.jobs import Job, JobState, Json
 from primray_service.limits import Limits
-from primray_service.models import ContinuedRules, JobRequest, Settings
 from primray_service.problems import Problem
 from primray_service.stop_rules import continued
 

@@ -14,7 +14,7 @@ from tests.service.api import Json, problem, stored, submit, wait_until
 from tests.service.conftest import StartServer
 from tests.service.serving import RunningServer
 
-from primray_service import views
+from primray_service.api import views
 
 STREAM = {"accept": "text/event-stream"}
 

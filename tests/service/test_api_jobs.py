@@ -10,7 +10,7 @@ import pytest
 from tests.service.api import QUICK, SCENE, Json, problem, stored, submit
 from tests.service.conftest import StartServer
 
-from primray_service import views
+from primray_service.api import views
 
 NO_JOB = "/v1/jobs/job_00000000000000000000000000"
 

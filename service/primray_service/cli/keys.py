@@ -67,7 +67,7 @@ def _create_offline(
     data: Path | None, database: str | None, tenant: str, name: str, scopes: Sequence[str], seconds: float | None
 ) -> tuple[str, str]:
     need_extra("keys")
-    from .. import keys as api_keys
+    from ..access import keys as api_keys
     from ..config import ServeConfig
     from ..files import DataDirectory
     from .offline import opened_store

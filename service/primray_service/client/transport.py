@@ -19,7 +19,7 @@ import httpx2
 
 from primray import __version__
 
-from ..retry_after import retry_after_s
+from ..http.retry_after import retry_after_s
 from .errors import ProblemError, ServerUnreachable, UnexpectedAnswer
 
 RETRIED_STATUSES = frozenset({429, 502, 503, 504})

@@ -10,11 +10,11 @@ from primray.report.report import settings_as_json
 from primray.settings import RenderSettings
 
 from ..admission import render_settings
+from ..api.models import Settings
 from ..executor.base import Capacity, Chunk
 from ..files import DataDirectory
 from ..jobs import Frame, Job, Json, Scene
 from ..limits import Limits
-from ..models import Settings
 from ..problems import Problem
 from ..scenes.entries import choose
 

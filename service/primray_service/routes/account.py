@@ -10,14 +10,14 @@ from fastapi import APIRouter, Request, Response
 
 from primray import __version__
 
-from .. import account_views
+from ..api import account_views
+from ..http.answers import json_answer
+from ..http.callers import COOKIE, Reader, Serving
+from ..http.described import answer, described
 from ..jobs import Json
 from ..pictures.request import MEDIA_TYPES as PREVIEW_TYPES
 from ..pictures.request import VIEWS
 from ..scenes.recognize import MEDIA_TYPES as SCENE_TYPES
-from .access import COOKIE, Reader, Serving
-from .answers import json_answer
-from .described import answer, described
 from .keys import key_json
 
 router = APIRouter(prefix="/v1", tags=["account"])

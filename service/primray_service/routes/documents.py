@@ -6,10 +6,10 @@ import hashlib
 
 from fastapi import APIRouter, Request, Response
 
-from ..api_pages import STYLE, STYLESHEET, operations_page, problem_page, problems_page
+from ..api.pages import STYLE, STYLESHEET, operations_page, problem_page, problems_page
+from ..http.answers import json_bytes, none_match, not_modified
+from ..http.openapi import openapi
 from ..problems import KINDS, Problem
-from .answers import json_bytes, none_match, not_modified
-from .document import openapi
 
 router = APIRouter(include_in_schema=False)
 

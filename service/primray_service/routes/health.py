@@ -10,12 +10,12 @@ import structlog
 from fastapi import APIRouter, Response
 from fastapi.concurrency import run_in_threadpool
 
-from .. import scene_views
+from ..api import scene_views
+from ..http.answers import json_answer
+from ..http.callers import Serving
+from ..http.described import answer, described
 from ..jobs import Json
 from ..service import Service
-from .access import Serving
-from .answers import json_answer
-from .described import answer, described
 
 log = structlog.get_logger("primray.health")
 router = APIRouter(tags=["health"])

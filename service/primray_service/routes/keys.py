@@ -9,19 +9,19 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Depends, Query, Request, Response
 from pydantic import Field
 
-from .. import account_views
-from ..auth import Keys
-from ..job_json import time_text
+from ..access.auth import Keys
+from ..access.keys import TENANT, create
+from ..api import account_views
+from ..api.job_json import time_text
+from ..api.models import Sent
+from ..http.answers import json_answer
+from ..http.bodies import json_body
+from ..http.callers import Admin, Serving
+from ..http.described import answer, described, json_request, leading_to
 from ..jobs import Json
-from ..keys import TENANT, create
 from ..limits import Quotas
-from ..models import Sent
 from ..problems import Problem
 from ..store.base import ApiKey
-from .access import Admin, Serving
-from .answers import json_answer
-from .bodies import json_body
-from .described import answer, described, json_request, leading_to
 
 router = APIRouter(prefix="/v1/keys", tags=["keys"])
 

@@ -8,17 +8,17 @@ from urllib.parse import urlencode
 from fastapi import APIRouter, Path, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
-from .. import scene_views
-from ..job_json import time_text
+from ..api import scene_views
+from ..api.job_json import time_text
+from ..http.answers import json_answer, none_match, not_modified
+from ..http.callers import Reader, Serving, Submitter
+from ..http.described import answer, described, leading_to
+from ..http.uploads import receive_scene, refused
 from ..jobs import Json, Scene, SceneState
 from ..problems import Problem
 from ..scenes.keep import remove
 from ..scenes.recognize import MEDIA_TYPES
 from ..store.base import Conflict
-from .access import Reader, Serving, Submitter
-from .answers import json_answer, none_match, not_modified
-from .described import answer, described, leading_to
-from .uploads import receive_scene, refused
 
 router = APIRouter(prefix="/v1/scenes", tags=["scenes"])
 

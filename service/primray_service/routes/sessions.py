@@ -8,14 +8,14 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
-from .. import views
-from ..auth import SESSION_S, caller_of, sha256_of
-from ..job_json import time_text
-from ..models import SessionRequest
-from .access import COOKIE
-from .answers import json_answer
-from .bodies import json_body
-from .described import answer, described, json_request
+from ..access.auth import SESSION_S, caller_of, sha256_of
+from ..api import views
+from ..api.job_json import time_text
+from ..api.models import SessionRequest
+from ..http.answers import json_answer
+from ..http.bodies import json_body
+from ..http.callers import COOKIE
+from ..http.described import answer, described, json_request
 
 router = APIRouter(prefix="/v1/session", tags=["keys"])
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from ..api.models import Webhook
 from ..config import ServeConfig
 from ..jobs import Json
-from ..models import Webhook
 from ..problems import Problem
 from .addresses import Resolve, check_address, resolve_now
 from .signing import key_of, new_secret

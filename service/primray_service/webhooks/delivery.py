@@ -17,8 +17,8 @@ import httpx2
 from primray import __version__
 
 from ..config import ServeConfig
+from ..http.retry_after import retry_after_s
 from ..problems import Problem
-from ..retry_after import retry_after_s
 from ..store.base import WebhookDelivery
 from .addresses import Resolve, Target
 from .signing import signed_headers

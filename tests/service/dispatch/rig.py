@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from primray_service import ids
+from primray_service.api.models import Settings
 from primray_service.dispatcher import Dispatcher
 from primray_service.executor.base import Executor
 from primray_service.files import DataDirectory
 from primray_service.jobs import TERMINAL, Event, Frame, Job, JobState, Json, Output, Scene, SceneState
 from primray_service.limits import Limits, Quotas
-from primray_service.models import Settings
 from primray_service.scenes.keep import _locked
 from primray_service.store import open_store
 from primray_service.store.base import Store

@@ -10,7 +10,7 @@ from tests.service.conftest import make_key
 from tests.service.files.zips import LAYER
 from tests.service.serving import RunningServer
 
-from primray_service import keys
+from primray_service.access import keys
 from primray_service.limits import Quotas
 from primray_service.store import open_store
 

@@ -10,11 +10,12 @@ from typing import Any
 import pytest
 import structlog
 
-from primray_service import keys, logs, tracing
+from primray_service.access import keys
+from primray_service.access.quotas import RequestRates
 from primray_service.limits import Quotas
 from primray_service.problems import Problem
-from primray_service.quotas import RequestRates
 from primray_service.scenes.entries import candidates, choose
+from primray_service.telemetry import logs, tracing
 
 
 def test_a_key_holds_256_bits_and_tells_mistakes() -> None:

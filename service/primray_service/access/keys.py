@@ -14,14 +14,14 @@ import zlib
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
+from ..ids import ulid
+from ..limits import Quotas
+from ..problems import Problem
+from ..store.base import ApiKey
 from .auth import SCOPES
-from .ids import ulid
-from .limits import Quotas
-from .problems import Problem
-from .store.base import ApiKey
 
 if TYPE_CHECKING:
-    from .store.base import Store
+    from ..store.base import Store
 
 PREFIX = "primray_"
 ENTROPY_BYTES = 32

@@ -11,9 +11,9 @@ from fastapi.openapi.utils import get_openapi
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
-from .. import views
+from ..api import views
 from ..problems import KINDS, Problem
-from .access import COOKIE
+from .callers import COOKIE
 from .described import HEADERS, MODEL, MODELS, problem_response
 
 Json = dict[str, Any]

@@ -8,9 +8,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from .limits import Quotas
-from .problems import Problem
-from .store.base import Usage
+from ..limits import Quotas
+from ..problems import Problem
+from ..store.base import Usage
 
 DAY_S = 86_400.0
 SOON_S = 30  # for quotas that free up whenever a job ends or something is deleted

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from .jobs import SceneState
+from ..jobs import SceneState
 from .views import Problem, View, Warning
 
 

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 from starlette.requests import ClientDisconnect
 
 from ..problems import Problem
-from .access import service_of
+from .callers import service_of
 
 Model = TypeVar("Model", bound=BaseModel)
 MORE_BYTES = 2**20

@@ -7,16 +7,16 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
-from ..auth import Caller
-from ..jobs import FRAME_TERMINAL, Frame, FrameState
-from ..pictures.encoder import revision
-from ..pictures.request import MOST_STOPS, MOST_WIDTH, VIEWS, Channel, Format, PictureRequest
-from ..problems import Problem
-from ..service import Service
-from .access import Reader, Serving
-from .answers import none_match
-from .described import answer, described
-from .file_answer import file_answer
+from ...access.auth import Caller
+from ...http.answers import none_match
+from ...http.callers import Reader, Serving
+from ...http.described import answer, described
+from ...http.file_answer import file_answer
+from ...jobs import FRAME_TERMINAL, Frame, FrameState
+from ...pictures.encoder import revision
+from ...pictures.request import MOST_STOPS, MOST_WIDTH, VIEWS, Channel, Format, PictureRequest
+from ...problems import Problem
+from ...service import Service
 from .jobs import JobId, found
 
 router = APIRouter(prefix="/v1/jobs", tags=["previews"])

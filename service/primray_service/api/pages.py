@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from html import escape
 from typing import Any
 
-from .problems import KINDS, Problem
+from ..problems import KINDS, Problem
 
 Document = Mapping[str, Any]
 STYLESHEET = "/docs.css"

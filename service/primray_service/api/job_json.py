@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
-from .jobs import Event, Frame, Job, Json
+from ..jobs import Event, Frame, Job, Json
 
 
 def time_text(seconds: float | None) -> str | None:

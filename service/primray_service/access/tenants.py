@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from .limits import Quotas
+from ..limits import Quotas
 
 if TYPE_CHECKING:
-    from .store.base import Store
+    from ..store.base import Store
 
 REMEMBERED_S = 5.0
 

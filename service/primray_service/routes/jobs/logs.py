@@ -9,10 +9,10 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
-from ..problems import Problem
-from .access import Reader, Serving
-from .described import answer, described
-from .file_answer import file_answer
+from ...http.callers import Reader, Serving
+from ...http.described import answer, described
+from ...http.file_answer import file_answer
+from ...problems import Problem
 from .jobs import JobId, found
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])

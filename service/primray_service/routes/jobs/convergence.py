@@ -9,13 +9,13 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 
-from .. import views
-from ..jobs import Frame, Json
-from ..problems import Problem
-from ..service import Service
-from .access import Reader, Serving
-from .answers import accepted, json_answer
-from .described import answer, described
+from ...api import views
+from ...http.answers import accepted, json_answer
+from ...http.callers import Reader, Serving
+from ...http.described import answer, described
+from ...jobs import Frame, Json
+from ...problems import Problem
+from ...service import Service
 from .jobs import JobId, found
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])

@@ -1,6 +1,6 @@
 """Who asks: API keys, and the sessions that stand for a key where no header can be sent (EventSource, <img>).
 
-Knows no HTTP; routes/access.py takes what it needs out of requests. A session is a signed cookie: it outlives a restart
+Knows no HTTP; http/callers.py takes what it needs out of requests. A session is a signed cookie: it outlives a restart
 of the server, is checked against its key on every use, and is forgotten when it is logged out of.
 """
 
@@ -16,11 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .limits import Quotas
-from .problems import Problem
+from ..limits import Quotas
+from ..problems import Problem
 
 if TYPE_CHECKING:
-    from .store.base import ApiKey
+    from ..store.base import ApiKey
 
 SCOPES = frozenset({"submit", "read", "admin"})
 LOCAL_TENANT = "local"

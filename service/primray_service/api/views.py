@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from .jobs import FrameState, JobState
+from ..jobs import FrameState, JobState
 from .models import SceneReference, Settings
 
 

@@ -14,16 +14,16 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
 
-from .. import views
-from ..auth import Caller
-from ..changes import wait
-from ..job_json import event_json
-from ..jobs import TERMINAL, Event, Job
-from ..problems import Problem
-from ..service import Service
-from .access import Reader, Serving
-from .answers import accepted, json_answer, json_bytes
-from .described import answer, described
+from ...access.auth import Caller
+from ...api import views
+from ...api.job_json import event_json
+from ...changes import wait
+from ...http.answers import accepted, json_answer, json_bytes
+from ...http.callers import Reader, Serving
+from ...http.described import answer, described
+from ...jobs import TERMINAL, Event, Job
+from ...problems import Problem
+from ...service import Service
 from .jobs import JobId, found_shared
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])

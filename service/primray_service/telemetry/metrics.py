@@ -13,12 +13,12 @@ from prometheus_client.process_collector import ProcessCollector
 
 from primray import __version__
 
-from .jobs import JobState
+from ..jobs import JobState
 
 if TYPE_CHECKING:
-    from .dispatcher.metrics import Metrics as DispatcherMetrics
-    from .dispatcher.metrics import Timings
-    from .service import Service
+    from ..dispatcher.metrics import Metrics as DispatcherMetrics
+    from ..dispatcher.metrics import Timings
+    from ..service import Service
 
 LATENCY_S = (0.002, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 60.0)
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from fastapi import Depends, Request
 from fastapi.concurrency import run_in_threadpool
 
-from ..auth import LOCAL, Caller, Keys, Sessions, caller_of, sha256_of, unauthenticated
+from ..access.auth import LOCAL, Caller, Keys, Sessions, caller_of, sha256_of, unauthenticated
 from ..problems import Problem
 from ..service import Service
 

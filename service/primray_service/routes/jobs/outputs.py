@@ -8,15 +8,15 @@ from urllib.parse import quote
 from fastapi import APIRouter, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
-from .. import scene_views
-from ..job_json import time_text
-from ..jobs import Json, Output
-from ..problems import Problem
-from ..scenes.digests import sha256_header
-from .access import Reader, Serving
-from .answers import json_answer
-from .described import answer, described
-from .file_answer import file_answer
+from ...api import scene_views
+from ...api.job_json import time_text
+from ...http.answers import json_answer
+from ...http.callers import Reader, Serving
+from ...http.described import answer, described
+from ...http.file_answer import file_answer
+from ...jobs import Json, Output
+from ...problems import Problem
+from ...scenes.digests import sha256_header
 from .jobs import JobId, found
 
 router = APIRouter(prefix="/v1/jobs", tags=["outputs"])

@@ -1,6 +1,6 @@
 """The server's log: a line of JSON an event, or for people on a terminal. No keys, no bodies, no query strings.
 
-Bound where they are known, and then in every line: request_id (routes/guard.py), job_id, tenant, attempt, frame.
+Bound where they are known, and then in every line: request_id (http/guard.py), job_id, tenant, attempt, frame.
 """
 
 from __future__ import annotations

@@ -11,11 +11,11 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException
 
+from ..access.quotas import exceeded
 from ..problems import Problem
-from ..quotas import exceeded
 from ..store.base import QuotaExceeded, Unavailable
-from .access import caller_of_request, service_of
 from .answers import problem_answer
+from .callers import caller_of_request, service_of
 from .guard import request_id_of
 
 

@@ -9,25 +9,26 @@ from dataclasses import replace
 from fastapi import APIRouter, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
-from .. import tracing, views
-from ..admission import fingerprint, new_job
-from ..auth import Caller
-from ..job_json import job_json
-from ..jobs import TERMINAL, Job, SceneState
-from ..models import FormJob, JobRequest
-from ..problems import Problem
-from ..scenes.entries import choose
-from ..scenes.recognize import MEDIA_TYPES
-from ..service import Service
-from ..store.base import Conflict, KeyReused
-from ..webhooks import accepted_webhook
-from .access import Serving, Submitter
-from .answers import json_bytes
-from .bodies import json_body, parsed
-from .described import answer, described, json_request, leading_to, schema_of
-from .guard import request_id_of
+from ...access.auth import Caller
+from ...admission import fingerprint, new_job
+from ...api import views
+from ...api.job_json import job_json
+from ...api.models import FormJob, JobRequest
+from ...http.answers import json_bytes
+from ...http.bodies import json_body, parsed
+from ...http.callers import Serving, Submitter
+from ...http.described import answer, described, json_request, leading_to, schema_of
+from ...http.guard import request_id_of
+from ...http.uploads import receive_scene, refused
+from ...jobs import TERMINAL, Job, SceneState
+from ...problems import Problem
+from ...scenes.entries import choose
+from ...scenes.recognize import MEDIA_TYPES
+from ...service import Service
+from ...store.base import Conflict, KeyReused
+from ...telemetry import tracing
+from ...webhooks import accepted_webhook
 from .jobs import changed, has_ended, job_answer, prefer_wait
-from .uploads import receive_scene, refused
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 

@@ -15,11 +15,11 @@ from fastapi import Request, Response
 from starlette.requests import ClientDisconnect
 from starlette.types import Receive, Scope, Send
 
-from ..auth import Caller
+from ..access.auth import Caller
+from ..access.quotas import exceeded
 from ..jobs import Scene as SceneRow
 from ..limits import MiB, Quotas
 from ..problems import Problem
-from ..quotas import exceeded
 from ..scenes.keep import keep
 from ..scenes.receive import UploadHead, receive
 from ..scenes.staging import staging

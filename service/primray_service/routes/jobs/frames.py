@@ -6,12 +6,12 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Response
 
-from .. import views
-from ..job_json import frame_json
-from ..problems import Problem
-from .access import Reader, Serving
-from .answers import json_answer
-from .described import answer, described
+from ...api import views
+from ...api.job_json import frame_json
+from ...http.answers import json_answer
+from ...http.callers import Reader, Serving
+from ...http.described import answer, described
+from ...problems import Problem
 from .jobs import JobId, found
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])

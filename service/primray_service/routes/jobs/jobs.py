@@ -13,22 +13,22 @@ from urllib.parse import urlencode
 from fastapi import APIRouter, Depends, Path, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
-from .. import views
-from ..admission import changes_of
-from ..auth import Caller
-from ..changes import wait
-from ..job_json import job_json
-from ..jobs import TERMINAL, Job, JobState, etag, version_in
-from ..limits import Limits
-from ..models import ContinueRequest, JobPatch
-from ..problems import Problem
-from ..service import Service
-from ..stop_rules import continued
-from ..store.base import Conflict, JobFilter
-from .access import Reader, Serving, Submitter
-from .answers import ETAG, json_answer, json_bytes, none_match, not_modified
-from .bodies import json_body
-from .described import answer, described, json_request
+from ...access.auth import Caller
+from ...admission import changes_of
+from ...api import views
+from ...api.job_json import job_json
+from ...api.models import ContinueRequest, JobPatch
+from ...changes import wait
+from ...http.answers import ETAG, json_answer, json_bytes, none_match, not_modified
+from ...http.bodies import json_body
+from ...http.callers import Reader, Serving, Submitter
+from ...http.described import answer, described, json_request
+from ...jobs import TERMINAL, Job, JobState, etag, version_in
+from ...limits import Limits
+from ...problems import Problem
+from ...service import Service
+from ...stop_rules import continued
+from ...store.base import Conflict, JobFilter
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 

@@ -15,9 +15,9 @@ import anyio
 from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
 
-from ..byte_ranges import ByteRange, byte_ranges
 from ..problems import Problem
 from .answers import check_match, none_match
+from .byte_ranges import ByteRange, byte_ranges
 
 PIECE_BYTES = 256 * 1024
 

@@ -7,9 +7,9 @@ from fastapi import Request
 from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from ..access.quotas import RequestRates
 from ..problems import Problem
-from ..quotas import RequestRates
-from .access import caller_of_request, service_of
+from .callers import caller_of_request, service_of
 
 HEADERS = "primray.rate_headers"
 
