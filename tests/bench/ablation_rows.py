@@ -104,7 +104,7 @@ ROWS = (
         "paths end by the light that they are expected to find",
         "by their throughput",
         scenes=("cove", "window"),
-        edits=(Edit("path/path_loop.hpp", "settings.guide != nullptr},", "false},"),),
+        edits=(Edit("path/round.hpp", ".first = settings.guide != nullptr}", ".first = false}"),),
     ),
     Row(
         "many lights chosen by how shiny surfaces reflect",

@@ -2,8 +2,11 @@
 // body, and for what hides it, and scatter nowhere. The paths of such a pixel then bring nothing of that light's body.
 #pragma once
 
+#include <algorithm>
+
 #include "path/emission.hpp"
-#include "path/tile_task.hpp"
+#include "path/round.hpp"
+#include "path/trace_shadows.hpp"
 
 namespace primray {
 
@@ -20,15 +23,16 @@ inline bool find_outlines(const LightOutlines& outlines, const TileBlock& block,
   return some;
 }
 
-// Appends what the rays see of one light in pixel number `pixel` of the worker to the shadow queue, and calls flush() when that
-// is full.
-template <int W, class Flush>
-PRIMRAY_RARE void look_for_outline(const Scene& scene, uint32_t seed, const TileBlock& block, Worker& w, int pixel,
-                                   const LightOutlines::Part& part, PathNeeds needs, const Flush& flush) {
+// Appends what the rays see of one light in pixel number `pixel` of the worker to the shadow queue, and traces that when it is
+// full.
+template <int W>
+PRIMRAY_RARE void look_for_outline(Round& round, int pixel, const LightOutlines::Part& part) {
   using F = vfloat<W>;
   using I = vint<W>;
-  const int samples = block.count[0] + block.count[1], rays = samples * kOutlineRays;
-  const I x(block.x0 + w.pixel_x[pixel] * block.stride_x), y(block.y0 + w.pixel_y[pixel] * block.stride_y);
+  Worker& w = round.worker;
+  const TileBlock& block = round.block;
+  const int samples = round.samples, rays = samples * kOutlineRays;
+  const I x(round.pixel_x(pixel)), y(round.pixel_y(pixel));
   const float share = part.width * part.height * (1.0f / kOutlineRays);
   for (int at = 0; at < rays; at += W) {
     alignas(64) int32_t slot[W];
@@ -39,45 +43,46 @@ PRIMRAY_RARE void look_for_outline(const Scene& scene, uint32_t seed, const Tile
       index[i] = uint32_t(block.first[r] + (r ? k - block.count[0] : k));
       number[i] = index[i] * kOutlineRays + uint32_t(ray % kOutlineRays);
     }
-    const vuint<W> of_pixel = Sampler<W>::pixel_seed(seed, x, y, load<W>(replicate));
+    const vuint<W> of_pixel = Sampler<W>::pixel_seed(round.settings.seed, x, y, load<W>(replicate));
     const Sampler<W> own{reverse_bits(load<W>(number)), of_pixel};
     const Pair<W> film = own.pair(I(part.light), Purpose::kFilm);
     const F u = part.u + film.u * part.width, v = part.v + film.v * part.height;
-    const CameraRay<W> ray = scene.camera.ray<W>(x, y, u, v, F(0.5f), F(0.5f));
+    const CameraRay<W> ray = round.scene.camera.ray<W>(x, y, u, v, F(0.5f), F(0.5f));
     PathLanes<W> p;
     p.ray = {ray.o, ray.d, ray.tnear, ray.tfar};
-    if (needs.time) p.ray.time = Sampler<W>{reverse_bits(load<W>(index)), of_pixel}.single(I(0), kShutterTime);
+    if (round.needs.time) p.ray.time = Sampler<W>{reverse_bits(load<W>(index)), of_pixel}.single(I(0), kShutterTime);
     p.bsdf_pdf = p.travelled = F(0.0f), p.depth = I(0), p.link = I(kUnlinkedRow);
     p.normal = p.share = vvec3<W>(F(0.0f));
     const vbool<W> active = lane_numbers<W>() < I(rays - at);
     vvec3<W> L(F(0.0f));
-    const MetLights<W> met = meet_lights(scene.lights, active, vbool<W>(true), p, F(kInfinity), L);
+    const MetLights<W> met = meet_lights(round.scene.lights, active, vbool<W>(true), p, F(kInfinity), L);
     const vbool<W> seen = met.covered & (met.light == I(part.light));
     if (!any(seen)) continue;
-    if (w.shadows.count > ShadowQueue::kSize - 2 * W) flush();
+    if (w.shadows.count > ShadowQueue::kSize - 2 * W) trace_shadows<W>(round), w.shadows.count = 0;
     // From where the camera begins to see.
     w.shadows.append(seen, ray.o + ray.d * ray.tnear, ray.d, max(met.nearest * kNearlyOne - ray.tnear, 0.0f), L * share,
-                     load<W>(slot), p.ray.time, needs);
+                     load<W>(slot), p.ray.time, round.needs);
   }
 }
 
-template <int W, class Flush>
-PRIMRAY_RARE void look_for_outlines(const Scene& scene, uint32_t seed, const TileBlock& block, Worker& w, int pixels,
-                                    PathNeeds needs, const Flush& flush) {
+template <int W>
+PRIMRAY_RARE void look_for_outlines(Round& round) {
+  Worker& w = round.worker;
   w.shadows.count = 0;
   if (w.special_shadows) w.special_shadows->rays.count = 0;
-  for (int i = 0; i < pixels; ++i)
-    for (const LightOutlines::Part& part : w.outlines[i]) look_for_outline<W>(scene, seed, block, w, i, part, needs, flush);
-  flush();
+  for (int i = 0; i < round.pixels; ++i)
+    for (const LightOutlines::Part& part : w.outlines[i]) look_for_outline<W>(round, i, part);
+  trace_shadows<W>(round), w.shadows.count = 0;
 }
 
 // Which of the camera rays `m` met a light that has rays of its own in their pixel.
 template <int W>
-PRIMRAY_RARE vbool<W> is_outlined(const Worker& w, vbool<W> m, vint<W> slot, int samples, vint<W> light) {
+PRIMRAY_RARE vbool<W> is_outlined(const Round& round, vbool<W> m, vint<W> slot, vint<W> light) {
   vint<W> found(0);
   for (uint32_t b = bits(m); b; b &= b - 1) {
     const int i = __builtin_ctz(b);
-    for (const LightOutlines::Part& part : w.outlines[slot[i] / samples]) found.set(i, found[i] | (part.light == light[i]));
+    for (const LightOutlines::Part& part : round.worker.outlines[slot[i] / round.samples])
+      found.set(i, found[i] | (part.light == light[i]));
   }
   return found != vint<W>(0);
 }

@@ -1,8 +1,5 @@
 // One task: some samples of both replicates for one tile. Paths of W lanes at a time, in a pool kept full.
-//
-// A round takes every path of the pool one vertex further: refill with camera rays, trace, shade (which leaves the survivors
-// packed in the other pool and shadow rays in a queue), trace the shadow rays. What a path adds to its slot comes in the same
-// order whatever W is, so W does not show in the image.
+// What a path adds to its slot comes in the same order whatever W is, so W does not show in the image.
 #pragma once
 
 #include <cmath>
@@ -60,24 +57,6 @@ inline int list_pixels(const TileBlock& block, Worker& worker) {
 
 // Records every ray in the order it was traced, for the benchmark that replays them through Embree alone.
 struct RayRecorder;
-
-// A scattered ray's cone is wider by the angle of a cone that holds a 256th of the solid angle 1 / pdf which the ray stands
-// for: pi (w / 2)^2 = 1 / (256 pdf); an eighth of a radian for diffuse ones. A choice: wider ones would carry colours and light
-// from one part of a texture to another that lies beside it in the image alone. Mirrors and refractions keep the cone; their
-// curvature is not followed.
-constexpr float kLobeSpread = 0.0705236979f;
-// Below this cosine the area that a cone cuts out of a surface is taken as no larger.
-constexpr float kGrazing = 0.05f;
-// How far inside a triangle, of the way to its middle, a hit on its edge is looked at again.
-constexpr float kWithin = 0x1p-12f;
-// Offsets that a front hit and one on a back lie ahead of the ray's start at least: 3 hits in 1e8 rays at a closed box lay
-// inside.
-constexpr float kAhead = 0.25f, kBackAhead = 16;
-
-template <int W>
-PRIMRAY_INLINE vbool<W> has_inputs(const Scene& scene, vint<W> surface) {
-  return gather<W>(scene.surface_inputs_of.data(), surface) >= vint<W>(0);
-}
 
 template <int W>
 void render_tile_block(const Scene& scene, const IntegratorSettings& settings, const TileBlock& block, Worker& worker,

@@ -1,0 +1,71 @@
+// What all stages of the path loop share: the scene, one task's samples, and the thread that takes them.
+//
+// A round takes every path of the pool one vertex further: refill with camera rays, trace, shade (which leaves the survivors
+// packed in the other pool and shadow rays in a queue), trace the shadow rays. Each stage is a file of free functions over
+// this.
+#pragma once
+
+#include <memory>
+
+#include "guide/guide.hpp"
+#include "path/tile_task.hpp"
+
+namespace primray {
+
+// What paths of this scene carry along.
+inline PathNeeds path_needs(const Scene& scene, const IntegratorSettings& settings) {
+  return {.travelled = scene.has_thin,
+          .cones = scene.has_inputs,
+          .shares = scene.lights.lobe_factors,
+          .links = scene.lights.links.any(),
+          .time = scene.camera.shutter_open,
+          .normals = scene.lights.by_tree() || scene.emitters.by_triangle(),
+          .first = settings.guide != nullptr};
+}
+
+struct Round {
+  const Scene& scene;
+  const IntegratorSettings& settings;
+  const TileBlock& block;
+  Worker& worker;
+  RayRecorder* recorder;
+  const PathNeeds needs;
+  const int samples;      // of a pixel, both replicates
+  int pixels = 0;         // of the block, as the worker lists them
+  int next_slot = 0;      // whose camera ray comes next
+  int first_camera = 0;   // where the pool's camera rays begin
+  bool outlined = false;  // lights end in some pixels of this tile
+
+  Round(const Scene& s, const IntegratorSettings& asked, const TileBlock& task, Worker& thread, RayRecorder* log)
+      : scene(s),
+        settings(asked),
+        block(task),
+        worker(thread),
+        recorder(log),
+        needs(path_needs(s, asked)),
+        samples(task.count[0] + task.count[1]) {
+    if (has_special() && !worker.special_shadows) worker.special_shadows = std::make_unique<SpecialShadowQueue>();
+  }
+
+  bool has_special() const { return scene.lights.has_special(); }
+
+  // The film point's number in the chain that it and the directions after it make: each even link shares a point of a sequence
+  // with the next. The parts of a split path have indices of their own, so there their first two directions do.
+  int first_link() const { return settings.splits > 1 ? 1 : 0; }
+  int pixel_x(int i) const { return block.x0 + worker.pixel_x[i] * block.stride_x; }
+  int pixel_y(int i) const { return block.y0 + worker.pixel_y[i] * block.stride_y; }
+};
+
+// Adds `c` to the slots of lanes `m`; most paths bring nothing from most vertices.
+template <int W>
+PRIMRAY_INLINE void add_to_slots(Round& round, vbool<W> m, vint<W> slot, const vvec3<W>& c) {
+  Worker& w = round.worker;
+  const vfloat<W> zero(0.0f);
+  for (uint32_t b = bits(m & ((c.x != zero) | (c.y != zero) | (c.z != zero))); b; b &= b - 1) {
+    const int i = __builtin_ctz(b), s = slot[i];
+    w.r[s] += c.x[i], w.g[s] += c.y[i], w.b[s] += c.z[i];
+    if (round.settings.log) round.settings.log->add_light(s, c.x[i] + c.y[i] + c.z[i]);
+  }
+}
+
+}  // namespace primray

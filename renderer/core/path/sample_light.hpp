@@ -1,0 +1,147 @@
+// Next-event estimation: a light is chosen for the vertex, a point of it sampled, and a shadow ray queued with what it brings.
+#pragma once
+
+#include "emitter/emitter.hpp"
+#include "path/emission.hpp"
+#include "path/path_parts.hpp"
+#include "path/shiny_lanes.hpp"
+#include "path/vertex.hpp"
+
+namespace primray {
+
+// A light for each lane, with how shiny surfaces weighed in.
+template <int W>
+struct ChosenLight {
+  LightChoice<W> choice;
+  ShinyLanes<W> shiny;
+  bool any_shiny = false;
+};
+
+template <int W>
+PRIMRAY_INLINE void choose_light_at(const Round& round, vbool<W> scatters, const Vertex<W>& v, const PathLanes<W>& p,
+                                    const vvec3<W>& from, ChosenLight<W>& chosen) {
+  const LightTable& lights = round.scene.lights;
+  const vuint<W> number = lights.count > 1 ? p.sampler.bits_of(p.vertex + vint<W>(1), Purpose::kLightChoice) : vuint<W>(0u);
+  const bool linked = lights.links.any();
+  chosen.any_shiny =
+      v.bsdf.any_preview && lights.by_tree() && !linked && find_shiny(scatters, v.bsdf, v.frame.to_world(v.wo), chosen.shiny);
+  chosen.choice = linked ? choose_linked_light(lights, scatters, from, v.frame.n, number, v.it.link)
+                         : choose_light(lights, scatters, from, v.frame.n, number, chosen.any_shiny ? &chosen.shiny : nullptr);
+}
+
+// A point of that light, seen from `from`: of domes with portals and of lights that are geometry by ways of their own.
+template <int W>
+PRIMRAY_INLINE LightSample<W> sample_point(const Round& round, vbool<W> useful, vint<W> light, const Vertex<W>& v,
+                                           const PathLanes<W>& p, const vvec3<W>& from) {
+  using B = vbool<W>;
+  const Scene& scene = round.scene;
+  const LightTable& lights = scene.lights;
+  const vint<W> bounce = p.vertex + vint<W>(1);
+  const Pair<W> u = p.sampler.pair(bounce, Purpose::kLightPoint);
+  LightSample<W> s = light_sample(lights, light, useful, from, u.u, u.v);
+  if (lights.has_portals()) {
+    const B dome = useful & is_type(LightRow<W>(lights, light).type(), LightType::kDome);
+    if (any(dome)) sample_portals(lights, dome, light, from, p.sampler.single(bounce, Purpose::kEmitter), u.u, u.v, s);
+  }
+  if (scene.emitters.any()) {
+    const LightRow<W> row(lights, light);
+    const B geometry = useful & ((row.flags() & vint<W>(kGeometry)) != vint<W>(0));
+    const B mesh = geometry & is_type(row.type(), LightType::kMesh), sphere = geometry & !mesh;
+    if (any(sphere)) end_before_sphere(scene, sphere, light, from, s);
+    if (any(mesh)) {
+      const vuint<W> bits = p.sampler.bits_of(bounce, Purpose::kEmitter);
+      sample_mesh(scene, mesh, light, from, v.frame.n, bits, u.u, u.v, s);
+    }
+  }
+  return s;
+}
+
+// What the vertex reflects of light from `s`, cosine included, with the light's multipliers.
+template <int W>
+PRIMRAY_INLINE vvec3<W> reflected_of(const LightTable& lights, vint<W> light, const BsdfEval<W>& f) {
+  if (!lights.lobe_factors) return f.diffuse + f.specular;
+  const LightRow<W> row(lights, light);
+  return f.diffuse * row(kDiffuseFactor) + f.specular * row(kSpecularFactor);
+}
+
+// The weight of this way to the light against rays that meet it by themselves.
+template <int W>
+PRIMRAY_INLINE vfloat<W> light_weight(const Round& round, vbool<W> useful, vbool<W> special, const ChosenLight<W>& chosen,
+                                      const LightSample<W>& s, vfloat<W> pdf, vfloat<W> scattered_pdf, const Vertex<W>& v,
+                                      const vvec3<W>& from) {
+  const LightTable& lights = round.scene.lights;
+  const vint<W> light = chosen.choice.light;
+  vbool<W> alone = s.is_delta | special;
+  if (!lights.met.empty()) alone |= rarely_met(lights, light, from, scattered_pdf);
+  // For MIS the choice is as if no surface shone, which is all that a ray that meets the light knows: weights of both ways
+  // add up to 1, whatever the densities in them.
+  vfloat<W> known_pdf = pdf;
+  if (chosen.any_shiny) {
+    const vbool<W> m = useful & chosen.shiny.shiny;
+    known_pdf = select(m, s.pdf * probability_of(lights, light, m, from, v.frame.n), pdf);
+  }
+  return select(alone, vfloat<W>(1.0f), mis_weight(known_pdf, scattered_pdf));
+}
+
+// Moves the start of rays in lanes `below`, below the triangle's plane, out to `o`, with the direction from there on to the
+// same point of the light; which of them get out.
+template <int W>
+PRIMRAY_INLINE vbool<W> lift_to_light(Round& round, vbool<W> below, const Vertex<W>& v, const PathLanes<W>& p,
+                                      const vvec3<W>& from, LightSample<W>& s, vvec3<W>& o) {
+  const vbool<W> lifted = start_lifted(round, below, v, s.wi, p.ray.time, o);
+  const vvec3<W> to = s.wi * s.t - (o - from);
+  const vfloat<W> t = length(to);
+  const vbool<W> near = lifted & (t < vfloat<W>(kInfinity)) & (t > vfloat<W>(0.0f));
+  s.wi = select(near, to * (1.0f / t), s.wi), s.t = select(near, t, s.t);
+  return lifted;
+}
+
+template <int W>
+void sample_light(Round& round, vbool<W> scatters, const Vertex<W>& v, const PathLanes<W>& p) {
+  using B = vbool<W>;
+  using V = vvec3<W>;
+  const LightTable& lights = round.scene.lights;
+  // From where scattered rays start, so that both agree on which lights lie before the surface.
+  const V from = v.it.p + v.ng * v.it.offset;
+  ChosenLight<W> chosen;
+  choose_light_at(round, scatters, v, p, from, chosen);
+  const vint<W> light = chosen.choice.light;
+  B useful = scatters & (chosen.choice.probability > vfloat<W>(0.0f));
+  if (!any(useful)) return;
+  LightSample<W> s = sample_point(round, useful, light, v, p, from);
+  const V wi = v.frame.to_local(s.wi);
+  const B above = dot(v.ng, s.wi) > vfloat<W>(0.0f);
+  useful &= (s.pdf > vfloat<W>(0.0f)) & (wi.z > vfloat<W>(0.0f)) & (above | v.it.smooth);
+  if (!any(useful)) return;
+  const BsdfEval<W> f = v.bsdf.eval(v.wo, wi);
+  const V reflected = reflected_of(lights, light, f);
+  const vfloat<W> pdf = s.pdf * chosen.choice.probability;
+  B special(false);  // no other way leads to those
+  if (round.has_special()) special = (LightRow<W>(lights, light).flags() & vint<W>(kSpecial)) != vint<W>(0);
+  const vfloat<W> scattered_pdf = scattered_density(round, v, s.wi, f.pdf);
+  const vfloat<W> weight = light_weight(round, useful, special, chosen, s, pdf, scattered_pdf, v, from);
+  const V carried = p.beta * reflected * s.L * (weight / pdf);
+  useful &= max_component(carried) > vfloat<W>(0.0f);
+  V o = from;
+  if (const B below = useful & !above; any(below)) useful &= above | lift_to_light(round, below, v, p, from, s, o);
+  Worker& w = round.worker;
+  if (any(useful & special))
+    w.special_shadows->append(useful & special, o, s.wi, s.t * kNearlyOne, carried, p.slot, light, p.ray.time, round.needs);
+  useful &= !special;
+  if (any(useful)) w.shadows.append(useful, o, s.wi, s.t * kNearlyOne, carried, p.slot, p.ray.time, round.needs);
+}
+
+// One sample of the lights; at a path's first surface that is no mirror, as many as pilots found worth their rays.
+template <int W>
+void sample_lights(Round& round, vbool<W> scatters, const Vertex<W>& v, const PathLanes<W>& p) {
+  const int samples = round.settings.light_samples;
+  const vbool<W> more = scatters & (p.vertex == vint<W>(0)) & !v.bsdf.mirror;
+  if (samples == 1 || !any(more)) return sample_light(round, scatters, v, p);
+  PathLanes<W> part = part_of(p, more, samples);
+  for (int k = 0; k < samples; ++k) {
+    number_part(part, p, more, samples, k);
+    sample_light(round, k == 0 ? scatters : more, v, part);
+  }
+}
+
+}  // namespace primray
