@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -46,7 +47,7 @@ def settings(**values: Any) -> RenderSettings:
 
 def begin(**values: Any) -> Sampling:
     sampling = Sampling.begin(scene(), settings(**values))
-    sampling.resumable = True
+    sampling.schedule = replace(sampling.schedule, resumable=True)
     return sampling
 
 
@@ -73,7 +74,7 @@ def go_on(path: Path, **values: Any) -> Sampling:
     held = load(path)
     chosen = settings_to_go_on(settings(**values), held)
     sampling = resume(scene(), chosen, about(chosen), held)
-    sampling.resumable = True
+    sampling.schedule = replace(sampling.schedule, resumable=True)
     return sampling
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from primray.checkpoints.checkpoint import load
 from primray.checkpoints.checkpoint_file import read_checkpoint, write_checkpoint
 from primray.checkpoints.checkpointing import Checkpointing
 from primray.errors import CheckpointError, SettingsError
-from primray.sampling.sampling import FIRST_ANCHOR
+from primray.sampling.schedule import FIRST_ANCHOR
 from primray.settings import Metric, RenderSettings
 
 from .resuming import LONG, STAGE, Cutter, assert_same, begin, cutter, go_on, reached, run, save, scene, settings, sha256
@@ -42,7 +43,7 @@ def test_pauses_show_in_no_bit() -> None:
     for _ in range(4):
         assert not paused.run(pause=lambda: True)
     samples = reached(paused.film.next)
-    paused.settings = settings(spp=samples)
+    paused.schedule = replace(paused.schedule, settings=settings(spp=samples))
     paused.aim()
     while not paused.run(pause=lambda: True):
         pass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,7 @@ from primray.settings import SAMPLE_BLOCK
 def test_a_first_look_changes_nothing(values: dict[str, float]) -> None:
     plain = resuming.run(**values)
     looked = resuming.begin(**values)
-    looked.first_look = True
+    looked.schedule = replace(looked.schedule, first_look=True)
     assert looked.run()
     resuming.assert_same(plain, looked)
     assert looked.rows[0].samples == SAMPLE_BLOCK
@@ -26,7 +27,7 @@ def test_a_first_look_changes_nothing(values: dict[str, float]) -> None:
 
 def test_passes_are_told() -> None:
     sampling = resuming.begin(spp=20)
-    sampling.first_look = True
+    sampling.schedule = replace(sampling.schedule, first_look=True)
     done: list[int] = []
     sampling.on_pass = lambda: done.append(sampling.done)
     sampling.run()
@@ -36,11 +37,11 @@ def test_passes_are_told() -> None:
 def test_resumed_after_a_first_look(tmp_path: Path) -> None:
     plain = resuming.run(spp=40)
     looked = resuming.begin(spp=40)
-    looked.first_look = True
+    looked.schedule = replace(looked.schedule, first_look=True)
     looked.run(lambda fraction, samples, rays: looked.done < SAMPLE_BLOCK)
     assert looked.mean_samples() == SAMPLE_BLOCK
     resumed = resuming.go_on(resuming.save(looked, tmp_path / "a.prc"), spp=40)
-    resumed.first_look = True
+    resumed.schedule = replace(resumed.schedule, first_look=True)
     assert resumed.run()
     resuming.assert_same(plain, resumed)
 
@@ -59,7 +60,7 @@ def test_time_that_was_spent_counts(tmp_path: Path, spent: float, goes_on: bool)
 def test_each_checkpoint_has_its_own_name_and_is_told(tmp_path: Path) -> None:
     told: list[tuple[str, float]] = []
     sampling = resuming.begin(spp=32)
-    sampling.first_look = True
+    sampling.schedule = replace(sampling.schedule, first_look=True)
     saver = Saver(
         resuming.about(sampling.settings),
         1e-6,

@@ -36,7 +36,7 @@ def told_at_half_time(monkeypatch: pytest.MonkeyPatch, scene: str, **values: Any
     prepared = prepare(stage, Diagnostics(), settings, Costs(), Diagnostics())
     Sampling.begin(prepared.scene, replace(prepared.settings, spp=2)).run()  # what is paid once in a process
     sampling = Sampling.begin(prepared.scene, prepared.settings)
-    sampling.resumable = sampling.first_look = True
+    sampling.schedule = replace(sampling.schedule, resumable=True, first_look=True)
     forecaster, seen = Forecaster(sampling), []
 
     def look(fraction: float, samples: int, rays: int) -> None:

@@ -17,7 +17,8 @@ from primray.diagnostics import Diagnostics
 from primray.errors import StageOpenError
 from primray.report.summary import ImageSize
 from primray.sampling.error import Estimate, FrameError
-from primray.sampling.sampling import Row, Stop
+from primray.sampling.error_curve import Row
+from primray.sampling.schedule import Stop
 
 
 def make_camera(**changes: Any) -> Camera:

@@ -24,7 +24,9 @@ from ..errors import CheckpointError
 from ..report.report import settings_as_json
 from ..sampling.adaptive import DOUBLINGS, Plan
 from ..sampling.error import Estimate, FrameError
-from ..sampling.sampling import Row, Sampling
+from ..sampling.error_curve import ErrorCurve, Row
+from ..sampling.sampling import Sampling
+from ..sampling.schedule import Schedule
 from ..settings import MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
 from .camera_json import camera_as_json, camera_of, frame_of
 from .checkpoint_file import Arrays, read_checkpoint, read_header
@@ -122,7 +124,7 @@ def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
         "aovs": list(about.aovs),
         "rendering_space": asdict(about.rendering_space),
         "ranges": [[first, sampling.done]],
-        "under_way": sampling.ends is not None,
+        "under_way": sampling.goal is not None,
         "adaptive": settings.adapts,
         "splits": sampling.splits,
         "screen_block": settings.screen_block,
@@ -296,14 +298,16 @@ def resume(scene: core.CoreScene, settings: RenderSettings, about: About, checkp
     if checkpoint.screen_block != settings.screen_block and checkpoint.ranges[0][1] < settings.most_samples:
         # A quick look takes its samples otherwise. The few that are held are less than a picture of both would lose.
         return Sampling.begin(scene, settings)
-    sampling = Sampling(scene, settings, core.Film(scene, checkpoint.film), checkpoint.splits)
-    sampling.done = checkpoint.ranges[0][1]
+    done = checkpoint.ranges[0][1]
+    schedule = Schedule(settings, earlier_seconds=checkpoint.seconds, earlier_done=done)
+    sampling = Sampling(scene, core.Film(scene, checkpoint.film), checkpoint.splits, schedule)
+    sampling.done = done
     sampling.plan = checkpoint.plan
     same_target = checkpoint.target == (settings.target_error, settings.error_metric.value)
-    sampling.rows = [replace(row, due=row.due and same_target) for row in checkpoint.rows]
+    rows = tuple(replace(row, due=row.due and same_target) for row in checkpoint.rows)
+    sampling.curve = ErrorCurve(settings.error_metric, rows)
     sampling.busy_lanes, sampling.shaded_lanes = checkpoint.lanes
-    sampling.seconds = sampling.earlier_seconds = checkpoint.seconds
-    sampling.earlier_done, sampling.earlier_rays = sampling.done, sampling.film.rays
+    sampling.seconds, sampling.earlier_rays = checkpoint.seconds, sampling.film.rays
     if checkpoint.under_way:
         sampling.aim()
     return sampling

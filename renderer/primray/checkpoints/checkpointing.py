@@ -84,7 +84,7 @@ def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None
         sampling = Sampling.begin(prepared.scene, settings)
     else:
         sampling = checkpoint.resume(prepared.scene, settings, about, held)
-    sampling.resumable = True
+    sampling.schedule = replace(sampling.schedule, resumable=True)
     return sampling, replace(about, features=list(prepared.scene.features))
 
 

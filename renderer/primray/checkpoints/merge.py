@@ -16,6 +16,7 @@ from ..errors import CheckpointError
 from ..images.image import Image, pixels_sha256
 from ..report.report import Costs, header_of, make_report, settings_as_json, usable_threads
 from ..sampling.sampling import Sampling
+from ..sampling.schedule import Schedule
 from ..settings import RenderSettings, settings_of_json
 from .checkpoint import Checkpoint, Range, check, compare, contents, gaps, load
 from .checkpoint_file import write_checkpoint
@@ -76,11 +77,9 @@ def _gather(paths: Sequence[Path]) -> tuple[Sampling, list[Checkpoint], tuple[Ra
         held.append(replace(part, film={}))
     assert film is not None
     ranges = _joined([span for span, _ in taken])
-    sampling = Sampling(scene, _settings(held[0], ranges), film, held[0].splits)
-    sampling.done = ranges[-1][1]
-    sampling.resumable = True
-    sampling.earlier_rays, sampling.earlier_done = film.rays, sampling.done
-    sampling.seconds = sampling.earlier_seconds = sum(part.seconds for part in held)
+    done, seconds = ranges[-1][1], sum(part.seconds for part in held)
+    schedule = Schedule(_settings(held[0], ranges), resumable=True, earlier_seconds=seconds, earlier_done=done)
+    sampling = Sampling(scene, film, held[0].splits, schedule, done=done, seconds=seconds, earlier_rays=film.rays)
     sampling.busy_lanes, sampling.shaded_lanes = (sum(part.lanes[i] for part in held) for i in range(2))
     return sampling, held, ranges
 

@@ -2,7 +2,7 @@
 
 Tiles double their samples one after another, always the one whose error falls most for the rays that it takes, so that every
 tile's number stays a power of two times the first block's, at which Sobol points are best. With variance v of one sample and
-c rays for it, doubling n samples takes v / 2n off the error for n c rays. Tiles are judged at the anchors of sampling.py; v
+c rays for it, doubling n samples takes v / 2n off the error for n c rays. Tiles are judged at the anchors of schedule.py; v
 is what the replicates' difference says, half of it from the tiles around, since what one tile's samples have missed its
 neighbours' may have seen. It is limited to what would give a tile a quarter to eight times the mean number of samples, which
 bounds what a wrong judgement can do.

@@ -1,6 +1,6 @@
 """What can be said of a render under way between two measurements: its error by now, and when it will end.
 
-Both go from the last measurement by the rate at which errors fell (sampling.py); intervals widen with the distance from it.
+Both go from the last measurement by the rate at which errors fell (error_curve.py); intervals widen with the distance from it.
 Nothing here decides anything.
 """
 
@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 
 from ..settings import MAX_SPP, Metric
 from .error import Z95, Estimate
+from .error_curve import FASTEST, SLOWEST, Row
 from .prediction import BETWEEN_BLOCKS, OF_SPEED
-from .sampling import FASTEST, FIRST_ANCHOR, FIRST_PLAN, SLOWEST
+from .schedule import FIRST_ANCHOR, FIRST_PLAN
 
 if TYPE_CHECKING:
-    from .sampling import Row, Sampling
+    from .sampling import Sampling
 
 # How uncertain the logarithm of a squared error is for every doubling, until two anchors have told its rate; and after that,
 # since the rate changes.
@@ -54,7 +55,7 @@ class Forecaster:
         return Forecast(self._error(samples), self._left(samples, seconds))
 
     def _row(self) -> Row | None:
-        return self.sampling.rows[-1] if self.sampling.rows else None
+        return self.sampling.curve.last
 
     def _error(self, samples: float) -> Estimate | None:
         row = self._row()
@@ -79,7 +80,7 @@ class Forecaster:
     def _rate(self) -> float:
         """The power of 1 / samples with which squared errors will fall."""
         if not self.sampling.settings.adapts:
-            return self.sampling.rate()
+            return self.sampling.curve.rate()
         rows = self._alike()
         if len(rows) < 2:
             return ADAPTIVE_RATE
@@ -104,7 +105,7 @@ class Forecaster:
             if by_target is not None:
                 rules.append(Estimate(*(_at(by_target, end, samples, each) for end in (0, -1, 1))))
         if settings.time_limit_s is not None:
-            left = max(settings.time_limit_s - (seconds - self.sampling.earlier_seconds), 0.0)
+            left = max(settings.time_limit_s - (seconds - self.sampling.schedule.earlier_seconds), 0.0)
             rules.append(Estimate(left, left, left))
         if not rules:
             return None

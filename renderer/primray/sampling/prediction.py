@@ -11,7 +11,7 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,10 +19,9 @@ from .. import core
 from ..settings import MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
 from .adaptive import make_plan
 from .error import ALL_PIXELS, Z95, Estimate
-from .sampling import FIRST_ANCHOR, FIRST_PLAN, SLOWEST, Progress, Sampling
-
-if TYPE_CHECKING:
-    from .sampling import Row
+from .error_curve import SLOWEST, Row
+from .sampling import Progress, Sampling
+from .schedule import FIRST_ANCHOR, FIRST_PLAN
 
 DOUBLINGS = 20
 # A render plans anew at each doubling, with better knowledge than one plan from the pilot has: as many samples of those that
@@ -70,7 +69,7 @@ class Pilot:
         else:
             # From the last measurement above the target; how fast the error falls from there the pilot may have seen.
             start = rows[-1] if met is None else rows[met - 1]
-            rate = self.sampling.rate() if met is None else self._rate(start, rows[met])
+            rate = self.sampling.curve.rate() if met is None else self._rate(start, rows[met])
             part = self._part(target, start)
             samples, rays = self._to(part, start, rate, replanning=met is None)
             width = self._width(start) / rate
@@ -133,7 +132,7 @@ def run_pilot(
     samples = FIRST_ANCHOR
     uniform = replace(settings, spp=samples, time_limit_s=3 * seconds, target_error=None, adaptive=False)
     sampling = Sampling.begin(scene, uniform)
-    sampling.pilot = True
+    sampling.schedule = replace(sampling.schedule, pilot=True)
     while True:
         sampling.run(progress)
         assert sampling.stop is not None
@@ -142,8 +141,8 @@ def run_pilot(
         if sampling.stop.reason == "time-limit" or 2 * sampling.seconds > seconds or 2 * samples > MAX_SPP:
             break
         samples *= 2
-        sampling.settings = replace(uniform, spp=samples)
-    sampling.settings = settings
+        sampling.schedule = replace(sampling.schedule, settings=replace(uniform, spp=samples))
+    sampling.schedule = replace(sampling.schedule, settings=settings)
     if not sampling.rows:
         return None
     before = time.perf_counter()

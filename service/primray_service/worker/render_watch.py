@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -131,7 +132,7 @@ class Watch:
         """Sample until something stops it, "stopped", or it "gave way". `fraction` was reached by earlier runs."""
         sampling = self._sampling
         sampling.most_fraction = min(max(fraction, 0.0), 0.99)
-        sampling.first_look = True
+        sampling.schedule = replace(sampling.schedule, first_look=True)
         sampling.on_pass = self._on_pass
         try:
             while not sampling.run(self._on_progress, self._is_paused):

@@ -19,7 +19,7 @@ def paused(at: int, **values: Any) -> Sampling:
     sampling = resuming.begin(**{**values, "spp": at, "target_error": None, "adaptive": False})
     assert sampling.run()
     sampling.stop = None
-    sampling.settings = resuming.settings(**values)
+    sampling.schedule = replace(sampling.schedule, settings=resuming.settings(**values))
     sampling.seconds = sampling.now_s = at / 10
     return sampling
 
@@ -47,7 +47,7 @@ def test_where_it_was_measured_the_error_is_what_was_measured() -> None:
 def test_from_there_the_error_falls_and_its_interval_widens(metric: Metric) -> None:
     sampling = paused(16, spp=64, error_metric=metric)
     early = look(sampling)[0]
-    del sampling.rows[-1]
+    sampling.curve = replace(sampling.curve, rows=sampling.rows[:-1])
     late = look(sampling)[0]
     row = sampling.rows[-1].error.of(metric)
     assert early is not None
@@ -85,10 +85,10 @@ def test_a_target_ends_it() -> None:
     """Two anchors say how fast the error falls; it is to fall to a quarter."""
     sampling = paused(16, adaptive=False, target_error=1.0)
     target = sampling.rows[-1].error.relmse.value / 4
-    sampling.settings = replace(sampling.settings, target_error=target)
+    sampling.schedule = replace(sampling.schedule, settings=replace(sampling.settings, target_error=target))
     _, left = look(sampling)
     assert left is not None
-    expected = 16 * 4 ** (1 / sampling.rate())
+    expected = 16 * 4 ** (1 / sampling.curve.rate())
     assert left.value == pytest.approx((expected - 16) / 10, abs=0.2)  # it ends at the end of a block
     assert left.low < left.value < left.high
 

@@ -1,0 +1,91 @@
+"""The error's curve: what was measured after how many samples, how fast it falls, and when it should reach a target."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from ..settings import MAX_SPP, SAMPLE_BLOCK, Metric
+from .error import FrameError
+
+if TYPE_CHECKING:
+    from .adaptive import Plan
+
+# A squared error that falls slower than 1 / sqrt(samples), or faster than 1 / samples^2, is noise in its measurement; of how
+# far the measured power is from 1, the rest is.
+SLOWEST, FASTEST, TRUST = 0.5, 2.0, 0.7
+USUAL_RATE = 1.2  # at first, before it has been measured
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measurement of the error: after how many samples a pixel (their mean) and seconds of sampling."""
+
+    samples: float
+    seconds: float
+    error: FrameError
+    anchor: bool
+    due: bool = False  # the target was expected to be reached here
+
+    @property
+    def decides(self) -> bool:
+        """Whether any render of these samples with this target would have measured here."""
+        return self.anchor or self.due
+
+    def as_json(self) -> dict[str, Any]:
+        found = {"samples": self.samples, "seconds": self.seconds, "relmse": self.error.relmse.value}
+        return found | {"ci95": [self.error.relmse.low, self.error.relmse.high], "rmse": self.error.rmse.value}
+
+
+@dataclass(frozen=True)
+class ErrorCurve:
+    """All measurements, and what those that decide say in one metric."""
+
+    metric: Metric
+    rows: tuple[Row, ...] = ()
+
+    @property
+    def last(self) -> Row | None:
+        return self.rows[-1] if self.rows else None
+
+    def at(self, samples: float) -> Row | None:
+        """The last measurement, if it is of just so many samples a pixel."""
+        return self.last if self.last is not None and self.last.samples == samples else None
+
+    def add(self, row: Row) -> ErrorCurve:
+        return replace(self, rows=(*self.rows, row))
+
+    def change_last(self, row: Row) -> ErrorCurve:
+        """With another row in place of the last one."""
+        return replace(self, rows=(*self.rows[:-1], row))
+
+    def rate(self) -> float:
+        """The power of 1 / samples with which squared errors fall, from the last two anchors."""
+        anchors = [row for row in self.rows if row.anchor]
+        if len(anchors) < 2:
+            return USUAL_RATE
+        before, after = anchors[-2].error.of(self.metric).value, anchors[-1].error.of(self.metric).value
+        if not (before > 0 and after > 0):
+            return USUAL_RATE
+        seen = math.log(before / after) / math.log(anchors[-1].samples / anchors[-2].samples)
+        if self.metric is not Metric.RELMSE:
+            seen *= 2
+        return min(max(1 + TRUST * (seen - 1), SLOWEST), FASTEST)
+
+    def expected_samples(self, target: float, plan: Plan | None = None) -> float | None:
+        """Samples a pixel at which the error should have fallen to the target, at most MAX_SPP; None before it was measured.
+
+        `plan`: where adaptive sampling goes from the last anchor on.
+        """
+        row = next((row for row in reversed(self.rows) if row.decides), None)
+        if row is None:
+            return None
+        part = min(target / max(row.error.of(self.metric).value, 1e-300), 1.0)
+        part **= 1.0 if self.metric is Metric.RELMSE else 2.0
+        rate = self.rate()
+        samples = row.samples * math.pow(part, -1 / rate)
+        if plan is not None and row.samples >= plan.samples:
+            planned = plan.samples_for(row.error.tiles, row.samples, part, 0.5**rate)
+            samples = planned if math.isfinite(planned) else max(samples, 2.0 * plan.samples + SAMPLE_BLOCK)
+        return min(samples, float(MAX_SPP))

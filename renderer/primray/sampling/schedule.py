@@ -1,0 +1,154 @@
+"""Where passes end, where the error is measured, and when a render stops: decisions alone, taken from what is passed in.
+
+What is decided depends on the samples alone, never on time or threads, but for a time limit: so a render that was stopped and
+went on takes the samples of one that ran through. The error is measured at 8 samples a pixel and each time their number has
+doubled (anchors); between these it is taken to go on falling as it did. Where that says that the target is reached, the error
+is measured again, and the render stops or goes on from there. Rows of the error that a render has for other reasons (it was
+interrupted, its samples were at an end, it had another target) decide nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum, auto
+from typing import TYPE_CHECKING, Any
+
+from ..settings import SAMPLE_BLOCK, RenderSettings
+from .error_curve import ErrorCurve, Row
+
+if TYPE_CHECKING:
+    from .adaptive import Plan
+
+FIRST_ANCHOR = 8
+FIRST_PLAN = 16  # adaptive sampling begins here
+# A pass under a time limit takes at most so much of what is left, so that what it takes is known before the end comes near.
+SHARE_OF_TIME = 0.35
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Why a render ended: "target-error", "samples", "time-limit" or "interrupted"."""
+
+    reason: str
+    target_met: bool | None  # None: no error was asked for
+
+    def as_json(self) -> dict[str, Any]:
+        return {"reason": self.reason, "target_met": self.target_met}
+
+
+class Measurement(Enum):
+    """Why the error is looked at where a pass has ended."""
+
+    ANCHOR = auto()
+    LOOK = auto()  # of a few pixels, for those who watch
+    DUE = auto()  # the target should be reached
+    AT_END = auto()  # no sample is to come, and a target is to be answered for
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """What a render of these settings does next. `done` counts the samples a pixel of the passes that are complete."""
+
+    settings: RenderSettings
+    resumable: bool = False  # measure at anchors what any error metric may be told by later
+    pilot: bool = False  # measure at every anchor, and at the end only where there was none
+    first_look: bool = False  # for those who watch: a first pass of one block, whose error is looked at
+    # Of earlier runs, of a render that goes on from a checkpoint: what a time limit (unless told to) doesn't count.
+    earlier_seconds: float = 0.0
+    earlier_done: int = 0
+
+    @property
+    def first(self) -> int:
+        """The sample that a render begins with."""
+        return self.settings.sample_range[0] if self.settings.sample_range else 0
+
+    def is_anchor(self, done: int) -> bool:
+        if self.settings.sample_range is not None or done % FIRST_ANCHOR:
+            return False
+        doublings = (done // FIRST_ANCHOR).bit_length() - 1
+        if done == 0 or done != FIRST_ANCHOR << doublings:
+            return False
+        # Where no target can need them, every other one does for the curve.
+        needed = self.settings.target_error is not None or self.settings.adapts or self.resumable or self.pilot
+        return needed or doublings % 2 == 1
+
+    def plans(self, done: int) -> bool:
+        """Whether tiles are judged anew at this anchor."""
+        return self.settings.adapts and done >= FIRST_PLAN
+
+    def expected_end(self, curve: ErrorCurve, plan: Plan | None) -> int | None:
+        """The first boundary at which the error should have fallen to the target, from the last measurements."""
+        target = self.settings.target_error
+        samples = None if target is None else curve.expected_samples(target, plan)
+        return None if samples is None else math.ceil(samples / SAMPLE_BLOCK - 1e-9) * SAMPLE_BLOCK
+
+    def measurement(self, done: int, expected: int | None) -> Measurement | None:
+        """What is measured where a pass has ended; `expected`: where the target should be reached."""
+        if self.is_anchor(done):
+            return Measurement.ANCHOR
+        if self.first_look and done == SAMPLE_BLOCK:
+            return Measurement.LOOK
+        if self.settings.target_error is None or done == 0:
+            return None
+        if expected is not None and done >= expected:
+            return Measurement.DUE
+        return Measurement.AT_END if done >= self.settings.most_samples else None
+
+    def next_goal(self, done: int, expected: int | None, seconds: float) -> int:
+        """The next pass's end, in samples a pixel: where a measurement is due, or before it where time is short."""
+        most = self.settings.most_samples
+        anchor = FIRST_ANCHOR
+        while anchor <= done:
+            anchor *= 2
+        goal = min(anchor, most)
+        if self.first_look and done == 0:
+            goal = min(SAMPLE_BLOCK, most)
+        after = (done // SAMPLE_BLOCK + 1) * SAMPLE_BLOCK  # an earlier run may have stopped inside a block
+        if expected is not None:
+            goal = min(goal, max(expected, after))
+        if self.settings.time_limit_s is not None:
+            goal = min(goal, max(after, self._within_time(self.settings.time_limit_s, done, seconds)))
+        return max(min(goal, most), done)
+
+    def _within_time(self, limit: float, done: int, seconds: float) -> int:
+        """As many samples a pixel as a share of the time that is left should allow."""
+        if done == 0:
+            return SAMPLE_BLOCK
+        each = seconds / max(done, 1)
+        more = (limit - seconds + self.earlier_seconds) / each
+        share = more if more < 2 * SAMPLE_BLOCK else max(SHARE_OF_TIME * more, 2 * SAMPLE_BLOCK)
+        return (done + int(share)) // SAMPLE_BLOCK * SAMPLE_BLOCK
+
+    def target_met(self, here: Row | None) -> bool | None:
+        """Whether the error measured of all samples is the target's or less; None: no error was asked for."""
+        target = self.settings.target_error
+        if target is None:
+            return None
+        return here is not None and here.error.of(self.settings.error_metric).value <= target
+
+    def stop(self, done: int, here: Row | None, seconds: float) -> Stop | None:
+        """Whether the render ends where a pass has ended; `here`: the error measured there, if it was."""
+        limit, at_end = self.settings.time_limit_s, done >= self.settings.most_samples
+        if here is not None and (here.decides or at_end) and self.target_met(here):
+            return Stop("target-error", True)
+        if at_end:
+            return Stop("samples", None)
+        if limit is not None and done > self.earlier_done:
+            each = seconds / done
+            if seconds - self.earlier_seconds + each * SAMPLE_BLOCK > limit:
+                return Stop("time-limit", None)
+        return None
+
+    def is_out_of_time(self, seconds: float) -> bool:
+        limit = self.settings.time_limit_s
+        return limit is not None and seconds - self.earlier_seconds > limit
+
+    def fraction(self, now: float, expected: int | None, seconds: float) -> float:
+        """How much of the render is done with `now` samples a pixel, by the rule that will end it first."""
+        by = [(now - self.first) / (self.settings.most_samples - self.first)]
+        if expected is not None:
+            by.append(min(now / expected, 0.99))
+        if self.settings.time_limit_s is not None:
+            by.append(min((seconds - self.earlier_seconds) / self.settings.time_limit_s, 0.99))
+        return max(by)
