@@ -89,19 +89,17 @@ def time_codes(text: str | None, limits: Limits) -> list[float | None]:
     """A job's frames, counted before they are listed."""
     if text is None:
         return [None]
-    member, count, parts = "settings.frames", 0, []
+    member, count = "settings.frames", 0
     for part in text.split(","):
         match = _RANGE.fullmatch(part)
         if match is None:
-            parts.append(part)  # the parser says what is wrong with it
-            continue
+            continue  # the parser says what is wrong with it
         first, last, step = match.groups()
         count += 1 if last is None else _count(first, last, step, limits)
         if count > limits.frames:
             raise over_limit(member, f"{limits.frames} frames are allowed", limits.frames)
-        parts.append(first if last is None else f"{first}:{last}" + (f"x{step}" if step is not None else ""))
     try:
-        frames = parse_frames(",".join(parts))
+        frames = parse_frames(text)
     except LimitError:
         raise over_limit(member, f"{limits.frames} frames are allowed", limits.frames) from None
     except SettingsError as error:

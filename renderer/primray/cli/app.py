@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from . import options
+from . import output_flags, render_flags, stage_flags
 from .commands import render as render_module
 from .commands.compare import compare
 from .commands.doctor import doctor
@@ -43,7 +43,8 @@ def primray(
     """Render USD stages on CPUs."""
 
 
-vars(render_module).update(typer=typer, options=options)  # for its annotations, which name them
+_named = {"typer": typer, "stage_flags": stage_flags, "render_flags": render_flags, "output_flags": output_flags}
+vars(render_module).update(_named)  # for its annotations
 app.command()(render_module.render)
 app.command()(estimate)
 app.command()(merge)

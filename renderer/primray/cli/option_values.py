@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from ..aov_names import AOVS
 from ..errors import SettingsError
+from ..render.frame_numbers import parse_frames
 from ..settings import SAMPLE_BLOCK
 
 _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
@@ -23,6 +24,15 @@ def resolution_of(res: tuple[int, int] | None, image_width: int | None) -> tuple
     if res is not None and image_width is not None:
         raise SettingsError("--res and --imageWidth both say how wide the picture is; give one", code="resolution")
     return res if image_width is None else (image_width, 0)
+
+
+def one_frame_of(frames: str | None, command: str) -> float | None:
+    if frames is None:
+        return None
+    time_codes = parse_frames(frames)
+    if len(time_codes) > 1:
+        raise SettingsError(f"{command} looks at one frame", code="frames")
+    return time_codes[0]
 
 
 def load_of(no_payloads: bool, load: list[str] | None) -> tuple[str, ...] | None:

@@ -39,7 +39,7 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "output_dir": (str, ("--output-dir",)),
     "res": (PAIR, ("--res", "-r")),
     "image_width": (_whole, ("--imageWidth", "-w")),
-    "frames": (str, ("--frames", "-f")),
+    "frames": (str, ("--frames", "--frame", "-f")),
     "spp": (_whole, ("--spp", "--pixel-samples", "-p")),
     "target_error": (_number, ("--target-error",)),
     "error_metric": (Metric, ("--error-metric",)),

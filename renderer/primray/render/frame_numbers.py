@@ -1,4 +1,7 @@
-"""Frame lists ("1", "1:10", "1:10x2", "1,5": usdrecord's FrameSpec) and the frame number's place in file names."""
+"""Frame lists and the frame number's place in file names.
+
+Lists are usdrecord's FrameSpec ("1", "1:10", "1:10x2", "1,5"), and "1-10" is 1:10.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,9 @@ from decimal import Decimal, DecimalException, InvalidOperation
 from ..errors import LimitError, SettingsError
 
 MAX_FRAMES = 100_000
+
+_PLAIN = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
+_DASHED = re.compile(rf"({_PLAIN})\s*-\s*({_PLAIN})\s*", re.ASCII)
 
 # ####, ####.## (decimals), %04d, $F4, $F, <F4>, <F>
 _HOLDER = re.compile(r"(?P<hashes>#+)(?:\.(?P<decimals>#+))?|%0?(?P<percent>\d*)d|\$F(?P<dollar>\d*)|<F(?P<angle>\d*)>")
@@ -26,6 +32,7 @@ def parse_frames(text: str) -> list[float]:
 
 def _parse_range(part: str, text: str) -> list[float]:
     span, x, stride = part.partition("x")
+    span = _DASHED.sub(r"\1:\2", span) if _DASHED.fullmatch(span) else span
     first, colon, last = span.partition(":")
     start = _number(first, text)
     if not colon:
@@ -57,7 +64,7 @@ def _number(digits: str, text: str) -> Decimal:
 
 
 def _no_frames(text: str) -> SettingsError:
-    return SettingsError(f"{text!r} is no frame list; write one like 1, 1:10, 1:10x2 or 1,5", code="frames")
+    return SettingsError(f"{text!r} is no frame list; write one like 1, 1:10, 1-10x2 or 1,5", code="frames")
 
 
 def has_frame_holder(name: str) -> bool:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from primray.cli import option_values, options
+from primray.cli import option_values, output_flags, render_flags, stage_flags
 from primray.cli.json_lines import print_line
-from primray.settings import Filter, Metric
+from primray.settings import DEFAULT_DICING_RATE, Filter, Metric
 
 from .connection import Json, KeyFile, Server, connected
 from .exits import FAILED, INTERRUPTED, SCENE_REJECTED, USAGE, CommandError, error_of
@@ -32,35 +32,29 @@ def submit(
     scene: Annotated[
         Path, typer.Argument(metavar="SCENE", help="usda, usdc, usd, usdz, or a zip of them.", show_default=False)
     ],
-    camera: options.Camera = None,
-    res: options.Resolution = None,
-    image_width: options.ImageWidth = None,
-    frames: Annotated[
-        str | None,
-        typer.Option("--frames", "--frame", "-f", metavar="LIST", help="1, 1:10, 1:10x2 or 1,5.", show_default="default time"),
-    ] = None,
-    target_error: options.TargetError = None,
-    error_metric: options.ErrorMetric = Metric.RELMSE,
-    time_limit: Annotated[
-        float | None, typer.Option(metavar="SECONDS", help="Of sampling, a frame.", show_default=False)
-    ] = None,
-    spp: options.Samples = None,
-    seed: options.Seed = 0,
-    adaptive: options.Adaptive = None,
-    max_depth: options.MaxDepth = None,
-    aovs: options.Aovs = None,
-    pixel_filter: options.PixelFilter = Filter.BOX,
-    filter_width: options.FilterWidth = None,
-    no_default_light: options.NoDefaultLight = False,
-    purposes: options.Purposes = None,
-    variants: options.Variants = None,
-    no_payloads: options.NoPayloads = False,
-    load: options.Load = None,
-    mask: options.Mask = None,
-    dicing_rate: Annotated[
-        float | None, typer.Option("--dicing-rate", metavar="PIXELS", help="Edges of subdivision surfaces.", show_default=False)
-    ] = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Refuse a scene with warnings.")] = False,
+    camera: stage_flags.Camera = None,
+    render_settings: stage_flags.RenderSettingsPrim = None,
+    res: stage_flags.Resolution = None,
+    image_width: stage_flags.ImageWidth = None,
+    frames: stage_flags.Frames = None,
+    target_error: render_flags.TargetError = None,
+    error_metric: render_flags.ErrorMetric = Metric.RELMSE,
+    time_limit: render_flags.TimeLimit = None,
+    spp: render_flags.Samples = None,
+    seed: render_flags.Seed = 0,
+    adaptive: render_flags.Adaptive = None,
+    max_depth: render_flags.MaxDepth = None,
+    aovs: output_flags.Aovs = None,
+    pixel_filter: render_flags.PixelFilter = Filter.BOX,
+    filter_width: render_flags.FilterWidth = None,
+    no_default_light: stage_flags.NoDefaultLight = False,
+    purposes: stage_flags.Purposes = None,
+    variants: stage_flags.Variants = None,
+    no_payloads: stage_flags.NoPayloads = False,
+    load: stage_flags.Load = None,
+    mask: stage_flags.Mask = None,
+    dicing_rate: stage_flags.DicingRate = DEFAULT_DICING_RATE,
+    strict: stage_flags.Strict = False,
     entry: Annotated[
         str | None, typer.Option(metavar="LAYER", help="The root layer in a zip that has several.", show_default=False)
     ] = None,
@@ -90,6 +84,7 @@ def submit(
     }
     settings: dict[str, Any] = {
         "camera": option_values.camera_of(camera),
+        "render_settings": render_settings,
         "resolution": option_values.resolution_of(res, image_width),
         "frames": frames,
         "stop": given(stop),
@@ -104,7 +99,7 @@ def submit(
         "variants": variants,
         "load": _list(option_values.load_of(no_payloads, load)),
         "mask": _list(option_values.mask_of(mask)),
-        "dicing_rate": dicing_rate,
+        "dicing_rate": dicing_rate if dicing_rate != DEFAULT_DICING_RATE else None,
         "strict": strict or None,
     }
     labels = ({"name": name} if name else {}) | labels_of(label)

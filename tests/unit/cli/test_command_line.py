@@ -91,6 +91,17 @@ def test_image_width(pipeline: FakePipeline) -> None:
     assert report_of("r.json")["settings"]["resolution"] == [20, 10]
 
 
+def test_frame_and_frames_are_one_flag(pipeline: FakePipeline) -> None:
+    assert run(["render", "shot.usda", "--frame", "1-5x2", "-o", "a.####.exr"]) == 0
+    assert files() == ["a.0001.exr", "a.0003.exr", "a.0005.exr"]
+
+
+@pytest.mark.parametrize("command", ["inspect", "estimate"])
+def test_a_look_at_one_frame_refuses_more(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([command, "shot.usda", "--frames", "1-3", "--json"]) == 2
+    assert json.loads(capsys.readouterr().out)["code"] == "frames"
+
+
 def test_frames(pipeline: FakePipeline) -> None:
     assert run(["render", "shot.usda", "-f", "1:5x2", "-o", "a.####.exr", "--report", "r.%02d.json"]) == 0
     assert files() == ["a.0001.exr", "a.0003.exr", "a.0005.exr", "r.01.json", "r.03.json", "r.05.json"]

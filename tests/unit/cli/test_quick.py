@@ -23,6 +23,7 @@ LINES = [
     "render -j 2 --seed 7 s.usd --frames 1:10x2 x.####.exr --json --verbose",
     "render s.usd --pixel-samples 4 -w 100 -c /cam --time-limit 2.5 --target-error 1e-3 --max-depth 3",
     "render s.usd -V --strict --no-default-light --aov depth --aov normal --report r.json --checkpoint c.ckpt",
+    "render s.usd --frame 7",
     "render s.usd --spp=16 --filter=gaussian --mask=/a=b --frames=1:3 -o x.####.exr",
     "render s.usd --filter box --filter-width 1 --exposure 1.5 --error-metric display --adaptive --dicing-rate 2",
     "render s.usd --no-adaptive --view Raw --display sRGB --look none --rendering-color-space lin_ap1_scene --max-memory 4G",

@@ -20,6 +20,11 @@ from primray.render.frame_numbers import check_names, name_of_frame, parse_frame
         ("10:1x-4", [10, 6, 2]),
         ("0:1x0.25", [0, 0.25, 0.5, 0.75, 1]),
         ("0:0.3x0.1", [0, 0.1, 0.2, 0.3]),  # 0.3 / 0.1 is below 3 in binary
+        ("1-4", [1, 2, 3, 4]),
+        ("1-10x4", [1, 5, 9]),
+        ("-3 - -1", [-3, -2, -1]),
+        ("4-1,7", [4, 3, 2, 1, 7]),
+        ("1e-1", [0.1]),
         ("1,5", [1, 5]),
         ("1:3, 7", [1, 2, 3, 7]),
     ],
@@ -29,7 +34,25 @@ def test_frame_lists(text: str, frames: list[float]) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["", "a", "1:", ":3", "1:2:3", "1x2", "1:5x0", "1,,2", "nan", "inf", "1:1e99", "1e9999999", "0:1x1e-9999999"]
+    "text",
+    [
+        "",
+        "a",
+        "1:",
+        ":3",
+        "1:2:3",
+        "1-2-3",
+        "1-",
+        "--1",
+        "1x2",
+        "1:5x0",
+        "1,,2",
+        "nan",
+        "inf",
+        "1:1e99",
+        "1e9999999",
+        "0:1x1e-9999999",
+    ],
 )
 def test_what_is_no_frame_list(text: str) -> None:
     with pytest.raises(SettingsError, match="no frame list"):

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ...errors import SettingsError
-from ...render.frame_numbers import parse_frames
 from ...settings import DEFAULT_DICING_RATE, Filter, Metric, RenderSettings
-from .. import option_values, options
+from .. import option_values, output_flags, render_flags, stage_flags
 
 if TYPE_CHECKING:
     from ...sampling.prediction import Pilot, Prediction
@@ -20,40 +19,38 @@ SMALLEST_TARGET = 1e-30
 
 
 def estimate(
-    scene: options.Scene,
+    scene: stage_flags.Scene,
     target_errors: Annotated[
         list[float] | None,
         typer.Option("--target-error", metavar="E", help="May be repeated.", show_default="a table of round ones"),
     ] = None,
-    error_metric: options.ErrorMetric = Metric.RELMSE,
+    error_metric: render_flags.ErrorMetric = Metric.RELMSE,
     pilot_seconds: Annotated[float, typer.Option("--pilot", metavar="S", help="Seconds of sampling to judge by.")] = 3.0,
-    adaptive: options.Adaptive = None,
-    spp: options.Samples = None,
-    camera: options.Camera = None,
-    render_settings: options.RenderSettingsPrim = None,
-    res: options.Resolution = None,
-    image_width: options.ImageWidth = None,
-    frame: options.Frame = None,
-    max_depth: options.MaxDepth = None,
-    pixel_filter: options.PixelFilter = Filter.BOX,
-    filter_width: options.FilterWidth = None,
-    threads: options.Threads = None,
-    seed: options.Seed = 0,
-    dicing_rate: options.DicingRate = DEFAULT_DICING_RATE,
-    json: options.Json = False,
-    no_default_light: options.NoDefaultLight = False,
-    purposes: options.Purposes = None,
-    variants: options.Variants = None,
-    no_payloads: options.NoPayloads = False,
-    load: options.Load = None,
-    mask: options.Mask = None,
-    session_layer: options.SessionLayer = None,
-    verbose: options.Verbose = False,
+    adaptive: render_flags.Adaptive = None,
+    spp: render_flags.Samples = None,
+    camera: stage_flags.Camera = None,
+    render_settings: stage_flags.RenderSettingsPrim = None,
+    res: stage_flags.Resolution = None,
+    image_width: stage_flags.ImageWidth = None,
+    frames: stage_flags.Frames = None,
+    max_depth: render_flags.MaxDepth = None,
+    pixel_filter: render_flags.PixelFilter = Filter.BOX,
+    filter_width: render_flags.FilterWidth = None,
+    threads: render_flags.Threads = None,
+    seed: render_flags.Seed = 0,
+    dicing_rate: stage_flags.DicingRate = DEFAULT_DICING_RATE,
+    json: output_flags.Json = False,
+    rendering_color_space: stage_flags.RenderingColorSpace = None,
+    no_default_light: stage_flags.NoDefaultLight = False,
+    purposes: stage_flags.Purposes = None,
+    variants: stage_flags.Variants = None,
+    no_payloads: stage_flags.NoPayloads = False,
+    load: stage_flags.Load = None,
+    mask: stage_flags.Mask = None,
+    session_layer: stage_flags.SessionLayer = None,
+    verbose: output_flags.Verbose = False,
 ) -> None:
     """Predict the samples and seconds that a render needs to reach an error, without rendering it."""
-    time_codes: list[float | None] = [None] if frame is None else [*parse_frames(frame)]
-    if len(time_codes) > 1:
-        raise SettingsError("estimate looks at one frame", code="frames")
     if not pilot_seconds > 0:
         raise SettingsError(f"the pilot needs some seconds, not {pilot_seconds}", code="pilot")
     targets = sorted(set(target_errors or ()), reverse=True)
@@ -61,7 +58,7 @@ def estimate(
         camera=option_values.camera_of(camera),
         render_settings=render_settings,
         resolution=option_values.resolution_of(res, image_width),
-        time_code=time_codes[0],
+        time_code=option_values.one_frame_of(frames, "estimate"),
         spp=spp,
         target_error=min(targets, default=SMALLEST_TARGET),
         error_metric=error_metric,
@@ -72,6 +69,7 @@ def estimate(
         threads=threads,
         seed=seed,
         default_light=not no_default_light,
+        rendering_color_space=rendering_color_space,
         purposes=option_values.purposes_of(purposes),
         variants=tuple(variants or ()),
         load=option_values.load_of(no_payloads, load),

@@ -3,39 +3,34 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from ...errors import SettingsError
-from ...render.frame_numbers import parse_frames
 from ...settings import DEFAULT_DICING_RATE, RenderSettings
-from .. import option_values, options
+from .. import option_values, output_flags, stage_flags
 
 if TYPE_CHECKING:
     from ...description import SceneDescription
 
 
 def inspect(
-    scene: options.Scene,
-    camera: options.Camera = None,
-    render_settings: options.RenderSettingsPrim = None,
-    res: options.Resolution = None,
-    image_width: options.ImageWidth = None,
-    frame: options.Frame = None,
-    no_default_light: options.NoDefaultLight = False,
-    purposes: options.Purposes = None,
-    variants: options.Variants = None,
-    no_payloads: options.NoPayloads = False,
-    load: options.Load = None,
-    mask: options.Mask = None,
-    session_layer: options.SessionLayer = None,
-    dicing_rate: options.DicingRate = DEFAULT_DICING_RATE,
-    json: options.Json = False,
-    verbose: options.Verbose = False,
-    strict: Annotated[
-        bool, typer.Option("--strict", help="Refuse a stage with warnings about the picture, after printing.")
-    ] = False,
+    scene: stage_flags.Scene,
+    camera: stage_flags.Camera = None,
+    render_settings: stage_flags.RenderSettingsPrim = None,
+    res: stage_flags.Resolution = None,
+    image_width: stage_flags.ImageWidth = None,
+    frames: stage_flags.Frames = None,
+    rendering_color_space: stage_flags.RenderingColorSpace = None,
+    no_default_light: stage_flags.NoDefaultLight = False,
+    purposes: stage_flags.Purposes = None,
+    variants: stage_flags.Variants = None,
+    no_payloads: stage_flags.NoPayloads = False,
+    load: stage_flags.Load = None,
+    mask: stage_flags.Mask = None,
+    session_layer: stage_flags.SessionLayer = None,
+    dicing_rate: stage_flags.DicingRate = DEFAULT_DICING_RATE,
+    json: output_flags.Json = False,
+    verbose: output_flags.Verbose = False,
+    strict: stage_flags.Strict = False,
 ) -> None:
     """Print what a stage is made of and what would be rendered: layers, variants, cameras, counts, memory, diagnostics."""
     from ... import usd
@@ -45,15 +40,13 @@ def inspect(
     from ..inspect_text import lines
     from ..json_lines import print_line
 
-    time_codes: list[float | None] = [None] if frame is None else [*parse_frames(frame)]
-    if len(time_codes) > 1:
-        raise SettingsError("inspect looks at one frame", code="frames")
     settings = RenderSettings(
         camera=option_values.camera_of(camera),
         render_settings=render_settings,
         resolution=option_values.resolution_of(res, image_width),
-        time_code=time_codes[0],
+        time_code=option_values.one_frame_of(frames, "inspect"),
         default_light=not no_default_light,
+        rendering_color_space=rendering_color_space,
         purposes=option_values.purposes_of(purposes),
         variants=tuple(variants or ()),
         load=option_values.load_of(no_payloads, load),

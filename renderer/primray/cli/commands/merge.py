@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from .. import options
+from .. import output_flags
+from ..flag_defaults import with_own_default
 from .render import Looks, check_outputs, write
 
 
@@ -16,17 +17,15 @@ def merge(
         list[Path],
         typer.Argument(metavar="PART...", help="Checkpoints, as `render --sample-range` writes them.", show_default=False),
     ],
-    outputs: Annotated[
-        list[str], typer.Option("--output", "-o", metavar="FILE", help="EXR, PNG or JPEG; may be repeated.", show_default=False)
-    ],
-    checkpoint: options.Checkpoint = None,
-    report: options.Report = None,
-    display: options.Display = None,
-    view: options.View = None,
-    look: options.Look = None,
-    exposure: options.Exposure = 0.0,
-    json: options.Json = False,
-    verbose: options.Verbose = False,
+    outputs: Annotated[list[str], with_own_default(output_flags.Outputs)],
+    checkpoint: output_flags.Checkpoint = None,
+    report: output_flags.Report = None,
+    display: output_flags.Display = None,
+    view: output_flags.View = None,
+    look: output_flags.Look = None,
+    exposure: output_flags.Exposure = 0.0,
+    json: output_flags.Json = False,
+    verbose: output_flags.Verbose = False,
 ) -> None:
     """Merge checkpoints of different samples of one picture: the bits of one render that took them all."""
     from ...checkpoints.checkpointing import Checkpointing

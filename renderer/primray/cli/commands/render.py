@@ -24,40 +24,32 @@ if TYPE_CHECKING:
     from ...checkpoints.checkpointing import Checkpointing
     from ...images.image import Image
     from ...render import OpenedStage
-    from .. import options
+    from .. import output_flags, render_flags, stage_flags
 
 
 def render(
-    scene: options.Scene,
+    scene: stage_flags.Scene,
     output: Annotated[str | None, typer.Argument(metavar="[OUTPUT]", help="As -o.", show_default=False)] = None,
-    outputs: Annotated[
-        list[str] | None,
-        typer.Option("--output", "-o", metavar="FILE", help="EXR, PNG or JPEG; may be repeated.", show_default="<scene>.exr"),
-    ] = None,
-    camera: options.Camera = None,
-    render_settings: options.RenderSettingsPrim = None,
-    product: options.Products = None,
-    all_products: options.AllProducts = False,
-    output_dir: options.OutputDir = None,
-    res: options.Resolution = None,
-    image_width: options.ImageWidth = None,
-    frames: Annotated[
-        str | None, typer.Option("--frames", "-f", metavar="LIST", help="1, 1:10, 1:10x2 or 1,5.", show_default="default time")
-    ] = None,
-    spp: options.Samples = None,
-    target_error: options.TargetError = None,
-    error_metric: options.ErrorMetric = Metric.RELMSE,
-    time_limit: Annotated[
-        float | None,
-        typer.Option(metavar="S", help="Stop after so many seconds of sampling (set-up comes before).", show_default=False),
-    ] = None,
+    outputs: output_flags.Outputs = None,
+    camera: stage_flags.Camera = None,
+    render_settings: stage_flags.RenderSettingsPrim = None,
+    product: output_flags.Products = None,
+    all_products: output_flags.AllProducts = False,
+    output_dir: output_flags.OutputDir = None,
+    res: stage_flags.Resolution = None,
+    image_width: stage_flags.ImageWidth = None,
+    frames: stage_flags.Frames = None,
+    spp: render_flags.Samples = None,
+    target_error: render_flags.TargetError = None,
+    error_metric: render_flags.ErrorMetric = Metric.RELMSE,
+    time_limit: render_flags.TimeLimit = None,
     sample_range: Annotated[
         str | None,
         typer.Option(
             metavar="A:B", help="Only these of each pixel's samples, for `primray merge`; multiples of 2.", show_default=False
         ),
     ] = None,
-    checkpoint: options.Checkpoint = None,
+    checkpoint: output_flags.Checkpoint = None,
     checkpoint_every: Annotated[
         float | None, typer.Option(metavar="S", help="Seconds between checkpoints.", show_default="60")
     ] = None,
@@ -65,33 +57,31 @@ def render(
         str | None,
         typer.Option(metavar="FILE", help="Go on from a checkpoint, and with it unless --checkpoint names another."),
     ] = None,
-    adaptive: options.Adaptive = None,
-    max_depth: options.MaxDepth = None,
-    pixel_filter: options.PixelFilter = Filter.BOX,
-    filter_width: options.FilterWidth = None,
-    threads: options.Threads = None,
-    seed: options.Seed = 0,
-    rendering_color_space: options.RenderingColorSpace = None,
-    display: options.Display = None,
-    aovs: options.Aovs = None,
-    view: options.View = None,
-    look: options.Look = None,
-    exposure: options.Exposure = 0.0,
-    strict: Annotated[bool, typer.Option("--strict", help="Refuse a stage with warnings.")] = False,
-    max_memory: Annotated[
-        str | None, typer.Option(metavar="SIZE", help="Refuse larger scenes: 4G, 500M.", show_default="no limit")
-    ] = None,
-    dicing_rate: options.DicingRate = DEFAULT_DICING_RATE,
-    report: options.Report = None,
-    json: options.Json = False,
-    no_default_light: options.NoDefaultLight = False,
-    purposes: options.Purposes = None,
-    variants: options.Variants = None,
-    no_payloads: options.NoPayloads = False,
-    load: options.Load = None,
-    mask: options.Mask = None,
-    session_layer: options.SessionLayer = None,
-    verbose: options.Verbose = False,
+    adaptive: render_flags.Adaptive = None,
+    max_depth: render_flags.MaxDepth = None,
+    pixel_filter: render_flags.PixelFilter = Filter.BOX,
+    filter_width: render_flags.FilterWidth = None,
+    threads: render_flags.Threads = None,
+    seed: render_flags.Seed = 0,
+    rendering_color_space: stage_flags.RenderingColorSpace = None,
+    display: output_flags.Display = None,
+    aovs: output_flags.Aovs = None,
+    view: output_flags.View = None,
+    look: output_flags.Look = None,
+    exposure: output_flags.Exposure = 0.0,
+    strict: stage_flags.Strict = False,
+    max_memory: render_flags.MaxMemory = None,
+    dicing_rate: stage_flags.DicingRate = DEFAULT_DICING_RATE,
+    report: output_flags.Report = None,
+    json: output_flags.Json = False,
+    no_default_light: stage_flags.NoDefaultLight = False,
+    purposes: stage_flags.Purposes = None,
+    variants: stage_flags.Variants = None,
+    no_payloads: stage_flags.NoPayloads = False,
+    load: stage_flags.Load = None,
+    mask: stage_flags.Mask = None,
+    session_layer: stage_flags.SessionLayer = None,
+    verbose: output_flags.Verbose = False,
 ) -> None:
     """Render a USD stage to EXR, PNG or JPEG."""
     time_codes = None if frames is None else parse_frames(frames)

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ...errors import SettingsError
-from .. import option_values
+from .. import option_values, render_flags, stage_flags
+from ..flag_defaults import with_own_default
 
 if TYPE_CHECKING:
     from ..sheet_runs import Outcome
@@ -22,14 +23,12 @@ def sheet(
     output: Annotated[
         str, typer.Option("--output", "-o", metavar="FILE", help="HTML; a JSON is put beside it.")
     ] = "sheet.html",
-    width: Annotated[int, typer.Option("--imageWidth", "-w", metavar="W", help="Pixels.")] = 256,
-    spp: Annotated[int, typer.Option("--spp", "-p", metavar="N", help="Samples per pixel.")] = 16,
+    width: Annotated[int, with_own_default(stage_flags.ImageWidth)] = 256,
+    spp: Annotated[int, with_own_default(render_flags.Samples)] = 16,
     at_once: Annotated[int, typer.Option("--at-once", "-n", metavar="N", help="Renders at the same time.")] = 1,
-    threads: Annotated[
-        int | None, typer.Option("--threads", "-j", metavar="N", help="Threads of each.", show_default="all cores")
-    ] = None,
+    threads: render_flags.Threads = None,
     timeout: Annotated[float, typer.Option(metavar="S", help="Seconds after which a render is stopped.")] = 120.0,
-    max_memory: Annotated[str, typer.Option(metavar="SIZE", help="Address space of each render.")] = "16G",
+    max_memory: Annotated[str, with_own_default(render_flags.MaxMemory)] = "16G",
     roots_only: Annotated[bool, typer.Option("--roots-only", help="Leave out layers that others of the folder use.")] = False,
 ) -> None:
     """Render every stage under a folder into a contact sheet; exit code 1 if any render fails."""

@@ -1,0 +1,56 @@
+"""What comes out of a command, where and how it looks."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+Outputs = Annotated[
+    list[str] | None,
+    typer.Option("--output", "-o", metavar="FILE", help="EXR, PNG or JPEG; may be repeated.", show_default="<scene>.exr"),
+]
+Products = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--product",
+        metavar="PRIM",
+        help="Path or name of a RenderProduct, written under its own name; may be repeated.",
+        show_default="the first",
+    ),
+]
+AllProducts = Annotated[bool, typer.Option("--all-products", help="Every product of the RenderSettings, under its own name.")]
+OutputDir = Annotated[
+    str | None,
+    typer.Option("--output-dir", metavar="DIR", help="Where products are written.", show_default="the current folder"),
+]
+Aovs = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--aov",
+        metavar="NAME",
+        help="Outputs beside the picture, as parts of an EXR: names by commas, all, or none; may be repeated.",
+        show_default="the stage's",
+    ),
+]
+View = Annotated[
+    str | None, typer.Option("--view", metavar="NAME", help="OCIO view of PNG and JPEG.", show_default="the display's default")
+]
+Display = Annotated[
+    str | None,
+    typer.Option("--display", metavar="NAME", help="OCIO display of PNG and JPEG.", show_default="the configuration's default"),
+]
+Look = Annotated[
+    str | None,
+    typer.Option(
+        "--look", metavar="NAME", help="OCIO look of PNG and JPEG, in place of the view's.", show_default="the view's"
+    ),
+]
+Exposure = Annotated[float, typer.Option("--exposure", metavar="STOPS", help="Of PNG and JPEG.")]
+Report = Annotated[str | None, typer.Option("--report", metavar="FILE", help="Write the report as JSON.", show_default=False)]
+Checkpoint = Annotated[
+    str | None,
+    typer.Option("--checkpoint", metavar="FILE", help="Write what is needed to go on from there.", show_default=False),
+]
+Json = Annotated[bool, typer.Option("--json", help="JSON lines on stdout.")]
+Verbose = Annotated[bool, typer.Option("--verbose", "-V", help="Every diagnostic and prim; tracebacks of errors.")]

@@ -1,0 +1,59 @@
+"""How a picture is sampled, and when that ends: flags of every command that renders, or has it done."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from ..settings import Filter, Metric
+
+Samples = Annotated[
+    int | None,
+    typer.Option(
+        "--spp",
+        "--pixel-samples",
+        "-p",
+        metavar="N",
+        help="Samples per pixel; a cap where an error or a time is asked for.",
+        show_default="64, or no cap",
+    ),
+]
+TargetError = Annotated[
+    float | None,
+    typer.Option("--target-error", metavar="E", help="Stop when the error is estimated to be no larger.", show_default=False),
+]
+ErrorMetric = Annotated[
+    Metric,
+    typer.Option(
+        "--error-metric",
+        help="relmse: mean of (I-R)^2/(R^2+0.01); rmse; display: rmse after the view, in 8-bit steps.",
+    ),
+]
+TimeLimit = Annotated[
+    float | None,
+    typer.Option(
+        "--time-limit",
+        metavar="S",
+        help="Stop a frame after so many seconds of sampling (set-up comes before).",
+        show_default=False,
+    ),
+]
+Adaptive = Annotated[
+    bool | None,
+    typer.Option("--adaptive/--no-adaptive", help="More samples where the error is.", show_default="with --target-error"),
+]
+MaxDepth = Annotated[
+    int | None,
+    typer.Option("--max-depth", metavar="N", help="Surface scatterings, 1 = direct light only.", show_default="no limit"),
+]
+PixelFilter = Annotated[Filter, typer.Option("--filter", help="Pixel filter.")]
+FilterWidth = Annotated[
+    float | None, typer.Option("--filter-width", metavar="W", help="Full width in pixels.", show_default="box 1, else 3")
+]
+Threads = Annotated[int | None, typer.Option("--threads", "-j", metavar="N", help="Threads.", show_default="all cores")]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of the random numbers.")]
+MaxMemory = Annotated[
+    str | None,
+    typer.Option("--max-memory", metavar="SIZE", help="Fail a render that needs more: 4G, 500M.", show_default="no limit"),
+]

@@ -1,0 +1,85 @@
+"""What of a stage is looked at, and how it is composed: flags of every command that opens one, or has it opened.
+
+What their values mean is in option_values.py.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+Scene = Annotated[str, typer.Argument(metavar="SCENE", help="The USD stage: usda, usdc, usd or usdz.", show_default=False)]
+Camera = Annotated[
+    str | None,
+    typer.Option("--camera", "-c", "-cam", metavar="CAMERA", help="Prim path or name of a camera.", show_default=False),
+]
+RenderSettingsPrim = Annotated[
+    str | None,
+    typer.Option(
+        "--render-settings",
+        "--renderSettingsPrimPath",
+        "-rs",
+        metavar="PRIM",
+        help="Path of the RenderSettings to follow.",
+        show_default="the stage's",
+    ),
+]
+Resolution = Annotated[
+    tuple[int, int] | None,
+    typer.Option("--res", "-r", metavar="W H", help="Pixels; one of them 0: by the camera's aspect.", show_default=False),
+]
+ImageWidth = Annotated[
+    int | None,
+    typer.Option("--imageWidth", "-w", metavar="W", help="Pixels; the height by the camera's aspect.", show_default=False),
+]
+Frames = Annotated[
+    str | None,
+    typer.Option(
+        "--frames",
+        "--frame",
+        "-f",
+        metavar="LIST",
+        help="Time codes: 1, 1:10, 1-10x2 or 1,5; inspect and estimate take one.",
+        show_default="default time",
+    ),
+]
+NoDefaultLight = Annotated[bool, typer.Option("--no-default-light", help="Leave a stage without lights dark.")]
+Purposes = Annotated[
+    str | None, typer.Option("--purposes", metavar="LIST", help="Such as default,render,proxy.", show_default="the stage's")
+]
+Variants = Annotated[
+    list[str] | None,
+    typer.Option("--variant", metavar="PRIM:SET=NAME", help="Choose a variant; may be repeated.", show_default=False),
+]
+NoPayloads = Annotated[bool, typer.Option("--no-payloads", help="Load no payloads.")]
+Load = Annotated[
+    list[str] | None,
+    typer.Option("--load", metavar="PRIM", help="Load payloads only here and below; may be repeated.", show_default="all"),
+]
+Mask = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--mask",
+        metavar="PRIM",
+        help="Populate only these prims, what is above and below them and what they refer to; may be repeated.",
+        show_default=False,
+    ),
+]
+SessionLayer = Annotated[
+    str | None,
+    typer.Option("--session-layer", "--sessionLayer", metavar="FILE", help="Opinions over the stage's.", show_default=False),
+]
+DicingRate = Annotated[
+    float, typer.Option("--dicing-rate", metavar="PIXELS", help="Longest edges of subdivision surfaces on the picture.")
+]
+Strict = Annotated[bool, typer.Option("--strict", help="Refuse a stage with warnings about the picture.")]
+RenderingColorSpace = Annotated[
+    str | None,
+    typer.Option(
+        "--rendering-color-space",
+        metavar="NAME",
+        help="Linear RGB space that light is computed in, such as lin_ap1_scene.",
+        show_default="the stage's, else lin_rec709_scene",
+    ),
+]

@@ -1,0 +1,72 @@
+"""Flags that commands share are the same everywhere, and every command that they mean something to has them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, get_args, get_origin
+
+import pytest
+from typer.main import get_command
+from typer.models import OptionInfo
+
+from primray.cli import output_flags, render_flags, stage_flags
+from primray.cli.app import app
+from primray.cli.installed import LazyCommand, loaded
+
+COMMANDS = ("render", "estimate", "inspect", "submit", "sheet", "merge")
+OPEN_A_STAGE = {"render", "estimate", "inspect", "submit"}
+RENDER = {"render", "estimate", "submit"}
+LACKING = {
+    ("submit", "--session-layer"): "a file of the user's machine",
+    ("submit", "--rendering-color-space"): "no setting of the API",
+    ("submit", "--threads"): "the server decides",
+    ("submit", "--max-memory"): "the server decides",
+    ("estimate", "--strict"): "makes no picture",
+    ("estimate", "--time-limit"): "--pilot",
+    ("estimate", "--max-memory"): "makes no picture",
+}
+ITS_OWN = {("estimate", "--target-error"), ("sheet", "--output")}  # several targets; one page
+
+
+def options(command: str) -> dict[str, Any]:
+    group: Any = get_command(app)
+    context = group.make_context("primray", [command], resilient_parsing=True)
+    found = group.get_command(context, command)
+    if isinstance(found, LazyCommand):
+        found = loaded(command, found.target)
+    return {each.opts[0]: each for each in found.params if each.opts[0].startswith("-")}
+
+
+FOUND = {command: options(command) for command in COMMANDS}
+
+
+def names_of(module: Any) -> list[str]:
+    flags = [value for value in vars(module).values() if get_origin(value) is Annotated]
+    found = [each for flag in flags for each in get_args(flag)[1:] if isinstance(each, OptionInfo)]
+    return [str(each.default).partition("/")[0] for each in found]  # in an annotation, what comes first is the first name
+
+
+STAGE, LIKE_RENDER, OUTPUT = (names_of(module) for module in (stage_flags, render_flags, output_flags))
+
+
+@pytest.mark.parametrize("name", [*STAGE, *LIKE_RENDER, *OUTPUT])
+def test_a_flag_is_the_same_in_every_command_that_has_it(name: str) -> None:
+    having = {command: found[name] for command, found in FOUND.items() if name in found}
+    assert having
+    first = FOUND["render"][name]
+    for command, option in having.items():
+        assert (option.opts, option.secondary_opts) == (first.opts, first.secondary_opts), command
+        assert (option.metavar, option.nargs) == (first.metavar, first.nargs), command
+        if (command, name) not in ITS_OWN:
+            assert option.type_descriptor.annotation == first.type_descriptor.annotation, command
+            assert option.help == first.help, command
+
+
+@pytest.mark.parametrize(("names", "commands"), [(STAGE, OPEN_A_STAGE), (LIKE_RENDER, RENDER)], ids=["stage", "render"])
+def test_the_commands_that_should_have_a_flag_do(names: list[str], commands: set[str]) -> None:
+    lacking = {(command, name) for name in names for command in commands if name not in FOUND[command]}
+    assert lacking == {(command, name) for command, name in LACKING if name in names}
+
+
+def test_every_flag_of_two_commands_is_in_a_module_of_flags() -> None:
+    shared = {name for found in FOUND.values() for name in found if sum(name in other for other in FOUND.values()) > 1}
+    assert shared - {"--help"} <= {*STAGE, *LIKE_RENDER, *OUTPUT}
