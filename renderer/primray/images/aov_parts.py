@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ import numpy as np
 from ..errors import SettingsError
 from ..textures.image_error import last_error
 from .aov import Aov, Stored, Values
+from .opened_picture import open_picture
 
 PICTURE_PART = "rgba"
 # Of what a part says of its numbers: this many entries and this much text at most; the rest is counted.
@@ -67,11 +67,7 @@ def read_aovs(path: str | os.PathLike[str]) -> dict[str, Aov]:
     import OpenImageIO as oiio
 
     name = os.fspath(path)
-    if not Path(name).is_file():
-        raise SettingsError("there is no such picture", where=name, code="image-missing")
-    file = oiio.ImageInput.open(name)
-    if file is None:
-        raise SettingsError(f"the picture cannot be read: {last_error(oiio)}", where=name, code="image-unreadable")
+    file = open_picture(name)
     found: dict[str, Aov] = {}
     try:
         number = 1

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from ..arrays import Floats
 from ..description import Frame, PixelWindow
 from ..errors import SettingsError
 from ..textures.image_error import last_error
+from .opened_picture import open_picture
 
 COLORS = ("R", "G", "B")
 ERROR_CHANNELS = tuple(f"stderr.{name}" for name in COLORS)
@@ -74,11 +74,7 @@ def read_image(path: str | os.PathLike[str]) -> MeasuredImage:
     import OpenImageIO as oiio
 
     name = os.fspath(path)
-    if not Path(name).is_file():
-        raise SettingsError("there is no such picture", where=name, code="image-missing")
-    file = oiio.ImageInput.open(name)
-    if file is None:
-        raise SettingsError(f"the picture cannot be read: {last_error(oiio)}", where=name, code="image-unreadable")
+    file = open_picture(name)
     try:
         spec = file.spec()
         channels = tuple(spec.channelnames)

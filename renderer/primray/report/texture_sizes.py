@@ -2,41 +2,27 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable
-from pathlib import PurePath
 
 from ..description import SceneDescription
 from ..errors import AssetError
-from ..textures.image_error import last_error
+from ..textures.image_header import read_header
 from .summary import ImageSize, texture_files
 
 
 def texture_sizes(description: SceneDescription, read: Callable[[str], bytes]) -> dict[str, ImageSize | None]:
-    """By path; None for files that cannot be read. `read` gives the bytes of a package's member ("package.usdz[member]")."""
+    """By path; None for files that cannot be read. `read` is as in read_header."""
     return {path: _size(path, read) for path in texture_files(description)}
 
 
 def _size(path: str, read: Callable[[str], bytes]) -> ImageSize | None:
-    if not path.endswith("]"):
-        return _of_file(path)
-    with tempfile.NamedTemporaryFile(suffix=PurePath(path[path.rindex("[") + 1 : -1]).suffix) as unpacked:
-        try:
-            unpacked.write(read(path))
-        except AssetError:
-            return None
-        unpacked.flush()
-        return _of_file(unpacked.name)
-
-
-def _of_file(path: str) -> ImageSize | None:
     import OpenImageIO as oiio
 
-    image = oiio.ImageInput.open(path)
-    if image is None:
-        last_error(oiio)
+    try:
+        header = read_header(path, read)
+    except AssetError:
         return None
-    spec = image.spec()
-    image.close()
-    kept = {oiio.UINT8: 1, oiio.UINT16: 2}.get(spec.format.basetype, 4)
-    return ImageSize(spec.width, spec.height, spec.nchannels, kept)
+    if header is None:
+        return None
+    kept = {oiio.UINT8: 1, oiio.UINT16: 2}.get(header.format.basetype, 4)
+    return ImageSize(header.width, header.height, header.nchannels, kept)

@@ -1,0 +1,36 @@
+"""A picture's header, without its pixels: its size, format and metadata."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import PurePath
+from typing import TYPE_CHECKING
+
+from .image_error import last_error
+
+if TYPE_CHECKING:
+    import OpenImageIO as oiio
+
+
+def read_header(path: str, read: Callable[[str], bytes]) -> oiio.ImageSpec | None:
+    """None if it cannot be opened. `read` gives the bytes of a package's member ("package.usdz[member]")."""
+    if not path.endswith("]"):
+        return _of_file(path)
+    with tempfile.NamedTemporaryFile(suffix=PurePath(path[path.rindex("[") + 1 : -1]).suffix) as unpacked:
+        unpacked.write(read(path))
+        unpacked.flush()
+        return _of_file(unpacked.name)
+
+
+def _of_file(path: str) -> oiio.ImageSpec | None:
+    import OpenImageIO as oiio
+
+    image = oiio.ImageInput.open(path)
+    if image is None:
+        last_error(oiio)
+        return None
+    try:
+        return image.spec()
+    finally:
+        image.close()
