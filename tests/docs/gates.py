@@ -21,15 +21,20 @@ Gate = Callable[[PurePosixPath, str], Iterator[str]]
 
 def imported_modules(path: PurePosixPath, text: str) -> Iterator[str]:
     """Absolute names of everything a Python file imports, those inside functions too."""
-    package = ".".join(path.with_suffix("").parts[1:])  # below renderer/, service/ or tests/
-    base = package.removesuffix(".__init__").split(".") if path.name == "__init__.py" else package.split(".")[:-1]
     for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            parent = base[: len(base) - node.level + 1] if node.level else []
-            module = ".".join([*parent, *([node.module] if node.module else [])])
-            yield from (f"{module}.{alias.name}" for alias in node.names)
+        yield from names_imported(path, node)
+
+
+def names_imported(path: PurePosixPath, node: ast.AST) -> Iterator[str]:
+    """Absolute names of what one node of a file imports, if it is an import."""
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+    elif isinstance(node, ast.ImportFrom):
+        package = ".".join(path.with_suffix("").parts[1:])  # below renderer/, service/ or tests/
+        base = package.removesuffix(".__init__").split(".") if path.name == "__init__.py" else package.split(".")[:-1]
+        parent = base[: len(base) - node.level + 1] if node.level else []
+        module = ".".join([*parent, *([node.module] if node.module else [])])
+        yield from (f"{module}.{alias.name}" for alias in node.names)
 
 
 def is_under(path: PurePosixPath, folder: str) -> bool:

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ..aov_names import AOVS, RGB, UV, XYZ, AovRequest, primvar_of
+from ..aov_data_types import Stored, data_type_of
+from ..aov_names import AOVS, RGB, UV, AovRequest, primvar_of
 
-Stored = Literal["float", "half", "uint"]
 Values = npt.NDArray[Any]
-
-# UsdRenderVar.dataType is "a USD attribute type": how many numbers it has, and whether they are colours.
-_TYPE = re.compile(
-    r"(float|half|double|int|uint|uchar|int64|uint64|bool)([234]?)|(color|point|vector|normal|texCoord)([234])([fhd])"
-)
-_LETTERS = {1: ("",), 2: UV, 3: XYZ, 4: ("R", "G", "B", "A")}
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,26 +37,6 @@ class Aov:
         """What a report says of it: the values and what numbers mean are in the image and its file."""
         found = {"source": self.source, "channels": list(self.channels), "stored": self.stored, "meaning": self.meaning}
         return found | ({"ids": len(self.ids)} if self.ids else {})
-
-
-@dataclass(frozen=True)
-class DataType:
-    components: int
-    letters: tuple[str, ...]
-    stored: Stored
-
-
-def data_type_of(text: str) -> DataType | None:
-    """What a UsdRenderVar's dataType asks of a file; None for types that no channels can hold."""
-    match = _TYPE.fullmatch(text)
-    if match is None:
-        return None
-    number, size, role, role_size, precision = match.groups()
-    count = int(size or role_size or 1)
-    letters = (("R", "G", "B", "A")[:count] if role == "color" else _LETTERS[count]) if count > 1 else ("",)
-    if number in ("int", "uint", "uchar", "int64", "uint64", "bool"):
-        return DataType(count, letters, "uint")
-    return DataType(count, letters, "half" if number == "half" or precision == "h" else "float")
 
 
 def make_aov(request: AovRequest, values: Values, ids: Mapping[int, str] | None = None) -> Aov:

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from ..aov_data_types import Stored
 from ..errors import SettingsError
 from ..textures.image_error import last_error
-from .aov import Aov, Stored, Values
+from .aov import Aov, Values
 from .opened_picture import open_picture
 
 PICTURE_PART = "rgba"

@@ -33,10 +33,9 @@ from .adapters.shapes.mesh import mesh
 from .adapters.shapes.point_instancer import point_instances
 from .adapters.shapes.points import POINT, point_sphere
 from .lights.default_light import default_lights
-from .lights.light_links import find_links
+from .lights.light_links import Links, find_links
 from .lights.portals import note_unnamed_portals
 from .materials.primvars_read import primvars_read
-from .opening.pose import posed, prototypes_hold_skeletons
 from .opening.stage import tf_message, usd_messages
 from .opening.stage_metadata import meters_per_unit, up_axis
 from .resolving.color_spaces import rendering_space
@@ -44,8 +43,10 @@ from .resolving.context import Context
 from .resolving.convert import square
 from .resolving.read import When, when_of
 from .resolving.resolve import ResolvedPrim
+from .resolving.skinning import posed, prototypes_hold_skeletons
+from .resolving.stage_bounds import Bounds, stage_bounds
 from .shapes.instance_primvars import without_unread
-from .viewing.framing import Bounds, shape_bounds, stage_bounds
+from .viewing.framing import shape_bounds
 from .viewing.motion import note_motion
 from .viewing.view import select_camera, view_through
 from .walking.find_by_type import find_by_type
@@ -84,6 +85,7 @@ _PROTOTYPE = re.compile(r"/__Prototype_\d+")
 class _Scene:
     """What has been translated so far."""
 
+    links: Links | None  # whom lights reach; None: everything
     shapes: list[Shape] = field(default_factory=list)
     static: list[Placed] = field(default_factory=list)
     prototypes: list[Prototype] = field(default_factory=list)
@@ -142,9 +144,9 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     camera_prim = select_camera(stage, ctx, product, cameras)
     kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
     groups = walk(ctx, kinds, point_instances)
-    ctx.links = find_links(groups, ctx)
-    if ctx.links is not None:  # instances that lights tell apart become groups of their own
-        groups = walk(ctx, kinds, point_instances)
+    links = find_links((leaf for group in groups for leaf in group.leaves), ctx)
+    if links is not None:  # instances that lights tell apart become groups of their own
+        groups = walk(ctx, kinds, point_instances, links)
     for g, count in merge_coincident(groups, lambda leaf: leaf.type_name in LIGHTS).items():
         ctx.warn("instances-coincident", groups[g].path, f"{count:,} instances stand exactly where another does: left out.")
     where = arrange(groups, settings.max_memory_bytes or _physical_memory() // 2)
@@ -153,7 +155,7 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
             "invalid-instancer", groups[child].path, f"A prototype that contains itself, through {groups[parent].path}."
         )
     ctx.shares = _shared_paths(groups)
-    scene = _Scene()
+    scene = _Scene(links)
     for g, group in enumerate(groups):
         _add_group(scene, group, where, g, ctx)
     _add_grouped(scene, groups, where)
@@ -225,9 +227,9 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
             ctx.warn("invalid-transform", leaf.path, "Its transform is not finite.")
         elif leaf.type_name in LIGHTS:
             _add_lights(scene, leaf, matrices[len(leaves)], chains, count, ctx)
-        elif (shape := _shape(leaf, ctx)) is not None:
-            if ctx.links is not None:
-                shape = replace(shape, link_row=ctx.links.row_of(leaf))
+        elif (shape := _shape(leaf, ctx, scene.links)) is not None:
+            if scene.links is not None:
+                shape = replace(shape, link_row=scene.links.row_of(leaf))
             members.append(Placed(len(scene.shapes), placed[len(leaves)], alone))
             scene.shapes.append(shape)
     if once is not None:
@@ -257,12 +259,12 @@ def _placement(prototype: int, chain: Chain) -> Placement:
     return Placement(prototype, chain or (MatrixInstances(IDENTITY[None]),), rows_of_levels(chain))
 
 
-def _shape(leaf: ResolvedPrim, ctx: Context) -> Shape | None:
+def _shape(leaf: ResolvedPrim, ctx: Context, links: Links | None) -> Shape | None:
     try:
         if leaf.path not in ctx.light_shapes:
             return SHAPES[leaf.type_name](leaf, ctx)
         shape = SHAPES[leaf.type_name](without_material(leaf, ctx), ctx)
-        return None if shape is None else as_light(shape, leaf, ctx)
+        return None if shape is None else as_light(shape, leaf, ctx, links)
     except Tf.ErrorException as error:
         ctx.warn("unsupported-prim", leaf.path, f"USD failed to read it: {tf_message(error)}")
         return None
@@ -279,7 +281,7 @@ def _add_lights(
     """One light for each place; a light's emission depends on its own size in the world."""
     if count > MAX_LIGHT_INSTANCES:
         ctx.warn("instanced-lights", leaf.path, f"Only the first {MAX_LIGHT_INSTANCES} of its {count} instances are lit.")
-    rules = rules_of(leaf, ctx)
+    rules = rules_of(leaf, ctx, scene.links)
     if count > 1:
         ctx = replace(ctx, when=replace(ctx.when, remembered={}))
     matrices = (matrix for chain in chains for rows in chunks(chain) for matrix in rows)
@@ -317,7 +319,7 @@ def _describe(scene: _Scene, ctx: Context, camera: Camera, frame: Frame, aovs: t
         aovs,
         None if frame.is_whole else frame.pixels,
         frame.pixel_aspect_ratio,
-        NO_LINKS if ctx.links is None else ctx.links.linked(ctx.diagnostics),
+        NO_LINKS if scene.links is None else scene.links.linked(ctx.diagnostics),
         ctx.rendering_space,
     )
 

@@ -8,22 +8,19 @@ comes before one for the instancer's. Nothing here runs where no light has a col
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pxr import Sdf, Tf, Usd
 
 from ...description.lighting import Linked
+from ...diagnostics import Diagnostics
 from ..opening.stage import tf_message
-
-if TYPE_CHECKING:
-    from ...diagnostics import Diagnostics
-    from ..resolving.context import Context
-    from ..resolving.resolve import Inherited, ResolvedPrim
-    from ..walking.instances import Group
+from ..resolving.context import Context
+from ..resolving.resolve import Inherited, ResolvedPrim
 
 LIGHT_LINK, SHADOW_LINK = "lightLink", "shadowLink"
 # Instances of a light that have collections of their own, because these hold parts of each instance: beyond, it is not linked.
@@ -214,16 +211,15 @@ class Links:
         return [Sdf.Path(path + rest) for rest in inside]
 
 
-def find_links(groups: Sequence[Group[ResolvedPrim]], ctx: Context) -> Links | None:
+def find_links(leaves: Iterable[ResolvedPrim], ctx: Context) -> Links | None:
     """The collections of all lights that were met; None where each holds everything."""
     if not any(_names_of(names) for names in ctx.property_names):
         return None
     links = Links(ctx)
-    for group in groups:
-        for leaf in group.leaves:
-            for name in _names_of(leaf.names):
-                if leaf.prim.HasAPI("LightAPI"):
-                    links.add(leaf, name)
+    for leaf in leaves:
+        for name in _names_of(leaf.names):
+            if leaf.prim.HasAPI("LightAPI"):
+                links.add(leaf, name)
     return links if links.finish() else None
 
 

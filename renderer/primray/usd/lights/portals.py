@@ -12,10 +12,6 @@ from ..resolving.convert import matrix
 from ..resolving.read import number
 from ..resolving.resolve import ResolvedPrim, local_matrix
 
-# Inputs that any light has, of which a portal only guides another's samples.
-_UNUSED = ("inputs:intensity", "inputs:exposure", "inputs:color", "inputs:normalize", "inputs:enableColorTemperature",
-           "inputs:diffuse", "inputs:specular")  # fmt: skip
-
 
 def portals_of(dome: ResolvedPrim, world_from_dome: Doubles, ctx: Context) -> tuple[Portal, ...]:
     """Those that the dome names and that have an area; invisible ones too, for they change no picture."""
@@ -60,14 +56,6 @@ def _root_from_prim(prim: Usd.Prim, ctx: Context) -> Doubles:
             break
         prim = prim.GetParent()
     return matrix(total)
-
-
-def note_portal(prim: ResolvedPrim, ctx: Context) -> None:
-    """A PortalLight that the walk has met."""
-    ctx.portals_met.append(prim.path)
-    for name in _UNUSED:
-        if name in prim.names:
-            ctx.warn("light-input", prim.path, f"{name} is ignored: a portal guides a dome's samples.", name)
 
 
 def note_unnamed_portals(ctx: Context) -> None:

@@ -11,7 +11,6 @@ from ...color.color_space import REC709, ColorSpace
 from ...description import Surface
 from ...diagnostics import Diagnostics
 from ...settings import RenderSettings
-from ..lights.light_links import Links
 from .read import When
 
 
@@ -45,7 +44,6 @@ class Context:
     outer_colors: tuple[tuple[str, Any], ...] = ()  # (prototype, ColorScope) around the material that is translated
     property_names: set[frozenset[str]] = field(default_factory=set)  # what prims have authored, each set of names once
     light_inputs: dict[Any, Any] = field(default_factory=dict)  # by type, schemas and names: foreign_names.note_light_inputs
-    links: Links | None = None  # where lights are linked, once that is known
     light_shapes: set[str] = field(default_factory=set)  # paths of shapes that LightAPI makes lights
     portals_met: list[str] = field(default_factory=list)  # paths of PortalLights
     portals_named: set[str] = field(default_factory=set)  # of those that a dome names

@@ -8,9 +8,8 @@ from functools import cache
 
 from pxr import Usd
 
-from ..adapters.cameras.lens import CONVENTIONS, LENS_WORDS
-from ..adapters.lights.light_visibility import ATTRIBUTES as VISIBILITY
 from .context import Context
+from .renderer_attributes import CAMERA_VISIBILITY, CONVENTIONS, LENS_WORDS
 from .resolve import ResolvedPrim
 
 # First words of the namespaces that renderers document for their own attributes (arnold-usd, hdPrman, Karma, Redshift, V-Ray,
@@ -23,7 +22,7 @@ _LIGHT_SCHEMAS = ("LightAPI", "ShapingAPI", "ShadowAPI")
 _EXTENSIONS = ("inputs:visibility:",)  # read by some renderers, no part of UsdLux
 
 # Other renderers' attributes that are read here, or are told of where they are looked for.
-_READ = frozenset(VISIBILITY) | {name for c in CONVENTIONS for name in (c.blades, c.rotation_deg, c.roundness)}
+_READ = frozenset(CAMERA_VISIBILITY) | {name for c in CONVENTIONS for name in (c.blades, c.rotation_deg, c.roundness)}
 
 
 @dataclass

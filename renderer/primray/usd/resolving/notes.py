@@ -9,7 +9,6 @@ from functools import cache
 
 from pxr import Usd, UsdGeom
 
-from ..lights.portals import note_portal
 from .applied_schemas import IGNORED, UNDERSTOOD, applied_schemas
 from .context import Context
 from .foreign_names import note_light_inputs
@@ -25,6 +24,9 @@ UNSUPPORTED_LIGHTS = frozenset(_LIGHTS.split())
 _LIGHT_SCHEMAS = {"LightAPI", "MeshLightAPI", "VolumeLightAPI"}
 _TYPES_NOTED = UNSUPPORTED | UNSUPPORTED_LIGHTS | {"PortalLight", "SkelRoot"}
 _DRAWN_OTHERWISE = frozenset({"PointInstancer", "Points", "SkelRoot", "Skeleton"})
+# Inputs that any light has, of which a portal only guides another's samples.
+_UNUSED_BY_PORTALS = ("inputs:intensity", "inputs:exposure", "inputs:color", "inputs:normalize",
+                      "inputs:enableColorTemperature", "inputs:diffuse", "inputs:specular")  # fmt: skip
 # UsdGeom MotionAPI: attribute -> the value that changes nothing.
 _MOTION = {"motion:blurScale": 1.0, "motion:velocityScale": 1.0, "motion:nonlinearSampleCount": 3}
 
@@ -79,7 +81,7 @@ def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
         if is_drawn(prim.inherited, ctx.purposes):
             ctx.warn("unsupported-prim", prim.path, f"{prim.type_name} is not rendered.")
     elif prim.type_name == "PortalLight":
-        note_portal(prim, ctx)
+        _note_portal(prim, ctx)
     elif prim.type_name in UNSUPPORTED_LIGHTS:
         ctx.warn("unsupported-light", prim.path, f"{prim.type_name} is not supported.")
     elif prim.type_name == "SkelRoot" and prim.prim.IsInPrototype():
@@ -93,6 +95,14 @@ def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
             ctx.warn("unsupported-prim", prim.path, f"{prim.type_name} is not rendered.")
     elif not _is_known(prim.type_name):
         ctx.warn("unknown-prim-type", prim.path, f"No schema of the name {prim.type_name} is known.")
+
+
+def _note_portal(prim: ResolvedPrim, ctx: Context) -> None:
+    """Whether a dome names it is known after all lights (lights.portals)."""
+    ctx.portals_met.append(prim.path)
+    for name in _UNUSED_BY_PORTALS:
+        if name in prim.names:
+            ctx.warn("light-input", prim.path, f"{name} is ignored: a portal guides a dome's samples.", name)
 
 
 def _note_schemas(prim: ResolvedPrim, schemas: list[str], kind: str, ctx: Context) -> None:

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-from pxr import Tf, Usd, UsdGeom
 
 from ...arrays import Doubles
 from ...description import Camera, Mesh, Placed, Placement, Projection, Prototype, Shape, Sphere
 from ...description.placement import placed_box
 from ..adapters.cameras.camera import Aperture, conform, window_of
 from ..adapters.rendering.render_product import ProductSettings
-from ..resolving.read import When
+from ..resolving.stage_bounds import Bounds
 
 # GfCamera's defaults: 50 mm, 35 mm projector aperture.
 FOCAL_LENGTH = 50.0
@@ -21,8 +20,6 @@ APERTURE = Aperture(20.955, 15.2908)
 
 
 MANY = 1_000_000  # instances whose own corners are looked at, one by one
-
-Bounds = tuple[Doubles, Doubles]  # centre and size of the world's axis-aligned box
 
 
 def framing_camera(bounds: Bounds, z_up: bool, resolution: tuple[int, int], product: ProductSettings) -> Camera:
@@ -41,34 +38,6 @@ def framing_camera(bounds: Bounds, z_up: bool, resolution: tuple[int, int], prod
     world_from_camera[depth, 3] += -distance if z_up else distance
     aperture = conform(APERTURE, resolution, product)
     return Camera("", world_from_camera, Projection.PERSPECTIVE, window_of(aperture, 1 / FOCAL_LENGTH), (0.0, 3e38))
-
-
-# UsdGeomBBoxCache (26.11) recurses: 1000 levels it survives, at 2000 it overflows the stack.
-DEEPEST = 500
-
-
-def stage_bounds(stage: Usd.Stage, when: When, purposes: tuple[str, ...]) -> Bounds | None:
-    """As usdrecord sees them, authored extents included; None where USD cannot say, or says nothing finite.
-
-    Not to be asked where an instancer contains itself: UsdGeomBBoxCache (26.11) then overflows the stack.
-    """
-    if is_deep(stage.TraverseAll()):
-        return None
-    time = Usd.TimeCode.EarliestTime() if when.careful else when.time
-    try:
-        box = UsdGeom.BBoxCache(time, list(purposes), useExtentsHint=True).ComputeWorldBound(stage.GetPseudoRoot())
-    except Tf.ErrorException:  # something on the stage is of the wrong type; its own reader says what
-        return None
-    aligned = box.ComputeAlignedRange()
-    if aligned.IsEmpty():
-        return None
-    center, size = np.array(box.ComputeCentroid()), np.array(aligned.GetSize())
-    return (center, size) if np.isfinite(center).all() and np.isfinite(size).all() else None
-
-
-def is_deep(prims: Iterable[Usd.Prim]) -> bool:
-    """Whether UsdGeomBBoxCache must not be asked about them."""
-    return any(prim.GetPath().pathElementCount > DEEPEST for prim in prims)
 
 
 def shape_bounds(

@@ -13,7 +13,8 @@ from ...settings import MAX_RESOLUTION, limit_pixels
 from ..adapters.cameras.camera import Aperture, camera, pixel_aspect_ratio, read_aperture
 from ..adapters.rendering.render_product import ProductSettings
 from ..resolving.context import Context
-from .framing import APERTURE, Bounds, framing_camera
+from ..resolving.stage_bounds import Bounds
+from .framing import APERTURE, framing_camera
 
 DEFAULT_WIDTH = 960  # usdrecord's
 

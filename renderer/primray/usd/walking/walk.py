@@ -17,6 +17,7 @@ from ...description.instance_names import texts
 from ...description.placement import MatrixInstances, PointInstances
 from ..adapters.shapes.draw_mode import stand_in
 from ..adapters.shapes.points import POINT, spheres
+from ..lights.light_links import Links
 from ..materials.leaf_materials import bind_leaves, bindings_of, bound_alike, told_apart
 from ..opening.stage import tf_message
 from ..resolving.applied_schemas import applied_schemas
@@ -74,6 +75,7 @@ class _Walk:
     cache: UsdGeom.XformCache
     kinds: PrimKinds
     has_instances: bool
+    links: Links | None
     groups: list[Group[ResolvedPrim]] = field(default_factory=list)
     index: dict[GroupKey, int] = field(default_factory=dict)
     queue: list[tuple[int, Usd.Prim, Inherited]] = field(default_factory=list)
@@ -88,11 +90,14 @@ class _Walk:
         return self.index[key]
 
 
-def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand) -> list[Group[ResolvedPrim]]:
-    """All groups, the world first. `leaf_types` names the prim types that adapters take; `expand` reads an instancer."""
+def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand, links: Links | None = None) -> list[Group[ResolvedPrim]]:
+    """All groups, the world first. `leaf_types` names the prim types that adapters take; `expand` reads an instancer.
+
+    `links` tells instances apart that lights do.
+    """
     kinds = PrimKinds(ctx, leaf_types)
     has_instances = bool(ctx.stage.GetPrototypes())
-    state = _Walk(ctx, leaf_types, expand, UsdGeom.XformCache(ctx.when.time), kinds, has_instances)
+    state = _Walk(ctx, leaf_types, expand, UsdGeom.XformCache(ctx.when.time), kinds, has_instances, links)
     state.group(ctx.stage.GetPseudoRoot(), Inherited())
     for index, root, inherited in state.queue:  # grows as instances are found
         _walk_group(state, state.groups[index], root, inherited)
@@ -194,9 +199,9 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
     for i, (instance, inner, alone) in enumerate(zip(instances, bindings, apart, strict=True)):
         prototype = instance.prim.GetPrototype()
         key = (prototype, id(instance.inherited), id(inner))
-        if key not in alike or alone or ctx.links is not None:
+        if key not in alike or alone or state.links is not None:
             ctx.prototype_names.setdefault(str(prototype.GetPath()), instance.path)
-            alike[key] = state.group(prototype, _handed_to_instance(instance, prototype, inner, alone, ctx))
+            alike[key] = state.group(prototype, _handed_to_instance(state, instance, prototype, inner, alone))
         child = alike[key]
         by_child.setdefault(child, []).append(i)
         if ctx.names_instances:
@@ -206,7 +211,7 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
 
 
 def _handed_to_instance(
-    instance: ResolvedPrim, prototype: Usd.Prim, inner: Binding | None, alone: bool, ctx: Context
+    state: _Walk, instance: ResolvedPrim, prototype: Usd.Prim, inner: Binding | None, alone: bool
 ) -> Inherited:
     mine = instance.inherited
     if mine.colors is not NOWHERE:
@@ -215,7 +220,7 @@ def _handed_to_instance(
         handed = replace(mine, proxy=str(as_bound(instance.prim, instance.inherited).GetPath()))
     else:
         handed = replace(mine, outer=inner_or_outer(inner, mine.outer), proxy="")
-    return handed if ctx.links is None else ctx.links.handed_to_instance(handed, instance.prim, prototype)
+    return handed if state.links is None else state.links.handed_to_instance(handed, instance.prim, prototype)
 
 
 def _within(state: _Walk, group: Group[ResolvedPrim], path: str) -> str:
@@ -239,8 +244,8 @@ def _expand_points(state: _Walk, group: Group[ResolvedPrim], instancer: Resolved
         if not root or not root.IsActive():
             continue
         handed = _handed_to_prototype(instancer, root, [p.name for p in instances.primvars], ctx)
-        if ctx.links is not None:
-            handed = ctx.links.handed_to_prototype(handed, instancer.prim, root)
+        if state.links is not None:
+            handed = state.links.handed_to_prototype(handed, instancer.prim, root)
         if root.IsInstanceProxy():
             root = root.GetPrimInPrototype()
         if instances.names is not None:

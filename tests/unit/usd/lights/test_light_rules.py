@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from primray.description import Light, Shadow
-from primray.usd.adapters.lights.light_visibility import ATTRIBUTES
+from primray.usd.resolving.renderer_attributes import CAMERA_VISIBILITY
 
 from ..usd_text import translate_text
 
@@ -53,10 +53,10 @@ def test_shadow(kind: str, body: str, expected: Shadow | None, codes: list[str])
     assert told == codes
 
 
-TYPES = dict(zip(ATTRIBUTES, ("bool", "int", "bool", "float", "bool"), strict=True))
+TYPES = dict(zip(CAMERA_VISIBILITY, ("bool", "int", "bool", "float", "bool"), strict=True))
 
 
-@pytest.mark.parametrize("name", ATTRIBUTES)
+@pytest.mark.parametrize("name", CAMERA_VISIBILITY)
 def test_visibility_to_camera(name: str) -> None:
     for value in (0, 1):
         found, told = light(f"custom {TYPES[name]} {name} = {value}")
@@ -66,7 +66,7 @@ def test_visibility_to_camera(name: str) -> None:
 
 
 def test_the_first_attribute_decides() -> None:
-    first, second = ATTRIBUTES[0], ATTRIBUTES[3]
+    first, second = CAMERA_VISIBILITY[0], CAMERA_VISIBILITY[3]
     found, told = light(f"custom bool {first} = 0\nfloat {second} = 1")
     assert not found.visible_to_camera
     assert told == ["light-input"]

@@ -8,8 +8,9 @@ from pxr import Usd, UsdGeom, Vt
 
 from primray.settings import RenderSettings
 from primray.usd import translate
+from primray.usd.resolving.stage_bounds import Bounds
 from primray.usd.viewing import framing
-from primray.usd.viewing.framing import Bounds, shape_bounds
+from primray.usd.viewing.framing import shape_bounds
 
 from ..usd_text import stage_of
 

@@ -8,6 +8,7 @@ from pxr import Usd
 
 from ....diagnostics import Diagnostics
 from ...resolving.read import When, number, read
+from ...resolving.renderer_attributes import CONVENTIONS, LENS_WORDS
 
 MM = 0.1  # camera lengths are tenths of scene units (UsdGeomCamera)
 # Beyond this floats would overflow: tangents are squared.
@@ -21,35 +22,6 @@ class Lens:
     focus_distance: float = 0.0
     blades: int = 0  # 0: a circle
     rotation_deg: float = 0.0
-
-
-@dataclass(frozen=True)
-class Convention:
-    """How one renderer's attributes say what an aperture looks like. UsdGeomCamera itself has none for it."""
-
-    blades: str
-    rotation_deg: str
-    roundness: str  # 0: straight sides, 1: a circle
-
-
-# Arnold: arnold-usd's read_camera.cpp hands "primvars:arnold:NAME" to the camera node; its manual has the meanings. RenderMan:
-# hdPrman's camera.cpp reads "ri:NAME" and the older "ri:camera:NAME"; the meanings are PxrCamera's.
-def _arnold(prefix: str) -> Convention:
-    return Convention(
-        f"{prefix}aperture_blades",
-        f"{prefix}aperture_rotation",
-        f"{prefix}aperture_blade_curvature",
-    )
-
-
-CONVENTIONS = (
-    _arnold("primvars:arnold:"),
-    _arnold("arnold:"),
-    Convention("ri:apertureNSides", "ri:apertureAngle", "ri:apertureRoundness"),
-    Convention("ri:camera:aperturensides", "ri:camera:apertureangle", "ri:camera:apertureroundness"),
-)
-# Words in the names of attributes that would change the lens, whoever's they are.
-LENS_WORDS = ("aperture", "blade", "bokeh", "dof", "lens", "distortion")
 
 
 def read_lens(prim: Usd.Prim, focal: float, when: When, disabled: bool, diagnostics: Diagnostics) -> Lens:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ....description import Shape, Sphere, Surface
+from ...lights.light_links import Links
 from ...resolving.context import Context
 from ...resolving.read import token
 from ...resolving.resolve import ResolvedPrim
@@ -35,8 +36,8 @@ def without_material(prim: ResolvedPrim, ctx: Context) -> ResolvedPrim:
     return replace(prim, material=None, subsets=()) if sync_mode(prim, ctx) == NO_MATERIAL else prim
 
 
-def as_light(shape: Shape, prim: ResolvedPrim, ctx: Context) -> Shape:
-    light = rules_of(prim, ctx).applied(geometry_light(prim, ctx))
+def as_light(shape: Shape, prim: ResolvedPrim, ctx: Context, links: Links | None) -> Shape:
+    light = rules_of(prim, ctx, links).applied(geometry_light(prim, ctx))
     if not light.visible_to_camera:
         ctx.warn("light-input", prim.path, "The camera sees this light all the same, since it is a shape of the scene.")
     mode = sync_mode(prim, ctx)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from ....description import Light, Shadow
+from ...lights.light_links import Links
 from ...resolving.context import Context
 from ...resolving.resolve import ResolvedPrim
 from .light_shadow import shadow_of
@@ -35,6 +36,6 @@ class LightRules:
 _NONE = LightRules()
 
 
-def rules_of(prim: ResolvedPrim, ctx: Context) -> LightRules:
-    links = (0, 0) if ctx.links is None else ctx.links.of_light(prim)
-    return LightRules(shadow_of(prim, ctx), *links, is_seen_by_camera(prim, ctx))
+def rules_of(prim: ResolvedPrim, ctx: Context, links: Links | None) -> LightRules:
+    numbers = (0, 0) if links is None else links.of_light(prim)
+    return LightRules(shadow_of(prim, ctx), *numbers, is_seen_by_camera(prim, ctx))

@@ -5,24 +5,17 @@ from __future__ import annotations
 
 from ...resolving.context import Context
 from ...resolving.read import read
+from ...resolving.renderer_attributes import CAMERA_VISIBILITY
 from ...resolving.resolve import ResolvedPrim
 
-# The first of these that is authored decides. Each is a number or a flag, 0 for lights that the camera does not see.
-ATTRIBUTES = (
-    "inputs:visibility:camera",  # hdEmbree of the UsdLux test suite
-    "primvars:ri:attributes:visibility:camera",  # RenderMan; hdOSPRay reads it as well
-    "karma:light:renderlightgeo",
-    "primvars:arnold:camera",  # a weight
-    "visibleInPrimaryRay",  # Omniverse RTX
-)
-_ATTRIBUTES = frozenset(ATTRIBUTES)
+_ATTRIBUTES = frozenset(CAMERA_VISIBILITY)
 
 
 def is_seen_by_camera(prim: ResolvedPrim, ctx: Context) -> bool:
     if _ATTRIBUTES.isdisjoint(prim.names):
         return True
     found: list[tuple[str, bool]] = []
-    for name in ATTRIBUTES:
+    for name in CAMERA_VISIBILITY:
         if name not in prim.names:
             continue
         raw = read(prim.prim, name, ctx.when)

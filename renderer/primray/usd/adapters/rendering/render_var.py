@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from ....aov_data_types import data_type_of
 from ....aov_names import AOVS, LONGEST_NAME, PRIMVAR, AovRequest, check_names
 from ....diagnostics import Diagnostics
 from ....errors import SettingsError
-from ....images.aov import data_type_of
 from .render_product import RenderVariable
 
 # In the picture's own part, whatever they are called.

@@ -23,7 +23,7 @@ from ...resolving.color_spaces import color_in_rendering_space
 from ...resolving.context import Context
 from ...resolving.read import read, token, vector
 from ...resolving.resolve import ResolvedPrim
-from ...viewing.framing import is_deep
+from ...resolving.stage_bounds import is_deep
 
 BAR_WIDTH = 0.01
 DEFAULT_COLOR = (0.18, 0.18, 0.18)  # model:drawModeColor's fallback

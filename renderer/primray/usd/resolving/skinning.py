@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from pxr import Gf, Tf, Usd
 
 from ...diagnostics import Diagnostics
-from ..resolving.read import When, value
-from .stage import scratch_copy, tf_message
+from ..opening.stage import scratch_copy, tf_message
+from .read import When, value
 
 if TYPE_CHECKING:
     from pxr import UsdSkel  # imported where a stage has skeletons: it takes as long as Python itself

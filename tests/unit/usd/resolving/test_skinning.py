@@ -11,7 +11,7 @@ from pxr import Usd
 from primray.description import Mesh
 from primray.settings import RenderSettings
 from primray.usd import translate
-from primray.usd.opening import pose
+from primray.usd.resolving import skinning
 
 from ..usd_text import stage_of, translate_text
 
@@ -126,7 +126,7 @@ def test_blend_shapes_move_points() -> None:
 
 
 def test_too_many_instances_with_skeletons_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pose, "MAX_TAKEN_APART", 0)
+    monkeypatch.setattr(skinning, "MAX_TAKEN_APART", 0)
     instance = 'def "a" (\n instanceable = true\n references = </c>\n)\n{\n}\n'
     description, diagnostics = translate_text(HEAD + f'class "c"\n{{\n{ARM}}}\n{instance}')
     assert len(description.shapes) == 1

@@ -1,0 +1,40 @@
+"""The box around a stage as USD computes it, where it can be asked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from pxr import Tf, Usd, UsdGeom
+
+from ...arrays import Doubles
+from .read import When
+
+Bounds = tuple[Doubles, Doubles]  # centre and size of the world's axis-aligned box
+
+# UsdGeomBBoxCache (26.11) recurses: 1000 levels it survives, at 2000 it overflows the stack.
+DEEPEST = 500
+
+
+def stage_bounds(stage: Usd.Stage, when: When, purposes: tuple[str, ...]) -> Bounds | None:
+    """As usdrecord sees them, authored extents included; None where USD cannot say, or says nothing finite.
+
+    Not to be asked where an instancer contains itself: UsdGeomBBoxCache (26.11) then overflows the stack.
+    """
+    if is_deep(stage.TraverseAll()):
+        return None
+    time = Usd.TimeCode.EarliestTime() if when.careful else when.time
+    try:
+        box = UsdGeom.BBoxCache(time, list(purposes), useExtentsHint=True).ComputeWorldBound(stage.GetPseudoRoot())
+    except Tf.ErrorException:  # something on the stage is of the wrong type; its own reader says what
+        return None
+    aligned = box.ComputeAlignedRange()
+    if aligned.IsEmpty():
+        return None
+    center, size = np.array(box.ComputeCentroid()), np.array(aligned.GetSize())
+    return (center, size) if np.isfinite(center).all() and np.isfinite(size).all() else None
+
+
+def is_deep(prims: Iterable[Usd.Prim]) -> bool:
+    """Whether UsdGeomBBoxCache must not be asked about them."""
+    return any(prim.GetPath().pathElementCount > DEEPEST for prim in prims)
