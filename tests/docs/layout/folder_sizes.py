@@ -17,7 +17,7 @@ ALLOWED = {
     "service/primray_service/page": 33,
     "service/primray_service/store": 20,
     "tests/bench": 29,
-    "tests/docs": 35,
+    "tests/docs": 29,
     "tests/hard": 17,
     "tests/images": 29,
     "tests/reference": 24,

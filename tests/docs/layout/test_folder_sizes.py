@@ -8,7 +8,7 @@ import pytest
 
 from .folder_sizes import ROOMS, size_faults, units
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 MADE = (".pyc", ".so", ".lock")
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from .gates import GATES
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 SUFFIXES = (".py", ".cpp", ".hpp", ".h")
 SOURCES = [
     PurePosixPath(path.relative_to(ROOT).as_posix())
