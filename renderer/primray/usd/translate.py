@@ -41,9 +41,9 @@ from .opening.stage_metadata import meters_per_unit, up_axis
 from .resolving.color_spaces import rendering_space
 from .resolving.context import Context
 from .resolving.convert import square
+from .resolving.notes import LightShapes
 from .resolving.read import When, when_of
 from .resolving.resolve import ResolvedPrim
-from .resolving.skinning import posed, prototypes_hold_skeletons
 from .resolving.stage_bounds import Bounds, stage_bounds
 from .shapes.instance_primvars import without_unread
 from .viewing.framing import shape_bounds
@@ -51,6 +51,7 @@ from .viewing.motion import note_motion
 from .viewing.view import select_camera, view_through
 from .walking.find_by_type import find_by_type
 from .walking.instances import Arrangement, Chain, Group, arrange, count_of, merge_coincident
+from .walking.skinning import posed, prototypes_hold_skeletons
 from .walking.walk import walk
 
 ShapeAdapter = Callable[[ResolvedPrim, Context], Shape | None]
@@ -133,14 +134,14 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     cameras, settings_prims, shaders = found.cameras, found.settings, found.shaders
     when = when_of(stage, settings.time_code)
     product = product_settings(stage, settings, settings_prims, when, diagnostics)
-    ctx = _context(stage, settings, when, product, diagnostics)
-    ctx.prototype_names = names
-    ctx.rendering_space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
+    ctx = _context(stage, settings, when, product, diagnostics, names)
+    space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
     aovs = requests_of(settings.aovs) if settings.aovs is not None else aovs_of_variables(product.variables, diagnostics)
-    ctx.aov_primvars = primvars_of(aovs)
-    ctx.names_instances = any(request.source == "instance" for request in aovs)
-    ctx.primvars_read, ctx.color_primvars = primvars_read(shaders, ctx)
-    ctx.primvars_read |= {f"primvars:{name}" for name in ctx.aov_primvars}
+    names_instances = any(request.source == "instance" for request in aovs)
+    ctx = replace(ctx, rendering_space=space, aov_primvars=primvars_of(aovs), names_instances=names_instances)
+    read, of_colors = primvars_read(shaders, ctx)
+    of_aovs = {f"primvars:{name}" for name in ctx.aov_primvars}
+    ctx = replace(ctx, primvars_read=read | of_aovs, color_primvars=of_colors)
     camera_prim = select_camera(stage, ctx, product, cameras)
     kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
     groups = walk(ctx, kinds, point_instances)
@@ -154,7 +155,7 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
         diagnostics.add(
             "invalid-instancer", groups[child].path, f"A prototype that contains itself, through {groups[parent].path}."
         )
-    ctx.shares = _shared_paths(groups)
+    ctx = replace(ctx, shares=_shared_paths(groups))
     scene = _Scene(links)
     for g, group in enumerate(groups):
         _add_group(scene, group, where, g, ctx)
@@ -173,10 +174,15 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
 
 
 def _context(
-    stage: Usd.Stage, settings: RenderSettings, when: When, wanted: ProductSettings, diagnostics: Diagnostics
+    stage: Usd.Stage,
+    settings: RenderSettings,
+    when: When,
+    wanted: ProductSettings,
+    diagnostics: Diagnostics,
+    names: dict[str, str],
 ) -> Context:
     purposes = settings.purposes if settings.purposes is not None else wanted.purposes
-    return Context(stage, settings, when, purposes, wanted.material_purposes, diagnostics)
+    return Context(stage, settings, when, purposes, wanted.material_purposes, diagnostics, prototype_names=names)
 
 
 def _note_missing_primvars(scene: _Scene, ctx: Context) -> None:
@@ -222,7 +228,7 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
     placed = matrices if once is None or np.array_equal(once, np.eye(4)) else once @ matrices
     while leaves:  # what has been translated is let go
         leaf = leaves.pop()
-        scene.has_lights |= leaf.type_name in LIGHTS or leaf.path in ctx.light_shapes
+        scene.has_lights |= leaf.type_name in LIGHTS or leaf.path in ctx.kept.of(LightShapes)
         if not finite.pop():
             ctx.warn("invalid-transform", leaf.path, "Its transform is not finite.")
         elif leaf.type_name in LIGHTS:
@@ -261,7 +267,7 @@ def _placement(prototype: int, chain: Chain) -> Placement:
 
 def _shape(leaf: ResolvedPrim, ctx: Context, links: Links | None) -> Shape | None:
     try:
-        if leaf.path not in ctx.light_shapes:
+        if leaf.path not in ctx.kept.of(LightShapes):
             return SHAPES[leaf.type_name](leaf, ctx)
         shape = SHAPES[leaf.type_name](without_material(leaf, ctx), ctx)
         return None if shape is None else as_light(shape, leaf, ctx, links)

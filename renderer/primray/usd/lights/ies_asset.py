@@ -13,15 +13,20 @@ from ..resolving.context import Context
 FILE = "inputs:shaping:ies:file"
 
 
+class _Profiles(dict[str, IesFile | str]):
+    """By the resolved path of the file: the file, or what is wrong with it."""
+
+
 def ies_profile(asset: Sdf.AssetPath, path: str, ctx: Context) -> IesProfile | None:
     """The profile; None where it cannot be had, which is noted for the light at `path`."""
     if not asset.resolvedPath:
         ctx.warn("asset-missing", path, f"{asset.path} cannot be found: the light is rendered without a profile.", FILE)
         return None
     resolved = str(asset.resolvedPath)
-    if resolved not in ctx.profiles:
-        ctx.profiles[resolved] = _read(resolved)
-    found: IesFile | str = ctx.profiles[resolved]
+    known = ctx.kept.of(_Profiles)
+    if resolved not in known:
+        known[resolved] = _read(resolved)
+    found = known[resolved]
     if isinstance(found, str):
         ctx.warn("light-input", path, f"{asset.path} is ignored, and the light rendered without it: {found}.", FILE)
         return None

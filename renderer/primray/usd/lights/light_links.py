@@ -20,6 +20,7 @@ from ...description.lighting import Linked
 from ...diagnostics import Diagnostics
 from ..opening.stage import tf_message
 from ..resolving.context import Context
+from ..resolving.prim_kinds import PropertyNames
 from ..resolving.resolve import Inherited, ResolvedPrim
 
 LIGHT_LINK, SHADOW_LINK = "lightLink", "shadowLink"
@@ -213,7 +214,7 @@ class Links:
 
 def find_links(leaves: Iterable[ResolvedPrim], ctx: Context) -> Links | None:
     """The collections of all lights that were met; None where each holds everything."""
-    if not any(_names_of(names) for names in ctx.property_names):
+    if not any(_names_of(names) for names in ctx.kept.of(PropertyNames)):
         return None
     links = Links(ctx)
     for leaf in leaves:

@@ -9,8 +9,13 @@ from ...arrays import Doubles
 from ...description import Portal
 from ..resolving.context import Context
 from ..resolving.convert import matrix
+from ..resolving.notes import PortalsMet
 from ..resolving.read import number
 from ..resolving.resolve import ResolvedPrim, local_matrix
+
+
+class _Named(set[str]):
+    """Paths of PortalLights that a dome names."""
 
 
 def portals_of(dome: ResolvedPrim, world_from_dome: Doubles, ctx: Context) -> tuple[Portal, ...]:
@@ -23,7 +28,7 @@ def portals_of(dome: ResolvedPrim, world_from_dome: Doubles, ctx: Context) -> tu
             message = f"portals leads to {ctx.shown(str(target))}, which is {what}, no PortalLight: ignored."
             ctx.warn("light-input", dome.path, message, "portals")
             continue
-        ctx.portals_named.add(ctx.shown(str(prim.GetPath())))
+        ctx.kept.of(_Named).add(ctx.shown(str(prim.GetPath())))
         portal = _portal(dome, world_from_dome, prim, ctx)
         if portal is not None:
             found.append(portal)
@@ -60,6 +65,7 @@ def _root_from_prim(prim: Usd.Prim, ctx: Context) -> Doubles:
 
 def note_unnamed_portals(ctx: Context) -> None:
     """After all lights."""
-    for path in ctx.portals_met:
-        if path not in ctx.portals_named:
+    named = ctx.kept.of(_Named)
+    for path in ctx.kept.of(PortalsMet):
+        if path not in named:
             ctx.warn("light-input", path, "No dome's `portals` names this PortalLight: it guides nothing.", "portals")

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from pxr import Sdf, Usd
 
-from ..resolving.bindings import Subset, subsets_of
+from ..resolving.bindings import CollectionBindings, Subset, subsets_of
 from ..resolving.context import Context
 from ..resolving.prim_kinds import PrimKind
 from ..resolving.resolve import Binding, ResolvedPrim, as_bound, bind_materials, inner_or_outer
@@ -42,18 +42,19 @@ def bindings_of(instances: list[ResolvedPrim], by_collection: bool, ctx: Context
 
 def told_apart(instances: list[ResolvedPrim], ctx: Context) -> list[bool]:
     """Which of these instances are bound prim by prim, since collections with a material look into them."""
-    if not ctx.expressed and not ctx.told_apart:
+    bindings = ctx.kept.of(CollectionBindings)
+    if not bindings.expressed and not bindings.told_apart:
         return [False] * len(instances)
     paths = [as_bound(instance.prim, instance.inherited).GetPath() for instance in instances]
-    expressed = [any(path.HasPrefix(at) for at in ctx.expressed) for path in paths]
+    expressed = [any(path.HasPrefix(at) for at in bindings.expressed) for path in paths]
     if sum(expressed) > MAX_EXPRESSED:
         message = (
             f"Of {sum(expressed)} instances below it each is bound as a whole, whatever the expression says of what is inside."
         )
-        for at in ctx.expressed:
+        for at in bindings.expressed:
             ctx.warn("binding-expression", ctx.shown(str(at)), message)
         expressed = [False] * len(paths)
-    return [path in ctx.told_apart or by for path, by in zip(paths, expressed, strict=True)]
+    return [path in bindings.told_apart or by for path, by in zip(paths, expressed, strict=True)]
 
 
 def bind_leaves(shapes: list[ResolvedPrim], by_collection: bool, ctx: Context) -> None:

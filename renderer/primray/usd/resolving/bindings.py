@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from pxr import Sdf, Tf, Usd, UsdShade
 
@@ -23,16 +23,29 @@ class Subset:
     material: Usd.Prim | None = None
 
 
+@dataclass
+class CollectionBindings:
+    """What is remembered of collections that a material is bound to."""
+
+    looked_into: set[Sdf.Path] = field(default_factory=set)
+    told_apart: set[Sdf.Path] = field(default_factory=set)  # prims below which such a collection has members
+    expressed: set[Sdf.Path] = field(default_factory=set)  # prims that bind a collection which is an expression
+
+
+class _Wrong(dict[Sdf.Path, str]):
+    """By the path that a material binding names: what is wrong with it, "" for nothing."""
+
+
 def note_bindings(prim: Usd.Prim, path: str, names: tuple[str, ...], ctx: Context) -> list[list[Sdf.Path]]:
     """The targets of these bindings, for whatever purpose, noting those that are no material."""
-    found = [_targets(prim, path, name, ctx) for name in names]
+    found, known = [_targets(prim, path, name, ctx) for name in names], ctx.kept.of(_Wrong)
     for name, targets in zip(names, found, strict=True):
         if is_collection(name) and targets:
             _note_members(targets[0], prim.GetPath(), ctx)
         for target in targets:
-            if target not in ctx.bound:
-                ctx.bound[target] = _wrong(target, ctx) if target.IsPrimPath() else ""
-            wrong = ctx.bound[target]
+            if target not in known:
+                known[target] = _wrong(target, ctx) if target.IsPrimPath() else ""
+            wrong = known[target]
             if wrong and not (wrong == NO_MATERIAL and is_collection(name)):
                 ctx.warn("binding-missing", path, f"{name} leads to {ctx.shown(str(target))}, {wrong}.", name)
     return found
@@ -40,9 +53,10 @@ def note_bindings(prim: Usd.Prim, path: str, names: tuple[str, ...], ctx: Contex
 
 def _note_members(collection: Sdf.Path, bound_at: Sdf.Path, ctx: Context) -> None:
     """Remember below which prims some are in the collection and some are not, or may be where it is an expression."""
-    if collection in ctx.collections:
+    bindings = ctx.kept.of(CollectionBindings)
+    if collection in bindings.looked_into:
         return
-    ctx.collections.add(collection)
+    bindings.looked_into.add(collection)
     try:
         api = Usd.CollectionAPI.GetCollection(ctx.stage, collection)
         rules = api.ComputeMembershipQuery().GetAsPathExpansionRuleMap() if api else {}
@@ -51,10 +65,10 @@ def _note_members(collection: Sdf.Path, bound_at: Sdf.Path, ctx: Context) -> Non
         return
     expression = api.GetMembershipExpressionAttr().Get() if api else None
     if isinstance(expression, Sdf.PathExpression) and not expression.IsEmpty():
-        ctx.expressed.add(bound_at)
+        bindings.expressed.add(bound_at)
     for path, rule in rules.items():
         above = path if rule == Usd.Tokens.explicitOnly else path.GetParentPath()
-        ctx.told_apart.update(above.GetPrefixes())
+        bindings.told_apart.update(above.GetPrefixes())
 
 
 def binds_by_collection(prim: Usd.Prim) -> bool:

@@ -9,17 +9,18 @@ UsdColorSpaceAPI's own functions stop at prototypes; outside of these a test hol
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from pxr import Usd
+from pxr import Sdf, Usd
 
 from ...color import ocio as color
 from ...color.color_space import REC709, ColorSpace, is_gamut
 from ...errors import SettingsError
 from .applied_schemas import applied_schemas
+from .color_scope import NOWHERE, ColorScope
 from .context import Context
 from .read import value
 
@@ -28,15 +29,10 @@ _DEFINITION = "ColorSpaceDefinitionAPI:"
 _DEFAULTS = {"redChroma": (1.0, 0.0), "greenChroma": (0.0, 1.0), "blueChroma": (0.0, 0.0), "whitePoint": (1 / 3, 1 / 3)}
 
 
-@dataclass(frozen=True)
-class ColorScope:
-    """What a prim hands down: the nearest colorSpace:name, and custom spaces, the nearest first."""
-
-    name: str = ""
-    definitions: tuple[ColorSpace, ...] = ()
-
-
-NOWHERE = ColorScope()
+@dataclass
+class _Known:
+    scopes: dict[tuple[Sdf.Path, tuple[tuple[str, ColorScope], ...]], ColorScope] = field(default_factory=dict)
+    named: dict[str, color.Source | None] = field(default_factory=dict)  # what color.space_named says
 
 
 def scope_below(above: ColorScope, prim: Usd.Prim, schemas: list[str], ctx: Context) -> ColorScope:
@@ -54,12 +50,11 @@ def scope_at(prim: Usd.Prim, ctx: Context) -> ColorScope:
         return NOWHERE
     if prim.IsPrototype():
         return outer_scope(str(prim.GetPath()), ctx.outer_colors)
-    key = (prim.GetPath(), ctx.outer_colors)
-    if key not in ctx.color_scopes:
+    key, known = (prim.GetPath(), ctx.outer_colors), ctx.kept.of(_Known).scopes
+    if key not in known:
         schemas = applied_schemas(prim)
-        ctx.color_scopes[key] = scope_below(scope_at(prim.GetParent(), ctx), prim, schemas, ctx)
-    found: ColorScope = ctx.color_scopes[key]
-    return found
+        known[key] = scope_below(scope_at(prim.GetParent(), ctx), prim, schemas, ctx)
+    return known[key]
 
 
 def outer_scope(path: str, outer: tuple[tuple[str, ColorScope], ...]) -> ColorScope:
@@ -87,13 +82,13 @@ def space_named(name: str, scope: ColorScope, ctx: Context) -> color.Source | No
     for definition in scope.definitions:
         if definition.name == name:
             return definition
-    if name not in ctx.color_names:
+    known = ctx.kept.of(_Known).named
+    if name not in known:
         try:
-            ctx.color_names[name] = color.space_named(name)
+            known[name] = color.space_named(name)
         except SettingsError:  # of a configuration that cannot be read, which matters where a picture is shown
-            ctx.color_names[name] = None
-    found: color.Source | None = ctx.color_names[name]
-    return found
+            known[name] = None
+    return known[name]
 
 
 def rendering_space(settings_path: str, wanted: str | None, ctx: Context) -> ColorSpace:

@@ -61,12 +61,17 @@ def note_other_renderers(sets: Iterable[NameSet], ctx: Context) -> None:
         ctx.warn("other-renderer", ctx.shown(names.first_path), f"{many} of the namespace {renderer} on {of}: not read.", first)
 
 
+class _LightInputs(dict[tuple[str, tuple[str, ...], frozenset[str]], list[tuple[str, str, str]]]):
+    """By type, applied schemas and names: the code, message and attribute of what there is to say."""
+
+
 def note_light_inputs(prim: ResolvedPrim, applied: list[str], ctx: Context) -> None:
     """Inputs that no schema of lights defines, and those by their names of before USD 21.02."""
     key = (prim.type_name, tuple(applied), prim.names)
-    if key not in ctx.light_inputs:  # the same for all lights of a kind
-        ctx.light_inputs[key] = list(_told_of_inputs(prim))
-    for code, message, name in ctx.light_inputs[key]:
+    known = ctx.kept.of(_LightInputs)
+    if key not in known:  # the same for all lights of a kind
+        known[key] = list(_told_of_inputs(prim))
+    for code, message, name in known[key]:
         ctx.warn(code, prim.path, message, name)
 
 

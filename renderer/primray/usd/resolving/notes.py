@@ -31,6 +31,14 @@ _UNUSED_BY_PORTALS = ("inputs:intensity", "inputs:exposure", "inputs:color", "in
 _MOTION = {"motion:blurScale": 1.0, "motion:velocityScale": 1.0, "motion:nonlinearSampleCount": 3}
 
 
+class LightShapes(set[str]):
+    """Paths of shapes that LightAPI makes lights."""
+
+
+class PortalsMet(list[str]):
+    """Paths of PortalLights."""
+
+
 def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], kind: str) -> bool:
     """Whether `note_prim` may have something to say about prims of this type with these schemas, as `prim` is one."""
     names = {schema.split(":")[0] for schema in schemas}
@@ -99,7 +107,7 @@ def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
 
 def _note_portal(prim: ResolvedPrim, ctx: Context) -> None:
     """Whether a dome names it is known after all lights (lights.portals)."""
-    ctx.portals_met.append(prim.path)
+    ctx.kept.of(PortalsMet).append(prim.path)
     for name in _UNUSED_BY_PORTALS:
         if name in prim.names:
             ctx.warn("light-input", prim.path, f"{name} is ignored: a portal guides a dome's samples.", name)
@@ -125,7 +133,7 @@ def _note_motion(prim: ResolvedPrim, ctx: Context) -> None:
 def _note_light_schema(prim: ResolvedPrim, schema: str, kind: str, ctx: Context) -> None:
     """Shapes become lights; what is not rendered as a surface does not."""
     if kind == "shape":
-        ctx.light_shapes.add(prim.path)
+        ctx.kept.of(LightShapes).add(prim.path)
         if schema == "VolumeLightAPI":
             message = "VolumeLightAPI on a surface: it gives light as with MeshLightAPI."
             ctx.warn("light-input", prim.path, message)

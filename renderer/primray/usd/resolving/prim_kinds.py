@@ -17,6 +17,10 @@ from .notes import is_noted
 from .resolve import hands_down
 
 
+class PropertyNames(set[frozenset[str]]):
+    """What prims have authored, each set of names once."""
+
+
 @dataclass
 class PrimKind(NameSet):
     """`names` are the authored properties, `count` and `first_path` say which prims have been met."""

@@ -14,7 +14,8 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade
 
 from ...arrays import Doubles
 from .bindings import BINDING, Subset
-from .color_spaces import NOWHERE, ColorScope, color_in_rendering_space, in_rendering_space, scope_below
+from .color_scope import NOWHERE, ColorScope
+from .color_spaces import color_in_rendering_space, in_rendering_space, scope_below
 from .context import Context
 from .poses import ROOT, Poses
 from .read import When, array, as_columns, is_single, read, time_of, value
@@ -186,13 +187,17 @@ def _first_index(primvar: UsdGeom.Primvar, when: When) -> int:
     return int(indices[0]) if indices is not None and len(indices) else 0
 
 
+class _Colored(dict[tuple[int, tuple[float, float, float]], tuple[Inherited, Inherited]]):
+    """By the id of an Inherited and a colour: it, and the same in that colour."""
+
+
 def _colored(mine: Inherited, rgb: tuple[float, float, float], ctx: Context) -> Inherited:
     """With this colour: one object for all children of a prim that have the same."""
-    known = ctx.colored.get((id(mine), rgb))
+    colored = ctx.kept.of(_Colored)
+    known = colored.get((id(mine), rgb))
     if known is None:
-        known = ctx.colored[id(mine), rgb] = mine, replace(mine, color=rgb)  # what is known by its id is kept
-    found: Inherited = known[1]
-    return found
+        known = colored[id(mine), rgb] = mine, replace(mine, color=rgb)  # what is known by its id is kept
+    return known[1]
 
 
 def constant_of(attribute: Usd.Attribute, columns: int, names: frozenset[str], when: When) -> list[float] | None:

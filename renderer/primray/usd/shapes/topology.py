@@ -52,6 +52,10 @@ def _faces(counts: Ints, indices: Ints, prim: ResolvedPrim, ctx: Context) -> Fac
     return Faces(counts, indices, low, high, least >= 3, len(indices) <= SHARED_CORNERS)
 
 
+class _SharedFaces(dict[tuple[bytes, bytes], Faces]):
+    """By content, of small meshes."""
+
+
 def read_topology(prim: ResolvedPrim, ctx: Context) -> tuple[Floats, Faces] | None:
     """Points and faces where they fit together; None for an empty mesh too."""
     counts = array(read(prim.prim, "faceVertexCounts", ctx.when), 1, "i")
@@ -66,11 +70,12 @@ def read_topology(prim: ResolvedPrim, ctx: Context) -> tuple[Floats, Faces] | No
         ctx.warn("invalid-mesh", prim.path, f"{', '.join(bad)}: missing, or of the wrong type.", bad[0])
         return None
     key = (counts.tobytes(), indices.tobytes()) if len(indices) <= SHARED_CORNERS else None
-    faces = ctx.shared_faces.get(key) or _faces(counts, indices, prim, ctx)
+    shared = ctx.kept.of(_SharedFaces)
+    faces = (shared.get(key) if key is not None else None) or _faces(counts, indices, prim, ctx)
     if faces is None:
         return None
     if key is not None:
-        ctx.shared_faces[key] = faces
+        shared[key] = faces
     note_velocities(prim, "points", ctx)
     return points.astype(np.float32, copy=False), faces
 

@@ -22,12 +22,13 @@ from ..materials.leaf_materials import bind_leaves, bindings_of, bound_alike, to
 from ..opening.stage import tf_message
 from ..resolving.applied_schemas import applied_schemas
 from ..resolving.bindings import binds_by_collection, note_bindings
-from ..resolving.color_spaces import NOWHERE, scope_at
+from ..resolving.color_scope import NOWHERE
+from ..resolving.color_spaces import scope_at
 from ..resolving.context import Context
 from ..resolving.foreign_names import note_other_renderers
 from ..resolving.notes import note_prim
 from ..resolving.poses import ROOT, Poses
-from ..resolving.prim_kinds import PrimKinds
+from ..resolving.prim_kinds import PrimKinds, PropertyNames
 from ..resolving.resolve import (
     Binding,
     Inherited,
@@ -103,7 +104,7 @@ def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand, links: Lin
         _walk_group(state, state.groups[index], root, inherited)
     shapes = [leaf for group in state.groups for leaf in group.leaves if leaf_types[leaf.type_name] == "shape"]
     bind_leaves(shapes, kinds.by_collection, ctx)
-    ctx.property_names.update(kind.names for kind in kinds.found.values())
+    ctx.kept.of(PropertyNames).update(kind.names for kind in kinds.found.values())
     note_other_renderers(kinds.found.values(), ctx)
     return state.groups
 

@@ -12,7 +12,8 @@ from primray.color.color_space import ACESCG, REC709, ColorSpace, converted, nam
 from primray.diagnostics import Diagnostics
 from primray.errors import SettingsError
 from primray.settings import RenderSettings
-from primray.usd.resolving.color_spaces import NOWHERE, authored_space, scope_at
+from primray.usd.resolving.color_scope import NOWHERE
+from primray.usd.resolving.color_spaces import authored_space, scope_at
 from primray.usd.resolving.context import Context
 from primray.usd.resolving.read import when_of
 

@@ -42,7 +42,7 @@ def as_light(shape: Shape, prim: ResolvedPrim, ctx: Context, links: Links | None
         ctx.warn("light-input", prim.path, "The camera sees this light all the same, since it is a shape of the scene.")
     mode = sync_mode(prim, ctx)
     if mode == NO_MATERIAL:
-        lamp = ctx.surface_index(LAMP)
+        lamp = ctx.surfaces.index_of(LAMP)
         light = replace(light, own_color=True, shows_own=True)
         if isinstance(shape, Sphere):
             return replace(shape, surface=lamp, primvars=(), light=light)

@@ -9,12 +9,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
-from pxr import Usd, UsdShade
+from pxr import Sdf, Usd, UsdShade
 
 from ....description import Input, PrimvarInput, Surface, TextureInput
 from ...materials.network import Constant, Node, as_numbers, constant_color, find_source, node_path, parameter
 from ...materials.network_nodes import NO_PRIMVAR, NODES, NodeKind, reader_input, texture_input
 from ...materials.primvars_read import COLOR_INPUTS, SURFACE_SHADERS
+from ...resolving.color_scope import ColorScope
 from ...resolving.context import Context
 from ...resolving.notes import note_unknown_schemas
 from ...resolving.resolve import Inherited
@@ -61,16 +62,20 @@ class _Inputs:
     varying: dict[str, Input] = field(default_factory=dict)
 
 
+class _Materials(dict[tuple[Sdf.Path, tuple[tuple[str, ColorScope], ...]], Material]):
+    """By path, and by the colour scopes handed down to it."""
+
+
 def material(prim: Usd.Prim, bound_to: Inherited, ctx: Context) -> Material:
     """The material's surface, translated once, or once for each colour scope handed down to the prototype that it is in."""
     path = prim.GetPath()
     outer = bound_to.outer_colors if prim.IsInPrototype() else ()
-    key = (path, outer) if outer else path
-    if key not in ctx.materials:
+    key = (path, outer)
+    known = ctx.kept.of(_Materials)
+    if key not in known:
         around = replace(ctx, outer_colors=outer) if outer else ctx
-        ctx.materials[key] = _translate(UsdShade.Material(prim), ctx.shown(str(path)), around)
-    made: Material = ctx.materials[key]
-    return made
+        known[key] = _translate(UsdShade.Material(prim), ctx.shown(str(path)), around)
+    return known[key]
 
 
 def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Material:

@@ -66,7 +66,7 @@ def _varies(prim: ResolvedPrim, name: str) -> bool:
 
 def surface_of(appearance: Appearance, is_closed: Callable[[], bool], ctx: Context) -> int:
     """The index of the appearance's surface."""
-    return ctx.surface_index(make_surface(appearance, is_closed))
+    return ctx.surfaces.index_of(make_surface(appearance, is_closed))
 
 
 def make_surface(appearance: Appearance, is_closed: Callable[[], bool]) -> Surface:

@@ -20,12 +20,17 @@ from ..materials.surface import FALLBACK_COLOR, Appearance, is_hidden, make_surf
 from .face_parts import face_parts
 
 
+class _Shared(dict[str, Cage]):
+    """By prim path, where prototypes share it."""
+
+
 def cage(prim: ResolvedPrim, ctx: Context) -> SubdivisionMesh | None:
-    found: Cage | None = ctx.shared_geometry.get(prim.path) or read_cage(prim, ctx)
+    shared = ctx.kept.of(_Shared)
+    found = shared.get(prim.path) or read_cage(prim, ctx)
     if found is None:
         return None
     if prim.path in ctx.shares:
-        ctx.shared_geometry[prim.path] = found
+        shared[prim.path] = found
     whole = face_parts(prim, found.sizes.faces, ctx)
     parts, part_of_face = whole.appearances, whole.of_face[found.faces]
     colors = None
@@ -68,7 +73,7 @@ def _surfaces(parts: list[Appearance], part_of_face: Ints, found: Cage) -> dict[
 
 def _indices(surfaces: dict[int, Surface], part_of_face: Ints, ctx: Context) -> int | Ints:
     """One surface, or one a face with -1 where nothing is drawn."""
-    numbers = {part: ctx.surface_index(surface) for part, surface in surfaces.items()}
+    numbers = {part: ctx.surfaces.index_of(surface) for part, surface in surfaces.items()}
     last = int(part_of_face.max())
     if last == 0:
         return numbers[0]

@@ -102,7 +102,7 @@ def cards(prim: ResolvedPrim, ctx: Context) -> Mesh | None:
         np.concatenate([quads + 4 * k for k in range(len(found))]),
         None,
         None,
-        np.repeat([ctx.surface_index(card.surface) for card in found], 2).astype(np.int32),
+        np.repeat([ctx.surfaces.index_of(card.surface) for card in found], 2).astype(np.int32),
         (Primvar("st", Interpolation.POINT, np.concatenate([card.st for card in found]).astype(np.float32)),),
     )
 
@@ -255,5 +255,5 @@ def _bars(prim: ResolvedPrim, lines: list[tuple[Doubles, Doubles]], width: float
         np.concatenate([triangles + 8 * k for k in range(len(lines))]).astype(np.int32),
         None,
         None,
-        ctx.surface_index(Surface("", lambert=True, diffuse_color=_color(prim, ctx))),
+        ctx.surfaces.index_of(Surface("", lambert=True, diffuse_color=_color(prim, ctx))),
     )

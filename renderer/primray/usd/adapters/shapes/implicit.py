@@ -21,6 +21,10 @@ from ..materials.surface import FALLBACK_COLOR, Appearance, appearance_of, is_hi
 _Call = tuple[Any, ...]  # a function of tessellate.py and what to give it: many shapes are alike
 
 
+class _Shared(dict[_Call, Tessellated | None]):
+    """By how it is made; None for what is of no use."""
+
+
 def sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     radius = abs(_number(prim, "radius", 1.0, ctx))
     appearance = _appearance(prim, ctx)
@@ -29,17 +33,18 @@ def sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     surface = make_surface(appearance, lambda: True)
     if _is_left_handed(prim, ctx) and not surface.thin and (surface.opacity < 1 or "opacity" in dict(surface.inputs)):
         ctx.warn("shape-input", prim.path, "orientation = leftHanded is ignored: the sphere's inside is inside.", "orientation")
-    return Sphere(prim.path, radius, ctx.surface_index(surface), constant_primvars(prim, (surface,), ctx))
+    return Sphere(prim.path, radius, ctx.surfaces.index_of(surface), constant_primvars(prim, (surface,), ctx))
 
 
 def tessellated(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     """A shape of any other kind."""
     how = _TESSELLATE[prim.type_name](prim, ctx)
-    if how not in ctx.shared_implicits:
+    shared = ctx.kept.of(_Shared)
+    if how not in shared:
         made = how[0](*how[1:])
         usable = bool(np.isfinite(made.points).all() and made.points.any())
-        ctx.shared_implicits[how] = made if usable else None
-    made = ctx.shared_implicits[how]
+        shared[how] = made if usable else None
+    made = shared[how]
     appearance = _appearance(prim, ctx)
     if made is None or is_hidden(appearance):
         return None
@@ -50,7 +55,7 @@ def tessellated(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     normals = None if made.normals is None else Values(made.normals, "corner")
     surface = make_surface(appearance, lambda: prim.type_name != "Plane")
     primvars = constant_primvars(prim, (surface,), ctx)
-    mesh: Mesh = seam_mesh(prim.path, made.points, made.triangles, normals, None, ctx.surface_index(surface), primvars)
+    mesh: Mesh = seam_mesh(prim.path, made.points, made.triangles, normals, None, ctx.surfaces.index_of(surface), primvars)
     return mesh
 
 

@@ -37,14 +37,19 @@ class Geometry:
     sizes: Sizes
 
 
+class _Shared(dict[str, Geometry]):
+    """By prim path, where prototypes share it."""
+
+
 def mesh(prim: ResolvedPrim, ctx: Context) -> Mesh | SubdivisionMesh | None:
     if "subdivisionScheme" not in prim.names or token(prim.prim, "subdivisionScheme", ctx.when, "catmullClark") != "none":
         return cage(prim, ctx)
-    geometry = ctx.shared_geometry.get(prim.path) or _geometry(prim, ctx)
+    shared = ctx.kept.of(_Shared)
+    geometry = shared.get(prim.path) or _geometry(prim, ctx)
     if geometry is None:
         return None
     if prim.path in ctx.shares:
-        ctx.shared_geometry[prim.path] = geometry
+        shared[prim.path] = geometry
     if prim.subsets:
         return _with_subsets(prim, geometry, face_parts(prim, geometry.sizes.faces, ctx), ctx)
     return _shape(prim, geometry, appearance_of(prim, prim.material, ctx), ctx)
@@ -63,7 +68,7 @@ def _shape(prim: ResolvedPrim, geometry: Geometry, appearance: Appearance, ctx: 
         geometry.triangles.points,
         geometry.normals,
         colors,
-        ctx.surface_index(surface),
+        ctx.surfaces.index_of(surface),
         mesh_primvars(prim, (surface,), geometry.triangles, geometry.sizes, ctx),
     )
 
@@ -153,7 +158,7 @@ def _with_subsets(prim: ResolvedPrim, geometry: Geometry, found: FaceParts, ctx:
     surfaces = {int(part): make_surface(parts[part], lambda: closed) for part in used}
     index_of_part = np.full(len(parts), -1, np.int32)
     for part, surface in surfaces.items():
-        index_of_part[part] = ctx.surface_index(surface)
+        index_of_part[part] = ctx.surfaces.index_of(surface)
     colors = _subset_colors(prim, geometry, np.array([part.varying_color for part in parts])[of_triangle], visible, ctx)
     return seam_mesh(
         prim.path,

@@ -24,7 +24,7 @@ def point_sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     if is_hidden(appearance):
         return None
     surface = make_surface(appearance, lambda: True)
-    return Sphere(prim.path, 1.0, ctx.surface_index(surface), constant_primvars(prim, (surface,), ctx))
+    return Sphere(prim.path, 1.0, ctx.surfaces.index_of(surface), constant_primvars(prim, (surface,), ctx))
 
 
 def spheres(prim: ResolvedPrim, ctx: Context) -> MatrixInstances:

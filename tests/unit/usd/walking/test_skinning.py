@@ -11,7 +11,7 @@ from pxr import Usd
 from primray.description import Mesh
 from primray.settings import RenderSettings
 from primray.usd import translate
-from primray.usd.resolving import skinning
+from primray.usd.walking import skinning
 
 from ..usd_text import stage_of, translate_text
 

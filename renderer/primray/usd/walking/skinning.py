@@ -13,7 +13,7 @@ from pxr import Gf, Tf, Usd
 
 from ...diagnostics import Diagnostics
 from ..opening.stage import scratch_copy, tf_message
-from .read import When, value
+from ..resolving.read import When, value
 
 if TYPE_CHECKING:
     from pxr import UsdSkel  # imported where a stage has skeletons: it takes as long as Python itself
