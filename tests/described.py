@@ -12,6 +12,7 @@ import numpy.typing as npt
 import pytest
 
 from primray import core, errors
+from primray.core.core_inputs import filled
 from primray.core.pixel_filter import inverse_cdf
 from primray.core.scene_upload import upload
 from primray.core.surface_upload import Textures
@@ -51,6 +52,11 @@ def core_module(isa: str | None = None) -> Any:
         return core.load(isa)
     except errors.SettingsError as error:
         pytest.skip(f"skipped: {error.message}")
+
+
+def asked(**values: Any) -> Any:
+    """IntegratorSettings with these fields, for the module's own functions."""
+    return filled(core.module().IntegratorSettings(), **values)
 
 
 def kernels(isa: str | None = None) -> Any:
@@ -231,11 +237,11 @@ def render(
     width, height = scene.resolution
     film = film or module.Film(width, height)
     ends = np.repeat(np.array(core.samples_of_replicates(spp), np.uint32)[:, None], film.next.shape[1], axis=1)
+    settings = filled(module.IntegratorSettings(), max_depth=max_depth, caustics=caustics)
     if not splits:
-        splits, light_samples = module.choose_splits(scene, max_depth, lanes, caustics)
-    done = module.render_pass(
-        scene, film, ends, max_depth, splits, threads, seed, lanes, progress, caustics=caustics, light_samples=light_samples
-    )
+        splits, light_samples = module.choose_splits(scene, settings, lanes)
+    filled(settings, threads=threads, seed=seed, splits=splits, light_samples=light_samples)
+    done = module.render_pass(scene, film, ends, settings, lanes=lanes, progress=progress)
     return Rendered(film, done)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from tests.described import (
+    asked,
     core_module,
     describe,
     ground,
@@ -224,7 +225,7 @@ def test_orthographic_cameras_see_behind_themselves(behind: float) -> None:
 def test_rays_of_a_path_have_one_time() -> None:
     scene = SCENES["blades, planes, shutter"]().build()
     for lanes in (1, core_module().MAX_LANES):
-        recording = core_module().Recording(scene, 8, 4, 0, lanes)
+        recording = core_module().Recording(scene, 8, asked(max_depth=4), lanes)
         shadow, times = recording.times
         camera_rays = render(scene, 8, max_depth=4, splits=1).camera_rays
         assert 0 <= times.min() < 0.01
@@ -237,6 +238,6 @@ def test_rays_of_a_path_have_one_time() -> None:
 
 @pytest.mark.conforms("Camera.shutter:open", "Camera.shutter:close", state="approximated")
 def test_an_instant_has_no_times() -> None:
-    shadow, times = core_module().Recording(SCENES["materials"]().build(), 4, 3, 0, 1).times
+    shadow, times = core_module().Recording(SCENES["materials"]().build(), 4, asked(max_depth=3), 1).times
     assert len(shadow) > 1000
     assert not times.any()

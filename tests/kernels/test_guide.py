@@ -12,7 +12,7 @@ import pytest
 from tests.bench import indirect
 from tests.bench.peers.write_plain import write_scene
 from tests.bench.peers.write_usd import CAMERA
-from tests.described import replicate_means
+from tests.described import asked, replicate_means
 
 from primray import core
 from primray.diagnostics import Diagnostics
@@ -35,12 +35,13 @@ def rendered(name: str, spp: int, guide: Any, *, splits: int = 2, lanes: int = 0
     scene = room(name)
     film = core.Film(scene)
     ends, lanes = core.uniform_ends(film, spp), lanes or core.lanes()
-    core.module().render_pass(scene._scene, film._film, ends, DEPTH, splits, threads, seed, lanes, None, guide)
+    settings = asked(max_depth=DEPTH, splits=splits, threads=threads, seed=seed, guide=guide)
+    core.module().render_pass(scene._scene, film._film, ends, settings, lanes=lanes)
     return film._film
 
 
 def learnt(name: str, lanes: int = 0) -> Any:
-    return core.module().learn_guide(room(name)._scene, DEPTH, 2, lanes or core.lanes())
+    return core.module().learn_guide(room(name)._scene, asked(max_depth=DEPTH, splits=2), lanes or core.lanes())
 
 
 def test_a_guide_is_learnt_where_light_is_hard_to_find() -> None:
@@ -62,9 +63,8 @@ def noise(scene: Any, depth: int, guide: Any) -> float:
     found = 0.0
     for seed in range(4):
         film = core.Film(scene)
-        core.module().render_pass(
-            scene._scene, film._film, core.uniform_ends(film, 32), depth, 2, 2, seed, core.lanes(), None, guide
-        )
+        settings = asked(max_depth=depth, splits=2, threads=2, seed=seed, guide=guide)
+        core.module().render_pass(scene._scene, film._film, core.uniform_ends(film, 32), settings, lanes=core.lanes())
         one, other = replicate_means(film._film)
         found += float(((one - other) ** 2 / ((one + other) ** 2 / 4 + 0.01)).mean())
     return found
@@ -73,7 +73,7 @@ def noise(scene: Any, depth: int, guide: Any) -> float:
 def test_a_guide_leads_to_windows(tmp_path: Path) -> None:
     """Half of the error there is direct light of the sky, which rays look for."""
     scene = peer_room("window", (48, 32), 8, tmp_path)
-    guide = core.module().learn_guide(scene._scene, 8, 2, core.lanes())
+    guide = core.module().learn_guide(scene._scene, asked(max_depth=8, splits=2), core.lanes())
     assert guide is not None
     assert noise(scene, 8, guide) < 0.7 * noise(scene, 8, None)
 
@@ -81,9 +81,9 @@ def test_a_guide_leads_to_windows(tmp_path: Path) -> None:
 def test_a_guide_that_gains_a_fifth_is_used(tmp_path: Path) -> None:
     """Among mesh lights a fifth of the error is direct light; one pair of pilots in four says that no guide pays there."""
     scene = peer_room("signs", (480, 320), 6, tmp_path)
-    assert core.module().learn_guide(scene._scene, 6, 1, core.lanes()) is not None
+    assert core.module().learn_guide(scene._scene, asked(max_depth=6, splits=1), core.lanes()) is not None
     scene = peer_room("signs", (96, 64), 6, tmp_path)
-    guide = core.module().learn_guide(scene._scene, 6, 1, core.lanes())
+    guide = core.module().learn_guide(scene._scene, asked(max_depth=6, splits=1), core.lanes())
     assert guide is not None
     assert noise(scene, 6, guide) < 0.9 * noise(scene, 6, None)
 
@@ -111,7 +111,8 @@ def test_a_pass_in_two_parts_has_the_same_bits() -> None:
     film = core.Film(scene)
     for spp in (32, 70):
         ends = core.uniform_ends(film, spp)
-        core.module().render_pass(scene._scene, film._film, ends, DEPTH, 2, 2, 0, core.lanes(), None, guide)
+        settings = asked(max_depth=DEPTH, splits=2, threads=2, guide=guide)
+        core.module().render_pass(scene._scene, film._film, ends, settings, lanes=core.lanes())
     np.testing.assert_array_equal(film._film.replicates, rendered("door", 70, guide).replicates)
 
 

@@ -8,7 +8,7 @@ from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
-from tests.described import replicate_means
+from tests.described import asked, replicate_means
 
 from primray import core
 from primray.diagnostics import Diagnostics
@@ -101,13 +101,14 @@ def guides(name: str, lanes: int = 0) -> tuple[Any, Any]:
     """What is learnt there, and the photons."""
     scene, lanes = room(name)._scene, lanes or core.lanes()
     photons = core.module().learn_caustics(scene, DEPTH, 2, lanes)
-    return core.module().learn_guide(scene, DEPTH, SPLITS, lanes, photons), photons
+    return core.module().learn_guide(scene, asked(max_depth=DEPTH, splits=SPLITS, caustics=photons), lanes), photons
 
 
 def rendered(name: str, spp: int, guide: Any, photons: Any, *, lanes: int = 0, threads: int = 2, seed: int = 0) -> Any:
     film = core.Film(room(name))
     ends, lanes = core.uniform_ends(film, spp), lanes or core.lanes()
-    core.module().render_pass(room(name)._scene, film._film, ends, DEPTH, SPLITS, threads, seed, lanes, None, guide, photons)
+    settings = asked(max_depth=DEPTH, splits=SPLITS, threads=threads, seed=seed, guide=guide, caustics=photons)
+    core.module().render_pass(room(name)._scene, film._film, ends, settings, lanes=lanes)
     return film._film
 
 

@@ -11,8 +11,9 @@ from tests.kernels.scenes import SCENES
 from tests.textured import FILE, glowing, plate, primvar, texture, with_primvars
 
 from primray import core
-from primray.core.surface_upload import INPUT_FIELDS
 from primray.description import Input, Interpolation, Placed, PrimvarInput, Prototype, Surface, TextureFile
+
+INPUT_FIELDS = [field.name.lower() for field in core.module().InputField]
 
 
 def numbers(surface: Surface, name: str) -> tuple[float, ...]:

@@ -8,6 +8,9 @@ from tests.described import kernels
 from tests.statistics.chi_square import SphereCells, density_p_value
 from tests.statistics.surfaces import NON_TRANSMISSIVE, SURFACES, direction, evaluate, random_numbers, rows, sample, side
 
+from primray import core
+from primray.core.core_inputs import surface_input
+
 COSINES = (1.0, 0.7, 0.2)
 CASES = [(name, cos, True) for name in SURFACES for cos in COSINES]
 CASES += [(name, 0.8, False) for name in SURFACES if SURFACES[name].opacity < 1] + [
@@ -43,7 +46,7 @@ def test_density_integrates_to_the_chance_of_the_smooth_lobes(name: str) -> None
     s = SURFACES[name]
     for cos in COSINES:
         wo = direction(cos)
-        chances, _ = kernels().bsdf_lobes(s, rows(wo, 1), side(1))
+        chances, _ = kernels().bsdf_lobes(surface_input(core.module(), s), rows(wo, 1), side(1))
         diffuse, specular, coat, presence = chances[0].astype(float)
         _, _, pdf, is_delta, _ = sample(s, wo, random_numbers(N, 3, seed=3))
         # A reflection about a visible normal may go below the horizon: those draws are lost, and no density belongs to them.
@@ -90,7 +93,10 @@ def test_lanes_do_not_change_bits(name: str) -> None:
     wo = np.stack([direction(c, 9 * c) for c in np.linspace(0.01, 1, n)])
     u = random_numbers(n, 3, seed=7)
     front = (u[:, 2] < 0.5).astype(np.int32)
-    for one, all_lanes in zip(kernels().bsdf_sample(s, wo, front, u, 1), kernels().bsdf_sample(s, wo, front, u), strict=True):
+    row = surface_input(core.module(), s)
+    for one, all_lanes in zip(
+        kernels().bsdf_sample(row, wo, front, u, 1), kernels().bsdf_sample(row, wo, front, u), strict=True
+    ):
         assert np.array_equal(one, all_lanes)
 
 

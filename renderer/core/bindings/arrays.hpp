@@ -32,7 +32,19 @@ nb::object to_numpy(std::vector<T> data, std::initializer_list<size_t> shape) {
   return nb::cast(nb::ndarray<nb::numpy, T>(owned->data(), shape, owner));
 }
 
+struct ImageInput;
+class SceneBuilder;
+
+// (H, W, C) floats as an image; no pixels: none.
+ImageInput image_input(const InArray<float>& pixels);
+
+void bind_facts(nb::module_& m);
+void bind_settings(nb::module_& m);
 void bind_scene(nb::module_& m);
+void bind_surface(nb::module_& m);                                    // of it
+void bind_shapes(nb::module_& m, nb::class_<SceneBuilder>& builder);  // likewise, and those below
+void bind_light(nb::module_& m, nb::class_<SceneBuilder>& builder);
+void bind_camera(nb::module_& m, nb::class_<SceneBuilder>& builder);
 void bind_film(nb::module_& m);
 void bind_render(nb::module_& m);
 void bind_first_hit(nb::module_& m);

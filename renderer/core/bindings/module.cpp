@@ -29,6 +29,8 @@ NB_MODULE(PRIMRAY_MODULE, m) {
       PyErr_SetObject(core_error, args.ptr());
     }
   });
+  bind_facts(m);
+  bind_settings(m);
   bind_scene(m);
   bind_film(m);
   bind_render(m);

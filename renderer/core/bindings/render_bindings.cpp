@@ -18,12 +18,8 @@ struct Recording {
   RayRecorder rays;
 };
 
-PassStatistics pass(const Scene& scene, Film& film, const InArray<uint32_t>& ends, int max_depth, int splits, int threads,
-                    uint32_t seed, int lanes, nb::object progress, const Guide* guide, const CausticGuide* caustics,
-                    int screen_block, int light_samples) {
-  if (light_samples < 1 || light_samples > kMostLightSamples) throw nb::value_error("light_samples is not 1 to 4");
-  IntegratorSettings settings{max_depth, threads, seed, splits, light_samples, screen_block};
-  settings.guide = guide, settings.caustics = caustics;
+PassStatistics pass(const Scene& scene, Film& film, const InArray<uint32_t>& ends, const IntegratorSettings& settings,
+                    int lanes, nb::object progress) {
   const std::span<const uint32_t> to = span_of(ends);
   const Progress poll = [&](double fraction) {
     const nb::gil_scoped_acquire gil;
@@ -56,12 +52,14 @@ PassStatistics pass(const Scene& scene, Film& film, const InArray<uint32_t>& end
   return statistics;
 }
 
-void record(Recording* self, const Scene& scene, int samples, int max_depth, uint32_t seed, int lanes) {
+// `settings`: of these the depth and the seed.
+void record(Recording* self, const Scene& scene, int samples, const IntegratorSettings& asked, int lanes) {
   new (self) Recording{scene, lanes, {}};
   Film film(scene.camera.pixels.width, scene.camera.pixels.height);
-  IntegratorSettings settings{max_depth, 1, seed, 0};
+  IntegratorSettings settings;
+  settings.max_depth = asked.max_depth, settings.seed = asked.seed;
   const nb::gil_scoped_release release;
-  const std::unique_ptr<CausticGuide> caustics = learn_caustics(scene, max_depth, 1, kernel_of(lanes));
+  const std::unique_ptr<CausticGuide> caustics = learn_caustics(scene, settings.max_depth, 1, kernel_of(lanes));
   settings.caustics = caustics.get();
   const Splits chosen = choose_splits(scene, settings, kernel_of(lanes));
   settings.splits = chosen.paths, settings.light_samples = chosen.lights;
@@ -96,30 +94,24 @@ void bind_render(nb::module_& m) {
       .def_ro("seconds", &PassStatistics::seconds);
   m.def(
       "choose_splits",
-      [](const Scene& scene, int max_depth, int lanes, const CausticGuide* caustics) {
-        IntegratorSettings settings{max_depth, 1, 0, 0};
-        settings.caustics = caustics;
+      [](const Scene& scene, const IntegratorSettings& settings, int lanes) {
         const Splits chosen = choose_splits(scene, settings, kernel_of(lanes));
         return std::pair(chosen.paths, chosen.lights);
       },
-      nb::arg("scene"), nb::arg("max_depth"), nb::arg("lanes"), nb::arg("caustics").none() = nb::none(),
-      nb::call_guard<nb::gil_scoped_release>());
-  m.def("render_pass", &pass, nb::arg("scene"), nb::arg("film"), nb::arg("ends"), nb::arg("max_depth"), nb::arg("splits"),
-        nb::arg("threads"), nb::arg("seed"), nb::arg("lanes"), nb::arg("progress").none(), nb::arg("guide").none() = nb::none(),
-        nb::arg("caustics").none() = nb::none(), nb::arg("screen_block") = 0, nb::arg("light_samples") = 1);
+      nb::arg("scene"), nb::arg("settings"), nb::arg("lanes"), nb::call_guard<nb::gil_scoped_release>());
+  m.def("render_pass", &pass, nb::arg("scene"), nb::arg("film"), nb::arg("ends"), nb::arg("settings"), nb::arg("lanes"),
+        nb::arg("progress").none() = nb::none());
   nb::class_<Guide>(m, "Guide")
       .def_prop_ro("regions", [](const Guide& g) { return g.cdf.size() / (Guide::kBins + 1); })
       .def_ro("alone", &Guide::alone)
       .def_prop_ro("memory_bytes", &Guide::memory_bytes);
   m.def(
       "learn_guide",
-      [](const Scene& scene, int max_depth, int splits, int lanes, const CausticGuide* caustics, int light_samples) {
-        IntegratorSettings settings{max_depth, 1, 0, splits, light_samples};
-        settings.caustics = caustics;
+      [](const Scene& scene, const IntegratorSettings& settings, int lanes) {
         return learn_guide(scene, settings, kernel_of(lanes)).release();
       },
-      nb::arg("scene"), nb::arg("max_depth"), nb::arg("splits"), nb::arg("lanes"), nb::arg("caustics").none() = nb::none(),
-      nb::arg("light_samples") = 1, nb::rv_policy::take_ownership, nb::call_guard<nb::gil_scoped_release>());
+      nb::arg("scene"), nb::arg("settings"), nb::arg("lanes"), nb::rv_policy::take_ownership,
+      nb::call_guard<nb::gil_scoped_release>());
   m.def("has_lanes", &has_lanes);
   nb::class_<Recording>(m, "Recording")
       .def("__init__", &record, nb::keep_alive<1, 2>())

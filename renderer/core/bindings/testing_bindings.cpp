@@ -5,7 +5,6 @@
 
 #include "accel/build.hpp"
 #include "accel/query.hpp"
-#include "bindings/surface_input.hpp"
 #include "bindings/testing_rows.hpp"
 #include "bsdf/bsdf.hpp"
 #include "build/input_facts.hpp"
@@ -18,9 +17,9 @@
 namespace primray {
 namespace {
 
-nb::tuple bsdf_eval(nb::handle surface, InFloats wo_, InFloats wi_, InInts front_, int lanes) {
+nb::tuple bsdf_eval(const SurfaceInput& surface, InFloats wo_, InFloats wi_, InInts front_, int lanes) {
   SurfaceTable table;
-  table.add(surface_of(surface));
+  table.add(surface);
   const size_t n = wo_.shape(0);
   const Input<float> wo(wo_, n, 3), wi(wi_, n, 3);
   const Input<int32_t> front(front_, n, 1);
@@ -34,9 +33,9 @@ nb::tuple bsdf_eval(nb::handle surface, InFloats wo_, InFloats wi_, InInts front
   return nb::make_tuple(diffuse.array(), specular.array(), pdf.array());
 }
 
-nb::tuple bsdf_sample(nb::handle surface, InFloats wo_, InInts front_, InFloats u_, int lanes) {
+nb::tuple bsdf_sample(const SurfaceInput& surface, InFloats wo_, InInts front_, InFloats u_, int lanes) {
   SurfaceTable table;
-  table.add(surface_of(surface));
+  table.add(surface);
   const size_t n = wo_.shape(0);
   const Input<float> wo(wo_, n, 3), u(u_, n, 3);
   const Input<int32_t> front(front_, n, 1);
@@ -53,9 +52,9 @@ nb::tuple bsdf_sample(nb::handle surface, InFloats wo_, InInts front_, InFloats 
 }
 
 // Chances of the lobes, the rest transmits; and what a straight shadow ray keeps.
-nb::tuple bsdf_lobes(nb::handle surface, InFloats wo_, InInts front_, int lanes) {
+nb::tuple bsdf_lobes(const SurfaceInput& surface, InFloats wo_, InInts front_, int lanes) {
   SurfaceTable table;
-  table.add(surface_of(surface));
+  table.add(surface);
   const size_t n = wo_.shape(0);
   const Input<float> wo(wo_, n, 3);
   const Input<int32_t> front(front_, n, 1);

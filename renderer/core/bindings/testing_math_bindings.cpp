@@ -1,5 +1,4 @@
 // Functions of math/ and lobes for the tests, on arrays.
-#include "bindings/surface_input.hpp"
 #include "bindings/testing_rows.hpp"
 #include "bsdf/bsdf.hpp"
 #include "light/light.hpp"

@@ -122,7 +122,7 @@ class SceneBuilder {
   // A light that shapes wear; its number.
   int add_geometry_light(const LightInput& light);
   // The shape that was added last is a part of that light.
-  void wear_light(int light, const daffine& group_from_object);
+  void set_light_of_shape(int light, const daffine& group_from_object);
   void set_camera(const CameraInput& camera);
   // After all shapes, placements and the camera, which decide the levels that are kept. `tile`: 0, or 1001 to 1100.
   void set_texture_image(int texture, int tile, const ImageInput& image);

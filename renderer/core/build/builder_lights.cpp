@@ -38,7 +38,7 @@ int SceneBuilder::add_geometry_light(const LightInput& light) {
   return int(scene_->geometry_lights.all.size()) - 1;
 }
 
-void SceneBuilder::wear_light(int light, const daffine& group_from_object) {
+void SceneBuilder::set_light_of_shape(int light, const daffine& group_from_object) {
   Scene& s = *scene_;
   GeometryLights& lights = s.geometry_lights;
   GeometryLight& worn = lights.all.at(size_t(light));

@@ -20,6 +20,8 @@ constexpr int kTile = 16;  // pixels across
 
 struct Film {
   static constexpr int kColors = 3;
+  // Of the arrays by pixel.
+  static constexpr size_t kPixelBytes = kReplicates * (kColors * (2 * sizeof(int64_t) + 1) + 2 * sizeof(uint32_t));
   int width, height, tiles_x, tiles_y;
   std::vector<int64_t> parts;     // replicate, y, x, color, (high, low)
   std::vector<int8_t> bins;       // replicate, y, x, color

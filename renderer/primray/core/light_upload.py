@@ -9,26 +9,26 @@ import numpy as np
 
 from ..arrays import Doubles, Floats
 from ..description import Light, LightType, Shaping, TextureFile
+from .core_inputs import filled
 from .surface_upload import Textures
 
-# Order of LightType in light/light.hpp.
-LIGHT_NUMBERS = {
-    LightType.POINT: 0,
-    LightType.SPHERE: 1,
-    LightType.DISK: 2,
-    LightType.RECT: 3,
-    LightType.CYLINDER: 4,
-    LightType.DISTANT: 5,
-    LightType.DOME: 6,
-    LightType.LINE: 8,
+# By UsdLux's token; one that nothing has settled is read as lat-long.
+DOME_FORMATS = {
+    "automatic": "LAT_LONG",
+    "latlong": "LAT_LONG",
+    "mirroredBall": "MIRRORED_BALL",
+    "angular": "ANGULAR",
+    "cubeMapVerticalCross": "VERTICAL_CROSS",
 }
-# Order of DomeFormat in light/dome_format.hpp; one that nothing has settled is read as lat-long.
-DOME_FORMATS = {"automatic": 0, "latlong": 0, "mirroredBall": 1, "angular": 2, "cubeMapVerticalCross": 3}
+# What the core has by the same name.
+FIELDS = ("emission", "width", "height", "radius", "length", "angle_deg", "diffuse", "specular", "light_link", "shadow_link",
+          "visible_to_camera")  # fmt: skip
 NO_TEXTURE = np.zeros((0, 0, 3), np.float32)
 
 
 class LightUpload:
-    def __init__(self, builder: Any) -> None:
+    def __init__(self, core: Any, builder: Any) -> None:
+        self._core = core
         self._builder = builder
         self._profiles: dict[int, int] = {}  # the core's numbers by identity, since lights share them
         self._images: dict[TextureFile, int] = {}
@@ -42,21 +42,60 @@ class LightUpload:
             elif light.type is LightType.DOME:
                 pixels = light_pixels(light.texture, textures)
             portals = np.array([[*p.world_from_portal[:3].ravel(), p.width, p.height] for p in light.portals], np.float64)
-            self._builder.add_light(
-                LIGHT_NUMBERS[light.type],
-                np.ascontiguousarray(light.world_from_light, np.float64),
-                light,
-                pixels,
-                DOME_FORMATS[light.texture_format],
-                portals.reshape(-1, 14),
-                image,
-                self._profile(light.shaping),
+            made = filled(
+                self._input(light, light.world_from_light),
+                texture=pixels,
+                format=self._core.DomeFormat[DOME_FORMATS[light.texture_format]],
+                portals=portals.reshape(-1, 14),
             )
+            self._builder.add_light(made, image)
 
     def add_worn(self, light: Light, group_from_object: Doubles) -> int:
         """One that shapes are, which stand so; its number."""
-        number: int = self._builder.add_geometry_light(group_from_object, light, self._profile(light.shaping))
+        made = filled(
+            self._input(light, group_from_object),
+            normalize=light.normalize,
+            own_color=light.own_color,
+            shows_own=light.shows_own,
+        )
+        number: int = self._builder.add_geometry_light(made)
         return number
+
+    def _input(self, light: Light, matrix: Doubles) -> Any:
+        """A LightInput with what any type has."""
+        made = filled(
+            self._core.LightInput(),
+            type=self._core.LightType[light.type.name],
+            world_from_light=np.ascontiguousarray(matrix, np.float64),
+            **{name: getattr(light, name) for name in FIELDS},
+        )
+        if light.shadow is not None:
+            filled(
+                made,
+                casts_shadows=light.shadow.enabled,
+                shadow_color=light.shadow.color,
+                shadow_distance=light.shadow.distance,
+                shadow_falloff=light.shadow.falloff,
+                shadow_gamma=light.shadow.falloff_gamma,
+            )
+        if light.shaping is not None:
+            made.shaping = self._shaping(light.shaping)
+        return made
+
+    def _shaping(self, shaping: Shaping) -> Any:
+        """A ShapingInput."""
+        made = filled(
+            self._core.ShapingInput(),
+            focus=shaping.focus,
+            focus_tint=shaping.focus_tint,
+            cone_angle_deg=shaping.cone_angle_deg,
+            cone_softness=shaping.cone_softness,
+            ies=self._profile(shaping),
+            ies_angle_scale=shaping.ies_angle_scale,
+        )
+        if shaping.ies is not None and shaping.ies_normalize:
+            made.ies_divisor = shaping.ies.power
+        return made
 
     def _image(self, file: TextureFile | None, textures: Textures) -> int:
         if file is None or file not in textures:
@@ -65,9 +104,9 @@ class LightUpload:
             self._images[file] = self._builder.add_light_image(light_pixels(file, textures))
         return self._images[file]
 
-    def _profile(self, shaping: Shaping | None) -> int:
-        """-1 without one."""
-        if shaping is None or shaping.ies is None:
+    def _profile(self, shaping: Shaping) -> int:
+        """The number of its photometric profile; -1 without one."""
+        if shaping.ies is None:
             return -1
         profile = shaping.ies
         if id(profile) not in self._profiles:

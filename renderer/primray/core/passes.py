@@ -10,9 +10,10 @@ import numpy.typing as npt
 
 from ..settings import RenderSettings
 from .core_errors import raise_as_ours
+from .core_inputs import integrator_settings
 from .film import Film, uniform_ends
 from .isa_class import lanes, module
-from .limits import max_depth, threads
+from .limits import threads
 from .scene import CoreScene, Splits
 
 Progress = Callable[[float], bool | None]  # fraction of the pass
@@ -33,7 +34,8 @@ def choose_splits(scene: CoreScene, settings: RenderSettings) -> Splits:
     if settings.is_quick_look:
         return Splits()
     try:
-        return Splits(*module().choose_splits(scene._scene, max_depth(settings), lanes(), scene.caustics(settings)))
+        pilot = integrator_settings(module(), settings, splits=0, caustics=scene.caustics(settings))
+        return Splits(*module().choose_splits(scene._scene, pilot, lanes()))
     except module().CoreError as error:
         raise_as_ours(error)
 
@@ -53,22 +55,20 @@ def render_pass(
     guide, caustics = scene.guide(settings, splits), scene.caustics(settings)
     if guide is not None and guide.alone:
         caustics = None
+    asked = integrator_settings(
+        module(),
+        settings,
+        threads=threads(settings),
+        seed=settings.seed,
+        splits=splits.paths,
+        light_samples=splits.lights,
+        screen_block=settings.screen_block,
+        guide=guide,
+        caustics=caustics,
+    )
+    to = np.ascontiguousarray(ends, np.uint32)
     try:
-        done = module().render_pass(
-            scene._scene,
-            film._film,
-            np.ascontiguousarray(ends, np.uint32),
-            max_depth(settings),
-            splits.paths,
-            threads(settings),
-            settings.seed,
-            lanes(),
-            progress,
-            guide,
-            caustics,
-            settings.screen_block,
-            splits.lights,
-        )
+        done = module().render_pass(scene._scene, film._film, to, asked, lanes=lanes(), progress=progress)
     except module().CoreError as error:
         raise_as_ours(error)
     return Pass(bool(done.interrupted), float(done.seconds), int(done.busy_lanes), int(done.shaded_lanes))
@@ -86,7 +86,8 @@ class Recording:
     """Every ray of a one-threaded render in order, to trace again through Embree alone (for the benchmark; takes memory)."""
 
     def __init__(self, scene: CoreScene, settings: RenderSettings) -> None:
-        self._recording = module().Recording(scene._scene, settings.most_samples, max_depth(settings), settings.seed, lanes())
+        asked = integrator_settings(module(), settings, seed=settings.seed)
+        self._recording = module().Recording(scene._scene, settings.most_samples, asked, lanes())
 
     def replay_s(self) -> float:
         """Seconds of one thread to trace them, each as packet or single ray as the render did."""

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from ..color.color_space import REC709, ColorSpace
 from ..settings import RenderSettings
+from .core_inputs import integrator_settings
 from .isa_class import lanes, module
 from .limits import max_depth, threads
 from .scene_record import InstanceNumbers, SceneRecord
@@ -45,9 +46,10 @@ class CoreScene:
             return None
         depth = max_depth(settings)
         if (depth, splits) not in self._guides:
-            self._guides[depth, splits] = module().learn_guide(
-                self._scene, depth, splits.paths, lanes(), self.caustics(settings), splits.lights
+            asked = integrator_settings(
+                module(), settings, splits=splits.paths, light_samples=splits.lights, caustics=self.caustics(settings)
             )
+            self._guides[depth, splits] = module().learn_guide(self._scene, asked, lanes())
         return self._guides[depth, splits]
 
     def caustics(self, settings: RenderSettings) -> Any:

@@ -15,6 +15,7 @@ from ..description import Camera, Frame, Mesh, Placement, Projection, SceneDescr
 from ..description.placement import Box, chunks, named_levels, placed_box, transformed_box, transformed_boxes
 from ..refine.far_geometry import FARTHEST, OUTLYING, FarInstances, usual_boxes, usual_union
 from ..refine.skewed import bake_skewed
+from .core_inputs import filled
 from .light_upload import LightUpload
 from .scene_record import SceneRecord
 from .shape_upload import NO_FLOATS, ShapeUpload, matrix
@@ -45,29 +46,31 @@ def upload(
     origin = d.camera.world_from_camera[:3, 3]
     scale = power_of_two_scale(scene_reach(d, boxes, prototype_boxes, origin))
     builder = core.SceneBuilder(origin, scale)
-    inputs, lights = SurfaceUpload(builder, textures), LightUpload(builder)
+    inputs, lights = SurfaceUpload(core, builder, textures), LightUpload(core, builder)
     if record is not None:
         note_names(record, description, shapes, inputs)
     builder.reserve_triangles(*points_and_triangles(shapes))
     if d.linked.collections:
         builder.set_links(d.linked.members.astype(np.uint8))
     warnings: list[tuple[str, str, str]] = []
-    handing = ShapeUpload(builder, inputs, lights, inputs.add_surfaces(d.surfaces), shapes, full_boxes, warnings, record)
+    surfaces = inputs.add_surfaces(d.surfaces)
+    handing = ShapeUpload(core, builder, inputs, lights, surfaces, shapes, full_boxes, warnings, record)
     handing.add(d.static, origin, scale)
     instances = sum(map(len, [*d.placements, *(p for proto in d.prototypes for p in proto.placements)]))
     builder.reserve_instances(instances)
     numbers: dict[int, int] = {}
-    placements = PlacementUpload(builder, inputs, d, numbers, warnings, record)
+    placements = PlacementUpload(builder, inputs, d, numbers, prototype_boxes, warnings, record)
     # Prototypes of placements last: what they place has its number by then.
     for i, proto in sorted(enumerate(d.prototypes), key=lambda item: bool(item[1].placements)):
         low, high = prototype_boxes[i]
         center, unit = (low + high) / 2, power_of_two_scale(float(np.max(high - low)) / 2)
         numbers[i] = builder.begin_prototype(center, unit)
         handing.add(proto.shapes, center, unit)
-        placements.add(proto.placements, numbers[i], center, unit, prototype_boxes)
-    placements.add(d.placements, 0, origin, scale, prototype_boxes)
+        placements.add(proto.placements, numbers[i], center, unit)
+    placements.add(d.placements, 0, origin, scale)
     lights.add(d.lights, textures)
-    set_camera(builder, d.camera, d.frame, filter_width, filter_inverse_cdf)
+    camera = camera_input(core, d.camera, d.frame)
+    builder.set_camera(filled(camera, filter_width=filter_width, filter_inverse_cdf=filter_inverse_cdf))
     inputs.add_images()
     items = sum(points_and_triangles(shapes)) + instances
     shapes.clear()
@@ -88,16 +91,15 @@ class PlacementUpload:
     inputs: SurfaceUpload
     description: SceneDescription
     numbers: Mapping[int, int]  # the core's, by prototype
+    prototype_boxes: Sequence[Box]
     warnings: list[tuple[str, str, str]]
     record: SceneRecord | None = None
 
-    def add(
-        self, placements: Sequence[Placement], parent: int, center: Doubles, scale: float, prototype_boxes: Sequence[Box]
-    ) -> None:
+    def add(self, placements: Sequence[Placement], parent: int, center: Doubles, scale: float) -> None:
         """Into the group `parent`, 0 being the world."""
         for placement in placements:
             path = self.description.prototypes[placement.prototype].path
-            box = prototype_boxes[placement.prototype]
+            box = self.prototype_boxes[placement.prototype]
             with np.errstate(over="ignore", invalid="ignore"):
                 reach = _reach(placed_box(placement.levels, box), center) * scale
             far = None if reach < FARTHEST else FarInstances(box, center, FARTHEST / scale)
@@ -141,25 +143,27 @@ def add_placement(
     return np.concatenate(left_out)
 
 
-def set_camera(builder: Any, c: Camera, frame: Frame, filter_width: float, inverse_cdf: npt.NDArray[np.float32]) -> None:
-    near, far = c.clipping_range
+def camera_input(core: Any, c: Camera, frame: Frame) -> Any:
+    """All of a CameraInput but its filter."""
     pixels = frame.pixels
-    builder.set_camera(
-        matrix(c.world_from_camera),
-        c.projection is Projection.ORTHOGRAPHIC,
-        c.window,
-        near,
-        far,
-        c.lens_radius,
-        c.focus_distance,
-        c.blades,
-        c.blade_rotation_deg,
-        np.array(c.clipping_planes, np.float64).ravel(),
-        c.shutter[0] < c.shutter[1],
-        *frame.resolution,
-        (pixels.x, pixels.y, pixels.width, pixels.height),
-        filter_width,
-        inverse_cdf,
+    width, height = frame.resolution
+    near, far = c.clipping_range
+    return filled(
+        core.CameraInput(),
+        world_from_camera=matrix(c.world_from_camera),
+        orthographic=c.projection is Projection.ORTHOGRAPHIC,
+        window=c.window,
+        near=near,
+        far=far,
+        lens_radius=c.lens_radius,
+        focus_distance=c.focus_distance,
+        blades=c.blades,
+        blade_rotation_deg=c.blade_rotation_deg,
+        clipping_planes=np.array(c.clipping_planes, np.float64).ravel(),
+        shutter_open=c.shutter[0] < c.shutter[1],
+        width=width,
+        height=height,
+        pixels=(pixels.x, pixels.y, pixels.width, pixels.height),
     )
 
 

@@ -14,12 +14,10 @@ from ..description import Interpolation, Mesh, Placed, Primvar, Shape, Sphere, S
 from ..description.pairs import is_paired
 from ..description.placement import transformed_boxes
 from ..refine.far_geometry import FARTHEST, OUTLYING, Flags, near_triangles
+from .core_inputs import filled
 from .light_upload import LightUpload
 from .scene_record import SceneRecord
 from .surface_upload import SurfaceUpload, is_cutout, is_hole
-
-# Order of Attribute in scene/scene.hpp.
-NONE, PER_TRIANGLE, PER_VERTEX, PER_CORNER = range(4)
 
 NO_FLOATS = np.zeros((0, 3), np.float32)
 
@@ -35,8 +33,8 @@ class Part:
     mesh: Mesh
     triangles: Ints
     surfaces: Ints  # one, or one a triangle
-    normals: tuple[Floats, int]  # values and kind
-    colors: tuple[Floats, int]
+    normals: tuple[Floats, str]  # values, and the name of their kind in the core's Attribute
+    colors: tuple[Floats, str]
     primvars: tuple[Primvar, ...]
 
 
@@ -45,6 +43,7 @@ class ShapeUpload:
 
     def __init__(
         self,
+        core: Any,
         builder: Any,
         inputs: SurfaceUpload,
         lights: LightUpload,
@@ -54,6 +53,7 @@ class ShapeUpload:
         warnings: list[tuple[str, str, str]],
         record: SceneRecord | None = None,
     ) -> None:
+        self._core = core
         self._builder = builder
         self._record = record
         self._inputs = inputs
@@ -136,7 +136,7 @@ class ShapeUpload:
         for name, _, width, values in self._inputs.primvars(sphere.primvars):
             self._builder.add_sphere_primvar(name, width, values)
         if light is not None:
-            self._builder.wear_light(light, world_from_object)
+            self._builder.set_light_of_shape(light, world_from_object)
 
     def _wear(self, shape: Shape) -> None:
         """Tell the core the row of what follows, where it changes."""
@@ -163,13 +163,23 @@ class ShapeUpload:
 
     def _add_mesh(self, part: Part, world_from_object: npt.NDArray[np.float64], light: int | None, cutout: bool) -> None:
         self._wear(part.mesh)
-        self._builder.add_mesh(
-            part.mesh.points, part.triangles, *part.normals, *part.colors, part.surfaces, world_from_object, cutout
-        )  # fmt: skip
+        kinds = self._core.Attribute
+        mesh = filled(
+            self._core.MeshInput(),
+            points=part.mesh.points,
+            triangles=part.triangles,
+            normals=part.normals[0],
+            normal_kind=kinds[part.normals[1]],
+            colors=part.colors[0],
+            color_kind=kinds[part.colors[1]],
+            surfaces=part.surfaces,
+            cutout=cutout,
+        )
+        self._builder.add_mesh(mesh, world_from_object)
         for name, number, width, values in self._inputs.primvars(part.primvars):
             self._builder.add_mesh_primvar(name, number, width, values)
         if light is not None:
-            self._builder.wear_light(light, world_from_object)
+            self._builder.set_light_of_shape(light, world_from_object)
 
 
 def core_from_object(world_from_object: Doubles, center: Doubles, scale: float) -> Doubles:
@@ -188,9 +198,9 @@ def whole(mesh: Mesh, surfaces: Ints) -> Part:
 def part_of(p: Part, wanted: npt.NDArray[np.bool_]) -> Part:
     """The triangles that are `wanted`."""
     corners = np.repeat(wanted, 3)
-    rows = {PER_TRIANGLE: wanted, PER_CORNER: corners}
+    rows = {"TRIANGLE": wanted, "CORNER": corners}
 
-    def values(of: tuple[Floats, int]) -> tuple[Floats, int]:
+    def values(of: tuple[Floats, str]) -> tuple[Floats, str]:
         return (np.ascontiguousarray(of[0][rows[of[1]]]) if of[1] in rows else of[0]), of[1]
 
     def primvar(of: Primvar) -> Primvar:
@@ -207,15 +217,15 @@ def part_of(p: Part, wanted: npt.NDArray[np.bool_]) -> Part:
     )
 
 
-def kind(values: npt.NDArray[np.float32] | None, points: int, triangles: int, *, normals: bool) -> int:
+def kind(values: npt.NDArray[np.float32] | None, points: int, triangles: int, *, normals: bool) -> str:
     """Which elements an attribute's rows belong to, by their number: corners before points before triangles."""
     if values is None:
-        return NONE
+        return "NONE"
     n = len(values)
     if n == 3 * triangles:
-        return PER_CORNER
+        return "CORNER"
     if n == points:
-        return PER_VERTEX
+        return "VERTEX"
     if n == triangles and not normals:
-        return PER_TRIANGLE
+        return "TRIANGLE"
     raise ValueError(f"{n} values for {points} points and {triangles} triangles")

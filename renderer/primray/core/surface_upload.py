@@ -13,28 +13,13 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Floats
-from ..description import Input, Interpolation, Primvar, Surface, TextureFile, TextureInput, Wrap
+from ..description import Input, Primvar, Surface, TextureFile, TextureInput, Wrap
 from ..textures.texture import Texture
+from .core_inputs import filled, surface_input
 
 Textures = Mapping[TextureFile, Sequence[tuple[int, Texture]]]  # tile numbers, or 0 for a file that is no set of tiles
 MutableTextures = MutableMapping[TextureFile, list[tuple[int, Texture]]]
 
-# Order of InputField in bsdf/surface_inputs.hpp.
-INPUT_FIELDS = (
-    "diffuse_color",
-    "emissive_color",
-    "specular_color",
-    "metallic",
-    "roughness",
-    "clearcoat",
-    "clearcoat_roughness",
-    "opacity",
-    "ior",
-    "normal",
-)
-# Order of Wrap in texture/lookup.hpp, of PrimvarKind in scene/primvars.hpp.
-WRAPS = (Wrap.BLACK, Wrap.CLAMP, Wrap.REPEAT, Wrap.MIRROR)
-PRIMVAR_KINDS = (Interpolation.CONSTANT, Interpolation.FACE, Interpolation.POINT, Interpolation.CORNER, Interpolation.INSTANCE)
 NORMAL_ST = "st"  # spans the tangents of a normal that no texture gives
 
 
@@ -103,7 +88,8 @@ class TextureKey:
 class SurfaceUpload:
     """Numbers of primvars' names and of textures while surfaces are handed over, and afterwards their values."""
 
-    def __init__(self, builder: Any, textures: MutableTextures) -> None:
+    def __init__(self, core: Any, builder: Any, textures: MutableTextures) -> None:
+        self._core = core
         self._builder = builder
         self._textures = textures
         self._names: dict[str, int] = {}
@@ -119,38 +105,38 @@ class SurfaceUpload:
         for surface in readable:
             cutout = is_cutout(surface)
             sources = [self._source(name, i, cutout and name == "opacity") for name, i in surface.inputs]
-            self._builder.add_surface(surface, sources)
+            self._builder.add_surface(surface_input(self._core, surface), sources)
         self._builder.set_primvar_names(len(self._names))
         return readable
 
     def _name(self, name: str) -> int:
         return self._names.setdefault(name, len(self._names))
 
-    def _source(self, field: str, value: Input, finest_only: bool) -> tuple[Any, ...]:
-        """An InputSource's fields in order."""
-        number = INPUT_FIELDS.index(field)
+    def _source(self, field: str, value: Input, finest_only: bool) -> Any:
+        """An InputSource."""
+        source = filled(self._core.InputSource(), field=self._core.InputField[field.upper()])
         if not isinstance(value, TextureInput):
-            name, tangents = self._name(value.name), self._name(NORMAL_ST) if field == "normal" else -1
-            return number, name, three(value.fallback), -1, 0, 0, (1, 0, 0, 0, 1, 0), *[(0, 0, 0)] * 3, tangents
-        tiles = self._textures[value.file]
-        texture = tiles[0][1]
-        wraps = [
-            own if wrap is Wrap.USE_METADATA else wrap
-            for wrap, own in ((value.wrap_s, texture.wrap_s), (value.wrap_t, texture.wrap_t))
-        ]
-        return (
-            number,
-            self._name(value.st.name),
-            three(value.st.fallback),
-            self._texture(value, finest_only),
-            WRAPS.index(wraps[0]),
-            WRAPS.index(wraps[1]),
-            value.st_transform,
-            channels_of(value.scale, value.channels),
-            channels_of(value.bias, value.channels),
-            channels_of(value.fallback, value.channels),
-            self._name(value.st.name),
+            filled(source, primvar=self._name(value.name), fallback=three(value.fallback))
+            return filled(source, tangents=self._name(NORMAL_ST)) if field == "normal" else source
+        texture = self._textures[value.file][0][1]
+        st = self._name(value.st.name)
+        return filled(
+            source,
+            primvar=st,
+            fallback=three(value.st.fallback),
+            texture=self._texture(value, finest_only),
+            wrap_s=self._wrap(value.wrap_s, texture.wrap_s),
+            wrap_t=self._wrap(value.wrap_t, texture.wrap_t),
+            st_transform=value.st_transform,
+            scale=channels_of(value.scale, value.channels),
+            bias=channels_of(value.bias, value.channels),
+            missing=channels_of(value.fallback, value.channels),
+            tangents=st,
         )
+
+    def _wrap(self, wrap: Wrap, of_file: Wrap) -> Any:
+        """The core's Wrap."""
+        return self._core.Wrap[(of_file if wrap is Wrap.USE_METADATA else wrap).name]
 
     def _texture(self, value: TextureInput, finest_only: bool) -> int:
         key = TextureKey(value.file, value.channels, finest_only)
@@ -161,10 +147,11 @@ class SurfaceUpload:
             self._numbers[key] = self._builder.add_texture(1 if grey else 3, udim, finest_only)
         return self._numbers[key]
 
-    def primvars(self, primvars: Sequence[Primvar]) -> list[tuple[int, int, int, Floats]]:
+    def primvars(self, primvars: Sequence[Primvar]) -> list[tuple[int, Any, int, Floats]]:
         """Name, kind, width and values of those that some surface reads; what is not finite is 0."""
+        kinds = self._core.PrimvarKind
         return [
-            (self._names[p.name], PRIMVAR_KINDS.index(p.interpolation), width(p.values), finite(p.values))
+            (self._names[p.name], kinds[p.interpolation.name], width(p.values), finite(p.values))
             for p in primvars
             if p.name in self._names
         ]

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from tests.described import box, core_module, describe, kernels, lambert, orthographic, placement, translation
 
+from primray.core.core_inputs import filled
 from primray.core.scene_upload import add_placement, upload
 from primray.description import Doubles, Placed, Placement, Prototype, Shape
 
@@ -22,10 +23,9 @@ def test_singular_and_non_finite_instances_are_left_out_by_number() -> None:
     core = core_module()
     builder = core.SceneBuilder((0.0, 0.0, 0.0), 1.0)
     number = builder.begin_prototype((0.0, 0.0, 0.0), 1.0)
-    builder.add_mesh(
-        box([1, 1, 1]).points, box([1, 1, 1]).triangles, np.zeros((0, 3), np.float32), 0, np.zeros((0, 3), np.float32), 0,
-        np.zeros(1, np.int32), np.eye(4), False,
-    )  # fmt: skip
+    cube = box([1, 1, 1])
+    mesh = filled(core.MeshInput(), points=cube.points, triangles=cube.triangles, surfaces=np.zeros(1, np.int32))
+    builder.add_mesh(mesh, np.eye(4))
     assert add_placement(builder, placement(0, matrices), 0, number).tolist() == [3, 20000, 39999]
 
 

@@ -7,10 +7,11 @@ import numpy.typing as npt
 import pytest
 from tests.described import kernels
 
-from primray.core.surface_upload import WRAPS
+from primray import core
 from primray.description import Wrap
 
 Floats = npt.NDArray[np.float32]
+WRAPS = (Wrap.BLACK, Wrap.CLAMP, Wrap.REPEAT, Wrap.MIRROR)
 
 
 def look(pixels: npt.ArrayLike, st: npt.ArrayLike, level: float = 0.0, wraps: tuple[Wrap, Wrap] = (Wrap.REPEAT,) * 2,
@@ -19,7 +20,8 @@ def look(pixels: npt.ArrayLike, st: npt.ArrayLike, level: float = 0.0, wraps: tu
     p = p if p.ndim == 3 else p[:, :, None]
     st = np.ascontiguousarray(np.atleast_2d(st), np.float32)
     levels = np.full(len(st), level, np.float32)
-    return kernels().texture_lookup(p, *map(WRAPS.index, wraps), first_level, st, levels, lanes).reshape(len(st), -1)
+    wrap_s, wrap_t = (core.module().Wrap[w.name].value for w in wraps)
+    return kernels().texture_lookup(p, wrap_s, wrap_t, first_level, st, levels, lanes).reshape(len(st), -1)
 
 
 def centres(width: int, height: int) -> npt.NDArray[np.float64]:

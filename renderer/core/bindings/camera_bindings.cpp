@@ -1,0 +1,43 @@
+// The camera for Python, with the film's window and filter.
+#include "bindings/inputs.hpp"
+#include "build/builder.hpp"
+
+namespace primray {
+namespace {
+
+struct HeldCamera : CameraInput {
+  InArray<double> held_planes;
+  InArray<float> held_filter;
+};
+
+// x, y, width, height.
+void set_pixels(HeldCamera& c, nb::handle window) {
+  const auto side = [&](int i) { return nb::cast<int>(window[i]); };
+  c.pixels = {side(0), side(1), side(2), side(3)};
+}
+
+}  // namespace
+
+void bind_camera(nb::module_& m, nb::class_<SceneBuilder>& builder) {
+  nb::class_<HeldCamera> camera(m, "CameraInput");
+  camera.def(nb::init<>())
+      .def_rw("orthographic", &HeldCamera::orthographic)
+      .def_rw("near", &HeldCamera::near)
+      .def_rw("far", &HeldCamera::far)
+      .def_rw("lens_radius", &HeldCamera::lens_radius)
+      .def_rw("focus_distance", &HeldCamera::focus_distance)
+      .def_rw("blades", &HeldCamera::blades)
+      .def_rw("blade_rotation_deg", &HeldCamera::blade_rotation_deg)
+      .def_rw("shutter_open", &HeldCamera::shutter_open)
+      .def_rw("width", &HeldCamera::width)
+      .def_rw("height", &HeldCamera::height)
+      .def_rw("filter_width", &HeldCamera::filter_width)
+      .def_prop_rw("pixels", nullptr, &set_pixels);
+  def_matrix(camera, "world_from_camera", &HeldCamera::world_from_camera);
+  def_numbers(camera, "window", &HeldCamera::window);
+  def_array(camera, "clipping_planes", &HeldCamera::held_planes, &HeldCamera::clipping_planes);
+  def_array(camera, "filter_inverse_cdf", &HeldCamera::held_filter, &HeldCamera::filter_inverse_cdf);
+  builder.def("set_camera", [](SceneBuilder& b, const HeldCamera& c) { b.set_camera(c); });
+}
+
+}  // namespace primray

@@ -1,0 +1,60 @@
+// Facts of the core that Python needs as they are here: enumerations by name, sizes.
+#include "bindings/arrays.hpp"
+#include "bsdf/surface_inputs.hpp"
+#include "film/film.hpp"
+#include "light/dome_format.hpp"
+#include "light/light.hpp"
+#include "scene/primvars.hpp"
+#include "scene/scene.hpp"
+#include "texture/lookup.hpp"
+
+namespace primray {
+
+void bind_facts(nb::module_& m) {
+  m.attr("TILE") = kTile;
+  m.attr("FILM_PIXEL_BYTES") = Film::kPixelBytes;
+  nb::enum_<Attribute>(m, "Attribute")
+      .value("NONE", Attribute::kNone)
+      .value("TRIANGLE", Attribute::kTriangle)
+      .value("VERTEX", Attribute::kVertex)
+      .value("CORNER", Attribute::kCorner);
+  nb::enum_<PrimvarKind>(m, "PrimvarKind")
+      .value("CONSTANT", PrimvarKind::kConstant)
+      .value("FACE", PrimvarKind::kFace)
+      .value("POINT", PrimvarKind::kPoint)
+      .value("CORNER", PrimvarKind::kCorner)
+      .value("INSTANCE", PrimvarKind::kInstance);
+  nb::enum_<Wrap>(m, "Wrap")
+      .value("BLACK", Wrap::kBlack)
+      .value("CLAMP", Wrap::kClamp)
+      .value("REPEAT", Wrap::kRepeat)
+      .value("MIRROR", Wrap::kMirror);
+  nb::enum_<InputField>(m, "InputField")
+      .value("DIFFUSE_COLOR", InputField::kDiffuseColor)
+      .value("EMISSIVE_COLOR", InputField::kEmissiveColor)
+      .value("SPECULAR_COLOR", InputField::kSpecularColor)
+      .value("METALLIC", InputField::kMetallic)
+      .value("ROUGHNESS", InputField::kRoughness)
+      .value("CLEARCOAT", InputField::kClearcoat)
+      .value("CLEARCOAT_ROUGHNESS", InputField::kClearcoatRoughness)
+      .value("OPACITY", InputField::kOpacity)
+      .value("IOR", InputField::kIor)
+      .value("NORMAL", InputField::kNormal);
+  nb::enum_<LightType>(m, "LightType")
+      .value("POINT", LightType::kPoint)
+      .value("SPHERE", LightType::kSphere)
+      .value("DISK", LightType::kDisk)
+      .value("RECT", LightType::kRect)
+      .value("CYLINDER", LightType::kCylinder)
+      .value("DISTANT", LightType::kDistant)
+      .value("DOME", LightType::kDome)
+      .value("GEOMETRY", LightType::kMesh)
+      .value("LINE", LightType::kLine);
+  nb::enum_<DomeFormat>(m, "DomeFormat")
+      .value("LAT_LONG", DomeFormat::kLatLong)
+      .value("MIRRORED_BALL", DomeFormat::kMirroredBall)
+      .value("ANGULAR", DomeFormat::kAngular)
+      .value("VERTICAL_CROSS", DomeFormat::kVerticalCross);
+}
+
+}  // namespace primray

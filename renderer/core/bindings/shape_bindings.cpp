@@ -1,0 +1,58 @@
+// Meshes, spheres and their primvars for Python, and the boxes of arrays of points.
+#include <algorithm>
+
+#include "bindings/inputs.hpp"
+#include "build/builder.hpp"
+
+namespace primray {
+namespace {
+
+struct HeldMesh : MeshInput {
+  InArray<float> held_points, held_normals, held_colors;
+  InArray<int32_t> held_triangles, held_surfaces;
+};
+
+// (N, 2, 3): the least and greatest coordinates of every array of points; zeros where there are none.
+nb::object boxes(nb::list arrays) {
+  std::vector<double> out;
+  out.reserve(6 * arrays.size());
+  for (nb::handle each : arrays) {
+    const InArray<float> array = nb::cast<InArray<float>>(each);  // a copy of its own where the array is not contiguous
+    const std::span<const float> p = span_of(array);
+    float low[3] = {0, 0, 0}, high[3] = {0, 0, 0};
+    for (size_t i = 0; i < p.size(); ++i) {
+      low[i % 3] = i < 3 ? p[i] : std::min(low[i % 3], p[i]);
+      high[i % 3] = i < 3 ? p[i] : std::max(high[i % 3], p[i]);
+    }
+    out.insert(out.end(), low, low + 3), out.insert(out.end(), high, high + 3);
+  }
+  return to_numpy(std::move(out), {arrays.size(), 2, 3});
+}
+
+}  // namespace
+
+void bind_shapes(nb::module_& m, nb::class_<SceneBuilder>& builder) {
+  m.def("boxes", &boxes);
+  nb::class_<HeldMesh> mesh(m, "MeshInput");
+  mesh.def(nb::init<>())
+      .def_rw("normal_kind", &HeldMesh::normal_kind)
+      .def_rw("color_kind", &HeldMesh::color_kind)
+      .def_rw("cutout", &HeldMesh::cutout);
+  def_array(mesh, "points", &HeldMesh::held_points, &HeldMesh::points);
+  def_array(mesh, "triangles", &HeldMesh::held_triangles, &HeldMesh::triangles);
+  def_array(mesh, "normals", &HeldMesh::held_normals, &HeldMesh::normals);
+  def_array(mesh, "colors", &HeldMesh::held_colors, &HeldMesh::colors);
+  def_array(mesh, "surfaces", &HeldMesh::held_surfaces, &HeldMesh::surfaces);
+  builder
+      .def("add_mesh",
+           [](SceneBuilder& b, const HeldMesh& input, InArray<double> matrix) { b.add_mesh(input, affine_of(matrix)); })
+      .def("add_mesh_primvar", [](SceneBuilder& b, int name, PrimvarKind kind, int width,
+                                  InArray<float> values) { b.add_mesh_primvar(name, kind, width, span_of(values)); })
+      .def("add_sphere", [](SceneBuilder& b, double radius, int surface,
+                            InArray<double> matrix) { return b.add_sphere(radius, surface, affine_of(matrix)); })
+      .def("add_sphere_primvar", [](SceneBuilder& b, int name, int width, InArray<float> values) {
+        b.add_sphere_primvar(name, width, span_of(values));
+      });
+}
+
+}  // namespace primray

@@ -1,0 +1,31 @@
+"""The core's input structures, filled by the names of their fields."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+from ..description import Surface
+from ..settings import RenderSettings
+from .limits import max_depth
+
+
+def filled(made: Any, **values: Any) -> Any:
+    """`made` with these fields.
+
+    Raises AttributeError for a field that it doesn't have.
+    """
+    for name, value in values.items():
+        setattr(made, name, value)
+    return made
+
+
+def surface_input(core: Any, surface: Surface) -> Any:
+    """The SurfaceInput of a surface: its constants."""
+    constants = {f.name: getattr(surface, f.name) for f in fields(surface) if f.name not in ("path", "inputs")}
+    return filled(core.SurfaceInput(), **constants)
+
+
+def integrator_settings(core: Any, settings: RenderSettings, **values: Any) -> Any:
+    """The IntegratorSettings of one thread at the render's depth, with these fields."""
+    return filled(core.IntegratorSettings(), max_depth=max_depth(settings), **values)
