@@ -178,7 +178,7 @@ _running: list[Server] = []  # wherever the fixture is imported to, there is one
 def postgres_server() -> Iterator[Server]:
     given = os.environ.get("PRIMRAY_TEST_POSTGRES")
     if given:
-        from primray_service.store.engine import engine_url
+        from primray_service.store.database.engine import engine_url
 
         yield Server(engine_url(given).render_as_string(hide_password=False))
     elif _running:

@@ -1,16 +1,12 @@
-"""The only SQL: what base.py asks for, over SQLite and PostgreSQL alike.
-
-base.py         what the service asks of a store
-schema.py       the tables; rows.py: between them and the service's types; migrations/, migrate.py: how they came about
-engine.py       connections, locks, retries; transaction.py: one transaction, its events and sums
-open_job.py     a job under its lock: every change of one
-jobs.py, listing.py, frames.py, claims.py, leases.py, scenes.py, usage.py, keys.py, webhooks.py
-                the operations; sql_store.py is all of them
+"""The only SQL: what base.py         what the service asks of a store; sql_store.py is that
+database/       schema.py: the tables; rows.py: between them and the service's types; migrations/, migrate.py: how they came
+                about; engine.py: connections, locks, retries; transaction.py: one transaction, its events and sums
+operations/     open_job.py: a job under its lock, every change of one; the others are the operations
 """
 
 from __future__ import annotations
 
-from .migrate import SchemaTooNew
+from .database.migrate import SchemaTooNew
 from .sql_store import SqlStore
 
 __all__ = ["SchemaTooNew", "SqlStore", "open_store"]

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from .claims import Claims
-from .engine import Database
-from .frames import Frames
-from .jobs import Jobs
-from .keys import Keys
-from .leases import Leases
-from .listing import Listing
-from .migrate import migrate
-from .scenes import Scenes
-from .usage import Sums
-from .webhooks import Webhooks
+from .database.engine import Database
+from .database.migrate import migrate
+from .operations.claims import Claims
+from .operations.frames import Frames
+from .operations.jobs import Jobs
+from .operations.keys import Keys
+from .operations.leases import Leases
+from .operations.listing import Listing
+from .operations.scenes import Scenes
+from .operations.usage import Sums
+from .operations.webhooks import Webhooks
 
 
 class SqlStore(Jobs, Listing, Frames, Claims, Leases, Scenes, Sums, Keys, Webhooks):

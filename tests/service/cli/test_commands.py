@@ -279,7 +279,7 @@ def test_an_executor_that_there_is_not(monkeypatch: pytest.MonkeyPatch, capsys: 
 def test_a_data_directory_or_database_that_cannot_be_used(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from primray_service.store import engine
+    from primray_service.store.database import engine
 
     monkeypatch.setattr(engine, "KEEP_TRYING_S", 0.2)
     (tmp_path / "file").write_text("")

@@ -9,7 +9,7 @@ import pytest
 
 from primray_service.jobs import FrameState, IllegalMove, JobState, Output
 from primray_service.store.base import Lost
-from primray_service.store.open_job import open_job
+from primray_service.store.operations.open_job import open_job
 
 from .world import World
 

@@ -12,10 +12,11 @@ from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import inspect, text
 
-from primray_service.store import SchemaTooNew, SqlStore, open_store, schema
+from primray_service.store import SchemaTooNew, SqlStore, open_store
 from primray_service.store.base import Unavailable
-from primray_service.store.engine import Database, engine_url
-from primray_service.store.migrate import configuration, migrate
+from primray_service.store.database import schema
+from primray_service.store.database.engine import Database, engine_url
+from primray_service.store.database.migrate import configuration, migrate
 
 from ..postgres import Server
 from .world import World
@@ -141,7 +142,7 @@ def test_usual_urls_get_the_driver():
 
 
 def test_a_server_that_does_not_answer(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
-    monkeypatch.setattr("primray_service.store.engine.KEEP_TRYING_S", 0.2)
+    monkeypatch.setattr("primray_service.store.database.engine.KEEP_TRYING_S", 0.2)
     store = SqlStore(f"postgresql://nobody@/none?host={tmp_path}")
     for call in (store.check, store.migrate, store.counts, lambda: store.release_lease(1)):
         with pytest.raises(Unavailable, match="does not answer"):

@@ -13,7 +13,8 @@ import pytest
 
 from primray_service.jobs import Frame, FrameState, Job, JobState
 from primray_service.limits import Quotas
-from primray_service.store import SqlStore, schema
+from primray_service.store import SqlStore
+from primray_service.store.database import schema
 
 from .test_sums import KEY, WEBHOOK
 from .world import ANY, T0, World, new_job, new_scene, scene_id

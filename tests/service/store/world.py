@@ -11,8 +11,9 @@ from sqlalchemy import func, select
 from primray_service.ids import ulid
 from primray_service.jobs import TERMINAL, Frame, FrameState, Job, JobState, Output, Scene, SceneState
 from primray_service.limits import Quotas
-from primray_service.store import SqlStore, schema
+from primray_service.store import SqlStore
 from primray_service.store.base import Claim
+from primray_service.store.database import schema
 
 T0 = 1_800_000_000.0
 ANY = Quotas(queued_jobs=None, stored_bytes=None)

@@ -8,17 +8,17 @@ from typing import Any
 
 from sqlalchemy import delete, insert, select, text, update
 
-from ..jobs import TERMINAL, Event, FrameState, Job, JobState, Json, Output
-from ..limits import Quotas
-from ..problems import Problem
-from . import schema
-from .base import Conflict, KeyReused
+from ...jobs import TERMINAL, Event, FrameState, Job, JobState, Json, Output
+from ...limits import Quotas
+from ...problems import Problem
+from ..base import Conflict, KeyReused
+from ..database import schema
+from ..database.rows import JOB_COLUMNS, event_of, job_of, output_of, values_of_job
+from ..database.transaction import Transaction
 from .leases import check_fence
 from .open_job import OpenJob, open_job
-from .part import Part
-from .rows import JOB_COLUMNS, event_of, job_of, output_of, values_of_job
+from .operations import Operations
 from .scenes import lock_scene
-from .transaction import Transaction
 from .usage import check_room_for_job, count_bytes
 
 jobs, frames, keys = schema.jobs, schema.frames, schema.idempotency_keys
@@ -30,7 +30,7 @@ PASSING_EVENTS_KEPT_S = 3600.0
 _PASSING = text("type IN ('progress', 'preview')")
 
 
-class Jobs(Part):
+class Jobs(Operations):
     def create_job(
         self, job: Job, time_codes: Sequence[float | None], quotas: Quotas, idempotency: tuple[str, str] | None = None
     ) -> tuple[Job, bool]:

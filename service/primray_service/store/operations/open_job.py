@@ -9,10 +9,10 @@ from typing import Any
 
 from sqlalchemy import Row, select, text, update
 
-from ..jobs import TERMINAL, FrameState, IllegalMove, Job, JobState, Json, is_legal, state_of_all
-from . import schema
-from .rows import job_of
-from .transaction import Transaction
+from ...jobs import TERMINAL, FrameState, IllegalMove, Job, JobState, Json, is_legal, state_of_all
+from ..database import schema
+from ..database.rows import job_of
+from ..database.transaction import Transaction
 from .webhook_messages import job_message
 
 jobs, frames = schema.jobs, schema.frames

@@ -1,10 +1,10 @@
-"""Run by Alembic: upgrades over the connection that store/migrate.py opened, in its transaction."""
+"""Run by Alembic: upgrades over the connection that store/database/migrate.py opened, in its transaction."""
 
 from __future__ import annotations
 
 from alembic import context
 
-from primray_service.store.schema import metadata
+from primray_service.store.database.schema import metadata
 
 context.configure(connection=context.config.attributes["connection"], target_metadata=metadata)
 context.run_migrations()

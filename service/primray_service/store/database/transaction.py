@@ -14,7 +14,7 @@ from sqlalchemy import Connection, CursorResult, Executable, Table, insert
 from sqlalchemy.dialects.postgresql import insert as postgresql_insert
 from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 
-from ..jobs import Json
+from ...jobs import Json
 from . import schema
 
 T = TypeVar("T")

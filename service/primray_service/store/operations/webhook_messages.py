@@ -6,8 +6,8 @@ from __future__ import annotations
 import os
 from datetime import UTC, datetime
 
-from ..ids import ulid
-from ..jobs import Job, Json
+from ...ids import ulid
+from ...jobs import Job, Json
 
 
 def time_text(at: float) -> str:

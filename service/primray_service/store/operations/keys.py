@@ -6,16 +6,16 @@ from collections.abc import Sequence
 
 from sqlalchemy import select, update
 
-from . import schema
-from .base import ApiKey
-from .part import Part
-from .rows import key_of, values_of_key
-from .transaction import Transaction
+from ..base import ApiKey
+from ..database import schema
+from ..database.rows import key_of, values_of_key
+from ..database.transaction import Transaction
+from .operations import Operations
 
 api_keys = schema.api_keys
 
 
-class Keys(Part):
+class Keys(Operations):
     def create_key(self, key: ApiKey) -> None:
         def work(transaction: Transaction[None]) -> None:
             transaction.insert_new(api_keys, values_of_key(key))

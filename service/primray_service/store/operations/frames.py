@@ -8,13 +8,13 @@ from typing import Any
 
 from sqlalchemy import delete, insert, select, update
 
-from ..jobs import FRAME_TERMINAL, Frame, FrameState, Job, JobState, Json, Output
-from . import schema
+from ...jobs import FRAME_TERMINAL, Frame, FrameState, Job, JobState, Json, Output
+from ..database import schema
+from ..database.rows import FRAME_COLUMNS, frame_of
+from ..database.transaction import Transaction
 from .leases import check_fence
 from .open_job import OpenJob, open_job
-from .part import Part
-from .rows import FRAME_COLUMNS, frame_of
-from .transaction import Transaction
+from .operations import Operations
 from .usage import count_bytes, count_cpu
 
 jobs, frames, outputs, events = schema.jobs, schema.frames, schema.outputs, schema.events
@@ -24,7 +24,7 @@ OF_JOB = frozenset({"progress", "effective_settings", "warnings", "usage", "resu
 AT_END_ONLY = frozenset({"result", "error"})
 
 
-class Frames(Part):
+class Frames(Operations):
     def frames(self, job_id: str, limit: int = 1000, after: int = -1) -> Sequence[Frame]:
         after = max(-1, min(after, 2**31 - 1))
         found = select(*FRAME_COLUMNS).where(frames.c.job_id == job_id, frames.c.number > after)

@@ -8,16 +8,16 @@ from typing import Any
 from sqlalchemy import Connection, delete, exists, insert, literal, select, tuple_, update
 from sqlalchemy.sql.elements import ColumnElement
 
-from ..jobs import TERMINAL, JobState, Json, Scene, SceneState
-from ..limits import Quotas
-from . import schema
-from .base import Conflict, QuotaExceeded
-from .cursors import read_cursor, write_cursor
+from ...jobs import TERMINAL, JobState, Json, Scene, SceneState
+from ...limits import Quotas
+from ..base import Conflict, QuotaExceeded
+from ..database import schema
+from ..database.cursors import read_cursor, write_cursor
+from ..database.rows import scene_of, values_of_scene
+from ..database.transaction import Transaction
 from .leases import check_fence, look_at_fence
 from .open_job import open_job
-from .part import Part
-from .rows import scene_of, values_of_scene
-from .transaction import Transaction
+from .operations import Operations
 from .usage import count_bytes, lock_tenant
 
 scenes, jobs = schema.scenes, schema.jobs
@@ -38,7 +38,7 @@ def lock_scene(transaction: Transaction[Any], tenant: str, scene_id: str, *, use
     return scene_of(row)
 
 
-class Scenes(Part):
+class Scenes(Operations):
     def put_scene(self, scene: Scene, quotas: Quotas) -> tuple[Scene, bool]:
         def work(transaction: Transaction[tuple[Scene, bool]]) -> tuple[Scene, bool]:
             # Whoever checks this scene writes all of its rows: wait for that, and find it checked.

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from sqlalchemy import Connection, literal, select, update
 from sqlalchemy.sql.elements import ColumnElement
 
-from . import schema
-from .base import WebhookDelivery
+from ..base import WebhookDelivery
+from ..database import schema
+from ..database.rows import delivery_of
+from ..database.transaction import Transaction
 from .leases import check_fence, look_at_fence
-from .part import Part
-from .rows import delivery_of
-from .transaction import Transaction
+from .operations import Operations
 
 webhooks = schema.webhooks
 
@@ -20,7 +20,7 @@ webhooks = schema.webhooks
 _DUE: ColumnElement[bool] = webhooks.c.state == literal("due", literal_execute=True)
 
 
-class Webhooks(Part):
+class Webhooks(Operations):
     def due_webhooks(self, fence: int, now: float, limit: int) -> Sequence[WebhookDelivery]:
         def work(db: Connection) -> list[WebhookDelivery]:
             look_at_fence(db, fence)

@@ -7,10 +7,10 @@ from typing import Any
 
 from sqlalchemy import Row, Table
 
-from ..jobs import Event, Frame, FrameState, Job, JobState, Json, Output, Scene, SceneState
-from ..limits import Quotas
+from ...jobs import Event, Frame, FrameState, Job, JobState, Json, Output, Scene, SceneState
+from ...limits import Quotas
+from ..base import ApiKey, WebhookDelivery
 from . import schema
-from .base import ApiKey, WebhookDelivery
 
 _JOB = [schema.jobs.c[field.name] for field in dataclasses.fields(Job)]
 _FRAME = [schema.frames.c[field.name] for field in dataclasses.fields(Frame)]

@@ -8,12 +8,12 @@ from typing import Any
 
 from sqlalchemy import Connection, func, select
 
-from ..jobs import JobState
-from ..limits import Quotas
-from . import schema
-from .base import QuotaExceeded, Usage
-from .part import Part
-from .transaction import Transaction
+from ...jobs import JobState
+from ...limits import Quotas
+from ..base import QuotaExceeded, Usage
+from ..database import schema
+from ..database.transaction import Transaction
+from .operations import Operations
 
 tenants, job_counts, usage_days = schema.tenants, schema.job_counts, schema.usage_days
 
@@ -52,7 +52,7 @@ def check_room_for_job(transaction: Transaction[Any], tenant: str, quotas: Quota
         raise QuotaExceeded("stored_bytes")
 
 
-class Sums(Part):
+class Sums(Operations):
     def usage(self, tenant: str, now: float) -> Usage:
         def work(db: Connection) -> Usage:
             by_state = select(job_counts.c.state, job_counts.c.jobs).where(job_counts.c.tenant == tenant)

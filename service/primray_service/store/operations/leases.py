@@ -6,12 +6,12 @@ from typing import Any
 
 from sqlalchemy import Connection, select, update
 
-from ..jobs import TERMINAL, FrameState, JobState
-from . import schema
-from .base import Lost
+from ...jobs import TERMINAL, FrameState, JobState
+from ..base import Lost
+from ..database import schema
+from ..database.transaction import Transaction
 from .open_job import IS_ACTIVE, OpenJob, open_job
-from .part import Part
-from .transaction import Transaction
+from .operations import Operations
 
 leader, jobs, frames = schema.leader, schema.jobs, schema.frames
 
@@ -30,7 +30,7 @@ def look_at_fence(db: Connection, fence: int) -> None:
         raise Lost(f"fence {fence}")
 
 
-class Leases(Part):
+class Leases(Operations):
     def acquire_lease(self, holder: str, now: float, ttl_s: float) -> int | None:
         def work(transaction: Transaction[int | None]) -> int | None:
             row = transaction.execute(select(leader).where(leader.c.id == 1).with_for_update()).one()

@@ -9,24 +9,24 @@ from typing import Any
 
 from sqlalchemy import Connection, Integer, Select, cast, func, literal, select, update
 
-from ..ids import ulid
-from ..jobs import FrameState, JobState
-from ..limits import Quotas
-from . import schema
-from .base import Claim
-from .engine import Database
+from ...ids import ulid
+from ...jobs import FrameState, JobState
+from ...limits import Quotas
+from ..base import Claim
+from ..database import schema
+from ..database.engine import Database
+from ..database.rows import JOB_COLUMNS, frame_of, job_of
+from ..database.transaction import Transaction
 from .leases import check_fence, look_at_fence
 from .open_job import IS_ACTIVE, OpenJob, open_job
-from .part import Part
-from .rows import JOB_COLUMNS, frame_of, job_of
-from .transaction import Transaction
+from .operations import Operations
 from .usage import utc_day
 
 jobs, frames = schema.jobs, schema.frames
 QuotasOf = Callable[[str], Quotas]
 
 
-class Claims(Part):
+class Claims(Operations):
     def __init__(self, database: Database) -> None:
         super().__init__(database)
         self._claim = ""  # of a call that failed: its frame, if it got one, is the next call's

@@ -6,17 +6,17 @@ from typing import Any
 
 from sqlalchemy import Select, exists, select, tuple_, union_all
 
-from ..jobs import JobState
-from . import schema
-from .base import JobFilter, Page
-from .cursors import read_cursor, write_cursor
-from .part import Part
-from .rows import JOB_COLUMNS, job_of
+from ...jobs import JobState
+from ..base import JobFilter, Page
+from ..database import schema
+from ..database.cursors import read_cursor, write_cursor
+from ..database.rows import JOB_COLUMNS, job_of
+from .operations import Operations
 
 jobs, labels = schema.jobs, schema.job_labels
 
 
-class Listing(Part):
+class Listing(Operations):
     def jobs(self, tenant: str, where: JobFilter, limit: int, cursor: str | None, newest_first: bool = True) -> Page:
         order = "newest" if newest_first else "oldest"
         after = None if cursor is None else read_cursor(cursor, order)
