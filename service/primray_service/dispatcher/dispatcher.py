@@ -1,4 +1,4 @@
-"""The dispatcher itself: it takes the lease when it can be had, and lives one term after another."""
+"""The dispatcher itself: it takes the lease when it can be had, and runs a scheduler while it is held."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from ..ids import ulid
 from ..limits import Limits, Quotas
 from ..store.base import Store
 from .calls import Calls
+from .context import Context
 from .lease import Lease
 from .metrics import Metrics
-from .parts import Parts
-from .term import Term
+from .scheduler import Scheduler
 
 LOG = logging.getLogger(__name__)
 
 TRY_EVERY_S = 0.5  # for the lease
-FAILED_PAUSE_S = 1.0  # after a term that ended by a fault of ours
+FAILED_PAUSE_S = 1.0  # after a scheduler that ended by a fault of ours
 
 
 class Dispatcher:
@@ -43,7 +43,7 @@ class Dispatcher:
         self._limits = limits
         self._quotas_of = quotas_of
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._term: Term | None = None
+        self._scheduler: Scheduler | None = None
         self._lease: Lease | None = None
         self._stopping = asyncio.Event()
         self._ended = asyncio.Event()
@@ -77,23 +77,23 @@ class Dispatcher:
     async def _live(self, lease: Lease) -> None:
         assert lease.fence is not None
         calls = Calls(lease.was_reached_since, lambda: not lease.is_held)
-        parts = Parts(
+        context = Context(
             *(self._store, self._executor, self._data, self._limits, self._quotas_of), calls, self.metrics, lease.fence
         )
         self.metrics.leases += 1
         self.metrics.holds_lease = True
-        self._term = Term(parts, lease)
+        self._scheduler = Scheduler(context, lease)
         try:
             if self._stopping.is_set():
-                self._term.stop()
-            await self._term.live()
-            if self._term.has_failed:
+                self._scheduler.stop()
+            await self._scheduler.live()
+            if self._scheduler.has_failed:
                 await self._pause(FAILED_PAUSE_S)
         except Exception:
             LOG.exception("the dispatcher failed, and begins anew")
             await self._pause(FAILED_PAUSE_S)
         finally:
-            self._term = None
+            self._scheduler = None
             self.metrics.holds_lease = False
             self.metrics.running = 0
             self.metrics.leases_lost += not self._stopping.is_set()
@@ -108,11 +108,11 @@ class Dispatcher:
 
     def wake(self) -> None:
         """Something was queued or is to be canceled; from any thread."""
-        self._in_loop(lambda: self._term.wake() if self._term is not None else None)
+        self._in_loop(lambda: self._scheduler.wake() if self._scheduler is not None else None)
 
     def ask_preview(self, job_id: str, frame: int) -> None:
         """Somebody looks at this frame: its worker is to write previews; from any thread."""
-        self._in_loop(lambda: self._term.ask_preview(job_id, frame) if self._term is not None else None)
+        self._in_loop(lambda: self._scheduler.ask_preview(job_id, frame) if self._scheduler is not None else None)
 
     def _in_loop(self, work: Callable[[], None]) -> None:
         if self._loop is not None and not self._loop.is_closed():
@@ -121,7 +121,7 @@ class Dispatcher:
     async def stop(self) -> None:
         """Let running frames write a checkpoint (a few seconds), queue them again, and release the lease."""
         self._stopping.set()
-        if self._term is not None:
-            self._term.stop()
+        if self._scheduler is not None:
+            self._scheduler.stop()
         if self._loop is not None:
             await self._ended.wait()

@@ -14,8 +14,8 @@ from ..files import DataDirectory
 from ..jobs import TERMINAL
 from ..scenes import keep
 from ..store.base import Conflict
-from . import adoption
-from .parts import Parts
+from .chunks import adoption
+from .context import Context
 
 LOG = logging.getLogger(__name__)
 
@@ -30,8 +30,8 @@ ENOUGH = 4  # times the bytes that must be free: below, checkpoints of ended fra
 class Retention:
     """Of one hold of the lease. `on_expired` is told the ids of jobs whose workers are to be killed."""
 
-    def __init__(self, parts: Parts, on_expired: Callable[[str], None]) -> None:
-        self._parts = parts
+    def __init__(self, context: Context, on_expired: Callable[[str], None]) -> None:
+        self._context = context
         self._on_expired = on_expired
 
     async def keep_on(self) -> None:
@@ -52,9 +52,9 @@ class Retention:
             await asyncio.sleep(EXPIRE_EVERY_S)
 
     async def expire(self) -> None:
-        parts = self._parts
+        context = self._context
         while True:
-            expired, deleted = await parts.calls.store(parts.store.expire, parts.fence, time.time(), A_TIME)
+            expired, deleted = await context.calls.store(context.store.expire, context.fence, time.time(), A_TIME)
             for job in expired:
                 self._on_expired(job.id)
             removed = 0
@@ -65,44 +65,44 @@ class Retention:
 
     async def _delete(self, job_id: str) -> bool:
         """The row first: files without a row are swept away, a row without its files would promise what is not there."""
-        parts = self._parts
+        context = self._context
         try:
-            await parts.calls.store(parts.store.delete_job, job_id)
+            await context.calls.store(context.store.delete_job, job_id)
         except Conflict:
             return False
-        await parts.calls.disk(adoption.remove_job, parts.data, job_id)
-        parts.metrics.jobs_deleted += 1
+        await context.calls.disk(adoption.remove_job, context.data, job_id)
+        context.metrics.jobs_deleted += 1
         return True
 
     async def remove_unused_scenes(self) -> None:
-        parts = self._parts
-        before = time.time() - parts.limits.default_ttl_s
-        for scene in await parts.calls.store(parts.store.unused_scenes, parts.fence, before, A_TIME):
+        context = self._context
+        before = time.time() - context.limits.default_ttl_s
+        for scene in await context.calls.store(context.store.unused_scenes, context.fence, before, A_TIME):
             try:
-                await parts.calls.disk(keep.remove, scene.id, scene.tenant, parts.store, parts.data)
+                await context.calls.disk(keep.remove, scene.id, scene.tenant, context.store, context.data)
             except (Conflict, KeyError):
                 continue  # somebody uses it now, or removed it
 
     async def sweep(self) -> None:
         """Folders of jobs that have no row; uploads and scenes likewise."""
-        parts = self._parts
-        await parts.calls.disk(keep.sweep, parts.store, parts.data)
-        for name in await parts.calls.disk(_job_folders, parts.data, time.time() - YOUNG_S):
-            if await parts.calls.store(parts.store.job, name) is None:
-                await parts.calls.disk(adoption.remove_job, parts.data, name)
+        context = self._context
+        await context.calls.disk(keep.sweep, context.store, context.data)
+        for name in await context.calls.disk(_job_folders, context.data, time.time() - YOUNG_S):
+            if await context.calls.store(context.store.job, name) is None:
+                await context.calls.disk(adoption.remove_job, context.data, name)
 
     async def make_room(self) -> None:
         """A checkpoint of a frame that has ended saves time if its job is continued; nothing else depends on it."""
-        parts = self._parts
-        wanted = ENOUGH * parts.limits.free_disk_bytes
-        await parts.look_at_disk()
-        if await parts.calls.disk(parts.data.free_bytes) >= wanted:
+        context = self._context
+        wanted = ENOUGH * context.limits.free_disk_bytes
+        await context.look_at_disk()
+        if await context.calls.disk(context.data.free_bytes) >= wanted:
             return
-        for path in await parts.calls.disk(_checkpoints, parts.data):
-            job = await parts.calls.store(parts.store.job, path.parents[2].name)
+        for path in await context.calls.disk(_checkpoints, context.data):
+            job = await context.calls.store(context.store.job, path.parents[2].name)
             if job is not None and job.state in TERMINAL:
-                await parts.calls.disk(adoption.remove, path)
-                if await parts.calls.disk(parts.data.free_bytes) >= wanted:
+                await context.calls.disk(adoption.remove, path)
+                if await context.calls.disk(context.data.free_bytes) >= wanted:
                     return
 
 

@@ -180,7 +180,7 @@ def test_stop_lets_frames_write_a_checkpoint_and_gives_the_lease_back(tmp_path: 
 
 
 def test_stop_kills_who_does_not_give_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("primray_service.dispatcher.term.STOP_WITHIN_S", 0.3)
+    monkeypatch.setattr("primray_service.dispatcher.scheduler.STOP_WITHIN_S", 0.3)
 
     async def script(worker: Worker) -> None:
         worker.sampling()
@@ -220,7 +220,7 @@ def test_an_expired_job_is_killed_and_deleted_in_time(tmp_path: Path, monkeypatc
 
 
 def test_a_full_disk_starts_nothing_and_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("primray_service.dispatcher.term.LOOK_AT_DISK_EVERY_S", 0.05)
+    monkeypatch.setattr("primray_service.dispatcher.scheduler.LOOK_AT_DISK_EVERY_S", 0.05)
     free = [2**30]
     monkeypatch.setattr(DataDirectory, "free_bytes", lambda self: free[0])
 

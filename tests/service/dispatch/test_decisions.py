@@ -9,14 +9,15 @@ from typing import Any
 
 import pytest
 
-from primray_service.dispatcher import endings, turns
-from primray_service.dispatcher.adoption import append_log
-from primray_service.dispatcher.chunks import output_names
-from primray_service.dispatcher.endings import Again, Broken, Circumstances, Given, outcome_of
+from primray_service.dispatcher import fair_share
+from primray_service.dispatcher.chunks.adoption import append_log
+from primray_service.dispatcher.chunks.commands import output_names
+from primray_service.dispatcher.chunks.messages import Failed, Yielded
+from primray_service.dispatcher.frames import outcomes
+from primray_service.dispatcher.frames.outcomes import Again, Broken, Circumstances, GivenUp, outcome_of
+from primray_service.dispatcher.frames.report_throttle import ReportThrottle
+from primray_service.dispatcher.frames.totals import JobTotals
 from primray_service.dispatcher.giving_way import Running, who_gives_way
-from primray_service.dispatcher.messages import Failed, Yielded
-from primray_service.dispatcher.pace import Pace
-from primray_service.dispatcher.totals import JobTotals
 from primray_service.executor.base import Ended
 from primray_service.jobs import Frame, FrameState, Job, JobState
 from primray_service.limits import Limits, Quotas
@@ -85,7 +86,7 @@ def test_giving_way_comes_to_rest() -> None:
     ],
 )
 def test_whose_turn_it_is(waiting: Any, slots: dict[str, int], served: dict[str, float], passed_over: set[str]) -> None:
-    quotas = turns.quotas_of(lambda tenant: Quotas(), waiting, slots, served)
+    quotas = fair_share.quotas_of_next_claim(lambda tenant: Quotas(), waiting, slots, served)
     assert {tenant for _, tenant in waiting if quotas(tenant).running_jobs == 0} == passed_over
 
 
@@ -126,8 +127,8 @@ def failed(slug: str) -> Failed:
             replace(CALM, had_checkpoint=True),
             Again(FRAME, "checkpoint", drop_checkpoint=True),
         ),
-        (FRAME, failed("scene-rejected"), ended("exited"), replace(CALM, canceling=True), Given()),
-        (FRAME, None, ended("signal", signal.SIGSEGV), replace(CALM, canceling=True), Given()),
+        (FRAME, failed("scene-rejected"), ended("exited"), replace(CALM, canceling=True), GivenUp()),
+        (FRAME, None, ended("signal", signal.SIGSEGV), replace(CALM, canceling=True), GivenUp()),
     ],
 )
 def test_what_an_end_means(frame: Frame, last: Any, end: Ended, about: Circumstances, outcome: Any) -> None:
@@ -140,14 +141,14 @@ def test_what_an_end_means(frame: Frame, last: Any, end: Ended, about: Circumsta
 
 
 def test_a_crash_tells_its_signal() -> None:
-    assert endings.crash_problem(ended("signal", signal.SIGABRT)).extra == {"signal": "SIGABRT"}
+    assert outcomes.crash_problem(ended("signal", signal.SIGABRT)).extra == {"signal": "SIGABRT"}
 
 
 def test_progress_is_told_often_at_first_and_seldom_later() -> None:
     """Of a render that has news ten times a second for two hours."""
-    pace, told = Pace(0.0), []
+    throttle, told = ReportThrottle(0.0), []
     for tick in range(72_000):
-        if pace.takes_event("progress", tick / 10):
+        if throttle.takes_event("progress", tick / 10):
             told.append(tick / 10)
     first_hour = [at for at in told if at < 3600]
     assert told[:4] == [0.0, 0.5, 1.0, 1.5]

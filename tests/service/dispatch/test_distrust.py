@@ -13,8 +13,8 @@ from tests.service.dispatch.play import play
 from tests.service.dispatch.rig import Rig
 from tests.service.dispatch.scripted import ScriptedExecutor, Worker
 
-from primray_service.dispatcher import messages
-from primray_service.dispatcher.messages import NotBelieved
+from primray_service.dispatcher.chunks import messages
+from primray_service.dispatcher.chunks.messages import NotBelieved
 from primray_service.jobs import JobState
 
 

@@ -21,7 +21,7 @@ from .jobs import JobId, found
 
 router = APIRouter(prefix="/v1/jobs", tags=["outputs"])
 
-# A name means the same bytes for ever: what a `continue` makes has other names (dispatcher/chunks.py, output_names).
+# A name means the same bytes for ever: what a `continue` makes has other names (dispatcher/chunks/commands.py, output_names).
 IMMUTABLE = "private, max-age=31536000, immutable"
 
 

@@ -8,7 +8,7 @@ LATEST_S = 10.0
 OF_ELAPSED = 0.02
 
 
-class Pace:
+class ReportThrottle:
     """Times are of any clock that only grows."""
 
     def __init__(self, began: float) -> None:

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-from ..jobs import Json
+from ...jobs import Json
 from . import messages
 from .messages import Checkpoint, Done, Failed, NotBelieved, Preview, Yielded
 

@@ -9,14 +9,14 @@ from pathlib import Path
 from primray.report.report import settings_as_json
 from primray.settings import RenderSettings
 
-from ..admission import render_settings
-from ..api.models import Settings
-from ..executor.base import Capacity, Chunk
-from ..files import DataDirectory
-from ..jobs import Frame, Job, Json, Scene
-from ..limits import Limits
-from ..problems import Problem
-from ..scenes.entries import choose
+from ...admission import render_settings
+from ...api.models import Settings
+from ...executor.base import Capacity, Chunk
+from ...files import DataDirectory
+from ...jobs import Frame, Job, Json, Scene
+from ...limits import Limits
+from ...problems import Problem
+from ...scenes.entries import choose
 
 CHECKPOINT = "checkpoint.prc"  # by this name a worker finds the one it goes on from
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
-from ..jobs import FRAME_TERMINAL, Frame, FrameState, Job, Json
+from ...jobs import FRAME_TERMINAL, Frame, FrameState, Job, Json
 
 MOST_WARNINGS = 500
 MOST_DIGESTS = 256  # frames whose digests a job's result lists; each frame's own result has it anyway

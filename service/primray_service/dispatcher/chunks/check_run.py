@@ -6,8 +6,8 @@ import asyncio
 from collections.abc import Mapping
 from typing import Any
 
-from ..executor.base import Chunk, Ended, Executor
-from ..jobs import Json
+from ...executor.base import Chunk, Ended, Executor
+from ...jobs import Json
 from . import messages
 from .chunk_run import LEAVE_S
 from .inbox import MOST_WARNINGS

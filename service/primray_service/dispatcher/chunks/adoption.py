@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..files import DataDirectory, adopt, sync
+from ...files import DataDirectory, adopt, sync
 from .messages import MadeFile
 
 PREVIEW = "preview.raw"

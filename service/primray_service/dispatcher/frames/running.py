@@ -1,7 +1,7 @@
 """A claimed frame, until its row says how it ended or that it waits again.
 
 It lives in one task of the event loop. What others tell it (`saw`, `give_way`, `kill`) is only passed on to the worker, or ends
-it; the task then finds out why its chunk ended, and decides by endings.py.
+it; the task then finds out why its chunk ended, and decides by outcomes.py.
 """
 
 from __future__ import annotations
@@ -11,16 +11,18 @@ import time
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 
-from .. import ids
-from ..executor.base import Ended
-from ..jobs import TERMINAL, Frame, FrameState, Job, JobState
-from ..problems import Problem
-from ..store.base import Claim
-from . import adoption, chunks, frame_end, reports
-from .chunk_run import ChunkRun
-from .endings import Again, Broken, Circumstances, Given, Outcome, Picture, outcome_of
-from .messages import Checkpoint
-from .parts import Parts, SharedJob, SharedJobs
+from ... import ids
+from ...executor.base import Ended
+from ...jobs import TERMINAL, Frame, FrameState, Job, JobState
+from ...problems import Problem
+from ...store.base import Claim
+from ..chunks import adoption, commands
+from ..chunks.chunk_run import ChunkRun
+from ..chunks.messages import Checkpoint
+from ..context import Context
+from . import progress_reports, run_completion
+from .outcomes import Again, Broken, Circumstances, GivenUp, Outcome, Picture, outcome_of
+from .shared_jobs import SharedJob, SharedJobs
 
 SILENT_S = 900.0  # a worker that says nothing for so long is taken to hang
 PICTURE_S = 20.0  # to make a canceled frame's picture from its checkpoint
@@ -34,12 +36,12 @@ DROPPED = frozenset({"lost", "expired", "gone"})
 class RunningFrame:
     """`has_slot`: its chunk runs, or is about to; `going`: it was told to end, or to give way."""
 
-    def __init__(self, parts: Parts, jobs: SharedJobs, claim: Claim, on_free: Callable[[], Awaitable[None]]) -> None:
+    def __init__(self, context: Context, jobs: SharedJobs, claim: Claim, on_free: Callable[[], Awaitable[None]]) -> None:
         self.job: Job = claim.job
         self.frame: Frame = claim.frame
         self.has_slot = True
         self.going = False
-        self._parts = parts
+        self._context = context
         self._jobs = jobs
         self._on_free = on_free  # gives its slot to another
         self._run: ChunkRun | None = None
@@ -74,7 +76,7 @@ class RunningFrame:
     def _stop_for_cancel(self, run: ChunkRun) -> None:
         """With a picture if there can be one: of the samples taken by now, or of the checkpoint that it is just reading."""
         if run.inbox.sampling_since is not None:
-            run.tell_to_end("stop", self._parts.limits.stop_grace_s, "cancel")
+            run.tell_to_end("stop", self._context.limits.stop_grace_s, "cancel")
         elif self.frame.checkpoint_file:
             run.tell_to_end("stop", PICTURE_S, "cancel")
         else:
@@ -103,7 +105,7 @@ class RunningFrame:
 
     async def live(self) -> None:
         """Lost if another dispatcher has the frame now."""
-        metrics = self._parts.metrics
+        metrics = self._context.metrics
         metrics.frames_started += 1
         metrics.queue_wait.observe(max(time.time() - self.job.queued_at, 0.0))
         reading = asyncio.create_task(self._jobs.get(self.job))
@@ -115,7 +117,7 @@ class RunningFrame:
 
     async def _live(self, reading: asyncio.Task[SharedJob]) -> None:
         ended, outcome = await self._render(reading, picture_only=False)
-        if isinstance(outcome, Given) and self.frame.checkpoint_file and not self._kill_for:
+        if isinstance(outcome, GivenUp) and self.frame.checkpoint_file and not self._kill_for:
             await self._close()
             ended, outcome = await self._render(reading, picture_only=True)
         # Its process is gone, so that another can begin: while this one's outputs are adopted, and, if it has given way,
@@ -143,60 +145,60 @@ class RunningFrame:
             ended = await run.ended()
             await self._take_checkpoints(run)
             if (run.inbox.is_urgent or run.inbox.warnings) and self._kill_for not in DROPPED:
-                self.job, self.frame = await reports.report(self._parts, shared, self.job, self.frame, run)
-            self.frame = reports.updated(self.frame, run)
+                self.job, self.frame = await progress_reports.report(self._context, shared, self.job, self.frame, run)
+            self.frame = progress_reports.updated(self.frame, run)
         except BaseException:
             await self._close()
             raise
-        self._parts.metrics.worker_cpu_s += ended.cpu_s
+        self._context.metrics.worker_cpu_s += ended.cpu_s
         spent = replace(self.frame, cpu_s=self.frame.cpu_s + ended.cpu_s)
         self.frame = replace(spent, peak_rss_bytes=max(spent.peak_rss_bytes, ended.peak_rss_bytes))
-        disk_is_full = run.killed_for == "storage" or await self._parts.look_at_disk()
+        disk_is_full = run.killed_for == "storage" or await self._context.look_at_disk()
         about = Circumstances(self.is_canceling, run.killed_for, disk_is_full, run.chunk.command["checkpoint"] is not None)
-        return ended, outcome_of(self.frame, run.inbox.last, ended, about, self._parts.limits)
+        return ended, outcome_of(self.frame, run.inbox.last, ended, about, self._context.limits)
 
     async def _start(self, picture_only: bool) -> ChunkRun | Outcome:
-        parts, job, frame = self._parts, self.job, self.frame
-        tidied = parts.calls.disk(adoption.tidy_frame, parts.data, job.id, frame.number, frame.checkpoint_file)
-        read = parts.calls.store(parts.store.scene, job.tenant, job.scene_id)
-        counted = parts.calls.store(parts.store.frame_counts, job.id)
+        context, job, frame = self._context, self.job, self.frame
+        tidied = context.calls.disk(adoption.tidy_frame, context.data, job.id, frame.number, frame.checkpoint_file)
+        read = context.calls.store(context.store.scene, job.tenant, job.scene_id)
+        counted = context.calls.store(context.store.frame_counts, job.id)
         scene, counts, _ = await asyncio.gather(read, counted, tidied)
-        asked = chunks.Asked(sum(counts.values()), picture_only, self._wants_preview)
+        asked = commands.Asked(sum(counts.values()), picture_only, self._wants_preview)
         try:
             if scene is None:
                 raise Problem("internal", "The scene is not on the server any more; upload it again.")
             chunk_id = f"c{ids.ulid(time.time())}"
-            capacity = parts.executor.capacity()
-            chunk = chunks.render_chunk(chunk_id, job, frame, scene, parts.data, capacity, parts.limits, asked)
+            capacity = context.executor.capacity()
+            chunk = commands.render_chunk(chunk_id, job, frame, scene, context.data, capacity, context.limits, asked)
             if self._kill_for or (self.is_canceling and not picture_only):
-                return Given() if self.is_canceling else Again(frame, self._kill_for)
-            self._run = ChunkRun(parts.executor, chunk, frame.convergence)
+                return GivenUp() if self.is_canceling else Again(frame, self._kill_for)
+            self._run = ChunkRun(context.executor, chunk, frame.convergence)
         except (Problem, ValueError, OSError) as error:
-            return frame_end.not_begun(frame, error, parts.limits)
+            return run_completion.not_begun(frame, error, context.limits)
         if self.going and not self.is_canceling:  # told to before there was anybody to tell
             self._run.tell_to_end("yield", YIELD_S, "yield")
         return self._run
 
     async def _follow(self, run: ChunkRun, reading: asyncio.Task[SharedJob]) -> SharedJob:
         """Deal with what comes until nothing more does."""
-        loop, parts = asyncio.get_running_loop(), self._parts
+        loop, context = asyncio.get_running_loop(), self._context
         shared: SharedJob | None = None
         first_sample = True
         while not run.is_over:
             if shared is None and reading.done():
                 shared = reading.result()
-            wait_s = reports.wait_s(run, shared, loop.time()) if shared is not None else 0.05
+            wait_s = progress_reports.wait_s(run, shared, loop.time()) if shared is not None else 0.05
             if wait_s != 0.0:
                 await run.news(LOOK_S if wait_s is None else min(wait_s, LOOK_S))
             if first_sample and run.inbox.sampling_since is not None:
                 first_sample = False
-                parts.metrics.first_sample.observe(run.inbox.sampling_since - self._claimed_at)
+                context.metrics.first_sample.observe(run.inbox.sampling_since - self._claimed_at)
             await self._take_checkpoints(run)
             if shared is None:
                 continue
             await self._take_preview(run, shared)
-            if not run.is_over and reports.wait_s(run, shared, loop.time()) == 0.0:
-                job, self.frame = await reports.report(parts, shared, self.job, self.frame, run)
+            if not run.is_over and progress_reports.wait_s(run, shared, loop.time()) == 0.0:
+                job, self.frame = await progress_reports.report(context, shared, self.job, self.frame, run)
                 self.saw(job)
             self._watch(run)
         shared = shared or await reading
@@ -204,7 +206,7 @@ class RunningFrame:
         return shared
 
     def _watch(self, run: ChunkRun) -> None:
-        limits = self._parts.limits
+        limits = self._context.limits
         if run.silent_s > SILENT_S:
             run.kill("silent")
         elif not self.going and float(run.chunk.command["spent_s"]) + run.sampled_s > limits.seconds:
@@ -217,26 +219,26 @@ class RunningFrame:
 
     async def _take_checkpoint(self, run: ChunkRun, message: Checkpoint) -> None:
         """On the disk first, then in the row; the one before goes last. Whatever happens between, the row's file is there."""
-        parts, frame = self._parts, self.frame
+        context, frame = self._context, self.frame
         began = time.monotonic()
         if message.number != frame.checkpoint + 1:
             run.kill("not-believed")
             return
         name = adoption.checkpoint_file(message.number, frame.number, run.chunk.id)
-        folder = parts.data.job(self.job.id)
+        folder = context.data.job(self.job.id)
         source = run.handle.folder / message.file
         try:
-            await parts.calls.disk(adoption.adopt_checkpoint, source, folder / name, parts.limits.output_bytes)
+            await context.calls.disk(adoption.adopt_checkpoint, source, folder / name, context.limits.output_bytes)
         except adoption.NotAdopted:
             run.kill("not-believed")
             return
         except OSError:
-            parts.disk_is_full = True
+            context.disk_is_full = True
             run.kill("storage")
             return
-        accepted = await parts.calls.store(
-            parts.store.accept_checkpoint,
-            parts.fence,
+        accepted = await context.calls.store(
+            context.store.accept_checkpoint,
+            context.fence,
             f"{run.chunk.id}-{message.number}",
             self.job.id,
             frame.number,
@@ -246,48 +248,48 @@ class RunningFrame:
             now=time.time(),
         )
         if not accepted:
-            await parts.calls.disk(adoption.remove, folder / name)
+            await context.calls.disk(adoption.remove, folder / name)
             self.kill("gone")
             return
-        parts.metrics.checkpoints += 1
-        parts.metrics.adopt_checkpoint.observe(time.monotonic() - began)
+        context.metrics.checkpoints += 1
+        context.metrics.adopt_checkpoint.observe(time.monotonic() - began)
         older = frame.checkpoint_file
         # What a time limit counts: by the wall clock, which is near enough, and all that is known of every kind of worker.
         progress = frame.progress | {"spent_s": float(run.chunk.command["spent_s"]) + run.sampled_s}
         taken = replace(frame, checkpoint=message.number, checkpoint_file=name, crashes=0, kills=0)
         self.frame = replace(taken, progress=progress)
         if older and older != name:
-            await parts.calls.disk(adoption.remove, folder / older)
+            await context.calls.disk(adoption.remove, folder / older)
 
     async def _take_preview(self, run: ChunkRun, shared: SharedJob) -> None:
         preview, run.inbox.preview = run.inbox.preview, None
         if preview is None:
             return
-        parts = self._parts
-        folder = parts.data.frame(self.job.id, self.frame.number)
+        context = self._context
+        folder = context.data.frame(self.job.id, self.frame.number)
         try:
-            taken = await parts.calls.disk(adoption.adopt_preview, run.handle.folder / preview.file, folder)
+            taken = await context.calls.disk(adoption.adopt_preview, run.handle.folder / preview.file, folder)
         except adoption.NotAdopted:
             run.kill("not-believed")
             return
         except OSError:
             return  # there is no room for it; nobody's picture depends on it
         if taken:
-            await reports.tell_preview(parts, shared, self.frame, preview.number)
+            await progress_reports.tell_preview(context, shared, self.frame, preview.number)
 
     async def _settle(self, shared: SharedJob, ended: Ended | None, outcome: Outcome) -> None:
-        run, parts = self._run, self._parts
-        ending = frame_end.Ending(parts, shared, self.job, self.frame, run, ended)
+        run, context = self._run, self._context
+        completion = run_completion.RunCompletion(context, shared, self.job, self.frame, run, ended)
         left: Outcome | None = outcome
         if isinstance(outcome, Picture):
-            left = await ending.with_picture(outcome.done, out_of_time=self._out_of_time)
+            left = await completion.with_picture(outcome.done, out_of_time=self._out_of_time)
         if isinstance(left, Broken):
-            await ending.without(FrameState.FAILED, left.problem)
-        elif isinstance(left, Given):
-            await ending.without(FrameState.CANCELED, None)
+            await completion.without(FrameState.FAILED, left.problem)
+        elif isinstance(left, GivenUp):
+            await completion.without(FrameState.CANCELED, None)
         elif isinstance(left, Again):
-            await ending.again(left)
-        if ending.is_over:
+            await completion.again(left)
+        if completion.is_over:
             self._jobs.forget(self.job)
 
     async def _close(self) -> None:

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
-from ..executor.base import Chunk, Ended, Executor
-from ..jobs import Json
+from ...executor.base import Chunk, Ended, Executor
+from ...jobs import Json
 from .inbox import Inbox
 from .messages import NotBelieved
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import signal
 from dataclasses import dataclass, replace
 
-from ..executor.base import Ended
-from ..jobs import Frame, Json
-from ..limits import GiB, Limits, MiB
-from ..problems import Problem
-from .messages import Done, Failed, Yielded
+from ...executor.base import Ended
+from ...jobs import Frame, Json
+from ...limits import GiB, Limits, MiB
+from ...problems import Problem
+from ..chunks.messages import Done, Failed, Yielded
 
 Last = Done | Yielded | Failed
 
@@ -41,11 +41,11 @@ class Again:
 
 
 @dataclass(frozen=True)
-class Given:
+class GivenUp:
     """It was to be canceled, and leaves no picture of its own."""
 
 
-Outcome = Picture | Broken | Again | Given
+Outcome = Picture | Broken | Again | GivenUp
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def outcome_of(frame: Frame, last: Last | None, ended: Ended, about: Circumstanc
     if isinstance(last, Done):
         return Picture(last)
     if about.canceling:
-        return Given()
+        return GivenUp()
     if isinstance(last, Yielded):
         return Again(frame, "yield")
     if isinstance(last, Failed):

@@ -11,7 +11,7 @@ from ..limits import Quotas
 QuotasOf = Callable[[str], Quotas]
 
 
-def quotas_of(
+def quotas_of_next_claim(
     real: QuotasOf, waiting: Sequence[tuple[int, str]], running: Mapping[str, int], served: Mapping[str, float]
 ) -> QuotasOf:
     """Quotas with which the next claim is that tenant's. `waiting`: (priority, tenant); `served`: when each was last."""

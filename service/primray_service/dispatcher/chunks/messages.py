@@ -11,9 +11,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..jobs import Json
-from ..problems import KINDS
-from ..worker.protocol import PHASES
+from ...jobs import Json
+from ...problems import KINDS
+from ...worker.protocol import PHASES
 
 FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
 SLUG = re.compile(r"[a-z0-9-]{1,60}")

@@ -6,9 +6,10 @@ import asyncio
 import time
 from dataclasses import replace
 
-from ..jobs import Frame, Job, JobState, Json
-from .chunk_run import ChunkRun
-from .parts import Parts, SharedJob
+from ...jobs import Frame, Job, JobState, Json
+from ..chunks.chunk_run import ChunkRun
+from ..context import Context
+from .shared_jobs import SharedJob
 
 MOST_WARNING_EVENTS = 20  # of a job; its row has the rest
 
@@ -19,10 +20,10 @@ def wait_s(run: ChunkRun, shared: SharedJob, now: float) -> float | None:
     """Seconds until what is new may be told; None if nothing is."""
     if not run.inbox.has_news:
         return None
-    return 0.0 if run.inbox.is_urgent else shared.pace.report_in(now)
+    return 0.0 if run.inbox.is_urgent else shared.throttle.report_in(now)
 
 
-async def report(parts: Parts, shared: SharedJob, job: Job, frame: Frame, run: ChunkRun) -> tuple[Job, Frame]:
+async def report(context: Context, shared: SharedJob, job: Job, frame: Frame, run: ChunkRun) -> tuple[Job, Frame]:
     """Write what is new; the job and the frame as they are then."""
     loop, inbox = asyncio.get_running_loop(), run.inbox
     async with shared.lock:
@@ -39,24 +40,24 @@ async def report(parts: Parts, shared: SharedJob, job: Job, frame: Frame, run: C
         if inbox.sampling_since is not None and job.state is JobState.PREPARING:
             changes["state"] = JobState.RUNNING
         events = _warning_events(shared, warnings, frame)
-        if shared.pace.takes_event("progress", loop.time()):
+        if shared.throttle.takes_event("progress", loop.time()):
             events.append(("progress", changes["progress"]))
-        shared.pace.reported(loop.time())
-        job = await parts.calls.store(
-            parts.store.report, parts.fence, frame, now, job_changes=changes, event=events[0] if events else None
+        shared.throttle.reported(loop.time())
+        job = await context.calls.store(
+            context.store.report, context.fence, frame, now, job_changes=changes, event=events[0] if events else None
         )
         for event in events[1:]:
-            job = await parts.calls.store(parts.store.report, parts.fence, frame, now, event=event)
+            job = await context.calls.store(context.store.report, context.fence, frame, now, event=event)
     return job, frame
 
 
-async def tell_preview(parts: Parts, shared: SharedJob, frame: Frame, number: int) -> None:
+async def tell_preview(context: Context, shared: SharedJob, frame: Frame, number: int) -> None:
     """That there is a new preview; of many only some are told."""
     loop = asyncio.get_running_loop()
     async with shared.lock:
-        if shared.pace.takes_event(f"preview {frame.number}", loop.time()):
+        if shared.throttle.takes_event(f"preview {frame.number}", loop.time()):
             event = ("preview", {"frame": frame.number, "pass": number})
-            await parts.calls.store(parts.store.report, parts.fence, frame, time.time(), event=event)
+            await context.calls.store(context.store.report, context.fence, frame, time.time(), event=event)
 
 
 def updated(frame: Frame, run: ChunkRun) -> Frame:

@@ -1,6 +1,6 @@
 """One hold of the lease, from getting it until it is lost or given back: what runs, what waits, who is told what.
 
-Everything that runs here ends before the term does: the next holder, maybe this same process, begins with nothing under way.
+Everything that runs here ends before the hold does: the next holder, maybe this same process, begins with nothing under way.
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ from collections.abc import Coroutine, Sequence
 from typing import Any
 
 from ..store.base import Claim, Lost
-from . import turns
+from . import fair_share
 from .checks import check_scene
+from .context import Context
+from .frames.running import RunningFrame
+from .frames.shared_jobs import SharedJobs
 from .giving_way import Running, who_gives_way
 from .lease import Lease
-from .parts import Parts, SharedJobs
 from .retention import Retention
-from .running import RunningFrame
 
 LOG = logging.getLogger(__name__)
 
@@ -30,11 +31,11 @@ PREVIEW_ASKED_S = 15.0  # who asked so long before the frame began looks still
 MOST_ASKED = 1000
 
 
-class Term:
-    def __init__(self, parts: Parts, lease: Lease) -> None:
-        self._parts = parts
+class Scheduler:
+    def __init__(self, context: Context, lease: Lease) -> None:
+        self._context = context
         self._lease = lease
-        self._jobs = SharedJobs(parts)
+        self._jobs = SharedJobs(context)
         self._running: dict[tuple[str, int], RunningFrame] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._awake = asyncio.Event()
@@ -68,7 +69,7 @@ class Term:
         """Until the lease is lost, or `stop` and all that ran has been written down."""
         keeping = asyncio.create_task(self._lease.keep())
         keeping.add_done_callback(lambda _: self._awake.set())
-        self._spawn(Retention(self._parts, self._expired).keep_on(), "retention")
+        self._spawn(Retention(self._context, self._expired).keep_on(), "retention")
         try:
             while not keeping.done() and not self._stopping and not self.has_failed and not self._is_lost:
                 await self._round()
@@ -125,7 +126,7 @@ class Term:
 
     def _ended(self, task: asyncio.Task[None]) -> None:
         self._tasks.discard(task)
-        self._parts.metrics.running = len(self._running)
+        self._context.metrics.running = len(self._running)
         error = None if task.cancelled() else task.exception()
         if isinstance(error, Lost):
             self._is_lost = True
@@ -137,7 +138,7 @@ class Term:
 
     def _free_slots(self) -> int:
         taken = sum(running.has_slot for running in self._running.values())
-        return self._parts.executor.capacity().slots - taken
+        return self._context.executor.capacity().slots - taken
 
     async def _start_frame(self) -> bool:
         """False if no frame waits."""
@@ -145,11 +146,11 @@ class Term:
         if claim is None:
             return False
         self._served[claim.job.tenant] = time.monotonic()
-        running = RunningFrame(self._parts, self._jobs, claim, self._fill_slots)
+        running = RunningFrame(self._context, self._jobs, claim, self._fill_slots)
         self._running[running.key] = running
         if time.monotonic() - self._asked.pop(running.key, -PREVIEW_ASKED_S) < PREVIEW_ASKED_S:
             running.ask_preview()
-        self._parts.metrics.running = len(self._running)
+        self._context.metrics.running = len(self._running)
         self._spawn(self._live_frame(running), "frame")
         return True
 
@@ -169,19 +170,19 @@ class Term:
                         return
 
     async def _claim(self) -> Claim | None:
-        parts = self._parts
+        context = self._context
         waiting = await self._waiting()
         if not waiting:
             return None
-        turn = turns.quotas_of(parts.quotas_of, waiting, self._slots_of_tenants(), self._served)
-        claim = await parts.calls.store(parts.store.claim_frame, parts.fence, time.time(), turn)
-        if claim is None and turn is not parts.quotas_of:  # whose turn it was has nothing any more
-            claim = await parts.calls.store(parts.store.claim_frame, parts.fence, time.time(), parts.quotas_of)
+        quotas_of = fair_share.quotas_of_next_claim(context.quotas_of, waiting, self._slots_of_tenants(), self._served)
+        claim = await context.calls.store(context.store.claim_frame, context.fence, time.time(), quotas_of)
+        if claim is None and quotas_of is not context.quotas_of:  # whose turn it was has nothing any more
+            claim = await context.calls.store(context.store.claim_frame, context.fence, time.time(), context.quotas_of)
         return claim
 
     async def _waiting(self) -> Sequence[tuple[int, str]]:
-        parts = self._parts
-        return await parts.calls.store(parts.store.waiting, parts.fence, time.time(), parts.quotas_of)
+        context = self._context
+        return await context.calls.store(context.store.waiting, context.fence, time.time(), context.quotas_of)
 
     def _slots_of_tenants(self) -> Counter[str]:
         return Counter(running.job.tenant for running in self._running.values())
@@ -190,14 +191,14 @@ class Term:
         now = time.monotonic()
         if now >= self._disk_at:
             self._disk_at = now + LOOK_AT_DISK_EVERY_S
-            await self._parts.look_at_disk()
-        return not self._parts.disk_is_full
+            await self._context.look_at_disk()
+        return not self._context.disk_is_full
 
     async def _look_at_jobs(self) -> None:
         """Whether they are to be canceled, or are gone."""
-        parts = self._parts
+        context = self._context
         for job_id in {job_id for job_id, _ in self._running}:
-            job = await parts.calls.store(parts.store.job, job_id)
+            job = await context.calls.store(context.store.job, job_id)
             for running in list(self._running.values()):
                 if running.job.id == job_id:
                     running.saw(job)
@@ -208,7 +209,7 @@ class Term:
                 running.kill("expired")
 
     async def _ask_to_give_way(self) -> None:
-        if self._free_slots() > 0 or self._parts.disk_is_full:
+        if self._free_slots() > 0 or self._context.disk_is_full:
             return
         waiting = await self._waiting()
         if not waiting:
@@ -216,12 +217,12 @@ class Term:
         seen = [
             Running(r.key, r.job.priority, r.job.tenant, r.sampled_s, r.going) for r in self._running.values() if r.has_slot
         ]
-        for key in who_gives_way(seen, waiting, self._parts.limits.time_slice_s):
+        for key in who_gives_way(seen, waiting, self._context.limits.time_slice_s):
             self._running[key].give_way()
 
     async def _start_check(self) -> None:
         if self._check is not None and not self._check.done():
             return
-        scene = await self._parts.calls.store(self._parts.store.next_check, self._parts.fence)
+        scene = await self._context.calls.store(self._context.store.next_check, self._context.fence)
         if scene is not None:
-            self._check = self._spawn(check_scene(self._parts, scene), "check")
+            self._check = self._spawn(check_scene(self._context, scene), "check")

@@ -1,0 +1,37 @@
+"""What the parts of a dispatcher share during one hold of the lease."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ..executor.base import Executor
+from ..files import DataDirectory
+from ..limits import Limits, Quotas
+from ..store.base import Store
+from .calls import Calls
+from .metrics import Metrics
+
+LOG = logging.getLogger(__name__)
+
+
+@dataclass
+class Context:
+    store: Store
+    executor: Executor
+    data: DataDirectory
+    limits: Limits
+    quotas_of: Callable[[str], Quotas]
+    calls: Calls
+    metrics: Metrics
+    fence: int
+    disk_is_full: bool = False  # as it was seen last
+
+    async def look_at_disk(self) -> bool:
+        """Whether so little is free that nothing new is begun."""
+        was_full, free = self.disk_is_full, await self.calls.disk(self.data.free_bytes)
+        self.disk_is_full = free < self.limits.free_disk_bytes
+        if self.disk_is_full and not was_full:
+            LOG.warning("only %d bytes are free: nothing new is rendered", free)
+        return self.disk_is_full
