@@ -58,31 +58,33 @@ ROWS = (
         "Russian roulette",
         "none before the 1024th scattering",
         scenes=("box", "metals"),
-        edits=(Edit("path/settings.hpp", "constexpr int kRouletteStart = 2;", "constexpr int kRouletteStart = 1024;"),),
+        edits=(
+            Edit("base/integrator_settings.hpp", "constexpr int kRouletteStart = 2;", "constexpr int kRouletteStart = 1024;"),
+        ),
     ),
     Row(
         "packets or single rays by measurement",
         "always single rays",
         scenes=("field",),
-        edits=(Edit("path/entry_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return false;"),),
+        edits=(Edit("path/rays/entry_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return false;"),),
     ),
     Row(
         "packets or single rays by measurement (2)",
         "always packets",
         scenes=("field",),
-        edits=(Edit("path/entry_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return true;"),),
+        edits=(Edit("path/rays/entry_choice.hpp", "return measuring() ? (trials_ & 1) : packet_;", "return true;"),),
     ),
     Row(
         "MIS compensation of domes",
         "the whole image is sampled",
         scenes=("hills", "metals"),
-        edits=(Edit("light/dome_compensation.cpp", "by_both ? never : best;", "by_both ? never : 0;"),),
+        edits=(Edit("light/dome/dome_compensation.cpp", "by_both ? never : best;", "by_both ? never : 0;"),),
     ),
     Row(
         "how much of a dome is left to rays",
         "its mean",
         scenes=("metals",),
-        edits=(Edit("light/dome_compensation.cpp", "kChoices = 7", "kChoices = 1"),),
+        edits=(Edit("light/dome/dome_compensation.cpp", "kChoices = 7", "kChoices = 1"),),
     ),
     Row(
         "the choice whether a dome is sampled",
@@ -90,7 +92,9 @@ ROWS = (
         scenes=("field", "hills"),
         edits=(
             Edit(
-                "light/dome_compensation.cpp", "return by_cosine <= kWorth * by_both", "return by_cosine <= -kWorth * by_both"
+                "light/dome/dome_compensation.cpp",
+                "return by_cosine <= kWorth * by_both",
+                "return by_cosine <= -kWorth * by_both",
             ),
         ),
     ),
@@ -117,7 +121,9 @@ ROWS = (
         "as if lit from all around",
         scenes=("lamps", "showroom"),
         edits=(
-            Edit("light/choice/tree_choice.hpp", "has_normal = across[0] + across[1] + across[2] > 0;", "has_normal = false;"),
+            Edit(
+                "light/selection/tree_choice.hpp", "has_normal = across[0] + across[1] + across[2] > 0;", "has_normal = false;"
+            ),
         ),
     ),
     Row(
@@ -194,7 +200,7 @@ ROWS = (
         "mesh lights' triangles near by solid angle",
         "by area",
         scenes=("signs",),
-        edits=(Edit("light/triangle.hpp", "> 4.0f * max(dot(half, half)", "> 0.0f * max(dot(half, half)"),),
+        edits=(Edit("light/shape/triangle.hpp", "> 4.0f * max(dot(half, half)", "> 0.0f * max(dot(half, half)"),),
     ),
     Row(
         "gradients of photons",

@@ -2,7 +2,7 @@
 #include "bindings/arrays.hpp"
 #include "bsdf/surface_inputs.hpp"
 #include "film/film.hpp"
-#include "light/dome_format.hpp"
+#include "light/dome/dome_format.hpp"
 #include "light/light.hpp"
 #include "scene/primvars.hpp"
 #include "scene/scene.hpp"

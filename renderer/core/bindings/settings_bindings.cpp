@@ -1,8 +1,8 @@
 // What a user may ask of the integrator, for Python. Guides are those of the scene's owner, who keeps them.
+#include "base/integrator_settings.hpp"
 #include "bindings/arrays.hpp"
 #include "guide/caustic_guide.hpp"
 #include "guide/guide.hpp"
-#include "path/settings.hpp"
 
 namespace primray {
 

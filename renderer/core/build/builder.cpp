@@ -9,7 +9,7 @@
 #include "accel/build.hpp"
 #include "base/error.hpp"
 #include "build/emitters/emitters.hpp"
-#include "build/input_facts.hpp"
+#include "build/inputs/input_facts.hpp"
 #include "build/lights/light_outlines.hpp"
 #include "build/lights/light_rows.hpp"
 #include "build/lights/shaping_rows.hpp"

@@ -6,70 +6,13 @@
 #include <optional>
 #include <span>
 
+#include "build/inputs/camera_input.hpp"
+#include "build/inputs/light_input.hpp"
+#include "build/inputs/mesh_input.hpp"
 #include "build/lights/light_rules.hpp"
-#include "light/shaping_input.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
-
-// One mesh's arrays as they come from outside; all indices have been checked to be in range.
-struct MeshInput {
-  std::span<const float> points;       // 3 N
-  std::span<const int32_t> triangles;  // 3 T
-  std::span<const float> normals;      // empty, 3 N or 9 T
-  std::span<const float> colors;       // empty, 3 T, 3 N or 9 T
-  Attribute normal_kind = Attribute::kNone, color_kind = Attribute::kNone;
-  std::span<const int32_t> surfaces;  // one, or one a triangle
-  bool cutout = false;                // all of its surfaces have an opacity threshold, or none
-};
-
-// An image as it comes from outside: (height, width, channels) linear floats, finite, first row at the top.
-struct ImageInput {
-  std::span<const float> pixels;
-  int width = 0, height = 0;
-};
-
-// A rectangle that a dome is sampled through.
-struct PortalInput {
-  daffine world_from_portal;
-  double width = 1, height = 1;
-};
-
-// A photometric profile: angles in degrees, ascending, two or more of each; `candela` by horizontal angle. See light/ies.hpp.
-struct IesInput {
-  std::span<const float> vertical_deg, horizontal_deg, candela;
-  bool horizontal_pole = false;
-};
-
-struct LightInput : LightRules {
-  LightType type = LightType::kPoint;
-  daffine world_from_light;
-  vec3 emission;
-  double width = 1, height = 1, radius = 0.5, length = 1, angle_deg = 0;
-  float diffuse = 1, specular = 1;
-  int texture_width = 0, texture_height = 0;
-  std::span<const float> texels;  // a dome's: 3 (width) (height), first row at the top
-  DomeFormat format = DomeFormat::kLatLong;
-  std::vector<PortalInput> portals;  // of a dome
-  std::optional<ShapingInput> shaping;
-  // Of geometry: see GeometryLight.
-  bool own = false, shown = false, normalize = false;
-};
-
-struct CameraInput {
-  daffine world_from_camera;
-  bool orthographic = false;
-  double window[4] = {-1, 1, -1, 1};  // left, right, bottom, top
-  double near = 0, far = 0, lens_radius = 0, focus_distance = 1;
-  int width = 1, height = 1;
-  PixelWindow pixels{0, 0, 1, 1};
-  int blades = 0;
-  double blade_rotation_deg = 0;
-  bool shutter_open = false;
-  std::span<const double> clipping_planes;  // 4 a plane
-  float filter_width = 1;
-  std::span<const float> filter_inverse_cdf;  // empty: a box
-};
 
 class SceneBuilder {
  public:

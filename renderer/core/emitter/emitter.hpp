@@ -3,7 +3,7 @@
 #pragma once
 
 #include "emitter/mesh_light.hpp"
-#include "light/choice/linked_selection.hpp"
+#include "light/selection/linked_selection.hpp"
 #include "ray/path_lanes.hpp"
 
 namespace primray {

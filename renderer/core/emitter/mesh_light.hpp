@@ -3,8 +3,8 @@
 #pragma once
 
 #include "emitter/mesh_rectangle.hpp"
-#include "light/choice/selection.hpp"
-#include "light/triangle.hpp"
+#include "light/selection/selection.hpp"
+#include "light/shape/triangle.hpp"
 #include "sampler/sampler.hpp"
 #include "surface/interaction.hpp"
 #include "surface/surface_emission.hpp"

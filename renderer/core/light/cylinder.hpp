@@ -6,7 +6,7 @@
 // angle changes with theta: not at all for a cylinder that is far, or long.
 #pragma once
 
-#include "light/local_shape.hpp"
+#include "light/shape/local_shape.hpp"
 
 namespace primray {
 

@@ -8,7 +8,7 @@
 // Disk and Cylinder Lights", rejects directions from a rectangle.)
 #pragma once
 
-#include "light/local_shape.hpp"
+#include "light/shape/local_shape.hpp"
 
 namespace primray {
 

@@ -1,7 +1,7 @@
 // A light infinitely far away, seen under a cone about +z of its frame (it emits along -z). Angle 0: one direction.
 #pragma once
 
-#include "light/local_shape.hpp"
+#include "light/shape/local_shape.hpp"
 
 namespace primray {
 

@@ -14,10 +14,10 @@
 #include "light/cylinder.hpp"
 #include "light/disk.hpp"
 #include "light/distant.hpp"
-#include "light/dome.hpp"
+#include "light/dome/dome.hpp"
 #include "light/line.hpp"
 #include "light/rect.hpp"
-#include "light/shaping.hpp"
+#include "light/shaping/shaping.hpp"
 #include "light/sphere.hpp"
 #include "light/textured_rect.hpp"
 
@@ -88,11 +88,12 @@ struct LightTable {
   std::vector<int> dome_light;  // by dome: its row, or -1
   std::vector<LobeFactors> dome_factors;
   std::vector<DomeTraits> dome_traits;
-  std::vector<LightImage> images;   // of rectangles; several may have the same
-  std::vector<LightTable> portals;  // by dome: rectangles of radiance 1 that guide its samples (light/portal.hpp); or empty
-  LightTree tree;                   // to choose among them, where there are too many lights to weigh each
-  LightHierarchy met;               // of the lights that rays can meet, where there are many
-  bool needs_hit_test = false;      // some light has area or a cone that BSDF rays can meet
+  std::vector<LightImage> images;  // of rectangles; several may have the same
+  std::vector<LightTable>
+      portals;         // by dome: rectangles of radiance 1 that guide its samples (light/selection/portal.hpp); or empty
+  LightTree tree;      // to choose among them, where there are too many lights to weigh each
+  LightHierarchy met;  // of the lights that rays can meet, where there are many
+  bool needs_hit_test = false;  // some light has area or a cone that BSDF rays can meet
   bool camera_sees_area = false;
   Fact<built::kLobeFactors> lobe_factors = false;  // some light's diffuse or specular factor is not 1
   // Linking; all empty where nothing is linked. Row by row, the collection that a light reaches.

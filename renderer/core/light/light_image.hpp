@@ -6,8 +6,8 @@
 
 #include <vector>
 
-#include "light/bilinear.hpp"
-#include "light/cdf.hpp"
+#include "light/dome/cdf.hpp"
+#include "light/shape/bilinear.hpp"
 
 namespace primray {
 

@@ -5,7 +5,7 @@
 // sampled uniformly, and every sample carries the same.
 #pragma once
 
-#include "light/local_shape.hpp"
+#include "light/shape/local_shape.hpp"
 
 namespace primray {
 

@@ -2,10 +2,10 @@
 //
 // Near: the spherical rectangle of Urena, Fajardo and King 2013, "An Area-Preserving Parametrization for Spherical
 // Rectangles". Far (its half-diagonal less than half of the distance): by area, which has nearly the same variance. Near, but
-// seen as a sliver, whose solid angle would lose digits: light/sliver.hpp.
+// seen as a sliver, whose solid angle would lose digits: light/shape/sliver.hpp.
 #pragma once
 
-#include "light/sliver.hpp"
+#include "light/shape/sliver.hpp"
 
 namespace primray {
 

@@ -1,6 +1,6 @@
 // What lights do to their shadows (UsdLux ShadowAPI and shadow linking). "Special" lights are those whose shadows are not what
 // the geometry casts: light sampling alone finds them, so that their occlusion is decided in one place
-// (path/shadow_rays.hpp).
+// (path/rays/shadow_rays.hpp).
 #pragma once
 
 #include "light/choice/linking.hpp"

@@ -4,7 +4,7 @@
 // and far spheres keep their digits.
 #pragma once
 
-#include "light/local_shape.hpp"
+#include "light/shape/local_shape.hpp"
 
 namespace primray {
 

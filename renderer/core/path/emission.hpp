@@ -4,9 +4,9 @@
 // samples do, and take each one's radiance.
 #pragma once
 
-#include "light/choice/linked_selection.hpp"
-#include "light/portal.hpp"
-#include "path/pool.hpp"
+#include "light/selection/linked_selection.hpp"
+#include "light/selection/portal.hpp"
+#include "path/rays/pool.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {

@@ -3,7 +3,7 @@
 
 #include "emitter/emitter.hpp"
 #include "path/emission.hpp"
-#include "path/path_parts.hpp"
+#include "path/rays/path_parts.hpp"
 #include "path/shiny_lanes.hpp"
 #include "path/vertex.hpp"
 

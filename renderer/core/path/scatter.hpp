@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "path/emission.hpp"
-#include "path/path_parts.hpp"
+#include "path/rays/path_parts.hpp"
 #include "path/vertex.hpp"
 
 namespace primray {

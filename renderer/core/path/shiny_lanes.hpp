@@ -2,7 +2,7 @@
 #pragma once
 
 #include "bsdf/bsdf.hpp"
-#include "light/choice/tree_choice.hpp"
+#include "light/selection/tree_choice.hpp"
 
 namespace primray {
 

@@ -5,12 +5,12 @@
 #include <cmath>
 #include <memory>
 
+#include "base/integrator_settings.hpp"
 #include "bsdf/bsdf.hpp"
 #include "film/film.hpp"
-#include "light/choice/selection.hpp"
-#include "path/entry_choice.hpp"
-#include "path/pool.hpp"
-#include "path/settings.hpp"
+#include "light/selection/selection.hpp"
+#include "path/rays/entry_choice.hpp"
+#include "path/rays/pool.hpp"
 #include "sampler/sampler.hpp"
 #include "surface/evaluate_inputs.hpp"
 #include "surface/interaction.hpp"

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "accel/query.hpp"
-#include "path/ray_streams.hpp"
+#include "path/rays/ray_streams.hpp"
 #include "path/round.hpp"
 
 namespace primray {

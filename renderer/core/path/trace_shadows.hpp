@@ -3,9 +3,9 @@
 
 #include <algorithm>
 
-#include "path/ray_streams.hpp"
+#include "path/rays/ray_streams.hpp"
+#include "path/rays/shadow_rays.hpp"
 #include "path/round.hpp"
-#include "path/shadow_rays.hpp"
 
 namespace primray {
 

@@ -11,7 +11,7 @@
 #include "bsdf/bsdf.hpp"
 #include "guide/caustic_tree.hpp"
 #include "guide/caustics.hpp"
-#include "light/choice/selection.hpp"
+#include "light/selection/selection.hpp"
 #include "pilot/caustic_targets.hpp"
 #include "render/task_function.hpp"
 #include "sampler/sampler.hpp"

@@ -1,7 +1,7 @@
 // Tracing a render's recorded rays again, in order, through Embree alone: the ceiling that the benchmark compares with.
 #pragma once
 
-#include "path/ray_recorder.hpp"
+#include "path/rays/ray_recorder.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {

@@ -12,7 +12,7 @@
 
 #include "light/light.hpp"
 #include "light/rules_input.hpp"
-#include "light/shaping_input.hpp"
+#include "light/shaping/shaping_input.hpp"
 
 namespace primray {
 

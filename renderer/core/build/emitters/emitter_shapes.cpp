@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "build/input_facts.hpp"
+#include "build/inputs/input_facts.hpp"
 
 namespace primray {
 namespace {

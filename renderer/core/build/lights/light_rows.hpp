@@ -1,7 +1,7 @@
 // Turns a light's input into a row of the LightTable, in the core's space.
 #pragma once
 
-#include "build/builder.hpp"
+#include "build/inputs/light_input.hpp"
 #include "math/row.hpp"
 
 namespace primray {

@@ -1,7 +1,7 @@
 // Turns a light's shaping and photometric profiles into rows of the ShapingTable.
 #pragma once
 
-#include "build/builder.hpp"
+#include "build/inputs/light_input.hpp"
 #include "math/row.hpp"
 
 namespace primray {

@@ -5,10 +5,10 @@
 
 #include "accel/build.hpp"
 #include "accel/query.hpp"
-#include "bindings/testing_rows.hpp"
+#include "bindings/testing/rows.hpp"
 #include "bsdf/bsdf.hpp"
-#include "build/input_facts.hpp"
-#include "light/portal.hpp"
+#include "build/inputs/input_facts.hpp"
+#include "light/selection/portal.hpp"
 #include "sampler/sampler.hpp"
 #include "surface/interaction.hpp"
 #include "surface/surface_emission.hpp"

@@ -1,6 +1,6 @@
 // Rays through the world's TriangleBvh in one stream, as a render's pools have them, for the tests.
 #include "bindings/arrays.hpp"
-#include "bindings/testing_rows.hpp"
+#include "bindings/testing/rows.hpp"
 #include "bvh/interleaved.hpp"
 
 namespace primray {

@@ -1,7 +1,7 @@
 // Which light to sample from a point: each weighed by the irradiance it could bring there, or by a tree where there are many.
 #pragma once
 
-#include "light/choice/tree_choice.hpp"
+#include "light/selection/tree_choice.hpp"
 
 namespace primray {
 

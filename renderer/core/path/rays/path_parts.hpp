@@ -1,7 +1,7 @@
 // Parts of a path that splits: each carries its share, and they take the numbers after each other in a sequence so much longer.
 #pragma once
 
-#include "path/pool.hpp"
+#include "path/rays/pool.hpp"
 
 namespace primray {
 

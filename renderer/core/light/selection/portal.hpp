@@ -5,7 +5,7 @@
 // where no portal can be seen, or only from the side that it does not transmit to (-z), by its image alone.
 #pragma once
 
-#include "light/choice/selection.hpp"
+#include "light/selection/selection.hpp"
 
 namespace primray {
 

@@ -1,7 +1,7 @@
 // selection.hpp where lights are linked: a surface chooses among the lights that reach it, and no other.
 #pragma once
 
-#include "light/choice/selection.hpp"
+#include "light/selection/selection.hpp"
 
 namespace primray {
 

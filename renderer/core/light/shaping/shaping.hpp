@@ -4,7 +4,7 @@
 // are asked in the light's own space, with its scale and shear, as ShapingAPI's inputs:shaping:ies:file has it.
 #pragma once
 
-#include "light/ies.hpp"
+#include "light/shaping/ies.hpp"
 
 namespace primray {
 

@@ -8,8 +8,8 @@
 
 #include <algorithm>
 
-#include "light/choice/importance.hpp"
 #include "light/choice/tree.hpp"
+#include "light/selection/importance.hpp"
 
 namespace primray {
 

@@ -1,9 +1,9 @@
 // The paths that a thread has under way: structures of arrays, kept dense, so that every lane of every step has a path.
 #pragma once
 
+#include "base/integrator_settings.hpp"
 #include "bvh/interleaved.hpp"
 #include "light/choice/linking.hpp"
-#include "path/settings.hpp"
 #include "ray/path_lanes.hpp"
 
 namespace primray {

@@ -6,7 +6,7 @@
 #include "bsdf/bsdf.hpp"
 #include "emitter/emitter.hpp"
 #include "light/shadow.hpp"
-#include "path/ray_recorder.hpp"
+#include "path/rays/ray_recorder.hpp"
 #include "surface/evaluate_inputs.hpp"
 #include "surface/interaction.hpp"
 

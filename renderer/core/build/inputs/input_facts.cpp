@@ -1,5 +1,5 @@
 // See input_facts.hpp.
-#include "build/input_facts.hpp"
+#include "build/inputs/input_facts.hpp"
 
 #include <algorithm>
 

@@ -2,8 +2,8 @@
 #pragma once
 
 #include "bvh/interleaved.hpp"
-#include "path/pool.hpp"
-#include "path/ray_recorder.hpp"
+#include "path/rays/pool.hpp"
+#include "path/rays/ray_recorder.hpp"
 
 namespace primray {
 

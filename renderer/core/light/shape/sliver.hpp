@@ -7,7 +7,7 @@
 // strip alone, c^2 / (2 half h (s1 - s0)).
 #pragma once
 
-#include "light/local_shape.hpp"
+#include "light/shape/local_shape.hpp"
 
 namespace primray {
 

@@ -2,7 +2,7 @@
 // ray and a sample of the dome together (multiple importance sampling by the power heuristic), which costs a ray more, for each
 // of several radiances that are left to the first. Karlik et al. leave the mean; but half of a sky is above its mean, and light
 // samples that go there are lost to a sun.
-#include "light/dome_compensation.hpp"
+#include "light/dome/dome_compensation.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,12 +1,12 @@
 // The distribution by which a dome's image is sampled.
-#include "light/dome.hpp"
+#include "light/dome/dome.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
-#include "light/dome_compensation.hpp"
+#include "light/dome/dome_compensation.hpp"
 
 namespace primray {
 namespace {

@@ -28,7 +28,7 @@ def test_a_field_that_a_structure_lacks_is_an_error() -> None:
 
 
 def test_what_descriptions_name_the_core_knows_by_the_same_name() -> None:
-    """The two sides have enumerations of their own: a description is without the core. What varies is diced to points before."""
+    """The two sides have enumerations of their own: a description is without the core. What varies is diced before."""
     module = core.module()
     assert {light.name for light in LightType} == set(module.LightType.__members__)
     assert {wrap.name for wrap in Wrap} - {"USE_METADATA"} == set(module.Wrap.__members__)

@@ -1,5 +1,5 @@
 // Functions of math/ and lobes for the tests, on arrays.
-#include "bindings/testing_rows.hpp"
+#include "bindings/testing/rows.hpp"
 #include "bsdf/bsdf.hpp"
 #include "light/light.hpp"
 #include "math/ellipsoid.hpp"

@@ -8,10 +8,10 @@
 
 #include <vector>
 
-#include "light/bilinear.hpp"
-#include "light/cdf.hpp"
-#include "light/dome_format.hpp"
-#include "light/local_shape.hpp"
+#include "light/dome/cdf.hpp"
+#include "light/dome/dome_format.hpp"
+#include "light/shape/bilinear.hpp"
+#include "light/shape/local_shape.hpp"
 #include "math/matrix.hpp"
 
 namespace primray {

@@ -6,7 +6,7 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 # Where the compiled module is called, and by what names.
 FOLDERS = ("renderer/primray/core", "renderer/primray/refine")
 CORE = ("module()", "core", "self._core", "builder", "self.builder", "self._builder")

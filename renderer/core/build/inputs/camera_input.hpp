@@ -1,0 +1,26 @@
+// The camera as it comes from outside, with the film's window and filter.
+#pragma once
+
+#include <span>
+
+#include "math/matrix.hpp"
+#include "scene/camera.hpp"
+
+namespace primray {
+
+struct CameraInput {
+  daffine world_from_camera;
+  bool orthographic = false;
+  double window[4] = {-1, 1, -1, 1};  // left, right, bottom, top
+  double near = 0, far = 0, lens_radius = 0, focus_distance = 1;
+  int width = 1, height = 1;
+  PixelWindow pixels{0, 0, 1, 1};
+  int blades = 0;
+  double blade_rotation_deg = 0;
+  bool shutter_open = false;
+  std::span<const double> clipping_planes;  // 4 a plane
+  float filter_width = 1;
+  std::span<const float> filter_inverse_cdf;  // empty: a box
+};
+
+}  // namespace primray

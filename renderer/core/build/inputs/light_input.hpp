@@ -1,0 +1,49 @@
+// Lights as they come from outside, with their images, portals and profiles.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "light/light.hpp"
+#include "light/rules_input.hpp"
+#include "light/shaping/shaping_input.hpp"
+#include "math/matrix.hpp"
+
+namespace primray {
+
+// An image as it comes from outside: (height, width, channels) linear floats, finite, first row at the top.
+struct ImageInput {
+  std::span<const float> pixels;
+  int width = 0, height = 0;
+};
+
+// A rectangle that a dome is sampled through.
+struct PortalInput {
+  daffine world_from_portal;
+  double width = 1, height = 1;
+};
+
+// A photometric profile: angles in degrees, ascending, two or more of each; `candela` by horizontal angle. See
+// light/shaping/ies.hpp.
+struct IesInput {
+  std::span<const float> vertical_deg, horizontal_deg, candela;
+  bool horizontal_pole = false;
+};
+
+struct LightInput : LightRules {
+  LightType type = LightType::kPoint;
+  daffine world_from_light;
+  vec3 emission;
+  double width = 1, height = 1, radius = 0.5, length = 1, angle_deg = 0;
+  float diffuse = 1, specular = 1;
+  int texture_width = 0, texture_height = 0;
+  std::span<const float> texels;  // a dome's: 3 (width) (height), first row at the top
+  DomeFormat format = DomeFormat::kLatLong;
+  std::vector<PortalInput> portals;  // of a dome
+  std::optional<ShapingInput> shaping;
+  // Of geometry: see GeometryLight.
+  bool own = false, shown = false, normalize = false;
+};
+
+}  // namespace primray
