@@ -1,4 +1,4 @@
-"""Where chunks run: the interface that the dispatcher uses and every executor keeps; tests/service/executor_contract.py
+"""Where chunks run: the interface that the dispatcher uses and every executor keeps; tests/service/executor/contract.py
 holds it.
 
 A chunk is one process's work: the check of a scene, or a frame from its last checkpoint until it ends or is told to yield. Its

@@ -17,7 +17,6 @@ ALLOWED = {
     "tests/hard": 17,
     "tests/images": 29,
     "tests/reference": 24,
-    "tests/service": 22,
     "tests/statistics": 33,
 }
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.service.executor_scenes import ROOM
+from tests.service.executor.scenes import ROOM
 from tests.service.files.test_health import samples
 from tests.service.files.test_previews import png
 

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
-from tests.service.executor_contract import ExecutorContract
+from tests.service.executor.contract import ExecutorContract
 
 from primray_service.executor.base import Executor, Handle
 from primray_service.executor.local import LocalExecutor

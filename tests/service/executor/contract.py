@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from tests.service.executor_scenes import BROKEN, MISSING_TEXTURE, ROOM, reference_bomb
+from tests.service.executor.scenes import BROKEN, MISSING_TEXTURE, ROOM, reference_bomb
 
 from primray_service.executor.base import Chunk, Ended, Executor, Handle
 from primray_service.worker.preview import read_preview

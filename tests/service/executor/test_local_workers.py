@@ -370,7 +370,7 @@ def test_where_no_worker_starts(tmp_path: Path) -> None:
 SERVER = """
 import asyncio, sys
 from pathlib import Path
-from tests.service.test_local_workers import chunk, started
+from tests.service.executor.test_local_workers import chunk, started
 async def go():
     async with started(Path(sys.argv[1]), warm=True) as executor:
         handle = executor.submit(chunk(sys.argv[2]), lambda message: None)
