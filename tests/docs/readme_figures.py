@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tests.bench.peers.scenes import SCENES
 from tests.bench.results import latest
-from tests.statistics.calibration import ROUGH
+from tests.statistics.errors.calibration import ROUGH
 
 from .benchmark_tables import OURS, TARGETS, measured, seconds_to, spread, table
 

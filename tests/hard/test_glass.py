@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.statistics.preview_surface import PreviewSurface
+from tests.statistics.surfaces.preview_surface import PreviewSurface
 
 from primray.description import Surface
 

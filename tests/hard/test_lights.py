@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from tests.described import light as described_light
 from tests.described import rotation, translation
-from tests.statistics.lights import irradiances
+from tests.statistics.lights.placed_lights import irradiances
 
 from primray.description import LightType
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from tests.statistics.preview_surface import PreviewSurface, cosine_to_half, diffuse_directions, lobe_directions
+from tests.statistics.surfaces.preview_surface import PreviewSurface, cosine_to_half, diffuse_directions, lobe_directions
 
 from primray.description import Surface
 

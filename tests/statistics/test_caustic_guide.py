@@ -26,7 +26,7 @@ from tests.described import (
     translation,
 )
 from tests.statistics.chi_square import SphereCells, density_p_value
-from tests.statistics.surfaces import random_numbers
+from tests.statistics.surfaces.surface_cases import random_numbers
 
 from primray import core
 from primray.description import Doubles, Light, LightType, Shape, Sphere, Surface

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from tests.images import resuming
+from tests.images.checkpoints import resuming
 
 from primray.sampling.error import Estimate
 from primray.sampling.forecast import Forecaster

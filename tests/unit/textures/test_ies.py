@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from tests.statistics.shaping import intensity
+from tests.statistics.lights.shaping import intensity
 
 from primray.textures.ies import IesError, IesFile, parse_ies
 

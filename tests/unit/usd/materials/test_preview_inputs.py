@@ -1,6 +1,6 @@
 """Every input and output of UsdPreviewSurface and its nodes: authored, the description says what the definition does.
 
-What these numbers do to light is held elsewhere (tests/statistics/test_bsdf.py, tests/images).
+What these numbers do to light is held elsewhere (tests/statistics/surfaces/test_bsdf.py, tests/images).
 """
 
 from __future__ import annotations
