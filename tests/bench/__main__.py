@@ -16,10 +16,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+from tests.bench import ablations, curves, efficiency, first_pictures, growth, quick_looks, startup
+from tests.bench.cores import replay
+
 from primray import core
 from primray.settings import QUICK_LOOK
 
-from . import ablations, curves, efficiency, first_pictures, growth, quick_looks, replay, startup
 from .peer_runs import kept
 from .peers.scenes import SCENES
 from .results import write_results

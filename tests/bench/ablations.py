@@ -1,7 +1,7 @@
 """What each feature and technique is worth: python -m tests.bench.ablations [--build] [--rounds N] [--only TEXT] [SCENE ...].
 
-Each row of ablation_rows.py beside the renderer as it is, by turns, in processes of their own: CPU seconds of the render and
-relMSE against our converged picture (references.py). Rows that need a build of the core are measured where `--build` has
+Each row of cores/ablation_rows.py beside the renderer as it is, by turns, in processes of their own: CPU seconds of the render
+and relMSE against our converged picture (references.py). Rows that need a build of the core are measured where `--build` has
 made it from the sources as they are now; that takes minutes a row. A run of some rows or scenes leaves what was measured of
 the others before, with its day and machine. Scenes are written one by one.
 """
@@ -22,15 +22,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from tests.bench.cores.ablation_rows import BASE, ROWS, Row
+from tests.bench.cores.other_core import use_core
+from tests.bench.figures.relmse import relmse, saved
+
 from primray import core
 
-from .ablation_rows import BASE, ROWS, Row
-from .other_core import use_core
 from .peer_runs import kept
 from .peers.installed import RENDERERS
 from .peers.scenes import SCENES
 from .references import path_of, reference
-from .relmse import relmse, saved
 from .results import cpu_model, latest, write_results
 
 ROOT = Path(__file__).parents[2]
@@ -126,7 +127,8 @@ def once(scene: str, row: Row, seed: int) -> dict[str, Any]:
 def in_process(job: dict[str, Any]) -> dict[str, Any]:
     if job["core"]:
         use_core(Path(job["core"]))
-    from .replay import build as built
+    from tests.bench.cores.replay import build as built
+
     from .scenes import bench_scene
 
     scene, settings = built(bench_scene(job["scene"]), job["spp"])

@@ -15,11 +15,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from tests.bench.figures.relmse import Reference, agreement, load, relmse
+
 from .peer_runs import digest, facts, run
 from .peers.installed import OURS, RENDERERS, Renderer, installed, reason_against
 from .peers.scenes import SCENES
 from .references import reference
-from .relmse import Reference, agreement, load, relmse
 from .results import latest, write_results
 
 LADDER = (4, 16, 64, 256)

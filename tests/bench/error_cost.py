@@ -12,11 +12,12 @@ import time
 from dataclasses import replace
 from typing import Any
 
+from tests.bench.cores.replay import build
+
 from primray import core
 from primray.sampling.sampling import Sampling
 from primray.settings import RenderSettings
 
-from .replay import build
 from .results import write_results
 from .scenes import BenchScene, available
 

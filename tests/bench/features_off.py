@@ -20,7 +20,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from .ablation_rows import Edit, Row
+from tests.bench.cores.ablation_rows import Edit, Row
+
 from .ablations import compile_core
 from .results import write_results
 from .scenes import ROOT, BenchScene, available
@@ -51,7 +52,8 @@ USES = {"box": set[str](), "hills": set[str](), "field": {"instances"}}
 WORKER = """
 import hashlib, pathlib, sys, time
 from dataclasses import replace
-from tests.bench import other_core, replay, scenes
+from tests.bench.cores import other_core, replay
+from tests.bench import scenes
 other_core.use_core(pathlib.Path(sys.argv[3]))
 from primray import core
 scene = next(s for s in scenes.available() if s.name == sys.argv[1])

@@ -1,8 +1,8 @@
 """How costs grow: python -m tests.bench.growth [--most N] [KIND ...].
 
 With a stage: prims, scene instances (referenced), triangles, instances, nested instances, lights, textures, texels, each in
-processes of their own (scaling.py); from opening to a built scene, and the seconds a ray then takes. With a picture: threads,
-pixels and samples, on one scene that is built once a size. The powers on the page are fitted to these (fits.py).
+processes of their own (setup/scaling.py); from opening to a built scene, and the seconds a ray then takes. With a picture:
+threads, pixels and samples, on one scene that is built once a size. The powers on the page are fitted to these (fits.py).
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from tests.bench.cores.replay import build
+from tests.bench.setup import scaling
+
 from primray import core
 from primray.settings import QUICK_LOOK
 
-from . import scaling
-from .replay import build
 from .results import write_results
 from .scenes import BenchScene, bench_scene
 

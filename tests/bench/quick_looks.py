@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from tests.bench.cores.replay import build
+from tests.bench.figures.relmse import DARK, saved
 
 from primray import core
 from primray.settings import RenderSettings
 
 from .peers.scenes import SCENES
 from .references import path_of
-from .relmse import DARK, saved
-from .replay import build
 from .results import write_results
 from .scenes import bench_scene
 

@@ -12,10 +12,11 @@ import argparse
 import tempfile
 from pathlib import Path
 
+from tests.bench.figures.relmse import Reference, load, reference_of, save, saved
+
 from .peer_runs import digest, kept, run
 from .peers.installed import Renderer, installed
 from .peers.scenes import SCENES
-from .relmse import Reference, load, reference_of, save, saved
 
 SECONDS = 40.0
 SAMPLES = 64  # a picture

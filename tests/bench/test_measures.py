@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from tests.bench.cores.ablation_rows import ROWS, Edit, Row
+from tests.bench.figures.relmse import agreement, reference_of, relmse, save, saved
 
 from . import __main__ as whole
-from .ablation_rows import ROWS, Edit, Row
 from .ablations import _worth, edited, with_earlier
 from .curves import medians
 from .curves import with_earlier as with_earlier_peers
 from .features_off import counted_in
-from .relmse import agreement, reference_of, relmse, save, saved
 
 SHAPE = (64, 64, 3)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from tests.bench.curves import medians
 from tests.bench.efficiency import ratios
-from tests.bench.fits import Growth, growth, power_of_n_log_n, time_to
+from tests.bench.figures.fits import Growth, growth, power_of_n_log_n, time_to
 from tests.bench.growth import ray_us, setup_cpu_s, setup_s
 
 Rows = Sequence[dict[str, Any]]

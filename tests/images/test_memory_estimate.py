@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from tests.bench.memory import GENERATED, generated
+from tests.bench.setup.memory import GENERATED, generated
 
 
 @pytest.mark.long

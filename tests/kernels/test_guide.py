@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.bench import indirect
 from tests.bench.peers.write_plain import write_scene
 from tests.bench.peers.write_usd import CAMERA
+from tests.bench.stages import indirect
 from tests.described import asked, replicate_means
 
 from primray import core

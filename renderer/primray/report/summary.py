@@ -15,7 +15,7 @@ from ..refine.dice import estimated_triangles
 from ..refine.footprint import Footprint, footprints
 from ..settings import DEFAULT_DICING_RATE
 
-# Peak bytes, fitted to what `python -m tests.bench.memory` measures there: arrays of the description are counted
+# Peak bytes, fitted to what `python -m tests.bench.setup.memory` measures there: arrays of the description are counted
 # exactly and stand twice while the core copies them; these come on top.
 TRIANGLE_BYTES = 120  # Embree's hierarchy, and what building it takes
 DICED_TRIANGLE_BYTES = 70  # half a vertex with its normal, and three indices, twice, and dicing

@@ -19,11 +19,11 @@ from ...description.placement import Instances, MatrixInstances, chunks, named_l
 from ...errors import LimitError
 from ...refine.coincident import distinct
 
-# Of the core and Embree, with its build's peak: measured, python -m tests.bench.scaling.
+# Of the core and Embree, with its build's peak: measured, python -m tests.bench.setup.scaling.
 INSTANCE_BYTES = 200
 # More instances than this are kept in two levels where that at least halves what is stored: as fast from there on, and faster
-# beyond (python -m tests.bench.two_levels). A constant, so that pictures do not depend on the machine: what is seen through
-# two float matrices is rounded differently from what is seen through their product.
+# beyond (python -m tests.bench.setup.two_levels). A constant, so that pictures do not depend on the machine: what is seen
+# through two float matrices is rounded differently from what is seen through their product.
 MAX_FLAT_INSTANCES = 1 << 20
 # Chains of few instances are multiplied out, so that a prototype reached on many ways has few placements.
 MAX_MERGED = 1 << 14

@@ -1,4 +1,4 @@
-"""What the service's worker adds to a render: python -m tests.bench.service_overhead [--repetitions N] [--spp N].
+"""What the service's worker adds to a render: python -m tests.bench.service.overhead [--repetitions N] [--spp N].
 
 The same work on the command line and by LocalExecutor, by turns, both at the workers' priority (nice 10). Render seconds are
 the reports' own (the service's include its checkpoint and its first picture); wall seconds go from the start of the process,
@@ -19,12 +19,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from tests.bench.results import write_results
+
 from primray_service.executor.base import Chunk
 from primray_service.executor.local import LocalExecutor
 from primray_service.files import DataDirectory
 from primray_service.limits import Limits
-
-from .results import write_results
 
 SCENES = ("features/glass", "features/dome-texture", "features/clearcoat")
 RESOLUTION = (640, 480)
@@ -77,7 +77,7 @@ async def service(executor: LocalExecutor, scene: Path, spp: int) -> dict[str, A
 
 
 async def measure(name: str, spp: int, repetitions: int, folder: Path) -> dict[str, Any]:
-    scene = Path(__file__).parents[2] / "scenes" / name / "scene.usda"
+    scene = Path(__file__).parents[3] / "scenes" / name / "scene.usda"
     warm = LocalExecutor(DataDirectory(folder / "warm"), Limits(), cores=2)
     cold = LocalExecutor(DataDirectory(folder / "cold"), Limits(), cores=2, warm=False)
     await warm.start()
@@ -99,7 +99,7 @@ def median(rows: list[dict[str, Any]], name: str) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m tests.bench.service_overhead", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.bench.service.overhead", description=__doc__)
     parser.add_argument("--repetitions", type=int, default=7)
     parser.add_argument("--spp", type=int, default=64)
     options = parser.parse_args()

@@ -8,12 +8,12 @@ from __future__ import annotations
 import statistics
 from typing import Any
 
+from tests.bench.scenes import BenchScene
+
 from primray import core, usd
 from primray.diagnostics import Diagnostics
 from primray.render import load_textures
 from primray.settings import Filter, RenderSettings
-
-from .scenes import BenchScene
 
 
 def build(scene: BenchScene, spp: int) -> tuple[core.CoreScene, RenderSettings]:

@@ -1,4 +1,4 @@
-"""How opening, translating and building grow with a stage: python -m tests.bench.scaling [--quick] [KIND:COUNT ...].
+"""How opening, translating and building grow with a stage: python -m tests.bench.setup.scaling [--quick] [KIND:COUNT ...].
 
 Every stage is generated once and measured in a process of its own; bytes per item are that process's peak resident memory
 beyond what it had before opening the stage. KIND is meshes (equal cubes), distinct (no two are equal), cages (distinct and
@@ -20,9 +20,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from .results import write_results
+from tests.bench.results import write_results
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 SIZES = {
     "meshes": (10**3, 10**4, 10**5),
     "distinct": (10**3, 10**4, 10**5),
@@ -118,10 +118,11 @@ def run(kind: str, count: int, folder: Path) -> dict[str, Any]:
     path = folder / f"{kind}_{count}.usdc"
     start = time.perf_counter()
     arguments = f"{kind!r}, {count}, Path({str(path)!r})"
-    _in_process(f"from pathlib import Path; from tests.bench.scaling_stages import write; write({arguments})")
+    _in_process(f"from pathlib import Path; from tests.bench.stages.scaling_stages import write; write({arguments})")
     generated = time.perf_counter() - start
     text = _in_process(
-        f"import json; from tests.bench.scaling import measure; print(json.dumps(measure({str(path)!r}, {kind!r}, {count})))"
+        "import json; from tests.bench.setup.scaling import measure; "
+        f"print(json.dumps(measure({str(path)!r}, {kind!r}, {count})))"
     )
     row = {"kind": kind, "count": count, "file_bytes": path.stat().st_size, "generate_s": round(generated, 1)}
     path.unlink()
@@ -129,7 +130,7 @@ def run(kind: str, count: int, folder: Path) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m tests.bench.scaling", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.bench.setup.scaling", description=__doc__)
     parser.add_argument("what", nargs="*", help="KIND:COUNT, all by default")
     parser.add_argument("--quick", action="store_true", help="the two smallest sizes of each kind")
     options = parser.parse_args()

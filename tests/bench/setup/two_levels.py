@@ -1,4 +1,4 @@
-"""Nested instances multiplied out and kept in two levels: python -m tests.bench.two_levels [COUNT ...].
+"""Nested instances multiplied out and kept in two levels: python -m tests.bench.setup.two_levels [COUNT ...].
 
 The same stages (1000 instances of the rest) rendered on one thread: memory of the scene, rays a second, and how far the
 pictures differ.
@@ -13,15 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tests.bench.results import write_results
+from tests.bench.stages.scaling_stages import write
 
 from primray import core, usd
 from primray.description import SceneDescription
 from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
 from primray.usd.walking import instances
-
-from .results import write_results
-from .scaling_stages import write
 
 SETTINGS = RenderSettings(resolution=(320, 180), spp=8, max_depth=4, threads=1)
 
@@ -57,7 +56,7 @@ def measure(count: int, description: SceneDescription) -> tuple[dict[str, Any], 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m tests.bench.two_levels", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.bench.setup.two_levels", description=__doc__)
     parser.add_argument("counts", nargs="*", default=["1e5", "1e6", "1e7"])
     rows = []
     with tempfile.TemporaryDirectory() as folder:

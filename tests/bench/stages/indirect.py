@@ -1,6 +1,6 @@
 """Two rooms whose light is almost all indirect, as USD: lit through a door ajar, and by a lamp that shines at the ceiling.
 
-python -m tests.bench.indirect FOLDER      # writes door.usda and uplight.usda; camera /World/cam, 320 x 240, depth 12
+python -m tests.bench.stages.indirect FOLDER      # writes door.usda and uplight.usda; camera /World/cam, 320 x 240, depth 12
 """
 
 from __future__ import annotations

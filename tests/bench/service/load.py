@@ -1,5 +1,5 @@
 """What the service takes while it renders: 200 clients that poll GET /v1/jobs/{id} once a second, 50 event streams; then what
-10,000 queued jobs do to submitting, listing and claiming. `python -m tests.bench.service_load [--seconds N] [--jobs N]`.
+10,000 queued jobs do to submitting, listing and claiming. `python -m tests.bench.service.load [--seconds N] [--jobs N]`.
 
 Clients and server share the machine's cores, as does the renderer, whose workers are nice. `loop_delay`: how late the
 clients' own event loop is, which is in what they measure.
@@ -222,7 +222,7 @@ def claims(server: RunningServer, scene: str) -> Iterator[float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m tests.bench.service_load", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.bench.service.load", description=__doc__)
     parser.add_argument("--seconds", type=float, default=30)
     parser.add_argument("--jobs", type=int, default=10_000, help="0: only the load")
     options = parser.parse_args()

@@ -1,4 +1,4 @@
-"""Peak memory of renders against the estimate of `primray inspect`: python -m tests.bench.memory [SHEET.json FOLDER].
+"""Peak memory of renders against the estimate of `primray inspect`: python -m tests.bench.setup.memory [SHEET.json FOLDER].
 
 Without arguments it renders generated stages, each large in one thing only; with the JSON of a contact sheet of a folder it
 compares what that one measured. The first pair of figures is the whole process; the second leaves out what a process takes
@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+from tests.bench.results import write_results
 
 from primray import usd
 from primray.cli.sheet_runs import Limits, render_all
@@ -26,8 +27,6 @@ from primray.diagnostics import Diagnostics
 from primray.report.summary import PROCESS_BYTES, summary
 from primray.report.texture_sizes import texture_sizes
 from primray.settings import RenderSettings
-
-from .results import write_results
 
 LIMITS = Limits(width=200, spp=1, timeout_s=300, memory_bytes=2**35, threads=None)
 MIB = 2**20
