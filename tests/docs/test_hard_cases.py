@@ -13,7 +13,7 @@ def test_the_page_is_fresh():
 
 
 def test_each_declared_case_has_a_row_and_each_row_a_test():
-    for file in sorted((ROOT / "tests" / "hard").glob("test_*.py")):
+    for file in sorted((ROOT / "tests" / "hard").rglob("test_*.py")):
         declared = set()
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.FunctionDef) and any("hard_case" in ast.dump(d) for d in node.decorator_list):

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from tests.described import look_at
-from tests.hard.mesh_stages import DOME, camera_prim, codes, mesh_prim, picture, place, prim
+from tests.hard.meshes.mesh_stages import DOME, camera_prim, codes, mesh_prim, picture, place, prim
 from tests.unit.usd.usd_text import stage_of
 
 import primray

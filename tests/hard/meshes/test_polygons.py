@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import pytest
 from tests.described import look_at, rotation
-from tests.hard.mesh_stages import DOME, camera_prim, codes, mesh_prim, picture
+from tests.hard.meshes.mesh_stages import DOME, camera_prim, codes, mesh_prim, picture
 from tests.unit.usd.usd_text import translate_text
 
 from primray.description import Doubles, Mesh

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from tests.hard.placed_scenes import CUBE, apart, bound, problems, shot
+from tests.hard.places.placed_scenes import CUBE, apart, bound, problems, shot
 
 from primray.images.image import Image
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from tests.described import describe, kernels, lambert, look_at, mesh, rotation, scaling, translation
-from tests.hard.mesh_stages import camera_prim, mesh_prim, picture, place, prim
+from tests.hard.meshes.mesh_stages import camera_prim, mesh_prim, picture, place, prim
 
 from primray.description import Doubles
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from tests.described import look_at, rotation, scaling, translation
-from tests.hard.mesh_stages import DOME, camera_prim, codes, mesh_prim, picture, place, prim, rows
+from tests.hard.meshes.mesh_stages import DOME, camera_prim, codes, mesh_prim, picture, place, prim, rows
 
 from primray.description import Doubles
 

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from tests.described import look_at, rotation, scaling, translation
-from tests.hard.mesh_stages import DOME, camera_prim, mesh_prim, picture, place, prim, round_mesh
+from tests.hard.meshes.mesh_stages import DOME, camera_prim, mesh_prim, picture, place, prim, round_mesh
 
 Measured = Callable[[str], None]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom, Vt
 from tests.expanded import flat_stage
-from tests.hard.placed_scenes import CUBE, Doubles, apart, bound, codes, matrix_text, picture_of, problems, stage_of
+from tests.hard.places.placed_scenes import CUBE, Doubles, apart, bound, codes, matrix_text, picture_of, problems, stage_of
 
 from primray.description.placement import PointInstances
 from primray.images.image import Image

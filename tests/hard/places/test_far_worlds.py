@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from tests.hard.placed_scenes import CUBE, Doubles, apart, bound, problems, shot
+from tests.hard.places.placed_scenes import CUBE, Doubles, apart, bound, problems, shot
 
 from primray.images.image import Image
 
