@@ -6,10 +6,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tests.reference.table import cases
+from tests.reference.cases.table import cases
 
 ROOT = Path(__file__).resolve().parents[2]
-RESULTS = ROOT / "tests" / "reference" / "results.json"
+RESULTS = ROOT / "tests" / "reference" / "judging" / "results.json"
 PAGE = ROOT / "docs" / "light-accuracy.md"
 
 HEAD = """# Accuracy of direct light

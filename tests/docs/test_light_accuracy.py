@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 from tests.docs.light_accuracy import PAGE, RESULTS, page
-from tests.reference.table import cases
+from tests.reference.cases.table import cases
 
 
 def test_the_page_is_fresh() -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from tests.reference.cases import Case
-from tests.reference.judge import judge
-from tests.reference.kept import kept_or_made, key_of, pictures
-from tests.reference.record import record
+from tests.reference.cases.plane_cases import Case
+from tests.reference.cases.table import cases
+from tests.reference.judging.judge import judge
+from tests.reference.judging.kept import kept_or_made, key_of, pictures
+from tests.reference.judging.record import record
 from tests.reference.referee import expected
-from tests.reference.table import cases
 
 SEEDS = 4
 ROUGHLY = (6, 4)

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.reference.cases.profiles import uneven_profile
 from tests.reference.emitters import emitters
 from tests.reference.irradiance import irradiance, irradiance_of, size_factor
 from tests.reference.polygons import lambert_polygon
-from tests.reference.profiles import uneven_profile
 from tests.reference.stages import Plane, light, rotation, scaling, stage, translation
 
 UP = np.array([0.0, 1.0, 0.0])

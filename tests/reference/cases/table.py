@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from tests.reference.cases import (
+from tests.reference.cases.pictured_cases import pictured_cases
+from tests.reference.cases.plane_cases import (
     Case,
     control_cases,
     cylinder_cases,
@@ -12,8 +13,7 @@ from tests.reference.cases import (
     rect_cases,
     sphere_cases,
 )
-from tests.reference.pictured_cases import pictured_cases
-from tests.reference.shaped_cases import shaped_cases
+from tests.reference.cases.shaped_cases import shaped_cases
 
 
 def cases() -> list[Case]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from tests.reference.cases import ABOVE, FLAT, MIRROR, SHEAR, STRETCH, Case, at
+from tests.reference.cases.plane_cases import ABOVE, FLAT, MIRROR, SHEAR, STRETCH, Case, at
 from tests.reference.domes import CROSS_FACE
 from tests.reference.stages import Plane, rotation, scaling, translation
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from tests.reference.cases import ABOVE, FLAT, MIRROR, SHEAR, STANDING, STRETCH, Case, at
-from tests.reference.profiles import (
+from tests.reference.cases.plane_cases import ABOVE, FLAT, MIRROR, SHEAR, STANDING, STRETCH, Case, at
+from tests.reference.cases.profiles import (
     fine_profile,
     half_profile,
     ninety_profile,

@@ -18,10 +18,11 @@ from typing import Any
 
 import numpy as np
 from pxr import Usd
-from tests.reference.cases import Case
+from tests.reference.cases.plane_cases import Case
 from tests.reference.referee import Referees, expected
 
 PICTURES = Path(__file__).parent / "pictures.json"
+REFEREE = Path(__file__).parents[1] / "referee.py"
 WORTH_KEEPING_S = 0.3  # of CPU time
 
 
@@ -54,8 +55,8 @@ def _sources() -> str:
 
 
 def modules() -> list[Path]:
-    """referee.py, and what it imports of this folder, and what those do."""
-    found, todo = set[Path](), [PICTURES.with_name("referee.py")]
+    """referee.py, and what it imports of its folder, and what those do."""
+    found, todo = set[Path](), [REFEREE]
     while todo:
         path = todo.pop()
         if path not in found:

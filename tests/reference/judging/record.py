@@ -1,4 +1,4 @@
-"""What the long test found, kept in tests/reference/results.json when asked for: PRIMRAY_UPDATE=1."""
+"""What the long test found, kept in tests/reference/judging/results.json when asked for: PRIMRAY_UPDATE=1."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import platform
 from datetime import date
 from pathlib import Path
 
-from tests.reference.cases import Case
-from tests.reference.judge import P_VALUE, Verdict
-from tests.reference.table import cases
+from tests.reference.cases.plane_cases import Case
+from tests.reference.cases.table import cases
+from tests.reference.judging.judge import P_VALUE, Verdict
 
 RESULTS = Path(__file__).parent / "results.json"
 COMMAND = "PRIMRAY_UPDATE=1 python -m pytest -m long tests/reference"
