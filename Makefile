@@ -63,14 +63,14 @@ format: setup  ## format Python and C++
 	$(if $(CORE_FORMATTED),$(BIN)/clang-format -i $(CORE_FORMATTED))
 
 docs: setup  ## bring the generated pages and parts of README.md up to date
-	$(BIN)/python -m tests.docs.diagnostics
+	$(BIN)/python -m tests.docs.codes.diagnostics
 	$(BIN)/python -m tests.docs.decisions
-	$(BIN)/python -m tests.docs.hard_cases
+	$(BIN)/python -m tests.docs.measured.hard_cases
 	$(BIN)/python -m tests.docs.openapi
-	$(BIN)/python -m tests.docs.fidelity
-	$(BIN)/python -m tests.docs.conformance
-	$(BIN)/python -m tests.docs.light_accuracy
-	$(BIN)/python -m tests.docs.benchmarks
+	$(BIN)/python -m tests.docs.codes.fidelity
+	$(BIN)/python -m tests.docs.conformance.page
+	$(BIN)/python -m tests.docs.measured.light_accuracy
+	$(BIN)/python -m tests.docs.measured.benchmarks
 
 bench: setup  ## run the benchmarks of tests/bench (BENCH=--quick: small; PRIMRAY_PEERS=DIR: beside other renderers)
 	$(BIN)/python -m tests.bench $(BENCH)

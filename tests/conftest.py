@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from tests.docs.conformance_claims import CLAIMS, proofs_of
+from tests.docs.conformance.claims import CLAIMS, proofs_of
 
 
 @pytest.hookimpl(tryfirst=True)  # before the long ones are left out

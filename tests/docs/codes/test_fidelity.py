@@ -29,7 +29,7 @@ def test_each_code_has_an_anchor_of_its_own():
 
 
 def test_the_service_names_the_same_kinds():
-    schemas = Path(__file__).parents[2] / "schemas"
+    schemas = Path(__file__).parents[3] / "schemas"
     warning = json.loads((schemas / "openapi.json").read_text())["components"]["schemas"]["Warning"]
     [kinds] = [set(each["enum"]) for each in warning["properties"]["kind"]["anyOf"] if "enum" in each]
     [severities] = [set(each["enum"]) for each in warning["properties"]["severity"]["anyOf"] if "enum" in each]

@@ -1,4 +1,4 @@
-"""docs/light-accuracy.md, from what tests/reference measured. `python -m tests.docs.light_accuracy` rewrites it."""
+"""docs/light-accuracy.md, from what tests/reference measured. `python -m tests.docs.measured.light_accuracy` rewrites it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 from tests.reference.cases.table import cases
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 RESULTS = ROOT / "tests" / "reference" / "judging" / "results.json"
 PAGE = ROOT / "docs" / "light-accuracy.md"
 

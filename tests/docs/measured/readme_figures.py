@@ -1,4 +1,4 @@
-"""README.md's figures, from tests/bench/results. `python -m tests.docs.readme_figures` rewrites them."""
+"""README.md's figures, from tests/bench/results. `python -m tests.docs.measured.readme_figures` rewrites them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.statistics.errors.calibration import ROUGH
 
 from .benchmark_tables import OURS, TARGETS, measured, seconds_to, spread, table
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 README = ROOT / "README.md"
 BEGIN = "<!-- generated from tests/bench/results by `make docs`: begin -->"
 END = "<!-- generated: end -->"

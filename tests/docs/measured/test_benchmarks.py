@@ -5,8 +5,8 @@ from __future__ import annotations
 from xml.etree import ElementTree
 
 import pytest
+from tests.docs.measured import benchmark_tables as tables
 
-from . import benchmark_tables as tables
 from .benchmarks import CHARTS, PAGE, page
 from .charts import WIDTH, Line, chart
 

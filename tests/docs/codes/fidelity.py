@@ -1,4 +1,4 @@
-"""docs/fidelity.md, from diagnostic_codes.CODES. `python -m tests.docs.fidelity` rewrites it."""
+"""docs/fidelity.md, from diagnostic_codes.CODES. `python -m tests.docs.codes.fidelity` rewrites it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from primray.diagnostic_codes import CODES, Severity
 from primray.fidelity import Kind
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "fidelity.md"
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "fidelity.md"
 
 HEAD = """# Fidelity
 

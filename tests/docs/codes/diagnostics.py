@@ -1,4 +1,4 @@
-"""docs/diagnostics.md's table, from diagnostics.CODES. `python -m tests.docs.diagnostics` rewrites it."""
+"""docs/diagnostics.md's table, from diagnostics.CODES. `python -m tests.docs.codes.diagnostics` rewrites it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 from primray.diagnostic_codes import CODES, Severity
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "diagnostics.md"
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "diagnostics.md"
 BEGIN = "<!-- generated from diagnostics.CODES by `make docs`: begin -->"
 END = "<!-- generated: end -->"
 

@@ -1,4 +1,4 @@
-"""docs/benchmarks.md and its charts, from tests/bench/results. `python -m tests.docs.benchmarks` rewrites them."""
+"""docs/benchmarks.md and its charts, from tests/bench/results. `python -m tests.docs.measured.benchmarks` rewrites them."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from tests.bench.growth import SIZES, ray_us, setup_s
 from tests.bench.peers.installed import RENDERERS
 from tests.bench.peers.scenes import SCENES
 from tests.bench.results import latest
+from tests.docs.measured import benchmark_tables as tables
 
-from . import benchmark_tables as tables
 from .charts import Line, chart
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 PAGE = ROOT / "docs" / "benchmarks.md"
 CHARTS = ROOT / "docs" / "benchmarks"
 

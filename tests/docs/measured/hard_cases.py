@@ -1,11 +1,11 @@
-"""docs/hard-cases.md, from what the tests in tests/hard measured. `python -m tests.docs.hard_cases` rewrites it."""
+"""docs/hard-cases.md, from what the tests in tests/hard measured. `python -m tests.docs.measured.hard_cases` rewrites it."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 MEASURED = ROOT / "tests" / "hard" / "measured"
 PAGE = ROOT / "docs" / "hard-cases.md"
 FAMILIES = ("Far worlds", "Scales", "Instances", "Meshes", "Lights", "Materials", "Numbers", "Images")

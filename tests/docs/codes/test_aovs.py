@@ -9,7 +9,7 @@ from primray.aov_names import AOVS
 from primray.images.aov import channel_names
 from primray.usd.adapters.rendering.render_var import COMMON
 
-TEXT = (Path(__file__).parents[2] / "docs" / "aovs.md").read_text()
+TEXT = (Path(__file__).parents[3] / "docs" / "aovs.md").read_text()
 
 
 def test_the_table_is_complete() -> None:

@@ -6,11 +6,11 @@ import re
 from collections.abc import Iterator
 
 import pytest
+from tests.docs.measured import readme_figures
 
 from primray import errors
 from primray.cli import run
 
-from . import readme_figures
 from .readme_figures import README, with_figures
 
 TEXT = README.read_text(encoding="utf-8")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from tests.docs.light_accuracy import PAGE, RESULTS, page
+from tests.docs.measured.light_accuracy import PAGE, RESULTS, page
 from tests.reference.cases.table import cases
 
 

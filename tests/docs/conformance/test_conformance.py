@@ -8,9 +8,9 @@ import sys
 
 import pytest
 
-from .conformance import NO_TEST, PAGE, missing, mistakes, page, state_of
-from .conformance_claims import CLAIMS, ROOT, Proof
-from .conformance_rows import rows
+from .claims import CLAIMS, ROOT, Proof
+from .page import NO_TEST, PAGE, missing, mistakes, page, state_of
+from .rows import rows
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +18,7 @@ def claims(request: pytest.FixtureRequest) -> list[Proof]:
     """What all tests claim: known where this run has collected them all, else by collecting those that claim anything."""
     if CLAIMS in request.config.stash:
         return request.config.stash[CLAIMS]
-    command = [sys.executable, "-m", "tests.docs.conformance", "--claims"]
+    command = [sys.executable, "-m", "tests.docs.conformance.page", "--claims"]
     result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert result.returncode == 0, result.stderr
     return [Proof(**claim) for claim in json.loads(result.stdout)]
