@@ -40,16 +40,8 @@ void bind_facts(nb::module_& m) {
       .value("OPACITY", InputField::kOpacity)
       .value("IOR", InputField::kIor)
       .value("NORMAL", InputField::kNormal);
-  nb::enum_<LightType>(m, "LightType")
-      .value("POINT", LightType::kPoint)
-      .value("SPHERE", LightType::kSphere)
-      .value("DISK", LightType::kDisk)
-      .value("RECT", LightType::kRect)
-      .value("CYLINDER", LightType::kCylinder)
-      .value("DISTANT", LightType::kDistant)
-      .value("DOME", LightType::kDome)
-      .value("GEOMETRY", LightType::kMesh)
-      .value("LINE", LightType::kLine);
+  nb::enum_<LightType> lights(m, "LightType");
+  for_light_types([&]<class T>(T) { lights.value(T::kName, T::kType); });
   nb::enum_<DomeFormat>(m, "DomeFormat")
       .value("LAT_LONG", DomeFormat::kLatLong)
       .value("MIRRORED_BALL", DomeFormat::kMirroredBall)

@@ -1,5 +1,5 @@
 // A mesh light that is a rectangle of two triangles (build/emitters/emitter_rectangles.hpp), on lanes: sampled as
-// light/rect.hpp does, from both of its sides, without a choice among triangles.
+// light/types/rect.hpp does, from both of its sides, without a choice among triangles.
 #pragma once
 
 #include "light/light.hpp"
@@ -16,7 +16,7 @@ struct MeshRectangle {
     hx = length(half_x), hy = length(half_y);
     x = half_x * (1.0f / hx), y = half_y * (1.0f / hy), z = cross(x, y);
   }
-  // p as light/rect.hpp wants it: in front.
+  // p as light/types/rect.hpp wants it: in front.
   PRIMRAY_INLINE vvec3<W> local(const vvec3<W>& p) const {
     const vvec3<W> to = p - center;
     return {dot(to, x), dot(to, y), -abs(dot(to, z))};

@@ -102,7 +102,7 @@ PRIMRAY_INLINE MetLights<W> meet_lights(const LightTable& lights, vbool<W> activ
   const auto meet = [&](int i, vbool<W> lanes) {
     const float* row = lights.row(i);
     const LightType type = LightType(int(row[kType]));
-    if (type == LightType::kPoint || type == LightType::kLine || type == LightType::kDome) return;
+    if (!can_be_met(type)) return;
     vvec3<W> L{F(row[kRadiance]), F(row[kRadiance + 1]), F(row[kRadiance + 2])};
     const LocalHit<W> h = light_hit<W>(lights, i, from, p.ray.d, L);
     const F t = h.t - p.travelled;

@@ -230,7 +230,7 @@ ROWS = (
         "rectangles seen as slivers along their length",
         "by solid angle, whose arc sines round",
         scenes=("cove",),
-        edits=(Edit("light/rect.hpp", "kSliver = 0.02f", "kSliver = 0.0f"),),
+        edits=(Edit("light/types/rect.hpp", "kSliver = 0.02f", "kSliver = 0.0f"),),
     ),
     Row(
         "camera rays for lights that end in a pixel",
@@ -243,7 +243,7 @@ ROWS = (
         "by area",
         scenes=("box",),
         edits=(
-            Edit("light/rect.hpp", "return dot(p, p) > 4.0f * (hx * hx + hy * hy);", "return dot(p, p) > 0.0f * (hx + hy);"),
+            Edit("light/types/rect.hpp", "return dot(p, p) > 4.0f * (hx * hx + hy * hy);", "return dot(p, p) > 0.0f * (hx + hy);"),
         ),
     ),
     Row(
@@ -252,7 +252,7 @@ ROWS = (
         scenes=("lamps",),
         edits=(
             Edit(
-                "light/sphere.hpp",
+                "light/types/sphere.hpp",
                 "return {w, t, select(outside > vfloat<W>(0.0f), 1.0f / (2.0f * kPi * spread), vfloat<W>(0.0f))};",
                 "const vfloat<W> z = 1.0f - 2.0f * u, ring = safe_sqrt(1.0f - z * z);"
                 "const vvec3<W> n(ring * phi.cos, ring * phi.sin, z), to = n * r - p;"
@@ -262,7 +262,7 @@ ROWS = (
                 "return {to * (1.0f / there), there, select(seen, pdf, vfloat<W>(0.0f))};",
             ),
             Edit(
-                "light/sphere.hpp",
+                "light/types/sphere.hpp",
                 "select(hit, 1.0f / (2.0f * kPi * sphere_one_minus_cos(dot(p, p), r, outside)), vfloat<W>(0.0f))};",
                 "select(hit, t * t / (dot(p + w * t, w) * -4.0f * kPi * r), vfloat<W>(0.0f))};",
             ),
@@ -272,7 +272,7 @@ ROWS = (
         "discs by solid angle",
         "by area",
         scenes=("studio",),
-        edits=(Edit("light/disk.hpp", "> 32.0f * r * r;", "> 0.0f * r;"),),
+        edits=(Edit("light/types/disk.hpp", "> 32.0f * r * r;", "> 0.0f * r;"),),
     ),
     Row(
         "cylinders by solid angle",
@@ -280,7 +280,7 @@ ROWS = (
         scenes=("studio",),
         edits=(
             Edit(
-                "light/cylinder.hpp",
+                "light/types/cylinder.hpp",
                 "const vfloat<W> theta_max = ",
                 "const SinCos<W> turn = sincos_turns(u);"
                 "const vvec3<W> there = vvec3<W>((2.0f * v - 1.0f) * h, r * turn.cos, r * turn.sin) - p;"
@@ -291,7 +291,7 @@ ROWS = (
                 "const vfloat<W> theta_max = ",
             ),
             Edit(
-                "light/cylinder.hpp",
+                "light/types/cylinder.hpp",
                 "const vfloat<W> pdf = 1.0f / (2.0f * atan2(r, safe_sqrt(outside)) * line.difference);",
                 "const vfloat<W> pdf = t * t / (((p.y + w.y * t) * w.y + (p.z + w.z * t) * w.z) * -4.0f * kPi * h)"
                 " + 0.0f * line.difference;",

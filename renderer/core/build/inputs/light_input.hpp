@@ -31,11 +31,10 @@ struct IesInput {
   bool horizontal_pole = false;
 };
 
-struct LightInput : LightRules {
+struct LightInput : LightRules, LightSize {
   LightType type = LightType::kPoint;
   daffine world_from_light;
   vec3 emission;
-  double width = 1, height = 1, radius = 0.5, length = 1, angle_deg = 0;
   float diffuse = 1, specular = 1;
   int texture_width = 0, texture_height = 0;
   std::span<const float> texels;  // a dome's: 3 (width) (height), first row at the top

@@ -26,8 +26,6 @@ constexpr ptrdiff_t kMostInPixel = 6;
 // Pixels around what was computed of a light's place on the film, more than is rounded anywhere.
 constexpr double kMargin = 1e-3;
 
-dvec3 vector(const float* row, int field) { return {row[field], row[field + 1], row[field + 2]}; }
-
 // A range of film positions along one axis.
 struct Extent {
   double low, high;
@@ -64,28 +62,9 @@ class Walk {
   void light(int i, std::vector<Pixel>& found) {
     light_ = i, found_ = &found;
     const float* row = scene_.lights.row(i);
-    const dvec3 x = vector(row, kAxisX), y = vector(row, kAxisY), z = vector(row, kAxisZ), o = vector(row, kOrigin);
-    const double s0 = row[kSize0], s1 = row[kSize1];
-    switch (LightType(int(row[kType]))) {
-      case LightType::kSphere:  // of a sheared one, a sphere about as large
-        sphere(o, s0 * std::cbrt(std::fabs(dot(cross(x, y), z))));
-        break;
-      case LightType::kDisk:
-        circle(o, x * s0, y * s0);
-        break;
-      case LightType::kRect: {
-        const dvec3 u = x * s0, v = y * s1, corners[4] = {o - u - v, o + u - v, o + u + v, o - u + v};
-        for (int k = 0; k < 4; ++k) line(corners[k], corners[(k + 1) % 4]);
-      } break;
-      case LightType::kCylinder: {
-        // Its ends, and its sides as lines where the camera sees its middle end.
-        const dvec3 side = normalize(cross(x, eye() - o)) * s0, half = x * s1;
-        circle(o - half, y * s0, z * s0), circle(o + half, y * s0, z * s0);
-        line(o - half - side, o + half - side), line(o - half + side, o + half + side);
-      } break;
-      default:
-        break;
-    }
+    with_light_type(row, [&]<class T>(T) {
+      if constexpr (requires { T::outline(row, *this); }) T::outline(row, *this);
+    });
   }
 
   // Light number `i` lies within these columns and rows of the film; none if it reaches behind the camera.
@@ -102,7 +81,7 @@ class Walk {
     const float* row = scene_.lights.row(i);
     if (LightType(int(row[kType])) == LightType::kSphere && !(int(row[kLightFlags]) & kSheared)) {
       // Closer: by the planes through the camera that touch it.
-      const dvec3 c = to_camera(vector(row, kOrigin));
+      const dvec3 c = to_camera(light_vector(row, kOrigin));
       const auto touching = [&](double along, double sign) {
         return std::tan(std::atan2(along, -c.z) + sign * std::asin(std::min(row[kSize0] / std::hypot(along, c.z), 1.0)));
       };
@@ -114,8 +93,31 @@ class Walk {
     return b;
   }
 
- private:
+  // What a light's edges are made of, in the world; eye(): where the camera stands.
   dvec3 eye() const { return dvec3(camera_.world_from_camera.o); }
+  void line(const dvec3& a, const dvec3& b) {
+    const int n = steps((a + b) * 0.5, length(b - a));
+    for (int i = 0; i <= n; ++i) step(a + (b - a) * (double(i) / n));
+  }
+  void circle(const dvec3& center, const dvec3& u, const dvec3& v) {
+    const int n = steps(center, 2 * std::numbers::pi * std::max(length(u), length(v)));
+    for (int i = 0; i < n; ++i) {
+      const double phi = 2 * std::numbers::pi * i / n;
+      step(center + u * std::cos(phi) + v * std::sin(phi));
+    }
+  }
+  // As the camera sees it: the circle where its rays touch.
+  void sphere(const dvec3& center, double radius) {
+    const dvec3 to = eye() - center;
+    const double d2 = dot(to, to), r2 = radius * radius;
+    if (!(d2 > r2)) return;
+    const dvec3 w = to * (1 / std::sqrt(d2)), other = std::fabs(w.x) < 0.5 ? dvec3{1, 0, 0} : dvec3{0, 1, 0};
+    const dvec3 u = normalize(cross(w, other)), v = cross(w, u);
+    const double ring = radius * std::sqrt(1 - r2 / d2);
+    circle(center + to * (r2 / d2), u * ring, v * ring);
+  }
+
+ private:
   // In the camera's axes, from it.
   dvec3 to_camera(const dvec3& p) const {
     const Affine<float>& m = camera_.world_from_camera;
@@ -151,28 +153,6 @@ class Walk {
     const double pixels = length_of_path * camera_.width / (double(camera_.right) - camera_.left);
     return int(std::clamp(pixels / std::max(-to_camera(near).z, 1e-20) * kStepsPerPixel, double(kFewest), double(kMost)));
   }
-  void line(const dvec3& a, const dvec3& b) {
-    const int n = steps((a + b) * 0.5, length(b - a));
-    for (int i = 0; i <= n; ++i) step(a + (b - a) * (double(i) / n));
-  }
-  void circle(const dvec3& center, const dvec3& u, const dvec3& v) {
-    const int n = steps(center, 2 * std::numbers::pi * std::max(length(u), length(v)));
-    for (int i = 0; i < n; ++i) {
-      const double phi = 2 * std::numbers::pi * i / n;
-      step(center + u * std::cos(phi) + v * std::sin(phi));
-    }
-  }
-  // As the camera sees it: the circle where its rays touch.
-  void sphere(const dvec3& center, double radius) {
-    const dvec3 to = eye() - center;
-    const double d2 = dot(to, to), r2 = radius * radius;
-    if (!(d2 > r2)) return;
-    const dvec3 w = to * (1 / std::sqrt(d2)), other = std::fabs(w.x) < 0.5 ? dvec3{1, 0, 0} : dvec3{0, 1, 0};
-    const dvec3 u = normalize(cross(w, other)), v = cross(w, u);
-    const double ring = radius * std::sqrt(1 - r2 / d2);
-    circle(center + to * (r2 / d2), u * ring, v * ring);
-  }
-
   const Scene& scene_;
   const Camera& camera_;
   int reach_;  // pixels that the filter looks beyond its own

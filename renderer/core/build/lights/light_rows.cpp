@@ -13,9 +13,6 @@
 namespace primray {
 namespace {
 
-// Squares of sizes must stay floats; a light smaller than this is as good as one of this size and the same power.
-constexpr double kSmallest = 1e-15;
-
 // A light's frame: perpendicular unit axes with sizes beside them, or the matrix without its mean size where that cannot be.
 struct LightFrame {
   daffine world_from_light;
@@ -23,32 +20,13 @@ struct LightFrame {
   bool sheared = false;
 };
 
-bool perpendicular(const dvec3& a, const dvec3& b) { return std::fabs(dot(a, b)) <= 1e-6 * length(a) * length(b); }
-
 LightFrame light_frame(const LightInput& light) {
   LightFrame f{light.world_from_light, {1.0, 1.0, 1.0}, false};
   daffine& m = f.world_from_light;
   const double x = length(m.x), y = length(m.y), z = length(m.z);
-  const auto same = [](double a, double b) { return std::fabs(a - b) <= 1e-6 * std::max(a, b); };
+  bool round = true, flat = false;
+  LightTypes::with(light.type, [&]<class T>(T) { round = T::is_round(m), flat = T::kFlat; });
   // Flat lights need no depth: any normal to their plane does, on the side where -z goes.
-  bool round = true;
-  switch (light.type) {
-    case LightType::kRect:
-      round = perpendicular(m.x, m.y);
-      break;
-    case LightType::kDisk:
-      round = perpendicular(m.x, m.y) && same(x, y);
-      break;
-    case LightType::kSphere:
-      round = perpendicular(m.x, m.y) && perpendicular(m.y, m.z) && perpendicular(m.z, m.x) && same(x, y) && same(y, z);
-      break;
-    case LightType::kCylinder:
-      round = perpendicular(m.x, m.y) && perpendicular(m.y, m.z) && perpendicular(m.z, m.x) && same(y, z);
-      break;
-    default:
-      break;
-  }
-  const bool flat = light.type == LightType::kRect || light.type == LightType::kDisk;
   if (flat) {
     const dvec3 n = cross(m.x, m.y);
     const double side = dot(n, m.z) < 0 ? -1 : 1, area = length(n);
@@ -76,11 +54,12 @@ Affine<float> rotation_of(const daffine& m) {
   return {vec3(normalize(m.x)), vec3(normalize(m.y)), vec3(normalize(m.z)), vec3(0.0f)};
 }
 
-// The point of a round light's surface (of a cylinder without ends) that is nearest to the core's origin.
-void put_anchor(float* row, const daffine& m, LightType type) {
+// The point of a round light's surface (of a cylinder without ends) that is nearest to the core's origin. `axial`: what the
+// light's axis counts in distances.
+void put_anchor(float* row, const daffine& m, float axial) {
   if (m.determinant() == 0) return;  // such a light is left out
   dvec3 out = inverse(m).point(dvec3(0.0));
-  const double along = type == LightType::kCylinder ? out.x : 0.0;
+  const double along = axial == 0 ? out.x : 0.0;
   out.x -= along;
   out = length(out) > 0 ? normalize(out) : dvec3{0, 0, 1};
   const dvec3 nearest = out * double(row[kSize0]);
@@ -88,7 +67,8 @@ void put_anchor(float* row, const daffine& m, LightType type) {
   put(row, kAnchorNormal, out);
 }
 
-void add_dome(const LightInput& light, const dvec3& origin, double scale, LightTable& table, float* row, bool& sampled) {
+// Whether it is to be sampled.
+bool add_dome(const LightInput& light, const dvec3& origin, double scale, LightTable& table, float* row) {
   Dome d;
   d.world_from_light = rotation_of(light.world_from_light);
   d.tint = light.emission;
@@ -111,7 +91,7 @@ void add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
     // Of the light that comes through them about a hemisphere's half, for choosing among lights.
     if (portals.count > 0) d.irradiance += d.mean * 0.5 * std::numbers::pi;
   }
-  sampled = d.sampled || portals.count > 0;
+  const bool sampled = d.sampled || portals.count > 0;
   row[kSize1] = float(table.domes.size());
   row[kImportance] = float(d.irradiance);
   table.dome_light.push_back(sampled ? table.count : -1);
@@ -122,6 +102,53 @@ void add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
     table.portals.resize(table.domes.size());
     table.portals.back() = std::move(portals);
   }
+  return sampled;
+}
+
+// What a light's row is made of on the way: its frame, emission and flags.
+struct RowFrame {
+  daffine m;
+  dvec3 emission;
+  int flags = 0;
+};
+
+void put_distant(const LightInput& light, LightTable& table, float* row, RowFrame& f) {
+  const Frame<double> frame(normalize(f.m.z));
+  f.m = {frame.s, frame.t, frame.n, dvec3(0.0)};
+  const double half = std::min(std::max(light.angle_deg, 0.0), 360.0) * (std::numbers::pi / 360);
+  // 1 - cos t = 2 sin^2 (t / 2) keeps its digits for the smallest suns.
+  const double s = std::sin(0.5 * half), spread = 2 * s * s;
+  row[kSize0] = float(spread);
+  row[kImportance] = float(luminance(f.emission) * (spread > 0 ? 2 * std::numbers::pi * std::min(spread, 0.5) : 1.0));
+  table.needs_hit_test |= row[kSize0] > 0;
+}
+
+// Of lights that stand somewhere: their axes, sizes and what that makes of their emission.
+void put_placed(const LightInput& light, double scale, float* row, RowFrame& f) {
+  const LightFrame frame = light_frame(light);
+  f.m = frame.world_from_light;
+  if (frame.sheared) f.flags |= kSheared;
+  LightTypes::with(light.type, [&]<class T>(T) {
+    double size[2] = {0, 0}, kept[2] = {0, 0};
+    if constexpr (requires { T::sizes(light, frame.sizes, scale, size); }) {
+      T::sizes(light, frame.sizes, scale, size);
+      kept[0] = std::max(size[0], kSmallestLight), kept[1] = std::max(size[1], kSmallestLight);
+      row[kSize0] = float(kept[0]), row[kSize1] = float(kept[1]);
+    }
+    f.emission = f.emission * T::emission_scale(size, kept, scale);
+    if constexpr (requires { T::place(f.m); }) T::place(f.m);
+  });
+}
+
+// Of those, where they stand: what rays and selection ask of their surface.
+void put_surface(const LightInput& light, int image, LightTable& table, float* row, const RowFrame& f) {
+  table.needs_hit_test |= can_be_met(light.type);
+  LightTypes::with(light.type, [&]<class T>(T) {
+    if constexpr (requires { T::kAxial; }) put_anchor(row, f.m, T::kAxial);
+  });
+  const bool textured = light.type == LightType::kRect && image >= 0;
+  if (textured) row[kImage] = float(image + 1);
+  row[kImportance] = float(luminance(f.emission) * (textured ? table.images[image].mean : 1.0));
 }
 
 void add_hierarchy(LightTable& table) {
@@ -131,12 +158,11 @@ void add_hierarchy(LightTable& table) {
   for (int i = 0; i < table.listed; ++i) {
     const LightType type = LightType(int(table.row(i)[kType]));
     if (type == LightType::kDistant && table.row(i)[kSize0] > 0) table.met.far.push_back(i);
-    if (type == LightType::kDistant || type == LightType::kDome || type == LightType::kPoint || type == LightType::kLine)
-      continue;
+    if (type == LightType::kDistant || !can_be_met(type)) continue;
     const LightBox box = light_box(table.row(i));
     double diagonal2 = 0;
     for (int a = 0; a < 3; ++a) diagonal2 += (double(box.high[a]) - box.low[a]) * (double(box.high[a]) - box.low[a]);
-    table.met.radius[size_t(i)] = std::max(float(0.5 * std::sqrt(diagonal2)), float(kSmallest));
+    table.met.radius[size_t(i)] = std::max(float(0.5 * std::sqrt(diagonal2)), float(kSmallestLight));
     numbers.push_back(i), boxes.push_back(box);
   }
   build_light_hierarchy(table.met, std::move(numbers), boxes);
@@ -158,74 +184,26 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
   put_common_fields(light, table, row);
   row[kType] = float(int(light.type));
   row[kInverseDet] = 1;
-  int flags = 0;
-  dvec3 emission(light.emission);
-  bool sampled = true;
-  daffine m = light.world_from_light;
+  RowFrame f{light.world_from_light, dvec3(light.emission)};
   if (light.type == LightType::kDome) {
-    add_dome(light, origin, scale, table, row, sampled);
-    if (!sampled) return;
+    if (!add_dome(light, origin, scale, table, row)) return;
   } else if (light.type == LightType::kDistant) {
-    const Frame<double> frame(normalize(m.z));
-    m = {frame.s, frame.t, frame.n, dvec3(0.0)};
-    const double half = std::min(std::max(light.angle_deg, 0.0), 360.0) * (std::numbers::pi / 360);
-    // 1 - cos t = 2 sin^2 (t / 2) keeps its digits for the smallest suns.
-    const double s = std::sin(0.5 * half), spread = 2 * s * s;
-    row[kSize0] = float(spread);
-    row[kImportance] = float(luminance(emission) * (spread > 0 ? 2 * std::numbers::pi * std::min(spread, 0.5) : 1.0));
-    table.needs_hit_test |= row[kSize0] > 0;
+    put_distant(light, table, row, f);
   } else {
-    const LightFrame f = light_frame(light);
-    m = f.world_from_light;
-    double size[2] = {0, 0};
-    switch (light.type) {
-      case LightType::kRect:
-        size[0] = 0.5 * light.width * f.sizes.x * scale, size[1] = 0.5 * light.height * f.sizes.y * scale;
-        break;
-      case LightType::kDisk:
-      case LightType::kSphere:
-        size[0] = size[1] = light.radius * f.sizes.x * scale;
-        break;
-      case LightType::kCylinder:
-        size[0] = light.radius * f.sizes.y * scale, size[1] = 0.5 * light.length * f.sizes.x * scale;
-        break;
-      case LightType::kLine:
-        size[0] = size[1] = 0.5 * light.length * f.sizes.x * scale;
-        break;
-      default:
-        break;
-    }
-    if (light.type != LightType::kPoint) {
-      const double kept[2] = {std::max(size[0], kSmallest), std::max(size[1], kSmallest)};
-      emission =
-          emission * (light.type == LightType::kLine ? scale * size[1] / kept[1] : size[0] / kept[0] * (size[1] / kept[1]));
-      row[kSize0] = float(kept[0]), row[kSize1] = float(kept[1]);
-    }
-    if (f.sheared) flags |= kSheared;
-    if (light.type == LightType::kPoint) {
-      m.x = {1, 0, 0}, m.y = {0, 1, 0}, m.z = {0, 0, 1};
-      emission = emission * (scale * scale);
-    } else if (light.type == LightType::kLine) {
-      const Frame<double> across(normalize(m.x));
-      m.x = across.n, m.y = across.s, m.z = across.t;
-    } else {
-      table.needs_hit_test = true;
-    }
-    m.o = (light.world_from_light.o - origin) * scale;
-    if (light.type == LightType::kSphere || light.type == LightType::kCylinder) put_anchor(row, m, light.type);
-    const bool textured = light.type == LightType::kRect && image >= 0;
-    if (textured) row[kImage] = float(image + 1);
-    row[kImportance] = float(luminance(emission) * (textured ? table.images[image].mean : 1.0));
+    put_placed(light, scale, row, f);
+    f.m.o = (light.world_from_light.o - origin) * scale;
+    put_surface(light, image, table, row, f);
   }
+  const daffine& m = f.m;
   put(row, kAxisX, m.x), put(row, kAxisY, m.y), put(row, kAxisZ, m.z), put(row, kOrigin, m.o);
   const double det = m.determinant();
   if (det == 0 && light.type != LightType::kDome) return;  // a light without size; translation has said so
-  if (light.type == LightType::kDome) m = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)};
-  const daffine inv = inverse(m);
+  const daffine whole{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)};
+  const daffine inv = inverse(light.type == LightType::kDome ? whole : m);
   put(row, kInverseX, inv.x), put(row, kInverseY, inv.y), put(row, kInverseZ, inv.z);
-  if (flags & kSheared) row[kInverseDet] = float(std::fabs(1 / det));
-  put(row, kRadiance, emission);
-  row[kLightFlags] = float(flags);
+  if (f.flags & kSheared) row[kInverseDet] = float(std::fabs(1 / det));
+  put(row, kRadiance, f.emission);
+  row[kLightFlags] = float(f.flags);
   if (light.shaping && light.type != LightType::kDome && light.type != LightType::kDistant)
     add_shaping(*light.shaping, light.world_from_light, row, table);
   table.rows.insert(table.rows.end(), row, row + kLightFields);

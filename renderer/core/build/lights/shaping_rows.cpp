@@ -33,38 +33,10 @@ bool keeps_angles(const daffine& m) {
 
 // Of a ball about the light's centre that holds it, more than rounding needs.
 double reach_radius(const float* row) {
-  const auto axis = [&](int field) { return double(std::hypot(row[field], row[field + 1], row[field + 2])); };
-  const double x = axis(kAxisX), y = axis(kAxisY), z = axis(kAxisZ), s0 = row[kSize0], s1 = row[kSize1];
-  const bool sheared = int(row[kLightFlags]) & kSheared;
   double r = 0;
-  switch (LightType(int(row[kType]))) {
-    case LightType::kSphere:
-      r = sheared ? s0 * std::hypot(x, y, z) : s0;
-      break;
-    case LightType::kDisk:
-      r = sheared ? s0 * std::hypot(x, y) : s0;
-      break;
-    case LightType::kRect:
-      r = sheared ? s0 * x + s1 * y : std::hypot(s0, s1);
-      break;
-    case LightType::kCylinder:
-      r = sheared ? s1 * x + s0 * std::hypot(y, z) : std::hypot(s0, s1);
-      break;
-    case LightType::kLine:
-      r = s1;
-      break;
-    case LightType::kMesh: {
-      // Its size went by the cube root of the determinant: an uneven matrix reaches further.
-      const dvec3 a{row[kAxisX], row[kAxisX + 1], row[kAxisX + 2]}, b{row[kAxisY], row[kAxisY + 1], row[kAxisY + 2]},
-          c{row[kAxisZ], row[kAxisZ + 1], row[kAxisZ + 2]};
-      const double size = std::cbrt(std::fabs(dot(cross(a, b), c)));
-      r = size > 0 ? s0 / size * std::hypot(x, y, z) : 1e30;
-    } break;
-    default:
-      break;
-  }
-  const int center = LightType(int(row[kType])) == LightType::kMesh ? kMeshCenter : kOrigin;
-  return r * 1.001 + 1e-6 * std::max({std::fabs(row[center]), std::fabs(row[center + 1]), std::fabs(row[center + 2])});
+  with_light_type(row, [&]<class T>(T) { r = T::ball(row); });
+  const float* center = row + light_center(row);
+  return r * 1.001 + 1e-6 * std::max({std::fabs(center[0]), std::fabs(center[1]), std::fabs(center[2])});
 }
 
 struct ProfileFacts {

@@ -4,8 +4,8 @@
 // mirrored for whoever it shines at.
 #pragma once
 
-#include "light/light_image.hpp"
-#include "light/rect.hpp"
+#include "light/types/light_image.hpp"
+#include "light/types/rect.hpp"
 
 namespace primray {
 

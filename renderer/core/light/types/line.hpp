@@ -5,7 +5,7 @@
 // sampled uniformly, and every sample carries the same.
 #pragma once
 
-#include "light/shape/local_shape.hpp"
+#include "light/types/light_type.hpp"
 
 namespace primray {
 
@@ -39,5 +39,44 @@ PRIMRAY_RARE LineSample<W> line_sample(const vvec3<W>& to_center, const vvec3<W>
   const F distance = length(to), worth = width / rho;
   return {to * (1.0f / distance), distance, worth, (rho > none) & (width > none) & (worth < F(kInfinity))};
 }
+
+struct LineLight : LightTypeDefaults {
+  static constexpr LightType kType = LightType::kLine;
+  static constexpr const char* kName = "LINE";
+
+  template <int W>
+  static PRIMRAY_INLINE void sample_world(const LightRow<W>& row, vbool<W> m, const vvec3<W>& p, vfloat<W> u,
+                                          LightSample<W>& r) {
+    const LineSample<W> l = line_sample(row.vector(kOrigin) - p, row.vector(kAxisX), row(kSize1), u);
+    r.wi = select(m, l.wi, r.wi), r.t = select(m, l.t, r.t);
+    r.pdf = select(m, select(l.usable, vfloat<W>(1.0f), vfloat<W>(0.0f)), r.pdf);
+    r.L = select(m, r.L * l.worth, r.L);
+    r.is_delta |= m;
+  }
+  template <int W>
+  static PRIMRAY_INLINE vfloat<W> importance(const float* row, const vvec3<W>& to, vfloat<W> d2, vfloat<W> power) {
+    const vvec3<W> axis = LightRow<W>(row).vector(kAxisX);
+    const vfloat<W> x = abs(axis.x * to.x + axis.y * to.y + axis.z * to.z);
+    const vfloat<W> beyond = max(x - row[kSize1], 0.0f), rho2 = max(d2 - x * x, 1e-6f * d2);
+    return power * min(2 * row[kSize1] / (rho2 + beyond * beyond), 2.0f / sqrt(rho2));
+  }
+  static double reach(const float* row, int axis) { return double(row[kSize1]) * AxisParts(row, axis).x; }
+  static double ball(const float* row) { return row[kSize1]; }
+  static LightSpread spread(const float* row, LightBounds& b) {
+    const double s1 = row[kSize1];
+    b.exact = true;
+    return {2 * s1, s1 * s1 / 3};
+  }
+  static void sizes(const LightSize& light, const dvec3& axes, double scale, double (&size)[2]) {
+    size[0] = size[1] = 0.5 * light.length * axes.x * scale;
+  }
+  static double emission_scale(const double (&size)[2], const double (&kept)[2], double scale) {
+    return scale * size[1] / kept[1];
+  }
+  static void place(daffine& m) {
+    const Frame<double> across(normalize(m.x));
+    m.x = across.n, m.y = across.s, m.z = across.t;
+  }
+};
 
 }  // namespace primray

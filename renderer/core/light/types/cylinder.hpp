@@ -6,7 +6,7 @@
 // angle changes with theta: not at all for a cylinder that is far, or long.
 #pragma once
 
-#include "light/shape/local_shape.hpp"
+#include "light/types/light_type.hpp"
 
 namespace primray {
 
@@ -71,5 +71,59 @@ PRIMRAY_INLINE LocalHit<W> cylinder_hit(const vvec3<W>& p, const vvec3<W>& w, vf
   const vbool<W> ok = hit & (pdf > vfloat<W>(0.0f)) & (pdf < vfloat<W>(kInfinity));
   return {select(ok, t, vfloat<W>(kInfinity)), select(ok, pdf, vfloat<W>(0.0f))};
 }
+
+struct CylinderLight : LightTypeDefaults {
+  static constexpr LightType kType = LightType::kCylinder;
+  static constexpr const char* kName = "CYLINDER";
+  static constexpr float kAxial = 0;  // what its axis counts in LightRow::outside
+
+  template <int W>
+  static PRIMRAY_INLINE LocalSample<W> sample(const LightRow<W>& row, const vvec3<W>& p, const vvec3<W>& local, vfloat<W> u,
+                                              vfloat<W> v) {
+    const vfloat<W> r = row(kSize0);
+    return cylinder_sample(local, r, row(kSize1), row.outside(p, r, kAxial), u, v);
+  }
+  template <int W>
+  static PRIMRAY_INLINE LocalHit<W> hit(const LightRow<W>& row, const vvec3<W>& p, const vvec3<W>& local, const vvec3<W>& w) {
+    const vfloat<W> r = row(kSize0);
+    return cylinder_hit(local, w, r, row(kSize1), row.outside(p, r, kAxial));
+  }
+  template <int W>
+  static PRIMRAY_INLINE vfloat<W> importance(const float* row, const vvec3<W>& to, vfloat<W> d2, vfloat<W> power) {
+    const LightRow<W> r(row);
+    const vfloat<W> x = abs(r.vector(kInverseX).x * to.x + r.vector(kInverseY).x * to.y + r.vector(kInverseZ).x * to.z);
+    const vfloat<W> beyond = max(x - row[kSize1], 0.0f);
+    const vfloat<W> near2 = max(d2 - x * x, row[kSize0] * row[kSize0]) + beyond * beyond;
+    return power * min(4 * row[kSize0] * row[kSize1] / near2, kPi);
+  }
+  static double reach(const float* row, int axis) {
+    const AxisParts a(row, axis);
+    return double(row[kSize1]) * a.x + double(row[kSize0]) * std::sqrt(a.y * a.y + a.z * a.z);
+  }
+  static double ball(const float* row) {
+    const AxisLengths a(row);
+    const double s0 = row[kSize0], s1 = row[kSize1];
+    return int(row[kLightFlags]) & kSheared ? s1 * a.x + s0 * std::hypot(a.y, a.z) : std::hypot(s0, s1);
+  }
+  static LightSpread spread(const float* row, LightBounds& b) {
+    const double s0 = row[kSize0], s1 = row[kSize1];
+    b.exact = true;
+    return {4 * s0 * s1, s0 * s0 + s1 * s1 / 3};
+  }
+  static bool is_round(const daffine& m) { return is_orthogonal(m) && is_as_long(m.y, m.z); }
+  static void sizes(const LightSize& light, const dvec3& axes, double scale, double (&size)[2]) {
+    size[0] = light.radius * axes.y * scale, size[1] = 0.5 * light.length * axes.x * scale;
+  }
+  // Its ends, and its sides as lines where the camera sees its middle end.
+  template <class Camera>
+  static void outline(const float* row, Camera& camera) {
+    const dvec3 x = light_vector(row, kAxisX), y = light_vector(row, kAxisY), z = light_vector(row, kAxisZ);
+    const dvec3 o = light_vector(row, kOrigin);
+    const double s0 = row[kSize0];
+    const dvec3 side = normalize(cross(x, camera.eye() - o)) * s0, half = x * double(row[kSize1]);
+    camera.circle(o - half, y * s0, z * s0), camera.circle(o + half, y * s0, z * s0);
+    camera.line(o - half - side, o + half - side), camera.line(o - half + side, o + half + side);
+  }
+};
 
 }  // namespace primray

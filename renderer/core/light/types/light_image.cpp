@@ -1,5 +1,5 @@
 // The distribution by which a rectangle light's image is sampled.
-#include "light/light_image.hpp"
+#include "light/types/light_image.hpp"
 
 #include <algorithm>
 #include <cmath>

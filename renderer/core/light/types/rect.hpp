@@ -6,6 +6,7 @@
 #pragma once
 
 #include "light/shape/sliver.hpp"
+#include "light/types/light_type.hpp"
 
 namespace primray {
 
@@ -103,5 +104,47 @@ PRIMRAY_INLINE LocalHit<W> rect_hit(const vvec3<W>& p, const vvec3<W>& w, vfloat
   if (any(hit & !far)) pdf = near_rect_pdf(p, hx, hy, to, far, pdf);
   return {select(hit, t, vfloat<W>(kInfinity)), select(hit, pdf, vfloat<W>(0.0f))};
 }
+
+struct RectLight : FlatLight {
+  static constexpr LightType kType = LightType::kRect;
+  static constexpr const char* kName = "RECT";
+
+  template <int W>
+  static PRIMRAY_INLINE LocalSample<W> sample(const LightRow<W>& row, const vvec3<W>&, const vvec3<W>& local, vfloat<W> u,
+                                              vfloat<W> v) {
+    return rect_sample(local, row(kSize0), row(kSize1), u, v);
+  }
+  template <int W>
+  static PRIMRAY_INLINE LocalHit<W> hit(const LightRow<W>& row, const vvec3<W>&, const vvec3<W>& local, const vvec3<W>& w) {
+    return rect_hit(local, w, row(kSize0), row(kSize1));
+  }
+  template <int W>
+  static PRIMRAY_INLINE vfloat<W> importance(const float* row, const vvec3<W>& to, vfloat<W> d2, vfloat<W> power) {
+    return importance_of(row, 4 * row[kSize0] * row[kSize1], to, d2, power);
+  }
+  static double reach(const float* row, int axis) {
+    const AxisParts a(row, axis);
+    return double(row[kSize0]) * a.x + double(row[kSize1]) * a.y;
+  }
+  static double ball(const float* row) {
+    const AxisLengths a(row);
+    const double s0 = row[kSize0], s1 = row[kSize1];
+    return int(row[kLightFlags]) & kSheared ? s0 * a.x + s1 * a.y : std::hypot(s0, s1);
+  }
+  static LightSpread spread(const float* row, LightBounds& b) {
+    return spread_of(row, 4 * double(row[kSize0]) * double(row[kSize1]), b);
+  }
+  static bool is_round(const daffine& m) { return is_perpendicular(m.x, m.y); }
+  static void sizes(const LightSize& light, const dvec3& axes, double scale, double (&size)[2]) {
+    size[0] = 0.5 * light.width * axes.x * scale, size[1] = 0.5 * light.height * axes.y * scale;
+  }
+  template <class Camera>
+  static void outline(const float* row, Camera& camera) {
+    const dvec3 o = light_vector(row, kOrigin), u = light_vector(row, kAxisX) * double(row[kSize0]),
+                v = light_vector(row, kAxisY) * double(row[kSize1]);
+    const dvec3 corners[4] = {o - u - v, o + u - v, o + u + v, o - u + v};
+    for (int k = 0; k < 4; ++k) camera.line(corners[k], corners[(k + 1) % 4]);
+  }
+};
 
 }  // namespace primray

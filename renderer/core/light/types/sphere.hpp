@@ -4,7 +4,7 @@
 // and far spheres keep their digits.
 #pragma once
 
-#include "light/shape/local_shape.hpp"
+#include "light/types/light_type.hpp"
 
 namespace primray {
 
@@ -46,5 +46,50 @@ PRIMRAY_INLINE LocalHit<W> sphere_hit(const vvec3<W>& p, const vvec3<W>& w, vflo
   return {select(hit, t, vfloat<W>(kInfinity)),
           select(hit, 1.0f / (2.0f * kPi * sphere_one_minus_cos(dot(p, p), r, outside)), vfloat<W>(0.0f))};
 }
+
+struct SphereLight : LightTypeDefaults {
+  static constexpr LightType kType = LightType::kSphere;
+  static constexpr const char* kName = "SPHERE";
+  static constexpr float kAxial = 1;  // what its axis counts in LightRow::outside
+
+  template <int W>
+  static PRIMRAY_INLINE LocalSample<W> sample(const LightRow<W>& row, const vvec3<W>& p, const vvec3<W>& local, vfloat<W> u,
+                                              vfloat<W> v) {
+    const vfloat<W> r = row(kSize0);
+    return sphere_sample(local, r, row.outside(p, r, kAxial), u, v);
+  }
+  template <int W>
+  static PRIMRAY_INLINE LocalHit<W> hit(const LightRow<W>& row, const vvec3<W>& p, const vvec3<W>& local, const vvec3<W>& w) {
+    const vfloat<W> r = row(kSize0);
+    return sphere_hit(local, w, r, row.outside(p, r, kAxial));
+  }
+  template <int W>
+  static PRIMRAY_INLINE vfloat<W> importance(const float* row, const vvec3<W>&, vfloat<W> d2, vfloat<W> power) {
+    return power * (kPi * row[kSize0] * row[kSize0]) / max(d2, row[kSize0] * row[kSize0]);
+  }
+  static double reach(const float* row, int axis) {
+    const AxisParts a(row, axis);
+    return row[kSize0] * std::sqrt(a.x * a.x + a.y * a.y + a.z * a.z);
+  }
+  static double ball(const float* row) {
+    const AxisLengths a(row);
+    const double r = row[kSize0];
+    return int(row[kLightFlags]) & kSheared ? r * std::hypot(a.x, a.y, a.z) : r;
+  }
+  static LightSpread spread(const float* row, LightBounds&) {
+    const double r = row[kSize0];
+    return {std::numbers::pi * r * r, r * r};
+  }
+  static bool is_round(const daffine& m) { return is_orthogonal(m) && is_as_long(m.x, m.y) && is_as_long(m.y, m.z); }
+  static void sizes(const LightSize& light, const dvec3& axes, double scale, double (&size)[2]) {
+    size[0] = size[1] = light.radius * axes.x * scale;
+  }
+  // Of a sheared one, a sphere about as large.
+  template <class Camera>
+  static void outline(const float* row, Camera& camera) {
+    const dvec3 x = light_vector(row, kAxisX), y = light_vector(row, kAxisY), z = light_vector(row, kAxisZ);
+    camera.sphere(light_vector(row, kOrigin), row[kSize0] * std::cbrt(std::fabs(dot(cross(x, y), z))));
+  }
+};
 
 }  // namespace primray

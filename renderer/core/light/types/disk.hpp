@@ -8,7 +8,7 @@
 // Disk and Cylinder Lights", rejects directions from a rectangle.)
 #pragma once
 
-#include "light/shape/local_shape.hpp"
+#include "light/types/light_type.hpp"
 
 namespace primray {
 
@@ -130,5 +130,46 @@ PRIMRAY_INLINE LocalHit<W> disk_hit(const vvec3<W>& p, const vvec3<W>& w, vfloat
   const vbool<W> ok = hit & (pdf < vfloat<W>(kInfinity));
   return {select(ok, t, vfloat<W>(kInfinity)), select(ok, pdf, vfloat<W>(0.0f))};
 }
+
+struct DiskLight : FlatLight {
+  static constexpr LightType kType = LightType::kDisk;
+  static constexpr const char* kName = "DISK";
+
+  template <int W>
+  static PRIMRAY_INLINE LocalSample<W> sample(const LightRow<W>& row, const vvec3<W>&, const vvec3<W>& local, vfloat<W> u,
+                                              vfloat<W> v) {
+    return disk_sample(local, row(kSize0), u, v);
+  }
+  template <int W>
+  static PRIMRAY_INLINE LocalHit<W> hit(const LightRow<W>& row, const vvec3<W>&, const vvec3<W>& local, const vvec3<W>& w) {
+    return disk_hit(local, w, row(kSize0));
+  }
+  template <int W>
+  static PRIMRAY_INLINE vfloat<W> importance(const float* row, const vvec3<W>& to, vfloat<W> d2, vfloat<W> power) {
+    return importance_of(row, kPi * row[kSize0] * row[kSize0], to, d2, power);
+  }
+  static double reach(const float* row, int axis) {
+    const AxisParts a(row, axis);
+    return row[kSize0] * std::sqrt(a.x * a.x + a.y * a.y);
+  }
+  static double ball(const float* row) {
+    const AxisLengths a(row);
+    const double r = row[kSize0];
+    return int(row[kLightFlags]) & kSheared ? r * std::hypot(a.x, a.y) : r;
+  }
+  static LightSpread spread(const float* row, LightBounds& b) {
+    const double r = row[kSize0];
+    return spread_of(row, std::numbers::pi * r * r, b);
+  }
+  static bool is_round(const daffine& m) { return is_perpendicular(m.x, m.y) && is_as_long(m.x, m.y); }
+  static void sizes(const LightSize& light, const dvec3& axes, double scale, double (&size)[2]) {
+    size[0] = size[1] = light.radius * axes.x * scale;
+  }
+  template <class Camera>
+  static void outline(const float* row, Camera& camera) {
+    const double r = row[kSize0];
+    camera.circle(light_vector(row, kOrigin), light_vector(row, kAxisX) * r, light_vector(row, kAxisY) * r);
+  }
+};
 
 }  // namespace primray

@@ -1,7 +1,7 @@
 // A light infinitely far away, seen under a cone about +z of its frame (it emits along -z). Angle 0: one direction.
 #pragma once
 
-#include "light/shape/local_shape.hpp"
+#include "light/types/light_type.hpp"
 
 namespace primray {
 
@@ -25,5 +25,34 @@ PRIMRAY_INLINE LocalHit<W> distant_hit(const vvec3<W>& w, vfloat<W> spread) {
   const vbool<W> hit = (spread > vfloat<W>(0.0f)) & (one_minus_cos <= spread);
   return {vfloat<W>(kInfinity), select(hit, 1.0f / (2.0f * kPi * max(spread, 1e-30f)), vfloat<W>(0.0f))};
 }
+
+struct DistantLight : LightTypeDefaults {
+  static constexpr LightType kType = LightType::kDistant;
+  static constexpr const char* kName = "DISTANT";
+
+  template <int W>
+  static PRIMRAY_INLINE LocalSample<W> sample(const LightRow<W>& row, const vvec3<W>&, const vvec3<W>&, vfloat<W> u,
+                                              vfloat<W> v) {
+    return distant_sample(row(kSize0), u, v);
+  }
+  template <int W>
+  static PRIMRAY_INLINE vbool<W> is_delta(const LightRow<W>& row) {
+    return row(kSize0) == vfloat<W>(0.0f);
+  }
+  template <int W>
+  static PRIMRAY_INLINE LocalHit<W> hit(const LightRow<W>& row, const vvec3<W>&, const vvec3<W>&, const vvec3<W>& w) {
+    return distant_hit(w, row(kSize0));
+  }
+  template <int W>
+  static PRIMRAY_INLINE vfloat<W> importance(const float*, const vvec3<W>&, vfloat<W>, vfloat<W> power) {
+    return power;
+  }
+  // Its light comes from +z, out of a cone with 1 - cos = kSize0: that direction, and how far others lie from it.
+  static dvec3 far_direction(const float* row) { return light_vector(row, kAxisZ); }
+  static double far_reach(const float* row) {
+    const double spread = row[kSize0];
+    return spread < 1 ? std::sqrt(spread * (2 - spread)) : 2.0;
+  }
+};
 
 }  // namespace primray

@@ -1,0 +1,20 @@
+// A dome among the lights: what its row says. Its image and how that is sampled are in light/dome/.
+#pragma once
+
+#include "light/types/light_type.hpp"
+
+namespace primray {
+
+struct DomeLight : LightTypeDefaults {
+  static constexpr LightType kType = LightType::kDome;
+  static constexpr const char* kName = "DOME";
+
+  template <int W>
+  static PRIMRAY_INLINE vfloat<W> importance(const float*, const vvec3<W>&, vfloat<W>, vfloat<W> power) {
+    return power;
+  }
+  static dvec3 far_direction(const float*) { return dvec3(0.0); }
+  static double far_reach(const float*) { return 4.0; }
+};
+
+}  // namespace primray

@@ -1,0 +1,45 @@
+// A mesh that emits, among the lights: what its row says. How it is sampled is in emitter/.
+#pragma once
+
+#include "light/types/light_type.hpp"
+
+namespace primray {
+
+struct MeshLight : LightTypeDefaults {
+  static constexpr LightType kType = LightType::kMesh;
+  static constexpr const char* kName = "GEOMETRY";
+  static constexpr int kCenter = kMeshCenter;
+
+  template <int W>
+  static PRIMRAY_INLINE vfloat<W> importance(const float* row, const vvec3<W>& to, vfloat<W> d2, vfloat<W> power) {
+    if (int(row[kLightFlags]) & kRectangle) {
+      const LightRow<W> r(row);
+      const vvec3<W> quarter = cross(r.vector(kMeshHalfX), r.vector(kMeshHalfY));  // of its area
+      const vfloat<W> area = max(4 * length(quarter), 1e-38f), far = 4 * abs(dot(quarter, to)) / (d2 * sqrt(d2));
+      return power / area * min(max(far, 1e-6f), kPi);
+    }
+    // A quarter of a closed surface's area is seen from afar, half of an open one's on average.
+    return 0.5f * power / max(d2, row[kSize0] * row[kSize0]);
+  }
+  // Of a ball about it in its group's space: its size went by the cube root of the matrix's determinant. An uneven matrix
+  // reaches further.
+  static double own_radius(const float* row, double without_size) {
+    const dvec3 a = light_vector(row, kAxisX), b = light_vector(row, kAxisY), c = light_vector(row, kAxisZ);
+    const double size = std::cbrt(std::fabs(dot(cross(a, b), c)));
+    return size > 0 ? row[kSize0] / size : without_size;
+  }
+  static double reach(const float* row, int axis) {
+    if (int(row[kLightFlags]) & kRectangle)
+      return double(std::fabs(row[kMeshHalfX + axis])) + std::fabs(row[kMeshHalfY + axis]);
+    const AxisParts a(row, axis);
+    return own_radius(row, 1e12) * std::sqrt(a.x * a.x + a.y * a.y + a.z * a.z);
+  }
+  static double ball(const float* row) {
+    const AxisLengths a(row);
+    const double size = own_radius(row, -1);
+    return size < 0 ? 1e30 : size * std::hypot(a.x, a.y, a.z);
+  }
+  static LightSpread spread(const float* row, LightBounds&) { return {0.5, double(row[kSize0]) * double(row[kSize0])}; }
+};
+
+}  // namespace primray
