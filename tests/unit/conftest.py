@@ -141,6 +141,8 @@ class FakeSampling:
 @pytest.fixture
 def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
     """Replaces primray.usd, primray.core and primray.report.summary for one test."""
+    import primray.sampling.sampling  # before its core is taken away
+
     fake = FakePipeline()
 
     def install(name: str, **functions: Any) -> None:
@@ -165,6 +167,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         isa=lambda: "v4",
         lanes=lambda: 16,
         versions=lambda: {"embree": "4.4.0"},
+        module=lambda: SimpleNamespace(FILM_PIXEL_BYTES=118),
     )
     monkeypatch.setattr("primray.sampling.sampling.Sampling", SimpleNamespace(begin=fake.begin))
     install(
