@@ -13,7 +13,7 @@ from tests.textured import FILE, glowing, plate, primvar, texture, with_primvars
 from primray import core
 from primray.description import Input, Interpolation, Placed, PrimvarInput, Prototype, Surface, TextureFile
 
-INPUT_FIELDS = [field.name.lower() for field in core.module().InputField]
+INPUT_FIELDS = [field.name for field in core.module().InputField]
 
 
 def numbers(surface: Surface, name: str) -> tuple[float, ...]:

@@ -29,17 +29,9 @@ void bind_facts(nb::module_& m) {
       .value("CLAMP", Wrap::kClamp)
       .value("REPEAT", Wrap::kRepeat)
       .value("MIRROR", Wrap::kMirror);
-  nb::enum_<InputField>(m, "InputField")
-      .value("DIFFUSE_COLOR", InputField::kDiffuseColor)
-      .value("EMISSIVE_COLOR", InputField::kEmissiveColor)
-      .value("SPECULAR_COLOR", InputField::kSpecularColor)
-      .value("METALLIC", InputField::kMetallic)
-      .value("ROUGHNESS", InputField::kRoughness)
-      .value("CLEARCOAT", InputField::kClearcoat)
-      .value("CLEARCOAT_ROUGHNESS", InputField::kClearcoatRoughness)
-      .value("OPACITY", InputField::kOpacity)
-      .value("IOR", InputField::kIor)
-      .value("NORMAL", InputField::kNormal);
+  nb::enum_<InputField> inputs(m, "InputField");
+  for_each_input([&](InputField field, const char* name, InputRange, auto) { inputs.value(name, field); });
+  inputs.value("normal", InputField::kNormal);
   nb::enum_<LightType> lights(m, "LightType");
   for_light_types([&]<class T>(T) { lights.value(T::kName, T::kType); });
   nb::enum_<DomeFormat>(m, "DomeFormat")

@@ -10,18 +10,18 @@ void bind_surface(nb::module_& m) {
   surface.def(nb::init<>())
       .def_rw("lambert", &SurfaceInput::lambert)
       .def_rw("use_specular_workflow", &SurfaceInput::use_specular_workflow)
-      .def_rw("metallic", &SurfaceInput::metallic)
-      .def_rw("roughness", &SurfaceInput::roughness)
-      .def_rw("clearcoat", &SurfaceInput::clearcoat)
-      .def_rw("clearcoat_roughness", &SurfaceInput::clearcoat_roughness)
-      .def_rw("opacity", &SurfaceInput::opacity)
       .def_rw("opacity_threshold", &SurfaceInput::opacity_threshold)
-      .def_rw("ior", &SurfaceInput::ior)
       .def_rw("presence", &SurfaceInput::presence)
       .def_rw("thin", &SurfaceInput::thin);
-  def_vec3(surface, "diffuse_color", &SurfaceInput::diffuse_color);
-  def_vec3(surface, "emissive_color", &SurfaceInput::emissive_color);
-  def_vec3(surface, "specular_color", &SurfaceInput::specular_color);
+  for_each_input([&](InputField, const char* name, InputRange, auto member) {
+    using Value = std::remove_cvref_t<decltype(member(std::declval<SurfaceInput&>()))>;
+    surface.def_prop_rw(name, nullptr, [member](SurfaceInput& s, nb::handle v) {
+      if constexpr (std::is_same_v<Value, vec3>)
+        member(s) = vec3_of(v);
+      else
+        member(s) = nb::cast<Value>(v);
+    });
+  });
   nb::class_<InputSource> source(m, "InputSource");
   source.def(nb::init<>())
       .def_rw("field", &InputSource::field)

@@ -2,19 +2,27 @@
 #pragma once
 
 #include <cstdint>
+#include <type_traits>
 #include <vector>
 
-#include "math/vec3.hpp"
+#include "bsdf/varying_inputs.hpp"
 
 namespace primray {
 
 // Inputs, as UsdPreviewSurface names them (scene description, not lanes).
-struct SurfaceInput {
+struct SurfaceInput : VaryingInputs<vec3, float> {
+  SurfaceInput()
+      : VaryingInputs{.diffuse_color{0.18f, 0.18f, 0.18f},
+                      .emissive_color{0.0f, 0.0f, 0.0f},
+                      .specular_color{0.0f, 0.0f, 0.0f},
+                      .metallic = 0,
+                      .roughness = 0.5f,
+                      .clearcoat = 0,
+                      .clearcoat_roughness = 0.01f,
+                      .opacity = 1,
+                      .ior = 1.5f} {}
   bool lambert = true;
-  vec3 diffuse_color{0.18f, 0.18f, 0.18f}, emissive_color{0.0f, 0.0f, 0.0f};
   bool use_specular_workflow = false;
-  vec3 specular_color{0.0f, 0.0f, 0.0f};
-  float metallic = 0, roughness = 0.5f, clearcoat = 0, clearcoat_roughness = 0.01f, opacity = 1, ior = 1.5f;
   bool presence = false, thin = false;
   float opacity_threshold = 0;  // above 0: a cut-out, whole where it is at all
 };
@@ -41,20 +49,25 @@ enum SurfaceFlag : int32_t { kPreview = 1, kEmits = 2, kThin = 4 };
 
 // The same on lanes, all of one surface.
 template <int W>
-struct SurfaceValues {
-  vvec3<W> diffuse_color, emissive_color, specular_color;
-  vfloat<W> metallic, roughness, clearcoat, clearcoat_roughness, opacity, ior;
-
-  PRIMRAY_INLINE explicit SurfaceValues(const SurfaceInput& s)
-      : diffuse_color(s.diffuse_color),
-        emissive_color(s.emissive_color),
-        specular_color(s.specular_color),
-        metallic(s.metallic),
-        roughness(s.roughness),
-        clearcoat(s.clearcoat),
-        clearcoat_roughness(s.clearcoat_roughness),
-        opacity(s.opacity),
-        ior(s.ior) {}
+struct SurfaceValues : VaryingInputs<vvec3<W>, vfloat<W>> {
+  PRIMRAY_INLINE explicit SurfaceValues(const SurfaceInput& s) {
+    for_each_input([&](InputField, const char*, InputRange, auto member) {
+      auto& value = member(*this);
+      value = std::remove_reference_t<decltype(value)>(member(s));
+    });
+  }
+  // A value that varies: the first number of `x`, or all three; NaN becomes the lower bound.
+  PRIMRAY_INLINE void set(InputField field, const vvec3<W>& x) {
+    for_each_input([&](InputField own, const char*, InputRange range, auto member) {
+      if (own != field) return;
+      const auto kept = [&](vfloat<W> c) { return clamp(c, range.low, range.high); };
+      auto& value = member(*this);
+      if constexpr (std::is_same_v<decltype(value), vvec3<W>&>)
+        value = {kept(x.x), kept(x.y), kept(x.z)};
+      else
+        value = kept(x.x);
+    });
+  }
 };
 
 // Below this width the float half vector is too coarse for the lobe's peak (alpha 1e-4 is roughness 0.01): a mirror.

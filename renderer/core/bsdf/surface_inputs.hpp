@@ -8,21 +8,6 @@
 
 namespace primray {
 
-// Order of INPUT_FIELDS in scene_upload.
-enum class InputField : int32_t {
-  kDiffuseColor,
-  kEmissiveColor,
-  kSpecularColor,
-  kMetallic,
-  kRoughness,
-  kClearcoat,
-  kClearcoatRoughness,
-  kOpacity,
-  kIor,
-  kNormal,
-  kCount
-};
-
 // A primvar's value, or a texture's at the st that a primvar gives.
 struct InputSource {
   InputField field = InputField::kDiffuseColor;

@@ -194,48 +194,10 @@ PRIMRAY_INLINE vvec3<W> bend_normal(const SurfacePoint<W>& p, const StLanes<W>& 
   return select(good, n * (1.0f / sqrt(max(n2, 1e-30f))), ns);
 }
 
-// What comes from outside, within what the model means; NaN becomes the lower bound.
 template <int W>
 PRIMRAY_INLINE vvec3<W> not_negative(const vvec3<W>& c) {
-  constexpr float kMost = 1e30f;
-  return {clamp(c.x, 0.0f, kMost), clamp(c.y, 0.0f, kMost), clamp(c.z, 0.0f, kMost)};
-}
-template <int W>
-PRIMRAY_INLINE void set_value(SurfaceValues<W>& v, InputField field, const vvec3<W>& x) {
-  const auto unit = [&] { return clamp(x.x, 0.0f, 1.0f); };
-  const auto unit_color = [&] { return vvec3<W>(clamp(x.x, 0.0f, 1.0f), clamp(x.y, 0.0f, 1.0f), clamp(x.z, 0.0f, 1.0f)); };
-  switch (field) {
-    case InputField::kDiffuseColor:
-      v.diffuse_color = unit_color();
-      break;
-    case InputField::kEmissiveColor:
-      v.emissive_color = not_negative(x);
-      break;
-    case InputField::kSpecularColor:
-      v.specular_color = unit_color();
-      break;
-    case InputField::kMetallic:
-      v.metallic = unit();
-      break;
-    case InputField::kRoughness:
-      v.roughness = unit();
-      break;
-    case InputField::kClearcoat:
-      v.clearcoat = unit();
-      break;
-    case InputField::kClearcoatRoughness:
-      v.clearcoat_roughness = unit();
-      break;
-    case InputField::kOpacity:
-      v.opacity = unit();
-      break;
-    case InputField::kIor:
-      v.ior = clamp(x.x, 0.01f, 100.0f);
-      break;
-    case InputField::kNormal:
-    case InputField::kCount:
-      break;
-  }
+  const auto kept = [](vfloat<W> x) { return clamp(x, kNotNegative.low, kNotNegative.high); };
+  return {kept(c.x), kept(c.y), kept(c.z)};
 }
 
 // Rows of the surfaces at the hits `h`, and their normals `ns` where a normal map bends them. `footprint` as in InputReader.
@@ -264,7 +226,7 @@ __attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbo
         // One that points into the surface is no normal of it.
         ns = select(same & (dot(n, ng) > vfloat<W>(0.0f)), n, ns);
       } else {
-        set_value(values, source.field, x);
+        values.set(source.field, x);
       }
     }
     vfloat<W> row[kSurfaceFields];

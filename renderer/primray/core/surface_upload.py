@@ -114,7 +114,7 @@ class SurfaceUpload:
 
     def _source(self, field: str, value: Input, finest_only: bool) -> Any:
         """An InputSource."""
-        source = filled(self._core.InputSource(), field=self._core.InputField[field.upper()])
+        source = filled(self._core.InputSource(), field=self._core.InputField[field])
         if not isinstance(value, TextureInput):
             filled(source, primvar=self._name(value.name), fallback=three(value.fallback))
             return filled(source, tangents=self._name(NORMAL_ST)) if field == "normal" else source

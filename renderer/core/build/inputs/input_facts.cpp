@@ -80,7 +80,7 @@ void average_row(const Scene& scene, int32_t surface, float (&row)[kSurfaceField
   SurfaceValues<1> values(inputs.constants);
   for (const InputSource& source : inputs.sources) {
     const vec3 mean = mean_of(scene, source);
-    set_value(values, source.field, vvec3<1>{vfloat<1>(mean.x), vfloat<1>(mean.y), vfloat<1>(mean.z)});
+    values.set(source.field, vvec3<1>{vfloat<1>(mean.x), vfloat<1>(mean.y), vfloat<1>(mean.z)});
   }
   vfloat<1> columns[kSurfaceFields];
   reduce_surface(inputs.constants, values, columns);
