@@ -48,6 +48,15 @@ Look = Annotated[
 ]
 Exposure = Annotated[float, typer.Option("--exposure", metavar="STOPS", help="Of PNG and JPEG.")]
 Report = Annotated[str | None, typer.Option("--report", metavar="FILE", help="Write the report as JSON.", show_default=False)]
+SampleRange = Annotated[
+    str | None,
+    typer.Option(
+        "--sample-range",
+        metavar="A:B",
+        help="Only these of each pixel's samples, for `primray merge`; multiples of 2.",
+        show_default=False,
+    ),
+]
 Checkpoint = Annotated[
     str | None,
     typer.Option("--checkpoint", metavar="FILE", help="Write what is needed to go on from there.", show_default=False),

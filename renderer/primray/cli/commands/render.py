@@ -43,12 +43,7 @@ def render(
     target_error: render_flags.TargetError = None,
     error_metric: render_flags.ErrorMetric = Metric.RELMSE,
     time_limit: render_flags.TimeLimit = None,
-    sample_range: Annotated[
-        str | None,
-        typer.Option(
-            metavar="A:B", help="Only these of each pixel's samples, for `primray merge`; multiples of 2.", show_default=False
-        ),
-    ] = None,
+    sample_range: output_flags.SampleRange = None,
     checkpoint: output_flags.Checkpoint = None,
     checkpoint_every: Annotated[
         float | None, typer.Option(metavar="S", help="Seconds between checkpoints.", show_default="60")
@@ -127,13 +122,18 @@ def render(
         return
     saved = [name for name in (report, checkpoint, resume if checkpoint is None else None) if name]
     check_names(names + saved, time_codes)
-    shots = [
-        Shot(replace(settings, time_code=t), [_name(name, t) for name in names], _name(report, t) if report else None)
-        for t in moments(time_codes)
-    ]
+    shots = _shots_of(settings, time_codes, names, report)
     check_outputs(shots[0].files, shots[0].report, looks)
     checkpointing = [_checkpointing(checkpoint, checkpoint_every, resume, shot.settings.time_code) for shot in shots]
     _render_shots(scene, shots, looks, _check_checkpoints(checkpointing))
+
+
+def _shots_of(settings: RenderSettings, time_codes: list[float] | None, names: list[str], report: str | None) -> list[Shot]:
+    """One for each frame, with its own names."""
+    return [
+        Shot(replace(settings, time_code=t), [_name(name, t) for name in names], _name(report, t) if report else None)
+        for t in moments(time_codes)
+    ]
 
 
 TARGET_MISSED = 5  # the exit code of a render that ended above its target error

@@ -10,6 +10,23 @@ down_revision = None
 
 
 def upgrade() -> None:
+    """In an order in which what is referred to is there."""
+    _create_api_keys()
+    _create_job_counts()
+    _create_jobs()
+    _create_leader()
+    _create_scenes()
+    _create_tenants()
+    _create_usage_days()
+    _create_events()
+    _create_frames()
+    _create_idempotency_keys()
+    _create_job_labels()
+    _create_outputs()
+    _create_webhooks()
+
+
+def _create_api_keys() -> None:
     op.create_table(
         "api_keys",
         sa.Column("id", sa.Text(), nullable=False),
@@ -26,6 +43,9 @@ def upgrade() -> None:
     )
     op.create_index("ix_api_keys_sha256", "api_keys", ["sha256"], unique=True)
     op.create_index("ix_api_keys_tenant", "api_keys", ["tenant"], unique=False)
+
+
+def _create_job_counts() -> None:
     op.create_table(
         "job_counts",
         sa.Column("tenant", sa.Text(), nullable=False),
@@ -33,6 +53,9 @@ def upgrade() -> None:
         sa.Column("jobs", sa.BigInteger(), nullable=False),
         sa.PrimaryKeyConstraint("tenant", "state", name="pk_job_counts"),
     )
+
+
+def _create_jobs() -> None:
     op.create_table(
         "jobs",
         sa.Column("id", sa.Text(), nullable=False),
@@ -92,6 +115,9 @@ def upgrade() -> None:
         postgresql_where=sa.text("queue_rank IS NOT NULL"),
     )
     op.create_index("ix_jobs_waiting_for_scene", "jobs", ["scene_id", "state"], unique=False)
+
+
+def _create_leader() -> None:
     op.create_table(
         "leader",
         sa.Column("id", sa.Integer(), autoincrement=False, nullable=False),
@@ -101,6 +127,9 @@ def upgrade() -> None:
         sa.Column("expires_at", sa.Double(), nullable=False),
         sa.PrimaryKeyConstraint("id", name="pk_leader"),
     )
+
+
+def _create_scenes() -> None:
     op.create_table(
         "scenes",
         sa.Column("id", sa.Text(), nullable=False),
@@ -127,6 +156,9 @@ def upgrade() -> None:
         postgresql_where=sa.text("state = 'checking'"),
     )
     op.create_index("ix_scenes_used_at", "scenes", ["used_at"], unique=False)
+
+
+def _create_tenants() -> None:
     op.create_table(
         "tenants",
         sa.Column("tenant", sa.Text(), nullable=False),
@@ -134,6 +166,9 @@ def upgrade() -> None:
         sa.Column("cpu_s", sa.Double(), nullable=False),
         sa.PrimaryKeyConstraint("tenant", name="pk_tenants"),
     )
+
+
+def _create_usage_days() -> None:
     op.create_table(
         "usage_days",
         sa.Column("tenant", sa.Text(), nullable=False),
@@ -141,6 +176,9 @@ def upgrade() -> None:
         sa.Column("cpu_s", sa.Double(), nullable=False),
         sa.PrimaryKeyConstraint("tenant", "day", name="pk_usage_days"),
     )
+
+
+def _create_events() -> None:
     op.create_table(
         "events",
         sa.Column("id", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), autoincrement=True, nullable=False),
@@ -161,6 +199,9 @@ def upgrade() -> None:
         sqlite_where=sa.text("type IN ('progress', 'preview')"),
         postgresql_where=sa.text("type IN ('progress', 'preview')"),
     )
+
+
+def _create_frames() -> None:
     op.create_table(
         "frames",
         sa.Column("job_id", sa.Text(), nullable=False),
@@ -189,6 +230,9 @@ def upgrade() -> None:
         postgresql_with={"fillfactor": "70"},
     )
     op.create_index("ix_frames_by_state", "frames", ["job_id", "state", "number"], unique=False)
+
+
+def _create_idempotency_keys() -> None:
     op.create_table(
         "idempotency_keys",
         sa.Column("tenant", sa.Text(), nullable=False),
@@ -201,6 +245,9 @@ def upgrade() -> None:
     )
     op.create_index("ix_idempotency_keys_created_at", "idempotency_keys", ["created_at"], unique=False)
     op.create_index("ix_idempotency_keys_job_id", "idempotency_keys", ["job_id"], unique=False)
+
+
+def _create_job_labels() -> None:
     op.create_table(
         "job_labels",
         sa.Column("job_id", sa.Text(), nullable=False),
@@ -212,6 +259,9 @@ def upgrade() -> None:
         sa.PrimaryKeyConstraint("job_id", "name", name="pk_job_labels"),
     )
     op.create_index("ix_job_labels_listed", "job_labels", ["tenant", "name", "value", "created_at", "job_id"], unique=False)
+
+
+def _create_outputs() -> None:
     op.create_table(
         "outputs",
         sa.Column("job_id", sa.Text(), nullable=False),
@@ -224,6 +274,9 @@ def upgrade() -> None:
         sa.ForeignKeyConstraint(["job_id"], ["jobs.id"], name="fk_outputs_job_id", ondelete="CASCADE"),
         sa.PrimaryKeyConstraint("job_id", "name", name="pk_outputs"),
     )
+
+
+def _create_webhooks() -> None:
     op.create_table(
         "webhooks",
         sa.Column("id", sa.Text(), nullable=False),
