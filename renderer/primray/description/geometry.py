@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from ..arrays import Floats, Ints
+import numpy as np
+
+from ..arrays import Doubles, Floats, Ints
 from .lighting import Light
 
 
@@ -44,6 +46,10 @@ class Mesh:
     light: Light | None = None  # of type GEOMETRY: what it gives as a light
     link_row: int = 0  # of SceneDescription.linked
 
+    def box(self) -> tuple[Doubles, Doubles]:
+        """Low and high corner (3,) of what is drawn, in object space. Every shape has one."""
+        return _box_of(self.points[np.unique(self.triangles)])
+
 
 @dataclass(frozen=True, eq=False)
 class SubdivisionMesh:
@@ -72,6 +78,10 @@ class SubdivisionMesh:
     light: Light | None = None
     link_row: int = 0
 
+    def box(self) -> tuple[Doubles, Doubles]:
+        """Of the cage, which holds its surface."""
+        return _box_of(self.points[np.unique(self.face_points)])
+
 
 @dataclass(frozen=True, slots=True)
 class Sphere:
@@ -83,6 +93,15 @@ class Sphere:
     primvars: tuple[Primvar, ...] = ()  # constant ones
     light: Light | None = None
     link_row: int = 0
+
+    def box(self) -> tuple[Doubles, Doubles]:
+        reach = abs(self.radius)
+        return np.full(3, -reach), np.full(3, reach)
+
+
+def _box_of(points: Floats) -> tuple[Doubles, Doubles]:
+    used = points.astype(np.float64)
+    return used.min(axis=0), used.max(axis=0)
 
 
 Shape = Mesh | SubdivisionMesh | Sphere

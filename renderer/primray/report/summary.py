@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
@@ -184,5 +184,5 @@ def _array_bytes(shapes: tuple[Shape, ...]) -> int:
 # The fields that are arrays, or may be, by type of shape.
 _ARRAYS = {
     kind: [field.name for field in fields(kind) if "Floats" in str(field.type) or "Ints" in str(field.type)]
-    for kind in (Mesh, SubdivisionMesh, Sphere)
+    for kind in get_args(Shape)
 }

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...arrays import Doubles
-from ...description import Camera, Mesh, Placed, Placement, Projection, Prototype, Shape, Sphere
+from ...description import Camera, Placed, Placement, Projection, Prototype, Shape
 from ...description.placement import placed_box
 from ..adapters.cameras.camera import Aperture, conform, window_of
 from ..adapters.rendering.render_product import ProductSettings
@@ -72,10 +72,6 @@ def _prototype_box(shapes: Sequence[Shape], prototypes: Sequence[Prototype], num
 
 
 def _box_corners(shape: Shape) -> Doubles:
-    if isinstance(shape, Sphere):
-        low, high = np.full(3, -shape.radius), np.full(3, shape.radius)
-    else:
-        used = shape.points[np.unique(shape.triangles if isinstance(shape, Mesh) else shape.face_points)].astype(np.float64)
-        low, high = used.min(axis=0), used.max(axis=0)
+    low, high = shape.box()
     pick = np.array([[(k >> axis) & 1 for axis in range(3)] for k in range(8)], bool)
     return np.where(pick, high, low)

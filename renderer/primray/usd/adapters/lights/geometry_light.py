@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ....description import Shape, Sphere, Surface
+from ....description import Shape, Surface
 from ...lights.light_links import Links
 from ...resolving.context import Context
 from ...resolving.read import token
@@ -44,9 +44,8 @@ def as_light(shape: Shape, prim: ResolvedPrim, ctx: Context, links: Links | None
     if mode == NO_MATERIAL:
         lamp = ctx.surfaces.index_of(LAMP)
         light = replace(light, own_color=True, shows_own=True)
-        if isinstance(shape, Sphere):
-            return replace(shape, surface=lamp, primvars=(), light=light)
-        return replace(shape, surface=lamp, primvars=(), colors=None, light=light)
+        without_colors = {"colors": None} if hasattr(shape, "colors") else {}
+        return replace(shape, surface=lamp, primvars=(), light=light, **without_colors)
     if mode == GLOW and not any(_glows(s) for s in _surfaces(shape, ctx)):
         message = "materialGlowTintsLight: its light is tinted by the glow of its material, which has none. It gives no light."
         ctx.warn("light-dark", prim.path, message, "light:materialSyncMode")
