@@ -109,9 +109,9 @@ bool build_without_embree(Scene& scene) {
                           scene.indices.data() + 3 * size_t(world.triangle_base), world.triangle_count,
                           paired_in(scene, world)};
   if (soup.paired == 0)  // pairs mean many
-    scene.few = gather_few(soup.positions, soup.indices, soup.count);
-  if (!scene.few.any()) scene.many = build_triangle_bvh(soup);
-  return scene.few.any() || scene.many.any();
+    scene.few_triangles = gather_few(soup.positions, soup.indices, soup.count);
+  if (!scene.few_triangles.any()) scene.triangle_bvh = build_triangle_bvh(soup);
+  return scene.few_triangles.any() || scene.triangle_bvh.any();
 }
 
 }  // namespace

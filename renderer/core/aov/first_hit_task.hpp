@@ -74,7 +74,7 @@ class FirstHitTask {
     const V glow = rows.color(kEmission) * presence;
     if (!scene_.geometry_lights.any()) return glow;
     PathLanes<W> p;
-    p.ray.d = d, p.bsdf_pdf = F(0.0f), p.share = V(F(0.0f)), p.depth = I(0), p.link = I(kUnlinkedRow);
+    p.ray.d = d, p.bsdf_pdf = F(0.0f), p.diffuse_share = V(F(0.0f)), p.depth = I(0), p.link = I(kUnlinkedRow);
     return shown_emission(scene_, hit, hits, it, p, glow, presence);
   }
 
@@ -137,7 +137,7 @@ class FirstHitTask {
   PRIMRAY_INLINE void follow(B active, const CameraRay<W>& from, const Light& light, const Surface& surface) const {
     PathLanes<W> p;
     p.ray = {from.o, from.d, from.tnear, from.tfar};
-    p.beta = V(F(1.0f)), p.share = p.normal = V(F(0.0f));
+    p.beta = V(F(1.0f)), p.diffuse_share = p.normal = V(F(0.0f));
     p.bsdf_pdf = p.travelled = F(0.0f), p.splits = F(1.0f);
     p.cone_width = F(scene_.camera.cone_width()), p.cone_spread = F(scene_.camera.cone_spread());
     p.slot = p.depth = p.vertex = I(0), p.link = I(kUnlinkedRow);

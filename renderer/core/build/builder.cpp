@@ -236,11 +236,12 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
   note_inputs(s);
   s.has_emission |= s.geometry_lights.any();
   if (!s.lights.portals.empty()) s.lights.portals.resize(s.lights.domes.size());
-  s.lights.listed = s.lights.count;
+  s.lights.analytic_count = s.lights.count;
   if (s.has_emission) build_emitters(s);
   finish_light_rows(s.lights);
   s.rays_find_light = s.has_emission || s.lights.needs_hit_test || !s.lights.domes.empty();
-  s.only_met_lights_found = !s.has_emission && s.lights.domes.empty() && !s.lights.met.empty() && s.lights.met.far.empty();
+  s.only_met_lights_found =
+      !s.has_emission && s.lights.domes.empty() && !s.lights.hierarchy.empty() && s.lights.hierarchy.far.empty();
   s.only_domes_found = !s.has_emission && !s.lights.needs_hit_test && !s.lights.domes.empty();
   if (s.needs_left_out()) throw Error("settings-error", "the scene needs a feature that this core was built without");
   build_accel(s);
@@ -261,7 +262,7 @@ int64_t Scene::memory_bytes() const {
   const auto bytes = [](const auto& v) { return int64_t(v.capacity() * sizeof(v[0])); };
   int64_t total = bytes(positions) + bytes(indices) + bytes(triangle_mesh) + bytes(normals) + bytes(colors) + bytes(spheres) +
                   bytes(world_from_group) + bytes(primvars.values) + bytes(primvars.of_mesh) + bytes(primvars.of_placement) +
-                  texture_bytes() + int64_t(many.bytes);
+                  texture_bytes() + int64_t(triangle_bvh.bytes);
   for (const Dome& d : lights.domes) total += bytes(d.texels) + bytes(d.column_cdf) + bytes(d.column_cuts) + bytes(d.density);
   for (const LightImage& i : lights.images) total += bytes(i.texels) + bytes(i.column_cdf);
   total += bytes(lights.rows) + bytes(lights.tree.blocks) + bytes(lights.tree.places) + bytes(lights.linked.places);

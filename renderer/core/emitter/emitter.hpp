@@ -84,7 +84,7 @@ PRIMRAY_RARE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hits<
   vvec3<W> given = radiance * select(has(GeometryLights::kOwn), one * presence, glow);
   if (scene.lights.lobe_factors) {
     const vfloat<W> diffuse = gather<W>(lights.diffuse.data(), number), specular = gather<W>(lights.specular.data(), number);
-    given = select(p.depth == zero, given, given * (p.share * diffuse + (one - p.share) * specular));
+    given = select(p.depth == zero, given, given * (p.diffuse_share * diffuse + (one - p.diffuse_share) * specular));
   }
   if (scene.lights.links.any()) {
     const vbool<W> reached = in_collection(scene.lights.links, p.link, gather<W>(lights.link.data(), number));

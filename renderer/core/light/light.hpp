@@ -27,16 +27,16 @@ struct DomeTraits {
 struct LightTable {
   std::vector<float> rows;  // of the lights that are sampled
   int count = 0;
-  int listed = 0;               // those before geometry that emits: rays meet the others as shapes of the scene
+  int analytic_count = 0;       // those before geometry that emits: rays meet the others as shapes of the scene
   std::vector<Dome> domes;      // all of them, sampled or not
   std::vector<int> dome_light;  // by dome: its row, or -1
   std::vector<LobeFactors> dome_factors;
   std::vector<DomeTraits> dome_traits;
   std::vector<LightImage> images;  // of rectangles; several may have the same
   std::vector<LightTable>
-      portals;         // by dome: rectangles of radiance 1 that guide its samples (light/selection/portal.hpp); or empty
-  LightTree tree;      // to choose among them, where there are too many lights to weigh each
-  LightHierarchy met;  // of the lights that rays can meet, where there are many
+      portals;               // by dome: rectangles of radiance 1 that guide its samples (light/selection/portal.hpp); or empty
+  LightTree tree;            // to choose among them, where there are too many lights to weigh each
+  LightHierarchy hierarchy;  // of the lights that rays can meet, where there are many
   bool needs_hit_test = false;  // some light has area or a cone that BSDF rays can meet
   bool camera_sees_area = false;
   Fact<built::kLobeFactors> lobe_factors = false;  // some light's diffuse or specular factor is not 1

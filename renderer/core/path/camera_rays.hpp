@@ -32,8 +32,8 @@ PRIMRAY_INLINE PathLanes<W> camera_paths(const Round& round, int slots) {
   const CameraRay<W> ray = scene.camera.ray<W>(px, py, film.u, film.v, lens.u, lens.v);
   p.ray = {ray.o, ray.d, ray.tnear, ray.tfar};
   if (round.needs.time) p.ray.time = p.sampler.single(I(0), kShutterTime);
-  p.beta = V(F(1.0f)), p.share = p.normal = V(F(0.0f)), p.link = I(kUnlinkedRow);
-  p.bsdf_pdf = p.travelled = p.first = F(0.0f), p.splits = F(1.0f);
+  p.beta = V(F(1.0f)), p.diffuse_share = p.normal = V(F(0.0f)), p.link = I(kUnlinkedRow);
+  p.bsdf_pdf = p.travelled = p.first_received = F(0.0f), p.splits = F(1.0f);
   p.cone_width = F(scene.camera.cone_width()), p.cone_spread = F(scene.camera.cone_spread());
   p.slot = load<W>(slot), p.depth = p.vertex = I(0);
   return p;

@@ -22,8 +22,9 @@ PRIMRAY_INLINE vfloat<W> mis_weight(vfloat<W> pdf, vfloat<W> other) {
   return 1.0f / (1.0f + r * r);
 }
 
-// Among many lights (LightTable::met), light sampling alone finds those that a scattered ray would meet with less than this
-// probability: it does so almost as well, and most rays then need not look for them. Judged by the ball about a light's box.
+// Among many lights (LightTable::hierarchy), light sampling alone finds those that a scattered ray would meet with less than
+// this probability: it does so almost as well, and most rays then need not look for them. Judged by the ball about a light's
+// box.
 constexpr float kRarelyMet = 0.05f;
 
 // Whether that holds in each lane for `light`, seen from p, and a ray with that density: both ways to a light must agree on it.
@@ -31,7 +32,7 @@ template <int W>
 PRIMRAY_INLINE vbool<W> rarely_met(const LightTable& lights, vint<W> light, const vvec3<W>& p, vfloat<W> bsdf_pdf) {
   const LightRow<W> row(lights, light);
   const vvec3<W> to = row.vector(kOrigin) - p;
-  const vfloat<W> radius = gather<W>(lights.met.radius.data(), light);
+  const vfloat<W> radius = gather<W>(lights.hierarchy.radius.data(), light);
   return (radius > vfloat<W>(0.0f)) & (kPi * radius * radius * bsdf_pdf < kRarelyMet * dot(to, to));
 }
 // How many of its radii away a light may be for a ray to meet it otherwise; all lights are bodies to rays without a density.
@@ -55,7 +56,7 @@ template <int W>
 PRIMRAY_INLINE vvec3<W> lobe_factor(LobeFactors f, const PathLanes<W>& p) {
   const vvec3<W> one(vfloat<W>(1.0f));
   if (f.diffuse == 1 && f.specular == 1) return one;
-  const vvec3<W> mixed = p.share * vfloat<W>(f.diffuse) + (one - p.share) * vfloat<W>(f.specular);
+  const vvec3<W> mixed = p.diffuse_share * vfloat<W>(f.diffuse) + (one - p.diffuse_share) * vfloat<W>(f.specular);
   return select(p.depth == vint<W>(0), one, mixed);
 }
 
@@ -95,7 +96,7 @@ PRIMRAY_INLINE MetLights<W> meet_lights(const LightTable& lights, vbool<W> activ
   const vvec3<W> zero(F(0.0f)), from = p.ray.o - p.ray.d * p.travelled;
   const bool linked = lights.links.any();
   const bool weighed = lights.count > 1 && !lights.by_tree();
-  const bool many = !lights.met.empty();
+  const bool many = !lights.hierarchy.empty();
   F total(0.0f);
   bool has_total = false;
   vvec3<W> body = zero;
@@ -134,9 +135,10 @@ PRIMRAY_INLINE MetLights<W> meet_lights(const LightTable& lights, vbool<W> activ
     gathered += select(scattered, L * mis_weight(p.bsdf_pdf, light_pdf), zero);
   };
   if (!many) {
-    for (int i = 0; i < lights.listed; ++i) meet(i, active);
+    for (int i = 0; i < lights.analytic_count; ++i) meet(i, active);
   } else {
-    visit_lights(lights.met, active, from, p.ray.d, min(t_surface, p.ray.tfar) + p.travelled, meeting_reach(p.bsdf_pdf), meet);
+    visit_lights(lights.hierarchy, active, from, p.ray.d, min(t_surface, p.ray.tfar) + p.travelled, meeting_reach(p.bsdf_pdf),
+                 meet);
   }
   gathered += body;
   return seen;

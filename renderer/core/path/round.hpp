@@ -16,11 +16,11 @@ namespace primray {
 inline PathNeeds path_needs(const Scene& scene, const IntegratorSettings& settings) {
   return {.travelled = scene.has_thin,
           .cones = scene.has_inputs,
-          .shares = scene.lights.lobe_factors,
+          .diffuse_shares = scene.lights.lobe_factors,
           .links = scene.lights.links.any(),
           .time = scene.camera.shutter_open,
           .normals = scene.lights.by_tree() || scene.emitters.by_triangle(),
-          .first = settings.guide != nullptr};
+          .first_received = settings.guide != nullptr};
 }
 
 struct Round {

@@ -72,7 +72,7 @@ PRIMRAY_INLINE vfloat<W> light_weight(const Round& round, vbool<W> useful, vbool
   const LightTable& lights = round.scene.lights;
   const vint<W> light = chosen.choice.light;
   vbool<W> alone = s.is_delta | special;
-  if (!lights.met.empty()) alone |= rarely_met(lights, light, from, scattered_pdf);
+  if (!lights.hierarchy.empty()) alone |= rarely_met(lights, light, from, scattered_pdf);
   // For MIS the choice is as if no surface shone, which is all that a ray that meets the light knows: weights of both ways
   // add up to 1, whatever the densities in them.
   vfloat<W> known_pdf = pdf;

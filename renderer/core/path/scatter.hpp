@@ -62,7 +62,7 @@ PRIMRAY_INLINE void carry_on(const Round& round, const Vertex<W>& v, const PathL
   }
   if (round.needs.normals) n.normal = select(s.straight, p.normal, v.frame.n);
   if (round.needs.links) n.link = select(s.straight, p.link, v.it.link);
-  if (scene.lights.lobe_factors) n.share = select(s.straight, p.share, s.diffuse_share);
+  if (scene.lights.lobe_factors) n.diffuse_share = select(s.straight, p.diffuse_share, s.diffuse_share);
   // What was guided counts as its surface would have sent it, until it next scatters widely.
   if (round.settings.caustics) {
     const vbool<W> widely = (s.pdf > F(0.0f)) & (s.pdf < F(kDiffuseDensity));
@@ -83,7 +83,7 @@ PRIMRAY_INLINE vfloat<W> play_roulette(const Round& round, vbool<W> straight, vf
   if (!any(roulette)) return survive;
   const F most = select(bounce >= I(kRouletteDeep), F(kRouletteDeepKeep), F(1.0f));
   F kept = max_component(n.beta) * n.splits * kRouletteKeep;
-  if (round.needs.first) kept = select(n.first > F(0.0f), max(kept * expected, kLeastSurvival), kept);
+  if (round.needs.first_received) kept = select(n.first_received > F(0.0f), max(kept * expected, kLeastSurvival), kept);
   survive = select(roulette, min(kept, most), survive);
   const F r = n.sampler.single(bounce, Purpose::kRoulette);
   alive &= !(roulette & (r >= survive));
@@ -120,11 +120,12 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W>& v, const Pat
   if (!scene.rays_find_light) alive &= !last;
   n.bsdf_pdf = select(s.straight, p.bsdf_pdf, v.caustics ? own : s.pdf);
   carry_on(round, v, p, s, n);
-  const F expected = round.needs.first ? expected_light(*round.settings.guide, v.place, n.ray.d, n.first) : F(0.0f);
+  const F expected =
+      round.needs.first_received ? expected_light(*round.settings.guide, v.place, n.ray.d, n.first_received) : F(0.0f);
   const F survive = play_roulette(round, s.straight, expected, n, alive);
   // Nor are there lights for it that light sampling does not find.
   if (scene.only_met_lights_found)
-    alive &= (!last) | s.straight | may_meet(scene.lights.met, alive & last & !s.straight, n.ray.o, n.ray.d, n.bsdf_pdf);
+    alive &= (!last) | s.straight | may_meet(scene.lights.hierarchy, alive & last & !s.straight, n.ray.o, n.ray.d, n.bsdf_pdf);
   if (!any(alive)) return;
   // What the camera does not see beyond its far plane it does not see through a gap either.
   n.ray.tnear = F(0.0f);

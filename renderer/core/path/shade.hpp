@@ -52,8 +52,8 @@ PRIMRAY_INLINE vbool<W> is_side_certain(Round& round, vbool<W> hit, const PathLa
   const vbool<W> behind = !(facing > vfloat<W>(0.0f));
   const vfloat<W> ahead = dot(it.p - p.ray.o, p.ray.d);
   vbool<W> certain =
-      (abs(facing) > it.edge_on) & (ahead > it.offset * select(behind, vfloat<W>(kBackAhead), vfloat<W>(kAhead)));
-  if (const vbool<W> back = hit & it.on_edge & behind; any(back)) certain &= (!back) | sees_within(round, back, p, hits, it);
+      (abs(facing) > it.least_cosine) & (ahead > it.offset * select(behind, vfloat<W>(kBackAhead), vfloat<W>(kAhead)));
+  if (const vbool<W> back = hit & it.at_edge & behind; any(back)) certain &= (!back) | sees_within(round, back, p, hits, it);
   return certain;
 }
 

@@ -13,7 +13,7 @@ template <int W>
 void trace(Round& round) {
   Worker& w = round.worker;
   PathPool& pool = *w.pool;
-  if (round.scene.many.any()) return trace_stream<W>(round.scene.many, round.recorder, pool);
+  if (round.scene.triangle_bvh.any()) return trace_stream<W>(round.scene.triangle_bvh, round.recorder, pool);
   for (int at = 0; at < pool.count; at += W) {
     const vbool<W> active = lane_numbers<W>() < vint<W>(pool.count - at);
     Rays<W> rays = pool.rays<W>(at);

@@ -19,7 +19,7 @@ template <int W>
 PRIMRAY_RARE void trace_shadow_stream(Round& round) {
   const ShadowQueue& q = round.worker.shadows;
   alignas(64) int32_t blocked[ShadowQueue::kSize];
-  occlude_stream<W>(round.scene.many, round.recorder, q, blocked);
+  occlude_stream<W>(round.scene.triangle_bvh, round.recorder, q, blocked);
   for (int at = 0; at < q.count; at += W) {
     const vbool<W> open = (lane_numbers<W>() < vint<W>(q.count - at)) & (load<W>(blocked + at) == vint<W>(0));
     add_to_slots(round, open, load<W>(q.slot + at), carried_at<W>(q, at));
@@ -67,7 +67,7 @@ void trace_special_shadows(Round& round) {
 template <int W>
 void trace_shadows(Round& round) {
   round.worker.shadow_rays += round.worker.shadows.count;
-  round.scene.many.any() && !round.scene.has_thin ? trace_shadow_stream<W>(round) : trace_shadow_lanes<W>(round);
+  round.scene.triangle_bvh.any() && !round.scene.has_thin ? trace_shadow_stream<W>(round) : trace_shadow_lanes<W>(round);
   if (round.has_special()) trace_special_shadows<W>(round);
 }
 

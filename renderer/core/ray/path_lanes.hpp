@@ -15,9 +15,9 @@ struct PathLanes {
   vfloat<W> splits;     // paths among which the sample was split
   vfloat<W> travelled;  // see PathPool
   vfloat<W> cone_width, cone_spread;
-  vvec3<W> share;
+  vvec3<W> diffuse_share;
   vvec3<W> normal;
-  vfloat<W> first;
+  vfloat<W> first_received;
   vint<W> link;
   vint<W> slot, depth, vertex;
   Sampler<W> sampler;
@@ -26,7 +26,7 @@ struct PathLanes {
 // What paths of a scene carry beyond the rest: through see-through surfaces, over textures, to lights with lobe factors, to
 // lights that are linked, while a shutter is open, among many lights, with a guide.
 struct PathNeeds {
-  bool travelled, cones, shares, links, time, normals, first;
+  bool travelled, cones, diffuse_shares, links, time, normals, first_received;
 };
 
 }  // namespace primray

@@ -110,13 +110,13 @@ struct Scene {
   Fact<built::kEmission> has_emission = false;
   bool rays_find_light = false;         // domes, areas or emission that a scattered ray could meet
   bool only_domes_found = false;        // ... and of these only domes, for which it is enough to know that nothing is hit
-  bool only_met_lights_found = false;   // ... or only lights in LightTable::met
+  bool only_met_lights_found = false;   // ... or only lights in LightTable::hierarchy
   bool has_pairs = false;               // some groups begin with triangles in pairs
   Fact<built::kThin> has_thin = false;  // something lets light straight through: shadow rays must look at what they hit
 
   // All that there is, where it is triangles alone: few, or many. The world has no Embree scene then (accel/query.hpp).
-  FewTriangles few;
-  TriangleBvh many;
+  FewTriangles few_triangles;
+  TriangleBvh triangle_bvh;
 
   rtc::Scene accel() const { return groups[0].accel.get(); }
   // It has something that this build lacks (base/features.hpp).

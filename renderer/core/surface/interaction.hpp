@@ -13,8 +13,8 @@ template <int W>
 struct Interaction {
   vvec3<W> p, ng, ns;  // ng outwards as authored, ns on its side
   vfloat<W> offset;
-  vfloat<W> edge_on;  // below this cosine it cannot be told which side of the surface a ray comes from
-  vbool<W> on_edge;   // of a triangle, to rounding: it may have been missed, and its neighbour beyond been met
+  vfloat<W> least_cosine;  // below this cosine it cannot be told which side of the surface a ray comes from
+  vbool<W> at_edge;        // of a triangle, to rounding: it may have been missed, and its neighbour beyond been met
   vint<W> surface;
   vint<W> mesh, triangle, sphere;  // where the hit is one: row of the MeshTable and triangle of the scene, or sphere
   vint<W> link;                    // row of the lights' LinkTable, 0 where there is none
@@ -176,8 +176,8 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     reach = select(is_triangle & (bound < reach), bound, reach);
     if (any_from_ray) p = select(from_ray & is_triangle, p - ng * dot(ng, p - p0), p);
   }
-  r.on_edge = is_triangle & (min(min(h.u, h.v), 1.0f - h.u - h.v) < kEdge);
-  r.edge_on = min(max(plane.thinness(e1, e2), 1.0f), kThinnest) * kNormalUlps;
+  r.at_edge = is_triangle & (min(min(h.u, h.v), 1.0f - h.u - h.v) < kEdge);
+  r.least_cosine = min(max(plane.thinness(e1, e2), 1.0f), kThinnest) * kNormalUlps;
   r.p = p;
   if (any_instanced) {
     vvec3<W> far;

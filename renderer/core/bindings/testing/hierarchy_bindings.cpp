@@ -7,7 +7,7 @@ namespace primray {
 namespace {
 
 nb::dict intersect_stream(const Scene& scene, InArray<double> o_, InFloats d_) {
-  if (!scene.many.any()) throw nb::value_error("the scene has no hierarchy of triangles");
+  if (!scene.triangle_bvh.any()) throw nb::value_error("the scene has no hierarchy of triangles");
   const CorePoints o(scene, o_);
   const Input<float> d(d_, o.n, 3);
   std::vector<float> column[8];
@@ -21,8 +21,9 @@ nb::dict intersect_stream(const Scene& scene, InArray<double> o_, InFloats d_) {
                         column[4].data(), column[5].data(), column[6].data(), column[7].data()};
   std::vector<float> t(o.n), u(o.n), v(o.n);
   std::vector<int32_t> primitive(o.n), geometry(o.n), blocked(o.n);
-  intersect_interleaved(scene.many, uint32_t(o.n), rays, {t.data(), u.data(), v.data(), primitive.data(), geometry.data()});
-  occluded_interleaved(scene.many, uint32_t(o.n), rays, blocked.data());
+  intersect_interleaved(scene.triangle_bvh, uint32_t(o.n), rays,
+                        {t.data(), u.data(), v.data(), primitive.data(), geometry.data()});
+  occluded_interleaved(scene.triangle_bvh, uint32_t(o.n), rays, blocked.data());
   for (float& distance : t) distance *= float(1 / scene.scale);
   nb::dict r;
   r["t"] = to_numpy(std::move(t), {o.n}), r["u"] = to_numpy(std::move(u), {o.n}), r["v"] = to_numpy(std::move(v), {o.n});
@@ -33,7 +34,7 @@ nb::dict intersect_stream(const Scene& scene, InArray<double> o_, InFloats d_) {
 }  // namespace
 
 void bind_hierarchy(nb::module_& m) {
-  m.def("has_hierarchy", [](const Scene& scene) { return scene.many.any(); });
+  m.def("has_hierarchy", [](const Scene& scene) { return scene.triangle_bvh.any(); });
   m.def("intersect_stream", &intersect_stream, nb::arg("scene"), nb::arg("o"), nb::arg("d"));
 }
 

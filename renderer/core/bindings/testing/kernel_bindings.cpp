@@ -329,7 +329,7 @@ void bind_testing(nb::module_& m) {
   m.def("choose_light", &choose_lights, nb::arg("scene"), nb::arg("p"), nb::arg("n"), nb::arg("u"), lanes);
   m.def("sampler_numbers", &sampler_numbers, nb::arg("seed"), nb::arg("key"), lanes, nb::arg("screen_block") = 0);
   m.def("camera_rays", &camera_rays, nb::arg("scene"), nb::arg("pixel"), nb::arg("film"), nb::arg("lens"), lanes);
-  m.def("has_few_triangles", [](const Scene& scene) { return scene.few.any(); });
+  m.def("has_few_triangles", [](const Scene& scene) { return scene.few_triangles.any(); });
   m.def("intersect", &intersect_rays, nb::arg("scene"), nb::arg("o"), nb::arg("d"), lanes, nb::arg("packet") = true,
         nb::arg("embree") = false);
   m.def("texture_lookup", &texture_lookup, nb::arg("pixels"), nb::arg("wrap_s"), nb::arg("wrap_t"), nb::arg("first_level"),

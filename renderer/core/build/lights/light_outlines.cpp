@@ -168,10 +168,10 @@ LightOutlines find_light_outlines(const Scene& scene) {
   const Camera& camera = scene.camera;
   // Out of focus nothing has an outline. Through a pane lights are seen as bodies by the paths alone.
   if (!scene.lights.needs_hit_test || camera.orthographic || camera.lens_radius > 0 || scene.has_thin) return made;
-  if (scene.lights.listed > kMostLights) return made;
+  if (scene.lights.analytic_count > kMostLights) return made;
   std::vector<Pixel> found;
   Walk walk(scene);
-  for (int i = 0; i < scene.lights.listed; ++i)
+  for (int i = 0; i < scene.lights.analytic_count; ++i)
     if (!(int(scene.lights.row(i)[kLightFlags]) & kHidden)) walk.light(i, found);
   std::sort(found.begin(), found.end());
   found.erase(std::unique(found.begin(), found.end()), found.end());

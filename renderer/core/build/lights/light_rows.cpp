@@ -152,20 +152,20 @@ void put_surface(const LightInput& light, int image, LightTable& table, float* r
 }
 
 void add_hierarchy(LightTable& table) {
-  table.met.radius.assign(size_t(table.count), 0.0f);
+  table.hierarchy.radius.assign(size_t(table.count), 0.0f);
   std::vector<int32_t> numbers;
   std::vector<LightBox> boxes;
-  for (int i = 0; i < table.listed; ++i) {
+  for (int i = 0; i < table.analytic_count; ++i) {
     const LightType type = LightType(int(table.row(i)[kType]));
-    if (type == LightType::kDistant && table.row(i)[kSize0] > 0) table.met.far.push_back(i);
+    if (type == LightType::kDistant && table.row(i)[kSize0] > 0) table.hierarchy.far.push_back(i);
     if (type == LightType::kDistant || !can_be_met(type)) continue;
     const LightBox box = light_box(table.row(i));
     double diagonal2 = 0;
     for (int a = 0; a < 3; ++a) diagonal2 += (double(box.high[a]) - box.low[a]) * (double(box.high[a]) - box.low[a]);
-    table.met.radius[size_t(i)] = std::max(float(0.5 * std::sqrt(diagonal2)), float(kSmallestLight));
+    table.hierarchy.radius[size_t(i)] = std::max(float(0.5 * std::sqrt(diagonal2)), float(kSmallestLight));
     numbers.push_back(i), boxes.push_back(box);
   }
-  build_light_hierarchy(table.met, std::move(numbers), boxes);
+  build_light_hierarchy(table.hierarchy, std::move(numbers), boxes);
 }
 
 }  // namespace
@@ -212,7 +212,7 @@ void add_light_rows(const LightInput& light, const dvec3& origin, double scale, 
 }
 
 void finish_light_rows(LightTable& table) {
-  if (table.listed > table.weighed) add_hierarchy(table);
+  if (table.analytic_count > table.weighed) add_hierarchy(table);
   finish_light_rules(table);
   build_light_choice(table);
 }

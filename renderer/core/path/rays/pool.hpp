@@ -69,14 +69,14 @@ struct PathPool {
   // Only where surfaces have varying inputs: the ray's cone, its width at the origin and how much wider it gets per distance.
   alignas(64) float cone_width[kPadded], cone_spread[kPadded];
   // Only where lights have lobe factors: the part of the last scattering's f_cos that was diffuse.
-  alignas(64) float share_r[kPadded], share_g[kPadded], share_b[kPadded];
+  alignas(64) float diffuse_share_r[kPadded], diffuse_share_g[kPadded], diffuse_share_b[kPadded];
   // Only where the shutter is open for a while.
   alignas(64) float time[kPadded];
   // Only where lights, or triangles of lights, are chosen by a tree: the normal of the surface that scattered last, on the side
   // that is lit.
   alignas(64) float nx[kPadded], ny[kPadded], nz[kPadded];
   // Only with a guide: what the first surface that it knows receives; see expected_light().
-  alignas(64) float first[kPadded];
+  alignas(64) float first_received[kPadded];
   // Only where lights are linked: the row of the surface that scattered last, or kUnlinkedRow.
   alignas(64) int32_t link[kPadded];
   int count = 0;
@@ -103,12 +103,13 @@ struct PathPool {
     p.travelled = needs.travelled ? load<W>(travelled + at) : vfloat<W>(0.0f);
     p.cone_width = p.cone_spread = vfloat<W>(0.0f);
     if (needs.cones) p.cone_width = load<W>(cone_width + at), p.cone_spread = load<W>(cone_spread + at);
-    p.share = vvec3<W>(vfloat<W>(0.0f));
-    if (needs.shares) p.share = {load<W>(share_r + at), load<W>(share_g + at), load<W>(share_b + at)};
+    p.diffuse_share = vvec3<W>(vfloat<W>(0.0f));
+    if (needs.diffuse_shares)
+      p.diffuse_share = {load<W>(diffuse_share_r + at), load<W>(diffuse_share_g + at), load<W>(diffuse_share_b + at)};
     if (needs.time) p.ray.time = load<W>(time + at);
     p.normal = vvec3<W>(vfloat<W>(0.0f));
     if (needs.normals) p.normal = {load<W>(nx + at), load<W>(ny + at), load<W>(nz + at)};
-    p.first = needs.first ? load<W>(first + at) : vfloat<W>(0.0f);
+    p.first_received = needs.first_received ? load<W>(first_received + at) : vfloat<W>(0.0f);
     p.link = needs.links ? load<W>(link + at) : vint<W>(kUnlinkedRow);
     p.slot = load<W>(slot + at), p.depth = load<W>(depth + at), p.vertex = load<W>(vertex + at);
     p.sampler = {load<W>(reversed_index + at), load<W>(seed + at)};
@@ -125,11 +126,13 @@ struct PathPool {
     c.append(bsdf_pdf + at, p.bsdf_pdf), c.append(splits + at, p.splits);
     if (needs.travelled) c.append(travelled + at, p.travelled);
     if (needs.cones) c.append(cone_width + at, p.cone_width), c.append(cone_spread + at, p.cone_spread);
-    if (needs.shares) c.append(share_r + at, p.share.x), c.append(share_g + at, p.share.y), c.append(share_b + at, p.share.z);
+    if (needs.diffuse_shares)
+      c.append(diffuse_share_r + at, p.diffuse_share.x), c.append(diffuse_share_g + at, p.diffuse_share.y),
+          c.append(diffuse_share_b + at, p.diffuse_share.z);
     if (needs.time) c.append(time + at, p.ray.time);
     if (needs.links) c.append(link + at, p.link);
     if (needs.normals) c.append(nx + at, p.normal.x), c.append(ny + at, p.normal.y), c.append(nz + at, p.normal.z);
-    if (needs.first) c.append(first + at, p.first);
+    if (needs.first_received) c.append(first_received + at, p.first_received);
     c.append(slot + at, p.slot), c.append(depth + at, p.depth), c.append(vertex + at, p.vertex);
     c.append(reversed_index + at, p.sampler.reversed_index), c.append(seed + at, p.sampler.seed);
     count += c.count;

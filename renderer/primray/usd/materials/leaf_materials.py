@@ -40,10 +40,10 @@ def bindings_of(instances: list[ResolvedPrim], by_collection: bool, ctx: Context
     return [found.get(instance.bound_as) for instance in instances]
 
 
-def told_apart(instances: list[ResolvedPrim], ctx: Context) -> list[bool]:
+def differ_by_material(instances: list[ResolvedPrim], ctx: Context) -> list[bool]:
     """Which of these instances are bound prim by prim, since collections with a material look into them."""
     bindings = ctx.kept.of(CollectionBindings)
-    if not bindings.expressed and not bindings.told_apart:
+    if not bindings.expressed and not bindings.has_members_below:
         return [False] * len(instances)
     paths = [as_bound(instance.prim, instance.inherited).GetPath() for instance in instances]
     expressed = [any(path.HasPrefix(at) for at in bindings.expressed) for path in paths]
@@ -54,7 +54,7 @@ def told_apart(instances: list[ResolvedPrim], ctx: Context) -> list[bool]:
         for at in bindings.expressed:
             ctx.warn("binding-expression", ctx.shown(str(at)), message)
         expressed = [False] * len(paths)
-    return [path in bindings.told_apart or by for path, by in zip(paths, expressed, strict=True)]
+    return [path in bindings.has_members_below or by for path, by in zip(paths, expressed, strict=True)]
 
 
 def bind_leaves(shapes: list[ResolvedPrim], by_collection: bool, ctx: Context) -> None:

@@ -28,7 +28,7 @@ class CollectionBindings:
     """What is remembered of collections that a material is bound to."""
 
     looked_into: set[Sdf.Path] = field(default_factory=set)
-    told_apart: set[Sdf.Path] = field(default_factory=set)  # prims below which such a collection has members
+    has_members_below: set[Sdf.Path] = field(default_factory=set)  # prims below which such a collection has members
     expressed: set[Sdf.Path] = field(default_factory=set)  # prims that bind a collection which is an expression
 
 
@@ -68,7 +68,7 @@ def _note_members(collection: Sdf.Path, bound_at: Sdf.Path, ctx: Context) -> Non
         bindings.expressed.add(bound_at)
     for path, rule in rules.items():
         above = path if rule == Usd.Tokens.explicitOnly else path.GetParentPath()
-        bindings.told_apart.update(above.GetPrefixes())
+        bindings.has_members_below.update(above.GetPrefixes())
 
 
 def binds_by_collection(prim: Usd.Prim) -> bool:

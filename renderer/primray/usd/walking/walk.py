@@ -18,7 +18,7 @@ from ...description.placement import MatrixInstances, PointInstances
 from ..adapters.shapes.draw_mode import stand_in
 from ..adapters.shapes.points import POINT, spheres
 from ..lights.light_links import Links
-from ..materials.leaf_materials import bind_leaves, bindings_of, bound_alike, told_apart
+from ..materials.leaf_materials import bind_leaves, bindings_of, bound_alike, differ_by_material
 from ..opening.stage import tf_message
 from ..resolving.applied_schemas import applied_schemas
 from ..resolving.bindings import binds_by_collection, note_bindings
@@ -195,7 +195,7 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
     places = poses.of([instance.pose for instance in instances])[:, :3]
     by_child: dict[int, list[int]] = {}
     names: dict[int, list[str]] = {}
-    apart = told_apart(instances, ctx)
+    apart = differ_by_material(instances, ctx)
     alike: dict[Hashable, int] = {}  # many have one object for what is above them, and one binding
     for i, (instance, inner, alone) in enumerate(zip(instances, bindings, apart, strict=True)):
         prototype = instance.prim.GetPrototype()
