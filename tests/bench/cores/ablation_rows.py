@@ -108,7 +108,7 @@ ROWS = (
         "paths end by the light that they are expected to find",
         "by their throughput",
         scenes=("cove", "window"),
-        edits=(Edit("path/round.hpp", ".first = settings.guide != nullptr}", ".first = false}"),),
+        edits=(Edit("path/round.hpp", ".first_received = settings.guide != nullptr}", ".first_received = false}"),),
     ),
     Row(
         "many lights chosen by how shiny surfaces reflect",
@@ -243,7 +243,9 @@ ROWS = (
         "by area",
         scenes=("box",),
         edits=(
-            Edit("light/types/rect.hpp", "return dot(p, p) > 4.0f * (hx * hx + hy * hy);", "return dot(p, p) > 0.0f * (hx + hy);"),
+            Edit(
+                "light/types/rect.hpp", "return dot(p, p) > 4.0f * (hx * hx + hy * hy);", "return dot(p, p) > 0.0f * (hx + hy);"
+            ),
         ),
     ),
     Row(
