@@ -36,6 +36,7 @@ def test_an_example_works(title, tmp_path):
 @pytest.mark.skipif(COMPILER is None, reason="no C++ compiler")
 @pytest.mark.parametrize("title", [title for title, example in EXAMPLES.items() if example.compiled])
 def test_an_example_compiles(title, tmp_path):
+    assert COMPILER is not None
     apply(EXAMPLES[title], tmp_path)
     run_compiler(COMPILER, EXAMPLES[title].compiled, tmp_path)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,7 @@ def as_light(shape: Shape, prim: ResolvedPrim, ctx: Context, links: Links | None
     if mode == NO_MATERIAL:
         lamp = ctx.surfaces.index_of(LAMP)
         light = replace(light, own_color=True, shows_own=True)
-        without_colors = {"colors": None} if hasattr(shape, "colors") else {}
+        without_colors: dict[str, Any] = {"colors": None} if hasattr(shape, "colors") else {}
         return replace(shape, surface=lamp, primvars=(), light=light, **without_colors)
     if mode == GLOW and not any(_glows(s) for s in _surfaces(shape, ctx)):
         message = "materialGlowTintsLight: its light is tinted by the glow of its material, which has none. It gives no light."
