@@ -167,7 +167,6 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         isa=lambda: "v4",
         lanes=lambda: 16,
         versions=lambda: {"embree": "4.4.0"},
-        module=lambda: SimpleNamespace(FILM_PIXEL_BYTES=118),
     )
     monkeypatch.setattr("primray.sampling.sampling.Sampling", SimpleNamespace(begin=fake.begin))
     install(

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from ..report.summary import ImageSize
     from ..textures.texture import Texture
 
+FILM_PIXEL_BYTES = 118  # of the core's, which is not loaded yet where memory is checked; a test holds them equal
+
 
 @dataclass(frozen=True)
 class OpenedStage:
@@ -121,12 +123,11 @@ def check_memory(
     limit_bytes = settings.max_memory_bytes
     if limit_bytes is None:
         return
-    from .. import core
     from ..aov_names import aov_bytes
     from ..report.summary import summary
 
     width, height = description.frame.size
-    pixel_bytes = film_copies * core.module().FILM_PIXEL_BYTES + aov_bytes(description.aovs)
+    pixel_bytes = film_copies * FILM_PIXEL_BYTES + aov_bytes(description.aovs)
     needed = summary(description, settings.dicing_rate, images).memory_bytes + pixel_bytes * width * height
     if needed > limit_bytes:
         sentence = f"the scene needs about {needed / 2**20:.0f} MiB, {limit_bytes / 2**20:.0f} MiB are allowed"
