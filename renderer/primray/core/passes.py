@@ -34,7 +34,7 @@ def choose_splits(scene: CoreScene, settings: RenderSettings) -> Splits:
     if settings.is_quick_look:
         return Splits()
     try:
-        pilot = integrator_settings(module(), settings, splits=0, caustics=scene.caustics(settings))
+        pilot = integrator_settings(module(), settings, caustics=scene.caustics(settings))
         return Splits(*module().choose_splits(scene._scene, pilot, lanes()))
     except module().CoreError as error:
         raise_as_ours(error)
