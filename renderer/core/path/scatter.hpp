@@ -14,6 +14,18 @@ namespace primray {
 // from one part of a texture to another that lies beside it in the image alone. Mirrors and refractions keep the cone; their
 // curvature is not followed.
 constexpr float kLobeSpread = 0.0705236979f;
+// Roulette: from this scattering on a path survives with probability min(1, kRouletteKeep * its largest throughput). On the
+// Cornell box (relMSE, rays a sample, 64 samples): keep 1 from 4 on 0.00180, 5.2; 2 from 3: 0.00162, 5.1; 4 from 2: 0.00139,
+// 5.9; 8 from 3: 0.00134, 6.5; none: 0.00132, 7.6. Of paths split in four, 2 costs the Cornell box as much as 4, and a terrain
+// under a sky, where the last rays are cheap, half as much again.
+constexpr int kRouletteStart = 2;
+constexpr float kRouletteKeep = 4;
+// From here on not even a lossless path survives for certain: one that is caught for good between mirrors or by total
+// reflection would otherwise never end. What it brings is weighed accordingly. With a share a of light left by each scattering
+// the weights' squares add up as long as a^2 is below what is kept: 0.98 left a closed room of albedo 0.998 6 % too dark in any
+// render.
+constexpr int kRouletteDeep = 1024;
+constexpr float kRouletteDeepKeep = 0.999f;
 
 // A direction by the BSDF, the guide or photons. `splits`: among how many paths each sample is split, photons change it.
 // `own`: where photons are asked, the density without them.
@@ -25,7 +37,8 @@ PRIMRAY_INLINE BsdfSample<W> sample_direction(const Round& round, const Vertex<W
   Pair<W> u = p.sampler.link(bounce + vint<W>(round.first_link()));
   const vfloat<W> lobe = v.bsdf.any_preview || v.caustics ? p.sampler.single(bounce, Purpose::kLobe) : vfloat<W>(0.0f);
   const vbool<W> by_guide = guide ? choose_guide(v.place, u.u) : vbool<W>(false);
-  const auto sample = [&](vfloat<W> l) {
+  // Inlined for what most paths take; a compiler counts the guided ones as well and would call it for all.
+  const auto sample = [&](vfloat<W> l) __attribute__((always_inline)) {
     BsdfSample<W> found = v.bsdf.sample(v.wo, l, u.u, u.v);
     if (guide) sample_guided(*guide, v.place, by_guide, u, v.frame, v.wo, v.bsdf, found);
     return found;
