@@ -155,7 +155,7 @@ class FirstHitTask {
       Interaction<W> it = interact(scene_, hit, p.ray, hits);
       SurfaceRows<W> rows(scene_.surfaces, it.surface);
       LaneRows<W> varying;
-      if (scene_.has_inputs && any(hit & (gather<W>(scene_.surface_inputs_of.data(), it.surface) >= I(0)))) {
+      if (any_inputs(scene_, hit, it.surface)) {
         const F width = p.cone_width + p.cone_spread * hits.t, cosine = abs(dot(it.ng, p.ray.d));
         rows = evaluate_inputs(scene_, hit, hits, it.surface, width * width / max(cosine, 0.05f), it.ng, it.ns, varying);
       }

@@ -77,7 +77,7 @@ PRIMRAY_INLINE vvec3<W> met_shaping(const LightTable& table, const float* row, c
   return number == 0 ? vvec3<W>(vfloat<W>(1.0f)) : shaping_factor(table.shaping, vint<W>(number), -wi);
 }
 
-// Rectangles with images: where these are bright. Lanes of `type` that have none keep their sample.
+// Rectangles with images: where these are bright. Those that have none keep their sample.
 template <int W>
 PRIMRAY_INLINE void sample_images(const LightTable& table, const LightRow<W>& row, vbool<W> rects, const vvec3<W>& local,
                                   vfloat<W> u, vfloat<W> v, LocalSample<W>& s, vvec3<W>& L) {
@@ -94,7 +94,7 @@ PRIMRAY_INLINE void sample_images(const LightTable& table, const LightRow<W>& ro
   }
 }
 
-// Of domes in lanes `m`, each by its image.
+// Of lanes `domes`, each by its image; `number`: of the dome.
 template <int W>
 PRIMRAY_INLINE void sample_domes(const LightTable& table, vbool<W> domes, vint<W> number, vfloat<W> u, vfloat<W> v,
                                  LightSample<W>& r) {
@@ -167,7 +167,7 @@ PRIMRAY_INLINE LocalHit<W> light_hit(const float* light, const vvec3<W>& p, cons
   const vvec3<W> local = row.to_light(p - row.vector(kOrigin));
   LocalHit<W> h{vfloat<W>(kInfinity), vfloat<W>(0.0f)};
   with_light_type(light, [&]<class T>(T) {
-    if constexpr (requires { T::hit(row, p, local, w); }) h = T::hit(row, p, local, w);
+    if constexpr (MetLightType<T>) h = T::hit(row, p, local, w);
   });
   if (sheared) {
     h.t = h.t * (1.0f / len);

@@ -14,14 +14,12 @@ PRIMRAY_INLINE PathLanes<W> camera_paths(const Round& round, int slots) {
   using I = vint<W>;
   using V = vvec3<W>;
   const Scene& scene = round.scene;
-  const TileBlock& block = round.block;
   alignas(64) int32_t x[W], y[W], slot[W];
   alignas(64) uint32_t index[W], replicate[W];
   for (int i = 0; i < W; ++i) {
     const int s = std::min(round.next_slot + i, slots - 1), pixel = s / round.samples, k = s - pixel * round.samples;
-    const int r = k < block.count[0] ? 0 : 1;
     x[i] = round.pixel_x(pixel), y[i] = round.pixel_y(pixel), slot[i] = s;
-    index[i] = uint32_t(block.first[r] + (r ? k - block.count[0] : k)), replicate[i] = uint32_t(r);
+    index[i] = round.index(k), replicate[i] = uint32_t(round.replicate(k));
   }
   const I px = load<W>(x), py = load<W>(y);
   PathLanes<W> p;

@@ -14,11 +14,11 @@ namespace primray {
 constexpr int kOutlineRays = 4;
 
 // Notes what ends in the pixels that the worker has listed; whether there is anything.
-inline bool find_outlines(const LightOutlines& outlines, const TileBlock& block, Worker& w, int pixels) {
+inline bool find_outlines(Round& round) {
   bool some = false;
-  for (int i = 0; i < pixels; ++i) {
-    w.outlines[i] = outlines.at(block.x0 + w.pixel_x[i] * block.stride_x, block.y0 + w.pixel_y[i] * block.stride_y);
-    some |= !w.outlines[i].empty();
+  for (int i = 0; i < round.pixels; ++i) {
+    round.worker.outlines[i] = round.scene.outlines.at(round.pixel_x(i), round.pixel_y(i));
+    some |= !round.worker.outlines[i].empty();
   }
   return some;
 }
@@ -30,7 +30,6 @@ PRIMRAY_RARE void look_for_outline(Round& round, int pixel, const LightOutlines:
   using F = vfloat<W>;
   using I = vint<W>;
   Worker& w = round.worker;
-  const TileBlock& block = round.block;
   const int samples = round.samples, rays = samples * kOutlineRays;
   const I x(round.pixel_x(pixel)), y(round.pixel_y(pixel));
   const float share = part.width * part.height * (1.0f / kOutlineRays);
@@ -38,9 +37,8 @@ PRIMRAY_RARE void look_for_outline(Round& round, int pixel, const LightOutlines:
     alignas(64) int32_t slot[W];
     alignas(64) uint32_t index[W], number[W], replicate[W];
     for (int i = 0; i < W; ++i) {
-      const int ray = std::min(at + i, rays - 1), k = ray / kOutlineRays, r = k < block.count[0] ? 0 : 1;
-      slot[i] = pixel * samples + k, replicate[i] = uint32_t(r);
-      index[i] = uint32_t(block.first[r] + (r ? k - block.count[0] : k));
+      const int ray = std::min(at + i, rays - 1), k = ray / kOutlineRays;
+      slot[i] = pixel * samples + k, index[i] = round.index(k), replicate[i] = uint32_t(round.replicate(k));
       number[i] = index[i] * kOutlineRays + uint32_t(ray % kOutlineRays);
     }
     const vuint<W> of_pixel = Sampler<W>::pixel_seed(round.settings.seed, x, y, load<W>(replicate));

@@ -34,7 +34,7 @@ void render_tile_block(const Scene& scene, const IntegratorSettings& settings, c
                        Film& film, RayRecorder* recorder) {
   Round round(scene, settings, block, worker, recorder);
   round.pixels = list_pixels(block, worker);
-  round.outlined = scene.outlines.any() && find_outlines(scene.outlines, block, worker, round.pixels);
+  round.outlined = scene.outlines.any() && find_outlines(round);
   const int slots = round.pixels * round.samples;
   clear_slots(worker, slots);
   worker.pool->count = 0;

@@ -52,19 +52,23 @@ struct Round {
   // The film point's number in the chain that it and the directions after it make: each even link shares a point of a sequence
   // with the next. The parts of a split path have indices of their own, so there their first two directions do.
   int first_link() const { return settings.splits > 1 ? 1 : 0; }
+  // The k-th sample of a pixel: the first replicate's come first.
+  int replicate(int k) const { return k < block.count[0] ? 0 : 1; }
+  uint32_t index(int k) const { return uint32_t(replicate(k) ? block.first[1] + k - block.count[0] : block.first[0] + k); }
   int pixel_x(int i) const { return block.x0 + worker.pixel_x[i] * block.stride_x; }
   int pixel_y(int i) const { return block.y0 + worker.pixel_y[i] * block.stride_y; }
 };
 
 // Adds `c` to the slots of lanes `m`; most paths bring nothing from most vertices.
 template <int W>
-PRIMRAY_INLINE void add_to_slots(Round& round, vbool<W> m, vint<W> slot, const vvec3<W>& c) {
+PRIMRAY_INLINE void add_to_slots(const Round& round, vbool<W> m, vint<W> slot, const vvec3<W>& c) {
   Worker& w = round.worker;
+  GuideLog* const log = round.settings.log;
   const vfloat<W> zero(0.0f);
   for (uint32_t b = bits(m & ((c.x != zero) | (c.y != zero) | (c.z != zero))); b; b &= b - 1) {
     const int i = __builtin_ctz(b), s = slot[i];
     w.r[s] += c.x[i], w.g[s] += c.y[i], w.b[s] += c.z[i];
-    if (round.settings.log) round.settings.log->add_light(s, c.x[i] + c.y[i] + c.z[i]);
+    if (log) log->add_light(s, c.x[i] + c.y[i] + c.z[i]);
   }
 }
 

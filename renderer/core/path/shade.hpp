@@ -35,12 +35,6 @@ PRIMRAY_INLINE vvec3<W> gather_met_light(Round& round, vbool<W> active, const Pa
   return gathered;
 }
 
-// Whether any surface in lanes `m` has inputs that vary.
-template <int W>
-PRIMRAY_INLINE bool any_inputs(const Scene& scene, vbool<W> m, vint<W> surface) {
-  return scene.has_inputs && any(m & (gather<W>(scene.surface_inputs_of.data(), surface) >= vint<W>(0)));
-}
-
 // Paths scatter on the side of the surface where the ray came from. Where rounding hides which that is, the path ends: taking
 // the wrong one lets light through closed surfaces at their edges. Such hits are seen edge-on, or lie behind the ray's
 // start (Embree's distance is wrong where the start is almost in the triangle's plane; the point is not), or on a back so

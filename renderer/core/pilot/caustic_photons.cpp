@@ -132,7 +132,7 @@ class Photons {
       Interaction<W> it = interact(scene_, alive, rays, hits);
       SurfaceRows<W> rows(scene_.surfaces, it.surface);
       LaneRows<W> varying;
-      if (scene_.has_inputs && any(alive & (gather<W>(scene_.surface_inputs_of.data(), it.surface) >= I(0))))
+      if (any_inputs(scene_, alive, it.surface))
         rows = evaluate_inputs(scene_, alive, hits, it.surface, F(0.0f), it.ng, it.ns, varying);
       const V wo = -rays.d;
       const B front = dot(it.ng, wo) > F(0.0f);

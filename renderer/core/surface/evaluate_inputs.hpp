@@ -13,6 +13,12 @@ namespace primray {
 // How far `st` may change over a triangle (squared area) before its tangents count as none.
 constexpr float kTinyStArea = 1e-20f;
 
+// Whether any surface in lanes `m` has inputs that vary.
+template <int W>
+PRIMRAY_INLINE bool any_inputs(const Scene& scene, vbool<W> m, vint<W> surface) {
+  return scene.has_inputs && any(m & (gather<W>(scene.surface_inputs_of.data(), surface) >= vint<W>(0)));
+}
+
 template <int W>
 struct LaneRows {
   alignas(64) float rows[W * kSurfaceFields];

@@ -12,11 +12,9 @@ namespace {
 
 // Squares of distances must stay floats.
 constexpr float kLeast2 = 1e-24f;
-void put(float* to, const dvec3& v) { to[0] = float(v.x), to[1] = float(v.y), to[2] = float(v.z); }
-
 void put_far(LightBounds& b, const dvec3& direction, double reach) {
-  put(b.center, direction);
-  put(b.low, direction - dvec3(reach)), put(b.high, direction + dvec3(reach));
+  put(b.center, 0, direction);
+  put(b.low, 0, direction - dvec3(reach)), put(b.high, 0, direction + dvec3(reach));
   b.far = true, b.least2 = 1;
 }
 
@@ -47,7 +45,7 @@ LightBounds light_bounds(const LightTable& table, const float* row) {
   if (b.far) return b;
   const LightBox box = light_box(row);
   for (int a = 0; a < 3; ++a) b.low[a] = box.low[a], b.high[a] = box.high[a];
-  put(b.center, light_vector(row, light_center(row)));
+  put(b.center, 0, light_vector(row, light_center(row)));
   double intensity = power * spread.factor;
   if (const int shaping = int(row[kShaping]); shaping != 0) {
     const float* shaped = table.shaping.row(shaping);
@@ -56,7 +54,7 @@ LightBounds light_bounds(const LightTable& table, const float* row) {
     // Its mean over all directions, taken together where it reaches.
     intensity *= shaped[kMean] / std::max(0.5 * (1 - std::cos(reach)), 1e-6);
     if (reach < 3.1 && !b.directed()) {
-      put(b.axis, light_vector(shaped, kShapedAxis));
+      put(b.axis, 0, light_vector(shaped, kShapedAxis));
       b.cos_end = float(std::cos(reach)), b.floor = 1, b.radius = shaped[kReachRadius];
     }
   }

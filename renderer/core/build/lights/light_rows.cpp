@@ -129,7 +129,7 @@ void put_placed(const LightInput& light, double scale, float* row, RowFrame& f) 
   f.m = frame.world_from_light;
   if (frame.sheared) f.flags |= kSheared;
   LightTypes::with(light.type, [&]<class T>(T) {
-    double size[2] = {0, 0}, kept[2] = {0, 0};
+    double size[2] = {1, 1}, kept[2] = {1, 1};  // where a type has none
     if constexpr (requires { T::sizes(light, frame.sizes, scale, size); }) {
       T::sizes(light, frame.sizes, scale, size);
       kept[0] = std::max(size[0], kSmallestLight), kept[1] = std::max(size[1], kSmallestLight);

@@ -20,6 +20,7 @@
 #include "light/choice/tree.hpp"
 #include "light/types/light_row.hpp"
 #include "math/matrix.hpp"
+#include "math/row.hpp"
 
 namespace primray {
 
@@ -79,8 +80,7 @@ struct LightTypeDefaults {
 struct FlatLight : LightTypeDefaults {
   static constexpr bool kFlat = true;
   static LightSpread spread_of(const float* row, double area, LightBounds& b) {
-    const dvec3 up = normalize(dvec3{row[kInverseX + 2], row[kInverseY + 2], row[kInverseZ + 2]}), axis = up * -1.0;
-    b.axis[0] = float(axis.x), b.axis[1] = float(axis.y), b.axis[2] = float(axis.z);
+    put(b.axis, 0, normalize(dvec3{row[kInverseX + 2], row[kInverseY + 2], row[kInverseZ + 2]}) * -1.0);
     b.cos_end = 0, b.floor = kFlatFloor;
     return {area, area / std::numbers::pi};
   }

@@ -30,8 +30,6 @@ using LightTypes =
 
 template <class T>
 concept MetLightType = requires(LightRow<1> row, vvec3<1> v) { T::hit(row, v, v, v); };
-template <class T>
-constexpr bool kIsMet = MetLightType<T>;
 
 // Calls f(T{}) for each type.
 template <class F>
@@ -54,7 +52,7 @@ PRIMRAY_INLINE int light_center(const float* row) {
 // Whether rays can meet lights of that type, other than as geometry or as a background.
 PRIMRAY_INLINE bool can_be_met(LightType type) {
   bool found = false;
-  LightTypes::with(type, [&]<class T>(T) { found = kIsMet<T>; });
+  LightTypes::with(type, [&]<class T>(T) { found = MetLightType<T>; });
   return found;
 }
 

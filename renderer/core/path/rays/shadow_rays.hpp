@@ -26,7 +26,7 @@ struct ShadowStep {
     const vvec3<W> wo{safe_sqrt(1.0f - z * z), vfloat<W>(0.0f), z};
     SurfaceRows<W> rows(scene.surfaces, it.surface);
     LaneRows<W> varying;
-    if (scene.has_inputs && any(active & (gather<W>(scene.surface_inputs_of.data(), it.surface) >= vint<W>(0)))) {
+    if (any_inputs(scene, active, it.surface)) {
       // Normal maps bend no light that goes straight on, and shadow rays have no cones.
       vvec3<W> unbent = it.ns;
       rows = evaluate_inputs(scene, active, hits, it.surface, vfloat<W>(0.0f), it.ng, unbent, varying);
