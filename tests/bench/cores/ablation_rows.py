@@ -59,7 +59,7 @@ ROWS = (
         "none before the 1024th scattering",
         scenes=("box", "metals"),
         edits=(
-            Edit("base/integrator_settings.hpp", "constexpr int kRouletteStart = 2;", "constexpr int kRouletteStart = 1024;"),
+            Edit("path/scatter.hpp", "constexpr int kRouletteStart = 2;", "constexpr int kRouletteStart = 1024;"),
         ),
     ),
     Row(
