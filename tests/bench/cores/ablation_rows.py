@@ -58,9 +58,7 @@ ROWS = (
         "Russian roulette",
         "none before the 1024th scattering",
         scenes=("box", "metals"),
-        edits=(
-            Edit("path/scatter.hpp", "constexpr int kRouletteStart = 2;", "constexpr int kRouletteStart = 1024;"),
-        ),
+        edits=(Edit("path/scatter.hpp", "constexpr int kRouletteStart = 2;", "constexpr int kRouletteStart = 1024;"),),
     ),
     Row(
         "packets or single rays by measurement",
