@@ -1,11 +1,11 @@
 // A new render: a file is dropped or chosen, packed if need be, uploaded and checked; the form then offers what is in it.
 
-import { get, known, scenePath, upload } from "./api.js";
-import { button, element, fill, say, write } from "./dom.js";
-import { filesOfDrop, filesOfInput, packed } from "./dropped.js";
-import * as format from "./format.js";
-import { problemBox } from "./problem_view.js";
-import { sceneForm } from "./scene_form.js";
+import { get, known, scenePath, upload } from "../base/api.js";
+import { button, element, fill, say, write } from "../base/dom.js";
+import * as format from "../base/format.js";
+import { problemBox } from "../base/problem_box.js";
+import { filesOfDrop, filesOfInput, packed } from "../scene/dropped.js";
+import { sceneForm } from "../scene/form.js";
 
 const LOOK_EVERY_S = 0.1;
 

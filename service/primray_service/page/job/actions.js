@@ -1,9 +1,9 @@
 // What can be done to a job: cancel, go on to a lower error, delete, render again with other settings, compare, read its log.
 
-import { jobPath, send } from "./api.js";
-import { button, element, field, fill } from "./dom.js";
-import * as format from "./format.js";
-import { TERMINAL } from "./words.js";
+import { jobPath, send } from "../base/api.js";
+import { button, element, field, fill } from "../base/dom.js";
+import * as format from "../base/format.js";
+import { TERMINAL } from "../base/words.js";
 
 export function actions(id, { changed, failed }) {
   const row = element("div", { class: "actions" });

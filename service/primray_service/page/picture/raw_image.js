@@ -1,7 +1,7 @@
 // A picture as the renderer has it, scene-linear halfs, and how it gets on the screen: exposure, clipping, sRGB. A half has
 // 65,536 values, so both its number and its place on the screen are tables.
 
-import * as format from "./format.js";
+import * as format from "../base/format.js";
 
 // IEEE 754-2008 binary16: 1 sign, 5 exponent, 10 fraction bits.
 export const HALF = Float32Array.from({ length: 65536 }, (_, bits) => {

@@ -1,12 +1,12 @@
 // The settings of a render, offered from what the scene's check found; sends the job.
 
-import { send, token } from "./api.js";
-import { button, choice, element, field, fill, freshId } from "./dom.js";
-import { diagnostics } from "./diagnostics.js";
-import * as format from "./format.js";
-import { problemBox } from "./problem_view.js";
-import { factsOf } from "./scene_facts.js";
-import { QUALITIES } from "./words.js";
+import { send, token } from "../base/api.js";
+import { diagnostics } from "../base/diagnostics.js";
+import { button, choice, element, field, fill, freshId } from "../base/dom.js";
+import * as format from "../base/format.js";
+import { problemBox } from "../base/problem_box.js";
+import { QUALITIES } from "../base/words.js";
+import { factsOf } from "./facts.js";
 
 const SCALES = [["1", "full"], ["0.5", "half"], ["0.25", "quarter"]];
 

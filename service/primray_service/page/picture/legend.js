@@ -1,7 +1,7 @@
 // What the colours of an error view mean, from the answer's Preview-Scale.
 
-import { element, fill } from "./dom.js";
-import * as format from "./format.js";
+import { element, fill } from "../base/dom.js";
+import * as format from "../base/format.js";
 
 export function legend() {
   const root = element("p", { class: "legend", hidden: true });

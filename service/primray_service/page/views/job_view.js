@@ -1,20 +1,20 @@
 // One job: its picture as it refines, how far it is, its error against the target, its frames, notes on the scene, files.
 
-import { get, jobPath, scenePath } from "./api.js";
-import { curve } from "./curve.js";
-import { diagnostics } from "./diagnostics.js";
-import { element, fill, say, write } from "./dom.js";
-import * as format from "./format.js";
-import { frameStrip } from "./frame_strip.js";
-import { actions } from "./job_actions.js";
-import { facts } from "./job_facts.js";
+import { get, jobPath, scenePath } from "../base/api.js";
+import { diagnostics } from "../base/diagnostics.js";
+import { element, fill, say, write } from "../base/dom.js";
+import * as format from "../base/format.js";
+import { problemBox } from "../base/problem_box.js";
+import { TERMINAL, phaseWords } from "../base/words.js";
+import { actions } from "../job/actions.js";
+import { curve } from "../job/curve.js";
+import { facts } from "../job/facts.js";
+import { frameStrip } from "../job/frame_strip.js";
+import { live } from "../job/live.js";
+import { outputs } from "../job/outputs.js";
+import { progress } from "../job/progress.js";
+import { viewer } from "../picture/viewer.js";
 import { labels, otherLabels } from "./jobs_view.js";
-import { live } from "./live.js";
-import { outputs } from "./outputs.js";
-import { problemBox } from "./problem_view.js";
-import { progress } from "./progress.js";
-import { viewer } from "./viewer.js";
-import { TERMINAL, phaseWords } from "./words.js";
 
 const LOOK_EVERY_S = 5; // where no event stream can be had
 const CURVE_EVERY_S = 0.9;

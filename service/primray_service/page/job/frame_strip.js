@@ -1,10 +1,10 @@
 // The frames of a job that has several: one button each, with its state and error; the one that is rendered is followed until
 // another is chosen.
 
-import { get, jobPath } from "./api.js";
-import { button, element, fill, write } from "./dom.js";
-import * as format from "./format.js";
-import { stateWords } from "./words.js";
+import { get, jobPath } from "../base/api.js";
+import { button, element, fill, write } from "../base/dom.js";
+import * as format from "../base/format.js";
+import { stateWords } from "../base/words.js";
 
 const SHOWN = 200;
 

@@ -1,6 +1,6 @@
 // The line between two pictures on a stage: it lies on the stage, not on the sheet, so that it is one pixel wide at every zoom.
 
-import { element } from "./dom.js";
+import { element } from "../base/dom.js";
 
 export function divider(board, onMove) {
   const root = element("div", { class: "divider", hidden: true });

@@ -1,10 +1,10 @@
 // The job list: filter by state and label, pages, two jobs chosen to be compared.
 
-import { get, jobPath } from "./api.js";
-import { button, choice, element, field, fill, say } from "./dom.js";
-import * as format from "./format.js";
-import { problemBox } from "./problem_view.js";
-import { STATES, TERMINAL, phaseWords, stateWords } from "./words.js";
+import { get, jobPath } from "../base/api.js";
+import { button, choice, element, field, fill, say } from "../base/dom.js";
+import * as format from "../base/format.js";
+import { problemBox } from "../base/problem_box.js";
+import { STATES, TERMINAL, phaseWords, stateWords } from "../base/words.js";
 
 const PAGE = 25;
 const LOOK_EVERY_S = 4;

@@ -1,8 +1,8 @@
 // How far a job is: what it does, how large its error is, how long it still takes.
 
-import { element, write } from "./dom.js";
-import * as format from "./format.js";
-import { TERMINAL, phaseWords } from "./words.js";
+import { element, write } from "../base/dom.js";
+import * as format from "../base/format.js";
+import { TERMINAL, phaseWords } from "../base/words.js";
 
 export function progress() {
   const bar = element("progress", { max: "1", value: 0, "aria-label": "Progress" });

@@ -1,16 +1,16 @@
 // Two pictures on top of each other: a slider between them, or their difference, at one exposure, with the values of both
 // under the cursor. The difference and its measures are computed here, from the half floats.
 
-import { get, jobPath } from "./api.js";
-import { compareSide } from "./compare_side.js";
-import { button, choice, element, field, fill, write } from "./dom.js";
-import { divider } from "./divider.js";
-import * as format from "./format.js";
+import { get, jobPath } from "../base/api.js";
+import { button, choice, element, field, fill, write } from "../base/dom.js";
+import * as format from "../base/format.js";
+import { problemBox } from "../base/problem_box.js";
+import { TERMINAL } from "../base/words.js";
+import { compareSide } from "../picture/compare_side.js";
+import { divider } from "../picture/divider.js";
+import { compared, drawDifference } from "../picture/raw_image.js";
+import { stage } from "../picture/stage.js";
 import { nameOf } from "./jobs_view.js";
-import { problemBox } from "./problem_view.js";
-import { compared, drawDifference } from "./raw_image.js";
-import { stage } from "./stage.js";
-import { TERMINAL } from "./words.js";
 
 const MODES = [["split", "Slider"], ["a", "A"], ["b", "B"], ["difference", "Difference"]];
 const LOOKS = [["display", "As the PNG"], ["srgb", "Plain sRGB"]];

@@ -2,8 +2,8 @@
 // Exposure, channel and view are the server's work; the values under the cursor come from the half-float preview, fetched
 // when somebody points at one.
 
-import { call, jobPath } from "./api.js";
-import { button, choice, element, field, fill, write } from "./dom.js";
+import { call, jobPath } from "../base/api.js";
+import { button, choice, element, field, fill, write } from "../base/dom.js";
 import { legend } from "./legend.js";
 import { drop, fetchPicture } from "./picture.js";
 import { decodeRaw } from "./raw_image.js";

@@ -1,6 +1,6 @@
 // A preview as a decoded <img>: fetched, so that an answer that is no picture becomes a Failure that can be told.
 
-import { call, jobPath } from "./api.js";
+import { call, jobPath } from "../base/api.js";
 
 // {tag, scale, image}; `image` is null where the server still has what `before` names.
 export async function fetchPicture(job, query, before) {

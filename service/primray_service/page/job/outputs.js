@@ -1,8 +1,8 @@
 // The files of a job: size, digest, download.
 
-import { get, jobPath } from "./api.js";
-import { button, element, fill, say, write } from "./dom.js";
-import * as format from "./format.js";
+import { get, jobPath } from "../base/api.js";
+import { button, element, fill, say, write } from "../base/dom.js";
+import * as format from "../base/format.js";
 
 export function outputs(job) {
   const list = element("ul", { class: "files" });

@@ -1,7 +1,7 @@
 // A picture that can be zoomed and moved: by wheel, drag, pinch, buttons and keys. It knows sizes and pixels, not what is
 // shown. Its sheet has the picture's size in CSS pixels and is put into place by a transform.
 
-import { button, element, say, write } from "./dom.js";
+import { button, element, say, write } from "../base/dom.js";
 
 const MOST_ZOOM = 64;
 const STEP = 1.25;

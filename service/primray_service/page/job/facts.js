@@ -1,9 +1,9 @@
 // What a job was asked for and what it came to: its problem if it failed, settings, times, use of the machine.
 
-import { element, fill } from "./dom.js";
-import * as format from "./format.js";
-import { problemBox } from "./problem_view.js";
-import { STOPPED } from "./words.js";
+import { element, fill } from "../base/dom.js";
+import * as format from "../base/format.js";
+import { problemBox } from "../base/problem_box.js";
+import { STOPPED } from "../base/words.js";
 
 export function facts() {
   const failure = element("div", {});

@@ -1,8 +1,8 @@
 // The error against time or samples on logarithmic axes, with its 95 % band and the target. uPlot is a global: it comes as a
 // classic script.
 
-import { button, element } from "./dom.js";
-import * as format from "./format.js";
+import { button, element } from "../base/dom.js";
+import * as format from "../base/format.js";
 
 const HEIGHT = 220;
 

@@ -1,8 +1,8 @@
 // One of the two pictures that are compared: its job, its half floats, and how it is shown: as the renderer's own PNG would be
 // (the server's work), or plainly encoded as sRGB (computed here).
 
-import { call, get, jobPath } from "./api.js";
-import { element, fill } from "./dom.js";
+import { call, get, jobPath } from "../base/api.js";
+import { element, fill } from "../base/dom.js";
 import { drop, fetchPicture } from "./picture.js";
 import { decodeRaw, drawPicture } from "./raw_image.js";
 
