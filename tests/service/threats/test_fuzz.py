@@ -13,9 +13,9 @@ from queue import Empty, Queue
 from typing import Any
 
 import pytest
-from tests.service.fuzz_corpus import Input, corpus
 from tests.service.serving import RunningServer
 from tests.service.threats.fates import Canary, workers_of
+from tests.service.threats.fuzz_corpus import Input, corpus
 
 from primray_service.problems import KINDS
 
