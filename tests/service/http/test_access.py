@@ -193,6 +193,7 @@ def test_what_goes_wrong_inside_is_told_without_its_inside(start_server):
     document = problem(answer, answer.status_code, "internal" if answer.status_code == 500 else "unavailable")
     assert "sqlite" not in answer.text.lower()
     assert document["retryable"]
+    assert bool(server.failures()) == (answer.status_code == 500)
 
 
 def test_the_documents(open_to_all):
