@@ -24,7 +24,7 @@ def read_normals(prim: ResolvedPrim, sizes: Sizes, ctx: Context) -> Primvar | No
     if "normals" not in prim.names:
         return None
     raw = value(prim.prim.GetAttribute("normals"), ctx.when)
-    if raw is None or len(raw) == 0:
+    if raw is None or (hasattr(raw, "__len__") and len(raw) == 0):
         return None
     interpolation = UsdGeom.PointBased(prim.prim).GetNormalsInterpolation()
     return check_values(raw, interpolation, "normals", sizes, prim, ctx)
