@@ -20,9 +20,9 @@ SEARCHES = """AllPrims GetAllChildren GetAllDescendants GetChildren GetDescendan
     HasDefiningSpecifier IsAbstract PrimAllPrimsPredicate
     PrimDefaultPredicate PrimHasClassSpecifier PrimHasDefiningSpecifier PrimIsAbstract PrimIsActive PrimIsDefined PrimIsLoaded
     PrimRange Traverse TraverseAll TraverseInstanceProxies"""
-TIMES = """EarliestTime GetBracketingTimeSamples GetNumTimeSamples GetSpline GetTimeSamples GetTimeSamplesInInterval GetUnionedTimeSamples
-    GetUnionedTimeSamplesInInterval HasSpline ListAllTimeSamples ListTimeSamplesForPath TransformMightBeTimeVarying
-    ValueMightBeTimeVarying"""
+TIMES = """EarliestTime GetBracketingTimeSamples GetNumTimeSamples GetSpline GetTimeSamples GetTimeSamplesInInterval
+    GetUnionedTimeSamples GetUnionedTimeSamplesInInterval HasSpline ListAllTimeSamples ListTimeSamplesForPath
+    TransformMightBeTimeVarying ValueMightBeTimeVarying"""
 ONE_PLACE = {
     f"{USD}/querying/traversal.py": frozenset(SEARCHES.split()),
     f"{USD}/querying/time_varying.py": frozenset(TIMES.split()),
