@@ -38,6 +38,7 @@ from .lights.portals import note_unnamed_portals
 from .materials.primvars_read import primvars_read
 from .opening.stage import tf_message, usd_messages
 from .opening.stage_metadata import meters_per_unit, up_axis
+from .querying.traversal import in_world, stands_in_world
 from .resolving.color_spaces import rendering_space
 from .resolving.context import Context
 from .resolving.convert import square
@@ -51,7 +52,7 @@ from .viewing.motion import note_motion
 from .viewing.view import select_camera, view_through
 from .walking.find_by_type import find_by_type
 from .walking.instances import Arrangement, Chain, Group, arrange, count_of, merge_coincident
-from .walking.skinning import posed, prototypes_hold_skeletons
+from .walking.skinning import are_drawn, posed
 from .walking.walk import walk
 
 ShapeAdapter = Callable[[ResolvedPrim, Context], Shape | None]
@@ -128,11 +129,11 @@ def _with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
 
 def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
     found = find_by_type(stage, diagnostics)
-    if found.has_skeletons or prototypes_hold_skeletons(stage):
-        stage = posed(stage, when_of(stage, settings.time_code), diagnostics)
+    if are_drawn(stage, found.skeletons):
+        stage = posed(stage, when_of(stage, settings.time_code, found.clips), diagnostics)
         found = find_by_type(stage, Diagnostics())
     cameras, settings_prims, shaders = found.cameras, found.settings, found.shaders
-    when = when_of(stage, settings.time_code)
+    when = when_of(stage, settings.time_code, found.clips)
     product = product_settings(stage, settings, settings_prims, when, diagnostics)
     ctx = _context(stage, settings, when, product, diagnostics, names)
     space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
@@ -162,12 +163,13 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     _add_grouped(scene, groups, where)
 
     def bounds() -> Bounds:
-        whole = None if where.cyclic or _is_crowded(groups) else stage_bounds(stage, ctx.when, ctx.purposes)
+        is_asked = not (where.cyclic or _is_crowded(groups) or _is_elsewhere(stage, groups))
+        whole = stage_bounds(stage, ctx.when, ctx.purposes) if is_asked else None
         return whole or shape_bounds(scene.shapes, scene.static, scene.prototypes, scene.placements)
 
     note_unnamed_portals(ctx)
     camera, frame = view_through(camera_prim, ctx, product, bounds)
-    note_motion(camera, ctx)
+    note_motion(camera, ctx, found.clips)
     _add_default_lights(scene, camera, ctx)
     _note_missing_primvars(scene, ctx)
     return _describe(scene, ctx, camera, frame, aovs)
@@ -194,7 +196,7 @@ def _note_missing_primvars(scene: _Scene, ctx: Context) -> None:
 
 def camera_paths(stage: Usd.Stage) -> list[str]:
     """The cameras that could be asked for."""
-    return [str(prim.GetPath()) for prim in stage.Traverse() if prim.GetTypeName() == "Camera"]
+    return [str(prim.GetPath()) for prim in in_world(stage) if prim.GetTypeName() == "Camera"]
 
 
 def _shared_paths(groups: list[Group[ResolvedPrim]]) -> frozenset[str]:
@@ -206,6 +208,12 @@ def _shared_paths(groups: list[Group[ResolvedPrim]]) -> frozenset[str]:
         shared |= seen & paths
         seen |= paths
     return frozenset(shared)
+
+
+def _is_elsewhere(stage: Usd.Stage, groups: list[Group[ResolvedPrim]]) -> bool:
+    """Whether USD's bounds would leave out what stands in no world: prototypes of point instancers below `class` or `over`."""
+    roots = (stage.GetPrimAtPath(group.path) for group in groups[1:] if group.path)
+    return any(root and not stands_in_world(root) for root in roots)
 
 
 def _is_crowded(groups: list[Group[ResolvedPrim]]) -> bool:

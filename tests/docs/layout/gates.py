@@ -14,6 +14,19 @@ HTTP_SERVER = {"uvicorn", "h11"}
 SERVICE = "service/primray_service"
 HTTP = (f"{SERVICE}/http", f"{SERVICE}/routes")
 EMBREE = ("renderer/core/embree", "renderer/core/accel", "renderer/core/bvh")  # the last has Embree build its hierarchies
+USD = "renderer/primray/usd"
+# What goes through a stage, or says which of its prims are seen; and what says when an attribute has values. Each has one file.
+SEARCHES = """AllPrims GetAllChildren GetAllDescendants GetChildren GetDescendants GetFilteredChildren GetFilteredDescendants
+    HasDefiningSpecifier IsAbstract PrimAllPrimsPredicate
+    PrimDefaultPredicate PrimHasClassSpecifier PrimHasDefiningSpecifier PrimIsAbstract PrimIsActive PrimIsDefined PrimIsLoaded
+    PrimRange Traverse TraverseAll TraverseInstanceProxies"""
+TIMES = """EarliestTime GetBracketingTimeSamples GetNumTimeSamples GetSpline GetTimeSamples GetTimeSamplesInInterval
+    GetUnionedTimeSamples GetUnionedTimeSamplesInInterval HasSpline ListAllTimeSamples ListTimeSamplesForPath
+    TransformMightBeTimeVarying ValueMightBeTimeVarying"""
+ONE_PLACE = {
+    f"{USD}/querying/traversal.py": frozenset(SEARCHES.split()),
+    f"{USD}/querying/time_varying.py": frozenset(TIMES.split()),
+}
 SQL = {"sqlalchemy", "alembic", "sqlite3", "psycopg"}
 
 Gate = Callable[[PurePosixPath, str], Iterator[str]]
@@ -49,12 +62,7 @@ def imports_point_one_way(path: PurePosixPath, text: str) -> Iterator[str]:
         names = module.split(".")
         if is_under(path, "renderer") and names[0] == "primray_service":
             yield f"imports {module}: the renderer knows no service"
-        if (
-            is_under(path, "renderer/primray/usd")
-            and names[0] == "primray"
-            and names[1:2]
-            and re.match(r"_?core|render$", names[1])
-        ):
+        if is_under(path, USD) and names[0] == "primray" and names[1:2] and re.match(r"_?core|render$", names[1]):
             yield f"imports {module}: translation knows no core"
         if names[-1].startswith("_core_v") and path != PurePosixPath("renderer/primray/core/isa_class.py"):
             yield f"imports {module}: only primray/core/isa_class.py chooses the module"
@@ -64,7 +72,7 @@ def one_gate_per_dependency(path: PurePosixPath, text: str) -> Iterator[str]:
     if path.suffix == ".py" and not is_under(path, "tests"):
         for module in imported_modules(path, text):
             root = module.split(".")[0]
-            if root == "pxr" and not is_under(path, "renderer/primray/usd"):
+            if root == "pxr" and not is_under(path, USD):
                 yield "imports pxr outside primray/usd"
             if root in WEB and path.name != "app.py" and not any(is_under(path, folder) for folder in HTTP):
                 yield f"imports {root} outside app.py, http/ and routes/"
@@ -81,6 +89,16 @@ def one_gate_per_dependency(path: PurePosixPath, text: str) -> Iterator[str]:
             yield "uses nanobind outside core/bindings"
         if re.search(r'#include\s*[<"]pxr/', text):
             yield "the core knows no USD"
+
+
+def one_place_for_what_is_asked_of_a_stage(path: PurePosixPath, text: str) -> Iterator[str]:
+    """Whoever asks by themselves forgets one of the answers: prims below `class`, splines, value clips."""
+    if path.suffix != ".py" or not is_under(path, USD):
+        return
+    used = {node.attr for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Attribute)}
+    for place, names in ONE_PLACE.items():
+        if str(path) != place and (own := sorted(used & names)):
+            yield f"asks {', '.join(own)}: {place} does"
 
 
 def without_comments(text: str) -> str:
@@ -115,6 +133,7 @@ def no_section_banners(path: PurePosixPath, text: str) -> Iterator[str]:
 GATES: tuple[Gate, ...] = (
     imports_point_one_way,
     one_gate_per_dependency,
+    one_place_for_what_is_asked_of_a_stage,
     files_are_short,
     names_say_something,
     files_say_what_they_are,

@@ -22,7 +22,8 @@ from ...settings import RenderSettings
 from ..adapters.cameras.camera import read_aperture
 from ..adapters.rendering.render_settings import product_settings
 from ..opening.stage import error_text, open_stage
-from ..resolving.read import when_of
+from ..querying.traversal import in_world
+from ..resolving.read import When, when_of
 from ..translate import LIGHTS, SHAPES
 from .stage_facts import stage_facts
 
@@ -70,16 +71,17 @@ def scene_facts(path: str | os.PathLike[str]) -> SceneFacts:
     notes = [Note(d.code, d.prim_path, d.message, d.severity.value, d.attribute) for d in diagnostics if d.code not in _OUR_OWN]
     missing, broken = _composition_errors(stage)
     found = stage_facts(stage)
-    prims = list(stage.Traverse())
+    prims = list(in_world(stage))
     cameras = [prim for prim in prims if prim.GetTypeName() == "Camera"]
     settings = [prim for prim in prims if prim.GetTypeName() == "RenderSettings"]
     unused = Diagnostics()
-    chosen = product_settings(stage, RenderSettings(), settings, when_of(stage, None), unused)
+    when = when_of(stage, None)
+    chosen = product_settings(stage, RenderSettings(), settings, when, unused)
     types: dict[str, int] = found["prim_types"]
     used_layers = sum(not layer.anonymous for layer in stage.GetUsedLayers())
     lights = sum(count for name, count in types.items() if name in LIGHTS)
     facts = {
-        "cameras": [_camera(prim) for prim in cameras[:MOST]],
+        "cameras": [_camera(prim, when) for prim in cameras[:MOST]],
         "camera": _default_camera(chosen.camera, cameras),
         "resolution": list(chosen.resolution) if chosen.resolution else None,
         "render_settings": [_settings(prim) for prim in settings[:MOST]],
@@ -133,8 +135,8 @@ def _site(error: Any) -> str:
         return ""
 
 
-def _camera(prim: Usd.Prim) -> dict[str, Any]:
-    aspect = read_aperture(prim, when_of(prim.GetStage(), None), Diagnostics()).aspect
+def _camera(prim: Usd.Prim, when: When) -> dict[str, Any]:
+    aspect = read_aperture(prim, when, Diagnostics()).aspect
     return {
         "path": str(prim.GetPath()),
         "name": prim.GetName(),

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Usd, UsdGeom
 
 from ..opening.stage_metadata import layer_names, meters_per_unit, up_axis
+from ..querying.time_varying import earliest_value, span_of
+from ..querying.traversal import everything, everything_in_prototypes
 
 
 def stage_facts(stage: Usd.Stage) -> dict[str, Any]:
     """As JSON. Prims of prototypes are counted once, whatever the number of their instances."""
-    prims = list(stage.TraverseAll())
-    inside = [prim for prototype in stage.GetPrototypes() for prim in Usd.PrimRange.AllPrims(prototype)]
-    every = prims + inside
+    prims = everything(stage)
+    every = prims + everything_in_prototypes(stage)
     return {
         "layers": layer_names(stage),
         "default_prim": str(stage.GetDefaultPrim().GetPath()) if stage.HasDefaultPrim() else None,
         "up_axis": up_axis(stage),
         "meters_per_unit": meters_per_unit(stage),
-        "time": _time(stage),
+        "time": _time(stage, every),
         "variants": list(_variants(prims)),
         "payloads": _payloads(stage),
         "prim_types": dict(Counter(str(prim.GetTypeName()) for prim in every if prim.GetTypeName()).most_common()),
@@ -34,24 +34,18 @@ def stage_facts(stage: Usd.Stage) -> dict[str, Any]:
     }
 
 
-def _time(stage: Usd.Stage) -> dict[str, Any]:
+def _time(stage: Usd.Stage, prims: list[Usd.Prim]) -> dict[str, Any]:
     """`start` and `end` are None where none is authored; whether anything is sampled says `sampled`."""
     authored = stage.HasAuthoredTimeCodeRange()
     span = (stage.GetStartTimeCode(), stage.GetEndTimeCode()) if authored else (None, None)
-    sampled = sorted({t for layer in stage.GetUsedLayers() for t in _ends(layer)})
+    sampled = span_of(stage, prims)
     return {
         "start": span[0],
         "end": span[1],
         "time_codes_per_second": stage.GetTimeCodesPerSecond(),
         "frames_per_second": stage.GetFramesPerSecond(),
-        "sampled": [sampled[0], sampled[-1]] if sampled else None,
+        "sampled": list(sampled) if sampled else None,
     }
-
-
-def _ends(layer: Sdf.Layer) -> list[float]:
-    """The first and last finite sample of a layer, in its own time."""
-    times = [t for t in layer.ListAllTimeSamples() if math.isfinite(t)]
-    return [times[0], times[-1]] if times else []
 
 
 def _variants(prims: list[Usd.Prim]) -> Iterator[dict[str, Any]]:
@@ -82,7 +76,7 @@ def _purpose(prim: Usd.Prim) -> str:
 
 def _instancer(prim: Usd.Prim) -> dict[str, Any]:
     instancer = UsdGeom.PointInstancer(prim)
-    indices = instancer.GetProtoIndicesAttr().Get(Usd.TimeCode.EarliestTime())
+    indices = earliest_value(instancer.GetProtoIndicesAttr())
     return {
         "path": str(prim.GetPath()),
         "instances": len(indices) if hasattr(indices, "__len__") else 0,

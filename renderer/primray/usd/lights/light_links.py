@@ -19,6 +19,7 @@ from pxr import Sdf, Tf, Usd
 from ...description.lighting import Linked
 from ...diagnostics import Diagnostics
 from ..opening.stage import tf_message
+from ..querying.traversal import everything_in_instances
 from ..resolving.context import Context
 from ..resolving.prim_kinds import PropertyNames
 from ..resolving.resolve import Inherited, ResolvedPrim
@@ -199,8 +200,7 @@ class Links:
     def _paths_in(self, path: str, prototype: str) -> Iterable[Sdf.Path]:
         if prototype not in self._inside:
             root = self.ctx.stage.GetPrimAtPath(prototype)
-            prims = Usd.PrimRange(root, Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate))
-            self._inside[prototype] = [str(p.GetPath())[len(prototype) :] for p in prims]
+            self._inside[prototype] = [str(p.GetPath())[len(prototype) :] for p in everything_in_instances(root)]
         inside = self._inside[prototype]
         self._asked += len(inside)
         if self._asked > MAX_ASKED:

@@ -17,7 +17,6 @@ from ..resolving.prim_kinds import PrimKind
 from ..resolving.resolve import Binding, ResolvedPrim, as_bound, bind_materials, inner_or_outer
 
 MAX_EXPRESSED = 1024  # instances that a collection's expression may make prototypes of their own
-_SUBSETS = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier)
 
 
 def bound_alike(kind: PrimKind, path: str, targets: list[list[Sdf.Path]], above: str) -> Hashable:
@@ -69,7 +68,7 @@ def bind_leaves(shapes: list[ResolvedPrim], by_collection: bool, ctx: Context) -
             asked[key] = len(prims)
             prims.append(as_bound(leaf.prim, leaf.inherited))
         if leaf.type_name == "Mesh" and (place := _place(leaf)) not in subsets:
-            subsets[place] = subsets_of(as_bound(leaf.prim, leaf.inherited), _SUBSETS, ctx)
+            subsets[place] = subsets_of(as_bound(leaf.prim, leaf.inherited), ctx)
     for place, owned in subsets.items():
         for subset in owned:
             asked[place, subset.path] = len(prims)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
-from itertools import chain
 
 from pxr import Usd, UsdShade
 
@@ -23,10 +22,10 @@ SHOWN_COLOR = "primvars:displayColor"  # of shapes without a material
 
 
 def primvars_read(shaders: Iterable[Usd.Prim], ctx: Context) -> tuple[frozenset[str], frozenset[str]]:
-    """Property names of what primvar readers name, among these shaders and those in prototypes; and of those that are colours,
-    displayColor always being one."""
+    """Property names of what primvar readers name, among these shaders; and of those that are colours, displayColor always
+    being one."""
     silent = replace(ctx, diagnostics=Diagnostics())  # most will be read again, for the shapes that they are bound to
-    prims = [p for p in chain(shaders, *map(Usd.PrimRange, ctx.stage.GetPrototypes())) if p.GetTypeName() == "Shader"]
+    prims = list(shaders)
     ids = [str(UsdShade.Shader(prim).GetShaderId() or "") for prim in prims]
     readers = [(prim, name) for prim, name in zip(prims, ids, strict=True) if is_reader(name)]
     names = frozenset(f"primvars:{name}" for prim, _ in readers if (name := primvar_name(Node(prim, ""), silent)))

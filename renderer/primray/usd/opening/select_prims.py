@@ -13,6 +13,7 @@ from pxr import Ar, Sdf, Tf, Usd
 from ...composition import Composition, VariantChoice
 from ...diagnostics import Diagnostics
 from ...errors import SettingsError
+from ..querying.traversal import all_children
 
 _LISTED = 20
 
@@ -99,7 +100,7 @@ def _prim(stage: Usd.Stage, path: str, what: str) -> Usd.Prim:
         nearest = _prim_path(path, what)
         while not stage.GetPrimAtPath(nearest):
             nearest = nearest.GetParentPath()
-        below = [str(child.GetPath()) for child in stage.GetPrimAtPath(nearest).GetAllChildren()]
+        below = [str(child.GetPath()) for child in all_children(stage.GetPrimAtPath(nearest))]
         raise _unknown("there is no such prim", f"below {nearest} there are", below, path, f"unknown-{what}")
     return prim
 

@@ -15,6 +15,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
 
 from ...diagnostics import Diagnostics
 from ...errors import InvalidSceneError
+from ..querying.time_varying import has_samples
 
 # Rates between these divide and multiply by each other without leaving double's range, however long the chain of arcs.
 _RATES = (1e-9, 1e12)
@@ -29,7 +30,7 @@ def check_rates(stage: Usd.Stage, diagnostics: Diagnostics) -> None:
         return
     rates = ", ".join(f"{layer.timeCodesPerSecond:g} in {layer.identifier}" for layer in bad[:3])
     differ = len({layer.timeCodesPerSecond for layer in layers}) > 1
-    if differ and not all(map(_can_be_mapped, bad)) and any(layer.ListAllTimeSamples() for layer in layers):
+    if differ and not all(map(_can_be_mapped, bad)) and has_samples(layers):
         raise InvalidSceneError(
             f"timeCodesPerSecond is {rates}: USD cannot map time samples from one layer to another, and would never return",
             where=bad[0].identifier,

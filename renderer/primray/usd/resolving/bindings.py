@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pxr import Sdf, Tf, Usd, UsdShade
 
 from ..opening.stage import tf_message
+from ..querying.traversal import THERE_IN_INSTANCES, children
 from .context import Context
 
 BINDING = "material:binding"
@@ -105,14 +106,14 @@ def is_collection(name: str) -> bool:
     return ":collection:" in name
 
 
-def subsets_of(mesh: Usd.Prim, predicate: Usd._PrimFlagsPredicate, ctx: Context) -> list[Subset]:
+def subsets_of(mesh: Usd.Prim, ctx: Context) -> list[Subset]:
     """Subsets of faces that say which material: those of the family materialBind, and any others that bind one.
 
     Hydra's renderers take subsets of any family; materialBind is the family meant for it and wins where both hold a face.
     """
     others: list[Subset] = []
     meant: list[Subset] = []
-    for child in mesh.GetFilteredChildren(predicate):
+    for child in children(mesh, THERE_IN_INSTANCES):
         if child.GetTypeName() != "GeomSubset":
             continue
         names = frozenset(child.GetAuthoredPropertyNames())

@@ -9,6 +9,7 @@ from functools import cache
 
 from pxr import Usd, UsdGeom
 
+from ..querying.time_varying import is_between_samples
 from .applied_schemas import IGNORED, UNDERSTOOD, applied_schemas
 from .context import Context
 from .foreign_names import note_light_inputs
@@ -77,8 +78,7 @@ def note_velocities(prim: ResolvedPrim, positions: str, ctx: Context, velocities
     if velocities not in prim.names or ctx.when.time.IsDefault():
         return
     time = ctx.when.time.GetValue()
-    around = prim.prim.GetAttribute(positions).GetBracketingTimeSamples(time)
-    if len(around) == 2 and time not in around:
+    if is_between_samples(prim.prim.GetAttribute(positions), time):
         with_them = " and accelerations" if velocities == "velocities" and "accelerations" in prim.names else ""
         message = f"{velocities}{with_them} are ignored between two samples of {positions}."
         ctx.warn("motion", prim.path, message, velocities)

@@ -34,6 +34,10 @@ class PrimKind(NameSet):
     bindings: tuple[str, ...] = ()  # its properties that bind materials
 
 
+class KindsMet(list[PrimKind]):
+    """Those of the prims that the walk passed."""
+
+
 KindKey = tuple[str, tuple[str, ...], tuple[str, ...]]
 
 

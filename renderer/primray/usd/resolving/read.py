@@ -1,6 +1,6 @@
 """Attribute values at the time of the render, checked: what is not of the expected kind is a diagnostic, never an exception.
 
-At the default time an attribute that has time samples and no default value is read at its earliest sample.
+At the default time an attribute that has no default value is read at its earliest one, if it has any for times.
 """
 
 from __future__ import annotations
@@ -15,14 +15,17 @@ from pxr import Usd
 
 from ...arrays import Floats
 from ...diagnostics import Diagnostics
+from ..querying.time_varying import earliest_if_unset, has_clips, has_samples, has_spline
+from ..querying.traversal import populated
 
 MAX_COLUMNS = 4  # of a primvar
-_UNSET = (Usd.ResolveInfoSourceFallback, Usd.ResolveInfoSourceNone)
 
 
 @dataclass(frozen=True)
 class When:
-    """The time to read at; `careful` when it is the default time and the stage has time samples at all.
+    """The time to read at; `careful` when it is the default time and the stage has time samples or value clips at all.
+
+    Splines no layer lists: at the default time every scalar is asked for its own.
 
     `remembered`, where given, keeps what was read: for prims that are read again and again.
     """
@@ -30,31 +33,45 @@ class When:
     time: Usd.TimeCode
     careful: bool
     remembered: dict[tuple[Usd.Prim, str], Any] | None = field(default=None, compare=False)
+    at_knots: set[str] = field(default_factory=set, compare=False)  # paths of prims that were read at a spline's first knot
+    is_default: bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "is_default", self.time.IsDefault())
 
 
-def when_of(stage: Usd.Stage, time_code: float | None) -> When:
+def when_of(stage: Usd.Stage, time_code: float | None, clips: bool | None = None) -> When:
+    """`clips`: whether some prim brings value clips, where that is known."""
     if time_code is not None:
         return When(Usd.TimeCode(time_code), careful=False)
-    return When(Usd.TimeCode.Default(), careful=has_time_samples(stage))
+    return When(Usd.TimeCode.Default(), careful=has_samples_or_clips(stage, clips))
 
 
-def has_time_samples(stage: Usd.Stage) -> bool:
-    """Whether any layer of the stage authors time samples or value clips (clips are samples from further files)."""
-    if any(prim.HasAuthoredMetadata("clips") for prim in stage.GetPseudoRoot().GetAllChildren()):
-        return True
-    return any(layer.ListAllTimeSamples() for layer in stage.GetUsedLayers())
+def has_samples_or_clips(stage: Usd.Stage, clips: bool | None = None) -> bool:
+    """Whether any layer of the stage authors time samples, or any prim value clips; `clips` as for `when_of`."""
+    return has_samples(stage.GetUsedLayers()) or (any(map(has_clips, populated(stage))) if clips is None else clips)
 
 
 def time_of(attribute: Usd.Attribute, when: When) -> Usd.TimeCode:
     """The time at which to read this attribute."""
-    if when.careful and attribute.GetResolveInfo(when.time).GetSource() in _UNSET and attribute.GetNumTimeSamples() > 0:
-        return Usd.TimeCode.EarliestTime()
-    return when.time
+    if not (when.careful or (when.is_default and has_spline(attribute))):
+        return when.time
+    earliest = earliest_if_unset(attribute)
+    if earliest is None:
+        return when.time
+    if not earliest.IsEarliestTime():
+        when.at_knots.add(str(attribute.GetPrimPath()))
+    return earliest
 
 
 def value(attribute: Usd.Attribute, when: When) -> Any:
     """The attribute's value, None when it has none."""
-    return attribute.Get(time_of(attribute, when))
+    if when.careful:
+        return attribute.Get(time_of(attribute, when))
+    found = attribute.Get(when.time)
+    if when.is_default and (found is None or isinstance(found, float)) and has_spline(attribute):  # which only scalars have
+        return attribute.Get(time_of(attribute, when))
+    return found
 
 
 def read(prim: Usd.Prim, name: str, when: When) -> Any:

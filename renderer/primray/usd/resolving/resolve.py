@@ -6,13 +6,16 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Container, Hashable
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade
 
 from ...arrays import Doubles
+from ..querying.time_varying import has_spline
 from .bindings import BINDING, Subset
 from .color_scope import NOWHERE, ColorScope
 from .color_spaces import color_in_rendering_space, in_rendering_space, scope_below
@@ -23,6 +26,7 @@ from .read import When, array, as_columns, is_single, read, time_of, value
 _IDENTITY = Gf.Matrix4d(1.0)
 _PURPOSE_VISIBILITY = {f"{purpose}Visibility": purpose for purpose in ("guide", "proxy", "render")}
 _HANDED = {"visibility", "purpose", "model:drawMode", "primvars:displayColor", "primvars:displayOpacity", *_PURPOSE_VISIBILITY}
+_SCALAR = re.compile("(translate|scale|rotate)[XYZ]$")
 _CONSTANT = (None, "constant")  # a primvar's interpolation where nothing is authored, and the token
 
 
@@ -83,10 +87,10 @@ class ResolvedPrim:
 
 
 def local_matrix(prim: Usd.Prim, names: frozenset[str], when: When, cache: UsdGeom.XformCache) -> tuple[Gf.Matrix4d, bool]:
-    """The prim's own transform and whether it resets the stack, with un-sampled defaults read at their earliest sample."""
+    """The prim's own transform and whether it resets the stack, with what has no default read at its earliest value."""
     if "xformOpOrder" not in names:
         return _IDENTITY, False
-    if not when.careful:
+    if not reads_early(prim, names, when):
         local, resets = cache.GetLocalTransformation(prim)
         return local, resets
     xformable = UsdGeom.Xformable(prim)
@@ -96,6 +100,16 @@ def local_matrix(prim: Usd.Prim, names: frozenset[str], when: When, cache: UsdGe
     for op in xformable.GetOrderedXformOps():  # least local first; row vectors: the most local multiplies from the left
         local = op.GetOpTransform(time_of(op.GetAttr(), when)) * local
     return local, xformable.GetResetXformStack()
+
+
+def reads_early(prim: Usd.Prim, names: frozenset[str], when: When) -> bool:
+    """Whether the prim's own transform may have to be read at its earliest values; of splines, which only scalars have."""
+    return when.careful or (when.is_default and any(has_spline(prim.GetAttribute(n)) for n in _scalar_operations(names)))
+
+
+@lru_cache(maxsize=4096)
+def _scalar_operations(names: frozenset[str]) -> tuple[str, ...]:
+    return tuple(name for name in names if name.startswith("xformOp:") and _SCALAR.match(name.split(":")[1]))
 
 
 def is_drawn(inherited: Inherited, purposes: Container[str]) -> bool:

@@ -8,6 +8,8 @@ import numpy as np
 from pxr import Tf, Usd, UsdGeom
 
 from ...arrays import Doubles
+from ..querying.time_varying import EARLIEST
+from ..querying.traversal import everything
 from .read import When
 
 Bounds = tuple[Doubles, Doubles]  # centre and size of the world's axis-aligned box
@@ -19,11 +21,12 @@ DEEPEST = 500
 def stage_bounds(stage: Usd.Stage, when: When, purposes: tuple[str, ...]) -> Bounds | None:
     """As usdrecord sees them, authored extents included; None where USD cannot say, or says nothing finite.
 
+    Nor can it where splines were read at their first knots: for USD the earliest time is before these.
     Not to be asked where an instancer contains itself: UsdGeomBBoxCache (26.11) then overflows the stack.
     """
-    if is_deep(stage.TraverseAll()):
+    if when.at_knots or is_deep(everything(stage)):
         return None
-    time = Usd.TimeCode.EarliestTime() if when.careful else when.time
+    time = EARLIEST if when.careful else when.time
     try:
         box = UsdGeom.BBoxCache(time, list(purposes), useExtentsHint=True).ComputeWorldBound(stage.GetPseudoRoot())
     except Tf.ErrorException:  # something on the stage is of the wrong type; its own reader says what

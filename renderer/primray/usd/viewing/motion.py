@@ -6,14 +6,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import Gf, Tf, Usd, UsdGeom
+from pxr import Sdf, Tf, Usd, UsdGeom
 
 from ...description import Camera
+from ..querying.time_varying import changes, has_times, may_have_spline, might_change, number_of
+from ..querying.traversal import in_world, instanced_roots, stands_in_world, there_below
 from ..resolving.context import Context
-from ..resolving.read import When, has_time_samples, time_of
+from ..resolving.prim_kinds import KindsMet, PropertyNames
+from ..resolving.read import When, has_samples_or_clips, time_of
 
 LISTED = 8
-MOST_SAMPLES = 16  # that are compared; what has more while the shutter is open is taken to move
 # Changes of these are no motion; primvars (but for normals, which follow points) are colours and the like.
 STILL = frozenset(["visibility", "purpose", "extent", "extentsHint", "velocities", "accelerations", "angularVelocities"])
 VELOCITIES = ("velocities", "angularVelocities")
@@ -28,45 +30,55 @@ class Span:
     closes: float
 
     def around(self, attribute: Usd.Attribute) -> tuple[float, float] | None:
-        time = time_of(attribute, self.when)
-        if time.IsEarliestTime():
-            samples = attribute.GetTimeSamples()
-            time = Usd.TimeCode(samples[0]) if samples else Usd.TimeCode.Default()
-        if time.IsDefault():
-            return None
-        return time.GetValue() + self.opens, time.GetValue() + self.closes
+        time = number_of(time_of(attribute, self.when), attribute)
+        return None if time is None else (time + self.opens, time + self.closes)
 
 
-def note_motion(camera: Camera, ctx: Context) -> None:
-    """One diagnostic of the camera's, naming some of what moves and how much there is of it."""
+def note_motion(camera: Camera, ctx: Context, clips: bool) -> None:
+    """One diagnostic of the camera's, naming some of what moves and how much there is of it; `clips`: there are some."""
     opens, closes = camera.shutter
-    if not opens < closes or not has_time_samples(ctx.stage):
+    if not opens < closes:
+        return
+    types = None if has_samples_or_clips(ctx.stage, clips) else _types_with_scalars(ctx)
+    if types is not None and not types:
         return
     span = Span(ctx.when, opens, closes)
-    count, named = 0, []
-    for prim in _prims(ctx.stage, camera.path):
-        moving = next(_moving(prim, span), None)
-        if moving is None or not _is_seen(prim, span.when.time, ctx.purposes):
+    moving: dict[Sdf.Path, str] = {}
+    for prim, root in _prims(ctx, camera.path):
+        if types is not None and prim.GetTypeName() not in types:
             continue
-        count += 1
-        if count <= LISTED:
-            named.append(f"{prim.GetPath()} ({moving})")
-    if count:
-        more = f" and {count - LISTED:,} more" if count > LISTED else ""
+        name = next(_moving(prim, span), None)
+        if name is not None and prim.GetPath() not in moving and _is_seen(prim, root, span.when.time, ctx.purposes):
+            moving[prim.GetPath()] = name
+    if moving:
+        named = ", ".join(f"{path} ({name})" for path, name in list(moving.items())[:LISTED])
+        more = f" and {len(moving) - LISTED:,} more" if len(moving) > LISTED else ""
         message = f"The shutter is open from {opens:g} to {closes:g}, but the scene is rendered at one instant. What moves: "
-        ctx.warn("motion", camera.path, f"{message}{', '.join(named)}{more}.", "shutter:close")
+        ctx.warn("motion", camera.path, f"{message}{named}{more}.", "shutter:close")
 
 
-def _prims(stage: Usd.Stage, camera: str) -> Iterator[Usd.Prim]:
-    """Whatever has a place in the scene; of the cameras, the one that looks."""
-    ranges = [stage.Traverse(), *(Usd.PrimRange(prototype) for prototype in stage.GetPrototypes())]
-    for prims in ranges:
+def _types_with_scalars(ctx: Context) -> frozenset[str]:
+    """The types of prims that may have splines, when nothing else is given for times: what has none is not looked at."""
+    first = ((kind, ctx.stage.GetPrimAtPath(kind.first_path)) for kind in ctx.kept.of(KindsMet))
+    return frozenset(
+        kind.type_name for kind, prim in first if not prim or any(map(may_have_spline, prim.GetAuthoredAttributes()))
+    )
+
+
+def _prims(ctx: Context, camera: str) -> Iterator[tuple[Usd.Prim, Usd.Prim | None]]:
+    """Whatever has a place in the scene; of the cameras, the one that looks. Prototypes of point instancers come with their
+    root: what is above that hides them from where they stand only."""
+    for prims in (in_world(ctx.stage), *map(there_below, ctx.stage.GetPrototypes())):
         for prim in prims:
             if prim.IsA(UsdGeom.Camera):
                 if str(prim.GetPath()) == camera:
-                    yield prim
+                    yield prim, None
             elif prim.IsA(UsdGeom.Imageable) or prim.GetTypeName() == "SkelAnimation":
-                yield prim
+                yield prim, None
+    if any("prototypes" in names for names in ctx.kept.of(PropertyNames)):
+        for root in instanced_roots(ctx.stage):
+            if not stands_in_world(root) or _is_hidden_above(root, ctx.when.time):
+                yield from ((prim, root) for prim in there_below(root) if not prim.IsA(UsdGeom.Camera))
 
 
 def _moving(prim: Usd.Prim, span: Span) -> Iterator[str]:
@@ -76,26 +88,15 @@ def _moving(prim: Usd.Prim, span: Span) -> Iterator[str]:
         if name in VELOCITIES:
             if _is_nonzero(attribute, span.when):
                 yield name
-        elif name not in STILL and not name.startswith("primvars:") and attribute.ValueMightBeTimeVarying():
+        elif name not in STILL and not name.startswith("primvars:") and might_change(attribute):
             around = span.around(attribute)
-            if around is not None and _changes(attribute, *around):
+            if around is not None and changes(attribute, *around):
                 yield name
-
-
-def _changes(attribute: Usd.Attribute, opens: float, closes: float) -> bool:
-    try:
-        inside = attribute.GetTimeSamplesInInterval(Gf.Interval(opens, closes))
-        if len(inside) > MOST_SAMPLES:
-            return True
-        first = attribute.Get(opens)
-        return any(attribute.Get(time) != first for time in [*inside, closes])
-    except (Tf.ErrorException, UnicodeDecodeError):
-        return False
 
 
 def _is_nonzero(attribute: Usd.Attribute, when: When) -> bool:
     """Velocities count from a sample of the positions on: without samples nothing moves."""
-    if attribute.GetNumTimeSamples() == 0:
+    if not has_times(attribute):
         return False
     try:
         values = np.asarray(attribute.Get(time_of(attribute, when)))
@@ -104,8 +105,27 @@ def _is_nonzero(attribute: Usd.Attribute, when: When) -> bool:
     return values.dtype.kind == "f" and bool(values.any())
 
 
-def _is_seen(prim: Usd.Prim, time: Usd.TimeCode, purposes: tuple[str, ...]) -> bool:
+def _is_hidden_above(root: Usd.Prim, time: Usd.TimeCode) -> bool:
+    above = UsdGeom.Imageable(root.GetParent())
+    return bool(above) and above.ComputeVisibility(time) == "invisible"
+
+
+def _is_seen(prim: Usd.Prim, root: Usd.Prim | None, time: Usd.TimeCode, purposes: tuple[str, ...]) -> bool:
     imageable = UsdGeom.Imageable(prim)
     if not imageable:
         return True
-    return imageable.ComputeVisibility(time) != "invisible" and str(imageable.ComputePurpose()) in purposes
+    if str(imageable.ComputePurpose()) not in purposes:
+        return False
+    return imageable.ComputeVisibility(time) != "invisible" if root is None else not _is_hidden_below(prim, root, time)
+
+
+def _is_hidden_below(prim: Usd.Prim, root: Usd.Prim, time: Usd.TimeCode) -> bool:
+    """By an opinion between them."""
+    while prim:
+        attribute = prim.GetAttribute("visibility")
+        if attribute and attribute.Get(time) == "invisible":
+            return True
+        if prim == root:
+            return False
+        prim = prim.GetParent()
+    return False

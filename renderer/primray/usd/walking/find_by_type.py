@@ -1,4 +1,7 @@
-"""The prims that are looked for by their type, wherever they stand outside prototypes: one pass over the stage."""
+"""The prims that are looked for by their type, wherever they are: one pass over the stage and its native prototypes.
+
+Cameras and render passes are those of the world; shaders and skeletons may also be led to below `class` and `over`.
+"""
 
 from __future__ import annotations
 
@@ -8,30 +11,43 @@ from pxr import Usd
 
 from ...diagnostics import Diagnostics
 from ..adapters.rendering.render_pass import note_render_pass
+from ..querying.time_varying import has_clips
+from ..querying.traversal import is_there, populated, stands_in_world
+
+_TYPES = frozenset({"Camera", "RenderSettings", "RenderPass", "Shader", "SkelRoot"})
 
 
 @dataclass
 class Found:
-    """Prims of some types, wherever they are outside prototypes."""
+    """Prims of some types; of cameras and settings those of the world."""
 
     cameras: list[Usd.Prim] = field(default_factory=list)
     settings: list[Usd.Prim] = field(default_factory=list)
-    shaders: list[Usd.Prim] = field(default_factory=list)
-    has_skeletons: bool = False
+    shaders: list[Usd.Prim] = field(default_factory=list)  # those in native prototypes too
+    skeletons: list[Usd.Prim] = field(default_factory=list)  # SkelRoots, likewise
+    clips: bool = False  # some prim brings value clips
 
 
 def find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> Found:
     found = Found()
-    for prim in stage.Traverse():
+    for prim in populated(stage):
+        found.clips = found.clips or has_clips(prim)
         name = prim.GetTypeName()
-        if name == "Camera":
-            found.cameras.append(prim)
-        elif name == "RenderSettings":
-            found.settings.append(prim)
-        elif name == "Shader":
-            found.shaders.append(prim)
-        elif name == "SkelRoot":
-            found.has_skeletons = True
-        elif name == "RenderPass":
-            note_render_pass(prim, diagnostics)
+        if name in _TYPES and is_there(prim):
+            _add(found, prim, str(name), diagnostics)
     return found
+
+
+def _add(found: Found, prim: Usd.Prim, name: str, diagnostics: Diagnostics) -> None:
+    if name == "Shader":
+        found.shaders.append(prim)
+    elif name == "SkelRoot":
+        found.skeletons.append(prim)
+    elif prim.IsInPrototype() or not stands_in_world(prim):
+        return
+    elif name == "Camera":
+        found.cameras.append(prim)
+    elif name == "RenderSettings":
+        found.settings.append(prim)
+    else:
+        note_render_pass(prim, diagnostics)

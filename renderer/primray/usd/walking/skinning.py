@@ -6,13 +6,17 @@ change. Baking does not reach into native instances: those with skeletons are ta
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from itertools import chain
 from typing import TYPE_CHECKING
 
 from pxr import Gf, Tf, Usd
 
 from ...diagnostics import Diagnostics
 from ..opening.stage import scratch_copy, tf_message
+from ..querying.standing import standing_in_world
+from ..querying.time_varying import has_times
+from ..querying.traversal import THERE, in_world, instanced_roots, stands_in_world, there_below
 from ..resolving.read import When, value
 
 if TYPE_CHECKING:
@@ -21,8 +25,11 @@ if TYPE_CHECKING:
 MAX_TAKEN_APART = 1000
 
 
-def prototypes_hold_skeletons(stage: Usd.Stage) -> bool:
-    return any(_has_root(prototype) for prototype in stage.GetPrototypes())
+def are_drawn(stage: Usd.Stage, skeletons: list[Usd.Prim]) -> bool:
+    """Whether any of these SkelRoots is in the world, in a native prototype, or in what a point instancer draws."""
+    if any(prim.IsInPrototype() or stands_in_world(prim) for prim in skeletons):
+        return True
+    return bool(skeletons) and any(map(_has_root, _instanced_elsewhere(stage)))
 
 
 def posed(stage: Usd.Stage, when: When, diagnostics: Diagnostics) -> Usd.Stage:
@@ -32,12 +39,14 @@ def posed(stage: Usd.Stage, when: When, diagnostics: Diagnostics) -> Usd.Stage:
     made = scratch_copy(stage)
     made.SetEditTarget(made.GetSessionLayer())
     _take_apart(made)
-    for path in [str(prim.GetPath()) for prim in made.Traverse() if _is_root(prim)]:
-        problem = _pose(UsdSkel.Root(made.GetPrimAtPath(path)), when)
-        if problem:
-            diagnostics.add("skinning", path, problem)
-        else:
-            diagnostics.add("posed", path, "Meshes below are posed by their skeleton.")
+    paths = list(dict.fromkeys(str(prim.GetPath()) for prim in _drawn(made) if _is_root(prim)))
+    with standing_in_world(made, paths):
+        for path in paths:
+            problem = _pose(UsdSkel.Root(made.GetPrimAtPath(path)), when)
+            if problem:
+                diagnostics.add("skinning", path, problem)
+            else:
+                diagnostics.add("posed", path, "Meshes below are posed by their skeleton.")
     return made
 
 
@@ -46,14 +55,27 @@ def _is_root(prim: Usd.Prim) -> bool:
 
 
 def _has_root(prim: Usd.Prim) -> bool:
-    return any(below.GetTypeName() == "SkelRoot" for below in Usd.PrimRange(prim))
+    return any(below.GetTypeName() == "SkelRoot" for below in there_below(prim))
+
+
+def _drawn(stage: Usd.Stage) -> Iterable[Usd.Prim]:
+    """The prims of the world, and those that point instancers lead to elsewhere."""
+    return chain(in_world(stage), *map(there_below, _instanced_elsewhere(stage)))
+
+
+def _instanced_elsewhere(stage: Usd.Stage) -> Iterator[Usd.Prim]:
+    """The prototypes of point instancers that stand below `class` or `over`; a part of a SkelRoot is posed with all of it."""
+    for root in instanced_roots(stage):
+        if not root.IsInPrototype() and not stands_in_world(root):
+            above = map(stage.GetPrimAtPath, root.GetPath().GetPrefixes())
+            yield next((prim for prim in above if prim.GetTypeName() == "SkelRoot"), root)
 
 
 def _take_apart(stage: Usd.Stage) -> None:
     """Instances that hold skeletons, directly or in further instances, become prims of their own."""
     while True:
         holding = _holding_prototypes(stage)
-        instances = [prim for prim in stage.Traverse() if prim.IsInstance()]
+        instances = [prim for prim in _drawn(stage) if prim.IsInstance()]
         found = [p for p in instances if p.GetTypeName() == "SkelRoot" or str(p.GetPrototype().GetPath()) in holding]
         if not found or len(found) > MAX_TAKEN_APART:
             return
@@ -64,7 +86,7 @@ def _take_apart(stage: Usd.Stage) -> None:
 def _holding_prototypes(stage: Usd.Stage) -> set[str]:
     """Paths of the prototypes with a skeleton in them, or in what they are made of."""
     prototypes = stage.GetPrototypes()
-    held = {str(p.GetPath()): {str(i.GetPrototype().GetPath()) for i in Usd.PrimRange(p) if i.IsInstance()} for p in prototypes}
+    held = {str(p.GetPath()): {str(i.GetPrototype().GetPath()) for i in there_below(p) if i.IsInstance()} for p in prototypes}
     found = {str(p.GetPath()) for p in prototypes if _has_root(p)}
     while more := {path for path, inner in held.items() if path not in found and inner & found}:
         found |= more
@@ -78,7 +100,7 @@ def _pose(root: UsdSkel.Root, when: When) -> str:
     try:
         for prim in _involved(root):
             for attribute in prim.GetAuthoredAttributes():
-                if attribute.GetNumTimeSamples() > 0:
+                if has_times(attribute):
                     present = value(attribute, when)
                     if present is not None:
                         attribute.Set(present)
@@ -95,10 +117,10 @@ def _involved(root: UsdSkel.Root) -> Iterator[Usd.Prim]:
     while above and not above.IsPseudoRoot():
         yield above
         above = above.GetParent()
-    yield from Usd.PrimRange(root.GetPrim())
+    yield from there_below(root.GetPrim())
     cache = UsdSkel.Cache()
-    if cache.Populate(root, Usd.PrimDefaultPredicate):
-        for binding in cache.ComputeSkelBindings(root, Usd.PrimDefaultPredicate):
+    if cache.Populate(root, THERE):
+        for binding in cache.ComputeSkelBindings(root, THERE):
             animation = cache.GetSkelQuery(binding.GetSkeleton()).GetAnimQuery()
             if animation and not animation.GetPrim().IsInstanceProxy():
                 yield animation.GetPrim()

@@ -20,6 +20,7 @@ from ..adapters.shapes.points import POINT, spheres
 from ..lights.light_links import Links
 from ..materials.leaf_materials import bind_leaves, bindings_of, bound_alike, differ_by_material
 from ..opening.stage import tf_message
+from ..querying.traversal import IN_PROTOTYPE, IN_WORLD, children
 from ..resolving.applied_schemas import applied_schemas
 from ..resolving.bindings import binds_by_collection, note_bindings
 from ..resolving.color_scope import NOWHERE
@@ -28,7 +29,7 @@ from ..resolving.context import Context
 from ..resolving.foreign_names import note_other_renderers
 from ..resolving.notes import note_prim
 from ..resolving.poses import ROOT, Poses
-from ..resolving.prim_kinds import PrimKinds, PropertyNames
+from ..resolving.prim_kinds import KindsMet, PrimKinds, PropertyNames
 from ..resolving.resolve import (
     Binding,
     Inherited,
@@ -44,9 +45,6 @@ from .instances import Group
 
 Expand = Callable[[ResolvedPrim, Context], list[tuple[str, PointInstances]]]  # (prototype root, group_from_prototype)
 
-# Inside prototypes of point instancers `over` ancestors are common: they keep prototypes from being drawn by themselves.
-_IN_PROTOTYPE = Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier
-_IN_WORLD = _IN_PROTOTYPE & ~Usd.PrimIsAbstract
 # Nothing below these is drawn by itself.
 _CLOSED = frozenset({"Material", "Shader", "NodeGraph", "GeomSubset", "PointInstancer", "Camera"})
 _MADE = frozenset({"PointInstancer", "Points"})  # into groups
@@ -104,6 +102,7 @@ def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand, links: Lin
         _walk_group(state, state.groups[index], root, inherited)
     shapes = [leaf for group in state.groups for leaf in group.leaves if leaf_types[leaf.type_name] == "shape"]
     bind_leaves(shapes, kinds.by_collection, ctx)
+    ctx.kept.of(KindsMet)[:] = kinds.found.values()
     ctx.kept.of(PropertyNames).update(kind.names for kind in kinds.found.values())
     note_other_renderers(kinds.found.values(), ctx)
     return state.groups
@@ -112,8 +111,8 @@ def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand, links: Lin
 def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inherited: Inherited) -> None:
     ctx, poses, native = state.ctx, Poses(), list[ResolvedPrim]()
     is_namespace_root = root.IsPseudoRoot() or root.IsPrototype()
-    drawn = _IN_WORLD if is_namespace_root else _IN_PROTOTYPE
-    prims = root.GetFilteredChildren(drawn) if is_namespace_root else [root]
+    drawn = IN_WORLD if is_namespace_root else IN_PROTOTYPE
+    prims = children(root, drawn) if is_namespace_root else [root]
     parent = str((root if is_namespace_root else root.GetParent()).GetPath())
     # What a point instancer's prototype has above it is not known here, but the same whenever it is walked.
     if not is_namespace_root:
@@ -156,9 +155,9 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
                 group.leaves.append(resolved)
             if is_instance:
                 native.append(resolved)
-        if not is_instance and type_name not in _CLOSED and (children := prim.GetFilteredChildren(drawn)):
-            below = _Above(path, pose, mine, path if kind.bindings else above.binds)
-            stack += [(child, below) for child in reversed(children)]
+        if not is_instance and type_name not in _CLOSED and (below := children(prim, drawn)):
+            mine_above = _Above(path, pose, mine, path if kind.bindings else above.binds)
+            stack += [(child, mine_above) for child in reversed(below)]
     _expand_native(state, group, native, poses)
 
 

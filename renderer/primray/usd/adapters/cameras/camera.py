@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from ....description import Camera, Projection
 from ....diagnostics import Diagnostics
 from ...resolving.convert import matrix
 from ...resolving.read import When, number, token
-from ...resolving.resolve import local_matrix
+from ...resolving.resolve import local_matrix, reads_early
 from ..rendering.render_product import ProductSettings
 from .clipping import clipping_planes, clipping_range
 from .lens import MM, WIDEST, Lens, note_no_lens, read_lens
@@ -180,16 +181,23 @@ def _world_from_camera(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> 
 
 def _world_matrix(prim: Usd.Prim, when: When) -> Gf.Matrix4d:
     cache = UsdGeom.XformCache(when.time)
-    if not when.careful:
+    upwards = [(p, frozenset(p.GetAuthoredPropertyNames())) for p in _upwards(prim)]
+    if not any(reads_early(p, names, when) for p, names in upwards):
         return cache.GetLocalToWorldTransform(prim)
     world = Gf.Matrix4d(1.0)
-    while prim and not prim.IsPseudoRoot():
-        local, resets = local_matrix(prim, frozenset(prim.GetAuthoredPropertyNames()), when, cache)
+    for p, names in upwards:
+        local, resets = local_matrix(p, names, when, cache)
         world = world * local
         if resets:
             break
-        prim = prim.GetParent()
     return world
+
+
+def _upwards(prim: Usd.Prim) -> Iterator[Usd.Prim]:
+    """The prim and what is above it, but for the root."""
+    while prim and not prim.IsPseudoRoot():
+        yield prim
+        prim = prim.GetParent()
 
 
 def _note_ignored(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> None:

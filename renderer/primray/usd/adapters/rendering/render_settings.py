@@ -9,6 +9,7 @@ from pxr import Sdf, Usd
 from ....diagnostics import Diagnostics
 from ....errors import SettingsError
 from ....settings import RenderSettings
+from ...querying.traversal import in_world
 from ...resolving.read import When, when_of
 from .render_product import ProductSettings, product_of, settings_alone
 
@@ -24,7 +25,7 @@ def products(
     """
     settings = settings or RenderSettings()
     diagnostics = Diagnostics() if diagnostics is None else diagnostics
-    candidates = [prim for prim in stage.Traverse() if prim.GetTypeName() == "RenderSettings"]
+    candidates = [prim for prim in in_world(stage) if prim.GetTypeName() == "RenderSettings"]
     prim = _choose(stage, settings.render_settings, candidates, diagnostics)
     when = when_of(stage, settings.time_code)
     return tuple(_read(prim, product, when, diagnostics) for product in _products(stage, prim, diagnostics))

@@ -18,7 +18,11 @@ from ....description import Interpolation, Mesh, Primvar, PrimvarInput, Surface,
 from ....textures.texture_matrix import read_matrix
 from ...materials.texture_asset import in_space
 from ...opening.asset import read_asset
+from ...opening.stage import scratch_copy
 from ...opening.stage_metadata import up_axis
+from ...querying.standing import standing_in_world
+from ...querying.time_varying import EARLIEST, earliest_value
+from ...querying.traversal import drawn_in_instances, stands_in_world
 from ...resolving.color_spaces import color_in_rendering_space
 from ...resolving.context import Context
 from ...resolving.read import read, token, vector
@@ -214,27 +218,52 @@ def _has_area(corners: Doubles) -> bool:
 _PURPOSES = ("default", "render", "proxy")
 
 
+class _Copies(dict[str, Usd.Stage]):
+    """A copy of the stage that is translated, where one was needed."""
+
+
 def _box(prim: ResolvedPrim, ctx: Context) -> tuple[Doubles, Doubles] | None:
     """The model's bounds in its own space, of all purposes but guide, at its earliest time: authored, else computed."""
     box = _extents_hint(prim.prim)
-    if box is None and not is_deep(Usd.PrimRange(prim.prim, Usd.TraverseInstanceProxies())):
-        try:
-            cache = UsdGeom.BBoxCache(Usd.TimeCode.EarliestTime(), list(_PURPOSES), useExtentsHint=True)
-            found = cache.ComputeUntransformedBound(prim.prim).ComputeAlignedRange()
-        except Tf.ErrorException:
-            found = None
-        if found is not None and not found.IsEmpty():
-            box = np.array(found.GetMin()), np.array(found.GetMax())
+    if box is None:
+        box = _computed_box(prim.prim) if stands_in_world(prim.prim) else _box_elsewhere(prim.prim, ctx)
     if box is None or not (np.isfinite(box).all() and (box[0] <= box[1]).all()):
         ctx.warn("draw-mode-input", prim.path, "The model has no bounds: nothing is drawn in its place.", "extentsHint")
         return None
     return box
 
 
+def _box_elsewhere(prim: Usd.Prim, ctx: Context) -> tuple[Doubles, Doubles] | None:
+    """USD sees nothing below a model that does not stand in the world: in a copy of the stage it does."""
+    copies, path = ctx.kept.of(_Copies), str(prim.GetPath())
+    if not copies:
+        copies[""] = scratch_copy(ctx.stage)
+    with standing_in_world(copies[""], [path]):
+        return _computed_box(copies[""].GetPrimAtPath(path))
+
+
+def _computed_box(prim: Usd.Prim) -> tuple[Doubles, Doubles] | None:
+    """Where splines have no end before their first knots, at the stage's first time."""
+    if not prim or is_deep(drawn_in_instances(prim)):
+        return None
+    box = _box_at(prim, EARLIEST)
+    is_finite = box is None or np.isfinite(box).all()
+    return box if is_finite else _box_at(prim, Usd.TimeCode(prim.GetStage().GetStartTimeCode()))
+
+
+def _box_at(prim: Usd.Prim, time: Usd.TimeCode) -> tuple[Doubles, Doubles] | None:
+    try:
+        cache = UsdGeom.BBoxCache(time, list(_PURPOSES), useExtentsHint=True)
+        found = cache.ComputeUntransformedBound(prim).ComputeAlignedRange()
+    except Tf.ErrorException:
+        return None
+    return None if found.IsEmpty() else (np.array(found.GetMin()), np.array(found.GetMax()))
+
+
 def _extents_hint(prim: Usd.Prim) -> tuple[Doubles, Doubles] | None:
     """The union of its boxes for default, render and proxy: two points a purpose; one without geometry has an empty box."""
     attribute = prim.GetAttribute("extentsHint")
-    hint = attribute.Get(Usd.TimeCode.EarliestTime()) if attribute else None
+    hint = earliest_value(attribute) if attribute else None
     try:
         pairs = np.asarray(hint, np.float64).reshape(-1, 2, 3)[: len(_PURPOSES)]
     except (TypeError, ValueError):

@@ -1,0 +1,39 @@
+"""Prims that are made to stand in the world for a while: below `class` and `over` USD computes neither poses nor bounds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+
+from pxr import Sdf, Usd
+
+from .traversal import stands_in_world
+
+
+@contextmanager
+def standing_in_world(stage: Usd.Stage, paths: Iterable[str]) -> Iterator[None]:
+    """Opinions in the stage's own session layer define these prims and all above them; afterwards they are as they were.
+
+    Of a stage that is ours to write to (scratch_copy). Prims in native prototypes have no opinions of their own: they stay.
+    """
+    layer = stage.GetSessionLayer()
+    undefined = list(dict.fromkeys(path for prim in map(stage.GetPrimAtPath, paths) for path in _undefined(prim)))
+    _specify(layer, undefined, Sdf.SpecifierDef)
+    try:
+        yield
+    finally:
+        _specify(layer, undefined, Sdf.SpecifierOver)
+
+
+def _undefined(prim: Usd.Prim) -> list[Sdf.Path]:
+    """What keeps a prim out of the world: itself or what is above it."""
+    if not prim or prim.IsInPrototype() or prim.IsInstanceProxy() or stands_in_world(prim):
+        return []
+    stage = prim.GetStage()
+    return [path for path in prim.GetPath().GetPrefixes() if stage.GetPrimAtPath(path).GetSpecifier() != Sdf.SpecifierDef]
+
+
+def _specify(layer: Sdf.Layer, paths: list[Sdf.Path], specifier: Sdf.Specifier) -> None:
+    with Sdf.ChangeBlock():
+        for path in paths:
+            Sdf.CreatePrimInLayer(layer, path).specifier = specifier

@@ -1,0 +1,137 @@
+"""What changes over time: the only place that knows the ways in which values may be given for times (a gate holds that).
+
+These are time samples, value clips (samples in further files, which metadata name) and splines, which only scalars have
+and USD counts as no samples. A layer lists its samples, not its clips and splines.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Any
+
+from pxr import Gf, Sdf, Tf, Usd
+
+MOST_SAMPLES = 16  # that are compared; what has more in a span is taken to change
+_STEPS = 16  # between which a spline is looked at, besides its knots
+_UNSET = (Usd.ResolveInfoSourceFallback, Usd.ResolveInfoSourceNone)
+_SPLINED = frozenset(["double", "float", "half", "timecode"])  # the types that have splines (Ts.Spline.IsSupportedValueType)
+
+
+EARLIEST = Usd.TimeCode.EarliestTime()  # for what USD computes of many attributes; a spline may be anywhere then
+
+
+def has_samples(layers: Iterable[Sdf.Layer]) -> bool:
+    """Whether any of the layers has time samples of its own."""
+    return any(layer.ListAllTimeSamples() for layer in layers)
+
+
+def has_clips(prim: Usd.Prim) -> bool:
+    """Whether the prim brings value clips to itself and what is below it."""
+    return bool(prim.HasAuthoredMetadata("clips"))
+
+
+def has_spline(attribute: Usd.Attribute) -> bool:
+    return bool(attribute.HasSpline())
+
+
+def may_have_spline(attribute: Usd.Attribute) -> bool:
+    """By its type."""
+    return str(attribute.GetTypeName()) in _SPLINED
+
+
+def has_times(attribute: Usd.Attribute) -> bool:
+    """Whether there are values for times, one at least."""
+    return bool(attribute.HasSpline() or attribute.GetNumTimeSamples() > 0)
+
+
+def earliest_if_unset(attribute: Usd.Attribute) -> Usd.TimeCode | None:
+    """The time of the first value, where there is none for the default time but some for others."""
+    if attribute.GetResolveInfo(Usd.TimeCode.Default()).GetSource() not in _UNSET:
+        return None
+    if attribute.HasSpline():
+        return _first_knot(attribute)
+    return EARLIEST if attribute.GetNumTimeSamples() > 0 else None
+
+
+def earliest_value(attribute: Usd.Attribute) -> Any:
+    """The first of its values for times, else the one for the default time."""
+    time = _first_knot(attribute) if attribute.HasSpline() else None
+    return attribute.Get(EARLIEST if time is None else time)
+
+
+def _first_knot(attribute: Usd.Attribute) -> Usd.TimeCode | None:
+    """Before it a spline may go anywhere: at USD's earliest time one with a slope is beyond 1e300."""
+    knots = _knot_times(attribute)
+    return Usd.TimeCode(min(knots)) if knots else None
+
+
+def _knot_times(attribute: Usd.Attribute) -> list[float]:
+    """In the stage's time."""
+    return [float(knot.GetTime()) for knot in attribute.GetSpline().GetKnots().values()]
+
+
+def number_of(time: Usd.TimeCode, attribute: Usd.Attribute) -> float | None:
+    """A time as a number, the earliest as that of the attribute's first sample; None for the default time."""
+    if time.IsEarliestTime():
+        samples = attribute.GetTimeSamples()
+        return samples[0] if samples else None
+    return None if time.IsDefault() else float(time.GetValue())
+
+
+def is_between_samples(attribute: Usd.Attribute, time: float) -> bool:
+    around = attribute.GetBracketingTimeSamples(time)
+    return len(around) == 2 and time not in around
+
+
+def might_change(attribute: Usd.Attribute) -> bool:
+    """Asked before `changes`, cheaply."""
+    return bool(attribute.ValueMightBeTimeVarying())
+
+
+def changes(attribute: Usd.Attribute, opens: float, closes: float) -> bool:
+    """Whether its value is another one at some time of this span; no where USD cannot read it."""
+    try:
+        samples = attribute.GetTimeSamplesInInterval(Gf.Interval(opens, closes))
+        if len(samples) > MOST_SAMPLES:
+            return True
+        times = [*samples, *_looked_at(attribute, opens, closes), closes]
+        first = attribute.Get(opens)
+        return any(attribute.Get(time) != first for time in times)
+    except (Tf.ErrorException, UnicodeDecodeError):
+        return False
+
+
+def _looked_at(attribute: Usd.Attribute, opens: float, closes: float) -> list[float]:
+    """Times within a span at which a spline is compared: a curve may come back to where it was."""
+    if not attribute.HasSpline():
+        return []
+    knots = [time for time in _knot_times(attribute) if opens < time < closes]
+    return knots[:MOST_SAMPLES] + [opens + (closes - opens) * k / _STEPS for k in range(1, _STEPS)]
+
+
+def span_of(stage: Usd.Stage, prims: Iterable[Usd.Prim]) -> tuple[float, float] | None:
+    """The first and the last time that values are given for: by layers and clips in their own time, by these prims' splines."""
+    times = [t for layer in stage.GetUsedLayers() for t in _ends(layer.ListAllTimeSamples())]
+    for prim in prims:
+        if has_clips(prim):
+            times += _ends(_times_of_clips(prim))
+        for attribute in prim.GetAuthoredAttributes():
+            if attribute.HasSpline():
+                times += _ends(_knot_times(attribute))
+    return (min(times), max(times)) if times else None
+
+
+def _ends(times: Iterable[float]) -> list[float]:
+    finite = [float(t) for t in times if math.isfinite(t)]
+    return [min(finite), max(finite)] if finite else []
+
+
+def _times_of_clips(prim: Usd.Prim) -> list[float]:
+    """As the metadata say: without opening any of what may be thousands of files."""
+    sets = prim.GetMetadata("clips")
+    found: list[float] = []
+    for clips in sets.values() if isinstance(sets, dict) else ():
+        pairs = clips.get("times") or clips.get("active") or ()
+        found += [pair[0] for pair in pairs] or [clips[key] for key in ("templateStartTime", "templateEndTime") if key in clips]
+    return found

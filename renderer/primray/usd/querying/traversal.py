@@ -1,0 +1,106 @@
+"""Which prims are seen: the only place that goes through a stage, for all who search it (a gate holds that).
+
+Two policies. What stands *in the world* is USD's default: active, loaded, defined as all above it is, not abstract. Cameras
+and settings are looked for there. What is *there* is active, loaded and has a defining specifier, `def` or `class`, of its own,
+whatever stands above it: `class` and `over` keep prims from being drawn where they stand, but relationships lead to materials
+and to prototypes of point instancers (around which UsdGeomPointInstancer recommends them).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from itertools import chain
+
+from pxr import Tf, Usd, UsdGeom
+
+_LOADED = Usd.PrimIsActive & Usd.PrimIsLoaded
+THERE = _LOADED & Usd.PrimHasDefiningSpecifier
+IN_WORLD = THERE & ~Usd.PrimIsAbstract  # asked of a child of what stands in the world
+IN_PROTOTYPE = THERE & ~Usd.PrimHasClassSpecifier  # of a child in what a point instancer draws, wherever that stands
+THERE_IN_INSTANCES = Usd.TraverseInstanceProxies(THERE)
+
+
+def in_world(stage: Usd.Stage) -> Iterable[Usd.Prim]:
+    """The prims that stand in the world, outside native prototypes."""
+    found: Iterable[Usd.Prim] = stage.Traverse()
+    return found
+
+
+def stands_in_world(prim: Usd.Prim) -> bool:
+    """Whether a prim that is there stands in the world, or in what is drawn of a native prototype."""
+    return bool(prim.IsDefined() and not prim.IsAbstract())
+
+
+def populated(stage: Usd.Stage) -> Iterator[Usd.Prim]:
+    """The active, loaded prims of a stage and of its native prototypes: all that are there, and what is around them.
+
+    Whoever takes one for something asks `is_there`: cheaper of few prims than of all.
+    """
+    return chain(Usd.PrimRange(stage.GetPseudoRoot(), _LOADED), *(Usd.PrimRange(p, _LOADED) for p in stage.GetPrototypes()))
+
+
+def is_there(prim: Usd.Prim) -> bool:
+    """Of a populated prim."""
+    return bool(prim.HasDefiningSpecifier())
+
+
+def there_below(root: Usd.Prim) -> Iterator[Usd.Prim]:
+    """The prims that are there, from this one down; not those in native instances."""
+    return (prim for prim in Usd.PrimRange(root, _LOADED) if prim.HasDefiningSpecifier())
+
+
+def everything(stage: Usd.Stage) -> list[Usd.Prim]:
+    """All prims of a stage, inactive ones too, outside native prototypes: to count them, or to see how deep they are."""
+    return list(stage.TraverseAll())
+
+
+def everything_in_prototypes(stage: Usd.Stage) -> list[Usd.Prim]:
+    return [prim for prototype in stage.GetPrototypes() for prim in Usd.PrimRange.AllPrims(prototype)]
+
+
+def everything_in_instances(root: Usd.Prim) -> Iterable[Usd.Prim]:
+    """All prims from this one down, those in native instances by their proxies."""
+    found: Iterable[Usd.Prim] = Usd.PrimRange(root, Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate))
+    return found
+
+
+def drawn_in_instances(root: Usd.Prim) -> Iterable[Usd.Prim]:
+    """From a prim of the world down: what stands there, in native instances by its proxies."""
+    found: Iterable[Usd.Prim] = Usd.PrimRange(root, Usd.TraverseInstanceProxies())
+    return found
+
+
+def children(prim: Usd.Prim, drawn: Usd._PrimFlagsPredicate) -> list[Usd.Prim]:
+    """Those that a policy sees."""
+    found: list[Usd.Prim] = prim.GetFilteredChildren(drawn)
+    return found
+
+
+def all_children(prim: Usd.Prim) -> list[Usd.Prim]:
+    found: list[Usd.Prim] = prim.GetAllChildren()
+    return found
+
+
+def instanced_roots(stage: Usd.Stage) -> list[Usd.Prim]:
+    """The prototypes that point instancers of the world lead to, wherever they stand, those of instancers in them too."""
+    met: dict[str, Usd.Prim] = {}
+    waiting = [chain(in_world(stage), *map(there_below, stage.GetPrototypes()))]
+    while waiting:
+        for prim in waiting.pop():
+            if prim.GetTypeName() != "PointInstancer":
+                continue
+            for path in _prototypes_of(prim):
+                root = stage.GetPrimAtPath(path)
+                if root and root.IsActive() and str(root.GetPath()) not in met:
+                    met[str(root.GetPath())] = root
+                    waiting.append(chain(there_below(root)))
+    return list(met.values())
+
+
+def _prototypes_of(instancer: Usd.Prim) -> list[str]:
+    """As authored; of relationships that USD cannot follow the adapter says so (point_instancer)."""
+    relationship = UsdGeom.PointInstancer(instancer).GetPrototypesRel()
+    try:
+        return [str(path) for path in relationship.GetForwardedTargets()] if relationship else []
+    except Tf.ErrorException:
+        return []
