@@ -156,7 +156,7 @@ class Described:
         """The core's scene in the module for `isa`."""
         width = DEFAULT_FILTER_WIDTH[filter] if filter_width is None else filter_width
         taken = {file: list(tiles) for file, tiles in self.textures.items()}
-        scene, warnings = upload(core_module(isa), self.description, taken, width, inverse_cdf(filter, width))
+        scene, warnings, _ = upload(core_module(isa), self.description, taken, width, inverse_cdf(filter, width))
         assert warnings == []
         return scene
 

@@ -127,19 +127,17 @@ def _marks(exit_code: int | str, exr: Path, report: dict[str, Any]) -> Iterator[
     elif exit_code == 1 or (isinstance(exit_code, int) and exit_code < 0):
         yield "crash"
     if exit_code == 0:
-        yield from _picture_marks(exr, has_shapes=report["scene"]["meshes"] + report["scene"]["spheres"] > 0)
+        yield from _picture_marks(exr)
 
 
-def _picture_marks(exr: Path, *, has_shapes: bool) -> Iterator[str]:
-    """What cannot be right of a picture; where nothing can be drawn there is nothing to see."""
+def _picture_marks(exr: Path) -> Iterator[str]:
+    """What cannot be right of a picture."""
     import numpy as np
     import OpenImageIO as oiio
 
     pixels = np.asarray(oiio.ImageBuf(str(exr)).get_pixels(oiio.FLOAT))
     if not np.isfinite(pixels).all():
         yield "not-finite"
-    if not has_shapes:
-        return
     if pixels[..., 3].max() <= 0:
         yield "nothing-seen"
     elif pixels[..., :3].max() <= 0:

@@ -33,8 +33,10 @@ def build(
     width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.filter]
     record = SceneRecord() if description.aovs else None
     try:
-        scene, warnings = upload(module(), description, textures, width, inverse_cdf(settings.filter, width), shapes, record)
+        scene, warnings, bounds = upload(
+            module(), description, textures, width, inverse_cdf(settings.filter, width), shapes, record
+        )
     except module().CoreError as error:
         raise_as_ours(error)
     d = description
-    return CoreScene(scene, d.camera.exposure_scale, warnings, d.frame.size, record, d.rendering_space)
+    return CoreScene(scene, d.camera.exposure_scale, warnings, d.frame.size, record, d.rendering_space, bounds)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ..color.color_space import REC709, ColorSpace
+from ..description.placement import Box
 from ..settings import RenderSettings
 from .core_inputs import integrator_settings
 from .isa_class import lanes, module
@@ -30,6 +31,7 @@ class CoreScene:
         resolution: tuple[int, int],
         record: SceneRecord | None = None,
         rendering_space: ColorSpace = REC709,
+        bounds: Box | None = None,
     ) -> None:
         self._scene = scene
         self.record = record  # where AOVs are asked for
@@ -37,6 +39,7 @@ class CoreScene:
         self._exposure_scale = exposure_scale
         self.warnings = warnings  # code, prim path, message
         self.rendering_space = rendering_space
+        self.bounds = bounds  # (3,) low and high corner of what is placed in the world, without a few outliers
         self._guides: dict[tuple[int, Splits], Any] = {}
         self._caustics: dict[int, Any] = {}
 

@@ -32,8 +32,9 @@ def upload(
     filter_inverse_cdf: npt.NDArray[np.float32],
     shapes: list[Shape] | None = None,
     record: SceneRecord | None = None,
-) -> tuple[Any, list[tuple[str, str, str]]]:
-    """The core's Scene, and (code, prim path, message) of what could not be taken along. Empties `textures` to save memory.
+) -> tuple[Any, list[tuple[str, str, str]], Box | None]:
+    """The core's Scene, (code, prim path, message) of what could not be taken along, the box of what is placed in the
+    world, or None. Empties `textures` to save memory.
 
     `shapes`, where given, takes the place of the description's: emptied when the core has copies, before it accelerates these.
     `record` is told what the core's numbers mean.
@@ -44,7 +45,8 @@ def upload(
     boxes = usual_boxes(full_boxes, shapes)
     prototype_boxes = boxes_of_prototypes(d, boxes)
     origin = d.camera.world_from_camera[:3, 3]
-    scale = power_of_two_scale(scene_reach(d, boxes, prototype_boxes, origin))
+    low, high = world_boxes(d, boxes, prototype_boxes)
+    scale = power_of_two_scale(scene_reach(d, low, high, origin))
     builder = core.SceneBuilder(origin, scale)
     inputs, lights = SurfaceUpload(core, builder, textures), LightUpload(core, builder)
     if record is not None:
@@ -80,7 +82,7 @@ def upload(
     if scene.unsampled_emitters:
         message = f"{scene.unsampled_emitters} instances that emit are too many to be sampled as lights: expect noise"
         warnings.append(("emitters-unsampled", "", message))
-    return scene, warnings
+    return scene, warnings, (low.min(axis=0), high.max(axis=0)) if len(low) else None
 
 
 @dataclass(frozen=True)
@@ -175,7 +177,7 @@ def shape_boxes(core: Any, shapes: Sequence[Shape]) -> Doubles:
         reach = np.abs([radius for _, radius in spheres])[:, None]
         boxes[[k for k, _ in spheres]] = np.stack([-reach, reach], axis=1)
     for k, shape in enumerate(shapes):
-        if not isinstance(shape, Mesh | SubdivisionMesh | Sphere):
+        if type(shape) not in (Mesh, SubdivisionMesh, Sphere):
             boxes[k] = shape.box()
     return boxes
 
@@ -203,15 +205,29 @@ def boxes_of_prototypes(d: SceneDescription, boxes: Doubles) -> list[Box]:
     ]
 
 
-def scene_reach(d: SceneDescription, boxes: Doubles, prototype_boxes: list[Box], origin: npt.NDArray[np.float64]) -> float:
-    """Largest coordinate distance of any geometry from the origin, of a few outliers left aside; 0 for an empty scene."""
+def world_boxes(d: SceneDescription, boxes: Doubles, prototype_boxes: list[Box]) -> Box:
+    """(N, 3) low and high corners of what is placed in the world: shapes, then placements, a box for all of their instances."""
+    found: list[Box] = [(np.zeros((0, 3)), np.zeros((0, 3)))]
     with np.errstate(invalid="ignore", over="ignore"):
-        found: list[float] = []
         if d.static:
             own = boxes[[p.shape for p in d.static]]
-            lo, hi = transformed_boxes(np.array([p.matrix for p in d.static]), own[:, 0], own[:, 1])
-            found += np.maximum(np.abs(lo - origin), np.abs(hi - origin)).max(axis=1).tolist()
-        found += [_reach(placed_box(p.levels, prototype_boxes[p.prototype]), origin) for p in d.placements]
+            found.append(transformed_boxes(np.array([p.matrix for p in d.static]), own[:, 0], own[:, 1]))
+        found += [
+            (low[None], high[None]) for low, high in (placed_box(p.levels, prototype_boxes[p.prototype]) for p in d.placements)
+        ]
+    return np.concatenate([low for low, _ in found]), np.concatenate([high for _, high in found])
+
+
+def scene_reach(d: SceneDescription, low: Doubles, high: Doubles, origin: npt.NDArray[np.float64]) -> float:
+    """Largest coordinate distance of any geometry from the origin, of a few outliers left aside; 0 for an empty scene.
+
+    `low`, `high`: `world_boxes`.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):
+        near, far = np.abs(low - origin), np.abs(high - origin)
+        alone = np.maximum(near, far).max(axis=1)[: len(d.static)]
+        placed = np.fmax(near.max(axis=1), far.max(axis=1))[len(d.static) :]
+        found: list[float] = [*alone.tolist(), *placed.tolist()]
         reach = float(np.fmax.reduce(found, initial=0.0))
         if not np.isfinite(reach):
             return 0.0

@@ -88,7 +88,9 @@ def prepare(
         diagnostics.add(code, path, message)
     if settings.strict:
         diagnostics.raise_if_strict()
-    return Prepared(scene, settings, counted, description.camera, description.frame, digests, description.aovs)
+    left_out = {} if scene.bounds is not None else usd.left_out(stage, settings)
+    camera, frame, lights = description.camera, description.frame, len(description.lights)
+    return Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, left_out)
 
 
 def load_textures(

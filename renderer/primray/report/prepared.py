@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from ..settings import RenderSettings
@@ -24,3 +24,5 @@ class Prepared:
     frame: Frame
     fingerprint: dict[str, str]  # empty unless it was asked for
     aovs: tuple[AovRequest, ...] = ()
+    lights: int = 0
+    left_out: dict[str, int] = field(default_factory=dict)  # where nothing is drawn: shapes by why, "" for unknown

@@ -9,6 +9,7 @@ column-vector.
 from .adapters.rendering.render_product import ProductSettings, RenderVariable
 from .adapters.rendering.render_settings import products
 from .facts.dependencies import Dependencies, dependencies, write_usdz
+from .facts.left_out import left_out
 from .facts.stage_facts import stage_facts
 from .opening.asset import read_asset
 from .opening.stage import open_stage
@@ -21,6 +22,7 @@ __all__ = [
     "RenderVariable",
     "camera_paths",
     "dependencies",
+    "left_out",
     "open_stage",
     "products",
     "read_asset",

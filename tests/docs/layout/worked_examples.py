@@ -12,8 +12,6 @@ import sysconfig
 from dataclasses import dataclass
 from pathlib import Path
 
-import nanobind
-
 from .architecture import ROOT
 
 NAME = "worked"  # takes the place of NAME in lists
@@ -340,9 +338,14 @@ def run_python(source: str, tree: Path) -> None:
     subprocess.run([sys.executable, "-c", first + lines], cwd=tree, check=True)
 
 
+def _nanobind() -> str:
+    command = [sys.executable, "-m", "nanobind", "--include_dir"]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
+
+
 def run_compiler(compiler: str, source: str, tree: Path) -> None:
     """Raises CalledProcessError if it does not accept the source, whose errors it has told."""
-    core, headers = tree / "renderer" / "core", [sysconfig.get_path("include"), nanobind.include_dir()]
+    core, headers = tree / "renderer" / "core", [sysconfig.get_path("include"), _nanobind()]
     flags = ["-std=c++20", "-fsyntax-only", "-march=x86-64-v3", "-w", "-x", "c++", f"-I{core}"]
     flags += ['-DPRIMRAY_ISA="v3"', "-DPRIMRAY_MAX_LANES=8", *(f"-I{folder}" for folder in headers)]
     subprocess.run([compiler, *flags, str(core / source)], check=True)

@@ -34,7 +34,7 @@ def test_one_warning_a_placement_says_how_many() -> None:
     made = describe(
         [], [lambert(0.5)], prototypes=[CUBE], prototype_shapes=[box([1, 1, 1])], placements=[placement(0, matrices)]
     )
-    scene, warnings = upload(core_module(), made.description, {}, 1.0, NO_TABLE)
+    scene, warnings, _ = upload(core_module(), made.description, {}, 1.0, NO_TABLE)
     assert [(code, path, message[:11]) for code, path, message in warnings] == [("singular-transform", "/cube", "1 instances")]
     o, d = np.array([[0.0, 0, 9], [3.0, 0, 9], [6.0, 0, 9]]), np.array([[0, 0, -1]] * 3, np.float32)
     hits = kernels().intersect(scene, o, d)
@@ -70,7 +70,7 @@ def test_shapes_that_are_handed_over_are_let_go() -> None:
     held = weakref.ref(shape.points)
     description = replace(description, shapes=())
     del shape
-    scene, _ = upload(core_module(), description, {}, 1.0, NO_TABLE, shapes)
+    scene, _, _ = upload(core_module(), description, {}, 1.0, NO_TABLE, shapes)
     assert shapes == []
     assert held() is None
     hits = kernels().intersect(scene, np.array([[0.0, 0, 9]]), np.array([[0, 0, -1]], np.float32))

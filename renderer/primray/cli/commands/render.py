@@ -283,6 +283,8 @@ def _summary_line(image: Image, report: dict[str, Any], files: list[str]) -> str
 
 def _error_line(report: dict[str, Any]) -> str:
     """How wrong the picture is, and why the render stopped there."""
+    if any(diagnostic["code"] == "empty-picture" for diagnostic in report["diagnostics"]):
+        return f"nothing is seen, so no error is known; stopped by {report['stop']['reason']}"
     metric = report["settings"]["error_metric"]
     found, target = report["error"][metric], report["settings"]["target_error"]
     if found is None:

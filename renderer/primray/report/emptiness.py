@@ -1,0 +1,80 @@
+"""Pictures in which nothing is seen, and the likely reason."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import product
+
+import numpy as np
+
+from ..arrays import Doubles, Floats
+from ..description import Camera, Projection
+from ..diagnostic_codes import Severity
+from ..diagnostics import Diagnostic
+from ..fidelity import Kind
+from .prepared import Prepared
+
+UNKNOWN = "without faces, wholly transparent, or of a kind that is not rendered"
+
+
+def is_empty(pixels: Floats, told: Iterable[Diagnostic]) -> bool:
+    """Whether no pixel of (H, W, 4) has light of the stage's: a default light behind nothing is none."""
+    if not pixels[..., :3].any():
+        return True
+    return not pixels[..., 3].any() and any(d.code == "default-light" for d in told)
+
+
+def why_empty(prepared: Prepared, pixels: Floats, told: Iterable[Diagnostic]) -> str:
+    """A sentence; `told` is what translation had to say."""
+    if prepared.scene.bounds is None:
+        return f"Nothing is drawn: {_why_nothing_drawn(prepared.left_out, told)}."
+    if not pixels[..., 3].any():
+        return f"The camera sees nothing: {_why_not_seen(prepared)}."
+    dark = "no light reaches it" if prepared.lights else "there is no light"
+    return f"What the camera sees is black: {dark}, or its materials reflect nothing."
+
+
+def _why_nothing_drawn(left_out: dict[str, int], told: Iterable[Diagnostic]) -> str:
+    told, left_out = list(told), dict(left_out)
+    missing = [d for d in told if d.kind is Kind.MISSING and (d.severity is Severity.ERROR or d.code == "payloads-unloaded")]
+    if missing:
+        left_out.pop("", None)
+    reasons = [f"{count} {'shape is' if count == 1 else 'shapes are'} {why or UNKNOWN}" for why, count in left_out.items()]
+    if missing:
+        more = f" and {len(missing) - 1} more" if len(missing) > 1 else ""
+        reasons.append(f"{missing[0].prim_path or 'a part'}{more} is missing ({missing[0].code})")
+    return "; ".join(reasons) or "the stage holds no geometry"
+
+
+def _why_not_seen(prepared: Prepared) -> str:
+    bounds = prepared.scene.bounds
+    assert bounds is not None
+    camera, (near, far) = prepared.camera, prepared.camera.clipping_range
+    corners = np.array(list(product(*zip(*bounds, strict=True))))
+    depth, beside = _seen_from(camera, corners)
+    if depth.max() <= 0 and camera.projection is Projection.PERSPECTIVE:
+        return f"all geometry lies behind it (from {_places(bounds)})"
+    if depth.max() < near:
+        return f"all geometry is nearer than its near clipping plane, {near:g}"
+    if depth.min() > far:
+        return f"all geometry is beyond its far clipping plane, {far:g}"
+    if beside:
+        return f"all geometry lies beside its view (from {_places(bounds)})"
+    return "what is in its view is transparent, cut off by a clipping plane, or far smaller than a pixel"
+
+
+def _seen_from(camera: Camera, corners: Doubles) -> tuple[Doubles, bool]:
+    """Depths along the camera's axis, and whether all corners are beyond one side of its window."""
+    camera_from_world = np.linalg.inv(camera.world_from_camera)
+    p = corners @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
+    depth = -p[:, 2]
+    left, right, bottom, top = camera.window
+    wide = depth if camera.projection is Projection.PERSPECTIVE else np.ones(len(p))
+    x, y = p[:, 0], p[:, 1]
+    outside = (x < left * wide, x > right * wide, y < bottom * wide, y > top * wide)
+    return depth, any(bool(side.all()) for side in outside)
+
+
+def _places(bounds: tuple[Doubles, Doubles]) -> str:
+    low, high = (", ".join(f"{v:.4g}" for v in corner) for corner in bounds)
+    return f"({low}) to ({high})"
