@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from .option_values import ColorCorrection
+
 Outputs = Annotated[
     list[str] | None,
     typer.Option("--output", "-o", metavar="FILE", help="EXR, PNG or JPEG; may be repeated.", show_default="<scene>.exr"),
@@ -45,6 +47,15 @@ Look = Annotated[
     typer.Option(
         "--look", metavar="NAME", help="OCIO look of PNG and JPEG, in place of the view's.", show_default="the view's"
     ),
+]
+Correction = Annotated[
+    ColorCorrection | None,
+    typer.Option("--colorCorrectionMode", "-color", help="In place of --view: Raw, Un-tone-mapped, or the default."),
+]
+MakeOutputPath = Annotated[bool, typer.Option("--make-output-path", help="Make the outputs' folders.")]
+Snapshot = Annotated[
+    float | None,
+    typer.Option("--snapshot", metavar="S", help="Write the picture so far every so many seconds.", show_default=False),
 ]
 Exposure = Annotated[float, typer.Option("--exposure", metavar="STOPS", help="Of PNG and JPEG.")]
 Report = Annotated[str | None, typer.Option("--report", metavar="FILE", help="Write the report as JSON.", show_default=False)]

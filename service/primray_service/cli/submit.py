@@ -37,6 +37,9 @@ def submit(
     res: stage_flags.Resolution = None,
     image_width: stage_flags.ImageWidth = None,
     frames: stage_flags.Frames = None,
+    frame_count: stage_flags.FrameCount = None,
+    frame_inc: stage_flags.FrameIncrement = None,
+    default_time: stage_flags.DefaultTime = False,
     target_error: render_flags.TargetError = None,
     error_metric: render_flags.ErrorMetric = Metric.RELMSE,
     time_limit: render_flags.TimeLimit = None,
@@ -54,6 +57,7 @@ def submit(
     load: stage_flags.Load = None,
     mask: stage_flags.Mask = None,
     dicing_rate: stage_flags.DicingRate = DEFAULT_DICING_RATE,
+    complexity: stage_flags.Dicing = None,
     strict: stage_flags.Strict = False,
     entry: Annotated[
         str | None, typer.Option(metavar="LAYER", help="The root layer in a zip that has several.", show_default=False)
@@ -82,11 +86,12 @@ def submit(
         "max_samples": spp,
         "max_seconds": time_limit,
     }
+    rate = option_values.dicing_rate_of(dicing_rate, complexity)
     settings: dict[str, Any] = {
         "camera": option_values.camera_of(camera),
-        "render_settings": render_settings,
+        "render_settings": option_values.render_settings_of(render_settings),
         "resolution": option_values.resolution_of(res, image_width),
-        "frames": frames,
+        "frames": option_values.frames_of(frames, frame_count, frame_inc, default_time),
         "stop": given(stop),
         "seed": seed or None,
         "adaptive": adaptive,
@@ -99,7 +104,7 @@ def submit(
         "variants": variants,
         "load": _list(option_values.load_of(no_payloads, load)),
         "mask": _list(option_values.mask_of(mask)),
-        "dicing_rate": dicing_rate if dicing_rate != DEFAULT_DICING_RATE else None,
+        "dicing_rate": rate if rate != DEFAULT_DICING_RATE else None,
         "strict": strict or None,
     }
     labels = ({"name": name} if name else {}) | labels_of(label)
