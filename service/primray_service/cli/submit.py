@@ -17,7 +17,7 @@ from primray.settings import DEFAULT_DICING_RATE, Filter, Metric
 
 from .connection import Json, KeyFile, Server, connected
 from .exits import FAILED, INTERRUPTED, SCENE_REJECTED, USAGE, CommandError, error_of
-from .fetch import download_all
+from .fetch import Overwrite, download_all
 from .job_text import plain
 from .labels import Labels, labels_of
 from .scene_file import SceneFile, scene_file
@@ -75,6 +75,7 @@ def submit(
     fetch: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Follow the job, then download what it made.", show_default=False)
     ] = None,
+    overwrite: Overwrite = False,
     server: Server = None,
     key_file: KeyFile = None,
     json: Json = False,
@@ -128,7 +129,7 @@ def submit(
         if wait or fetch is not None:
             job = watched(client, job, json)
             if fetch is not None:
-                download_all(client, job.id, fetch, json)
+                download_all(client, job.id, fetch, json, overwrite=overwrite)
             end_as(job)
 
 
