@@ -152,6 +152,10 @@ def _replacing(path: Path) -> Iterator[str]:
     try:
         yield str(temporary)
         os.replace(temporary, target)
+    except PrimrayError as error:
+        if error.where == str(temporary):  # nobody knows that name
+            error.where, error.message = str(path), error.message.replace(str(temporary), str(path))
+        raise
     except OSError as error:
         raise PrimrayError(f"the file cannot be written: {error.strerror}", where=str(path), code="write-failed") from error
     finally:

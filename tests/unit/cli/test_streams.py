@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 SCENE = '#usda 1.0\ndef Sphere "s" {}\ndef Camera "kamera" {}\n'
+LIMITED = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (8192, 8192)); from primray.cli import main; main()"
 PRIMRAY = [sys.executable, "-c", "from primray.cli import main; main()"]
 SMALL = ["--spp", "1", "--res", "8", "8"]
 FULL = "standard output cannot be written: No space left on device"
@@ -85,3 +86,15 @@ def test_names_that_are_no_text() -> None:
     assert done.returncode == 2
     assert json.loads(done.stdout)["where"] == os.fsdecode(b"s\xff.exr")
     assert done.stderr == "error: output-name: the output's name is no UTF-8 text [s\\udcff.exr]\n"
+
+
+def test_a_disk_that_is_full_indeed_ends_no_sequence() -> None:
+    """By the limit of a file's size, which the library that writes pictures meets like a full disk."""
+    Path("s.usda").write_text('#usda 1.0\ndef Sphere "s" {}\n')  # framed: pixels that compress less
+    flags = ["-f", "1:2", "-o", "x.#.exr", "-o", "x.#.png", "--res", "64", "64", "--spp", "4"]
+    done = subprocess.run([sys.executable, "-c", LIMITED, "render", "s.usda", *flags], capture_output=True, text=True)
+    assert done.returncode == 1, done.stderr
+    assert sorted(os.listdir()) == ["s.usda", "x.1.png", "x.2.png"]
+    errors = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
+    assert [line.split("[")[-1] for line in errors] == ["x.1.exr]", "x.2.exr]"]
+    assert all(line.startswith("error: write-failed: ") and "/.x." not in line for line in errors)
