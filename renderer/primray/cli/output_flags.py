@@ -72,5 +72,12 @@ Checkpoint = Annotated[
     str | None,
     typer.Option("--checkpoint", metavar="FILE", help="Write what is needed to go on from there.", show_default=False),
 ]
+CheckpointEvery = Annotated[
+    float | None, typer.Option("--checkpoint-every", metavar="S", help="Seconds between checkpoints.", show_default="60")
+]
+Resume = Annotated[
+    str | None,
+    typer.Option("--resume", metavar="FILE", help="Go on from a checkpoint, and with it unless --checkpoint names another."),
+]
 Json = Annotated[bool, typer.Option("--json", help="JSON lines on stdout.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-V", help="Every diagnostic and prim; tracebacks of errors.")]

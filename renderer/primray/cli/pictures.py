@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Looks:
-    """How messages and pictures are to look."""
+    """How messages and pictures are to look, and whether their folders are to be made."""
 
     as_json: bool
     verbose: bool
@@ -28,13 +28,14 @@ class Looks:
     display: str | None = None
     look: str | None = None
     exposure: float = 0.0
+    make_folders: bool = False
 
     @property
     def is_chosen(self) -> bool:
         return not self.view == self.display == self.look is None
 
 
-def check_outputs(files: list[str], report: str | None, looks: Looks, *, make_folders: bool = False) -> None:
+def check_outputs(files: list[str], report: str | None, looks: Looks) -> None:
     """Find out before rendering what cannot be written after it."""
     import math
 
@@ -42,7 +43,7 @@ def check_outputs(files: list[str], report: str | None, looks: Looks, *, make_fo
     from ..images.image import VIEW_EXTENSIONS, check_output_path
     from ..images.output_path import check_folder, make_folder
 
-    if make_folders:
+    if looks.make_folders:
         for name in [*files, *([report] if report else [])]:
             make_folder(Path(name))
     for file in files:

@@ -24,7 +24,7 @@ from .scene_file import SceneFile, scene_file
 from .watch import end_as, watched
 
 if TYPE_CHECKING:
-    from ..client import Client, Scene
+    from ..client import Client, Job, Scene
     from ..client.documents import Settings, Webhook
 
 
@@ -127,10 +127,15 @@ def submit(
         if job.webhook and job.webhook.get("secret") and not json:
             print(f"the webhook's secret, shown this once: {job.webhook['secret']}", file=sys.stderr)
         if wait or fetch is not None:
-            job = watched(client, job, json)
-            if fetch is not None:
-                download_all(client, job.id, fetch, json, overwrite=overwrite)
-            end_as(job)
+            _follow(client, job, fetch, json, overwrite)
+
+
+def _follow(client: Client, job: Job, folder: Path | None, as_json: bool, overwrite: bool) -> None:
+    """To its end, which is the command's; then what it made goes into the folder, if one is named."""
+    ended = watched(client, job, as_json)
+    if folder is not None:
+        download_all(client, ended.id, folder, as_json, overwrite=overwrite)
+    end_as(ended)
 
 
 def given(settings: dict[str, Any]) -> dict[str, Any]:

@@ -32,8 +32,8 @@ def merge(
     from ...checkpoints.checkpointing import Checkpointing
     from ...checkpoints.merge import merge
 
-    looks = Looks(json, verbose, view=view, display=display, look=look, exposure=exposure)
-    check_outputs(outputs, report, looks, make_folders=make_output_path)
+    looks = Looks(json, verbose, view, display, look, exposure, make_output_path)
+    check_outputs(outputs, report, looks)
     if checkpoint is not None:
         Checkpointing(Path(checkpoint)).check()
     merged = merge(parts)

@@ -50,13 +50,8 @@ def render(
     time_limit: render_flags.TimeLimit = None,
     sample_range: output_flags.SampleRange = None,
     checkpoint: output_flags.Checkpoint = None,
-    checkpoint_every: Annotated[
-        float | None, typer.Option(metavar="S", help="Seconds between checkpoints.", show_default="60")
-    ] = None,
-    resume: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="Go on from a checkpoint, and with it unless --checkpoint names another."),
-    ] = None,
+    checkpoint_every: output_flags.CheckpointEvery = None,
+    resume: output_flags.Resume = None,
     adaptive: render_flags.Adaptive = None,
     max_depth: render_flags.MaxDepth = None,
     pixel_filter: render_flags.PixelFilter = Filter.BOX,
@@ -90,11 +85,10 @@ def render(
 ) -> None:
     """Render a USD stage to EXR, PNG or JPEG."""
     time_codes = option_values.time_codes_of(option_values.frames_of(frames, frame_count, frame_inc, default_time))
-    given = ([output] if output else []) + (outputs or [])
     by_product = bool(product) or all_products or output_dir is not None
     if by_product:
-        _require_names_of_their_own(given, report, checkpoint or resume)
-    names = [frame_name(name) for name in given] or [_default_name(scene, time_codes)]
+        _require_names_of_their_own(bool(output or outputs), report, checkpoint or resume)
+    names = [frame_name(name) for name in (output, *(outputs or ())) if name is not None] or [_default_name(scene, time_codes)]
     settings = RenderSettings(
         camera=option_values.camera_of(camera),
         render_settings=option_values.render_settings_of(render_settings),
@@ -124,22 +118,30 @@ def render(
         max_memory_bytes=option_values.bytes_of(max_memory),
         dicing_rate=option_values.dicing_rate_of(dicing_rate, complexity),
     )
-    chosen_view = option_values.view_of(view, color_correction)
-    looks = Looks(json, verbose, view=chosen_view, display=display, look=look, exposure=exposure)
+    looks = Looks(json, verbose, option_values.view_of(view, color_correction), display, look, exposure, make_output_path)
     if list_cameras:
         _list_cameras(scene, settings, json)
-        return
-    if by_product:
-        opened, shots = product_shots(scene, settings, product, output_dir, time_codes)
-        check_outputs([file for shot in shots for file in shot.files], None, looks, make_folders=make_output_path)
-        _render_shots(opened, shots, looks, [None] * len(shots), snapshot)
-        return
-    saved = [frame_name(name) for name in (report, checkpoint, resume if checkpoint is None else None) if name]
-    check_names(names + saved, time_codes)
-    shots = _shots_of(settings, time_codes, names, report)
-    check_outputs(shots[0].files, shots[0].report, looks, make_folders=make_output_path)
-    checkpointing = [_checkpointing(checkpoint, checkpoint_every, resume, shot.settings.time_code) for shot in shots]
-    _render_shots(scene, shots, looks, _check_checkpoints(checkpointing), snapshot)
+    elif by_product:
+        _render_products(scene, settings, product, output_dir, time_codes, looks, snapshot)
+    else:
+        shots = _shots_of(settings, time_codes, names, report, resume if checkpoint is None else checkpoint)
+        check_outputs(shots[0].files, shots[0].report, looks)
+        checkpointing = [_checkpointing(checkpoint, checkpoint_every, resume, t) for t in moments(time_codes)]
+        _render_shots(scene, shots, looks, _check_checkpoints(checkpointing), snapshot)
+
+
+def _render_products(
+    scene: str,
+    settings: RenderSettings,
+    asked: list[str] | None,
+    folder: str | None,
+    time_codes: list[float] | None,
+    looks: Looks,
+    snapshot_s: float | None,
+) -> None:
+    opened, shots = product_shots(scene, settings, asked, folder, time_codes)
+    check_outputs([file for shot in shots for file in shot.files], None, looks)
+    _render_shots(opened, shots, looks, [None] * len(shots), snapshot_s)
 
 
 def _list_cameras(scene: str, settings: RenderSettings, as_json: bool) -> None:
@@ -155,9 +157,14 @@ def _list_cameras(scene: str, settings: RenderSettings, as_json: bool) -> None:
 
 
 def _shots_of(
-    settings: RenderSettings, time_codes: list[float] | None, names: list[FrameName], report: str | None
+    settings: RenderSettings,
+    time_codes: list[float] | None,
+    names: list[FrameName],
+    report: str | None,
+    checkpoint: str | None,
 ) -> list[Shot]:
-    """One for each frame, with its own names."""
+    """One for each frame, with its own names; the checkpoint's has to be one, too."""
+    check_names([*names, *(frame_name(name) for name in (report, checkpoint) if name)], time_codes)
     return [
         Shot(replace(settings, time_code=t), [name.of(t) for name in names], name_of_frame(report, t) if report else None)
         for t in moments(time_codes)
@@ -172,8 +179,8 @@ def _default_name(scene: str, time_codes: list[float] | None) -> FrameName:
     return default_name(Path(member).stem, many=time_codes is not None and len(time_codes) > 1)
 
 
-def _require_names_of_their_own(names: list[str], report: str | None, checkpoint: str | None) -> None:
-    given = {"-o": bool(names), "--report": report is not None, "--checkpoint": checkpoint is not None}
+def _require_names_of_their_own(are_named: bool, report: str | None, checkpoint: str | None) -> None:
+    given = {"-o": are_named, "--report": report is not None, "--checkpoint": checkpoint is not None}
     for flag, is_given in given.items():
         if is_given:
             sentence = f"{flag} names one file, products have names of their own: --output-dir says where they are written"
