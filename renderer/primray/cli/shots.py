@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..errors import SettingsError
 from ..render.frame_names import check_names, frame_name, has_frame_holder
 from ..settings import RenderSettings
 
@@ -39,6 +40,8 @@ def product_shots(
     shots = []
     for product in products_of(opened, settings, asked):
         name = frame_name(_numbered(product.file_name, time_codes))
+        if time_codes is None and name.has_holder:  # the stage's author meant one
+            raise SettingsError("the product's name holds a frame number; --frames says which", where=str(name), code="frames")
         check_names([name], time_codes)
         # Parts of an EXR, which other pictures cannot hold.
         asked_for = product.settings if name.pattern.lower().endswith(".exr") else replace(product.settings, aovs=())
