@@ -65,6 +65,7 @@ format: setup  ## format Python and C++
 docs: setup  ## bring the generated pages and parts of README.md up to date
 	$(BIN)/python -m tests.docs.codes.diagnostics
 	$(BIN)/python -m tests.docs.decisions
+	$(BIN)/python -m tests.docs.flags.foreign
 	$(BIN)/python -m tests.docs.measured.hard_cases
 	$(BIN)/python -m tests.docs.openapi
 	$(BIN)/python -m tests.docs.codes.fidelity

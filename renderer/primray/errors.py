@@ -8,7 +8,7 @@
       RenderCancelled        asked for, not a fault
       InternalError          ours: a failed core invariant, an unexpected Embree code
 
-`exit_code` is what the command line ends with; docs/exit-codes.md documents them.
+`exit_code` is what the command line ends with; docs/exit-codes.md documents them (5 and 6, which no error has, too).
 """
 
 from __future__ import annotations

@@ -53,6 +53,7 @@ class RenderSettings:
     render_settings: str | None = None  # prim path; None: what the stage's metadata name, else its only RenderSettings
     product: str | None = None  # prim path of one of their RenderProducts; None: the first
     resolution: tuple[int, int] | None = None  # width, height; one of them 0: by the camera's aspect
+    resolution_scale: float = 1.0  # of the resolution, whoever chose it
     time_code: float | None = None  # None: the stage's default time
     spp: int | None = None  # at most so many samples a pixel; None: 64, or no limit where an error or a time is asked for
     # Stop when the error's estimate is not above this, or after so many seconds of sampling, whichever comes first.
@@ -120,6 +121,8 @@ class RenderSettings:
         """SettingsError or LimitError if no render could follow these."""
         if self.resolution is not None:
             _check_resolution(*self.resolution)
+        scale = self.resolution_scale
+        _require(0 < scale <= MAX_RESOLUTION, f"the resolution's scale must be above 0 and sensible, not {scale}")
         self._check_sampling()
         depth, width, threads = self.max_depth, self.filter_width, self.threads
         _require(

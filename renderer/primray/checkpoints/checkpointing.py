@@ -6,7 +6,7 @@ import math
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ from ..errors import CheckpointError, PrimrayError, SettingsError
 if TYPE_CHECKING:
     from ..diagnostics import Diagnostic
     from ..report.prepared import Prepared
+    from ..sampling.pauses import Saving
     from ..sampling.sampling import Progress, Sampling
     from .checkpoint import About
 
@@ -36,7 +37,7 @@ class Checkpointing:
 
     def check(self) -> None:
         """Find out before rendering what cannot be read, or written after it; what is there already is not overwritten."""
-        from ..images.image import check_folder
+        from ..images.output_path import check_folder
         from . import checkpoint
 
         check_folder(self.file)
@@ -47,14 +48,17 @@ class Checkpointing:
                 "there is a checkpoint already: resume it, or remove it", where=str(self.file), code="checkpoint-exists"
             )
 
-    def run(self, prepared: Prepared, diagnostics: list[Diagnostic], progress: Progress) -> tuple[Sampling, dict[str, Any]]:
-        """Sample until something stops it; and what the report says of checkpoints."""
+    def run(
+        self, prepared: Prepared, diagnostics: list[Diagnostic], progress: Progress, savings: Sequence[Saving] = ()
+    ) -> tuple[Sampling, dict[str, Any]]:
+        """Sample until something stops it, saving `savings` too; and what the report says of checkpoints."""
+        from ..sampling import pauses
+
         sampling, about = begin(prepared, diagnostics, self.resume)
         resumed_at = sampling.mean_samples()
         saver = Saver(about, self.every_s, lambda: self.file)
         try:
-            while not sampling.run(progress, saver.is_due):
-                saver.save_meanwhile(sampling)
+            pauses.run(sampling, progress, (saver, *savings))
         finally:
             saver.wait()
         saver.save(sampling)

@@ -4,26 +4,102 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from enum import Enum
 
 from ..aov_names import AOVS
 from ..errors import SettingsError
-from ..render.frame_numbers import parse_frames
-from ..settings import SAMPLE_BLOCK
+from ..render.frame_numbers import frame_list, parse_frames
+from ..settings import DEFAULT_DICING_RATE, SAMPLE_BLOCK
 
 _UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 
 
+class Complexity(Enum):
+    """usdrecord's and husk's: each halves the edges of the one before, as a level of refinement does there."""
+
+    LOW = "low"
+    MEDIUM = "medium"
+    HIGH = "high"
+    VERYHIGH = "veryhigh"
+
+
+# Pixels that an edge may cover.
+DICING_RATES = {Complexity.LOW: 16.0, Complexity.MEDIUM: 8.0, Complexity.HIGH: 4.0, Complexity.VERYHIGH: 2.0}
+
+
+class ColorCorrection(Enum):
+    """usdrecord's."""
+
+    DISABLED = "disabled"
+    SRGB = "sRGB"
+    OPENCOLORIO = "openColorIO"
+
+
+# By the names that OpenColorIO's built-in configurations have; None: the display's default.
+VIEWS = {ColorCorrection.DISABLED: "Raw", ColorCorrection.SRGB: "Un-tone-mapped", ColorCorrection.OPENCOLORIO: None}
+
+
 def camera_of(camera: str | None) -> str | None:
     """`-c` is a complexity in usdrecord; say so instead of looking for a camera of that name."""
-    if camera in ("low", "medium", "high", "veryhigh"):
-        raise SettingsError(f"-c names a camera here; usdrecord's complexity {camera!r} has no counterpart", code="camera")
+    if camera in [complexity.value for complexity in Complexity]:
+        sentence = f"-c names a camera here; usdrecord's complexity is --complexity {camera}"
+        raise SettingsError(sentence, code="camera")
     return camera
+
+
+def render_settings_of(prim: str | None) -> str | None:
+    """A path; a name alone is one in /Render, as husk takes it."""
+    return f"/Render/{prim}" if prim and not prim.startswith("/") else prim
+
+
+def dicing_rate_of(dicing_rate: float, complexity: Complexity | None) -> float:
+    if complexity is None:
+        return dicing_rate
+    if dicing_rate != DEFAULT_DICING_RATE:
+        raise SettingsError("--dicing-rate and --complexity both say how finely surfaces are diced; give one", code="dicing")
+    return DICING_RATES[complexity]
+
+
+def scale_of(percent: float | None) -> float:
+    return 1.0 if percent is None else percent / 100
+
+
+def view_of(view: str | None, correction: ColorCorrection | None) -> str | None:
+    if correction is None:
+        return view
+    if view is not None:
+        raise SettingsError("--view and --colorCorrectionMode both choose a view; give one", code="view")
+    return VIEWS[correction]
+
+
+def threads_of(threads: int | None) -> int | None:
+    """0: all; below 0: all but so many, as husk counts."""
+    if threads is None or threads > 0:
+        return threads
+    if threads == 0:
+        return None
+    from ..report.report import usable_threads
+
+    return max(1, usable_threads() + threads)
 
 
 def resolution_of(res: tuple[int, int] | None, image_width: int | None) -> tuple[int, int] | None:
     if res is not None and image_width is not None:
         raise SettingsError("--res and --imageWidth both say how wide the picture is; give one", code="resolution")
     return res if image_width is None else (image_width, 0)
+
+
+def frames_of(frames: str | None, count: int | None, increment: float | None, default_time: bool) -> str | None:
+    """The frame list that is meant, checked; None: the stage's default time."""
+    if default_time and (frames, count, increment) != (None, None, None):
+        raise SettingsError("--defaultTime and frames contradict each other; give one", code="frames")
+    if count is not None or increment is not None:
+        frames = frame_list("1" if frames is None else frames, 1 if count is None else count, increment)
+    return frames
+
+
+def time_codes_of(frames: str | None) -> list[float] | None:
+    return None if frames is None else parse_frames(frames)
 
 
 def one_frame_of(frames: str | None, command: str) -> float | None:
@@ -46,13 +122,17 @@ def mask_of(mask: list[str] | None) -> tuple[str, ...] | None:
 
 
 def _paths(texts: list[str] | None) -> tuple[str, ...] | None:
-    """Also several in one, by commas, as usdrecord's --mask takes them; None for no texts at all."""
-    paths = tuple(path.strip() for text in texts or () for path in text.split(",") if path.strip())
+    """Also several in one, by commas or spaces, as usdrecord's --mask takes them; None for no texts at all."""
+    paths = tuple(path for text in texts or () for path in text.replace(",", " ").split())
     return paths or None
 
 
 def purposes_of(text: str | None) -> tuple[str, ...] | None:
-    return None if text is None else tuple(name.strip() for name in text.split(",") if name.strip())
+    """By commas or spaces; `default` is always among them, as in usdrecord, and is what husk calls geometry."""
+    if text is None:
+        return None
+    names = ["default" if name == "geometry" else name for name in text.replace(",", " ").split()]
+    return tuple(dict.fromkeys(names if "default" in names else ["default", *names]))
 
 
 def aovs_for(texts: list[str] | None, outputs: Sequence[str]) -> tuple[str, ...] | None:

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from .option_values import ColorCorrection
+
 Outputs = Annotated[
     list[str] | None,
     typer.Option("--output", "-o", metavar="FILE", help="EXR, PNG or JPEG; may be repeated.", show_default="<scene>.exr"),
@@ -46,6 +48,15 @@ Look = Annotated[
         "--look", metavar="NAME", help="OCIO look of PNG and JPEG, in place of the view's.", show_default="the view's"
     ),
 ]
+Correction = Annotated[
+    ColorCorrection | None,
+    typer.Option("--colorCorrectionMode", "-color", help="In place of --view: Raw, Un-tone-mapped, or the default."),
+]
+MakeOutputPath = Annotated[bool, typer.Option("--make-output-path", help="Make the outputs' folders.")]
+Snapshot = Annotated[
+    float | None,
+    typer.Option("--snapshot", metavar="S", help="Write the picture so far every so many seconds.", show_default=False),
+]
 Exposure = Annotated[float, typer.Option("--exposure", metavar="STOPS", help="Of PNG and JPEG.")]
 Report = Annotated[str | None, typer.Option("--report", metavar="FILE", help="Write the report as JSON.", show_default=False)]
 SampleRange = Annotated[
@@ -60,6 +71,13 @@ SampleRange = Annotated[
 Checkpoint = Annotated[
     str | None,
     typer.Option("--checkpoint", metavar="FILE", help="Write what is needed to go on from there.", show_default=False),
+]
+CheckpointEvery = Annotated[
+    float | None, typer.Option("--checkpoint-every", metavar="S", help="Seconds between checkpoints.", show_default="60")
+]
+Resume = Annotated[
+    str | None,
+    typer.Option("--resume", metavar="FILE", help="Go on from a checkpoint, and with it unless --checkpoint names another."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="JSON lines on stdout.")]
 Verbose = Annotated[bool, typer.Option("--verbose", "-V", help="Every diagnostic and prim; tracebacks of errors.")]

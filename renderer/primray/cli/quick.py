@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from ..settings import Filter, Metric
+from .option_values import ColorCorrection, Complexity
 
 FLAG, SWITCH = "flag", "switch"  # True; True by the first name, False by the second
 LIST, PAIR = "list", "pair"  # values that add up; two whole numbers
@@ -33,13 +34,17 @@ def _whole(text: str) -> int:
 TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "outputs": (LIST, ("--output", "-o")),
     "camera": (str, ("--camera", "-c", "-cam")),
-    "render_settings": (str, ("--render-settings", "--renderSettingsPrimPath", "-rs")),
+    "render_settings": (str, ("--render-settings", "--renderSettingsPrimPath", "-rs", "--settings", "-s")),
     "product": (LIST, ("--product",)),
     "all_products": (FLAG, ("--all-products",)),
     "output_dir": (str, ("--output-dir",)),
     "res": (PAIR, ("--res", "-r")),
     "image_width": (_whole, ("--imageWidth", "-w")),
+    "res_scale": (_number, ("--res-scale", "-S")),
     "frames": (str, ("--frames", "--frame", "-f")),
+    "frame_count": (_whole, ("--frame-count", "-n")),
+    "frame_inc": (_number, ("--frame-inc", "-i")),
+    "default_time": (FLAG, ("--defaultTime", "-d")),
     "spp": (_whole, ("--spp", "--pixel-samples", "-p")),
     "target_error": (_number, ("--target-error",)),
     "error_metric": (Metric, ("--error-metric",)),
@@ -53,20 +58,25 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "pixel_filter": (Filter, ("--filter",)),
     "filter_width": (_number, ("--filter-width",)),
     "threads": (_whole, ("--threads", "-j")),
-    "seed": (_whole, ("--seed",)),
+    "seed": (_whole, ("--seed", "--lock-random")),
     "rendering_color_space": (str, ("--rendering-color-space",)),
     "display": (str, ("--display",)),
     "aovs": (LIST, ("--aov",)),
     "view": (str, ("--view",)),
     "look": (str, ("--look",)),
+    "color_correction": (ColorCorrection, ("--colorCorrectionMode", "-color")),
+    "make_output_path": (FLAG, ("--make-output-path",)),
+    "snapshot": (_number, ("--snapshot",)),
+    "list_cameras": (FLAG, ("--list-cameras",)),
     "exposure": (_number, ("--exposure",)),
     "strict": (FLAG, ("--strict",)),
     "max_memory": (str, ("--max-memory",)),
     "dicing_rate": (_number, ("--dicing-rate",)),
+    "complexity": (Complexity, ("--complexity",)),
     "report": (str, ("--report",)),
     "json": (FLAG, ("--json",)),
-    "no_default_light": (FLAG, ("--no-default-light",)),
-    "purposes": (str, ("--purposes",)),
+    "no_default_light": (FLAG, ("--no-default-light", "--disableCameraLight")),
+    "purposes": (str, ("--purposes", "--purpose")),
     "variants": (LIST, ("--variant",)),
     "no_payloads": (FLAG, ("--no-payloads",)),
     "load": (LIST, ("--load",)),

@@ -51,8 +51,10 @@ PixelFilter = Annotated[Filter, typer.Option("--filter", help="Pixel filter.")]
 FilterWidth = Annotated[
     float | None, typer.Option("--filter-width", metavar="W", help="Full width in pixels.", show_default="box 1, else 3")
 ]
-Threads = Annotated[int | None, typer.Option("--threads", "-j", metavar="N", help="Threads.", show_default="all cores")]
-Seed = Annotated[int, typer.Option("--seed", metavar="N", help="Of the random numbers.")]
+Threads = Annotated[
+    int | None, typer.Option("--threads", "-j", metavar="N", help="Threads; -1: all cores but one.", show_default="all cores")
+]
+Seed = Annotated[int, typer.Option("--seed", "--lock-random", metavar="N", help="Of the random numbers.")]
 MaxMemory = Annotated[
     str | None,
     typer.Option("--max-memory", metavar="SIZE", help="Fail a render that needs more: 4G, 500M.", show_default="no limit"),

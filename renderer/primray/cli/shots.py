@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..render.frame_numbers import check_names, has_frame_holder, name_of_frame
+from ..errors import SettingsError
+from ..render.frame_names import check_names, frame_name, has_frame_holder
 from ..settings import RenderSettings
 
 if TYPE_CHECKING:
@@ -38,13 +39,14 @@ def product_shots(
     opened = open_once(scene, settings)
     shots = []
     for product in products_of(opened, settings, asked):
-        name = _numbered(product.file_name, time_codes)
+        name = frame_name(_numbered(product.file_name, time_codes))
+        if time_codes is None and name.has_holder:  # the stage's author meant one
+            raise SettingsError("the product's name holds a frame number; --frames says which", where=str(name), code="frames")
         check_names([name], time_codes)
         # Parts of an EXR, which other pictures cannot hold.
-        asked_for = product.settings if name.lower().endswith(".exr") else replace(product.settings, aovs=())
+        asked_for = product.settings if name.pattern.lower().endswith(".exr") else replace(product.settings, aovs=())
         for time_code in moments(time_codes):
-            file = name if time_code is None else name_of_frame(name, time_code)
-            shots.append(Shot(replace(asked_for, time_code=time_code), [str(Path(folder or "", file))]))
+            shots.append(Shot(replace(asked_for, time_code=time_code), [str(Path(folder or "", name.of(time_code)))]))
     return opened, shots
 
 

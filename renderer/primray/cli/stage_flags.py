@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from .option_values import Complexity
+
 Scene = Annotated[str, typer.Argument(metavar="SCENE", help="The USD stage: usda, usdc, usd or usdz.", show_default=False)]
 Camera = Annotated[
     str | None,
@@ -20,8 +22,10 @@ RenderSettingsPrim = Annotated[
         "--render-settings",
         "--renderSettingsPrimPath",
         "-rs",
+        "--settings",
+        "-s",
         metavar="PRIM",
-        help="Path of the RenderSettings to follow.",
+        help="Path of the RenderSettings to follow, or name in /Render.",
         show_default="the stage's",
     ),
 ]
@@ -32,6 +36,10 @@ Resolution = Annotated[
 ImageWidth = Annotated[
     int | None,
     typer.Option("--imageWidth", "-w", metavar="W", help="Pixels; the height by the camera's aspect.", show_default=False),
+]
+ResolutionScale = Annotated[
+    float | None,
+    typer.Option("--res-scale", "-S", metavar="PERCENT", help="Of the resolution, whoever chose it.", show_default="100"),
 ]
 Frames = Annotated[
     str | None,
@@ -44,9 +52,24 @@ Frames = Annotated[
         show_default="default time",
     ),
 ]
-NoDefaultLight = Annotated[bool, typer.Option("--no-default-light", help="Leave a stage without lights dark.")]
+FrameCount = Annotated[
+    int | None,
+    typer.Option("--frame-count", "-n", metavar="N", help="So many frames from --frame (1) on.", show_default=False),
+]
+FrameIncrement = Annotated[
+    float | None, typer.Option("--frame-inc", "-i", metavar="N", help="From a frame to the next.", show_default="1")
+]
+DefaultTime = Annotated[
+    bool, typer.Option("--defaultTime", "-d", help="The stage's default time, as where no frames are asked for.")
+]
+NoDefaultLight = Annotated[
+    bool, typer.Option("--no-default-light", "--disableCameraLight", help="Leave a stage without lights dark.")
+]
 Purposes = Annotated[
-    str | None, typer.Option("--purposes", metavar="LIST", help="Such as default,render,proxy.", show_default="the stage's")
+    str | None,
+    typer.Option(
+        "--purposes", "--purpose", metavar="LIST", help="Such as render,proxy, beside default.", show_default="the stage's"
+    ),
 ]
 Variants = Annotated[
     list[str] | None,
@@ -72,6 +95,10 @@ SessionLayer = Annotated[
 ]
 DicingRate = Annotated[
     float, typer.Option("--dicing-rate", metavar="PIXELS", help="Longest edges of subdivision surfaces on the picture.")
+]
+Dicing = Annotated[
+    Complexity | None,
+    typer.Option("--complexity", help="In place of --dicing-rate: 16, 8, 4 or 2 pixels.", show_default=False),
 ]
 Strict = Annotated[bool, typer.Option("--strict", help="Refuse a stage with warnings about the picture.")]
 RenderingColorSpace = Annotated[

@@ -21,6 +21,7 @@ from ..errors import PrimrayError, SettingsError
 from ..textures.image_error import last_error
 from .aov import Aov
 from .aov_parts import parts_of
+from .output_path import check_folder, through_links
 
 CHANNELS = ("R", "G", "B", "A")
 ERROR_CHANNELS = ("stderr.R", "stderr.G", "stderr.B")
@@ -111,16 +112,10 @@ def check_output_path(path: str | os.PathLike[str]) -> Path:
     if path.suffix.lower() not in EXTENSIONS:
         known = ", ".join(EXTENSIONS)
         raise SettingsError(f"the output's name must end in one of {known}", where=str(path), code="unknown-extension")
+    if str(path) != str(path).encode("utf-8", "replace").decode():
+        raise SettingsError("the output's name is no UTF-8 text", where=str(path), code="output-name")
     check_folder(path)
     return path
-
-
-def check_folder(path: Path) -> None:
-    """SettingsError unless a file can be put at `path`."""
-    if not path.parent.is_dir():
-        raise SettingsError(f"the folder {path.parent} does not exist", where=str(path), code="output-folder")
-    if path.is_dir() or not os.access(path.parent, os.W_OK | os.X_OK):
-        raise SettingsError("a file cannot be written there", where=str(path), code="output-folder")
 
 
 def encode(
@@ -151,11 +146,16 @@ def encode(
 
 @contextmanager
 def _replacing(path: Path) -> Iterator[str]:
-    """A temporary name beside `path` that takes its place when the block ends well."""
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.{os.urandom(4).hex()}{path.suffix}")
+    """A temporary name beside the file that `path` leads to; it takes that file's place when the block ends well."""
+    target = through_links(path)
+    temporary = target.with_name(f".{path.stem}.{os.getpid()}.{os.urandom(4).hex()}{path.suffix}")
     try:
         yield str(temporary)
-        os.replace(temporary, path)
+        os.replace(temporary, target)
+    except PrimrayError as error:
+        if error.where == str(temporary):  # nobody knows that name
+            error.where, error.message = str(path), error.message.replace(str(temporary), str(path))
+        raise
     except OSError as error:
         raise PrimrayError(f"the file cannot be written: {error.strerror}", where=str(path), code="write-failed") from error
     finally:

@@ -39,7 +39,7 @@ def _last_part(text: str) -> str:
     text = unicodedata.normalize("NFC", text.encode("utf-8", "replace").decode("utf-8"))
     part = re.split(r"[/\\]", text)[-1]
     part = re.sub(r"^[A-Za-z]:", "", part)
-    part = re.sub(r"<F(\d*)>", r"$F\1", part)  # a frame's number, in the spelling that needs no brackets
+    part = re.sub(r"<F(F|\d*)>", r"$F\1", part)  # a frame's number, in the spelling that needs no brackets
     return "".join("_" if unicodedata.category(c)[0] == "C" or c in '<>:"|?*' else c for c in part)
 
 

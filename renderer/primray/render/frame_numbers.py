@@ -1,11 +1,7 @@
-"""Frame lists and the frame number's place in file names.
-
-Lists are usdrecord's FrameSpec ("1", "1:10", "1:10x2", "1,5"), and "1-10" is 1:10.
-"""
+"""Frame lists: usdrecord's FrameSpec ("1", "1:10", "1:10x2", "1,5"), "1-10" for 1:10, and husk's start, count and increment."""
 
 from __future__ import annotations
 
-import math
 import re
 from decimal import Decimal, DecimalException, InvalidOperation
 
@@ -16,9 +12,6 @@ MAX_FRAMES = 100_000
 _PLAIN = r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?"
 _DASHED = re.compile(rf"({_PLAIN})\s*-\s*({_PLAIN})\s*", re.ASCII)
 
-# ####, ####.## (decimals), %04d, $F4, $F, <F4>, <F>
-_HOLDER = re.compile(r"(?P<hashes>#+)(?:\.(?P<decimals>#+))?|%0?(?P<percent>\d*)d|\$F(?P<dollar>\d*)|<F(?P<angle>\d*)>")
-
 
 def parse_frames(text: str) -> list[float]:
     """The time codes meant, in the order given; SettingsError if it is no frame list."""
@@ -28,6 +21,23 @@ def parse_frames(text: str) -> list[float]:
         if len(frames) > MAX_FRAMES:
             raise LimitError(f"{len(frames)} frames are more than the {MAX_FRAMES} of one command", where=text)
     return frames
+
+
+def frame_list(first: str, count: int, increment: float | None) -> str:
+    """husk's frames as a list: `count` of them from `first` on, `increment` (1) apart; SettingsError for none."""
+    step = Decimal(1) if increment is None else _number(str(increment), str(increment))
+    if "," in first or "x" in first or ":" in first or _DASHED.fullmatch(first):
+        raise SettingsError(
+            f"{first!r} says already which frames; a count and an increment go with the first alone", code="frames"
+        )
+    start = _number(first, first)
+    if count < 1 or step == 0:
+        raise SettingsError(
+            f"there are no frames from {first} on: {count} of them, {step} apart; both must be above 0", code="frames"
+        )
+    if count > MAX_FRAMES:
+        raise LimitError(f"{count} frames are more than the {MAX_FRAMES} of one command", where=first)
+    return first if count == 1 else f"{start:f}:{start + (count - 1) * step:f}x{abs(step):f}"
 
 
 def _parse_range(part: str, text: str) -> list[float]:
@@ -65,37 +75,3 @@ def _number(digits: str, text: str) -> Decimal:
 
 def _no_frames(text: str) -> SettingsError:
     return SettingsError(f"{text!r} is no frame list; write one like 1, 1:10, 1-10x2 or 1,5", code="frames")
-
-
-def has_frame_holder(name: str) -> bool:
-    return _HOLDER.search(name) is not None
-
-
-def name_of_frame(name: str, frame: float) -> str:
-    """`name` with its frame holders filled in; SettingsError if one cannot hold a fractional frame."""
-
-    def number(match: re.Match[str]) -> str:
-        digits, decimals = match["hashes"], match["decimals"]
-        if decimals:
-            return f"{frame:0{len(digits) + 1 + len(decimals)}.{len(decimals)}f}"
-        if not math.isclose(frame, round(frame), abs_tol=1e-9):
-            raise SettingsError(f"frame {frame} needs a name with decimals, such as ####.##", where=name, code="frames")
-        width = len(digits) if digits else int(match["percent"] or match["dollar"] or match["angle"] or 1)
-        return f"{round(frame):0{width}d}"
-
-    return _HOLDER.sub(number, name)
-
-
-def check_names(names: list[str], frames: list[float] | None) -> None:
-    """SettingsError unless every frame gets files of its own, under the names meant."""
-    for name in names:
-        if frames is None and has_frame_holder(name):
-            raise SettingsError("the name holds a frame number; --frames says which", where=name, code="frames")
-        if frames is not None and len(frames) > 1 and not has_frame_holder(name):
-            raise SettingsError(
-                f"{len(frames)} frames need a frame number in the name, such as ####", where=name, code="frames"
-            )
-        if frames is not None and len({name_of_frame(name, frame) for frame in frames}) < len(set(frames)):
-            raise SettingsError("two frames would get the same name", where=name, code="frames")
-    if len(set(names)) < len(names):
-        raise SettingsError("the same output is named twice", code="frames")

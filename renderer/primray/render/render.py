@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ..images.image import Image
     from ..report.report import Costs
     from ..sampling.sampling import Progress, Sampling
+    from .snapshots import Snapshots
 
 OnInterrupt = Literal["raise", "partial"]
 
@@ -52,10 +53,11 @@ def render_frames(
     progress: Progress | None = None,
     on_interrupt: OnInterrupt = "raise",
     checkpointing: Iterable[Checkpointing | None] = (),
+    snapshots: Snapshots | None = None,
 ) -> Iterator[Image]:
     """Render one stage several times, opening it once (the first report has the time of that).
 
-    `checkpointing`, where given, has one item a frame.
+    `checkpointing`, where given, has one item a frame; `snapshots` are taken of every frame.
     """
     from ..report.report import Costs
 
@@ -68,7 +70,7 @@ def render_frames(
         costs = Costs()
         if not told:
             costs.stages_s["open"], told = opened.seconds, True
-        yield _render_one(opened.stage, opened.diagnostics, settings, costs, progress, on_interrupt, saved)
+        yield _render_one(opened.stage, opened.diagnostics, settings, costs, progress, on_interrupt, saved, snapshots)
 
 
 def _render_one(
@@ -79,8 +81,10 @@ def _render_one(
     progress: Progress | None,
     on_interrupt: OnInterrupt,
     checkpointing: Checkpointing | None,
+    snapshots: Snapshots | None,
 ) -> Image:
     from ..diagnostics import Diagnostics
+    from ..sampling import pauses
     from ..sampling.sampling import Sampling
 
     diagnostics = Diagnostics()
@@ -90,11 +94,12 @@ def _render_one(
     saved: dict[str, Any] = {}
     with costs.stage("render"), interruption() as asked:
         watched = _Watched(progress, asked)
+        savings = [] if snapshots is None else [snapshots.of(prepared)]
         if checkpointing is None:
             sampling = Sampling.begin(prepared.scene, prepared.settings)
-            sampling.run(watched)
+            pauses.run(sampling, watched, savings)
         else:
-            sampling, saved = checkpointing.run(prepared, list(diagnostics), watched)
+            sampling, saved = checkpointing.run(prepared, list(diagnostics), watched, savings)
         sampling.film.image()
     assert sampling.stop is not None
     if asked.asked:  # even if all was done by then, frames may follow

@@ -75,6 +75,7 @@ def resolve_settings(settings: RenderSettings, description: SceneDescription) ->
         camera=description.camera.path or settings.camera,
         spp=settings.spp if settings.stops_early or settings.sample_range else settings.most_samples,
         resolution=description.resolution,
+        resolution_scale=1.0,
         time_code=description.time_code,
         rendering_color_space=description.rendering_space.name,
         filter_width=width if width is not None else DEFAULT_FILTER_WIDTH[settings.filter],

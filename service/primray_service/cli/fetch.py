@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ..client import Client, Output
 
 Show = Callable[[int, int], None]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that are there with other bytes.")]
 
 
 def fetch(
@@ -31,6 +32,7 @@ def fetch(
         list[str] | None, typer.Option(metavar="PATTERN", help="Only names like *.exr; may be repeated.", show_default=False)
     ] = None,
     wait: Annotated[bool, typer.Option("--wait", help="For the job's end first.")] = False,
+    overwrite: Overwrite = False,
     server: Server = None,
     key_file: KeyFile = None,
     json: Json = False,
@@ -40,22 +42,33 @@ def fetch(
         found = client.job(job)
         if wait and not found.is_terminal:
             found = watched(client, found, json)
-        fetched = download_all(client, job, folder, json, only)
+        fetched = download_all(client, job, folder, json, only, overwrite=overwrite)
         if not fetched:
             advice = "" if found.is_terminal else "; --wait waits for its end"
             raise CommandError("no-outputs", f"{job} is {found.state} and has made no such file{advice}")
 
 
-def download_all(client: Client, job_id: str, folder: Path, as_json: bool, only: list[str] | None = None) -> list[Path]:
-    """The files' paths; each is printed when it is there."""
+def download_all(
+    client: Client,
+    job_id: str,
+    folder: Path,
+    as_json: bool,
+    only: list[str] | None = None,
+    *,
+    overwrite: bool = False,
+) -> list[Path]:
+    """The files' paths; each is printed when it is there. CommandError at the end for those in whose place others are."""
     outputs = [
         output for output in client.outputs(job_id) if not only or any(fnmatchcase(output.name, pattern) for pattern in only)
     ]
-    fetched = []
+    fetched, taken = [], []
     with _showing(outputs, as_json) as show_of:
         for output in outputs:
             try:
-                path = client.download(job_id, output, folder, show=show_of(output))
+                path = client.download(job_id, output, folder, show=show_of(output), overwrite=overwrite)
+            except FileExistsError as error:
+                taken.append(str(error.filename))
+                continue
             except OSError as error:
                 raise CommandError("cannot-write", f"{plain(output.name)} cannot be written: {error}", USAGE) from None
             fetched.append(path)
@@ -64,6 +77,9 @@ def download_all(client: Client, job_id: str, folder: Path, as_json: bool, only:
                 print_line({**line, "sha256": output.sha256})
             else:
                 print(path, flush=True)
+    if taken:
+        names = ", ".join(map(plain, taken))
+        raise CommandError("file-exists", "other files are there already; --overwrite replaces them", USAGE, where=names)
     return fetched
 
 

@@ -17,14 +17,14 @@ from primray.settings import DEFAULT_DICING_RATE, Filter, Metric
 
 from .connection import Json, KeyFile, Server, connected
 from .exits import FAILED, INTERRUPTED, SCENE_REJECTED, USAGE, CommandError, error_of
-from .fetch import download_all
+from .fetch import Overwrite, download_all
 from .job_text import plain
 from .labels import Labels, labels_of
 from .scene_file import SceneFile, scene_file
 from .watch import end_as, watched
 
 if TYPE_CHECKING:
-    from ..client import Client, Scene
+    from ..client import Client, Job, Scene
     from ..client.documents import Settings, Webhook
 
 
@@ -37,6 +37,9 @@ def submit(
     res: stage_flags.Resolution = None,
     image_width: stage_flags.ImageWidth = None,
     frames: stage_flags.Frames = None,
+    frame_count: stage_flags.FrameCount = None,
+    frame_inc: stage_flags.FrameIncrement = None,
+    default_time: stage_flags.DefaultTime = False,
     target_error: render_flags.TargetError = None,
     error_metric: render_flags.ErrorMetric = Metric.RELMSE,
     time_limit: render_flags.TimeLimit = None,
@@ -54,6 +57,7 @@ def submit(
     load: stage_flags.Load = None,
     mask: stage_flags.Mask = None,
     dicing_rate: stage_flags.DicingRate = DEFAULT_DICING_RATE,
+    complexity: stage_flags.Dicing = None,
     strict: stage_flags.Strict = False,
     entry: Annotated[
         str | None, typer.Option(metavar="LAYER", help="The root layer in a zip that has several.", show_default=False)
@@ -71,6 +75,7 @@ def submit(
     fetch: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Follow the job, then download what it made.", show_default=False)
     ] = None,
+    overwrite: Overwrite = False,
     server: Server = None,
     key_file: KeyFile = None,
     json: Json = False,
@@ -82,11 +87,12 @@ def submit(
         "max_samples": spp,
         "max_seconds": time_limit,
     }
+    rate = option_values.dicing_rate_of(dicing_rate, complexity)
     settings: dict[str, Any] = {
         "camera": option_values.camera_of(camera),
-        "render_settings": render_settings,
+        "render_settings": option_values.render_settings_of(render_settings),
         "resolution": option_values.resolution_of(res, image_width),
-        "frames": frames,
+        "frames": option_values.frames_of(frames, frame_count, frame_inc, default_time),
         "stop": given(stop),
         "seed": seed or None,
         "adaptive": adaptive,
@@ -99,7 +105,7 @@ def submit(
         "variants": variants,
         "load": _list(option_values.load_of(no_payloads, load)),
         "mask": _list(option_values.mask_of(mask)),
-        "dicing_rate": dicing_rate if dicing_rate != DEFAULT_DICING_RATE else None,
+        "dicing_rate": rate if rate != DEFAULT_DICING_RATE else None,
         "strict": strict or None,
     }
     labels = ({"name": name} if name else {}) | labels_of(label)
@@ -121,10 +127,15 @@ def submit(
         if job.webhook and job.webhook.get("secret") and not json:
             print(f"the webhook's secret, shown this once: {job.webhook['secret']}", file=sys.stderr)
         if wait or fetch is not None:
-            job = watched(client, job, json)
-            if fetch is not None:
-                download_all(client, job.id, fetch, json)
-            end_as(job)
+            _follow(client, job, fetch, json, overwrite)
+
+
+def _follow(client: Client, job: Job, folder: Path | None, as_json: bool, overwrite: bool) -> None:
+    """To its end, which is the command's; then what it made goes into the folder, if one is named."""
+    ended = watched(client, job, as_json)
+    if folder is not None:
+        download_all(client, ended.id, folder, as_json, overwrite=overwrite)
+    end_as(ended)
 
 
 def given(settings: dict[str, Any]) -> dict[str, Any]:

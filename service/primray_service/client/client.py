@@ -265,9 +265,20 @@ class Client:
     def outputs(self, job_id: str) -> list[Output]:
         return list(self._pages(f"{_job(job_id)}/outputs", {}, Output))
 
-    def download(self, job_id: str, output: Output, folder: str | os.PathLike[str] = ".", *, show: Show = nothing) -> Path:
-        """An output into a folder, by its name; what an earlier call left unfinished is gone on with."""
-        return download(self._transport, job_id, output, target_of(output, Path(folder)), show)
+    def download(
+        self,
+        job_id: str,
+        output: Output,
+        folder: str | os.PathLike[str] = ".",
+        *,
+        show: Show = nothing,
+        overwrite: bool = False,
+    ) -> Path:
+        """An output into a folder, by its name; what an earlier call left unfinished is gone on with.
+
+        FileExistsError if a file of other bytes has the name, unless `overwrite`.
+        """
+        return download(self._transport, job_id, output, target_of(output, Path(folder)), show, overwrite=overwrite)
 
     def whoami(self) -> Json:
         return _object(self._get("/v1/whoami"))

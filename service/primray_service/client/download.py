@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import re
 from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 from urllib.parse import quote
+
+from primray.images.output_path import through_links
 
 from .documents import Output
 from .errors import ClientError, DigestMismatch, ServerUnreachable, UnexpectedAnswer
@@ -25,18 +28,24 @@ def target_of(output: Output, folder: Path) -> Path:
     return folder.joinpath(*path.parts)
 
 
-def download(transport: Transport, job_id: str, output: Output, target: Path, show: Show) -> Path:
-    """The file at `target` has the output's digest afterwards; nothing is sent if it has it already."""
+def download(transport: Transport, job_id: str, output: Output, target: Path, show: Show, *, overwrite: bool = False) -> Path:
+    """The file at `target` has the output's digest afterwards; nothing is sent if it has it already.
+
+    FileExistsError if another file is there, unless `overwrite`. A link stays one: the file that it leads to is written.
+    """
     if _has(target, output):
         show(output.bytes, output.bytes)
         return target
-    target.parent.mkdir(parents=True, exist_ok=True)
+    place = through_links(target)
+    if place.exists() and not overwrite:
+        raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(target))
+    place.parent.mkdir(parents=True, exist_ok=True)
     # Two downloads of different pictures to one name do not go on with each other's bytes.
-    part = target.with_name(f"{target.name}.{output.sha256[:16]}{PART}")
+    part = place.with_name(f"{place.name}.{output.sha256[:16]}{PART}")
     for is_last in (False, True):
         _fetch(transport, job_id, output, part, show)
         if _has(part, output):
-            os.replace(part, target)
+            os.replace(part, place)
             return target
         part.unlink()  # what was there before may have been damaged: once more from the start
         if is_last:

@@ -22,7 +22,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 from tests.bench.results import write_results
 
 from primray import usd
-from primray.cli.sheet_runs import Limits, render_all
+from primray.cli.sheet.runs import Limits, render_all
 from primray.diagnostics import Diagnostics
 from primray.report.summary import PROCESS_BYTES, summary
 from primray.report.texture_sizes import texture_sizes

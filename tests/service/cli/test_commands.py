@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import subprocess
 import sys
@@ -254,6 +255,25 @@ def test_cancel_and_fetch_of_nothing(capsys: pytest.CaptureFixture[str]) -> None
         assert "has made no such file" in capsys.readouterr().err
         assert run(["submit", "none.usda", "--server", server.url]) == 3
         assert run(["submit", "none.usda", "-l", "nothing", "--server", server.url]) == 2
+
+
+def test_fetch_replaces_no_file_silently(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made = {"a.exr": b"one", "b.exr": b"two"}
+    items = [{"name": n, "bytes": 3, "sha256": hashlib.sha256(b).hexdigest(), "media_type": ""} for n, b in made.items()]
+
+    def answer(request: Request) -> Answer:
+        name = request.path.rpartition("/")[2]
+        if name in made:
+            return Answer(200, made[name])
+        return as_json({"items": items}) if name.startswith("outputs") else as_json(DONE)
+
+    (tmp_path / "a.exr").write_bytes(b"mine")
+    with serving(answer) as server:
+        assert run(["fetch", "job_1", "--server", server.url]) == 2
+        assert "error: file-exists: other files are there already" in capsys.readouterr().err
+        assert [(tmp_path / name).read_bytes() for name in made] == [b"mine", b"two"]
+        assert run(["fetch", "job_1", "--server", server.url, "--overwrite"]) == 0
+        assert [(tmp_path / name).read_bytes() for name in made] == [b"one", b"two"]
 
 
 @pytest.mark.parametrize(

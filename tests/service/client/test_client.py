@@ -278,6 +278,27 @@ def test_what_is_there_already_is_not_asked_for(tmp_path: Path, sleeps: Sleeps) 
     assert server.requests == []
 
 
+def test_another_file_is_not_replaced_unless_asked_for(tmp_path: Path, sleeps: Sleeps) -> None:
+    file = tmp_path / "beauty.0001.exr"
+    file.write_bytes(b"mine")
+    with serving(ranged) as server:
+        with pytest.raises(FileExistsError):
+            client_of(server, sleeps).download("job_1", PICTURE_OUTPUT, tmp_path)
+        assert server.requests == []
+        assert file.read_bytes() == b"mine"
+        client_of(server, sleeps).download("job_1", PICTURE_OUTPUT, tmp_path, overwrite=True)
+    assert file.read_bytes() == PICTURE
+
+
+def test_a_download_is_written_through_a_link(tmp_path: Path, sleeps: Sleeps) -> None:
+    kept, file = tmp_path / "kept" / "real.exr", tmp_path / "beauty.0001.exr"
+    file.symlink_to(kept)
+    with serving(ranged) as server:
+        client_of(server, sleeps).download("job_1", PICTURE_OUTPUT, tmp_path)
+    assert file.is_symlink()
+    assert kept.read_bytes() == PICTURE
+
+
 def test_damaged_bytes_are_found_and_fetched_anew(tmp_path: Path, sleeps: Sleeps) -> None:
     part = tmp_path / f"beauty.0001.exr.{PICTURE_OUTPUT.sha256[:16]}.part"
     part.write_bytes(b"\0" * 1000)

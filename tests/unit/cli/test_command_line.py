@@ -60,6 +60,7 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
         "render_settings": "/s",
         "product": None,
         "resolution": [16, 8],
+        "resolution_scale": 1.0,
         "time_code": 3.0,
         "spp": 5,
         "target_error": 0.02,

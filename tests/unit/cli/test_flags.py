@@ -18,6 +18,7 @@ RENDER = {"render", "estimate", "submit"}
 LACKING = {
     ("submit", "--session-layer"): "a file of the user's machine",
     ("submit", "--rendering-color-space"): "no setting of the API",
+    ("submit", "--res-scale"): "no setting of the API",
     ("submit", "--threads"): "the server decides",
     ("submit", "--max-memory"): "the server decides",
     ("estimate", "--strict"): "makes no picture",

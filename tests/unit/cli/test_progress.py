@@ -8,8 +8,8 @@ import sys
 
 import pytest
 
-from primray.cli import progress
-from primray.cli.progress import showing
+from primray.cli.terminal import progress
+from primray.cli.terminal.progress import showing
 
 
 class Clock:

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from primray.cli import run
-from primray.cli.sheet_page import page
-from primray.cli.sheet_runs import Outcome
+from primray.cli.sheet.page import page
+from primray.cli.sheet.runs import Outcome
 
 BALL = '#usda 1.0\ndef Sphere "s"\n{\n color3f[] primvars:displayColor = [(1, 0.5, 0)]\n}\n'
 HIDDEN = """#usda 1.0

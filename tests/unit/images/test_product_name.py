@@ -8,7 +8,7 @@ import pytest
 
 from primray.images.image import check_output_path
 from primray.images.product_name import safe_product_name
-from primray.render.frame_numbers import name_of_frame
+from primray.render.frame_names import name_of_frame
 
 NAMES = {
     "beauty.exr": "beauty.exr",

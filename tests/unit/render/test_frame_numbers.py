@@ -1,11 +1,11 @@
-"""Frame lists as usdrecord reads them, and the frame's place in names."""
+"""Frame lists as usdrecord and husk read them."""
 
 from __future__ import annotations
 
 import pytest
 
 from primray.errors import LimitError, SettingsError
-from primray.render.frame_numbers import check_names, name_of_frame, parse_frames
+from primray.render.frame_numbers import frame_list, parse_frames
 
 
 @pytest.mark.parametrize(
@@ -66,38 +66,36 @@ def test_too_many_frames(text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "frame", "expected"),
+    ("first", "count", "increment", "frames"),
     [
-        ("a.####.exr", 7, "a.0007.exr"),
-        ("a.####.exr", -7, "a.-007.exr"),
-        ("a.#.exr", 123, "a.123.exr"),
-        ("a.###.##.exr", 1.5, "a.001.50.exr"),
-        ("a.%04d.exr", 7, "a.0007.exr"),
-        ("a.%d.exr", 7, "a.7.exr"),
-        ("a.$F4.exr", 7, "a.0007.exr"),
-        ("a.$F.exr", 7, "a.7.exr"),
-        ("a.<F4>.exr", 7, "a.0007.exr"),
-        ("a.exr", 7, "a.exr"),
+        ("1", 3, None, [1, 2, 3]),
+        ("5", 1, 2.0, [5]),
+        ("0", 3, 0.25, [0, 0.25, 0.5]),
+        ("10", 3, -4.0, [10, 6, 2]),
+        ("-1", 2, 1.0, [-1, 0]),
     ],
 )
-def test_names(name: str, frame: float, expected: str) -> None:
-    assert name_of_frame(name, frame) == expected
+def test_husks_frames(first: str, count: int, increment: float | None, frames: list[float]) -> None:
+    assert parse_frames(frame_list(first, count, increment)) == frames
 
 
-def test_fractional_frames_need_decimals() -> None:
-    with pytest.raises(SettingsError, match="decimals"):
-        name_of_frame("a.####.exr", 1.5)
+@pytest.mark.parametrize(
+    ("first", "count", "increment", "why"),
+    [
+        ("1:5", 2, None, "already which frames"),
+        ("1-5", 2, None, "already which frames"),
+        ("1,5", 2, None, "already which frames"),
+        ("1", 0, None, "no frames"),
+        ("1", 2, 0.0, "no frames"),
+        ("one", 2, None, "no frame list"),
+        ("1", 2, float("nan"), "no frame list"),
+    ],
+)
+def test_what_is_no_start_count_or_increment(first: str, count: int, increment: float | None, why: str) -> None:
+    with pytest.raises(SettingsError, match=why):
+        frame_list(first, count, increment)
 
 
-def test_names_are_checked_against_the_frames() -> None:
-    check_names(["a.exr"], None)
-    check_names(["a.exr"], [1.0])
-    check_names(["a.####.exr", "a.####.png"], [1.0, 2.0])
-    for names, frames in [
-        (["a.exr"], [1.0, 2.0]),
-        (["a.####.exr"], None),
-        (["a.exr", "a.exr"], None),
-        (["a.#.#.exr"], [0.04, 0.01]),
-    ]:
-        with pytest.raises(SettingsError):
-            check_names(names, frames)
+def test_too_many_frames_by_their_count() -> None:
+    with pytest.raises(LimitError):
+        frame_list("1", 10**9, None)

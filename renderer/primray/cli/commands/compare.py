@@ -1,9 +1,7 @@
-"""`primray compare`: have two pictures changed, beyond their noise? Exit codes 0 unchanged, 1 changed, 3 undecided, 2 usage."""
+"""`primray compare`: have two pictures changed, beyond their noise? Exit codes 0 unchanged, 1 changed, 6 undecided, 2 usage."""
 
 from __future__ import annotations
 
-import os
-import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +9,7 @@ import typer
 
 from ...errors import PrimrayError, SettingsError
 
-EXIT_CODES = {"unchanged": 0, "changed": 1, "undecided": 3}
+EXIT_CODES = {"unchanged": 0, "changed": 1, "undecided": 6}  # 3 to 5 say something else of renders
 
 
 def compare(
@@ -29,7 +27,7 @@ def compare(
     json: Annotated[bool, typer.Option("--json", help="A JSON line on stdout in place of words.")] = False,
     verbose: Annotated[bool, typer.Option("--verbose", "-V", help="Tracebacks of errors.")] = False,
 ) -> None:
-    """Say whether a picture has changed, tile by tile. Exit code 0: unchanged, 1: changed, 3: needs more samples, 2: usage."""
+    """Say whether a picture has changed, tile by tile. Exit code 0: unchanged, 1: changed, 6: needs more samples, 2: usage."""
     try:
         verdict = _compare(a, b, alpha, tolerance, tile, difference, report, json)
     except PrimrayError as error:
@@ -44,8 +42,9 @@ def _compare(
     from ...compare.comparison import compare as compare_images
     from ...compare.comparison_report import as_json, lines
     from ...compare.difference_picture import check_difference_path, save_difference
-    from ...images.image import check_folder, write_text
+    from ...images.image import write_text
     from ...images.image_file import read_image
+    from ...images.output_path import check_folder
     from ..json_lines import dumps, print_line
 
     if difference is not None:
@@ -61,11 +60,8 @@ def _compare(
         save_difference(result, difference)
     if report is not None:
         write_text(Path(report), dumps(facts, indent=2) + "\n")
-    try:
-        if json:
-            print_line({"type": "comparison", **facts})
-        else:
-            print("\n".join(lines(result, a, b)), flush=True)
-    except BrokenPipeError:  # a reader that has seen enough, such as `head`, does not change the verdict
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if json:
+        print_line({"type": "comparison", **facts})
+    else:
+        print("\n".join(lines(result, a, b)))
     return result.verdict.value

@@ -18,7 +18,11 @@ def inspect(
     render_settings: stage_flags.RenderSettingsPrim = None,
     res: stage_flags.Resolution = None,
     image_width: stage_flags.ImageWidth = None,
+    res_scale: stage_flags.ResolutionScale = None,
     frames: stage_flags.Frames = None,
+    frame_count: stage_flags.FrameCount = None,
+    frame_inc: stage_flags.FrameIncrement = None,
+    default_time: stage_flags.DefaultTime = False,
     rendering_color_space: stage_flags.RenderingColorSpace = None,
     no_default_light: stage_flags.NoDefaultLight = False,
     purposes: stage_flags.Purposes = None,
@@ -28,6 +32,7 @@ def inspect(
     mask: stage_flags.Mask = None,
     session_layer: stage_flags.SessionLayer = None,
     dicing_rate: stage_flags.DicingRate = DEFAULT_DICING_RATE,
+    complexity: stage_flags.Dicing = None,
     json: output_flags.Json = False,
     verbose: output_flags.Verbose = False,
     strict: stage_flags.Strict = False,
@@ -42,9 +47,10 @@ def inspect(
 
     settings = RenderSettings(
         camera=option_values.camera_of(camera),
-        render_settings=render_settings,
+        render_settings=option_values.render_settings_of(render_settings),
         resolution=option_values.resolution_of(res, image_width),
-        time_code=option_values.one_frame_of(frames, "inspect"),
+        resolution_scale=option_values.scale_of(res_scale),
+        time_code=option_values.one_frame_of(option_values.frames_of(frames, frame_count, frame_inc, default_time), "inspect"),
         default_light=not no_default_light,
         rendering_color_space=rendering_color_space,
         purposes=option_values.purposes_of(purposes),
@@ -52,7 +58,7 @@ def inspect(
         load=option_values.load_of(no_payloads, load),
         mask=option_values.mask_of(mask),
         session_layer=session_layer,
-        dicing_rate=dicing_rate,
+        dicing_rate=option_values.dicing_rate_of(dicing_rate, complexity),
     )
     diagnostics = Diagnostics()
     stage = usd.open_stage(scene, diagnostics, settings.composition)

@@ -9,7 +9,7 @@ import typer
 
 from .. import output_flags
 from ..flag_defaults import with_own_default
-from .render import Looks, check_outputs, write
+from ..pictures import Looks, check_outputs, write
 
 
 def merge(
@@ -24,6 +24,7 @@ def merge(
     view: output_flags.View = None,
     look: output_flags.Look = None,
     exposure: output_flags.Exposure = 0.0,
+    make_output_path: output_flags.MakeOutputPath = False,
     json: output_flags.Json = False,
     verbose: output_flags.Verbose = False,
 ) -> None:
@@ -31,11 +32,13 @@ def merge(
     from ...checkpoints.checkpointing import Checkpointing
     from ...checkpoints.merge import merge
 
-    looks = Looks(json, verbose, view=view, display=display, look=look, exposure=exposure)
+    looks = Looks(json, verbose, view, display, look, exposure, make_output_path)
     check_outputs(outputs, report, looks)
     if checkpoint is not None:
         Checkpointing(Path(checkpoint)).check()
     merged = merge(parts)
-    write(merged.image, outputs, report, looks)
+    whole = write(merged.image, outputs, report, looks)
     if checkpoint is not None:
         merged.save_checkpoint(Path(checkpoint))
+    if not whole:
+        raise typer.Exit(1)

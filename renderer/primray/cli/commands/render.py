@@ -6,16 +6,16 @@ Typer and the options are named in annotations only, which app.py has read: quic
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from ...errors import SettingsError
-from ...render.frame_numbers import check_names, name_of_frame, parse_frames
+from ...errors import PrimrayError, SettingsError
+from ...render.frame_names import FrameName, check_names, default_name, frame_name, name_of_frame
 from ...settings import DEFAULT_DICING_RATE, Filter, Metric, RenderSettings
 from .. import option_values
+from ..pictures import Looks, check_outputs, save, write
 from ..shots import Shot, moments, product_shots
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ...checkpoints.checkpointing import Checkpointing
     from ...images.image import Image
     from ...render import OpenedStage
+    from ...render.snapshots import Snapshots
     from .. import output_flags, render_flags, stage_flags
 
 
@@ -38,20 +39,19 @@ def render(
     output_dir: output_flags.OutputDir = None,
     res: stage_flags.Resolution = None,
     image_width: stage_flags.ImageWidth = None,
+    res_scale: stage_flags.ResolutionScale = None,
     frames: stage_flags.Frames = None,
+    frame_count: stage_flags.FrameCount = None,
+    frame_inc: stage_flags.FrameIncrement = None,
+    default_time: stage_flags.DefaultTime = False,
     spp: render_flags.Samples = None,
     target_error: render_flags.TargetError = None,
     error_metric: render_flags.ErrorMetric = Metric.RELMSE,
     time_limit: render_flags.TimeLimit = None,
     sample_range: output_flags.SampleRange = None,
     checkpoint: output_flags.Checkpoint = None,
-    checkpoint_every: Annotated[
-        float | None, typer.Option(metavar="S", help="Seconds between checkpoints.", show_default="60")
-    ] = None,
-    resume: Annotated[
-        str | None,
-        typer.Option(metavar="FILE", help="Go on from a checkpoint, and with it unless --checkpoint names another."),
-    ] = None,
+    checkpoint_every: output_flags.CheckpointEvery = None,
+    resume: output_flags.Resume = None,
     adaptive: render_flags.Adaptive = None,
     max_depth: render_flags.MaxDepth = None,
     pixel_filter: render_flags.PixelFilter = Filter.BOX,
@@ -63,10 +63,14 @@ def render(
     aovs: output_flags.Aovs = None,
     view: output_flags.View = None,
     look: output_flags.Look = None,
+    color_correction: output_flags.Correction = None,
     exposure: output_flags.Exposure = 0.0,
     strict: stage_flags.Strict = False,
     max_memory: render_flags.MaxMemory = None,
     dicing_rate: stage_flags.DicingRate = DEFAULT_DICING_RATE,
+    complexity: stage_flags.Dicing = None,
+    make_output_path: output_flags.MakeOutputPath = False,
+    snapshot: output_flags.Snapshot = None,
     report: output_flags.Report = None,
     json: output_flags.Json = False,
     no_default_light: stage_flags.NoDefaultLight = False,
@@ -76,20 +80,20 @@ def render(
     load: stage_flags.Load = None,
     mask: stage_flags.Mask = None,
     session_layer: stage_flags.SessionLayer = None,
+    list_cameras: Annotated[bool, typer.Option("--list-cameras", help="Print the stage's cameras and end.")] = False,
     verbose: output_flags.Verbose = False,
 ) -> None:
     """Render a USD stage to EXR, PNG or JPEG."""
-    time_codes = None if frames is None else parse_frames(frames)
-    names = ([output] if output else []) + (outputs or [])
+    time_codes = option_values.time_codes_of(option_values.frames_of(frames, frame_count, frame_inc, default_time))
     by_product = bool(product) or all_products or output_dir is not None
     if by_product:
-        _require_names_of_their_own(names, report, checkpoint or resume)
-    else:
-        names = names or [_default_name(scene, time_codes)]
+        _require_names_of_their_own(bool(output or outputs), report, checkpoint or resume)
+    names = [frame_name(name) for name in (output, *(outputs or ())) if name is not None] or [_default_name(scene, time_codes)]
     settings = RenderSettings(
         camera=option_values.camera_of(camera),
-        render_settings=render_settings,
+        render_settings=option_values.render_settings_of(render_settings),
         resolution=option_values.resolution_of(res, image_width),
+        resolution_scale=option_values.scale_of(res_scale),
         time_code=time_codes[0] if time_codes else None,
         spp=spp,
         target_error=target_error,
@@ -100,7 +104,7 @@ def render(
         max_depth=max_depth,
         filter=pixel_filter,
         filter_width=filter_width,
-        threads=threads,
+        threads=option_values.threads_of(threads),
         seed=seed,
         default_light=not no_default_light,
         rendering_color_space=rendering_color_space,
@@ -109,29 +113,60 @@ def render(
         load=option_values.load_of(no_payloads, load),
         mask=option_values.mask_of(mask),
         session_layer=session_layer,
-        aovs=option_values.aovs_of(aovs) if by_product else option_values.aovs_for(aovs, names),
+        aovs=option_values.aovs_of(aovs) if by_product else option_values.aovs_for(aovs, [name.pattern for name in names]),
         strict=strict,
         max_memory_bytes=option_values.bytes_of(max_memory),
-        dicing_rate=dicing_rate,
+        dicing_rate=option_values.dicing_rate_of(dicing_rate, complexity),
     )
-    looks = Looks(json, verbose, view=view, display=display, look=look, exposure=exposure)
-    if by_product:
-        opened, shots = product_shots(scene, settings, product, output_dir, time_codes)
-        check_outputs([file for shot in shots for file in shot.files], None, looks)
-        _render_shots(opened, shots, looks, [None] * len(shots))
-        return
-    saved = [name for name in (report, checkpoint, resume if checkpoint is None else None) if name]
-    check_names(names + saved, time_codes)
-    shots = _shots_of(settings, time_codes, names, report)
-    check_outputs(shots[0].files, shots[0].report, looks)
-    checkpointing = [_checkpointing(checkpoint, checkpoint_every, resume, shot.settings.time_code) for shot in shots]
-    _render_shots(scene, shots, looks, _check_checkpoints(checkpointing))
+    looks = Looks(json, verbose, option_values.view_of(view, color_correction), display, look, exposure, make_output_path)
+    if list_cameras:
+        _list_cameras(scene, settings, json)
+    elif by_product:
+        _render_products(scene, settings, product, output_dir, time_codes, looks, snapshot)
+    else:
+        shots = _shots_of(settings, time_codes, names, report, resume if checkpoint is None else checkpoint)
+        check_outputs(shots[0].files, shots[0].report, looks)
+        checkpointing = [_checkpointing(checkpoint, checkpoint_every, resume, t) for t in moments(time_codes)]
+        _render_shots(scene, shots, looks, _check_checkpoints(checkpointing), snapshot)
 
 
-def _shots_of(settings: RenderSettings, time_codes: list[float] | None, names: list[str], report: str | None) -> list[Shot]:
-    """One for each frame, with its own names."""
+def _render_products(
+    scene: str,
+    settings: RenderSettings,
+    asked: list[str] | None,
+    folder: str | None,
+    time_codes: list[float] | None,
+    looks: Looks,
+    snapshot_s: float | None,
+) -> None:
+    opened, shots = product_shots(scene, settings, asked, folder, time_codes)
+    check_outputs([file for shot in shots for file in shot.files], None, looks)
+    _render_shots(opened, shots, looks, [None] * len(shots), snapshot_s)
+
+
+def _list_cameras(scene: str, settings: RenderSettings, as_json: bool) -> None:
+    from ... import usd
+    from ...render import open_once
+    from ..json_lines import print_line
+
+    cameras = usd.camera_paths(open_once(scene, settings).stage)
+    if as_json:
+        print_line({"type": "cameras", "scene": scene, "cameras": cameras})
+    elif cameras:
+        print("\n".join(cameras))
+
+
+def _shots_of(
+    settings: RenderSettings,
+    time_codes: list[float] | None,
+    names: list[FrameName],
+    report: str | None,
+    checkpoint: str | None,
+) -> list[Shot]:
+    """One for each frame, with its own names; the checkpoint's has to be one, too."""
+    check_names([*names, *(frame_name(name) for name in (report, checkpoint) if name)], time_codes)
     return [
-        Shot(replace(settings, time_code=t), [_name(name, t) for name in names], _name(report, t) if report else None)
+        Shot(replace(settings, time_code=t), [name.of(t) for name in names], name_of_frame(report, t) if report else None)
         for t in moments(time_codes)
     ]
 
@@ -139,52 +174,17 @@ def _shots_of(settings: RenderSettings, time_codes: list[float] | None, names: l
 TARGET_MISSED = 5  # the exit code of a render that ended above its target error
 
 
-@dataclass(frozen=True)
-class Looks:
-    """How messages and pictures are to look."""
-
-    as_json: bool
-    verbose: bool
-    view: str | None = None
-    display: str | None = None
-    look: str | None = None
-    exposure: float = 0.0
-
-    @property
-    def is_chosen(self) -> bool:
-        return not self.view == self.display == self.look is None
-
-
-def _default_name(scene: str, time_codes: list[float] | None) -> str:
-    many = time_codes is not None and len(time_codes) > 1
+def _default_name(scene: str, time_codes: list[float] | None) -> FrameName:
     member = scene.rstrip("]").replace("[", "/")  # a usdz member gives its own name
-    return f"{Path(member).stem}{'.####' if many else ''}.exr"
+    return default_name(Path(member).stem, many=time_codes is not None and len(time_codes) > 1)
 
 
-def _require_names_of_their_own(names: list[str], report: str | None, checkpoint: str | None) -> None:
-    given = {"-o": bool(names), "--report": report is not None, "--checkpoint": checkpoint is not None}
+def _require_names_of_their_own(are_named: bool, report: str | None, checkpoint: str | None) -> None:
+    given = {"-o": are_named, "--report": report is not None, "--checkpoint": checkpoint is not None}
     for flag, is_given in given.items():
         if is_given:
             sentence = f"{flag} names one file, products have names of their own: --output-dir says where they are written"
             raise SettingsError(sentence, code="product-output")
-
-
-def check_outputs(files: list[str], report: str | None, looks: Looks) -> None:
-    """Find out before rendering what cannot be written after it."""
-    import math
-
-    from ...color.ocio import check_look, check_view
-    from ...images.image import VIEW_EXTENSIONS, check_folder, check_output_path
-
-    for file in files:
-        check_output_path(file)
-    if report is not None:
-        check_folder(Path(report))
-    if looks.is_chosen or any(file.lower().endswith(VIEW_EXTENSIONS) for file in files):
-        check_view(looks.view, looks.display)
-        check_look(looks.look)
-    if not math.isfinite(looks.exposure):
-        raise SettingsError(f"the exposure must be a number of stops, not {looks.exposure}")
 
 
 def _checkpointing(
@@ -197,8 +197,8 @@ def _checkpointing(
         if every_s is not None:
             raise SettingsError("--checkpoint-every says how often; --checkpoint FILE says where", code="checkpoint")
         return None
-    going_on = None if resume is None else Path(_name(resume, time_code))
-    return Checkpointing(Path(_name(file, time_code)), DEFAULT_EVERY_S if every_s is None else every_s, going_on)
+    going_on = None if resume is None else Path(name_of_frame(resume, time_code))
+    return Checkpointing(Path(name_of_frame(file, time_code)), DEFAULT_EVERY_S if every_s is None else every_s, going_on)
 
 
 def _check_checkpoints(frames: list[Checkpointing | None]) -> list[Checkpointing | None]:
@@ -212,16 +212,20 @@ def _check_checkpoints(frames: list[Checkpointing | None]) -> list[Checkpointing
     return found
 
 
-def _name(name: str, time_code: float | None) -> str:
-    return name if time_code is None else name_of_frame(name, time_code)
-
-
-def _render_shots(scene: str | OpenedStage, shots: list[Shot], looks: Looks, checkpointing: list[Checkpointing | None]) -> None:
+def _render_shots(
+    scene: str | OpenedStage,
+    shots: list[Shot],
+    looks: Looks,
+    checkpointing: list[Checkpointing | None],
+    snapshot_s: float | None,
+) -> None:
+    """A picture that cannot be written is told and makes the command fail, and the next one is rendered."""
     from ...render import render_frames
     from ...render.interruption import terminate_as_interrupt
-    from ..progress import Show, showing
+    from ..terminal.progress import Show, showing
 
     showing_now: list[Show] = []
+    rendering: list[Shot] = []
     missed = unsaved = False
     terminate_as_interrupt()
     images = render_frames(
@@ -230,12 +234,14 @@ def _render_shots(scene: str | OpenedStage, shots: list[Shot], looks: Looks, che
         progress=lambda *now: showing_now[-1](*now),
         on_interrupt="partial",
         checkpointing=checkpointing,
+        snapshots=_snapshots(snapshot_s, rendering, looks),
     )
     for shot in shots:
+        rendering[:] = [shot]
         with showing(shot.files[0], looks.as_json) as show:
             showing_now.append(show)
             image = next(images)
-        write(image, shot.files, shot.report, looks)
+        unsaved = not write(image, shot.files, shot.report, looks) or unsaved
         if image.report["interrupted"]:
             print(f"interrupted: the picture so far was saved{_how_to_go_on(image.report)}", file=sys.stderr)
             raise SystemExit(130)
@@ -247,51 +253,22 @@ def _render_shots(scene: str | OpenedStage, shots: list[Shot], looks: Looks, che
         raise SystemExit(TARGET_MISSED)
 
 
+def _snapshots(every_s: float | None, rendering: list[Shot], looks: Looks) -> Snapshots | None:
+    """Written to the files of the shot under way. One that cannot be is told; the render goes on."""
+    if every_s is None:
+        return None
+    from ...render.snapshots import Snapshots
+
+    def take(image: Image) -> None:
+        for file in rendering[0].files:
+            try:
+                save(image, file, looks)
+            except PrimrayError as error:
+                print(f"warning: the picture so far is not saved: {error}", file=sys.stderr)
+
+    return Snapshots(every_s, take)
+
+
 def _how_to_go_on(report: Mapping[str, Any]) -> str:
     saved = report.get("checkpoint", {"failed": "none was asked for"})
     return "" if saved["failed"] else f"; --resume {saved['file']} goes on"
-
-
-def write(image: Image, files: list[str], report_file: str | None, looks: Looks) -> None:
-    from ...images.image import write_text
-    from ..diagnostics_text import print_diagnostics
-    from ..json_lines import dumps, print_line
-
-    start = time.perf_counter()
-    for file in files:
-        image.save(file, view=looks.view, display=looks.display, exposure=looks.exposure, look=looks.look)
-    stages_s = {**image.report["stages_s"], "write": time.perf_counter() - start}
-    report = {**image.report, "outputs": files, "stages_s": stages_s}
-    if report_file is not None:
-        write_text(Path(report_file), dumps(report, indent=2) + "\n")
-    print_diagnostics(report["diagnostics"], verbose=looks.verbose)
-    if looks.as_json:
-        print_line({"type": "report", **report})
-    else:
-        print(_summary_line(image, report, files))
-
-
-def _summary_line(image: Image, report: dict[str, Any], files: list[str]) -> str:
-    width, height = image.resolution
-    low, high = report["samples_per_pixel"]
-    samples = f"{low}" if low == high else f"{low} to {high}"
-    return (
-        f"{', '.join(files)}: {width} x {height}, {samples} samples a pixel in {report['stages_s']['render']:.2f} s "
-        f"({report['rays_per_s'] / 1e6:.1f} Mrays/s, {sum(report['stages_s'].values()):.2f} s in all)\n{_error_line(report)}"
-    )
-
-
-def _error_line(report: dict[str, Any]) -> str:
-    """How wrong the picture is, and why the render stopped there."""
-    if any(diagnostic["code"] == "empty-picture" for diagnostic in report["diagnostics"]):
-        return f"nothing is seen, so no error is known; stopped by {report['stop']['reason']}"
-    metric = report["settings"]["error_metric"]
-    found, target = report["error"][metric], report["settings"]["target_error"]
-    if found is None:
-        return "error: unknown, it takes two samples a pixel"
-    low, high = found["ci95"]
-    line = f"{metric} {found['estimate']:.3g} (95 %: {low:.3g} to {high:.3g})"
-    if target is not None:
-        met = "reached" if report["stop"]["target_met"] else "NOT reached"
-        line += f", target {target:g} {met}"
-    return f"{line}; stopped by {report['stop']['reason']}"

@@ -15,7 +15,7 @@ from .. import option_values, render_flags, stage_flags
 from ..flag_defaults import with_own_default
 
 if TYPE_CHECKING:
-    from ..sheet_runs import Outcome
+    from ..sheet.runs import Outcome
 
 
 def sheet(
@@ -32,10 +32,11 @@ def sheet(
     roots_only: Annotated[bool, typer.Option("--roots-only", help="Leave out layers that others of the folder use.")] = False,
 ) -> None:
     """Render every stage under a folder into a contact sheet; exit code 1 if any render fails."""
-    from ...images.image import check_folder, write_text
+    from ...images.image import write_text
+    from ...images.output_path import check_folder
     from ..json_lines import dumps
-    from ..sheet_page import page
-    from ..sheet_runs import Limits, render_all, stage_files
+    from ..sheet.page import page
+    from ..sheet.runs import Limits, render_all, stage_files
 
     root = Path(folder)
     stages = stage_files(root)

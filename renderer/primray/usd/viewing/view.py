@@ -41,7 +41,7 @@ def view_through(
 ) -> tuple[Camera, Frame]:
     """The camera, conformed to the image, and the image's frame; `bounds` of the world are asked for only without a camera."""
     aperture = read_aperture(prim, ctx.when, ctx.diagnostics) if prim is not None else APERTURE
-    resolution = _resolution(ctx.settings.resolution, product, aperture)
+    resolution = _scaled(_resolution(ctx.settings.resolution, product, aperture), ctx.settings.resolution_scale)
     frame = _frame(resolution, product, pixel_aspect_ratio(aperture, resolution, product))
     if prim is not None:
         return camera(prim, ctx.when, resolution, product, ctx.diagnostics), frame
@@ -76,6 +76,12 @@ def _resolution(asked: tuple[int, int] | None, product: ProductSettings, apertur
         height = max(1, round(width / aspect))
     elif width == 0:
         width = max(1, round(height * aspect))
+    return width, height
+
+
+def _scaled(resolution: tuple[int, int], scale: float) -> tuple[int, int]:
+    """LimitError if that is too large."""
+    width, height = (max(1, round(side * scale)) for side in resolution)
     limit_pixels(width, height)
     return width, height
 

@@ -8,8 +8,8 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from .diagnostics_text import diagnostics_lines
-from .sheet_runs import Outcome
+from ..diagnostics_text import diagnostics_lines
+from .runs import Outcome
 
 _STYLE = """
 body { font: 14px/1.4 system-ui, sans-serif; margin: 1.5em; background: #fafafa; color: #222 }

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from .json_lines import print_line
+from ..json_lines import print_line
 
 Show = Callable[[float, int, int], None]
 

@@ -1,0 +1,73 @@
+"""Command lines with habits of usdrecord and husk, as primray's own parsers read them.
+
+Only flags that primray has no meaning for, and husk's `--verbose LEVEL`, are looked at; all else is left as it is.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+
+from ...errors import SettingsError
+from .foreign_flags import DONE_ANYWAY, REFUSED
+
+COMMANDS = ("render", "estimate", "inspect", "submit")  # those that one of the two has a counterpart of
+
+_LEVEL = re.compile(r"[aAcCeEpPtT]*(\d)[aAcCeEpPtT]*")  # husk's: a digit among letters for how lines look
+QUIET_LEVEL = 2  # husk's default; more is --verbose here
+
+
+def without_habits(arguments: Sequence[str]) -> list[str]:
+    """The command line without what is done anyway; SettingsError, saying what to use, for a flag that is refused."""
+    if not arguments or arguments[0] not in COMMANDS:
+        return [*arguments]
+    return [arguments[0], *_words(iter(arguments[1:]))]
+
+
+def _words(words: Iterator[str]) -> Iterator[str]:
+    """`words` are taken as they are needed, since a flag may have its value in the next."""
+    pending: list[str] = []
+    while (word := pending.pop() if pending else next(words, None)) is not None:
+        if word == "--":
+            yield word
+            yield from words
+            return
+        flag, joined, value = word.partition("=") if word.startswith("--") else (word, "", "")
+        _refuse(flag)
+        if flag in DONE_ANYWAY:
+            if DONE_ANYWAY[flag][0] and not joined:
+                next(words, None)
+        elif flag == "-r":
+            yield word
+            pending += _size(words)
+        elif flag in ("--verbose", "-V"):
+            following = value if joined else next(words, None)
+            level = _LEVEL.fullmatch(following or "")
+            if level is None or int(level[1]) > QUIET_LEVEL:
+                yield flag
+            if level is None and following is not None:
+                if joined:
+                    raise _no_level(value)
+                pending.append(following)
+        elif word.startswith("-V") and _LEVEL.fullmatch(word[2:]):
+            pending += ["--verbose=" + word[2:]]
+        else:
+            yield word
+
+
+def _refuse(flag: str) -> None:
+    known = flag if flag in REFUSED else flag[:2] if flag[:1] == "-" != flag[1:2] else ""  # -RKarma is -R Karma
+    if known in REFUSED:
+        raise SettingsError(f"{known}: {REFUSED[known]}", code="foreign-flag")
+
+
+def _size(words: Iterator[str]) -> list[str]:
+    """The word behind -r; SettingsError for usdrecord's -r, which names a renderer."""
+    word = next(words, None)
+    if word is not None and word[:1].isalpha():
+        raise SettingsError(f"-r is --res W H here; as usdrecord's --renderer: {REFUSED['--renderer']}", code="foreign-flag")
+    return [] if word is None else [word]
+
+
+def _no_level(text: str) -> SettingsError:
+    return SettingsError(f"--verbose takes a level like 3, not {text!r}", code="verbose")

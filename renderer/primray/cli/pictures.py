@@ -1,0 +1,123 @@
+"""Pictures as a command leaves them: what can be written is found out before, and what came of them is told after.
+
+Nothing of Typer is imported here (see quick.py).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import PrimrayError, SettingsError
+
+if TYPE_CHECKING:
+    from ..images.image import Image
+
+
+@dataclass(frozen=True)
+class Looks:
+    """How messages and pictures are to look, and whether their folders are to be made."""
+
+    as_json: bool
+    verbose: bool
+    view: str | None = None
+    display: str | None = None
+    look: str | None = None
+    exposure: float = 0.0
+    make_folders: bool = False
+
+    @property
+    def is_chosen(self) -> bool:
+        return not self.view == self.display == self.look is None
+
+
+def check_outputs(files: list[str], report: str | None, looks: Looks) -> None:
+    """Find out before rendering what cannot be written after it."""
+    import math
+
+    from ..color.ocio import check_look, check_view
+    from ..images.image import VIEW_EXTENSIONS, check_output_path
+    from ..images.output_path import check_folder, make_folder
+
+    if looks.make_folders:
+        for name in [*files, *([report] if report else [])]:
+            make_folder(Path(name))
+    for file in files:
+        check_output_path(file)
+    if report is not None:
+        check_folder(Path(report))
+    if looks.is_chosen or any(file.lower().endswith(VIEW_EXTENSIONS) for file in files):
+        check_view(looks.view, looks.display)
+        check_look(looks.look)
+    if not math.isfinite(looks.exposure):
+        raise SettingsError(f"the exposure must be a number of stops, not {looks.exposure}")
+
+
+def save(image: Image, file: str, looks: Looks) -> None:
+    image.save(file, view=looks.view, display=looks.display, exposure=looks.exposure, look=looks.look)
+
+
+def write(image: Image, files: list[str], report_file: str | None, looks: Looks) -> bool:
+    """Write and tell what came of a render; False if a file could not be written, which is told, and the others were."""
+    from ..images.image import write_text
+    from .diagnostics_text import print_diagnostics
+    from .json_lines import dumps, print_line
+
+    start = time.perf_counter()
+    written = [file for file in files if _is_written(partial(save, image, file, looks), looks)]
+    stages_s = {**image.report["stages_s"], "write": time.perf_counter() - start}
+    report = {**image.report, "outputs": written, "stages_s": stages_s}
+    whole = written == files
+    if report_file is not None:
+        text = dumps(report, indent=2) + "\n"
+        whole = _is_written(partial(write_text, Path(report_file), text), looks) and whole
+    print_diagnostics(report["diagnostics"], verbose=looks.verbose)
+    if looks.as_json:
+        print_line({"type": "report", **report})
+    else:
+        print(_summary_line(image, report, written))
+    return whole
+
+
+def _is_written(writing: Callable[[], None], looks: Looks) -> bool:
+    from .terminal.errors import print_error
+
+    try:
+        writing()
+    except PrimrayError as error:
+        if error.code != "write-failed":
+            raise
+        print_error(error, looks.as_json)
+        return False
+    return True
+
+
+def _summary_line(image: Image, report: dict[str, Any], files: list[str]) -> str:
+    width, height = image.resolution
+    low, high = report["samples_per_pixel"]
+    samples = f"{low}" if low == high else f"{low} to {high}"
+    names = ", ".join(files) or "not written"
+    return (
+        f"{names}: {width} x {height}, {samples} samples a pixel in {report['stages_s']['render']:.2f} s "
+        f"({report['rays_per_s'] / 1e6:.1f} Mrays/s, {sum(report['stages_s'].values()):.2f} s in all)\n{_error_line(report)}"
+    )
+
+
+def _error_line(report: dict[str, Any]) -> str:
+    """How wrong the picture is, and why the render stopped there."""
+    if any(diagnostic["code"] == "empty-picture" for diagnostic in report["diagnostics"]):
+        return f"nothing is seen, so no error is known; stopped by {report['stop']['reason']}"
+    metric = report["settings"]["error_metric"]
+    found, target = report["error"][metric], report["settings"]["target_error"]
+    if found is None:
+        return "error: unknown, it takes two samples a pixel"
+    low, high = found["ci95"]
+    line = f"{metric} {found['estimate']:.3g} (95 %: {low:.3g} to {high:.3g})"
+    if target is not None:
+        met = "reached" if report["stop"]["target_met"] else "NOT reached"
+        line += f", target {target:g} {met}"
+    return f"{line}; stopped by {report['stop']['reason']}"

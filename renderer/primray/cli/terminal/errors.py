@@ -1,0 +1,26 @@
+"""An error as a command tells it: a line on stderr, and one of JSON on stdout where that was asked for."""
+
+from __future__ import annotations
+
+import sys
+
+from ...errors import InternalError, PrimrayError
+
+
+def print_error(error: Exception, as_json: bool) -> int:
+    """The exit code that the error has."""
+    print(f"error: {error}", file=sys.stderr)
+    return print_json_error(error) if as_json else exit_code_of(error)
+
+
+def print_json_error(error: Exception) -> int:
+    from ..json_lines import print_line
+
+    known = error if isinstance(error, PrimrayError) else InternalError(str(error))
+    code, message, where = known.code, known.message, known.where
+    print_line({"type": "error", "code": code, "message": message, "where": where, "exit_code": exit_code_of(error)})
+    return exit_code_of(error)
+
+
+def exit_code_of(error: Exception) -> int:
+    return error.exit_code if isinstance(error, PrimrayError) else 1

@@ -1,0 +1,95 @@
+"""The frame number's place in the names of files: usdrecord's ####, husk's $F4, <F4> and %04d.
+
+Only a file's own name has such places, and only where frames are asked for: folders, and what is named after the stage, are
+taken as they are.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ..errors import SettingsError
+
+# ####, ####.## (decimals), %04d, $F4, $F, <F4>, <F>; and as many decimals as the number has: %g, $FF, <FF>
+_HOLDER = re.compile(
+    r"(?P<hashes>#+)(?:\.(?P<decimals>#+))?|(?P<free>%g|\$FF|<FF>)"
+    r"|%0?(?P<percent>\d*)d|\$F(?P<dollar>\d*)|<F(?P<angle>\d*)>"
+)
+_PLACE_IN_SEQUENCE = re.compile(r"\$N(?![A-Za-z_])|<N\d*>")
+
+
+@dataclass(frozen=True)
+class FrameName:
+    """A file's name in every frame: `literal` as it is, then `pattern` with its frame holders filled in."""
+
+    literal: str
+    pattern: str
+
+    @property
+    def has_holder(self) -> bool:
+        return _HOLDER.search(self.pattern) is not None
+
+    def of(self, frame: float | None) -> str:
+        """SettingsError if a holder cannot hold the frame's fraction; None: no frames were asked for."""
+        return self.literal + (self.pattern if frame is None else _filled(self.pattern, frame))
+
+    def __str__(self) -> str:
+        return self.literal + self.pattern
+
+
+def frame_name(text: str) -> FrameName:
+    """A path as somebody typed it."""
+    folder, slash, name = text.rpartition("/")
+    return FrameName(folder + slash, name)
+
+
+def default_name(stem: str, many: bool) -> FrameName:
+    """The picture of a stage, named after it."""
+    return FrameName(stem, ".####.exr" if many else ".exr")
+
+
+def has_frame_holder(name: str) -> bool:
+    return frame_name(name).has_holder
+
+
+def name_of_frame(name: str, frame: float | None) -> str:
+    return frame_name(name).of(frame)
+
+
+def check_names(names: Sequence[FrameName], frames: Sequence[float] | None) -> None:
+    """SettingsError unless every frame gets files of its own, under the names meant."""
+    if frames is not None:
+        for name in names:
+            _check_name(name, frames)
+    if len({str(name) for name in names}) < len(names):
+        raise SettingsError("the same output is named twice", code="frames")
+
+
+def _check_name(name: FrameName, frames: Sequence[float]) -> None:
+    place = _PLACE_IN_SEQUENCE.search(name.pattern)
+    if place is not None:
+        sentence = f"{place[0]}, a frame's place in the sequence, is not filled in; $F, <F> and # are its number"
+        raise SettingsError(sentence, where=str(name), code="frames")
+    if len(frames) > 1 and not name.has_holder:
+        sentence = f"{len(frames)} frames need a frame number in the file's name, such as ####"
+        raise SettingsError(sentence, where=str(name), code="frames")
+    if len({name.of(frame) for frame in frames}) < len(set(frames)):
+        raise SettingsError("two frames would get the same name", where=str(name), code="frames")
+
+
+def _filled(pattern: str, frame: float) -> str:
+    def number(match: re.Match[str]) -> str:
+        digits, decimals = match["hashes"], match["decimals"]
+        if decimals:
+            return f"{frame:0{len(digits) + 1 + len(decimals)}.{len(decimals)}f}"
+        if match["free"]:
+            return f"{frame:.15g}"
+        if not math.isclose(frame, round(frame), abs_tol=1e-9):
+            raise SettingsError(f"frame {frame} needs a name with decimals, such as ####.##", where=pattern, code="frames")
+        width = len(digits) if digits else int(match["percent"] or match["dollar"] or match["angle"] or 1)
+        return f"{round(frame):0{width}d}"
+
+    return _HOLDER.sub(number, pattern)

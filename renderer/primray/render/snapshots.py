@@ -1,0 +1,62 @@
+"""The picture so far, every so many seconds of a render."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ..errors import SettingsError
+
+if TYPE_CHECKING:
+    from ..images.image import Image
+    from ..report.prepared import Prepared
+    from ..sampling.sampling import Sampling
+
+
+@dataclass(frozen=True)
+class Snapshots:
+    """`take` gets the picture so far every so many seconds, while sampling waits; it has no AOVs and no report."""
+
+    every_s: float
+    take: Callable[[Image], None]
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.every_s) and self.every_s > 0):
+            raise SettingsError(f"snapshots are taken every so many seconds above 0, not {self.every_s}")
+
+    def of(self, prepared: Prepared) -> FrameSnapshots:
+        """Those of one frame, the first so many seconds from now."""
+        return FrameSnapshots(self, prepared)
+
+
+class FrameSnapshots:
+    """A `sampling.pauses.Saving`."""
+
+    def __init__(self, snapshots: Snapshots, prepared: Prepared) -> None:
+        self._snapshots = snapshots
+        self._prepared = prepared
+        self._next = time.monotonic() + snapshots.every_s
+
+    def is_due(self) -> bool:
+        return time.monotonic() >= self._next
+
+    def save_meanwhile(self, sampling: Sampling) -> None:
+        self._snapshots.take(_picture_so_far(self._prepared, sampling))
+        self._next = time.monotonic() + self._snapshots.every_s
+
+
+def _picture_so_far(prepared: Prepared, sampling: Sampling) -> Image:
+    from ..images.image import Image
+
+    pixels, errors = sampling.film.image()
+    low, high = sampling.film.samples_per_pixel
+    metadata: dict[str, str | int | float] = {
+        "unfinished": 1,
+        "samples": sampling.film.samples,
+        "samples_per_pixel": f"{low} {high}",
+    }
+    space = prepared.scene.rendering_space
+    return Image(pixels, {}, metadata, prepared.camera, errors=errors, frame=prepared.frame, color_space=space)
