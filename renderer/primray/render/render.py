@@ -6,16 +6,19 @@ What does the work is imported when a render starts; importing this module costs
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, replace
 from itertools import chain, repeat
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 from ..errors import RenderCancelled, SettingsError
+from ..notices.announcement import Announcer, Silence
 from ..report.prepared import Prepared
-from ..settings import RenderSettings
+from ..settings import RenderSettings, SettingsValues, with_values
 from .interruption import Interruption, interruption
+from .notebook_bar import shown_progress
 from .prepare import OpenedStage, composing_settings, open_once, prepare
+from .settings_by_name import naming_settings
 
 if TYPE_CHECKING:
     from ..checkpoints.checkpointing import Checkpointing
@@ -29,19 +32,30 @@ if TYPE_CHECKING:
 OnInterrupt = Literal["raise", "partial"]
 
 
+@naming_settings
 def render(
     stage: str | os.PathLike[str] | Any,
     settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
     *,
-    progress: Progress | None = None,
+    progress: Progress | Literal[False] | None = None,
     on_interrupt: OnInterrupt = "raise",
     checkpointing: Checkpointing | None = None,
+    **values: Unpack[SettingsValues],
 ) -> Image:
-    """Render a stage, given as a Usd.Stage or as the path of one.
+    """Render a stage, given as a Usd.Stage or as the path of one. Fields of RenderSettings go by their names as well.
 
+    >>> image = primray.render("shot.usda", resolution=(32, 18), spp=2, seed=1)
+    >>> image.pixels.shape
+    (18, 32, 4)
+
+    `progress(fraction, samples, rays)` is called some ten times a second. Without one, notebooks show a bar; False: none.
     Ctrl-C raises KeyboardInterrupt and `progress` returning False raises RenderCancelled, unless `on_interrupt` is
     "partial": then the picture made so far comes back, its report saying "interrupted". A checkpoint is written before either.
+
+    SceneError, SettingsError or LimitError, all PrimrayErrors, where there can be no picture. Where it is not what the stage
+    says, its diagnostics are a RenderWarning, log records of "primray", and in `Image.report`.
     """
+    settings = with_values(settings, values)
     return next(render_frames(stage, [settings], progress=progress, on_interrupt=on_interrupt, checkpointing=[checkpointing]))
 
 
@@ -49,14 +63,41 @@ def render_frames(
     stage: str | os.PathLike[str] | OpenedStage | Any,
     frames: Iterable[RenderSettings],
     *,
-    progress: Progress | None = None,
+    progress: Progress | Literal[False] | None = None,
     on_interrupt: OnInterrupt = "raise",
     checkpointing: Iterable[Checkpointing | None] = (),
 ) -> Iterator[Image]:
     """Render one stage several times, opening it once (the first report has the time of that).
 
-    `checkpointing`, where given, has one item a frame.
+    >>> frames = [primray.RenderSettings(time_code=t, resolution=(32, 18), spp=2) for t in (1.0, 2.0)]
+    >>> [image.report["settings"]["time_code"] for image in primray.render_frames("shot.usda", frames)]
+    [1.0, 2.0]
+
+    `checkpointing`, where given, has one item a frame. All else is as for `render`.
     """
+    return _frames(stage, frames, progress, on_interrupt, checkpointing, Announcer)
+
+
+def quiet_frames(
+    stage: str | os.PathLike[str] | OpenedStage | Any,
+    frames: Iterable[RenderSettings],
+    *,
+    progress: Progress | None = None,
+    on_interrupt: OnInterrupt = "raise",
+    checkpointing: Iterable[Checkpointing | None] = (),
+) -> Iterator[Image]:
+    """As render_frames, for callers that show diagnostics and progress themselves: no warnings, no log, no bar."""
+    return _frames(stage, frames, progress or False, on_interrupt, checkpointing, lambda stage: Silence())
+
+
+def _frames(
+    stage: str | os.PathLike[str] | OpenedStage | Any,
+    frames: Iterable[RenderSettings],
+    progress: Progress | Literal[False] | None,
+    on_interrupt: OnInterrupt,
+    checkpointing: Iterable[Checkpointing | None],
+    announcer: Callable[[object], Announcer | Silence],
+) -> Iterator[Image]:
     from ..report.report import Costs
 
     opened, told = stage if isinstance(stage, OpenedStage) else None, False
@@ -68,7 +109,11 @@ def render_frames(
         costs = Costs()
         if not told:
             costs.stages_s["open"], told = opened.seconds, True
-        yield _render_one(opened.stage, opened.diagnostics, settings, costs, progress, on_interrupt, saved)
+        with shown_progress(progress) as shown:
+            image = _render_one(
+                opened.stage, opened.diagnostics, settings, costs, shown, on_interrupt, saved, announcer(opened.name)
+            )
+        yield image
 
 
 def _render_one(
@@ -79,6 +124,7 @@ def _render_one(
     progress: Progress | None,
     on_interrupt: OnInterrupt,
     checkpointing: Checkpointing | None,
+    announcer: Announcer | Silence,
 ) -> Image:
     from ..diagnostics import Diagnostics
     from ..sampling.sampling import Sampling
@@ -87,6 +133,7 @@ def _render_one(
     if checkpointing is not None:
         checkpointing.check()
     prepared = prepare(stage, opening, settings, costs, diagnostics, fingerprinted=checkpointing is not None)
+    announcer.tell(diagnostics)  # before hours of sampling
     saved: dict[str, Any] = {}
     with costs.stage("render"), interruption() as asked:
         watched = _Watched(progress, asked)
@@ -106,7 +153,9 @@ def _render_one(
 
     if saved:
         costs.checkpoint = saved
-    return picture_of(prepared, sampling, costs, diagnostics)
+    image = picture_of(prepared, sampling, costs, diagnostics)
+    announcer.tell(diagnostics)
+    return image
 
 
 def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics: Diagnostics) -> Image:

@@ -217,14 +217,14 @@ def _name(name: str, time_code: float | None) -> str:
 
 
 def _render_shots(scene: str | OpenedStage, shots: list[Shot], looks: Looks, checkpointing: list[Checkpointing | None]) -> None:
-    from ...render import render_frames
+    from ...render import quiet_frames
     from ...render.interruption import terminate_as_interrupt
     from ..progress import Show, showing
 
     showing_now: list[Show] = []
     missed = unsaved = False
     terminate_as_interrupt()
-    images = render_frames(
+    images = quiet_frames(
         scene,
         [shot.settings for shot in shots],
         progress=lambda *now: showing_now[-1](*now),
@@ -254,7 +254,7 @@ def _how_to_go_on(report: Mapping[str, Any]) -> str:
 
 def write(image: Image, files: list[str], report_file: str | None, looks: Looks) -> None:
     from ...images.image import write_text
-    from ..diagnostics_text import print_diagnostics
+    from ...notices.diagnostics_text import print_diagnostics
     from ..json_lines import dumps, print_line
 
     start = time.perf_counter()
