@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 from . import errors
 from .compare import compare
 from .errors import PrimrayError
-from .notices.announcement import RenderWarning
 from .render import render, render_frames
 from .settings import Filter, Metric, RenderSettings
 from .version import __version__
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
     from .images.aov import Aov
     from .images.image import Image
     from .images.reading import read_image
+    from .notices.announcement import RenderWarning
     from .render.products import Product, render_products
 
 __all__ = [
@@ -61,6 +61,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Image": "images.image",
         "Product": "render.products",
         "Projection": "camera",
+        "RenderWarning": "notices.announcement",
         "Verdict": "compare.comparison",
         "read_image": "images.reading",
         "render_products": "render.products",

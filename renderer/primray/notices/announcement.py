@@ -55,13 +55,6 @@ class Announcer:
         return "\n  ".join([f"{self._stage}: {_counted(news)}", *lines])
 
 
-class Silence:
-    """In place of an Announcer, where someone else shows diagnostics."""
-
-    def tell(self, diagnostics: Iterable[Diagnostic]) -> None:
-        pass
-
-
 def _counted(news: list[Diagnostic]) -> str:
     counts = ((severity.value, sum(d.severity is severity for d in news)) for severity in (Severity.ERROR, Severity.WARNING))
     return ", ".join(f"{count:,} {name}{'s' if count > 1 else ''}" for name, count in counts if count)

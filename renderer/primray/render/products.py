@@ -28,7 +28,7 @@ class Product:
 
     >>> for product, image in primray.render_products("shot.usda", resolution=(32, 18), spp=2):
     ...     print(product.file_name, image.resolution)
-    picture (32, 18)
+    picture.exr (32, 18)
     """
 
     path: str  # of the RenderProduct; "": the settings have none, and this is the default one

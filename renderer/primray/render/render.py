@@ -7,16 +7,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, replace
 from itertools import chain, repeat
 from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 from ..errors import RenderCancelled, SettingsError
-from ..notices.announcement import Announcer, Silence
 from ..report.prepared import Prepared
 from ..settings import RenderSettings, SettingsValues, with_values
 from .interruption import Interruption, interruption
-from .notebook_bar import shown_progress
 from .prepare import OpenedStage, composing_settings, open_once, prepare
 from .settings_by_name import naming_settings
 
@@ -28,6 +27,8 @@ if TYPE_CHECKING:
     from ..images.image import Image
     from ..report.report import Costs
     from ..sampling.sampling import Progress, Sampling
+
+    Tell = Callable[[Diagnostics], None]
 
 OnInterrupt = Literal["raise", "partial"]
 
@@ -75,7 +76,11 @@ def render_frames(
 
     `checkpointing`, where given, has one item a frame. All else is as for `render`.
     """
-    return _frames(stage, frames, progress, on_interrupt, checkpointing, Announcer)
+    from ..notices.announcement import Announcer
+    from .notebook_bar import shown_progress
+
+    shown = lambda: shown_progress(progress)  # noqa: E731
+    return _frames(stage, frames, shown, on_interrupt, checkpointing, lambda name: Announcer(name).tell)
 
 
 def quiet_frames(
@@ -87,17 +92,19 @@ def quiet_frames(
     checkpointing: Iterable[Checkpointing | None] = (),
 ) -> Iterator[Image]:
     """As render_frames, for callers that show diagnostics and progress themselves: no warnings, no log, no bar."""
-    return _frames(stage, frames, progress or False, on_interrupt, checkpointing, lambda stage: Silence())
+    shown: Callable[[], AbstractContextManager[Progress | None]] = lambda: nullcontext(progress)  # noqa: E731
+    return _frames(stage, frames, shown, on_interrupt, checkpointing, lambda name: lambda diagnostics: None)
 
 
 def _frames(
     stage: str | os.PathLike[str] | OpenedStage | Any,
     frames: Iterable[RenderSettings],
-    progress: Progress | Literal[False] | None,
+    shown: Callable[[], AbstractContextManager[Progress | None]],
     on_interrupt: OnInterrupt,
     checkpointing: Iterable[Checkpointing | None],
-    announcer: Callable[[object], Announcer | Silence],
+    telling: Callable[[object], Tell],
 ) -> Iterator[Image]:
+    """`shown` makes what progress goes to, `telling` what hears of a render's diagnostics, of a stage of that name."""
     from ..report.report import Costs
 
     opened, told = stage if isinstance(stage, OpenedStage) else None, False
@@ -109,10 +116,9 @@ def _frames(
         costs = Costs()
         if not told:
             costs.stages_s["open"], told = opened.seconds, True
-        with shown_progress(progress) as shown:
-            image = _render_one(
-                opened.stage, opened.diagnostics, settings, costs, shown, on_interrupt, saved, announcer(opened.name)
-            )
+        with shown() as progress:
+            tell = telling(opened.name)
+            image = _render_one(opened.stage, opened.diagnostics, settings, costs, progress, on_interrupt, saved, tell)
         yield image
 
 
@@ -124,7 +130,7 @@ def _render_one(
     progress: Progress | None,
     on_interrupt: OnInterrupt,
     checkpointing: Checkpointing | None,
-    announcer: Announcer | Silence,
+    tell: Tell,
 ) -> Image:
     from ..diagnostics import Diagnostics
     from ..sampling.sampling import Sampling
@@ -133,7 +139,7 @@ def _render_one(
     if checkpointing is not None:
         checkpointing.check()
     prepared = prepare(stage, opening, settings, costs, diagnostics, fingerprinted=checkpointing is not None)
-    announcer.tell(diagnostics)  # before hours of sampling
+    tell(diagnostics)  # before hours of sampling
     saved: dict[str, Any] = {}
     with costs.stage("render"), interruption() as asked:
         watched = _Watched(progress, asked)
@@ -154,7 +160,7 @@ def _render_one(
     if saved:
         costs.checkpoint = saved
     image = picture_of(prepared, sampling, costs, diagnostics)
-    announcer.tell(diagnostics)
+    tell(diagnostics)
     return image
 
 
