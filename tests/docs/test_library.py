@@ -18,7 +18,9 @@ import primray
 ROOT = Path(__file__).resolve().parents[2]
 STAGE = ROOT / "scenes/features/camera-lens/scene.usda"
 PAGES = ("docs/library.md", "README.md")
-NAMES = [name for name in primray.__all__ if inspect.isroutine(getattr(primray, name)) or inspect.isclass(getattr(primray, name))]
+NAMES = [
+    name for name in primray.__all__ if inspect.isroutine(getattr(primray, name)) or inspect.isclass(getattr(primray, name))
+]
 
 
 @pytest.fixture

@@ -58,7 +58,7 @@ def test_type_checkers_know_the_names_and_that_there_are_no_others() -> None:
 
 @pytest.mark.long
 def test_mypy_says_so(tmp_path: Path) -> None:
-    good = 'import primray\nimage = primray.render("a.usda", spp=4, filter="box", resolution=[4, 4])\nx: int = image.to_uint8().ndim\n'
+    good = 'import primray\nimage = primray.render("a.usda", filter="box", resolution=[4, 4])\nx: int = image.to_uint8().ndim\n'
     bad = good + 'primray.Imgae\nprimray.render("a.usda", sppp=4)\nprimray.render("a.usda", filter="gauss")\n'
     (tmp_path / "good.py").write_text(good)
     (tmp_path / "bad.py").write_text(bad)
