@@ -62,7 +62,7 @@ def test_prims_stand_for_their_paths() -> None:
 
 
 # Of every field something that it cannot mean: a new field has no row yet, and fails below.
-NONSENSE: dict[str, list[object]] = {
+NONSENSE: dict[str, list[Any]] = {
     "camera": [3, [[1]], np.eye(3), np.diag([2.0, 2, 2, 1]), np.diag([-1.0, 1, 1, 1]), np.full((4, 4), np.nan)],
     "render_settings": [3],
     "product": [b"/p"],

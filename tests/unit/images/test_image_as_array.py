@@ -46,13 +46,14 @@ def test_numpy_takes_an_aovs_values() -> None:
 @pytest.mark.parametrize("pixels", [PIXELS, OPAQUE])
 def test_display_values_are_those_of_the_png(pixels: Any, tmp_path: Path) -> None:
     image = Image(pixels)
-    shown = image.to_uint8(exposure=0.5)
+    shown: Any = image.to_uint8(exposure=0.5)
     assert (shown.shape, shown.dtype) == ((3, 5, 4), np.uint8)
     path = image.save(tmp_path / "a.png", exposure=0.5)
     straight = oiio.ImageSpec()
     straight.attribute("oiio:UnassociatedAlpha", 1)
     file = oiio.ImageInput.open(str(path), straight)
-    stored = file.read_image(oiio.UINT8)
+    assert file is not None
+    stored: Any = file.read_image(oiio.UINT8)
     assert np.array_equal(shown[..., : stored.shape[2]], stored)
     assert stored.shape[2] == 4 or (shown[..., 3] == 255).all()
 
