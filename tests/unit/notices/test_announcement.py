@@ -149,6 +149,7 @@ def test_a_script_hears_it_once_and_a_log_each_time(tmp_path: Path, arguments: l
     done = subprocess.run([sys.executable, "s.py", *arguments], cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stderr.count("s.py:6: RenderWarning: s.usda: ") == warned, done.stderr
     assert done.stderr.count("ERROR:primray:asset-missing: ") == logged
+    assert done.stderr.count("no.exr cannot be found") == warned + logged
 
 
 def test_a_stage_in_memory_has_no_name() -> None:
