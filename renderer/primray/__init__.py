@@ -1,53 +1,78 @@
 """primray renders USD stages on CPUs and returns images with their error. `usd` translates, `render` runs the core.
 
+    >>> import primray
+    >>> image = primray.render("shot.usda", resolution=(32, 18), spp=2)
+    >>> image.save("shot.png").name
+    'shot.png'
+
 What needs numpy is imported when it is first asked for, so that the command line starts quickly.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from . import errors
+from .compare import compare
 from .errors import PrimrayError
 from .render import render, render_frames
-from .settings import Filter, RenderSettings
+from .settings import Filter, Metric, RenderSettings
 from .version import __version__
 
 if TYPE_CHECKING:
+    from .camera import Camera, Projection
     from .checkpoints.checkpointing import Checkpointing
-    from .description import Camera
+    from .compare.comparison import Comparison, Verdict
+    from .images.aov import Aov
     from .images.image import Image
+    from .images.reading import read_image
+    from .notices.announcement import RenderWarning
     from .render.products import Product, render_products
 
 __all__ = [
+    "Aov",
     "Camera",
     "Checkpointing",
+    "Comparison",
     "Filter",
     "Image",
+    "Metric",
     "PrimrayError",
     "Product",
+    "Projection",
     "RenderSettings",
+    "RenderWarning",
+    "Verdict",
     "__version__",
+    "compare",
+    "errors",
+    "read_image",
     "render",
     "render_frames",
     "render_products",
 ]
 
+if not TYPE_CHECKING:  # type checkers know the names above, and that there are no others
+    _WHERE = {
+        "Aov": "images.aov",
+        "Camera": "camera",
+        "Checkpointing": "checkpoints.checkpointing",
+        "Comparison": "compare.comparison",
+        "Image": "images.image",
+        "Product": "render.products",
+        "Projection": "camera",
+        "RenderWarning": "notices.announcement",
+        "Verdict": "compare.comparison",
+        "read_image": "images.reading",
+        "render_products": "render.products",
+    }
 
-def __getattr__(name: str) -> Any:
-    if name == "Image":
-        from .images.image import Image
+    def __getattr__(name):
+        if name not in _WHERE:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from importlib import import_module
 
-        return Image
-    if name == "Checkpointing":
-        from .checkpoints.checkpointing import Checkpointing
+        return getattr(import_module(f"{__name__}.{_WHERE[name]}"), name)
 
-        return Checkpointing
-    if name == "Camera":
-        from .description import Camera
-
-        return Camera
-    if name in ("Product", "render_products"):
-        from .render import products
-
-        return getattr(products, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    def __dir__():
+        return sorted(__all__)

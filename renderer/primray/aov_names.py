@@ -63,7 +63,8 @@ def check_names(names: Iterable[str]) -> None:
     for name in names:
         if not isinstance(name, str) or not (name in AOVS or name in IN_PICTURE or _is_primvar(name)):
             known = ", ".join((*AOVS, *IN_PICTURE))
-            raise SettingsError(f"there is no AOV {name!r}; there are {known} and primvar:NAME", code="unknown-aov")
+            sentence = f"there is no AOV {name!r}; there are {known} and primvar:NAME"
+            raise SettingsError(sentence, where="aovs", code="unknown-aov")
 
 
 def _is_primvar(name: str) -> bool:

@@ -38,7 +38,7 @@ class Composition:
         _check_paths("load", self.load or ())
         _check_paths("mask", self.mask or ())
         if self.mask == ():
-            raise SettingsError("an empty mask would leave nothing of the stage", code="mask")
+            raise SettingsError("an empty mask would leave nothing of the stage", where="mask", code="mask")
 
     @property
     def choices(self) -> list[VariantChoice]:
@@ -49,11 +49,13 @@ def variant_of(text: str) -> VariantChoice:
     """SettingsError unless it reads PRIM:SET=NAME."""
     match = _VARIANT.fullmatch(text)
     if match is None:
-        raise SettingsError(f"{text!r} is no choice of a variant; write one like /World/car:color=red", code="variant")
+        sentence = f"{text!r} is no choice of a variant; write one like /World/car:color=red"
+        raise SettingsError(sentence, where="variants", code="variant")
     return VariantChoice(match["prim"], match["set"], match["name"])
 
 
 def _check_paths(what: str, paths: Iterable[str]) -> None:
     for path in paths:
         if not path.startswith("/") or (len(path) > 1 and path.endswith("/")):
-            raise SettingsError(f"{what} needs paths of prims such as /World/car, not {os.fspath(path)!r}", code=what)
+            sentence = f"{what} needs paths of prims such as /World/car, not {os.fspath(path)!r}"
+            raise SettingsError(sentence, where=what, code=what)

@@ -15,7 +15,14 @@ from __future__ import annotations
 
 
 class PrimrayError(Exception):
-    """Base of all; `code` is stable, `where` is a prim path, an asset or a layer ("" when the whole request is meant)."""
+    """Base of all; `code` is stable, `where` is a prim path, an asset, a layer or a setting ("": the whole request is meant).
+
+    >>> try:
+    ...     primray.render("shot.usda", spp=0)
+    ... except primray.PrimrayError as error:
+    ...     print(error.code, error.where, error.exit_code)
+    settings-error spp 2
+    """
 
     code = "error"
     exit_code = 1

@@ -3,24 +3,40 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+import os
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, fields, replace
 from enum import Enum
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 
 from .aov_names import check_names
+from .camera_choice import Matrix, camera_choice
 from .composition import Composition
 from .errors import LimitError, SettingsError
+from .setting_values import Reader, choice, number, optional, pair, text, texts, whole, yes_or_no
+
+if TYPE_CHECKING:
+    from .camera import Camera
 
 
 class Filter(Enum):
+    """The pixel filter, by which samples are weighted.
+
+    >>> primray.RenderSettings(filter="gaussian").filter
+    <Filter.GAUSSIAN: 'gaussian'>
+    """
+
     BOX = "box"
     GAUSSIAN = "gaussian"
     BLACKMAN_HARRIS = "blackman-harris"
 
 
 class Metric(Enum):
-    """Measures of a picture's error; error.py defines them."""
+    """Measures of a picture's error; docs/error.md defines them.
+
+    >>> primray.RenderSettings(target_error=0.01, error_metric="display").error_metric
+    <Metric.DISPLAY: 'display'>
+    """
 
     RELMSE = "relmse"
     RMSE = "rmse"
@@ -47,9 +63,61 @@ SAMPLE_BLOCK = 2
 MAX_THREADS = 1024
 
 
+class SettingsValues(TypedDict, total=False):
+    """What may be written for the fields of RenderSettings, by the same names."""
+
+    camera: str | Camera | Matrix | Iterable[Iterable[float]] | None
+    render_settings: str | None
+    product: str | None
+    resolution: Iterable[int] | None
+    time_code: float | None
+    spp: int | None
+    target_error: float | None
+    error_metric: Metric | Literal["relmse", "rmse", "display"]
+    time_limit_s: float | None
+    adaptive: bool | None
+    sample_range: Iterable[int] | None
+    max_depth: int | None
+    filter: Filter | Literal["box", "gaussian", "blackman-harris"]
+    filter_width: float | None
+    threads: int | None
+    seed: int
+    default_light: bool
+    rendering_color_space: str | None
+    purposes: Iterable[str] | None
+    aovs: Iterable[str] | None
+    strict: bool
+    max_memory_bytes: int | None
+    dicing_rate: float
+    variants: Iterable[str]
+    load: Iterable[str] | None
+    mask: Iterable[str] | None
+    session_layer: str | os.PathLike[str] | None
+
+
 @dataclass(frozen=True)
 class RenderSettings:
-    camera: str | None = None  # prim path, or the name of a camera if only one has it
+    """What is asked of a render. Enums may be given as strings, tuples as lists; what is kept is as typed here.
+
+    SettingsError, whose `where` is the field's name, or LimitError, if no render could follow it.
+
+    >>> settings = primray.RenderSettings(resolution=[640, 0], filter="gaussian", spp=16)
+    >>> settings.resolution, settings.filter
+    ((640, 0), <Filter.GAUSSIAN: 'gaussian'>)
+    >>> primray.RenderSettings(resolution=640)
+    Traceback (most recent call last):
+    primray.errors.SettingsError: settings-error: resolution must be a list of two whole numbers, not 640 [resolution]
+
+    `camera` may be a `Camera`, or a matrix (4, 4): world_from_camera, rigid, for points as column vectors; it looks along -Z
+    of its frame, +Y up, through UsdGeomCamera's default lens: 50 mm on a film of 20.955 x 15.2908 mm, a pinhole that clips
+    nothing.
+
+    >>> primray.RenderSettings(camera=[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]]).camera[2]
+    (0.0, 0.0, 1.0, 5.0)
+    """
+
+    # Prim path, or the name of a camera if only one has it; a Camera; or a matrix. None: the stage's, else one that sees all.
+    camera: str | Camera | Matrix | None = None
     render_settings: str | None = None  # prim path; None: what the stage's metadata name, else its only RenderSettings
     product: str | None = None  # prim path of one of their RenderProducts; None: the first
     resolution: tuple[int, int] | None = None  # width, height; one of them 0: by the camera's aspect
@@ -79,6 +147,10 @@ class RenderSettings:
     load: tuple[str, ...] | None = None
     mask: tuple[str, ...] | None = None
     session_layer: str | None = None
+
+    if TYPE_CHECKING:
+
+        def __init__(self, **values: Unpack[SettingsValues]) -> None: ...
 
     @property
     def most_samples(self) -> int:
@@ -114,79 +186,119 @@ class RenderSettings:
         mask = self.mask
         if mask:
             asked = (self.camera, self.render_settings, self.product)
-            mask = (*mask, *(path for path in asked if path is not None and path.startswith("/")))
+            mask = (*mask, *(path for path in asked if isinstance(path, str) and path.startswith("/")))
         return Composition(self.variants, self.load, mask, self.session_layer)
 
     def __post_init__(self) -> None:
         """SettingsError or LimitError if no render could follow these."""
+        for name, read in _READERS.items():
+            object.__setattr__(self, name, read(name, getattr(self, name)))
         if self.resolution is not None:
             _check_resolution(*self.resolution)
         scale = self.resolution_scale
         _require(0 < scale <= MAX_RESOLUTION, f"the resolution's scale must be above 0 and sensible, not {scale}")
         self._check_sampling()
-        depth, width, threads = self.max_depth, self.filter_width, self.threads
-        _require(
-            depth is None or (_is_whole(depth) and depth >= 1), f"the depth must be 1 (direct light only) or more, not {depth}"
-        )
-        _require(
-            width is None or (math.isfinite(width) and width > 0),
-            f"the filter's width must be a number of pixels above 0, not {width}",
-        )
-        _require(threads is None or (_is_whole(threads) and threads >= 1), f"the threads must be 1 or more, not {threads}")
-        _limit(threads is None or threads <= MAX_THREADS, f"{threads} threads are more than the {MAX_THREADS} allowed")
-        _require(_is_whole(self.seed) and 0 <= self.seed < 2**32, f"the seed must be from 0 to 2^32 - 1, not {self.seed}")
-        _require(
-            self.time_code is None or math.isfinite(self.time_code), f"the time code must be a number, not {self.time_code}"
-        )
-        memory = self.max_memory_bytes
-        _require(memory is None or memory > 0, f"the memory limit must be above 0 bytes, not {memory}")
-        rate = self.dicing_rate
-        _require(math.isfinite(rate) and rate > 0, f"the dicing rate must be a number of pixels above 0, not {rate}")
+        self._check_sizes()
         unknown = sorted(set(self.purposes or ()) - set(PURPOSES))
-        _require(not unknown, f"no purpose {', '.join(unknown)}; there are {', '.join(PURPOSES)}")
-        _require(self.purposes != (), "at least one purpose must be rendered")
+        _require(not unknown, f"no purpose {', '.join(unknown)}; there are {', '.join(PURPOSES)}", "purposes")
+        _require(self.purposes != (), "at least one purpose must be rendered", "purposes")
         if self.aovs is not None:
             check_names(self.aovs)
         self.composition  # noqa: B018 - checks itself
 
+    def _check_sizes(self) -> None:
+        depth, width, threads, seed = self.max_depth, self.filter_width, self.threads, self.seed
+        _require(depth is None or depth >= 1, f"the depth must be 1 (direct light only) or more, not {depth}", "max_depth")
+        usable = width is None or (math.isfinite(width) and width > 0)
+        _require(usable, f"the filter's width must be a number of pixels above 0, not {width}", "filter_width")
+        _require(threads is None or threads >= 1, f"the threads must be 1 or more, not {threads}", "threads")
+        allowed = threads is None or threads <= MAX_THREADS
+        _limit(allowed, f"{threads} threads are more than the {MAX_THREADS} allowed", "threads")
+        _require(0 <= seed < 2**32, f"the seed must be from 0 to 2^32 - 1, not {seed}", "seed")
+        time_code, memory, rate = self.time_code, self.max_memory_bytes, self.dicing_rate
+        finite = time_code is None or math.isfinite(time_code)
+        _require(finite, f"the time code must be a number, not {time_code}", "time_code")
+        _require(memory is None or memory > 0, f"the memory limit must be above 0 bytes, not {memory}", "max_memory_bytes")
+        usable = math.isfinite(rate) and rate > 0
+        _require(usable, f"the dicing rate must be a number of pixels above 0, not {rate}", "dicing_rate")
+
     def _check_sampling(self) -> None:
         spp, target, seconds = self.spp, self.target_error, self.time_limit_s
-        _require(spp is None or (_is_whole(spp) and spp >= 1), f"samples per pixel must be a whole number from 1, not {spp}")
-        _limit(
-            spp is None or spp <= MAX_SPP, f"{spp} samples per pixel are more than the {MAX_SPP} that a pixel's sequence holds"
-        )
-        _require(target is None or (math.isfinite(target) and target > 0), f"the target error must be above 0, not {target}")
+        _require(spp is None or spp >= 1, f"samples per pixel must be a whole number from 1, not {spp}", "spp")
+        fits = spp is None or spp <= MAX_SPP
+        _limit(fits, f"{spp} samples per pixel are more than the {MAX_SPP} that a pixel's sequence holds", "spp")
+        usable = target is None or (math.isfinite(target) and target > 0)
+        _require(usable, f"the target error must be above 0, not {target}", "target_error")
+        usable = seconds is None or (math.isfinite(seconds) and seconds > 0)
+        _require(usable, f"the time limit must be above 0 seconds, not {seconds}", "time_limit_s")
+        if self.sample_range is not None:
+            self._check_range(*self.sample_range)
+
+    def _check_range(self, first: int, end: int) -> None:
         _require(
-            seconds is None or (math.isfinite(seconds) and seconds > 0),
-            f"the time limit must be above 0 seconds, not {seconds}",
-        )
-        if self.sample_range is None:
-            return
-        first, end = self.sample_range
-        _require(
-            _is_whole(first) and _is_whole(end) and 0 <= first < end and first % SAMPLE_BLOCK == 0 and end % SAMPLE_BLOCK == 0,
+            0 <= first < end and first % SAMPLE_BLOCK == 0 and end % SAMPLE_BLOCK == 0,
             f"a sample range begins and ends at multiples of the sample block, which is {SAMPLE_BLOCK}, and holds samples; "
             f"{first}:{end} does not",
+            "sample_range",
         )
-        _limit(end <= MAX_SPP, f"sample {end} is beyond the {MAX_SPP} that a pixel's sequence holds")
+        _limit(end <= MAX_SPP, f"sample {end} is beyond the {MAX_SPP} that a pixel's sequence holds", "sample_range")
         _require(
-            spp is None and not self.stops_early and not self.adaptive,
+            self.spp is None and not self.stops_early and not self.adaptive,
             "a sample range says which samples are taken: no spp, target error, time limit or adaptive sampling with it",
+            "sample_range",
         )
+
+
+_WHOLE, _NUMBER, _TEXT, _TEXTS, _PAIR = (optional(read) for read in (whole, number, text, texts, pair))
+_READERS: Mapping[str, Reader] = {
+    "camera": optional(camera_choice),
+    **dict.fromkeys(("render_settings", "product", "rendering_color_space", "session_layer"), _TEXT),
+    **dict.fromkeys(("resolution", "sample_range"), _PAIR),
+    **dict.fromkeys(("time_code", "target_error", "time_limit_s", "filter_width"), _NUMBER),
+    **dict.fromkeys(("spp", "max_depth", "threads", "max_memory_bytes"), _WHOLE),
+    **dict.fromkeys(("purposes", "aovs", "load", "mask"), _TEXTS),
+    **dict.fromkeys(("default_light", "strict"), yes_or_no),
+    "adaptive": optional(yes_or_no),
+    "error_metric": choice(Metric),
+    "filter": choice(Filter),
+    "seed": whole,
+    "dicing_rate": number,
+    "variants": texts,
+}
+
+
+def with_values(settings: object, values: Mapping[str, Any]) -> RenderSettings:
+    """The settings with some fields replaced; SettingsError for names that there are not."""
+    if not isinstance(settings, RenderSettings):
+        hint = "fields go by name: render(stage, spp=64)"
+        raise SettingsError(f"settings must be primray.RenderSettings, not {type(settings).__name__}; {hint}", where="settings")
+    names = [field.name for field in fields(RenderSettings)]
+    for name in values:
+        if name not in names:
+            from difflib import get_close_matches
+
+            near = get_close_matches(name, names, 1)
+            hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(names)}"
+            raise SettingsError(f"there is no setting {name}; {hint}", where=name, code="unknown-setting")
+    return replace(settings, **values) if values else settings
 
 
 def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
     """What report.settings_as_json made; TypeError or ValueError for names or choices that there are not."""
     names = ("resolution", "sample_range", "purposes", "aovs", "variants", "load", "mask")
     tuples = {name: tuple(values[name]) for name in names if values.get(name) is not None}
-    chosen = {"filter": Filter(values["filter"]), "error_metric": Metric(values["error_metric"])}
+    chosen: dict[str, Any] = {"filter": Filter(values["filter"]), "error_metric": Metric(values["error_metric"])}
+    if isinstance(values.get("camera"), Mapping):
+        from .camera import camera_of
+
+        chosen["camera"] = camera_of(values["camera"])
     return RenderSettings(**{**values, **tuples, **chosen})
 
 
 def _check_resolution(width: int, height: int) -> None:
-    whole = _is_whole(width) and _is_whole(height) and min(width, height) >= 0 and max(width, height) > 0
-    _require(whole, f"the resolution must be whole pixels above 0 (one of them 0: by the aspect), not {width} x {height}")
-    limit_pixels(width, height)
+    sentence = f"the resolution must be whole pixels above 0 (one of them 0: by the aspect), not {width} x {height}"
+    _require(min(width, height) >= 0 and max(width, height) > 0, sentence, "resolution")
+    limit_pixels(width, height, "resolution")
 
 
 def limit_pixels(width: int, height: int, where: str = "") -> None:
@@ -195,13 +307,9 @@ def limit_pixels(width: int, height: int, where: str = "") -> None:
     _limit(fits, f"{width} x {height} pixels: {MAX_RESOLUTION} a side and {MAX_PIXELS} in all are allowed", where)
 
 
-def _is_whole(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool)
-
-
-def _require(holds: bool, sentence: str) -> None:
+def _require(holds: bool, sentence: str, name: str) -> None:
     if not holds:
-        raise SettingsError(sentence)
+        raise SettingsError(sentence, where=name)
 
 
 def _limit(holds: bool, sentence: str, where: str = "") -> None:

@@ -18,8 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import core
+from ..camera import Camera, camera_as_json, camera_of
 from ..color.color_space import REC709, ColorSpace, is_gamut
-from ..description import Camera, Frame
+from ..description import Frame
 from ..errors import CheckpointError
 from ..report.report import settings_as_json
 from ..sampling.adaptive import DOUBLINGS, Plan
@@ -28,8 +29,8 @@ from ..sampling.error_curve import ErrorCurve, Row
 from ..sampling.sampling import Sampling
 from ..sampling.schedule import Schedule
 from ..settings import MAX_SPP, SAMPLE_BLOCK, Metric, RenderSettings
-from .camera_json import camera_as_json, camera_of, frame_of
 from .checkpoint_file import Arrays, read_checkpoint, read_header
+from .frame_json import frame_of
 
 REPLICATES, COLORS = 2, 3
 SPLITS = ((1, 2, 4, 8), (1, 2, 4))  # what core.choose_splits answers; others would be taken for what they are not

@@ -25,13 +25,33 @@ DEFAULT_EVERY_S = 60.0
 
 @dataclass(frozen=True)
 class Checkpointing:
-    """Where a render's checkpoint is written, every so many seconds and at the end, and which one it goes on from, if any."""
+    """Where a render's checkpoint is written, every so many seconds and at the end, and which one it goes on from, if any.
+
+    >>> saved = primray.Checkpointing("shot.prc", every_s=30)
+    >>> image = primray.render("shot.usda", checkpointing=saved, resolution=(32, 18), spp=2)
+    >>> more = primray.Checkpointing("shot.prc", resume="shot.prc")
+    >>> primray.render("shot.usda", checkpointing=more, resolution=(32, 18), spp=4).report["samples_per_pixel"]
+    [4, 4]
+
+    SettingsError for an interval that is none; CheckpointError, from the render, for one that is missing or of another render.
+    """
 
     file: Path
     every_s: float = DEFAULT_EVERY_S
     resume: Path | None = None
 
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            file: str | os.PathLike[str],
+            every_s: float = DEFAULT_EVERY_S,
+            resume: str | os.PathLike[str] | None = None,
+        ) -> None: ...
+
     def __post_init__(self) -> None:
+        object.__setattr__(self, "file", Path(self.file))
+        object.__setattr__(self, "resume", None if self.resume is None else Path(self.resume))
         if not (math.isfinite(self.every_s) and self.every_s > 0):
             raise SettingsError(f"checkpoints are written every so many seconds above 0, not {self.every_s}")
 

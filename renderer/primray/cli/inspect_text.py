@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from .diagnostics_text import diagnostics_lines, fidelity_text
+from ..notices.diagnostics_text import diagnostics_lines, fidelity_text
 
 _SHOWN = 10  # of each list, unless verbose
 

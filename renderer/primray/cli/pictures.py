@@ -64,7 +64,7 @@ def save(image: Image, file: str, looks: Looks) -> None:
 def write(image: Image, files: list[str], report_file: str | None, looks: Looks) -> bool:
     """Write and tell what came of a render; False if a file could not be written, which is told, and the others were."""
     from ..images.image import write_text
-    from .diagnostics_text import print_diagnostics
+    from ..notices.diagnostics_text import print_diagnostics
     from .json_lines import dumps, print_line
 
     start = time.perf_counter()

@@ -83,6 +83,11 @@ def named(name: str) -> ColorSpace | None:
     return _BY_NAME.get(name) or _BY_NAME.get(f"{name}_scene") or _OTHER_NAMES.get(name)
 
 
+def linear_spaces() -> list[ColorSpace]:
+    """The named ones that pictures are in."""
+    return [space for space in _NAMED if space.is_linear and not space.is_data]
+
+
 @lru_cache(maxsize=256)
 def xyz_from_rgb(gamut: tuple[Chromaticity, ...]) -> Doubles:
     """Of linear values; white has Y = 1. SMPTE RP 177-1993, "Derivation of Basic Television Color Equations", 3.3."""

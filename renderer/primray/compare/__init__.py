@@ -1,1 +1,54 @@
-"""Have two pictures changed, beyond their noise? Differences, tests of them, a verdict, and the pytest fixture."""
+"""Have two pictures changed, beyond their noise? Differences, tests of them, a verdict, and the pytest fixture.
+
+The package shares its name with the function `primray.compare`. Importing it costs nothing.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ..images.image import Image
+    from ..images.image_file import MeasuredImage
+    from .comparison import Comparison
+
+
+def compare(
+    a: str | os.PathLike[str] | Image | MeasuredImage,
+    b: str | os.PathLike[str] | Image | MeasuredImage,
+    *,
+    alpha: float = 0.001,
+    tolerance: float = 0.01,
+    tile: int = 32,
+) -> Comparison:
+    """Whether picture `b` has changed from `a` beyond their noise, each an image or the path of an EXR with error channels.
+
+    >>> image = primray.render("shot.usda", resolution=(32, 18), spp=8)
+    >>> image.save("before.exr").name
+    'before.exr'
+    >>> primray.compare("before.exr", image).verdict
+    <Verdict.UNCHANGED: 'unchanged'>
+
+    `alpha` is the rate of false alarms, over all tiles together; `tolerance` the smallest relative difference that matters;
+    tiles are `tile` pixels across. SettingsError if the two cannot be compared.
+    """
+    from .comparison import compare as compare_measured
+
+    return compare_measured(_opened(a), _opened(b), alpha=alpha, tolerance=tolerance, tile=tile)
+
+
+def _opened(picture: object) -> MeasuredImage:
+    from ..errors import SettingsError
+    from ..images.image import Image
+    from ..images.image_file import MeasuredImage, read_image
+    from ..images.measured import measured
+
+    if isinstance(picture, str | os.PathLike):
+        return read_image(picture)
+    if isinstance(picture, Image):
+        return measured(picture)
+    if not isinstance(picture, MeasuredImage):
+        kind = type(picture).__name__
+        raise SettingsError(f"pictures are compared as a primray.Image or an EXR's path, not {kind}: errors belong to them")
+    return picture

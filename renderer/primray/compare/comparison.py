@@ -29,6 +29,12 @@ LIKELY = 1.2816  # standard errors beyond the threshold: a change of the toleran
 
 
 class Verdict(Enum):
+    """What a comparison came to; undecided where noise could hide a difference of the tolerance's size.
+
+    >>> primray.Verdict("changed") is primray.Verdict.CHANGED
+    True
+    """
+
     UNCHANGED = "unchanged"
     CHANGED = "changed"
     UNDECIDED = "undecided"
@@ -70,8 +76,17 @@ class Needs:
     b_alone: int | None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Comparison:
+    """What `primray.compare` found. Differences are B - A, relative to the picture; boxes are pixels from the upper left.
+
+    >>> a = primray.render("shot.usda", resolution=(32, 18), spp=8)
+    >>> b = primray.render("shot.usda", resolution=(32, 18), spp=8, seed=1)
+    >>> comparison = primray.compare(a, b, tolerance=0.5)
+    >>> comparison.verdict, len(comparison.tiles), comparison.identical
+    (<Verdict.UNCHANGED: 'unchanged'>, 1, False)
+    """
+
     verdict: Verdict
     alpha: float
     tolerance: float
@@ -84,6 +99,15 @@ class Comparison:
     identical: bool  # bit for bit
     of: Difference
     notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        tiles = ", ".join(f"{self.count(verdict)} {verdict.value}" for verdict in Verdict if self.count(verdict))
+        mean = f"{100 * self.relative:+.3g} % +- {100 * self.relative_error:.2g} %"
+        return f"<Comparison {self.verdict.value}; tiles: {tiles}; mean difference {mean}>"
+
+    def __bool__(self) -> bool:
+        """TypeError: whether that would mean "changed" or "the same" nobody could tell."""
+        raise TypeError("a Comparison is neither true nor false; ask for its verdict")
 
     def count(self, verdict: Verdict) -> int:
         return sum(tile.verdict is verdict for tile in self.tiles)

@@ -7,7 +7,7 @@ SceneDescription; `core` uploads it.
 
 from ..aov_names import AovRequest
 from ..arrays import Doubles, Floats, Ints
-from .camera import Camera, Projection
+from ..camera import Camera, Projection
 from .frame import Frame, PixelWindow
 from .geometry import Interpolation, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
 from .lighting import IesProfile, Light, LightType, Linked, Portal, Shadow, Shaping

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from ..aov_names import AovRequest
 from ..arrays import Doubles
+from ..camera import Camera
 from ..color.color_space import REC709, ColorSpace
-from .camera import Camera
 from .frame import Frame, PixelWindow, whole_frame
 from .geometry import Shape
 from .lighting import NO_LINKS, Light, Linked

@@ -15,9 +15,18 @@ from ..aov_names import AOVS, RGB, UV, AovRequest, primvar_of
 Values = npt.NDArray[Any]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Aov:
-    """`values` (H, W, C): float32, float64 (positions) or uint32 (`stored` as whole numbers), read-only."""
+    """`values` (H, W, C): float32, float64 (positions) or uint32 (`stored` as whole numbers), read-only.
+
+    docs/aovs.md has each one's unit and space. `ids` is what whole numbers stand for, 0 being nothing.
+
+    >>> image = primray.render("shot.usda", aovs=["depth", "prim"], resolution=(32, 18), spp=2)
+    >>> image.aovs["depth"].values.shape, image.aovs["depth"].meaning != ""
+    ((18, 32, 1), True)
+    >>> sorted(image.aovs)
+    ['depth', 'prim']
+    """
 
     values: Values
     channels: tuple[str, ...]
@@ -32,6 +41,16 @@ class Aov:
             raise ValueError(f"values of shape {values.shape} do not hold the channels {self.channels}")
         values.flags.writeable = False
         object.__setattr__(self, "values", values)
+
+    def __repr__(self) -> str:
+        height, width, _ = self.values.shape
+        return f"<Aov {self.source}, {width} x {height}, {' '.join(self.channels)}, {self.values.dtype}>"
+
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> Values:
+        """`values`; read-only where NumPy need not copy."""
+        if copy is False and dtype is not None and np.dtype(dtype) != self.values.dtype:
+            raise ValueError(f"values of {self.values.dtype} cannot be {np.dtype(dtype)} without a copy")
+        return np.array(self.values, dtype) if copy else np.asarray(self.values, dtype)
 
     def as_json(self) -> dict[str, Any]:
         """What a report says of it: the values and what numbers mean are in the image and its file."""

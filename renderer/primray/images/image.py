@@ -12,12 +12,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ..arrays import Doubles, Floats
 from ..color import ocio as color
 from ..color.color_space import REC709, ColorSpace, named
 from ..description import Camera, Frame, Projection
 from ..errors import PrimrayError, SettingsError
+from ..notices.notebook import picture_html
 from ..textures.image_error import last_error
 from .aov import Aov
 from .aov_parts import parts_of
@@ -36,9 +38,22 @@ _ACES_CHROMATICITIES = {
 }
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Image:
-    """Scene-linear premultiplied RGBA, alpha = coverage, with the report of its render."""
+    """Scene-linear premultiplied RGBA, alpha = coverage, with the report of its render. Row 0 is the top.
+
+    Values are radiance in nits times the camera's exposure, in the rendering colour space (`color_space`, Rec.709 unless said).
+
+    >>> image = primray.render("shot.usda", resolution=(32, 18), spp=4)
+    >>> image.pixels.shape, image.pixels.dtype.name, image.errors.shape
+    ((18, 32, 4), 'float32', (18, 32, 3))
+    >>> np.asarray(image).shape, image.to_uint8(exposure=0.5).shape
+    ((18, 32, 4), (18, 32, 4))
+    >>> [image.save(f"shot.{kind}").name for kind in ("exr", "png")]
+    ['shot.exr', 'shot.png']
+
+    A notebook shows it, with what its render has to tell under it. ValueError where arrays do not fit one another.
+    """
 
     pixels: Floats  # (H, W, 4), read-only
     report: Mapping[str, Any] = field(default_factory=dict)
@@ -95,6 +110,59 @@ class Image:
                 encoded = encode(self.pixels, exposure=exposure, space=self.color_space, **chosen)
                 _write_view(encoded if path.suffix.lower() == ".png" else encoded[..., :3], temporary)
         return path
+
+    def to_uint8(
+        self,
+        *,
+        view: str | None = None,
+        display: str | None = None,
+        exposure: float = 0.0,
+        look: str | None = None,
+    ) -> npt.NDArray[np.uint8]:
+        """(H, W, 4) display values 0 to 255 with straight alpha: what `save` writes as PNG, with 255 where that has no alpha.
+
+        `exposure` is in stops; `view`, `display` and `look` are names of the OpenColorIO config, SettingsError where it has no
+        such.
+        """
+        chosen = {"view": view, "display": display, "look": look}
+        encoded: npt.NDArray[np.uint8] = encode(self.pixels, exposure=exposure, space=self.color_space, **chosen)
+        opaque = np.full((*encoded.shape[:2], 4 - encoded.shape[2]), 255, np.uint8)
+        return np.concatenate([encoded, opaque], axis=2)
+
+    def show(self) -> None:
+        """Show it: under the cell in a notebook, else a PNG of it in the desktop's viewer.
+
+        PrimrayError where there is no desktop.
+        """
+        from .showing import show
+
+        show(self)
+
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:
+        """`pixels`; read-only where NumPy need not copy."""
+        if copy is False and dtype is not None and np.dtype(dtype) != self.pixels.dtype:
+            raise ValueError(f"float32 pixels cannot be {np.dtype(dtype)} without a copy")
+        return np.array(self.pixels, dtype) if copy else np.asarray(self.pixels, dtype)
+
+    def __repr__(self) -> str:
+        width, height = self.resolution
+        told = [f"{width} x {height}", "".join(self.channels)]
+        low, high = self.report.get("samples_per_pixel", (0, 0))
+        if high:
+            told.append(f"{low} samples a pixel" if low == high else f"{low} to {high} samples a pixel")
+        error = (self.report.get("error") or {}).get("relmse")
+        if error is not None:
+            told.append(f"relmse {error['estimate']:.2g}")
+        if self.aovs:
+            told.append(f"aovs {' '.join(self.aovs)}")
+        severities = [d["severity"] for d in self.report.get("diagnostics", ())]
+        for severity in ("error", "warning"):
+            count = severities.count(severity)
+            told += [f"{count} {severity}{'s' if count > 1 else ''}"] if count else []
+        return f"<Image {', '.join(told)}>"
+
+    def _repr_html_(self) -> str | None:
+        return picture_html(self._repr_png_, self.resolution, self.report.get("diagnostics", ()))
 
     def _repr_png_(self) -> bytes:
         with tempfile.TemporaryDirectory() as folder:
@@ -210,13 +278,17 @@ def _describe_colors(spec: Any, space: ColorSpace) -> None:
     """By interop id where the space has one, and by chromaticities: of ACES those of its standards, as readers expect."""
     import OpenImageIO as oiio
 
-    known = named(space.name) == space
     spec.attribute("oiio:ColorSpace", space.name)
-    if known:
+    if named(space.name) == space:
         spec.attribute("colorInteropID", space.name)
+    spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), chromaticities_of(space))
+
+
+def chromaticities_of(space: ColorSpace) -> tuple[float, ...]:
+    """x, y of red, green, blue and white, as a file says them."""
+    known = named(space.name) == space
     corners = _ACES_CHROMATICITIES.get(space.name, space.gamut) if known else space.gamut
-    numbers = tuple(float(x) for corner in corners for x in corner)
-    spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), numbers)
+    return tuple(float(x) for corner in corners for x in corner)
 
 
 def exr_matrices(camera: Camera) -> tuple[Doubles, Doubles]:

@@ -6,7 +6,7 @@ a render starts.
 
 from ..report.prepared import Prepared
 from .prepare import OpenedStage, check_memory, image_sizes, load_textures, open_once, prepare
-from .render import OnInterrupt, core_says, find_aovs, picture_of, render, render_frames
+from .render import OnInterrupt, core_says, find_aovs, picture_of, quiet_frames, render, render_frames
 
 __all__ = [
     "OnInterrupt",
@@ -20,6 +20,7 @@ __all__ = [
     "open_once",
     "picture_of",
     "prepare",
+    "quiet_frames",
     "render",
     "render_frames",
 ]

@@ -32,6 +32,7 @@ class OpenedStage:
     composed_by: tuple[Any, ...]  # the settings that decide how
     diagnostics: Diagnostics
     seconds: float
+    name: object = None  # what the user called it: its path, if that was given
 
 
 def composing_settings(settings: RenderSettings) -> tuple[Any, ...]:
@@ -47,7 +48,7 @@ def open_once(stage: str | os.PathLike[str] | Any, settings: RenderSettings) -> 
     costs, diagnostics = Costs(), Diagnostics()
     with costs.stage("open"):
         opened = usd.open_stage(stage, diagnostics, settings.composition)
-    return OpenedStage(opened, composing_settings(settings), diagnostics, costs.stages_s["open"])
+    return OpenedStage(opened, composing_settings(settings), diagnostics, costs.stages_s["open"], stage)
 
 
 def prepare(

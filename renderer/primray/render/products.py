@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, Unpack
 
 from ..errors import SettingsError
 from ..images.product_name import safe_product_name
-from ..settings import RenderSettings
+from ..settings import RenderSettings, SettingsValues, with_values
 from .prepare import OpenedStage, open_once
 from .render import render_frames
+from .settings_by_name import naming_settings
 
 if TYPE_CHECKING:
     import os
@@ -23,7 +24,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Product:
-    """A picture that RenderSettings ask for. `file_name` has no folder, and no other product of the stage has it."""
+    """A picture that a stage's RenderSettings ask for. `file_name` has no folder, and no other product of the stage has it.
+
+    >>> for product, image in primray.render_products("shot.usda", resolution=(32, 18), spp=2):
+    ...     print(product.file_name, image.resolution)
+    picture.exr (32, 18)
+    """
 
     path: str  # of the RenderProduct; "": the settings have none, and this is the default one
     name: str  # productName as authored
@@ -46,14 +52,23 @@ def products_of(opened: OpenedStage, settings: RenderSettings, asked: Sequence[s
     ]
 
 
+@naming_settings
 def render_products(
     stage: str | os.PathLike[str] | object,
     settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
     asked: Sequence[str] | None = None,
     *,
-    progress: Progress | None = None,
+    progress: Progress | Literal[False] | None = None,
+    **values: Unpack[SettingsValues],
 ) -> Iterator[tuple[Product, Image]]:
-    """Render several products of one stage, given as a Usd.Stage or as a path, each with its own camera and overrides."""
+    """Render several products of one stage, given as a Usd.Stage or as a path, each with its own camera and overrides.
+
+    >>> [product.path for product, image in primray.render_products("shot.usda", resolution=(32, 18), spp=2)]
+    ['']
+
+    `asked` names some of them by path or name; the rest is as for `render`.
+    """
+    settings = with_values(settings, values)
     opened = open_once(stage, settings)
     products = products_of(opened, settings, asked)
     images = render_frames(opened, [product.settings for product in products], progress=progress)

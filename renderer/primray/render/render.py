@@ -6,16 +6,18 @@ What does the work is imported when a render starts; importing this module costs
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, replace
 from itertools import chain, repeat
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 from ..errors import RenderCancelled, SettingsError
 from ..report.prepared import Prepared
-from ..settings import RenderSettings
+from ..settings import RenderSettings, SettingsValues, with_values
 from .interruption import Interruption, interruption
 from .prepare import OpenedStage, composing_settings, open_once, prepare
+from .settings_by_name import naming_settings
 
 if TYPE_CHECKING:
     from ..checkpoints.checkpointing import Checkpointing
@@ -27,26 +29,63 @@ if TYPE_CHECKING:
     from ..sampling.sampling import Progress, Sampling
     from .snapshots import Snapshots
 
+    Tell = Callable[[Diagnostics], None]
+
 OnInterrupt = Literal["raise", "partial"]
 
 
+@naming_settings
 def render(
     stage: str | os.PathLike[str] | Any,
     settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
     *,
-    progress: Progress | None = None,
+    progress: Progress | Literal[False] | None = None,
     on_interrupt: OnInterrupt = "raise",
     checkpointing: Checkpointing | None = None,
+    **values: Unpack[SettingsValues],
 ) -> Image:
-    """Render a stage, given as a Usd.Stage or as the path of one.
+    """Render a stage, given as a Usd.Stage or as the path of one. Fields of RenderSettings go by their names as well.
 
+    >>> image = primray.render("shot.usda", resolution=(32, 18), spp=2, seed=1)
+    >>> image.pixels.shape
+    (18, 32, 4)
+
+    `progress(fraction, samples, rays)` is called some ten times a second. Without one, notebooks show a bar; False: none.
     Ctrl-C raises KeyboardInterrupt and `progress` returning False raises RenderCancelled, unless `on_interrupt` is
     "partial": then the picture made so far comes back, its report saying "interrupted". A checkpoint is written before either.
+
+    SceneError, SettingsError or LimitError, all PrimrayErrors, where there can be no picture. Where it is not what the stage
+    says, its diagnostics are a RenderWarning, log records of "primray", and in `Image.report`.
     """
+    settings = with_values(settings, values)
     return next(render_frames(stage, [settings], progress=progress, on_interrupt=on_interrupt, checkpointing=[checkpointing]))
 
 
 def render_frames(
+    stage: str | os.PathLike[str] | OpenedStage | Any,
+    frames: Iterable[RenderSettings],
+    *,
+    progress: Progress | Literal[False] | None = None,
+    on_interrupt: OnInterrupt = "raise",
+    checkpointing: Iterable[Checkpointing | None] = (),
+    snapshots: Snapshots | None = None,
+) -> Iterator[Image]:
+    """Render one stage several times, opening it once (the first report has the time of that).
+
+    >>> frames = [primray.RenderSettings(time_code=t, resolution=(32, 18), spp=2) for t in (1.0, 2.0)]
+    >>> [image.report["settings"]["time_code"] for image in primray.render_frames("shot.usda", frames)]
+    [1.0, 2.0]
+
+    `checkpointing`, where given, has one item a frame; `snapshots` are taken of every frame. All else is as for `render`.
+    """
+    from ..notices.announcement import Announcer
+    from .notebook_bar import shown_progress
+
+    shown = lambda: shown_progress(progress)  # noqa: E731
+    return _frames(stage, frames, shown, on_interrupt, checkpointing, snapshots, lambda name: Announcer(name).tell)
+
+
+def quiet_frames(
     stage: str | os.PathLike[str] | OpenedStage | Any,
     frames: Iterable[RenderSettings],
     *,
@@ -55,10 +94,21 @@ def render_frames(
     checkpointing: Iterable[Checkpointing | None] = (),
     snapshots: Snapshots | None = None,
 ) -> Iterator[Image]:
-    """Render one stage several times, opening it once (the first report has the time of that).
+    """As render_frames, for callers that show diagnostics and progress themselves: no warnings, no log, no bar."""
+    shown: Callable[[], AbstractContextManager[Progress | None]] = lambda: nullcontext(progress)  # noqa: E731
+    return _frames(stage, frames, shown, on_interrupt, checkpointing, snapshots, lambda name: lambda diagnostics: None)
 
-    `checkpointing`, where given, has one item a frame; `snapshots` are taken of every frame.
-    """
+
+def _frames(
+    stage: str | os.PathLike[str] | OpenedStage | Any,
+    frames: Iterable[RenderSettings],
+    shown: Callable[[], AbstractContextManager[Progress | None]],
+    on_interrupt: OnInterrupt,
+    checkpointing: Iterable[Checkpointing | None],
+    snapshots: Snapshots | None,
+    telling: Callable[[object], Tell],
+) -> Iterator[Image]:
+    """`shown` makes what progress goes to, `telling` what hears of a render's diagnostics, of a stage of that name."""
     from ..report.report import Costs
 
     opened, told = stage if isinstance(stage, OpenedStage) else None, False
@@ -70,7 +120,12 @@ def render_frames(
         costs = Costs()
         if not told:
             costs.stages_s["open"], told = opened.seconds, True
-        yield _render_one(opened.stage, opened.diagnostics, settings, costs, progress, on_interrupt, saved, snapshots)
+        with shown() as progress:
+            tell = telling(opened.name)
+            image = _render_one(
+                opened.stage, opened.diagnostics, settings, costs, progress, on_interrupt, saved, snapshots, tell
+            )
+        yield image
 
 
 def _render_one(
@@ -82,6 +137,7 @@ def _render_one(
     on_interrupt: OnInterrupt,
     checkpointing: Checkpointing | None,
     snapshots: Snapshots | None,
+    tell: Tell,
 ) -> Image:
     from ..diagnostics import Diagnostics
     from ..sampling import pauses
@@ -91,6 +147,7 @@ def _render_one(
     if checkpointing is not None:
         checkpointing.check()
     prepared = prepare(stage, opening, settings, costs, diagnostics, fingerprinted=checkpointing is not None)
+    tell(diagnostics)  # before hours of sampling
     saved: dict[str, Any] = {}
     with costs.stage("render"), interruption() as asked:
         watched = _Watched(progress, asked)
@@ -111,7 +168,9 @@ def _render_one(
 
     if saved:
         costs.checkpoint = saved
-    return picture_of(prepared, sampling, costs, diagnostics)
+    image = picture_of(prepared, sampling, costs, diagnostics)
+    tell(diagnostics)
+    return image
 
 
 def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics: Diagnostics) -> Image:

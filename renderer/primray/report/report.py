@@ -69,10 +69,10 @@ def usable_threads() -> int:
 
 def resolve_settings(settings: RenderSettings, description: SceneDescription) -> RenderSettings:
     """The settings with what the scene and the machine decided filled in, so that the render can be repeated."""
-    width = settings.filter_width
+    width, given = settings.filter_width, settings.camera
     return replace(
         settings,
-        camera=description.camera.path or settings.camera,
+        camera=given if given is not None and not isinstance(given, str) else description.camera.path or given,
         spp=settings.spp if settings.stops_early or settings.sample_range else settings.most_samples,
         resolution=description.resolution,
         resolution_scale=1.0,
@@ -85,6 +85,7 @@ def resolve_settings(settings: RenderSettings, description: SceneDescription) ->
 
 def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values = asdict(settings)
+    values["camera"] = _camera_as_json(settings)
     values["filter"] = settings.filter.value
     values["error_metric"] = settings.error_metric.value
     values["sample_range"] = list(settings.sample_range) if settings.sample_range else None
@@ -92,6 +93,17 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     for name in ("purposes", "aovs", "variants", "load", "mask"):
         values[name] = None if values[name] is None else list(values[name])
     return values
+
+
+def _camera_as_json(settings: RenderSettings) -> Any:
+    camera = settings.camera
+    if camera is None or isinstance(camera, str):
+        return camera
+    if isinstance(camera, tuple):
+        return [list(row) for row in camera]
+    from ..camera import camera_as_json
+
+    return camera_as_json(camera)
 
 
 def package_versions() -> dict[str, str]:

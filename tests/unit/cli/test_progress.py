@@ -10,6 +10,7 @@ import pytest
 
 from primray.cli.terminal import progress
 from primray.cli.terminal.progress import showing
+from primray.render import speed
 
 
 class Clock:
@@ -22,7 +23,8 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    monkeypatch.setattr(progress, "time", clock)
+    for module in (progress, speed):
+        monkeypatch.setattr(module, "time", clock)
     return clock
 
 

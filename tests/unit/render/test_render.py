@@ -215,4 +215,4 @@ def test_lazy_names() -> None:
     assert primray.Image.__name__ == "Image"
     assert primray.Camera.__name__ == "Camera"
     with pytest.raises(AttributeError):
-        _ = primray.Nonsense
+        _ = primray.Nonsense  # type: ignore[attr-defined]

@@ -91,10 +91,10 @@ def estimate(
 def _pilot(scene: str, settings: RenderSettings, seconds: float, verbose: bool) -> Pilot:
     from ... import usd
     from ...diagnostics import Diagnostics
+    from ...notices.diagnostics_text import print_diagnostics
     from ...render import prepare
     from ...report.report import Costs
     from ...sampling.prediction import run_pilot
-    from ..diagnostics_text import print_diagnostics
 
     opening, diagnostics = Diagnostics(), Diagnostics()
     stage = usd.open_stage(scene, opening, settings.composition)

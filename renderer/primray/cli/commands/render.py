@@ -220,7 +220,7 @@ def _render_shots(
     snapshot_s: float | None,
 ) -> None:
     """A picture that cannot be written is told and makes the command fail, and the next one is rendered."""
-    from ...render import render_frames
+    from ...render import quiet_frames
     from ...render.interruption import terminate_as_interrupt
     from ..terminal.progress import Show, showing
 
@@ -228,7 +228,7 @@ def _render_shots(
     rendering: list[Shot] = []
     missed = unsaved = False
     terminate_as_interrupt()
-    images = render_frames(
+    images = quiet_frames(
         scene,
         [shot.settings for shot in shots],
         progress=lambda *now: showing_now[-1](*now),

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..diagnostics_text import diagnostics_lines
+from ...notices.diagnostics_text import diagnostics_lines
 from .runs import Outcome
 
 _STYLE = """

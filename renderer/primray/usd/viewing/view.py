@@ -14,15 +14,17 @@ from ..adapters.cameras.camera import Aperture, camera, pixel_aspect_ratio, read
 from ..adapters.rendering.render_product import ProductSettings
 from ..resolving.context import Context
 from ..resolving.stage_bounds import Bounds
+from .asked_camera import aperture_of, conformed
 from .framing import APERTURE, framing_camera
 
 DEFAULT_WIDTH = 960  # usdrecord's
 
 
 def select_camera(stage: Usd.Stage, ctx: Context, product: ProductSettings, cameras: list[Usd.Prim]) -> Usd.Prim | None:
-    """The camera's prim; None where the stage has none. SettingsError when the one asked for does not exist."""
-    if ctx.settings.camera is not None:
-        return _asked_for(stage, ctx.settings.camera, cameras)
+    """The camera's prim; None where none of the stage's is to look. SettingsError when the one asked for does not exist."""
+    asked = ctx.settings.camera
+    if asked is not None:
+        return _asked_for(stage, asked, cameras) if isinstance(asked, str) else None
     if product.camera is not None:
         prim = stage.GetPrimAtPath(product.camera)
         if prim and prim.GetTypeName() == "Camera":
@@ -40,9 +42,15 @@ def view_through(
     prim: Usd.Prim | None, ctx: Context, product: ProductSettings, bounds: Callable[[], Bounds]
 ) -> tuple[Camera, Frame]:
     """The camera, conformed to the image, and the image's frame; `bounds` of the world are asked for only without a camera."""
-    aperture = read_aperture(prim, ctx.when, ctx.diagnostics) if prim is not None else APERTURE
+    asked = ctx.settings.camera
+    if asked is not None and not isinstance(asked, str):
+        aperture = aperture_of(asked)
+    else:
+        aperture = read_aperture(prim, ctx.when, ctx.diagnostics) if prim is not None else APERTURE
     resolution = _scaled(_resolution(ctx.settings.resolution, product, aperture), ctx.settings.resolution_scale)
     frame = _frame(resolution, product, pixel_aspect_ratio(aperture, resolution, product))
+    if asked is not None and not isinstance(asked, str):
+        return conformed(asked, aperture, resolution, product), frame
     if prim is not None:
         return camera(prim, ctx.when, resolution, product, ctx.diagnostics), frame
     ctx.warn("camera-automatic", "", "The stage has no camera: it is framed as usdrecord would.")

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from primray.cli import run
-from primray.cli.diagnostics_text import diagnostics_lines, fidelity_text
 from primray.diagnostics import Diagnostics
+from primray.notices.diagnostics_text import diagnostics_lines, fidelity_text
 
 
 def rows(*found: tuple[str, str, str, str]) -> list[dict[str, str]]:

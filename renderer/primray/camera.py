@@ -1,0 +1,108 @@
+"""A camera: where it stands, what its window shows, its lens. Part of the seam, `description`; renders may be given one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .arrays import Doubles
+
+
+class Projection(Enum):
+    """How a camera's rays leave it: from its eye, or side by side.
+
+    >>> primray.Projection("perspective")
+    <Projection.PERSPECTIVE: 'perspective'>
+    """
+
+    PERSPECTIVE = "perspective"
+    ORTHOGRAPHIC = "orthographic"
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """Where it stands, what its window shows, its lens. It looks along -Z of its frame, +Y up, +X to the right.
+
+    `world_from_camera` (4, 4), float64, turns camera space into world space for points as column vectors, in scene units:
+    its first three columns are the camera's right, up and backward directions, its last one its position. It is rigid.
+    `window` is (left, right, bottom, top) at unit distance (perspective) or in scene units (orthographic): what the whole
+    frame shows. `Image.camera` has the one a picture was made with, to be changed and given to another render:
+
+    >>> image = primray.render("shot.usda", resolution=(32, 18), spp=2)
+    >>> moved = image.camera.world_from_camera.copy()
+    >>> moved[:3, 3] += 0.1 * moved[:3, 2]  # a tenth of a unit back
+    >>> camera = dataclasses.replace(image.camera, world_from_camera=moved)
+    >>> primray.render("shot.usda", camera=camera, resolution=(32, 18), spp=2).resolution
+    (32, 18)
+
+    A render conforms the window to its picture's aspect ratio, as UsdRenderSettings' aspectRatioConformPolicy says.
+    """
+
+    path: str  # "": no prim's
+    world_from_camera: Doubles
+    projection: Projection
+    window: tuple[float, float, float, float]
+    clipping_range: tuple[float, float]  # scene units along -Z
+    lens_radius: float = 0.0  # scene units; 0: pinhole
+    focus_distance: float = 0.0  # scene units, along -Z
+    exposure_scale: float = 1.0  # multiplies the image
+    # Sides of the lens, a regular polygon whose corners lie on the circle of `lens_radius`; 0: the circle.
+    blades: int = 0
+    blade_rotation_deg: float = 0.0  # of a corner from +X, towards +Y
+    clipping_planes: tuple[tuple[float, float, float, float], ...] = ()  # a x + b y + c z + d < 0 is cut off, camera space
+    shutter: tuple[float, float] = (0.0, 0.0)  # opens and closes, in time codes from the frame on; equal: an instant
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Camera) and camera_as_json(self) == camera_as_json(other)
+
+    def __hash__(self) -> int:
+        return hash((self.path, self.projection, self.window))
+
+    def project(self, points: npt.ArrayLike, resolution: tuple[int, int]) -> Doubles:
+        """Pixel positions (N, 2), x right and y down from the upper left corner, of world `points` (N, 3).
+
+        Points behind a perspective camera give NaN.
+        """
+        p = np.atleast_2d(np.asarray(points, np.float64))
+        camera_from_world = np.linalg.inv(self.world_from_camera)
+        q = p @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
+        xy = q[:, :2].copy()
+        if self.projection is Projection.PERSPECTIVE:
+            depth = np.where(q[:, 2] < 0, -q[:, 2], np.nan)
+            xy /= depth[:, None]
+        left, right, bottom, top = self.window
+        width, height = resolution
+        return np.stack([(xy[:, 0] - left) / (right - left) * width, (top - xy[:, 1]) / (top - bottom) * height], axis=1)
+
+
+def camera_as_json(camera: Camera) -> dict[str, Any]:
+    matrix = np.asarray(camera.world_from_camera, np.float64)
+    return asdict(camera) | {"world_from_camera": matrix.tolist(), "projection": camera.projection.value}
+
+
+def camera_of(values: Mapping[str, Any]) -> Camera:
+    """What camera_as_json made; ValueError, KeyError or TypeError where it is none."""
+    matrix = np.array(values["world_from_camera"], np.float64)
+    left, right, bottom, top = map(float, values["window"])
+    near, far = map(float, values["clipping_range"])
+    if not (matrix.shape == (4, 4) and right != left and top != bottom and near != far):
+        raise ValueError
+    return Camera(
+        str(values["path"]),
+        matrix,
+        Projection(values["projection"]),
+        (left, right, bottom, top),
+        (near, far),
+        float(values["lens_radius"]),
+        float(values["focus_distance"]),
+        float(values["exposure_scale"]),
+        int(values["blades"]),
+        float(values["blade_rotation_deg"]),
+        tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in values["clipping_planes"]),
+        (float(values["shutter"][0]), float(values["shutter"][1])),
+    )

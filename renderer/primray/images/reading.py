@@ -1,0 +1,65 @@
+"""A picture with its errors and the outputs beside it, back from the EXR that `Image.save` wrote."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+
+from ..color.color_space import REC709, ColorSpace, linear_spaces
+from ..errors import SettingsError
+from .aov_parts import read_aovs
+from .image import Image, chromaticities_of
+from .image_file import read_image as read_measured
+from .opened_picture import open_picture
+
+FLOATS = ("half", "float", "double")
+SAME = 1e-4  # files have floats, and some programs write few digits
+
+
+def read_image(path: str | os.PathLike[str]) -> Image:
+    """The image in a scene-linear file: pixels (H, W, 4), errors, AOVs, frame, colour space, and the header as `metadata`.
+
+    >>> image = primray.render("shot.usda", resolution=(32, 18), spp=4, aovs=["depth"])
+    >>> image.save("shot.exr").name
+    'shot.exr'
+    >>> again = primray.read_image("shot.exr")
+    >>> bool((again.pixels == image.pixels).all()), bool((again.errors == image.errors).all()), list(again.aovs)
+    (True, True, ['depth'])
+
+    The report and the camera are not in a file. Without an alpha channel a picture is opaque; where a file says nothing of its
+    colours, they are taken as Rec.709. SettingsError for a file that is missing, damaged, or has display values (a PNG).
+    """
+    name = os.fspath(path)
+    _check_linear(name)
+    found = read_measured(name)
+    alpha = np.ones(found.pixels.shape[:2], np.float32) if found.alpha is None else found.alpha
+    return Image(
+        np.concatenate([found.pixels, alpha[..., None]], axis=2),
+        metadata=found.metadata,
+        errors=found.stderr,
+        color_space=_space_of(found.chromaticities),
+        frame=found.frame,
+        aovs=read_aovs(name),
+    )
+
+
+def _check_linear(name: str) -> None:
+    file = open_picture(name)
+    try:
+        floats = str(file.spec().format) in FLOATS
+    finally:
+        file.close()
+    if not floats:
+        sentence = "it has display values in whole numbers, which are no scene-linear picture; the EXR of the render has it"
+        raise SettingsError(sentence, where=name, code="image-display")
+
+
+def _space_of(chromaticities: tuple[float, ...] | None) -> ColorSpace:
+    if chromaticities is None:
+        return REC709
+    for space in linear_spaces():
+        if np.allclose(chromaticities, chromaticities_of(space), atol=SAME):
+            return space
+    x = chromaticities
+    return ColorSpace("from_chromaticities", (x[0], x[1]), (x[2], x[3]), (x[4], x[5]), (x[6], x[7]))

@@ -1,0 +1,160 @@
+"""Settings as people write them: strings, lists, arrays and prims are taken; what cannot be meant is refused by its name."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom
+
+from primray import Filter, Metric, RenderSettings
+from primray.description import Camera, Projection
+from primray.errors import PrimrayError, SettingsError
+from primray.report.report import settings_as_json
+from primray.settings import SettingsValues, settings_of_json, with_values
+
+NAMES = [field.name for field in fields(RenderSettings)]
+STANDING = [[1, 0, 0, 1], [0, 1, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]]
+LOOKING = Camera("/cam", np.array(STANDING, float), Projection.PERSPECTIVE, (-0.5, 0.5, -0.25, 0.25), (0.1, 100.0))
+
+
+def prim() -> Usd.Prim:
+    return Usd.Stage.CreateInMemory().DefinePrim("/World/cam", "Camera")
+
+
+@pytest.mark.parametrize(
+    ("name", "written", "kept"),
+    [
+        ("filter", "gaussian", Filter.GAUSSIAN),
+        ("filter", Filter.BOX, Filter.BOX),
+        ("error_metric", "display", Metric.DISPLAY),
+        ("resolution", [640, 0], (640, 0)),
+        ("resolution", np.array([640, 360]), (640, 360)),
+        ("sample_range", [0, 4], (0, 4)),
+        ("spp", np.int64(4), 4),
+        ("seed", np.uint8(3), 3),
+        ("target_error", np.float32(0.5), 0.5),
+        ("time_code", np.float64(1.0), 1.0),
+        ("strict", np.bool_(True), True),
+        ("aovs", ["depth"], ("depth",)),
+        ("purposes", {"render", "default"}, ("default", "render")),
+        ("variants", ["/a:b=c"], ("/a:b=c",)),
+        ("load", [], ()),
+        ("mask", [Sdf.Path("/World")], ("/World",)),
+        ("session_layer", Path("over.usda"), "over.usda"),
+        ("camera", Sdf.Path("/cam"), "/cam"),
+        ("camera", np.array(STANDING), tuple(tuple(map(float, row)) for row in STANDING)),
+    ],
+)
+def test_what_is_meant_is_kept_in_one_form(name: str, written: Any, kept: object) -> None:
+    found = getattr(RenderSettings(**{name: written}), name)
+    assert found == kept
+    assert type(found) is type(kept)
+
+
+def test_prims_stand_for_their_paths() -> None:
+    assert RenderSettings(camera=prim()).camera == "/World/cam"
+    assert RenderSettings(camera=UsdGeom.Camera(prim())).camera == "/World/cam"
+
+
+# Of every field something that it cannot mean: a new field has no row yet, and fails below.
+NONSENSE: dict[str, list[Any]] = {
+    "camera": [3, [[1]], np.eye(3), np.diag([2.0, 2, 2, 1]), np.diag([-1.0, 1, 1, 1]), np.full((4, 4), np.nan)],
+    "render_settings": [3],
+    "product": [b"/p"],
+    "resolution": [640, "640x360", (1, 2, 3), (0, 0), (1.5, 2), {"width": 3}],
+    "time_code": ["1", float("inf"), True],
+    "spp": ["4", 0, 1.5, True],
+    "target_error": ["small", 0, float("nan")],
+    "error_metric": ["psnr", None],
+    "time_limit_s": ["1 h", -1],
+    "adaptive": ["yes", 1],
+    "sample_range": ["0:4", (1, 4), (0,)],
+    "max_depth": [0, "deep"],
+    "filter": ["gauss", None, 1],
+    "filter_width": ["wide", 0],
+    "threads": [0, "all"],
+    "seed": [-1, None, "x"],
+    "default_light": ["no", None],
+    "rendering_color_space": [709],
+    "purposes": ["render", ["final"], []],
+    "aovs": ["depth", ["deepth"], 3],
+    "strict": ["no", 1],
+    "max_memory_bytes": [0, "8 GB"],
+    "dicing_rate": [0, None, "fine"],
+    "variants": ["/a:b=c", ["red"], None],
+    "load": ["/World", ["World"], 1],
+    "mask": ["/World", ["World"], []],
+    "session_layer": [3],
+}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_cannot_be_meant_is_refused_by_name(name: str) -> None:
+    for value in NONSENSE[name]:
+        with pytest.raises(PrimrayError) as refusal:
+            RenderSettings(**{name: value})
+        assert refusal.value.where == name, (name, value, refusal.value)
+
+
+def test_type_checkers_have_the_same_fields() -> None:
+    assert list(SettingsValues.__annotations__) == NAMES
+
+
+def test_choices_of_type_checkers_are_the_enums() -> None:
+    for name, kinds in (("filter", Filter), ("error_metric", Metric)):
+        assert issubclass(kinds, Enum)
+        text = str(SettingsValues.__annotations__[name].__forward_arg__)
+        assert all(f'"{kind.value}"' in text or f"'{kind.value}'" in text for kind in kinds)
+
+
+def test_overrides() -> None:
+    draft = RenderSettings(spp=4)
+    assert with_values(draft, {"filter": "gaussian"}) == RenderSettings(spp=4, filter=Filter.GAUSSIAN)
+    assert with_values(draft, {}) is draft
+    with pytest.raises(SettingsError, match="did you mean resolution") as refusal:
+        with_values(draft, {"resolutoin": (4, 4)})
+    assert refusal.value.where == "resolutoin"
+    with pytest.raises(SettingsError, match="not dict"):
+        with_values({"spp": 4}, {})
+
+
+def test_matrices_for_row_vectors_are_told_apart() -> None:
+    rows = np.array(STANDING).T
+    with pytest.raises(SettingsError, match="transpose"):
+        RenderSettings(camera=rows)
+    assert RenderSettings(camera=Gf.Matrix4d(*map(float, rows.ravel()))).camera == RenderSettings(camera=STANDING).camera
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"window": (0.5, -0.5, -0.25, 0.25)},
+        {"clipping_range": (2.0, 1.0)},
+        {"lens_radius": -1.0},
+        {"lens_radius": 1.0},  # without a distance to focus at
+        {"exposure_scale": float("nan")},
+        {"world_from_camera": np.eye(3)},
+        {"projection": Projection.ORTHOGRAPHIC, "lens_radius": 1.0, "focus_distance": 1.0},
+    ],
+)
+def test_cameras_that_cannot_look(change: dict[str, Any]) -> None:
+    values = {name: getattr(LOOKING, name) for name in ("path", "world_from_camera", "projection", "window", "clipping_range")}
+    with pytest.raises(SettingsError) as refusal:
+        RenderSettings(camera=Camera(**{**values, **change}))
+    assert refusal.value.where == "camera"
+
+
+@pytest.mark.parametrize("camera", [None, "/cam", STANDING, LOOKING])
+def test_settings_go_through_json_and_can_be_keys(camera: Any) -> None:
+    import json
+
+    settings = RenderSettings(camera=camera)
+    again = settings_of_json(json.loads(json.dumps(settings_as_json(settings))))
+    assert again == settings
+    assert hash(again) == hash(settings)
+    assert again != RenderSettings(camera="/another")
