@@ -196,7 +196,7 @@ class RenderSettings:
         if self.resolution is not None:
             _check_resolution(*self.resolution)
         scale = self.resolution_scale
-        _require(0 < scale <= MAX_RESOLUTION, f"the resolution's scale must be above 0 and sensible, not {scale}")
+        _require(0 < scale <= MAX_RESOLUTION, f"the resolution's scale must be above 0, not {scale}", "resolution_scale")
         self._check_sampling()
         self._check_sizes()
         unknown = sorted(set(self.purposes or ()) - set(PURPOSES))
