@@ -98,6 +98,7 @@ class FakePipeline:
             memory_bytes=1000,
             description=description,
             rendering_space=description.rendering_space,
+            bounds=(np.zeros(3), np.ones(3)),
         )
 
     def begin(self, scene: Any, settings: primray.RenderSettings) -> FakeSampling:

@@ -62,7 +62,7 @@ def test_a_folder_on_one_page(tmp_path: Path) -> None:
         "broken.usda": (3, []),
         "dark.usda": (0, ["black"]),
         "deeper/hidden.usda": (0, ["nothing-seen"]),
-        "empty.usda": (0, []),
+        "empty.usda": (0, ["nothing-seen"]),
     }
     assert "stage-open" in rows["broken.usda"]["message"]
     assert rows["ball.usda"]["peak_rss_bytes"] > 50 * 2**20
