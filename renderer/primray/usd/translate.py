@@ -36,8 +36,9 @@ from .lights.default_light import default_lights
 from .lights.light_links import Links, find_links
 from .lights.portals import note_unnamed_portals
 from .materials.primvars_read import primvars_read
-from .opening.stage import tf_message, usd_messages
+from .opening.stage import usd_messages
 from .opening.stage_metadata import meters_per_unit, up_axis
+from .querying.messages import tf_message
 from .querying.traversal import in_world, stands_in_world
 from .resolving.color_spaces import rendering_space
 from .resolving.context import Context

@@ -23,7 +23,17 @@ SEARCHES = """AllPrims GetAllChildren GetAllDescendants GetChildren GetDescendan
 TIMES = """EarliestTime GetBracketingTimeSamples GetNumTimeSamples GetSpline GetTimeSamples GetTimeSamplesInInterval
     GetUnionedTimeSamples GetUnionedTimeSamplesInInterval HasSpline ListAllTimeSamples ListTimeSamplesForPath
     TransformMightBeTimeVarying ValueMightBeTimeVarying"""
+# What USD may fail to give though the stage is open; and the metadata of stages and layers.
+FALLIBLE = """ComputePurpose ComputeVisibility Get GetAttributes GetAuthoredAttributes GetAuthoredProperties
+    GetAuthoredPropertyNames GetColorSpace GetConnectedSource GetConnectedSources GetConnections GetElementSize
+    GetForwardedTargets GetInterpolation GetLocalToWorldTransform GetLocalTransformation GetMetadata GetOpTransform
+    GetOrderedXformOps GetParentToWorldTransform GetResetXformStack GetShaderId GetTargets HasColorSpace"""
+STAGE_METADATA = """GetDefaultPrim GetEndTimeCode GetFramesPerSecond GetInfo GetStageMetersPerUnit GetStageUpAxis
+    GetStartTimeCode GetTimeCodesPerSecond HasAuthoredTimeCodeRange HasDefaultPrim HasTimeCodesPerSecond customLayerData
+    defaultPrim endTimeCode expressionVariables framesPerSecond startTimeCode timeCodesPerSecond"""
 ONE_PLACE = {
+    f"{USD}/querying/guarded.py": frozenset(FALLIBLE.split()),
+    f"{USD}/querying/stage_values.py": frozenset(STAGE_METADATA.split()),
     f"{USD}/querying/traversal.py": frozenset(SEARCHES.split()),
     f"{USD}/querying/time_varying.py": frozenset(TIMES.split()),
 }

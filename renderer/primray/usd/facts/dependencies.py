@@ -11,7 +11,8 @@ from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
 from ...diagnostics import Diagnostics
 from ...errors import StageOpenError
-from ..opening.stage import tf_message, usd_messages
+from ..opening.stage import usd_messages
+from ..querying.messages import tf_message
 
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")
 

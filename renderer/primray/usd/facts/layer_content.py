@@ -15,7 +15,10 @@ from pxr import Sdf, Tf, UsdUtils
 
 from ...diagnostics import Diagnostics
 from ...errors import StageOpenError
-from ..opening.stage import tf_message, usd_messages
+from ..opening.stage import usd_messages
+from ..querying.guarded import FAILURES
+from ..querying.messages import tf_message
+from ..querying.stage_values import has_expression_variables, layer_default_prim
 
 # Prims that are looked at for their arcs; a layer that has more is not a small text that expands to a large scene.
 MOST_NODES = 20_000
@@ -63,9 +66,9 @@ def layer_content(path: str, name: str) -> LayerContent:
             raise unreadable(name, tf_message(error)) from None
         if layer is None:
             raise unreadable(name, "")
-        found = _tree(layer)
+        found = _tree_of(layer, name)
         sublayers = [_without_arguments(path) for path in layer.subLayerPaths]
-        has_variables = bool(layer.expressionVariables)
+        has_variables = has_expression_variables(layer)
         composition = {_without_arguments(path) for path in layer.GetCompositionAssetDependencies()}
         paths, expressions = _asset_paths(layer, name)
         return LayerContent(
@@ -75,10 +78,18 @@ def layer_content(path: str, name: str) -> LayerContent:
             has_variables,
             found.identifiers,
             sublayers,
-            layer.defaultPrim or None,
+            layer_default_prim(layer),
             found.root,
             found.depth,
         )
+
+
+def _tree_of(layer: Sdf.Layer, name: str) -> _Tree:
+    """StageOpenError where fields of its prims are not what their names say."""
+    try:
+        return _tree(layer)
+    except FAILURES:
+        raise unreadable(name, "") from None
 
 
 def unreadable(name: str, message: str) -> StageOpenError:
@@ -105,7 +116,7 @@ def _asset_paths(layer: Sdf.Layer, name: str) -> tuple[list[str], list[str]]:
         for path in layer.GetCompositionAssetDependencies():
             keep(path)
         UsdUtils.ModifyAssetPaths(layer, keep)
-    except (Tf.ErrorException, UnicodeDecodeError):
+    except FAILURES:
         raise unreadable(name, "") from None
     plain = [_without_arguments(path) for path in found if path and not path.startswith("`")]
     return list(dict.fromkeys(plain)), [path.strip("`") for path in found if path.startswith("`")]

@@ -8,6 +8,7 @@ from pxr import Usd, UsdGeom
 
 from ...settings import RenderSettings
 from ..adapters.rendering.render_settings import products
+from ..querying.guarded import is_invisible, purpose_of
 from ..querying.traversal import drawn_in_instances, everything, stands_in_world
 
 
@@ -18,17 +19,17 @@ def left_out(stage: Usd.Stage, settings: RenderSettings) -> dict[str, int]:
     found: Counter[str] = Counter()
     for prim in drawn_in_instances(stage.GetPseudoRoot()):
         if prim.IsA(UsdGeom.Gprim):
-            found[_why(UsdGeom.Imageable(prim), purposes, time)] += 1
+            found[_why(prim, purposes, time)] += 1
     if not found:
         absent = [prim for prim in everything(stage) if prim.IsA(UsdGeom.Gprim) and not stands_in_world(prim)]
         found["inactive, or below an abstract prim (class or over) that nothing refers to"] = len(absent)
     return {why: count for why, count in found.most_common() if count}
 
 
-def _why(prim: UsdGeom.Imageable, purposes: tuple[str, ...], time: Usd.TimeCode) -> str:
-    purpose = str(prim.ComputePurpose())
+def _why(prim: Usd.Prim, purposes: tuple[str, ...], time: Usd.TimeCode) -> str:
+    purpose = purpose_of(prim)
     if purpose not in purposes:
         return f"of purpose {purpose}, which is not rendered (--purposes)"
-    if prim.ComputeVisibility(time) == UsdGeom.Tokens.invisible:
+    if is_invisible(prim, time):
         return "invisible at this frame"
     return ""

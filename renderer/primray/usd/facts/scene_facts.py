@@ -21,7 +21,9 @@ from ...diagnostics import Diagnostics
 from ...settings import RenderSettings
 from ..adapters.cameras.camera import read_aperture
 from ..adapters.rendering.render_settings import product_settings
-from ..opening.stage import error_text, open_stage
+from ..opening.stage import open_stage
+from ..querying.guarded import default_value, targets
+from ..querying.messages import error_text
 from ..querying.traversal import in_world
 from ..resolving.read import When, when_of
 from ..translate import LIGHTS, SHAPES
@@ -141,7 +143,7 @@ def _camera(prim: Usd.Prim, when: When) -> dict[str, Any]:
         "path": str(prim.GetPath()),
         "name": prim.GetName(),
         "aspect": aspect if math.isfinite(aspect) else None,
-        "projection": str(UsdGeom.Camera(prim).GetProjectionAttr().Get() or "perspective"),
+        "projection": _text(prim, "projection") or "perspective",
     }
 
 
@@ -152,11 +154,11 @@ def _default_camera(asked: str | None, cameras: list[Usd.Prim]) -> str | None:
 
 def _settings(prim: Usd.Prim) -> dict[str, Any]:
     resolution = prim.GetAttribute("resolution")
-    size = resolution.Get() if resolution and resolution.HasAuthoredValue() else None
+    size = default_value(resolution) if resolution and resolution.HasAuthoredValue() else None
     products = [prim.GetStage().GetPrimAtPath(path) for path in _targets(prim, "products")]
     return {
         "path": str(prim.GetPath()),
-        "resolution": [int(v) for v in size] if size is not None else None,
+        "resolution": _whole(size),
         "camera": next(iter(_targets(prim, "camera")), None),
         "products": [_product(product) for product in products[:MOST] if product],
     }
@@ -172,16 +174,19 @@ def _product(prim: Usd.Prim) -> dict[str, Any]:
 
 
 def _targets(prim: Usd.Prim, name: str) -> list[str]:
-    relationship = prim.GetRelationship(name)
-    return [str(path) for path in relationship.GetForwardedTargets()] if relationship else []
+    return [str(path) for path in targets(prim, name)]
+
+
+def _whole(size: Any) -> list[int] | None:
+    """None where they are no numbers."""
+    try:
+        return [int(side) for side in size] if size is not None else None
+    except (TypeError, ValueError, OverflowError):
+        return None
 
 
 def _text(prim: Usd.Prim, name: str) -> str:
-    attribute = prim.GetAttribute(name)
-    try:
-        value = attribute.Get() if attribute else None
-    except UnicodeDecodeError:
-        return ""
+    value = default_value(prim.GetAttribute(name))
     return str(value)[:1024] if value is not None else ""
 
 

@@ -9,6 +9,15 @@ from typing import Any
 from pxr import Usd, UsdGeom
 
 from ..opening.stage_metadata import layer_names, meters_per_unit, up_axis
+from ..querying.guarded import default_value, purpose_of, targets
+from ..querying.stage_values import (
+    default_prim,
+    end_time_code,
+    frames_per_second,
+    has_time_code_range,
+    start_time_code,
+    time_codes_per_second,
+)
 from ..querying.time_varying import earliest_value, span_of
 from ..querying.traversal import everything, everything_in_prototypes
 
@@ -19,14 +28,14 @@ def stage_facts(stage: Usd.Stage) -> dict[str, Any]:
     every = prims + everything_in_prototypes(stage)
     return {
         "layers": layer_names(stage),
-        "default_prim": str(stage.GetDefaultPrim().GetPath()) if stage.HasDefaultPrim() else None,
+        "default_prim": default_prim(stage),
         "up_axis": up_axis(stage),
         "meters_per_unit": meters_per_unit(stage),
         "time": _time(stage, every),
         "variants": list(_variants(prims)),
         "payloads": _payloads(stage),
         "prim_types": dict(Counter(str(prim.GetTypeName()) for prim in every if prim.GetTypeName()).most_common()),
-        "purposes": dict(Counter(_purpose(prim) for prim in every if prim.IsA(UsdGeom.Gprim)).most_common()),
+        "purposes": dict(Counter(purpose_of(prim) for prim in every if prim.IsA(UsdGeom.Gprim)).most_common()),
         "native_instances": sum(prim.IsInstance() for prim in every),
         "native_prototypes": len(stage.GetPrototypes()),
         "point_instancers": [_instancer(prim) for prim in every if prim.IsA(UsdGeom.PointInstancer)],
@@ -36,14 +45,14 @@ def stage_facts(stage: Usd.Stage) -> dict[str, Any]:
 
 def _time(stage: Usd.Stage, prims: list[Usd.Prim]) -> dict[str, Any]:
     """`start` and `end` are None where none is authored; whether anything is sampled says `sampled`."""
-    authored = stage.HasAuthoredTimeCodeRange()
-    span = (stage.GetStartTimeCode(), stage.GetEndTimeCode()) if authored else (None, None)
+    authored = has_time_code_range(stage)
+    span = (start_time_code(stage), end_time_code(stage)) if authored else (None, None)
     sampled = span_of(stage, prims)
     return {
         "start": span[0],
         "end": span[1],
-        "time_codes_per_second": stage.GetTimeCodesPerSecond(),
-        "frames_per_second": stage.GetFramesPerSecond(),
+        "time_codes_per_second": time_codes_per_second(stage),
+        "frames_per_second": frames_per_second(stage),
         "sampled": list(sampled) if sampled else None,
     }
 
@@ -70,17 +79,13 @@ def _payloads(stage: Usd.Stage) -> dict[str, Any]:
     return {"loaded": sorted(map(str, loaded)), "unloaded": unloaded}
 
 
-def _purpose(prim: Usd.Prim) -> str:
-    return str(UsdGeom.Imageable(prim).ComputePurpose())
-
-
 def _instancer(prim: Usd.Prim) -> dict[str, Any]:
-    instancer = UsdGeom.PointInstancer(prim)
-    indices = earliest_value(instancer.GetProtoIndicesAttr())
+    attribute = prim.GetAttribute("protoIndices")
+    indices: Any = earliest_value(attribute) if attribute else None
     return {
         "path": str(prim.GetPath()),
         "instances": len(indices) if hasattr(indices, "__len__") else 0,
-        "prototypes": [str(path) for path in instancer.GetPrototypesRel().GetForwardedTargets()],
+        "prototypes": [str(path) for path in targets(prim, "prototypes")],
     }
 
 
@@ -88,4 +93,4 @@ def _draw_modes(prims: list[Usd.Prim]) -> Iterator[dict[str, str]]:
     for prim in prims:
         attribute = prim.GetAttribute("model:drawMode")
         if attribute and attribute.HasAuthoredValue():
-            yield {"prim": str(prim.GetPath()), "mode": str(attribute.Get())}
+            yield {"prim": str(prim.GetPath()), "mode": str(default_value(attribute))}

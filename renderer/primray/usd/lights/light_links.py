@@ -18,7 +18,7 @@ from pxr import Sdf, Tf, Usd
 
 from ...description.lighting import Linked
 from ...diagnostics import Diagnostics
-from ..opening.stage import tf_message
+from ..querying.messages import tf_message
 from ..querying.traversal import everything_in_instances
 from ..resolving.context import Context
 from ..resolving.prim_kinds import PropertyNames

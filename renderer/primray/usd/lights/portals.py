@@ -7,6 +7,7 @@ from pxr import Gf, Usd, UsdGeom
 
 from ...arrays import Doubles
 from ...description import Portal
+from ..querying.guarded import property_names, targets
 from ..resolving.context import Context
 from ..resolving.convert import matrix
 from ..resolving.notes import PortalsMet
@@ -21,7 +22,7 @@ class _Named(set[str]):
 def portals_of(dome: ResolvedPrim, world_from_dome: Doubles, ctx: Context) -> tuple[Portal, ...]:
     """Those that the dome names and that have an area; invisible ones too, for they change no picture."""
     found = []
-    for target in dome.prim.GetRelationship("portals").GetForwardedTargets():
+    for target in targets(dome.prim, "portals"):
         prim = ctx.stage.GetPrimAtPath(target)
         if not prim or prim.GetTypeName() != "PortalLight":
             what = f"a {prim.GetTypeName() or 'prim without a type'}" if prim else "nothing"
@@ -55,7 +56,7 @@ def _root_from_prim(prim: Usd.Prim, ctx: Context) -> Doubles:
     cache = UsdGeom.XformCache(ctx.when.time)
     total = Gf.Matrix4d(1.0)
     while prim and not prim.IsPseudoRoot() and not prim.IsPrototype():
-        local, resets = local_matrix(prim, frozenset(prim.GetAuthoredPropertyNames()), ctx.when, cache)
+        local, resets = local_matrix(prim, frozenset(property_names(prim)), ctx.when, cache)
         total = total * local
         if resets:
             break

@@ -12,6 +12,7 @@ from typing import Any
 
 from pxr import Sdf, Usd, UsdShade
 
+from ..querying.guarded import connections, shader_id
 from ..resolving.color_spaces import color_in_rendering_space, scope_at
 from ..resolving.context import Context
 from ..resolving.read import value
@@ -32,7 +33,7 @@ class Node:
 
     @property
     def id(self) -> str:
-        return str(UsdShade.Shader(self.prim).GetShaderId() or "")
+        return shader_id(self.prim)
 
 
 def find_source(attribute: Usd.Attribute, ctx: Context) -> Constant | Node | None:
@@ -45,11 +46,11 @@ def _follow(attribute: Usd.Attribute, ctx: Context, passed: list[Sdf.Path]) -> C
     if path in passed:
         _note(attribute, "The connections lead back to where they began: none counts.", ctx)
         return None
-    connections = attribute.GetConnections() if attribute.HasAuthoredConnections() else []
-    if len(connections) > 1:
+    sources = connections(attribute)
+    if len(sources) > 1:
         _note(attribute, "It has several connections: only the first counts.", ctx)
-    if connections:
-        found = _target(attribute, connections[0], ctx, [*passed, path])
+    if sources:
+        found = _target(attribute, sources[0], ctx, [*passed, path])
         if found is not None:
             return found
     raw = value(attribute, ctx.when)

@@ -13,6 +13,7 @@ from enum import Enum
 from pxr import Sdf
 
 from ...description import PrimvarInput, TextureInput, Wrap
+from ..querying.guarded import property_names
 from ..resolving.context import Context
 from ..resolving.notes import note_unknown_schemas
 from .network import Constant, Node, as_numbers, find_source, node_path, numbers, text
@@ -79,7 +80,7 @@ def _note_unread(node: Node, ctx: Context) -> None:
     known = frozenset({kind.name, kind.fallback}) if kind.kind is NodeKind.READER else _INPUTS.get(kind.kind)
     if known is None:
         return
-    for name in node.prim.GetAuthoredPropertyNames():
+    for name in property_names(node.prim):
         if name.startswith("inputs:") and name.removeprefix("inputs:") not in known:
             ctx.warn("unknown-input", node_path(node, ctx), f"{node.id} has no {name.removeprefix('inputs:')}.", str(name))
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-from pxr import Usd, UsdShade
+from pxr import Usd
 
 from ...diagnostics import Diagnostics
+from ..querying.guarded import shader_id
 from ..resolving.context import Context
 from .network import Node, find_source
 from .network_nodes import NODES, is_reader, primvar_name
@@ -26,7 +27,7 @@ def primvars_read(shaders: Iterable[Usd.Prim], ctx: Context) -> tuple[frozenset[
     being one."""
     silent = replace(ctx, diagnostics=Diagnostics())  # most will be read again, for the shapes that they are bound to
     prims = list(shaders)
-    ids = [str(UsdShade.Shader(prim).GetShaderId() or "") for prim in prims]
+    ids = [shader_id(prim) for prim in prims]
     readers = [(prim, name) for prim, name in zip(prims, ids, strict=True) if is_reader(name)]
     names = frozenset(f"primvars:{name}" for prim, _ in readers if (name := primvar_name(Node(prim, ""), silent)))
     colors = {SHOWN_COLOR}

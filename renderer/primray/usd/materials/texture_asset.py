@@ -12,6 +12,7 @@ from pxr import Sdf, Usd, UsdShade
 
 from ...color.color_space import SRGB, ColorSpace, matrix
 from ...description import TextureFile
+from ..querying.guarded import color_space_name
 from ..resolving.color_spaces import authored_space, scope_at, space_named
 from ..resolving.context import Context
 from ..resolving.resolve import ResolvedPrim
@@ -80,7 +81,7 @@ def _color_space(node: Node, found: Constant | None, is_color: bool, ctx: Contex
     if said not in (None, "auto"):
         return said or "auto"
     attributes = [node.prim.GetAttribute("inputs:file")] + ([found.attribute] if found else [])
-    own = [attribute for attribute in attributes if attribute and attribute.HasColorSpace()]
+    own = [attribute for attribute in attributes if attribute and color_space_name(attribute)]
     asked = own if said == "auto" or not is_color else own or attributes[-1:]
     for attribute in asked:
         space = authored_space(attribute, scope_at(attribute.GetPrim(), ctx), ctx) if attribute else None

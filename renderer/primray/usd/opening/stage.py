@@ -1,6 +1,6 @@
-"""Opening a stage: a path or a Usd.Stage in memory, composed as asked; what USD complains about becomes errors and diagnostics.
+"""Opening a stage: a path or a Usd.Stage in memory, composed as asked.
 
-USD's messages may hold bytes that are not UTF-8 (they quote the file), so they are read through `error_text`.
+What USD complains about becomes errors and diagnostics.
 """
 
 from __future__ import annotations
@@ -14,9 +14,12 @@ from pxr import Sdf, Tf, Usd, UsdUtils
 
 from ...composition import Composition
 from ...diagnostics import Diagnostics
-from ...errors import LimitError, StageOpenError
+from ...errors import InvalidSceneError, LimitError, StageOpenError
+from ..querying.guarded import noting
+from ..querying.messages import error_text, tf_message
+from ..querying.stage_values import wrong_rate
 from .select_prims import add_load_rules, check_population, choose_variants, note_unloaded, populate
-from .stage_metadata import check_rates, note_units
+from .stage_metadata import check_rates, note_units, note_wrong_types
 
 USD_DEFAULTS = Composition()
 # Every value is looked up in every layer of a stack: 1000 spheres in 1000 sublayers open and translate in 1.3 s, 3000 in 3000
@@ -24,26 +27,20 @@ USD_DEFAULTS = Composition()
 MAX_SUBLAYERS = 4000
 
 
-def error_text(message: Any, field: str = "") -> str:
-    """The text of one of USD's messages or of its `field`, with bytes that are not UTF-8 replaced."""
-    try:
-        return str(getattr(message, field) if field else message)
-    except UnicodeDecodeError as error:
-        return error.object.decode("utf-8", "replace")
-
-
-def tf_message(error: Tf.ErrorException) -> str:
-    """What went wrong, without USD's source locations."""
-    texts = [error_text(part, "commentary" if hasattr(type(part), "commentary") else "") for part in error.args]
-    return "; ".join(dict.fromkeys(text.strip() for text in texts)) or "unknown USD error"
-
-
 @contextmanager
 def usd_messages(diagnostics: Diagnostics, known: Callable[[str], bool] = lambda text: False) -> Iterator[None]:
-    """Keep USD's warnings off stderr and record those that `known` does not cover as diagnostics."""
+    """Keep USD's warnings off stderr and record those that `known` does not cover as diagnostics, with what could not be read.
+
+    InvalidSceneError where USD fails on what no guarded call asks.
+    """
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     try:
-        yield
+        with noting(diagnostics):
+            yield
+    except Tf.ErrorException as error:
+        raise InvalidSceneError(f"USD cannot read the stage: {tf_message(error)}", code="damaged-stage") from error
+    except UnicodeDecodeError as error:
+        raise InvalidSceneError(f"The stage holds a name that is not UTF-8: {error.object!r}", code="damaged-stage") from error
     finally:
         for message in delegate.TakeUncoalescedDiagnostics():
             text = error_text(message, "commentary").strip()
@@ -74,6 +71,7 @@ def open_stage(
         note_unloaded(stage, diagnostics)
     check_rates(stage, diagnostics)
     note_units(stage, diagnostics)
+    note_wrong_types(stage, diagnostics)
     return stage
 
 
@@ -104,6 +102,9 @@ def _compose(root: Sdf.Layer, base: Usd.Stage | None, composition: Composition, 
             _follow(stage, base)
         add_load_rules(stage, composition.load)
     except Tf.ErrorException as error:
+        if (rate := wrong_rate(root)) is not None:
+            message = f"timeCodesPerSecond is {rate}, no number: USD cannot open the stage."
+            raise InvalidSceneError(message, where=path or root.identifier, code="time-metadata") from None
         raise StageOpenError(f"USD cannot open it: {tf_message(error)}", where=path) from None
     choose_variants(stage, composition.choices)
     check_population(stage, composition)

@@ -11,10 +11,20 @@ import os
 from collections.abc import Iterable
 from typing import Any
 
-from pxr import Sdf, Tf, Usd, UsdGeom, UsdUtils
+from pxr import Sdf, Tf, Usd, UsdUtils
 
 from ...diagnostics import Diagnostics
 from ...errors import InvalidSceneError
+from ..querying.stage_values import (
+    authored_meters_per_unit,
+    authored_up_axis,
+    has_rate,
+    is_number,
+    layer_value,
+    rate_of,
+    shown,
+    wrong_values,
+)
 from ..querying.time_varying import has_samples
 
 # Rates between these divide and multiply by each other without leaving double's range, however long the chain of arcs.
@@ -24,12 +34,12 @@ _RATES = (1e-9, 1e12)
 def check_rates(stage: Usd.Stage, diagnostics: Diagnostics) -> None:
     """InvalidSceneError where reading time samples would hang; a diagnostic for bad rates that nothing is sampled by."""
     session = stage.GetSessionLayer()
-    layers = [layer for layer in stage.GetUsedLayers() if layer != session or layer.HasTimeCodesPerSecond()]
-    bad = [layer for layer in layers if not (layer.timeCodesPerSecond > 0 and _can_be_mapped(layer))]
+    layers = [layer for layer in stage.GetUsedLayers() if layer != session or has_rate(layer)]
+    bad = [layer for layer in layers if not (rate_of(layer) > 0 and _can_be_mapped(layer))]
     if not bad:
         return
-    rates = ", ".join(f"{layer.timeCodesPerSecond:g} in {layer.identifier}" for layer in bad[:3])
-    differ = len({layer.timeCodesPerSecond for layer in layers}) > 1
+    rates = ", ".join(f"{rate_of(layer):g} in {layer.identifier}" for layer in bad[:3])
+    differ = len({rate_of(layer) for layer in layers}) > 1
     if differ and not all(map(_can_be_mapped, bad)) and has_samples(layers):
         raise InvalidSceneError(
             f"timeCodesPerSecond is {rates}: USD cannot map time samples from one layer to another, and would never return",
@@ -40,8 +50,16 @@ def check_rates(stage: Usd.Stage, diagnostics: Diagnostics) -> None:
 
 
 def _can_be_mapped(layer: Sdf.Layer) -> bool:
-    rate = layer.timeCodesPerSecond
+    rate = rate_of(layer)
     return math.isfinite(rate) and _RATES[0] <= abs(rate) <= _RATES[1]
+
+
+def note_wrong_types(stage: Usd.Stage, diagnostics: Diagnostics) -> None:
+    """Metadata of layers that are not of their schema's types, which nothing can be made of."""
+    for layer in stage.GetUsedLayers():
+        for name, value in wrong_values(layer):
+            message = f"{name} is {shown(value)} in {layer.identifier}, not of its schema's type: it is ignored."
+            diagnostics.add("stage-metadata", "", message, name)
 
 
 def note_units(stage: Usd.Stage, diagnostics: Diagnostics) -> None:
@@ -50,10 +68,10 @@ def note_units(stage: Usd.Stage, diagnostics: Diagnostics) -> None:
     for name, of_stage in (("metersPerUnit", meters_per_unit(stage)), ("upAxis", up_axis(stage))):
         others: dict[Any, list[str]] = {}
         for layer in stage.GetUsedLayers():
-            if layer != root and layer.pseudoRoot.HasInfo(name):
-                value = layer.pseudoRoot.GetInfo(name)
-                if not _same(value, of_stage):
-                    others.setdefault(value, []).append(layer.identifier)
+            value = layer_value(layer, name) if layer != root else None
+            if value is not None and not _same(value, of_stage):
+                told = value if is_number(value) or isinstance(value, str) else shown(value)
+                others.setdefault(told, []).append(layer.identifier)
         for value, layers in others.items():
             more = f" and {len(layers) - 1} more" if len(layers) > 1 else ""
             diagnostics.add("layer-units", "", f"{name} is {value} in {layers[0]}{more}, {of_stage} in the stage.", name)
@@ -65,7 +83,7 @@ def _same(a: Any, b: Any) -> bool:
 
 def up_axis(stage: Usd.Stage, diagnostics: Diagnostics | None = None) -> str:
     """Y or Z."""
-    axis = str(UsdGeom.GetStageUpAxis(stage))
+    axis = authored_up_axis(stage)
     if axis not in ("Y", "Z") and diagnostics is not None:
         diagnostics.add("stage-metadata", "", f"upAxis is {axis!r}, neither Y nor Z; Y is used.", "upAxis")
     return axis if axis in ("Y", "Z") else "Y"
@@ -73,7 +91,7 @@ def up_axis(stage: Usd.Stage, diagnostics: Diagnostics | None = None) -> str:
 
 def meters_per_unit(stage: Usd.Stage, diagnostics: Diagnostics | None = None) -> float:
     """Above 0."""
-    value = float(UsdGeom.GetStageMetersPerUnit(stage))
+    value = authored_meters_per_unit(stage)
     if math.isfinite(value) and value > 0:
         return value
     if diagnostics is not None:

@@ -12,6 +12,8 @@ from typing import Any
 
 from pxr import Gf, Sdf, Tf, Usd
 
+from .guarded import authored_attributes, metadatum, value_at
+
 MOST_SAMPLES = 16  # that are compared; what has more in a span is taken to change
 _STEPS = 16  # between which a spline is looked at, besides its knots
 _UNSET = (Usd.ResolveInfoSourceFallback, Usd.ResolveInfoSourceNone)
@@ -57,7 +59,7 @@ def earliest_if_unset(attribute: Usd.Attribute) -> Usd.TimeCode | None:
 def earliest_value(attribute: Usd.Attribute) -> Any:
     """The first of its values for times, else the one for the default time."""
     time = _first_knot(attribute) if attribute.HasSpline() else None
-    return attribute.Get(EARLIEST if time is None else time)
+    return value_at(attribute, EARLIEST if time is None else time)
 
 
 def _first_knot(attribute: Usd.Attribute) -> Usd.TimeCode | None:
@@ -96,8 +98,8 @@ def changes(attribute: Usd.Attribute, opens: float, closes: float) -> bool:
         if len(samples) > MOST_SAMPLES:
             return True
         times = [*samples, *_looked_at(attribute, opens, closes), closes]
-        first = attribute.Get(opens)
-        return any(attribute.Get(time) != first for time in times)
+        first = value_at(attribute, opens)
+        return any(value_at(attribute, time) != first for time in times)
     except (Tf.ErrorException, UnicodeDecodeError):
         return False
 
@@ -116,7 +118,7 @@ def span_of(stage: Usd.Stage, prims: Iterable[Usd.Prim]) -> tuple[float, float] 
     for prim in prims:
         if has_clips(prim):
             times += _ends(_times_of_clips(prim))
-        for attribute in prim.GetAuthoredAttributes():
+        for attribute in authored_attributes(prim):
             if attribute.HasSpline():
                 times += _ends(_knot_times(attribute))
     return (min(times), max(times)) if times else None
@@ -129,7 +131,7 @@ def _ends(times: Iterable[float]) -> list[float]:
 
 def _times_of_clips(prim: Usd.Prim) -> list[float]:
     """As the metadata say: without opening any of what may be thousands of files."""
-    sets = prim.GetMetadata("clips")
+    sets = metadatum(prim, "clips")
     found: list[float] = []
     for clips in sets.values() if isinstance(sets, dict) else ():
         pairs = clips.get("times") or clips.get("active") or ()

@@ -11,7 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from itertools import chain
 
-from pxr import Tf, Usd, UsdGeom
+from pxr import Usd
+
+from .guarded import targets
 
 _LOADED = Usd.PrimIsActive & Usd.PrimIsLoaded
 THERE = _LOADED & Usd.PrimHasDefiningSpecifier
@@ -99,8 +101,4 @@ def instanced_roots(stage: Usd.Stage) -> list[Usd.Prim]:
 
 def _prototypes_of(instancer: Usd.Prim) -> list[str]:
     """As authored; of relationships that USD cannot follow the adapter says so (point_instancer)."""
-    relationship = UsdGeom.PointInstancer(instancer).GetPrototypesRel()
-    try:
-        return [str(path) for path in relationship.GetForwardedTargets()] if relationship else []
-    except Tf.ErrorException:
-        return []
+    return [str(path) for path in targets(instancer, "prototypes")]

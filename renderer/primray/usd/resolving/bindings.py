@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 from pxr import Sdf, Tf, Usd, UsdShade
 
-from ..opening.stage import tf_message
+from ..querying.guarded import default_value, property_names, targets
+from ..querying.messages import tf_message
 from ..querying.traversal import THERE_IN_INSTANCES, children
 from .context import Context
 
@@ -39,11 +40,11 @@ class _Wrong(dict[Sdf.Path, str]):
 
 def note_bindings(prim: Usd.Prim, path: str, names: tuple[str, ...], ctx: Context) -> list[list[Sdf.Path]]:
     """The targets of these bindings, for whatever purpose, noting those that are no material."""
-    found, known = [_targets(prim, path, name, ctx) for name in names], ctx.kept.of(_Wrong)
-    for name, targets in zip(names, found, strict=True):
-        if is_collection(name) and targets:
-            _note_members(targets[0], prim.GetPath(), ctx)
-        for target in targets:
+    found, known = [targets(prim, name) for name in names], ctx.kept.of(_Wrong)
+    for name, led_to in zip(names, found, strict=True):
+        if is_collection(name) and led_to:
+            _note_members(led_to[0], prim.GetPath(), ctx)
+        for target in led_to:
             if target not in known:
                 known[target] = _wrong(target, ctx) if target.IsPrimPath() else ""
             wrong = known[target]
@@ -64,7 +65,7 @@ def _note_members(collection: Sdf.Path, bound_at: Sdf.Path, ctx: Context) -> Non
     except Tf.ErrorException as error:
         ctx.warn("wrong-type", ctx.shown(str(bound_at)), f"{collection} is no collection that can be read: {tf_message(error)}")
         return
-    expression = api.GetMembershipExpressionAttr().Get() if api else None
+    expression = default_value(api.GetMembershipExpressionAttr()) if api else None
     if isinstance(expression, Sdf.PathExpression) and not expression.IsEmpty():
         bindings.expressed.add(bound_at)
     for path, rule in rules.items():
@@ -75,7 +76,7 @@ def _note_members(collection: Sdf.Path, bound_at: Sdf.Path, ctx: Context) -> Non
 def binds_by_collection(prim: Usd.Prim) -> bool:
     """Whether it or a prim above it binds materials by a collection."""
     while prim and not prim.IsPseudoRoot():
-        if any(map(is_collection, binding_names(frozenset(prim.GetAuthoredPropertyNames())))):
+        if any(map(is_collection, binding_names(frozenset(property_names(prim))))):
             return True
         prim = prim.GetParent()
     return False
@@ -93,14 +94,6 @@ def _wrong(target: Sdf.Path, ctx: Context) -> str:
     return "" if found.IsA(UsdShade.Material) else NO_MATERIAL
 
 
-def _targets(prim: Usd.Prim, path: str, name: str, ctx: Context) -> list[Sdf.Path]:
-    try:
-        return list(prim.GetRelationship(name).GetForwardedTargets())
-    except Tf.ErrorException as error:
-        ctx.warn("wrong-type", path, f"{name} is no relationship that can be followed: {tf_message(error)}", name)
-        return []
-
-
 def is_collection(name: str) -> bool:
     """Their first target is a collection, or the prim of one that is its default."""
     return ":collection:" in name
@@ -116,14 +109,14 @@ def subsets_of(mesh: Usd.Prim, ctx: Context) -> list[Subset]:
     for child in children(mesh, THERE_IN_INSTANCES):
         if child.GetTypeName() != "GeomSubset":
             continue
-        names = frozenset(child.GetAuthoredPropertyNames())
+        names = frozenset(property_names(child))
         path = ctx.shown(str(child.GetPath()))
-        family = str(child.GetAttribute("familyName").Get() or "")
+        family = str(default_value(child.GetAttribute("familyName")) or "")
         is_meant = family == UsdShade.Tokens.materialBind
         if not is_meant and not any(name.startswith(BINDING) for name in names):
             continue
         note_bindings(child, path, binding_names(names), ctx)
-        element = child.GetAttribute("elementType").Get()
+        element = default_value(child.GetAttribute("elementType"))
         if element != "face":
             ctx.warn("subset-ignored", path, f"It holds elements of the type {element}, not faces.", "elementType")
             continue

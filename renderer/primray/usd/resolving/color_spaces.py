@@ -19,6 +19,7 @@ from pxr import Sdf, Usd
 from ...color import ocio as color
 from ...color.color_space import REC709, ColorSpace, is_gamut
 from ...errors import SettingsError
+from ..querying.guarded import color_space_name, has_color_space
 from .applied_schemas import applied_schemas
 from .color_scope import NOWHERE, ColorScope
 from .context import Context
@@ -65,7 +66,7 @@ def outer_scope(path: str, outer: tuple[tuple[str, ColorScope], ...]) -> ColorSc
 
 def authored_space(attribute: Usd.Attribute, scope: ColorScope, ctx: Context) -> color.Source | None:
     """None where nothing is authored, or nobody knows the name, which is noted."""
-    name = str(attribute.GetColorSpace()) if attribute.HasColorSpace() else ""
+    name = color_space_name(attribute)
     name = name or scope.name
     if not name:
         return None
@@ -142,7 +143,7 @@ def color_in_rendering_space(
 
 def _is_plain(attribute: Usd.Attribute, scope: ColorScope, ctx: Context, assumed: bool) -> bool:
     """Quickly, since most stages say nothing of colour spaces and are rendered in the default one."""
-    return scope is NOWHERE and (not assumed or ctx.rendering_space is REC709) and not attribute.HasColorSpace()
+    return scope is NOWHERE and (not assumed or ctx.rendering_space is REC709) and not has_color_space(attribute)
 
 
 def _same(source: ColorSpace, target: ColorSpace) -> bool:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from pxr import Usd
 
+from ..querying.guarded import property_names
 from .bindings import binding_names, is_collection
 from .context import Context
 from .foreign_names import NameSet
@@ -52,7 +53,7 @@ class PrimKinds:
 
     def of(self, prim: Usd.Prim, path: str) -> PrimKind:
         info = prim.GetPrimTypeInfo()
-        key = (info.GetTypeName(), tuple(prim.GetAuthoredPropertyNames()), tuple(info.GetAppliedAPISchemas()))
+        key = (info.GetTypeName(), tuple(property_names(prim)), tuple(info.GetAppliedAPISchemas()))
         kind = self.found.get(key)
         if kind is None:
             kind = self.found[key] = self._made(prim, path, key)

@@ -15,6 +15,7 @@ from pxr import Usd
 
 from ...arrays import Floats
 from ...diagnostics import Diagnostics
+from ..querying.guarded import value_at
 from ..querying.time_varying import earliest_if_unset, has_clips, has_samples, has_spline
 from ..querying.traversal import populated
 
@@ -67,10 +68,10 @@ def time_of(attribute: Usd.Attribute, when: When) -> Usd.TimeCode:
 def value(attribute: Usd.Attribute, when: When) -> Any:
     """The attribute's value, None when it has none."""
     if when.careful:
-        return attribute.Get(time_of(attribute, when))
-    found = attribute.Get(when.time)
+        return value_at(attribute, time_of(attribute, when))
+    found = value_at(attribute, when.time)
     if when.is_default and (found is None or isinstance(found, float)) and has_spline(attribute):  # which only scalars have
-        return attribute.Get(time_of(attribute, when))
+        return value_at(attribute, time_of(attribute, when))
     return found
 
 

@@ -15,6 +15,14 @@ import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade
 
 from ...arrays import Doubles
+from ..querying.guarded import (
+    default_value,
+    element_size,
+    interpolation,
+    local_transform,
+    local_transform_at,
+    metadatum,
+)
 from ..querying.time_varying import has_spline
 from .bindings import BINDING, Subset
 from .color_scope import NOWHERE, ColorScope
@@ -91,15 +99,8 @@ def local_matrix(prim: Usd.Prim, names: frozenset[str], when: When, cache: UsdGe
     if "xformOpOrder" not in names:
         return _IDENTITY, False
     if not reads_early(prim, names, when):
-        local, resets = cache.GetLocalTransformation(prim)
-        return local, resets
-    xformable = UsdGeom.Xformable(prim)
-    if not xformable:
-        return _IDENTITY, False
-    local = Gf.Matrix4d(1.0)
-    for op in xformable.GetOrderedXformOps():  # least local first; row vectors: the most local multiplies from the left
-        local = op.GetOpTransform(time_of(op.GetAttr(), when)) * local
-    return local, xformable.GetResetXformStack()
+        return local_transform(cache, prim)
+    return local_transform_at(prim, lambda attribute: time_of(attribute, when))
 
 
 def reads_early(prim: Usd.Prim, names: frozenset[str], when: When) -> bool:
@@ -131,7 +132,7 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: l
     if schemas and (colors := scope_below(parent.colors, prim, schemas, ctx)) is not parent.colors:
         mine = replace(mine, colors=colors)
     if "purpose" in names:
-        purpose = prim.GetAttribute("purpose").Get()
+        purpose = default_value(prim.GetAttribute("purpose"))
         if isinstance(purpose, str):
             mine = replace(mine, purpose=purpose)
         elif purpose is not None:
@@ -160,7 +161,7 @@ def _with_purpose_visibility(parent: Inherited, prim: Usd.Prim, names: frozenset
         return parent
     invisible = set(parent.invisible)
     for name, purpose in _PURPOSE_VISIBILITY.items():
-        opinion = prim.GetAttribute(name).Get() if name in names else "inherited"
+        opinion = default_value(prim.GetAttribute(name)) if name in names else "inherited"
         if opinion == "invisible":
             invisible.add(purpose)
         elif opinion == "visible":
@@ -182,12 +183,12 @@ def _with_primvars(parent: Inherited, prim: Usd.Prim, names: frozenset[str], ctx
 def constant_numbers(prim: Usd.Prim, name: str, when: When) -> tuple[float, ...] | None:
     """A constant primvar of one to four finite numbers; None where it is no such thing."""
     primvar = UsdGeom.Primvar(prim.GetAttribute(name))
-    if primvar.GetInterpolation() != UsdGeom.Tokens.constant:
+    if interpolation(primvar) != UsdGeom.Tokens.constant:
         return None
     raw = value(primvar.GetAttr(), when)
     if raw is None:
         return None
-    values = as_columns([raw] if is_single(raw) else raw, primvar.GetElementSize())
+    values = as_columns([raw] if is_single(raw) else raw, element_size(primvar))
     if values is None or len(values) == 0:
         return None
     at = _first_index(primvar, when)
@@ -216,7 +217,7 @@ def _colored(mine: Inherited, rgb: tuple[float, float, float], ctx: Context) -> 
 
 def constant_of(attribute: Usd.Attribute, columns: int, names: frozenset[str], when: When) -> list[float] | None:
     """A constant primvar's value: only constant ones are inherited (UsdGeomPrimvarsAPI). None where it has none to use."""
-    if not attribute or attribute.GetMetadata("interpolation") not in _CONSTANT:
+    if not attribute or metadatum(attribute, "interpolation") not in _CONSTANT:
         return None
     values = array(value(attribute, when), columns, "f")
     if values is None or len(values) == 0:

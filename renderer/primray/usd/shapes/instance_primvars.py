@@ -13,6 +13,7 @@ import numpy as np
 from pxr import UsdGeom
 
 from ...description import Interpolation, Placement, Primvar, Prototype, Shape, Surface
+from ..querying.guarded import interpolation
 from ..resolving.context import Context
 from ..resolving.resolve import Inherited, ResolvedPrim
 from .primvars import Sizes, as_colors, finite, read_raw_primvar
@@ -27,7 +28,7 @@ def instance_primvars(prim: ResolvedPrim, count: int, ctx: Context) -> tuple[Pri
     found = []
     for name in sorted(prim.names & (ctx.primvars_read | {f"primvars:{shown}" for shown in _SHOWN})):
         attribute = prim.prim.GetAttribute(name)
-        if UsdGeom.Primvar(attribute).GetInterpolation() == "constant" or not attribute.HasAuthoredValue():
+        if interpolation(UsdGeom.Primvar(attribute)) == "constant" or not attribute.HasAuthoredValue():
             continue
         primvar = read_raw_primvar(attribute, Sizes(1, count, count), prim, ctx)
         if primvar is None:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from pxr import Usd, UsdGeom
 
 from ...arrays import Floats
+from ..querying.guarded import element_size, interpolation
 from ..resolving.color_spaces import in_rendering_space
 from ..resolving.context import Context
 from ..resolving.read import MAX_COLUMNS, When, array, as_columns, is_single, value
@@ -122,8 +123,8 @@ def read_authored(attribute: Usd.Attribute, when: When) -> AuthoredPrimvar | Non
     if is_single(raw):
         raw = [raw]
     indices = value(primvar.GetIndicesAttr(), when) if primvar.IsIndexed() else None
-    element_size = 1 if type(raw).__name__.startswith(("Vec3", "Vec4")) else primvar.GetElementSize()
-    return AuthoredPrimvar(attribute.GetName(), raw, primvar.GetInterpolation(), indices, element_size)
+    size = 1 if type(raw).__name__.startswith(("Vec3", "Vec4")) else element_size(primvar)
+    return AuthoredPrimvar(attribute.GetName(), raw, interpolation(primvar), indices, size)
 
 
 def _checked(authored: AuthoredPrimvar, sizes: Sizes, path: str, ctx: Context) -> Primvar | None:

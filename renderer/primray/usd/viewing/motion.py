@@ -6,14 +6,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from pxr import Sdf, Tf, Usd, UsdGeom
+from pxr import Sdf, Usd, UsdGeom
 
 from ...description import Camera
+from ..querying.guarded import authored_attributes, is_invisible, purpose_of, value_at
 from ..querying.time_varying import changes, has_times, may_have_spline, might_change, number_of
 from ..querying.traversal import in_world, instanced_roots, stands_in_world, there_below
 from ..resolving.context import Context
 from ..resolving.prim_kinds import KindsMet, PropertyNames
-from ..resolving.read import When, has_samples_or_clips, time_of
+from ..resolving.read import When, has_samples_or_clips, time_of, value
 
 LISTED = 8
 # Changes of these are no motion; primvars (but for normals, which follow points) are colours and the like.
@@ -60,9 +61,7 @@ def note_motion(camera: Camera, ctx: Context, clips: bool) -> None:
 def _types_with_scalars(ctx: Context) -> frozenset[str]:
     """The types of prims that may have splines, when nothing else is given for times: what has none is not looked at."""
     first = ((kind, ctx.stage.GetPrimAtPath(kind.first_path)) for kind in ctx.kept.of(KindsMet))
-    return frozenset(
-        kind.type_name for kind, prim in first if not prim or any(map(may_have_spline, prim.GetAuthoredAttributes()))
-    )
+    return frozenset(kind.type_name for kind, prim in first if not prim or any(map(may_have_spline, authored_attributes(prim))))
 
 
 def _prims(ctx: Context, camera: str) -> Iterator[tuple[Usd.Prim, Usd.Prim | None]]:
@@ -83,7 +82,7 @@ def _prims(ctx: Context, camera: str) -> Iterator[tuple[Usd.Prim, Usd.Prim | Non
 
 def _moving(prim: Usd.Prim, span: Span) -> Iterator[str]:
     """Names of its attributes that change while the shutter is open, or of velocities that say that it moves."""
-    for attribute in prim.GetAuthoredAttributes():
+    for attribute in authored_attributes(prim):
         name = attribute.GetName()
         if name in VELOCITIES:
             if _is_nonzero(attribute, span.when):
@@ -98,32 +97,29 @@ def _is_nonzero(attribute: Usd.Attribute, when: When) -> bool:
     """Velocities count from a sample of the positions on: without samples nothing moves."""
     if not has_times(attribute):
         return False
-    try:
-        values = np.asarray(attribute.Get(time_of(attribute, when)))
-    except Tf.ErrorException:
-        return False
+    values = np.asarray(value(attribute, when))
     return values.dtype.kind == "f" and bool(values.any())
 
 
 def _is_hidden_above(root: Usd.Prim, time: Usd.TimeCode) -> bool:
-    above = UsdGeom.Imageable(root.GetParent())
-    return bool(above) and above.ComputeVisibility(time) == "invisible"
+    above = root.GetParent()
+    return bool(UsdGeom.Imageable(above)) and is_invisible(above, time)
 
 
 def _is_seen(prim: Usd.Prim, root: Usd.Prim | None, time: Usd.TimeCode, purposes: tuple[str, ...]) -> bool:
     imageable = UsdGeom.Imageable(prim)
     if not imageable:
         return True
-    if str(imageable.ComputePurpose()) not in purposes:
+    if purpose_of(prim) not in purposes:
         return False
-    return imageable.ComputeVisibility(time) != "invisible" if root is None else not _is_hidden_below(prim, root, time)
+    return not is_invisible(prim, time) if root is None else not _is_hidden_below(prim, root, time)
 
 
 def _is_hidden_below(prim: Usd.Prim, root: Usd.Prim, time: Usd.TimeCode) -> bool:
     """By an opinion between them."""
     while prim:
         attribute = prim.GetAttribute("visibility")
-        if attribute and attribute.Get(time) == "invisible":
+        if attribute and value_at(attribute, time) == "invisible":
             return True
         if prim == root:
             return False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Sdf, Usd
 
 from ...description import Camera, Frame
 from ...description.frame import pixels_within
@@ -12,6 +12,7 @@ from ...errors import InvalidSceneError, LimitError, SettingsError
 from ...settings import MAX_RESOLUTION, limit_pixels
 from ..adapters.cameras.camera import Aperture, camera, pixel_aspect_ratio, read_aperture
 from ..adapters.rendering.render_product import ProductSettings
+from ..opening.stage_metadata import up_axis
 from ..resolving.context import Context
 from ..resolving.stage_bounds import Bounds
 from .asked_camera import aperture_of, conformed
@@ -54,7 +55,7 @@ def view_through(
     if prim is not None:
         return camera(prim, ctx.when, resolution, product, ctx.diagnostics), frame
     ctx.warn("camera-automatic", "", "The stage has no camera: it is framed as usdrecord would.")
-    z_up = str(UsdGeom.GetStageUpAxis(ctx.stage)) == "Z"
+    z_up = up_axis(ctx.stage) == "Z"
     return framing_camera(bounds(), z_up, resolution, product), frame
 
 

@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING
 from pxr import Gf, Tf, Usd
 
 from ...diagnostics import Diagnostics
-from ..opening.stage import scratch_copy, tf_message
+from ..opening.stage import scratch_copy
+from ..querying.guarded import authored_attributes
+from ..querying.messages import tf_message
 from ..querying.standing import standing_in_world
 from ..querying.time_varying import has_times
 from ..querying.traversal import THERE, in_world, instanced_roots, stands_in_world, there_below
@@ -99,7 +101,7 @@ def _pose(root: UsdSkel.Root, when: When) -> str:
 
     try:
         for prim in _involved(root):
-            for attribute in prim.GetAuthoredAttributes():
+            for attribute in authored_attributes(prim):
                 if has_times(attribute):
                     present = value(attribute, when)
                     if present is not None:

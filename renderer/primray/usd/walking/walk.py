@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from pxr import Gf, Tf, Usd, UsdGeom
+from pxr import Usd, UsdGeom
 
 from ...arrays import Doubles
 from ...description.instance_names import texts
@@ -19,7 +19,7 @@ from ..adapters.shapes.draw_mode import stand_in
 from ..adapters.shapes.points import POINT, spheres
 from ..lights.light_links import Links
 from ..materials.leaf_materials import bind_leaves, bindings_of, bound_alike, differ_by_material
-from ..opening.stage import tf_message
+from ..querying.guarded import property_names
 from ..querying.traversal import IN_PROTOTYPE, IN_WORLD, children
 from ..resolving.applied_schemas import applied_schemas
 from ..resolving.bindings import binds_by_collection, note_bindings
@@ -164,7 +164,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
 def _pose(
     state: _Walk, group: Group[ResolvedPrim], prim: Usd.Prim, names: frozenset[str], path: str, poses: Poses, above: int
 ) -> int:
-    local, resets = _local(state, prim, names)
+    local, resets = local_matrix(prim, names, state.ctx.when, state.cache)
     if resets and group is not state.groups[0]:
         message = "The reset goes as far as the prototype's root."
         state.ctx.warn("reset-xform-in-prototype", path, message, "xformOpOrder")
@@ -172,17 +172,6 @@ def _pose(
     if pose % FORGOTTEN_AFTER == 0:
         state.cache.Clear()  # it keeps 400 bytes a prim, and nothing is asked twice
     return pose
-
-
-def _local(state: _Walk, prim: Usd.Prim, names: frozenset[str]) -> tuple[Gf.Matrix4d, bool]:
-    """The prim's own transform; none where its operations are not what USD can read."""
-    try:
-        return local_matrix(prim, names, state.ctx.when, state.cache)
-    except Tf.ErrorException as error:
-        state.ctx.warn(
-            "wrong-type", state.ctx.shown(str(prim.GetPath())), f"No transform is used: {tf_message(error)}", "xformOpOrder"
-        )
-        return Gf.Matrix4d(1.0), False
 
 
 def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[ResolvedPrim], poses: Poses) -> None:
@@ -287,7 +276,7 @@ def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, per_instance: 
     if not parent:
         return _with_colors_of(root, handed, ctx)
     for scope in reversed(between):
-        names = frozenset(scope.GetAuthoredPropertyNames()) - {"visibility"}
+        names = frozenset(property_names(scope)) - {"visibility"}
         schemas = applied_schemas(scope)
         handed = descend(handed, scope, names, schemas, ctx) or handed
     return handed

@@ -12,6 +12,7 @@ from pxr import Gf, Usd, UsdGeom
 from ....arrays import Doubles
 from ....description import Camera, Projection
 from ....diagnostics import Diagnostics
+from ...querying.guarded import property_names, world_transform
 from ...resolving.convert import matrix
 from ...resolving.read import When, number, token
 from ...resolving.resolve import local_matrix, reads_early
@@ -181,9 +182,10 @@ def _world_from_camera(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> 
 
 def _world_matrix(prim: Usd.Prim, when: When) -> Gf.Matrix4d:
     cache = UsdGeom.XformCache(when.time)
-    upwards = [(p, frozenset(p.GetAuthoredPropertyNames())) for p in _upwards(prim)]
-    if not any(reads_early(p, names, when) for p, names in upwards):
-        return cache.GetLocalToWorldTransform(prim)
+    upwards = [(p, frozenset(property_names(p))) for p in _upwards(prim)]
+    at_once = None if any(reads_early(p, names, when) for p, names in upwards) else world_transform(cache, prim)
+    if at_once is not None:
+        return at_once
     world = Gf.Matrix4d(1.0)
     for p, names in upwards:
         local, resets = local_matrix(p, names, when, cache)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pxr import Usd
 
 from ....diagnostics import Diagnostics
+from ...querying.guarded import property_names
 from ...resolving.read import When, number, read
 from ...resolving.renderer_attributes import CONVENTIONS, LENS_WORDS
 
@@ -53,7 +54,7 @@ def note_no_lens(prim: Usd.Prim, when: When, disabled: bool, diagnostics: Diagno
 def _blades(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> tuple[int, float]:
     """Sides of the polygon, whose corners lie on the lens's circle, and the direction of one of them."""
     path = str(prim.GetPath())
-    authored = {name for name in prim.GetAuthoredPropertyNames() if any(word in name.lower() for word in LENS_WORDS)}
+    authored = {name for name in property_names(prim) if any(word in name.lower() for word in LENS_WORDS)}
     own = set(prim.GetPrimDefinition().GetPropertyNames())
     used = next((c for c in CONVENTIONS if c.blades in authored), None)
     followed = {used.blades, used.rotation_deg, used.roundness} if used else set()

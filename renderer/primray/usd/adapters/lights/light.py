@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from pxr import Sdf, UsdGeom, UsdLux
+from pxr import Sdf, UsdLux
 
 from ....arrays import Doubles
 from ....color.color_space import REC709, converted
@@ -17,6 +17,7 @@ from ...lights.light_area import cylinder_area, disk_area, rect_area, sphere_are
 from ...lights.light_color import light_color
 from ...lights.portals import portals_of
 from ...materials.texture_asset import light_texture
+from ...opening.stage_metadata import up_axis
 from ...resolving.context import Context
 from ...resolving.read import flag, number, read, token
 from ...resolving.resolve import ResolvedPrim
@@ -179,7 +180,7 @@ def _pole_rotation(prim: ResolvedPrim, ctx: Context) -> Doubles:
     """DomeLight_1 with pole Z: latitude +pi/2 points to +Z and longitude 0 to -Y; longitude pi/2 stays at +X."""
     axis = token(prim.prim, "poleAxis", ctx.when, "scene")
     if axis == "scene":
-        axis = str(UsdGeom.GetStageUpAxis(ctx.stage))
+        axis = up_axis(ctx.stage)
     turned = np.eye(4)
     if axis == "Z":
         turned[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from ...querying.guarded import targets
 from ...resolving.context import Context
 from ...resolving.read import read
 from ...resolving.resolve import ResolvedPrim
 
 
 def note_ignored_inputs(prim: ResolvedPrim, ctx: Context) -> None:
-    if "light:filters" in prim.names and prim.prim.GetRelationship("light:filters").GetTargets():
+    if "light:filters" in prim.names and targets(prim.prim, "light:filters"):
         ctx.warn("light-input", prim.path, "Light filters are ignored.", "light:filters")
     _note_shader(prim, ctx)
 

@@ -15,6 +15,7 @@ from ....description import Input, PrimvarInput, Surface, TextureInput
 from ...materials.network import Constant, Node, as_numbers, constant_color, find_source, node_path, parameter
 from ...materials.network_nodes import NO_PRIMVAR, NODES, NodeKind, reader_input, texture_input
 from ...materials.primvars_read import COLOR_INPUTS, SURFACE_SHADERS
+from ...querying.guarded import property_names
 from ...resolving.color_scope import ColorScope
 from ...resolving.context import Context
 from ...resolving.notes import note_unknown_schemas
@@ -107,7 +108,7 @@ def _note_outputs(usd_material: UsdShade.Material, path: str, ctx: Context) -> N
 
 
 def _preview_surface(shader: Node, path: str, ctx: Context) -> Material:
-    names = {str(name).removeprefix("inputs:") for name in shader.prim.GetAuthoredPropertyNames() if name.startswith("inputs:")}
+    names = {str(name).removeprefix("inputs:") for name in property_names(shader.prim) if name.startswith("inputs:")}
     at = node_path(shader, ctx)
     _note_inputs(shader, names, at, ctx)
     found = _Inputs()

@@ -12,6 +12,7 @@ from functools import lru_cache
 from pxr import Usd, UsdGeom
 
 from ....description import Input, PrimvarInput, Surface
+from ...querying.guarded import interpolation
 from ...resolving.context import Context
 from ...resolving.read import read
 from ...resolving.resolve import ResolvedPrim
@@ -61,7 +62,7 @@ def _varies(prim: ResolvedPrim, name: str) -> bool:
     if f"primvars:{name}" not in prim.names:
         return False
     attribute = prim.prim.GetAttribute(f"primvars:{name}")
-    return bool(attribute.HasAuthoredValue() and UsdGeom.Primvar(attribute).GetInterpolation() != "constant")
+    return bool(attribute.HasAuthoredValue() and interpolation(UsdGeom.Primvar(attribute)) != "constant")
 
 
 def surface_of(appearance: Appearance, is_closed: Callable[[], bool], ctx: Context) -> int:

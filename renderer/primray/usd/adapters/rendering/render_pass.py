@@ -5,6 +5,7 @@ from __future__ import annotations
 from pxr import Usd
 
 from ....diagnostics import Diagnostics
+from ...querying.guarded import property_names
 
 ABOUT_JOBS = ("passType", "command", "renderSource", "inputPasses", "fileName")
 COLLECTIONS = ("renderVisibility", "cameraVisibility", "prune", "matte")
@@ -12,7 +13,7 @@ COLLECTIONS = ("renderVisibility", "cameraVisibility", "prune", "matte")
 
 def note_render_pass(prim: Usd.Prim, diagnostics: Diagnostics) -> None:
     """The pass itself, and whatever it authors, since each could have changed the picture."""
-    path, authored = str(prim.GetPath()), prim.GetAuthoredPropertyNames()
+    path, authored = str(prim.GetPath()), property_names(prim)
     diagnostics.add("render-settings-input", path, "Render passes are ignored.")
     for name in ABOUT_JOBS:
         if name in authored:

@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from pxr import Sdf, Tf, Usd
+from pxr import Usd
 
 from ....diagnostics import Diagnostics
 from ....settings import PURPOSES
+from ...querying.guarded import targets
 from ...resolving.read import When, value
 
 Window = tuple[float, float, float, float]
@@ -126,12 +127,12 @@ class _Reader:
 
     def _camera(self) -> str | None:
         for prim in (self.prim, self.settings):
-            targets = _targets(prim, "camera")
-            if len(targets) > 1:
-                message = f"Only the first of its {len(targets)} cameras is used."
+            cameras = targets(prim, "camera")
+            if len(cameras) > 1:
+                message = f"Only the first of its {len(cameras)} cameras is used."
                 self.diagnostics.add("render-settings-input", str(prim.GetPath()), message, "camera")
-            if targets:
-                return str(targets[0])
+            if cameras:
+                return str(cameras[0])
         return None
 
     def _purposes(self) -> tuple[str, ...]:
@@ -161,11 +162,11 @@ class _Reader:
 
 def _variables(product: Usd.Prim, when: When, diagnostics: Diagnostics) -> Iterable[RenderVariable]:
     stage, path = product.GetStage(), str(product.GetPath())
-    targets = _targets(product, "orderedVars")
-    if len(targets) > MOST_VARIABLES:
-        message = f"Only the first {MOST_VARIABLES} of its {len(targets)} variables are looked at."
+    ordered = targets(product, "orderedVars")
+    if len(ordered) > MOST_VARIABLES:
+        message = f"Only the first {MOST_VARIABLES} of its {len(ordered)} variables are looked at."
         diagnostics.add("render-settings-input", path, message, "orderedVars")
-    for target in targets[:MOST_VARIABLES]:
+    for target in ordered[:MOST_VARIABLES]:
         prim = stage.GetPrimAtPath(target)
         if not prim or prim.GetTypeName() != "RenderVar":
             diagnostics.add(
@@ -192,20 +193,12 @@ def variable(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> RenderVari
 
 def _get(prim: Usd.Prim, name: str, when: When) -> Any:
     attribute = prim.GetAttribute(name)
-    try:
-        return value(attribute, when) if attribute else None
-    except (Tf.ErrorException, UnicodeDecodeError):
-        return None
+    return value(attribute, when) if attribute else None
 
 
 def _is_authored(prim: Usd.Prim, name: str) -> bool:
     attribute = prim.GetAttribute(name)
     return bool(attribute and attribute.HasAuthoredValue())
-
-
-def _targets(prim: Usd.Prim, name: str) -> list[Sdf.Path]:
-    relationship = prim.GetRelationship(name)
-    return list(relationship.GetForwardedTargets()) if relationship else []
 
 
 def _tokens(raw: Any) -> tuple[str, ...] | None:

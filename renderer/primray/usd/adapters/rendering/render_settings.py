@@ -9,6 +9,8 @@ from pxr import Sdf, Usd
 from ....diagnostics import Diagnostics
 from ....errors import SettingsError
 from ....settings import RenderSettings
+from ...querying.guarded import targets
+from ...querying.stage_values import render_settings_path
 from ...querying.traversal import in_world
 from ...resolving.read import When, when_of
 from .render_product import ProductSettings, product_of, settings_alone
@@ -36,22 +38,22 @@ def product_settings(
 ) -> ProductSettings:
     """Those of the product that a render makes: the one asked for, else the first. `candidates`: the RenderSettings prims."""
     prim = _choose(stage, settings.render_settings, candidates, diagnostics)
-    targets = _products(stage, prim, diagnostics)
+    found = _products(stage, prim, diagnostics)
     if settings.product is not None:
-        return _read(prim, _named(settings.product, targets), when, diagnostics)
-    if len(targets) > 1:
-        others = ", ".join(str(p.GetPath()) for p in targets[1 : LISTED + 1] if p is not None)
-        message = f"The first of {len(targets)} products, {_path(targets[0])}, is rendered; the others are {others}."
+        return _read(prim, _named(settings.product, found), when, diagnostics)
+    if len(found) > 1:
+        others = ", ".join(str(p.GetPath()) for p in found[1 : LISTED + 1] if p is not None)
+        message = f"The first of {len(found)} products, {_path(found[0])}, is rendered; the others are {others}."
         diagnostics.add("product-chosen", _path(prim), message, "products")
-    return _read(prim, targets[0], when, diagnostics)
+    return _read(prim, found[0], when, diagnostics)
 
 
 def _choose(stage: Usd.Stage, asked: str | None, candidates: Sequence[Usd.Prim], diagnostics: Diagnostics) -> Usd.Prim | None:
     """The settings asked for, else those that the stage's metadata name, else the only ones, else none."""
     if asked is not None:
         return _asked_for(stage, asked, candidates)
-    if stage.HasAuthoredMetadata("renderSettingsPrimPath"):
-        named = stage.GetMetadata("renderSettingsPrimPath")
+    named = render_settings_path(stage)
+    if named is not None:
         prim = _at(stage, named)
         if prim is not None and prim.GetTypeName() == "RenderSettings":
             return prim
@@ -89,7 +91,7 @@ def _products(stage: Usd.Stage, settings: Usd.Prim | None, diagnostics: Diagnost
     if settings is None:
         return [None]
     found: list[Usd.Prim | None] = []
-    for target in settings.GetRelationship("products").GetForwardedTargets():
+    for target in targets(settings, "products"):
         prim = _at(stage, target)
         if prim is not None and prim.GetTypeName() == "RenderProduct":
             found.append(prim)

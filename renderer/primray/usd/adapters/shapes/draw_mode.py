@@ -20,6 +20,7 @@ from ...materials.texture_asset import in_space
 from ...opening.asset import read_asset
 from ...opening.stage import scratch_copy
 from ...opening.stage_metadata import up_axis
+from ...querying.stage_values import start_time_code
 from ...querying.standing import standing_in_world
 from ...querying.time_varying import EARLIEST, earliest_value
 from ...querying.traversal import drawn_in_instances, stands_in_world
@@ -248,7 +249,7 @@ def _computed_box(prim: Usd.Prim) -> tuple[Doubles, Doubles] | None:
         return None
     box = _box_at(prim, EARLIEST)
     is_finite = box is None or np.isfinite(box).all()
-    return box if is_finite else _box_at(prim, Usd.TimeCode(prim.GetStage().GetStartTimeCode()))
+    return box if is_finite else _box_at(prim, Usd.TimeCode(start_time_code(prim.GetStage())))
 
 
 def _box_at(prim: Usd.Prim, time: Usd.TimeCode) -> tuple[Doubles, Doubles] | None:

@@ -12,6 +12,7 @@ from pxr import UsdGeom
 
 from ....description.instance_names import Names
 from ....description.placement import PointInstances
+from ...querying.guarded import targets
 from ...resolving.context import Context
 from ...resolving.notes import note_velocities
 from ...resolving.read import array, read, time_of
@@ -24,7 +25,7 @@ def point_instances(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, PointIn
 
     What belongs to one instance is kept in one PointInstances, so that masks take all of it along.
     """
-    roots = [str(path) for path in prim.prim.GetRelationship("prototypes").GetForwardedTargets()]
+    roots = [str(path) for path in targets(prim.prim, "prototypes")]
     raw_proto, raw_positions = (read(prim.prim, name, ctx.when) for name in ("protoIndices", "positions"))
     missing = [_is_empty(raw_proto), _is_empty(raw_positions)]
     if any(missing):
