@@ -38,7 +38,8 @@ from .lights.portals import note_unnamed_portals
 from .materials.primvars_read import primvars_read
 from .opening.stage import usd_messages
 from .opening.stage_metadata import meters_per_unit, up_axis
-from .querying.messages import tf_message
+from .querying.guarded import type_name
+from .querying.messages import scene_errors, tf_message
 from .querying.traversal import in_world, stands_in_world
 from .resolving.color_spaces import rendering_space
 from .resolving.context import Context
@@ -195,9 +196,10 @@ def _note_missing_primvars(scene: _Scene, ctx: Context) -> None:
             ctx.warn("aov-empty", "", f"Nothing in the picture has primvars:{name}: its AOV is 0 everywhere.")
 
 
+@scene_errors()
 def camera_paths(stage: Usd.Stage) -> list[str]:
     """The cameras that could be asked for."""
-    return [str(prim.GetPath()) for prim in in_world(stage) if prim.GetTypeName() == "Camera"]
+    return [str(prim.GetPath()) for prim in in_world(stage) if type_name(prim) == "Camera"]
 
 
 def _shared_paths(groups: list[Group[ResolvedPrim]]) -> frozenset[str]:

@@ -24,10 +24,11 @@ TIMES = """EarliestTime GetBracketingTimeSamples GetNumTimeSamples GetSpline Get
     GetUnionedTimeSamples GetUnionedTimeSamplesInInterval HasSpline ListAllTimeSamples ListTimeSamplesForPath
     TransformMightBeTimeVarying ValueMightBeTimeVarying"""
 # What USD may fail to give though the stage is open; and the metadata of stages and layers.
-FALLIBLE = """ComputePurpose ComputeVisibility Get GetAttributes GetAuthoredAttributes GetAuthoredProperties
-    GetAuthoredPropertyNames GetColorSpace GetConnectedSource GetConnectedSources GetConnections GetElementSize
-    GetForwardedTargets GetInterpolation GetLocalToWorldTransform GetLocalTransformation GetMetadata GetOpTransform
-    GetOrderedXformOps GetParentToWorldTransform GetResetXformStack GetShaderId GetTargets HasColorSpace"""
+FALLIBLE = """ComputeMaskAtTime ComputePurpose ComputeVisibility Get GetAppliedAPISchemas GetAppliedSchemas
+    GetAttributes GetAuthoredAttributes GetAuthoredProperties GetAuthoredPropertyNames GetColorSpace
+    GetConnectedSource GetConnectedSources GetConnections GetElementSize GetForwardedTargets GetInterpolation
+    GetLocalToWorldTransform GetLocalTransformation GetMetadata GetOpTransform GetOrderedXformOps
+    GetParentToWorldTransform GetResetXformStack GetShaderId GetTargets HasColorSpace"""
 STAGE_METADATA = """GetDefaultPrim GetEndTimeCode GetFramesPerSecond GetInfo GetStageMetersPerUnit GetStageUpAxis
     GetStartTimeCode GetTimeCodesPerSecond HasAuthoredTimeCodeRange HasDefaultPrim HasTimeCodesPerSecond customLayerData
     defaultPrim endTimeCode expressionVariables framesPerSecond startTimeCode timeCodesPerSecond"""

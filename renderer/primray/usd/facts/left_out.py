@@ -9,9 +9,11 @@ from pxr import Usd, UsdGeom
 from ...settings import RenderSettings
 from ..adapters.rendering.render_settings import products
 from ..querying.guarded import is_invisible, purpose_of
+from ..querying.messages import scene_errors
 from ..querying.traversal import drawn_in_instances, everything, stands_in_world
 
 
+@scene_errors()
 def left_out(stage: Usd.Stage, settings: RenderSettings) -> dict[str, int]:
     """How many shapes there are, by the first reason that applies; "" where none does."""
     purposes = settings.purposes or products(stage, settings)[0].purposes

@@ -22,8 +22,8 @@ from ...settings import RenderSettings
 from ..adapters.cameras.camera import read_aperture
 from ..adapters.rendering.render_settings import product_settings
 from ..opening.stage import open_stage
-from ..querying.guarded import default_value, targets
-from ..querying.messages import error_text
+from ..querying.guarded import default_value, targets, type_name
+from ..querying.messages import error_text, scene_errors
 from ..querying.traversal import in_world
 from ..resolving.read import When, when_of
 from ..translate import LIGHTS, SHAPES
@@ -66,6 +66,7 @@ class SceneFacts:
     used_layers: int
 
 
+@scene_errors()
 def scene_facts(path: str | os.PathLike[str]) -> SceneFacts:
     """Of the stage that a file is the root of; raises as open_stage does."""
     diagnostics = Diagnostics()
@@ -74,8 +75,8 @@ def scene_facts(path: str | os.PathLike[str]) -> SceneFacts:
     missing, broken = _composition_errors(stage)
     found = stage_facts(stage)
     prims = list(in_world(stage))
-    cameras = [prim for prim in prims if prim.GetTypeName() == "Camera"]
-    settings = [prim for prim in prims if prim.GetTypeName() == "RenderSettings"]
+    cameras = [prim for prim in prims if type_name(prim) == "Camera"]
+    settings = [prim for prim in prims if type_name(prim) == "RenderSettings"]
     unused = Diagnostics()
     when = when_of(stage, None)
     chosen = product_settings(stage, RenderSettings(), settings, when, unused)
@@ -216,7 +217,7 @@ def _unsupported(prims: list[Usd.Prim]) -> list[Note]:
     first: dict[str, Usd.Prim] = {}
     count: Counter[str] = Counter()
     for prim in prims:
-        name = str(prim.GetTypeName())
+        name = str(type_name(prim))
         if name and name not in _DRAWN and name not in LIGHTS and (name in first or _is_drawn(prim)):
             first.setdefault(name, prim)
             count[name] += 1

@@ -9,7 +9,8 @@ from typing import Any
 from pxr import Usd, UsdGeom
 
 from ..opening.stage_metadata import layer_names, meters_per_unit, up_axis
-from ..querying.guarded import default_value, purpose_of, targets
+from ..querying.guarded import default_value, purpose_of, targets, type_name
+from ..querying.messages import scene_errors
 from ..querying.stage_values import (
     default_prim,
     end_time_code,
@@ -22,6 +23,7 @@ from ..querying.time_varying import earliest_value, span_of
 from ..querying.traversal import everything, everything_in_prototypes
 
 
+@scene_errors()
 def stage_facts(stage: Usd.Stage) -> dict[str, Any]:
     """As JSON. Prims of prototypes are counted once, whatever the number of their instances."""
     prims = everything(stage)
@@ -34,7 +36,7 @@ def stage_facts(stage: Usd.Stage) -> dict[str, Any]:
         "time": _time(stage, every),
         "variants": list(_variants(prims)),
         "payloads": _payloads(stage),
-        "prim_types": dict(Counter(str(prim.GetTypeName()) for prim in every if prim.GetTypeName()).most_common()),
+        "prim_types": dict(Counter(str(type_name(prim)) for prim in every if type_name(prim)).most_common()),
         "purposes": dict(Counter(purpose_of(prim) for prim in every if prim.IsA(UsdGeom.Gprim)).most_common()),
         "native_instances": sum(prim.IsInstance() for prim in every),
         "native_prototypes": len(stage.GetPrototypes()),

@@ -7,7 +7,7 @@ from pxr import Gf, Usd, UsdGeom
 
 from ...arrays import Doubles
 from ...description import Portal
-from ..querying.guarded import property_names, targets
+from ..querying.guarded import property_names, targets, type_name
 from ..resolving.context import Context
 from ..resolving.convert import matrix
 from ..resolving.notes import PortalsMet
@@ -24,8 +24,8 @@ def portals_of(dome: ResolvedPrim, world_from_dome: Doubles, ctx: Context) -> tu
     found = []
     for target in targets(dome.prim, "portals"):
         prim = ctx.stage.GetPrimAtPath(target)
-        if not prim or prim.GetTypeName() != "PortalLight":
-            what = f"a {prim.GetTypeName() or 'prim without a type'}" if prim else "nothing"
+        if not prim or type_name(prim) != "PortalLight":
+            what = f"a {type_name(prim) or 'prim without a type'}" if prim else "nothing"
             message = f"portals leads to {ctx.shown(str(target))}, which is {what}, no PortalLight: ignored."
             ctx.warn("light-input", dome.path, message, "portals")
             continue

@@ -16,7 +16,7 @@ from ...composition import Composition
 from ...diagnostics import Diagnostics
 from ...errors import InvalidSceneError, LimitError, StageOpenError
 from ..querying.guarded import noting
-from ..querying.messages import error_text, tf_message
+from ..querying.messages import error_text, scene_errors, tf_message
 from ..querying.stage_values import wrong_rate
 from .select_prims import add_load_rules, check_population, choose_variants, note_unloaded, populate
 from .stage_metadata import check_rates, note_units, note_wrong_types
@@ -35,12 +35,8 @@ def usd_messages(diagnostics: Diagnostics, known: Callable[[str], bool] = lambda
     """
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     try:
-        with noting(diagnostics):
+        with noting(diagnostics), scene_errors():
             yield
-    except Tf.ErrorException as error:
-        raise InvalidSceneError(f"USD cannot read the stage: {tf_message(error)}", code="damaged-stage") from error
-    except UnicodeDecodeError as error:
-        raise InvalidSceneError(f"The stage holds a name that is not UTF-8: {error.object!r}", code="damaged-stage") from error
     finally:
         for message in delegate.TakeUncoalescedDiagnostics():
             text = error_text(message, "commentary").strip()

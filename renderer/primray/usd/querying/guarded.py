@@ -6,7 +6,7 @@ Values are read as they are; whoever asks for one of a certain kind checks it (r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any, TypeVar
@@ -149,6 +149,26 @@ def shader_id(shader: Usd.Prim) -> str:
         return ""
 
 
+def type_name(prim: Usd.Prim) -> str:
+    """ "" where it has none."""
+    try:
+        name: str = prim.GetTypeName()
+        return name
+    except FAILURES as error:
+        _failed(prim, "typeName", error)
+        return ""
+
+
+def schemas_applied(prim: Usd.Prim) -> list[str]:
+    """Those that are authored on the prim, with instance names."""
+    try:
+        schemas: list[str] = prim.GetPrimTypeInfo().GetAppliedAPISchemas()
+        return schemas
+    except FAILURES as error:
+        _failed(prim, "apiSchemas", error)
+        return []
+
+
 def property_names(prim: Usd.Prim) -> list[str]:
     """Those that are authored."""
     try:
@@ -225,6 +245,16 @@ def is_invisible(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
     except FAILURES as error:
         _failed(prim, "visibility", error)
         return False
+
+
+def instance_mask(instancer: Usd.Prim, time: Usd.TimeCode) -> Sequence[bool]:
+    """Which instances are shown; nothing where all are."""
+    try:
+        mask: Sequence[bool] = UsdGeom.PointInstancer(instancer).ComputeMaskAtTime(time)
+        return mask
+    except FAILURES as error:
+        _failed(instancer, "invisibleIds", error)
+        return ()
 
 
 def computed(what: Callable[[], Value], default: Value) -> Value:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from pxr import Tf
+
+from ...errors import InvalidSceneError
 
 
 def error_text(message: Any, field: str = "") -> str:
@@ -19,3 +23,14 @@ def tf_message(error: Tf.ErrorException) -> str:
     """What went wrong, without USD's source locations."""
     texts = [error_text(part, "commentary" if hasattr(type(part), "commentary") else "") for part in error.args]
     return "; ".join(dict.fromkeys(text.strip() for text in texts)) or "unknown USD error"
+
+
+@contextmanager
+def scene_errors() -> Iterator[None]:
+    """InvalidSceneError where USD fails on what no guarded call asks, such as a prim whose name is not text."""
+    try:
+        yield
+    except Tf.ErrorException as error:
+        raise InvalidSceneError(f"USD cannot read the stage: {tf_message(error)}", code="damaged-stage") from error
+    except UnicodeDecodeError as error:
+        raise InvalidSceneError(f"The stage holds a name that is not UTF-8: {error.object!r}", code="damaged-stage") from error

@@ -13,7 +13,7 @@ from itertools import chain
 
 from pxr import Usd
 
-from .guarded import targets
+from .guarded import targets, type_name
 
 _LOADED = Usd.PrimIsActive & Usd.PrimIsLoaded
 THERE = _LOADED & Usd.PrimHasDefiningSpecifier
@@ -89,7 +89,7 @@ def instanced_roots(stage: Usd.Stage) -> list[Usd.Prim]:
     waiting = [chain(in_world(stage), *map(there_below, stage.GetPrototypes()))]
     while waiting:
         for prim in waiting.pop():
-            if prim.GetTypeName() != "PointInstancer":
+            if type_name(prim) != "PointInstancer":
                 continue
             for path in _prototypes_of(prim):
                 root = stage.GetPrimAtPath(path)

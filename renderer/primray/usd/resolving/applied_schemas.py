@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from pxr import Usd
 
+from ..querying.guarded import schemas_applied
+
 _READ = """CollectionAPI GeomModelAPI LightAPI MaterialBindingAPI MotionAPI NodeDefAPI ShadowAPI ShapingAPI SkelBindingAPI
     MeshLightAPI VolumeLightAPI ColorSpaceAPI ColorSpaceDefinitionAPI VisibilityAPI"""
 # Physics, user interfaces, statements about the asset; LightListAPI only speeds up finding lights. The parts of a particle
@@ -37,4 +39,4 @@ IGNORED = {
 
 def applied_schemas(prim: Usd.Prim) -> list[str]:
     """Those that are authored on the prim, with instance names; what its type brings is not among them."""
-    return [str(schema) for schema in prim.GetPrimTypeInfo().GetAppliedAPISchemas()]
+    return [str(schema) for schema in schemas_applied(prim)]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from pxr import Sdf, Tf, Usd, UsdShade
 
-from ..querying.guarded import default_value, property_names, targets
+from ..querying.guarded import default_value, property_names, targets, type_name
 from ..querying.messages import tf_message
 from ..querying.traversal import THERE_IN_INSTANCES, children
 from .context import Context
@@ -107,7 +107,7 @@ def subsets_of(mesh: Usd.Prim, ctx: Context) -> list[Subset]:
     others: list[Subset] = []
     meant: list[Subset] = []
     for child in children(mesh, THERE_IN_INSTANCES):
-        if child.GetTypeName() != "GeomSubset":
+        if type_name(child) != "GeomSubset":
             continue
         names = frozenset(property_names(child))
         path = ctx.shown(str(child.GetPath()))

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from pxr import Usd
 
-from ..querying.guarded import property_names
+from ..querying.guarded import property_names, schemas_applied, type_name
 from .bindings import binding_names, is_collection
 from .context import Context
 from .foreign_names import NameSet
@@ -52,8 +52,7 @@ class PrimKinds:
         self.by_collection = False  # some bind materials by a collection
 
     def of(self, prim: Usd.Prim, path: str) -> PrimKind:
-        info = prim.GetPrimTypeInfo()
-        key = (info.GetTypeName(), tuple(property_names(prim)), tuple(info.GetAppliedAPISchemas()))
+        key = (type_name(prim), tuple(property_names(prim)), tuple(schemas_applied(prim)))
         kind = self.found.get(key)
         if kind is None:
             kind = self.found[key] = self._made(prim, path, key)
@@ -61,17 +60,17 @@ class PrimKinds:
         return kind
 
     def _made(self, prim: Usd.Prim, path: str, key: KindKey) -> PrimKind:
-        type_name, (names, schemas) = str(key[0]), (frozenset(map(str, key[1])), list(map(str, key[2])))
-        taken_as, bindings = self._taken_as.get(type_name, ""), binding_names(names)
+        name, (names, schemas) = str(key[0]), (frozenset(map(str, key[1])), list(map(str, key[2])))
+        taken_as, bindings = self._taken_as.get(name, ""), binding_names(names)
         self.by_collection |= any(map(is_collection, bindings))
         return PrimKind(
             names,
             path,
-            type_name=type_name,
+            type_name=name,
             schemas=schemas,
             taken_as=taken_as,
             has_transform="xformOpOrder" in names,
             hands_down=hands_down(names, schemas, self._ctx),
-            is_noted=is_noted(prim, type_name, schemas, taken_as),
+            is_noted=is_noted(prim, name, schemas, taken_as),
             bindings=bindings,
         )

@@ -9,7 +9,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from ...description import Camera
-from ..querying.guarded import authored_attributes, is_invisible, purpose_of, value_at
+from ..querying.guarded import authored_attributes, is_invisible, purpose_of, type_name, value_at
 from ..querying.time_varying import changes, has_times, may_have_spline, might_change, number_of
 from ..querying.traversal import in_world, instanced_roots, stands_in_world, there_below
 from ..resolving.context import Context
@@ -46,7 +46,7 @@ def note_motion(camera: Camera, ctx: Context, clips: bool) -> None:
     span = Span(ctx.when, opens, closes)
     moving: dict[Sdf.Path, str] = {}
     for prim, root in _prims(ctx, camera.path):
-        if types is not None and prim.GetTypeName() not in types:
+        if types is not None and type_name(prim) not in types:
             continue
         name = next(_moving(prim, span), None)
         if name is not None and prim.GetPath() not in moving and _is_seen(prim, root, span.when.time, ctx.purposes):
@@ -72,7 +72,7 @@ def _prims(ctx: Context, camera: str) -> Iterator[tuple[Usd.Prim, Usd.Prim | Non
             if prim.IsA(UsdGeom.Camera):
                 if str(prim.GetPath()) == camera:
                     yield prim, None
-            elif prim.IsA(UsdGeom.Imageable) or prim.GetTypeName() == "SkelAnimation":
+            elif prim.IsA(UsdGeom.Imageable) or type_name(prim) == "SkelAnimation":
                 yield prim, None
     if any("prototypes" in names for names in ctx.kept.of(PropertyNames)):
         for root in instanced_roots(ctx.stage):

@@ -13,6 +13,7 @@ from ...settings import MAX_RESOLUTION, limit_pixels
 from ..adapters.cameras.camera import Aperture, camera, pixel_aspect_ratio, read_aperture
 from ..adapters.rendering.render_product import ProductSettings
 from ..opening.stage_metadata import up_axis
+from ..querying.guarded import type_name
 from ..resolving.context import Context
 from ..resolving.stage_bounds import Bounds
 from .asked_camera import aperture_of, conformed
@@ -28,7 +29,7 @@ def select_camera(stage: Usd.Stage, ctx: Context, product: ProductSettings, came
         return _asked_for(stage, asked, cameras) if isinstance(asked, str) else None
     if product.camera is not None:
         prim = stage.GetPrimAtPath(product.camera)
-        if prim and prim.GetTypeName() == "Camera":
+        if prim and type_name(prim) == "Camera":
             return prim
         ctx.warn("render-settings-input", product.camera, "The camera that RenderSettings names does not exist.")
     if len(cameras) > 1:
@@ -63,7 +64,7 @@ def _asked_for(stage: Usd.Stage, asked: str, cameras: list[Usd.Prim]) -> Usd.Pri
     """The camera of this path or, if only one has it, of this name."""
     if Sdf.Path.IsValidPathString(asked) and Sdf.Path(asked).IsAbsolutePath():
         prim = stage.GetPrimAtPath(asked)
-        if prim and prim.GetTypeName() == "Camera":
+        if prim and type_name(prim) == "Camera":
             return prim
     named = [c for c in cameras if c.GetName() == asked]
     if len(named) == 1:

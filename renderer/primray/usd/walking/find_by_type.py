@@ -11,6 +11,7 @@ from pxr import Usd
 
 from ...diagnostics import Diagnostics
 from ..adapters.rendering.render_pass import note_render_pass
+from ..querying.guarded import type_name
 from ..querying.time_varying import has_clips
 from ..querying.traversal import is_there, populated, stands_in_world
 
@@ -32,7 +33,7 @@ def find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> Found:
     found = Found()
     for prim in populated(stage):
         found.clips = found.clips or has_clips(prim)
-        name = prim.GetTypeName()
+        name = type_name(prim)
         if name in _TYPES and is_there(prim):
             _add(found, prim, str(name), diagnostics)
     return found

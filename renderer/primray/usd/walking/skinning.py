@@ -14,7 +14,7 @@ from pxr import Gf, Tf, Usd
 
 from ...diagnostics import Diagnostics
 from ..opening.stage import scratch_copy
-from ..querying.guarded import authored_attributes
+from ..querying.guarded import authored_attributes, type_name
 from ..querying.messages import tf_message
 from ..querying.standing import standing_in_world
 from ..querying.time_varying import has_times
@@ -53,11 +53,11 @@ def posed(stage: Usd.Stage, when: When, diagnostics: Diagnostics) -> Usd.Stage:
 
 
 def _is_root(prim: Usd.Prim) -> bool:
-    return bool(prim.GetTypeName() == "SkelRoot" and not prim.IsInstance())
+    return bool(type_name(prim) == "SkelRoot" and not prim.IsInstance())
 
 
 def _has_root(prim: Usd.Prim) -> bool:
-    return any(below.GetTypeName() == "SkelRoot" for below in there_below(prim))
+    return any(type_name(below) == "SkelRoot" for below in there_below(prim))
 
 
 def _drawn(stage: Usd.Stage) -> Iterable[Usd.Prim]:
@@ -70,7 +70,7 @@ def _instanced_elsewhere(stage: Usd.Stage) -> Iterator[Usd.Prim]:
     for root in instanced_roots(stage):
         if not root.IsInPrototype() and not stands_in_world(root):
             above = map(stage.GetPrimAtPath, root.GetPath().GetPrefixes())
-            yield next((prim for prim in above if prim.GetTypeName() == "SkelRoot"), root)
+            yield next((prim for prim in above if type_name(prim) == "SkelRoot"), root)
 
 
 def _take_apart(stage: Usd.Stage) -> None:
@@ -78,7 +78,7 @@ def _take_apart(stage: Usd.Stage) -> None:
     while True:
         holding = _holding_prototypes(stage)
         instances = [prim for prim in _drawn(stage) if prim.IsInstance()]
-        found = [p for p in instances if p.GetTypeName() == "SkelRoot" or str(p.GetPrototype().GetPath()) in holding]
+        found = [p for p in instances if type_name(p) == "SkelRoot" or str(p.GetPrototype().GetPath()) in holding]
         if not found or len(found) > MAX_TAKEN_APART:
             return
         for path in [prim.GetPath() for prim in found]:

@@ -132,7 +132,8 @@ def outcomes(folder: Path) -> Iterator[dict[str, object]]:
     from primray.diagnostics import Diagnostics
     from primray.errors import PrimrayError
     from primray.settings import RenderSettings
-    from primray.usd import open_stage, stage_facts, translate
+    from primray.usd import left_out, open_stage, stage_facts, translate
+    from primray.usd.facts.scene_facts import scene_facts
 
     for path in sorted(p for p in folder.iterdir() if p.suffix.startswith(".usd")):
         print(f"# {path.name}", flush=True)
@@ -144,6 +145,8 @@ def outcomes(folder: Path) -> Iterator[dict[str, object]]:
                 stage = open_stage(path, opening)
                 _, translating = translate(stage, RenderSettings(time_code=time_code))
             json.dumps(stage_facts(stage))
+            left_out(stage, RenderSettings())
+            json.dumps(scene_facts(path).facts)
             found["codes"] = sorted({d.code for d in (*opening, *translating)})
         except PrimrayError as error:
             str(error).encode()

@@ -65,7 +65,7 @@ def note_unshaped(prim: ResolvedPrim, ctx: Context) -> None:
 
 
 def _is_applied(prim: ResolvedPrim) -> bool:
-    return any(str(schema) == "ShapingAPI" for schema in prim.prim.GetAppliedSchemas())
+    return bool(prim.prim.HasAPI("ShapingAPI"))
 
 
 def _authored(prim: ResolvedPrim) -> list[str]:

@@ -11,7 +11,7 @@ from pxr import Usd
 
 from ....diagnostics import Diagnostics
 from ....settings import PURPOSES
-from ...querying.guarded import targets
+from ...querying.guarded import targets, type_name
 from ...resolving.read import When, value
 
 Window = tuple[float, float, float, float]
@@ -168,7 +168,7 @@ def _variables(product: Usd.Prim, when: When, diagnostics: Diagnostics) -> Itera
         diagnostics.add("render-settings-input", path, message, "orderedVars")
     for target in ordered[:MOST_VARIABLES]:
         prim = stage.GetPrimAtPath(target)
-        if not prim or prim.GetTypeName() != "RenderVar":
+        if not prim or type_name(prim) != "RenderVar":
             diagnostics.add(
                 "render-settings-input", path, f"orderedVars leads to {target}, which is no RenderVar.", "orderedVars"
             )

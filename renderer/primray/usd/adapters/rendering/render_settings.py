@@ -9,7 +9,8 @@ from pxr import Sdf, Usd
 from ....diagnostics import Diagnostics
 from ....errors import SettingsError
 from ....settings import RenderSettings
-from ...querying.guarded import targets
+from ...querying.guarded import targets, type_name
+from ...querying.messages import scene_errors
 from ...querying.stage_values import render_settings_path
 from ...querying.traversal import in_world
 from ...resolving.read import When, when_of
@@ -18,6 +19,7 @@ from .render_product import ProductSettings, product_of, settings_alone
 LISTED = 20
 
 
+@scene_errors()
 def products(
     stage: Usd.Stage, settings: RenderSettings | None = None, diagnostics: Diagnostics | None = None
 ) -> tuple[ProductSettings, ...]:
@@ -27,7 +29,7 @@ def products(
     """
     settings = settings or RenderSettings()
     diagnostics = Diagnostics() if diagnostics is None else diagnostics
-    candidates = [prim for prim in in_world(stage) if prim.GetTypeName() == "RenderSettings"]
+    candidates = [prim for prim in in_world(stage) if type_name(prim) == "RenderSettings"]
     prim = _choose(stage, settings.render_settings, candidates, diagnostics)
     when = when_of(stage, settings.time_code)
     return tuple(_read(prim, product, when, diagnostics) for product in _products(stage, prim, diagnostics))
@@ -55,7 +57,7 @@ def _choose(stage: Usd.Stage, asked: str | None, candidates: Sequence[Usd.Prim],
     named = render_settings_path(stage)
     if named is not None:
         prim = _at(stage, named)
-        if prim is not None and prim.GetTypeName() == "RenderSettings":
+        if prim is not None and type_name(prim) == "RenderSettings":
             return prim
         message = f"renderSettingsPrimPath leads to {named or 'nothing'}, which is no RenderSettings prim."
         diagnostics.add("render-settings-input", "", message, "renderSettingsPrimPath")
@@ -68,7 +70,7 @@ def _choose(stage: Usd.Stage, asked: str | None, candidates: Sequence[Usd.Prim],
 
 def _asked_for(stage: Usd.Stage, asked: str, candidates: Sequence[Usd.Prim]) -> Usd.Prim:
     prim = _at(stage, asked)
-    if prim is not None and prim.GetTypeName() == "RenderSettings":
+    if prim is not None and type_name(prim) == "RenderSettings":
         return prim
     listed = ", ".join(str(p.GetPath()) for p in candidates[:LISTED]) or "none"
     raise SettingsError(
@@ -93,7 +95,7 @@ def _products(stage: Usd.Stage, settings: Usd.Prim | None, diagnostics: Diagnost
     found: list[Usd.Prim | None] = []
     for target in targets(settings, "products"):
         prim = _at(stage, target)
-        if prim is not None and prim.GetTypeName() == "RenderProduct":
+        if prim is not None and type_name(prim) == "RenderProduct":
             found.append(prim)
         else:
             message = f"products leads to {target}, which is no RenderProduct."

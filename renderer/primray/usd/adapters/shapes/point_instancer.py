@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from pxr import UsdGeom
 
 from ....description.instance_names import Names
 from ....description.placement import PointInstances
-from ...querying.guarded import targets
+from ...querying.guarded import instance_mask, targets
 from ...resolving.context import Context
 from ...resolving.notes import note_velocities
 from ...resolving.read import array, read, time_of
@@ -93,7 +92,7 @@ def _shown(
             keep &= proto != k
     if "invisibleIds" in prim.names or prim.prim.HasAuthoredMetadata("inactiveIds"):
         time = time_of(prim.prim.GetAttribute("protoIndices"), ctx.when)
-        mask = np.array(UsdGeom.PointInstancer(prim.prim).ComputeMaskAtTime(time), bool)  # empty: all are shown
+        mask = np.array(instance_mask(prim.prim, time), bool)  # empty: all are shown
         if len(mask) == len(keep):
             keep &= mask
         elif len(mask):
@@ -126,13 +125,17 @@ def _per_instance(prim: ResolvedPrim, name: str, columns: int, count: int, ctx: 
     if name not in prim.names:
         return None
     raw = read(prim.prim, name, ctx.when)
-    if raw is None or len(raw) == 0:
+    if _is_empty(raw):
         return None
     values = array(raw, columns, "f")
     if values is None or len(values) != count:
-        ctx.warn("invalid-instancer", prim.path, f"{name} has {len(raw)} values for {count} instances: ignored.", name)
+        ctx.warn("invalid-instancer", prim.path, f"{name} {_size(raw)} for {count} instances: ignored.", name)
         return None
     return values
+
+
+def _size(raw: Any) -> str:
+    return f"has {len(raw)} values" if isinstance(raw, Sized) else "is no array"
 
 
 def _note_ignored(prim: ResolvedPrim, ctx: Context) -> None:
