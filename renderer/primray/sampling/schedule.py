@@ -121,7 +121,7 @@ class Schedule:
         return (done + int(share)) // SAMPLE_BLOCK * SAMPLE_BLOCK
 
     def target_met(self, here: Row | None) -> bool | None:
-        """Whether the error measured of all samples is the target's or less, and known well enough; None: no error was asked for."""
+        """Whether the error measured of all samples is known to be the target's or less; None: no error was asked for."""
         target = self.settings.target_error
         if target is None:
             return None
