@@ -128,12 +128,11 @@ def _with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
 
 
 def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
-    found = find_by_type(stage, diagnostics)
+    found, when = find_by_type(stage, diagnostics), when_of(stage, settings.time_code)
     if are_drawn(stage, found.skeletons):
-        stage = posed(stage, when_of(stage, settings.time_code, found.clips), diagnostics)
+        stage = posed(stage, when, diagnostics)
         found = find_by_type(stage, Diagnostics())
     cameras, settings_prims, shaders = found.cameras, found.settings, found.shaders
-    when = when_of(stage, settings.time_code, found.clips)
     product = product_settings(stage, settings, settings_prims, when, diagnostics)
     ctx = _context(stage, settings, when, product, diagnostics, names)
     space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
@@ -169,7 +168,7 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
 
     note_unnamed_portals(ctx)
     camera, frame = view_through(camera_prim, ctx, product, bounds)
-    note_motion(camera, ctx, found.clips)
+    note_motion(camera, ctx)
     _add_default_lights(scene, camera, ctx)
     _note_missing_primvars(scene, ctx)
     return _describe(scene, ctx, camera, frame, aovs)

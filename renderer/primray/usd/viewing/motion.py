@@ -34,12 +34,13 @@ class Span:
         return None if time is None else (time + self.opens, time + self.closes)
 
 
-def note_motion(camera: Camera, ctx: Context, clips: bool) -> None:
-    """One diagnostic of the camera's, naming some of what moves and how much there is of it; `clips`: there are some."""
+def note_motion(camera: Camera, ctx: Context) -> None:
+    """One diagnostic of the camera's, naming some of what moves and how much there is of it."""
     opens, closes = camera.shutter
     if not opens < closes:
         return
-    types = None if has_samples_or_clips(ctx.stage, clips) else _types_with_scalars(ctx)
+    is_timed = ctx.when.careful if ctx.when.is_default else has_samples_or_clips(ctx.stage)
+    types = None if is_timed else _types_with_scalars(ctx)
     if types is not None and not types:
         return
     span = Span(ctx.when, opens, closes)

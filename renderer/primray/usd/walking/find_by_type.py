@@ -11,7 +11,6 @@ from pxr import Usd
 
 from ...diagnostics import Diagnostics
 from ..adapters.rendering.render_pass import note_render_pass
-from ..querying.time_varying import has_clips
 from ..querying.traversal import is_there, populated, stands_in_world
 
 _TYPES = frozenset({"Camera", "RenderSettings", "RenderPass", "Shader", "SkelRoot"})
@@ -25,13 +24,11 @@ class Found:
     settings: list[Usd.Prim] = field(default_factory=list)
     shaders: list[Usd.Prim] = field(default_factory=list)  # those in native prototypes too
     skeletons: list[Usd.Prim] = field(default_factory=list)  # SkelRoots, likewise
-    clips: bool = False  # some prim brings value clips
 
 
 def find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> Found:
     found = Found()
     for prim in populated(stage):
-        found.clips = found.clips or has_clips(prim)
         name = prim.GetTypeName()
         if name in _TYPES and is_there(prim):
             _add(found, prim, str(name), diagnostics)
