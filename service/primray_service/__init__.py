@@ -14,7 +14,7 @@
     worker/             the program that runs one
     sandbox/            the walls around it
     telemetry/          logs, metrics, traces
-    page/               the web page
+    page/               the web page; main.js says how it is arranged
     cli/, client/       `primray serve`, `submit`, ...; the Python client
 
 The server process never parses USD and never decodes an image that somebody sent: workers do, one process a chunk.

@@ -35,7 +35,7 @@ from primray_service.store import open_store
 from primray_service.store.base import JobFilter, Store
 
 from . import serving
-from .dispatch.rig import put_scene
+from .dispatcher.rig import put_scene
 from .postgres import Server as PostgresServer
 from .postgres import private_server
 from .serving import ROOT, RunningServer, start

@@ -40,6 +40,10 @@ class RunningServer:
         self.clients.append(client)
         return client
 
+    def failures(self) -> list[str]:
+        """What its log tells of exceptions that nobody answers for: in a line of JSON they are a structure, not a traceback."""
+        return [line for line in self.log.read_text().splitlines() if "Traceback" in line or '"exception": [' in line]
+
     def stop(self, number: int = signal.SIGTERM, timeout_s: float = 20.0) -> int:
         """Its exit code."""
         for client in self.clients:

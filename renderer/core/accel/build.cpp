@@ -3,7 +3,6 @@
 
 #include "accel/cutout.hpp"
 #include "accel/grouped_geometry.hpp"
-#include "accel/sphere_geometry.hpp"
 #include "base/error.hpp"
 
 namespace primray {
@@ -93,8 +92,10 @@ void build_group(Scene& scene, Group& group) {
     embree().rtcCommitGeometry(g.get());
     attach(target, g, kCutoutGeometry);
   }
-  if (group.sphere_count > 0)
-    attach(target, make_sphere_geometry(&scene.spheres[group.sphere_base], group.sphere_count), kSphereGeometry);
+  for_curved_kinds([&]<class K>(K) {
+    const CurvedRange& r = group.curved.of<K>();
+    if (r.count > 0) attach(target, K::geometry(&scene.curved.records<K>()[r.first], r.count), K::kGeometry);
+  });
   for (uint32_t i = 0; i < group.placement_count; ++i)
     attach(target, make_placement(scene, group.placement_base + i), kFirstPlacement + i);
   embree().rtcCommitScene(target);
@@ -104,7 +105,7 @@ void build_group(Scene& scene, Group& group) {
 // Whether Embree is not needed for the world.
 bool build_without_embree(Scene& scene) {
   const Group& world = scene.groups[0];
-  if (world.cutout_count + world.sphere_count + world.placement_count > 0) return false;
+  if (world.cutout_count + world.placement_count > 0 || world.curved.any()) return false;
   const TriangleSoup soup{scene.positions.data() + 3 * size_t(world.vertex_base),
                           scene.indices.data() + 3 * size_t(world.triangle_base), world.triangle_count,
                           paired_in(scene, world)};

@@ -7,7 +7,7 @@
 
 namespace primray {
 
-// Fills groups[].accel, or `few` or `many` in place of the world's. Positions, indices, spheres and matrices are shared with
+// Fills groups[].accel, or `few` or `many` in place of the world's. Positions, indices, records and matrices are shared with
 // Embree, so the Scene must not move or grow after.
 void build_accel(Scene& scene);
 

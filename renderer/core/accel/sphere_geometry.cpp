@@ -1,16 +1,15 @@
 // Ray against unit sphere in the sphere's space, in double, so that the discriminant of a far or small sphere keeps its digits.
-#include "accel/sphere_geometry.hpp"
+#include "scene/curved/sphere.hpp"
 
 #include <cmath>
 
 #include "base/error.hpp"
-#include "scene/scene.hpp"
 
 namespace primray {
 namespace {
 
 void bounds(const rtc::BoundsArguments* args) {
-  const SphereRecord& s = static_cast<const SphereRecord*>(args->user)[args->prim_id];
+  const SphereShape::Record& s = static_cast<const SphereShape::Record*>(args->user)[args->prim_id];
   const float* m = s.group_from_object;
   float lo[3], hi[3];
   for (int k = 0; k < 3; ++k) {
@@ -28,7 +27,7 @@ struct Root {
 };
 
 // The nearest root within (tnear, tfar).
-bool nearest_root(const SphereRecord& s, const float* ray, uint32_t n, uint32_t i, Root& root) {
+bool nearest_root(const SphereShape::Record& s, const float* ray, uint32_t n, uint32_t i, Root& root) {
   const auto field = [&](int f) { return double(ray[f * n + i]); };
   const dvec3 o{field(0), field(1), field(2)}, d{field(4), field(5), field(6)};
   const double* m = s.object_from_group;
@@ -51,7 +50,7 @@ bool nearest_root(const SphereRecord& s, const float* ray, uint32_t n, uint32_t 
 }
 
 void intersect(const rtc::IntersectArguments* args) {
-  const SphereRecord& s = static_cast<const SphereRecord*>(args->user)[args->prim_id];
+  const SphereShape::Record& s = static_cast<const SphereShape::Record*>(args->user)[args->prim_id];
   const uint32_t n = args->n;
   for (uint32_t i = 0; i < n; ++i) {
     if (!args->valid[i]) continue;
@@ -69,7 +68,7 @@ void intersect(const rtc::IntersectArguments* args) {
 }
 
 void occluded(const rtc::OccludedArguments* args) {
-  const SphereRecord& s = static_cast<const SphereRecord*>(args->user)[args->prim_id];
+  const SphereShape::Record& s = static_cast<const SphereShape::Record*>(args->user)[args->prim_id];
   for (uint32_t i = 0; i < args->n; ++i) {
     Root root;
     if (args->valid[i] && nearest_root(s, args->ray, args->n, i, root)) args->ray[8 * args->n + i] = -INFINITY;
@@ -78,11 +77,11 @@ void occluded(const rtc::OccludedArguments* args) {
 
 }  // namespace
 
-OwnedGeometry make_sphere_geometry(const SphereRecord* records, uint32_t count) {
+OwnedGeometry SphereShape::geometry(const SphereShape::Record* records, uint32_t count) {
   const rtc::Api& e = embree();
   OwnedGeometry g(e.rtcNewGeometry(embree_device(), rtc::kUser));
   e.rtcSetGeometryUserPrimitiveCount(g.get(), count);
-  e.rtcSetGeometryUserData(g.get(), const_cast<SphereRecord*>(records));
+  e.rtcSetGeometryUserData(g.get(), const_cast<SphereShape::Record*>(records));
   e.rtcSetGeometryBoundsFunction(g.get(), bounds, nullptr);
   e.rtcSetGeometryIntersectFunction(g.get(), intersect);
   e.rtcSetGeometryOccludedFunction(g.get(), occluded);

@@ -31,7 +31,7 @@ struct FirstHitPlanes {
   std::vector<float> camera_position;    // relative to the camera, in its axes
   std::vector<float> normal, geometric;  // unit length, world, on the side that is seen
   std::vector<float> albedo, emission;   // filtered; R, G, B
-  std::vector<int32_t> shape;            // row of the MeshTable, -2 - n for sphere n, -1: nothing
+  std::vector<int32_t> shape;            // row of the MeshTable, -2 - n for row n of the CurvedTable, -1: nothing
   std::vector<int32_t> surface;          // -1: nothing
   std::vector<int32_t> instance, outer;  // row of Scene::world_from_group, and that of an outer instance; -1: none
   std::vector<PrimvarPlane> primvars;

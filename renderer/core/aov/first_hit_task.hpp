@@ -1,6 +1,7 @@
 // First hits of one tile of pixels, W rays at a time: see first_hit.hpp.
 #pragma once
 
+#include <functional>
 #include <limits>
 
 #include "accel/query.hpp"
@@ -57,13 +58,12 @@ class FirstHitTask {
       const CameraRay<W> ray = center_.ray<W>(frame_x(x), frame_y(y), half, half, zero, zero);
       B active = n < I(count);
       clear(active, x, y);
-      follow(
-          active, ray, [&](B, const V&) {},
-          [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows) {
-            const B there = hit & (rows(kPresence) >= F(kThere));
-            if (any(there)) write(there, x, y, ray, hits, it);
-            return hit & !there;
-          });
+      const auto seen = [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows) {
+        const B there = hit & (rows(kPresence) >= F(kThere));
+        if (any(there)) write(there, x, y, ray, hits, it);
+        return hit & !there;
+      };
+      follow(active, ray, [](B, const V&) {}, std::ref(seen));
     }
   }
 
@@ -94,17 +94,16 @@ class FirstHitTask {
       const CameraRay<W> ray = scene_.camera.ray<W>(px, py, film.u, film.v, lens.u, lens.v);
       V albedo(F(0.0f)), emission(F(0.0f));
       F left(1.0f);  // of the view that no layer has covered yet
-      follow(
-          I(at) + lane_numbers<W>() < I(slots), ray,
-          [&](B m, const V& light) { emission += select(m, light * left, V(F(0.0f))); },
-          [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows) {
-            const F presence = rows(kPresence);
-            const F share = left * presence;
-            albedo += select(hit, normal_albedo(rows, it.color) * share, V(F(0.0f)));
-            if (scene_.has_emission) emission += select(hit, shown(hit, hits, it, rows, ray.d) * left, V(F(0.0f)));
-            left = select(hit, left * (1.0f - presence), left);
-            return hit & (left > F(0.0f));
-          });
+      const auto met = [&](B m, const V& light) { emission += select(m, light * left, V(F(0.0f))); };
+      const auto seen = [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows) {
+        const F presence = rows(kPresence);
+        const F share = left * presence;
+        albedo += select(hit, normal_albedo(rows, it.color) * share, V(F(0.0f)));
+        if (scene_.has_emission) emission += select(hit, shown(hit, hits, it, rows, ray.d) * left, V(F(0.0f)));
+        left = select(hit, left * (1.0f - presence), left);
+        return hit & (left > F(0.0f));
+      };
+      follow(I(at) + lane_numbers<W>() < I(slots), ray, std::ref(met), std::ref(seen));
       // In the order of the samples, so that the number of lanes does not show.
       for (int i = 0; i < W && at + i < slots; ++i) {
         const float own[6] = {albedo.x[i], albedo.y[i], albedo.z[i], emission.x[i], emission.y[i], emission.z[i]};
@@ -132,9 +131,11 @@ class FirstHitTask {
   I frame_y(const int32_t* y) const { return load<W>(y) + I(scene_.camera.pixels.y); }
 
   // Goes along the rays from surface to surface. `light(lanes, L)`: L comes from lights and domes that are met before the next
-  // surface; `surface(lanes, ...)` gives the lanes that look through what they met.
-  template <class Light, class Surface>
-  PRIMRAY_INLINE void follow(B active, const CameraRay<W>& from, const Light& light, const Surface& surface) const {
+  // surface; `surface(lanes, ...)` gives the lanes that look through what they met. Compiled once for both kinds of samples,
+  // which halves a long compilation.
+  using Light = std::function<void(B, const V&)>;
+  using Surface = std::function<B(B, const Hits<W>&, const Interaction<W>&, const SurfaceRows<W>&)>;
+  [[gnu::noinline]] void follow(B active, const CameraRay<W>& from, const Light& light, const Surface& surface) const {
     PathLanes<W> p;
     p.ray = {from.o, from.d, from.tnear, from.tfar};
     p.beta = V(F(1.0f)), p.diffuse_share = p.normal = V(F(0.0f));
@@ -215,7 +216,7 @@ class FirstHitTask {
         to[0] = float(seen.x * unit_), to[1] = float(seen.y * unit_), to[2] = float(seen.z * unit_);
       }
       put(planes_.normal, p, ns, i), put(planes_.geometric, p, ng, i);
-      if (!planes_.shape.empty()) planes_.shape[p] = point.is_triangle[i] ? it.mesh[i] : -2 - it.sphere[i];
+      if (!planes_.shape.empty()) planes_.shape[p] = point.is_triangle[i] ? it.mesh[i] : -2 - it.curved[i];
       if (!planes_.surface.empty()) planes_.surface[p] = it.surface[i];
       if (!planes_.instance.empty() && in.instanced[i]) planes_.instance[p] = in.instance[i];
       if (!planes_.outer.empty() && in.grouped[i]) planes_.outer[p] = in.outer[i];

@@ -47,7 +47,7 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("memory_bytes", &Scene::memory_bytes)
       .def_prop_ro("has_instances", [](const Scene& s) { return bool(s.has_instances); })
       .def_prop_ro("has_grouped", [](const Scene& s) { return bool(s.has_grouped); })
-      .def_prop_ro("has_spheres", [](const Scene& s) { return bool(s.has_spheres); })
+      .def_prop_ro("has_spheres", [](const Scene& s) { return s.curved.has<SphereShape>(); })
       .def_prop_ro("has_attributes", [](const Scene& s) { return bool(s.has_attributes); })
       .def_prop_ro("has_inputs", [](const Scene& s) { return bool(s.has_inputs); })
       .def_prop_ro("has_cutouts", [](const Scene& s) { return bool(s.has_cutouts); })
@@ -86,7 +86,7 @@ void bind_scene(nb::module_& m) {
       .def("begin_prototype",
            [](SceneBuilder& b, nb::handle center, double scale) { return b.begin_prototype(dvec3_of(center), scale); })
       .def_prop_ro("mesh_rows", &SceneBuilder::mesh_rows)
-      .def_prop_ro("sphere_rows", &SceneBuilder::sphere_rows)
+      .def_prop_ro("curved_rows", &SceneBuilder::curved_rows)
       .def_prop_ro("placement_rows", &SceneBuilder::placement_rows)
       .def("reserve_triangles", &SceneBuilder::reserve_triangles)
       .def("reserve_instances", &SceneBuilder::reserve_instances)

@@ -1,4 +1,4 @@
-// Meshes, spheres and their primvars for Python, and the boxes of arrays of points.
+// Meshes, curved shapes and their primvars for Python, and the boxes of arrays of points.
 #include <algorithm>
 
 #include "bindings/inputs.hpp"
@@ -49,9 +49,9 @@ void bind_shapes(nb::module_& m, nb::class_<SceneBuilder>& builder) {
       .def("add_mesh_primvar", [](SceneBuilder& b, int name, PrimvarKind kind, int width,
                                   InArray<float> values) { b.add_mesh_primvar(name, kind, width, span_of(values)); })
       .def("add_sphere", [](SceneBuilder& b, double radius, int surface,
-                            InArray<double> matrix) { return b.add_sphere(radius, surface, affine_of(matrix)); })
-      .def("add_sphere_primvar", [](SceneBuilder& b, int name, int width, InArray<float> values) {
-        b.add_sphere_primvar(name, width, span_of(values));
+                            InArray<double> matrix) { return b.add_curved<SphereShape>(radius, surface, affine_of(matrix)); })
+      .def("add_curved_primvar", [](SceneBuilder& b, int name, int width, InArray<float> values) {
+        b.add_curved_primvar(name, width, span_of(values));
       });
 }
 

@@ -21,18 +21,6 @@ constexpr size_t kMaxElements = size_t(1) << 31;  // gathers address elements by
 
 void put(std::vector<float>& v, const dvec3& p) { v.insert(v.end(), {float(p.x), float(p.y), float(p.z)}); }
 
-bool is_finite(const daffine& m) {
-  double s = 0;
-  for (const dvec3* c : {&m.x, &m.y, &m.z, &m.o}) s += c->x * 0 + c->y * 0 + c->z * 0;
-  return s == 0;
-}
-
-// Whether a map is invertible for our purposes: its determinant beyond rounding.
-bool is_regular(const daffine& m) {
-  const double size = length(m.x) * length(m.y) * length(m.z);
-  return is_finite(m) && size > 0 && std::fabs(m.determinant()) > 1e-14 * size;
-}
-
 }  // namespace
 
 SceneBuilder::SceneBuilder(dvec3 origin, double scale) : scene_(std::make_unique<Scene>()) {
@@ -45,7 +33,6 @@ int SceneBuilder::begin_prototype(dvec3 center, double scale) {
   group_origin_ = center, group_scale_ = scale;
   Group g;
   g.triangle_base = uint32_t(scene_->indices.size() / 3), g.vertex_base = uint32_t(scene_->positions.size() / 3);
-  g.sphere_base = uint32_t(scene_->spheres.size());
   scene_->groups.push_back(std::move(g));
   outside_from_group_.push_back({{1 / scale, 0, 0}, {0, 1 / scale, 0}, {0, 0, 1 / scale}, center});
   group_from_outside_.push_back({{scale, 0, 0}, {0, scale, 0}, {0, 0, scale}, center * -scale});
@@ -89,7 +76,7 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
                                       [&](const dvec3& n) { return (cx * n.x + cy * n.y + cz * n.z) * factor; });
   const int32_t colors = add_vectors(s.colors, mesh.colors, mesh.color_kind, [](const dvec3& c) { return c; });
 
-  last_mesh_rows_ = table.surface.size(), last_mirrored_ = mirrored, last_is_sphere_ = false;
+  last_mesh_rows_ = table.surface.size(), last_mirrored_ = mirrored, last_is_curved_ = false;
   // One row for each surface that the mesh wears; most wear one.
   std::unordered_map<int32_t, int32_t> row_of_surface;
   for (size_t t = 0; t < triangles; ++t) {
@@ -116,28 +103,15 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
   s.has_attributes |= mesh.normal_kind != Attribute::kNone || mesh.color_kind != Attribute::kNone;
 }
 
-bool SceneBuilder::add_sphere(double radius, int32_t surface, const daffine& group_from_object) {
-  last_sphere_taken_ = false, last_is_sphere_ = true;
-  const daffine size{{radius, 0, 0}, {0, radius, 0}, {0, 0, radius}, dvec3(0.0)};
-  const daffine m = group_from_outside_.back() * group_from_object * size;
-  if (!is_regular(m)) return false;
-  const daffine inv = inverse(m);
-  SphereRecord r;
-  const dvec3 *columns[] = {&m.x, &m.y, &m.z, &m.o}, *inverse_columns[] = {&inv.x, &inv.y, &inv.z, &inv.o};
-  for (int k = 0; k < 4; ++k) {
-    r.group_from_object[3 * k] = float(columns[k]->x), r.group_from_object[3 * k + 1] = float(columns[k]->y),
-                            r.group_from_object[3 * k + 2] = float(columns[k]->z);
-    r.object_from_group[3 * k] = inverse_columns[k]->x, r.object_from_group[3 * k + 1] = inverse_columns[k]->y,
-                            r.object_from_group[3 * k + 2] = inverse_columns[k]->z;
-  }
-  scene_->spheres.push_back(r);
-  scene_->sphere_surface.push_back(surface);
-  if (scene_->lights.links.any()) scene_->sphere_link.push_back(link_row_);
-  scene_->primvars.of_sphere.insert(scene_->primvars.of_sphere.end(), scene_->primvars.names, -1);
-  last_sphere_taken_ = true;
-  scene_->groups.back().sphere_count++;
-  scene_->has_spheres = true;
-  return true;
+void SceneBuilder::add_curved_row(CurvedRange& range, size_t record, int32_t surface) {
+  CurvedTable& table = scene_->curved;
+  if (range.count == 0) range.first = uint32_t(record), range.first_row = uint32_t(table.rows());
+  if (range.first_row + range.count != table.rows()) throw Error("internal", "curved shapes of two kinds are mixed");
+  ++range.count;
+  table.surface.push_back(surface);
+  if (scene_->lights.links.any()) table.link.push_back(link_row_);
+  scene_->primvars.of_curved.insert(scene_->primvars.of_curved.end(), scene_->primvars.names, -1);
+  last_curved_taken_ = true;
 }
 
 void SceneBuilder::reserve_triangles(size_t points, size_t triangles) {
@@ -250,7 +224,7 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
 }
 
 bool Scene::needs_left_out() const {
-  return has_instances.is_left_out() || has_spheres.is_left_out() || has_attributes.is_left_out() || has_inputs.is_left_out() ||
+  return has_instances.is_left_out() || curved.is_left_out() || has_attributes.is_left_out() || has_inputs.is_left_out() ||
          has_cutouts.is_left_out() || has_emission.is_left_out() || has_thin.is_left_out() ||
          lights.lobe_factors.is_left_out() || lights.has_shaping.is_left_out() || camera.shutter_open.is_left_out() ||
          (!built::kLinks && lights.links.words > 0) || (!built::kPortals && !lights.portals.empty()) ||
@@ -260,9 +234,10 @@ bool Scene::needs_left_out() const {
 
 int64_t Scene::memory_bytes() const {
   const auto bytes = [](const auto& v) { return int64_t(v.capacity() * sizeof(v[0])); };
-  int64_t total = bytes(positions) + bytes(indices) + bytes(triangle_mesh) + bytes(normals) + bytes(colors) + bytes(spheres) +
+  int64_t total = bytes(positions) + bytes(indices) + bytes(triangle_mesh) + bytes(normals) + bytes(colors) +
                   bytes(world_from_group) + bytes(primvars.values) + bytes(primvars.of_mesh) + bytes(primvars.of_placement) +
                   texture_bytes() + int64_t(triangle_bvh.bytes);
+  for_curved_kinds([&]<class K>(K) { total += bytes(curved.records<K>()); });
   for (const Dome& d : lights.domes) total += bytes(d.texels) + bytes(d.column_cdf) + bytes(d.column_cuts) + bytes(d.density);
   for (const LightImage& i : lights.images) total += bytes(i.texels) + bytes(i.column_cdf);
   total += bytes(lights.rows) + bytes(lights.tree.blocks) + bytes(lights.tree.places) + bytes(lights.linked.places);

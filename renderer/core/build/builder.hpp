@@ -31,14 +31,24 @@ class SceneBuilder {
   int begin_prototype(dvec3 center, double scale);
   // A group's cut-outs come after its other meshes.
   void add_mesh(const MeshInput& mesh, const daffine& group_from_object);
-  // False where the matrix has no inverse: there is no such sphere then.
-  bool add_sphere(double radius, int32_t surface, const daffine& group_from_object);
+  // A curved shape of a kind (scene/curved), of what its `make` takes; those of one kind follow each other in a group. False
+  // where there is no such shape, as with a matrix that has no inverse.
+  template <class K, class Input>
+  bool add_curved(const Input& input, int32_t surface, const daffine& group_from_object) {
+    last_curved_taken_ = false, last_is_curved_ = true;
+    const auto record = K::make(input, group_from_outside_.back() * group_from_object);
+    if (!record) return false;
+    auto& records = scene_->curved.records<K>();
+    add_curved_row(scene_->groups.back().curved.of<K>(), records.size(), surface);
+    records.push_back(*record);
+    return true;
+  }
   // `width` numbers a row, of the shape that was added last.
   void add_mesh_primvar(int name, PrimvarKind kind, int width, std::span<const float> values);
-  void add_sphere_primvar(int name, int width, std::span<const float> values);
-  // How many rows of meshes, spheres and placements there are so far: for those who keep tables beside them.
+  void add_curved_primvar(int name, int width, std::span<const float> values);
+  // How many rows of meshes, curved shapes and placements there are so far: for those who keep tables beside them.
   size_t mesh_rows() const { return scene_->meshes.surface.size(); }
-  size_t sphere_rows() const { return scene_->spheres.size(); }
+  size_t curved_rows() const { return scene_->curved.rows(); }
   size_t placement_rows() const { return scene_->placement_group.size(); }
   // Room for all meshes, as for instances.
   void reserve_triangles(size_t points, size_t triangles);
@@ -74,6 +84,7 @@ class SceneBuilder {
 
  private:
   dvec3 to_group(const dvec3& p) const { return (p - group_origin_) * group_scale_; }
+  void add_curved_row(CurvedRange& range, size_t record, int32_t surface);
   int32_t append_primvar(std::span<const float> values);
 
   std::unique_ptr<Scene> scene_;
@@ -87,8 +98,8 @@ class SceneBuilder {
   daffine undo_, redo_;
   // Of the shape and the placement that were added last.
   size_t last_mesh_rows_ = 0;  // first row of the mesh
-  bool last_is_sphere_ = false;
-  bool last_mirrored_ = false, last_sphere_taken_ = false, last_placement_taken_ = false;
+  bool last_is_curved_ = false;
+  bool last_mirrored_ = false, last_curved_taken_ = false, last_placement_taken_ = false;
   bool levels_measured_ = false;
   int32_t link_row_ = 0;
 };

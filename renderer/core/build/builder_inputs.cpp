@@ -39,10 +39,10 @@ void SceneBuilder::add_mesh_primvar(int name, PrimvarKind kind, int width, std::
     s.primvars.of_mesh[row * s.primvars.names + name] = primvar;
 }
 
-void SceneBuilder::add_sphere_primvar(int name, int width, std::span<const float> values) {
+void SceneBuilder::add_curved_primvar(int name, int width, std::span<const float> values) {
   PrimvarTable& t = scene_->primvars;
-  if (!last_sphere_taken_) return;
-  t.of_sphere[t.of_sphere.size() - t.names + name] = t.add(PrimvarKind::kConstant, width, append_primvar(values));
+  if (!last_curved_taken_) return;
+  t.of_curved[t.of_curved.size() - t.names + name] = t.add(PrimvarKind::kConstant, width, append_primvar(values));
 }
 
 void SceneBuilder::add_placement_primvar(int name, int width, std::span<const float> values) {

@@ -43,10 +43,10 @@ void SceneBuilder::set_light_of_shape(int light, const daffine& group_from_objec
   GeometryLights& lights = s.geometry_lights;
   GeometryLight& worn = lights.all.at(size_t(light));
   worn.group_from_object = group_from_object;
-  if (last_is_sphere_) {
-    if (!last_sphere_taken_) return;
-    lights.of_sphere.resize(s.spheres.size(), -1);
-    lights.of_sphere.back() = light, worn.sphere = int32_t(s.spheres.size()) - 1;
+  if (last_is_curved_) {
+    if (!last_curved_taken_) return;
+    lights.of_curved.resize(s.curved.rows(), -1);
+    lights.of_curved.back() = light, worn.curved = int32_t(s.curved.rows()) - 1;
     return;
   }
   if (last_mesh_rows_ == s.meshes.surface.size()) return;  // without triangles

@@ -115,8 +115,8 @@ void measure_footprints(Scene& s) {
         if (source.texture >= 0) wear(s, source, s.textures[source.texture], mesh, t, corner, area2, width);
     }
   }
-  // Spheres have one st for all of them; an instance's primvar stands for st as well.
-  for (const int32_t surface : s.sphere_surface) {
+  // Curved shapes have one st for all of them; an instance's primvar stands for st as well.
+  for (const int32_t surface : s.curved.surface) {
     const int32_t inputs = s.surface_inputs_of[surface];
     if (inputs < 0) continue;
     for (const InputSource& source : s.surface_inputs[inputs].sources)

@@ -9,6 +9,7 @@
 #include <span>
 
 #include "math/lanes.hpp"
+#include "ray/grouped_hit.hpp"
 
 namespace primray {
 
@@ -27,7 +28,7 @@ inline uint32_t count_paired(std::span<const uint32_t> indices) {
 // second (b, c, a), with 1 - u of c and 1 - v of a.
 template <int W>
 PRIMRAY_INLINE void to_triangles(vint<W> geom, vint<W>& prim, vfloat<W>& u, vfloat<W>& v) {
-  const vbool<W> pair = ((geom & vint<W>(3)) == vint<W>(int32_t(kPairGeometry))) & (geom != vint<W>(-1));
+  const vbool<W> pair = ((geom & vint<W>((1 << kGeometryBits) - 1)) == vint<W>(int32_t(kPairGeometry))) & (geom != vint<W>(-1));
   if (!any(pair)) return;
   const vfloat<W> one(1.0f), both = u + v, before = u;
   const vbool<W> second = both > one;

@@ -40,9 +40,9 @@ PRIMRAY_INLINE vint<W> emitter_light(const Scene& scene, vbool<W> m, const Hits<
   const vbool<W> is_triangle = in.is_triangle(scene, m);
   vint<W> number = none;
   if (any(is_triangle)) number = select(is_triangle, gather<W>(table.of_mesh.data(), select(is_triangle, it.mesh, zero)), none);
-  const vbool<W> is_sphere = scene.has_spheres ? in.is(m, kSphereGeometry) : vbool<W>(false);
-  if (scene.has_spheres && any(is_sphere))
-    number = select(is_sphere, gather<W>(table.of_sphere.data(), select(is_sphere, it.sphere, zero)), number);
+  const vbool<W> is_curved = scene.curved.any() ? m & !is_triangle : vbool<W>(false);
+  if (scene.curved.any() && any(is_curved))
+    number = select(is_curved, gather<W>(table.of_curved.data(), select(is_curved, it.curved, zero)), number);
   vint<W> base(table.static_light);
   if (in.any_instanced) {
     const vint<W> first = gather<W>(table.placement_light.data(), in.placement);
@@ -61,12 +61,12 @@ PRIMRAY_RARE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hits<
   const vint<W> zero(0), none(-1);
   const HitGroup<W> in(scene, m, h);
   const vbool<W> is_triangle = in.is_triangle(scene, m);
-  const vbool<W> is_sphere = scene.has_spheres ? in.is(m, kSphereGeometry) : vbool<W>(false);
+  const vbool<W> is_curved = scene.curved.any() ? m & !is_triangle : vbool<W>(false);
   vint<W> number = none;
   if (any(is_triangle))
     number = select(is_triangle, gather<W>(lights.of_mesh.data(), select(is_triangle, it.mesh, zero)), none);
-  if (any(is_sphere))
-    number = select(is_sphere, gather<W>(lights.of_sphere.data(), select(is_sphere, it.sphere, zero)), number);
+  if (any(is_curved))
+    number = select(is_curved, gather<W>(lights.of_curved.data(), select(is_curved, it.curved, zero)), number);
   m &= number >= zero;
   if (!any(m)) return glow;
   number = select(m, number, zero);

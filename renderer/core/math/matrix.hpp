@@ -1,6 +1,8 @@
 // Affine maps: double precision for building a scene, float lanes for rendering. Columns are images of the axes.
 #pragma once
 
+#include <cmath>
+
 #include "math/vec3.hpp"
 
 namespace primray {
@@ -28,6 +30,18 @@ inline daffine inverse(const daffine& m) {
   daffine i{{a.x, b.x, c.x}, {a.y, b.y, c.y}, {a.z, b.z, c.z}, dvec3(0.0)};
   i.o = -i.vector(m.o);
   return i;
+}
+
+inline bool is_finite(const daffine& m) {
+  double s = 0;
+  for (const dvec3* c : {&m.x, &m.y, &m.z, &m.o}) s += c->x * 0 + c->y * 0 + c->z * 0;
+  return s == 0;
+}
+
+// Whether a map is invertible for our purposes: its determinant beyond rounding.
+inline bool is_regular(const daffine& m) {
+  const double size = length(m.x) * length(m.y) * length(m.z);
+  return is_finite(m) && size > 0 && std::fabs(m.determinant()) > 1e-14 * size;
 }
 
 // Rows of a row-major 3x4 matrix, as numpy holds it.

@@ -19,7 +19,7 @@ bool casts(const float* row) {
   return passes || reflects || (row[kClearcoat] > 0 && row[kClearcoatAlpha] < kCasterAlpha);
 }
 
-// Boxes about what casts caustics in a group: runs of triangles of one mesh, and spheres.
+// Boxes about what casts caustics in a group: runs of triangles of one mesh, and curved shapes.
 void add_boxes(const Scene& scene, const Group& group, const std::vector<uint8_t>& caster, std::vector<Box>& boxes) {
   const size_t end = size_t(group.triangle_base) + group.triangle_count + group.cutout_count;
   int32_t last = -1;
@@ -33,15 +33,12 @@ void add_boxes(const Scene& scene, const Group& group, const std::vector<uint8_t
       boxes.back().add({p[0], p[1], p[2]});
     }
   }
-  for (size_t s = group.sphere_base; s < size_t(group.sphere_base) + group.sphere_count; ++s) {
-    if (!caster[size_t(scene.sphere_surface[s])]) continue;
-    const float* m = scene.spheres[s].group_from_object;
-    Box box;
-    const vec3 o{m[9], m[10], m[11]};
-    const vec3 half{std::hypot(m[0], m[3], m[6]), std::hypot(m[1], m[4], m[7]), std::hypot(m[2], m[5], m[8])};
-    box.add(o - half), box.add(o + half);
-    boxes.push_back(box);
-  }
+  for_curved_kinds([&]<class K>(K) {
+    const CurvedRange& r = group.curved.of<K>();
+    for (uint32_t i = 0; i < r.count; ++i)
+      if (caster[size_t(scene.curved.surface[r.first_row + i])])
+        boxes.push_back(K::box(scene.curved.records<K>()[r.first + i]));
+  });
 }
 
 CausticTarget ball_about(const Box& b) { return {(b.low + b.high) * 0.5f, 0.5f * length(b.high - b.low)}; }

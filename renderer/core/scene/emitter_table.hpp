@@ -16,7 +16,7 @@ constexpr int32_t kMaxEmitterRows = 1 << 18;
 
 struct EmitterTable {
   // One a shape, the shapes of a group together: its first triangle (of the scene) and their number, its group's first vertex;
-  // a sphere has no triangles, and its number in `first`.
+  // a sphere has no triangles, its record in `first`, and its row of the CurvedTable in `vertex_base`.
   std::vector<int32_t> first, count, vertex_base;
   std::vector<int32_t> corners;  // ShapeHalves::corners
   // How triangles are chosen where a row is no rectangle (emitter_triangles.hpp): in runs of 2^run_shift, 0 as a rule, by the
@@ -29,8 +29,8 @@ struct EmitterTable {
   std::vector<int32_t> cdf, cdf_base;
   static constexpr int32_t kWhole = 1 << 30;
 
-  // A shape's number in its group, by row of the MeshTable and by sphere; -1: it does not emit.
-  std::vector<int32_t> of_mesh, of_sphere;
+  // A shape's number in its group, by row of the MeshTable and of the CurvedTable; -1: it does not emit.
+  std::vector<int32_t> of_mesh, of_curved;
   // First light row and rows an instance, of what is static and of each placement; -1: none, or not sampled.
   int32_t static_light = -1;
   std::vector<int32_t> placement_light, placement_rows;

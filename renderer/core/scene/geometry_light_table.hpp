@@ -23,14 +23,14 @@ struct GeometryLight {
   daffine group_from_object{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)};
   std::vector<float> row;  // a light row with what any light has: lobe factors
   std::optional<ShapingInput> shaping;
-  // Its parts in its group: triangles [first, end), counted over the scene, or a sphere.
+  // Its parts in its group: triangles [first, end), counted over the scene, or a curved shape.
   std::vector<std::pair<size_t, size_t>> triangles;
-  int32_t sphere = -1;
+  int32_t curved = -1;  // its row of the CurvedTable
 };
 
 struct GeometryLights {
   std::vector<GeometryLight> all;
-  std::vector<int32_t> of_mesh, of_sphere;  // by row of the MeshTable and by sphere: which, or -1; may end early
+  std::vector<int32_t> of_mesh, of_curved;  // by row of the MeshTable and of the CurvedTable: which, or -1; may end early
   // By light, for rays that meet it: kOwn and kShown; lobe factors; `radiance`, with the area of the first place it stands in.
   std::vector<int32_t> flags;
   std::vector<int32_t> link;  // the collection that it reaches
@@ -39,7 +39,7 @@ struct GeometryLights {
 
   bool any() const { return built::kEmission && !all.empty(); }
   int32_t mesh(size_t row) const { return row < of_mesh.size() ? of_mesh[row] : -1; }
-  int32_t ball(size_t sphere) const { return sphere < of_sphere.size() ? of_sphere[sphere] : -1; }
+  int32_t curved(size_t row) const { return row < of_curved.size() ? of_curved[row] : -1; }
 };
 
 }  // namespace primray

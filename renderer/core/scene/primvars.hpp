@@ -15,7 +15,7 @@ struct PrimvarTable {
   std::vector<int32_t> kind, width, base;
   // By (owner, name): the primvar, or -1. Names are those that some surface reads, numbered from 0.
   int names = 0;
-  std::vector<int32_t> of_mesh, of_sphere, of_placement;
+  std::vector<int32_t> of_mesh, of_curved, of_placement;
 
   int32_t add(PrimvarKind k, int w, int32_t at) {
     kind.push_back(int32_t(k)), width.push_back(w), base.push_back(at);

@@ -21,6 +21,7 @@
 #include "math/matrix.hpp"
 #include "ray/grouped_hit.hpp"
 #include "scene/camera.hpp"
+#include "scene/curved/curved_shapes.hpp"
 #include "scene/embree_records.hpp"
 #include "scene/emitter_table.hpp"
 #include "scene/geometry_light_table.hpp"
@@ -30,10 +31,10 @@
 
 namespace primray {
 
-// Embree geometry numbers: in every group triangles, spheres, cut-out triangles and pairs of triangles (bvh/pairs.hpp), and
-// after them the placements in it, from its first on.
-constexpr uint32_t kTriangleGeometry = 0, kSphereGeometry = 1, kCutoutGeometry = 2, kFirstPlacement = kPairGeometry + 1;
-static_assert(kFirstPlacement <= 1 << kGeometryBits);
+// Embree geometry numbers: in every group triangles, cut-out triangles, pairs of triangles (bvh/pairs.hpp), those of
+// curved shapes (scene/curved), and after them the placements in it, from its first on.
+constexpr uint32_t kTriangleGeometry = 0, kCutoutGeometry = 2, kFirstPlacement = 1 << kGeometryBits;
+static_assert(kPairGeometry < kFirstPlacement && CurvedKinds::kLastGeometry < kFirstPlacement);
 
 enum class Attribute : int32_t { kNone = 0, kTriangle = 1, kVertex = 2, kCorner = 3 };
 
@@ -45,20 +46,15 @@ struct MeshTable {
   std::vector<int32_t> link;                        // row of the lights' LinkTable; empty where there is none
 };
 
-struct SphereRecord {
-  float group_from_object[12];  // columns x, y, z, origin; the object is the unit sphere
-  double object_from_group[12];
-};
-
 struct Group {
   uint32_t triangle_base = 0, triangle_count = 0;
   uint32_t paired_count = 0;  // of the triangles, the first that Embree has as pairs
   uint32_t cutout_count = 0;  // triangles after those, which a filter looks at
   uint32_t vertex_base = 0, vertex_count = 0;
-  uint32_t sphere_base = 0, sphere_count = 0;
+  CurvedRanges curved;
   uint32_t placement_base = 0, placement_count = 0;  // what is placed in it: in the world, or in a prototype without shapes
   OwnedScene accel;
-  bool empty() const { return triangle_count + cutout_count + sphere_count + placement_count == 0; }
+  bool empty() const { return triangle_count + cutout_count + placement_count == 0 && !curved.any(); }
 };
 
 struct Scene {
@@ -72,8 +68,7 @@ struct Scene {
   std::vector<float> normals, colors;
   MeshTable meshes;
 
-  std::vector<SphereRecord> spheres;
-  std::vector<int32_t> sphere_surface, sphere_link;  // the latter as MeshTable::link
+  CurvedTable curved;
 
   std::vector<Group> groups;
 
@@ -101,9 +96,8 @@ struct Scene {
   double scale = 1.0;
 
   // Facts of the scene that spare work where they are false.
-  Fact<built::kInstances> has_instances = false;  // else no hit carries an instance
-  Fact<built::kInstances> has_grouped = false;    // some instances stand in others
-  Fact<built::kSpheres> has_spheres = false;
+  Fact<built::kInstances> has_instances = false;    // else no hit carries an instance
+  Fact<built::kInstances> has_grouped = false;      // some instances stand in others
   Fact<built::kAttributes> has_attributes = false;  // smooth normals or varying colours
   Fact<built::kTextures> has_inputs = false;        // a surface has inputs that vary
   Fact<built::kCutouts> has_cutouts = false;        // some triangles are looked at by a filter

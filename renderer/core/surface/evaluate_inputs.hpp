@@ -44,7 +44,7 @@ struct PrimvarLanes {
         primvar = select(lanes & (found >= zero), found, primvar);
       };
       look(t.of_mesh, active & p.is_triangle, p.mesh);
-      look(t.of_sphere, active & !p.is_triangle, p.sphere);
+      look(t.of_curved, active & !p.is_triangle, p.curved);
       look(t.of_placement, active & p.instanced & !(primvar >= zero), p.placement);
     }
     present = primvar >= zero;

@@ -16,10 +16,11 @@ struct Interaction {
   vfloat<W> least_cosine;  // below this cosine it cannot be told which side of the surface a ray comes from
   vbool<W> at_edge;        // of a triangle, to rounding: it may have been missed, and its neighbour beyond been met
   vint<W> surface;
-  vint<W> mesh, triangle, sphere;  // where the hit is one: row of the MeshTable and triangle of the scene, or sphere
-  vint<W> link;                    // row of the lights' LinkTable, 0 where there is none
-  vvec3<W> color;                  // multiplies the diffuse albedo
-  vbool<W> smooth;                 // ns is interpolated from normals
+  vint<W> mesh, triangle,
+      curved;       // where the hit is one: row of the MeshTable and triangle of the scene, or row of the CurvedTable
+  vint<W> link;     // row of the lights' LinkTable, 0 where there is none
+  vvec3<W> color;   // multiplies the diffuse albedo
+  vbool<W> smooth;  // ns is interpolated from normals
 };
 
 // Multiples of 2^-24 times the largest coordinate involved. Barycentric interpolation, the instance's transform and its inverse
@@ -119,13 +120,13 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   const vint<W> zero(0);
   Interaction<W> r;
   r.color = vvec3<W>(vfloat<W>(1.0f));
-  r.surface = r.mesh = r.triangle = r.sphere = r.link = zero;
+  r.surface = r.mesh = r.triangle = r.curved = r.link = zero;
   const HitGroup<W> in(scene, active, h);
   const vbool<W> instanced = in.instanced;
   const bool any_instanced = in.any_instanced;
   const vbool<W> is_triangle = in.is_triangle(scene, active);
   vvec3<W> e1(vfloat<W>(0.0f)), e2(vfloat<W>(0.0f)), normal(vfloat<W>(0.0f)), p(vfloat<W>(0.0f));
-  vvec3<W> p0(vfloat<W>(0.0f)), sphere_normal(vfloat<W>(0.0f)), sphere_spread(vfloat<W>(0.0f));
+  vvec3<W> p0(vfloat<W>(0.0f));
   vbool<W> smooth(false);
   if (any(is_triangle)) {
     const vint<W> triangle = in.triangle(scene, is_triangle, h);
@@ -136,39 +137,33 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     vint<W> corner[3];
     gather_vertices(scene, triangle, first, corner);
     p0 = gather_position(scene, corner[0]);
-    // Lanes that met a sphere have no edges: `reach` below must not see those of another lane's triangle.
+    // Lanes that met a curved shape have no edges: `reach` below must not see those of another lane's triangle.
     e1 = select(is_triangle, gather_position(scene, corner[1]) - p0, e1);
     e2 = select(is_triangle, gather_position(scene, corner[2]) - p0, e2);
     p = p0 + e1 * h.u + e2 * h.v;
     if (scene.has_attributes) add_attributes(scene, is_triangle, mesh, triangle, corner, h, normal, smooth, r.color);
     if (scene.lights.links.any()) r.link = gather<W>(scene.meshes.link.data(), mesh);
   }
-  const vbool<W> is_sphere = scene.has_spheres ? in.is(active, kSphereGeometry) : vbool<W>(false);
-  const bool any_sphere = scene.has_spheres && any(is_sphere);
-  if (any_sphere) {
-    const vint<W> sphere = select(is_sphere, in.base(scene, &Group::sphere_base) + h.prim, zero);
-    r.sphere = sphere;
-    r.surface = select(is_sphere, gather<W>(scene.sphere_surface.data(), sphere), r.surface);
-    if (scene.lights.links.any()) r.link = select(is_sphere, gather<W>(scene.sphere_link.data(), sphere), r.link);
-    const InstanceLanes<W> m(scene.spheres[0].group_from_object, sphere * vint<W>(int(sizeof(SphereRecord) / sizeof(float))));
-    p = select(is_sphere, m.vector(h.ng) + m.o, p);
-    sphere_normal = m.normal(h.ng);
-    // The centre of a big sphere is further away than its surface, and rounded so.
-    sphere_spread = abs(m.x * h.ng.x) + abs(m.y * h.ng.y) + abs(m.z * h.ng.z) + abs(m.o);
+  const CurvedHit<W> curved(scene, in, active, h);
+  if (curved.any_is) {
+    r.curved = curved.row;
+    r.surface = select(curved.is, gather<W>(scene.curved.surface.data(), curved.row), r.surface);
+    if (scene.lights.links.any()) r.link = select(curved.is, gather<W>(scene.curved.link.data(), curved.row), r.link);
+    p = select(curved.is, curved.at.p, p);
   }
   const TrianglePlane<W> plane(is_triangle, e1, e2);
   vvec3<W> ng = plane.n;
   vfloat<W> reach = max(max_component(abs(p)), plane.size);
-  if (any_sphere) {
-    ng = select(is_sphere, direction_of(sphere_normal), ng);
-    reach = select(is_sphere, max_component(sphere_spread), reach);
+  if (curved.any_is) {
+    ng = select(curved.is, direction_of(curved.at.normal), ng);
+    reach = select(curved.is, max_component(curved.at.spread), reach);
   }
   const vfloat<W> ray_reach = max_component(abs(rays.o) + abs(rays.d) * h.t);
   const vbool<W> from_ray = active & !instanced & (ray_reach < reach * kNearer);
   const bool any_from_ray = any(from_ray);
   if (any_from_ray) {
     p = select(from_ray, rays.o + rays.d * h.t, p);
-    reach = select(from_ray & is_sphere, ray_reach, reach);
+    reach = select(from_ray & curved.is, ray_reach, reach);
   }
   if (any(is_triangle & !instanced)) {
     const vfloat<W> bound = plane.reach(p0, e1, e2);
@@ -181,11 +176,11 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   r.p = p;
   if (any_instanced) {
     vvec3<W> far;
-    const InstanceLanes<W> m = in.matrix(scene, far);
+    const AffineLanes<W> m = in.matrix(scene, far);
     const vvec3<W> q = m.vector(p) + m.o;
     r.p = select(instanced, q, p);
     vvec3<W> inner = abs(p);
-    if (any_sphere) inner = select(is_sphere, sphere_spread, inner);
+    if (curved.any_is) inner = select(curved.is, curved.at.spread, inner);
     const vvec3<W> spread = abs(m.x) * inner.x + abs(m.y) * inner.y + abs(m.z) * inner.z + abs(m.o) + far;
     const vvec3<W> edges = abs(m.vector(e1)) + abs(m.vector(e2));
     reach = select(instanced, max(max_component(spread), max_component(edges)), reach);

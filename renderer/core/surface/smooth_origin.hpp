@@ -28,7 +28,7 @@ PRIMRAY_INLINE vbool<W> lift_to_smooth(const Scene& scene, vbool<W> m, const Hit
   const HitGroup<W> in(scene, m, h);
   if (in.any_instanced) {
     vvec3<W> rounded;
-    const InstanceLanes<W> world_from_group = in.matrix(scene, rounded);
+    const AffineLanes<W> world_from_group = in.matrix(scene, rounded);
     for (vvec3<W>& k : n) k = select(in.instanced, world_from_group.normal(k), k);
   }
   const F b[3] = {1.0f - at.u - at.v, at.u, at.v};

@@ -23,7 +23,7 @@ class SceneRecord:
     surface_paths: list[str] = field(default_factory=list)
     # By the core's row: number of the shape, and the instance's name where it stands in the world as the only one.
     meshes: list[tuple[int, str]] = field(default_factory=list)
-    spheres: list[tuple[int, str]] = field(default_factory=list)
+    curved: list[tuple[int, str]] = field(default_factory=list)
     # By the core's placement: its levels' names, and the rows that it has, or None for all.
     placements: list[tuple[Levels, Numbers | None]] = field(default_factory=list)
     primvar_names: dict[str, int] = field(default_factory=dict)  # the core's number of each

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ..aov_names import WIDE, primvars_of
 from ..arrays import Doubles
-from ..description import Camera, Frame, Mesh, Placement, Projection, SceneDescription, Shape, Sphere
+from ..description import Camera, Frame, Mesh, Placement, Projection, SceneDescription, Shape, Sphere, SubdivisionMesh
 from ..description.placement import Box, chunks, named_levels, placed_box, transformed_box, transformed_boxes
 from ..refine.far_geometry import FARTHEST, OUTLYING, FarInstances, usual_boxes, usual_union
 from ..refine.skewed import bake_skewed
@@ -169,11 +169,14 @@ def camera_input(core: Any, c: Camera, frame: Frame) -> Any:
 
 def shape_boxes(core: Any, shapes: Sequence[Shape]) -> Doubles:
     """(S, 2, 3): low and high corners, each in its own space."""
-    boxes: Doubles = core.boxes([NO_FLOATS if isinstance(s, Sphere) else s.points for s in shapes])
+    boxes: Doubles = core.boxes([getattr(s, "points", NO_FLOATS) for s in shapes])
     spheres = [(k, shape.radius) for k, shape in enumerate(shapes) if isinstance(shape, Sphere)]
     if spheres:  # there may be a million: not one by one
         reach = np.abs([radius for _, radius in spheres])[:, None]
         boxes[[k for k, _ in spheres]] = np.stack([-reach, reach], axis=1)
+    for k, shape in enumerate(shapes):
+        if not isinstance(shape, Mesh | SubdivisionMesh | Sphere):
+            boxes[k] = shape.box()
     return boxes
 
 

@@ -1,8 +1,8 @@
-"""Shapes for the core: meshes in parts by cut-outs and surfaces, spheres; what is too far away is left out and told."""
+"""Shapes for the core: meshes in parts by cut-outs and surfaces, curved shapes; what is too far away is left out and told."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -64,6 +64,7 @@ class ShapeUpload:
         self._cutout = np.array([is_cutout(s) for s in surfaces], bool)
         self._hole = np.array([is_hole(s) for s in surfaces], bool)
         self._link_row = 0
+        self._kinds = {type(s) for s in shapes}
         self._paired = {i for i, s in enumerate(shapes) if isinstance(s, Mesh) and is_paired(s.triangles)}
         self._alone = np.arange(len(surfaces), dtype=np.int32)[:, None]  # of meshes that have one
 
@@ -71,36 +72,40 @@ class ShapeUpload:
         """Into the current group, whose lengths are `scale` times those from `center`."""
         near = self._near(placed, center, scale)
         lights: dict[int, int] = {}  # the builder's, by number of what is placed: each place is a light of its own
-        for i, p in self._pairs_first(placed):
+        for i, p in self._in_order(placed):
             shape = self._shapes[p.shape]
             if shape.light is not None:
                 lights[i] = self._lights.add_worn(shape.light, matrix(p.matrix))
             if isinstance(shape, Mesh):
                 self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=False)
                 self._note_mesh(p)
-            elif not isinstance(shape, Sphere):
-                raise ValueError(f"{shape.path} is not diced")
             elif i not in near:
-                self._add_sphere(shape, matrix(p.matrix), lights.get(i))
-                self._note_sphere(p)
+                self._add_curved(shape, matrix(p.matrix), lights.get(i))
+                self._note_curved(p)
         for i, p in enumerate(placed) if self._cutout.any() else []:
             shape = self._shapes[p.shape]
             if isinstance(shape, Mesh):
                 self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=True)
                 self._note_mesh(p)
 
-    def _pairs_first(self, placed: Sequence[Placed]) -> Iterable[tuple[int, Placed]]:
-        """With their numbers; first the meshes whose triangles stand in pairs, as the core wants to begin with those."""
-        numbered = enumerate(placed)
-        return sorted(numbered, key=lambda p: p[1].shape not in self._paired) if self._paired else numbered
+    def _in_order(self, placed: Sequence[Placed]) -> Iterable[tuple[int, Placed]]:
+        """With their numbers, as the core wants them: first the meshes with triangles in pairs; one kind after another."""
+        kinds = {kind: order for order, kind in enumerate(CURVED) if kind in self._kinds}
+        if not self._paired and len(kinds) < 2:
+            return enumerate(placed)
+
+        def order(p: tuple[int, Placed]) -> tuple[bool, int]:
+            return p[1].shape not in self._paired, kinds.get(type(self._shapes[p[1].shape]), 0)
+
+        return sorted(enumerate(placed), key=order)
 
     def _note_mesh(self, placed: Placed) -> None:
         if self._record is not None:
             self._record.note_shape(self._record.meshes, placed.shape, placed.instance, self._builder.mesh_rows)
 
-    def _note_sphere(self, placed: Placed) -> None:
+    def _note_curved(self, placed: Placed) -> None:
         if self._record is not None:
-            self._record.note_shape(self._record.spheres, placed.shape, placed.instance, self._builder.sphere_rows)
+            self._record.note_shape(self._record.curved, placed.shape, placed.instance, self._builder.curved_rows)
 
     def _near(self, placed: Sequence[Placed], center: Doubles, scale: float) -> dict[int, Flags]:
         """By number, of shapes that are too far away in part: the triangles that are not. Notes what is."""
@@ -124,17 +129,22 @@ class ShapeUpload:
                     self._warnings.append(("far-edges", shape.path, message))
             elif not reach[i] < FARTHEST:
                 near[i] = np.zeros(0, bool)
-                self._warnings.append(("too-far", shape.path, "The sphere is too large or too far away to be drawn"))
+                message = f"The {type(shape).__name__.lower()} is too large or too far away to be drawn"
+                self._warnings.append(("too-far", shape.path, message))
         return near
 
-    def _add_sphere(self, sphere: Sphere, world_from_object: npt.NDArray[np.float64], light: int | None) -> None:
-        if self._hole[sphere.surface]:
+    def _add_curved(self, shape: Shape, world_from_object: npt.NDArray[np.float64], light: int | None) -> None:
+        kind = type(shape)
+        if kind not in CURVED:
+            raise ValueError(f"{shape.path} is not diced")
+        if self._hole[shape.surface]:
             return
-        self._wear(sphere)
-        if not self._builder.add_sphere(sphere.radius, sphere.surface, world_from_object) and sphere.radius != 0:
-            self._warnings.append(("singular-transform", sphere.path, "A sphere with a singular matrix is left out"))
-        for name, _, width, values in self._inputs.primvars(sphere.primvars):
-            self._builder.add_sphere_primvar(name, width, values)
+        self._wear(shape)
+        if not CURVED[kind](self._builder, shape, world_from_object):
+            message = f"A {kind.__name__.lower()} with a singular matrix is left out"
+            self._warnings.append(("singular-transform", shape.path, message))
+        for name, _, width, values in self._inputs.primvars(shape.primvars):
+            self._builder.add_curved_primvar(name, width, values)
         if light is not None:
             self._builder.set_light_of_shape(light, world_from_object)
 
@@ -180,6 +190,15 @@ class ShapeUpload:
             self._builder.add_mesh_primvar(name, number, width, values)
         if light is not None:
             self._builder.set_light_of_shape(light, world_from_object)
+
+
+def add_sphere(builder: Any, sphere: Sphere, world_from_object: Doubles) -> bool:
+    """Whether it is there, or need not be."""
+    return bool(builder.add_sphere(sphere.radius, sphere.surface, world_from_object)) or sphere.radius == 0
+
+
+# What hands a shape to the core that is not made of triangles, by its kind.
+CURVED: dict[type, Callable[[Any, Any, Doubles], bool]] = {Sphere: add_sphere}
 
 
 def core_from_object(world_from_object: Doubles, center: Doubles, scale: float) -> Doubles:

@@ -84,7 +84,7 @@ class _Ids:
     def prim(self, found: dict[str, Any]) -> tuple[Values, dict[int, str]]:
         record = self._record
         numbers, paths = _numbered(record.shape_paths)
-        ids = _of_rows(found["prim"], *([numbers[shape] for shape, _ in rows] for rows in (record.meshes, record.spheres)))
+        ids = _of_rows(found["prim"], *([numbers[shape] for shape, _ in rows] for rows in (record.meshes, record.curved)))
         return ids, _seen(ids, lambda n: paths[n - 1])
 
     def material(self, found: dict[str, Any]) -> tuple[Values, dict[int, str]]:
@@ -98,7 +98,7 @@ class _Ids:
         """After those that the core has: instances of which there is one alone, whose shapes stand in the world themselves."""
         instances, record = self._scene.instance_numbers, self._record
         most = instances.most
-        alone, names = _numbered([name for rows in (record.meshes, record.spheres) for _, name in rows])
+        alone, names = _numbered([name for rows in (record.meshes, record.curved) for _, name in rows])
         if most + len(names) > MOST_NUMBERS:
             raise LimitError(f"{most} instances are more than an AOV's 32 bits can number", code="aov-instances")
         ids = instances.number(found["instance"], found.get("outer"))
@@ -109,11 +109,11 @@ class _Ids:
         return ids, _seen(ids, lambda n: instances.name(n) if n <= most else names[n - most - 1])
 
 
-def _of_rows(rows: Values, meshes: Sequence[int] | Values, spheres: Sequence[int] | Values) -> Values:
-    """The numbers of the core's rows of meshes and spheres, 0 where it saw none."""
+def _of_rows(rows: Values, meshes: Sequence[int] | Values, curved: Sequence[int] | Values) -> Values:
+    """The numbers of the core's rows of meshes and curved shapes, 0 where it saw none."""
     ids = np.zeros(rows.shape, np.uint32)
     ids[rows >= 0] = np.asarray(meshes, np.uint32)[rows[rows >= 0]]
-    ids[rows <= -2] = np.asarray(spheres, np.uint32)[-2 - rows[rows <= -2]]
+    ids[rows <= -2] = np.asarray(curved, np.uint32)[-2 - rows[rows <= -2]]
     return ids
 
 

@@ -106,7 +106,7 @@ def summary(
         resolution=description.resolution,
         lights=tuple(LightSummary(light.path, light.type.value, light.emission) for light in description.lights),
         surfaces=len(description.surfaces),
-        meshes=len(shapes) - sum(is_sphere) - sum(is_cage),
+        meshes=sum(isinstance(s, Mesh) for s in shapes),
         cages=sum(is_cage),
         spheres=sum(is_sphere),
         triangles_unique=sum(count),

@@ -1,9 +1,9 @@
 // Asks for an API key in a dialog and exchanges it for a cookie, so that pictures and event streams, which carry no headers,
 // are let in as well. The key itself is not kept in the page.
 
-import { keyNeeded, send } from "./api.js";
-import { element, field, fill } from "./dom.js";
-import { problemBox } from "./problem_view.js";
+import { keyNeeded, send } from "./base/api.js";
+import { element, field, fill } from "./base/dom.js";
+import { problemBox } from "./base/problem_box.js";
 
 let open = null;
 

@@ -1,14 +1,17 @@
 // Chooses the view by the address's fragment: #/ (new render), #/jobs, #/jobs/<id>, #/compare/<id>/<id>. A view is a function
 // (root, arguments) that fills its root and answers a function that ends it.
+//
+// Imports go one way: views/ (what an address shows) is made of scene/ (what is sent), job/ (what is told of a job) and picture/
+// (what it looks like); each of them uses base/ and none another.
 
-import { keyNeeded } from "./api.js";
-import { compareView } from "./compare_view.js";
-import { element, fill } from "./dom.js";
-import { jobView } from "./job_view.js";
-import { jobsView } from "./jobs_view.js";
+import { keyNeeded } from "./base/api.js";
+import { element, fill } from "./base/dom.js";
 import { keyForm } from "./key_form.js";
-import { newView } from "./new_view.js";
 import { watchServer } from "./server_line.js";
+import { compareView } from "./views/compare_view.js";
+import { jobView } from "./views/job_view.js";
+import { jobsView } from "./views/jobs_view.js";
+import { newView } from "./views/new_view.js";
 
 const main = document.getElementById("main");
 let leave = () => {};

@@ -1,7 +1,7 @@
 // The line at the top right: which server this is, who is asking, and how to log out where keys are used.
 
-import { call, get } from "./api.js";
-import { button, element, fill } from "./dom.js";
+import { call, get } from "./base/api.js";
+import { button, element, fill } from "./base/dom.js";
 
 export async function watchServer(line) {
   const tell = async () => {

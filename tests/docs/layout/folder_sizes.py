@@ -9,10 +9,6 @@ MOST = 16
 ROOMS = ("renderer/primray", "renderer/core", "service/primray_service", "tests")
 # One file a case or a measurement: nobody reads the folder to find their way.
 DATA = {"tests/bench/results", "tests/translation/scenes"}
-# Folders that are still too large, with what they hold: a number may only fall, and goes at MOST.
-ALLOWED = {
-    "service/primray_service/page": 33,
-}
 
 
 def units(paths: Iterable[PurePosixPath]) -> dict[str, int]:
@@ -25,12 +21,7 @@ def units(paths: Iterable[PurePosixPath]) -> dict[str, int]:
     return {folder: len(names) for folder, names in found.items() if folder not in DATA}
 
 
-def size_faults(sizes: Mapping[str, int], allowed: Mapping[str, int] = ALLOWED) -> Iterator[str]:
+def size_faults(sizes: Mapping[str, int]) -> Iterator[str]:
     for folder, size in sorted(sizes.items()):
-        if size > allowed.get(folder, MOST):
-            yield f"{folder}: {size} units, {allowed.get(folder, MOST)} are allowed; make folders in it"
-    for folder, most in allowed.items():
-        if most <= MOST or sizes.get(folder, 0) <= MOST:
-            yield f"{folder}: needs no allowance any more"
-        elif sizes[folder] < most:
-            yield f"{folder}: {sizes[folder]} units, {most} are more than it needs"
+        if size > MOST:
+            yield f"{folder}: {size} units, {MOST} are allowed; make folders in it"

@@ -8,8 +8,11 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+import sysconfig
 from dataclasses import dataclass
 from pathlib import Path
+
+import nanobind
 
 from .architecture import ROOT
 
@@ -29,7 +32,7 @@ class Edit:
 class Example:
     edits: tuple[Edit, ...]
     python: str = ""  # run in the copy; it fails where the example does
-    compiled: str = ""  # a source that a compiler must accept in the copy
+    compiled: tuple[str, ...] = ()  # sources that a compiler must accept in the copy
 
 
 LIGHT = """// A ring, which the example takes for a disc.
@@ -79,6 +82,45 @@ from .local import local_executor as worked_executor
 
 __all__ = ["worked_executor"]
 """
+ADAPTER = """\"\"\"Balls, for the example.\"\"\"
+
+from ....description import Ball, Shape
+from ...resolving.context import Context
+from ...resolving.resolve import ResolvedPrim
+
+
+def ball(prim: ResolvedPrim, ctx: Context) -> Shape | None:
+    return Ball(prim.path, 1.0, 0)
+"""
+SHAPE = """
+
+@dataclass(frozen=True, slots=True)
+class Ball(Sphere):
+    pass
+"""
+CURVED = """// A ball, which the example takes for a sphere.
+#pragma once
+
+#include "scene/curved/sphere.hpp"
+
+namespace primray {
+
+struct BallShape : SphereShape {
+  static constexpr uint32_t kGeometry = 4;
+  static OwnedGeometry geometry(const Record* records, uint32_t count);
+};
+
+}  // namespace primray
+"""
+GEOMETRY = """// A ball's geometry, for the example.
+#include "scene/curved/worked.hpp"
+
+namespace primray {
+
+OwnedGeometry BallShape::geometry(const Record* records, uint32_t count) { return SphereShape::geometry(records, count); }
+
+}  // namespace primray
+"""
 CORE, PRIMRAY, SERVICE = "renderer/core", "renderer/primray", "service/primray_service"
 
 EXAMPLES: dict[str, Example] = {
@@ -101,7 +143,7 @@ EXAMPLES: dict[str, Example] = {
             from primray.usd.translate import LIGHTS
             assert LightType.RING and LIGHTS["RingLight"]
         """,
-        compiled="build/lights/light_rows.cpp",
+        compiled=("build/lights/light_rows.cpp",),
     ),
     "A lobe": Example(
         (
@@ -133,7 +175,83 @@ EXAMPLES: dict[str, Example] = {
             from primray.usd.adapters.materials.material import _SLOTS
             assert Surface("").sheen == 0 and _SLOTS["sheen"]
         """,
-        compiled="bsdf/bsdf.hpp",
+        compiled=("bsdf/bsdf.hpp",),
+    ),
+    "A prim type": Example(
+        (
+            Edit(f"{PRIMRAY}/usd/adapters/shapes/{NAME}.py", None, ADAPTER),
+            Edit(f"{PRIMRAY}/usd/translate.py", "import POINT, point_sphere\n", "from .adapters.shapes.worked import ball\n"),
+            Edit(f"{PRIMRAY}/usd/translate.py", '    "Sphere": sphere,\n', '    "Ball": ball,\n'),
+            Edit(f"{PRIMRAY}/description/geometry.py", "    return used.min(axis=0), used.max(axis=0)\n", SHAPE),
+            Edit(f"{PRIMRAY}/description/geometry.py", "Shape = Mesh | SubdivisionMesh | Sphere", " | Ball"),
+            Edit(f"{PRIMRAY}/description/__init__.py", "from .geometry import ", "Ball, "),
+            Edit(f"{PRIMRAY}/description/__init__.py", '    "AovRequest",\n', '    "Ball",\n'),
+            Edit(f"{PRIMRAY}/core/shape_upload.py", "from ..description import ", "Ball, "),
+            Edit(
+                f"{PRIMRAY}/core/shape_upload.py",
+                "{Sphere: add_sphere",
+                ", Ball: lambda to, ball, m: to.add_ball(ball.radius, ball.surface, m)",
+            ),
+            Edit(f"{CORE}/scene/curved/{NAME}.hpp", None, CURVED),
+            Edit(
+                f"{CORE}/scene/curved/curved_shapes.hpp",
+                '#include "scene/curved/sphere.hpp"\n',
+                '#include "scene/curved/worked.hpp"\n',
+            ),
+            Edit(f"{CORE}/scene/curved/curved_shapes.hpp", "CurvedKindList<SphereShape", ", BallShape"),
+            Edit(f"{CORE}/accel/{NAME}_geometry.cpp", None, GEOMETRY),
+            Edit(
+                f"{CORE}/bindings/shape_bindings.cpp",
+                "  builder\n",
+                '      .def("add_ball", [](SceneBuilder& b, double radius, int surface, InArray<double> matrix) {\n'
+                "        return b.add_curved<BallShape>(radius, surface, affine_of(matrix));\n      })\n",
+            ),
+        ),
+        python="""
+            from pxr import Usd
+            from primray.core.shape_upload import CURVED
+            from primray.description import Ball
+            from primray.settings import RenderSettings
+            from primray.usd.translate import translate
+            stage = Usd.Stage.CreateInMemory()
+            stage.DefinePrim("/ball", "Ball")
+            description, _ = translate(stage, RenderSettings())
+            assert [type(shape) for shape in description.shapes] == [Ball] and Ball in CURVED
+        """,
+        compiled=("accel/worked_geometry.cpp", "accel/build.cpp", "bindings/shape_bindings.cpp"),
+    ),
+    "An AOV": Example(
+        (
+            Edit(
+                f"{PRIMRAY}/aov_names.py",
+                "AOVS: dict[str, AovKind] = {\n",
+                '    "facing": AovKind(("",), "cosine between the normal and the view"),\n',
+            ),
+            Edit(
+                f"{PRIMRAY}/usd/adapters/rendering/render_var.py",
+                "COMMON: dict[str, tuple[str, ...]] = {\n",
+                '    "facing": ("facingRatio",),\n',
+            ),
+            Edit(f"{CORE}/aov/first_hit.hpp", "  std::vector<float> depth, distance", ", facing"),
+            Edit(f"{CORE}/aov/first_hit.hpp", "return !(depth.empty()", " && facing.empty()"),
+            Edit(
+                f"{CORE}/aov/first_hit_task.hpp",
+                "      put(planes_.normal, p, ns, i), put(planes_.geometric, p, ng, i);\n",
+                "      if (!planes_.facing.empty()) planes_.facing[p] = -dot(ns, ray.d)[i];\n",
+            ),
+            Edit(
+                f"{CORE}/bindings/first_hit_bindings.cpp",
+                '    if (name == "depth") p.depth.resize(pixels);\n',
+                '    if (name == "facing") p.facing.resize(pixels);\n',
+            ),
+            Edit(f"{CORE}/bindings/first_hit_bindings.cpp", '  add("depth", p.depth, 1),', ' add("facing", p.facing, 1),'),
+        ),
+        python="""
+            from primray.aov_names import requests_of
+            from primray.usd.adapters.rendering.render_var import NAMES
+            assert requests_of(["facing"]) and NAMES["facingRatio"] == "facing"
+        """,
+        compiled=("aov/first_hit.cpp", "bindings/first_hit_bindings.cpp"),
     ),
     "An output": Example(
         (
@@ -224,7 +342,7 @@ def run_python(source: str, tree: Path) -> None:
 
 def run_compiler(compiler: str, source: str, tree: Path) -> None:
     """Raises CalledProcessError if it does not accept the source, whose errors it has told."""
-    core = tree / "renderer" / "core"
+    core, headers = tree / "renderer" / "core", [sysconfig.get_path("include"), nanobind.include_dir()]
     flags = ["-std=c++20", "-fsyntax-only", "-march=x86-64-v3", "-w", "-x", "c++", f"-I{core}"]
-    flags += ['-DPRIMRAY_ISA="v3"', "-DPRIMRAY_MAX_LANES=8"]
+    flags += ['-DPRIMRAY_ISA="v3"', "-DPRIMRAY_MAX_LANES=8", *(f"-I{folder}" for folder in headers)]
     subprocess.run([compiler, *flags, str(core / source)], check=True)

@@ -11,6 +11,8 @@ import pytest
 
 ROOT = Path(__file__).parents[3]
 PAGE = ROOT / "service/primray_service/page"
+# The folders of its modules by what they import: none imports from one that is not before it, the middle three not each other.
+ORDER = {"base": 0, "job": 1, "picture": 1, "scene": 1, "views": 2, "": 3}
 OWN = sorted(path for path in PAGE.rglob("*") if path.is_file() and "vendor" not in path.parts)
 # Of the files in uplot-1.6.32.tgz.
 UPLOT = {
@@ -36,6 +38,7 @@ def test_the_page_is_served(site):
     ("path", "media_type"),
     [
         ("main.js", "text/javascript; charset=utf-8"),
+        ("views/job_view.js", "text/javascript; charset=utf-8"),
         ("style/base.css", "text/css; charset=utf-8"),
         ("favicon.svg", "image/svg+xml"),
         ("vendor/uplot/LICENSE", "text/plain; charset=utf-8"),
@@ -64,7 +67,9 @@ def test_packed_files_are_the_same_under_another_tag(site):
         assert "content-encoding" not in refused.headers
 
 
-@pytest.mark.parametrize("path", ["nothing.js", "../app.py", "%2e%2e/app.py", "..%2fapp.py", "vendor", ""])
+@pytest.mark.parametrize(
+    "path", ["nothing.js", "views/nothing.js", "../app.py", "%2e%2e/app.py", "..%2fapp.py", "vendor", "views", ""]
+)
 def test_there_is_nothing_else(site, path):
     with site.client() as client:
         answer = client.get(f"/page/{path}")
@@ -88,6 +93,22 @@ def test_data_never_becomes_markup():
             assert not re.search(r"innerHTML|outerHTML|insertAdjacent|document\.write|DOMParser|\beval\b|new Function", code), (
                 path.name
             )
+
+
+def test_imports_go_one_way_and_lead_to_files():
+    for path in OWN:
+        if path.suffix == ".js":
+            here = folder_of(path)
+            for name in re.findall(r'from "([^"]*)"', path.read_text()):
+                assert name.startswith(("./", "../")), (path.name, name)
+                target = (path.parent / name).resolve()
+                assert target.is_file(), (path.name, name)
+                there = folder_of(target)
+                assert here == there or ORDER[there] < ORDER[here], f"{path.name} imports {name}"
+
+
+def folder_of(path: Path) -> str:
+    return path.parent.relative_to(PAGE).as_posix().removeprefix(".")
 
 
 def test_files_are_short_and_say_what_they_are():

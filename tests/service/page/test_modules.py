@@ -24,7 +24,7 @@ def page(browser, site):
 
 def test_zips_hold_the_files_and_are_the_same_each_time(page):
     script = """async () => {
-      const { stored } = await import("/page/zip.js");
+      const { stored } = await import("/page/scene/zip.js");
       const entries = [
         { path: "scene.usda", file: new File(["#usda 1.0\\n"], "scene.usda") },
         { path: "tex/grün ☂.png", file: new File([new Uint8Array(300000).map((_, i) => i * 7)], "x.png") },
@@ -62,7 +62,7 @@ def test_zips_hold_the_files_and_are_the_same_each_time(page):
 )
 def test_what_is_dropped_becomes_one_file(page, paths, name, members):
     script = """async (paths) => {
-      const { packed } = await import("/page/dropped.js");
+      const { packed } = await import("/page/scene/dropped.js");
       const files = paths.map((path) => ({ path, file: new File(["x"], path.split("/").at(-1)) }));
       const { name, blob, notes } = await packed(files, () => {});
       return [name, [...new Uint8Array(await blob.arrayBuffer())], notes];
@@ -80,7 +80,7 @@ def test_what_is_dropped_becomes_one_file(page, paths, name, members):
 )
 def test_what_cannot_be_rendered_is_said(page, paths, sentence):
     script = """async (paths) => {
-      const { packed } = await import("/page/dropped.js");
+      const { packed } = await import("/page/scene/dropped.js");
       const files = paths.map((path) => ({ path, file: new File(["x"], path) }));
       return packed(files, () => {}).then(() => "", (error) => error.message);
     }"""
@@ -103,7 +103,7 @@ def preview(tmp_path):
 def test_half_floats_are_read_bit_by_bit(page, preview):
     written, data = preview
     script = """async (text) => {
-      const { decodeRaw, HALF, encoded } = await import("/page/raw_image.js");
+      const { decodeRaw, HALF, encoded } = await import("/page/picture/raw_image.js");
       const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
       const raw = decodeRaw(bytes.buffer);
       const values = raw.color.map((plane) => Array.from(plane, (bits) => HALF[bits]));
@@ -121,7 +121,7 @@ def test_half_floats_are_read_bit_by_bit(page, preview):
 def test_a_damaged_preview_is_refused(page, preview):
     _, data = preview
     script = """async (text) => {
-      const { decodeRaw } = await import("/page/raw_image.js");
+      const { decodeRaw } = await import("/page/picture/raw_image.js");
       try {
         decodeRaw(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
         return "";
@@ -157,13 +157,13 @@ def test_a_damaged_preview_is_refused(page, preview):
     ],
 )
 def test_numbers_read_well(page, function, value, text):
-    found = page.evaluate("async ([name, value]) => (await import('/page/format.js'))[name](value)", [function, value])
+    found = page.evaluate("async ([name, value]) => (await import('/page/base/format.js'))[name](value)", [function, value])
     assert found == text
 
 
 def test_attributes_that_run_something_are_refused(page):
     script = """async (name) => {
-      const { element } = await import("/page/dom.js");
+      const { element } = await import("/page/base/dom.js");
       try {
         element("div", { [name]: "alert(1)" });
         return "";

@@ -82,9 +82,10 @@ def test_a_job_that_is_not_there(open_page):
 
 def test_every_problem_has_advice(open_page):
     page = open_page().page
-    script = (
-        "async (slugs) => { const m = await import('/page/words.js'); return slugs.filter((s) => !m.adviceFor({ type: s })); }"
-    )
+    script = """async (slugs) => {
+      const { adviceFor } = await import("/page/base/words.js");
+      return slugs.filter((slug) => !adviceFor({ type: slug }));
+    }"""
     # A browser cannot cause these, or what to do is in their detail.
     own = {"invalid-json", "method-not-allowed", "not-acceptable", "unsupported-media-type", "range-not-satisfiable"}
     own |= {"precondition-failed", "idempotency-key-reused", "request-too-large", "view-unavailable", "webhook-address"}

@@ -24,7 +24,7 @@ from primray_service.store.base import JobFilter
 
 from ..postgres import Server, private_server
 from .conftest import database_of
-from .test_sums import WEBHOOK
+from .operations.test_sums import WEBHOOK
 from .world import ANY, T0, World, any_quotas, broken_rules, new_job
 
 CPU_S = 1.25  # of each frame, in two reports

@@ -16,7 +16,7 @@ from primray_service.limits import Quotas
 from primray_service.store import SqlStore
 from primray_service.store.database import schema
 
-from .test_sums import KEY, WEBHOOK
+from .operations.test_sums import KEY, WEBHOOK
 from .world import ANY, T0, World, new_job, new_scene, scene_id
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tests.service.files.zips import Entry, zip_of
+from tests.service.scenes.zips import Entry, zip_of
 from tests.service.serving import RunningServer
 
 SETTINGS = {"resolution": [48, 27], "stop": {"max_samples": 2}}

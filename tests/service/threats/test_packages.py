@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from tests.service.conftest import make_key
-from tests.service.files.zips import Entry, zip_of
+from tests.service.scenes.zips import Entry, zip_of
 from tests.service.threats.fates import ROOM, Canary, Fate, fate, package, usda, usdz, workers_of
 
 
@@ -149,7 +149,7 @@ def test_webhooks_never_lead_inside(url: str, client: Any) -> None:
 
 
 def test_another_tenants_job_is_as_if_it_did_not_exist(start_server: Any) -> None:
-    """tests/service/files/test_keys.py goes through all its parts."""
+    """tests/service/routes/test_keys.py goes through all its parts."""
     server = start_server(require_keys=True, dispatch=False, warm=False)
     url = f"sqlite:///{server.data / 'primray.sqlite'}"
     one, two = (server.client(make_key(url, tenant, "submit", "read")) for tenant in ("one", "two"))

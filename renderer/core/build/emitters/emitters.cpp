@@ -61,14 +61,13 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
   if (w.light >= 0) add_light_rules(s.geometry_lights.all[w.light].rules, s.scale, s.lights);
 }
 
-void add_sphere_row(Scene& s, int32_t sphere, const daffine& world_from_group) {
-  const float* m = s.spheres[sphere].group_from_object;
+void add_sphere_row(Scene& s, int32_t sphere, int32_t curved_row, const daffine& world_from_group) {
+  const SphereShape::Record& shape = s.curved.records<SphereShape>()[sphere];
   LightInput light;
   light.type = LightType::kSphere, light.radius = 1;
-  light.world_from_light =
-      world_from_group * daffine{{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}, {m[9], m[10], m[11]}};
-  const int32_t number = s.geometry_lights.ball(sphere);
-  light.emission = average_radiance(s, s.sphere_surface[sphere], number);
+  light.world_from_light = world_from_group * shape.to_group();
+  const int32_t number = s.geometry_lights.curved(curved_row);
+  light.emission = average_radiance(s, s.curved.surface[curved_row], number);
   if (number >= 0) {
     const GeometryLight& own = s.geometry_lights.all[number];
     const double whole = luminance(dvec3(own.radiance));
@@ -101,7 +100,7 @@ std::vector<daffine> first_places(const Scene& s) {
     for (size_t g = 0; g < s.groups.size(); ++g) {
       const Group& in = s.groups[g];
       const size_t triangle = light.triangles.empty() ? SIZE_MAX : light.triangles[0].first;
-      const bool holds = light.sphere >= 0 ? uint32_t(light.sphere) - in.sphere_base < in.sphere_count
+      const bool holds = light.curved >= 0 ? in.curved.has_row(light.curved)
                                            : triangle >= in.triangle_base &&
                                                  triangle < size_t(in.triangle_base) + in.triangle_count + in.cutout_count;
       if (holds) group = g;
@@ -119,7 +118,7 @@ void build_emitters(Scene& s) {
   MeshTable& meshes = s.meshes;
   std::vector<ShapeWeight> weights;
   std::vector<int32_t> group_first(s.groups.size() + 1);
-  table.of_mesh.assign(meshes.surface.size(), -1), table.of_sphere.assign(s.spheres.size(), -1);
+  table.of_mesh.assign(meshes.surface.size(), -1), table.of_curved.assign(s.curved.rows(), -1);
   size_t row = 0;
   for (size_t g = 0; g < s.groups.size(); ++g) {
     const Group& group = s.groups[g];
@@ -139,11 +138,14 @@ void build_emitters(Scene& s) {
       row = next;
     }
     shapes.finish();
-    for (uint32_t i = group.sphere_base; i < group.sphere_base + group.sphere_count; ++i) {
-      if (!(max_component(average_radiance(s, s.sphere_surface[i], s.geometry_lights.ball(i))) > 0)) continue;
+    // Of the curved shapes, spheres can be sampled; others are found by rays alone.
+    const CurvedRange& spheres = group.curved.of<SphereShape>();
+    for (uint32_t i = 0; i < spheres.count; ++i) {
+      const uint32_t of = spheres.first_row + i;
+      if (!(max_component(average_radiance(s, s.curved.surface[of], s.geometry_lights.curved(of))) > 0)) continue;
       ++table.shapes;
-      table.of_sphere[i] = int32_t(table.first.size()) - group_first[g];
-      table.first.push_back(int32_t(i)), table.count.push_back(0), table.vertex_base.push_back(0);
+      table.of_curved[of] = int32_t(table.first.size()) - group_first[g];
+      table.first.push_back(int32_t(spheres.first + i)), table.count.push_back(0), table.vertex_base.push_back(int32_t(of));
       for (auto* unused : {&table.corners, &table.root, &table.place_base, &table.run_shift, &table.cdf_base})
         unused->push_back(0);
       weights.push_back({});
@@ -158,7 +160,7 @@ void build_emitters(Scene& s) {
       if (table.count[k] > 0)
         add_mesh_row(s, weights[k], k, world_from_group, placement, instance);
       else
-        add_sphere_row(s, table.first[k], world_from_group);
+        add_sphere_row(s, table.first[k], table.vertex_base[k], world_from_group);
     }
   };
   const int first_row = s.lights.count;

@@ -29,7 +29,7 @@ vec3 mean_of(const Scene& scene, const InputSource& source) {
     }
   } else if (source.primvar >= 0) {
     const PrimvarTable& t = scene.primvars;
-    for (const std::vector<int32_t>* of : {&t.of_mesh, &t.of_sphere, &t.of_placement}) {
+    for (const std::vector<int32_t>* of : {&t.of_mesh, &t.of_curved, &t.of_placement}) {
       for (size_t i = source.primvar; i < of->size(); i += t.names) {
         const int32_t p = (*of)[i];
         if (p < 0) continue;

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "math/ellipsoid.hpp"
 #include "scene/scene.hpp"
 
 namespace primray {
@@ -22,6 +21,16 @@ uint32_t vertex_base_of(const Scene& s, size_t triangle) {
   return 0;
 }
 
+double curved_area(const Scene& s, const GeometryLight& light, const daffine& m) {
+  double area = 0;
+  for (const Group& g : s.groups)
+    for_curved_kinds([&]<class K>(K) {
+      const CurvedRange& r = g.curved.of<K>();
+      if (r.has_row(light.curved)) area = K::area(s.curved.records<K>()[r.first + light.curved - r.first_row], m);
+    });
+  return area;
+}
+
 }  // namespace
 
 double world_area(const Scene& s, const GeometryLight& light, const daffine& m) {
@@ -34,10 +43,7 @@ double world_area(const Scene& s, const GeometryLight& light, const daffine& m) 
       area += 0.5 * length(cross(m.vector(e1), m.vector(e2)));
     }
   }
-  if (light.sphere >= 0) {
-    const float* g = s.spheres[light.sphere].group_from_object;
-    area += ellipsoid_area(m * daffine{{g[0], g[1], g[2]}, {g[3], g[4], g[5]}, {g[6], g[7], g[8]}, dvec3(0.0)});
-  }
+  if (light.curved >= 0) area += curved_area(s, light, m);
   return area / (s.scale * s.scale);
 }
 
@@ -49,7 +55,7 @@ vec3 placed_radiance(const Scene& s, const GeometryLight& light, const daffine& 
 
 void finish_geometry_lights(Scene& s, const std::vector<daffine>& first_place) {
   GeometryLights& lights = s.geometry_lights;
-  lights.of_mesh.resize(s.meshes.surface.size(), -1), lights.of_sphere.resize(s.spheres.size(), -1);
+  lights.of_mesh.resize(s.meshes.surface.size(), -1), lights.of_curved.resize(s.curved.rows(), -1);
   for (size_t i = 0; i < lights.all.size(); ++i) {
     const GeometryLight& light = lights.all[i];
     const vec3 L = placed_radiance(s, light, first_place[i]);

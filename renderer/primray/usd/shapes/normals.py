@@ -1,33 +1,14 @@
-"""A mesh's authored normals by USD's precedence, unit length, per point or per triangle corner."""
+"""Unit normals of triangles, per point or per corner, from a mesh's authored ones."""
 
 from __future__ import annotations
 
 import numpy as np
-from pxr import UsdGeom
 
 from ...arrays import Floats
-from ..resolving.context import Context
-from ..resolving.read import value
-from ..resolving.resolve import ResolvedPrim
-from .primvars import Primvar, Sizes, check_values, is_per_point, per_corner, read_primvar
+from .primvars import Primvar, is_per_point, per_corner
 from .seam_mesh import Values
 from .triangulate import Triangles
 from .vectors import cross
-
-
-def read_normals(prim: ResolvedPrim, sizes: Sizes, ctx: Context) -> Primvar | None:
-    """`primvars:normals` where it has a value, else `normals` (UsdGeomMesh, UsdGeomPointBased::GetNormalsAttr)."""
-    if "primvars:normals" in prim.names:
-        attribute = prim.prim.GetAttribute("primvars:normals")
-        if attribute.HasAuthoredValue():
-            return read_primvar(attribute, sizes, prim, ctx)
-    if "normals" not in prim.names:
-        return None
-    raw = value(prim.prim.GetAttribute("normals"), ctx.when)
-    if raw is None or len(raw) == 0:
-        return None
-    interpolation = UsdGeom.PointBased(prim.prim).GetNormalsInterpolation()
-    return check_values(raw, interpolation, "normals", sizes, prim, ctx)
 
 
 def shading_normals(normals: Primvar, points: Floats, triangles: Triangles) -> Values:

@@ -15,7 +15,7 @@ from pxr import Usd, UsdGeom
 from ...arrays import Floats
 from ..resolving.color_spaces import in_rendering_space
 from ..resolving.context import Context
-from ..resolving.read import MAX_COLUMNS, array, as_columns, is_single, value
+from ..resolving.read import MAX_COLUMNS, When, array, as_columns, is_single, value
 from ..resolving.resolve import ResolvedPrim
 from .triangulate import Triangles
 
@@ -32,6 +32,17 @@ class Primvar:
         return self.values if self.indices is None else self.values[self.indices]
 
 
+@dataclass(frozen=True, eq=False)
+class AuthoredPrimvar:
+    """As USD has it, of whatever type: nothing is checked."""
+
+    name: str  # of the attribute
+    values: object
+    interpolation: str
+    indices: object = None  # None: not indexed
+    element_size: int = 1
+
+
 @dataclass(frozen=True)
 class Sizes:
     """How many values each interpolation needs on one mesh."""
@@ -44,11 +55,6 @@ class Sizes:
         return {"constant": 1, "uniform": self.faces, "vertex": self.points, "varying": self.points}.get(
             interpolation, self.corners
         )
-
-
-def read_primvar(attribute: Usd.Attribute, sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
-    """A primvar of three columns, indices applied; None, noted, when it does not fit; None if it has no value."""
-    return _of_three(read_raw_primvar(attribute, sizes, prim, ctx), attribute.GetName(), prim, ctx)
 
 
 def read_display_color(sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
@@ -82,59 +88,56 @@ def note_clamped_color(what: str, prim: ResolvedPrim, ctx: Context) -> None:
     ctx.warn("out-of-range", prim.path, f"{what} outside [0, 1] and clamped.", "primvars:displayColor")
 
 
-def check_values(raw: object, interpolation: str, name: str, sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
-    """Values of three columns that belong to no primvar."""
-    return _of_three(_checked(raw, None, interpolation, name, sizes, prim, ctx, 1), name, prim, ctx)
-
-
 def read_display_vectors(sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
-    """The same, indices applied; None, noted, if it has not three columns."""
-    return _of_three(read_display_color(sizes, prim, ctx), "primvars:displayColor", prim, ctx)
+    """primvars:displayColor likewise, indices applied; None, noted, if it has not three columns."""
+    return _of_three(read_display_color(sizes, prim, ctx), "primvars:displayColor", prim.path, ctx)
 
 
-def _of_three(found: Primvar | None, name: str, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
+def checked_vectors(authored: AuthoredPrimvar, sizes: Sizes, path: str, ctx: Context) -> Primvar | None:
+    """Values of three columns, indices applied; None, noted, when they do not fit."""
+    return _of_three(_checked(authored, sizes, path, ctx), authored.name, path, ctx)
+
+
+def _of_three(found: Primvar | None, name: str, path: str, ctx: Context) -> Primvar | None:
     if found is None:
         return None
     if found.values.shape[1] != 3:
-        ctx.warn("invalid-primvar", prim.path, f"{name} is not an array of three floats each.", name)
+        ctx.warn("invalid-primvar", path, f"{name} is not an array of three floats each.", name)
         return None
     return Primvar(found.flat(), found.interpolation)
 
 
 def read_raw_primvar(attribute: Usd.Attribute, sizes: Sizes, prim: ResolvedPrim, ctx: Context) -> Primvar | None:
     """A primvar of 1 to 4 columns with its indices; None, noted, when it does not fit; None if it has no value."""
+    authored = read_authored(attribute, ctx.when)
+    return None if authored is None else _checked(authored, sizes, prim.path, ctx)
+
+
+def read_authored(attribute: Usd.Attribute, when: When) -> AuthoredPrimvar | None:
+    """None if it has no value."""
     primvar = UsdGeom.Primvar(attribute)
-    raw = value(attribute, ctx.when)
+    raw = value(attribute, when)
     if raw is None:
         return None
     if is_single(raw):
         raw = [raw]
-    indices = value(primvar.GetIndicesAttr(), ctx.when) if primvar.IsIndexed() else None
-    name = attribute.GetName()
+    indices = value(primvar.GetIndicesAttr(), when) if primvar.IsIndexed() else None
     element_size = 1 if type(raw).__name__.startswith(("Vec3", "Vec4")) else primvar.GetElementSize()
-    return _checked(raw, indices, primvar.GetInterpolation(), name, sizes, prim, ctx, element_size)
+    return AuthoredPrimvar(attribute.GetName(), raw, primvar.GetInterpolation(), indices, element_size)
 
 
-def _checked(
-    raw: object,
-    raw_indices: object,
-    interpolation: str,
-    name: str,
-    sizes: Sizes,
-    prim: ResolvedPrim,
-    ctx: Context,
-    element_size: int,
-) -> Primvar | None:
-    values = as_columns(raw, element_size)
+def _checked(authored: AuthoredPrimvar, sizes: Sizes, path: str, ctx: Context) -> Primvar | None:
+    name, interpolation = authored.name, authored.interpolation
+    values = as_columns(authored.values, authored.element_size)
     if values is None:
-        of_size = f" of elementSize {element_size}" if element_size != 1 else ""
-        ctx.warn("invalid-primvar", prim.path, f"{name}{of_size} is not an array of one to {MAX_COLUMNS} numbers each.", name)
+        of_size = f" of elementSize {authored.element_size}" if authored.element_size != 1 else ""
+        ctx.warn("invalid-primvar", path, f"{name}{of_size} is not an array of one to {MAX_COLUMNS} numbers each.", name)
         return None
     indices = None
-    if raw_indices is not None:
-        indices = array(raw_indices, 1, "i")
+    if authored.indices is not None:
+        indices = array(authored.indices, 1, "i")
         if indices is None or (len(indices) and (indices.min() < 0 or indices.max() >= len(values))):
-            ctx.warn("invalid-primvar", prim.path, f"{name} has indices outside its {len(values)} values.", name)
+            ctx.warn("invalid-primvar", path, f"{name} has indices outside its {len(values)} values.", name)
             return None
     needed = sizes.of(interpolation)
     count = len(values) if indices is None else len(indices)
@@ -142,7 +145,7 @@ def _checked(
         values, indices = values[:1] if indices is None else values[indices[:1]], None
         count = 1
     if count != needed:
-        ctx.warn("invalid-primvar", prim.path, f"{name} ({interpolation}) has {count} values where {needed} are needed.", name)
+        ctx.warn("invalid-primvar", path, f"{name} ({interpolation}) has {count} values where {needed} are needed.", name)
         return None
     return Primvar(values, interpolation, indices)
 

@@ -14,10 +14,9 @@ from ...arrays import Floats, Ints
 from ...description import Interpolation
 from ...description import Primvar as SeamPrimvar
 from ..resolving.context import Context
-from ..resolving.read import array, read, token
-from ..resolving.resolve import ResolvedPrim
+from .authored_mesh import AuthoredMesh, AuthoredSubdivision
 from .primvars import Primvar, Sizes
-from .topology import Faces, Flags, hole_indices, read_topology, usable_faces
+from .topology import Faces, Flags, Topology, hole_indices, usable_faces
 
 SCHEMES = ("catmullClark", "loop", "bilinear")
 BOUNDARIES = ("edgeAndCorner", "none", "edgeOnly")
@@ -57,20 +56,17 @@ class Cage:
     triangle_rule: str
 
 
-def read_cage(prim: ResolvedPrim, ctx: Context) -> Cage | None:
-    topology = read_topology(prim, ctx)
-    if topology is None:
-        return None
-    points, whole = topology
-    sizes = Sizes(len(whole.counts), len(points), len(whole.indices))
-    points, usable = usable_faces(prim, points, whole, ctx)
-    kept = _kept(whole, usable, _is_left_handed(prim, ctx))
+def make_cage(mesh: AuthoredMesh, authored: AuthoredSubdivision, topology: Topology, ctx: Context) -> Cage | None:
+    """None where no face makes a surface."""
+    path, sizes = mesh.path, topology.sizes
+    points, usable = usable_faces(topology, path, ctx)
+    kept = _kept(topology.faces, usable, mesh.is_left_handed)
     if kept.lost:
-        ctx.warn("faces-degenerate", prim.path, f"{kept.lost} of {sizes.faces} faces have a vertex more than once.")
+        ctx.warn("faces-degenerate", path, f"{kept.lost} of {sizes.faces} faces have a vertex more than once.")
     if len(kept.faces) == 0:
         return None
-    creases = _creases(prim, len(points), ctx)
-    tips, sharpnesses = _sharp_points(prim, len(points), ctx)
+    creases = _creases(authored, len(points), path, ctx)
+    tips, sharpnesses = _sharp_points(authored, len(points), path, ctx)
     return Cage(
         points,
         kept.counts,
@@ -78,14 +74,14 @@ def read_cage(prim: ResolvedPrim, ctx: Context) -> Cage | None:
         kept.faces,
         kept.corners,
         sizes,
-        _holes(prim, sizes.faces, kept.faces, ctx),
+        _holes(mesh, sizes.faces, kept.faces, ctx),
         creases,
         tips,
         sharpnesses,
-        _scheme(prim, kept.counts, ctx),
-        _choice(prim, "interpolateBoundary", BOUNDARIES, ctx),
-        _choice(prim, "faceVaryingLinearInterpolation", FACE_VARYING_RULES, ctx),
-        _choice(prim, "triangleSubdivisionRule", TRIANGLE_RULES, ctx),
+        _scheme(mesh.scheme, kept.counts, path, ctx),
+        _choice(authored.boundary, "interpolateBoundary", BOUNDARIES, path, ctx),
+        _choice(authored.face_varying, "faceVaryingLinearInterpolation", FACE_VARYING_RULES, path, ctx),
+        _choice(authored.triangle_rule, "triangleSubdivisionRule", TRIANGLE_RULES, path, ctx),
     )
 
 
@@ -98,10 +94,6 @@ class _Kept:
     counts: Ints
     points: Ints
     lost: int  # faces that could be rendered, but have a vertex more than once
-
-
-def _is_left_handed(prim: ResolvedPrim, ctx: Context) -> bool:
-    return "orientation" in prim.names and token(prim.prim, "orientation", ctx.when, "rightHanded") == "leftHanded"
 
 
 def _kept(whole: Faces, usable: Flags | None, left_handed: bool) -> _Kept:
@@ -149,52 +141,42 @@ def _turned(counts: Ints, corners: Ints) -> Ints:
     return np.asarray(corners[start + (np.repeat(counts, counts) - place) % np.repeat(counts, counts)])
 
 
-def _holes(prim: ResolvedPrim, authored: int, faces: Ints, ctx: Context) -> Ints | None:
-    holes = hole_indices(prim, authored, ctx)
+def _holes(mesh: AuthoredMesh, authored: int, faces: Ints, ctx: Context) -> Ints | None:
+    holes = hole_indices(mesh, authored, ctx)
     if holes is None:
         return None
     return np.flatnonzero(np.isin(faces, holes)).astype(np.int32)
 
 
-def _scheme(prim: ResolvedPrim, counts: Ints, ctx: Context) -> str:
-    scheme = _choice(prim, "subdivisionScheme", SCHEMES, ctx)
+def _scheme(authored: str, counts: Ints, path: str, ctx: Context) -> str:
+    scheme = _choice(authored, "subdivisionScheme", SCHEMES, path, ctx)
     if scheme == "loop" and (counts != 3).any():
         sentence = f"subdivisionScheme = loop, but {int((counts != 3).sum())} faces are not triangles: catmullClark is used."
-        ctx.warn("subdivision-data", prim.path, sentence, "subdivisionScheme")
+        ctx.warn("subdivision-data", path, sentence, "subdivisionScheme")
         return "catmullClark"
     return scheme
 
 
-def _choice(prim: ResolvedPrim, name: str, known: Sequence[str], ctx: Context) -> str:
-    """The token; the first of those known, noted, where it is none of them."""
-    found = token(prim.prim, name, ctx.when, known[0]) if name in prim.names else known[0]
-    if found in known:
-        return found
-    ctx.warn("subdivision-data", prim.path, f"{name} = {found} is not known: {known[0]} is used.", name)
-    return known[0]
+def _choice(authored: str, name: str, known: Sequence[str], path: str, ctx: Context) -> str:
+    """The token; the first of those known where there is none, and, noted, where it is none of them."""
+    if authored and authored not in known:
+        ctx.warn("subdivision-data", path, f"{name} = {authored} is not known: {known[0]} is used.", name)
+    return authored if authored in known else known[0]
 
 
-def _integers(prim: ResolvedPrim, name: str, ctx: Context) -> Ints | None:
-    values = array(read(prim.prim, name, ctx.when), 1, "i") if name in prim.names else None
-    return None if values is None else values.astype(np.int32)
-
-
-def _sharpnesses(prim: ResolvedPrim, name: str, ctx: Context) -> Floats | None:
-    """Sharpnesses; what is not a number counts as smooth."""
-    values = array(read(prim.prim, name, ctx.when), 1, "f") if name in prim.names else None
+def _sharpnesses(values: Floats | None, name: str, path: str, ctx: Context) -> Floats | None:
+    """In [0, 10]; what is not a number counts as smooth."""
     if values is None:
         return None
     if np.isnan(values).any():
-        ctx.warn("subdivision-data", prim.path, f"{name} has values that are not numbers: they count as 0.", name)
+        ctx.warn("subdivision-data", path, f"{name} has values that are not numbers: they count as 0.", name)
     return np.asarray(np.nan_to_num(np.clip(values, 0, 10), nan=0.0), np.float32)
 
 
-def _creases(prim: ResolvedPrim, points: int, ctx: Context) -> Creases | None:
-    lengths = _integers(prim, "creaseLengths", ctx)
-    indices = _integers(prim, "creaseIndices", ctx)
-    sharpnesses = _sharpnesses(prim, "creaseSharpnesses", ctx)
-    parts = (lengths, indices, sharpnesses)
-    if all(part is None or len(part) == 0 for part in parts):
+def _creases(authored: AuthoredSubdivision, points: int, path: str, ctx: Context) -> Creases | None:
+    lengths, indices = authored.crease_lengths, authored.crease_points
+    sharpnesses = _sharpnesses(authored.crease_sharpnesses, "creaseSharpnesses", path, ctx)
+    if all(part is None or len(part) == 0 for part in (lengths, indices, sharpnesses)):
         return None
     problem = ""
     if lengths is None or indices is None or sharpnesses is None:
@@ -206,25 +188,26 @@ def _creases(prim: ResolvedPrim, points: int, ctx: Context) -> Creases | None:
     elif len(indices) and (indices.min() < 0 or indices.max() >= points):
         problem = "creaseIndices has indices outside the points"
     if problem or lengths is None or indices is None or sharpnesses is None:
-        ctx.warn("subdivision-data", prim.path, f"Creases are ignored: {problem}.", "creaseIndices")
+        ctx.warn("subdivision-data", path, f"Creases are ignored: {problem}.", "creaseIndices")
         return None
     return Creases(lengths, indices, sharpnesses)
 
 
-def _sharp_points(prim: ResolvedPrim, points: int, ctx: Context) -> tuple[Ints | None, Floats | None]:
-    indices = _integers(prim, "cornerIndices", ctx)
-    sharpnesses = _sharpnesses(prim, "cornerSharpnesses", ctx)
+def _sharp_points(
+    authored: AuthoredSubdivision, points: int, path: str, ctx: Context
+) -> tuple[Ints, Floats] | tuple[None, None]:
+    indices = authored.corner_points
+    sharpnesses = _sharpnesses(authored.corner_sharpnesses, "cornerSharpnesses", path, ctx)
     if all(part is None or len(part) == 0 for part in (indices, sharpnesses)):
         return None, None
     if indices is None or sharpnesses is None or len(indices) != len(sharpnesses):
         counts = [0 if part is None else len(part) for part in (indices, sharpnesses)]
         sentence = f"Corners are ignored: {counts[1]} cornerSharpnesses for {counts[0]} cornerIndices."
-        ctx.warn("subdivision-data", prim.path, sentence, "cornerSharpnesses")
+        ctx.warn("subdivision-data", path, sentence, "cornerSharpnesses")
         return None, None
     if indices.min() < 0 or indices.max() >= points:
-        ctx.warn(
-            "subdivision-data", prim.path, "Corners are ignored: cornerIndices has indices outside the points.", "cornerIndices"
-        )
+        sentence = "Corners are ignored: cornerIndices has indices outside the points."
+        ctx.warn("subdivision-data", path, sentence, "cornerIndices")
         return None, None
     return indices, sharpnesses
 

@@ -5,8 +5,9 @@ What neither has is left out: then the instance's own may stand in (instance_pri
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -68,9 +69,10 @@ def constant_primvars(prim: ResolvedPrim, surfaces: Collection[Surface], ctx: Co
 
 def read_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], sizes: Sizes, ctx: Context) -> list[tuple[str, Primvar]]:
     """What surfaces read of a shape, by name, checked against its sizes; no more columns than are read."""
+    read = cache(lambda name: _own(prim, name, sizes, ctx) or _handed_down(prim, name))
     found = []
     for name, width in names_read(surfaces).items():
-        primvar = _own(prim, name, sizes, ctx) or _handed_down(prim, name)
+        primvar = read(name)
         if primvar is None:
             if name not in prim.inherited.per_instance:
                 message = f"A material reads primvars:{name}, which it lacks: the fallback is used."
@@ -81,14 +83,16 @@ def read_primvars(prim: ResolvedPrim, surfaces: Iterable[Surface], sizes: Sizes,
         else:
             values = np.ascontiguousarray(finite(primvar.values, f"primvars:{name}", prim, ctx)[:, :width])
             found.append((name, Primvar(values, primvar.interpolation, primvar.indices)))
-    return found + _for_aovs(prim, {name: p.values.shape[1] for name, p in found}, sizes, ctx) if ctx.aov_primvars else found
+    return found + _for_aovs(prim, {name: p.values.shape[1] for name, p in found}, read, ctx) if ctx.aov_primvars else found
 
 
-def _for_aovs(prim: ResolvedPrim, widths: dict[str, int], sizes: Sizes, ctx: Context) -> list[tuple[str, Primvar]]:
+def _for_aovs(
+    prim: ResolvedPrim, widths: dict[str, int], read: Callable[[str], Primvar | None], ctx: Context
+) -> list[tuple[str, Primvar]]:
     """What AOVs show of a shape beyond what its surfaces read (`widths`): all numbers of each element."""
     found = []
     for name in ctx.aov_primvars:
-        primvar = _own(prim, name, sizes, ctx) or _handed_down(prim, name)
+        primvar = read(name)
         if primvar is not None and primvar.values.shape[1] != widths.get(name):
             values = np.ascontiguousarray(finite(primvar.values, f"primvars:{name}", prim, ctx))
             found.append((WIDE + name if name in widths else name, Primvar(values, primvar.interpolation, primvar.indices)))

@@ -1,4 +1,4 @@
-"""A mesh's points and faces as authored, checked: what polygons (adapters.mesh) and cages (adapters.cage) both start from."""
+"""A mesh's points and faces, checked: what polygons (polygons.py) and cages (subdivision.py) both start from."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ import numpy.typing as npt
 
 from ...arrays import Floats, Ints
 from ..resolving.context import Context
-from ..resolving.notes import note_velocities
-from ..resolving.read import array, read
-from ..resolving.resolve import ResolvedPrim
+from .authored_mesh import AuthoredMesh
+from .primvars import Sizes
 
 Flags = npt.NDArray[np.bool_]
 
@@ -35,7 +34,47 @@ class Faces:
     made: dict[Any, Any] = field(default_factory=dict)
 
 
-def _faces(counts: Ints, indices: Ints, prim: ResolvedPrim, ctx: Context) -> Faces | None:
+@dataclass(frozen=True, eq=False)
+class Topology:
+    points: Floats  # (N, 3) float32, object space, scene units; as authored
+    faces: Faces
+
+    @property
+    def sizes(self) -> Sizes:
+        return Sizes(len(self.faces.counts), len(self.points), len(self.faces.indices))
+
+
+class _SharedFaces(dict[tuple[bytes, bytes], Faces]):
+    """By content, of small meshes."""
+
+
+def topology_of(mesh: AuthoredMesh, ctx: Context) -> Topology | None:
+    """Points and faces where they fit together; None where they do not, noted, and for an empty mesh."""
+    points, counts, indices = mesh.points, mesh.counts, mesh.indices
+    if points is None or counts is None or indices is None:
+        _note_missing(mesh, ctx)
+        return None
+    if len(indices) > SHARED_CORNERS:
+        faces = _faces(counts, indices, mesh.path, ctx)
+    else:
+        key = (counts.tobytes(), indices.tobytes())
+        shared = ctx.kept.of(_SharedFaces)
+        faces = shared.get(key) or _faces(counts, indices, mesh.path, ctx)
+        if faces is not None:
+            shared[key] = faces
+    return None if faces is None else Topology(points, faces)
+
+
+def _note_missing(mesh: AuthoredMesh, ctx: Context) -> None:
+    if mesh.counts is None and mesh.indices is None and not mesh.has_points:
+        ctx.warn("invalid-mesh", mesh.path, "The mesh has no points and no faces.")
+        return
+    parts = {"faceVertexCounts": mesh.counts, "faceVertexIndices": mesh.indices, "points": mesh.points}
+    bad = [name for name, values in parts.items() if values is None]
+    ctx.warn("invalid-mesh", mesh.path, f"{', '.join(bad)}: missing, or of the wrong type.", bad[0])
+
+
+def _faces(counts: Ints, indices: Ints, path: str, ctx: Context) -> Faces | None:
     """None where they do not fit together, noted, or there are none."""
     if len(counts) == 0:
         return None
@@ -43,7 +82,7 @@ def _faces(counts: Ints, indices: Ints, prim: ResolvedPrim, ctx: Context) -> Fac
     if least < 0 or int(counts.sum(dtype=np.int64)) != len(indices):
         ctx.warn(
             "invalid-mesh",
-            prim.path,
+            path,
             f"faceVertexCounts sum to {int(counts.sum(dtype=np.int64))}, but there are {len(indices)} faceVertexIndices.",
             "faceVertexCounts",
         )
@@ -52,44 +91,13 @@ def _faces(counts: Ints, indices: Ints, prim: ResolvedPrim, ctx: Context) -> Fac
     return Faces(counts, indices, low, high, least >= 3, len(indices) <= SHARED_CORNERS)
 
 
-class _SharedFaces(dict[tuple[bytes, bytes], Faces]):
-    """By content, of small meshes."""
-
-
-def read_topology(prim: ResolvedPrim, ctx: Context) -> tuple[Floats, Faces] | None:
-    """Points and faces where they fit together; None for an empty mesh too."""
-    counts = array(read(prim.prim, "faceVertexCounts", ctx.when), 1, "i")
-    indices = array(read(prim.prim, "faceVertexIndices", ctx.when), 1, "i")
-    raw_points = read(prim.prim, "points", ctx.when)
-    points = array(raw_points, 3, "f")
-    if counts is None and indices is None and raw_points is None:
-        ctx.warn("invalid-mesh", prim.path, "The mesh has no points and no faces.")
-        return None
-    if counts is None or indices is None or points is None:
-        bad = [n for n, v in (("faceVertexCounts", counts), ("faceVertexIndices", indices), ("points", points)) if v is None]
-        ctx.warn("invalid-mesh", prim.path, f"{', '.join(bad)}: missing, or of the wrong type.", bad[0])
-        return None
-    key = (counts.tobytes(), indices.tobytes()) if len(indices) <= SHARED_CORNERS else None
-    shared = ctx.kept.of(_SharedFaces)
-    faces = (shared.get(key) if key is not None else None) or _faces(counts, indices, prim, ctx)
-    if faces is None:
-        return None
-    if key is not None:
-        shared[key] = faces
-    note_velocities(prim, "points", ctx)
-    return points.astype(np.float32, copy=False), faces
-
-
-def all_usable(points: Floats, faces: Faces) -> bool:
-    return bool(faces.low >= 0 and faces.high < len(points) and faces.has_area and _largest(points) <= LARGEST)
-
-
-def usable_faces(prim: ResolvedPrim, points: Floats, faces: Faces, ctx: Context) -> tuple[Floats, Flags | None]:
+def usable_faces(topology: Topology, path: str, ctx: Context) -> tuple[Floats, Flags | None]:
     """The points with 0 for those that are not finite, and the faces that can be rendered; None for all of them."""
-    if all_usable(points, faces):
-        return points, None
+    points, faces = topology.points, topology.faces
     in_range = faces.low >= 0 and faces.high < len(points)
     all_finite = _largest(points) <= LARGEST
+    if in_range and all_finite and faces.has_area:
+        return points, None
     counts, indices = faces.counts, faces.indices
     bad_corner = (indices < 0) | (indices >= len(points))
     reasons = {} if in_range else {"faceVertexIndices": "indices out of range"}
@@ -105,7 +113,7 @@ def usable_faces(prim: ResolvedPrim, points: Floats, faces: Faces, ctx: Context)
     keep[np.repeat(np.arange(len(counts)), counts)[bad_corner]] = False
     if not keep.all():
         message = f"{int((~keep).sum())} of {len(counts)} faces: {', '.join(reasons.values())}."
-        ctx.warn("faces-dropped", prim.path, message, next(iter(reasons)))
+        ctx.warn("faces-dropped", path, message, next(iter(reasons)))
     return points, keep
 
 
@@ -114,21 +122,20 @@ def _largest(points: Floats) -> float:
     return max(float(points.max()), -float(points.min())) if points.size else 0.0
 
 
-def hole_indices(prim: ResolvedPrim, faces: int, ctx: Context) -> Ints | None:
-    if "holeIndices" not in prim.names:
-        return None
-    holes = array(read(prim.prim, "holeIndices", ctx.when), 1, "i")
+def hole_indices(mesh: AuthoredMesh, faces: int, ctx: Context) -> Ints | None:
+    """The holes that are among the faces; None where none are authored."""
+    holes = mesh.holes
     if holes is None or len(holes) == 0:
         return None
     inside = holes[(holes >= 0) & (holes < faces)]
     if len(inside) < len(holes):
-        ctx.warn("invalid-primvar", prim.path, f"holeIndices has indices outside the {faces} faces.", "holeIndices")
+        ctx.warn("invalid-primvar", mesh.path, f"holeIndices has indices outside the {faces} faces.", "holeIndices")
     return inside
 
 
-def without_holes(keep: Flags | None, prim: ResolvedPrim, faces: int, ctx: Context) -> Flags | None:
+def without_holes(keep: Flags | None, mesh: AuthoredMesh, faces: int, ctx: Context) -> Flags | None:
     """`keep` without the faces that holeIndices names: polygons have no other use for them."""
-    holes = hole_indices(prim, faces, ctx)
+    holes = hole_indices(mesh, faces, ctx)
     if holes is None:
         return keep
     kept = np.ones(faces, bool) if keep is None else keep

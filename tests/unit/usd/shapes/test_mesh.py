@@ -69,6 +69,13 @@ def test_primvars_normals_beat_normals() -> None:
     assert codes == ["invalid-primvar"]
 
 
+@pytest.mark.parametrize("normals", ["float normals = 1", "asset normals = @n@", 'string normals = "n"'])
+def test_normals_that_are_no_array_are_noted(normals: str) -> None:
+    shape, _, codes = mesh(normals)
+    assert shape.normals is None
+    assert codes == ["invalid-primvar"]
+
+
 @pytest.mark.conforms("PointBased.normals")
 def test_face_varying_normals_follow_corners() -> None:
     values = ", ".join(f"(0, {k}, 1)" for k in range(7))

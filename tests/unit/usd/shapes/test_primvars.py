@@ -7,20 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pxr import Usd
 
 from primray.description import Interpolation, Mesh, Primvar, PrimvarInput, SceneDescription, Sphere
-from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
 from primray.usd import translate
-from primray.usd.resolving.context import Context
-from primray.usd.resolving.poses import Poses
-from primray.usd.resolving.read import When
-from primray.usd.resolving.resolve import Inherited, ResolvedPrim
-from primray.usd.shapes.subdivision import read_cage
 from primray.usd.shapes.surface_primvars import cage_primvars
 
 from ..usd_text import stage_of, translate_text
+from .resolved_cage import resolved_cage
 
 
 def reader(width: int, name: str = "p", default: str = "") -> str:
@@ -298,15 +292,10 @@ def test_cages_keep_interpolations_and_indices() -> None:
     int[] primvars:faceVarying:indices = [0, 0, 1, 1, 0, 0, 1, 1]
 """
     names = ("constant", "uniform", "vertex", "varying", "faceVarying")
-    stage = stage_of(reader(1) + quads(text))
-    prim = stage.GetPrimAtPath("/mesh")
-    authored = frozenset(prim.GetAuthoredPropertyNames())
-    ctx = Context(stage, RenderSettings(), When(Usd.TimeCode.Default(), False), (), (), Diagnostics())
-    resolved = ResolvedPrim(prim, "/mesh", "Mesh", authored, Inherited(), Poses())
+    stage = stage_of(reader(1) + quads(text).replace('"none"', '"catmullClark"'))
+    resolved, cage, ctx = resolved_cage(stage, "/mesh")
     surface = translate(stage, RenderSettings())[0].surfaces[0]
     read = [(f"f{i}", PrimvarInput(name, (0.0,))) for i, name in enumerate(names)]
-    cage = read_cage(resolved, ctx)
-    assert cage is not None
     found = cage_primvars(resolved, [replace(surface, inputs=tuple(read))], cage, ctx)
     kinds = [Interpolation.CONSTANT, Interpolation.FACE, Interpolation.POINT, Interpolation.VARYING, Interpolation.CORNER]
     assert [p.interpolation for p in found] == kinds

@@ -6,20 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pxr import Usd
 
 from primray import core
 from primray.description import Interpolation, PrimvarInput, SubdivisionMesh, Surface
-from primray.diagnostics import Diagnostics
 from primray.settings import RenderSettings
-from primray.usd.resolving.context import Context
-from primray.usd.resolving.poses import Poses
-from primray.usd.resolving.read import When
-from primray.usd.resolving.resolve import Inherited, ResolvedPrim
-from primray.usd.shapes.subdivision import read_cage
 from primray.usd.shapes.surface_primvars import cage_primvars
 
 from ..usd_text import stage_of, translate_text
+from .resolved_cage import resolved_cage
 
 CUBE = """def Mesh "cube" {
     int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
@@ -252,11 +246,7 @@ ST = """texCoord2f[] primvars:st = [(0, 0), (1, 0), (1, 1), (0, 1)] (interpolati
 def test_primvars_by_name() -> None:
     indices = [(3 * k) % 4 for k in range(24)]
     stage = stage_of(CUBE.replace("BODY", ST.replace("INDICES", ", ".join(map(str, indices)))))
-    prim = stage.GetPrimAtPath("/cube")
-    ctx = Context(stage, RenderSettings(), When(Usd.TimeCode.Default(), False), (), (), Diagnostics())
-    resolved = ResolvedPrim(prim, "/cube", "Mesh", frozenset(prim.GetAuthoredPropertyNames()), Inherited(), Poses())
-    found_cage = read_cage(resolved, ctx)
-    assert found_cage is not None
+    resolved, found_cage, ctx = resolved_cage(stage, "/cube")
     names = {"st": 2, "absent": 1, "weight": 1, "id": 1, "single": 1, "label": 1}
     reads = Surface("", inputs=tuple((n, PrimvarInput(n, (0.0,) * width)) for n, width in names.items()))
     st, weight, number, single = cage_primvars(resolved, [reads], found_cage, ctx)

@@ -14,23 +14,13 @@ from ....description import Interpolation, Primvar, SubdivisionMesh, Surface
 from ...resolving.context import Context
 from ...resolving.resolve import ResolvedPrim
 from ...shapes.primvars import read_display_color
-from ...shapes.subdivision import Cage, is_closed_cage, on_cage, read_cage
+from ...shapes.subdivision import Cage, is_closed_cage, on_cage
 from ...shapes.surface_primvars import cage_primvars
 from ..materials.surface import FALLBACK_COLOR, Appearance, is_hidden, make_surface
 from .face_parts import face_parts
 
 
-class _Shared(dict[str, Cage]):
-    """By prim path, where prototypes share it."""
-
-
-def cage(prim: ResolvedPrim, ctx: Context) -> SubdivisionMesh | None:
-    shared = ctx.kept.of(_Shared)
-    found = shared.get(prim.path) or read_cage(prim, ctx)
-    if found is None:
-        return None
-    if prim.path in ctx.shares:
-        shared[prim.path] = found
+def cage(prim: ResolvedPrim, found: Cage, ctx: Context) -> SubdivisionMesh | None:
     whole = face_parts(prim, found.sizes.faces, ctx)
     parts, part_of_face = whole.appearances, whole.of_face[found.faces]
     colors = None

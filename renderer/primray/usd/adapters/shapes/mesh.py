@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -13,49 +13,39 @@ import numpy.typing as npt
 from ....arrays import Floats, Ints
 from ....description import Mesh, SubdivisionMesh
 from ...resolving.context import Context
-from ...resolving.read import token
+from ...resolving.notes import note_velocities
 from ...resolving.resolve import ResolvedPrim
-from ...shapes.normals import read_normals, shading_normals
-from ...shapes.pairs import paired
-from ...shapes.primvars import Sizes, is_per_point, per_corner, read_display_vectors
+from ...shapes.authored_mesh import read_mesh
+from ...shapes.polygons import Polygons, make_polygons
+from ...shapes.primvars import is_per_point, per_corner, read_display_vectors
 from ...shapes.seam_mesh import Values, keep_triangles, seam_mesh
+from ...shapes.subdivision import Cage, make_cage
 from ...shapes.surface_primvars import mesh_primvars, moved
-from ...shapes.topology import Faces, all_usable, read_topology, usable_faces, without_holes
-from ...shapes.triangulate import Fan, Triangles, fan_of, flipped, triangulate
+from ...shapes.topology import topology_of
 from ..materials.surface import FALLBACK_COLOR, Appearance, appearance_of, is_hidden, make_surface
 from .cage import cage
 from .face_parts import FaceParts, face_parts
 
 
-@dataclass(frozen=True)
-class Geometry:
-    """What does not depend on materials: shared by the prototypes that hold the same prim."""
-
-    points: Floats
-    triangles: Triangles
-    normals: Values | None
-    sizes: Sizes
-
-
-class _Shared(dict[str, Geometry]):
-    """By prim path, where prototypes share it."""
+class _Shared(dict[str, Polygons | Cage]):
+    """What does not depend on materials, by prim path, where several prototypes hold it."""
 
 
 def mesh(prim: ResolvedPrim, ctx: Context) -> Mesh | SubdivisionMesh | None:
-    if "subdivisionScheme" not in prim.names or token(prim.prim, "subdivisionScheme", ctx.when, "catmullClark") != "none":
-        return cage(prim, ctx)
     shared = ctx.kept.of(_Shared)
     geometry = shared.get(prim.path) or _geometry(prim, ctx)
     if geometry is None:
         return None
     if prim.path in ctx.shares:
         shared[prim.path] = geometry
+    if isinstance(geometry, Cage):
+        return cage(prim, geometry, ctx)
     if prim.subsets:
         return _with_subsets(prim, geometry, face_parts(prim, geometry.sizes.faces, ctx), ctx)
     return _shape(prim, geometry, appearance_of(prim, prim.material, ctx), ctx)
 
 
-def _shape(prim: ResolvedPrim, geometry: Geometry, appearance: Appearance, ctx: Context) -> Mesh | None:
+def _shape(prim: ResolvedPrim, geometry: Polygons, appearance: Appearance, ctx: Context) -> Mesh | None:
     if is_hidden(appearance):
         return None
     colors = _colors(prim, geometry, ctx) if appearance.varying_color else None
@@ -73,68 +63,19 @@ def _shape(prim: ResolvedPrim, geometry: Geometry, appearance: Appearance, ctx: 
     )
 
 
-def _geometry(prim: ResolvedPrim, ctx: Context) -> Geometry | None:
-    topology = read_topology(prim, ctx)
+def _geometry(prim: ResolvedPrim, ctx: Context) -> Polygons | Cage | None:
+    """The prim is read once; the rest is made from that."""
+    authored = read_mesh(prim, ctx.when)
+    topology = topology_of(authored, ctx)
     if topology is None:
         return None
-    points, faces = topology
-    sizes = Sizes(len(faces.counts), len(points), len(faces.indices))
-    alike, keep = _alike(points, faces) if "holeIndices" not in prim.names else None, None
-    if alike is not None:
-        points, triangles = alike
-    else:
-        points, usable = usable_faces(prim, points, faces, ctx)
-        keep = without_holes(usable, prim, sizes.faces, ctx)
-        triangles = triangulate(points, faces.counts, faces.indices, keep)
-        _note_degenerate(prim, keep, sizes.faces, triangles, faces.counts, ctx)
-    if len(triangles.faces) == 0:
-        return None
-    if "orientation" in prim.names and token(prim.prim, "orientation", ctx.when, "rightHanded") == "leftHanded":
-        triangles = flipped(triangles)
-    triangles = paired(triangles)
-    return Geometry(points, triangles, _normals(prim, points, triangles, sizes, ctx), sizes)
+    note_velocities(prim, "points", ctx)
+    if authored.subdivision is None:
+        return make_polygons(authored, topology, ctx)
+    return make_cage(authored, authored.subdivision, topology, ctx)
 
 
-def _alike(points: Floats, faces: Faces) -> tuple[Floats, Triangles] | None:
-    """Points and triangles of all small meshes that are alike; None where they are not simple fans, or not all usable."""
-    if not faces.is_shared:
-        return None
-    if "fan" not in faces.made:
-        faces.made["fan"] = fan_of(faces.counts, faces.indices)
-    fan: Fan | None = faces.made["fan"]
-    if fan is None:
-        return None
-    key = points.tobytes()
-    known: Floats | None = faces.made.get(key)
-    if known is None and all_usable(points, faces) and fan.fits(points):
-        known = faces.made[key] = np.frombuffer(key, points.dtype).reshape(points.shape)  # these bytes are kept anyway
-    return None if known is None else (known, fan.triangles)
-
-
-def _note_degenerate(
-    prim: ResolvedPrim,
-    keep: npt.NDArray[np.bool_] | None,
-    faces: int,
-    triangles: Triangles,
-    counts: Ints,
-    ctx: Context,
-) -> None:
-    """Say how many faces vanished altogether; triangles without area inside a face need no word."""
-    wanted = faces if keep is None else int(keep.sum())
-    if len(triangles.faces) >= int((counts if keep is None else counts[keep]).sum()) - 2 * wanted:
-        return
-    lost = wanted - len(np.unique(triangles.faces))
-    if lost:
-        ctx.warn("faces-degenerate", prim.path, f"{lost} of {faces} faces have no area.")
-
-
-def _normals(prim: ResolvedPrim, points: Floats, triangles: Triangles, sizes: Sizes, ctx: Context) -> Values | None:
-    """None where the mesh is to look faceted: polygonal without normals."""
-    normals = read_normals(prim, sizes, ctx)
-    return None if normals is None else shading_normals(normals, points, triangles)
-
-
-def _colors(prim: ResolvedPrim, geometry: Geometry, ctx: Context) -> Values | None:
+def _colors(prim: ResolvedPrim, geometry: Polygons, ctx: Context) -> Values | None:
     primvar = read_display_vectors(geometry.sizes, prim, ctx)
     if primvar is None:
         return None
@@ -145,7 +86,7 @@ def _colors(prim: ResolvedPrim, geometry: Geometry, ctx: Context) -> Values | No
     return Values(per_corner(primvar, geometry.triangles), "corner")
 
 
-def _with_subsets(prim: ResolvedPrim, geometry: Geometry, found: FaceParts, ctx: Context) -> Mesh | None:
+def _with_subsets(prim: ResolvedPrim, geometry: Polygons, found: FaceParts, ctx: Context) -> Mesh | None:
     """A surface per triangle."""
     parts = found.appearances
     of_triangle = found.of_face[geometry.triangles.faces]
@@ -173,7 +114,7 @@ def _with_subsets(prim: ResolvedPrim, geometry: Geometry, found: FaceParts, ctx:
 
 def _subset_colors(
     prim: ResolvedPrim,
-    geometry: Geometry,
+    geometry: Polygons,
     varying: npt.NDArray[np.bool_],
     visible: npt.NDArray[np.bool_],
     ctx: Context,

@@ -1,0 +1,44 @@
+// Which curved shape W hits are on, and where.
+#pragma once
+
+#include "surface/hit_group.hpp"
+
+namespace primray {
+
+// The row of the CurvedTable of what lanes `active` met; 0 in other lanes.
+template <int W>
+PRIMRAY_INLINE vint<W> curved_row(const Scene& scene, const HitGroup<W>& in, vbool<W> active, const Hits<W>& h) {
+  vint<W> row(0);
+  for_curved_kinds([&]<class K>(K) {
+    if (!scene.curved.has<K>()) return;
+    const vint<W> first = in.base(scene, [](const Group& g) { return g.curved.template of<K>().first_row; });
+    row = select(in.is(active, K::kGeometry), first + h.prim, row);
+  });
+  return row;
+}
+
+template <int W>
+struct CurvedHit {
+  vbool<W> is{false};
+  bool any_is = false;
+  vint<W> row{0};
+  CurvedPoint<W> at{vvec3<W>(vfloat<W>(0.0f)), vvec3<W>(vfloat<W>(0.0f)), vvec3<W>(vfloat<W>(0.0f))};  // where it is one
+
+  PRIMRAY_INLINE CurvedHit(const Scene& scene, const HitGroup<W>& in, vbool<W> active, const Hits<W>& h) {
+    for_curved_kinds([&]<class K>(K) {
+      if (!scene.curved.has<K>()) return;
+      const vbool<W> m = in.is(active, K::kGeometry);
+      if (!any(m)) return;
+      const vint<W> first = in.base(scene, [](const Group& g) { return g.curved.template of<K>().first; });
+      const vint<W> first_row = in.base(scene, [](const Group& g) { return g.curved.template of<K>().first_row; });
+      const vint<W> zero(0);
+      const CurvedPoint<W> found = K::at(scene.curved.records<K>(), select(m, first + h.prim, zero), h);
+      is |= m, any_is = true;
+      row = select(m, first_row + h.prim, row);
+      at.p = select(m, found.p, at.p), at.normal = select(m, found.normal, at.normal);
+      at.spread = select(m, found.spread, at.spread);
+    });
+  }
+};
+
+}  // namespace primray

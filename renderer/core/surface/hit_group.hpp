@@ -1,0 +1,76 @@
+// The group that W hits are in, and its instance.
+#pragma once
+
+#include <functional>
+
+#include "math/affine_lanes.hpp"
+#include "ray/rays.hpp"
+#include "scene/scene.hpp"
+
+namespace primray {
+
+// The group that was hit, the geometry in it, and the instance it was hit in; of two levels of instances the inner one, and
+// `outer`.
+template <int W>
+struct HitGroup {
+  vbool<W> instanced, grouped;
+  bool any_instanced, any_grouped;
+  vint<W> geom;                               // as Embree numbers it within the group
+  vint<W> placement, group, instance, outer;  // 0 where not instanced
+
+  PRIMRAY_INLINE HitGroup(const Scene& scene, vbool<W> active, const Hits<W>& h)
+      : grouped(false), any_grouped(false), geom(h.geom), placement(0), group(0), instance(0), outer(0) {
+    instanced = scene.has_instances ? active & (h.inst != vint<W>(-1)) : vbool<W>(false);
+    any_instanced = scene.has_instances && any(instanced);
+    if (!any_instanced) return;
+    const vint<W> zero(0);
+    const int32_t first_id = int32_t(kFirstPlacement) - int32_t(scene.groups[0].placement_base);
+    placement = select(instanced, h.inst - vint<W>(first_id), zero);
+    if (scene.has_grouped) {
+      const GroupedHit<W> hit(instanced, h.geom, h.inst);
+      grouped = hit.grouped, any_grouped = any(grouped);
+      placement = select(grouped, hit.placement, placement);
+      geom = select(grouped, hit.geom, geom);
+      outer = select(grouped, hit.outer, zero);
+    }
+    group = select(instanced, gather<W>(scene.placement_group.data(), placement), zero);
+    instance = select(instanced, gather<W>(scene.placement_instance.data(), placement) + h.inst_prim, zero);
+  }
+  PRIMRAY_INLINE vbool<W> is(vbool<W> active, uint32_t geometry) const { return active & (geom == vint<W>(int32_t(geometry))); }
+  PRIMRAY_INLINE vbool<W> is_triangle(const Scene& scene, vbool<W> active) const {
+    vbool<W> found = is(active, kTriangleGeometry);
+    if (scene.has_pairs) found |= is(active, kPairGeometry);
+    if (scene.has_cutouts) found |= is(active, kCutoutGeometry);
+    return found;
+  }
+  // World from group, of instanced lanes; `rounded`: the size of what was rounded in composing it.
+  PRIMRAY_INLINE AffineLanes<W> matrix(const Scene& scene, vvec3<W>& rounded) const {
+    AffineLanes<W> m(scene.world_from_group.data(), instance * vint<W>(12));
+    rounded = vvec3<W>(vfloat<W>(0.0f));
+    if (any_grouped) rounded = m.move(grouped, AffineLanes<W>(scene.world_from_group.data(), outer * vint<W>(12)));
+    return m;
+  }
+  // What `field(group)` says of each lane's group.
+  template <class Field>
+  PRIMRAY_INLINE vint<W> base(const Scene& scene, const Field& field) const {
+    if (!any_instanced) return vint<W>(int32_t(std::invoke(field, scene.groups[0])));
+    vint<W> b;
+    for (int i = 0; i < W; ++i) b.set(i, int32_t(std::invoke(field, scene.groups[group[i]])));
+    return b;
+  }
+  // Triangles that were hit, counted over the scene; 0 in other lanes.
+  PRIMRAY_INLINE vint<W> triangle(const Scene& scene, vbool<W> is_triangle, const Hits<W>& h) const {
+    vint<W> first = base(scene, &Group::triangle_base);
+    if (scene.has_pairs) {
+      const vbool<W> alone = is(vbool<W>(true), kTriangleGeometry);
+      if (any(alone & is_triangle)) first = first + select(alone, base(scene, &Group::paired_count), vint<W>(0));
+    }
+    if (scene.has_cutouts) {
+      const vbool<W> cutout = is(vbool<W>(true), kCutoutGeometry);
+      first = first + select(cutout, base(scene, &Group::triangle_count), vint<W>(0));
+    }
+    return select(is_triangle, first + h.prim, vint<W>(0));
+  }
+};
+
+}  // namespace primray

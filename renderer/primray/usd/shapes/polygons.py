@@ -1,0 +1,77 @@
+"""A polygonal mesh without its materials: faces that can be rendered as triangles, turned outwards, and their normals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...arrays import Floats, Ints
+from ..resolving.context import Context
+from .authored_mesh import AuthoredMesh
+from .normals import shading_normals
+from .pairs import paired
+from .primvars import Sizes, checked_vectors
+from .seam_mesh import Values
+from .topology import Faces, Flags, Topology, usable_faces, without_holes
+from .triangulate import Fan, Triangles, fan_of, flipped, triangulate
+
+
+@dataclass(frozen=True, eq=False)
+class Polygons:
+    points: Floats  # (N, 3) float32, object space, scene units; as authored, but 0 where they are not finite
+    triangles: Triangles
+    normals: Values | None  # unit length; None: faceted
+    sizes: Sizes  # as authored
+
+
+def make_polygons(mesh: AuthoredMesh, topology: Topology, ctx: Context) -> Polygons | None:
+    """None where no face has area."""
+    points, triangles = _triangulated(mesh, topology, ctx)
+    if len(triangles.faces) == 0:
+        return None
+    triangles = paired(flipped(triangles) if mesh.is_left_handed else triangles)
+    sizes = topology.sizes
+    return Polygons(points, triangles, _normals(mesh, points, triangles, sizes, ctx), sizes)
+
+
+def _normals(mesh: AuthoredMesh, points: Floats, triangles: Triangles, sizes: Sizes, ctx: Context) -> Values | None:
+    normals = None if mesh.normals is None else checked_vectors(mesh.normals, sizes, mesh.path, ctx)
+    return None if normals is None else shading_normals(normals, points, triangles)
+
+
+def _triangulated(mesh: AuthoredMesh, topology: Topology, ctx: Context) -> tuple[Floats, Triangles]:
+    """Points and triangles; of small meshes that are simple fans, one object for all that are alike."""
+    faces = topology.faces
+    fan = _fan(faces) if mesh.holes is None else None
+    key = b"" if fan is None else topology.points.tobytes()
+    if fan is not None and key in faces.made:
+        return faces.made[key], fan.triangles
+    points, usable = usable_faces(topology, mesh.path, ctx)
+    if fan is not None and usable is None and fan.fits(points):
+        faces.made[key] = np.frombuffer(key, points.dtype).reshape(points.shape)  # these bytes are kept anyway
+        return faces.made[key], fan.triangles
+    keep = without_holes(usable, mesh, len(faces.counts), ctx)
+    triangles = triangulate(points, faces.counts, faces.indices, keep)
+    _note_degenerate(mesh.path, keep, triangles, faces.counts, ctx)
+    return points, triangles
+
+
+def _fan(faces: Faces) -> Fan | None:
+    """What the faces are as a fan, found once for all meshes that share them; None where they are none."""
+    if not faces.is_shared:
+        return None
+    if "fan" not in faces.made:
+        faces.made["fan"] = fan_of(faces.counts, faces.indices)
+    found: Fan | None = faces.made["fan"]
+    return found
+
+
+def _note_degenerate(path: str, keep: Flags | None, triangles: Triangles, counts: Ints, ctx: Context) -> None:
+    """Say how many faces vanished altogether; triangles without area inside a face need no word."""
+    wanted = len(counts) if keep is None else int(keep.sum())
+    if len(triangles.faces) >= int((counts if keep is None else counts[keep]).sum()) - 2 * wanted:
+        return
+    lost = wanted - len(np.unique(triangles.faces))
+    if lost:
+        ctx.warn("faces-degenerate", path, f"{lost} of {len(counts)} faces have no area.")

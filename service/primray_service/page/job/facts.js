@@ -1,0 +1,50 @@
+// What a job was asked for and what it came to: its problem if it failed, settings, times, use of the machine.
+
+import { element, fill } from "../base/dom.js";
+import * as format from "../base/format.js";
+import { problemBox } from "../base/problem_box.js";
+import { STOPPED } from "../base/words.js";
+
+export function facts() {
+  const failure = element("div", {});
+  const list = element("dl", { class: "facts" });
+  const root = element("div", {}, failure, element("details", { class: "card" }, element("summary", {}, "Settings and figures"), list));
+  let told = "";
+
+  function show(job, scene) {
+    const settings = job.settings ?? {};
+    const effective = job.effective_settings ?? {};
+    const rows = [
+      ["Job", job.id],
+      ["Scene", scene?.name || job.scene.id],
+      ["Root layer", job.scene.entry],
+      ["Camera", effective.camera ?? settings.camera],
+      ["Resolution", (effective.resolution ?? settings.resolution)?.join(" × ")],
+      ["Frames", settings.frames],
+      ["Seed", settings.seed],
+      ["Priority", job.priority],
+      ["Attempt", job.attempt],
+      ["Made", format.when(job.created_at)],
+      ["Started", format.when(job.started_at)],
+      ["Ended", format.when(job.finished_at)],
+      ["It ended because", STOPPED[job.result?.stop?.reason] ?? job.result?.stop?.reason],
+      ["CPU time", format.duration(job.usage?.cpu_s)],
+      ["Most memory", format.bytes(job.usage?.peak_rss_bytes)],
+      ["Kept until", format.when(job.expires_at)],
+    ];
+    const text = JSON.stringify(rows);
+    if (text === told) return;
+    told = text;
+    fill(list, rows.filter(([, value]) => value !== undefined && value !== null && value !== "").map(([name, value]) => [element("dt", {}, name), element("dd", {}, typeof value === "object" ? JSON.stringify(value) : value)]));
+  }
+
+  let shown = "";
+  function problem(found) {
+    const text = JSON.stringify(found);
+    if (text === shown) return;
+    shown = text;
+    fill(failure, found && problemBox(found));
+  }
+
+  return { root, show, problem };
+}

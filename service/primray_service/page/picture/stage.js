@@ -1,0 +1,169 @@
+// A picture that can be zoomed and moved: by wheel, drag, pinch, buttons and keys. It knows sizes and pixels, not what is
+// shown. Its sheet has the picture's size in CSS pixels and is put into place by a transform.
+
+import { button, element, say, write } from "../base/dom.js";
+
+const MOST_ZOOM = 64;
+const STEP = 1.25;
+const KEYS = "plus and minus zoom, 0 fits, 1 shows pixel for pixel, arrows move, Shift with arrows picks a pixel";
+
+export function stage(label, { onPixel = () => {} } = {}) {
+  const mark = element("div", { class: "mark", hidden: true });
+  const sheet = element("div", { class: "sheet" }, mark);
+  const root = element("div", { class: "stage", tabindex: "0", role: "application", "aria-roledescription": "picture", "aria-label": `${label}. Keys: ${KEYS}` }, sheet);
+  const zoomText = element("output", { class: "zoom-text" });
+  let [width, height] = [0, 0];
+  let [scale, left, top] = [1, 0, 0];
+  let fitted = true;
+  let picked = null; // a pixel chosen by keys
+  const pointers = new Map();
+
+  function size(w, h) {
+    if (w === width && h === height) return;
+    [width, height] = [w, h];
+    sheet.style.width = `${w}px`;
+    sheet.style.height = `${h}px`;
+    root.style.setProperty("--aspect", `${w} / ${h}`);
+    picked = null;
+    mark.hidden = true;
+    fit();
+  }
+
+  function fit() {
+    fitted = true;
+    if (!width || !root.clientWidth) return;
+    scale = Math.min(root.clientWidth / width, root.clientHeight / height);
+    // A small picture is shown larger in whole steps, so that its pixels stay square.
+    if (scale > 2) scale = Math.floor(scale);
+    left = (root.clientWidth - width * scale) / 2;
+    top = (root.clientHeight - height * scale) / 2;
+    place();
+  }
+
+  function place() {
+    sheet.style.transform = `translate(${left}px, ${top}px) scale(${scale})`;
+    sheet.classList.toggle("pixelated", scale * devicePixelRatio >= 2);
+    root.classList.toggle("moved", !fitted);
+    mark.style.outlineWidth = `${1.5 / scale}px`;
+    write(zoomText, width ? `${Math.round(100 * scale)} %` : "");
+  }
+
+  // Keep the point (x, y) of the stage where it is.
+  function zoom(factor, x = root.clientWidth / 2, y = root.clientHeight / 2) {
+    if (!width) return;
+    const least = Math.min(1, root.clientWidth / width, root.clientHeight / height) / 2;
+    const next = Math.min(MOST_ZOOM, Math.max(least, scale * factor));
+    left = x - ((x - left) * next) / scale;
+    top = y - ((y - top) * next) / scale;
+    scale = next;
+    fitted = false;
+    keepInSight();
+  }
+
+  function move(dx, dy) {
+    left += dx;
+    top += dy;
+    fitted = false;
+    keepInSight();
+  }
+
+  function keepInSight() {
+    const margin = 40;
+    left = Math.min(root.clientWidth - margin, Math.max(margin - width * scale, left));
+    top = Math.min(root.clientHeight - margin, Math.max(margin - height * scale, top));
+    place();
+  }
+
+  function pixelAt(clientX, clientY) {
+    const box = root.getBoundingClientRect();
+    const x = Math.floor((clientX - box.left - left) / scale);
+    const y = Math.floor((clientY - box.top - top) / scale);
+    return x >= 0 && y >= 0 && x < width && y < height ? [x, y] : null;
+  }
+
+  function pick(dx, dy) {
+    if (!width) return;
+    picked ??= [Math.floor(width / 2), Math.floor(height / 2)];
+    picked = [Math.min(width - 1, Math.max(0, picked[0] + dx)), Math.min(height - 1, Math.max(0, picked[1] + dy))];
+    mark.hidden = false;
+    mark.style.left = `${picked[0]}px`;
+    mark.style.top = `${picked[1]}px`;
+    const words = onPixel(picked);
+    if (words) say(words);
+  }
+
+  const actual = () => {
+    zoom(1 / (scale * devicePixelRatio));
+  };
+
+  root.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target !== root) return;
+    const arrow = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+    if (arrow && event.shiftKey) pick(...arrow);
+    else if (arrow) move(-40 * arrow[0], -40 * arrow[1]);
+    else if (event.key === "+" || event.key === "=") zoom(STEP);
+    else if (event.key === "-") zoom(1 / STEP);
+    else if (event.key === "0") fit();
+    else if (event.key === "1") actual();
+    else if (event.key === "Escape" && !mark.hidden) {
+      mark.hidden = true;
+      picked = null;
+      onPixel(null);
+    } else return;
+    event.preventDefault();
+  });
+  // Without a key held, the wheel scrolls the page until the picture has been zoomed or has the focus.
+  root.addEventListener(
+    "wheel",
+    (event) => {
+      if (fitted && !event.ctrlKey && document.activeElement !== root) return;
+      event.preventDefault();
+      const box = root.getBoundingClientRect();
+      zoom(STEP ** (-Math.sign(event.deltaY)), event.clientX - box.left, event.clientY - box.top);
+    },
+    { passive: false },
+  );
+  root.addEventListener("dblclick", (event) => {
+    const box = root.getBoundingClientRect();
+    if (fitted) zoom(Math.max(2, 1 / (scale * devicePixelRatio)), event.clientX - box.left, event.clientY - box.top);
+    else fit();
+  });
+  root.addEventListener("pointerdown", (event) => {
+    if (event.button !== 0) return;
+    pointers.set(event.pointerId, [event.clientX, event.clientY]);
+    root.setPointerCapture(event.pointerId);
+  });
+  root.addEventListener("pointermove", (event) => {
+    const before = pointers.get(event.pointerId);
+    if (before) {
+      const after = [event.clientX, event.clientY];
+      const other = [...pointers].find(([id]) => id !== event.pointerId)?.[1];
+      if (other) pinch(before, after, other);
+      else if (event.pointerType === "mouse" || !fitted) move(after[0] - before[0], after[1] - before[1]);
+      pointers.set(event.pointerId, after);
+    }
+    if (event.pointerType === "mouse" || before) onPixel(pixelAt(event.clientX, event.clientY));
+  });
+  for (const end of ["pointerup", "pointercancel"]) root.addEventListener(end, (event) => pointers.delete(event.pointerId));
+  root.addEventListener("pointerleave", () => onPixel(picked));
+
+  function pinch(before, after, other) {
+    const box = root.getBoundingClientRect();
+    const distance = (a) => Math.hypot(a[0] - other[0], a[1] - other[1]) || 1;
+    zoom(distance(after) / distance(before), other[0] - box.left, other[1] - box.top);
+  }
+
+  const sized = new ResizeObserver(() => (fitted ? fit() : place()));
+  sized.observe(root);
+
+  const tools = element(
+    "div",
+    { class: "tools", role: "group", "aria-label": "Zoom" },
+    button("−", () => zoom(1 / STEP), { "aria-label": "Zoom out" }),
+    zoomText,
+    button("+", () => zoom(STEP), { "aria-label": "Zoom in" }),
+    button("Fit", fit),
+    button("1:1", actual, { "aria-label": "Pixel for pixel" }),
+  );
+  return { root, sheet, tools, size, fit, close: () => sized.disconnect() };
+}

@@ -1,0 +1,177 @@
+// The settings of a render, offered from what the scene's check found; sends the job.
+
+import { send, token } from "../base/api.js";
+import { diagnostics } from "../base/diagnostics.js";
+import { button, choice, element, field, fill, freshId } from "../base/dom.js";
+import * as format from "../base/format.js";
+import { problemBox } from "../base/problem_box.js";
+import { QUALITIES } from "../base/words.js";
+import { factsOf } from "./facts.js";
+
+const SCALES = [["1", "full"], ["0.5", "half"], ["0.25", "quarter"]];
+
+const number = (attributes) => element("input", { type: "number", inputmode: "decimal", ...attributes });
+
+export function sceneForm(scene, limits) {
+  const facts = factsOf(scene);
+  const name = element("input", { type: "text", maxlength: "200", value: scene.name ?? "", autocomplete: "off" });
+  const entry = facts.entries.length > 1 ? choice(facts.entries.map((name) => [name, name]), facts.entry) : null;
+  const camera = choice(facts.cameras.map(({ path }) => [path, path]), facts.camera);
+  const width = number({ min: "1", max: String(limits.image_side ?? 32768), step: "1", required: true });
+  const height = number({ min: "1", max: String(limits.image_side ?? 32768), step: "1", required: true });
+  const keep = element("input", { type: "checkbox", checked: true });
+  const frames = element("input", { type: "text", placeholder: facts.frames || "1:10", spellcheck: "false", autocomplete: "off" });
+  const range = element("input", { type: "checkbox", on: { change: () => (frames.disabled = !range.checked) } });
+  const seconds = number({ min: "1", step: "any", value: "600" });
+  const samples = number({ min: "1", max: String(limits.samples ?? 2 ** 20), step: "1", placeholder: "no limit" });
+  const seed = number({ min: "0", max: String(2 ** 32 - 1), step: "1", value: "0", required: true });
+  const depth = number({ min: "1", step: "1", placeholder: "no limit" });
+  const priority = number({ min: "0", max: "100", step: "1", value: "50", required: true });
+  const strict = element("input", { type: "checkbox" });
+  const light = element("input", { type: "checkbox", checked: true });
+  const variants = facts.variants.map(({ prim, set, selection, names }) =>
+    field(`${set} of ${prim}`, choice([["", `as in the scene: ${selection || "none"}`], ...names.map((each) => [`${prim}:${set}=${each}`, each])], "")),
+  );
+  const labels = element("textarea", { rows: "2", placeholder: "shot = 010", spellcheck: "false" });
+  const own = number({ min: "0", step: "any", placeholder: "0.005", "aria-label": "Own target error", on: { input: () => (form.elements.quality.value = "own"), focus: () => (form.elements.quality.value = "own") } });
+  const trouble = element("div", {});
+  const submit = element("button", { class: "main" }, "Render");
+  const summary = element("p", { class: "note" });
+
+  const form = element(
+    "form",
+    { class: "card settings", "aria-label": "Settings" },
+    element("h2", {}, "Settings"),
+    element(
+      "div",
+      { class: "columns" },
+      field("Name", name, "a label, to find it by"),
+      entry && field("Root layer", entry),
+      facts.cameras.length > 1 ? field("Camera", camera) : element("div", { class: "field" }, element("span", { class: "name" }, "Camera"), element("span", {}, facts.cameras[0]?.path ?? "none in the scene: one is placed to see everything")),
+      element("fieldset", { class: "size" }, element("legend", {}, "Resolution"), labelled("Width", width), element("span", { "aria-hidden": "true" }, "×"), labelled("Height", height), ticked("keep the shape", keep), element("div", { class: "segments" }, SCALES.map(([scale, name]) => button(name, () => scaled(Number(scale)))))),
+      element("fieldset", {}, element("legend", {}, "Frames"), ticked("several frames", range), frames, element("small", {}, facts.frames ? `The scene has ${facts.frames}. ` : "The scene names no range. ", "“1:10”, “1-10x2” or “1,5”")),
+    ),
+    element(
+      "fieldset",
+      { class: "qualities" },
+      element("legend", {}, "Stop when it is"),
+      QUALITIES.map(([value, name, hint], index) => quality(value, name, hint, index === 0)),
+      quality("own", "Own error", own, false),
+    ),
+    element("div", { class: "columns" }, field("Or after seconds", seconds, "of sampling, each frame"), field("Or after samples a pixel", samples)),
+    element("details", {}, element("summary", {}, "More"), element("div", { class: "columns" }, field("Seed", seed), field("Scatterings", depth, "1: direct light only"), field("Priority", priority, "0 to 100; larger goes first"), field("Labels", labels, "name = value, one a line"), variants, ticked("light a scene that has no lights", light), ticked("refuse a scene with warnings", strict))),
+    trouble,
+    element("div", { class: "submit" }, submit, summary),
+  );
+
+  function quality(value, name, hint, checked) {
+    const radio = element("input", { type: "radio", name: "quality", value, id: freshId("quality"), checked });
+    const text = typeof hint === "string" ? element("small", {}, hint) : hint;
+    return element("div", { class: "quality" }, radio, element("label", { for: radio.id }, element("span", {}, name), typeof hint === "string" && text), typeof hint !== "string" && text);
+  }
+
+  function cameraChanged() {
+    const chosen = facts.cameras.find(({ path }) => path === camera.value);
+    const [w, h] = facts.resolution ?? [960, chosen?.aspect ? Math.max(1, Math.round(960 / chosen.aspect)) : 540];
+    width.value = w;
+    height.value = h;
+    full = [w, h];
+    tell();
+  }
+
+  let full = [960, 540];
+
+  function scaled(scale) {
+    width.value = Math.max(1, Math.round(full[0] * scale));
+    height.value = Math.max(1, Math.round(full[1] * scale));
+    tell();
+  }
+
+  width.addEventListener("input", () => {
+    if (keep.checked && width.value > 0) height.value = Math.max(1, Math.round((width.value * full[1]) / full[0]));
+    tell();
+  });
+  height.addEventListener("input", () => {
+    if (keep.checked && height.value > 0) width.value = Math.max(1, Math.round((height.value * full[0]) / full[1]));
+    tell();
+  });
+  camera.addEventListener("change", cameraChanged);
+
+  function tell() {
+    const pixels = width.value * height.value;
+    fill(summary, pixels > 0 ? `${format.count(pixels)} pixels` : "");
+  }
+
+  function job() {
+    const chosen = form.elements.quality.value;
+    const stop = {
+      target_error: chosen === "own" ? optional(own) : Number(chosen),
+      max_seconds: optional(seconds),
+      max_samples: optional(samples),
+    };
+    const settings = {
+      camera: camera.value || null,
+      frames: range.checked ? frames.value.trim() || facts.frames || null : null,
+      resolution: [Number(width.value), Number(height.value)],
+      stop,
+      seed: Number(seed.value),
+      max_depth: optional(depth),
+      default_light: light.checked,
+      strict: strict.checked,
+      variants: variants.map((each) => each.querySelector("select").value).filter(Boolean),
+    };
+    return { scene: { id: scene.id, ...(entry && { entry: entry.value }) }, settings, priority: Number(priority.value), labels: labelsOf(labels.value, name.value.trim()) };
+  }
+
+  let key = token();
+  let sent = "";
+  form.addEventListener("submit", async (event) => {
+    event.preventDefault();
+    const request = job();
+    // The same request sent again after a lost answer is the same job; a changed one is another.
+    if (JSON.stringify(request) !== sent) key = token();
+    sent = JSON.stringify(request);
+    submit.disabled = true;
+    fill(trouble);
+    try {
+      const made = await send("POST", "/v1/jobs", request, { "idempotency-key": key });
+      performance.mark("submitted");
+      location.hash = `#/jobs/${encodeURIComponent(made.id)}`;
+    } catch (failure) {
+      if (!failure.problem) throw failure;
+      fill(trouble, problemBox(failure.problem, { retryAfter: failure.retryAfter }));
+      submit.disabled = false;
+      submit.focus();
+    }
+  });
+
+  frames.disabled = true;
+  frames.setAttribute("aria-label", "Frames");
+  if (facts.frames) frames.value = facts.frames;
+  cameraChanged();
+  const notes = diagnostics();
+  notes.show(scene.warnings ?? []);
+  const root = element("div", { class: "form-and-notes" }, form, (scene.warnings ?? []).length > 0 && notes.root);
+  return { root, focus: () => submit.focus() };
+}
+
+function labelled(name, control) {
+  control.setAttribute("aria-label", name);
+  return control;
+}
+
+function ticked(name, control) {
+  control.id ||= freshId("tick");
+  return element("div", { class: "tick" }, control, element("label", { for: control.id }, name));
+}
+
+const optional = (control) => (control.value === "" ? null : Number(control.value));
+
+function labelsOf(text, name) {
+  const labels = name ? { name } : {};
+  for (const line of text.split("\n")) {
+    const [label, ...rest] = line.split("=");
+    if (label.trim()) labels[label.trim()] = rest.join("=").trim();
+  }
+  return labels;
+}

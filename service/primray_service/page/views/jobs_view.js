@@ -1,0 +1,124 @@
+// The job list: filter by state and label, pages, two jobs chosen to be compared.
+
+import { get, jobPath } from "../base/api.js";
+import { button, choice, element, field, fill, say } from "../base/dom.js";
+import * as format from "../base/format.js";
+import { problemBox } from "../base/problem_box.js";
+import { STATES, TERMINAL, phaseWords, stateWords } from "../base/words.js";
+
+const PAGE = 25;
+const LOOK_EVERY_S = 4;
+
+export function jobsView(root) {
+  const state = choice([["", "any state"], ...Object.entries(STATES)], "", { on: { change: restart } });
+  const label = element("input", { type: "search", placeholder: "shot: 010", on: { change: restart } });
+  const order = choice([["desc", "newest first"], ["asc", "oldest first"]], "desc", { on: { change: restart } });
+  const list = element("ul", { class: "jobs" });
+  const pages = element("div", { class: "pages" });
+  const trouble = element("div", {});
+  const chosen = new Set();
+  const compare = element("a", { class: "button", href: "#/compare", hidden: true }, "Compare the two");
+  let cursors = [null]; // of this page and those before it
+  let next = null;
+  let closed = false;
+  let timer = 0;
+
+  fill(
+    root,
+    element("h1", {}, "Jobs"),
+    element("form", { class: "bar", on: { submit: (event) => (event.preventDefault(), restart()) } }, field("State", state), field("Label", label), field("Order", order), compare),
+    trouble,
+    list,
+    pages,
+  );
+
+  function restart() {
+    cursors = [null];
+    load();
+  }
+
+  async function load() {
+    clearTimeout(timer);
+    const query = new URLSearchParams({ limit: String(PAGE), order: order.value });
+    if (state.value) query.set("state", state.value);
+    for (const words of label.value.split(",").filter((text) => text.trim())) query.append("label", labelOf(words));
+    if (cursors.at(-1)) query.set("cursor", cursors.at(-1));
+    try {
+      const page = await get(`/v1/jobs?${query}`);
+      if (closed) return;
+      next = page.next_cursor;
+      fill(trouble);
+      draw(page.items);
+    } catch (failure) {
+      if (!failure.problem || closed) return;
+      fill(trouble, problemBox(failure.problem, { retry: load, retryAfter: failure.retryAfter }));
+    }
+    timer = setTimeout(() => (document.hidden || root.contains(document.activeElement) && document.activeElement.matches("select") ? later() : load()), 1000 * LOOK_EVERY_S);
+  }
+
+  function later() {
+    timer = setTimeout(load, 1000 * LOOK_EVERY_S);
+  }
+
+  function draw(items) {
+    const focused = document.activeElement?.dataset?.key;
+    fill(list, items.map(row));
+    if (focused) list.querySelector(`[data-key="${CSS.escape(focused)}"]`)?.focus();
+    if (items.length === 0) fill(list, element("li", { class: "empty" }, state.value || label.value ? "No job is like that." : "There are no jobs yet. ", !state.value && element("a", { href: "#/" }, "Make the first")));
+    const back = cursors.length > 1 && button("Page before", () => (cursors.pop(), load()));
+    const on = next && button("Next page", () => (cursors.push(next), load()));
+    fill(pages, back, on);
+  }
+
+  function row(job) {
+    const mark = element("input", { type: "checkbox", "aria-label": `Choose ${nameOf(job)} to compare`, data: { key: `mark ${job.id}` }, on: { change: choose } });
+    mark.checked = chosen.has(job.id);
+    const error = job.progress?.error;
+    return element(
+      "li",
+      { data: { state: job.state } },
+      mark,
+      thumb(job),
+      element("a", { href: `#/jobs/${encodeURIComponent(job.id)}`, data: { key: job.id } }, nameOf(job)),
+      element("span", { class: "state" }, TERMINAL.has(job.state) ? stateWords(job.state) : phaseWords(job)),
+      element("span", { class: "soft" }, TERMINAL.has(job.state) || job.state === "queued" ? "" : format.percent(job.progress?.fraction ?? 0)),
+      element("span", { class: "soft numbers" }, error?.estimate > 0 ? `error ${format.error(error.estimate)}` : ""),
+      element("span", { class: "labels" }, labels(otherLabels(job))),
+      element("time", { datetime: job.created_at, class: "soft" }, format.when(job.created_at)),
+    );
+
+    function choose() {
+      if (mark.checked) chosen.add(job.id);
+      else chosen.delete(job.id);
+      compare.hidden = chosen.size !== 2;
+      compare.href = `#/compare/${[...chosen].map(encodeURIComponent).join("/")}`;
+      say(chosen.size === 2 ? "Two jobs are chosen: they can be compared." : `${format.plural(chosen.size, "job")} chosen.`);
+    }
+  }
+
+  load();
+  return () => {
+    closed = true;
+    clearTimeout(timer);
+  };
+}
+
+// "shot: 010" and "shot=010" alike; a word alone is a name.
+function labelOf(text) {
+  const [name, ...rest] = text.split(/[:=]/);
+  return rest.length ? `${name.trim()}:${rest.join(":").trim()}` : `name:${name.trim()}`;
+}
+
+export const otherLabels = (job) => Object.fromEntries(Object.entries(job.labels ?? {}).filter(([name]) => name !== "name"));
+
+// A small picture, where there is one: its address has what it shows, so that a browser keeps it.
+function thumb(job) {
+  if (!(job.progress?.samples_done > 0)) return element("span", { class: "thumb" });
+  return element("img", { class: "thumb", alt: "", loading: "lazy", width: 80, height: 45, src: jobPath(job.id, "/preview?width=160&format=jpeg") });
+}
+
+export const nameOf = (job) => `${job.labels?.name || job.scene?.name || job.scene?.entry || "scene"} ${format.shortId(job.id)}`;
+
+export function labels(found) {
+  return Object.entries(found ?? {}).map(([name, value]) => element("span", { class: "label" }, value === "" ? name : `${name}: ${value}`));
+}

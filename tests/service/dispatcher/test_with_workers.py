@@ -1,0 +1,137 @@
+"""Real workers under the dispatcher: pictures have the bits of the command line's, whatever happens to their workers."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from tests.service.dispatcher.rig import NO_QUOTAS, MakeExecutor, Rig, dispatching
+from tests.service.faults import descendants
+
+from primray import RenderSettings, render
+from primray.images.aov_parts import read_aovs
+from primray.images.image import pixels_sha256
+from primray.images.image_file import read_image
+from primray_service.executor.local import LocalExecutor
+from primray_service.files import DataDirectory
+from primray_service.jobs import Job, JobState
+from primray_service.limits import Limits
+
+SCENE = Path(__file__).parents[3] / "scenes/features/glass/scene.usda"
+SIZE = (64, 48)
+
+
+def local(slots: int = 1) -> MakeExecutor:
+    def make(data: DataDirectory, limits: Limits) -> LocalExecutor:
+        return LocalExecutor(data, limits, slots=slots, cores=2)
+
+    return make
+
+
+def asked(samples: int, seed: int = 5) -> dict[str, object]:
+    return {"resolution": list(SIZE), "seed": seed, "stop": {"max_samples": samples}}
+
+
+@pytest.fixture(scope="module")
+def expected() -> str:
+    """The bits of 4096 samples, by the library."""
+    image = render(str(SCENE), RenderSettings(resolution=SIZE, spp=4096, seed=5))
+    return pixels_sha256(image.pixels)
+
+
+def pixels(job: Job) -> str:
+    assert job.state is JobState.SUCCEEDED, job.error
+    assert job.result is not None
+    return str(job.result["pixels_sha256"][0]["sha256"])
+
+
+def test_whatever_happens_to_workers_the_bits_are_the_same(tmp_path: Path, expected: str) -> None:
+    """Killed from outside after a checkpoint; told to give way to a job of higher priority; let alone."""
+
+    async def act(rig: Rig) -> None:
+        scene = rig.scene(SCENE.read_bytes())
+        killed = rig.submit(scene, settings=asked(4096))
+        await rig.until(lambda: rig.frame(killed.id).checkpoint > 0)
+        for pid in descendants(os.getpid()):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        [job] = await rig.ended(killed.id, timeout_s=60)
+        assert rig.dispatcher.metrics.restarts["kill"] == 1
+        assert pixels(job) == expected
+
+        low = rig.submit(scene, settings=asked(4096), priority=10)
+        await rig.until(lambda: rig.frame(low.id).phase == "sampling")
+        high = rig.submit(scene, settings=asked(16, seed=6), priority=90)
+        first, second = await rig.ended(high.id, low.id, timeout_s=60)
+        assert first.state is JobState.SUCCEEDED
+        assert pixels(second) == expected
+
+        alone = rig.submit(scene, settings=asked(4096))
+        [job] = await rig.ended(alone.id, timeout_s=60)
+        assert pixels(job) == expected
+        assert job.usage["cpu_s"] > 0.1
+
+    async def run() -> None:
+        async with dispatching(tmp_path, local(), checkpoint_every_s=0.2) as rig:
+            await act(rig)
+
+    asyncio.run(run())
+
+
+def test_aovs_are_parts_of_the_exr(tmp_path: Path) -> None:
+    async def act(rig: Rig) -> None:
+        job = rig.submit(rig.scene(SCENE.read_bytes()), settings=asked(2) | {"aovs": ["depth", "prim"]})
+        [ended] = await rig.ended(job.id)
+        assert ended.state is JobState.SUCCEEDED, ended.error
+        name = next(row.name for row in rig.outputs(job.id) if row.name.endswith(".exr"))
+        file = rig.data.outputs(job.id) / name
+        image = render(str(SCENE), RenderSettings(resolution=SIZE, spp=2, seed=5, aovs=("depth", "prim")))
+        assert np.array_equal(read_image(file).pixels, image.pixels[..., :3])
+        parts = read_aovs(file)
+        assert list(parts) == ["depth", "prim"]
+        for name, aov in parts.items():
+            assert np.array_equal(aov.values, image.aovs[name].values)
+        assert parts["prim"].ids == image.aovs["prim"].ids
+        assert ended.result is not None
+
+    async def run() -> None:
+        async with dispatching(tmp_path, local()) as rig:
+            await act(rig)
+
+    asyncio.run(run())
+
+
+def test_cancel_is_quick_and_keeps_the_picture_and_continue_goes_on(tmp_path: Path, expected: str) -> None:
+    async def act(rig: Rig) -> None:
+        scene = rig.scene(SCENE.read_bytes())
+        job = rig.submit(scene, settings=asked(100_000))
+        await rig.until(lambda: float(rig.job(job.id).progress.get("samples_done") or 0) > 8)
+        began = time.monotonic()
+        rig.store.request_cancel(job.id, time.time())
+        rig.dispatcher.wake()
+        [ended] = await rig.ended(job.id)
+        assert time.monotonic() - began < 3.0  # under a second on a machine that does nothing else
+        assert ended.state is JobState.CANCELED
+        assert len(rig.outputs(job.id)) == 3
+        assert ended.result is not None
+        assert ended.result["stop"]["reason"] == "interrupted"
+        assert rig.frame(job.id).checkpoint > 0
+
+        rig.store.continue_job(job.id, {"max_samples": 4096}, time.time(), NO_QUOTAS)
+        rig.dispatcher.wake()
+        [again] = await rig.ended(job.id, timeout_s=60)
+        assert again.attempt == 2
+        if float(ended.progress["samples_done"]) < 4096:
+            assert pixels(again) == expected
+
+    async def run() -> None:
+        async with dispatching(tmp_path, local()) as rig:
+            await act(rig)
+
+    asyncio.run(run())

@@ -1,0 +1,181 @@
+"""Which frame runs next, and that no two take the same."""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import pytest
+
+from primray_service.jobs import FrameState, JobState
+from primray_service.limits import Quotas
+from primray_service.store import open_store
+from primray_service.store.base import Lost
+
+from ..world import ANY, World, any_quotas, new_job, new_scene, scene_id
+
+
+def test_priority_then_age_then_the_frames_in_order(world: World):
+    low = world.job(priority=10)
+    old = world.job(frames=2)
+    young = world.job()
+    high = world.job(priority=90)
+    order = [(claim.job.id, claim.frame.number) for claim in (world.claim() for _ in range(5))]
+    assert order == [(high.id, 0), (old.id, 0), (old.id, 1), (young.id, 0), (low.id, 0)]
+    assert world.claims_nothing()
+
+
+def test_of_equal_priority_who_has_fewest_frames_running_goes_first(world: World):
+    first = [world.job("a"), world.job("a"), world.job("a")]
+    b = world.job("b", frames=2)
+    c = world.job("c")
+    high = world.job("a", priority=60)
+    order = [world.claim().job.id for _ in range(7)]
+    assert order == [high.id, b.id, c.id, first[0].id, b.id, first[1].id, first[2].id]
+
+
+def test_what_ended_makes_room_for_its_tenant(world: World):
+    a = [world.job("a"), world.job("a")]
+    b = [world.job("b"), world.job("b")]
+    first = world.claim()
+    assert first.job.id == a[0].id
+    assert world.claim().job.id == b[0].id
+    world.end(first.frame)
+    assert world.claim().job.id == a[1].id
+
+
+def test_a_claim_says_what_runs(world: World):
+    job = world.job(frames=2)
+    claim = world.claim()
+    assert (claim.job.state, claim.frame.state, claim.frame.started_at) == (JobState.PREPARING, FrameState.RUNNING, world.now)
+    assert claim.job == world.get(job)
+    assert claim.frame == world.store.frame(job.id, 0)
+    assert world.claim().frame.number == 1
+    assert world.states(job) == ["queued", "preparing"]
+
+
+def test_a_job_waits_for_its_scene(world: World):
+    world.store.put_scene(new_scene(), ANY)
+    world.store.create_job(new_job(), [None], ANY)
+    assert world.claims_nothing()
+    assert not world.store.waiting(world.fence)
+    world.store.scene_checked(world.fence, scene_id(), world.tick(), facts={}, warnings=[], problem=None)
+    assert world.store.waiting(world.fence) == [(50, "t")]
+    assert world.claim()
+
+
+def test_running_jobs_are_within_the_quota_but_go_on(world: World):
+    quotas = {"a": Quotas(running_jobs=1), "b": ANY}
+    begun = world.job("a", frames=3)
+    world.job("a", priority=99)
+    other = world.job("b")
+    world.store.update_job(begun.id, world.tick(), version=None, changes={"priority": 100})
+
+    def claim():
+        return world.store.claim_frame(world.fence, world.tick(), quotas.__getitem__)
+
+    assert claim().job.id == begun.id
+    world.store.update_job(begun.id, world.tick(), version=None, changes={"priority": 40})
+    assert world.store.waiting(world.fence, world.now, quotas.__getitem__) == [(50, "b"), (40, "a")]
+    assert world.store.waiting(world.fence) == [(99, "a"), (50, "b")]
+    assert claim().job.id == other.id
+    second = claim()
+    assert (second.job.id, second.frame.number) == (begun.id, 1)
+    for frame in world.store.frames(begun.id)[:2]:
+        world.end(frame)
+    assert (claim().job.id, claim()) == (begun.id, None)  # between its frames, too, it is the one that runs
+
+
+def test_who_used_up_the_days_seconds_waits_for_tomorrow(world: World):
+    quotas = {"a": Quotas(cpu_s_per_day=10.0), "b": ANY}
+    world.job("a", frames=2, priority=90)
+    other = world.job("b")
+    world.end(replace(world.claim().frame, cpu_s=10.0))
+    assert world.claim_within(quotas.__getitem__).job.id == other.id
+    assert not world.store.waiting(world.fence, world.now, quotas.__getitem__)
+    assert world.store.claim_frame(world.fence, world.tick(), quotas.__getitem__) is None
+    world.tick(24 * 3600)
+    assert world.claim_within(quotas.__getitem__).job.tenant == "a"
+
+
+def test_a_changed_priority_changes_the_queue(world: World):
+    world.job()
+    late = world.job()
+    world.store.update_job(late.id, world.tick(), version=None, changes={"priority": 51})
+    assert world.store.waiting(world.fence) == [(51, "t")]
+    assert world.claim().job.id == late.id
+
+
+def test_without_the_lease_nothing_is_claimed(world: World):
+    world.job()
+    for call in (lambda f: world.store.claim_frame(f, world.now, any_quotas), world.store.waiting):
+        with pytest.raises(Lost):
+            call(world.fence + 1)
+
+
+def test_a_claim_whose_answer_was_lost_is_given_again(world: World, monkeypatch: pytest.MonkeyPatch):
+    """The commit arrives, and the caller is told of a failure: its next call gets the frame that nobody knows of."""
+    world.job(frames=2)
+    write = world.store._db.write
+
+    def fails(work, **options):
+        write(work, **options)
+        raise ConnectionError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(world.store._db, "write", fails)
+        with pytest.raises(ConnectionError):
+            world.claim()
+    assert world.claim().frame.number == 0
+    assert world.claim().frame.number == 1
+
+
+def test_many_claim_at_once_and_each_frame_is_claimed_once(url: str, world: World):
+    """Two stores, as of two dispatchers that both think they lead, eight threads; jobs are canceled meanwhile."""
+    jobs = [world.job(f"t{number % 3}", frames=4, priority=50 + number % 2) for number in range(12)]
+    other = open_store(url)
+    claimed: list[tuple[str, int]] = []
+    start = threading.Barrier(9)
+
+    def claim_all(store) -> None:
+        start.wait()
+        while (claim := store.claim_frame(world.fence, world.now, any_quotas)) is not None:
+            claimed.append((claim.job.id, claim.frame.number))
+
+    def cancel_some() -> None:
+        start.wait()
+        for job in jobs[::4]:
+            world.store.request_cancel(job.id, world.now)
+
+    with ThreadPoolExecutor(9) as pool:
+        done = [pool.submit(claim_all, store) for store in [world.store, other] * 4]
+        done.append(pool.submit(cancel_some))
+        for one in done:
+            one.result()
+    other.close()
+    assert max(Counter(claimed).values()) == 1
+    counts = Counter(frame.state for job in jobs for frame in world.store.frames(job.id))
+    assert counts[FrameState.QUEUED] == 0
+    assert counts[FrameState.RUNNING] == len(claimed) >= 36
+
+
+def test_a_dispatcher_that_lost_the_lease_in_between_claims_nothing(url: str, world: World):
+    """It passed its look at the fence, and another took over before its transaction began."""
+    world.job()
+    other = open_store(url)
+    old = world.fence
+    write = world.store._db.write
+    taken: list[int | None] = []
+
+    def late(work, **options):
+        if not taken:
+            taken.append(other.acquire_lease("d2", world.now + 1e7, 10))
+        return write(work, **options)
+
+    world.store._db.write = late  # type: ignore[method-assign]
+    with pytest.raises(Lost):
+        world.store.claim_frame(old, world.tick(), any_quotas)
+    other.close()
+    assert taken == [old + 1]

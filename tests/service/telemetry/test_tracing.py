@@ -1,0 +1,17 @@
+"""Tracing is off unless the environment asks for it."""
+
+from __future__ import annotations
+
+import pytest
+
+from primray_service.telemetry import tracing
+
+
+def test_nothing_is_traced_unless_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT", "OTEL_TRACES_EXPORTER"):
+        monkeypatch.delenv(name, raising=False)
+    assert tracing.instrument(object()) == ""
+    monkeypatch.setenv("OTEL_TRACES_EXPORTER", "console")
+    assert tracing.is_wanted()
+    monkeypatch.setenv("OTEL_SDK_DISABLED", "true")
+    assert not tracing.is_wanted()

@@ -1,0 +1,28 @@
+"""A prim of a stage as the walk would hand it on, and the cage that its adapter makes of it."""
+
+from __future__ import annotations
+
+from pxr import Usd
+
+from primray.diagnostics import Diagnostics
+from primray.settings import RenderSettings
+from primray.usd.resolving.context import Context
+from primray.usd.resolving.poses import Poses
+from primray.usd.resolving.read import When
+from primray.usd.resolving.resolve import Inherited, ResolvedPrim
+from primray.usd.shapes.authored_mesh import read_mesh
+from primray.usd.shapes.subdivision import Cage, make_cage
+from primray.usd.shapes.topology import topology_of
+
+
+def resolved_cage(stage: Usd.Stage, path: str) -> tuple[ResolvedPrim, Cage, Context]:
+    prim = stage.GetPrimAtPath(path)
+    ctx = Context(stage, RenderSettings(), When(Usd.TimeCode.Default(), False), (), (), Diagnostics())
+    resolved = ResolvedPrim(prim, path, "Mesh", frozenset(prim.GetAuthoredPropertyNames()), Inherited(), Poses())
+    authored = read_mesh(resolved, ctx.when)
+    topology = topology_of(authored, ctx)
+    assert authored.subdivision is not None
+    assert topology is not None
+    cage = make_cage(authored, authored.subdivision, topology, ctx)
+    assert cage is not None
+    return resolved, cage, ctx
