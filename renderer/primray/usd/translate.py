@@ -45,7 +45,7 @@ from .resolving.convert import square
 from .resolving.notes import LightShapes
 from .resolving.read import When, when_of
 from .resolving.resolve import ResolvedPrim
-from .resolving.stage_bounds import Bounds, stage_bounds
+from .resolving.stage_bounds import Bounds, NotBounded, stage_bounds
 from .shapes.instance_primvars import without_unread
 from .viewing.framing import shape_bounds
 from .viewing.motion import note_motion
@@ -163,7 +163,7 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     _add_grouped(scene, groups, where)
 
     def bounds() -> Bounds:
-        is_asked = not (where.cyclic or _is_crowded(groups) or _is_elsewhere(stage, groups))
+        is_asked = not (where.cyclic or _is_crowded(groups) or _is_elsewhere(stage, groups) or ctx.kept.of(NotBounded))
         whole = stage_bounds(stage, ctx.when, ctx.purposes) if is_asked else None
         return whole or shape_bounds(scene.shapes, scene.static, scene.prototypes, scene.placements)
 
