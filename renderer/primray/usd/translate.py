@@ -38,7 +38,8 @@ from .lights.portals import note_unnamed_portals
 from .materials.primvars_read import primvars_read
 from .opening.stage import tf_message, usd_messages
 from .opening.stage_metadata import meters_per_unit, up_axis
-from .querying.traversal import in_world, stands_in_world
+from .querying.cameras import cameras_of
+from .querying.traversal import stands_in_world
 from .resolving.color_spaces import rendering_space
 from .resolving.context import Context
 from .resolving.convert import square
@@ -196,7 +197,7 @@ def _note_missing_primvars(scene: _Scene, ctx: Context) -> None:
 
 def camera_paths(stage: Usd.Stage) -> list[str]:
     """The cameras that could be asked for."""
-    return [str(prim.GetPath()) for prim in in_world(stage) if prim.GetTypeName() == "Camera"]
+    return [str(prim.GetPath()) for prim in cameras_of(stage)]
 
 
 def _shared_paths(groups: list[Group[ResolvedPrim]]) -> frozenset[str]:
