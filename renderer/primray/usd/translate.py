@@ -38,14 +38,15 @@ from .lights.portals import note_unnamed_portals
 from .materials.primvars_read import primvars_read
 from .opening.stage import tf_message, usd_messages
 from .opening.stage_metadata import meters_per_unit, up_axis
-from .querying.traversal import in_world, stands_in_world
+from .querying.cameras import cameras_of
+from .querying.traversal import stands_in_world
 from .resolving.color_spaces import rendering_space
 from .resolving.context import Context
 from .resolving.convert import square
 from .resolving.notes import LightShapes
 from .resolving.read import When, when_of
 from .resolving.resolve import ResolvedPrim
-from .resolving.stage_bounds import Bounds, stage_bounds
+from .resolving.stage_bounds import Bounds, NotBounded, stage_bounds
 from .shapes.instance_primvars import without_unread
 from .viewing.framing import shape_bounds
 from .viewing.motion import note_motion
@@ -162,7 +163,7 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     _add_grouped(scene, groups, where)
 
     def bounds() -> Bounds:
-        is_asked = not (where.cyclic or _is_crowded(groups) or _is_elsewhere(stage, groups))
+        is_asked = not (where.cyclic or _is_crowded(groups) or _is_elsewhere(stage, groups) or ctx.kept.of(NotBounded))
         whole = stage_bounds(stage, ctx.when, ctx.purposes) if is_asked else None
         return whole or shape_bounds(scene.shapes, scene.static, scene.prototypes, scene.placements)
 
@@ -195,7 +196,7 @@ def _note_missing_primvars(scene: _Scene, ctx: Context) -> None:
 
 def camera_paths(stage: Usd.Stage) -> list[str]:
     """The cameras that could be asked for."""
-    return [str(prim.GetPath()) for prim in in_world(stage) if prim.GetTypeName() == "Camera"]
+    return [str(prim.GetPath()) for prim in cameras_of(stage)]
 
 
 def _shared_paths(groups: list[Group[ResolvedPrim]]) -> frozenset[str]:

@@ -22,6 +22,7 @@ from ...settings import RenderSettings
 from ..adapters.cameras.camera import read_aperture
 from ..adapters.rendering.render_settings import product_settings
 from ..opening.stage import error_text, open_stage
+from ..querying.cameras import cameras_of
 from ..querying.traversal import in_world
 from ..resolving.read import When, when_of
 from ..translate import LIGHTS, SHAPES
@@ -72,7 +73,7 @@ def scene_facts(path: str | os.PathLike[str]) -> SceneFacts:
     missing, broken = _composition_errors(stage)
     found = stage_facts(stage)
     prims = list(in_world(stage))
-    cameras = [prim for prim in prims if prim.GetTypeName() == "Camera"]
+    cameras = cameras_of(stage)
     settings = [prim for prim in prims if prim.GetTypeName() == "RenderSettings"]
     unused = Diagnostics()
     when = when_of(stage, None)

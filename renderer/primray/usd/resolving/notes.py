@@ -13,6 +13,7 @@ from ..querying.time_varying import is_between_samples
 from .applied_schemas import IGNORED, UNDERSTOOD, applied_schemas
 from .context import Context
 from .foreign_names import note_light_inputs
+from .foreign_schemas import foreign_schema, is_without_effect
 from .read import read
 from .resolve import ResolvedPrim, is_drawn
 
@@ -43,7 +44,7 @@ class PortalsMet(list[str]):
 def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], kind: str) -> bool:
     """Whether `note_prim` may have something to say about prims of this type with these schemas, as `prim` is one."""
     names = {schema.split(":")[0] for schema in schemas}
-    if kind == "light" or names & (_LIGHT_SCHEMAS | {"MotionAPI"}) or names - UNDERSTOOD:
+    if kind == "light" or names & (_LIGHT_SCHEMAS | {"MotionAPI"}) or any(map(_is_unread, names)):
         return True
     return (
         not kind and bool(type_name) and (type_name in _TYPES_NOTED or prim.IsA(UsdGeom.Boundable) or not _is_known(type_name))
@@ -63,13 +64,19 @@ def note_prim(prim: ResolvedPrim, applied: list[str], kind: str, ctx: Context) -
 
 def note_unknown_schemas(prim: Usd.Prim, path: str, ctx: Context) -> None:
     """Of a prim that the walk does not pass: a shader."""
-    for schema in {schema.split(":")[0] for schema in applied_schemas(prim)} - UNDERSTOOD:
+    for schema in filter(_is_unread, {schema.split(":")[0] for schema in applied_schemas(prim)}):
         _note_unread(schema, path, ctx)
 
 
+def _is_unread(schema: str) -> bool:
+    """Whether it may change the picture, and does not; those of other programs that do not are told of by families."""
+    return schema not in UNDERSTOOD and not is_without_effect(schema)
+
+
 def _note_unread(schema: str, path: str, ctx: Context) -> None:
-    known = schema in IGNORED
-    message = f"{schema}: {IGNORED[schema]}" if known else f"{schema} is not known: what it means to the picture is ignored."
+    foreign = foreign_schema(schema)
+    instead = IGNORED.get(schema) or (foreign.meaning if foreign else "")
+    message = f"{schema}: {instead}" if instead else f"{schema} is not known: what it means to the picture is ignored."
     ctx.warn("api-schema", path, message)
 
 
@@ -119,7 +126,7 @@ def _note_schemas(prim: ResolvedPrim, schemas: list[str], kind: str, ctx: Contex
             _note_light_schema(prim, schema, kind, ctx)
         elif schema == "MotionAPI":
             _note_motion(prim, ctx)
-        elif schema not in UNDERSTOOD:
+        elif _is_unread(schema):
             _note_unread(schema, prim.path, ctx)
 
 

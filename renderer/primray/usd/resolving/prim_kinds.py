@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from pxr import Usd
 
+from .applied_schemas import UNDERSTOOD
 from .bindings import binding_names, is_collection
 from .context import Context
 from .foreign_names import NameSet
@@ -32,6 +33,11 @@ class PrimKind(NameSet):
     hands_down: bool = False  # something else than what is above it
     is_noted: bool = False  # diagnostics may have something to say of it
     bindings: tuple[str, ...] = ()  # its properties that bind materials
+
+    @property
+    def foreign_schemas(self) -> set[str]:
+        """Those of other programs, without names of instances."""
+        return {schema.split(":")[0] for schema in self.schemas} - UNDERSTOOD
 
 
 class KindsMet(list[PrimKind]):

@@ -69,6 +69,9 @@ def _types_with_scalars(ctx: Context) -> frozenset[str]:
 def _prims(ctx: Context, camera: str) -> Iterator[tuple[Usd.Prim, Usd.Prim | None]]:
     """Whatever has a place in the scene; of the cameras, the one that looks. Prototypes of point instancers come with their
     root: what is above that hides them from where they stand only."""
+    looking = ctx.stage.GetPrimAtPath(camera) if camera else None
+    if looking and looking.IsInstanceProxy():
+        yield looking, None
     for prims in (in_world(ctx.stage), *map(there_below, ctx.stage.GetPrototypes())):
         for prim in prims:
             if prim.IsA(UsdGeom.Camera):
