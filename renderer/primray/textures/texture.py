@@ -23,6 +23,7 @@ from ..color import ocio as color
 from ..color.color_space import REC709, SRGB, ColorSpace, linear, matrix, transformed
 from ..description import TextureFile, Wrap
 from ..errors import AssetError, LimitError, SettingsError
+from ..lfs_pointer import WHAT_IT_IS, is_pointer_file
 from .image_error import last_error
 from .texture_format import Layout, environment_of, is_srgb, layout_of, wraps_of
 from .windows import Windows, windows_of
@@ -97,8 +98,17 @@ def load_texture(
         with tempfile.NamedTemporaryFile(suffix=PurePath(member).suffix) as unpacked:
             unpacked.write(read(path))
             unpacked.flush()
-            return _load(unpacked.name, path, file, channels)
-    return _load(path, path, file, channels)
+            return _loaded(unpacked.name, path, file, channels)
+    return _loaded(path, path, file, channels)
+
+
+def _loaded(path: str, shown: str, file: TextureFile, wanted: frozenset[str]) -> Texture:
+    try:
+        return _load(path, shown, file, wanted)
+    except AssetError as error:
+        if not is_pointer_file(path):
+            raise
+        raise AssetError(f"the texture cannot be read: {WHAT_IT_IS}", where=shown, code="texture-unreadable") from error
 
 
 def _load(path: str, shown: str, file: TextureFile, wanted: frozenset[str]) -> Texture:

@@ -21,6 +21,7 @@ ORDER = (
     "errors",
     "arrays",
     "installed_packages",
+    "lfs_pointer",
     "aov_names",
     "aov_data_types",
     "composition",
