@@ -10,10 +10,9 @@ from functools import cache
 from pxr import Usd, UsdGeom
 
 from ..querying.time_varying import is_between_samples
-from .applied_schemas import IGNORED, UNDERSTOOD, applied_schemas
+from .applied_schemas import IGNORED, UNDERSTOOD, applied_schemas, foreign_schema, is_without_effect
 from .context import Context
 from .foreign_names import note_light_inputs
-from .foreign_schemas import foreign_schema, is_without_effect
 from .read import read
 from .resolve import ResolvedPrim, is_drawn
 

@@ -26,8 +26,7 @@ from ..resolving.bindings import binds_by_collection, note_bindings
 from ..resolving.color_scope import NOWHERE
 from ..resolving.color_spaces import scope_at
 from ..resolving.context import Context
-from ..resolving.foreign_names import note_other_renderers
-from ..resolving.foreign_schemas import note_foreign_schemas
+from ..resolving.foreign_names import note_foreign_schemas, note_other_renderers
 from ..resolving.notes import note_prim
 from ..resolving.poses import ROOT, Poses
 from ..resolving.prim_kinds import KindsMet, PrimKinds, PropertyNames
