@@ -56,8 +56,9 @@ CODES: dict[str, Code] = {
         "An applied schema that could change the picture is ignored.",
         "Remove the schema if it means nothing here; otherwise bake what it does into attributes of the prim."),
     "skinning": Code(Severity.WARNING, Kind.IGNORED,
-        "Skeletal deformation is ignored: the undeformed pose is rendered.",
-        "Bake the skinning into the points (UsdSkel.BakeSkinning) before rendering."),
+        "Skeletal deformation is ignored: a mesh with joint weights is rendered undeformed, or with its skeleton at rest.",
+        "Bind it as UsdSkel asks: below a SkelRoot, with SkelBindingAPI, a Skeleton and an animation with values. "
+        "Or bake it (UsdSkel.BakeSkinning)."),
     "posed": Code(Severity.INFO, Kind.NOTE,
         "Meshes bound to a skeleton are posed by USD's own skinning.",
         "Nothing: the pose is the one of the frame that is rendered."),
