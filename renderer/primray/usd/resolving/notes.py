@@ -58,7 +58,7 @@ def note_prim(prim: ResolvedPrim, applied: list[str], kind: str, ctx: Context) -
         _note_schemas(prim, schemas, kind, ctx)
     if kind == "light" or "LightAPI" in schemas:
         note_light_inputs(prim, applied, ctx)
-    if kind == "shape" and WEIGHTS in prim.names:
+    if WEIGHTS in prim.names:
         _note_weights(prim, schemas, ctx)
     if not kind and prim.type_name:
         _note_type(prim, ctx)

@@ -41,6 +41,12 @@ def _binding(cache: UsdSkel.Cache, found: UsdSkel.Binding) -> SkeletonBinding:
     return SkeletonBinding(prim, animation, joints, query.GetAnimQuery(), list(found.GetSkinningTargets()))
 
 
+def concerned(binding: SkeletonBinding) -> list[Usd.Prim]:
+    """The skeleton, its animation and what it moves."""
+    moved = [query.GetPrim() for query in binding.targets if query.HasJointInfluences() or query.HasBlendShapes()]
+    return [prim for prim in (binding.skeleton, binding.animation, *moved) if prim]
+
+
 def lacks_animation(binding: SkeletonBinding) -> str:
     """Why the bound animation moves nothing, "" where it does or none is bound: then the pose is the skeleton's rest.
 

@@ -10,12 +10,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import chain, count
 
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Sdf, Tf, Usd, UsdGeom
 
 from ...diagnostics import Diagnostics
 from ..querying.traversal import everything_in_instances, in_world, instanced_roots, stands_in_world, there_below
 from ..resolving.read import When, value
-from .skeleton_bindings import bindings_below
+from .skeleton_bindings import bindings_below, concerned
 
 _BINDING = ("skel:", "primvars:skel:")
 
@@ -112,11 +112,11 @@ def _reached(stage: Usd.Stage) -> list[Sdf.Path]:
 
     found: dict[Sdf.Path, None] = {}
     for root in [prim for prim in drawn(stage) if is_root(prim)]:
-        for binding in bindings_below(UsdSkel.Root(root)):
-            moved = (query.GetPrim() for query in binding.targets if query.HasJointInfluences() or query.HasBlendShapes())
-            for prim in (binding.skeleton, binding.animation, *moved):
-                if prim and prim.IsInstanceProxy():
-                    found[_instance_around(prim)] = None
+        try:
+            prims = [prim for binding in bindings_below(UsdSkel.Root(root)) for prim in concerned(binding)]
+        except Tf.ErrorException:  # posing will tell
+            continue
+        found.update((_instance_around(prim), None) for prim in prims if prim.IsInstanceProxy())
     return list(found)
 
 
@@ -177,7 +177,7 @@ class _Bound:
 
     def _text(self, found: Usd.Property, instance: Sdf.Path) -> str:
         if isinstance(found, Usd.Relationship):
-            targets = found.GetForwardedTargets()
+            targets = _targets(found)
             return " ".join(str(t.MakeRelativePath(instance) if t.HasPrefix(instance) else t) for t in targets)
         return str(value(found, self._when))
 
@@ -185,7 +185,15 @@ class _Bound:
 def _leads_outside(prototype: Usd.Prim) -> bool:
     """Whether something in a prototype is bound to a skeleton that is not."""
     relationships = (prim.GetRelationship("skel:skeleton") for prim in everything_in_instances(prototype))
-    return any(not t.HasPrefix(prototype.GetPath()) for r in relationships if r for t in r.GetForwardedTargets())
+    return any(not t.HasPrefix(prototype.GetPath()) for r in relationships if r for t in _targets(r))
+
+
+def _targets(relationship: Usd.Relationship) -> list[Sdf.Path]:
+    """As authored; none where USD cannot follow them."""
+    try:
+        return list(relationship.GetForwardedTargets())
+    except Tf.ErrorException:
+        return []
 
 
 def _share(stage: Usd.Stage, first: Sdf.Path, others: list[Sdf.Path], layers: list[Sdf.Layer]) -> None:
@@ -196,7 +204,10 @@ def _share(stage: Usd.Stage, first: Sdf.Path, others: list[Sdf.Path], layers: li
         Sdf.CreatePrimInLayer(session, posed).specifier = Sdf.SpecifierClass
         for layer in layers:
             _move_children(layer, first, posed)
-        session.GetPrimAtPath(first).ClearInfo("instanceable")
+        first_spec = session.GetPrimAtPath(first)
+        first_spec.ClearInfo("instanceable")
+        if first_spec.HasInfo("customData"):  # marks (querying.skin_marks)
+            session.GetPrimAtPath(posed).SetInfo("customData", first_spec.GetInfo("customData"))
         for path in [first, *others]:
             spec = Sdf.CreatePrimInLayer(session, path)
             spec.inheritPathList.Prepend(posed)
@@ -205,7 +216,10 @@ def _share(stage: Usd.Stage, first: Sdf.Path, others: list[Sdf.Path], layers: li
 
 
 def _free_path(stage: Usd.Stage) -> Sdf.Path:
-    return next(path for k in count() if not stage.GetPrimAtPath(path := Sdf.Path(f"/posed_{k}")))
+    """Where no layer has anything, seen through the stage's population mask or not."""
+    layers = stage.GetLayerStack()
+    names = (Sdf.Path(f"/posed_{k}") for k in count())
+    return next(path for path in names if not any(layer.GetPrimAtPath(path) for layer in layers))
 
 
 def _move_children(layer: Sdf.Layer, source: Sdf.Path, target: Sdf.Path) -> None:

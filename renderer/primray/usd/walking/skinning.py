@@ -48,7 +48,8 @@ def posed(stage: Usd.Stage, when: When, diagnostics: Diagnostics) -> Usd.Stage:
     paths = list(dict.fromkeys(str(prim.GetPath()) for prim in drawn(made) if is_root(prim)))
     with standing_in_world(made, paths):
         for path in paths:
-            _pose(UsdSkel.Root(made.GetPrimAtPath(path)), held, when, diagnostics)
+            if root := UsdSkel.Root(made.GetPrimAtPath(path)):  # baking makes Xforms of it and of those below
+                _pose(root, held, when, diagnostics)
     share_poses(made, crowds, [made.GetSessionLayer(), held])
     return made
 
@@ -61,14 +62,18 @@ def _layer_for_held_values(stage: Usd.Stage) -> Sdf.Layer:
 
 
 def _pose(root: UsdSkel.Root, held: Sdf.Layer, when: When, diagnostics: Diagnostics) -> None:
-    path, bindings = str(root.GetPath()), bindings_below(root)
-    problem = _bake(root, bindings, held, when)
+    path = str(root.GetPath())
+    mark(root.GetPrim())
+    try:
+        bindings = bindings_below(root)
+        problem = _bake(root, bindings, held, when)
+        if _mark_baked(bindings):
+            diagnostics.add("posed", path, "Meshes below are posed by their skeleton.")
+    except Tf.ErrorException as error:
+        problem = f"USD cannot pose it: {tf_message(error)}"
     if problem:
         diagnostics.add("skinning", path, problem)
-    mark(root.GetPrim())
-    if _mark_baked(bindings):
-        diagnostics.add("posed", path, "Meshes below are posed by their skeleton.")
-    if not problem:
+    else:
         _mark_others(root.GetPrim(), bindings)
 
 
@@ -78,15 +83,12 @@ def _bake(root: UsdSkel.Root, bindings: list[SkeletonBinding], held: Sdf.Layer, 
 
     if any(prim and prim.IsInstanceProxy() for binding in bindings for prim in (binding.skeleton, binding.animation)):
         return "Its skeleton or animation is in one of very many instances: meshes below are rendered as they are authored."
-    try:
-        with Usd.EditContext(root.GetPrim().GetStage(), held):
-            _hold(root.GetPrim(), bindings, when)
-            for query in (query for binding in bindings for query in binding.targets):
-                if query.HasJointInfluences() and not query.IsRigidlyDeformed() and not query.GetPrim().IsInstanceProxy():
-                    make_bakeable(query.GetPrim())
-        return "" if UsdSkel.BakeSkinning(root, Gf.Interval(0, 0)) else "USD cannot pose it."
-    except Tf.ErrorException as error:
-        return f"USD cannot pose it: {tf_message(error)}"
+    with Usd.EditContext(root.GetPrim().GetStage(), held):
+        _hold(root.GetPrim(), bindings, when)
+        for query in (query for binding in bindings for query in binding.targets):
+            if query.HasJointInfluences() and not query.IsRigidlyDeformed() and not query.GetPrim().IsInstanceProxy():
+                make_bakeable(query.GetPrim())
+    return "" if UsdSkel.BakeSkinning(root, Gf.Interval(0, 0)) else "USD cannot pose it."
 
 
 def _hold(root: Usd.Prim, bindings: list[SkeletonBinding], when: When) -> None:
@@ -137,8 +139,12 @@ def _mark_others(root: Usd.Prim, bindings: list[SkeletonBinding]) -> None:
     bound = {query.GetPrim().GetPath() for binding in bindings for query in binding.targets}
     for prim in there_below(root):
         if has_weights(prim) and not is_marked(prim):
-            if "SkelBindingAPI" not in prim.GetAppliedSchemas():
-                mark(prim, NOT_APPLIED)
-            else:
-                fits = "USD does not pose it with these weights, joint indices and points"
-                mark(prim, fits if prim.GetPath() in bound else UNBOUND)
+            mark(prim, _why_not_baked(prim, bound))
+
+
+def _why_not_baked(prim: Usd.Prim, bound: set[Sdf.Path]) -> str:
+    if "SkelBindingAPI" not in prim.GetAppliedSchemas():
+        return NOT_APPLIED
+    if prim.GetPath() in bound:
+        return "USD does not pose it with these weights, joint indices and points"
+    return "" if any(path.HasPrefix(prim.GetPath()) for path in bound) else UNBOUND  # weights may be for what is below

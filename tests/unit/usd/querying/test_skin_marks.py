@@ -38,6 +38,10 @@ CASES = {
     "an animation that is none": (root(BOUND + 'def Xform "wave"\n{\n}\n' + SKIN), "wave"),
     "an animation that is not there": (root(BOUND + SKIN), "/char/wave is not there"),
     "weights of other points": (root(BOUND + WAVE + skin("rel skel:skeleton = </char/bones>", FEW)), "these weights"),
+    "no SkelRoot, weights from above": (
+        placed("def Xform", "skin", RIGID + skin("", "").replace('"skin"', '"below"'), header=API),
+        "no SkelRoot",
+    ),
     "no schema, in an instance": (
         placed("class Xform", "body", skin(header=""))
         + root(BOUND + WAVE + instance("def Xform", "b", "/body", "rel skel:skeleton = </char/bones>")),
@@ -78,8 +82,9 @@ def test_one_posed_mesh_does_not_stand_for_another() -> None:
         root(BOUND + WAVE + placed("def Xform", "x", skin("rel skel:skeleton = </char/bones>", ""), header=API)
              .replace("{\n", "{\n" + RIGID, 1)),
         root(bones() + SKIN),
+        root(placed("def SkelRoot", "inner", character())),
     ],
-    ids=["skinned", "rigid", "rigid from above", "at rest without an animation"],
+    ids=["skinned", "rigid", "rigid from above", "at rest without an animation", "a root below a root"],
 )  # fmt: skip
 def test_posed_meshes_are_told_as_such(text: str) -> None:
     assert [found[:2] for found in told(text)] == [("posed", "/char")]
@@ -94,3 +99,10 @@ def test_meshes_in_crowds_are_posed(monkeypatch: pytest.MonkeyPatch) -> None:
     text = placed("class SkelRoot", "c", character() + placed("def Scope", "more", skin()))
     both = text + "".join(instance("def SkelRoot", name, "/c") for name in "ab")
     assert [found[:2] for found in told(both)] == [("posed", "/a"), ("skinning", "/a/more/skin")]
+
+
+def test_a_crowd_that_cannot_be_posed_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(skinning, "MAX_TAKEN_APART", 1)
+    monkeypatch.setattr(skinning, "_bake", lambda *_: "USD cannot pose it.")
+    crowd = placed("class SkelRoot", "c", character()) + "".join(instance("def SkelRoot", name, "/c") for name in "ab")
+    assert told(crowd) == [("skinning", "/a", "USD cannot pose it.")]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pxr import Usd
 
 from primray.description import SceneDescription
 from primray.settings import RenderSettings
@@ -153,3 +154,14 @@ def test_an_animation_in_one_of_a_crowd_serves_another(monkeypatch: pytest.Monke
     other = bones("rel skel:animationSource = </c2/wave>") + skin("rel skel:skeleton = </char/bones>")
     told = assert_as_usd_poses(CHARACTER + crowd(5, "/c") + placed("def SkelRoot", "char", other))
     assert sorted(told) == [("posed", "/c0"), ("posed", "/c2"), ("posed", "/char")]
+
+
+def test_the_class_of_a_crowd_takes_no_name_that_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where a population mask hides who has it."""
+    monkeypatch.setattr(skinning, "MAX_TAKEN_APART", 1)
+    other = placed("def Xform", "posed_0", placed("def Xform", "skin", "", 9))
+    whole = stage_of(CHARACTER + crowd(3, "/c") + other)
+    stage = Usd.Stage.OpenMasked(whole.GetRootLayer(), Usd.StagePopulationMask(["/c0", "/c1"]))
+    description, _ = translate(stage, RenderSettings(time_code=10.0))
+    expected = points_of_usd(stage_of(CHARACTER + crowd(2, "/c")), 10.0)
+    np.testing.assert_allclose(in_order(points_of(description)), in_order(expected), atol=1e-5)
