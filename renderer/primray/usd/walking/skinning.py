@@ -86,7 +86,8 @@ def _bake(root: UsdSkel.Root, bindings: list[SkeletonBinding], held: Sdf.Layer, 
     with Usd.EditContext(root.GetPrim().GetStage(), held):
         _hold(root.GetPrim(), bindings, when)
         for query in (query for binding in bindings for query in binding.targets):
-            if query.HasJointInfluences() and not query.IsRigidlyDeformed() and not query.GetPrim().IsInstanceProxy():
+            is_bent = query.HasBlendShapes() or (query.HasJointInfluences() and not query.IsRigidlyDeformed())
+            if is_bent and not query.GetPrim().IsInstanceProxy():
                 make_bakeable(query.GetPrim())
     return "" if UsdSkel.BakeSkinning(root, Gf.Interval(0, 0)) else "USD cannot pose it."
 

@@ -85,6 +85,26 @@ def test_normals_of_other_types_turn_with_joints(kind: str) -> None:
     np.testing.assert_allclose(found, expected(AUTHORED[ONE]), atol=1e-3)
 
 
+@pytest.mark.parametrize("weights", ["", ONE_JOINT, RIGID], ids=["no joint", "a joint", "rigid"])
+@pytest.mark.parametrize("name", ["primvars:normals", "normals"])
+def test_blend_shapes_move_normals_per_point(name: str, weights: str) -> None:
+    animation = WAVE.replace(
+        "half3[] scales", 'uniform token[] blendShapes = ["up"]\nfloat[] blendShapeWeights = [1]\nhalf3[] scales'
+    )
+    shape = """uniform token[] skel:blendShapes = ["up"]
+rel skel:blendShapeTargets = </char/skin/up>
+def BlendShape "up"
+{
+    uniform vector3f[] offsets = [(0, 0, 2)]
+    uniform vector3f[] normalOffsets = [(0.75, 0, 0)]
+    uniform int[] pointIndices = [3]
+}
+"""
+    bent = np.array([*AUTHORED[:3], (0.6, 0, 0.8)])
+    found = normals_of(primvar("vertex", AUTHORED, name=name) + "\n" + shape, weights, animation)
+    np.testing.assert_allclose(found, expected(bent, 1) if weights else bent, atol=1e-5)
+
+
 def test_a_rigid_mesh_turns_as_a_whole() -> None:
     found = normals_of(primvar("faceVarying", AUTHORED), RIGID, WAVE)
     np.testing.assert_allclose(found, expected(AUTHORED, 1), atol=1e-5)
