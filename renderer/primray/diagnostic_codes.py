@@ -59,8 +59,9 @@ CODES: dict[str, Code] = {
         "Applied schemas of other programs that leave the picture as it is: simulation, labels, another renderer's settings.",
         "Nothing: they mean nothing to this picture."),
     "skinning": Code(Severity.WARNING, Kind.IGNORED,
-        "Skeletal deformation is ignored: the undeformed pose is rendered.",
-        "Bake the skinning into the points (UsdSkel.BakeSkinning) before rendering."),
+        "Skeletal deformation is ignored: a mesh with joint weights is rendered undeformed, or with its skeleton at rest.",
+        "Bind it as UsdSkel asks: below a SkelRoot, with SkelBindingAPI, a Skeleton and an animation with values. "
+        "Or bake it (UsdSkel.BakeSkinning)."),
     "posed": Code(Severity.INFO, Kind.NOTE,
         "Meshes bound to a skeleton are posed by USD's own skinning.",
         "Nothing: the pose is the one of the frame that is rendered."),

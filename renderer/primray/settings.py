@@ -70,6 +70,7 @@ class SettingsValues(TypedDict, total=False):
     render_settings: str | None
     product: str | None
     resolution: Iterable[int] | None
+    resolution_scale: float
     time_code: float | None
     spp: int | None
     target_error: float | None

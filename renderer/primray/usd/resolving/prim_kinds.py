@@ -77,6 +77,6 @@ class PrimKinds:
             taken_as=taken_as,
             has_transform="xformOpOrder" in names,
             hands_down=hands_down(names, schemas, self._ctx),
-            is_noted=is_noted(prim, type_name, schemas, taken_as),
+            is_noted=is_noted(prim, type_name, schemas, names, taken_as),
             bindings=bindings,
         )
