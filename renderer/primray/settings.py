@@ -263,7 +263,7 @@ _READERS: Mapping[str, Reader] = {
     "error_metric": choice(Metric),
     "filter": choice(Filter),
     "seed": whole,
-    "dicing_rate": number,
+    **dict.fromkeys(("dicing_rate", "resolution_scale"), number),
     "variants": texts,
 }
 
