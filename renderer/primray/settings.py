@@ -70,6 +70,7 @@ class SettingsValues(TypedDict, total=False):
     render_settings: str | None
     product: str | None
     resolution: Iterable[int] | None
+    resolution_scale: float
     time_code: float | None
     spp: int | None
     target_error: float | None
@@ -262,7 +263,7 @@ _READERS: Mapping[str, Reader] = {
     "error_metric": choice(Metric),
     "filter": choice(Filter),
     "seed": whole,
-    "dicing_rate": number,
+    **dict.fromkeys(("dicing_rate", "resolution_scale"), number),
     "variants": texts,
 }
 

@@ -1,3 +1,3 @@
 """The version of primray: what builds, reports and files say."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

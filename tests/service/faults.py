@@ -36,9 +36,10 @@ from primray_service.store.base import JobFilter, Store
 
 from . import serving
 from .dispatcher.rig import put_scene
+from .forked import ROOT
 from .postgres import Server as PostgresServer
 from .postgres import private_server
-from .serving import ROOT, RunningServer, start
+from .serving import RunningServer, start
 
 SCENES = {name: ROOT / f"scenes/features/{name}/scene.usda" for name in ("glass", "time-code", "emission")}
 LIMITS = {"checkpoint_every_s": 0.4, "free_disk_bytes": 0}

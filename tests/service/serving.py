@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import re
-import select
 import signal
 import subprocess
 import sys
@@ -16,11 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import httpx2
+from tests.service import forked
 
 from primray_service.config import ServeConfig
 from primray_service.limits import Limits, Quotas
 
-ROOT = Path(__file__).parents[2]
 START_S = 30.0
 
 
@@ -28,7 +26,7 @@ START_S = 30.0
 class RunningServer:
     """`log` is what it printed, on both channels."""
 
-    process: subprocess.Popen[bytes]
+    process: forked.Process
     url: str
     data: Path
     log: Path
@@ -62,24 +60,17 @@ def start(data: Path, **settings: Any) -> RunningServer:
     """`settings` are ServeConfig's, but for `data`; limits and quotas as dictionaries."""
     data.mkdir(parents=True, exist_ok=True)
     log = data.with_name(f"{data.name}.log")
-    with log.open("ab") as stderr:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "tests.service.serving", json.dumps({"data": str(data), "port": 0, **settings})],
-            cwd=ROOT,
-            stdout=subprocess.PIPE,
-            stderr=stderr,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "renderer"), str(ROOT / "service")])},
-        )
-    assert process.stdout is not None
-    printed, until = b"", time.monotonic() + START_S
+    with log.open("ab") as said:
+        begin = said.tell()
+        process = forked.start({"data": str(data), "port": 0, **settings}, said.fileno())
+    until = time.monotonic() + START_S
     while time.monotonic() < until and process.poll() is None:
-        if select.select([process.stdout], [], [], 0.1)[0]:
-            printed += os.read(process.stdout.fileno(), 4096)
-            if match := re.search(rb"listens at (http://\S+)\s", printed):
-                return RunningServer(process, match[1].decode(), data, log)
+        if match := re.search(rb"listens at (http://\S+)\s", log.read_bytes()[begin:]):
+            return RunningServer(process, match[1].decode(), data, log)
+        time.sleep(0.01)
     process.kill()
     process.wait()
-    raise AssertionError(f"the server did not start:\n{printed.decode()}\n{log.read_text()[-4000:]}")
+    raise AssertionError(f"the server did not start:\n{log.read_text()[-4000:]}")
 
 
 def config_of(settings: dict[str, Any]) -> ServeConfig:

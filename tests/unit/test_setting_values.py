@@ -67,6 +67,7 @@ NONSENSE: dict[str, list[Any]] = {
     "render_settings": [3],
     "product": [b"/p"],
     "resolution": [640, "640x360", (1, 2, 3), (0, 0), (1.5, 2), {"width": 3}],
+    "resolution_scale": [0, -1.0, "half", None, float("nan")],
     "time_code": ["1", float("inf"), True],
     "spp": ["4", 0, 1.5, True],
     "target_error": ["small", 0, float("nan")],

@@ -39,7 +39,8 @@ class PrimvarInput:
 class TextureInput:
     """A UsdUVTexture's output: `channels` of texture(st') * scale + bias, where st' = st_transform * (st, 1).
 
-    A file that cannot be read gives `fallback` (scale and bias do not apply to it: the text multiplies texture values).
+    A file that cannot be read, or a tile of a set that is not there, gives `fallback` (scale and bias do not apply to it: the
+    text multiplies texture values).
     (0, 0) is the image's lower left corner.
     """
 

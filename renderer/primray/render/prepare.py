@@ -100,11 +100,13 @@ def load_textures(
     """The images of every file that could be read (with their tiles' numbers, or 0), and the description without the domes
     whose texture could not; each file that could not is a diagnostic."""
     from ..textures.light_textures import with_read_textures
+    from ..textures.missing_tiles import note_missing_tiles
     from ..textures.texture_outside import note_textures_outside
     from ..textures.texture_set import load_texture_set
 
     textures = load_texture_set(description, diagnostics, read)
     note_textures_outside(description, textures, diagnostics)
+    note_missing_tiles(description, diagnostics)
     return replace(description, lights=with_read_textures(description.lights, textures, diagnostics)), textures
 
 

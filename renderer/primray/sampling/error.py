@@ -41,6 +41,11 @@ class Estimate:
         factor = math.exp(min(Z95 * relative_deviation, 50.0))
         return cls(value, value / factor, value * factor)
 
+    @property
+    def doubt(self) -> float:
+        """The factor by which the error may be larger; 1 where it is known."""
+        return self.high / self.value if self.value > 0 else 1.0
+
     def root(self) -> Estimate:
         return Estimate(math.sqrt(self.value), math.sqrt(self.low), math.sqrt(self.high))
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ..settings import MAX_SPP, SAMPLE_BLOCK, Metric
-from .error import FrameError
+from .error import Estimate, FrameError
 
 if TYPE_CHECKING:
     from .adaptive import Plan
@@ -16,6 +16,14 @@ if TYPE_CHECKING:
 # far the measured power is from 1, the rest is.
 SLOWEST, FASTEST, TRUST = 0.5, 2.0, 0.7
 USUAL_RATE = 1.2  # at first, before it has been measured
+# A target counts from 8 samples a pixel on where the error is known to this factor. With half as good a knowledge four times as
+# many are needed: a few bright pixels that few samples have met, and others that they have not.
+WELL_KNOWN, FEWEST = 1.25, 8
+
+
+def fewest_samples(error: Estimate) -> float:
+    """Samples a pixel below which such an error is not held against a target."""
+    return FEWEST * max(error.doubt / WELL_KNOWN, 1.0) ** 2
 
 
 @dataclass(frozen=True)
@@ -88,4 +96,4 @@ class ErrorCurve:
         if plan is not None and row.samples >= plan.samples:
             planned = plan.samples_for(row.error.tiles, row.samples, part, 0.5**rate)
             samples = planned if math.isfinite(planned) else max(samples, 2.0 * plan.samples + SAMPLE_BLOCK)
-        return min(samples, float(MAX_SPP))
+        return min(max(samples, fewest_samples(row.error.of(self.metric))), float(MAX_SPP))

@@ -15,12 +15,12 @@ from enum import Enum, auto
 from typing import TYPE_CHECKING, Any
 
 from ..settings import SAMPLE_BLOCK, RenderSettings
-from .error_curve import ErrorCurve, Row
+from .error_curve import FEWEST, ErrorCurve, Row, fewest_samples
 
 if TYPE_CHECKING:
     from .adaptive import Plan
 
-FIRST_ANCHOR = 8
+FIRST_ANCHOR = FEWEST
 FIRST_PLAN = 16  # adaptive sampling begins here
 # A pass under a time limit takes at most so much of what is left, so that what it takes is known before the end comes near.
 SHARE_OF_TIME = 0.35
@@ -121,11 +121,14 @@ class Schedule:
         return (done + int(share)) // SAMPLE_BLOCK * SAMPLE_BLOCK
 
     def target_met(self, here: Row | None) -> bool | None:
-        """Whether the error measured of all samples is the target's or less; None: no error was asked for."""
+        """Whether the error measured of all samples is known to be the target's or less; None: no error was asked for."""
         target = self.settings.target_error
         if target is None:
             return None
-        return here is not None and here.error.of(self.settings.error_metric).value <= target
+        if here is None:
+            return False
+        error = here.error.of(self.settings.error_metric)
+        return error.value <= target and here.samples >= min(fewest_samples(error), self.settings.most_samples)
 
     def stop(self, done: int, here: Row | None, seconds: float) -> Stop | None:
         """Whether the render ends where a pass has ended; `here`: the error measured there, if it was."""

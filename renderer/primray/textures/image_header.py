@@ -8,13 +8,17 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from .image_error import last_error
+from .windows import windows_of
 
 if TYPE_CHECKING:
     import OpenImageIO as oiio
 
 
 def read_header(path: str, read: Callable[[str], bytes]) -> oiio.ImageSpec | None:
-    """None if it cannot be opened. `read` gives the bytes of a package's member ("package.usdz[member]")."""
+    """With the size of the picture; None if it cannot be opened.
+
+    `read` gives the bytes of a package's member ("package.usdz[member]").
+    """
     if not path.endswith("]"):
         return _of_file(path)
     with tempfile.NamedTemporaryFile(suffix=PurePath(path[path.rindex("[") + 1 : -1]).suffix) as unpacked:
@@ -31,6 +35,8 @@ def _of_file(path: str) -> oiio.ImageSpec | None:
         last_error(oiio)
         return None
     try:
-        return image.spec()
+        spec = image.spec()
+        spec.width, spec.height = windows_of(spec, image.format_name()).picture
+        return spec
     finally:
         image.close()

@@ -2,7 +2,8 @@
 
 Values are as stored: alpha is straight, never colour-transformed and multiplied with nothing; EXIF's orientation turns
 nothing, and chromaticities in a file convert nothing (UsdUVTexture's "auto" asks a file only whether it is sRGB). "auto" and
-"sRGB" speak of the curve alone (UsdUVTexture): the primaries are those of USD's default space, Rec.709's.
+"sRGB" speak of the curve alone (UsdUVTexture): the primaries are those of USD's default space, Rec.709's. An EXR's picture is
+its display window: texture coordinates and directions go from edge to edge of that.
 """
 
 from __future__ import annotations
@@ -22,8 +23,10 @@ from ..color import ocio as color
 from ..color.color_space import REC709, SRGB, ColorSpace, linear, matrix, transformed
 from ..description import TextureFile, Wrap
 from ..errors import AssetError, LimitError, SettingsError
+from ..lfs_pointer import WHAT_IT_IS, is_pointer_file
 from .image_error import last_error
 from .texture_format import Layout, environment_of, is_srgb, layout_of, wraps_of
+from .windows import Windows, windows_of
 
 MAX_TEXTURE_MB = 4096  # as float: a little more than 16384 x 16384 in RGB
 
@@ -95,8 +98,17 @@ def load_texture(
         with tempfile.NamedTemporaryFile(suffix=PurePath(member).suffix) as unpacked:
             unpacked.write(read(path))
             unpacked.flush()
-            return _load(unpacked.name, path, file, channels)
-    return _load(path, path, file, channels)
+            return _loaded(unpacked.name, path, file, channels)
+    return _loaded(path, path, file, channels)
+
+
+def _loaded(path: str, shown: str, file: TextureFile, wanted: frozenset[str]) -> Texture:
+    try:
+        return _load(path, shown, file, wanted)
+    except AssetError as error:
+        if not is_pointer_file(path):
+            raise
+        raise AssetError(f"the texture cannot be read: {WHAT_IT_IS}", where=shown, code="texture-unreadable") from error
 
 
 def _load(path: str, shown: str, file: TextureFile, wanted: frozenset[str]) -> Texture:
@@ -111,8 +123,12 @@ def _load(path: str, shown: str, file: TextureFile, wanted: frozenset[str]) -> T
     try:
         spec = image.spec()
         layout = layout_of(tuple(spec.channelnames)).reduced(wanted)
-        _check_size(spec, layout, shown)
+        windows = windows_of(spec, image.format_name())
+        for size in (windows.stored, windows.picture):
+            _check_size(size, layout, shown)
         stored = _read(image, spec, layout, shown)
+        if windows.differ:
+            stored = _pictured(stored, windows, layout, wanted)
         space = _space_of(file, is_srgb(spec, path))
         turned = spec.getattribute("Orientation") not in (None, 0, 1)
         around = environment_of(spec)
@@ -147,11 +163,12 @@ def _clear_bad(pixels: Floats) -> int:
     return int(np.count_nonzero(bad))
 
 
-def _check_size(spec: Any, layout: Layout, shown: str) -> None:
-    megabytes = spec.width * spec.height * 4 * len(layout.channels) / 2**20
+def _check_size(size: tuple[int, int], layout: Layout, shown: str) -> None:
+    width, height = size
+    megabytes = width * height * 4 * len(layout.channels) / 2**20
     if megabytes > MAX_TEXTURE_MB:
         raise LimitError(
-            f"the texture is {spec.width} x {spec.height}: {megabytes:.0f} MB of float pixels, {MAX_TEXTURE_MB} allowed",
+            f"the texture is {width} x {height}: {megabytes:.0f} MB of float pixels, {MAX_TEXTURE_MB} allowed",
             where=shown,
             code="texture-size",
         )
@@ -169,6 +186,14 @@ def _read(image: Any, spec: Any, layout: Layout, shown: str) -> npt.NDArray[Any]
     if layout.channels == tuple(range(found.shape[2])):
         return found
     return np.ascontiguousarray(found[:, :, list(layout.channels)])
+
+
+def _pictured(stored: npt.NDArray[Any], windows: Windows, layout: Layout, wanted: frozenset[str]) -> npt.NDArray[Any]:
+    """The display window; what is not stored of it is 0, and its alpha too where the file itself has none."""
+    has_alpha = len(layout.channels) > layout.colors
+    if "a" in wanted and not has_alpha and not windows.covers:
+        stored = np.concatenate([stored, np.ones_like(stored[:, :, :1])], axis=2)
+    return windows.pictured(stored)
 
 
 def _linear(stored: npt.NDArray[Any], colors: int, space: ColorSpace | str, file: TextureFile, shown: str) -> Floats:

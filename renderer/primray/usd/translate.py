@@ -38,16 +38,16 @@ from .lights.portals import note_unnamed_portals
 from .materials.primvars_read import primvars_read
 from .opening.stage import usd_messages
 from .opening.stage_metadata import meters_per_unit, up_axis
-from .querying.guarded import type_name
+from .querying.cameras import cameras_of
 from .querying.messages import scene_errors, tf_message
-from .querying.traversal import in_world, stands_in_world
+from .querying.traversal import stands_in_world
 from .resolving.color_spaces import rendering_space
 from .resolving.context import Context
 from .resolving.convert import square
 from .resolving.notes import LightShapes
 from .resolving.read import When, when_of
 from .resolving.resolve import ResolvedPrim
-from .resolving.stage_bounds import Bounds, stage_bounds
+from .resolving.stage_bounds import Bounds, NotBounded, stage_bounds
 from .shapes.instance_primvars import without_unread
 from .viewing.framing import shape_bounds
 from .viewing.motion import note_motion
@@ -130,12 +130,11 @@ def _with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
 
 
 def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
-    found = find_by_type(stage, diagnostics)
+    found, when = find_by_type(stage, diagnostics), when_of(stage, settings.time_code)
     if are_drawn(stage, found.skeletons):
-        stage = posed(stage, when_of(stage, settings.time_code, found.clips), diagnostics)
+        stage = posed(stage, when, diagnostics)
         found = find_by_type(stage, Diagnostics())
     cameras, settings_prims, shaders = found.cameras, found.settings, found.shaders
-    when = when_of(stage, settings.time_code, found.clips)
     product = product_settings(stage, settings, settings_prims, when, diagnostics)
     ctx = _context(stage, settings, when, product, diagnostics, names)
     space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
@@ -165,13 +164,13 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     _add_grouped(scene, groups, where)
 
     def bounds() -> Bounds:
-        is_asked = not (where.cyclic or _is_crowded(groups) or _is_elsewhere(stage, groups))
+        is_asked = not (where.cyclic or _is_crowded(groups) or _is_elsewhere(stage, groups) or ctx.kept.of(NotBounded))
         whole = stage_bounds(stage, ctx.when, ctx.purposes) if is_asked else None
         return whole or shape_bounds(scene.shapes, scene.static, scene.prototypes, scene.placements)
 
     note_unnamed_portals(ctx)
     camera, frame = view_through(camera_prim, ctx, product, bounds)
-    note_motion(camera, ctx, found.clips)
+    note_motion(camera, ctx)
     _add_default_lights(scene, camera, ctx)
     _note_missing_primvars(scene, ctx)
     return _describe(scene, ctx, camera, frame, aovs)
@@ -199,7 +198,7 @@ def _note_missing_primvars(scene: _Scene, ctx: Context) -> None:
 @scene_errors()
 def camera_paths(stage: Usd.Stage) -> list[str]:
     """The cameras that could be asked for."""
-    return [str(prim.GetPath()) for prim in in_world(stage) if type_name(prim) == "Camera"]
+    return [str(prim.GetPath()) for prim in cameras_of(stage)]
 
 
 def _shared_paths(groups: list[Group[ResolvedPrim]]) -> frozenset[str]:

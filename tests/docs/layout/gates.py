@@ -26,8 +26,8 @@ TIMES = """EarliestTime GetBracketingTimeSamples GetNumTimeSamples GetSpline Get
 # What USD may fail to give though the stage is open; and the metadata of stages and layers.
 FALLIBLE = """ComputeMaskAtTime ComputePurpose ComputeVisibility Get GetAppliedAPISchemas GetAppliedSchemas
     GetAttributes GetAuthoredAttributes GetAuthoredProperties GetAuthoredPropertyNames GetColorSpace
-    GetConnectedSource GetConnectedSources GetConnections GetElementSize GetForwardedTargets GetInterpolation
-    GetLocalToWorldTransform GetLocalTransformation GetMetadata GetOpTransform GetOrderedXformOps
+    GetConnectedSource GetConnectedSources GetConnections GetElementSize GetForwardedTargets GetIndices GetInterpolation
+    GetLocalToWorldTransform GetLocalTransformation GetMetadata GetNormalsInterpolation GetOpTransform GetOrderedXformOps
     GetParentToWorldTransform GetResetXformStack GetShaderId GetTargets HasColorSpace"""
 STAGE_METADATA = """GetDefaultPrim GetEndTimeCode GetFramesPerSecond GetInfo GetStageMetersPerUnit GetStageUpAxis
     GetStartTimeCode GetTimeCodesPerSecond HasAuthoredTimeCodeRange HasDefaultPrim HasTimeCodesPerSecond customLayerData

@@ -24,6 +24,7 @@ ORDER = (
     "setting_values",
     "camera_choice",
     "installed_packages",
+    "lfs_pointer",
     "aov_names",
     "aov_data_types",
     "composition",

@@ -62,7 +62,7 @@ def show(*prims: str, spp: int = 64, resolution: tuple[int, int] = (8, 8), **set
     image = render(stage(*prims), RenderSettings(spp=spp, resolution=resolution, **settings))
     pixels = np.asarray(image.pixels)
     assert np.isfinite(pixels).all()
-    said = [d for d in image.report["diagnostics"] if d["severity"] != "info"]
+    said = [d for d in image.report["diagnostics"] if d["severity"] != "info" and d["code"] != "empty-picture"]
     noted = {d["code"]: d["message"] for d in said}
     return Shown(pixels[..., :3].astype(np.float64), noted, image.report["invalid_samples"], image)
 

@@ -77,7 +77,7 @@ def picture(text: str, resolution: tuple[int, int] = (32, 32), spp: int = 16, **
 
 
 def codes(image: Image, *, ignored: Sequence[str] = ("camera-chosen",)) -> list[str]:
-    return [d["code"] for d in image.report["diagnostics"] if d["code"] not in ignored]
+    return [d["code"] for d in image.report["diagnostics"] if d["code"] not in ("empty-picture", *ignored)]
 
 
 def round_mesh(bands: int, around: int) -> tuple[npt.NDArray[np.float64], list[list[int]]]:

@@ -134,7 +134,7 @@ def test_a_range_off_the_block_names_the_block() -> None:
 
 def test_estimates_hold_what_comes(tmp_path: Path, capsys) -> None:
     flags = [SCENE, "-r", "96", "72", "--max-depth", "3", "--seed", "1"]
-    assert run(["estimate", *flags, "--target-error", "1e-4", "--target-error", "2e-5", "--pilot", "0.3", "--json"]) == 0
+    assert run(["estimate", *flags, "--target-error", "1e-4", "--target-error", "2e-5", "--pilot", "1", "--json"]) == 0
     line = json.loads(capsys.readouterr().out)
     assert [t["target_error"] for t in line["targets"]] == [1e-4, 2e-5]
     r = primray.render(SCENE, RenderSettings(resolution=(96, 72), max_depth=3, target_error=2e-5, seed=1)).report

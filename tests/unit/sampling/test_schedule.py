@@ -132,6 +132,23 @@ def test_whether_the_target_is_met() -> None:
     assert of.target_met(row(8, 1e-3)) is True
 
 
+def test_an_error_that_is_known_badly_takes_more_samples() -> None:
+    """A few bright pixels: by chance below the target, and perhaps five times as large."""
+
+    def seen(samples: float, high: float) -> Row:
+        known = Estimate(0.009, 0.009**2 / high, high)
+        return Row(samples, samples / 10, FrameError(known, known, np.ones(1), known), True)
+
+    asked = schedule(target_error=0.01)
+    assert asked.stop(8, seen(8, 0.01), 1.0) == Stop("target-error", True)
+    assert asked.stop(8, seen(8, 0.045), 1.0) is None
+    assert asked.expected_end(curve(seen(8, 0.045)), None) == 128
+    assert asked.stop(64, seen(64, 0.045), 1.0) is None
+    assert asked.stop(128, seen(128, 0.045), 1.0) == Stop("target-error", True)
+    # Who asks for fewer has the estimate as it is.
+    assert schedule(target_error=0.01, spp=8).target_met(seen(8, 0.045)) is True
+
+
 def test_an_error_that_falls_as_1_over_samples_is_reached_at_a_multiple() -> None:
     of = schedule(target_error=1e-3, adaptive=False)
     measured = curve(row(8, 16e-3), row(16, 8e-3))

@@ -42,6 +42,7 @@ def inspect(
     from ...diagnostics import Diagnostics
     from ...report.summary import counts, primvar_names, summary
     from ...report.texture_sizes import texture_sizes
+    from ...textures.missing_tiles import note_missing_tiles
     from ..inspect_text import lines
     from ..json_lines import print_line
 
@@ -64,6 +65,7 @@ def inspect(
     stage = usd.open_stage(scene, diagnostics, settings.composition)
     description, translating = usd.translate(stage, settings)
     diagnostics.extend(translating)
+    note_missing_tiles(description, diagnostics)
     textures = texture_sizes(description, usd.read_asset)
     facts = {
         "type": "scene",

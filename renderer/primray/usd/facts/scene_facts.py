@@ -22,6 +22,7 @@ from ...settings import RenderSettings
 from ..adapters.cameras.camera import read_aperture
 from ..adapters.rendering.render_settings import product_settings
 from ..opening.stage import open_stage
+from ..querying.cameras import cameras_of
 from ..querying.guarded import default_value, targets, type_name
 from ..querying.messages import error_text, scene_errors
 from ..querying.traversal import in_world
@@ -75,7 +76,7 @@ def scene_facts(path: str | os.PathLike[str]) -> SceneFacts:
     missing, broken = _composition_errors(stage)
     found = stage_facts(stage)
     prims = list(in_world(stage))
-    cameras = [prim for prim in prims if type_name(prim) == "Camera"]
+    cameras = cameras_of(stage)
     settings = [prim for prim in prims if type_name(prim) == "RenderSettings"]
     unused = Diagnostics()
     when = when_of(stage, None)

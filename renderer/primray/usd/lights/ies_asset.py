@@ -6,6 +6,7 @@ from pxr import Sdf
 
 from ...description.lighting import IesProfile
 from ...errors import AssetError
+from ...lfs_pointer import WHAT_IT_IS, is_pointer
 from ...textures.ies import MAX_BYTES, IesError, IesFile, parse_ies
 from ..opening.asset import read_asset
 from ..resolving.context import Context
@@ -40,7 +41,8 @@ def ies_profile(asset: Sdf.AssetPath, path: str, ctx: Context) -> IesProfile | N
 def _read(resolved: str) -> IesFile | str:
     """What is wrong with it, where it is of no use."""
     try:
-        return parse_ies(read_asset(resolved, MAX_BYTES))
+        content = read_asset(resolved, MAX_BYTES)
+        return WHAT_IT_IS if is_pointer(content) else parse_ies(content)
     except IesError as error:
         return str(error)
     except AssetError as error:

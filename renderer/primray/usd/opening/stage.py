@@ -6,6 +6,7 @@ What USD complains about becomes errors and diagnostics.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -15,6 +16,7 @@ from pxr import Sdf, Tf, Usd, UsdUtils
 from ...composition import Composition
 from ...diagnostics import Diagnostics
 from ...errors import InvalidSceneError, LimitError, StageOpenError
+from ...lfs_pointer import WHAT_IT_IS, is_pointer_file
 from ..querying.guarded import noting
 from ..querying.messages import error_text, scene_errors, tf_message
 from ..querying.stage_values import wrong_rate
@@ -25,6 +27,16 @@ USD_DEFAULTS = Composition()
 # Every value is looked up in every layer of a stack: 1000 spheres in 1000 sublayers open and translate in 1.3 s, 3000 in 3000
 # in minutes.
 MAX_SUBLAYERS = 4000
+# USD says so of bindings that it takes all the same.
+_BOUND_WITHOUT_API = re.compile(r"Found material bindings on prim at path \((.*)\) but MaterialBindingAPI is not applied")
+_BOUND = "Its material is bound and used, though MaterialBindingAPI is not applied."
+_ASSET = re.compile("@([^@]+)@")
+
+
+def _with_pointers(text: str) -> str:
+    """A message of USD's that names files, with what is wrong with them where that is plain to see."""
+    found = (f" {path}: {WHAT_IT_IS}." for path in dict.fromkeys(_ASSET.findall(text)) if is_pointer_file(path))
+    return text + "".join(found)
 
 
 @contextmanager
@@ -40,8 +52,11 @@ def usd_messages(diagnostics: Diagnostics, known: Callable[[str], bool] = lambda
     finally:
         for message in delegate.TakeUncoalescedDiagnostics():
             text = error_text(message, "commentary").strip()
-            if text and not known(text):
-                diagnostics.add("usd-message", "", text)
+            bound = _BOUND_WITHOUT_API.match(text)
+            if bound:
+                diagnostics.add("binding-api", bound[1], _BOUND, "material:binding")
+            elif text and not known(text):
+                diagnostics.add("usd-message", "", _with_pointers(text))
         del delegate
 
 
@@ -62,7 +77,7 @@ def open_stage(
         for error in stage.GetCompositionErrors():
             text = error_text(error)
             composed.append(text)
-            diagnostics.add("composition-error", _site(error), text)
+            diagnostics.add("composition-error", _site(error), _with_pointers(text))
     if composition.load is not None:
         note_unloaded(stage, diagnostics)
     check_rates(stage, diagnostics)
@@ -143,13 +158,20 @@ def _layer(path: str) -> Sdf.Layer:
     try:
         layer = Sdf.Layer.FindOrOpen(path)
     except Tf.ErrorException as error:
+        _check_pointer(path)
         raise StageOpenError(f"USD cannot open it: {tf_message(error)}", where=path) from None
     except UnicodeError:
         raise StageOpenError("The path is not valid text.", where=repr(path)) from None
     if layer is None:
+        _check_pointer(path)
         missing = not os.path.exists(path) and "[" not in path
         raise StageOpenError("There is no such file." if missing else "USD cannot open it.", where=path)
     return layer
+
+
+def _check_pointer(path: str) -> None:
+    if is_pointer_file(path):
+        raise StageOpenError(f"USD cannot open it: {WHAT_IT_IS}.", where=path) from None
 
 
 def _site(error: Any) -> str:

@@ -6,7 +6,7 @@ Values are read as they are; whoever asks for one of a certain kind checks it (r
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any, TypeVar
@@ -39,7 +39,7 @@ def note(code: str, path: str, message: str, name: str = "") -> None:
 
 
 def _failed(prim: Usd.Prim, name: str, error: Exception) -> None:
-    note("wrong-type", _path_of(prim), f"{name or 'It'} cannot be read: {_why(error)}", name)
+    note("wrong-type", _path_of(prim), f"{name or 'It'} cannot be read: {why(error)}", name)
 
 
 def _path_of(prim: Usd.Prim) -> str:
@@ -56,7 +56,8 @@ def _name_of(attribute: Usd.Property) -> str:
         return ""
 
 
-def _why(error: Exception) -> str:
+def why(error: Exception) -> str:
+    """What one of FAILURES says, as the end of a message."""
     if isinstance(error, UnicodeDecodeError):
         return "it is not UTF-8."
     return tf_message(error) if isinstance(error, Tf.ErrorException) else "USD has no such value for Python."
@@ -108,6 +109,15 @@ def interpolation(primvar: UsdGeom.Primvar) -> str:
     except FAILURES as error:
         _failed(primvar.GetAttr().GetPrim(), _name_of(primvar.GetAttr()), error)
         return "constant"
+
+
+def normals_interpolation(shape: UsdGeom.PointBased) -> str:
+    """Of `normals`, not of the primvar; `vertex` where none is authored, and where it is no token."""
+    try:
+        return str(shape.GetNormalsInterpolation())
+    except FAILURES as error:
+        _failed(shape.GetPrim(), "normals", error)
+        return "vertex"
 
 
 def element_size(primvar: UsdGeom.Primvar) -> int:
@@ -220,7 +230,7 @@ def local_transform_at(prim: Usd.Prim, time_of: Callable[[Usd.Attribute], Usd.Ti
 
 
 def _no_transform(prim: Usd.Prim, error: Exception) -> tuple[Gf.Matrix4d, bool]:
-    note("wrong-type", _path_of(prim), f"No transform is used: {_why(error)}", "xformOpOrder")
+    note("wrong-type", _path_of(prim), f"No transform is used: {why(error)}", "xformOpOrder")
     return Gf.Matrix4d(1.0), False
 
 
@@ -245,16 +255,6 @@ def is_invisible(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
     except FAILURES as error:
         _failed(prim, "visibility", error)
         return False
-
-
-def instance_mask(instancer: Usd.Prim, time: Usd.TimeCode) -> Sequence[bool]:
-    """Which instances are shown; nothing where all are."""
-    try:
-        mask: Sequence[bool] = UsdGeom.PointInstancer(instancer).ComputeMaskAtTime(time)
-        return mask
-    except FAILURES as error:
-        _failed(instancer, "invisibleIds", error)
-        return ()
 
 
 def computed(what: Callable[[], Value], default: Value) -> Value:

@@ -33,6 +33,15 @@ def has_clips(prim: Usd.Prim) -> bool:
     return bool(prim.HasAuthoredMetadata("clips"))
 
 
+def is_below_clips(prim: Usd.Prim | None) -> bool:
+    """Whether it or a prim above it brings some; of no prim nothing does."""
+    while prim:
+        if has_clips(prim):
+            return True
+        prim = prim.GetParent()
+    return False
+
+
 def has_spline(attribute: Usd.Attribute) -> bool:
     return bool(attribute.HasSpline())
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from itertools import chain
 
-from pxr import Usd
+from pxr import Sdf, Usd
 
 from .guarded import targets, type_name
 
@@ -70,6 +70,40 @@ def drawn_in_instances(root: Usd.Prim) -> Iterable[Usd.Prim]:
     """From a prim of the world down: what stands there, in native instances by its proxies."""
     found: Iterable[Usd.Prim] = Usd.PrimRange(root, Usd.TraverseInstanceProxies())
     return found
+
+
+def in_instances(stage: Usd.Stage, wanted: str) -> Iterator[Usd.Prim]:
+    """Prims of a type that stand in the world inside native instances, by their proxies, in the order of the stage.
+
+    Instances with none inside are passed over: there may be very many, but each that is gone into has one.
+    """
+    holding = _holding(stage, wanted)
+    if not holding:
+        return
+    prims = iter(stage.Traverse(Usd.TraverseInstanceProxies()))
+    for prim in prims:
+        if prim.IsInstance() and prim.GetPrototype().GetPath() not in holding:
+            prims.PruneChildren()
+        elif prim.IsInstanceProxy() and type_name(prim) == wanted:
+            yield prim
+
+
+def _holding(stage: Usd.Stage, wanted: str) -> set[Sdf.Path]:
+    """The native prototypes in which such prims stand, also inside instances in them."""
+    holding: set[Sdf.Path] = set()
+    holders: dict[Sdf.Path, set[Sdf.Path]] = {}
+    for prototype in stage.GetPrototypes():
+        for prim in filter(stands_in_world, there_below(prototype)):
+            if prim.IsInstance():
+                holders.setdefault(prim.GetPrototype().GetPath(), set()).add(prototype.GetPath())
+            elif type_name(prim) == wanted:
+                holding.add(prototype.GetPath())
+    waiting = list(holding)
+    while waiting:
+        above = holders.get(waiting.pop(), set()) - holding
+        holding |= above
+        waiting += above
+    return holding
 
 
 def children(prim: Usd.Prim, drawn: Usd._PrimFlagsPredicate) -> list[Usd.Prim]:

@@ -1,13 +1,14 @@
-"""Authored names that no schema of USD's defines: inputs of lights, and what speaks to another renderer."""
+"""Authored names that no schema of USD's defines: inputs of lights, and what speaks to another renderer or program."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 
 from pxr import Usd
 
+from .applied_schemas import foreign_schema
 from .context import Context
 from .renderer_attributes import CAMERA_VISIBILITY, CONVENTIONS, LENS_WORDS
 from .resolve import ResolvedPrim
@@ -59,6 +60,31 @@ def note_other_renderers(sets: Iterable[NameSet], ctx: Context) -> None:
         many = f"{len(attributes)} attributes" if len(attributes) > 1 else "An attribute"
         of = f"{prims[renderer]:,} prims" if prims[renderer] > 1 else "this prim"
         ctx.warn("other-renderer", ctx.shown(names.first_path), f"{many} of the namespace {renderer} on {of}: not read.", first)
+
+
+@dataclass
+class _Family:
+    first_path: str
+    meaning: str
+    names: set[str] = field(default_factory=set)
+    prims: int = 0
+
+
+def note_foreign_schemas(sets: Iterable[tuple[NameSet, Iterable[str]]], ctx: Context) -> None:
+    """One diagnostic for each family that has no effect, of prims and the schemas applied to them."""
+    found: dict[str, _Family] = {}
+    for prims, schemas in sets:
+        rows = {name: foreign_schema(name) for name in schemas}
+        told = {name: row for name, row in rows.items() if row and not row.changes_picture}
+        for row in sorted(set(told.values()), key=lambda row: row.family):
+            known = found.setdefault(row.family, _Family(prims.first_path, row.meaning))
+            known.names |= {name for name, other in told.items() if other == row}
+            known.prims += prims.count
+    for family in found.values():
+        names = sorted(family.names)
+        what = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
+        on = f"{family.prims:,} prims" if family.prims > 1 else "this prim"
+        ctx.warn("foreign-schema", ctx.shown(family.first_path), f"{what} on {on}. {family.meaning}")
 
 
 class _LightInputs(dict[tuple[str, tuple[str, ...], frozenset[str]], list[tuple[str, str, str]]]):

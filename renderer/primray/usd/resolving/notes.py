@@ -9,8 +9,9 @@ from functools import cache
 
 from pxr import Usd, UsdGeom
 
+from ..querying.skin_marks import WEIGHTS, has_weights, why_unposed
 from ..querying.time_varying import is_between_samples
-from .applied_schemas import IGNORED, UNDERSTOOD, applied_schemas
+from .applied_schemas import IGNORED, UNDERSTOOD, applied_schemas, foreign_schema, is_without_effect
 from .context import Context
 from .foreign_names import note_light_inputs
 from .read import read
@@ -23,7 +24,7 @@ _LIGHTS = "GeometryLight PluginLight LightFilter PluginLightFilter"
 UNSUPPORTED_LIGHTS = frozenset(_LIGHTS.split())
 
 _LIGHT_SCHEMAS = {"LightAPI", "MeshLightAPI", "VolumeLightAPI"}
-_TYPES_NOTED = UNSUPPORTED | UNSUPPORTED_LIGHTS | {"PortalLight", "SkelRoot"}
+_TYPES_NOTED = UNSUPPORTED | UNSUPPORTED_LIGHTS | {"PortalLight"}
 _DRAWN_OTHERWISE = frozenset({"PointInstancer", "Points", "SkelRoot", "Skeleton"})
 # Inputs that any light has, of which a portal only guides another's samples.
 _UNUSED_BY_PORTALS = ("inputs:intensity", "inputs:exposure", "inputs:color", "inputs:normalize",
@@ -40,10 +41,11 @@ class PortalsMet(list[str]):
     """Paths of PortalLights."""
 
 
-def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], kind: str) -> bool:
+def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], properties: frozenset[str], kind: str) -> bool:
     """Whether `note_prim` may have something to say about prims of this type with these schemas, as `prim` is one."""
     names = {schema.split(":")[0] for schema in schemas}
-    if kind == "light" or names & (_LIGHT_SCHEMAS | {"MotionAPI"}) or names - UNDERSTOOD:
+    is_light = kind == "light" or bool(names & _LIGHT_SCHEMAS)
+    if is_light or WEIGHTS in properties or "MotionAPI" in names or any(map(_is_unread, names)):
         return True
     return (
         not kind and bool(type_name) and (type_name in _TYPES_NOTED or prim.IsA(UsdGeom.Boundable) or not _is_known(type_name))
@@ -57,19 +59,27 @@ def note_prim(prim: ResolvedPrim, applied: list[str], kind: str, ctx: Context) -
         _note_schemas(prim, schemas, kind, ctx)
     if kind == "light" or "LightAPI" in schemas:
         note_light_inputs(prim, applied, ctx)
+    if WEIGHTS in prim.names:
+        _note_weights(prim, schemas, ctx)
     if not kind and prim.type_name:
         _note_type(prim, ctx)
 
 
 def note_unknown_schemas(prim: Usd.Prim, path: str, ctx: Context) -> None:
     """Of a prim that the walk does not pass: a shader."""
-    for schema in {schema.split(":")[0] for schema in applied_schemas(prim)} - UNDERSTOOD:
+    for schema in filter(_is_unread, {schema.split(":")[0] for schema in applied_schemas(prim)}):
         _note_unread(schema, path, ctx)
 
 
+def _is_unread(schema: str) -> bool:
+    """Whether it may change the picture, and does not; those of other programs that do not are told of by families."""
+    return schema not in UNDERSTOOD and not is_without_effect(schema)
+
+
 def _note_unread(schema: str, path: str, ctx: Context) -> None:
-    known = schema in IGNORED
-    message = f"{schema}: {IGNORED[schema]}" if known else f"{schema} is not known: what it means to the picture is ignored."
+    foreign = foreign_schema(schema)
+    instead = IGNORED.get(schema) or (foreign.meaning if foreign else "")
+    message = f"{schema}: {instead}" if instead else f"{schema} is not known: what it means to the picture is ignored."
     ctx.warn("api-schema", path, message)
 
 
@@ -84,6 +94,13 @@ def note_velocities(prim: ResolvedPrim, positions: str, ctx: Context, velocities
         ctx.warn("motion", prim.path, message, velocities)
 
 
+def _note_weights(prim: ResolvedPrim, schemas: list[str], ctx: Context) -> None:
+    if is_drawn(prim.inherited, ctx.purposes) and has_weights(prim.prim):
+        reason = why_unposed(prim.prim, ctx.stage.GetPrimAtPath(prim.path), schemas)
+        if reason:
+            ctx.warn("skinning", prim.path, f"It has joint weights and is not posed: {reason}.", WEIGHTS)
+
+
 def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
     if prim.type_name in UNSUPPORTED:
         if is_drawn(prim.inherited, ctx.purposes):
@@ -92,12 +109,6 @@ def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
         _note_portal(prim, ctx)
     elif prim.type_name in UNSUPPORTED_LIGHTS:
         ctx.warn("unsupported-light", prim.path, f"{prim.type_name} is not supported.")
-    elif prim.type_name == "SkelRoot" and prim.prim.IsInPrototype():
-        ctx.warn(
-            "skinning",
-            prim.path,
-            "Inside one of very many instances: meshes below are rendered as they are authored, not posed by their skeleton.",
-        )
     elif prim.prim.IsA(UsdGeom.Boundable) and prim.type_name not in _DRAWN_OTHERWISE:  # of a plug-in, or of a newer USD
         if is_drawn(prim.inherited, ctx.purposes):
             ctx.warn("unsupported-prim", prim.path, f"{prim.type_name} is not rendered.")
@@ -119,7 +130,7 @@ def _note_schemas(prim: ResolvedPrim, schemas: list[str], kind: str, ctx: Contex
             _note_light_schema(prim, schema, kind, ctx)
         elif schema == "MotionAPI":
             _note_motion(prim, ctx)
-        elif schema not in UNDERSTOOD:
+        elif _is_unread(schema):
             _note_unread(schema, prim.path, ctx)
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pxr import Usd
 
 from ..querying.guarded import property_names, schemas_applied, type_name
+from .applied_schemas import UNDERSTOOD
 from .bindings import binding_names, is_collection
 from .context import Context
 from .foreign_names import NameSet
@@ -33,6 +34,11 @@ class PrimKind(NameSet):
     hands_down: bool = False  # something else than what is above it
     is_noted: bool = False  # diagnostics may have something to say of it
     bindings: tuple[str, ...] = ()  # its properties that bind materials
+
+    @property
+    def foreign_schemas(self) -> set[str]:
+        """Those of other programs, without names of instances."""
+        return {schema.split(":")[0] for schema in self.schemas} - UNDERSTOOD
 
 
 class KindsMet(list[PrimKind]):
@@ -71,6 +77,6 @@ class PrimKinds:
             taken_as=taken_as,
             has_transform="xformOpOrder" in names,
             hands_down=hands_down(names, schemas, self._ctx),
-            is_noted=is_noted(prim, name, schemas, taken_as),
+            is_noted=is_noted(prim, name, schemas, names, taken_as),
             bindings=bindings,
         )

@@ -42,7 +42,7 @@ class When:
 
 
 def when_of(stage: Usd.Stage, time_code: float | None, clips: bool | None = None) -> When:
-    """`clips`: whether some prim brings value clips, where that is known."""
+    """`clips`: whether what is read has value clips, where that is known; else all prims are asked."""
     if time_code is not None:
         return When(Usd.TimeCode(time_code), careful=False)
     return When(Usd.TimeCode.Default(), careful=has_samples_or_clips(stage, clips))

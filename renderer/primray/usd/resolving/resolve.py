@@ -105,7 +105,10 @@ def local_matrix(prim: Usd.Prim, names: frozenset[str], when: When, cache: UsdGe
 
 def reads_early(prim: Usd.Prim, names: frozenset[str], when: When) -> bool:
     """Whether the prim's own transform may have to be read at its earliest values; of splines, which only scalars have."""
-    return when.careful or (when.is_default and any(has_spline(prim.GetAttribute(n)) for n in _scalar_operations(names)))
+    if when.careful or not when.is_default:
+        return when.careful
+    scalars = _scalar_operations(names)
+    return bool(scalars) and any(has_spline(prim.GetAttribute(name)) for name in scalars)
 
 
 @lru_cache(maxsize=4096)

@@ -14,6 +14,11 @@ from .read import When
 
 Bounds = tuple[Doubles, Doubles]  # centre and size of the world's axis-aligned box
 
+
+class NotBounded(set[str]):
+    """Paths of shapes that USD, when it computes an extent for them, takes for others (UsdGeomCapsule_1 with two radii)."""
+
+
 # UsdGeomBBoxCache (26.11) recurses: 1000 levels it survives, at 2000 it overflows the stack.
 DEEPEST = 500
 

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from pxr import UsdGeom
 
 from ...arrays import Floats, Ints
+from ..querying.guarded import normals_interpolation
 from ..resolving.read import When, array, read, token, value
 from ..resolving.resolve import ResolvedPrim
 from .primvars import AuthoredPrimvar, read_authored
@@ -86,7 +87,7 @@ def _normals(prim: ResolvedPrim, when: When) -> AuthoredPrimvar | None:
     raw = value(prim.prim.GetAttribute("normals"), when) if "normals" in prim.names else None
     if raw is None or (hasattr(raw, "__len__") and len(raw) == 0):
         return None
-    return AuthoredPrimvar("normals", raw, UsdGeom.PointBased(prim.prim).GetNormalsInterpolation())
+    return AuthoredPrimvar("normals", raw, normals_interpolation(UsdGeom.PointBased(prim.prim)))
 
 
 def _subdivision(prim: ResolvedPrim, when: When) -> AuthoredSubdivision:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ...arrays import Doubles, Floats, Ints
 
 AROUND = 64
-CAP_RINGS = 16  # per hemisphere of a capsule: a quarter circle, as fine as the circle around
+CAP_RINGS = 16  # a quarter circle of a capsule's caps, as fine as the circle around
 
 
 @dataclass(frozen=True)
@@ -53,20 +53,31 @@ def cylinder(bottom: float, top: float, height: float, axis: str) -> Tessellated
 
 
 def capsule(bottom: float, top: float, height: float, axis: str) -> Tessellated:
-    """UsdGeomCapsule, and Capsule_1 with two radii: spherical caps that meet the cone between them in its own tangent."""
-    slope = math.atan2(bottom - top, height)  # the side's normal leans this much towards the axis
-    low = _arc(bottom, -height / 2, slope, np.linspace(-math.pi / 2, slope, CAP_RINGS + 1))
-    high = _arc(top, height / 2, slope, np.linspace(slope, math.pi / 2, CAP_RINGS + 1))
+    """UsdGeomCapsule, and Capsule_1 with two radii: the hull of the spheres about both ends of the spine, of `height`.
+
+    Where one sphere holds the other, that one alone.
+    """
+    if height < 0:
+        bottom, top, height = top, bottom, -height
+    wider = bottom - top
+    if wider and abs(wider) >= height:
+        radius, z = (bottom, -height / 2) if wider > 0 else (top, height / 2)
+        return revolve([_arc(radius, z, -math.pi / 2, math.pi / 2)], axis)
+    # A line that touches circles of these radii leans by asin(wider / height): so do its normals at both.
+    slope = math.asin(wider / height) if wider else 0.0
+    low = _arc(bottom, -height / 2, -math.pi / 2, slope)
+    high = _arc(top, height / 2, slope, math.pi / 2)
     side = _Band([low.profile[-1], high.profile[0]], [low.normals[-1], high.normals[0]])
     return revolve([low, side, high], axis)
 
 
-def _arc(radius: float, z: float, slope: float, angles: Doubles) -> _Band:
-    """Of the sphere that touches the circle (radius, z) with the side's slope, at these latitudes."""
-    sphere, center = radius / math.cos(slope), z - radius * math.tan(slope)
-    c, s = np.cos(angles), np.sin(angles)
-    c[np.abs(angles) == math.pi / 2] = 0.0
-    profile = [(float(sphere * x), float(center + sphere * y)) for x, y in zip(c, s, strict=True)]
+def _arc(radius: float, z: float, first: float, last: float) -> _Band:
+    """Of the sphere about z on the axis, between two latitudes."""
+    rings = math.ceil((last - first) / (math.pi / 2) * CAP_RINGS)
+    latitudes = np.linspace(first, last, rings + 1)
+    c, s = np.cos(latitudes), np.sin(latitudes)
+    c[np.abs(latitudes) == math.pi / 2] = 0.0
+    profile = [(float(radius * x), float(z + radius * y)) for x, y in zip(c, s, strict=True)]
     return _Band(profile, [(float(x), float(y)) for x, y in zip(c, s, strict=True)])
 
 

@@ -35,12 +35,13 @@ class Span:
         return None if time is None else (time + self.opens, time + self.closes)
 
 
-def note_motion(camera: Camera, ctx: Context, clips: bool) -> None:
-    """One diagnostic of the camera's, naming some of what moves and how much there is of it; `clips`: there are some."""
+def note_motion(camera: Camera, ctx: Context) -> None:
+    """One diagnostic of the camera's, naming some of what moves and how much there is of it."""
     opens, closes = camera.shutter
     if not opens < closes:
         return
-    types = None if has_samples_or_clips(ctx.stage, clips) else _types_with_scalars(ctx)
+    is_timed = ctx.when.careful if ctx.when.is_default else has_samples_or_clips(ctx.stage)
+    types = None if is_timed else _types_with_scalars(ctx)
     if types is not None and not types:
         return
     span = Span(ctx.when, opens, closes)
@@ -67,6 +68,9 @@ def _types_with_scalars(ctx: Context) -> frozenset[str]:
 def _prims(ctx: Context, camera: str) -> Iterator[tuple[Usd.Prim, Usd.Prim | None]]:
     """Whatever has a place in the scene; of the cameras, the one that looks. Prototypes of point instancers come with their
     root: what is above that hides them from where they stand only."""
+    looking = ctx.stage.GetPrimAtPath(camera) if camera else None
+    if looking and looking.IsInstanceProxy():
+        yield looking, None
     for prims in (in_world(ctx.stage), *map(there_below, ctx.stage.GetPrototypes())):
         for prim in prims:
             if prim.IsA(UsdGeom.Camera):

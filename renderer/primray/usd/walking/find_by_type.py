@@ -1,6 +1,7 @@
 """The prims that are looked for by their type, wherever they are: one pass over the stage and its native prototypes.
 
-Cameras and render passes are those of the world; shaders and skeletons may also be led to below `class` and `over`.
+Cameras and render passes are those of the world, cameras inside native instances by their proxies; shaders and skeletons may
+also be led to below `class` and `over`.
 """
 
 from __future__ import annotations
@@ -11,8 +12,8 @@ from pxr import Usd
 
 from ...diagnostics import Diagnostics
 from ..adapters.rendering.render_pass import note_render_pass
+from ..querying.cameras import cameras_in_instances
 from ..querying.guarded import type_name
-from ..querying.time_varying import has_clips
 from ..querying.traversal import is_there, populated, stands_in_world
 
 _TYPES = frozenset({"Camera", "RenderSettings", "RenderPass", "Shader", "SkelRoot"})
@@ -22,20 +23,21 @@ _TYPES = frozenset({"Camera", "RenderSettings", "RenderPass", "Shader", "SkelRoo
 class Found:
     """Prims of some types; of cameras and settings those of the world."""
 
-    cameras: list[Usd.Prim] = field(default_factory=list)
+    cameras: list[Usd.Prim] = field(default_factory=list)  # in the order of querying.cameras
+    in_prototypes: bool = False  # some cameras are in native prototypes
     settings: list[Usd.Prim] = field(default_factory=list)
     shaders: list[Usd.Prim] = field(default_factory=list)  # those in native prototypes too
     skeletons: list[Usd.Prim] = field(default_factory=list)  # SkelRoots, likewise
-    clips: bool = False  # some prim brings value clips
 
 
 def find_by_type(stage: Usd.Stage, diagnostics: Diagnostics) -> Found:
     found = Found()
     for prim in populated(stage):
-        found.clips = found.clips or has_clips(prim)
         name = type_name(prim)
         if name in _TYPES and is_there(prim):
             _add(found, prim, str(name), diagnostics)
+    if found.in_prototypes:
+        found.cameras += cameras_in_instances(stage)
     return found
 
 
@@ -45,7 +47,7 @@ def _add(found: Found, prim: Usd.Prim, name: str, diagnostics: Diagnostics) -> N
     elif name == "SkelRoot":
         found.skeletons.append(prim)
     elif prim.IsInPrototype() or not stands_in_world(prim):
-        return
+        found.in_prototypes |= name == "Camera"
     elif name == "Camera":
         found.cameras.append(prim)
     elif name == "RenderSettings":

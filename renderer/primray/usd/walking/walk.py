@@ -26,7 +26,7 @@ from ..resolving.bindings import binds_by_collection, note_bindings
 from ..resolving.color_scope import NOWHERE
 from ..resolving.color_spaces import scope_at
 from ..resolving.context import Context
-from ..resolving.foreign_names import note_other_renderers
+from ..resolving.foreign_names import note_foreign_schemas, note_other_renderers
 from ..resolving.notes import note_prim
 from ..resolving.poses import ROOT, Poses
 from ..resolving.prim_kinds import KindsMet, PrimKinds, PropertyNames
@@ -105,6 +105,7 @@ def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand, links: Lin
     ctx.kept.of(KindsMet)[:] = kinds.found.values()
     ctx.kept.of(PropertyNames).update(kind.names for kind in kinds.found.values())
     note_other_renderers(kinds.found.values(), ctx)
+    note_foreign_schemas(((kind, kind.foreign_schemas) for kind in kinds.found.values()), ctx)
     return state.groups
 
 

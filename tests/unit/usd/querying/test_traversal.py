@@ -13,6 +13,7 @@ from primray.usd.querying.standing import standing_in_world
 from primray.usd.querying.traversal import instanced_roots, stands_in_world
 from primray.usd.walking.find_by_type import find_by_type
 
+from ..skinned_text import character
 from ..usd_text import stage_of, translate_text
 
 BOX = 'def Cube "box"\n{\n}\n'
@@ -98,7 +99,7 @@ def test_standing_in_the_world_ends() -> None:
 
 
 def test_a_skeleton_that_is_a_class_itself_is_posed_and_stays_one() -> None:
-    text = f'class SkelRoot "L"\n{{\n{BOX}}}\n{instancer("p", "/L", "[(0, 0, 0), (5, 0, 0)]")}'
+    text = f'class SkelRoot "L"\n{{\n{character()}}}\n{instancer("p", "/L", "[(0, 0, 0), (5, 0, 0)]")}'
     description, diagnostics = translate_text(text)
     assert ("posed", "/L") in diagnostics
     assert len(description.shapes) == 1

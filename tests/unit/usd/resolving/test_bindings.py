@@ -229,3 +229,18 @@ def test_what_is_inside_instances_is_bound_as_its_proxies_are(inside: str, bound
 def test_a_collection_that_is_none_is_told(target: str) -> None:
     text = world("", "int collection:c:includes = 3").replace("[</World.collection:c>,", f"[{target},")
     assert ("wrong-type", "/World") in translate_text(text)[1]
+
+
+@pytest.mark.parametrize("instanced", [False, True])
+def test_a_binding_without_its_schema_is_used_and_noted(instanced: bool) -> None:
+    """USD binds it with a warning: the picture is as authored, so that --strict has nothing to refuse."""
+    sphere = 'Sphere "s"\n{\n rel material:binding = </green>\n}\n'
+    text = f'class "p"\n{{\n def {sphere}}}\n' if instanced else f"def {sphere}"
+    text += 'def "i" (\n instanceable = true\n references = </p>\n)\n{\n}\n' if instanced else ""
+    description, found = translate(stage_of(MATERIALS + text), RenderSettings())
+    assert description.surfaces[0].path == "/green"
+    told = [d for d in found if d.prim_path == ("/i/s" if instanced else "/s")]
+    assert [(d.code, d.severity.value, d.kind.value, d.attribute) for d in told] == [
+        ("binding-api", "info", "note", "material:binding")
+    ]
+    assert "usd-message" not in {d.code for d in found}

@@ -135,6 +135,56 @@ def test_schemas_that_may_change_it_are(schema: str) -> None:
     assert [(d.code, d.prim_path) for d in found] == [("api-schema", "/s")]
 
 
+ROBOT = """def Xform "robot" (prepend apiSchemas = ["PhysicsArticulationRootAPI", "PhysxArticulationAPI", "SemanticsAPI:class"])
+{
+    def Sphere "a" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysxRigidBodyAPI", "NewtonBodyAPI"])
+    {
+    }
+    def Sphere "b" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysxRigidBodyAPI"])
+    {
+    }
+    def Scope "m" (prepend apiSchemas = ["PhysicsSomethingNewAPI"])
+    {
+    }
+}
+"""
+
+
+def test_schemas_of_other_programs_that_leave_the_picture_are_told_once_a_family() -> None:
+    """A robot is not refused for how it is simulated: its severity is info."""
+    found = said(stage_of(ROBOT))
+    assert {d.code for d in found} == {"foreign-schema"}
+    assert not any(d.is_strict for d in found)
+    told = {d.prim_path: [e.message for e in found if e.prim_path == d.prim_path] for d in found}
+    assert [m.split(". ")[0] for m in told["/robot"]] == [
+        "PhysxArticulationAPI and 1 more on 3 prims",
+        "SemanticsAPI on this prim",
+    ]
+    assert [path for path in told if path != "/robot"] == ["/robot/a", "/robot/m"]
+
+
+@pytest.mark.parametrize("schema", ["KarmaLightAPI", "HoudiniViewportLightAPI", "TyphoonLightAPI", "CyclesObjectSettingsAPI"])
+def test_settings_of_other_renderers(schema: str) -> None:
+    found = said(stage_of(f'def Sphere "s" (prepend apiSchemas = ["{schema}"])\n{{\n}}\n'))
+    assert [(d.code, d.prim_path) for d in found] == [("foreign-schema", "/s")]
+
+
+@pytest.mark.parametrize(
+    ("schema", "says"),
+    [
+        ("HoudiniProceduralAPI:grow", "What its procedural would make is missing."),
+        ("HoudiniLightBarnDoorAPI", "Barn doors"),
+        ("PhysxParticleIsosurfaceAPI", "its particles is missing"),
+        ("Physicsish", "is not known"),
+        ("Mjcat", "is not known"),
+    ],
+)
+def test_schemas_of_the_same_programs_that_would_change_it_are_warnings(schema: str, says: str) -> None:
+    [found] = said(stage_of(f'def Sphere "s" (prepend apiSchemas = ["{schema}"])\n{{\n}}\n'))
+    assert (found.code, found.is_strict) == ("api-schema", True)
+    assert says in found.message
+
+
 @pytest.mark.parametrize("shader", ["s", "r"])
 def test_unknown_schemas_of_shaders(shader: str) -> None:
     text = """def Material "m"

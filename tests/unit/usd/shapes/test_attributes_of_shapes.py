@@ -83,12 +83,16 @@ def test_sizes(row: str, authored: str, half: tuple[float, ...]) -> None:
     ],
 )
 def test_each_radius_is_at_its_end(row: str, end: int) -> None:
-    """The top is at +axis. A capsule's radius is that of the cylinder's end: with two of them its caps bulge beyond it."""
+    """The top is at +axis. A capsule's radius is that of the sphere about the end of its spine."""
     kind, _, name = row.partition(".")
     points = shape_of(f'def {kind} "s"\n{{\ndouble height = 8\ndouble {name} = 3\n}}\n').points
-    ends = {side: np.abs(points[np.isclose(points[:, 2], 4 * side)][:, :2]).max() for side in (1, -1)}
-    assert ends[end] == pytest.approx(3)
-    assert ends[-end] == pytest.approx(0.5 if kind == "Capsule_1" else 1)
+    if kind == "Capsule_1":
+        assert (points[:, 2] * end).max() == pytest.approx(4 + 3)
+        assert (points[:, 2] * end).min() == pytest.approx(-4 - 0.5)
+        assert np.linalg.norm(points - [0, 0, 4 * end], axis=1).min() == pytest.approx(3)
+    else:
+        ends = {side: np.abs(points[np.isclose(points[:, 2], 4 * side)][:, :2]).max() for side in (1, -1)}
+        assert (ends[end], ends[-end]) == pytest.approx((3, 1))
 
 
 EXTENT = "float3[] extent = [(-50, -50, -50), (50, 50, 50)]"

@@ -54,8 +54,49 @@ def test_apex_and_wider_end_are_on_the_right_side() -> None:
     assert np.abs(made.points[made.points[:, 0] > 0][:, 1:]).max() == pytest.approx(0.25)
 
 
+# Radii at the bottom and the top, and the height of the spine. In the last three one sphere holds the other.
+HULLS = [(0.5, 0.5, 2.0), (1.0, 0.4, 2.0), (0.4, 1.0, 2.0), (1.0, 0.0, 1.1), (1.0, 0.4, 0.61)]
+HULLS += [(1.0, 0.4, 0.6), (0.2, 1.0, 0.3), (1.0, 0.5, 0.0)]
+
+
+@pytest.mark.parametrize(("bottom", "top", "height"), HULLS)
+def test_a_capsule_is_the_hull_of_two_spheres(bottom: float, top: float, height: float) -> None:
+    """A convex body is how far it reaches in each direction; a hull reaches as far as what reaches farthest."""
+    made = capsule(bottom, top, height, "Z")
+    assert is_closed(made.points, made.triangles)
+    for angle in np.linspace(-PI / 2, PI / 2, 41):
+        direction = np.array([math.cos(angle), 0.0, math.sin(angle)])
+        expected = max(bottom - height / 2 * direction[2], top + height / 2 * direction[2])
+        assert (made.points @ direction).max() == pytest.approx(expected, abs=2e-3)
+
+
+def test_a_hull_has_the_area_of_its_spheres_and_cone() -> None:
+    """Zones of both spheres up to where the cone touches them, and the cone: with caps that bulge it was 7 % more."""
+    made = capsule(1.0, 0.4, 2.0, "Z")
+    a, b, c = made.points[made.triangles].astype(np.float64).transpose(1, 0, 2)
+    sine = (1.0 - 0.4) / 2.0
+    cone_area = PI * (1.0 + 0.4) * math.sqrt(1 - sine**2) * math.sqrt(2.0**2 - 0.6**2)
+    expected = 2 * PI * (1 + sine) + 2 * PI * 0.4**2 * (1 - sine) + cone_area
+    assert np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2 == pytest.approx(expected, rel=3e-3)
+
+
+@pytest.mark.parametrize(("bottom", "top"), [(0.5, 0.5), (1.0, 0.4), (1.5, 0.1)])
+def test_a_negative_height_turns_a_capsule_over(bottom: float, top: float) -> None:
+    over, upright = capsule(bottom, top, -2.0, "Z"), capsule(top, bottom, 2.0, "Z")
+    np.testing.assert_array_equal(over.points, upright.points)
+
+
+def test_an_automatic_camera_frames_the_hull() -> None:
+    """USD's own computed extent of a Capsule_1 is that of larger spheres; an authored one is taken for the truth."""
+    capsule_1 = 'def Capsule_1 "s"\n{\ndouble radiusTop = 0.4\ndouble radiusBottom = 1\ndouble height = 0.1\nEXTENT\n}\n'
+    alone = translate_text(capsule_1.replace("EXTENT", ""))[0]
+    same = "float3[] extent = [(-1, -1, -1.05), (1, 1, 0.95)]"
+    told = translate_text(capsule_1.replace("EXTENT", same))[0]
+    np.testing.assert_allclose(alone.camera.world_from_camera, told.camera.world_from_camera, atol=1e-5)
+
+
 def test_capsule_of_two_radii_is_smooth_where_its_parts_meet() -> None:
-    """UsdGeomCapsule_1: the caps meet the cone in its own tangent, so normals agree on both sides of each seam."""
+    """UsdGeomCapsule_1: "cylinder tangent and sphere tangent are coincident", so normals agree on both sides of each seam."""
     made = capsule(1.0, 0.4, 2.0, "Z")
     assert made.normals is not None
     corners = made.triangles.ravel()

@@ -83,11 +83,22 @@ def test_instances_are_turned_and_scaled(authored: str, expected: np.ndarray) ->
     [
         conforms("PointInstancer.invisibleIds", "int64[] invisibleIds = [1]", "", {0, 20}),
         conforms("PointInstancer.ids", "int64[] ids = [7, 8, 9]\nint64[] invisibleIds = [7, 1]", "", {10, 20}),
+        conforms("PointInstancer.invisibleIds", "int64[] invisibleIds.timeSamples = { 3: [1], 5: [] }", "", {0, 20}),
+        conforms("PointInstancer.ids", "int64[] ids.timeSamples = { 3: [7, 8, 9] }\nint64[] invisibleIds = [7]", "", {10, 20}),
         conforms("PointInstancer.inactiveIds", "", "inactiveIds = [2]", {0, 10}),
+        conforms("PointInstancer.inactiveIds", "int64[] ids.timeSamples = { 3: [7, 8, 9] }", "inactiveIds = [7]", {10, 20}),
     ],
 )
 def test_instances_are_hidden_by_their_ids(authored: str, meta: str, left: set[float]) -> None:
+    """Also where they have time samples alone, of which a still is the earliest, as for all else."""
     assert set(stands(authored, meta)) == left
+
+
+@pytest.mark.parametrize("authored", ["int64[] invisibleIds = [1]\nint64[] ids = [1, 2]", "string[] invisibleIds = ['1']"])
+def test_ids_of_no_use_hide_nothing_and_are_told(authored: str) -> None:
+    code = "wrong-type" if "string" in authored else "invalid-instancer"
+    assert set(stands(authored)) == {0, 10, 20}
+    assert (code, "/p") in translate_text(INSTANCER % authored)[1]
 
 
 SPEED = "[(0, 0, 1), (0, 0, 1), (0, 0, 1)]"

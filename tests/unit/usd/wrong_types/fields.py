@@ -183,7 +183,11 @@ def Camera "camera"
     token projection = "perspective"
 }
 
-def SkelRoot "root"
+def SkelRoot "root" (
+    customData = {
+        int b = 2
+    }
+)
 {
     def Skeleton "skeleton" (
         prepend apiSchemas = ["SkelBindingAPI"]
@@ -222,6 +226,54 @@ def SkelRoot "root"
             elementSize = 1
             interpolation = "vertex"
         )
+        uniform token subdivisionScheme = "none"
+        normal3f[] primvars:normals = [(0, 0, 1), (0, 1, 0)] (
+            interpolation = "vertex"
+        )
+        int[] primvars:normals:indices = [0, 1, 1]
+    }
+
+    def Mesh "flat" (
+        prepend apiSchemas = ["SkelBindingAPI"]
+    )
+    {
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2]
+        point3f[] points = [(0, 0, 0), (2, 0, 0), (2, 2, 0)]
+        uniform token subdivisionScheme = "none"
+        normal3f[] normals = [(1, 0, 0)] (
+            interpolation = "uniform"
+        )
+        rel skel:skeleton = </root/skeleton>
+        int[] primvars:skel:jointIndices = [0, 0, 0] (
+            elementSize = 1
+            interpolation = "vertex"
+        )
+        float[] primvars:skel:jointWeights = [1, 1, 1] (
+            elementSize = 1
+            interpolation = "vertex"
+        )
+    }
+}
+
+def Xform "cast" (
+    prepend apiSchemas = ["SkelBindingAPI"]
+)
+{
+    matrix4d primvars:skel:geomBindTransform = ( (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 1, 1) )
+
+    def "one" (
+        instanceable = true
+        references = </root>
+    )
+    {
+    }
+
+    def "other" (
+        instanceable = true
+        references = </root>
+    )
+    {
     }
 }
 

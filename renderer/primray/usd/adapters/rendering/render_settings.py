@@ -12,6 +12,7 @@ from ....settings import RenderSettings
 from ...querying.guarded import targets, type_name
 from ...querying.messages import scene_errors
 from ...querying.stage_values import render_settings_path
+from ...querying.time_varying import is_below_clips
 from ...querying.traversal import in_world
 from ...resolving.read import When, when_of
 from .render_product import ProductSettings, product_of, settings_alone
@@ -31,8 +32,9 @@ def products(
     diagnostics = Diagnostics() if diagnostics is None else diagnostics
     candidates = [prim for prim in in_world(stage) if type_name(prim) == "RenderSettings"]
     prim = _choose(stage, settings.render_settings, candidates, diagnostics)
-    when = when_of(stage, settings.time_code)
-    return tuple(_read(prim, product, when, diagnostics) for product in _products(stage, prim, diagnostics))
+    found = _products(stage, prim, diagnostics)
+    when = when_of(stage, settings.time_code, any(map(is_below_clips, (prim, *found))))
+    return tuple(_read(prim, product, when, diagnostics) for product in found)
 
 
 def product_settings(

@@ -12,6 +12,7 @@ from ....description import Mesh, Shape, Sphere
 from ...resolving.context import Context
 from ...resolving.read import number, token
 from ...resolving.resolve import ResolvedPrim
+from ...resolving.stage_bounds import NotBounded
 from ...shapes import tessellate
 from ...shapes.seam_mesh import Values, seam_mesh
 from ...shapes.surface_primvars import constant_primvars
@@ -95,7 +96,10 @@ def _cylinder(prim: ResolvedPrim, ctx: Context) -> _Call:
 
 
 def _capsule(prim: ResolvedPrim, ctx: Context) -> _Call:
-    return tessellate.capsule, *_radii(prim, 0.5, ctx), _number(prim, "height", 1.0, ctx), _axis(prim, ctx)
+    bottom, top = _radii(prim, 0.5, ctx)
+    if bottom != top and "extent" not in prim.names:
+        ctx.kept.of(NotBounded).add(prim.path)
+    return tessellate.capsule, bottom, top, _number(prim, "height", 1.0, ctx), _axis(prim, ctx)
 
 
 def _radii(prim: ResolvedPrim, default: float, ctx: Context) -> tuple[float, float]:

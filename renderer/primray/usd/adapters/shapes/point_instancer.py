@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from pxr import Sdf
 
 from ....description.instance_names import Names
 from ....description.placement import PointInstances
-from ...querying.guarded import instance_mask, targets
+from ...querying.guarded import metadatum, targets
 from ...resolving.context import Context
 from ...resolving.notes import note_velocities
-from ...resolving.read import array, read, time_of
+from ...resolving.read import array, read
 from ...resolving.resolve import ResolvedPrim
 from ...shapes.instance_primvars import instance_primvars
 
@@ -90,14 +91,44 @@ def _shown(
         if not ctx.stage.GetPrimAtPath(root) and (proto == k).any():
             ctx.warn("invalid-instancer", prim.path, f"The prototype {root} does not exist.", "prototypes")
             keep &= proto != k
-    if "invisibleIds" in prim.names or prim.prim.HasAuthoredMetadata("inactiveIds"):
-        time = time_of(prim.prim.GetAttribute("protoIndices"), ctx.when)
-        mask = np.array(instance_mask(prim.prim, time), bool)  # empty: all are shown
-        if len(mask) == len(keep):
-            keep &= mask
-        elif len(mask):
-            ctx.warn("invalid-instancer", prim.path, "ids does not fit the instances: no instance is hidden by its id.", "ids")
-    return keep
+    return keep & ~_masked(prim, len(proto), ctx)
+
+
+def _masked(prim: ResolvedPrim, count: int, ctx: Context) -> npt.NDArray[np.bool_]:
+    """Which instances are hidden by their ids, by default their numbers (UsdGeomPointInstancer, "Masking Instances").
+
+    Not USD's own ComputeMaskAtTime: it reads all at one time, and each of these may have values for times alone.
+    """
+    hidden = _inactive(prim, ctx)
+    if "invisibleIds" in prim.names:
+        hidden += _ids(prim, "invisibleIds", ctx).tolist()
+    none = np.zeros(count, bool)
+    if not hidden:
+        return none
+    ids = _ids(prim, "ids", ctx) if "ids" in prim.names else none[:0]
+    if len(ids) not in (0, count):
+        ctx.warn("invalid-instancer", prim.path, "ids does not fit the instances: no instance is hidden by its id.", "ids")
+        return none
+    return np.isin(ids if len(ids) else np.arange(count), hidden)
+
+
+def _inactive(prim: ResolvedPrim, ctx: Context) -> list[int]:
+    if not prim.prim.HasAuthoredMetadata("inactiveIds"):
+        return []
+    listed = metadatum(prim.prim, "inactiveIds")
+    if isinstance(listed, Sdf.Int64ListOp):
+        return list(listed.GetAppliedItems())
+    if listed is not None:
+        ctx.warn("wrong-type", prim.path, "inactiveIds is no list of integers: ignored.", "inactiveIds")
+    return []
+
+
+def _ids(prim: ResolvedPrim, name: str, ctx: Context) -> npt.NDArray[Any]:
+    raw = read(prim.prim, name, ctx.when)
+    found = None if raw is None else array(raw, 1, "i")
+    if found is None and raw is not None:
+        ctx.warn("wrong-type", prim.path, f"{name} is no array of integers: ignored.", name)
+    return np.zeros(0, np.int64) if found is None else found
 
 
 def _instances(prim: ResolvedPrim, positions: npt.NDArray[Any], ctx: Context) -> PointInstances:

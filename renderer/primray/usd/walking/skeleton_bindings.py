@@ -1,0 +1,68 @@
+"""Which skeletons move what below a SkelRoot, and why they do not pose it: as USD's own cache finds them, also in instances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pxr import Usd
+
+from ..querying.guarded import targets
+from ..querying.traversal import THERE_IN_INSTANCES
+
+if TYPE_CHECKING:
+    from pxr import UsdSkel  # imported where a stage has skeletons: it takes as long as Python itself
+
+
+@dataclass
+class SkeletonBinding:
+    skeleton: Usd.Prim
+    animation: Usd.Prim  # where it stands, which may be in an instance; not valid where there is none
+    joints: list[str]
+    query: UsdSkel.AnimQuery
+    targets: list[UsdSkel.SkinningQuery]
+
+
+def bindings_below(root: UsdSkel.Root) -> list[SkeletonBinding]:
+    from pxr import UsdSkel
+
+    cache = UsdSkel.Cache()
+    if not cache.Populate(root, THERE_IN_INSTANCES):
+        return []
+    return [_binding(cache, found) for found in cache.ComputeSkelBindings(root, THERE_IN_INSTANCES)]
+
+
+def _binding(cache: UsdSkel.Cache, found: UsdSkel.Binding) -> SkeletonBinding:
+    from pxr import UsdSkel
+
+    query = cache.GetSkelQuery(found.GetSkeleton())
+    prim = found.GetSkeleton().GetPrim()
+    animation = UsdSkel.BindingAPI(prim).GetInheritedAnimationSource()
+    joints = list(query.GetJointOrder() or ()) if query else []
+    return SkeletonBinding(prim, animation, joints, query.GetAnimQuery(), list(found.GetSkinningTargets()))
+
+
+def concerned(binding: SkeletonBinding) -> list[Usd.Prim]:
+    """The skeleton, its animation and what it moves."""
+    moved = [query.GetPrim() for query in binding.targets if query.HasJointInfluences() or query.HasBlendShapes()]
+    return [prim for prim in (binding.skeleton, binding.animation, *moved) if prim]
+
+
+def lacks_animation(binding: SkeletonBinding) -> str:
+    """Why the bound animation moves nothing, "" where it does or none is bound: then the pose is the skeleton's rest.
+
+    Of held values, which are those for the default time.
+    """
+    if not binding.animation:
+        bound = targets(binding.skeleton, "skel:animationSource")
+        return f"its animation {bound[0]} is not there" if bound else ""
+    path, query = binding.animation.GetPath(), binding.query
+    if not query:
+        return f"its animation {path} is no SkelAnimation"
+    if query.ComputeBlendShapeWeights(Usd.TimeCode.Default()):
+        return ""
+    if not query.ComputeJointLocalTransforms(Usd.TimeCode.Default()):
+        return f"its animation {path} is empty"
+    return (
+        "" if set(query.GetJointOrder()) & set(binding.joints) else f"its animation {path} moves none of its skeleton's joints"
+    )
