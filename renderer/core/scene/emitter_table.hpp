@@ -16,7 +16,7 @@ constexpr int32_t kMaxEmitterRows = 1 << 18;
 
 struct EmitterTable {
   // One a shape, the shapes of a group together: its first triangle (of the scene) and their number, its group's first vertex;
-  // a sphere has no triangles, its record in `first`, and its row of the CurvedTable in `vertex_base`.
+  // a sphere has no triangles, and its row of the CurvedTable in `first`.
   std::vector<int32_t> first, count, vertex_base;
   std::vector<int32_t> corners;  // ShapeHalves::corners
   // How triangles are chosen where a row is no rectangle (emitter_triangles.hpp): in runs of 2^run_shift, 0 as a rule, by the

@@ -61,8 +61,9 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
   if (w.light >= 0) add_light_rules(s.geometry_lights.all[w.light].rules, s.scale, s.lights);
 }
 
-void add_sphere_row(Scene& s, int32_t sphere, int32_t curved_row, const daffine& world_from_group) {
-  const SphereShape::Record& shape = s.curved.records<SphereShape>()[sphere];
+void add_sphere_row(Scene& s, const Group& group, int32_t curved_row, const daffine& world_from_group) {
+  const uint32_t record = group.curved.of<SphereShape>().record_of(curved_row);
+  const SphereShape::Record& shape = s.curved.records<SphereShape>()[record];
   LightInput light;
   light.type = LightType::kSphere, light.radius = 1;
   light.world_from_light = world_from_group * shape.to_group();
@@ -145,7 +146,7 @@ void build_emitters(Scene& s) {
       if (!(max_component(average_radiance(s, s.curved.surface[of], s.geometry_lights.curved(of))) > 0)) continue;
       ++table.shapes;
       table.of_curved[of] = int32_t(table.first.size()) - group_first[g];
-      table.first.push_back(int32_t(spheres.first + i)), table.count.push_back(0), table.vertex_base.push_back(int32_t(of));
+      table.first.push_back(int32_t(of)), table.count.push_back(0), table.vertex_base.push_back(0);
       for (auto* unused : {&table.corners, &table.root, &table.place_base, &table.run_shift, &table.cdf_base})
         unused->push_back(0);
       weights.push_back({});
@@ -160,7 +161,7 @@ void build_emitters(Scene& s) {
       if (table.count[k] > 0)
         add_mesh_row(s, weights[k], k, world_from_group, placement, instance);
       else
-        add_sphere_row(s, table.first[k], table.vertex_base[k], world_from_group);
+        add_sphere_row(s, s.groups[group], table.first[k], world_from_group);
     }
   };
   const int first_row = s.lights.count;

@@ -26,7 +26,7 @@ double curved_area(const Scene& s, const GeometryLight& light, const daffine& m)
   for (const Group& g : s.groups)
     for_curved_kinds([&]<class K>(K) {
       const CurvedRange& r = g.curved.of<K>();
-      if (r.has_row(light.curved)) area = K::area(s.curved.records<K>()[r.first + light.curved - r.first_row], m);
+      if (r.has_row(light.curved)) area = K::area(s.curved.records<K>()[r.record_of(light.curved)], m);
     });
   return area;
 }

@@ -46,6 +46,7 @@ PRIMRAY_INLINE void for_curved_kinds(const F& f) {
 struct CurvedRange {
   uint32_t first = 0, first_row = 0, count = 0;
   bool has_row(int32_t row) const { return uint32_t(row) - first_row < count; }
+  uint32_t record_of(int32_t row) const { return first + uint32_t(row) - first_row; }
 };
 
 // One range a kind.
