@@ -231,7 +231,7 @@ CODES: dict[str, Code] = {
         "Checkpoints hold no AOVs: what is merged of them is the picture alone. Render once for the AOVs.",
         "Render a few samples with the same settings for the AOVs: they are without noise."),
     "default-light": Code(Severity.INFO, Kind.CHOSEN,
-        "The stage has no light and nothing that emits: a white dome and a key light are added.",
+        "The stage has no light and nothing that emits: a studio light is added, which the camera does not see.",
         "Add a light, or say `--no-default-light`."),
     "singular-transform": Code(Severity.ERROR, Kind.MISSING,
         "Instances or spheres whose matrix has no inverse (a scale of 0) are missing.",

@@ -40,7 +40,7 @@ class LightUpload:
             if light.type is LightType.RECT:
                 image = self._image(light.texture, textures)
             elif light.type is LightType.DOME:
-                pixels = light_pixels(light.texture, textures)
+                pixels = light_pixels(light.texture, textures) if light.image is None else light.image
             portals = np.array([[*p.world_from_portal[:3].ravel(), p.width, p.height] for p in light.portals], np.float64)
             made = filled(
                 self._input(light, light.world_from_light),

@@ -119,6 +119,7 @@ class Light:
     diffuse: float = 1.0
     specular: float = 1.0
     texture: TextureFile | None = None  # rect, dome
+    image: Floats | None = None  # dome, in place of a texture: (H, W, 3) linear values, lat-long
     shaping: Shaping | None = None
     shadow: Shadow | None = None
     # Numbers of SceneDescription.linked: whom the light reaches and who casts its shadows; 0 is everybody.

@@ -32,7 +32,7 @@ from .adapters.shapes.implicit import sphere, tessellated
 from .adapters.shapes.mesh import mesh
 from .adapters.shapes.point_instancer import point_instances
 from .adapters.shapes.points import POINT, point_sphere
-from .lights.default_light import default_lights
+from .lights.default_light import default_light
 from .lights.light_links import Links, find_links
 from .lights.portals import note_unnamed_portals
 from .materials.primvars_read import primvars_read
@@ -171,7 +171,7 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     note_unnamed_portals(ctx)
     camera, frame = view_through(camera_prim, ctx, product, bounds)
     note_motion(camera, ctx)
-    _add_default_lights(scene, camera, ctx)
+    _add_default_light(scene, camera, ctx)
     _note_missing_primvars(scene, ctx)
     return _describe(scene, ctx, camera, frame, aovs)
 
@@ -307,12 +307,14 @@ def _add_lights(
             scene.lights.append(rules.applied(made))
 
 
-def _add_default_lights(scene: _Scene, camera: Camera, ctx: Context) -> None:
+def _add_default_light(scene: _Scene, camera: Camera, ctx: Context) -> None:
     """Where nobody meant to give light: lights that emit nothing are meant."""
     if scene.has_lights or not ctx.settings.default_light or any(_emits(s) for s in ctx.surfaces):
         return
-    scene.lights += default_lights(camera)
-    ctx.warn("default-light", "", "There is no light and nothing that emits: a white dome and a key light are added.")
+    scene.lights.append(default_light(camera, up_axis(ctx.stage) == "Z"))
+    ctx.warn(
+        "default-light", "", "There is no light and nothing that emits: a studio light is added, which the camera does not see."
+    )
 
 
 def _emits(surface: Surface) -> bool:
