@@ -16,7 +16,7 @@ from . import errors
 from .compare import compare
 from .errors import PrimrayError
 from .render import render, render_frames
-from .settings import Filter, Metric, RenderSettings
+from .settings import DefaultWrap, Filter, Metric, RenderSettings
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ __all__ = [
     "Camera",
     "Checkpointing",
     "Comparison",
+    "DefaultWrap",
     "Filter",
     "Image",
     "Metric",

@@ -43,6 +43,19 @@ class Metric(Enum):
     DISPLAY = "display"
 
 
+class DefaultWrap(Enum):
+    """What textures show outside of their image where neither the stage nor the file names a wrap (UsdUVTexture's are black).
+
+    >>> primray.RenderSettings(default_wrap="repeat").default_wrap
+    <DefaultWrap.REPEAT: 'repeat'>
+    """
+
+    BLACK = "black"
+    CLAMP = "clamp"
+    REPEAT = "repeat"
+    MIRROR = "mirror"
+
+
 # Full widths in pixels: the box that is the exact pixel average, and the widths at which the others look alike.
 DEFAULT_FILTER_WIDTH = {Filter.BOX: 1.0, Filter.GAUSSIAN: 3.0, Filter.BLACKMAN_HARRIS: 3.0}
 
@@ -84,6 +97,7 @@ class SettingsValues(TypedDict, total=False):
     threads: int | None
     seed: int
     default_light: bool
+    default_wrap: DefaultWrap | Literal["black", "clamp", "repeat", "mirror"]
     rendering_color_space: str | None
     purposes: Iterable[str] | None
     aovs: Iterable[str] | None
@@ -137,6 +151,7 @@ class RenderSettings:
     threads: int | None = None  # None: every core this process may use
     seed: int = 0
     default_light: bool = True
+    default_wrap: DefaultWrap = DefaultWrap.BLACK
     rendering_color_space: str | None = None  # a linear RGB space; None: RenderSettings' renderingColorSpace, else Rec.709
     purposes: tuple[str, ...] | None = None  # None: RenderSettings' includedPurposes, else default and render
     aovs: tuple[str, ...] | None = None  # outputs beside the picture (aov_names.AOVS); None: what the stage's product orders
@@ -262,6 +277,7 @@ _READERS: Mapping[str, Reader] = {
     "adaptive": optional(yes_or_no),
     "error_metric": choice(Metric),
     "filter": choice(Filter),
+    "default_wrap": choice(DefaultWrap),
     "seed": whole,
     **dict.fromkeys(("dicing_rate", "resolution_scale"), number),
     "variants": texts,
@@ -289,6 +305,8 @@ def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
     names = ("resolution", "sample_range", "purposes", "aovs", "variants", "load", "mask")
     tuples = {name: tuple(values[name]) for name in names if values.get(name) is not None}
     chosen: dict[str, Any] = {"filter": Filter(values["filter"]), "error_metric": Metric(values["error_metric"])}
+    if "default_wrap" in values:
+        chosen["default_wrap"] = DefaultWrap(values["default_wrap"])
     if isinstance(values.get("camera"), Mapping):
         from .camera import camera_of
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from primray.errors import LimitError, SettingsError
 from primray.render.frame_numbers import parse_frames
-from primray.settings import Filter, Metric, RenderSettings
+from primray.settings import DefaultWrap, Filter, Metric, RenderSettings
 
 from . import ids
 from .api.models import JobPatch, JobRequest, Settings, StopRules
@@ -172,6 +172,7 @@ def render_settings(settings: Settings) -> RenderSettings:
         filter_width=settings.filter_width,
         seed=settings.seed,
         default_light=settings.default_light,
+        default_wrap=DefaultWrap(settings.default_wrap),
         purposes=None if settings.purposes is None else tuple(settings.purposes),
         aovs=None if settings.aovs is None else tuple(settings.aovs),
         strict=settings.strict,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom
 
-from primray import Filter, Metric, RenderSettings
+from primray import DefaultWrap, Filter, Metric, RenderSettings
 from primray.description import Camera, Projection
 from primray.errors import PrimrayError, SettingsError
 from primray.report.report import settings_as_json
@@ -81,6 +81,7 @@ NONSENSE: dict[str, list[Any]] = {
     "threads": [0, "all"],
     "seed": [-1, None, "x"],
     "default_light": ["no", None],
+    "default_wrap": ["useMetadata", None, 1],
     "rendering_color_space": [709],
     "purposes": ["render", ["final"], []],
     "aovs": ["depth", ["deepth"], 3],
@@ -107,7 +108,7 @@ def test_type_checkers_have_the_same_fields() -> None:
 
 
 def test_choices_of_type_checkers_are_the_enums() -> None:
-    for name, kinds in (("filter", Filter), ("error_metric", Metric)):
+    for name, kinds in (("filter", Filter), ("error_metric", Metric), ("default_wrap", DefaultWrap)):
         assert issubclass(kinds, Enum)
         text = str(SettingsValues.__annotations__[name].__forward_arg__)
         assert all(f'"{kind.value}"' in text or f"'{kind.value}'" in text for kind in kinds)

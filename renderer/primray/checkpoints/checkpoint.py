@@ -44,6 +44,7 @@ OF_SCENE = (
     "product",
     "time_code",
     "default_light",
+    "default_wrap",
     "purposes",
     "variants",
     "load",

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from enum import Enum
+from typing import Literal
 
 from ..aov_names import AOVS
 from ..errors import SettingsError
@@ -70,6 +72,18 @@ def view_of(view: str | None, correction: ColorCorrection | None) -> str | None:
     if view is not None:
         raise SettingsError("--view and --colorCorrectionMode both choose a view; give one", code="view")
     return VIEWS[correction]
+
+
+def exposure_of(stops: str) -> float | Literal["auto"]:
+    if stops == "auto":
+        return "auto"
+    try:
+        number = float(stops)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        raise SettingsError(f"the exposure is a number of stops, or auto, not {stops}", where="--exposure")
+    return number
 
 
 def threads_of(threads: int | None) -> int | None:

@@ -57,7 +57,9 @@ Snapshot = Annotated[
     float | None,
     typer.Option("--snapshot", metavar="S", help="Write the picture so far every so many seconds.", show_default=False),
 ]
-Exposure = Annotated[float, typer.Option("--exposure", metavar="STOPS", help="Of PNG and JPEG.")]
+Exposure = Annotated[
+    str, typer.Option("--exposure", metavar="STOPS", help="Of PNG and JPEG; auto: as the view needs it, for all frames.")
+]
 Report = Annotated[str | None, typer.Option("--report", metavar="FILE", help="Write the report as JSON.", show_default=False)]
 SampleRange = Annotated[
     str | None,

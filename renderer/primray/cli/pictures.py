@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
-from ..errors import PrimrayError, SettingsError
+from ..errors import PrimrayError
 
 if TYPE_CHECKING:
+    from ..images.exposure import View
     from ..images.image import Image
 
 
@@ -27,18 +28,30 @@ class Looks:
     view: str | None = None
     display: str | None = None
     look: str | None = None
-    exposure: float = 0.0
+    exposure: float | Literal["auto"] = 0.0
     make_folders: bool = False
+    chose_exposure: bool = False
 
     @property
     def is_chosen(self) -> bool:
         return not self.view == self.display == self.look is None
 
+    def settled(self, image: Image) -> Looks:
+        """With the exposure that "auto" is for this picture; those after it look the same."""
+        if self.exposure != "auto":
+            return self
+        from ..images.exposure import exposure_that_serves
+
+        return replace(self, exposure=exposure_that_serves(image.pixels, self.view_of(image)), chose_exposure=True)
+
+    def view_of(self, image: Image) -> View:
+        from ..images.exposure import View
+
+        return View(self.view, self.display, self.look, image.color_space)
+
 
 def check_outputs(files: list[str], report: str | None, looks: Looks) -> None:
     """Find out before rendering what cannot be written after it."""
-    import math
-
     from ..color.ocio import check_look, check_view
     from ..images.image import VIEW_EXTENSIONS, check_output_path
     from ..images.output_path import check_folder, make_folder
@@ -53,12 +66,14 @@ def check_outputs(files: list[str], report: str | None, looks: Looks) -> None:
     if looks.is_chosen or any(file.lower().endswith(VIEW_EXTENSIONS) for file in files):
         check_view(looks.view, looks.display)
         check_look(looks.look)
-    if not math.isfinite(looks.exposure):
-        raise SettingsError(f"the exposure must be a number of stops, not {looks.exposure}")
 
 
 def save(image: Image, file: str, looks: Looks) -> None:
-    image.save(file, view=looks.view, display=looks.display, exposure=looks.exposure, look=looks.look)
+    from ..images.image import check_output_path
+
+    looks = looks.settled(image)
+    assert looks.exposure != "auto"
+    image.write(check_output_path(file), looks.view_of(image), looks.exposure)
 
 
 def write(image: Image, files: list[str], report_file: str | None, looks: Looks) -> bool:
@@ -67,10 +82,13 @@ def write(image: Image, files: list[str], report_file: str | None, looks: Looks)
     from ..notices.diagnostics_text import print_diagnostics
     from .json_lines import dumps, print_line
 
-    start = time.perf_counter()
+    start, looks = time.perf_counter(), looks.settled(image)
     written = [file for file in files if _is_written(partial(save, image, file, looks), looks)]
     stages_s = {**image.report["stages_s"], "write": time.perf_counter() - start}
     report = {**image.report, "outputs": written, "stages_s": stages_s}
+    report["diagnostics"] = [*report["diagnostics"], *_faults_of_view(image, written, looks)]
+    if looks.chose_exposure:
+        report["view_exposure"] = looks.exposure
     whole = written == files
     if report_file is not None:
         text = dumps(report, indent=2) + "\n"
@@ -81,6 +99,16 @@ def write(image: Image, files: list[str], report_file: str | None, looks: Looks)
     else:
         print(_summary_line(image, report, written))
     return whole
+
+
+def _faults_of_view(image: Image, files: list[str], looks: Looks) -> list[dict[str, str]]:
+    from ..images.exposure import view_fault
+    from ..images.image import VIEW_EXTENSIONS
+
+    if looks.exposure == "auto" or not any(file.lower().endswith(VIEW_EXTENSIONS) for file in files):
+        return []
+    fault = view_fault(image.pixels, looks.view_of(image), looks.exposure)
+    return [] if fault is None else [fault.as_json()]
 
 
 def _is_written(writing: Callable[[], None], looks: Looks) -> bool:
@@ -101,6 +129,8 @@ def _summary_line(image: Image, report: dict[str, Any], files: list[str]) -> str
     low, high = report["samples_per_pixel"]
     samples = f"{low}" if low == high else f"{low} to {high}"
     names = ", ".join(files) or "not written"
+    if "view_exposure" in report:
+        names += f" (exposure {report['view_exposure']:+.2f})"
     return (
         f"{names}: {width} x {height}, {samples} samples a pixel in {report['stages_s']['render']:.2f} s "
         f"({report['rays_per_s'] / 1e6:.1f} Mrays/s, {sum(report['stages_s'].values()):.2f} s in all)\n{_error_line(report)}"

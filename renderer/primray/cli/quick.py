@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from ..settings import Filter, Metric
+from ..settings import DefaultWrap, Filter, Metric
 from .option_values import ColorCorrection, Complexity
 
 FLAG, SWITCH = "flag", "switch"  # True; True by the first name, False by the second
@@ -68,7 +68,7 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "make_output_path": (FLAG, ("--make-output-path",)),
     "snapshot": (_number, ("--snapshot",)),
     "list_cameras": (FLAG, ("--list-cameras",)),
-    "exposure": (_number, ("--exposure",)),
+    "exposure": (str, ("--exposure",)),
     "strict": (FLAG, ("--strict",)),
     "max_memory": (str, ("--max-memory",)),
     "dicing_rate": (_number, ("--dicing-rate",)),
@@ -76,6 +76,7 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "report": (str, ("--report",)),
     "json": (FLAG, ("--json",)),
     "no_default_light": (FLAG, ("--no-default-light", "--disableCameraLight")),
+    "default_wrap": (DefaultWrap, ("--default-wrap",)),
     "purposes": (str, ("--purposes", "--purpose")),
     "variants": (LIST, ("--variant",)),
     "no_payloads": (FLAG, ("--no-payloads",)),

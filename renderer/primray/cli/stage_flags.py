@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from ..settings import DefaultWrap
 from .option_values import Complexity
 
 Scene = Annotated[str, typer.Argument(metavar="SCENE", help="The USD stage: usda, usdc, usd or usdz.", show_default=False)]
@@ -64,6 +65,10 @@ DefaultTime = Annotated[
 ]
 NoDefaultLight = Annotated[
     bool, typer.Option("--no-default-light", "--disableCameraLight", help="Leave a stage without lights dark.")
+]
+WrapByDefault = Annotated[
+    DefaultWrap,
+    typer.Option("--default-wrap", help="Outside of textures whose wrap neither the stage nor the file names."),
 ]
 Purposes = Annotated[
     str | None,

@@ -9,20 +9,21 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from ..arrays import Doubles, Floats
-from ..color import ocio as color
 from ..color.color_space import REC709, ColorSpace, named
 from ..description import Camera, Frame, Projection
 from ..errors import PrimrayError, SettingsError
+from ..notices.announcement import Announcer
 from ..notices.notebook import picture_html
 from ..textures.image_error import last_error
 from .aov import Aov
 from .aov_parts import parts_of
+from .exposure import View, exposure_that_serves, view_fault
 from .output_path import check_folder, through_links
 
 CHANNELS = ("R", "G", "B", "A")
@@ -96,19 +97,27 @@ class Image:
         *,
         view: str | None = None,
         display: str | None = None,
-        exposure: float = 0.0,
+        exposure: float | Literal["auto"] = 0.0,
         look: str | None = None,
     ) -> Path:
-        """Write `path` whole or not at all; `view`, `display`, `exposure` (stops) and `look` are for PNG and JPEG, which show
-        the picture alone."""
+        """Write `path` whole or not at all; `view`, `display`, `exposure` (stops, or "auto": as the view needs them) and `look`
+        are for PNG and JPEG, which show the picture alone. RenderWarning where that is almost only white, or only black.
+        """
         path = check_output_path(path)
+        chosen = View(view, display, look, self.color_space)
+        if path.suffix.lower() in VIEW_EXTENSIONS:
+            exposure = self._stops(chosen, exposure)
+            fault = view_fault(self.pixels, chosen, exposure)
+            Announcer(path).tell([] if fault is None else [fault])
+        return self.write(path, chosen, 0.0 if exposure == "auto" else exposure)
+
+    def write(self, path: Path, view: View, exposure: float) -> Path:
+        """`save`, to a path that has been checked and without a word about what the view shows."""
         with _replacing(path) as temporary:
             if path.suffix.lower() == ".exr":
                 _write_exr(self, temporary)
             else:
-                chosen = {"view": view, "display": display, "look": look}
-                encoded = encode(self.pixels, exposure=exposure, space=self.color_space, **chosen)
-                _write_view(encoded if path.suffix.lower() == ".png" else encoded[..., :3], temporary)
+                _write_view(_encode(self.pixels, view, exposure, keep_alpha=path.suffix.lower() == ".png"), temporary)
         return path
 
     def to_uint8(
@@ -116,18 +125,21 @@ class Image:
         *,
         view: str | None = None,
         display: str | None = None,
-        exposure: float = 0.0,
+        exposure: float | Literal["auto"] = 0.0,
         look: str | None = None,
     ) -> npt.NDArray[np.uint8]:
         """(H, W, 4) display values 0 to 255 with straight alpha: what `save` writes as PNG, with 255 where that has no alpha.
 
-        `exposure` is in stops; `view`, `display` and `look` are names of the OpenColorIO config, SettingsError where it has no
-        such.
+        `exposure` is in stops, or "auto": as the view needs them; `view`, `display` and `look` are names of the OpenColorIO
+        config, SettingsError where it has no such.
         """
-        chosen = {"view": view, "display": display, "look": look}
-        encoded: npt.NDArray[np.uint8] = encode(self.pixels, exposure=exposure, space=self.color_space, **chosen)
+        chosen = View(view, display, look, self.color_space)
+        encoded = _encode(self.pixels, chosen, self._stops(chosen, exposure))
         opaque = np.full((*encoded.shape[:2], 4 - encoded.shape[2]), 255, np.uint8)
         return np.concatenate([encoded, opaque], axis=2)
+
+    def _stops(self, view: View, exposure: float | Literal["auto"]) -> float:
+        return exposure_that_serves(self.pixels, view) if exposure == "auto" else exposure
 
     def show(self) -> None:
         """Show it: under the cell in a notebook, else a PNG of it in the desktop's viewer.
@@ -162,11 +174,13 @@ class Image:
         return f"<Image {', '.join(told)}>"
 
     def _repr_html_(self) -> str | None:
-        return picture_html(self._repr_png_, self.resolution, self.report.get("diagnostics", ()))
+        fault = view_fault(self.pixels, View(space=self.color_space))
+        told = [*self.report.get("diagnostics", ()), *([] if fault is None else [fault.as_json()])]
+        return picture_html(self._repr_png_, self.resolution, told)
 
     def _repr_png_(self) -> bytes:
         with tempfile.TemporaryDirectory() as folder:
-            return self.save(Path(folder, "picture.png")).read_bytes()
+            return self.write(Path(folder, "picture.png"), View(space=self.color_space), 0.0).read_bytes()
 
 
 def pixels_sha256(pixels: Floats) -> str:
@@ -194,19 +208,24 @@ def encode(
     exposure: float = 0.0,
     look: str | None = None,
     space: ColorSpace = REC709,
-) -> np.ndarray[Any, Any]:
+) -> npt.NDArray[np.uint8]:
     """8-bit display values: (H, W, 4) with straight alpha, or (H, W, 3) where the picture is opaque.
 
     Light without coverage (a visible dome behind everything) has no straight-alpha form: such a picture is opaque,
     composited over the black it was rendered on.
     """
+    return _encode(pixels, View(view, display, look, space), exposure)
+
+
+def _encode(pixels: Floats, view: View, exposure: float, *, keep_alpha: bool = True) -> npt.NDArray[np.uint8]:
+    """Without alpha the picture is over black."""
     finite = np.where(np.isfinite(pixels), pixels, np.float32(0))
     rgb, alpha = finite[..., :3], np.clip(finite[..., 3:], 0, 1)
     background_shines = bool(np.any(rgb[alpha[..., 0] == 0] > 0))
-    opaque = background_shines or bool(np.all(alpha == 1))
+    opaque = background_shines or not keep_alpha or bool(np.all(alpha == 1))
     if not opaque:
         rgb = np.divide(rgb, alpha, out=np.zeros_like(rgb), where=alpha > 0)
-    shown = color.to_display(rgb, view, display, exposure, look=look, space=space)
+    shown = view.shown(rgb, exposure)
     if not opaque:
         shown = np.concatenate([shown, alpha], axis=2)
     return (np.clip(np.nan_to_num(shown), 0, 1) * 255 + 0.5).astype(np.uint8)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import LimitError
 from ..report.prepared import Prepared
-from ..settings import RenderSettings
+from ..settings import DefaultWrap, RenderSettings
 
 if TYPE_CHECKING:
     from ..description import SceneDescription, TextureFile
@@ -69,7 +69,7 @@ def prepare(
     with costs.stage("translate"):
         description, translating = usd.translate(stage, settings)
         diagnostics.extend([*opening, *translating])
-        description, textures = load_textures(description, diagnostics, usd.read_asset)
+        description, textures = load_textures(description, diagnostics, usd.read_asset, settings.default_wrap)
         if settings.strict:
             diagnostics.raise_if_strict()
     images = image_sizes(textures)
@@ -95,16 +95,20 @@ def prepare(
 
 
 def load_textures(
-    description: SceneDescription, diagnostics: Diagnostics, read: Callable[[str], bytes] | None
+    description: SceneDescription,
+    diagnostics: Diagnostics,
+    read: Callable[[str], bytes] | None,
+    default_wrap: DefaultWrap = DefaultWrap.BLACK,
 ) -> tuple[SceneDescription, dict[TextureFile, list[tuple[int, Texture]]]]:
     """The images of every file that could be read (with their tiles' numbers, or 0), and the description without the domes
     whose texture could not; each file that could not is a diagnostic."""
+    from ..description import Wrap
     from ..textures.light_textures import with_read_textures
     from ..textures.missing_tiles import note_missing_tiles
     from ..textures.texture_outside import note_textures_outside
     from ..textures.texture_set import load_texture_set
 
-    textures = load_texture_set(description, diagnostics, read)
+    textures = load_texture_set(description, diagnostics, read, Wrap(default_wrap.value))
     note_textures_outside(description, textures, diagnostics)
     note_missing_tiles(description, diagnostics)
     return replace(description, lights=with_read_textures(description.lights, textures, diagnostics)), textures

@@ -88,6 +88,7 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values["camera"] = _camera_as_json(settings)
     values["filter"] = settings.filter.value
     values["error_metric"] = settings.error_metric.value
+    values["default_wrap"] = settings.default_wrap.value
     values["sample_range"] = list(settings.sample_range) if settings.sample_range else None
     values["resolution"] = list(settings.resolution) if settings.resolution else None
     for name in ("purposes", "aovs", "variants", "load", "mask"):

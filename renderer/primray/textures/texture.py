@@ -44,7 +44,7 @@ class Texture:
     srgb_channels: int = 0  # of integers: so many of the first channels are through sRGB's curve
     to_target: Doubles | None = None  # of integers: what the linear red, green and blue are multiplied with
     bad_texels: int = 0  # NaN or infinite ones, set to 0
-    wrap_s: Wrap = Wrap.BLACK  # what the file says of itself
+    wrap_s: Wrap = Wrap.BLACK  # what the file says of itself, or what is wanted where it says nothing
     wrap_t: Wrap = Wrap.BLACK
     turned: bool = False  # the file says it should be shown turned, which texture coordinates do not know
     environment: str = ""  # what the file says it shows of an environment: "latlong", "cube", or nothing
@@ -86,11 +86,16 @@ class Texture:
 
 
 def load_texture(
-    file: TextureFile, read: ReadAsset | None = None, *, path: str | None = None, channels: frozenset[str] = frozenset("rgba")
+    file: TextureFile,
+    read: ReadAsset | None = None,
+    *,
+    path: str | None = None,
+    channels: frozenset[str] = frozenset("rgba"),
+    unsaid: Wrap = Wrap.BLACK,
 ) -> Texture:
     """Read one image, that of `path` for a tile; of its `channels` only those that are asked for need to be there.
 
-    `read` gives a path's bytes where it is no plain file ("package.usdz[member]").
+    `read` gives a path's bytes where it is no plain file ("package.usdz[member]"); `unsaid` is its wrap if it names none.
     """
     path = file.path if path is None else path
     if read is not None and path.endswith("]"):
@@ -98,20 +103,20 @@ def load_texture(
         with tempfile.NamedTemporaryFile(suffix=PurePath(member).suffix) as unpacked:
             unpacked.write(read(path))
             unpacked.flush()
-            return _loaded(unpacked.name, path, file, channels)
-    return _loaded(path, path, file, channels)
+            return _loaded(unpacked.name, path, file, channels, unsaid)
+    return _loaded(path, path, file, channels, unsaid)
 
 
-def _loaded(path: str, shown: str, file: TextureFile, wanted: frozenset[str]) -> Texture:
+def _loaded(path: str, shown: str, file: TextureFile, wanted: frozenset[str], unsaid: Wrap) -> Texture:
     try:
-        return _load(path, shown, file, wanted)
+        return _load(path, shown, file, wanted, unsaid)
     except AssetError as error:
         if not is_pointer_file(path):
             raise
         raise AssetError(f"the texture cannot be read: {WHAT_IT_IS}", where=shown, code="texture-unreadable") from error
 
 
-def _load(path: str, shown: str, file: TextureFile, wanted: frozenset[str]) -> Texture:
+def _load(path: str, shown: str, file: TextureFile, wanted: frozenset[str], unsaid: Wrap) -> Texture:
     import OpenImageIO as oiio
 
     oiio.attribute("limits:imagesize_MB", MAX_TEXTURE_MB)
@@ -132,12 +137,13 @@ def _load(path: str, shown: str, file: TextureFile, wanted: frozenset[str]) -> T
         space = _space_of(file, is_srgb(spec, path))
         turned = spec.getattribute("Orientation") not in (None, 0, 1)
         around = environment_of(spec)
+        wraps = wraps_of(spec, unsaid)
         if stored.dtype.kind == "u" and isinstance(space, ColorSpace) and (space.is_linear or _has_srgb_curve(space)):
             mixing = matrix(space, file.target) if file.is_color and layout.colors == 3 else None
-            return Texture(stored, 0 if space.is_linear else layout.colors, mixing, 0, *wraps_of(spec), turned, around)
+            return Texture(stored, 0 if space.is_linear else layout.colors, mixing, 0, *wraps, turned, around)
         pixels = _linear(stored, layout.colors, space, file, shown)
         bad = _clear_bad(pixels) if stored.dtype.kind == "f" else 0
-        return Texture(pixels, 0, None, bad, *wraps_of(spec), turned, around)
+        return Texture(pixels, 0, None, bad, *wraps, turned, around)
     finally:
         image.close()
 

@@ -80,10 +80,10 @@ def _png_says(path: str) -> bool | None:
     return True if abs(gamma - 1 / 2.2) < 0.01 else False if abs(gamma - 1) < 0.01 else None
 
 
-def wraps_of(spec: Any) -> tuple[Wrap, Wrap]:
-    """In s and t; black where the file does not say (UsdUVTexture, useMetadata)."""
-    modes = str(spec.getattribute("wrapmodes") or "black").split(",")
-    return _WRAPS.get(modes[0], Wrap.BLACK), _WRAPS.get(modes[-1], Wrap.BLACK)
+def wraps_of(spec: Any, unsaid: Wrap) -> tuple[Wrap, Wrap]:
+    """In s and t; `unsaid` where the file does not say."""
+    modes = str(spec.getattribute("wrapmodes") or "").split(",")
+    return _WRAPS.get(modes[0], unsaid), _WRAPS.get(modes[-1], unsaid)
 
 
 def environment_of(spec: Any) -> str:

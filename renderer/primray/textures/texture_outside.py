@@ -27,8 +27,13 @@ def note_textures_outside(description: SceneDescription, textures: Textures, dia
     for number, found in shapes.items():
         for name, reads, axes in black[number]:
             if all(_outside(shape, reads, axes) for shape in found):  # most end at their first shape
-                message = f"{name} is black: all its texture coordinates are outside 0 to 1, where its wraps are black."
-                diagnostics.add("texture-outside", description.surfaces[number].path, f"{message} ({reads.file.path})")
+                diagnostics.add("texture-outside", description.surfaces[number].path, _sentence(name, reads))
+
+
+def _sentence(name: str, reads: TextureInput) -> str:
+    unsaid = Wrap.USE_METADATA in (reads.wrap_s, reads.wrap_t)
+    why = "no wrap is named, which is black: --default-wrap repeat shows it" if unsaid else "its wraps are black"
+    return f"{name} is black: all its texture coordinates are outside 0 to 1, where {why}. ({reads.file.path})"
 
 
 def _black_axes(reads: TextureInput, tiles: Sequence[tuple[int, Texture]]) -> list[int]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from ..description import LightType, SceneDescription, TextureFile, TextureInput
+from ..description import LightType, SceneDescription, TextureFile, TextureInput, Wrap
 from ..diagnostics import Diagnostics
 from ..errors import AssetError, LimitError
 from .texture import ReadAsset, Texture, load_texture
@@ -31,8 +31,10 @@ class _Use:
     surface: str = ""
 
 
-def load_texture_set(description: SceneDescription, diagnostics: Diagnostics, read: ReadAsset | None) -> TextureSet:
-    """The images of every file that can be read, with their tiles' numbers, or 0."""
+def load_texture_set(
+    description: SceneDescription, diagnostics: Diagnostics, read: ReadAsset | None, unsaid: Wrap = Wrap.BLACK
+) -> TextureSet:
+    """The images of every file that can be read, with their tiles' numbers, or 0; files that name no wrap have `unsaid`."""
     uses = _uses(description)
     same = _alpha_elsewhere(uses)
     for other in same.values():
@@ -42,7 +44,7 @@ def load_texture_set(description: SceneDescription, diagnostics: Diagnostics, re
     def load(job: tuple[TextureFile, int, str]) -> Texture | AssetError | LimitError:
         file, _, path = job
         try:
-            return load_texture(file, read, path=path, channels=frozenset(uses[file].channels))
+            return load_texture(file, read, path=path, channels=frozenset(uses[file].channels), unsaid=unsaid)
         except (AssetError, LimitError) as error:
             return error
 

@@ -56,6 +56,9 @@ class Settings(Sent):
     filter: Literal["box", "gaussian", "blackman-harris"] = "box"
     filter_width: float | None = Field(None, gt=0, le=64)
     default_light: bool = True
+    default_wrap: Literal["black", "clamp", "repeat", "mirror"] = Field(
+        "black", description="Outside of textures whose wrap neither the stage nor the file names."
+    )
     purposes: list[Literal["default", "render", "proxy", "guide"]] | None = Field(None, min_length=1, max_length=4)
     strict: bool = Field(False, description="Refuse a scene with warnings.")
     dicing_rate: float | None = Field(None, gt=0, le=1e6)

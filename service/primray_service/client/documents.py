@@ -34,6 +34,7 @@ class Settings(TypedDict, total=False):
     filter: Literal["box", "gaussian", "blackman-harris"]
     filter_width: float | None
     default_light: bool
+    default_wrap: Literal["black", "clamp", "repeat", "mirror"]
     purposes: list[Literal["default", "render", "proxy", "guide"]] | None
     strict: bool
     dicing_rate: float | None

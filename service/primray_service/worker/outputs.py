@@ -12,18 +12,23 @@ from typing import TYPE_CHECKING, Any
 from .channel import finite
 
 if TYPE_CHECKING:
+    from primray.diagnostics import Diagnostics
     from primray.images.image import Image
 
 MEDIA_TYPES = {".exr": "image/x-exr", ".png": "image/png", ".json": "application/json"}
 DEFAULT_NAMES = ("beauty.exr", "beauty.png", "report.json")
 
 
-def write_pictures(image: Image, names: Sequence[str], folder: Path) -> dict[str, Any]:
-    """The report, with what writing took."""
-    start = time.perf_counter()
+def write_pictures(image: Image, names: Sequence[str], folder: Path, diagnostics: Diagnostics) -> dict[str, Any]:
+    """The report, with what writing took; what a view does not show well goes to `diagnostics`."""
+    from primray.images.exposure import View, view_fault
+
+    start, view = time.perf_counter(), View(space=image.color_space)
     for name in names:
         if not name.endswith(".json"):
-            image.save(folder / name)
+            image.write(folder / name, view, 0.0)
+        if name.endswith(".png") and (fault := view_fault(image.pixels, view)) is not None:
+            diagnostics.extend([fault])
     stages_s = {**image.report["stages_s"], "write": time.perf_counter() - start}
     return {**image.report, "outputs": list(names), "stages_s": stages_s}
 

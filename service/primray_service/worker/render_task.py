@@ -57,7 +57,7 @@ def render_frame(command: Mapping[str, Any], job: Path, out: Path, channel: Chan
         channel.leave("done", outputs=[], report={"interrupted": True, "samples": 0})
     phases("write")
     files = command.get("outputs") or DEFAULT_NAMES
-    report = write_pictures(picture_of(prepared, sampling, costs, diagnostics), files, out)
+    report = write_pictures(picture_of(prepared, sampling, costs, diagnostics), files, out, diagnostics)
     saver.wait()
     report["checkpoint"] = saver.as_json() | {"file": f"checkpoint-{numbers.number}.prc"}
     if report["checkpoint"]["failed"]:

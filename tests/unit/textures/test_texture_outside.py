@@ -41,4 +41,6 @@ def test_what_is_all_black_is_told(st: Any, more: dict[str, Any], own: Wrap, til
     notes = Diagnostics()
     note_textures_outside(d.description, d.textures, notes)
     assert [note.code for note in notes] == ["texture-outside"] * told
+    remedy = "wrap" not in more  # else it was asked for
+    assert all(("--default-wrap repeat" in note.message) == remedy for note in notes)
     assert (pixels_of(d).max() == 0) == told

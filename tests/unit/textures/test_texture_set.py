@@ -9,7 +9,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from primray.description import PrimvarInput, SceneDescription, Surface, TextureFile, TextureInput
+from primray.description import PrimvarInput, SceneDescription, Surface, TextureFile, TextureInput, Wrap
 from primray.diagnostics import Diagnostics
 from primray.render import load_textures
 from primray.textures import texture, texture_set
@@ -43,9 +43,11 @@ def reads(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str | None, frozenset[s
     """Which files are read, and which of their channels."""
     seen: list[tuple[str | None, frozenset[str]]] = []
 
-    def load(file: TextureFile, read: texture.ReadAsset | None, *, path: str, channels: frozenset[str]) -> texture.Texture:
+    def load(
+        file: TextureFile, read: texture.ReadAsset | None, *, path: str, channels: frozenset[str], unsaid: Wrap
+    ) -> texture.Texture:
         seen.append((path, channels))
-        return texture.load_texture(file, read, path=path, channels=channels)
+        return texture.load_texture(file, read, path=path, channels=channels, unsaid=unsaid)
 
     monkeypatch.setattr(texture_set, "load_texture", load)
     return seen

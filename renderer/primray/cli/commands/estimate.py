@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ...errors import SettingsError
-from ...settings import DEFAULT_DICING_RATE, Filter, Metric, RenderSettings
+from ...settings import DEFAULT_DICING_RATE, DefaultWrap, Filter, Metric, RenderSettings
 from .. import option_values, output_flags, render_flags, stage_flags
 
 if TYPE_CHECKING:
@@ -47,6 +47,7 @@ def estimate(
     json: output_flags.Json = False,
     rendering_color_space: stage_flags.RenderingColorSpace = None,
     no_default_light: stage_flags.NoDefaultLight = False,
+    default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
     purposes: stage_flags.Purposes = None,
     variants: stage_flags.Variants = None,
     no_payloads: stage_flags.NoPayloads = False,
@@ -75,6 +76,7 @@ def estimate(
         threads=option_values.threads_of(threads),
         seed=seed,
         default_light=not no_default_light,
+        default_wrap=default_wrap,
         rendering_color_space=rendering_color_space,
         purposes=option_values.purposes_of(purposes),
         variants=tuple(variants or ()),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from ...settings import DEFAULT_DICING_RATE, RenderSettings
+from ...settings import DEFAULT_DICING_RATE, DefaultWrap, RenderSettings
 from .. import option_values, output_flags, stage_flags
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ def inspect(
     default_time: stage_flags.DefaultTime = False,
     rendering_color_space: stage_flags.RenderingColorSpace = None,
     no_default_light: stage_flags.NoDefaultLight = False,
+    default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
     purposes: stage_flags.Purposes = None,
     variants: stage_flags.Variants = None,
     no_payloads: stage_flags.NoPayloads = False,
@@ -53,6 +54,7 @@ def inspect(
         resolution_scale=option_values.scale_of(res_scale),
         time_code=option_values.one_frame_of(option_values.frames_of(frames, frame_count, frame_inc, default_time), "inspect"),
         default_light=not no_default_light,
+        default_wrap=default_wrap,
         rendering_color_space=rendering_color_space,
         purposes=option_values.purposes_of(purposes),
         variants=tuple(variants or ()),

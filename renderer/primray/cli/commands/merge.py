@@ -9,6 +9,7 @@ import typer
 
 from .. import output_flags
 from ..flag_defaults import with_own_default
+from ..option_values import exposure_of
 from ..pictures import Looks, check_outputs, write
 
 
@@ -23,7 +24,7 @@ def merge(
     display: output_flags.Display = None,
     view: output_flags.View = None,
     look: output_flags.Look = None,
-    exposure: output_flags.Exposure = 0.0,
+    exposure: output_flags.Exposure = "0",
     make_output_path: output_flags.MakeOutputPath = False,
     json: output_flags.Json = False,
     verbose: output_flags.Verbose = False,
@@ -32,7 +33,7 @@ def merge(
     from ...checkpoints.checkpointing import Checkpointing
     from ...checkpoints.merge import merge
 
-    looks = Looks(json, verbose, view, display, look, exposure, make_output_path)
+    looks = Looks(json, verbose, view, display, look, exposure_of(exposure), make_output_path)
     check_outputs(outputs, report, looks)
     if checkpoint is not None:
         Checkpointing(Path(checkpoint)).check()

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from ...errors import PrimrayError, SettingsError
 from ...render.frame_names import FrameName, check_names, default_name, frame_name, name_of_frame
-from ...settings import DEFAULT_DICING_RATE, Filter, Metric, RenderSettings
+from ...settings import DEFAULT_DICING_RATE, DefaultWrap, Filter, Metric, RenderSettings
 from .. import option_values
 from ..pictures import Looks, check_outputs, save, write
 from ..shots import Shot, moments, product_shots
@@ -64,7 +64,7 @@ def render(
     view: output_flags.View = None,
     look: output_flags.Look = None,
     color_correction: output_flags.Correction = None,
-    exposure: output_flags.Exposure = 0.0,
+    exposure: output_flags.Exposure = "0",
     strict: stage_flags.Strict = False,
     max_memory: render_flags.MaxMemory = None,
     dicing_rate: stage_flags.DicingRate = DEFAULT_DICING_RATE,
@@ -74,6 +74,7 @@ def render(
     report: output_flags.Report = None,
     json: output_flags.Json = False,
     no_default_light: stage_flags.NoDefaultLight = False,
+    default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
     purposes: stage_flags.Purposes = None,
     variants: stage_flags.Variants = None,
     no_payloads: stage_flags.NoPayloads = False,
@@ -107,6 +108,7 @@ def render(
         threads=option_values.threads_of(threads),
         seed=seed,
         default_light=not no_default_light,
+        default_wrap=default_wrap,
         rendering_color_space=rendering_color_space,
         purposes=option_values.purposes_of(purposes),
         variants=tuple(variants or ()),
@@ -118,7 +120,15 @@ def render(
         max_memory_bytes=option_values.bytes_of(max_memory),
         dicing_rate=option_values.dicing_rate_of(dicing_rate, complexity),
     )
-    looks = Looks(json, verbose, option_values.view_of(view, color_correction), display, look, exposure, make_output_path)
+    looks = Looks(
+        json,
+        verbose,
+        option_values.view_of(view, color_correction),
+        display,
+        look,
+        option_values.exposure_of(exposure),
+        make_output_path,
+    )
     if list_cameras:
         _list_cameras(scene, settings, json)
     elif by_product:
@@ -241,6 +251,7 @@ def _render_shots(
         with showing(shot.files[0], looks.as_json) as show:
             showing_now.append(show)
             image = next(images)
+        looks = looks.settled(image)  # the first frame's: a sequence does not flicker
         unsaved = not write(image, shot.files, shot.report, looks) or unsaved
         if image.report["interrupted"]:
             print(f"interrupted: the picture so far was saved{_how_to_go_on(image.report)}", file=sys.stderr)

@@ -1,0 +1,90 @@
+"""How bright a picture is to a view: whether it shows almost only white or black, and the exposure that would serve.
+
+What is looked at is what there is to see: pixels with coverage or light, of large pictures every so many.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Doubles, Floats
+from ..color import ocio as color
+from ..color.color_space import REC709, ColorSpace
+from ..diagnostic_codes import CODES
+from ..diagnostics import Diagnostic
+
+AUTO = "auto"
+CODE = "view-exposure"
+MOST_PIXELS = 1 << 14
+# As display values, nominally 0 to 1, of a pixel's darkest (or brightest) channel.
+WHITE, BLACK = 0.95, 0.05
+ALMOST = 0.8  # of what there is to see
+# The exposure that serves shows the brightest twentieth so, and no median darker than this many stops below mid-grey.
+BRIGHT, BRIGHTEST_SHARE = 0.82, 0.95
+GREY, DARKEST_STOPS = 0.35, 1.0
+
+
+@dataclass(frozen=True)
+class View:
+    """How a picture is looked at; None is OpenColorIO's default."""
+
+    view: str | None = None
+    display: str | None = None
+    look: str | None = None
+    space: ColorSpace = REC709  # what the pixels are in
+
+    def shown(self, rgb: Floats, exposure: float = 0.0) -> Floats:
+        """(H, W, 3) to display values, nominally 0 to 1; `exposure` in stops."""
+        return color.to_display(rgb, self.view, self.display, exposure, look=self.look, space=self.space)
+
+
+def view_fault(pixels: Floats, view: View, exposure: float = 0.0) -> Diagnostic | None:
+    """For (H, W, 4) premultiplied; None where the view shows more than white or black, or there is nothing to see."""
+    seen = _seen(pixels)
+    if not len(seen) or not seen.any():
+        return None
+    shown = view.shown(seen[None], exposure)[0]
+    white, black = np.mean(shown.min(axis=1) >= WHITE), np.mean(shown.max(axis=1) <= BLACK)
+    if max(white, black) < ALMOST:
+        return None
+    stops = exposure_that_serves(pixels, view)
+    what = "white" if white > black else "black"
+    message = (
+        f"{max(white, black):.0%} of what it shows is almost {what}: --exposure {stops:.1f} would serve, or --exposure auto."
+    )
+    return Diagnostic(CODES[CODE].severity, CODE, "", message)
+
+
+def exposure_that_serves(pixels: Floats, view: View) -> float:
+    """Stops, to a hundredth: the view shows the brightest parts near its top, unless the rest would drown in black."""
+    seen = _seen(pixels)
+    level: Doubles = seen.astype(np.float64) @ np.array([0.2126, 0.7152, 0.0722])  # Rec. ITU-R BT.709-6, 3.2
+    level = level[level > 0]
+    if not len(level):
+        return 0.0
+    bright, grey = _levels_shown_as(view, (BRIGHT, GREY))
+    fit = np.log2(bright / np.quantile(level, BRIGHTEST_SHARE))
+    least = np.log2(grey / np.median(level)) - DARKEST_STOPS
+    return round(float(max(fit, least)), 2)
+
+
+def _seen(pixels: Floats) -> Floats:
+    """(N, 3) straight colours of pixels that have light or coverage."""
+    flat = pixels.reshape(-1, pixels.shape[-1])
+    rgb = np.where(np.isfinite(flat[:, :3]), flat[:, :3], np.float32(0))
+    alpha = flat[:, 3:] if flat.shape[1] > 3 else np.ones((len(flat), 1), np.float32)
+    there = np.flatnonzero((alpha[:, 0] > 0) | (rgb > 0).any(axis=1))
+    there = there[:: max(1, len(there) // MOST_PIXELS)]
+    rgb, alpha = rgb[there], np.clip(alpha[there], 0, 1)
+    return np.divide(rgb, alpha, out=rgb.copy(), where=alpha > 0)
+
+
+def _levels_shown_as(view: View, wanted: tuple[float, ...]) -> Doubles:
+    """Of grey, by a table of what the view makes of it; views rise from black to white."""
+    levels = np.exp2(np.linspace(-14, 10, 193))
+    shown = view.shown(np.repeat(levels[:, None], 3, axis=1)[None].astype(np.float32))[0].mean(axis=1)
+    rising = np.maximum.accumulate(np.nan_to_num(shown).astype(np.float64))
+    found: Doubles = np.exp2(np.interp(wanted, rising, np.log2(levels)))
+    return found
