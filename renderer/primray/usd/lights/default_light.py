@@ -45,7 +45,8 @@ def default_light(camera: Camera, z_up: bool) -> Light:
     world_from_light = np.eye(4)
     if z_up:
         world_from_light[:3, :3] = [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
-    light_from_camera = world_from_light[:3, :3].T @ camera.world_from_camera[:3, :3]
+    # Rounded, so that cameras whose matrices differ by rounding take the same samples.
+    light_from_camera = np.round(world_from_light[:3, :3].T @ camera.world_from_camera[:3, :3], 9)
     scale = camera.exposure_scale if 0 < camera.exposure_scale < math.inf else 1.0
     radiance = (WHITE / scale,) * 3
     return Light(STUDIO, LightType.DOME, world_from_light, radiance, image=_painted(light_from_camera), visible_to_camera=False)
