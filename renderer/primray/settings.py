@@ -43,6 +43,17 @@ class Metric(Enum):
     DISPLAY = "display"
 
 
+class AutoCamera(Enum):
+    """The view of a stage whose author left no camera: from three quarters, above, or usdrecord's, from the front.
+
+    >>> primray.RenderSettings(auto_camera="usdrecord").auto_camera
+    <AutoCamera.USDRECORD: 'usdrecord'>
+    """
+
+    THREE_QUARTER = "three-quarter"
+    USDRECORD = "usdrecord"
+
+
 # Full widths in pixels: the box that is the exact pixel average, and the widths at which the others look alike.
 DEFAULT_FILTER_WIDTH = {Filter.BOX: 1.0, Filter.GAUSSIAN: 3.0, Filter.BLACKMAN_HARRIS: 3.0}
 
@@ -67,6 +78,7 @@ class SettingsValues(TypedDict, total=False):
     """What may be written for the fields of RenderSettings, by the same names."""
 
     camera: str | Camera | Matrix | Iterable[Iterable[float]] | None
+    auto_camera: AutoCamera | Literal["three-quarter", "usdrecord"]
     render_settings: str | None
     product: str | None
     resolution: Iterable[int] | None
@@ -119,6 +131,8 @@ class RenderSettings:
 
     # Prim path, or the name of a camera if only one has it; a Camera; or a matrix. None: the stage's, else one that sees all.
     camera: str | Camera | Matrix | None = None
+    # Where nothing of that is there. usdrecord: its first camera or its framing, whatever viewport the layer remembers.
+    auto_camera: AutoCamera = AutoCamera.THREE_QUARTER
     render_settings: str | None = None  # prim path; None: what the stage's metadata name, else its only RenderSettings
     product: str | None = None  # prim path of one of their RenderProducts; None: the first
     resolution: tuple[int, int] | None = None  # width, height; one of them 0: by the camera's aspect
@@ -260,6 +274,7 @@ _READERS: Mapping[str, Reader] = {
     **dict.fromkeys(("purposes", "aovs", "load", "mask"), _TEXTS),
     **dict.fromkeys(("default_light", "strict"), yes_or_no),
     "adaptive": optional(yes_or_no),
+    "auto_camera": choice(AutoCamera),
     "error_metric": choice(Metric),
     "filter": choice(Filter),
     "seed": whole,
@@ -289,6 +304,7 @@ def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
     names = ("resolution", "sample_range", "purposes", "aovs", "variants", "load", "mask")
     tuples = {name: tuple(values[name]) for name in names if values.get(name) is not None}
     chosen: dict[str, Any] = {"filter": Filter(values["filter"]), "error_metric": Metric(values["error_metric"])}
+    chosen["auto_camera"] = AutoCamera(values.get("auto_camera", AutoCamera.THREE_QUARTER))
     if isinstance(values.get("camera"), Mapping):
         from .camera import camera_of
 
