@@ -114,7 +114,8 @@ def _used(points: Floats, indices: Ints) -> Floats:
 
 
 def _box_of(points: Floats) -> tuple[Doubles, Doubles]:
-    return points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
+    low, high = points.min(axis=0), points.max(axis=0)
+    return low.astype(np.float64), high.astype(np.float64)
 
 
 Shape = Mesh | SubdivisionMesh | Sphere

@@ -15,12 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ...arrays import Doubles, Floats
-from ...description import Mesh, Placed, Placement, Prototype, Shape, Sphere
+from ...description import Mesh, Placed, Placement, Prototype, Shape, Sphere, SubdivisionMesh
 from ...description.placement import Box, placed_box, transformed_box, transformed_boxes
 from .framing import MANY, prototype_box
 
 Mask = npt.NDArray[np.bool_]
-SPHERE_FACES = 64  # that a sphere is worth
+CURVED_FACES = 64  # that a sphere is worth
 LOOKED_AT = 256  # things whose own points are looked at in one direction; the others count by their boxes
 ROWS = 1 << 18  # points in double precision at a time
 
@@ -96,49 +96,54 @@ class Drawn:
 
     def reach(self, direction: Doubles, origin: Doubles) -> float:
         """The largest dot product of `direction` (3,) with what is drawn, seen from `origin` (3,)."""
-        center, half = (self.low + self.high) / 2 - origin, (self.high - self.low) / 2
-        bounds = center @ direction + half @ np.abs(direction)
-        count = min(LOOKED_AT, len(bounds))
-        first = np.argpartition(bounds, -count)[-count:]
-        best = -math.inf
-        for k in first[np.argsort(-bounds[first])]:
-            if bounds[k] <= best:
-                return best
-            best = max(best, min(bounds[k], self._reach_of(int(self._numbers[k]), direction, origin, best)))
-        rest = np.delete(bounds, first)
-        return max(best, float(rest.max())) if len(rest) else best
+        bounds = self._centers @ direction + self._halves @ np.abs(direction) - origin @ direction
+        first = int(np.argmax(bounds))
+        best = self._reach_of(first, bounds, direction, origin, -math.inf)
+        others = np.flatnonzero(bounds > best)
+        others = others[np.argsort(-bounds[others], kind="stable")]
+        for k in others[:LOOKED_AT].tolist():
+            if bounds[k] > best and k != first:
+                best = max(best, self._reach_of(k, bounds, direction, origin, best))
+        return max(best, float(bounds[others[LOOKED_AT]])) if len(others) > LOOKED_AT else best
 
-    def _reach_of(self, number: int, direction: Doubles, origin: Doubles, enough: float) -> float:
-        """Of one thing; of its parts that cannot reach `enough` nothing more is asked."""
+    @cached_property
+    def _centers(self) -> Doubles:
+        return (self.low + self.high) / 2
+
+    @cached_property
+    def _halves(self) -> Doubles:
+        return (self.high - self.low) / 2
+
+    def _reach_of(self, k: int, bounds: Doubles, direction: Doubles, origin: Doubles, enough: float) -> float:
+        """Of one thing, not beyond its bound; of its parts that cannot reach `enough` nothing more is asked."""
+        number = int(self._numbers[k])
         s = int(np.searchsorted(self._ends, number, side="right"))
         stand = self._stands[s]
         world = stand.matrix(number - int(self._ends[s]) + self._sizes[s])
         offset = float(direction @ (world[:, 3] - origin))
         along = direction @ world[:, :3]
         if not stand.thing.parts:
-            return offset + _box_reach(stand.thing.box, along)
+            return min(offset + _box_reach(stand.thing.box, along), float(bounds[k]))
         found = -math.inf
         for shape, matrix in stand.thing.parts:
             own, start = along @ matrix[:3, :3], offset + float(along @ matrix[:3, 3])
             if start + _box_reach(self._box(shape), own) > max(found, enough):
                 found = max(found, start + self._shape_reach(shape, own))
-        return found
+        return min(found, float(bounds[k]))
 
     def _box(self, shape: Shape) -> Box:
-        if isinstance(shape, Sphere):
+        if not isinstance(shape, Mesh | SubdivisionMesh):
             return shape.box()
         points = self._drawn_points(shape)
         return points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
 
     def _shape_reach(self, shape: Shape, along: Doubles) -> float:
-        if isinstance(shape, Sphere):
-            return abs(shape.radius) * float(np.linalg.norm(along))
-        points = self._drawn_points(shape)
-        return max(float((points[k : k + ROWS].astype(np.float64) @ along).max()) for k in range(0, len(points), ROWS))
+        if isinstance(shape, Mesh | SubdivisionMesh):
+            points = self._drawn_points(shape)
+            return max(float((points[k : k + ROWS].astype(np.float64) @ along).max()) for k in range(0, len(points), ROWS))
+        return abs(shape.radius) * float(np.linalg.norm(along)) if type(shape) is Sphere else _box_reach(shape.box(), along)
 
-    def _drawn_points(self, shape: Shape) -> Floats:
-        if isinstance(shape, Sphere):
-            raise TypeError(shape)
+    def _drawn_points(self, shape: Mesh | SubdivisionMesh) -> Floats:
         if id(shape) not in self._points:
             self._points[id(shape)] = shape.drawn_points()
         return self._points[id(shape)]
@@ -153,7 +158,8 @@ def drawn(
     if len(found) == 0:
         half = np.full(3, 0.5)
         return Drawn([Stand(Thing("", (-half, half)), -half[None], half[None], np.eye(4)[:3])])
-    return found if found.is_light.all() else found.only(~found.is_light)
+    is_mixed = found.is_light.any() and not found.is_light.all()
+    return found.only(~found.is_light) if is_mixed else found
 
 
 def _static(shapes: Sequence[Shape], static: Sequence[Placed]) -> Iterator[Stand]:
@@ -199,9 +205,9 @@ def _detail(shapes: Sequence[Shape]) -> float:
 
 
 def _face_count(shape: Shape) -> int:
-    if isinstance(shape, Sphere):
-        return SPHERE_FACES
-    return len(shape.triangles) if isinstance(shape, Mesh) else len(shape.face_counts)
+    if isinstance(shape, Mesh):
+        return len(shape.triangles)
+    return len(shape.face_counts) if isinstance(shape, SubdivisionMesh) else CURVED_FACES
 
 
 def _box_reach(box: Box, along: Doubles) -> float:

@@ -19,6 +19,7 @@ ELEVATION_DEG = 25.0
 MARGIN = 0.06  # of the frame, on each side
 CLEARANCE = 0.1  # of the set's size: the camera stands at least so far in front of it
 PASSES = 8  # that bring what is not tight to the middle
+CENTRED = 1e-4  # of the slope: then it is there
 
 
 def three_quarter_camera(
@@ -52,36 +53,42 @@ def _position(drawn: Drawn, axes: Doubles, tan_x: float, tan_y: float) -> Double
     size = float(np.linalg.norm(high / 2 - low / 2)) * 2
     middle = low / 2 + high / 2
     behind = middle - drawn.reach(-back, middle) * back  # at the depth of what is farthest
-    wedges = [(_Wedge(drawn, axes[:, k], back, behind), tangent) for k, tangent in enumerate((tan_x, tan_y))]
-    depth = max(wedge.apex(tangent) for wedge, tangent in wedges)
+    wedges = [_Wedge(drawn, axes[:, k], back, behind, tangent) for k, tangent in enumerate((tan_x, tan_y))]
+    depth = max(wedge.apex for wedge in wedges)
     depth = max(depth, drawn.reach(back, behind) + (CLEARANCE * size or 1.0))
-    x, y = (wedge.middle(depth, tangent) for wedge, tangent in wedges)
+    x, y = (wedge.middle(depth) for wedge in wedges)
     return np.asarray(behind + axes @ np.array([x, y, depth]))
 
 
 class _Wedge:
-    """What is drawn, seen in the plane of one side and the camera's axis; depths are measured towards the camera."""
+    """What is drawn, seen in the plane of one side and the camera's axis, where the frame's lines have a slope of `tangent`.
 
-    def __init__(self, drawn: Drawn, side: Doubles, back: Doubles, origin: Doubles) -> None:
-        self._drawn, self._side, self._back, self._origin = drawn, side, back, origin
+    Depths are measured from `origin` towards the camera.
+    """
+
+    def __init__(self, drawn: Drawn, side: Doubles, back: Doubles, origin: Doubles, tangent: float) -> None:
+        self._drawn, self._side, self._back, self._origin, self._tangent = drawn, side, back, origin, tangent
+        self._touching = self._reaches(tangent)
 
     def _reaches(self, tangent: float) -> tuple[float, float]:
-        """How far the two lines of this slope are out that touch it from both sides."""
-        sides = (self._side, -self._side)
-        right, left = (self._drawn.reach(side + tangent * self._back, self._origin) for side in sides)
+        """How far out two lines of this slope are that touch what is drawn from both sides."""
+        right, left = (self._drawn.reach(side + tangent * self._back, self._origin) for side in (self._side, -self._side))
         return right, left
 
-    def apex(self, tangent: float) -> float:
-        """The depth where these lines meet."""
-        return sum(self._reaches(tangent)) / (2 * tangent)
+    @property
+    def apex(self) -> float:
+        """The depth where the frame's lines meet that touch it."""
+        return sum(self._touching) / (2 * self._tangent)
 
-    def middle(self, depth: float, tangent: float) -> float:
+    def middle(self, depth: float) -> float:
         """Where, across, both sides are seen equally far from the axis: by the slope of lines that meet at this depth.
 
         The slope falls from the frame's own, so that all stays inside it however many passes there are.
         """
-        right, left = self._reaches(tangent)
+        (right, left), before = self._touching, self._tangent
         for _ in range(PASSES):
             tangent = (right + left) / (2 * depth)
-            right, left = self._reaches(tangent)
+            if tangent > before * (1 - CENTRED):
+                break
+            (right, left), before = self._reaches(tangent), tangent
         return (right - left) / 2
