@@ -16,7 +16,7 @@ from . import errors
 from .compare import compare
 from .errors import PrimrayError
 from .render import render, render_frames
-from .settings import DefaultWrap, Filter, Metric, RenderSettings
+from .settings import AutoCamera, DefaultWrap, Filter, Metric, RenderSettings
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Aov",
+    "AutoCamera",
     "Camera",
     "Checkpointing",
     "Comparison",

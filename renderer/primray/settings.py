@@ -56,6 +56,17 @@ class DefaultWrap(Enum):
     MIRROR = "mirror"
 
 
+class AutoCamera(Enum):
+    """The view of a stage whose author left no camera: from three quarters, above, or usdrecord's, from the front.
+
+    >>> primray.RenderSettings(auto_camera="usdrecord").auto_camera
+    <AutoCamera.USDRECORD: 'usdrecord'>
+    """
+
+    THREE_QUARTER = "three-quarter"
+    USDRECORD = "usdrecord"
+
+
 # Full widths in pixels: the box that is the exact pixel average, and the widths at which the others look alike.
 DEFAULT_FILTER_WIDTH = {Filter.BOX: 1.0, Filter.GAUSSIAN: 3.0, Filter.BLACKMAN_HARRIS: 3.0}
 
@@ -80,6 +91,7 @@ class SettingsValues(TypedDict, total=False):
     """What may be written for the fields of RenderSettings, by the same names."""
 
     camera: str | Camera | Matrix | Iterable[Iterable[float]] | None
+    auto_camera: AutoCamera | Literal["three-quarter", "usdrecord"]
     render_settings: str | None
     product: str | None
     resolution: Iterable[int] | None
@@ -133,6 +145,8 @@ class RenderSettings:
 
     # Prim path, or the name of a camera if only one has it; a Camera; or a matrix. None: the stage's, else one that sees all.
     camera: str | Camera | Matrix | None = None
+    # Where nothing of that is there. usdrecord: its first camera or its framing, whatever viewport the layer remembers.
+    auto_camera: AutoCamera = AutoCamera.THREE_QUARTER
     render_settings: str | None = None  # prim path; None: what the stage's metadata name, else its only RenderSettings
     product: str | None = None  # prim path of one of their RenderProducts; None: the first
     resolution: tuple[int, int] | None = None  # width, height; one of them 0: by the camera's aspect
@@ -275,6 +289,7 @@ _READERS: Mapping[str, Reader] = {
     **dict.fromkeys(("purposes", "aovs", "load", "mask"), _TEXTS),
     **dict.fromkeys(("default_light", "strict"), yes_or_no),
     "adaptive": optional(yes_or_no),
+    "auto_camera": choice(AutoCamera),
     "error_metric": choice(Metric),
     "filter": choice(Filter),
     "default_wrap": choice(DefaultWrap),
@@ -307,6 +322,7 @@ def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
     chosen: dict[str, Any] = {"filter": Filter(values["filter"]), "error_metric": Metric(values["error_metric"])}
     if "default_wrap" in values:
         chosen["default_wrap"] = DefaultWrap(values["default_wrap"])
+    chosen["auto_camera"] = AutoCamera(values.get("auto_camera", AutoCamera.THREE_QUARTER))
     if isinstance(values.get("camera"), Mapping):
         from .camera import camera_of
 

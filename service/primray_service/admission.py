@@ -11,7 +11,7 @@ from typing import Any
 
 from primray.errors import LimitError, SettingsError
 from primray.render.frame_numbers import parse_frames
-from primray.settings import DefaultWrap, Filter, Metric, RenderSettings
+from primray.settings import AutoCamera, DefaultWrap, Filter, Metric, RenderSettings
 
 from . import ids
 from .api.models import JobPatch, JobRequest, Settings, StopRules
@@ -159,6 +159,7 @@ def render_settings(settings: Settings) -> RenderSettings:
     chosen: dict[str, Any] = {} if settings.dicing_rate is None else {"dicing_rate": settings.dicing_rate}
     return RenderSettings(
         camera=settings.camera,
+        auto_camera=AutoCamera(settings.auto_camera),
         render_settings=settings.render_settings,
         product=_product(settings),
         resolution=settings.resolution,

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom
 
-from primray import DefaultWrap, Filter, Metric, RenderSettings
+from primray import AutoCamera, DefaultWrap, Filter, Metric, RenderSettings
 from primray.description import Camera, Projection
 from primray.errors import PrimrayError, SettingsError
 from primray.report.report import settings_as_json
@@ -64,6 +64,7 @@ def test_prims_stand_for_their_paths() -> None:
 # Of every field something that it cannot mean: a new field has no row yet, and fails below.
 NONSENSE: dict[str, list[Any]] = {
     "camera": [3, [[1]], np.eye(3), np.diag([2.0, 2, 2, 1]), np.diag([-1.0, 1, 1, 1]), np.full((4, 4), np.nan)],
+    "auto_camera": ["front", None, 1],
     "render_settings": [3],
     "product": [b"/p"],
     "resolution": [640, "640x360", (1, 2, 3), (0, 0), (1.5, 2), {"width": 3}],
@@ -108,7 +109,8 @@ def test_type_checkers_have_the_same_fields() -> None:
 
 
 def test_choices_of_type_checkers_are_the_enums() -> None:
-    for name, kinds in (("filter", Filter), ("error_metric", Metric), ("default_wrap", DefaultWrap)):
+    enums = {"filter": Filter, "error_metric": Metric, "default_wrap": DefaultWrap, "auto_camera": AutoCamera}
+    for name, kinds in enums.items():
         assert issubclass(kinds, Enum)
         text = str(SettingsValues.__annotations__[name].__forward_arg__)
         assert all(f'"{kind.value}"' in text or f"'{kind.value}'" in text for kind in kinds)

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from ..settings import DefaultWrap, Filter, Metric
+from ..settings import AutoCamera, DefaultWrap, Filter, Metric
 from .option_values import ColorCorrection, Complexity
 
 FLAG, SWITCH = "flag", "switch"  # True; True by the first name, False by the second
@@ -34,6 +34,7 @@ def _whole(text: str) -> int:
 TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "outputs": (LIST, ("--output", "-o")),
     "camera": (str, ("--camera", "-c", "-cam")),
+    "auto_camera": (AutoCamera, ("--auto-camera",)),
     "render_settings": (str, ("--render-settings", "--renderSettingsPrimPath", "-rs", "--settings", "-s")),
     "product": (LIST, ("--product",)),
     "all_products": (FLAG, ("--all-products",)),

@@ -9,13 +9,16 @@ from typing import Annotated
 
 import typer
 
-from ..settings import DefaultWrap
+from ..settings import AutoCamera, DefaultWrap
 from .option_values import Complexity
 
 Scene = Annotated[str, typer.Argument(metavar="SCENE", help="The USD stage: usda, usdc, usd or usdz.", show_default=False)]
 Camera = Annotated[
     str | None,
     typer.Option("--camera", "-c", "-cam", metavar="CAMERA", help="Prim path or name of a camera.", show_default=False),
+]
+AutomaticCamera = Annotated[
+    AutoCamera, typer.Option("--auto-camera", help="The view of a stage without cameras: a quarter from above, or usdrecord's.")
 ]
 RenderSettingsPrim = Annotated[
     str | None,

@@ -48,7 +48,11 @@ class Mesh:
 
     def box(self) -> tuple[Doubles, Doubles]:
         """Low and high corner (3,) of what is drawn, in object space. Every shape has one."""
-        return _box_of(self.points[np.unique(self.triangles)])
+        return _box_of(self.drawn_points())
+
+    def drawn_points(self) -> Floats:
+        """(K, 3) those that triangles have, in object space."""
+        return _used(self.points, self.triangles)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +84,11 @@ class SubdivisionMesh:
 
     def box(self) -> tuple[Doubles, Doubles]:
         """Of the cage, which holds its surface."""
-        return _box_of(self.points[np.unique(self.face_points)])
+        return _box_of(self.drawn_points())
+
+    def drawn_points(self) -> Floats:
+        """(K, 3) those that faces have, in object space: their hull holds the surface."""
+        return _used(self.points, self.face_points)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,9 +107,15 @@ class Sphere:
         return np.full(3, -reach), np.full(3, reach)
 
 
+def _used(points: Floats, indices: Ints) -> Floats:
+    is_used = np.zeros(len(points), bool)
+    is_used[indices] = True
+    return points if is_used.all() else points[is_used]
+
+
 def _box_of(points: Floats) -> tuple[Doubles, Doubles]:
-    used = points.astype(np.float64)
-    return used.min(axis=0), used.max(axis=0)
+    low, high = points.min(axis=0), points.max(axis=0)
+    return low.astype(np.float64), high.astype(np.float64)
 
 
 Shape = Mesh | SubdivisionMesh | Sphere

@@ -86,6 +86,7 @@ def resolve_settings(settings: RenderSettings, description: SceneDescription) ->
 def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values = asdict(settings)
     values["camera"] = _camera_as_json(settings)
+    values["auto_camera"] = settings.auto_camera.value
     values["filter"] = settings.filter.value
     values["error_metric"] = settings.error_metric.value
     values["default_wrap"] = settings.default_wrap.value

@@ -49,6 +49,7 @@ from .resolving.read import When, when_of
 from .resolving.resolve import ResolvedPrim
 from .resolving.stage_bounds import Bounds, NotBounded, stage_bounds
 from .shapes.instance_primvars import without_unread
+from .viewing.drawn import Drawn, drawn
 from .viewing.framing import shape_bounds
 from .viewing.motion import note_motion
 from .viewing.view import select_camera, view_through
@@ -169,11 +170,15 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
         return whole or shape_bounds(scene.shapes, scene.static, scene.prototypes, scene.placements)
 
     note_unnamed_portals(ctx)
-    camera, frame = view_through(camera_prim, ctx, product, bounds)
+    camera, frame = view_through(camera_prim, ctx, product, bounds, lambda: _drawn(scene))
     note_motion(camera, ctx)
     _add_default_light(scene, camera, ctx)
     _note_missing_primvars(scene, ctx)
     return _describe(scene, ctx, camera, frame, aovs)
+
+
+def _drawn(scene: _Scene) -> Drawn:
+    return drawn(scene.shapes, scene.static, scene.prototypes, scene.placements)
 
 
 def _context(

@@ -33,6 +33,9 @@ class Settings(Sent):
     """As RenderSettings of the library and the flags of `primray render`."""
 
     camera: str | None = Field(None, max_length=1024, description="A prim path, or a name that only one camera has.")
+    auto_camera: Literal["three-quarter", "usdrecord"] = Field(
+        "three-quarter", description="The view of a stage without cameras: a quarter from above, or usdrecord's."
+    )
     render_settings: str | None = Field(
         None, max_length=1024, description="Path of a RenderSettings prim; not given: the stage's own."
     )

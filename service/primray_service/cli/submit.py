@@ -13,7 +13,7 @@ import typer
 
 from primray.cli import option_values, output_flags, render_flags, stage_flags
 from primray.cli.json_lines import print_line
-from primray.settings import DEFAULT_DICING_RATE, DefaultWrap, Filter, Metric
+from primray.settings import DEFAULT_DICING_RATE, AutoCamera, DefaultWrap, Filter, Metric
 
 from .connection import Json, KeyFile, Server, connected
 from .exits import FAILED, INTERRUPTED, SCENE_REJECTED, USAGE, CommandError, error_of
@@ -33,6 +33,7 @@ def submit(
         Path, typer.Argument(metavar="SCENE", help="usda, usdc, usd, usdz, or a zip of them.", show_default=False)
     ],
     camera: stage_flags.Camera = None,
+    auto_camera: stage_flags.AutomaticCamera = AutoCamera.THREE_QUARTER,
     render_settings: stage_flags.RenderSettingsPrim = None,
     res: stage_flags.Resolution = None,
     image_width: stage_flags.ImageWidth = None,
@@ -91,6 +92,7 @@ def submit(
     rate = option_values.dicing_rate_of(dicing_rate, complexity)
     settings: dict[str, Any] = {
         "camera": option_values.camera_of(camera),
+        "auto_camera": auto_camera.value if auto_camera is not AutoCamera.THREE_QUARTER else None,
         "render_settings": option_values.render_settings_of(render_settings),
         "resolution": option_values.resolution_of(res, image_width),
         "frames": option_values.frames_of(frames, frame_count, frame_inc, default_time),

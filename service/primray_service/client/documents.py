@@ -22,6 +22,7 @@ class StopRules(TypedDict, total=False):
 
 class Settings(TypedDict, total=False):
     camera: str | None
+    auto_camera: Literal["three-quarter", "usdrecord"]
     render_settings: str | None  # path of a RenderSettings prim
     products: list[str]  # ["beauty"], or the path of one RenderProduct
     aovs: list[str] | None

@@ -179,6 +179,7 @@ def test_submit_says_what_was_asked_for_and_nothing_else(tmp_path: Path, capsys:
     flags = "-c /cam --res 640 0 -f 1:10x2 --target-error 0.01 --time-limit 9 --spp 128 --seed 3 --priority 70 -l a=b -l c=d=e"
     more = "--name hero --ttl 2 --no-default-light --default-wrap repeat --purposes default,render --variant /a:s=x --strict"
     more += " --entry e.usda"
+    flags += " --auto-camera usdrecord"
     with serving(script) as server:
         assert run(["submit", "shot.usda", "--server", server.url, *flags.split(), *more.split()]) == 0
         assert run(["submit", "shot.usda", "--server", server.url]) == 0
@@ -187,6 +188,7 @@ def test_submit_says_what_was_asked_for_and_nothing_else(tmp_path: Path, capsys:
         "scene": {"id": SCENE["id"], "entry": "e.usda"},
         "settings": {
             "camera": "/cam",
+            "auto_camera": "usdrecord",
             "frames": "1:10x2",
             "resolution": [640, 0],
             "stop": {"target_error": 0.01, "max_samples": 128, "max_seconds": 9.0},

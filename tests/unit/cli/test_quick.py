@@ -29,6 +29,7 @@ LINES = [
     "render s.usd --no-adaptive --view Raw --display sRGB --look none --rendering-color-space lin_ap1_scene --max-memory 4G",
     "render s.usd --variant /a:v=x --variant /b:v=y --no-payloads --purposes default,render --session-layer s.usda",
     "render s.usd -rs /r --product a --product b --all-products --output-dir out --load /a --load /b",
+    "render s.usd --auto-camera usdrecord",
     "render s.usd --sample-range 0:4 --checkpoint-every 5 --resume c.ckpt",
 ]
 LEFT_TO_TYPER = [

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ...errors import SettingsError
-from ...settings import DEFAULT_DICING_RATE, DefaultWrap, Filter, Metric, RenderSettings
+from ...settings import DEFAULT_DICING_RATE, AutoCamera, DefaultWrap, Filter, Metric, RenderSettings
 from .. import option_values, output_flags, render_flags, stage_flags
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ def estimate(
     adaptive: render_flags.Adaptive = None,
     spp: render_flags.Samples = None,
     camera: stage_flags.Camera = None,
+    auto_camera: stage_flags.AutomaticCamera = AutoCamera.THREE_QUARTER,
     render_settings: stage_flags.RenderSettingsPrim = None,
     res: stage_flags.Resolution = None,
     image_width: stage_flags.ImageWidth = None,
@@ -62,6 +63,7 @@ def estimate(
     targets = sorted(set(target_errors or ()), reverse=True)
     settings = RenderSettings(
         camera=option_values.camera_of(camera),
+        auto_camera=auto_camera,
         render_settings=option_values.render_settings_of(render_settings),
         resolution=option_values.resolution_of(res, image_width),
         resolution_scale=option_values.scale_of(res_scale),

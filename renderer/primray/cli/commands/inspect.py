@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from ...settings import DEFAULT_DICING_RATE, DefaultWrap, RenderSettings
+from ...settings import DEFAULT_DICING_RATE, AutoCamera, DefaultWrap, RenderSettings
 from .. import option_values, output_flags, stage_flags
 
 if TYPE_CHECKING:
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 def inspect(
     scene: stage_flags.Scene,
     camera: stage_flags.Camera = None,
+    auto_camera: stage_flags.AutomaticCamera = AutoCamera.THREE_QUARTER,
     render_settings: stage_flags.RenderSettingsPrim = None,
     res: stage_flags.Resolution = None,
     image_width: stage_flags.ImageWidth = None,
@@ -49,6 +50,7 @@ def inspect(
 
     settings = RenderSettings(
         camera=option_values.camera_of(camera),
+        auto_camera=auto_camera,
         render_settings=option_values.render_settings_of(render_settings),
         resolution=option_values.resolution_of(res, image_width),
         resolution_scale=option_values.scale_of(res_scale),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from ...errors import PrimrayError, SettingsError
 from ...render.frame_names import FrameName, check_names, default_name, frame_name, name_of_frame
-from ...settings import DEFAULT_DICING_RATE, DefaultWrap, Filter, Metric, RenderSettings
+from ...settings import DEFAULT_DICING_RATE, AutoCamera, DefaultWrap, Filter, Metric, RenderSettings
 from .. import option_values
 from ..pictures import Looks, check_outputs, save, write
 from ..shots import Shot, moments, product_shots
@@ -33,6 +33,7 @@ def render(
     output: Annotated[str | None, typer.Argument(metavar="[OUTPUT]", help="As -o.", show_default=False)] = None,
     outputs: output_flags.Outputs = None,
     camera: stage_flags.Camera = None,
+    auto_camera: stage_flags.AutomaticCamera = AutoCamera.THREE_QUARTER,
     render_settings: stage_flags.RenderSettingsPrim = None,
     product: output_flags.Products = None,
     all_products: output_flags.AllProducts = False,
@@ -92,6 +93,7 @@ def render(
     names = [frame_name(name) for name in (output, *(outputs or ())) if name is not None] or [_default_name(scene, time_codes)]
     settings = RenderSettings(
         camera=option_values.camera_of(camera),
+        auto_camera=auto_camera,
         render_settings=option_values.render_settings_of(render_settings),
         resolution=option_values.resolution_of(res, image_width),
         resolution_scale=option_values.scale_of(res_scale),

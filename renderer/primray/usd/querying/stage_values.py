@@ -133,6 +133,15 @@ def render_settings_path(stage: Usd.Stage) -> str | None:
     return None
 
 
+def layer_data(stage: Usd.Stage, name: str) -> Any:
+    """What a tool left under this name in customLayerData, the session layer's over the root layer's; None where nothing is."""
+    try:
+        return stage.GetMetadataByDictKey("customLayerData", name)
+    except FAILURES:
+        note("stage-metadata", "", f"customLayerData:{name} cannot be read.", "customLayerData")
+        return None
+
+
 def rate_of(layer: Sdf.Layer) -> float:
     """A layer's timeCodesPerSecond; not a number where it is of another type."""
     try:

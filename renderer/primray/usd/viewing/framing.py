@@ -1,4 +1,4 @@
-"""The camera of a stage that has none: the one usdrecord frames it with (UsdAppUtilsFrameRecorder)."""
+"""The camera that usdrecord frames a stage without one with (UsdAppUtilsFrameRecorder), and boxes around what is drawn."""
 
 from __future__ import annotations
 
@@ -44,13 +44,13 @@ def shape_bounds(
     shapes: Sequence[Shape], static: Sequence[Placed], prototypes: Sequence[Prototype], placements: Sequence[Placement]
 ) -> Bounds:
     """Of what has been translated, by the corners of the shapes' own boxes; a unit box where there is nothing."""
-    corners = [_box_corners(shapes[p.shape]) @ p.matrix[:3, :3].T + p.matrix[:3, 3] for p in static]
+    corners = [corners_of(shapes[p.shape]) @ p.matrix[:3, :3].T + p.matrix[:3, 3] for p in static]
     for placement in placements:
         if prototypes[placement.prototype].placements or len(placement) > MANY:
-            corners.append(np.array(placed_box(placement.levels, _prototype_box(shapes, prototypes, placement.prototype))))
+            corners.append(np.array(placed_box(placement.levels, prototype_box(shapes, prototypes, placement.prototype))))
             continue
         for p in prototypes[placement.prototype].shapes:
-            local = _box_corners(shapes[p.shape]) @ p.matrix[:3, :3].T + p.matrix[:3, 3]
+            local = corners_of(shapes[p.shape]) @ p.matrix[:3, :3].T + p.matrix[:3, 3]
             for world in placement.chunks():
                 at = (local @ world[:, :, :3].transpose(0, 2, 1) + world[:, None, :, 3]).reshape(-1, 3)
                 corners.append(np.array([at.min(axis=0), at.max(axis=0)]))
@@ -61,17 +61,17 @@ def shape_bounds(
     return (low + high) / 2, high - low
 
 
-def _prototype_box(shapes: Sequence[Shape], prototypes: Sequence[Prototype], number: int) -> Bounds:
+def prototype_box(shapes: Sequence[Shape], prototypes: Sequence[Prototype], number: int) -> Bounds:
     """Low and high corner of a prototype in its own space."""
     p = prototypes[number]
-    boxes = [placed_box(inner.levels, _prototype_box(shapes, prototypes, inner.prototype)) for inner in p.placements]
+    boxes = [placed_box(inner.levels, prototype_box(shapes, prototypes, inner.prototype)) for inner in p.placements]
     for placed in p.shapes:
-        at = _box_corners(shapes[placed.shape]) @ placed.matrix[:3, :3].T + placed.matrix[:3, 3]
+        at = corners_of(shapes[placed.shape]) @ placed.matrix[:3, :3].T + placed.matrix[:3, 3]
         boxes.append((at.min(axis=0), at.max(axis=0)))
     return np.min([low for low, _ in boxes], axis=0), np.max([high for _, high in boxes], axis=0)
 
 
-def _box_corners(shape: Shape) -> Doubles:
+def corners_of(shape: Shape) -> Doubles:
     low, high = shape.box()
     pick = np.array([[(k >> axis) & 1 for axis in range(3)] for k in range(8)], bool)
     return np.where(pick, high, low)

@@ -1,4 +1,5 @@
-"""Which camera looks and how many pixels it fills: the user's choice, else the stage's, else what usdrecord would do."""
+"""Which camera looks and how many pixels it fills: the user's choice, else the stage's, else what its author's viewport showed,
+else one that is made here."""
 
 from __future__ import annotations
 
@@ -6,10 +7,11 @@ from collections.abc import Callable
 
 from pxr import Sdf, Usd
 
+from ...camera_choice import Matrix
 from ...description import Camera, Frame
 from ...description.frame import pixels_within
 from ...errors import InvalidSceneError, LimitError, SettingsError
-from ...settings import MAX_RESOLUTION, limit_pixels
+from ...settings import MAX_RESOLUTION, AutoCamera, limit_pixels
 from ..adapters.cameras.camera import Aperture, camera, pixel_aspect_ratio, read_aperture
 from ..adapters.rendering.render_product import ProductSettings
 from ..opening.stage_metadata import up_axis
@@ -17,9 +19,13 @@ from ..querying.guarded import type_name
 from ..resolving.context import Context
 from ..resolving.stage_bounds import Bounds
 from .asked_camera import aperture_of, conformed
+from .drawn import Drawn
 from .framing import APERTURE, framing_camera
+from .three_quarter import three_quarter_camera
+from .viewport_camera import bound_camera, viewport_camera
 
 DEFAULT_WIDTH = 960  # usdrecord's
+NAMED = 5  # of what the automatic camera leaves out
 
 
 def select_camera(stage: Usd.Stage, ctx: Context, product: ProductSettings, cameras: list[Usd.Prim]) -> Usd.Prim | None:
@@ -32,6 +38,8 @@ def select_camera(stage: Usd.Stage, ctx: Context, product: ProductSettings, came
         if prim and type_name(prim) == "Camera":
             return prim
         ctx.warn("render-settings-input", product.camera, "The camera that RenderSettings names does not exist.")
+    if ctx.settings.auto_camera is not AutoCamera.USDRECORD and (bound := bound_camera(ctx)) is not None:
+        return bound
     if len(cameras) > 1:
         others = ", ".join(str(c.GetPath()) for c in cameras[1:6])
         ctx.warn("camera-chosen", str(cameras[0].GetPath()), f"The first of {len(cameras)} cameras is used; others: {others}.")
@@ -41,23 +49,47 @@ def select_camera(stage: Usd.Stage, ctx: Context, product: ProductSettings, came
 
 
 def view_through(
-    prim: Usd.Prim | None, ctx: Context, product: ProductSettings, bounds: Callable[[], Bounds]
+    prim: Usd.Prim | None,
+    ctx: Context,
+    product: ProductSettings,
+    bounds: Callable[[], Bounds],
+    drawn: Callable[[], Drawn],
 ) -> tuple[Camera, Frame]:
-    """The camera, conformed to the image, and the image's frame; `bounds` of the world are asked for only without a camera."""
-    asked = ctx.settings.camera
-    if asked is not None and not isinstance(asked, str):
+    """The camera, conformed to the image, and the image's frame. What is on the stage is asked for only without a camera: its
+    `bounds` as usdrecord sees them, or what is `drawn`."""
+    asked = _camera_without_prim(prim, ctx)
+    if asked is not None:
         aperture = aperture_of(asked)
     else:
         aperture = read_aperture(prim, ctx.when, ctx.diagnostics) if prim is not None else APERTURE
     resolution = _scaled(_resolution(ctx.settings.resolution, product, aperture), ctx.settings.resolution_scale)
     frame = _frame(resolution, product, pixel_aspect_ratio(aperture, resolution, product))
-    if asked is not None and not isinstance(asked, str):
+    if asked is not None:
         return conformed(asked, aperture, resolution, product), frame
     if prim is not None:
         return camera(prim, ctx.when, resolution, product, ctx.diagnostics), frame
-    ctx.warn("camera-automatic", "", "The stage has no camera: it is framed as usdrecord would.")
     z_up = up_axis(ctx.stage) == "Z"
-    return framing_camera(bounds(), z_up, resolution, product), frame
+    if ctx.settings.auto_camera is AutoCamera.USDRECORD:
+        ctx.warn("camera-automatic", "", "The stage has no camera: it is framed as usdrecord would.")
+        return framing_camera(bounds(), z_up, resolution, product), frame
+    made, left_out = three_quarter_camera(drawn(), z_up, resolution, product)
+    ctx.warn("camera-automatic", "", f"The stage has no camera: it is seen from three quarters, above{_without(left_out)}.")
+    return made, frame
+
+
+def _camera_without_prim(prim: Usd.Prim | None, ctx: Context) -> Camera | Matrix | None:
+    """What the user gave or, where neither they nor the stage have a camera, what the author's viewport showed."""
+    asked = ctx.settings.camera
+    if asked is not None and not isinstance(asked, str):
+        return asked
+    return viewport_camera(ctx) if prim is None and ctx.settings.auto_camera is not AutoCamera.USDRECORD else None
+
+
+def _without(left_out: list[str]) -> str:
+    if not left_out:
+        return ""
+    more = f" and {len(left_out) - NAMED} more" if len(left_out) > NAMED else ""
+    return f"; left out of the framing, far larger or farther than the rest: {', '.join(left_out[:NAMED])}{more}"
 
 
 def _asked_for(stage: Usd.Stage, asked: str, cameras: list[Usd.Prim]) -> Usd.Prim:

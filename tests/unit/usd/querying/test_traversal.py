@@ -83,9 +83,12 @@ def test_what_is_abstract_in_a_prototype_is_not_drawn_with_it(inner: str) -> Non
 def test_the_automatic_camera_sees_prototypes_wherever_they_stand(above: str) -> None:
     hidden = 'token visibility = "invisible"\n' if above.startswith("def") else ""
     text = f"{above}\n{{\n{hidden}{BOX}}}\n" + instancer("p", "/L/box", "[(-9, 0, 0), (31, 0, 0)]") + BOX
-    camera = translate_text(text)[0].camera
+    camera = translate_text(text, RenderSettings(auto_camera="usdrecord"))[0].camera
     assert camera.world_from_camera[:3, 3] == pytest.approx([11, 0, camera.world_from_camera[2, 3]])
     assert camera.world_from_camera[2, 3] > 50
+    description, _ = translate_text(text)
+    pixels = description.camera.project([(-9, 0, 0), (31, 0, 0)], description.resolution)
+    assert 0 < pixels[:, 0].min() < 100 < 860 < pixels[:, 0].max() < 960
 
 
 def test_standing_in_the_world_ends() -> None:

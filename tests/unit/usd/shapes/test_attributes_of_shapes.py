@@ -103,12 +103,15 @@ BOUNDED = ("Cube", "Sphere", "Cylinder", "Capsule", "Cone", "Cylinder_1", "Capsu
     "row", [pytest.param(k, marks=pytest.mark.conforms(f"{k}.extent", "Boundable.extent")) for k in BOUNDED]
 )
 def test_an_extent_frames_the_picture_and_changes_no_shape(row: str) -> None:
-    """UsdGeomBBoxCache takes authored extents for the truth; so does a camera that is framed automatically."""
-    plain, _ = translate_text(f'def {row} "s"\n{{\n}}\n')
-    authored, _ = translate_text(f'def {row} "s"\n{{\n{EXTENT}\n}}\n')
+    """UsdGeomBBoxCache takes authored extents for the truth; so does usdrecord's camera. Our own looks at what is drawn."""
+    usdrecord = RenderSettings(auto_camera="usdrecord")
+    plain, _ = translate_text(f'def {row} "s"\n{{\n}}\n', usdrecord)
+    authored, _ = translate_text(f'def {row} "s"\n{{\n{EXTENT}\n}}\n', usdrecord)
     assert box(f'def {row} "s"\n{{\n}}\n') == box(f'def {row} "s"\n{{\n{EXTENT}\n}}\n')
     near, far = (np.linalg.norm(d.camera.world_from_camera[:3, 3]) for d in (plain, authored))
     assert far > 10 * near
+    own = [translate_text(f'def {row} "s"\n{{\n{more}\n}}\n')[0].camera for more in ("", EXTENT)]
+    assert own[0] == own[1]
 
 
 QUAD = """def Mesh "m"

@@ -161,15 +161,18 @@ def Sphere "guide"
 """
 
 
+USDRECORD = RenderSettings(auto_camera="usdrecord")
+
+
 def test_automatic_camera_frames_as_usdrecord() -> None:
-    description, found = translate_text(BOX.replace("UP", "Y"))
+    description, found = translate_text(BOX.replace("UP", "Y"), USDRECORD)
     tan_half = 20.955 / 2 / 50
     distance = math.hypot(1, 2) / tan_half + 3
     assert np.allclose(description.camera.world_from_camera[:3, 3], (10, 20, 30 + distance))
     assert np.allclose(description.camera.world_from_camera[:3, :3], np.eye(3))
     assert description.resolution == (960, 701)  # 20.955 x 15.2908
     assert ("camera-automatic", "") in found
-    z_up = translate_text(BOX.replace("UP", "Z"))[0].camera.world_from_camera
+    z_up = translate_text(BOX.replace("UP", "Z"), USDRECORD)[0].camera.world_from_camera
     distance = math.hypot(1, 3) / tan_half + 2
     assert np.allclose(z_up[:3, 3], (10, 20 - distance, 30))
     assert np.allclose(z_up[:3, 2], (0, -1, 0))  # back, so it looks along +Y
@@ -177,7 +180,7 @@ def test_automatic_camera_frames_as_usdrecord() -> None:
 
 
 def test_automatic_camera_without_anything_to_see() -> None:
-    camera = translate_text("")[0].camera
+    camera = translate_text("", USDRECORD)[0].camera
     assert np.isfinite(camera.world_from_camera).all()
 
 

@@ -1,0 +1,214 @@
+"""What is drawn, thing by thing: boxes in the world to judge it by, and how far exactly it reaches in a direction.
+
+A thing is a shape that stands once, or one instance of a prototype. Made from what has been translated, so that what is hidden,
+or of a purpose that is not rendered, is no thing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from ...arrays import Doubles, Floats
+from ...description import Mesh, Placed, Placement, Prototype, Shape, Sphere, SubdivisionMesh
+from ...description.placement import Box, placed_box, transformed_box, transformed_boxes
+from .framing import MANY, prototype_box
+
+Mask = npt.NDArray[np.bool_]
+CURVED_FACES = 64  # that a sphere is worth
+LOOKED_AT = 256  # things whose own points are looked at in one direction; the others count by their boxes
+ROWS = 1 << 18  # points in double precision at a time
+
+
+@dataclass(frozen=True)
+class Thing:
+    """What may stand in several places, in its own space. Without `parts` its box is all that is known of it."""
+
+    path: str
+    box: Box
+    parts: tuple[tuple[Shape, Doubles], ...] = ()  # with matrices (4, 4)
+    detail: float = 1.0
+    is_light: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Stand:
+    """Where one thing stands: all instances of a placement in order, or one matrix (3, 4) for all."""
+
+    thing: Thing
+    low: Doubles  # (K, 3) world
+    high: Doubles
+    where: Placement | Doubles
+
+    def matrix(self, k: int) -> Doubles:
+        """(3, 4) world_from_thing."""
+        if not isinstance(self.where, Placement):
+            return self.where
+        world = np.eye(4)
+        for level in reversed(self.where.levels):
+            k, inner = divmod(k, len(level))
+            outer = np.eye(4)
+            outer[:3] = level.rows(inner, inner + 1)[0]
+            world = outer @ world
+        return world[:3]
+
+
+class Drawn:
+    """Things with finite boxes; `low` and `high` (N, 3) are these in the world, `detail` (N,) grows with the faces."""
+
+    def __init__(self, stands: Sequence[Stand], kept: Mask | None = None) -> None:
+        self._stands = stands
+        self._sizes = [len(stand.low) for stand in stands]
+        self._ends = np.cumsum(self._sizes)
+        low = np.concatenate([stand.low for stand in stands]) if stands else np.zeros((0, 3))
+        high = np.concatenate([stand.high for stand in stands]) if stands else np.zeros((0, 3))
+        finite = np.isfinite(low).all(axis=1) & np.isfinite(high).all(axis=1)
+        self._numbers = np.flatnonzero(finite if kept is None else kept)
+        self.low, self.high = low[self._numbers], high[self._numbers]
+        self._points: dict[int, Floats] = {}
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    def only(self, kept: Mask) -> Drawn:
+        """Those that the mask (N,) chooses."""
+        chosen = np.zeros(sum(self._sizes), bool)
+        chosen[self._numbers[kept]] = True
+        return Drawn(self._stands, chosen)
+
+    @cached_property
+    def detail(self) -> Doubles:
+        return np.repeat([stand.thing.detail for stand in self._stands], self._sizes)[self._numbers]
+
+    @cached_property
+    def is_light(self) -> Mask:
+        return np.repeat([stand.thing.is_light for stand in self._stands], self._sizes)[self._numbers]
+
+    def paths(self, chosen: Mask) -> list[str]:
+        """Of the things that the mask (N,) chooses, each once."""
+        stands = np.unique(np.searchsorted(self._ends, self._numbers[chosen], side="right"))
+        return list(dict.fromkeys(self._stands[s].thing.path for s in stands))
+
+    def reach(self, direction: Doubles, origin: Doubles) -> float:
+        """The largest dot product of `direction` (3,) with what is drawn, seen from `origin` (3,)."""
+        bounds = self._centers @ direction + self._halves @ np.abs(direction) - origin @ direction
+        first = int(np.argmax(bounds))
+        best = self._reach_of(first, bounds, direction, origin, -math.inf)
+        others = np.flatnonzero(bounds > best)
+        others = others[np.argsort(-bounds[others], kind="stable")]
+        for k in others[:LOOKED_AT].tolist():
+            if bounds[k] > best and k != first:
+                best = max(best, self._reach_of(k, bounds, direction, origin, best))
+        return max(best, float(bounds[others[LOOKED_AT]])) if len(others) > LOOKED_AT else best
+
+    @cached_property
+    def _centers(self) -> Doubles:
+        return (self.low + self.high) / 2
+
+    @cached_property
+    def _halves(self) -> Doubles:
+        return (self.high - self.low) / 2
+
+    def _reach_of(self, k: int, bounds: Doubles, direction: Doubles, origin: Doubles, enough: float) -> float:
+        """Of one thing, not beyond its bound; of its parts that cannot reach `enough` nothing more is asked."""
+        number = int(self._numbers[k])
+        s = int(np.searchsorted(self._ends, number, side="right"))
+        stand = self._stands[s]
+        world = stand.matrix(number - int(self._ends[s]) + self._sizes[s])
+        offset = float(direction @ (world[:, 3] - origin))
+        along = direction @ world[:, :3]
+        if not stand.thing.parts:
+            return min(offset + _box_reach(stand.thing.box, along), float(bounds[k]))
+        found = -math.inf
+        for shape, matrix in stand.thing.parts:
+            own, start = along @ matrix[:3, :3], offset + float(along @ matrix[:3, 3])
+            if start + _box_reach(self._box(shape), own) > max(found, enough):
+                found = max(found, start + self._shape_reach(shape, own))
+        return min(found, float(bounds[k]))
+
+    def _box(self, shape: Shape) -> Box:
+        if not isinstance(shape, Mesh | SubdivisionMesh):
+            return shape.box()
+        points = self._drawn_points(shape)
+        return points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
+
+    def _shape_reach(self, shape: Shape, along: Doubles) -> float:
+        if isinstance(shape, Mesh | SubdivisionMesh):
+            points = self._drawn_points(shape)
+            return max(float((points[k : k + ROWS].astype(np.float64) @ along).max()) for k in range(0, len(points), ROWS))
+        return abs(shape.radius) * float(np.linalg.norm(along)) if type(shape) is Sphere else _box_reach(shape.box(), along)
+
+    def _drawn_points(self, shape: Mesh | SubdivisionMesh) -> Floats:
+        if id(shape) not in self._points:
+            self._points[id(shape)] = shape.drawn_points()
+        return self._points[id(shape)]
+
+
+def drawn(
+    shapes: Sequence[Shape], static: Sequence[Placed], prototypes: Sequence[Prototype], placements: Sequence[Placement]
+) -> Drawn:
+    """All of what has been translated; a unit box where there is nothing."""
+    stands = [*_static(shapes, static), *_instances(shapes, prototypes, placements)]
+    found = Drawn(stands)
+    if len(found) == 0:
+        half = np.full(3, 0.5)
+        return Drawn([Stand(Thing("", (-half, half)), -half[None], half[None], np.eye(4)[:3])])
+    is_mixed = found.is_light.any() and not found.is_light.all()
+    return found.only(~found.is_light) if is_mixed else found
+
+
+def _static(shapes: Sequence[Shape], static: Sequence[Placed]) -> Iterator[Stand]:
+    if not static:
+        return
+    boxes = [shapes[placed.shape].box() for placed in static]
+    matrices = np.stack([placed.matrix for placed in static])
+    with np.errstate(over="ignore", invalid="ignore"):
+        low, high = transformed_boxes(matrices, np.array([b[0] for b in boxes]), np.array([b[1] for b in boxes]))
+    for k, placed in enumerate(static):
+        shape = shapes[placed.shape]
+        thing = Thing(shape.path, boxes[k], ((shape, np.eye(4)),), _detail([shape]), shape.light is not None)
+        yield Stand(thing, low[k : k + 1], high[k : k + 1], matrices[k, :3])
+
+
+def _instances(shapes: Sequence[Shape], prototypes: Sequence[Prototype], placements: Sequence[Placement]) -> Iterator[Stand]:
+    things = {number: _prototype(shapes, prototypes, number) for number in {p.prototype for p in placements}}
+    for placement in placements:
+        thing = things[placement.prototype]
+        if len(placement) > MANY:
+            low, high = placed_box(placement.levels, thing.box)
+            around = Thing(thing.path, (low, high), (), thing.detail + math.log2(len(placement)), thing.is_light)
+            yield Stand(around, low[None], high[None], np.eye(4)[:3])
+        elif len(placement):
+            with np.errstate(over="ignore", invalid="ignore"):
+                boxes = [transformed_box(rows, thing.box) for rows in placement.chunks()]
+            yield Stand(thing, np.concatenate([b[0] for b in boxes]), np.concatenate([b[1] for b in boxes]), placement)
+
+
+def _prototype(shapes: Sequence[Shape], prototypes: Sequence[Prototype], number: int) -> Thing:
+    prototype = prototypes[number]
+    parts = tuple((shapes[placed.shape], placed.matrix) for placed in prototype.shapes)
+    inner = [prototypes[p.prototype] for p in prototype.placements]
+    members = [shape for shape, _ in parts] + [shapes[placed.shape] for p in inner for placed in p.shapes]
+    known = () if inner else parts
+    are_lights = all(shape.light is not None for shape in members)
+    return Thing(prototype.path, prototype_box(shapes, prototypes, number), known, _detail(members), are_lights)
+
+
+def _detail(shapes: Sequence[Shape]) -> float:
+    """What things count by: a thing of many faces counts more than one of few, but not by their number."""
+    return 1.0 + math.log2(1 + sum(map(_face_count, shapes)))
+
+
+def _face_count(shape: Shape) -> int:
+    if isinstance(shape, Mesh):
+        return len(shape.triangles)
+    return len(shape.face_counts) if isinstance(shape, SubdivisionMesh) else CURVED_FACES
+
+
+def _box_reach(box: Box, along: Doubles) -> float:
+    return float(np.where(along > 0, box[1], box[0]) @ along)

@@ -1,0 +1,94 @@
+"""The automatic camera: from three quarters, above, as near as all that is drawn fits into the frame with a margin."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...arrays import Doubles
+from ...description import Camera, Projection
+from ..adapters.cameras.camera import conform, window_of
+from ..adapters.rendering.render_product import ProductSettings
+from .drawn import Drawn
+from .framing import APERTURE, FOCAL_LENGTH
+from .outliers import outliers
+
+AZIMUTH_DEG = 35.0  # from the front towards +X
+ELEVATION_DEG = 25.0
+MARGIN = 0.06  # of the frame, on each side
+CLEARANCE = 0.1  # of the set's size: the camera stands at least so far in front of it
+PASSES = 8  # that bring what is not tight to the middle
+CENTRED = 1e-4  # of the slope: then it is there
+
+
+def three_quarter_camera(
+    drawn: Drawn, z_up: bool, resolution: tuple[int, int], product: ProductSettings
+) -> tuple[Camera, list[str]]:
+    """The camera, and the paths of what is drawn but not fitted into its frame. Nothing is clipped."""
+    out = outliers(drawn.low, drawn.high, drawn.detail, 2 if z_up else 1)
+    left_out = drawn.paths(out)
+    framed = drawn.only(~out)
+    window = window_of(conform(APERTURE, resolution, product), 1 / FOCAL_LENGTH)
+    world_from_camera = np.eye(4)
+    world_from_camera[:3, :3] = _axes(z_up)
+    inside = 1 - 2 * MARGIN
+    world_from_camera[:3, 3] = _position(framed, world_from_camera[:3, :3], window[1] * inside, window[3] * inside)
+    return Camera("", world_from_camera, Projection.PERSPECTIVE, window, (0.0, 3e38)), left_out
+
+
+def _axes(z_up: bool) -> Doubles:
+    """Columns: right, up and backward."""
+    a, e = math.radians(AZIMUTH_DEG), math.radians(ELEVATION_DEG)
+    back = np.array([math.sin(a) * math.cos(e), math.sin(e), math.cos(a) * math.cos(e)])
+    right = np.array([math.cos(a), 0.0, -math.sin(a)])
+    axes = np.column_stack([right, np.cross(back, right), back])
+    return np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]) @ axes if z_up else axes
+
+
+def _position(drawn: Drawn, axes: Doubles, tan_x: float, tan_y: float) -> Doubles:
+    """The nearest point along the camera's axis from which all is seen between the tangents, in the middle both ways."""
+    low, high = drawn.low.min(axis=0), drawn.high.max(axis=0)
+    back = axes[:, 2]
+    size = float(np.linalg.norm(high / 2 - low / 2)) * 2
+    middle = low / 2 + high / 2
+    behind = middle - drawn.reach(-back, middle) * back  # at the depth of what is farthest
+    wedges = [_Wedge(drawn, axes[:, k], back, behind, tangent) for k, tangent in enumerate((tan_x, tan_y))]
+    depth = max(wedge.apex for wedge in wedges)
+    depth = max(depth, drawn.reach(back, behind) + (CLEARANCE * size or 1.0))
+    x, y = (wedge.middle(depth) for wedge in wedges)
+    return np.asarray(behind + axes @ np.array([x, y, depth]))
+
+
+class _Wedge:
+    """What is drawn, seen in the plane of one side and the camera's axis, where the frame's lines have a slope of `tangent`.
+
+    Depths are measured from `origin` towards the camera.
+    """
+
+    def __init__(self, drawn: Drawn, side: Doubles, back: Doubles, origin: Doubles, tangent: float) -> None:
+        self._drawn, self._side, self._back, self._origin, self._tangent = drawn, side, back, origin, tangent
+        self._touching = self._reaches(tangent)
+
+    def _reaches(self, tangent: float) -> tuple[float, float]:
+        """How far out two lines of this slope are that touch what is drawn from both sides."""
+        right, left = (self._drawn.reach(side + tangent * self._back, self._origin) for side in (self._side, -self._side))
+        return right, left
+
+    @property
+    def apex(self) -> float:
+        """The depth where the frame's lines meet that touch it."""
+        return sum(self._touching) / (2 * self._tangent)
+
+    def middle(self, depth: float) -> float:
+        """Where, across, both sides are seen equally far from the axis: by the slope of lines that meet at this depth.
+
+        The slope falls from the frame's own, so that all stays inside it however many passes there are.
+        """
+        (right, left), before = self._touching, self._tangent
+        for _ in range(PASSES):
+            tangent = (right + left) / (2 * depth)
+            if tangent > before * (1 - CENTRED):
+                break
+            (right, left), before = self._reaches(tangent), tangent
+        return (right - left) / 2
