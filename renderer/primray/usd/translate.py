@@ -32,7 +32,7 @@ from .adapters.shapes.implicit import sphere, tessellated
 from .adapters.shapes.mesh import mesh
 from .adapters.shapes.point_instancer import point_instances
 from .adapters.shapes.points import POINT, point_sphere
-from .lights.default_light import default_light
+from .lights.default_light import default_lights
 from .lights.light_links import Links, find_links
 from .lights.portals import note_unnamed_portals
 from .materials.primvars_read import primvars_read
@@ -316,7 +316,7 @@ def _add_default_light(scene: _Scene, camera: Camera, ctx: Context) -> None:
     """Where nobody meant to give light: lights that emit nothing are meant."""
     if scene.has_lights or not ctx.settings.default_light or any(_emits(s) for s in ctx.surfaces):
         return
-    scene.lights.append(default_light(camera, up_axis(ctx.stage) == "Z"))
+    scene.lights += default_lights(camera, up_axis(ctx.stage) == "Z")
     ctx.warn(
         "default-light", "", "There is no light and nothing that emits: a studio light is added, which the camera does not see."
     )

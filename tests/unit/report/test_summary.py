@@ -40,7 +40,7 @@ def test_counts_unique_and_instanced() -> None:
     assert (found.triangles_instanced, found.spheres_instanced) == (12 + 3 * 12, 3)
     assert (found.prototypes, found.instances) == (1, 3)
     assert found.camera == ""
-    assert [light.type for light in found.lights] == ["dome"]
+    assert [light.type for light in found.lights] == ["dome", "distant"]
     assert found.memory_bytes > 24 * 100 + 3 * 216
     assert found.as_json()["lights"][0]["path"] == "primray:default-light"
 

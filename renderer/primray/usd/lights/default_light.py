@@ -1,7 +1,7 @@
-"""What lights a stage without lights: a photographer's studio, painted on a dome that the camera does not see.
+"""What lights a stage without lights: a photographer's studio that the camera does not see.
 
-A large soft key light over the camera's left shoulder, a wide fill on its right, a sky above a darker ground. It is as bright
-as the default view needs to show white as white, whatever the camera's exposure.
+A large soft key light over the camera's left shoulder, and a dome that is brighter on its right and behind, with a sky above a
+darker ground. It is as bright as the default view needs to show white as white, whatever the camera's exposure.
 """
 
 from __future__ import annotations
@@ -14,56 +14,72 @@ import numpy as np
 from ...arrays import Doubles, Floats
 from ...description import Camera, Light, LightType
 
-STUDIO = "primray:default-light"
+STUDIO, KEY = "primray:default-light", "primray:default-key"
 # Diffuse white that faces the key light shows so: the default view (ACES 2.0) has mid-grey at 0.18 and rolls off towards 16.
 WHITE = 4.0
-HEIGHT = 128  # rows of the image; softest edges a few texels wide
-# Radiance relative to one another.
-GROUND, HORIZON, SKY = 0.1, 0.25, 0.2
-BLEND_DEG = 12.0  # of the ground into the horizon
+KEY_SHARE = 0.8  # of that
+TO_KEY = (-0.5, 0.7, 1.0)  # in the camera's frame: right, up, back
+KEY_ANGLE_DEG = 20.0  # soft shadows, and light samples alone find it: wider, it is noisier
+HEIGHT = 32  # rows of the dome's image, which has no edges
+# Radiance relative to one another. So even a sky is found by rays that leave surfaces: light samples would add noise, not light.
+GROUND, HORIZON, SKY = 0.4, 1.0, 0.8
+BLEND_DEG = 30.0  # of the ground into the horizon
 
 
 @dataclass(frozen=True)
-class Softbox:
-    """A round light that fades from its inner to its outer half-angle."""
+class Glow:
+    """A brighter part of the sky that fades out to its half-angle."""
 
-    towards: tuple[float, float, float]  # in the camera's frame: right, up, back
+    towards: tuple[float, float, float]  # as TO_KEY
     radiance: float
-    inner_deg: float
-    outer_deg: float
+    half_angle_deg: float
 
 
-SOFTBOXES = (
-    Softbox((-0.5, 0.7, 1.0), 14.0, 14.0, 22.0),  # key
-    Softbox((1.0, 0.15, 0.7), 0.5, 25.0, 55.0),  # fill
-    Softbox((0.7, 0.6, -1.0), 4.0, 12.0, 25.0),  # rim: edges stand out from a dark background
+GLOWS = (
+    Glow((1.0, 0.2, 0.6), 0.8, 75.0),  # fill
+    Glow((0.5, 0.7, -1.0), 1.0, 60.0),  # behind: edges stand out from a dark background
 )
 
 
-def default_light(camera: Camera, z_up: bool) -> Light:
-    """A dome; its radiance times the camera's exposure makes white `WHITE` where it faces the key light and sees the studio."""
+def default_lights(camera: Camera, z_up: bool) -> tuple[Light, Light]:
+    """A dome and a distant light, such that white which faces the latter is `WHITE` after the camera's exposure."""
     world_from_light = np.eye(4)
     if z_up:
         world_from_light[:3, :3] = [[0, 0, 1], [1, 0, 0], [0, 1, 0]]
     # Rounded, so that cameras whose matrices differ by rounding take the same samples.
     light_from_camera = np.round(world_from_light[:3, :3].T @ camera.world_from_camera[:3, :3], 9)
-    scale = camera.exposure_scale if 0 < camera.exposure_scale < math.inf else 1.0
-    radiance = (WHITE / scale,) * 3
-    return Light(STUDIO, LightType.DOME, world_from_light, radiance, image=_painted(light_from_camera), visible_to_camera=False)
+    white = WHITE / camera.exposure_scale if 0 < camera.exposure_scale < math.inf else WHITE
+    # Irradiance of a distant light: pi L sin^2 of its half-angle (UsdLux, DistantLight).
+    key = white * KEY_SHARE / math.sin(math.radians(KEY_ANGLE_DEG / 2)) ** 2
+    image, surroundings = _painted(light_from_camera), white * (1 - KEY_SHARE)
+    return (
+        Light(STUDIO, LightType.DOME, world_from_light, (surroundings,) * 3, image=image, visible_to_camera=False),
+        Light(KEY, LightType.DISTANT, _key_frame(camera), (key,) * 3, angle_deg=KEY_ANGLE_DEG, visible_to_camera=False),
+    )
+
+
+def _key_frame(camera: Camera) -> Doubles:
+    """+Z towards the light."""
+    z = camera.world_from_camera[:3, :3] @ (np.array(TO_KEY) / np.linalg.norm(TO_KEY))
+    x = np.cross(camera.world_from_camera[:3, 1], z)
+    x /= np.linalg.norm(x)
+    m = np.eye(4)
+    m[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
+    return m
 
 
 def _painted(light_from_camera: Doubles) -> Floats:
-    """(HEIGHT, 2 HEIGHT, 3): lat-long as a dome's image lies, its greatest irradiance pi."""
+    """(HEIGHT, 2 HEIGHT, 3): lat-long as a dome's image lies; its irradiance where white faces the key light is pi."""
     polar = (np.arange(HEIGHT) + 0.5) * (math.pi / HEIGHT)  # from +Y, which the first row is at
     around = (0.5 - (np.arange(2 * HEIGHT) + 0.5) / (2 * HEIGHT)) * 2 * math.pi  # s = 0.5 - atan2(x, z) / 2 pi
     up = np.broadcast_to(np.cos(polar)[:, None], (HEIGHT, 2 * HEIGHT))
     level = np.sin(polar)[:, None]
     directions = np.stack([level * np.sin(around), up, level * np.cos(around)], axis=-1)
     painted = _surroundings(directions[..., 1])
-    for box in SOFTBOXES:
-        painted = painted + box.radiance * _within(box, directions @ _axis(box, light_from_camera))
+    for glow in GLOWS:
+        painted = painted + glow.radiance * _within(glow, directions @ _axis(glow.towards, light_from_camera))
     solid_angles = level * (math.pi / HEIGHT) ** 2
-    facing_key = np.clip(directions @ _axis(SOFTBOXES[0], light_from_camera), 0, None)
+    facing_key = np.clip(directions @ _axis(TO_KEY, light_from_camera), 0, None)
     painted *= math.pi / float((painted * facing_key * solid_angles).sum())
     return np.repeat(painted[..., None], 3, axis=2).astype(np.float32)
 
@@ -75,15 +91,14 @@ def _surroundings(up: Doubles) -> Doubles:
     return GROUND + (sky - GROUND) * t
 
 
-def _axis(box: Softbox, light_from_camera: Doubles) -> Doubles:
-    axis: Doubles = light_from_camera @ (np.array(box.towards) / np.linalg.norm(box.towards))
+def _axis(towards: tuple[float, float, float], light_from_camera: Doubles) -> Doubles:
+    axis: Doubles = light_from_camera @ (np.array(towards) / np.linalg.norm(towards))
     return axis
 
 
-def _within(box: Softbox, cosines: Doubles) -> Doubles:
+def _within(glow: Glow, cosines: Doubles) -> Doubles:
     """1 at its middle, 0 outside."""
-    angles = np.degrees(np.arccos(np.clip(cosines, -1, 1)))
-    return _smooth(np.clip((box.outer_deg - angles) / (box.outer_deg - box.inner_deg), 0, 1))
+    return _smooth(np.clip(1 - np.degrees(np.arccos(np.clip(cosines, -1, 1))) / glow.half_angle_deg, 0, 1))
 
 
 def _smooth(t: Doubles) -> Doubles:

@@ -131,7 +131,10 @@ def PointInstancer "lamps"
 
 
 def test_default_light_only_where_nothing_shines() -> None:
-    assert [x.path for x in translate_text('def Sphere "s"\n{\n}\n')[0].lights] == ["primray:default-light"]
+    assert [x.path for x in translate_text('def Sphere "s"\n{\n}\n')[0].lights] == [
+        "primray:default-light",
+        "primray:default-key",
+    ]
     assert translate_text('def Sphere "s"\n{\n}\n', RenderSettings(default_light=False))[0].lights == ()
 
 

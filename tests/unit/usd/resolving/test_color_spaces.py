@@ -230,10 +230,9 @@ def test_a_rendering_space_of_the_stages_own() -> None:
     assert close(description.surfaces[0].diffuse_color, between(PUBLISHED, P3_D65) @ RGB)
 
 
-def test_the_default_light_and_the_fallback_grey_are_grey() -> None:
+def test_default_lights_and_the_fallback_grey_are_grey() -> None:
     description = quiet('def Sphere "ball" {\n}', IN_AP1)
     assert description.surfaces[0].diffuse_color == (0.18, 0.18, 0.18)
-    (light,) = description.lights
-    assert len(set(light.emission)) == 1
-    assert light.image is not None
-    assert (np.ptp(light.image, axis=2) == 0).all()
+    assert all(len(set(light.emission)) == 1 for light in description.lights)
+    assert description.lights[0].image is not None
+    assert (np.ptp(description.lights[0].image, axis=2) == 0).all()
