@@ -21,7 +21,7 @@ KEY_SHARE = 0.8  # of that
 TO_KEY = (-0.5, 0.7, 1.0)  # in the camera's frame: right, up, back
 KEY_ANGLE_DEG = 20.0  # soft shadows, and light samples alone find it: wider, it is noisier
 HEIGHT = 32  # rows of the dome's image, which has no edges
-# Radiance relative to one another. So even a sky is found by rays that leave surfaces: light samples would add noise, not light.
+# Radiance relative to one another. So even a sky is found by rays that leave surfaces; light samples would not pay.
 GROUND, HORIZON, SKY = 0.4, 1.0, 0.8
 BLEND_DEG = 30.0  # of the ground into the horizon
 
