@@ -22,6 +22,7 @@ from .framing import MANY, prototype_box
 Mask = npt.NDArray[np.bool_]
 CURVED_FACES = 64  # that a sphere is worth
 LOOKED_AT = 256  # things whose own points are looked at in one direction; the others count by their boxes
+FARTHEST = 1e100  # beyond, boxes are no boxes: sums and products of theirs would overflow
 ROWS = 1 << 18  # points in double precision at a time
 
 
@@ -67,8 +68,9 @@ class Drawn:
         self._ends = np.cumsum(self._sizes)
         low = np.concatenate([stand.low for stand in stands]) if stands else np.zeros((0, 3))
         high = np.concatenate([stand.high for stand in stands]) if stands else np.zeros((0, 3))
-        finite = np.isfinite(low).all(axis=1) & np.isfinite(high).all(axis=1)
-        self._numbers = np.flatnonzero(finite if kept is None else kept)
+        if kept is None:
+            kept = (np.abs(low) < FARTHEST).all(axis=1) & (np.abs(high) < FARTHEST).all(axis=1)
+        self._numbers = np.flatnonzero(kept)
         self.low, self.high = low[self._numbers], high[self._numbers]
         self._points: dict[int, Floats] = {}
 

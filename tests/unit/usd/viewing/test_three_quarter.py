@@ -7,7 +7,7 @@ import pytest
 from pxr import Usd, UsdGeom, Vt
 
 from primray.arrays import Doubles
-from primray.description import Camera, SceneDescription, Sphere
+from primray.description import Camera, Placed, SceneDescription, Sphere
 from primray.settings import RenderSettings
 from primray.usd import translate
 from primray.usd.viewing import drawn as drawn_module
@@ -176,6 +176,21 @@ def test_spheres_and_turned_shapes_are_framed_by_themselves_not_by_their_boxes()
     np.testing.assert_allclose(description.camera.world_from_camera[:3, 3], back * camera_from_center, atol=1e-9)
 
 
+def test_what_reaches_farther_though_its_box_does_not() -> None:
+    """Corners of the ball's box lie outside the cubes, the ball's surface inside."""
+    corners = [tuple(6.0 * s - 3.0 for s in corner) for corner in np.ndindex(2, 2, 2)]
+    cubes = "".join(cube(f"c{n}", (x, y, z), (0.1, 0.1, 0.1)) for n, (x, y, z) in enumerate(corners))
+    assert translate_text(sphere("ball", 3.2) + cubes)[0].camera == translate_text(cubes)[0].camera
+
+
+def test_boxes_that_are_not_finite_are_no_boxes() -> None:
+    shape = translate_text(cube("a", (0, 0, 0)))[0].shapes[0]
+    beyond, overflowing = np.diag([1e200, 1, 1, 1]), np.diag([1e308, 1, 1, 1])
+    overflowing[0, 3] = 1.7e308
+    found = drawn_module.drawn([shape], [Placed(0, m) for m in (np.eye(4), beyond, overflowing)], [], [])
+    np.testing.assert_allclose([found.low, found.high], [[[-0.5] * 3], [[0.5] * 3]])
+
+
 def test_a_level_plane_is_seen_from_above_and_an_upright_one_from_the_front() -> None:
     for text in (cube("floor", (0, 0, 0), (2, 0, 2)), cube("poster", (0, 0, 0), (3, 2, 0)), cube("side", (0, 0, 0), (0, 2, 3))):
         pixels = pixels_of(translate_text(text)[0])
@@ -200,7 +215,7 @@ def test_nothing_but_lights_and_nothing_at_all() -> None:
 
 
 def test_a_mesh_light_counts_only_where_nothing_else_is_drawn() -> None:
-    light = cube("lamp", (0, 40, 0)).replace('def Cube "lamp"', 'def Cube "lamp" (prepend apiSchemas = ["MeshLightAPI"])')
+    light = cube("lamp", (0, 8, 0)).replace('def Cube "lamp"', 'def Cube "lamp" (prepend apiSchemas = ["MeshLightAPI"])')
     light = light.replace("Cube", "Mesh").replace("double size = 1", MESH)
     assert translate_text(KITCHEN + light)[0].camera == translate_text(KITCHEN)[0].camera
     assert_fits(pixels_of(translate_text(light)[0]))
