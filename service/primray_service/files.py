@@ -16,6 +16,8 @@ from pathlib import Path
 
 from .problems import Problem
 
+COPY_BYTES = 2**20
+
 
 @dataclass(frozen=True)
 class DataDirectory:
@@ -84,6 +86,27 @@ def adopt(source: Path, target: Path, most_bytes: int) -> int:
     os.replace(source, target)
     sync(target.parent)
     return found.st_size
+
+
+def adopt_copy(source: Path, target: Path, most_bytes: int) -> int:
+    """As `adopt`, of a worker that lives: it may have the file open still, and writes then to one that nobody reads."""
+    handle = os.open(source, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    with os.fdopen(handle, "rb") as file:
+        found = os.fstat(file.fileno())
+        if not stat.S_ISREG(found.st_mode) or found.st_nlink != 1 or found.st_size > most_bytes:
+            raise ValueError(f"{source.name} is not a plain file of at most {most_bytes} bytes")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        beside = target.with_name(f"{target.name}.new")
+        with open(beside, "wb") as copy:
+            left = found.st_size  # what is added meanwhile is not taken
+            while left > 0 and (part := file.read(min(left, COPY_BYTES))):
+                left -= copy.write(part)
+            copy.flush()
+            os.fsync(copy.fileno())
+    os.replace(beside, target)
+    sync(target.parent)
+    source.unlink(missing_ok=True)
+    return found.st_size - left
 
 
 def sync(path: Path) -> None:

@@ -163,7 +163,8 @@ class RunningFrame:
         read = context.calls.store(context.store.scene, job.tenant, job.scene_id)
         counted = context.calls.store(context.store.frame_counts, job.id)
         scene, counts, _ = await asyncio.gather(read, counted, tidied)
-        asked = commands.Asked(sum(counts.values()), picture_only, self._wants_preview)
+        more = counts[FrameState.QUEUED.value] > 0
+        asked = commands.Asked(sum(counts.values()), more, picture_only, self._wants_preview)
         try:
             if scene is None:
                 raise Problem("internal", "The scene is not on the server any more; upload it again.")
