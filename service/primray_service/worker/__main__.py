@@ -36,6 +36,7 @@ def main(arguments: list[str]) -> None:
     channel.start()
     warm_up(kind, entered.out / "tmp")
     do = check if kind == "check" else renders()
+    gc.freeze()  # or a collection would go over all that was imported, for longer than a small frame takes
     while True:
         channel.send("ready")
         work(do, channel, entered)
