@@ -121,9 +121,17 @@ class Run:
             self._said = f"its files cannot be put in place: {error}"
             self._kill("lost")
             return
+        sending = asyncio.ensure_future(self._send())
+        try:
+            await self._watch()
+        finally:
+            sending.cancel()
+
+    async def _send(self) -> None:
+        """The command, not before the worker is ready: its log begins then."""
+        await self._worker.ready.wait()
         told, self._told = self._told or [], None
         self._process.write(self._command + b"\n" + b"".join(told))
-        await self._watch()
 
     async def _watch(self) -> None:
         start = time.monotonic()
@@ -168,7 +176,7 @@ class Run:
             return
         at = message["at"]
         if at == "ready":
-            self._process.begin_log()
+            self._worker.is_ready()
             return
         if at == "phase" and message["phase"] == "sampling":
             self._sampling = True

@@ -42,22 +42,25 @@ class Worker:
         budget = Budget(memory_bytes, threads, limits.output_bytes)
         spawn = worker_spawn(slot.root, budget, (*walls.program, kind), walls.layers)
         self.wrapped = spawn.wrapped
-        self._ready = asyncio.Event()
+        self.ready = asyncio.Event()  # once for all its chunks
         self.process = WorkerProcess(spawn, slot.log, limits.log_bytes, self._on_line)
 
     def _on_line(self, line: bytes) -> None:
         """Before it has a chunk; what it printed until it was ready is of no use to whoever reads a chunk's log."""
         if line == READY:
-            self._ready.set()
-            self.process.begin_log()
+            self.is_ready()
+
+    def is_ready(self) -> None:
+        self.ready.set()
+        self.process.begin_log()
 
     async def is_ready_within(self, seconds: float) -> bool:
         """Or has ended before."""
-        waited: set[asyncio.Future[Any]] = {asyncio.ensure_future(self._ready.wait()), self.process.exit}
+        waited: set[asyncio.Future[Any]] = {asyncio.ensure_future(self.ready.wait()), self.process.exit}
         await asyncio.wait(waited, timeout=seconds, return_when=asyncio.FIRST_COMPLETED)
         for future in waited - {self.process.exit}:
             future.cancel()
-        return self._ready.is_set()
+        return self.ready.is_set()
 
     def begin(self, chunk: Chunk) -> None:
         """From now on it is this chunk's."""
