@@ -272,7 +272,7 @@ def test_the_walls_stand_for_every_frame(tmp_path: Path, walls: tuple[str, ...])
         inputs = {"scene": tmp_path / "scene"}
         await played.play(DONE, group="other/1", inputs=inputs)
         other = played.ends[0].folder.parent
-        targets = {
+        targets: dict[str, Any] = {
             "server_pid": os.getpid(),
             "file": str(other / "job" / "scene"),
             "folder": str(other / "job"),

@@ -123,6 +123,8 @@ class RunningFrame:
         # Its process is gone, so that another can begin: while this one's outputs are adopted, and, if it has given way,
         # before it waits again itself, or it would be first in the queue.
         self.has_slot = False
+        if isinstance(outcome, Picture) and not self.is_canceling:
+            self._context.rates.note(self.job, asyncio.get_running_loop().time() - self._claimed_at)
         await self._on_free()
         shared = await reading
         try:
