@@ -122,7 +122,8 @@ async def place_of(service: Service, caller: Caller, job_id: str) -> Json | None
     job: Job = await found_shared(service, caller, job_id)
     if job.state is not JobState.QUEUED:
         return None
-    return await service.reads.read(job_id, "place", lambda: service.places.of(job), age_s=PLACE_S)
+    found = await service.reads.read(job_id, "place", lambda: service.places.of(job), age_s=PLACE_S)
+    return None if found is None or found["place"] is None else found
 
 
 async def is_over(service: Service, caller: Caller, job_id: str, after: int) -> bool:
