@@ -16,6 +16,8 @@ from pathlib import Path
 
 from .problems import Problem
 
+COPY_BYTES = 2**20
+
 
 @dataclass(frozen=True)
 class DataDirectory:
@@ -77,13 +79,37 @@ def adopt(source: Path, target: Path, most_bytes: int) -> int:
     It is renamed, not copied: the two lie on one file system, and the worker must not go on writing to it.
     """
     found = os.lstat(source)
-    if not stat.S_ISREG(found.st_mode) or found.st_nlink != 1 or found.st_size > most_bytes:
-        raise ValueError(f"{source.name} is not a plain file of at most {most_bytes} bytes")
+    _require_plain(source, found, most_bytes)
     target.parent.mkdir(parents=True, exist_ok=True)
     sync(source)
     os.replace(source, target)
     sync(target.parent)
     return found.st_size
+
+
+def adopt_copy(source: Path, target: Path, most_bytes: int) -> int:
+    """As `adopt`, of a worker that lives: it may have the file open still, and writes then to one that nobody reads."""
+    _require_plain(source, os.lstat(source), most_bytes)  # before it is opened: a link cannot be, and would be no plain file
+    target.parent.mkdir(parents=True, exist_ok=True)
+    beside = target.with_name(f"{target.name}.new")
+    handle = os.open(source, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    with os.fdopen(handle, "rb") as file, open(beside, "wb") as copy:
+        found = os.fstat(handle)
+        _require_plain(source, found, most_bytes)
+        left = found.st_size  # what is added meanwhile is not taken
+        while left > 0 and (part := file.read(min(left, COPY_BYTES))):
+            left -= copy.write(part)
+        copy.flush()
+        os.fsync(copy.fileno())
+    os.replace(beside, target)
+    sync(target.parent)
+    source.unlink(missing_ok=True)
+    return found.st_size - left
+
+
+def _require_plain(source: Path, found: os.stat_result, most_bytes: int) -> None:
+    if not stat.S_ISREG(found.st_mode) or found.st_nlink != 1 or found.st_size > most_bytes:
+        raise ValueError(f"{source.name} is not a plain file of at most {most_bytes} bytes")
 
 
 def sync(path: Path) -> None:

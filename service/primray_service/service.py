@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING
 
+from .api.job_json import job_json
 from .config import ServeConfig
 from .files import DataDirectory
+from .jobs import Job, Json
 from .limits import Limits, Quotas
 from .pictures.encoder import PictureEncoder
+from .waiting.places import Places
 
 if TYPE_CHECKING:
     from .changes import Changes
@@ -30,6 +34,15 @@ class Service:
     reads: SharedReads  # of jobs that many ask for at once
     self_test: SelfTest | None = None  # of the sandbox, at the start; None: this server runs no workers
     pictures: PictureEncoder = field(default_factory=PictureEncoder)
+
+    @cached_property
+    def places(self) -> Places:
+        """Of waiting jobs."""
+        return Places(self.store, self.executor.capacity().slots, self.dispatcher.rates)
+
+    def job_json(self, job: Job) -> Json:
+        """With its place in the queue; blocks for the database."""
+        return job_json(job, self.places.of(job))
 
     @property
     def limits(self) -> Limits:

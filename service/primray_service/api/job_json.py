@@ -31,7 +31,8 @@ NOTHING_YET: Json = {
 }
 
 
-def job_json(job: Job) -> Json:
+def job_json(job: Job, queue: Json | None = None) -> Json:
+    """`queue`: what waiting/places.py says of it."""
     here = f"/v1/jobs/{job.id}"
     return {
         "id": job.id,
@@ -49,6 +50,7 @@ def job_json(job: Job) -> Json:
         "labels": dict(job.labels),
         "settings": job.settings,
         "effective_settings": job.effective_settings,
+        "queue": queue,
         "progress": {**NOTHING_YET, "updated_at": time_text(job.queued_at), **job.progress},
         "result": job.result,
         "warnings": job.warnings,

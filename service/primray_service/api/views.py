@@ -78,6 +78,17 @@ class Progress(View):
     updated_at: datetime | None = None
 
 
+class QueuePlace(View):
+    """Of a job that is not begun. null: not known yet."""
+
+    place: int | None = Field(ge=1, description="1: the next to begin, by priority, fair share and age.")
+    waiting: int = Field(ge=0, description="Jobs that wait for their turn, this one with them.")
+    frames_ahead: int | None = Field(ge=0, description="That run, or will, before its first.")
+    estimated_start_s: float | None = Field(
+        ge=0, description="Seconds until it begins, by what runs and by how long frames took that were like those ahead."
+    )
+
+
 class JobUrls(View):
     """Paths on the same server."""
 
@@ -115,6 +126,7 @@ class Job(View):
     labels: dict[str, str]
     settings: Settings = Field(description="As asked.")
     effective_settings: dict[str, Any] | None = Field(description="What scene and request resolved to.")
+    queue: QueuePlace | None = Field(description="Its place, while it waits for its turn.")
     progress: Progress
     result: dict[str, Any] | None
     warnings: list[Warning]

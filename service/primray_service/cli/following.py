@@ -9,36 +9,38 @@ from typing import TYPE_CHECKING
 
 from primray.cli.json_lines import print_line
 
-from .job_text import error_text, frames_text, plain, seconds_text
+from .job_text import error_text, frames_text, place_text, plain, seconds_text
 
 if TYPE_CHECKING:
     from ..client import Client, Event, Job, Progress
 
-Show = Callable[[str, "Progress"], None]  # the job's state, and how far it is
+Show = Callable[[str, "Progress", str], None]  # the job's state, how far it is, and its place while it waits
 
 
 def follow(client: Client, job: Job, as_json: bool) -> Job:
     """The job when it has ended. KeyboardInterrupt goes through: the job does not end with it."""
-    from ..client import Progress
+    from ..client import Progress, QueuePlace
     from ..client.reading import read
 
     if as_json:
         for event in client.watch(job.id):
-            print_line({"type": "event", "job": job.id, "id": event.id, "event": event.type, "data": event.data})
+            print_line({"type": "event", "job": job.id, "id": event.id or None, "event": event.type, "data": event.data})
         return client.job(job.id)
-    state, progress = job.state, job.progress
+    state, progress, place = job.state, job.progress, place_text(job.queue)
     with _showing(job.id) as show:
-        show(state, progress)
+        show(state, progress, place)
         for event in client.watch(job.id):
             if event.type == "progress":
                 progress = read(Progress, event.data)
             elif event.type in ("state", "end"):
                 state = str(event.data.get("state", state))
+            elif event.type == "queue":
+                place = place_text(read(QueuePlace, event.data))
             elif event.type == "warning":
                 _say(event)
-            show(state, progress)
+            show(state, progress, place if state == "queued" else "")
         ended = client.job(job.id)
-        show(ended.state, ended.progress)
+        show(ended.state, ended.progress, "")
     return ended
 
 
@@ -59,13 +61,14 @@ def _showing(job_id: str) -> Iterator[Show]:
 
 
 def _lines(job_id: str) -> Show:
-    last = ""
+    last = ("", "")
 
-    def show(state: str, progress: Progress) -> None:
+    def show(state: str, progress: Progress, place: str) -> None:
         nonlocal last
-        if state != last:
-            last = state
-            details = ", ".join(filter(None, (frames_text(progress), error_text(progress))))
+        turn = place.partition(",")[0]  # an estimate that changes is no news
+        if (state, turn) != last:
+            last = (state, turn)
+            details = ", ".join(filter(None, (place, frames_text(progress), error_text(progress))))
             print(f"{job_id} {plain(state)}{f': {plain(details)}' if details else ''}", file=sys.stderr, flush=True)
 
     return show
@@ -87,10 +90,10 @@ def _bar(job_id: str) -> Iterator[Show]:
     with Bar(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(job_id, total=1.0, details="")
 
-        def show(state: str, progress: Progress) -> None:
+        def show(state: str, progress: Progress, place: str) -> None:
             eta = f"ETA {seconds_text(progress.eta_s)}" if progress.eta_s and state == "running" else ""
             doing = progress.phase if state in ("preparing", "running") and progress.phase else state
-            details = "  ".join(filter(None, (frames_text(progress), error_text(progress), eta)))
+            details = "  ".join(filter(None, (place, frames_text(progress), error_text(progress), eta)))
             bar.update(task, completed=progress.fraction, description=plain(doing), details=plain(details))
 
         yield show

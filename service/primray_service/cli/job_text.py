@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ..client import Job, Output, Progress
+    from ..client import Job, Output, Progress, QueuePlace
 
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 
@@ -39,6 +39,15 @@ def frames_text(progress: Progress) -> str:
     return f"{frames.succeeded}/{frames.total} frames" if frames is not None and frames.total > 1 else ""
 
 
+def place_text(queue: QueuePlace | None) -> str:
+    """ "place 2 of 5, starts in about 0:34"."""
+    if queue is None or queue.place is None:
+        return ""
+    start_s = queue.estimated_start_s
+    start = "start unknown" if start_s is None else f"starts in about {seconds_text(start_s)}" if start_s >= 1 else "starts now"
+    return f"place {queue.place} of {queue.waiting}, {start}"
+
+
 def block(job: Job, outputs: Sequence[Output]) -> list[str]:
     """Everything worth a line."""
     progress = job.progress
@@ -47,6 +56,7 @@ def block(job: Job, outputs: Sequence[Output]) -> list[str]:
     lines = [
         ("job", job.id),
         ("state", job.state + (f", attempt {job.attempt}" if job.attempt > 1 else "")),
+        ("queue", place_text(job.queue)),
         ("progress", ", ".join(filter(None, running))),
         ("samples", f"{progress.samples_done:.0f} a pixel" if progress.samples_done else ""),
         ("scene", job.scene.id + (f", {job.scene.entry}" if job.scene.entry else "")),

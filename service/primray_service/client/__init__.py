@@ -23,7 +23,7 @@ tests/service/client/test_contract.py holds it to schemas/openapi.json.
 from __future__ import annotations
 
 from .client import Client
-from .documents import Convergence, Event, Frame, Job, Key, Output, Progress, Scene, Usage
+from .documents import Convergence, Event, Frame, Job, Key, Output, Progress, QueuePlace, Scene, Usage
 from .errors import ClientError, DigestMismatch, ProblemError, ServerUnreachable, TimedOut, UnexpectedAnswer
 
 __all__ = [
@@ -38,6 +38,7 @@ __all__ = [
     "Output",
     "ProblemError",
     "Progress",
+    "QueuePlace",
     "Scene",
     "ServerUnreachable",
     "TimedOut",

@@ -100,6 +100,16 @@ class Progress:
 
 
 @dataclass(frozen=True)
+class QueuePlace:
+    """Where a job that waits stands; None: not known yet."""
+
+    place: int | None = None
+    waiting: int = 0
+    frames_ahead: int | None = None
+    estimated_start_s: float | None = None
+
+
+@dataclass(frozen=True)
 class SceneOfJob:
     id: str
     entry: str | None = None
@@ -120,6 +130,7 @@ class Job:
     labels: dict[str, str] = field(default_factory=dict)
     settings: Json = field(default_factory=dict)
     effective_settings: Json | None = None
+    queue: QueuePlace | None = None
     progress: Progress = Progress()
     result: Json | None = None
     warnings: list[Json] = field(default_factory=list)

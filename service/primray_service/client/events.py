@@ -34,7 +34,7 @@ class Reading:
                 event = self._event()
                 self._forget()
                 if event is not None:
-                    self.last_id = event.id
+                    self.last_id = event.id or self.last_id
                     yield event
             else:
                 self._forget()
@@ -55,7 +55,9 @@ class Reading:
             self._data.append(value)
 
     def _event(self) -> Event | None:
-        """None for one without a number, which is nothing to come back to: a sign of life, say."""
+        """None for one without a number, which is nothing to come back to, but for a place in the queue, whose number is 0."""
+        if self._type == "queue" and not self._id:
+            self._id = "0"
         if not (self._id.isascii() and self._id.isdigit()):
             return None
         try:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ..executor.base import Executor
 from ..files import DataDirectory
 from ..limits import Limits, Quotas
 from ..store.base import Store
+from ..waiting.rates import Rates
 from .calls import Calls
 from .metrics import Metrics
 
@@ -26,6 +27,7 @@ class Context:
     calls: Calls
     metrics: Metrics
     fence: int
+    rates: Rates = field(default_factory=Rates)
     disk_is_full: bool = False  # as it was seen last
 
     async def look_at_disk(self) -> bool:

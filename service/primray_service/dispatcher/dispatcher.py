@@ -13,6 +13,7 @@ from ..files import DataDirectory
 from ..ids import ulid
 from ..limits import Limits, Quotas
 from ..store.base import Store
+from ..waiting.rates import Rates
 from .calls import Calls
 from .context import Context
 from .lease import Lease
@@ -37,6 +38,7 @@ class Dispatcher:
         quotas_of: Callable[[str], Quotas],
     ) -> None:
         self.metrics = Metrics()
+        self.rates = Rates()
         self._store = store
         self._executor = executor
         self._data = data
@@ -78,7 +80,11 @@ class Dispatcher:
         assert lease.fence is not None
         calls = Calls(lease.was_reached_since, lambda: not lease.is_held)
         context = Context(
-            *(self._store, self._executor, self._data, self._limits, self._quotas_of), calls, self.metrics, lease.fence
+            *(self._store, self._executor, self._data, self._limits, self._quotas_of),
+            calls,
+            self.metrics,
+            lease.fence,
+            self.rates,
         )
         self.metrics.leases += 1
         self.metrics.holds_lease = True

@@ -34,7 +34,9 @@ class Capacity:
 
 @dataclass(frozen=True)
 class Chunk:
-    """`inputs`: files by the path that the worker finds them at, below its read-only job folder."""
+    """`inputs`: files by the path that the worker finds them at, below its read-only job folder. `group`: chunks of one group
+    may run in one process, one after another; those of different groups never do, nor those of none. Within a group, no two
+    chunks leave outputs of the same name."""
 
     id: str
     kind: str  # "render" or "check"
@@ -43,11 +45,14 @@ class Chunk:
     folders: Mapping[str, Path] = field(default_factory=dict)  # folders whose files are all inputs, by the path to find them at
     load_cpu_s: float = 60.0  # CPU seconds before the message that sampling has begun (a check: in all)
     memory_bytes: int | None = None  # None: the executor's
+    group: str = ""
+    more_follow: bool = False  # of the group, maybe
 
 
 @dataclass(frozen=True)
 class Ended:
-    """How a chunk's process ended. Its files are in `folder` until `Handle.release()`."""
+    """How a chunk's process ended, or that it waits for another chunk of the group (`lives`): then its files may change still,
+    and what it used most is of all its chunks so far. Its files are in `folder` until `Handle.release()`."""
 
     reason: (
         str  # "exited", "signal", "memory-limit", "time-limit", "storage-limit", "killed" (by Handle.kill), "lost" (its node)
@@ -60,6 +65,7 @@ class Ended:
     log: str  # the tail of what it printed to stderr
     log_file: Path | None = None  # all of it that was kept, until `Handle.release()`
     protocol_error: str = ""  # what was wrong with its messages or its files, where it was ended for that
+    lives: bool = False
 
 
 class Handle(Protocol):
@@ -70,7 +76,7 @@ class Handle(Protocol):
         """Where the worker's files appear while it runs."""
 
     async def result(self) -> Ended:
-        """When its process is gone; never raises for what the process did."""
+        """When its process is gone, or waits for another chunk; never raises for what the process did."""
 
     def tell(self, command: Json) -> None:
         """Send a later line: stop, yield or preview. Nothing happens if it is gone."""

@@ -1,7 +1,7 @@
 """LocalExecutor: each chunk is a process on this machine, in a sandbox and a folder of its own, under a watchdog.
 
-One worker of each kind waits, warm, with all that takes long imported; it serves one chunk, and another is started at a quieter
-moment. All methods are to be called in the event loop of the main thread.
+One worker of each kind waits, warm, with all that takes long imported; it serves one chunk, or several of one group after
+another, and the next one is started at a quieter moment. All methods are to be called in the event loop of the main thread.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from ..limits import Limits
 from ..problems import Problem
 from ..sandbox import layers
 from .base import Capacity, Chunk, Handle, OnMessage
-from .local_run import KINDS, Run, Walls, Worker
+from .local_run import Run
+from .local_worker import KINDS, Walls, Worker
 from .slots import Slots
 
 LOG = logging.getLogger(__name__)
@@ -30,6 +31,8 @@ READY_WITHIN_S = 120.0  # of a machine under load
 # while it runs, sooner where more could come at any time.
 WARM_AGAIN_AFTER_S, WARM_AGAIN_IF_FREE_AFTER_S = 8.0, 1.0
 WARM_AGAIN_AFTER_DEATH_S = 10.0
+# How long a worker waits for the next chunk of its group: the dispatcher gives it when it has claimed it.
+STAYS_S = 2.0
 
 
 def local_executor(config: ServeConfig, data: DataDirectory) -> LocalExecutor:
@@ -56,6 +59,7 @@ class LocalExecutor:
         self._keeps_warm = warm
         self._slots = Slots(data.slots, ulid(time.time()))
         self._warm: dict[str, Worker] = {}
+        self._staying: list[Worker] = []  # for chunks of their groups; the last is the newest
         self._runs: set[Run] = set()
         self._closing = False
         self._why_not = "it was not started"
@@ -84,30 +88,56 @@ class LocalExecutor:
     def submit(self, chunk: Chunk, on_message: OnMessage) -> Handle:
         if self._closing:
             raise Problem("unavailable", "The server is stopping.")
-        memory = chunk.memory_bytes or self._limits.memory_bytes
-        waiting = self._warm.get(chunk.kind)
-        if waiting is not None and memory <= waiting.memory_bytes:
-            worker = self._warm.pop(chunk.kind)
-        else:
-            worker = self._start_worker(chunk.kind, memory)
-        run = Run(chunk, worker, on_message, self._limits, self._capacity.threads)
+        worker, is_new = self._worker_for(chunk)
+        run = Run(chunk, worker, on_message, self._limits, self._capacity.threads, self._stay)
         self._runs.add(run)
         run.ended.add_done_callback(lambda _: self._on_end(run))
-        is_full = chunk.kind == "render" and self._renders() >= self._capacity.slots
-        self._warm_later(chunk.kind, WARM_AGAIN_AFTER_S if is_full else WARM_AGAIN_IF_FREE_AFTER_S)
+        if is_new:
+            is_full = chunk.kind == "render" and self._renders() >= self._capacity.slots
+            self._warm_later(chunk.kind, WARM_AGAIN_AFTER_S if is_full else WARM_AGAIN_IF_FREE_AFTER_S)
         return run
+
+    def _worker_for(self, chunk: Chunk) -> tuple[Worker, bool]:
+        """And whether it had no chunk before."""
+        memory = chunk.memory_bytes or self._limits.memory_bytes
+        for worker in reversed(self._staying):
+            if chunk.group and worker.group == chunk.group and memory <= worker.memory_bytes:
+                self._staying.remove(worker)
+                return worker, False
+        waiting = self._warm.get(chunk.kind)
+        if waiting is not None and memory <= waiting.memory_bytes:
+            return self._warm.pop(chunk.kind), True
+        return self._start_worker(chunk.kind, memory), True
+
+    def _stay(self, worker: Worker) -> None:
+        """It has ended a chunk, and waits a moment for another of its group; of many the oldest goes."""
+        self._staying.append(worker)
+        worker.process.on_line = lambda _: self._dismiss(worker)  # it has nothing to say
+        worker.process.exit.add_done_callback(lambda _: self._dismiss(worker))
+        chunks = worker.chunks
+        asyncio.get_running_loop().call_later(STAYS_S, lambda: self._dismiss(worker) if worker.chunks == chunks else None)
+        if self._closing or len(self._staying) > self._capacity.slots:
+            self._dismiss(self._staying[0])
+
+    def _dismiss(self, worker: Worker) -> None:
+        if worker in self._staying:
+            self._staying.remove(worker)
+            worker.process.kill()
+            worker.process.exit.add_done_callback(lambda _: worker.remove_if_over())
 
     def _renders(self) -> int:
         return sum(run.chunk.kind == "render" for run in self._runs)
 
     def _on_end(self, run: Run) -> None:
         self._runs.discard(run)
-        self._warm_later(run.chunk.kind, 0.0)
+        if not run.ended.result().lives:  # else more is to come, which a start beside it would slow down
+            self._warm_later(run.chunk.kind, 0.0)
 
     def health(self) -> Json:
         """The self-test of the sandbox is the server's to make: it takes a moment."""
         found: Json = {"ok": not self._why_not and not self._closing, "sandbox": self._layers()}
-        found |= {"warm": sorted(self._warm), "running": len(self._runs), "slots": self._capacity.slots}
+        found |= {"warm": sorted(self._warm), "staying": len(self._staying)}
+        found |= {"running": len(self._runs), "slots": self._capacity.slots}
         return found | ({"why": self._why_not} if self._why_not else {})
 
     def _layers(self) -> dict[str, str]:
@@ -118,6 +148,9 @@ class LocalExecutor:
         self._closing = True
         for run in list(self._runs):
             run.kill()
+        for worker in list(self._staying):
+            self._staying.remove(worker)
+            await self._end(worker)
         for kind in list(self._warm):
             await self._end(self._warm.pop(kind))
         await asyncio.gather(*(run.result() for run in list(self._runs)))

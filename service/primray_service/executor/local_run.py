@@ -1,4 +1,4 @@
-"""A worker on this machine, and one chunk's life in it: its files are put there, it is watched, its end is told."""
+"""One chunk's life in a worker on this machine: its files are put there, it is watched, its end is told."""
 
 from __future__ import annotations
 
@@ -7,78 +7,52 @@ import json
 import logging
 import signal
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from ..jobs import Json
 from ..limits import Limits
-from ..sandbox import Budget, decode_exit, worker_spawn
-from ..sandbox.spawn import WORKER
+from ..sandbox import decode_exit
 from ..worker.protocol import LAST
 from . import watchdog
 from .base import Chunk, Ended, OnMessage
+from .local_worker import Worker
 from .messages import BadMessage, parse
-from .process import Exit, WorkerProcess
-from .slots import Slot, fill
+from .process import Exit
 
 LOG = logging.getLogger(__name__)
 
-KINDS = ("render", "check")
-READY = b'{"at": "ready"}'
 LOOK_EVERY_S = 0.15
 LOOK_AT_FOLDER_EVERY_S = 0.6
 LEAVE_WITHIN_S = 5.0  # after its last message
+# A worker stays for the next chunk of its group if that would miss the CPU second of a start, and if what the last one left in
+# it cannot be in the way: a large frame still has all of the memory and of the space that are allowed.
+STAYS_IF_CPU_S = 20.0
+STAYS_IF_PART = 0.25
 # The wall clock is the last resort, for a worker that sleeps: others may have the CPU.
 LOAD_WALL_PER_CPU = 20.0
 SIGNALS = {signal.SIGXCPU: "time-limit", signal.SIGXFSZ: "storage-limit"}
 
 
-@dataclass(frozen=True)
-class Walls:
-    """How workers are started: `layers` of the sandbox (None: all that stand here), and what program they are."""
-
-    layers: frozenset[str] | None = None
-    program: Sequence[str] = WORKER
-
-
-class Worker:
-    """A process that waits for its chunk in a slot of its own."""
-
-    def __init__(self, kind: str, slot: Slot, memory_bytes: int, threads: int, limits: Limits, walls: Walls) -> None:
-        self.slot = slot
-        self.memory_bytes = memory_bytes
-        budget = Budget(memory_bytes, threads, limits.output_bytes)
-        spawn = worker_spawn(slot.root, budget, (*walls.program, kind), walls.layers)
-        self.wrapped = spawn.wrapped
-        self._ready = asyncio.Event()
-        self.process = WorkerProcess(spawn, slot.log, limits.log_bytes, self._on_line)
-
-    def _on_line(self, line: bytes) -> None:
-        """Before it has a chunk; what it printed until it was ready is of no use to whoever reads a chunk's log."""
-        if line == READY:
-            self._ready.set()
-            self.process.begin_log()
-
-    async def is_ready_within(self, seconds: float) -> bool:
-        """Or has ended before."""
-        waited: set[asyncio.Future[Any]] = {asyncio.ensure_future(self._ready.wait()), self.process.exit}
-        await asyncio.wait(waited, timeout=seconds, return_when=asyncio.FIRST_COMPLETED)
-        for future in waited - {self.process.exit}:
-            future.cancel()
-        return self._ready.is_set()
-
-
 class Run:
-    """A Handle."""
+    """A Handle. `on_stay` gets a worker that has ended the chunk and can have another of the same group."""
 
-    def __init__(self, chunk: Chunk, worker: Worker, on_message: OnMessage, limits: Limits, threads: int) -> None:
+    def __init__(
+        self,
+        chunk: Chunk,
+        worker: Worker,
+        on_message: OnMessage,
+        limits: Limits,
+        threads: int,
+        on_stay: Callable[[Worker], None],
+    ) -> None:
         self.chunk = chunk
         self.ended: asyncio.Future[Ended] = asyncio.get_running_loop().create_future()
         self._worker = worker
         self._process = worker.process
         self._on_message = on_message
+        self._on_stay = on_stay
+        self._may_stay = bool(chunk.group) and chunk.more_follow
         self._limits = limits
         self._memory_bytes = min(chunk.memory_bytes or limits.memory_bytes, worker.memory_bytes)
         self._command = self._completed(chunk.command, threads)
@@ -91,6 +65,7 @@ class Run:
         self._used = watchdog.used_by(self._process.pid)
         self._cpu_before_s = self._used.cpu_s
         self._peak_bytes = 0
+        worker.begin(chunk)
         self._process.on_line = self._on_line
         self._process.exit.add_done_callback(self._on_exit)
         self._work = asyncio.ensure_future(self._run())
@@ -108,6 +83,8 @@ class Run:
         return await asyncio.shield(self.ended)
 
     def tell(self, command: Json) -> None:
+        if self._last:  # or the next chunk would hear of it
+            return
         line = json.dumps(command).encode() + b"\n"
         if self._told is not None:
             self._told.append(line)
@@ -131,28 +108,36 @@ class Run:
             **(command.get("limits") or {}),
         }
         limits |= {"memory_bytes": self._memory_bytes, "load_cpu_s": self.chunk.load_cpu_s}
-        completed = {**command, "limits": limits}
+        completed = {**command, "limits": limits, "stay": self._may_stay}
         if "settings" in command and command["settings"].get("threads") is None:
             completed["settings"] = {**command["settings"], "threads": threads}
         return json.dumps(completed).encode()
 
     async def _run(self) -> None:
         try:
-            await asyncio.to_thread(fill, self._worker.slot.job, self.chunk.inputs, self.chunk.folders)
+            await asyncio.to_thread(self._worker.put_files, self.chunk)
         except (OSError, ValueError) as error:
             LOG.error("the files of %s cannot be put in place: %s", self.chunk.id, error)
             self._said = f"its files cannot be put in place: {error}"
             self._kill("lost")
             return
+        sending = asyncio.ensure_future(self._send())
+        try:
+            await self._watch()
+        finally:
+            sending.cancel()
+
+    async def _send(self) -> None:
+        """The command, not before the worker is ready: its log begins then."""
+        await self._worker.ready.wait()
         told, self._told = self._told or [], None
         self._process.write(self._command + b"\n" + b"".join(told))
-        await self._watch()
 
     async def _watch(self) -> None:
         start = time.monotonic()
         load_wall_s = LOAD_WALL_PER_CPU * self.chunk.load_cpu_s
         next_folder = start
-        while not self._process.exit.done():
+        while not self._process.exit.done() and not self.ended.done():
             self._look()
             now = time.monotonic()
             if now >= next_folder:
@@ -180,6 +165,9 @@ class Run:
             return  # what it says after it was ended counts no more
         try:
             message = parse(line)
+            if self._last == "done" and self._may_stay and message["at"] == "ready":
+                self._stay()
+                return
             if self._last:
                 raise BadMessage(f"a message after {self._last!r}")
         except BadMessage as error:
@@ -188,7 +176,7 @@ class Run:
             return
         at = message["at"]
         if at == "ready":
-            self._process.begin_log()
+            self._worker.is_ready()
             return
         if at == "phase" and message["phase"] == "sampling":
             self._sampling = True
@@ -202,14 +190,30 @@ class Run:
             LOG.exception("a message %r of %s was not taken", at, self.chunk.id)
 
     def _should_be_gone(self) -> None:
-        if not self._process.exit.done():
+        if not self.ended.done():
             self._said = f"the worker did not leave after {self._last!r}"
             self._kill("exited")
 
     def _kill(self, reason: str) -> None:
-        if not self._process.exit.done():
+        if not self.ended.done() and not self._process.exit.done():
             self._reason = self._reason or reason
             self._process.kill(watchdog.innermost(self._process.pid))
+
+    def _stay(self) -> None:
+        self._look()
+        cpu_s = self._used.cpu_s - self._cpu_before_s
+        left = watchdog.folder_bytes(self.folder, self._limits.output_bytes)
+        if (
+            cpu_s > STAYS_IF_CPU_S
+            or self._used.rss_bytes > STAYS_IF_PART * self._memory_bytes
+            or left > STAYS_IF_PART * self._limits.output_bytes
+        ):
+            self._kill("exited")
+            return
+        self._process.exit.remove_done_callback(self._on_exit)
+        tail, log_file = self._process.log.tail(), self._worker.next_log()
+        self._end(Ended("exited", 0, None, self.folder, max(cpu_s, 0.0), self._peak_bytes, tail, log_file, lives=True))
+        self._on_stay(self._worker)
 
     def _on_exit(self, found: asyncio.Future[Exit]) -> None:
         end = found.result()
@@ -220,9 +224,15 @@ class Run:
             peak = max(peak, end.max_rss_bytes)
         cpu_s = max(end.cpu_s, self._used.cpu_s) - self._cpu_before_s
         log = self._process.log
-        self.ended.set_result(Ended(reason, code, number, self.folder, max(cpu_s, 0.0), peak, log.tail(), log.path, self._said))
+        self._end(Ended(reason, code, number, self.folder, max(cpu_s, 0.0), peak, log.tail(), log.path, self._said))
+
+    def _end(self, ended: Ended) -> None:
+        self.ended.set_result(ended)
         if self._released:
             self._remove()
 
     def _remove(self) -> None:
-        asyncio.get_running_loop().run_in_executor(None, self._worker.slot.remove)
+        ended = self.ended.result()
+        if ended.lives and ended.log_file is not None:
+            ended.log_file.unlink(missing_ok=True)
+        self._worker.release()

@@ -54,6 +54,7 @@ class WorkerProcess:
     def __init__(self, start: Start, log: Path, log_bytes: int, on_line: OnLine) -> None:
         self._loop = asyncio.get_running_loop()
         self.on_line = on_line
+        self._log_bytes = log_bytes
         self.log = ProcessLog(log, log_bytes)
         self.exit: asyncio.Future[Exit] = self._loop.create_future()
         # What a child inherits of its parent's peak, by vfork, shows in its own.
@@ -156,6 +157,14 @@ class WorkerProcess:
         """What was printed so far is forgotten."""
         self._read_log()
         self.log.begin()
+
+    def change_log(self, path: Path) -> Path:
+        """What is printed from now on goes to another file; that of what was printed so far, whole."""
+        self._read_log()
+        whole = self.log
+        whole.close()
+        self.log = ProcessLog(path, self._log_bytes)
+        return whole.path
 
     def _ended(self) -> None:
         _, status, usage = os.wait4(self.pid, 0)

@@ -10,7 +10,7 @@ import fcntl
 import os
 import shutil
 import stat
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -106,6 +106,12 @@ def fill(job: Path, inputs: Mapping[str, Path], folders: Mapping[str, Path]) -> 
             to.mkdir(parents=True, exist_ok=True)
             for file in files:
                 _put(Path(inside, file), to / file)
+
+
+def take_out(job: Path, names: Iterable[str]) -> None:
+    """Files that `fill` gave it."""
+    for name in names:
+        _below(job, name).unlink(missing_ok=True)
 
 
 def _below(job: Path, name: str) -> Path:

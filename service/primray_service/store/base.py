@@ -13,6 +13,7 @@ from typing import Protocol
 
 from ..jobs import Event, Frame, Job, JobState, Json, Output, Scene
 from ..limits import Quotas
+from ..waiting.order import Waiting
 
 
 class Lost(Exception):
@@ -53,6 +54,12 @@ class ApiKey:
 class Page:
     items: Sequence[Job]
     next_cursor: str | None  # opaque
+
+
+@dataclass(frozen=True)
+class QueueNow:
+    waiting: Sequence[Waiting]
+    active: Sequence[tuple[Job, int]]  # with the frames that run
 
 
 @dataclass(frozen=True)
@@ -189,6 +196,9 @@ class Store(Protocol):
     ) -> Sequence[tuple[int, str]]:
         """(priority, tenant) of the best waiting job of each tenant that could run, for deciding who gives way; with `now`
         and `quotas_of`: of those that claim_frame would give."""
+
+    def queue(self, most: int) -> QueueNow:
+        """Jobs with frames that could be claimed, of high priority and old ones first, so many at most; and those that run."""
 
     def report(
         self, fence: int, frame: Frame, now: float, *, job_changes: Json | None = None, event: tuple[str, Json] | None = None

@@ -1,23 +1,25 @@
-"""A worker: enters its sandbox, imports what takes long, says that it is ready, does one thing and ends."""
+"""A worker: enters its sandbox, imports what takes long, says that it is ready, does one thing and ends; or, told to stay,
+waits for more work of the same job."""
 
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import random
 import sys
 import time
 import traceback
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-from ..sandbox import enter, limit_cpu_of_phase
+from ..sandbox import Entered, enter, limit_cpu_of_phase
 from .channel import Channel, claim_stdout
 from .warm import warm_up
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from typing import Any
+Do = Callable[[Mapping[str, Any], Path, Path, Channel], None]
 
 # The server comes first: its clients wait for it. Checks are short, and somebody waits for them too.
 NICE = {"check": 5, "render": 10}
@@ -33,9 +35,21 @@ def main(arguments: list[str]) -> None:
     channel = Channel(os.fdopen(0, "rb", closefd=False), messages)
     channel.start()
     warm_up(kind, entered.out / "tmp")
-    channel.send("ready")
-    command = channel.first()
+    do = check if kind == "check" else renders()
+    gc.freeze()  # or a collection would go over all that was imported, for longer than a small frame takes
+    while True:
+        channel.send("ready")
+        work(do, channel, entered)
+        gc.collect()  # before it is ready again: the last frame's memory is to be free
+
+
+def work(do: Do, channel: Channel, entered: Entered) -> None:
+    """What comes next; returns where more may follow."""
+    command = channel.work()
     try:
+        limits = command.get("limits") or {}
+        if limits.get("load_cpu_s"):
+            limit_cpu_of_phase(limits["load_cpu_s"] + LATER_S)
         do(command, entered.job, entered.out, channel)
     except BaseException as error:
         from .failures import is_expected, problem_of_error
@@ -66,20 +80,18 @@ def give_way(nice: int) -> None:
             return
 
 
-def do(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
-    limits = command.get("limits") or {}
-    if limits.get("load_cpu_s"):
-        limit_cpu_of_phase(limits["load_cpu_s"] + LATER_S)
-    if command["do"] == "check":
-        from .check import check_scene
+def check(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
+    from .check import check_scene
 
-        check_scene(command, job, out, channel)
-        return
-    if command["do"] != "render":
-        raise ValueError(f"no command {command['do']!r}")
+    check_scene(command, job, out, channel)
+
+
+def renders() -> Do:
+    """Frames of one job, whose stage is kept from one to the next."""
+    from .kept_stage import KeptStage
     from .render_task import render_frame
 
-    render_frame(command, job, out, channel)
+    return partial(render_frame, KeptStage())
 
 
 main(sys.argv[1:])

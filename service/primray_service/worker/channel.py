@@ -10,7 +10,7 @@ import time
 from collections.abc import Mapping
 from typing import Any, BinaryIO
 
-from .protocol import LAST, MAX_LINE_BYTES
+from .protocol import LAST, MAX_LINE_BYTES, WORK
 
 SERVER_GONE = 4  # exit code
 PREVIEWS_FOR_S = 10.0  # after somebody asked for one
@@ -30,7 +30,7 @@ class Channel:
         self._commands = commands
         self._messages = messages
         self._lock = threading.Lock()
-        self._first: Mapping[str, Any] | None = None
+        self._work: Mapping[str, Any] | None = None  # that is being done, or is to be
         self._came = threading.Event()
         self._previews_until = 0.0
         self._number: int | None = None
@@ -61,11 +61,19 @@ class Channel:
         self.send(at, **members)
         os._exit(0)
 
-    def first(self) -> Mapping[str, Any]:
-        """The command that says what to do."""
+    def work(self) -> Mapping[str, Any]:
+        """The command that says what to do next, once it has come."""
         self._came.wait()
-        assert self._first is not None
-        return self._first
+        self._came.clear()
+        assert self._work is not None
+        return self._work
+
+    def done(self, *, stay: bool, **members: Any) -> None:
+        """The last message of a piece of work; the end of the process too, unless it is to stay."""
+        if not stay:
+            self.leave("done", **members)
+        self._work = None  # what is told from now on comes too late, until there is more work
+        self.send("done", **members)
 
     def ask_preview(self) -> None:
         self._previews_until = time.monotonic() + PREVIEWS_FOR_S
@@ -95,9 +103,10 @@ class Channel:
 
     def _heed(self, command: Mapping[str, Any]) -> None:
         does = command["do"]
-        if self._first is None:
-            self._first = command
-            self._came.set()
+        if does in WORK:
+            self._begin(command)
+        elif self._work is None:
+            return
         elif does == "preview":
             self.ask_preview()
         elif does == "stop":
@@ -105,6 +114,12 @@ class Channel:
         elif does == "yield":
             self.give_way = True
         self._leave_if_told()
+
+    def _begin(self, command: Mapping[str, Any]) -> None:
+        self._previews_until, self._number = 0.0, None
+        self.stop = self.give_way = False
+        self._work = command
+        self._came.set()
 
 
 def finite(value: Any) -> Any:

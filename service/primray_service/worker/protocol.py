@@ -1,17 +1,19 @@
 """What a server and a worker say to each other: one JSON object a line, commands to its stdin, messages from its stdout.
 
-The first command says what to do; a worker does one thing and ends. Paths are relative: those of commands to the job folder
-(read-only), those of messages to the output folder. The server believes nothing of a message before it has checked it.
+The first command says what to do; a worker does one thing and ends, unless it is told to stay: then it says `ready` after
+`done`, and more work of the same job may come. Paths are relative: those of commands to the job folder (read-only), those of
+messages to the output folder. The server believes nothing of a message before it has checked it.
 
 Commands
     {"do": "check", "file": "scene.usdz" | "package", "kind": "usda|usdc|usdz|zip", "entry": "shot.usda" | null, "limits": {..}}
     {"do": "render", "file": "package/shot.usda", "settings": {RenderSettings as JSON}, "checkpoint": "checkpoint.prc" | null,
      "number": 3, "checkpoint_every_s": 10, "picture_only": false, "preview": true, "limits": {..}, "traceparent": "..",
-     "outputs": ["beauty.exr", "beauty.png", "report.json"], "spent_s": 3.5, "fraction": 0.4}
+     "outputs": ["beauty.exr", "beauty.png", "report.json"], "spent_s": 3.5, "fraction": 0.4,
+     "stay": true}
         goes on from `checkpoint` (whose number is `number`), or begins; `picture_only`: take no more samples, write the
         outputs; `preview`: as the command of that name, from the start; `outputs`: what files are to be called, by whose
         endings the worker knows what they are; `spent_s`: seconds of sampling before this run that the settings' time limit
-        counts; `fraction`: of progress that was told before
+        counts; `fraction`: of progress that was told before; `stay`: after `done`, for more work
     {"do": "stop"}     end soon with a checkpoint and the picture so far           (then: checkpoint, done; done with no outputs
                        and a report {"interrupted": true, "samples": 0} where there is no picture yet)
     {"do": "yield"}    end soon with a checkpoint                                  (then: checkpoint, yielded)
@@ -35,7 +37,8 @@ Messages, by "at"
                (the report without its diagnostics, which were warnings: the file has them)
     yielded    {"number": 4}
     failed     {"problem": {"type": "/problems/..", "title", "status", "detail", ...}}
-After done, yielded, facts or failed a worker exits with 0; any other end is a crash.
+After done (where it is not to stay), yielded, facts or failed a worker exits with 0; any other end is a crash. What it is told
+between `done` and more work, it does not heed.
 """
 
 from __future__ import annotations
@@ -43,4 +46,5 @@ from __future__ import annotations
 MAX_LINE_BYTES = 4 * 2**20
 
 PHASES = ("opening", "translating", "building", "sampling", "writing")
+WORK = ("check", "render")
 LAST = ("facts", "done", "yielded", "failed")

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from primray import usd
 from primray.checkpoints.checkpointing import Saver, begin
 from primray.diagnostics import Diagnostics
 from primray.render import Prepared, picture_of, prepare
@@ -21,19 +20,20 @@ from primray.settings import RenderSettings, settings_of_json
 from ..problems import Problem
 from ..sandbox import end_phase
 from .channel import Channel
+from .kept_stage import KeptStage
 from .outputs import DEFAULT_NAMES, described, to_send, write_pictures, write_report
 from .render_watch import Numbers, Phases, Warnings, Watch
 
 REPORT_BYTES = 2**20
 
 
-def render_frame(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
-    """Do it, and leave; or raise what went wrong."""
+def render_frame(stages: KeptStage, command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
+    """Do it, and leave, or return if it is to stay; or raise what went wrong."""
     number = int(command.get("number") or 0)
     channel.nothing_to_save(number)
     phases, warned, costs, diagnostics = Phases(channel), Warnings(channel), Costs(), Diagnostics()
     costs.on_stage = phases
-    prepared = _prepare(command, job, costs, diagnostics)
+    prepared = _prepare(command, job, stages, costs, diagnostics)
     warned.send(diagnostics)
     with costs.stage("render"):
         sampling, about = begin(prepared, list(diagnostics), _checkpoint(command, job))
@@ -65,15 +65,15 @@ def render_frame(command: Mapping[str, Any], job: Path, out: Path, channel: Chan
     warned.send(diagnostics)
     report["diagnostics"] = [diagnostic.as_json() for diagnostic in diagnostics]
     write_report(report, files, out)
-    channel.leave("done", outputs=[described(out / file) for file in files], report=to_send(report, REPORT_BYTES))
+    outputs = [described(out / file) for file in files]
+    channel.done(stay=bool(command.get("stay")), outputs=outputs, report=to_send(report, REPORT_BYTES))
 
 
-def _prepare(command: Mapping[str, Any], job: Path, costs: Costs, diagnostics: Diagnostics) -> Prepared:
-    settings, opening = _settings(command), Diagnostics()
+def _prepare(command: Mapping[str, Any], job: Path, stages: KeptStage, costs: Costs, diagnostics: Diagnostics) -> Prepared:
+    settings = _settings(command)
     _limit_images(command.get("limits") or {})
-    with costs.stage("open"):
-        stage = usd.open_stage(str(job / command["file"]), opening, settings.composition)
-    return prepare(stage, opening, settings, costs, diagnostics, fingerprinted=True)
+    opened = stages.open(str(job / command["file"]), settings, costs)
+    return prepare(opened.stage, opened.diagnostics, settings, costs, diagnostics, fingerprinted=True)
 
 
 def _checkpoint(command: Mapping[str, Any], job: Path) -> Path | None:

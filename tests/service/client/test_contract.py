@@ -28,6 +28,7 @@ READ: dict[type, str] = {
     Job: "Job",
     documents.SceneOfJob: "SceneReference",
     Progress: "Progress",
+    documents.QueuePlace: "QueuePlace",
     documents.FrameCounts: "FrameCounts",
     documents.ErrorOfNow: "ErrorOfNow",
     Frame: "Frame",

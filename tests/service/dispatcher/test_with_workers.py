@@ -18,7 +18,9 @@ from primray import RenderSettings, render
 from primray.images.aov_parts import read_aovs
 from primray.images.image import pixels_sha256
 from primray.images.image_file import read_image
+from primray_service.executor.base import Chunk, Handle, OnMessage
 from primray_service.executor.local import LocalExecutor
+from primray_service.executor.local_run import Run
 from primray_service.files import DataDirectory
 from primray_service.jobs import Job, JobState
 from primray_service.limits import Limits
@@ -132,6 +134,71 @@ def test_cancel_is_quick_and_keeps_the_picture_and_continue_goes_on(tmp_path: Pa
 
     async def run() -> None:
         async with dispatching(tmp_path, local()) as rig:
+            await act(rig)
+
+    asyncio.run(run())
+
+
+MOVING = b"""#usda 1.0
+def Camera "cam" {
+    double3 xformOp:translate = (0, 0, 8)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+def Sphere "ball" {
+    double3 xformOp:translate.timeSamples = { 1: (-1, 0, 0), 10: (1, 0, 0) }
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+def DistantLight "sun" {
+}
+"""
+
+
+class Counting(LocalExecutor):
+    """Notes which process got which chunk."""
+
+    def submit(self, chunk: Chunk, on_message: OnMessage) -> Handle:
+        handle = super().submit(chunk, on_message)
+        assert isinstance(handle, Run)
+        self.pids = [*getattr(self, "pids", []), (chunk.group, handle.pid)]
+        return handle
+
+
+def test_frames_of_a_job_share_workers_and_have_the_bits_of_one_alone(tmp_path: Path) -> None:
+    """Two jobs at once, each of ten frames, in two slots; one loses its worker on the way."""
+    codes = [float(code) for code in range(1, 11)]
+    file = tmp_path / "scene.usda"
+    file.write_bytes(MOVING)
+    alone = {
+        code: pixels_sha256(render(str(file), RenderSettings(resolution=(32, 32), spp=2, seed=5, time_code=code)).pixels)
+        for code in codes
+    }
+    assert len(set(alone.values())) == 10
+
+    def make(data: DataDirectory, limits: Limits) -> LocalExecutor:
+        return Counting(data, limits, slots=2, cores=2)
+
+    async def act(rig: Rig) -> None:
+        scene = rig.scene(MOVING)
+        asks = {"resolution": [32, 32], "seed": 5, "stop": {"max_samples": 2}}
+        jobs = [rig.submit(scene, settings=asks, time_codes=codes).id for _ in range(2)]
+        await rig.until(lambda: rig.store.frame_counts(jobs[0])["succeeded"] > 2, 120)
+        assert isinstance(rig.executor, Counting)
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(rig.executor.pids[-1][1], signal.SIGKILL)
+        for job in await rig.ended(*jobs, timeout_s=240):
+            assert job.state is JobState.SUCCEEDED, job.error
+            assert job.result is not None
+            made = {codes[row["frame"]]: row["sha256"] for row in job.result["pixels_sha256"]}
+            assert made == alone
+            assert len(rig.outputs(job.id)) == 30
+        groups: dict[int, set[str]] = {}
+        for group, pid in rig.executor.pids:
+            groups.setdefault(pid, set()).add(group)
+        assert all(len(found) == 1 for found in groups.values())
+        assert len(groups) <= 10  # of twenty frames: under load a worker may be waited for in vain
+
+    async def run() -> None:
+        async with dispatching(tmp_path, make) as rig:
             await act(rig)
 
     asyncio.run(run())

@@ -19,7 +19,8 @@ import pytest
 
 from primray_service.executor.base import Chunk, Ended, Message
 from primray_service.executor.local import LocalExecutor
-from primray_service.executor.local_run import Run, Walls
+from primray_service.executor.local_run import Run
+from primray_service.executor.local_worker import Walls
 from primray_service.executor.process import READ_BYTES
 from primray_service.files import DataDirectory
 from primray_service.limits import GiB, Limits, MiB

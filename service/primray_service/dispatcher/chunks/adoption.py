@@ -10,7 +10,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...files import DataDirectory, adopt, sync
+from ...executor.base import Ended
+from ...files import DataDirectory, adopt, adopt_copy, sync
 from .messages import MadeFile
 
 PREVIEW = "preview.raw"
@@ -54,15 +55,16 @@ def adopt_preview(source: Path, folder: Path) -> bool:
 
 
 def adopt_outputs(
-    made: Iterable[MadeFile], source: Path, frame_folder: Path, most_bytes: int, chunk_id: str
+    made: Iterable[MadeFile], ended: Ended, frame_folder: Path, most_bytes: int, chunk_id: str
 ) -> list[tuple[Adopted, Path]]:
-    """Take the files over to names of this chunk in the frame's folder, and see whether they are what was said; their process
-    must have ended. They get their own names by `publish`."""
+    """Take the files over to names of this chunk in the frame's folder, and see whether they are what was said. They get their
+    own names by `publish`."""
     found, left = [], most_bytes
+    take = adopt_copy if ended.lives else adopt
     for i, item in enumerate(made):
         kept = frame_folder / f"output-{i}-{chunk_id}"
         try:
-            size = adopt(source / item.file, kept, left)
+            size = take(ended.folder / item.file, kept, left)
         except (ValueError, FileNotFoundError) as error:
             raise NotAdopted(str(error)) from error
         left -= size

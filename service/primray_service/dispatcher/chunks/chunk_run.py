@@ -13,6 +13,7 @@ from .inbox import Inbox
 from .messages import NotBelieved
 
 LEAVE_S = 0.3  # a worker that has said its last word may end by itself for so long
+STAY_S = 2.0  # or get ready for the next frame, which takes less than starting another
 PREVIEW_EVERY_S = 3.0
 
 
@@ -84,7 +85,7 @@ class ChunkRun:
     async def ended(self) -> Ended:
         """After its last word, or its death; its process is gone then."""
         if not self._ending.done():
-            await asyncio.wait([self._ending], timeout=LEAVE_S)
+            await asyncio.wait([self._ending], timeout=STAY_S if self.chunk.more_follow else LEAVE_S)
             self.handle.kill()  # what it still does is of no use
         return await asyncio.shield(self._ending)
 

@@ -26,6 +26,7 @@ class Asked:
     """What a frame's chunk is to do, beyond what its job says."""
 
     frames: int  # of its job
+    more: bool = False  # frames of it wait
     picture_only: bool = False
     preview: bool = False  # somebody looks at it already
 
@@ -55,7 +56,11 @@ def render_chunk(
         "limits": asdict(limits),
         "traceparent": job.traceparent,
     }
-    return Chunk(chunk_id, "render", command, inputs, folders, load_cpu_s=limits.load_cpu_s)
+    # Frames of one attempt share processes; no two jobs do.
+    group = f"{job.id}/{job.attempt}" if asked.frames > 1 else ""
+    return Chunk(
+        chunk_id, "render", command, inputs, folders, load_cpu_s=limits.load_cpu_s, group=group, more_follow=asked.more
+    )
 
 
 def spent_s(frame: Frame) -> float:

@@ -110,7 +110,7 @@ class RunCompletion:
         adopted = await context.calls.disk(
             adoption.adopt_outputs,
             done.outputs,
-            self.ended.folder,
+            self.ended,
             context.data.frame(job.id, frame.number),
             context.limits.output_bytes,
             self.run.chunk.id,

@@ -123,6 +123,8 @@ class RunningFrame:
         # Its process is gone, so that another can begin: while this one's outputs are adopted, and, if it has given way,
         # before it waits again itself, or it would be first in the queue.
         self.has_slot = False
+        if isinstance(outcome, Picture) and not self.is_canceling:
+            self._context.rates.note(self.job, asyncio.get_running_loop().time() - self._claimed_at)
         await self._on_free()
         shared = await reading
         try:
@@ -163,7 +165,8 @@ class RunningFrame:
         read = context.calls.store(context.store.scene, job.tenant, job.scene_id)
         counted = context.calls.store(context.store.frame_counts, job.id)
         scene, counts, _ = await asyncio.gather(read, counted, tidied)
-        asked = commands.Asked(sum(counts.values()), picture_only, self._wants_preview)
+        more = counts[FrameState.QUEUED.value] > 0
+        asked = commands.Asked(sum(counts.values()), more, picture_only, self._wants_preview)
         try:
             if scene is None:
                 raise Problem("internal", "The scene is not on the server any more; upload it again.")

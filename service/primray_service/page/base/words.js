@@ -1,5 +1,7 @@
 // The service's states, phases and problems in plain words, and what a person can do about each problem.
 
+import * as format from "./format.js";
+
 export const STATES = {
   queued: "waiting for its turn",
   preparing: "getting ready",
@@ -25,9 +27,18 @@ const PHASES = {
 
 export const stateWords = (state) => STATES[state] ?? state;
 
+// "waiting for its turn: 2nd of 5, starts in about 0:34"
+function placeWords(queue) {
+  if (!queue?.place) return stateWords("queued");
+  const start = queue.estimated_start_s;
+  const when = start === null ? "start not known yet" : start < 1 ? "starts now" : `starts in about ${format.duration(start)}`;
+  return `${stateWords("queued")}: place ${queue.place} of ${queue.waiting}, ${when}`;
+}
+
 export function phaseWords(job) {
   const phase = job.progress?.phase;
-  if (TERMINAL.has(job.state) || job.state === "queued" || job.state === "canceling") return stateWords(job.state);
+  if (job.state === "queued") return placeWords(job.queue);
+  if (TERMINAL.has(job.state) || job.state === "canceling") return stateWords(job.state);
   return PHASES[phase] ?? phase ?? stateWords(job.state);
 }
 

@@ -3,7 +3,7 @@
 // Whoever listens reads the job again on "open": nothing that happened in between is missed.
 
 const WAIT_S = [1, 2, 4, 8, 15];
-const TYPES = ["state", "progress", "preview", "frame", "warning", "end"];
+const TYPES = ["state", "progress", "preview", "frame", "warning", "queue", "end"];
 
 export function live(url, { onEvent, onOpen, onLost }) {
   let source = null;

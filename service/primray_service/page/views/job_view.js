@@ -189,6 +189,9 @@ export function jobView(root, [id]) {
       job = { ...job, progress: { ...job.progress, ...(data.progress ?? data) } };
       draw();
       loadCurve();
+    } else if (type === "queue" && job) {
+      job = { ...job, queue: data };
+      draw();
     } else if (type === "progress") soon();
     else refresh();
   }

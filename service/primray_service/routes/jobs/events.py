@@ -21,7 +21,7 @@ from ...changes import wait
 from ...http.answers import accepted, json_answer, json_bytes
 from ...http.callers import Reader, Serving
 from ...http.described import answer, described
-from ...jobs import TERMINAL, Event, Job
+from ...jobs import TERMINAL, Event, Job, JobState, Json
 from ...problems import Problem
 from ...service import Service
 from .jobs import JobId, found_shared
@@ -31,6 +31,7 @@ router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 HEARTBEAT_S = 10.0
 RETRY_MS = 2000  # before a browser comes back
 PAGE = 500
+PLACE_S = 1.0
 SHARED_S = 0.5  # streams of one job share what one of them read
 STREAM, PAGES = "text/event-stream", "application/json"
 
@@ -55,7 +56,8 @@ async def events(
     """What happened to a job, and what happens.
 
     `Accept: text/event-stream` (as EventSource sends it) gives a stream that goes on until the job ends; else there is a page
-    of the events so far. A comment comes every 10 seconds, so that a dead connection is noticed.
+    of the events so far. A comment comes every 10 seconds, so that a dead connection is noticed. While the job waits for its
+    turn, the stream has events `queue` without an id: the job's member of that name, when it has changed.
     """
     kind = accepted(request, PAGES, STREAM)
     seen = last_seen(request)
@@ -93,6 +95,7 @@ async def stream(service: Service, caller: Caller, job_id: str, after: int) -> A
     yield f"retry: {RETRY_MS}\n\n".encode()
     loop = asyncio.get_running_loop()
     spoke = loop.time()
+    told: Json | None = None  # of its place in the queue
     with service.changes.watching(job_id) as changed:
         while not service.changes.closing:
             rows = await read(service, job_id, after, PAGE)
@@ -104,10 +107,23 @@ async def stream(service: Service, caller: Caller, job_id: str, after: int) -> A
                 continue
             if await is_over(service, caller, job_id, after):
                 return
+            place = await place_of(service, caller, job_id)
+            if place is not None and place != told:
+                told, spoke = place, loop.time()
+                yield b"event: queue\ndata: %s\n\n" % json_bytes(place)
             if loop.time() - spoke >= HEARTBEAT_S:
                 spoke = loop.time()
                 yield b": alive\n\n"
             await wait(changed, HEARTBEAT_S)
+
+
+async def place_of(service: Service, caller: Caller, job_id: str) -> Json | None:
+    """What is told while it waits for its turn: an event without a number, since only the newest counts."""
+    job: Job = await found_shared(service, caller, job_id)
+    if job.state is not JobState.QUEUED:
+        return None
+    found = await service.reads.read(job_id, "place", lambda: service.places.of(job), age_s=PLACE_S)
+    return None if found is None or found["place"] is None else found
 
 
 async def is_over(service: Service, caller: Caller, job_id: str, after: int) -> bool:

@@ -16,7 +16,6 @@ from fastapi.concurrency import run_in_threadpool
 from ...access.auth import Caller
 from ...admission import changes_of
 from ...api import views
-from ...api.job_json import job_json
 from ...api.models import ContinueRequest, JobPatch
 from ...changes import wait
 from ...http.answers import ETAG, json_answer, json_bytes, none_match, not_modified
@@ -75,7 +74,7 @@ async def _shared(service: Service, caller: Caller, job_id: str) -> tuple[Job, b
 
     def load() -> tuple[Job, bytes] | None:
         job = service.store.job(job_id)
-        return None if job is None else (job, json_bytes(job_json(job)))
+        return None if job is None else (job, body_of(service, job))
 
     seen = await service.reads.read(job_id, "job", load) if _JOB_ID.fullmatch(job_id) else None
     if seen is None or seen[0].tenant != caller.tenant:
@@ -89,11 +88,16 @@ def prefer_wait(request: Request, limits: Limits) -> float | None:
     return None if match is None else min(float(match[1]), limits.wait_s)
 
 
-def job_answer(job: Job, status: int = 200, headers: dict[str, str] | None = None, body: bytes | None = None) -> Response:
+def job_answer(job: Job, body: bytes, status: int = 200, headers: dict[str, str] | None = None) -> Response:
     more = {"cache-control": "private, no-cache", "etag": etag(job), **(headers or {})}
     if job.state not in TERMINAL:
         more["retry-after"] = str(RETRY_AFTER_S)
-    return Response(body or json_bytes(job_json(job)), status, more, media_type="application/json")
+    return Response(body, status, more, media_type="application/json")
+
+
+def body_of(service: Service, job: Job) -> bytes:
+    """Blocks for the database: a job that waits says its place."""
+    return json_bytes(service.job_json(job))
 
 
 async def changed(service: Service, caller: Caller, job: Job, seconds: float, is_enough: Callable[[Job], bool]) -> Job:
@@ -141,7 +145,9 @@ def list_jobs(
         query += [("label", text) for text in label or ()] + ([] if scene is None else [("scene", scene)])
         query += [("limit", str(limit)), ("order", order), ("cursor", page.next_cursor)]
         headers["link"] = f'</v1/jobs?{urlencode(query)}>; rel="next"'
-    return json_answer({"items": [job_json(job) for job in page.items], "next_cursor": page.next_cursor}, headers=headers)
+    return json_answer(
+        {"items": [service.job_json(job) for job in page.items], "next_cursor": page.next_cursor}, headers=headers
+    )
 
 
 def split_label(text: str) -> tuple[str, str]:
@@ -175,10 +181,10 @@ async def show(job_id: JobId, request: Request, caller: Reader, service: Serving
         is_enough = (lambda now: has_ended(now) or none_match(request, etag(now))) if news else has_ended
         before = job
         job = await changed(service, caller, job, seconds, is_enough)
-        body = body if job is before else json_bytes(job_json(job))
+        body = body if job is before else await run_in_threadpool(body_of, service, job)
     if not none_match(request, etag(job)):
         return not_modified(etag(job), headers)
-    return job_answer(job, headers=headers, body=body)
+    return job_answer(job, body, headers=headers)
 
 
 @router.patch(
@@ -216,7 +222,7 @@ def change(
     except KeyError:
         raise no_job() from None
     service.dispatcher.wake()
-    return job_answer(job)
+    return job_answer(job, body_of(service, job))
 
 
 @router.post(
@@ -235,7 +241,7 @@ def cancel(job_id: JobId, request: Request, caller: Submitter, service: Serving)
     except Conflict:
         raise Problem("conflict", "The job has ended already, in another way.") from None
     service.dispatcher.wake()
-    return job_answer(job, 202)
+    return job_answer(job, body_of(service, job), 202)
 
 
 @router.post(
@@ -280,7 +286,7 @@ def go_on(
     except KeyError:
         raise no_job() from None
     service.dispatcher.wake()
-    return job_answer(job, 202, {"location": f"/v1/jobs/{job.id}"})
+    return job_answer(job, body_of(service, job), 202, {"location": f"/v1/jobs/{job.id}"})
 
 
 @router.delete(

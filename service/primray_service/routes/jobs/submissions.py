@@ -12,7 +12,6 @@ from fastapi.concurrency import run_in_threadpool
 from ...access.auth import Caller
 from ...admission import fingerprint, new_job
 from ...api import views
-from ...api.job_json import job_json
 from ...api.models import FormJob, JobRequest
 from ...http.answers import json_bytes
 from ...http.bodies import json_body, parsed
@@ -120,7 +119,7 @@ async def submit(request: Request, caller: Submitter, service: Serving) -> Respo
         headers["preference-applied"] = f"wait={seconds:g}"
         job = await changed(service, caller, job, seconds, has_ended)
     status = 200 if seconds is not None and job.state in TERMINAL else 202
-    return job_answer(job, status, headers, with_secret(job))
+    return job_answer(job, await run_in_threadpool(with_secret, service, job), status, headers)
 
 
 def is_form(request: Request) -> bool:
@@ -172,9 +171,9 @@ def create(service: Service, caller: Caller, asked: JobRequest, request: Request
     return job, is_new
 
 
-def with_secret(job: Job) -> bytes:
+def with_secret(service: Service, job: Job) -> bytes:
     """The job as always, but for the webhook's secret, which is shown to who makes it and never again."""
-    shown = job_json(job)
+    shown = service.job_json(job)
     if job.webhook is not None:
         shown["webhook"] = job.webhook
     return json_bytes(shown)

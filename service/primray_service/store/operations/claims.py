@@ -12,6 +12,7 @@ from sqlalchemy import Connection, Integer, Select, cast, func, literal, select,
 from ...ids import ulid
 from ...jobs import FrameState, JobState
 from ...limits import Quotas
+from ...waiting.order import Waiting, in_order
 from ..base import Claim
 from ..database import schema
 from ..database.engine import Database
@@ -140,11 +141,8 @@ class _Allowed:
         sums = select(jobs.c.tenant, func.count(), func.sum(jobs.c.frames_running)).where(IS_ACTIVE)
         found = db.execute(sums.group_by(jobs.c.tenant)).all()
         self._jobs = {tenant: int(number) for tenant, number, _ in found}
-        self._frames = {tenant: int(number) for tenant, _, number in found}
+        self.frames = {tenant: int(number) for tenant, _, number in found}  # that run
         self._out_of_time: dict[str, bool] = {}
-
-    def frames_of(self, tenant: str) -> int:
-        return self._frames.get(tenant, 0)
 
     def job_of(self, tenant: str, rank: int, oldest: str = "") -> str | None:
         """The job that it may go on with or begin: the oldest, or the oldest of those begun if it may begin no other."""
@@ -170,13 +168,12 @@ def _best(db: Connection, now: float, quotas_of: QuotasOf) -> str | None:
     """The job whose frame runs next."""
     allowed = _Allowed(db, now, quotas_of)
     for rank in _ranks(db):
-        of_tenants: dict[int, list[str]] = {}
-        for tenant, oldest in _tenants(db, rank):
-            job_id = allowed.job_of(tenant, rank, oldest)
-            if job_id is not None:
-                of_tenants.setdefault(allowed.frames_of(tenant), []).append(job_id)
-        if of_tenants:
-            fewest = of_tenants[min(of_tenants)]
-            oldest_first = select(jobs.c.id).where(jobs.c.id.in_(fewest)).order_by(jobs.c.created_at, jobs.c.id).limit(1)
-            return fewest[0] if len(fewest) == 1 else db.execute(oldest_first).scalar()
+        found = [allowed.job_of(tenant, rank, oldest) for tenant, oldest in _tenants(db, rank)]
+        candidates = [job_id for job_id in found if job_id is not None]
+        if len(candidates) == 1:
+            return candidates[0]
+        if candidates:
+            rows = db.execute(select(jobs.c.id, jobs.c.tenant, jobs.c.created_at).where(jobs.c.id.in_(candidates)))
+            waiting = [Waiting(job_id, tenant, -rank, created_at) for job_id, tenant, created_at in rows]
+            return in_order(waiting, allowed.frames)[0].job_id
     return None

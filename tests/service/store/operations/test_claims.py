@@ -13,6 +13,7 @@ from primray_service.jobs import FrameState, JobState
 from primray_service.limits import Quotas
 from primray_service.store import open_store
 from primray_service.store.base import Lost
+from primray_service.waiting.order import in_order
 
 from ..world import ANY, World, any_quotas, new_job, new_scene, scene_id
 
@@ -179,3 +180,24 @@ def test_a_dispatcher_that_lost_the_lease_in_between_claims_nothing(url: str, wo
         world.store.claim_frame(old, world.tick(), any_quotas)
     other.close()
     assert taken == [old + 1]
+
+
+def test_jobs_are_begun_in_the_order_that_clients_are_told(world: World):
+    """As `in_order` says at the beginning, with nothing ending meanwhile."""
+    for tenant, priority, frames in [("a", 50, 3), ("a", 50, 1), ("b", 50, 1), ("b", 90, 2), ("c", 10, 1), ("c", 50, 1)]:
+        world.job(tenant, frames=frames, priority=priority)
+    running = world.claim()
+    queue = world.store.queue(100)
+    assert [(job.id, frames) for job, frames in queue.active] == [(running.job.id, 1)]
+    assert [(job.frames, job.begun) for job in queue.waiting if job.job_id == running.job.id] == [(1, True)]
+    told = [job.job_id for job in in_order(queue.waiting, Counter({running.job.tenant: 1}))]
+    begun = [world.claim().job.id for _ in range(sum(job.frames for job in queue.waiting))]
+    assert list(dict.fromkeys(begun)) == told
+    assert world.store.queue(100).waiting == []
+    assert len(world.store.queue(100).active) == 6
+
+
+def test_a_long_queue_is_read_in_part(world: World):
+    low = [world.job(priority=10) for _ in range(2)]
+    high = world.job(priority=90)
+    assert [job.job_id for job in world.store.queue(2).waiting] == [high.id, low[0].id]

@@ -1,0 +1,90 @@
+"""A worker on this machine: a process in a slot of its own, which waits for a chunk, and maybe for more of the same group."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..limits import Limits
+from ..sandbox import Budget, worker_spawn
+from ..sandbox.spawn import WORKER
+from .base import Chunk
+from .process import WorkerProcess
+from .slots import Slot, fill, take_out
+
+KINDS = ("render", "check")
+READY = b'{"at": "ready"}'
+
+
+@dataclass(frozen=True)
+class Walls:
+    """How workers are started: `layers` of the sandbox (None: all that stand here), and what program they are."""
+
+    layers: frozenset[str] | None = None
+    program: Sequence[str] = WORKER
+
+
+class Worker:
+    """`group`: of the chunks that it has run, "" before the first; its files are theirs, so it runs no others."""
+
+    def __init__(self, kind: str, slot: Slot, memory_bytes: int, threads: int, limits: Limits, walls: Walls) -> None:
+        self.slot = slot
+        self.memory_bytes = memory_bytes
+        self.group = ""
+        self.chunks = 0  # that it was given
+        self._released = 0  # whose files are not wanted any more
+        self._logs = 0
+        self._inputs: Mapping[str, Path] = {}
+        self._folders: Mapping[str, Path] = {}
+        budget = Budget(memory_bytes, threads, limits.output_bytes)
+        spawn = worker_spawn(slot.root, budget, (*walls.program, kind), walls.layers)
+        self.wrapped = spawn.wrapped
+        self.ready = asyncio.Event()  # once for all its chunks
+        self.process = WorkerProcess(spawn, slot.log, limits.log_bytes, self._on_line)
+
+    def _on_line(self, line: bytes) -> None:
+        """Before it has a chunk; what it printed until it was ready is of no use to whoever reads a chunk's log."""
+        if line == READY:
+            self.is_ready()
+
+    def is_ready(self) -> None:
+        self.ready.set()
+        self.process.begin_log()
+
+    async def is_ready_within(self, seconds: float) -> bool:
+        """Or has ended before."""
+        waited: set[asyncio.Future[Any]] = {asyncio.ensure_future(self.ready.wait()), self.process.exit}
+        await asyncio.wait(waited, timeout=seconds, return_when=asyncio.FIRST_COMPLETED)
+        for future in waited - {self.process.exit}:
+            future.cancel()
+        return self.ready.is_set()
+
+    def begin(self, chunk: Chunk) -> None:
+        """From now on it is this chunk's."""
+        self.group = chunk.group
+        self.chunks += 1
+
+    def put_files(self, chunk: Chunk) -> None:
+        """Those of the chunk that are not there yet; blocks. What only an earlier one had goes."""
+        take_out(self.slot.job, [name for name, path in self._inputs.items() if chunk.inputs.get(name) != path])
+        inputs = {name: path for name, path in chunk.inputs.items() if self._inputs.get(name) != path}
+        folders = {name: path for name, path in chunk.folders.items() if self._folders.get(name) != path}
+        self._inputs, self._folders = dict(chunk.inputs), {**self._folders, **chunk.folders}
+        fill(self.slot.job, inputs, folders)
+
+    def next_log(self) -> Path:
+        """The log of what ran until now, which is whole; what is printed from now on goes into another."""
+        self._logs += 1
+        return self.process.change_log(self.slot.root / f"log-{self._logs}.txt")
+
+    def release(self) -> None:
+        """The files of one of its chunks are not wanted any more."""
+        self._released += 1
+        self.remove_if_over()
+
+    def remove_if_over(self) -> None:
+        if self._released == self.chunks and self.process.exit.done():
+            asyncio.get_running_loop().run_in_executor(None, self.slot.remove)

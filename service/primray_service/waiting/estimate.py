@@ -1,0 +1,50 @@
+"""Where a job stands in the queue, and when its first frame begins. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from .order import Waiting
+
+
+@dataclass(frozen=True)
+class Active:
+    """A job of which frames run; `left_s`: until it is done, waiting frames with it, None if that is not known."""
+
+    priority: int
+    frames_running: int
+    left_s: float | None
+
+
+@dataclass(frozen=True)
+class Place:
+    place: int  # 1: it is begun next, of those that are not
+    frames_ahead: int  # that run or will be claimed before its first
+    start_s: float | None  # seconds from now; None: unknown
+
+
+def places(
+    order: Sequence[Waiting], active: Sequence[Active], slots: int, seconds_of: Callable[[Waiting], float | None]
+) -> Mapping[str, Place]:
+    """Of jobs that are not begun. What has a lower priority gives way, so it is not waited for."""
+    found: dict[str, Place] = {}
+    claimed = 0
+    ahead_s: float | None = 0.0  # slot seconds of jobs that are not begun
+    for job in order:
+        if not job.begun:
+            before = [other for other in active if other.priority >= job.priority]
+            ahead = sum(other.frames_running for other in before) + claimed
+            found[job.job_id] = Place(len(found) + 1, ahead, _start_s(before, ahead_s, ahead, slots))
+            each = seconds_of(job)
+            ahead_s = None if each is None or ahead_s is None else ahead_s + job.frames * each
+        claimed += job.frames
+    return found
+
+
+def _start_s(active: Sequence[Active], ahead_s: float | None, frames_ahead: int, slots: int) -> float | None:
+    if frames_ahead < slots:
+        return 0.0
+    left = [None if job.left_s is None else job.left_s * job.frames_running for job in active]
+    known = [seconds for seconds in (*left, ahead_s) if seconds is not None]
+    return sum(known) / slots if len(known) == len(left) + 1 else None

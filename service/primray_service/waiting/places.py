@@ -1,0 +1,72 @@
+"""What clients are told of a waiting job's turn: one look at the queue serves all who ask within a moment."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+
+from ..jobs import Job, JobState, Json
+from ..store.base import Store
+from .estimate import Active, Place, places
+from .order import in_order
+from .rates import Rates
+
+MOST = 10_000  # waiting jobs that have a place; those behind them have none yet
+GOOD_FOR_S = 0.5
+
+
+@dataclass(frozen=True)
+class _Seen:
+    at: float = float("-inf")  # by the clock that jobs are queued by
+    places: Mapping[str, Place] = field(default_factory=dict)
+
+
+class Places:
+    """May be used from any thread; blocks for the database."""
+
+    def __init__(self, store: Store, slots: int, rates: Rates) -> None:
+        self._store = store
+        self._slots = slots
+        self._rates = rates
+        self._seen = _Seen()
+        self._lock = threading.Lock()
+
+    def of(self, job: Job) -> Json | None:
+        """None unless it waits for its turn; its members are null as long as they are not known."""
+        if job.state != JobState.QUEUED:
+            return None
+        with self._lock:
+            now = time.time()
+            if not self._seen.at <= now < self._seen.at + GOOD_FOR_S or self._seen.at <= job.queued_at:
+                self._seen = _Seen(now, self._look(now))
+            found = self._seen.places.get(job.id)
+        waiting = len(self._seen.places)
+        if found is None:  # its scene is being checked, or it has just been begun
+            return {"place": None, "waiting": waiting, "frames_ahead": None, "estimated_start_s": None}
+        start_s = None if found.start_s is None else round(found.start_s, 1)
+        return {
+            "place": found.place,
+            "waiting": waiting,
+            "frames_ahead": found.frames_ahead,
+            "estimated_start_s": start_s,
+        }
+
+    def _look(self, now: float) -> Mapping[str, Place]:
+        queue = self._store.queue(MOST)
+        running: Counter[str] = Counter()
+        for job, frames in queue.active:
+            running[job.tenant] += frames
+        active = [Active(job.priority, frames, _left_s(job, now)) for job, frames in queue.active]
+        return places(in_order(queue.waiting, running), active, self._slots, lambda job: self._rates.of(job.work))
+
+
+def _left_s(job: Job, now: float) -> float | None:
+    """As its last report said, which is some seconds old."""
+    eta_s, told = job.progress.get("eta_s"), job.progress.get("updated_at")
+    if eta_s is None or told is None:
+        return None
+    return max(float(eta_s) - max(now - datetime.fromisoformat(told).timestamp(), 0.0), 0.0)
