@@ -36,6 +36,7 @@ from .lights.default_light import default_lights
 from .lights.light_links import Links, find_links
 from .lights.portals import note_unnamed_portals
 from .materials.primvars_read import primvars_read
+from .opening.file_names import file_names
 from .opening.stage import usd_messages
 from .opening.stage_metadata import meters_per_unit, up_axis
 from .querying.cameras import cameras_of
@@ -101,7 +102,7 @@ class _Scene:
 
 def translate(stage: Usd.Stage, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
     """What `settings` asks to render of the stage, and everything that the picture will not show as authored."""
-    diagnostics = Diagnostics()
+    diagnostics = Diagnostics(file_names(stage).in_text)
     names: dict[str, str] = {}
     with usd_messages(diagnostics), _without_collection():
         description = _translate(stage, settings, diagnostics, names)

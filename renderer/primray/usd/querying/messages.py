@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -10,13 +11,16 @@ from pxr import Tf
 
 from ...errors import InvalidSceneError
 
+_BREAK = re.compile(r"\s*\n\s*([;,.]?)")  # USD quotes errors that end their line in the middle of a sentence
+
 
 def error_text(message: Any, field: str = "") -> str:
-    """The text of one of USD's messages or of its `field`, with bytes that are not UTF-8 replaced."""
+    """The text of one of USD's messages or of its `field`, on one line, with bytes that are not UTF-8 replaced."""
     try:
-        return str(getattr(message, field) if field else message)
+        text = str(getattr(message, field) if field else message)
     except UnicodeDecodeError as error:
-        return error.object.decode("utf-8", "replace")
+        text = error.object.decode("utf-8", "replace")
+    return _BREAK.sub(lambda found: found[1] or " ", text.strip())
 
 
 def tf_message(error: Tf.ErrorException) -> str:
