@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from ..sandbox import enter, limit_cpu_of_phase
 from .channel import Channel, claim_stdout
+from .client_text import ClientText
 from .warm import warm_up
 
 if TYPE_CHECKING:
@@ -30,7 +31,8 @@ def main(arguments: list[str]) -> None:
     messages = claim_stdout()
     give_way(NICE[kind])
     entered = enter((messages.fileno(),))
-    channel = Channel(os.fdopen(0, "rb", closefd=False), messages)
+    text = ClientText(entered.job, entered.out)
+    channel = Channel(os.fdopen(0, "rb", closefd=False), messages, text)
     channel.start()
     warm_up(kind, entered.out / "tmp")
     channel.send("ready")
@@ -41,9 +43,9 @@ def main(arguments: list[str]) -> None:
         from .failures import is_expected, problem_of_error
 
         if is_expected(error):
-            print(error, file=sys.stderr, flush=True)
+            print(text.in_text(str(error)), file=sys.stderr, flush=True)
         else:
-            traceback.print_exc()
+            print(text.in_text(traceback.format_exc()), end="", file=sys.stderr, flush=True)
         channel.leave("failed", problem=problem_of_error(error, str(entered.job)).as_json())
 
 

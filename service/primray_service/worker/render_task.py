@@ -7,6 +7,7 @@ frame's pixels are does not depend on how often that happened.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -57,14 +58,15 @@ def render_frame(command: Mapping[str, Any], job: Path, out: Path, channel: Chan
         channel.leave("done", outputs=[], report={"interrupted": True, "samples": 0})
     phases("write")
     files = command.get("outputs") or DEFAULT_NAMES
-    report = write_pictures(picture_of(prepared, sampling, costs, diagnostics), files, out)
+    image = picture_of(prepared, sampling, costs, diagnostics)
+    report = write_pictures(replace(image, metadata=channel.text.in_json(image.metadata)), files, out)
     saver.wait()
     report["checkpoint"] = saver.as_json() | {"file": f"checkpoint-{numbers.number}.prc"}
     if report["checkpoint"]["failed"]:
         diagnostics.add("checkpoint-unwritten", "", report["checkpoint"]["failed"])
     warned.send(diagnostics)
     report["diagnostics"] = [diagnostic.as_json() for diagnostic in diagnostics]
-    write_report(report, files, out)
+    write_report(channel.text.in_json(report), files, out)
     channel.leave("done", outputs=[described(out / file) for file in files], report=to_send(report, REPORT_BYTES))
 
 

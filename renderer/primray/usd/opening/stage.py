@@ -159,7 +159,7 @@ def _session_layers(base: Usd.Stage | None, composition: Composition) -> list[st
     """Identifiers, strongest first, of what stands in the session."""
     found = []
     if composition.session_layer is not None:
-        found.append(_layer(composition.session_layer).identifier)
+        found.append(open_layer(composition.session_layer).identifier)
     if base is not None:
         found.append(base.GetSessionLayer().identifier)
     return found
@@ -168,12 +168,13 @@ def _session_layers(base: Usd.Stage | None, composition: Composition) -> list[st
 def _root_layer(path: str) -> Sdf.Layer:
     if not os.path.exists(path) and "[" not in path and "://" not in path:
         raise StageOpenError("There is no such file.", where=path)
-    return _layer(path)
+    return open_layer(path)
 
 
-def _layer(path: str) -> Sdf.Layer:
+def open_layer(path: str, opened: Callable[[str], Sdf.Layer | None] = Sdf.Layer.FindOrOpen) -> Sdf.Layer:
+    """StageOpenError with what USD says of it, or of what the file is."""
     try:
-        layer = Sdf.Layer.FindOrOpen(path)
+        layer = opened(path)
     except Tf.ErrorException as error:
         _check_pointer(path)
         raise StageOpenError(f"USD cannot open it: {tf_message(error)}", where=path) from None

@@ -24,9 +24,10 @@ def error_text(message: Any, field: str = "") -> str:
 
 
 def tf_message(error: Tf.ErrorException) -> str:
-    """What went wrong, without USD's source locations."""
+    """What went wrong, without USD's source locations; what one of its sentences has from another is told once."""
     texts = [error_text(part, "commentary" if hasattr(type(part), "commentary") else "") for part in error.args]
-    return "; ".join(dict.fromkeys(text.strip() for text in texts)) or "unknown USD error"
+    told = [text for text in dict.fromkeys(texts) if not any(text in other for other in texts if other != text)]
+    return "; ".join(told) or "unknown USD error"
 
 
 @contextmanager

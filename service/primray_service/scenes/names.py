@@ -1,0 +1,20 @@
+"""What a scene is called: by people, and as a file where its messages name it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import PurePosixPath
+
+MOST_CHARS = 120
+# No separators, nothing that USD reads in a path (@, brackets, colons, quotes), nothing hidden.
+_PLAIN = re.compile(r"[^\W_][^/\\\x00-\x1f\x7f@<>\[\]\"'`:${}]*")
+_SUFFIXES = {"usda": (".usda", ".usd"), "usdc": (".usdc", ".usd"), "usdz": (".usdz",)}
+
+
+def file_name(name: str, kind: str) -> str:
+    """A plain file name for a scene that was sent as `name`: that, with a suffix of its kind; scene.KIND where it is none."""
+    path = PurePosixPath(name.replace("\\", "/"))
+    stem = path.stem if path.suffix.lower() in (".usda", ".usdc", ".usdz", ".usd", ".zip") else path.name
+    if len(stem.encode()) > MOST_CHARS or not _PLAIN.fullmatch(stem):
+        return f"scene.{kind}"
+    return f"{stem}{path.suffix if path.suffix in _SUFFIXES[kind] else f'.{kind}'}"
