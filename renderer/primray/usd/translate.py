@@ -123,7 +123,7 @@ def _without_collection() -> Iterator[None]:
 
 def _with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
     """The same, with paths into prototypes replaced by those of their first instances."""
-    shown = Diagnostics()
+    shown = Diagnostics(diagnostics.shown)
     for d in diagnostics:
         path, message = (_PROTOTYPE.sub(lambda m: names.get(m[0], m[0]), text) for text in (d.prim_path, d.message))
         shown.add(d.code, path, message, d.attribute)
