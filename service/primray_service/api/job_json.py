@@ -36,6 +36,7 @@ def job_json(job: Job) -> Json:
     return {
         "id": job.id,
         "object": "job",
+        "name": job.name,
         "state": job.state.value,
         "attempt": job.attempt,
         "priority": job.priority,

@@ -52,6 +52,7 @@ def block(job: Job, outputs: Sequence[Output]) -> list[str]:
     running.append(f"{seconds_text(progress.eta_s)} to go" if progress.eta_s and not job.is_terminal else "")
     lines = [
         ("job", job.id),
+        ("name", job.name or ""),
         ("state", job.state + (f", attempt {job.attempt}" if job.attempt > 1 else "")),
         ("progress", ", ".join(filter(None, running))),
         ("samples", f"{progress.samples_done:.0f} a pixel" if progress.samples_done else ""),
@@ -101,7 +102,7 @@ def _time(moment: datetime | None) -> str:
 
 def table(jobs: Sequence[Job]) -> list[str]:
     """A line a job, under a heading."""
-    rows = [("JOB", "STATE", "DONE", "FRAMES", "ERROR", "TARGET", "ETA", "AGE", "LABELS"), *map(_row, jobs)]
+    rows = [("JOB", "STATE", "DONE", "FRAMES", "ERROR", "TARGET", "ETA", "AGE", "NAME", "LABELS"), *map(_row, jobs)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
@@ -117,5 +118,6 @@ def _row(job: Job) -> tuple[str, ...]:
         f"{error.target:.3g}" if error and error.target is not None else "",
         seconds_text(progress.eta_s) if progress.eta_s and not job.is_terminal else "",
         seconds_text((datetime.now(UTC) - job.created_at).total_seconds()),
+        plain(job.name or ""),
         plain(" ".join(f"{name}={value}" for name, value in sorted(job.labels.items()))),
     )
