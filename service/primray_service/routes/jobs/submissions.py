@@ -158,7 +158,8 @@ def create(service: Service, caller: Caller, asked: JobRequest, request: Request
     if scene is None:
         raise no_scene()
     if job.name is None:
-        job = replace(job, name=job_name(scene.name, job.entry, asked.settings.camera, asked.settings.frames))
+        made = job_name(scene.name, job.entry, asked.settings.camera, asked.settings.frames)
+        job = replace(job, name=job.labels.get("name") or made)  # the label was the name before there was one
     if asked.webhook is not None:
         job = replace(job, webhook=accepted_webhook(asked.webhook, service.config))
     if scene.state is SceneState.READY:  # else the job says so, once it is known

@@ -54,9 +54,10 @@ def test_jobs_have_names(client, scene):
     assert post(client, scene, {"name": "Shot 010, take 2 ☂"}).json()["name"] == "Shot 010, take 2 ☂"
     named = post(client, scene, {"settings": {**QUICK, "camera": "/w/cam", "frames": "1-4"}}).json()
     assert named["name"] == "scene cam 1-4"
+    assert post(client, scene, {"labels": {"name": "by its label"}}).json()["name"] == "by its label"
     here = f"/v1/jobs/{named['id']}"
     assert client.patch(here, json={"name": "other"}).json()["name"] == client.get(here).json()["name"] == "other"
-    assert [job["name"] for job in client.get("/v1/jobs?limit=1").json()["items"]] == ["other"]
+    assert [job["name"] for job in client.get("/v1/jobs?limit=2").json()["items"]] == ["by its label", "other"]
     for bad in ("", "x" * 256, "a\nb", "a\x7fb", 3):
         assert problem(post(client, scene, {"name": bad}), 422, "invalid-request")["member"] == "name"
         problem(client.patch(here, json={"name": bad}), 422, "invalid-request")
