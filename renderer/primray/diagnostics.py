@@ -5,7 +5,7 @@ The codes are in diagnostic_codes.py.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 from .diagnostic_codes import CODES, Severity
@@ -44,12 +44,20 @@ class Diagnostic:
 class Diagnostics:
     """An ordered collection of diagnostics; a code repeated on one prim with the same message is kept once."""
 
-    def __init__(self) -> None:
+    def __init__(self, shown: Callable[[str], str] | None = None) -> None:
         self._seen: dict[Diagnostic, None] = {}
+        self._shown = shown
+
+    def name_files(self, shown: Callable[[str], str]) -> None:
+        """From now on messages are told as `shown` makes them: with the user's names of files."""
+        self._shown = shown
+
+    def shown(self, message: str) -> str:
+        return message if self._shown is None else self._shown(message)
 
     def add(self, code: str, prim_path: str, message: str, attribute: str = "") -> None:
         """Record one; KeyError if the code is not in `CODES`."""
-        self._seen.setdefault(Diagnostic(CODES[code].severity, code, prim_path, message, attribute))
+        self._seen.setdefault(Diagnostic(CODES[code].severity, code, prim_path, self.shown(message), attribute))
 
     def extend(self, others: Iterable[Diagnostic]) -> None:
         for diagnostic in others:

@@ -72,6 +72,7 @@ def new_job(
         ttl_s=ttl_s,
         priority=request.priority,
         labels=request.labels,
+        name=request.name,
         webhook=None if request.webhook is None else request.webhook.model_dump(mode="json"),
         progress=first_progress(len(times)),
         request_id=request_id,
@@ -222,5 +223,8 @@ def changes_of(patch: JobPatch, limits: Limits) -> Json:
 
 def fingerprint(request: JobRequest) -> str:
     """The same for requests that ask for the same, however their JSON is written."""
-    text = json.dumps(request.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
+    said = request.model_dump(mode="json")
+    if request.name is None:  # as requests were before jobs had names, whose keys may come again
+        del said["name"]
+    text = json.dumps(said, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()

@@ -84,8 +84,8 @@ class Job:
     """A job's row. Times are seconds since 1970 UTC.
 
     Two counters: `revision` grows with every commit that changes anything of the job (progress, a frame, an event), `version`
-    only when its state, attempt, priority, labels or ttl_s change. `etag` holds both. What a client read is stale when the
-    whole tag differs (If-None-Match, 304); what it is about to change is another's when `version` differs (If-Match, 412):
+    only when its state, attempt, priority, name, labels or ttl_s change. `etag` holds both. What a client read is stale when
+    the whole tag differs (If-None-Match, 304); what it is about to change is another's when `version` differs (If-Match, 412):
     a render that makes progress twice a second would otherwise never let anybody change its priority.
     """
 
@@ -115,6 +115,7 @@ class Job:
     usage: Json = field(default_factory=dict)
     request_id: str = ""
     traceparent: str = ""
+    name: str | None = None  # None: it was made before jobs had names
 
 
 @dataclass(frozen=True)

@@ -68,6 +68,7 @@ def prepare(
 
     with costs.stage("translate"):
         description, translating = usd.translate(stage, settings)
+        diagnostics.name_files(translating.shown)
         diagnostics.extend([*opening, *translating])
         description, textures = load_textures(description, diagnostics, usd.read_asset, settings.default_wrap)
         if settings.strict:

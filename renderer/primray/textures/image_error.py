@@ -6,8 +6,8 @@ from typing import Any
 
 
 def last_error(source: Any) -> str:
-    """Of OpenImageIO itself or one of its objects; forgotten there afterwards."""
+    """Of OpenImageIO itself or one of its objects, on one line; forgotten there afterwards."""
     try:
-        return str(source.geterror()).strip()
+        return "; ".join(map(str.strip, str(source.geterror()).strip().splitlines()))
     except UnicodeDecodeError:
         return "its header holds bytes that are no text"

@@ -111,6 +111,7 @@ def _loaded(path: str, shown: str, file: TextureFile, wanted: frozenset[str], un
     try:
         return _load(path, shown, file, wanted, unsaid)
     except AssetError as error:
+        error.message = error.message.replace(path, shown)
         if not is_pointer_file(path):
             raise
         raise AssetError(f"the texture cannot be read: {WHAT_IT_IS}", where=shown, code="texture-unreadable") from error

@@ -43,10 +43,7 @@ def load_texture_set(
 
     def load(job: tuple[TextureFile, int, str]) -> Texture | AssetError | LimitError:
         file, _, path = job
-        try:
-            return load_texture(file, read, path=path, channels=frozenset(uses[file].channels), unsaid=unsaid)
-        except (AssetError, LimitError) as error:
-            return error
+        return _loaded(file, path, uses[file], read, unsaid)
 
     found: TextureSet = {}
     with ThreadPoolExecutor(min(THREADS, len(os.sched_getaffinity(0)))) as threads:
@@ -56,6 +53,26 @@ def load_texture_set(
             else:
                 _note_unreadable(loaded, uses[file], diagnostics)
     return found | {file: found[other] for file, other in same.items() if other in found}
+
+
+def note_unreadable(
+    description: SceneDescription, unreadable: set[str], diagnostics: Diagnostics, read: ReadAsset | None
+) -> None:
+    """What loading them would say of these paths, whose headers could not be read."""
+    uses = _uses(description)
+    for file in uses:
+        for _, path in _images(file):
+            if path in unreadable and not isinstance(error := _loaded(file, path, uses[file], read), Texture):
+                _note_unreadable(error, uses[file], diagnostics)
+
+
+def _loaded(
+    file: TextureFile, path: str, use: _Use, read: ReadAsset | None, unsaid: Wrap = Wrap.BLACK
+) -> Texture | AssetError | LimitError:
+    try:
+        return load_texture(file, read, path=path, channels=frozenset(use.channels), unsaid=unsaid)
+    except (AssetError, LimitError) as error:
+        return error
 
 
 def _uses(description: SceneDescription) -> dict[TextureFile, _Use]:

@@ -36,6 +36,7 @@ from .lights.default_light import default_lights
 from .lights.light_links import Links, find_links
 from .lights.portals import note_unnamed_portals
 from .materials.primvars_read import primvars_read
+from .opening.file_names import file_names
 from .opening.stage import usd_messages
 from .opening.stage_metadata import meters_per_unit, up_axis
 from .querying.cameras import cameras_of
@@ -102,7 +103,7 @@ class _Scene:
 
 def translate(stage: Usd.Stage, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
     """What `settings` asks to render of the stage, and everything that the picture will not show as authored."""
-    diagnostics = Diagnostics()
+    diagnostics = Diagnostics(file_names(stage).in_text)
     names: dict[str, str] = {}
     with usd_messages(diagnostics), _without_collection():
         description = _translate(stage, settings, diagnostics, names)
@@ -123,7 +124,7 @@ def _without_collection() -> Iterator[None]:
 
 def _with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
     """The same, with paths into prototypes replaced by those of their first instances."""
-    shown = Diagnostics()
+    shown = Diagnostics(diagnostics.shown)
     for d in diagnostics:
         path, message = (_PROTOTYPE.sub(lambda m: names.get(m[0], m[0]), text) for text in (d.prim_path, d.message))
         shown.add(d.code, path, message, d.attribute)

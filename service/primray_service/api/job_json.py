@@ -37,6 +37,7 @@ def job_json(job: Job, queue: Json | None = None) -> Json:
     return {
         "id": job.id,
         "object": "job",
+        "name": job.name,
         "state": job.state.value,
         "attempt": job.attempt,
         "priority": job.priority,

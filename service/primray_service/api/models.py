@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 Fraction = Annotated[float, Field(ge=0, le=1)]
+Name = Annotated[str, Field(min_length=1, max_length=255, pattern=r"^[^\x00-\x1f\x7f]+$")]
 
 
 class Sent(BaseModel):
@@ -81,6 +82,7 @@ class Webhook(Sent):
 class JobRequest(Sent):
     scene: SceneReference
     settings: Settings = Settings()
+    name: Name | None = Field(None, description="To recognise it by; not given: the scene's, its camera and frames.")
     priority: int = Field(50, ge=0, le=100, description="Larger goes first.")
     labels: dict[str, str] = Field(default={}, description="To find jobs by.")
     ttl_s: float | None = Field(
@@ -100,6 +102,7 @@ class FormJob(Sent):
 
     scene: SceneOfForm = SceneOfForm()
     settings: Settings = Settings()
+    name: Name | None = Field(None, description="To recognise it by; not given: the scene's, its camera and frames.")
     priority: int = Field(50, ge=0, le=100, description="Larger goes first.")
     labels: dict[str, str] = Field(default={}, description="To find jobs by.")
     ttl_s: float | None = Field(None, gt=0, description="As in JobRequest.")
@@ -109,6 +112,7 @@ class FormJob(Sent):
         return JobRequest(
             scene=SceneReference(id=scene_id, entry=self.scene.entry),
             settings=self.settings,
+            name=self.name,
             priority=self.priority,
             labels=self.labels,
             ttl_s=self.ttl_s,
@@ -119,6 +123,7 @@ class FormJob(Sent):
 class JobPatch(Sent):
     """Only what is to change."""
 
+    name: Name = Field("", description="Instead of the one that there was.")
     priority: int = Field(50, ge=0, le=100)
     labels: dict[str, str] = Field(default={}, description="Instead of all labels that there were.")
     ttl_s: float | None = Field(None, gt=0, description="null: this server's default.")

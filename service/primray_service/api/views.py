@@ -113,6 +113,7 @@ class WebhookOfJob(View):
 class Job(View):
     id: str = Field(pattern="^job_[0-9A-HJKMNP-TV-Z]{26}$")
     object: Literal["job"]
+    name: str | None = Field(description="As given, or the scene's, its camera and frames; null: of before jobs had names.")
     state: JobState
     attempt: int = Field(ge=1, description="Grows when the job goes on by `continue`.")
     priority: int

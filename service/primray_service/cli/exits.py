@@ -38,7 +38,7 @@ _EXITS = {
 }
 
 # Members of a problem document that say where it is.
-_PLACES = ("member", "layer", "line", "prim", "asset_path", "entry", "limit", "count", "signal")
+_PLACES = ("member", "layer", "line", "column", "prim", "asset_path", "entry", "limit", "count", "signal")
 
 
 class CommandError(PrimrayError):
@@ -55,7 +55,8 @@ def error_of(document: Mapping[str, Any], advice: str = "") -> CommandError:
     if isinstance(candidates, list):
         message += f" ({', '.join(map(str, candidates))}: choose by --entry)"
     places = [f"{name.replace('_', ' ')} {document[name]}" for name in _PLACES if document.get(name) not in (None, "")]
-    return CommandError(slug, f"{message}{advice}", _EXITS.get(slug, FAILED), where=", ".join(places))
+    code = str(document.get("code") or slug)  # the renderer's, where it is the renderer's error: as `primray render` says
+    return CommandError(code, f"{message}{advice}", _EXITS.get(slug, FAILED), where=", ".join(places))
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from primray.cli.json_lines import print_line
 
-from .job_text import error_text, frames_text, place_text, plain, seconds_text
+from .job_text import error_text, frames_text, place_text, plain, print_warnings, seconds_text
 
 if TYPE_CHECKING:
     from ..client import Client, Event, Job, Progress
@@ -47,8 +47,7 @@ def follow(client: Client, job: Job, as_json: bool) -> Job:
 def _say(event: Event) -> None:
     warning = event.data.get("warning", event.data)
     if isinstance(warning, dict):
-        place = f" [{plain(warning['prim'])}]" if warning.get("prim") else ""
-        print(f"warning: {plain(warning.get('code', ''))}: {plain(warning.get('detail', ''))}{place}", file=sys.stderr)
+        print_warnings([warning])
 
 
 @contextmanager

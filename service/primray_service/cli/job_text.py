@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
+
+from primray.diagnostic_codes import CODES
+from primray.notices.diagnostics_text import diagnostics_lines
+
+from .exits import error_of
 
 if TYPE_CHECKING:
     from ..client import Job, Output, Progress, QueuePlace
@@ -55,6 +61,7 @@ def block(job: Job, outputs: Sequence[Output]) -> list[str]:
     running.append(f"{seconds_text(progress.eta_s)} to go" if progress.eta_s and not job.is_terminal else "")
     lines = [
         ("job", job.id),
+        ("name", job.name or ""),
         ("state", job.state + (f", attempt {job.attempt}" if job.attempt > 1 else "")),
         ("queue", place_text(job.queue)),
         ("progress", ", ".join(filter(None, running))),
@@ -68,17 +75,35 @@ def block(job: Job, outputs: Sequence[Output]) -> list[str]:
         ("expires", _time(job.expires_at)),
         ("cpu", f"{job.usage['cpu_s']:.1f} s" if job.usage.get("cpu_s") else ""),
     ]
-    lines += [("warning", _warning(warning)) for warning in job.warnings]
     if job.error is not None:
-        lines.append(("error", f"{str(job.error.get('type', '')).removeprefix('/problems/')}: {job.error.get('detail', '')}"))
+        lines.append(("error", str(error_of(job.error))))
     lines += [("output", f"{output.name}  {output.bytes:,} bytes") for output in outputs]
-    return [f"{name:9} {plain(text)}" for name, text in lines if text]
+    return [f"{name:9} {plain(text)}" for name, text in lines if text] + warning_lines(job.warnings)
 
 
-def _warning(warning: dict[str, object]) -> str:
-    place = f" [{warning['prim']}]" if warning.get("prim") else ""
-    attribute = f"{warning['attribute']}: " if warning.get("attribute") else ""
-    return f"{warning.get('code', '')}: {attribute}{warning.get('detail', '')}{place}"
+def warning_lines(warnings: Iterable[Mapping[str, object]]) -> list[str]:
+    """The words of `primray render` for the same diagnostics, grouped as there."""
+    return [plain(line) for line in diagnostics_lines(map(_row_of, warnings))]
+
+
+def print_warnings(warnings: Iterable[Mapping[str, object]]) -> None:
+    for line in warning_lines(warnings):
+        print(line, file=sys.stderr)
+
+
+def _row_of(warning: Mapping[str, object]) -> dict[str, str]:
+    """A warning of the API in the form of a report's diagnostics; what an old server leaves out is the table's."""
+    code = str(warning.get("code", ""))
+    known = CODES.get(code)
+    severity = warning.get("severity") or (known.severity.value if known else "warning")
+    return {
+        "severity": str(severity) if severity in ("error", "warning", "info") else "warning",
+        "kind": str(warning.get("kind") or (known.kind.value if known else "")),
+        "code": code,
+        "prim_path": str(warning.get("prim") or ""),
+        "attribute": str(warning.get("attribute") or ""),
+        "message": str(warning.get("detail", "")),
+    }
 
 
 def _time(moment: datetime | None) -> str:
@@ -87,7 +112,7 @@ def _time(moment: datetime | None) -> str:
 
 def table(jobs: Sequence[Job]) -> list[str]:
     """A line a job, under a heading."""
-    rows = [("JOB", "STATE", "DONE", "FRAMES", "ERROR", "TARGET", "ETA", "AGE", "LABELS"), *map(_row, jobs)]
+    rows = [("JOB", "STATE", "DONE", "FRAMES", "ERROR", "TARGET", "ETA", "AGE", "NAME", "LABELS"), *map(_row, jobs)]
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
@@ -103,5 +128,6 @@ def _row(job: Job) -> tuple[str, ...]:
         f"{error.target:.3g}" if error and error.target is not None else "",
         seconds_text(progress.eta_s) if progress.eta_s and not job.is_terminal else "",
         seconds_text((datetime.now(UTC) - job.created_at).total_seconds()),
+        plain(job.name or ""),
         plain(" ".join(f"{name}={value}" for name, value in sorted(job.labels.items()))),
     )

@@ -65,7 +65,8 @@ def submit(
         str | None, typer.Option(metavar="LAYER", help="The root layer in a zip that has several.", show_default=False)
     ] = None,
     name: Annotated[
-        str | None, typer.Option(metavar="TEXT", help="The scene's name, and a label.", show_default="the file's")
+        str | None,
+        typer.Option(metavar="TEXT", help="The job's name; a label too.", show_default="the file's, camera, frames"),
     ] = None,
     priority: Annotated[int | None, typer.Option(metavar="N", help="0 to 100, larger goes first.", show_default="50")] = None,
     label: Labels = None,
@@ -114,11 +115,12 @@ def submit(
     }
     labels = ({"name": name} if name else {}) | labels_of(label)
     with connected("submit", server, key_file) as client:
-        uploaded, packed = upload(client, scene, name, json)
+        uploaded, packed = upload(client, scene, json)
         job = client.submit(
             uploaded,
             entry=entry or packed.entry,
             settings=_settings(given(settings)),
+            name=name,
             priority=priority,
             labels=labels,
             ttl_s=None if ttl is None else ttl * 86_400,
@@ -159,7 +161,7 @@ def _webhook(url: str | None) -> Webhook | None:
     return None if url is None else {"url": url}
 
 
-def upload(client: Client, scene: Path, name: str | None, as_json: bool) -> tuple[Scene, SceneFile]:
+def upload(client: Client, scene: Path, as_json: bool) -> tuple[Scene, SceneFile]:
     """Packed where that is needed, sent unless the server has it."""
     with tempfile.TemporaryDirectory(prefix="primray-submit-") as scratch:
         try:
@@ -170,7 +172,7 @@ def upload(client: Client, scene: Path, name: str | None, as_json: bool) -> tupl
             print(f"note: {plain(note)}", file=sys.stderr)
         try:
             with _showing(packed, as_json) as show:
-                uploaded = client.upload(packed.path, name=name or packed.name, show=show)
+                uploaded = client.upload(packed.path, name=packed.name, show=show)
         except KeyboardInterrupt:
             raise CommandError("interrupted", "nothing was submitted", INTERRUPTED) from None
     if uploaded.state == "rejected":

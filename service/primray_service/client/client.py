@@ -134,6 +134,7 @@ class Client:
         *,
         entry: str | None = None,
         settings: Settings | None = None,
+        name: str | None = None,
         priority: int | None = None,
         labels: Mapping[str, str] | None = None,
         ttl_s: float | None = None,
@@ -145,7 +146,7 @@ class Client:
         body: Json = {"scene": {"id": scene if isinstance(scene, str) else scene.id}}
         if entry is not None:
             body["scene"]["entry"] = entry
-        optional = {"settings": settings, "priority": priority, "ttl_s": ttl_s, "webhook": webhook}
+        optional = {"settings": settings, "name": name, "priority": priority, "ttl_s": ttl_s, "webhook": webhook}
         body |= {name: value for name, value in optional.items() if value is not None}
         if labels:
             body["labels"] = dict(labels)

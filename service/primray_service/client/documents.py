@@ -121,6 +121,7 @@ class Job:
     state: str  # queued, preparing, running, canceling, succeeded, failed, canceled, expired
     created_at: datetime
     scene: SceneOfJob
+    name: str | None = None  # None: of a server or a time before jobs had names
     attempt: int = 1
     priority: int = 50
     queued_at: datetime | None = None

@@ -8,6 +8,9 @@ from collections.abc import Sequence
 from typing import Literal
 from urllib.parse import unquote
 
+from primray.errors import StageOpenError
+from primray.lfs_pointer import WHAT_IT_IS, is_pointer
+
 from ..problems import Problem
 from .zip_directory import STORED, Member, unsafe
 
@@ -33,6 +36,8 @@ def recognize(head: bytes) -> SceneKind:
         return "usdc"
     if head.startswith((b"PK\x03\x04", b"PK\x05\x06")):
         return "zip"
+    if is_pointer(head):
+        raise Problem("not-usd", f"USD cannot open it: {WHAT_IT_IS}.", code=StageOpenError.code)  # as opening it would say
     raise Problem(
         "not-usd",
         "The file begins neither with #usda, nor with PXR-USDC, nor as a zip or usdz does; "

@@ -135,8 +135,8 @@ class Store(Protocol):
     def outputs(self, job_id: str) -> Sequence[Output]: ...
 
     def update_job(self, job_id: str, now: float, *, version: int | None, changes: Json) -> Job:
-        """`changes`: of priority, labels, ttl_s; Conflict if `version` is given and not the row's (jobs.version_in gives it
-        from an entity tag)."""
+        """`changes`: of priority, name, labels, ttl_s; Conflict if `version` is given and not the row's (jobs.version_in gives
+        it from an entity tag)."""
 
     def request_cancel(self, job_id: str, now: float) -> Job:
         """Queued: canceled at once; preparing or running: canceling (canceled if none of its frames runs); canceling,

@@ -17,6 +17,7 @@ from typing import Any
 
 from ..sandbox import Entered, enter, limit_cpu_of_phase
 from .channel import Channel, claim_stdout
+from .client_text import ClientText
 from .warm import warm_up
 
 Do = Callable[[Mapping[str, Any], Path, Path, Channel], None]
@@ -32,7 +33,8 @@ def main(arguments: list[str]) -> None:
     messages = claim_stdout()
     give_way(NICE[kind])
     entered = enter((messages.fileno(),))
-    channel = Channel(os.fdopen(0, "rb", closefd=False), messages)
+    text = ClientText(entered.job, entered.out)
+    channel = Channel(os.fdopen(0, "rb", closefd=False), messages, text)
     channel.start()
     warm_up(kind, entered.out / "tmp")
     do = check if kind == "check" else renders()
@@ -55,9 +57,9 @@ def work(do: Do, channel: Channel, entered: Entered) -> None:
         from .failures import is_expected, problem_of_error
 
         if is_expected(error):
-            print(error, file=sys.stderr, flush=True)
+            print(channel.text.in_text(str(error)), file=sys.stderr, flush=True)
         else:
-            traceback.print_exc()
+            print(channel.text.in_text(traceback.format_exc()), end="", file=sys.stderr, flush=True)
         channel.leave("failed", problem=problem_of_error(error, str(entered.job)).as_json())
 
 

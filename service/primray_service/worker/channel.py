@@ -10,6 +10,7 @@ import time
 from collections.abc import Mapping
 from typing import Any, BinaryIO
 
+from .client_text import ClientText
 from .protocol import LAST, MAX_LINE_BYTES, WORK
 
 SERVER_GONE = 4  # exit code
@@ -26,9 +27,10 @@ def claim_stdout() -> BinaryIO:
 class Channel:
     """Messages may be sent by any thread; commands are read by one of its own."""
 
-    def __init__(self, commands: BinaryIO, messages: BinaryIO) -> None:
+    def __init__(self, commands: BinaryIO, messages: BinaryIO, text: ClientText) -> None:
         self._commands = commands
         self._messages = messages
+        self.text = text
         self._lock = threading.Lock()
         self._work: Mapping[str, Any] | None = None  # that is being done, or is to be
         self._came = threading.Event()
@@ -41,7 +43,7 @@ class Channel:
         threading.Thread(target=self._read, name="commands", daemon=True).start()
 
     def send(self, at: str, **members: Any) -> None:
-        line = json.dumps(finite({"at": at, **members}), ensure_ascii=True, allow_nan=False).encode() + b"\n"
+        line = json.dumps(finite(self.text.in_json({"at": at, **members})), ensure_ascii=True, allow_nan=False).encode() + b"\n"
         if len(line) > MAX_LINE_BYTES:
             raise ValueError(f"a message {at!r} of {len(line)} bytes")
         with self._lock:

@@ -6,7 +6,7 @@ can be rendered around is a warning. All of it runs in the sandbox, which is the
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, Protocol
@@ -15,7 +15,8 @@ from primray.diagnostic_codes import CODES
 from primray.errors import StageOpenError
 from primray.fidelity import Kind
 from primray.usd.facts.expansion import expansion
-from primray.usd.facts.layer_content import LayerContent, layer_content, line_of
+from primray.usd.facts.layer_content import DAMAGED as DAMAGED_LAYER
+from primray.usd.facts.layer_content import LayerContent, layer_content
 from primray.usd.facts.nesting import nesting_depth
 from primray.usd.facts.scene_facts import MissingLayer, SceneFacts, layer_file, scene_facts
 
@@ -59,18 +60,23 @@ class _Check:
         self.root = place if self.is_package else place.parent  # of the files' names
         self.files = read_folder(place, self.limits) if self.is_package else read_file(place, self.limits)
         self.contents: dict[str, LayerContent] = {}
+        self.unreadable: dict[str, StageOpenError] = {}  # layers; composing goes on without those that are no root
+        self.not_uploaded: list[tuple[str, str]] = []  # layers and paths in them
         self.places: dict[str, tuple[Container, File]] = {}
+        self.named: set[str | None] = set()  # layers that others lead to
         self.leads_to: dict[tuple[str, str], str | None] = {}
 
     def run(self) -> dict[str, Any]:
         self._read_layers()
-        entries = self._entries()
+        entries = self._readable(self._entries())
         entry = choose(self.asked, entries, layers_of(self.files.files)) if self.asked or len(entries) == 1 else None
         self._warn_of_programs()
         self._resolve_all()
+        self._warn_of_unreadable()
         package = self._package_facts(entries, entry)
         if entry is None:
             self._warn("ambiguous-entry", "", f"The package has {len(entries)} layers that could be the root; jobs name one.")
+            self._warn_of_not_uploaded(frozenset())
             return package
         self._refuse_bombs(entry)
         stage = self._compose(entry)
@@ -84,20 +90,20 @@ class _Check:
             raise _too_large("layers", len(layers), self.limits.layers)
         for container, file in layers:
             name = container.shown(file.name)
-            if file.kind == "?":
-                slug = "not-usd" if len(self.files.files) == 1 else "layer-unreadable"
-                raise Problem(slug, f"The file {name!r} does not begin as a layer of its kind does.", layer=name, line=None)
             self._refuse_deep_text(name, file)
+            self.places[name] = (container, file)
             try:
                 content = layer_content(str(self.root / name), name)
             except StageOpenError as error:
-                raise Problem("layer-unreadable", error.message, layer=name, line=line_of(error)) from None
+                if error.code == DAMAGED_LAYER:  # USD would open it, and nobody could say what it names
+                    raise
+                self.unreadable[name] = error
+                continue
             except DAMAGED:
                 raise _damaged(name) from None
             if content.depth > self.limits.prim_depth:
                 raise _too_large("nested prims", content.depth, self.limits.prim_depth, layer=name)
             self.contents[name] = content
-            self.places[name] = (container, file)
 
     def _refuse_deep_text(self, name: str, file: File) -> None:
         """Before USD's parser, which recurses, sees it."""
@@ -119,6 +125,19 @@ class _Check:
         named |= {name.partition("[")[0] for name in named}
         return [name for name in outermost if name not in named] or outermost
 
+    def _readable(self, entries: list[str]) -> list[str]:
+        """Those that can be opened; the error of one that is asked for, or of the first where there is no other."""
+        broken = {
+            entry: self.unreadable[root] for entry in entries if (root := _root_layer(self.files, entry)) in self.unreadable
+        }
+        left = [entry for entry in entries if entry not in broken]
+        error = broken.get(self.asked or "") or (None if left else broken[entries[0]])
+        if error is not None:
+            if len(self.files.files) == 1 and self.places[error.where][1].kind == "?":
+                raise Problem("not-usd", f"{error.message}.".replace("..", "."), code=error.code, layer=error.where)
+            raise error
+        return left
+
     def _find(self, layer: str, path: str) -> Found | None:
         container, file = self.places[layer]
         return find(container, file.name, path)
@@ -130,10 +149,18 @@ class _Check:
                 refuse_expression(self.places[name][0], self.places[name][1].name, expression)
             for path in content.asset_paths:
                 found = self._find(name, path)
-                self.leads_to[name, path] = _layer_of(found)
+                leads_to = _layer_of(found)
+                self.named.add(leads_to)
+                self.leads_to[name, path] = leads_to if leads_to in self.contents else None
                 is_needed = path not in content.identifiers and path not in content.composition and "#" not in path
                 if found is None and is_needed and not content.has_variables:
-                    self._warn("asset-missing", "", f"The layer {name!r} names {path!r}, which was not uploaded.", "error")
+                    self.not_uploaded.append((name, path))
+
+    def _warn_of_unreadable(self) -> None:
+        """Of those that no layer names; of the others composing tells."""
+        for name, error in self.unreadable.items():
+            if name not in self.named:
+                self._warn("file-ignored", "", f"The layer {name!r} is left out. {error.message}", "info")
 
     def _refuse_bombs(self, entry: str) -> None:
         found = expansion(self.contents, _root_layer(self.files, entry), lambda layer, path: self.leads_to.get((layer, path)))
@@ -154,13 +181,11 @@ class _Check:
         if stage.missing and stage.drawable == 0:
             first = stage.missing[0]
             layer, path = self._shown(first)
-            raise Problem(
-                "asset-missing", f"{_says(first.arc, layer, path)} Nothing else is in the scene.", layer=layer, asset_path=path
-            )
-        for missing in stage.missing:
-            self._warn("asset-missing", missing.prim, _says(missing.arc, *self._shown(missing)), "error")
+            said = next(note.detail for note in stage.notes if note.code == "composition-error")
+            raise Problem("asset-missing", f"{said} Nothing else is in the scene.", layer=layer, asset_path=path)
         for note in stage.notes:
-            self._warn(note.code, note.prim, note.detail.replace(f"{self.root}/", ""), note.severity, note.attribute)
+            self._warn(note.code, note.prim, note.detail, note.severity, note.attribute)
+        self._warn_of_not_uploaded({note.detail.partition(" ")[0] for note in stage.notes if note.code == "asset-missing"})
         return stage
 
     def _shown(self, missing: MissingLayer) -> tuple[str, str]:
@@ -173,6 +198,12 @@ class _Check:
         elif path.startswith("/"):
             path = f".../{path.rpartition('/')[2]}"
         return layer_file(missing.layer).removeprefix(root), path
+
+    def _warn_of_not_uploaded(self, told: Collection[str]) -> None:
+        """But for what the stage's own notes have `told`: hidden variants, clips, what nothing is bound to."""
+        for layer, path in self.not_uploaded:
+            if path not in told:
+                self._warn("asset-not-uploaded", "", f"The layer {layer!r} names {path!r}, which was not uploaded.")
 
     def _package_facts(self, entries: list[str], entry: str | None) -> dict[str, Any]:
         files = [(container.shown(file.name), file) for container, file in self.files.walk()]
@@ -212,10 +243,6 @@ class _Check:
 def _limits(asked: Mapping[str, Any]) -> Limits:
     known = {field.name for field in fields(Limits)}
     return Limits(**{name: value for name, value in asked.items() if name in known})
-
-
-def _says(arc: str, layer: str, path: str) -> str:
-    return f"The layer {layer!r} names {path!r} as a {arc}, which was not uploaded or cannot be opened."
 
 
 def _damaged(layer: str) -> Problem:

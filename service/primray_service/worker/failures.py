@@ -1,6 +1,6 @@
 """What a worker's exceptions are called on the outside: problem documents, with places inside of the job's own files.
 
-What USD says of a syntax error quotes the file, so that only its line number is passed on.
+Sentences are the renderer's own, so that a service says what the command line says.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from primray import errors
 
 from ..problems import Problem
 
-_LINE = re.compile(r":(\d+):\d+: ")  # after the layer's path
+_PLACE = re.compile(r":(\d+):(\d+): ")  # line and column, after the layer's path
 _LIMITS = {"memory-limit": "memory-limit", "out-of-memory": "memory-limit", "limit": "limit-exceeded"}
 _DISK = {errno.EFBIG, errno.EDQUOT, errno.ENOSPC}
 
@@ -41,10 +41,7 @@ def _of_primray(error: errors.PrimrayError, job_folder: str) -> Problem:
     where = _inside(error, job_folder)
     place: dict[str, Any] = {"code": error.code} | ({"where": where} if where else {})
     if isinstance(error, errors.StageOpenError):
-        line = _LINE.search(error.message)
-        at = f": there is a syntax error in line {line[1]}" if line else ""
-        extra = place | {"layer": where} | ({"line": int(line[1])} if line else {})
-        return Problem("layer-unreadable", f"USD cannot read {where or 'the scene'}{at}.", **extra)
+        return unreadable_layer(error, where, job_folder)
     if isinstance(error, errors.CheckpointError):
         return Problem("checkpoint-unusable", _sentence(error, job_folder), code=error.code)
     if isinstance(error, errors.SettingsError):
@@ -58,6 +55,14 @@ def _of_primray(error: errors.PrimrayError, job_folder: str) -> Problem:
     if error.code == "write-failed" and isinstance(error.__cause__, OSError) and error.__cause__.errno in _DISK:
         return Problem("storage-limit", "A file could not be written: more than is allowed, or than there is room for.")
     return Problem("render-failed", _sentence(error, job_folder), code=error.code)
+
+
+def unreadable_layer(error: errors.StageOpenError, layer: str, job_folder: str) -> Problem:
+    """With USD's own sentence, and where in the layer it stopped, if it says so."""
+    found = _PLACE.search(error.message)
+    line, column = (int(found[1]), int(found[2])) if found else (None, None)
+    detail = _sentence(error, job_folder)
+    return Problem("layer-unreadable", detail, layer=layer, line=line, column=column, code=error.code)
 
 
 def _sentence(error: errors.PrimrayError, job_folder: str) -> str:

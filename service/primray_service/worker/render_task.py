@@ -7,6 +7,7 @@ frame's pixels are does not depend on how often that happened.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -57,14 +58,15 @@ def render_frame(stages: KeptStage, command: Mapping[str, Any], job: Path, out: 
         channel.leave("done", outputs=[], report={"interrupted": True, "samples": 0})
     phases("write")
     files = command.get("outputs") or DEFAULT_NAMES
-    report = write_pictures(picture_of(prepared, sampling, costs, diagnostics), files, out, diagnostics)
+    image = picture_of(prepared, sampling, costs, diagnostics)
+    report = write_pictures(replace(image, metadata=channel.text.in_json(image.metadata)), files, out, diagnostics)
     saver.wait()
     report["checkpoint"] = saver.as_json() | {"file": f"checkpoint-{numbers.number}.prc"}
     if report["checkpoint"]["failed"]:
         diagnostics.add("checkpoint-unwritten", "", report["checkpoint"]["failed"])
     warned.send(diagnostics)
     report["diagnostics"] = [diagnostic.as_json() for diagnostic in diagnostics]
-    write_report(report, files, out)
+    write_report(channel.text.in_json(report), files, out)
     outputs = [described(out / file) for file in files]
     channel.done(stay=bool(command.get("stay")), outputs=outputs, report=to_send(report, REPORT_BYTES))
 

@@ -199,12 +199,13 @@ def test_submit_says_what_was_asked_for_and_nothing_else(tmp_path: Path, capsys:
             "variants": ["/a:s=x"],
             "strict": True,
         },
+        "name": "hero",
         "priority": 70,
         "labels": {"name": "hero", "a": "b", "c": "d=e"},
         "ttl_s": 172_800.0,
     }
     assert bodies[1] == {"scene": {"id": SCENE["id"]}}
-    assert "POST /v1/scenes?name=hero" in server.asked
+    assert "POST /v1/scenes?name=shot.usda" in server.asked  # its messages name the file so
     said = capsys.readouterr()
     assert said.out == "job_1\njob_1\n"
     assert said.err == ""
@@ -241,7 +242,7 @@ def test_status(capsys: pytest.CaptureFixture[str]) -> None:
         assert run(["status", "--server", server.url, "--state", "queued", "-n", "3", "-l", "shot=010"]) == 0
         lines = capsys.readouterr().out.splitlines()
         assert len(lines) == 4
-        assert lines[0].split() == ["JOB", "STATE", "DONE", "FRAMES", "ERROR", "TARGET", "ETA", "AGE", "LABELS"]
+        assert lines[0].split() == ["JOB", "STATE", "DONE", "FRAMES", "ERROR", "TARGET", "ETA", "AGE", "NAME", "LABELS"]
         assert lines[1].split()[:5] == ["job_1", "queued", "50%", "0.021", "0.01"]
         assert "\x1b" not in lines[1]
         assert run(["status", "job_1", "--server", server.url]) == 0

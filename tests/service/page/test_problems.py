@@ -51,7 +51,7 @@ def test_a_layer_that_cannot_be_read_is_named_with_its_line(open_page):
     box = page.locator(".problem")
     box.wait_for()
     assert KINDS["layer-unreadable"].title in box.inner_text()
-    assert box.locator("dl").inner_text().split()[:4] == ["Layer", "scene.usda", "Line", "4"]
+    assert box.locator("dl").inner_text().split()[:4] == ["Layer", "broken.usda", "Line", "4"]
 
 
 def test_settings_that_are_refused_keep_the_form(open_page):

@@ -201,7 +201,7 @@ def test_notes_stand_beside_their_prims(open_page, site):
     assert groups.locator("h3").all_inner_texts() == ["/x"]
     page.get_by_label("Filter").fill("")
     page.get_by_label("Group by").select_option("code")
-    assert "asset-missing" in groups.locator("h3").all_inner_texts()
+    assert "composition-error" in groups.locator("h3").all_inner_texts()
     page.get_by_label("Filter").fill("no such thing")
     page.get_by_text("None of the notes matches.").wait_for()
 

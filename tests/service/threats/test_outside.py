@@ -100,7 +100,7 @@ def test_a_search_path_of_the_servers_environment_is_not_used(client: Any, canar
     assert found.slug == "asset-missing", found.problem
     canary.never_sang(found)
     beside = fate(client, usda(ROOM, "subLayers = [@secret.usda@]"))
-    assert (beside.end, "asset-missing" in beside.warnings) == ("succeeded", True)
+    assert (beside.end, "composition-error" in beside.warnings) == ("succeeded", True)
     canary.never_sang(beside)
 
 
@@ -132,7 +132,7 @@ def test_what_expressions_compose_to_outside_is_as_good_as_missing(beside: str, 
         path = canary.path(name)
         found = fate(client, composed(path, beside), entry="root.usda")
         if beside:
-            assert (found.end, "asset-missing" in found.warnings) == ("succeeded", True)
+            assert (found.end, "composition-error" in found.warnings) == ("succeeded", True)
         else:
             assert (found.end in ("failed", "rejected"), found.slug) == (True, "asset-missing"), found.problem
         canary.never_sang(found)

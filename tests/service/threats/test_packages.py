@@ -82,10 +82,15 @@ SYNTAX = '#usda 1.0\n\ndef Sphere "a"\n{\n    string leaked = "words of the file
 
 
 def test_a_syntax_error_names_the_layer_and_line(client: Any) -> None:
-    found = fate(client, package({"root.usda": usda(ROOM, "subLayers = [@sub/broken.usda@]"), "sub/broken.usda": SYNTAX}))
+    found = fate(client, SYNTAX, name="broken.usda")
     ended(found, "layer-unreadable")
-    assert (found.problem["layer"], found.problem["line"]) == ("sub/broken.usda", 7)
-    assert "words of the file" not in found.said
+    assert (found.problem["layer"], found.problem["line"]) == ("broken.usda", 7)
+    assert "broken.usda:7:" in found.problem["detail"]
+    below = fate(client, package({"root.usda": usda(ROOM, "subLayers = [@sub/broken.usda@]"), "sub/broken.usda": SYNTAX}))
+    assert (below.end, "composition-error" in below.warnings) == ("succeeded", True)
+    assert "sub/broken.usda:7:" in below.said
+    for answers in (found.said, below.said):
+        assert "words of the file" not in answers  # but for where it broke
 
 
 @pytest.mark.parametrize(

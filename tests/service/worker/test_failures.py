@@ -58,11 +58,12 @@ def test_every_error_has_its_problem(error: BaseException, slug: str) -> None:
     assert found["detail"]
 
 
-def test_a_syntax_error_has_its_layer_and_line_and_not_its_text() -> None:
-    text = f"USD cannot open it: {JOB}/sub/a.usda:17:3: Expected }} at 'string secret = ...' in </World> [{JOB}/sub/a.usda]"
+def test_a_syntax_error_has_its_layer_and_line_and_usds_sentence() -> None:
+    text = f"USD cannot open it: {JOB}/sub/a.usda:17:3: Expected }} at 'string x = ...' in </World> [{JOB}/sub/a.usda]"
     found = document(errors.StageOpenError(text, where=f"{JOB}/sub/a.usda"))
-    assert (found["layer"], found["line"]) == ("sub/a.usda", 17)
-    assert "secret" not in json.dumps(found)
+    assert (found["layer"], found["line"], found["column"], found["code"]) == ("sub/a.usda", 17, 3, "stage-open")
+    assert "sub/a.usda:17:3: Expected } at 'string x = ...' in </World>" in str(found["detail"])
+    assert str(JOB) not in json.dumps(found)
 
 
 def test_a_file_elsewhere_is_named_without_its_folder() -> None:

@@ -45,6 +45,7 @@ def inspect(
     from ...report.summary import counts, primvar_names, summary
     from ...report.texture_sizes import texture_sizes
     from ...textures.missing_tiles import note_missing_tiles
+    from ...textures.texture_set import note_unreadable
     from ..inspect_text import lines
     from ..json_lines import print_line
 
@@ -71,6 +72,7 @@ def inspect(
     diagnostics.extend(translating)
     note_missing_tiles(description, diagnostics)
     textures = texture_sizes(description, usd.read_asset)
+    note_unreadable(description, {path for path, size in textures.items() if size is None}, diagnostics, usd.read_asset)
     facts = {
         "type": "scene",
         "scene": scene,

@@ -11,7 +11,8 @@ from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
 from ...diagnostics import Diagnostics
 from ...errors import StageOpenError
-from ..opening.stage import usd_messages
+from ..opening.file_names import FileNames
+from ..opening.stage import open_layer, usd_messages
 from ..querying.messages import tf_message
 
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:")
@@ -30,7 +31,8 @@ class Dependencies:
 def dependencies(path: str) -> Dependencies:
     """Of all variants, payloads, clips and tiles; StageOpenError if a layer cannot be read."""
     root = os.path.abspath(path)
-    with usd_messages(Diagnostics()):
+    with usd_messages(Diagnostics(FileNames(root).in_text)):
+        open_layer(root)  # which says best what is wrong with it
         layers, assets, missing = _all_of(root)
         for composed in _composed_layers(root):  # what expression variables of one layer make of a path in another
             if composed not in layers:
@@ -46,7 +48,7 @@ def write_usdz(path: str, target: str) -> None:
 
     Not a folder of such files: USD rewrites paths to begin at the package's root, which a folder does not have.
     """
-    with usd_messages(Diagnostics()):
+    with usd_messages(Diagnostics(FileNames(path).in_text)):
         try:
             UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(os.path.abspath(path)), target)
         except Tf.ErrorException as error:

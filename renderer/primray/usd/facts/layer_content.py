@@ -6,23 +6,22 @@ those of all variants, time samples, arrays, clips and metadata; expressions are
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from pxr import Sdf, Tf, UsdUtils
+from pxr import Sdf, UsdUtils
 
 from ...diagnostics import Diagnostics
 from ...errors import StageOpenError
-from ..opening.stage import usd_messages
+from ..opening.file_names import FileNames
+from ..opening.stage import open_layer, usd_messages
 from ..querying.guarded import FAILURES
-from ..querying.messages import tf_message
 from ..querying.stage_values import has_expression_variables, layer_default_prim
 
 # Prims that are looked at for their arcs; a layer that has more is not a small text that expands to a large scene.
 MOST_NODES = 20_000
-_LINE = re.compile(r"\.usda?[^:\s]*:(\d+):\d+")
+DAMAGED = "damaged-layer"  # USD opens it all the same
 _FORMAT_ARGUMENTS = ":SDF_FORMAT_ARGS:"
 
 
@@ -58,14 +57,14 @@ class LayerContent:
 
 
 def layer_content(path: str, name: str) -> LayerContent:
-    """StageOpenError, with `name` as its place and the line if USD told one, where the layer cannot be read."""
-    with usd_messages(Diagnostics()):
+    """StageOpenError, with `name` as its place: in USD's own words where it cannot open the layer, of code DAMAGED where what
+    the layer names cannot be told."""
+    with usd_messages(Diagnostics(FileNames(path).in_text)):
         try:
-            layer = Sdf.Layer.OpenAsAnonymous(path)
-        except Tf.ErrorException as error:
-            raise unreadable(name, tf_message(error)) from None
-        if layer is None:
-            raise unreadable(name, "")
+            layer = open_layer(path, Sdf.Layer.OpenAsAnonymous)
+        except StageOpenError as error:
+            error.where = name
+            raise
         found = _tree_of(layer, name)
         sublayers = [_without_arguments(path) for path in layer.subLayerPaths]
         has_variables = has_expression_variables(layer)
@@ -89,19 +88,11 @@ def _tree_of(layer: Sdf.Layer, name: str) -> _Tree:
     try:
         return _tree(layer)
     except FAILURES:
-        raise unreadable(name, "") from None
+        raise _damaged(name) from None
 
 
-def unreadable(name: str, message: str) -> StageOpenError:
-    """Never USD's own text, which quotes the file."""
-    line = _LINE.search(message)
-    where = f" at line {line[1]}" if line else ""
-    return StageOpenError(f"USD cannot read this layer{where}.", where=name)
-
-
-def line_of(error: StageOpenError) -> int | None:
-    found = re.search(r" at line (\d+)\.$", error.message)
-    return int(found[1]) if found else None
+def _damaged(name: str) -> StageOpenError:
+    return StageOpenError("The layer is damaged: it has names, fields or prims that cannot be.", where=name, code=DAMAGED)
 
 
 def _asset_paths(layer: Sdf.Layer, name: str) -> tuple[list[str], list[str]]:
@@ -117,7 +108,7 @@ def _asset_paths(layer: Sdf.Layer, name: str) -> tuple[list[str], list[str]]:
             keep(path)
         UsdUtils.ModifyAssetPaths(layer, keep)
     except FAILURES:
-        raise unreadable(name, "") from None
+        raise _damaged(name) from None
     plain = [_without_arguments(path) for path in found if path and not path.startswith("`")]
     return list(dict.fromkeys(plain)), [path.strip("`") for path in found if path.startswith("`")]
 

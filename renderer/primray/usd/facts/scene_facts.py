@@ -1,6 +1,6 @@
 """What a composed stage offers to whoever sets up a render of it: cameras, render settings, times, lights, what is missing.
 
-Cheap beside composition: no geometry is read. Texts are ours; USD's own would name the machine's folders.
+Cheap beside composition: no geometry is read. What it notes, a render notes in the same words.
 """
 
 from __future__ import annotations
@@ -14,31 +14,34 @@ from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Any
 
-from pxr import Sdf, Usd, UsdGeom, UsdLux
+from pxr import Sdf, Usd
 
-from ...diagnostic_codes import CODES
 from ...diagnostics import Diagnostics
 from ...settings import RenderSettings
 from ..adapters.cameras.camera import read_aperture
 from ..adapters.rendering.render_settings import product_settings
 from ..opening.stage import open_stage
 from ..querying.cameras import cameras_of
-from ..querying.guarded import default_value, targets, type_name
+from ..querying.guarded import default_value, is_invisible, purpose_of, targets, type_name
 from ..querying.messages import error_text, scene_errors
 from ..querying.traversal import in_world
+from ..resolving.notes import unrendered
 from ..resolving.read import When, when_of
 from ..translate import LIGHTS, SHAPES
+from .missing_files import note_missing_files
 from .stage_facts import stage_facts
 
 MOST = 500  # of each list: cameras, render settings, variants
 # Drawn by other ways than the table of adapters.
 _DRAWN = frozenset(SHAPES) | {"PointInstancer", "Points"}
+# Which mean nothing by themselves, or are told of elsewhere.
+_QUIET = frozenset(("Shader", "Material", "Scope", "Xform", "Camera", "NodeGraph", "GeomSubset", "PortalLight"))
+MOST_OF_TYPE = 50
 _MISSING = re.compile(
     r"Could not (?:open asset @(?P<asset>.*?)@ for (?P<arc>\w+) introduced by @(?P<by>.*?)@<(?P<prim>.*?)>"
     r"|load sublayer @(?P<sublayer>.*?)@ of layer @(?P<of>.*?)@)",
     re.DOTALL,
 )
-_OUR_OWN = {"composition-error", "usd-message"}  # which quote USD
 
 
 @dataclass(frozen=True)
@@ -72,8 +75,7 @@ def scene_facts(path: str | os.PathLike[str]) -> SceneFacts:
     """Of the stage that a file is the root of; raises as open_stage does."""
     diagnostics = Diagnostics()
     stage = open_stage(path, diagnostics)
-    notes = [Note(d.code, d.prim_path, d.message, d.severity.value, d.attribute) for d in diagnostics if d.code not in _OUR_OWN]
-    missing, broken = _composition_errors(stage)
+    missing = _missing_layers(stage)
     found = stage_facts(stage)
     prims = list(in_world(stage))
     cameras = cameras_of(stage)
@@ -105,38 +107,23 @@ def scene_facts(path: str | os.PathLike[str]) -> SceneFacts:
         },
         "prim_types": dict(list(types.items())[:MOST]),
     }
-    notes += [*broken, *_product_notes(settings), *_unsupported(prims)]
+    note_missing_files(prims, diagnostics)
+    _note_unrendered(prims, chosen.purposes, diagnostics)
+    notes = [Note(d.code, d.prim_path, d.message, d.severity.value, d.attribute) for d in diagnostics]
+    notes += _product_notes(settings)
     drawable = lights + sum(count for name, count in types.items() if name in _DRAWN)
     return SceneFacts(facts, notes, missing, drawable, used_layers)
 
 
-def _composition_errors(stage: Usd.Stage) -> tuple[list[MissingLayer], list[Note]]:
-    missing, others = [], Counter[tuple[str, str]]()
-    for error in stage.GetCompositionErrors():
-        found = _MISSING.search(error_text(error))
-        if found is None:
-            others[_site(error), str(error.errorType).removeprefix("Pcp.ErrorType_")] += 1
-        elif found["sublayer"] is not None:
-            missing.append(MissingLayer(found["of"], found["sublayer"], "", "sublayer"))
-        else:
-            missing.append(MissingLayer(found["by"], found["asset"], found["prim"], found["arc"]))
-    notes = [
-        Note(
-            "composition-error",
-            prim,
-            f"USD could not compose something here: {kind}.",
-            CODES["composition-error"].severity.value,
-        )
-        for prim, kind in others
+def _missing_layers(stage: Usd.Stage) -> list[MissingLayer]:
+    found = (_MISSING.search(error_text(error)) for error in stage.GetCompositionErrors())
+    return [
+        MissingLayer(said["of"], said["sublayer"], "", "sublayer")
+        if said["sublayer"] is not None
+        else MissingLayer(said["by"], said["asset"], said["prim"], said["arc"])
+        for said in found
+        if said is not None
     ]
-    return missing, notes
-
-
-def _site(error: Any) -> str:
-    try:
-        return str(error.rootSite.path)
-    except (AttributeError, UnicodeDecodeError):
-        return ""
 
 
 def _camera(prim: Usd.Prim, when: When) -> dict[str, Any]:
@@ -213,25 +200,21 @@ def _product_notes(settings: Iterable[Usd.Prim]) -> list[Note]:
     return notes
 
 
-def _unsupported(prims: list[Usd.Prim]) -> list[Note]:
-    """One note a type: what inspecting would say of each prim, without reading any."""
-    first: dict[str, Usd.Prim] = {}
+def _note_unrendered(prims: list[Usd.Prim], purposes: tuple[str, ...], diagnostics: Diagnostics) -> None:
+    """As a render notes them, of the stage's default time; of very many of a type the first."""
     count: Counter[str] = Counter()
     for prim in prims:
         name = str(type_name(prim))
-        if name and name not in _DRAWN and name not in LIGHTS and (name in first or _is_drawn(prim)):
-            first.setdefault(name, prim)
+        if not name or name in _DRAWN or name in LIGHTS or count[name] >= MOST_OF_TYPE or name in _QUIET:
+            continue
+        found = unrendered(prim, name)
+        if found is not None and (found[0] != "unsupported-prim" or _is_shown(prim, purposes)):
             count[name] += 1
-    notes = []
-    for name, prim in first.items():
-        code = "unsupported-light" if prim.HasAPI(UsdLux.LightAPI) else "unsupported-prim"
-        detail = f"{name} is not rendered ({count[name]:,} prims)." if count[name] > 1 else f"{name} is not rendered."
-        notes.append(Note(code, str(prim.GetPath()), detail, CODES[code].severity.value))
-    return notes
+            diagnostics.add(found[0], str(prim.GetPath()), found[1])
 
 
-def _is_drawn(prim: Usd.Prim) -> bool:
-    return bool(prim.IsA(UsdGeom.Gprim) or prim.HasAPI(UsdLux.LightAPI))
+def _is_shown(prim: Usd.Prim, purposes: tuple[str, ...]) -> bool:
+    return purpose_of(prim) in purposes and not is_invisible(prim, Usd.TimeCode.Default())
 
 
 def layer_file(identifier: str) -> str:

@@ -18,10 +18,14 @@ class _Profiles(dict[str, IesFile | str]):
     """By the resolved path of the file: the file, or what is wrong with it."""
 
 
+def missing_text(path: str) -> str:
+    return f"{path} cannot be found: the light is rendered without a profile."
+
+
 def ies_profile(asset: Sdf.AssetPath, path: str, ctx: Context) -> IesProfile | None:
     """The profile; None where it cannot be had, which is noted for the light at `path`."""
     if not asset.resolvedPath:
-        ctx.warn("asset-missing", path, f"{asset.path} cannot be found: the light is rendered without a profile.", FILE)
+        ctx.warn("asset-missing", path, missing_text(asset.path), FILE)
         return None
     resolved = str(asset.resolvedPath)
     known = ctx.kept.of(_Profiles)

@@ -26,6 +26,13 @@ def texture_file(node: Node, ctx: Context, *, is_color: bool = True) -> TextureF
     return in_space(made, _color_space(node, found, is_color, ctx), is_color, ctx)
 
 
+def missing_text(path: str) -> str:
+    """Of a texture's file that is not there; of a set, none of its tiles."""
+    if UsdShade.UdimUtils.IsUdimIdentifier(path):
+        return f"{path} has no tile from 1001 to 1100: the fallback is used."
+    return f"{path} cannot be found: the fallback is used."
+
+
 def in_space(file: TextureFile, space: str | ColorSpace, is_color: bool, ctx: Context) -> TextureFile:
     """The file in a space, told apart by what makes a difference to its pixels alone."""
     if isinstance(space, ColorSpace):
@@ -52,7 +59,7 @@ def _file(node: Node, found: Constant | None, ctx: Context) -> TextureFile:
     if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
         return _tiles(node, asset, found.attribute, ctx)
     if not asset.resolvedPath:
-        ctx.warn("asset-missing", node_path(node, ctx), f"{asset.path} cannot be found: the fallback is used.", "inputs:file")
+        ctx.warn("asset-missing", node_path(node, ctx), missing_text(asset.path), "inputs:file")
     return TextureFile(str(asset.resolvedPath), "auto")
 
 
@@ -61,7 +68,7 @@ def _tiles(node: Node, asset: Sdf.AssetPath, attribute: Usd.Attribute, ctx: Cont
     found = UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layer)  # 1001 to 1100, ten in U and ten in V
     tiles = [(int(number), str(path)) for path, number in found]
     if not tiles:
-        message = f"{asset.path} has no tile from 1001 to 1100: the fallback is used."
+        message = missing_text(asset.path)
         ctx.warn("asset-missing", node_path(node, ctx), message, "inputs:file")
         return TextureFile("", "auto")
     number, first = tiles[0]

@@ -15,11 +15,12 @@ from pxr import Sdf, Tf, Usd, UsdUtils
 
 from ...composition import Composition
 from ...diagnostics import Diagnostics
-from ...errors import InvalidSceneError, LimitError, StageOpenError
+from ...errors import InvalidSceneError, LimitError, PrimrayError, StageOpenError
 from ...lfs_pointer import WHAT_IT_IS, is_pointer_file
 from ..querying.guarded import noting
 from ..querying.messages import error_text, scene_errors, tf_message
 from ..querying.stage_values import wrong_rate
+from .file_names import FileNames, file_names
 from .select_prims import add_load_rules, check_population, choose_variants, note_unloaded, populate
 from .stage_metadata import check_rates, note_units, note_wrong_types
 
@@ -47,7 +48,7 @@ def usd_messages(diagnostics: Diagnostics, known: Callable[[str], bool] = lambda
     """
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     try:
-        with noting(diagnostics), scene_errors():
+        with _with_names(diagnostics), noting(diagnostics), scene_errors():
             yield
     finally:
         for message in delegate.TakeUncoalescedDiagnostics():
@@ -60,6 +61,16 @@ def usd_messages(diagnostics: Diagnostics, known: Callable[[str], bool] = lambda
         del delegate
 
 
+@contextmanager
+def _with_names(diagnostics: Diagnostics) -> Iterator[None]:
+    """Errors name files as diagnostics do; where they are is told as it was given."""
+    try:
+        yield
+    except PrimrayError as error:
+        error.message = diagnostics.shown(error.message)
+        raise
+
+
 def open_stage(
     source: str | os.PathLike[str] | Usd.Stage, diagnostics: Diagnostics, composition: Composition = USD_DEFAULTS
 ) -> Usd.Stage:
@@ -68,6 +79,7 @@ def open_stage(
     A Usd.Stage is taken as it is, or, where `composition` asks for more, composed anew from its layers and left unchanged.
     """
     composed: list[str] = []
+    diagnostics.name_files(_names_of(source).in_text)
     with usd_messages(diagnostics, lambda text: any(line in text for line in composed)):
         if not isinstance(source, Usd.Stage):
             path = os.fspath(source)
@@ -80,10 +92,15 @@ def open_stage(
             diagnostics.add("composition-error", _site(error), _with_pointers(text))
     if composition.load is not None:
         note_unloaded(stage, diagnostics)
-    check_rates(stage, diagnostics)
+    with _with_names(diagnostics):
+        check_rates(stage, diagnostics)
     note_units(stage, diagnostics)
     note_wrong_types(stage, diagnostics)
     return stage
+
+
+def _names_of(source: str | os.PathLike[str] | Usd.Stage) -> FileNames:
+    return file_names(source) if isinstance(source, Usd.Stage) else FileNames(os.fspath(source))
 
 
 def scratch_copy(stage: Usd.Stage) -> Usd.Stage:
@@ -142,7 +159,7 @@ def _session_layers(base: Usd.Stage | None, composition: Composition) -> list[st
     """Identifiers, strongest first, of what stands in the session."""
     found = []
     if composition.session_layer is not None:
-        found.append(_layer(composition.session_layer).identifier)
+        found.append(open_layer(composition.session_layer).identifier)
     if base is not None:
         found.append(base.GetSessionLayer().identifier)
     return found
@@ -151,12 +168,13 @@ def _session_layers(base: Usd.Stage | None, composition: Composition) -> list[st
 def _root_layer(path: str) -> Sdf.Layer:
     if not os.path.exists(path) and "[" not in path and "://" not in path:
         raise StageOpenError("There is no such file.", where=path)
-    return _layer(path)
+    return open_layer(path)
 
 
-def _layer(path: str) -> Sdf.Layer:
+def open_layer(path: str, opened: Callable[[str], Sdf.Layer | None] = Sdf.Layer.FindOrOpen) -> Sdf.Layer:
+    """StageOpenError with what USD says of it, or of what the file is."""
     try:
-        layer = Sdf.Layer.FindOrOpen(path)
+        layer = opened(path)
     except Tf.ErrorException as error:
         _check_pointer(path)
         raise StageOpenError(f"USD cannot open it: {tf_message(error)}", where=path) from None

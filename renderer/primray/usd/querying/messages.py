@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -10,19 +11,23 @@ from pxr import Tf
 
 from ...errors import InvalidSceneError
 
+_BREAK = re.compile(r"\s*\n\s*([;,.]?)")  # USD quotes errors that end their line in the middle of a sentence
+
 
 def error_text(message: Any, field: str = "") -> str:
-    """The text of one of USD's messages or of its `field`, with bytes that are not UTF-8 replaced."""
+    """The text of one of USD's messages or of its `field`, on one line, with bytes that are not UTF-8 replaced."""
     try:
-        return str(getattr(message, field) if field else message)
+        text = str(getattr(message, field) if field else message)
     except UnicodeDecodeError as error:
-        return error.object.decode("utf-8", "replace")
+        text = error.object.decode("utf-8", "replace")
+    return _BREAK.sub(lambda found: found[1] or " ", text.strip())
 
 
 def tf_message(error: Tf.ErrorException) -> str:
-    """What went wrong, without USD's source locations."""
+    """What went wrong, without USD's source locations; what one of its sentences has from another is told once."""
     texts = [error_text(part, "commentary" if hasattr(type(part), "commentary") else "") for part in error.args]
-    return "; ".join(dict.fromkeys(text.strip() for text in texts)) or "unknown USD error"
+    told = [text for text in dict.fromkeys(texts) if not any(text in other for other in texts if other != text)]
+    return "; ".join(told) or "unknown USD error"
 
 
 @contextmanager

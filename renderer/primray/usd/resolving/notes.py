@@ -102,18 +102,23 @@ def _note_weights(prim: ResolvedPrim, schemas: list[str], ctx: Context) -> None:
 
 
 def _note_type(prim: ResolvedPrim, ctx: Context) -> None:
-    if prim.type_name in UNSUPPORTED:
-        if is_drawn(prim.inherited, ctx.purposes):
-            ctx.warn("unsupported-prim", prim.path, f"{prim.type_name} is not rendered.")
-    elif prim.type_name == "PortalLight":
+    if prim.type_name == "PortalLight":
         _note_portal(prim, ctx)
-    elif prim.type_name in UNSUPPORTED_LIGHTS:
-        ctx.warn("unsupported-light", prim.path, f"{prim.type_name} is not supported.")
-    elif prim.prim.IsA(UsdGeom.Boundable) and prim.type_name not in _DRAWN_OTHERWISE:  # of a plug-in, or of a newer USD
-        if is_drawn(prim.inherited, ctx.purposes):
-            ctx.warn("unsupported-prim", prim.path, f"{prim.type_name} is not rendered.")
-    elif not _is_known(prim.type_name):
-        ctx.warn("unknown-prim-type", prim.path, f"No schema of the name {prim.type_name} is known.")
+    elif (found := unrendered(prim.prim, prim.type_name)) is not None:
+        code, message = found
+        if code != "unsupported-prim" or is_drawn(prim.inherited, ctx.purposes):
+            ctx.warn(code, prim.path, message)
+
+
+def unrendered(prim: Usd.Prim, type_name: str) -> tuple[str, str] | None:
+    """Code and message of a prim that no adapter takes; None where it is no loss. Of geometry that is drawn alone."""
+    if type_name in UNSUPPORTED:
+        return "unsupported-prim", f"{type_name} is not rendered."
+    if type_name in UNSUPPORTED_LIGHTS:
+        return "unsupported-light", f"{type_name} is not supported."
+    if prim.IsA(UsdGeom.Boundable):  # of a plug-in, or of a newer USD
+        return None if type_name in _DRAWN_OTHERWISE else ("unsupported-prim", f"{type_name} is not rendered.")
+    return None if _is_known(type_name) else ("unknown-prim-type", f"No schema of the name {type_name} is known.")
 
 
 def _note_portal(prim: ResolvedPrim, ctx: Context) -> None:

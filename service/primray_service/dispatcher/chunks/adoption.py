@@ -36,11 +36,16 @@ def checkpoint_file(number: int, frame: int, chunk_id: str) -> str:
     return f"frames/{frame}/checkpoint-{number}-{chunk_id}.prc"
 
 
+def _why(error: ValueError | FileNotFoundError) -> str:
+    """Without the name of the file, which is the server's."""
+    return (error.strerror or "the file is not there") if isinstance(error, OSError) else str(error)
+
+
 def adopt_checkpoint(source: Path, target: Path, most_bytes: int) -> int:
     try:
         return adopt(source, target, most_bytes)
     except (ValueError, FileNotFoundError) as error:
-        raise NotAdopted(str(error)) from error
+        raise NotAdopted(_why(error)) from error
 
 
 def adopt_preview(source: Path, folder: Path) -> bool:
@@ -50,7 +55,7 @@ def adopt_preview(source: Path, folder: Path) -> bool:
     except FileNotFoundError:
         return False
     except ValueError as error:
-        raise NotAdopted(str(error)) from error
+        raise NotAdopted(_why(error)) from error
     return True
 
 
@@ -66,7 +71,7 @@ def adopt_outputs(
         try:
             size = take(ended.folder / item.file, kept, left)
         except (ValueError, FileNotFoundError) as error:
-            raise NotAdopted(str(error)) from error
+            raise NotAdopted(_why(error)) from error
         left -= size
         with open(kept, "rb") as file:
             sha256 = hashlib.file_digest(file, "sha256").hexdigest()

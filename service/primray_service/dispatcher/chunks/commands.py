@@ -17,6 +17,7 @@ from ...jobs import Frame, Job, Json, Scene
 from ...limits import Limits
 from ...problems import Problem
 from ...scenes.entries import choose
+from ...scenes.names import file_name
 
 CHECKPOINT = "checkpoint.prc"  # by this name a worker finds the one it goes on from
 
@@ -87,7 +88,8 @@ def _files(scene: Scene, data: DataDirectory) -> tuple[str, dict[str, Path], dic
         _require(folder / "package")
         return "", {}, {"package": folder / "package"}
     _require(folder / "upload")
-    return f"scene.{scene.kind}", {f"scene.{scene.kind}": folder / "upload"}, {}
+    name = file_name(scene.name, scene.kind)
+    return name, {name: folder / "upload"}, {}
 
 
 def _require(path: Path) -> None:

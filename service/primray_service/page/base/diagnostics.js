@@ -58,6 +58,8 @@ export function diagnostics() {
           element(
             "li",
             { data: { severity: row.severity } },
+            element("span", { class: "severity" }, `${row.severity}:`),
+            " ",
             element("span", { class: "kind" }, by.value === "prim" ? row.code : row.prim || "the whole scene"),
             " ",
             row.attribute && element("code", {}, row.attribute),

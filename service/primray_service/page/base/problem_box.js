@@ -8,6 +8,7 @@ const PLACES = {
   layer: "Layer",
   line: "Line",
   column: "Column",
+  code: "Code",
   asset_path: "Path in the scene",
   prim: "Prim",
   member: "Place",

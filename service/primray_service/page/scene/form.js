@@ -120,7 +120,7 @@ export function sceneForm(scene, limits) {
       strict: strict.checked,
       variants: variants.map((each) => each.querySelector("select").value).filter(Boolean),
     };
-    return { scene: { id: scene.id, ...(entry && { entry: entry.value }) }, settings, priority: Number(priority.value), labels: labelsOf(labels.value, name.value.trim()) };
+    return { scene: { id: scene.id, ...(entry && { entry: entry.value }) }, settings, ...(name.value.trim() && { name: name.value.trim() }), priority: Number(priority.value), labels: labelsOf(labels.value, name.value.trim()) };
   }
 
   let key = token();

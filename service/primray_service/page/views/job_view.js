@@ -124,7 +124,7 @@ export function jobView(root, [id]) {
   }
 
   function draw() {
-    const name = job.labels?.name || scene?.name || job.scene.entry || "Scene";
+    const name = job.name || job.labels?.name || scene?.name || job.scene.entry || "Scene";
     write(title, name);
     fill(tags, labels(otherLabels(job)));
     write(state, phaseWords(job));

@@ -117,7 +117,7 @@ function thumb(job) {
   return element("img", { class: "thumb", alt: "", loading: "lazy", width: 80, height: 45, src: jobPath(job.id, "/preview?width=160&format=jpeg") });
 }
 
-export const nameOf = (job) => `${job.labels?.name || job.scene?.name || job.scene?.entry || "scene"} ${format.shortId(job.id)}`;
+export const nameOf = (job) => `${job.name || job.labels?.name || job.scene?.name || job.scene?.entry || "scene"} ${format.shortId(job.id)}`;
 
 export function labels(found) {
   return Object.entries(found ?? {}).map(([name, value]) => element("span", { class: "label" }, value === "" ? name : `${name}: ${value}`));

@@ -22,6 +22,7 @@ from ...http.uploads import receive_scene, refused
 from ...jobs import TERMINAL, Job, SceneState
 from ...problems import Problem
 from ...scenes.entries import choose
+from ...scenes.names import job_name
 from ...scenes.recognize import MEDIA_TYPES
 from ...service import Service
 from ...store.base import Conflict, KeyReused
@@ -155,6 +156,9 @@ def create(service: Service, caller: Caller, asked: JobRequest, request: Request
     scene = service.store.scene(caller.tenant, asked.scene.id)
     if scene is None:
         raise no_scene()
+    if job.name is None:
+        made = job_name(scene.name, job.entry, asked.settings.camera, asked.settings.frames)
+        job = replace(job, name=job.labels.get("name") or made)  # the label was the name before there was one
     if asked.webhook is not None:
         job = replace(job, webhook=accepted_webhook(asked.webhook, service.config))
     if scene.state is SceneState.READY:  # else the job says so, once it is known

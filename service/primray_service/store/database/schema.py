@@ -84,6 +84,7 @@ jobs = Table(
     Column("revision", BigInteger, nullable=False),
     Column("priority", Integer, nullable=False),
     Column("labels", Document, nullable=False),
+    Column("name", Document),  # NULL: of before jobs had names
     Column("webhook", Document),
     Column("started_at", Double),
     Column("finished_at", Double),

@@ -23,7 +23,7 @@ from .usage import check_room_for_job, count_bytes
 
 jobs, frames, keys = schema.jobs, schema.frames, schema.idempotency_keys
 
-CHANGEABLE = frozenset({"priority", "labels", "ttl_s"})
+CHANGEABLE = frozenset({"priority", "name", "labels", "ttl_s"})
 KEYS_KEPT_S = 25 * 3600.0
 PASSING_EVENTS_KEPT_S = 3600.0
 # As in the index's condition, to the letter: SQLite takes a partial index for no other.

@@ -10,9 +10,14 @@ import pytest
 from tests.service.api import QUICK, SCENE, Json, problem, stored, submit
 from tests.service.conftest import StartServer
 
+from primray_service.admission import fingerprint
 from primray_service.api import views
+from primray_service.api.models import JobRequest
 
 NO_JOB = "/v1/jobs/job_00000000000000000000000000"
+OLD_FINGERPRINT = (
+    "905e5e564726e38acfc2c501c5f712472adfacc2cd7cbf2e0dac70f018017cd1"  # of version 0.2.0, for a request of a scene alone
+)
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +48,27 @@ def test_a_job_is_accepted_and_shown(client, scene):
     assert {name: progress[name] for name in zero} == dict.fromkeys(zero, 0), "clients find every member from the start"
     assert (progress["error"], progress["eta_s"], progress["eta_ci95"]) == (None, None, None)
     assert shown.json()["urls"]["continue"].endswith("/continue")
+
+
+def test_jobs_have_names(client, scene):
+    assert post(client, scene, {"name": "Shot 010, take 2 ☂"}).json()["name"] == "Shot 010, take 2 ☂"
+    named = post(client, scene, {"settings": {**QUICK, "camera": "/w/cam", "frames": "1-4"}}).json()
+    assert named["name"] == "scene cam 1-4"
+    assert post(client, scene, {"labels": {"name": "by its label"}}).json()["name"] == "by its label"
+    here = f"/v1/jobs/{named['id']}"
+    assert client.patch(here, json={"name": "other"}).json()["name"] == client.get(here).json()["name"] == "other"
+    assert [job["name"] for job in client.get("/v1/jobs?limit=2").json()["items"]] == ["by its label", "other"]
+    for bad in ("", "x" * 256, "a\nb", "a\x7fb", 3):
+        assert problem(post(client, scene, {"name": bad}), 422, "invalid-request")["member"] == "name"
+        problem(client.patch(here, json={"name": bad}), 422, "invalid-request")
+    form = {"file": ("my shot.usda", SCENE + b"# another"), "job": (None, '{"settings": {"camera": "/w/cam"}}')}
+    assert client.post("/v1/jobs", files=form).json()["name"] == "my shot cam"
+
+
+def test_a_key_of_before_names_stands_for_the_same_request():
+    asked = JobRequest.model_validate({"scene": {"id": "sha256:" + "0" * 64}})
+    assert fingerprint(asked) == OLD_FINGERPRINT
+    assert fingerprint(asked.model_copy(update={"name": "x"})) != OLD_FINGERPRINT
 
 
 def test_a_job_from_a_form(client):

@@ -135,14 +135,17 @@ os.dup2(2, 1)
 from primray_service.sandbox import enter
 entered = enter((messages.fileno(),))
 from primray_service.worker.check import check_scene
+from primray_service.worker.client_text import ClientText
 from primray_service.worker.failures import problem_of_error
 
 class Left(BaseException):
     pass
 
+text = ClientText(entered.job, entered.out)
+
 class Channel:
     def send(self, at, **members):
-        print(json.dumps({"at": at, **members}), file=messages)
+        print(json.dumps(text.in_json({"at": at, **members})), file=messages)
     def leave(self, at, **members):
         self.send(at, **members)
         raise Left

@@ -116,14 +116,13 @@ def test_counts_and_variants(facts: dict[str, Any]) -> None:
 def test_warnings(shot: Checked) -> None:
     found = {(warning["code"], warning["prim"]) for warning in shot.warnings}
     assert found == {
-        ("asset-missing", ""),
+        ("asset-not-uploaded", ""),
         ("product-name-rewritten", "/Render/bad"),
         ("product-name-rewritten", "/Render/worse"),
         ("unsupported-prim", "/world/hair"),
     }
     assert all(warning["kind"] in KINDS for warning in shot.warnings)
-    assert {warning["kind"] for warning in shot.warnings if warning["code"] == "asset-missing"} == {"missing"}
-    assert "'tex/missing.png'" in next(w["detail"] for w in shot.warnings if w["code"] == "asset-missing")
+    assert "'tex/missing.png'" in next(w["detail"] for w in shot.warnings if w["code"] == "asset-not-uploaded")
 
 
 def test_many_warnings_are_cut_off(tmp_path: Path) -> None:

@@ -119,28 +119,42 @@ def test_deep_binary_layers_are_refused_after_reading(tmp_path: Path) -> None:
 
 
 UNREADABLE: dict[str, tuple[bytes, int | None]] = {
-    "syntax": (b'#usda 1.0\ndef "a" {\n  string x = 3 quoted-secret\n}\n', 3),
-    "not closed": (b'#usda 1.0\ndef "quoted-secret" {\n', 2),
-    "not text": (b'#usda 1.0\ndef "a" {\n  string x = 3 quoted-secret \xff\xfe\n}\n', 3),
-    "name not text": (b'#usda 1.0\ndef "quoted-secret\xff" {\n}\n', 2),
+    "syntax": (b'#usda 1.0\ndef "a" {\n  string x = 3 of\n}\n', 3),
+    "not closed": (b'#usda 1.0\ndef "a" {\n', 3),
+    "not text": (b'#usda 1.0\ndef "a" {\n  string x = 3 of \xff\xfe\n}\n', 3),
+    "name not text": (b'#usda 1.0\ndef "a\xff" {\n}\n', 2),
 }
 
 
-def test_syntax_errors_tell_layer_and_line_and_nothing_of_the_text(tmp_path: Path) -> None:
+def test_syntax_errors_are_told_in_usds_own_words(tmp_path: Path) -> None:
     scenes: dict[str, Files] = {str(n): {"scene.usda": text} for n, (text, _) in enumerate(UNREADABLE.values())}
-    scenes["referred to"] = {
-        "root.usda": usda(SPHERE, "subLayers = [@sub/bad.usda@]"),
-        "sub/bad.usda": UNREADABLE["syntax"][0],
-    }
     found = check_many(tmp_path / "slot", scenes)
     for n, (name, (_, line)) in enumerate(UNREADABLE.items()):
         problem = found[str(n)].problem
         assert problem is not None, name
         assert (problem["type"], problem["layer"], problem["line"]) == ("/problems/layer-unreadable", "scene.usda", line), name
-    problem = found["referred to"].problem
-    assert problem is not None
-    assert (problem["layer"], problem["line"]) == ("sub/bad.usda", 3)
-    assert not [name for name, checked in found.items() if "secret" in checked.everything()]
+        assert problem["detail"].startswith(f"USD cannot open it: scene.usda:{line}:{problem['column']}: "), name
+        assert str(tmp_path) not in found[str(n)].everything(), name
+
+
+def test_a_layer_that_cannot_be_read_refuses_no_stage_that_goes_on_without_it(tmp_path: Path) -> None:
+    """As the command line goes on, which says why at the prim, in the same words."""
+    broken = UNREADABLE["syntax"][0]
+    scenes: dict[str, Files] = {
+        "sublayer": {"root.usda": usda(SPHERE, "subLayers = [@sub/bad.usda@]"), "sub/bad.usda": broken},
+        "reference": {"root.usda": usda(SPHERE + 'def "b" (references = @bad.usda@) {\n}\n'), "bad.usda": broken},
+        "nobody's": {"root.usda": usda(SPHERE), "bad.usda": broken},
+        "no layer": {"root.usda": usda(SPHERE, "subLayers = [@bad.usda@]"), "bad.usda": b"hello"},
+        "asked for": {"root.usda": usda(SPHERE), "bad.usda": broken},
+    }
+    found = check_many(tmp_path / "slot", scenes, entries={"asked for": "bad.usda"})
+    of = {name: [(w["severity"], w["code"], w["prim"]) for w in checked.warnings] for name, checked in found.items()}
+    assert of["sublayer"] == of["no layer"] == [("error", "composition-error", "/")]
+    assert of["reference"] == [("error", "composition-error", "/b")]
+    assert of["nobody's"] == [("info", "file-ignored", "")]
+    assert "sub/bad.usda:3:" in found["sublayer"].warnings[0]["detail"]
+    assert "The layer 'bad.usda' is left out. USD cannot open it: bad.usda:3:" in found["nobody's"].warnings[0]["detail"]
+    assert (found["asked for"].slug, (found["asked for"].problem or {})["layer"]) == ("layer-unreadable", "bad.usda")
 
 
 def test_binary_layers_that_are_broken(tmp_path: Path) -> None:
@@ -167,8 +181,8 @@ def test_files_that_are_called_usd_and_are_none(tmp_path: Path) -> None:
     }
     found = check_many(tmp_path / "slot", scenes)
     slugs = {name: checked.slug for name, checked in found.items()}
-    assert slugs == {"alone": "not-usd", "empty": "not-usd", "other": "not-usd", "among": "layer-unreadable"}
-    assert (found["among"].problem or {})["layer"] == "sub/b.usda"
+    assert slugs == {"alone": "not-usd", "empty": "not-usd", "other": "not-usd", "among": ""}
+    assert found["among"].codes() == ["file-ignored"]
 
 
 def test_circles_end(tmp_path: Path) -> None:

@@ -111,7 +111,7 @@ def test_packages_in_packages(tmp_path: Path) -> None:
     within = of["outside from within"].problem
     assert within is not None
     assert (within["type"], within["layer"]) == ("/problems/asset-path-outside-job", "p.usdz[x.usda]")
-    assert of["missing member"].codes() == ["asset-missing"]
+    assert of["missing member"].codes() == ["composition-error"]
 
 
 def test_the_root_of_a_package(tmp_path: Path) -> None:

@@ -31,6 +31,7 @@ BRIGHTEST, BRIGHTEST_TINT = 1e30, 1e15
 # With normalize a light without size has a limit, a point or a line of the same power. It is rendered with this size.
 SMALLEST = 1e-12
 _FORMATS = ("automatic", "latlong", "mirroredBall", "angular", "cubeMapVerticalCross")  # UsdLux, DomeLight
+TEXTURE = "inputs:texture:file"
 COOLEST_K, HOTTEST_K = 1000.0, 10000.0  # of UsdLux.BlackbodyTemperatureAsRgb
 
 
@@ -187,19 +188,22 @@ def _pole_rotation(prim: ResolvedPrim, ctx: Context) -> Doubles:
     return turned
 
 
+def missing_texture_text(path: str, type_name: str) -> str:
+    kind = "dome" if type_name.startswith("Dome") else "light"
+    return f"{path} cannot be found: the {kind} is rendered without its texture."
+
+
 def _texture(prim: ResolvedPrim, ctx: Context) -> TextureFile | None:
     """The image of a dome or rectangle. One that is missing is left out: the light then emits its plain colour."""
-    if "inputs:texture:file" not in prim.names:
+    if TEXTURE not in prim.names:
         return None
-    asset = read(prim.prim, "inputs:texture:file", ctx.when)
+    asset = read(prim.prim, TEXTURE, ctx.when)
     if not isinstance(asset, Sdf.AssetPath) or not asset.path:
         return None
     if not asset.resolvedPath:
-        kind = "dome" if prim.type_name.startswith("Dome") else "light"
-        message = f"{asset.path} cannot be found: the {kind} is rendered without its texture."
-        ctx.warn("asset-missing", prim.path, message, "inputs:texture:file")
+        ctx.warn("asset-missing", prim.path, missing_texture_text(asset.path, prim.type_name), TEXTURE)
         return None
-    return light_texture(asset.resolvedPath, prim.prim.GetAttribute("inputs:texture:file"), prim, ctx)
+    return light_texture(asset.resolvedPath, prim.prim.GetAttribute(TEXTURE), prim, ctx)
 
 
 def _texture_format(prim: ResolvedPrim, ctx: Context) -> str:

@@ -1,0 +1,30 @@
+"""What a scene is called: by people, and as a file where its messages name it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import PurePosixPath
+
+MOST_CHARS = 120
+# No separators, nothing that USD reads in a path (@, brackets, colons, quotes), nothing hidden.
+_PLAIN = re.compile(r"[^\W_][^/\\\x00-\x1f\x7f@<>\[\]\"'`:${}]*")
+_SUFFIXES = {"usda": (".usda", ".usd"), "usdc": (".usdc", ".usd"), "usdz": (".usdz",)}
+
+
+MOST_NAME_CHARS = 255
+
+
+def job_name(scene: str, entry: str | None, camera: str | None, frames: str | None) -> str:
+    """Of a job that was given none: its scene's or layer's, with what tells it from others of the same scene."""
+    stem = PurePosixPath(entry or scene or "scene").stem
+    camera = PurePosixPath(camera).name if camera else None
+    return " ".join(filter(None, (stem, camera, frames)))[:MOST_NAME_CHARS]
+
+
+def file_name(name: str, kind: str) -> str:
+    """A plain file name for a scene that was sent as `name`: that, with a suffix of its kind; scene.KIND where it is none."""
+    path = PurePosixPath(name.replace("\\", "/"))
+    stem = path.stem if path.suffix.lower() in (".usda", ".usdc", ".usdz", ".usd", ".zip") else path.name
+    if len(stem.encode()) > MOST_CHARS or not _PLAIN.fullmatch(stem):
+        return f"scene.{kind}"
+    return f"{stem}{path.suffix if path.suffix in _SUFFIXES[kind] else f'.{kind}'}"
