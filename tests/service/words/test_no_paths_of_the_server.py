@@ -59,7 +59,9 @@ def readable(found: Fate, server: RunningServer) -> dict[str, str]:
             with tempfile.NamedTemporaryFile(suffix=".exr") as file:
                 file.write(data)
                 file.flush()
-                header = oiio.ImageBuf(file.name).spec().extra_attribs
+                opened = oiio.ImageInput.open(file.name)  # an ImageBuf would add where it read it
+                assert opened is not None
+                header = opened.spec().extra_attribs
                 texts[output["name"]] = json.dumps({attribute.name: str(attribute.value) for attribute in header})
     return texts
 

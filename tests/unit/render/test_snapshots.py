@@ -51,13 +51,13 @@ def test_with_checkpoints_too() -> None:
 
 def test_they_are_written_to_the_outputs_of_their_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     written: list[tuple[str, bool]] = []
-    save = Image.save
+    write = Image.write
 
-    def saved(image: Image, path: Any, **how: Any) -> Path:
+    def written_now(image: Image, path: Path, *how: Any) -> Path:
         written.append((str(path), "unfinished" in image.metadata))
-        return save(image, path, **how)
+        return write(image, path, *how)
 
-    monkeypatch.setattr(Image, "save", saved)
+    monkeypatch.setattr(Image, "write", written_now)
     command = ["render", "s.usda", "-o", "a.#.exr", "-f", "1:2", "--res", "64", "48", "--spp", "512"]
     assert run([*command, "--snapshot", "0.000001"]) == 0
     for frame in ("a.1.exr", "a.2.exr"):
@@ -67,14 +67,14 @@ def test_they_are_written_to_the_outputs_of_their_frame(monkeypatch: pytest.Monk
 
 
 def test_one_that_cannot_be_written_ends_nothing(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    save = Image.save
+    write = Image.write
 
-    def saved(image: Image, path: Any, **how: Any) -> Path:
+    def written_now(image: Image, path: Path, *how: Any) -> Path:
         if "unfinished" in image.metadata:
             raise PrimrayError("the file cannot be written: full", code="write-failed")
-        return save(image, path, **how)
+        return write(image, path, *how)
 
-    monkeypatch.setattr(Image, "save", saved)
+    monkeypatch.setattr(Image, "write", written_now)
     assert run(["render", "s.usda", "--res", "64", "48", "--spp", "512", "--snapshot", "0.000001"]) == 0
     assert "warning: the picture so far is not saved: write-failed" in capsys.readouterr().err
     assert Path("s.exr").exists()
