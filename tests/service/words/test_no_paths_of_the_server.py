@@ -59,9 +59,9 @@ def readable(found: Fate, server: RunningServer) -> dict[str, str]:
             with tempfile.NamedTemporaryFile(suffix=".exr") as file:
                 file.write(data)
                 file.flush()
-                opened = oiio.ImageInput.open(file.name)  # an ImageBuf would add where it read it
-                assert opened is not None
-                header = opened.spec().extra_attribs
+                picture = oiio.ImageInput.open(file.name)  # ImageBuf would add the path of this very file
+                assert picture is not None
+                header = picture.spec().extra_attribs
                 texts[output["name"]] = json.dumps({attribute.name: str(attribute.value) for attribute in header})
     return texts
 
