@@ -16,6 +16,7 @@ Products = Annotated[
     list[str] | None,
     typer.Option(
         "--product",
+        "--products",
         metavar="PRIM",
         help="Path or name of a RenderProduct, written under its own name; may be repeated.",
         show_default="the first",
@@ -30,6 +31,7 @@ Aovs = Annotated[
     list[str] | None,
     typer.Option(
         "--aov",
+        "--aovs",
         metavar="NAME",
         help="Outputs beside the picture, as parts of an EXR: names by commas, all, or none; may be repeated.",
         show_default="the stage's",

@@ -14,6 +14,7 @@ Samples = Annotated[
         "--spp",
         "--pixel-samples",
         "-p",
+        "--max-samples",
         metavar="N",
         help="Samples per pixel; a cap where an error or a time is asked for.",
         show_default="64, or no cap",
@@ -27,6 +28,7 @@ ErrorMetric = Annotated[
     Metric,
     typer.Option(
         "--error-metric",
+        "--metric",
         help="relmse: mean of (I-R)^2/(R^2+0.01); rmse; display: rmse after the view, in 8-bit steps.",
     ),
 ]
@@ -34,6 +36,7 @@ TimeLimit = Annotated[
     float | None,
     typer.Option(
         "--time-limit",
+        "--max-seconds",
         metavar="S",
         help="Stop a frame after so many seconds of sampling (set-up comes before).",
         show_default=False,

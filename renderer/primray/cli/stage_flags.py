@@ -35,7 +35,9 @@ RenderSettingsPrim = Annotated[
 ]
 Resolution = Annotated[
     tuple[int, int] | None,
-    typer.Option("--res", "-r", metavar="W H", help="Pixels; one of them 0: by the camera's aspect.", show_default=False),
+    typer.Option(
+        "--res", "-r", "--resolution", metavar="W H", help="Pixels; one of them 0: by the camera's aspect.", show_default=False
+    ),
 ]
 ImageWidth = Annotated[
     int | None,
@@ -81,7 +83,9 @@ Purposes = Annotated[
 ]
 Variants = Annotated[
     list[str] | None,
-    typer.Option("--variant", metavar="PRIM:SET=NAME", help="Choose a variant; may be repeated.", show_default=False),
+    typer.Option(
+        "--variant", "--variants", metavar="PRIM:SET=NAME", help="Choose a variant; may be repeated.", show_default=False
+    ),
 ]
 NoPayloads = Annotated[bool, typer.Option("--no-payloads", help="Load no payloads.")]
 Load = Annotated[

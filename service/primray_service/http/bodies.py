@@ -10,6 +10,7 @@ from fastapi import Request
 from pydantic import BaseModel, ValidationError
 from starlette.requests import ClientDisconnect
 
+from ..api.words import in_own_words
 from ..problems import Problem
 from .callers import service_of
 
@@ -72,20 +73,24 @@ async def read(request: Request, most_bytes: int) -> bytes:
 
 def parsed(model: type[Model], body: bytes, where: str = "") -> Model:
     """Problem with the member that is at fault, below `where`."""
-    check_json(body)
+    document = check_json(body)
+    meant = in_own_words(document)
     try:
-        return model.model_validate_json(body)
+        return model.model_validate_json(body if meant is document else json.dumps(meant))
     except ValidationError as error:
         raise invalid(error, where) from None
 
 
-def check_json(body: bytes) -> None:
-    """What pydantic lets pass: names that come twice, NaN, numbers of many digits; and NUL, which PostgreSQL cannot store."""
+def check_json(body: bytes) -> Any:
+    """The value. Refused is what pydantic lets pass: names that come twice, NaN, numbers of many digits; and NUL, which
+    PostgreSQL cannot store.
+    """
     try:
         value = json.loads(
             body.decode("utf-8"), object_pairs_hook=_members, parse_constant=_no_constant, parse_int=_whole, parse_float=_finite
         )
         _check_text(value)
+        return value
     except UnicodeDecodeError as error:
         raise Problem("invalid-json", f"The body is not UTF-8 at byte {error.start}.") from None
     except RecursionError:
