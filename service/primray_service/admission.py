@@ -221,10 +221,17 @@ def changes_of(patch: JobPatch, limits: Limits) -> Json:
     return changes
 
 
+# Members since version 0.2.0: left at their defaults, they are no part of a request whose key may come again.
+NEW_MEMBERS = ("name",)
+NEW_SETTINGS = ("auto_camera", "default_wrap")
+
+
 def fingerprint(request: JobRequest) -> str:
     """The same for requests that ask for the same, however their JSON is written."""
     said = request.model_dump(mode="json")
-    if request.name is None:  # as requests were before jobs had names, whose keys may come again
-        del said["name"]
+    for members, model, names in ((said, JobRequest, NEW_MEMBERS), (said["settings"], Settings, NEW_SETTINGS)):
+        for name in names:
+            if members[name] == model.model_fields[name].default:
+                del members[name]
     text = json.dumps(said, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()

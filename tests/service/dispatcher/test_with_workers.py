@@ -63,19 +63,19 @@ def test_whatever_happens_to_workers_the_bits_are_the_same(tmp_path: Path, expec
         for pid in descendants(os.getpid()):
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
-        [job] = await rig.ended(killed.id, timeout_s=60)
+        [job] = await rig.ended(killed.id, timeout_s=180)
         assert rig.dispatcher.metrics.restarts["kill"] == 1
         assert pixels(job) == expected
 
         low = rig.submit(scene, settings=asked(4096), priority=10)
         await rig.until(lambda: rig.frame(low.id).phase == "sampling")
         high = rig.submit(scene, settings=asked(16, seed=6), priority=90)
-        first, second = await rig.ended(high.id, low.id, timeout_s=60)
+        first, second = await rig.ended(high.id, low.id, timeout_s=180)
         assert first.state is JobState.SUCCEEDED
         assert pixels(second) == expected
 
         alone = rig.submit(scene, settings=asked(4096))
-        [job] = await rig.ended(alone.id, timeout_s=60)
+        [job] = await rig.ended(alone.id, timeout_s=180)
         assert pixels(job) == expected
         assert job.usage["cpu_s"] > 0.1
 
@@ -127,7 +127,7 @@ def test_cancel_is_quick_and_keeps_the_picture_and_continue_goes_on(tmp_path: Pa
 
         rig.store.continue_job(job.id, {"max_samples": 4096}, time.time(), NO_QUOTAS)
         rig.dispatcher.wake()
-        [again] = await rig.ended(job.id, timeout_s=60)
+        [again] = await rig.ended(job.id, timeout_s=180)
         assert again.attempt == 2
         if float(ended.progress["samples_done"]) < 4096:
             assert pixels(again) == expected

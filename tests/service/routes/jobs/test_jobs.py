@@ -65,10 +65,13 @@ def test_jobs_have_names(client, scene):
     assert client.post("/v1/jobs", files=form).json()["name"] == "my shot cam"
 
 
-def test_a_key_of_before_names_stands_for_the_same_request():
+def test_a_key_of_an_earlier_version_stands_for_the_same_request():
+    """Whoever adds a member: NEW_MEMBERS or NEW_SETTINGS of admission.py."""
     asked = JobRequest.model_validate({"scene": {"id": "sha256:" + "0" * 64}})
     assert fingerprint(asked) == OLD_FINGERPRINT
     assert fingerprint(asked.model_copy(update={"name": "x"})) != OLD_FINGERPRINT
+    other = asked.settings.model_copy(update={"auto_camera": "usdrecord"})
+    assert fingerprint(asked.model_copy(update={"settings": other})) != OLD_FINGERPRINT
 
 
 def test_a_job_from_a_form(client):
