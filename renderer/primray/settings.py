@@ -320,9 +320,8 @@ def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
     names = ("resolution", "sample_range", "purposes", "aovs", "variants", "load", "mask")
     tuples = {name: tuple(values[name]) for name in names if values.get(name) is not None}
     chosen: dict[str, Any] = {"filter": Filter(values["filter"]), "error_metric": Metric(values["error_metric"])}
-    if "default_wrap" in values:
-        chosen["default_wrap"] = DefaultWrap(values["default_wrap"])
     chosen["auto_camera"] = AutoCamera(values.get("auto_camera", AutoCamera.THREE_QUARTER))
+    chosen["default_wrap"] = DefaultWrap(values.get("default_wrap", DefaultWrap.BLACK))
     if isinstance(values.get("camera"), Mapping):
         from .camera import camera_of
 

@@ -51,6 +51,8 @@ _AP1 = ((0.713195860, 0.292688906), (0.159508556, 0.838788509), (0.128673002, 0.
 _AP0 = ((0.734855235, 0.264225334), (-0.006170913, 1.011314988), (0.015967559, -0.064235501), _D65)
 _SRGB = (2.4, 0.055)
 
+LUMINANCE_WEIGHTS = (0.2126, 0.7152, 0.0722)  # of linear Rec.709: Rec. ITU-R BT.709-6, 3.2
+
 REC709 = ColorSpace("lin_rec709_scene", *_REC709)  # USD's default (ColorSpaceAPI)
 SRGB = ColorSpace("srgb_rec709_scene", *_REC709, *_SRGB)
 ACESCG = ColorSpace("lin_ap1_scene", *_AP1)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..arrays import Doubles, Floats
 from ..color import ocio as color
-from ..color.color_space import REC709, ColorSpace
+from ..color.color_space import LUMINANCE_WEIGHTS, REC709, ColorSpace
 from ..diagnostic_codes import CODES
 from ..diagnostics import Diagnostic
 
@@ -60,7 +60,7 @@ def view_fault(pixels: Floats, view: View, exposure: float = 0.0) -> Diagnostic 
 def exposure_that_serves(pixels: Floats, view: View) -> float:
     """Stops, to a hundredth: the view shows the brightest parts near its top, unless the rest would drown in black."""
     seen = _seen(pixels)
-    level: Doubles = seen.astype(np.float64) @ np.array([0.2126, 0.7152, 0.0722])  # Rec. ITU-R BT.709-6, 3.2
+    level: Doubles = seen.astype(np.float64) @ np.array(LUMINANCE_WEIGHTS)
     level = level[level > 0]
     if not len(level):
         return 0.0

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from primray.color.color_space import LUMINANCE_WEIGHTS
 from primray.images.image import encode
 
 from ..worker.preview import Preview
@@ -14,7 +15,7 @@ from .request import PictureRequest
 
 Values = npt.NDArray[Any]
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec. ITU-R BT.709-6, 3.2
+LUMINANCE = np.array(LUMINANCE_WEIGHTS, np.float32)
 # viridis at even steps, by S. van der Walt and N. Smith, CC0: https://bids.github.io/colormap/
 VIRIDIS = np.array([
     (68, 1, 84), (72, 40, 120), (62, 74, 137), (49, 104, 142), (38, 130, 142),

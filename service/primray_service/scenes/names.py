@@ -5,13 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import PurePosixPath
 
-MOST_CHARS = 120
+MOST_CHARS = 120  # of a file's name
+MOST_NAME_CHARS = 255  # of a job's
 # No separators, nothing that USD reads in a path (@, brackets, colons, quotes), nothing hidden.
 _PLAIN = re.compile(r"[^\W_][^/\\\x00-\x1f\x7f@<>\[\]\"'`:${}]*")
 _SUFFIXES = {"usda": (".usda", ".usd"), "usdc": (".usdc", ".usd"), "usdz": (".usdz",)}
-
-
-MOST_NAME_CHARS = 255
 
 
 def job_name(scene: str, entry: str | None, camera: str | None, frames: str | None) -> str:

@@ -60,7 +60,7 @@ def default_lights(camera: Camera, z_up: bool) -> tuple[Light, Light]:
 
 def _key_frame(camera: Camera) -> Doubles:
     """+Z towards the light."""
-    z = camera.world_from_camera[:3, :3] @ (np.array(TO_KEY) / np.linalg.norm(TO_KEY))
+    z = _axis(TO_KEY, camera.world_from_camera[:3, :3])
     x = np.cross(camera.world_from_camera[:3, 1], z)
     x /= np.linalg.norm(x)
     m = np.eye(4)
@@ -91,8 +91,9 @@ def _surroundings(up: Doubles) -> Doubles:
     return GROUND + (sky - GROUND) * t
 
 
-def _axis(towards: tuple[float, float, float], light_from_camera: Doubles) -> Doubles:
-    axis: Doubles = light_from_camera @ (np.array(towards) / np.linalg.norm(towards))
+def _axis(towards: tuple[float, float, float], from_camera: Doubles) -> Doubles:
+    """(3,) of length 1 towards it, in the space that the rotation (3, 3) leads to."""
+    axis: Doubles = from_camera @ (np.array(towards) / np.linalg.norm(towards))
     return axis
 
 
