@@ -85,7 +85,7 @@ nb::object replicates(const Film& f) {
   std::vector<double> sums(f.counts.size() * 4);
   for (size_t p = 0; p < f.counts.size(); ++p) {
     for (int c = 0; c < Film::kColors; ++c) sums[4 * p + c] = f.sum(p, c).value();
-    sums[4 * p + 3] = f.covered[p];
+    sums[4 * p + 3] = double(f.covered[p]) / Film::kCovered;
   }
   return to_numpy(std::move(sums), {size_t(kReplicates), size_t(f.height), size_t(f.width), 4});
 }

@@ -39,7 +39,8 @@ PixelEstimate estimate_pixel(const Film& film, size_t pixel, double exposure) {
   PixelEstimate e{};
   if (total == 0) return e;
   e.measured = n[0] > 0 && n[1] > 0;
-  e.coverage = (double(film.covered[pixel]) + double(film.covered[other])) / total;
+  // Chosen by chance, what passes straight through may outweigh a sample here and there.
+  e.coverage = std::clamp(double(film.covered[pixel] + film.covered[other]) / double(Film::kCovered) / total, 0.0, 1.0);
   const double w = n[0] / total;
   for (int c = 0; c < Film::kColors; ++c) {
     const double a = film.mean(pixel, c) * exposure, b = film.mean(other, c) * exposure;

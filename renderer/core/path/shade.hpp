@@ -16,6 +16,15 @@ constexpr float kGrazing = 0.05f;
 // inside.
 constexpr float kAhead = 0.25f, kBackAhead = 16;
 
+// What of a sample comes to nothing straight through surfaces that it met covers nothing of its pixel.
+template <int W>
+PRIMRAY_RARE void see_through(Round& round, vbool<W> seen, const PathLanes<W>& p) {
+  for (uint32_t b = bits(seen); b; b &= b - 1) {
+    const int k = __builtin_ctz(b);
+    round.worker.a[p.slot[k]] -= (p.beta.x[k] + p.beta.y[k] + p.beta.z[k]) * (1.0f / 3);
+  }
+}
+
 // Light that comes back along the ray from lights it meets, and from afar. A body that is met leaves nothing of `hit`.
 template <int W>
 PRIMRAY_INLINE vvec3<W> gather_met_light(Round& round, vbool<W> active, const PathLanes<W>& p, const Hits<W>& hits,
@@ -28,8 +37,16 @@ PRIMRAY_INLINE vvec3<W> gather_met_light(Round& round, vbool<W> active, const Pa
     gathered = select(is_outlined(round, camera, p.slot, met.light), vvec3<W>(vfloat<W>(0.0f)), gathered);
   hit &= !covered;
   const vbool<W> escaped = active & !hit & !covered;
-  if (!lights.domes.empty() && any(escaped))
-    gathered += select(escaped, meet_domes(lights, escaped, p), vvec3<W>(vfloat<W>(0.0f)));
+  vbool<W> nothing = escaped;
+  if (!lights.domes.empty() && any(escaped)) {
+    const vvec3<W> sky = meet_domes(lights, escaped, p);
+    gathered += select(escaped, sky, vvec3<W>(vfloat<W>(0.0f)));
+    nothing &= !(max_component(sky) > vfloat<W>(0.0f));
+  }
+  if (round.scene.has_thin) {
+    nothing &= (p.depth == vint<W>(0)) & (p.vertex > vint<W>(0));
+    if (any(nothing)) see_through(round, nothing, p);
+  }
   for (uint32_t b = bits(active & (p.vertex == vint<W>(0)) & (hit | covered)); b; b &= b - 1)
     round.worker.a[p.slot[__builtin_ctz(b)]] = 1.0f;
   return gathered;

@@ -229,7 +229,7 @@ def _check_film(film: Arrays, width: int, height: int, tiles: int) -> None:
         "parts": ("<i8", (*pixels, COLORS, 2)),
         "bins": ("|i1", (*pixels, COLORS)),
         "counts": ("<u4", pixels),
-        "covered": ("<u4", pixels),
+        "covered": ("<i8", pixels),
         "next": ("<u4", (REPLICATES, tiles)),
         "tile_rays": ("<i8", (tiles,)),
         "totals": ("<i8", (5,)),

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from ..errors import CheckpointError, PrimrayError
 from ..images.output_path import through_links
 
-FORMAT = 2
+FORMAT = 3
 _NAME = b"primray checkpoint "
 _MAGIC = _NAME + b"%d\n" % FORMAT
 _DIGEST_BYTES = 32

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..report.summary import ImageSize
     from ..textures.texture import Texture
 
-FILM_PIXEL_BYTES = 118  # of the core's, which is not loaded yet where memory is checked; a test holds them equal
+FILM_PIXEL_BYTES = 126  # of the core's, which is not loaded yet where memory is checked; a test holds them equal
 
 
 @dataclass(frozen=True)
