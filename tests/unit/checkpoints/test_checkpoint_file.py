@@ -73,7 +73,7 @@ def test_every_flipped_byte_is_noticed(file: Path) -> None:
 
 
 def test_other_formats_are_named(file: Path) -> None:
-    file.write_bytes(file.read_bytes().replace(b"checkpoint 2\n", b"checkpoint 23\n", 1))
+    file.write_bytes(file.read_bytes().replace(b"checkpoint 3\n", b"checkpoint 23\n", 1))
     with pytest.raises(CheckpointError, match="of format 23, this primray reads 3") as caught:
         read_header(file)
     assert caught.value.code == "checkpoint-format"
@@ -87,7 +87,7 @@ def test_what_is_no_file(tmp_path: Path) -> None:
 
 
 def hostile(header: bytes, length: int | None = None, body: bytes = b"") -> bytes:
-    head = b"primray checkpoint 2\n" + struct.pack("<Q", len(header) if length is None else length) + header
+    head = b"primray checkpoint 3\n" + struct.pack("<Q", len(header) if length is None else length) + header
     return head + hashlib.sha256(head).digest() + body + hashlib.sha256(body).digest()
 
 
