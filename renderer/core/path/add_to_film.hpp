@@ -36,7 +36,7 @@ inline void add_to_film(const TileBlock& block, Worker& w, int pixels, int sampl
         film.add(p, 2, exact_sum(w.b + slot, valid));
       }
       film.counts[p] += uint32_t(valid);
-      for (int s = slot; s < slot + valid; ++s) film.covered[p] += int32_t(w.a[s] * float(Film::kCovered));
+      for (int s = slot; s < slot + valid; ++s) film.covered[p] += int64_t(w.a[s] * float(Film::kCovered));
       invalid += asked - valid;
     }
   }

@@ -150,7 +150,7 @@ def test_a_checkpoints_copy_of_the_film_counts_as_memory() -> None:
     check_memory(description, RenderSettings(max_memory_bytes=needed), [])
     with pytest.raises(LimitError):
         check_memory(description, RenderSettings(max_memory_bytes=needed + 100_000_000), [], film_copies=1)
-    check_memory(description, RenderSettings(max_memory_bytes=needed + 120_000_000), [], film_copies=1)
+    check_memory(description, RenderSettings(max_memory_bytes=needed + 130_000_000), [], film_copies=1)
 
 
 def test_errors_of_opening_pass_through(pipeline: FakePipeline) -> None:
