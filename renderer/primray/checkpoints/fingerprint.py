@@ -31,7 +31,7 @@ def fingerprint(description: SceneDescription, textures: TextureSet) -> dict[str
         "geometry": (d.shapes, d.static, d.prototypes, d.placements),
         "materials": d.surfaces,
         "lights": (d.lights, d.linked),
-        "camera": d.camera,
+        "camera": (d.camera, d.exposure, d.camera_motion),
         "frame": (d.pixels, d.pixel_aspect_ratio),
     }
     return {name: digests.of(part) for name, part in parts.items()}

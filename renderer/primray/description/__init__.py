@@ -11,14 +11,17 @@ from ..camera import Camera, Projection
 from .frame import Frame, PixelWindow
 from .geometry import Interpolation, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
 from .lighting import IesProfile, Light, LightType, Linked, Portal, Shadow, Shaping
-from .placement import Instances, MatrixInstances, Placement, PointInstances
+from .motion import CameraMotion, Exposure, MatrixMotion, PointMotion
+from .placement import Instances, MatrixInstances, MovingInstances, Placement, PointInstances
 from .scene import Placed, Prototype, SceneDescription
 from .shading import Input, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
 
 __all__ = [
     "AovRequest",
     "Camera",
+    "CameraMotion",
     "Doubles",
+    "Exposure",
     "Floats",
     "Frame",
     "IesProfile",
@@ -30,11 +33,14 @@ __all__ = [
     "LightType",
     "Linked",
     "MatrixInstances",
+    "MatrixMotion",
     "Mesh",
+    "MovingInstances",
     "PixelWindow",
     "Placed",
     "Placement",
     "PointInstances",
+    "PointMotion",
     "Portal",
     "Primvar",
     "PrimvarInput",

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..arrays import Doubles, Floats, Ints
 from .lighting import Light
+from .motion import PointMotion
 
 
 class Interpolation(Enum):
@@ -45,9 +46,10 @@ class Mesh:
     primvars: tuple[Primvar, ...] = ()
     light: Light | None = None  # of type GEOMETRY: what it gives as a light
     link_row: int = 0  # of SceneDescription.linked
+    motion: PointMotion | None = None
 
     def box(self) -> tuple[Doubles, Doubles]:
-        """Low and high corner (3,) of what is drawn, in object space. Every shape has one."""
+        """Low and high corner (3,) of what is drawn at the frame, in object space. Every shape has one."""
         return _box_of(self.drawn_points())
 
     def drawn_points(self) -> Floats:
@@ -81,6 +83,7 @@ class SubdivisionMesh:
     primvars: tuple[Primvar, ...] = ()
     light: Light | None = None
     link_row: int = 0
+    motion: PointMotion | None = None  # of the cage's points
 
     def box(self) -> tuple[Doubles, Doubles]:
         """Of the cage, which holds its surface."""

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..arrays import Doubles, Floats
+from .motion import MatrixMotion
 from .shading import TextureFile
 
 Color = tuple[float, float, float]
@@ -131,3 +132,4 @@ class Light:
     normalize: bool = False  # geometry: this and the next two
     own_color: bool = False
     shows_own: bool = False
+    motion: MatrixMotion | None = None  # of world_from_light, which is that at the frame: rigid, so that sizes stay

@@ -87,7 +87,36 @@ class PointInstances:
         return replace(self, outer=compose(outer[None], self.outer[None])[0], names=_below(self.names, name))
 
 
-Instances = MatrixInstances | PointInstances
+@dataclass(frozen=True, eq=False)
+class MovingInstances:
+    """Instances that move: a placement's only level. How they stand between times: motion.py."""
+
+    times: Doubles  # (S + 1,) fractions of the exposure's span
+    matrices: Doubles  # (S + 1, K, 3, 4)
+    frame: Doubles  # (K, 3, 4), at the frame
+    turns: bool = False
+    primvars: tuple[Primvar, ...] = ()  # INSTANCE: K rows
+    names: Names | None = None  # where an AOV asks for instances
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    def rows(self, start: int, stop: int) -> Doubles:
+        """(stop - start, 3, 4), as they stand at the frame."""
+        return self.frame[start:stop]
+
+    def take(self, chosen: npt.NDArray[Any]) -> MovingInstances:
+        """Those that a mask or an array of indices chooses."""
+        primvars, names = _take(self.primvars, chosen), _take_names(self.names, chosen)
+        return replace(self, matrices=self.matrices[:, chosen], frame=self.frame[chosen], primvars=primvars, names=names)
+
+    def placed(self, outer: Doubles, name: str = "") -> MovingInstances:
+        """The same after one more matrix (3, 4), of an instance of that name."""
+        moved = np.stack([compose(outer[None], step) for step in self.matrices])
+        return replace(self, matrices=moved, frame=compose(outer[None], self.frame), names=_below(self.names, name))
+
+
+Instances = MatrixInstances | PointInstances | MovingInstances
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,8 +190,9 @@ def transformed_boxes(m: Doubles, low: Doubles, high: Doubles) -> Box:
 def _level_box(level: Instances, box: Box) -> Box:
     if isinstance(level, PointInstances):
         return transformed_box(level.outer, _points_box(level, box))
+    matrices = level.matrices.reshape(-1, 3, 4)
     with np.errstate(invalid="ignore", over="ignore"):
-        low, high = transformed_box(level.matrices, box)
+        low, high = transformed_box(matrices, box)
         finite = np.isfinite(low).all(axis=1) & np.isfinite(high).all(axis=1)
     return (low[finite].min(axis=0), high[finite].max(axis=0)) if finite.any() else (np.zeros(3), np.zeros(3))
 

@@ -11,6 +11,7 @@ from ..color.color_space import REC709, ColorSpace
 from .frame import Frame, PixelWindow, whole_frame
 from .geometry import Shape
 from .lighting import NO_LINKS, Light, Linked
+from .motion import CameraMotion, Exposure
 from .placement import Placement
 from .shading import Surface
 
@@ -54,6 +55,8 @@ class SceneDescription:
     pixel_aspect_ratio: float = 1.0
     linked: Linked = NO_LINKS
     rendering_space: ColorSpace = REC709
+    exposure: Exposure | None = None  # None: an instant, at which nothing moves
+    camera_motion: CameraMotion | None = None
 
     @property
     def frame(self) -> Frame:

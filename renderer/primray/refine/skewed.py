@@ -16,7 +16,7 @@ import numpy.typing as npt
 from ..arrays import Doubles
 from ..description import Mesh, Placed, Placement, Prototype, SceneDescription, Shape
 from ..description.instance_names import all_names
-from ..description.placement import Instances, MatrixInstances, PointInstances, chunks, named_levels
+from ..description.placement import Instances, MatrixInstances, MovingInstances, PointInstances, chunks, named_levels
 
 # The volume that the images of the axes span, in that of a box of their lengths: below, an instance is skewed.
 SKEWED = 0.02
@@ -50,7 +50,8 @@ class _Baking:
 
     def _parts(self, placement: Placement) -> list[Placement]:
         proto = self.prototypes[placement.prototype]
-        if proto.placements:
+        # Matrices of moving instances are inverted in double, for each ray.
+        if proto.placements or any(isinstance(level, MovingInstances) for level in placement.levels):
             return [placement]
         skewed = _skewed(placement.levels)
         each = sum(len(s.triangles) for s in (self._shapes[p.shape] for p in proto.shapes) if isinstance(s, Mesh))
@@ -102,9 +103,9 @@ def _skewed(levels: Sequence[Instances]) -> npt.NDArray[np.int64]:
 
 def _stretch(level: Instances) -> float:
     """A bound on how much more the level's matrices stretch one direction than another."""
-    if isinstance(level, MatrixInstances):
+    if not isinstance(level, PointInstances):
         with np.errstate(all="ignore"):
-            return float(np.linalg.cond(level.matrices[:, :, :3]).max(initial=1.0))
+            return float(np.linalg.cond(level.rows(0, len(level))[:, :, :3]).max(initial=1.0))
     sizes = np.ones(1) if level.scales is None else np.abs(level.scales.astype(np.float64))
     smallest = float(sizes.min(initial=np.inf))
     return _condition(level.outer) * (float(sizes.max(initial=0.0)) / smallest if smallest > 0 else np.inf)

@@ -1,0 +1,77 @@
+"""The seam's motion: how shapes, instances, lights and the camera stand at times of an exposure. Part of description.py.
+
+Times are fractions of the exposure's span, which ascend from 0 to 1; what is given at S + 1 of them has S segments. Between two
+times points are linear, and so are matrices, unless they turn: then their rotations go the shorter way at constant speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Doubles, Floats
+from ..camera import Camera
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """When rays see the scene, in time codes from the frame on: uniformly from `opens` to `closes`, within the span."""
+
+    opens: float
+    closes: float
+    span: tuple[float, float]  # what motion is given for: the shutter, and the frame (0) where AOVs are asked for
+
+    def fraction(self, offset: float) -> float:
+        """Of the span, of a time in time codes from the frame on."""
+        first, last = self.span
+        return (offset - first) / (last - first)
+
+    @property
+    def shutter(self) -> tuple[float, float]:
+        """Fractions of the span."""
+        return self.fraction(self.opens), self.fraction(self.closes)
+
+    @property
+    def frame(self) -> float:
+        """The frame's fraction of the span, or the nearest that is within."""
+        return min(max(self.fraction(0.0), 0.0), 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class PointMotion:
+    """A mesh's points at other times than the frame."""
+
+    times: Doubles  # (S + 1,)
+    points: Floats  # (S + 1, N, 3), as Mesh.points
+    normals: Floats | None = None  # (S + 1, M, 3), as Mesh.normals; None: they stay as they are, or there are none
+
+
+@dataclass(frozen=True, eq=False)
+class MatrixMotion:
+    """Matrices at times."""
+
+    times: Doubles  # (S + 1,)
+    matrices: Doubles  # (S + 1, 4, 4)
+    turns: bool = False  # between times rotations go the shorter way at constant speed, the rest is linear; else all is linear
+
+
+@dataclass(frozen=True, eq=False)
+class CameraMotion:
+    """A camera at times: its rotation turns at constant speed, the rest is linear between them."""
+
+    times: Doubles  # (S + 1,)
+    cameras: tuple[Camera, ...]  # S + 1, alike in projection, blades and clipping planes
+
+
+def segment_of(times: Doubles, fraction: float) -> tuple[int, float]:
+    """The segment that a fraction of the span is in, and how much of it lies before."""
+    k = int(np.clip(np.searchsorted(times, fraction, side="right") - 1, 0, len(times) - 2))
+    return k, float((fraction - times[k]) / (times[k + 1] - times[k]))
+
+
+def is_uniform(times: Sequence[float] | Doubles) -> bool:
+    """Whether all segments are of one length, to the rounding of floats."""
+    steps = np.diff(np.asarray(times, np.float64))
+    return bool(np.abs(steps - 1.0 / len(steps)).max() < 1e-7 / len(steps)) if len(steps) else False
