@@ -2,7 +2,7 @@
 #include "accel/build.hpp"
 
 #include "accel/cutout.hpp"
-#include "accel/grouped_geometry.hpp"
+#include "accel/placed_geometry.hpp"
 #include "base/error.hpp"
 
 namespace primray {
@@ -24,6 +24,21 @@ OwnedGeometry make_triangles(const Scene& scene, const Group& group, uint32_t fi
   OwnedGeometry g = over_positions(rtc::kTriangle, scene, group);
   embree().rtcSetSharedGeometryBuffer(g.get(), rtc::kIndexBuffer, 0, rtc::kUint3, scene.indices.data(),
                                       (size_t(group.triangle_base) + first) * 12, 12, count);
+  return g;
+}
+
+// `count` of the group's moving triangles from its `first` on: a buffer of vertices for each time.
+OwnedGeometry make_moving_triangles(const Scene& scene, const Group& group, uint32_t first, uint32_t count) {
+  const rtc::Api& e = embree();
+  OwnedGeometry g(e.rtcNewGeometry(embree_device(), rtc::kTriangle));
+  const int steps = scene.motion.clocks[size_t(group.clock)].segments() + 1;
+  e.rtcSetGeometryTimeStepCount(g.get(), uint32_t(steps));
+  for (int k = 0; k < steps; ++k)
+    e.rtcSetSharedGeometryBuffer(g.get(), rtc::kVertexBuffer, uint32_t(k), rtc::kFloat3, scene.positions.data(),
+                                 (size_t(group.vertex_base) + size_t(k) * group.moving_vertex_count) * 12, 12,
+                                 group.vertex_count);
+  e.rtcSetSharedGeometryBuffer(g.get(), rtc::kIndexBuffer, 0, rtc::kUint3, scene.indices.data(),
+                               (size_t(group.triangle_base) + first) * 12, 12, count);
   return g;
 }
 
@@ -53,6 +68,28 @@ void attach_triangles(rtc::Scene target, const Scene& scene, const Group& group,
   }
 }
 
+// With a filter that asks whether a triangle is there, `first` being its first of the group's.
+void attach_cutouts(rtc::Scene target, Scene& scene, const Group& group, OwnedGeometry g, uint32_t first, uint32_t id) {
+  scene.cutouts.push_back({&scene, uint32_t(&group - scene.groups.data()), first});
+  set_cutout_filter(g.get(), scene.cutouts.back());
+  embree().rtcCommitGeometry(g.get());
+  attach(target, g, id);
+}
+
+// The group's triangles whose vertices move.
+void attach_moving(rtc::Scene target, Scene& scene, const Group& group) {
+  const uint32_t first = group.still_count();
+  if (group.moving_count > 0) {
+    const OwnedGeometry g = make_moving_triangles(scene, group, first, group.moving_count);
+    embree().rtcCommitGeometry(g.get());
+    attach(target, g, kMovingGeometry);
+  }
+  if (group.moving_cutout_count > 0)
+    attach_cutouts(target, scene, group,
+                   make_moving_triangles(scene, group, first + group.moving_count, group.moving_cutout_count),
+                   first + group.moving_count, kMovingCutoutGeometry);
+}
+
 OwnedGeometry make_placement(Scene& scene, size_t placement) {
   const rtc::Api& e = embree();
   const bool last = placement + 1 == scene.placement_group.size();
@@ -60,10 +97,9 @@ OwnedGeometry make_placement(Scene& scene, size_t placement) {
                end = last ? scene.world_from_group.size() / 12 : size_t(scene.placement_instance[placement + 1]);
   const Group& group = scene.groups[scene.placement_group[placement]];
   const float* matrices = scene.world_from_group.data() + first * 12;
-  if (group.placement_count > 0) {
-    scene.grouped.push_back(
-        make_grouped(matrices, uint32_t(first), uint32_t(end - first), group.placement_base, group.accel.get()));
-    return make_grouped_geometry(&scene.grouped.back());
+  if (needs_placed_geometry(scene, placement)) {
+    scene.placed.push_back(make_placed(scene, placement, uint32_t(first), uint32_t(end)));
+    return make_placed_geometry(&scene.placed.back());
   }
   OwnedGeometry g(e.rtcNewGeometry(embree_device(), rtc::kInstanceArray));
   e.rtcSetGeometryInstancedScene(g.get(), group.accel.get());
@@ -85,13 +121,10 @@ void build_group(Scene& scene, Group& group) {
   group.paired_count = paired_in(scene, group);
   scene.has_pairs |= group.paired_count > 0;
   attach_triangles(target, scene, group, group.paired_count);
-  if (group.cutout_count > 0) {
-    const OwnedGeometry g = make_triangles(scene, group, group.triangle_count, group.cutout_count);
-    scene.cutouts.push_back({&scene, uint32_t(&group - scene.groups.data())});
-    set_cutout_filter(g.get(), scene.cutouts.back());
-    embree().rtcCommitGeometry(g.get());
-    attach(target, g, kCutoutGeometry);
-  }
+  if (group.cutout_count > 0)
+    attach_cutouts(target, scene, group, make_triangles(scene, group, group.triangle_count, group.cutout_count),
+                   group.triangle_count, kCutoutGeometry);
+  attach_moving(target, scene, group);
   for_curved_kinds([&]<class K>(K) {
     const CurvedRange& r = group.curved.of<K>();
     if (r.count > 0) attach(target, K::geometry(&scene.curved.records<K>()[r.first], r.count), K::kGeometry);
@@ -105,7 +138,7 @@ void build_group(Scene& scene, Group& group) {
 // Whether Embree is not needed for the world.
 bool build_without_embree(Scene& scene) {
   const Group& world = scene.groups[0];
-  if (world.cutout_count + world.placement_count > 0 || world.curved.any()) return false;
+  if (world.all_triangles() > world.triangle_count || world.placement_count > 0 || world.curved.any()) return false;
   const TriangleSoup soup{scene.positions.data() + 3 * size_t(world.vertex_base),
                           scene.indices.data() + 3 * size_t(world.triangle_base), world.triangle_count,
                           paired_in(scene, world)};

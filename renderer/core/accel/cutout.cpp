@@ -27,7 +27,7 @@ bool is_hole(const CutoutGroup& cutouts, const FilterHit& hit) {
   // Inside a group of instances the numbers are the group's own: there the instance's primvars are not looked at.
   const bool placed = hit.instance != rtc::kInvalidId && !scene.has_grouped;
   const int32_t placement = placed ? int32_t(hit.instance - kFirstPlacement + scene.groups[0].placement_base) : -1;
-  const int32_t triangle = int32_t(group.triangle_base + group.triangle_count + hit.prim);
+  const int32_t triangle = int32_t(group.triangle_base + cutouts.first + hit.prim);
   const SurfacePoint<1> point(scene, yes, vint<1>(triangle), vint<1>(int32_t(group.vertex_base)), vint<1>(placement),
                               vint<1>(int32_t(hit.instance_prim)), vfloat<1>(hit.u), vfloat<1>(hit.v));
   const int32_t surface = scene.meshes.surface[point.mesh[0]], inputs = scene.surface_inputs_of[surface];

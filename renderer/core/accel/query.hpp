@@ -13,7 +13,9 @@ template <int W>
 PRIMRAY_INLINE Hits<W> intersect(const Scene& scene, bool packet, vbool<W> active, const Rays<W>& rays) {
   if (scene.few_triangles.any()) return intersect_few(scene.few_triangles, active, rays);
   if (scene.triangle_bvh.any()) return intersect_interleaved(scene.triangle_bvh, active, rays);
-  return packet ? intersect_packet(scene.accel(), active, rays) : intersect_single(scene.accel(), active, rays);
+  Hits<W> h = packet ? intersect_packet(scene.accel(), active, rays) : intersect_single(scene.accel(), active, rays);
+  h.time = rays.time;
+  return h;
 }
 
 // Which of them are blocked.

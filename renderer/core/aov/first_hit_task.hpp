@@ -39,7 +39,12 @@ template <int W>
 class FirstHitTask {
  public:
   FirstHitTask(const Scene& scene, FirstHitPlanes& planes)
-      : scene_(scene), planes_(planes), center_(scene.camera), unit_(1.0 / scene.scale) {
+      : scene_(scene),
+        planes_(planes),
+        at_frame_(scene.camera.moves ? scene.camera.at(scene.motion.frame) : scene.camera),
+        center_(at_frame_),
+        time_(scene.motion.frame),
+        unit_(1.0 / scene.scale) {
     center_.lens_radius = 0;
     center_.filter.box_width = 0;
     center_.filter.inverse_cdf.clear();
@@ -55,7 +60,7 @@ class FirstHitTask {
         x[i] = r.x0 + k % width, y[i] = r.y0 + k / width;
       }
       const F half(0.5f), zero(0.0f);
-      const CameraRay<W> ray = center_.ray<W>(frame_x(x), frame_y(y), half, half, zero, zero);
+      const CameraRay<W> ray = center_.template ray<W>(frame_x(x), frame_y(y), half, half, zero, zero, time_);
       B active = n < I(count);
       clear(active, x, y);
       const auto seen = [&](B hit, const Hits<W>& hits, const Interaction<W>& it, const SurfaceRows<W>& rows) {
@@ -91,7 +96,7 @@ class FirstHitTask {
       const I px = frame_x(x), py = frame_y(y);
       const Sampler<W> sampler{reverse_bits(load<W>(index)), Sampler<W>::pixel_seed(kFirstHitSeed, px, py, vuint<W>(0u))};
       const Pair<W> film = sampler.pair(I(0), Purpose::kFilm), lens = sampler.pair(I(0), Purpose::kLens);
-      const CameraRay<W> ray = scene_.camera.ray<W>(px, py, film.u, film.v, lens.u, lens.v);
+      const CameraRay<W> ray = at_frame_.template ray<W>(px, py, film.u, film.v, lens.u, lens.v, time_);
       V albedo(F(0.0f)), emission(F(0.0f));
       F left(1.0f);  // of the view that no layer has covered yet
       const auto met = [&](B m, const V& light) { emission += select(m, light * left, V(F(0.0f))); };
@@ -137,10 +142,10 @@ class FirstHitTask {
   using Surface = std::function<B(B, const Hits<W>&, const Interaction<W>&, const SurfaceRows<W>&)>;
   [[gnu::noinline]] void follow(B active, const CameraRay<W>& from, const Light& light, const Surface& surface) const {
     PathLanes<W> p;
-    p.ray = {from.o, from.d, from.tnear, from.tfar};
+    p.ray = {from.o, from.d, from.tnear, from.tfar, time_};
     p.beta = V(F(1.0f)), p.diffuse_share = p.normal = V(F(0.0f));
     p.bsdf_pdf = p.travelled = F(0.0f), p.splits = F(1.0f);
-    p.cone_width = F(scene_.camera.cone_width()), p.cone_spread = F(scene_.camera.cone_spread());
+    p.cone_width = F(at_frame_.cone_width()), p.cone_spread = F(at_frame_.cone_spread());
     p.slot = p.depth = p.vertex = I(0), p.link = I(kUnlinkedRow);
     for (int layer = 0; layer < kMostLayers && any(active); ++layer) {
       const Hits<W> hits = intersect(scene_, true, active, p.ray);
@@ -197,7 +202,7 @@ class FirstHitTask {
     const SurfacePoint<W> point(scene_, m, hits);
     const F side = copysign(F(1.0f), -dot(it.ng, ray.d));
     const V ng = it.ng * side, ns = it.ns * side;
-    const Affine<float>& c = scene_.camera.world_from_camera;
+    const Affine<float>& c = at_frame_.world_from_camera;
     for (uint32_t b = bits(m); b; b &= b - 1) {
       const int i = __builtin_ctz(b);
       const size_t p = pixel_of(x[i], y[i]);
@@ -239,7 +244,9 @@ class FirstHitTask {
 
   const Scene& scene_;
   FirstHitPlanes& planes_;
+  const Camera at_frame_;
   Camera center_;  // without lens and filter
+  const F time_;
   const double unit_;
 };
 

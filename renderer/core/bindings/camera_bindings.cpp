@@ -7,7 +7,8 @@ namespace {
 
 struct HeldCamera : CameraInput {
   InArray<double> held_planes;
-  InArray<float> held_filter;
+  InArray<float> held_filter, held_times;
+  InArray<double> held_matrices, held_numbers;
 };
 
 // x, y, width, height.
@@ -28,7 +29,6 @@ void bind_camera(nb::module_& m, nb::class_<SceneBuilder>& builder) {
       .def_rw("focus_distance", &HeldCamera::focus_distance)
       .def_rw("blades", &HeldCamera::blades)
       .def_rw("blade_rotation_deg", &HeldCamera::blade_rotation_deg)
-      .def_rw("shutter_open", &HeldCamera::shutter_open)
       .def_rw("width", &HeldCamera::width)
       .def_rw("height", &HeldCamera::height)
       .def_rw("filter_width", &HeldCamera::filter_width)
@@ -36,6 +36,9 @@ void bind_camera(nb::module_& m, nb::class_<SceneBuilder>& builder) {
   def_matrix(camera, "world_from_camera", &HeldCamera::world_from_camera);
   def_numbers(camera, "window", &HeldCamera::window);
   def_array(camera, "clipping_planes", &HeldCamera::held_planes, &HeldCamera::clipping_planes);
+  def_array(camera, "times", &HeldCamera::held_times, &HeldCamera::times);
+  def_array(camera, "pose_matrices", &HeldCamera::held_matrices, &HeldCamera::pose_matrices);
+  def_array(camera, "pose_numbers", &HeldCamera::held_numbers, &HeldCamera::pose_numbers);
   def_array(camera, "filter_inverse_cdf", &HeldCamera::held_filter, &HeldCamera::filter_inverse_cdf);
   builder.def("set_camera", [](SceneBuilder& b, const HeldCamera& c) { b.set_camera(c); });
 }

@@ -9,7 +9,8 @@ namespace primray {
 namespace {
 
 struct HeldLight : LightInput {
-  InArray<float> held_texels;
+  InArray<float> held_texels, held_times;
+  InArray<double> held_stances;
 };
 
 // A dome's, (H, W, 3).
@@ -76,6 +77,8 @@ void bind_light(nb::module_& m, nb::class_<SceneBuilder>& builder) {
       .def_rw("normalize", &HeldLight::normalize)
       .def_prop_rw("texture", nullptr, &set_texture)
       .def_prop_rw("portals", nullptr, &set_portals);
+  def_array(light, "times", &HeldLight::held_times, &HeldLight::times);
+  def_array(light, "stances", &HeldLight::held_stances, &HeldLight::stances);
   def_matrix(light, "world_from_light", &HeldLight::world_from_light);
   def_vec3(light, "emission", &HeldLight::emission);
   def_vec3(light, "shadow_color", &HeldLight::shadow_color);

@@ -71,7 +71,10 @@ void bind_scene(nb::module_& m) {
       .def_prop_ro("resolution",  // of its films
                    [](const Scene& s) { return nb::make_tuple(s.camera.pixels.width, s.camera.pixels.height); })
       .def_prop_ro("has_clipping_planes", [](const Scene& s) { return !s.camera.clipping_planes.empty(); })
-      .def_prop_ro("has_shutter", [](const Scene& s) { return bool(s.camera.shutter_open); })
+      .def_prop_ro("has_moving_camera", [](const Scene& s) { return bool(s.camera.moves); })
+      .def_prop_ro("has_moving_instances", [](const Scene& s) { return bool(s.motion.any_instances); })
+      .def_prop_ro("has_moving_points", [](const Scene& s) { return bool(s.motion.any_points); })
+      .def_prop_ro("has_moving_lights", [](const Scene& s) { return s.lights.motion.any(); })
       .def_prop_ro("has_lens", [](const Scene& s) { return s.camera.lens_radius > 0; });
   nb::class_<SceneBuilder> builder(m, "SceneBuilder");
   builder
@@ -97,6 +100,13 @@ void bind_scene(nb::module_& m) {
              const size_t count = left_out.size();
              return to_numpy(std::move(left_out), {count});
            })
+      .def("add_moving_instances",
+           [](SceneBuilder& b, InArray<float> times, bool turns, InArray<double> rows) {
+             std::vector<int64_t> left_out = b.add_moving_instances(span_of(times), turns, span_of(rows));
+             const size_t count = left_out.size();
+             return to_numpy(std::move(left_out), {count});
+           })
+      .def("set_exposure", &SceneBuilder::set_exposure)
       .def("end_placement", &SceneBuilder::end_placement)
       .def("set_links",
            [](SceneBuilder& b, InArray<uint8_t> members) {

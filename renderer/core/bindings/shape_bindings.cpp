@@ -8,7 +8,7 @@ namespace primray {
 namespace {
 
 struct HeldMesh : MeshInput {
-  InArray<float> held_points, held_normals, held_colors;
+  InArray<float> held_points, held_normals, held_colors, held_times, held_step_points, held_step_normals;
   InArray<int32_t> held_triangles, held_surfaces;
 };
 
@@ -42,6 +42,9 @@ void bind_shapes(nb::module_& m, nb::class_<SceneBuilder>& builder) {
   def_array(mesh, "triangles", &HeldMesh::held_triangles, &HeldMesh::triangles);
   def_array(mesh, "normals", &HeldMesh::held_normals, &HeldMesh::normals);
   def_array(mesh, "colors", &HeldMesh::held_colors, &HeldMesh::colors);
+  def_array(mesh, "times", &HeldMesh::held_times, &HeldMesh::times);
+  def_array(mesh, "step_points", &HeldMesh::held_step_points, &HeldMesh::step_points);
+  def_array(mesh, "step_normals", &HeldMesh::held_step_normals, &HeldMesh::step_normals);
   def_array(mesh, "surfaces", &HeldMesh::held_surfaces, &HeldMesh::surfaces);
   builder
       .def("add_mesh",

@@ -30,6 +30,7 @@ SceneBuilder::SceneBuilder(dvec3 origin, double scale) : scene_(std::make_unique
 }
 
 int SceneBuilder::begin_prototype(dvec3 center, double scale) {
+  end_group();
   group_origin_ = center, group_scale_ = scale;
   Group g;
   g.triangle_base = uint32_t(scene_->indices.size() / 3), g.vertex_base = uint32_t(scene_->positions.size() / 3);
@@ -46,8 +47,10 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
   if (s.positions.size() + 3 * points >= kMaxElements || s.indices.size() + 3 * triangles >= kMaxElements)
     throw Error("too-large", "more than 715 million points or triangles");
   const int32_t first_vertex = int32_t(s.positions.size() / 3), first_triangle = int32_t(s.indices.size() / 3);
+  const bool moves = !mesh.times.empty();
+  const std::span<const float> first_points = moves ? mesh.step_points : mesh.points;
   for (size_t i = 0; i < points; ++i) {
-    const float* p = &mesh.points[3 * i];
+    const float* p = &first_points[3 * i];
     put(s.positions, to_group(group_from_object.point({p[0], p[1], p[2]})));
   }
   // A mirrored mesh keeps its outside by turning its triangles around; attributes by corner turn with them.
@@ -72,8 +75,12 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
   // All by one factor and not each to length 1: normals are interpolated as the object has them, here as in instances.
   const double largest = std::max({length(cx), length(cy), length(cz)});
   const double factor = (mirrored ? -1 : 1) / (largest > 0 ? largest : 1.0);
-  const int32_t normals = add_vectors(s.normals, mesh.normals, mesh.normal_kind,
-                                      [&](const dvec3& n) { return (cx * n.x + cy * n.y + cz * n.z) * factor; });
+  const bool normals_move = !mesh.step_normals.empty();
+  int32_t normals = int32_t(s.normals.size());
+  for (size_t step = 0; step < (normals_move ? mesh.times.size() : 1); ++step)
+    add_vectors(s.normals,
+                normals_move ? mesh.step_normals.subspan(step * mesh.normals.size(), mesh.normals.size()) : mesh.normals,
+                mesh.normal_kind, [&](const dvec3& n) { return (cx * n.x + cy * n.y + cz * n.z) * factor; });
   const int32_t colors = add_vectors(s.colors, mesh.colors, mesh.color_kind, [](const dvec3& c) { return c; });
 
   last_mesh_rows_ = table.surface.size(), last_mirrored_ = mirrored, last_is_curved_ = false;
@@ -92,13 +99,22 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
       table.normal_base.push_back(normals), table.color_base.push_back(colors);
       table.triangle_base.push_back(first_triangle), table.vertex_base.push_back(first_vertex);
       if (s.lights.links.any()) table.link.push_back(link_row_);
+      if (moves) table.normal_stride.resize(table.surface.size(), 0);
+      if (normals_move) table.normal_stride.back() = int32_t(mesh.normals.size());
       s.primvars.of_mesh.insert(s.primvars.of_mesh.end(), s.primvars.names, -1);
     }
     s.triangle_mesh.push_back(row->second);
   }
   group.vertex_count += uint32_t(points);
-  if (group.cutout_count > 0 && !mesh.cutout) throw Error("internal", "a mesh comes after its group's cut-outs");
-  (mesh.cutout ? group.cutout_count : group.triangle_count) += uint32_t(triangles);
+  if (moves ? group.moving_cutout_count > 0 && !mesh.cutout
+            : group.cutout_count + group.moving_count + group.moving_cutout_count > 0 &&
+                  !(mesh.cutout && group.moving_vertex_count == 0))
+    throw Error("internal", "a mesh comes after its group's cut-outs, or after moving ones");
+  if (moves)
+    (mesh.cutout ? group.moving_cutout_count : group.moving_count) += uint32_t(triangles);
+  else
+    (mesh.cutout ? group.cutout_count : group.triangle_count) += uint32_t(triangles);
+  if (moves) add_mesh_steps(mesh, group_from_object);
   s.has_cutouts |= mesh.cutout && triangles > 0;
   s.has_attributes |= mesh.normal_kind != Attribute::kNone || mesh.color_kind != Attribute::kNone;
 }
@@ -190,15 +206,18 @@ void SceneBuilder::set_camera(const CameraInput& c) {
     camera.clipping_planes.push_back(
         {float(p[0] * unit), float(p[1] * unit), float(p[2] * unit), float(std::clamp(p[3] * unit * s.scale, -3e38, 3e38))});
   }
-  camera.blades = c.blades, camera.shutter_open = c.shutter_open;
+  camera.blades = c.blades;
   camera.first_corner = float(c.blade_rotation_deg / 360 - std::floor(c.blade_rotation_deg / 360));
   camera.lens_radius = float(c.lens_radius * s.scale), camera.focus_distance = float(c.focus_distance * s.scale);
   camera.filter.box_width = c.filter_width;
   camera.filter.inverse_cdf.assign(c.filter_inverse_cdf.begin(), c.filter_inverse_cdf.end());
+  if (!c.times.empty()) set_camera_path(c);
 }
 
 std::unique_ptr<Scene> SceneBuilder::finish() {
   Scene& s = *scene_;
+  end_group();
+  if (s.motion.any_points) s.meshes.normal_stride.resize(s.meshes.surface.size(), 0);
   s.positions.insert(s.positions.end(), 4, 0.0f);  // Embree reads 16 bytes of the last vertex
   s.indices.push_back(0);                          // as the core does of the last triangle
   for (size_t i = 0; i < s.surfaces.rows.size(); i += kSurfaceFields) {
@@ -226,17 +245,18 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
 bool Scene::needs_left_out() const {
   return has_instances.is_left_out() || curved.is_left_out() || has_attributes.is_left_out() || has_inputs.is_left_out() ||
          has_cutouts.is_left_out() || has_emission.is_left_out() || has_thin.is_left_out() ||
-         lights.lobe_factors.is_left_out() || lights.has_shaping.is_left_out() || camera.shutter_open.is_left_out() ||
-         (!built::kLinks && lights.links.words > 0) || (!built::kPortals && !lights.portals.empty()) ||
-         (!built::kSpecialShadows && !lights.shadow_rows.empty()) || (!built::kLightImages && !lights.images.empty()) ||
-         (!built::kEmission && !geometry_lights.all.empty());
+         lights.lobe_factors.is_left_out() || lights.has_shaping.is_left_out() || camera.moves.is_left_out() ||
+         motion.any_instances.is_left_out() || motion.any_points.is_left_out() ||
+         (!built::kMotion && !lights.motion.paths.empty()) || (!built::kLinks && lights.links.words > 0) ||
+         (!built::kPortals && !lights.portals.empty()) || (!built::kSpecialShadows && !lights.shadow_rows.empty()) ||
+         (!built::kLightImages && !lights.images.empty()) || (!built::kEmission && !geometry_lights.all.empty());
 }
 
 int64_t Scene::memory_bytes() const {
   const auto bytes = [](const auto& v) { return int64_t(v.capacity() * sizeof(v[0])); };
   int64_t total = bytes(positions) + bytes(indices) + bytes(triangle_mesh) + bytes(normals) + bytes(colors) +
-                  bytes(world_from_group) + bytes(primvars.values) + bytes(primvars.of_mesh) + bytes(primvars.of_placement) +
-                  texture_bytes() + int64_t(triangle_bvh.bytes);
+                  bytes(world_from_group) + bytes(motion.linear) + bytes(motion.turning) + bytes(primvars.values) +
+                  bytes(primvars.of_mesh) + bytes(primvars.of_placement) + texture_bytes() + int64_t(triangle_bvh.bytes);
   for_curved_kinds([&]<class K>(K) { total += bytes(curved.records<K>()); });
   for (const Dome& d : lights.domes) total += bytes(d.texels) + bytes(d.column_cdf) + bytes(d.column_cuts) + bytes(d.density);
   for (const LightImage& i : lights.images) total += bytes(i.texels) + bytes(i.column_cdf);

@@ -60,6 +60,10 @@ class SceneBuilder {
   // `rows`: 12 doubles an instance, parent from prototype. Singular or non-finite ones are left out; the result names them.
   std::vector<int64_t> add_instances(std::span<const double> rows);
   void end_placement();
+  // In place of add_instances, once for the placement: `rows` are 12 doubles for each time and, within it, instance.
+  std::vector<int64_t> add_moving_instances(std::span<const float> times, bool turns, std::span<const double> rows);
+  // Rays' times: the shutter's part of the span that all times are of, and the frame's time.
+  void set_exposure(double opens, double closes, double frame);
   // A row for every instance that was not left out of the last placement.
   void add_placement_primvar(int name, int width, std::span<const float> values);
   // Before shapes and lights: whether what wears row r is in collection c, (rows) (collections) flags; number 0 has all.
@@ -86,8 +90,13 @@ class SceneBuilder {
   dvec3 to_group(const dvec3& p) const { return (p - group_origin_) * group_scale_; }
   void add_curved_row(CurvedRange& range, size_t record, int32_t surface);
   int32_t append_primvar(std::span<const float> values);
+  void add_mesh_steps(const MeshInput& mesh, const daffine& group_from_object);
+  // The later times of the current group's moving vertices, after all of its vertices.
+  void end_group();
+  void set_camera_path(const CameraInput& camera);
 
   std::unique_ptr<Scene> scene_;
+  std::vector<std::vector<float>> later_points_;  // of the current group, by time from the second on
   // Of the current group.
   dvec3 group_origin_;
   double group_scale_;

@@ -1,6 +1,7 @@
 // The part of SceneBuilder that takes lights: those of their own, and those that shapes are.
 #include "base/error.hpp"
 #include "build/builder.hpp"
+#include "build/lights/light_paths.hpp"
 #include "build/lights/light_rows.hpp"
 
 namespace primray {
@@ -24,7 +25,11 @@ int SceneBuilder::add_light_image(const ImageInput& image) {
 }
 
 void SceneBuilder::add_light(const LightInput& light, int image) {
-  add_light_rows(light, scene_->origin, scene_->scale, scene_->lights, image);
+  LightTable& table = scene_->lights;
+  const int rows = table.count;
+  const size_t domes = table.domes.size();
+  add_light_rows(light, scene_->origin, scene_->scale, table, image);
+  add_light_path(light, scene_->origin, scene_->scale, rows, domes, table);
 }
 
 int SceneBuilder::add_geometry_light(const LightInput& light) {

@@ -93,6 +93,10 @@ void wear(const Scene& s, const InputSource& source, Texture& texture, uint32_t 
 }  // namespace
 
 void measure_footprints(Scene& s) {
+  if (s.moves()) {  // nearer than at any one time it may come
+    for (Texture& t : s.textures) t.least_footprint = 0;
+    return;
+  }
   for (Texture& t : s.textures) t.least_footprint = INFINITY;
   const dvec3 camera(s.camera.world_from_camera.o);
   const std::vector<double> on_instances = widths_on_instances(s);

@@ -59,6 +59,7 @@ void find_all(void* lib, rtc::Api& a) {
   PRIMRAY_FIND(rtcSetSharedGeometryBuffer);
   PRIMRAY_FIND(rtcSetGeometryInstancedScene);
   PRIMRAY_FIND(rtcSetGeometryUserPrimitiveCount);
+  PRIMRAY_FIND(rtcSetGeometryTimeStepCount);
   PRIMRAY_FIND(rtcSetGeometryUserData);
   PRIMRAY_FIND(rtcSetGeometryBoundsFunction);
   PRIMRAY_FIND(rtcSetGeometryIntersectFunction);

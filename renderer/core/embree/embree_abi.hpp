@@ -139,6 +139,7 @@ struct Api {
   void (*rtcSetSharedGeometryBuffer)(Geometry, int, uint32_t, int, const void*, size_t, size_t, size_t);
   void (*rtcSetGeometryInstancedScene)(Geometry, Scene);
   void (*rtcSetGeometryUserPrimitiveCount)(Geometry, uint32_t);
+  void (*rtcSetGeometryTimeStepCount)(Geometry, uint32_t);
   void (*rtcSetGeometryUserData)(Geometry, void*);
   void (*rtcSetGeometryBoundsFunction)(Geometry, BoundsFunction, void*);
   void (*rtcSetGeometryIntersectFunction)(Geometry, IntersectFunction);

@@ -107,7 +107,7 @@ PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<
   const LightRow<W> row(scene.lights, select(m, light, vint<W>(light[__builtin_ctz(bits(m))])));
   const vbool<W> sphere = m & is_type(row.type(), LightType::kSphere), mesh = m & is_type(row.type(), LightType::kMesh);
   vfloat<W> pdf = none;
-  if (any(mesh)) pdf = select(mesh, mesh_pdf(scene, mesh, row, it.triangle, from, n, d, distance), pdf);
+  if (any(mesh)) pdf = select(mesh, mesh_pdf(scene, mesh, row, it.triangle, from, n, d, distance, h.time), pdf);
   if (any(sphere)) {
     const vvec3<W> local = row.to_light(from - row.vector(kOrigin));
     const vfloat<W> radius = row(kSize0), d2 = dot(local, local), len = length(row.to_light(d));

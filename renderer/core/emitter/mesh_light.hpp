@@ -2,6 +2,7 @@
 // then a point on it by solid angle or area; and the density with which that finds a point.
 #pragma once
 
+#include "emitter/mesh_place.hpp"
 #include "emitter/mesh_rectangle.hpp"
 #include "light/selection/selection.hpp"
 #include "light/shape/triangle.hpp"
@@ -17,16 +18,17 @@ struct EmitterTriangle {
   vvec3<W> p0, e1, e2;
   vfloat<W> reach;  // largest coordinate involved, which bounds rounding
 
-  PRIMRAY_INLINE EmitterTriangle(const Scene& scene, const LightRow<W>& row, vint<W> vertex_base, vint<W> triangle) {
+  PRIMRAY_INLINE EmitterTriangle(const Scene& scene, const MeshPlace<W>& place, vint<W> vertex_base, vint<W> triangle) {
     const int32_t* indices = reinterpret_cast<const int32_t*>(scene.indices.data());
     vvec3<W> p[3];
     for (int k = 0; k < 3; ++k) {
       const vint<W> corner = vertex_base + gather<W>(indices + k, triangle * vint<W>(3));
-      p[k] = gather_vec3<W>(scene.positions.data(), corner * vint<W>(3));
+      p[k] = place.vertices.any ? gather_position(scene, corner, place.vertices)
+                                : gather_vec3<W>(scene.positions.data(), corner * vint<W>(3));
     }
-    e1 = row.to_world(p[1] - p[0]), e2 = row.to_world(p[2] - p[0]);
-    const vvec3<W> o = row.vector(kOrigin);
-    p0 = row.to_world(p[0]) + o;
+    e1 = place.to_world(p[1] - p[0]), e2 = place.to_world(p[2] - p[0]);
+    const vvec3<W> o = place.world_from_group.o;
+    p0 = place.to_world(p[0]) + o;
     reach = max(max_component(abs(p0)), max_component(abs(o))) + max_component(abs(e1)) + max_component(abs(e2));
   }
 };
@@ -44,8 +46,8 @@ template <int W>
 struct PlaceBeforeMesh {
   vvec3<W> p, n;
 
-  PRIMRAY_INLINE PlaceBeforeMesh(const LightRow<W>& row, const vvec3<W>& at, const vvec3<W>& normal) {
-    const vvec3<W> x = row.vector(kAxisX), y = row.vector(kAxisY), z = row.vector(kAxisZ), to = at - row.vector(kOrigin);
+  PRIMRAY_INLINE PlaceBeforeMesh(const AffineLanes<W>& world_from_group, const vvec3<W>& at, const vvec3<W>& normal) {
+    const vvec3<W> x = world_from_group.x, y = world_from_group.y, z = world_from_group.z, to = at - world_from_group.o;
     const vvec3<W> yz = cross(y, z);
     const vfloat<W> inverse = 1.0f / dot(x, yz), far(1e9f), none(0.0f);
     p = vvec3<W>(dot(yz, to), dot(cross(z, x), to), dot(cross(x, y), to)) * inverse;
@@ -169,14 +171,16 @@ PRIMRAY_INLINE vbool<W> rectangles_of(const EmitterTable& table, vbool<W> m, con
 // `number`: 32 random bits.
 template <int W>
 PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, const vvec3<W>& p, const vvec3<W>& n,
-                                vuint<W> number, vfloat<W> u, vfloat<W> v, LightSample<W>& s) {
+                                vuint<W> number, vfloat<W> u, vfloat<W> v, vfloat<W> time, LightSample<W>& s) {
   const EmitterTable& table = scene.emitters;
   const LightRow<W> row(scene.lights, select(m, light, vint<W>(light[__builtin_ctz(bits(m))])));
   const vint<W> shape = truncate(row(kSize1));
   const vbool<W> whole = rectangles_of(table, m, row), parts = m & !whole;
   vfloat<W> probability(1.0f);
   vint<W> chosen(0);
-  if (any(parts)) chosen = choose_triangle(table, parts, shape, PlaceBeforeMesh<W>(row, p, n), number, probability);
+  const MeshPlace<W> place(scene, m, row, shape, time);
+  if (any(parts))
+    chosen = choose_triangle(table, parts, shape, PlaceBeforeMesh<W>(place.world_from_group, p, n), number, probability);
   vfloat<W> b1, b2, whole_pdf(0.0f);
   if (any(whole)) {
     const RectanglePoint<W> q(MeshRectangle<W>(row), gather<W>(table.corners.data(), shape), p, u, v);
@@ -184,7 +188,7 @@ PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, c
   }
   const vint<W> triangle = gather<W>(table.first.data(), shape) + chosen;
   const vint<W> vertex_base = gather<W>(table.vertex_base.data(), shape);
-  const EmitterTriangle<W> t(scene, row, vertex_base, triangle);
+  const EmitterTriangle<W> t(scene, place, vertex_base, triangle);
   const SeenTriangle<W> seen(parts, t, p);
   if (any(parts)) {
     vfloat<W> c1, c2;
@@ -220,17 +224,19 @@ PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, c
 // The density with which that finds the point of `triangle`, counted over the scene, that lies `distance` away along unit d.
 template <int W>
 PRIMRAY_INLINE vfloat<W> mesh_pdf(const Scene& scene, vbool<W> m, const LightRow<W>& row, vint<W> triangle, const vvec3<W>& p,
-                                  const vvec3<W>& n, const vvec3<W>& d, vfloat<W> distance) {
+                                  const vvec3<W>& n, const vvec3<W>& d, vfloat<W> distance, vfloat<W> time) {
   const EmitterTable& table = scene.emitters;
   const vint<W> shape = select(m, truncate(row(kSize1)), vint<W>(0)), first = gather<W>(table.first.data(), shape);
   triangle = select(m, triangle, first);
   const vbool<W> whole = rectangles_of(table, m, row), parts = m & !whole;
   const vfloat<W> whole_pdf = any(whole) ? MeshRectangle<W>(row).pdf(p, d, distance) : vfloat<W>(0.0f);
   if (!any(parts)) return whole_pdf;
-  const EmitterTriangle<W> t(scene, row, gather<W>(table.vertex_base.data(), shape), triangle);
+  const MeshPlace<W> place(scene, m, row, shape, time);
+  const EmitterTriangle<W> t(scene, place, gather<W>(table.vertex_base.data(), shape), triangle);
   const SeenTriangle<W> seen(parts, t, p);
   const vfloat<W> by_area = area_to_solid_angle(cross(t.e1, t.e2), d, distance);
-  const vfloat<W> chosen = probability_of_triangle(table, parts, shape, triangle - first, PlaceBeforeMesh<W>(row, p, n));
+  const vfloat<W> chosen =
+      probability_of_triangle(table, parts, shape, triangle - first, PlaceBeforeMesh<W>(place.world_from_group, p, n));
   return select(whole, whole_pdf, chosen * seen.pdf(by_area));
 }
 

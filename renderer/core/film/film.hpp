@@ -26,10 +26,10 @@ struct Film {
   // A sample that is covered as a whole; parts are rounded to these units, so that sums are exact.
   static constexpr int64_t kCovered = 1 << 24;
   int width, height, tiles_x, tiles_y;
-  std::vector<int64_t> parts;     // replicate, y, x, color, (high, low)
-  std::vector<int8_t> bins;       // replicate, y, x, color
-  std::vector<uint32_t> counts;   // replicate, y, x
-  std::vector<int64_t> covered;   // replicate, y, x: of samples, what covers them, in units of 1 / kCovered
+  std::vector<int64_t> parts;    // replicate, y, x, color, (high, low)
+  std::vector<int8_t> bins;      // replicate, y, x, color
+  std::vector<uint32_t> counts;  // replicate, y, x
+  std::vector<int64_t> covered;  // replicate, y, x: of samples, what covers them, in units of 1 / kCovered
   // Where each tile's sequences stand: the next sample's number; and its rays, as the measure of what it costs.
   std::vector<uint32_t> next;  // replicate, tile
   std::vector<int64_t> tile_rays;

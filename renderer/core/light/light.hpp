@@ -10,6 +10,7 @@
 #include "light/shaping/shaping.hpp"
 #include "light/types/light_types.hpp"
 #include "light/types/textured_rect.hpp"
+#include "motion/light_motion.hpp"
 
 namespace primray {
 
@@ -47,6 +48,7 @@ struct LightTable {
   std::vector<float> shadow_rows;  // kShadowFields a row, where some light is special; else empty
   ShapingTable shaping;
   Fact<built::kShaping> has_shaping = false;  // some light's emission depends on its direction
+  LightMotion motion;
   // At most so many are weighed at every vertex; from there on the tree's weights, which know the surface, are worth their
   // cost. Portals are few as a rule, and so weighed that none is chosen where none can be seen.
   static constexpr int kWeighed = 3, kWeighedPortals = 16;
@@ -94,7 +96,7 @@ PRIMRAY_INLINE void sample_images(const LightTable& table, const LightRow<W>& ro
   }
 }
 
-// Of lanes `domes`, each by its image; `number`: of the dome.
+// Of lanes `domes`, each by its image; `number`: of the dome. In the rows' frames.
 template <int W>
 PRIMRAY_INLINE void sample_domes(const LightTable& table, vbool<W> domes, vint<W> number, vfloat<W> u, vfloat<W> v,
                                  LightSample<W>& r) {
@@ -120,10 +122,10 @@ PRIMRAY_INLINE void to_world(const LightRow<W>& row, vbool<W> active, const Loca
   r.pdf = select(sheared, r.pdf * row(kInverseDet) * len * len * len, r.pdf);
 }
 
-// A direction towards `light` from world point p. Its pdf leaves out the choice of the light.
+// A direction towards `light`, as its row stands, from point p. Its pdf leaves out the choice of the light.
 template <int W>
-PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> light, vbool<W> active, const vvec3<W>& p,
-                                           vfloat<W> u, vfloat<W> v) {
+PRIMRAY_INLINE LightSample<W> row_sample(const LightTable& table, vint<W> light, vbool<W> active, const vvec3<W>& p,
+                                         vfloat<W> u, vfloat<W> v) {
   const LightRow<W> row(table, light);
   const vint<W> type = select(active, row.type(), vint<W>(-1));
   const vvec3<W> local = row.to_light(p - row.vector(kOrigin));
@@ -151,6 +153,17 @@ PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> ligh
     sample_domes(table, dome, truncate(row(kSize1)), u, v, r);
   if (table.has_shaping) r.L *= light_shaping(table, row, active & (r.pdf > vfloat<W>(0.0f)), r.wi);
   return r;
+}
+
+// The same of lights that may move, at `time`.
+template <int W>
+PRIMRAY_INLINE LightSample<W> light_sample(const LightTable& table, vint<W> light, vbool<W> active, const vvec3<W>& p,
+                                           vfloat<W> u, vfloat<W> v, vfloat<W> time) {
+  if (!table.motion.any()) return row_sample(table, light, active, p, u, v);
+  const LightStances<W> stances = stances_of(table.motion, active, light, time);
+  LightSample<W> s = row_sample(table, light, active, stances.point_to_row(p), u, v);
+  s.wi = stances.vector_to_world(s.wi);
+  return s;
 }
 
 // Where the ray p + t wi (unit wi) meets a light's row; the pdf leaves out the choice.

@@ -8,6 +8,7 @@ namespace primray {
 template <int W>
 struct AffineLanes {
   vvec3<W> x, y, z, o;
+  AffineLanes() = default;
   PRIMRAY_INLINE AffineLanes(const float* base, vint<W> at) {
     const FourLanes<float, W> a = gather_four<W>(base, at), b = gather_four<W>(base + 4, at), c = gather_four<W>(base + 8, at);
     x = {a.x, a.y, a.z}, y = {a.w, b.x, b.y}, z = {b.z, b.w, c.x}, o = {c.y, c.z, c.w};

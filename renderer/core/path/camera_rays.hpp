@@ -26,10 +26,10 @@ PRIMRAY_INLINE PathLanes<W> camera_paths(const Round& round, int slots) {
   p.sampler = Sampler<W>::of(round.settings.seed, px, py, load<W>(replicate), load<W>(index), round.settings.screen_block);
   const Pair<W> film = p.sampler.link(I(round.first_link()));
   Pair<W> lens{F(0.5f), F(0.5f)};
-  if (scene.camera.lens_radius > 0) lens = p.sampler.pair(I(0), Purpose::kLens);
-  const CameraRay<W> ray = scene.camera.ray<W>(px, py, film.u, film.v, lens.u, lens.v);
-  p.ray = {ray.o, ray.d, ray.tnear, ray.tfar};
-  if (round.needs.time) p.ray.time = p.sampler.single(I(0), kShutterTime);
+  if (scene.camera.has_lens()) lens = p.sampler.pair(I(0), Purpose::kLens);
+  const F time = round.needs.time ? time_of(round, p.sampler.single(I(0), kShutterTime)) : F(0.0f);
+  const CameraRay<W> ray = scene.camera.ray<W>(px, py, film.u, film.v, lens.u, lens.v, time);
+  p.ray = {ray.o, ray.d, ray.tnear, ray.tfar, time};
   p.beta = V(F(1.0f)), p.diffuse_share = p.normal = V(F(0.0f)), p.link = I(kUnlinkedRow);
   p.bsdf_pdf = p.travelled = p.first_received = F(0.0f), p.splits = F(1.0f);
   p.cone_width = F(scene.camera.cone_width()), p.cone_spread = F(scene.camera.cone_spread());

@@ -31,7 +31,7 @@ constexpr float kRarelyMet = 0.05f;
 template <int W>
 PRIMRAY_INLINE vbool<W> rarely_met(const LightTable& lights, vint<W> light, const vvec3<W>& p, vfloat<W> bsdf_pdf) {
   const LightRow<W> row(lights, light);
-  const vvec3<W> to = row.vector(kOrigin) - p;
+  const vvec3<W> to = row.vector(kOrigin) - p;  // those that move have no radius
   const vfloat<W> radius = gather<W>(lights.hierarchy.radius.data(), light);
   return (radius > vfloat<W>(0.0f)) & (kPi * radius * radius * bsdf_pdf < kRarelyMet * dot(to, to));
 }
@@ -105,7 +105,12 @@ PRIMRAY_INLINE MetLights<W> meet_lights(const LightTable& lights, vbool<W> activ
     const LightType type = LightType(int(row[kType]));
     if (!can_be_met(type)) return;
     vvec3<W> L{F(row[kRadiance]), F(row[kRadiance + 1]), F(row[kRadiance + 2])};
-    const LocalHit<W> h = light_hit<W>(lights, i, from, p.ray.d, L);
+    vvec3<W> o = from, d = p.ray.d;
+    if (const int32_t path = lights.motion.any() ? lights.motion.row(i) : -1; path >= 0) {
+      const LightStances<W> stances = stances_of(lights.motion.paths[size_t(path)], p.ray.time);
+      o = stances.point_to_row(o), d = stances.vector_to_row(d);
+    }
+    const LocalHit<W> h = light_hit<W>(lights, i, o, d, L);
     const F t = h.t - p.travelled;
     vbool<W> met = lanes & (h.pdf > F(0.0f));
     const int flags = int(row[kLightFlags]);
@@ -118,7 +123,7 @@ PRIMRAY_INLINE MetLights<W> meet_lights(const LightTable& lights, vbool<W> activ
     }
     if (!any(met)) return;
     L *= lobe_factor({row[kDiffuseFactor], row[kSpecularFactor]}, p);
-    if (lights.has_shaping) L *= met_shaping(lights, row, p.ray.d);
+    if (lights.has_shaping) L *= met_shaping(lights, row, d);
     const vbool<W> direct = met & sees_body & ((t < seen.nearest) | vbool<W>(type == LightType::kDistant));
     if (type == LightType::kDistant) {
       gathered += select(direct, L, zero);
@@ -151,7 +156,10 @@ PRIMRAY_INLINE vvec3<W> meet_domes(const LightTable& lights, vbool<W> m, const P
   vvec3<W> sum(F(0.0f));
   for (size_t k = 0; k < lights.domes.size(); ++k) {
     F pdf;
-    vvec3<W> L = dome_eval(lights.domes[k], p.ray.d, pdf) * lobe_factor(lights.dome_factors[k], p);
+    vvec3<W> d = p.ray.d;
+    if (const int32_t path = lights.motion.any() ? lights.motion.dome(k) : -1; path >= 0)
+      d = stances_of(lights.motion.paths[size_t(path)], p.ray.time).vector_to_row(d);
+    vvec3<W> L = dome_eval(lights.domes[k], d, pdf) * lobe_factor(lights.dome_factors[k], p);
     const DomeTraits& traits = lights.dome_traits[k];
     const vbool<W> direct = p.bsdf_pdf == F(0.0f);
     if (traits.hidden || traits.special || traits.link != 0) {

@@ -45,10 +45,11 @@ PRIMRAY_RARE void look_for_outline(Round& round, int pixel, const LightOutlines:
     const Sampler<W> own{reverse_bits(load<W>(number)), of_pixel};
     const Pair<W> film = own.pair(I(part.light), Purpose::kFilm);
     const F u = part.u + film.u * part.width, v = part.v + film.v * part.height;
-    const CameraRay<W> ray = round.scene.camera.ray<W>(x, y, u, v, F(0.5f), F(0.5f));
+    const CameraRay<W> ray = round.scene.camera.ray<W>(x, y, u, v, F(0.5f), F(0.5f), F(0.0f));
     PathLanes<W> p;
     p.ray = {ray.o, ray.d, ray.tnear, ray.tfar};
-    if (round.needs.time) p.ray.time = Sampler<W>{reverse_bits(load<W>(index)), of_pixel}.single(I(0), kShutterTime);
+    if (round.needs.time)
+      p.ray.time = time_of(round, Sampler<W>{reverse_bits(load<W>(index)), of_pixel}.single(I(0), kShutterTime));
     p.bsdf_pdf = p.travelled = F(0.0f), p.depth = I(0), p.link = I(kUnlinkedRow);
     p.normal = p.diffuse_share = vvec3<W>(F(0.0f));
     const vbool<W> active = lane_numbers<W>() < I(rays - at);

@@ -18,7 +18,7 @@ inline PathNeeds path_needs(const Scene& scene, const IntegratorSettings& settin
           .cones = scene.has_inputs,
           .diffuse_shares = scene.lights.lobe_factors,
           .links = scene.lights.links.any(),
-          .time = scene.camera.shutter_open,
+          .time = scene.moves(),
           .normals = scene.lights.by_tree() || scene.emitters.by_triangle(),
           .first_received = settings.guide != nullptr};
 }
@@ -58,6 +58,12 @@ struct Round {
   int pixel_x(int i) const { return block.x0 + worker.pixel_x[i] * block.stride_x; }
   int pixel_y(int i) const { return block.y0 + worker.pixel_y[i] * block.stride_y; }
 };
+
+// When rays see the scene, of a number in [0, 1).
+template <int W>
+PRIMRAY_INLINE vfloat<W> time_of(const Round& round, vfloat<W> u) {
+  return round.scene.motion.opens + u * round.scene.motion.length;
+}
 
 // Adds `c` to the slots of lanes `m`; most paths bring nothing from most vertices.
 template <int W>

@@ -38,7 +38,7 @@ PRIMRAY_INLINE LightSample<W> sample_point(const Round& round, vbool<W> useful, 
   const LightTable& lights = scene.lights;
   const vint<W> bounce = p.vertex + vint<W>(1);
   const Pair<W> u = p.sampler.pair(bounce, Purpose::kLightPoint);
-  LightSample<W> s = light_sample(lights, light, useful, from, u.u, u.v);
+  LightSample<W> s = light_sample(lights, light, useful, from, u.u, u.v, p.ray.time);
   if (lights.has_portals()) {
     const B dome = useful & is_type(LightRow<W>(lights, light).type(), LightType::kDome);
     if (any(dome)) sample_portals(lights, dome, light, from, p.sampler.single(bounce, Purpose::kEmitter), u.u, u.v, s);
@@ -50,7 +50,7 @@ PRIMRAY_INLINE LightSample<W> sample_point(const Round& round, vbool<W> useful, 
     if (any(sphere)) end_before_sphere(scene, sphere, light, from, s);
     if (any(mesh)) {
       const vuint<W> bits = p.sampler.bits_of(bounce, Purpose::kEmitter);
-      sample_mesh(scene, mesh, light, from, v.frame.n, bits, u.u, u.v, s);
+      sample_mesh(scene, mesh, light, from, v.frame.n, bits, u.u, u.v, p.ray.time, s);
     }
   }
   return s;

@@ -91,7 +91,8 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
   const IntegratorSettings& settings = round.settings;
   const PathPool& pool = *round.worker.pool;
   const PathLanes<W> p = pool.paths<W>(at, round.needs);
-  const Hits<W> hits = pool.hits<W>(at);
+  Hits<W> hits = pool.hits<W>(at);
+  hits.time = p.ray.time;
   vbool<W> hit = active & (hits.geom != vint<W>(-1));
   V gathered = gather_met_light(round, active, p, hits, hit);
   if (!any(hit)) return add_to_slots(round, active, p.slot, p.beta * gathered);

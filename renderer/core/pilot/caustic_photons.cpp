@@ -93,8 +93,10 @@ class Photons {
     const LightChoice<W> choice =
         choose_light(lights, B(true), center, V(F(0.0f)), sampler.bits_of(none, Purpose::kLightChoice));
     const Pair<W> u = sampler.pair(none, Purpose::kLightPoint), disc = sampler.link(none);
+    F time(0.0f);
+    if (scene_.moves()) time = scene_.motion.opens + sampler.single(none, Purpose::kRoulette) * scene_.motion.length;
     const B possible = choice.probability > F(0.0f);
-    const LightSample<W> s = light_sample(lights, choice.light, possible, center, u.u, u.v);
+    const LightSample<W> s = light_sample(lights, choice.light, possible, center, u.u, u.v, time);
     B alive = lanes.active & possible & (s.pdf > F(0.0f)) & (s.is_delta | (s.pdf > F(kSmallLight)));
     alive &= max_component(s.L) > F(0.0f);
     const Frame<F> frame(s.wi);
@@ -111,9 +113,9 @@ class Photons {
     const F left = select(near, length(point - at) - radius * 1.01f, F(kInfinity));
     alive &= left > F(0.0f);
     if (!any(alive)) return alive;
-    const Rays<W> to_light{start, wi, F(0.0f), left * 0.999f, F(0.0f)};
+    const Rays<W> to_light{start, wi, F(0.0f), left * 0.999f, time};
     alive &= !occluded(scene_, true, alive, to_light);
-    rays = {start, -wi, F(0.0f), F(kInfinity), F(0.0f)};
+    rays = {start, -wi, F(0.0f), F(kInfinity), time};
     weight = kPi * radius * radius / field(4);
     return alive;
   }

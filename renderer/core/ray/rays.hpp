@@ -18,6 +18,7 @@ struct Hits {
   vvec3<W> ng;  // as Embree gives it: for spheres the unit normal in object space
   vfloat<W> u, v;
   vint<W> prim, geom, inst, inst_prim;  // geom -1: nothing hit; of pairs, prim counts triangles
+  vfloat<W> time = vfloat<W>(0.0f);     // the ray's
 };
 
 }  // namespace primray

@@ -7,6 +7,8 @@
 #include "base/features.hpp"
 #include "math/matrix.hpp"
 #include "math/transcendental.hpp"
+#include "motion/clock.hpp"
+#include "motion/turning.hpp"
 
 namespace primray {
 
@@ -47,6 +49,17 @@ struct ClippingPlane {
   float a, b, c, d;
 };
 
+// A camera at one of the times of its clock: what of it may move, in double, as the core has lengths.
+struct CameraPose {
+  Turning turning;
+  double left, bottom, right, top, near, far, back, lens_radius, focus_distance;
+};
+
+struct CameraPath {
+  MotionClock clock;
+  std::vector<CameraPose> poses;
+};
+
 struct Camera {
   int width = 0, height = 0;  // of the frame, which the screen window covers
   PixelWindow pixels;         // those that are rendered: what a film holds
@@ -58,7 +71,9 @@ struct Camera {
   float lens_radius = 0, focus_distance = 1;
   int blades = 0;          // the lens is a regular polygon of as many sides, its corners on the circle; 0: the whole circle
   float first_corner = 0;  // direction of one of them, in turns from +x towards +y
-  Fact<built::kMotion> shutter_open = false;  // for a while: each path has a time of its own
+  Fact<built::kMotion> moves = false;  // as `path` says; what is above then holds at the frame
+  CameraPath path;
+  bool lens_opens = false;  // somewhere on it
   std::vector<ClippingPlane> clipping_planes;
   PixelFilter filter;
 
@@ -68,10 +83,24 @@ struct Camera {
   float cone_spread() const { return orthographic ? 0.0f : kConePixels * pixel_size(); }
   float pixel_size() const { return std::sqrt((right - left) / float(width) * ((top - bottom) / float(height))); }
 
-  // Ray through pixel (x, y), counted from the upper left; u_film, u_lens in [0,1)^2. Directions have unit length.
+  bool has_lens() const { return lens_radius > 0 || lens_opens; }
+  // Itself, as it stands at a time.
+  Camera at(float time) const;
+
+  // Ray through pixel (x, y), counted from the upper left; u_film, u_lens in [0,1)^2. Directions have unit length. `time`: of
+  // cameras that move.
   template <int W>
-  PRIMRAY_INLINE CameraRay<W> ray(vint<W> x, vint<W> y, vfloat<W> u0, vfloat<W> u1, vfloat<W> lens0, vfloat<W> lens1) const {
+  PRIMRAY_INLINE CameraRay<W> ray(vint<W> x, vint<W> y, vfloat<W> u0, vfloat<W> u1, vfloat<W> lens0, vfloat<W> lens1,
+                                  vfloat<W> time) const {
     const vfloat<W> fx = to_float(x) + 0.5f + filter.sample<W>(u0), fy = to_float(y) + 0.5f + filter.sample<W>(u1);
+    if (moves) return moving_ray(fx, fy, lens0, lens1, time);
+    return ray_through(fx, fy, lens0, lens1);
+  }
+
+ private:
+  // Through a point of the film, in pixels from the upper left.
+  template <int W>
+  PRIMRAY_INLINE CameraRay<W> ray_through(vfloat<W> fx, vfloat<W> fy, vfloat<W> lens0, vfloat<W> lens1) const {
     const vfloat<W> sx = left + fx * ((right - left) / float(width)), sy = top - fy * ((top - bottom) / float(height));
     vvec3<W> o(vfloat<W>(0.0f)), d(sx, sy, vfloat<W>(-1.0f));
     if (orthographic) o = {sx, sy, vfloat<W>(back)}, d = {vfloat<W>(0.0f), vfloat<W>(0.0f), vfloat<W>(-1.0f)};
@@ -94,7 +123,25 @@ struct Camera {
             len * to};
   }
 
- private:
+  // A lane at a time, each with a camera of its own.
+  template <int W>
+  PRIMRAY_RARE CameraRay<W> moving_ray(vfloat<W> fx, vfloat<W> fy, vfloat<W> lens0, vfloat<W> lens1, vfloat<W> time) const {
+    alignas(64) float rows[8][W];
+    Camera now = stance();
+    for (int i = 0; i < W; ++i) {
+      now.stand(path, time[i]);
+      const vfloat<1> f0(fx[i]), f1(fy[i]), l0(lens0[i]), l1(lens1[i]);
+      const CameraRay<1> r = now.ray_through<1>(f0, f1, l0, l1);
+      const float own[8] = {r.o.x[0], r.o.y[0], r.o.z[0], r.d.x[0], r.d.y[0], r.d.z[0], r.tnear[0], r.tfar[0]};
+      for (int c = 0; c < 8; ++c) rows[c][i] = own[c];
+    }
+    const auto lanes = [&](int c) { return load<W>(rows[c]); };
+    return {{lanes(0), lanes(1), lanes(2)}, {lanes(3), lanes(4), lanes(5)}, lanes(6), lanes(7)};
+  }
+  // All that it has without its path and filter: what stands as the path says, a ray at a time.
+  Camera stance() const;
+  void stand(const CameraPath& along, float time);
+
   // Uniform on the lens.
   template <int W>
   PRIMRAY_INLINE vvec3<W> lens_point(vfloat<W> u0, vfloat<W> u1) const {

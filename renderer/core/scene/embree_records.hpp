@@ -5,21 +5,28 @@
 
 namespace primray {
 
+struct MotionClock;
+struct MovingInstances;
 struct Scene;
 
 // What the filters of a group's cut-out triangles need to know.
 struct CutoutGroup {
   const Scene* scene;
   uint32_t group;
+  uint32_t first;  // of the group's triangles, that of the geometry
 };
 
-// One placement of a group of instances. Must outlive its geometry.
-struct GroupedPlacement {
-  const float* matrices;           // 12 floats an instance: columns x, y, z, origin
-  uint32_t first_instance, count;  // numbers of its instances
-  uint32_t inner_base;             // the first placement inside the group
-  rtc::Scene accel;                // the group's
-  rtc::Bounds bounds;              // the group's, in its own space
+// A placement that is user geometry. Must outlive it.
+struct PlacedGroup {
+  const Scene* scene;
+  uint32_t first_instance, count;  // rows of Scene::world_from_group
+  bool grouped;                    // what it places are placements
+  uint32_t inner_base;             // the first of those
+  rtc::Scene accel;                // of the group that it places
+  rtc::Bounds bounds;              // of that group, in its own space
+  const MovingInstances* moving;   // null: all stand still
+  int bound_segments;              // that Embree is told of
+  const MotionClock* warp;         // the group's own, where Embree's times are not rays' times; else null
 };
 
 }  // namespace primray

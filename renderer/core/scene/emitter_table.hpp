@@ -19,6 +19,8 @@ struct EmitterTable {
   // a sphere has no triangles, and its row of the CurvedTable in `first`.
   std::vector<int32_t> first, count, vertex_base;
   std::vector<int32_t> corners;  // ShapeHalves::corners
+  // The clock of its vertices and from one time's to the next's, in vertices; -1: they do not move.
+  std::vector<int32_t> clock, stride;
   // How triangles are chosen where a row is no rectangle (emitter_triangles.hpp): in runs of 2^run_shift, 0 as a rule, by the
   // tree from `root`, which stands in the space of the shape's group; its leaves are runs, counted in the shape, whose places
   // begin at place_base.

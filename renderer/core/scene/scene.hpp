@@ -19,6 +19,7 @@
 #include "embree/embree.hpp"
 #include "light/light.hpp"
 #include "math/matrix.hpp"
+#include "motion/motion_table.hpp"
 #include "ray/grouped_hit.hpp"
 #include "scene/camera.hpp"
 #include "scene/curved/curved_shapes.hpp"
@@ -31,9 +32,10 @@
 
 namespace primray {
 
-// Embree geometry numbers: in every group triangles, cut-out triangles, pairs of triangles (bvh/pairs.hpp), those of
-// curved shapes (scene/curved), and after them the placements in it, from its first on.
-constexpr uint32_t kTriangleGeometry = 0, kCutoutGeometry = 2, kFirstPlacement = 1 << kGeometryBits;
+// Embree geometry numbers: in every group triangles, cut-out triangles, pairs of triangles (bvh/pairs.hpp), triangles and
+// cut-outs that move, those of curved shapes (scene/curved), and after them the placements in it, from its first on.
+constexpr uint32_t kTriangleGeometry = 0, kCutoutGeometry = 2, kMovingGeometry = 4, kMovingCutoutGeometry = 5,
+                   kFirstPlacement = 1 << kGeometryBits;
 static_assert(kPairGeometry < kFirstPlacement && CurvedKinds::kLastGeometry < kFirstPlacement);
 
 enum class Attribute : int32_t { kNone = 0, kTriangle = 1, kVertex = 2, kCorner = 3 };
@@ -44,17 +46,23 @@ struct MeshTable {
   std::vector<int32_t> normal_base, color_base;     // offsets in floats into Scene::normals, ::colors
   std::vector<int32_t> triangle_base, vertex_base;  // this mesh's first triangle and vertex, counted over the scene
   std::vector<int32_t> link;                        // row of the lights' LinkTable; empty where there is none
+  std::vector<int32_t> normal_stride;  // where some vertices move: from one time's normals to the next's, in floats; 0: held
 };
 
 struct Group {
   uint32_t triangle_base = 0, triangle_count = 0;
-  uint32_t paired_count = 0;  // of the triangles, the first that Embree has as pairs
-  uint32_t cutout_count = 0;  // triangles after those, which a filter looks at
-  uint32_t vertex_base = 0, vertex_count = 0;
+  uint32_t paired_count = 0;                           // of the triangles, the first that Embree has as pairs
+  uint32_t cutout_count = 0;                           // triangles after those, which a filter looks at
+  uint32_t moving_count = 0, moving_cutout_count = 0;  // after those, likewise, of vertices that move
+  uint32_t vertex_base = 0, vertex_count = 0;          // at one time
+  uint32_t moving_vertex_count = 0;                    // the last of them, which stand again for each later time of the clock
+  int32_t clock = -1;                                  // of its vertices
   CurvedRanges curved;
   uint32_t placement_base = 0, placement_count = 0;  // what is placed in it: in the world, or in a prototype without shapes
   OwnedScene accel;
-  bool empty() const { return triangle_count + cutout_count + placement_count == 0 && !curved.any(); }
+  uint32_t still_count() const { return triangle_count + cutout_count; }
+  uint32_t all_triangles() const { return still_count() + moving_count + moving_cutout_count; }
+  bool empty() const { return all_triangles() + placement_count == 0 && !curved.any(); }
 };
 
 struct Scene {
@@ -76,7 +84,7 @@ struct Scene {
   std::vector<float> world_from_group;      // 12 floats an instance: columns x, y, z, origin (for one in a prototype: to that)
   std::vector<int32_t> placement_group;     // by placement
   std::vector<int32_t> placement_instance;  // first instance, by placement
-  std::deque<GroupedPlacement> grouped;     // placements of prototypes that have placements; Embree holds pointers to them
+  std::deque<PlacedGroup> placed;           // placements that are user geometry; Embree holds pointers to them
   std::deque<CutoutGroup> cutouts;          // of groups with cut-outs; likewise
 
   SurfaceTable surfaces;
@@ -90,6 +98,7 @@ struct Scene {
   GeometryLights geometry_lights;
   Camera camera;
   LightOutlines outlines;
+  MotionTable motion;
 
   // world = origin + p / scale, in scene units.
   dvec3 origin{0.0, 0.0, 0.0};
@@ -113,6 +122,8 @@ struct Scene {
   TriangleBvh triangle_bvh;
 
   rtc::Scene accel() const { return groups[0].accel.get(); }
+  // Rays have times.
+  bool moves() const { return camera.moves || motion.any_instances || motion.any_points || lights.motion.any(); }
   // It has something that this build lacks (base/features.hpp).
   bool needs_left_out() const;
   int64_t memory_bytes() const;

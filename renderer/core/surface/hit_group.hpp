@@ -4,6 +4,7 @@
 #include <functional>
 
 #include "math/affine_lanes.hpp"
+#include "motion/vertex_motion.hpp"
 #include "ray/rays.hpp"
 #include "scene/scene.hpp"
 
@@ -17,9 +18,10 @@ struct HitGroup {
   bool any_instanced, any_grouped;
   vint<W> geom;                               // as Embree numbers it within the group
   vint<W> placement, group, instance, outer;  // 0 where not instanced
+  vfloat<W> time;
 
   PRIMRAY_INLINE HitGroup(const Scene& scene, vbool<W> active, const Hits<W>& h)
-      : grouped(false), any_grouped(false), geom(h.geom), placement(0), group(0), instance(0), outer(0) {
+      : grouped(false), any_grouped(false), geom(h.geom), placement(0), group(0), instance(0), outer(0), time(h.time) {
     instanced = scene.has_instances ? active & (h.inst != vint<W>(-1)) : vbool<W>(false);
     any_instanced = scene.has_instances && any(instanced);
     if (!any_instanced) return;
@@ -41,13 +43,30 @@ struct HitGroup {
     vbool<W> found = is(active, kTriangleGeometry);
     if (scene.has_pairs) found |= is(active, kPairGeometry);
     if (scene.has_cutouts) found |= is(active, kCutoutGeometry);
+    if (scene.motion.any_points) found |= moves(active);
     return found;
+  }
+  // Of lanes `active`, those that met triangles whose vertices move.
+  PRIMRAY_INLINE vbool<W> moves(vbool<W> active) const {
+    return is(active, kMovingGeometry) | is(active, kMovingCutoutGeometry);
+  }
+  // How the vertices move that lanes `active` met.
+  PRIMRAY_INLINE VertexMotion<W> vertex_motion(const Scene& scene, vbool<W> active) const {
+    VertexMotion<W> v;
+    if (!scene.motion.any_points) return v;
+    if (const vbool<W> m = moves(active); any(m))
+      v.set(scene.motion, m, base(scene, &Group::clock), base(scene, &Group::moving_vertex_count), time);
+    return v;
   }
   // World from group, of instanced lanes; `rounded`: the size of what was rounded in composing it.
   PRIMRAY_INLINE AffineLanes<W> matrix(const Scene& scene, vvec3<W>& rounded) const {
     AffineLanes<W> m(scene.world_from_group.data(), instance * vint<W>(12));
+    if (scene.motion.any_instances) move_instances(scene.motion, instanced, instance, time, m);
     rounded = vvec3<W>(vfloat<W>(0.0f));
-    if (any_grouped) rounded = m.move(grouped, AffineLanes<W>(scene.world_from_group.data(), outer * vint<W>(12)));
+    if (!any_grouped) return m;
+    AffineLanes<W> around(scene.world_from_group.data(), outer * vint<W>(12));
+    if (scene.motion.any_instances) move_instances(scene.motion, grouped, outer, time, around);
+    rounded = m.move(grouped, around);
     return m;
   }
   // What `field(group)` says of each lane's group.
@@ -68,6 +87,12 @@ struct HitGroup {
     if (scene.has_cutouts) {
       const vbool<W> cutout = is(vbool<W>(true), kCutoutGeometry);
       first = first + select(cutout, base(scene, &Group::triangle_count), vint<W>(0));
+    }
+    if (scene.motion.any_points) {
+      const vint<W> still = base(scene, &Group::still_count), zero(0);
+      first = first + select(is(is_triangle, kMovingGeometry), still, zero);
+      const vbool<W> cutout = is(is_triangle, kMovingCutoutGeometry);
+      if (any(cutout)) first = first + select(cutout, still + base(scene, &Group::moving_count), zero);
     }
     return select(is_triangle, first + h.prim, vint<W>(0));
   }

@@ -89,25 +89,41 @@ struct TrianglePlane {
   }
 };
 
+// Normals at the three corners of triangles, at the rays' times.
+template <int W>
+PRIMRAY_INLINE void gather_normals(const Scene& scene, vbool<W> lanes, vint<W> mesh, vint<W> triangle, const vint<W> corner[3],
+                                   const VertexMotion<W>& motion, vvec3<W> value[3]) {
+  const MeshTable& t = scene.meshes;
+  const vint<W> kind = gather<W>(t.normals.data(), mesh), base = gather<W>(t.normal_base.data(), mesh);
+  if (!motion.any) return gather_corners(scene, lanes, mesh, triangle, corner, scene.normals.data(), kind, base, value);
+  const vint<W> stride = select(motion.moves, gather<W>(t.normal_stride.data(), mesh), vint<W>(0));
+  vvec3<W> step[2][3];
+  for (int k = 0; k < 2; ++k)
+    gather_corners(scene, lanes, mesh, triangle, corner, scene.normals.data(), kind,
+                   base + (motion.segment + vint<W>(k)) * stride, step[k]);
+  for (int c = 0; c < 3; ++c) value[c] = motion.between([&](int k) { return step[k][c]; });
+}
+
 template <int W>
 PRIMRAY_INLINE void add_attributes(const Scene& scene, vbool<W> m, vint<W> mesh, vint<W> triangle, const vint<W> corner[3],
-                                   const Hits<W>& h, vvec3<W>& normal, vbool<W>& has_normal, vvec3<W>& color) {
+                                   const Hits<W>& h, const VertexMotion<W>& motion, vvec3<W>& normal, vbool<W>& has_normal,
+                                   vvec3<W>& color) {
   const MeshTable& t = scene.meshes;
   const vfloat<W> b0 = 1.0f - h.u - h.v;
-  const auto interpolate = [&](const float* data, vint<W> kind, vint<W> base, vbool<W> lanes) {
-    vvec3<W> value[3];
-    gather_corners(scene, lanes, mesh, triangle, corner, data, kind, base, value);
-    return value[0] * b0 + value[1] * h.u + value[2] * h.v;
-  };
+  const auto interpolate = [&](const vvec3<W>(&value)[3]) { return value[0] * b0 + value[1] * h.u + value[2] * h.v; };
+  vvec3<W> value[3];
   const vint<W> zero(0);
   const vint<W> normal_kind = gather<W>(t.normals.data(), mesh), color_kind = gather<W>(t.colors.data(), mesh);
   has_normal = m & (normal_kind != zero);
-  if (any(has_normal))
-    normal = interpolate(scene.normals.data(), normal_kind, gather<W>(t.normal_base.data(), mesh), has_normal);
+  if (any(has_normal)) {
+    gather_normals(scene, has_normal, mesh, triangle, corner, motion, value);
+    normal = interpolate(value);
+  }
   const vbool<W> has_color = m & (color_kind != zero);
   if (any(has_color)) {
-    const vvec3<W> c = interpolate(scene.colors.data(), color_kind, gather<W>(t.color_base.data(), mesh), has_color);
-    color = select(has_color, c, color);
+    gather_corners(scene, has_color, mesh, triangle, corner, scene.colors.data(), color_kind,
+                   gather<W>(t.color_base.data(), mesh), value);
+    color = select(has_color, interpolate(value), color);
   }
 }
 
@@ -128,6 +144,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   vvec3<W> e1(vfloat<W>(0.0f)), e2(vfloat<W>(0.0f)), normal(vfloat<W>(0.0f)), p(vfloat<W>(0.0f));
   vvec3<W> p0(vfloat<W>(0.0f));
   vbool<W> smooth(false);
+  VertexMotion<W> motion;
   if (any(is_triangle)) {
     const vint<W> triangle = in.triangle(scene, is_triangle, h);
     const vint<W> mesh = gather<W>(scene.triangle_mesh.data(), triangle);
@@ -136,12 +153,14 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     const vint<W> first = select(is_triangle, in.base(scene, &Group::vertex_base), zero);
     vint<W> corner[3];
     gather_vertices(scene, triangle, first, corner);
-    p0 = gather_position(scene, corner[0]);
+    motion = in.vertex_motion(scene, is_triangle);
+    if (motion.any) motion.sizes = motion_sizes(scene, corner[0], motion);
+    p0 = gather_position(scene, corner[0], motion);
     // Lanes that met a curved shape have no edges: `reach` below must not see those of another lane's triangle.
-    e1 = select(is_triangle, gather_position(scene, corner[1]) - p0, e1);
-    e2 = select(is_triangle, gather_position(scene, corner[2]) - p0, e2);
+    e1 = select(is_triangle, gather_position(scene, corner[1], motion) - p0, e1);
+    e2 = select(is_triangle, gather_position(scene, corner[2], motion) - p0, e2);
     p = p0 + e1 * h.u + e2 * h.v;
-    if (scene.has_attributes) add_attributes(scene, is_triangle, mesh, triangle, corner, h, normal, smooth, r.color);
+    if (scene.has_attributes) add_attributes(scene, is_triangle, mesh, triangle, corner, h, motion, normal, smooth, r.color);
     if (scene.lights.links.any()) r.link = gather<W>(scene.meshes.link.data(), mesh);
   }
   const CurvedHit<W> curved(scene, in, active, h);
@@ -170,6 +189,8 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     // A triangle so thin that its plane is lost in rounding has no such bound.
     reach = select(is_triangle & (bound < reach), bound, reach);
     if (any_from_ray) p = select(from_ray & is_triangle, p - ng * dot(ng, p - p0), p);
+    // Between two times rounding is that of both.
+    if (motion.any) reach = select(motion.moves, max(reach, max_component(motion.sizes)), reach);
   }
   r.at_edge = is_triangle & (min(min(h.u, h.v), 1.0f - h.u - h.v) < kEdge);
   r.least_cosine = min(max(plane.thinness(e1, e2), 1.0f), kThinnest) * kNormalUlps;

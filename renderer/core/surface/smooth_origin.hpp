@@ -22,9 +22,7 @@ PRIMRAY_INLINE vbool<W> lift_to_smooth(const Scene& scene, vbool<W> m, const Hit
   using F = vfloat<W>;
   const SurfacePoint<W> at(scene, m, h);
   vvec3<W> n[3];
-  const MeshTable& t = scene.meshes;
-  gather_corners(scene, m, at.mesh, at.triangle, at.corner, scene.normals.data(), gather<W>(t.normals.data(), at.mesh),
-                 gather<W>(t.normal_base.data(), at.mesh), n);
+  gather_normals(scene, m, at.mesh, at.triangle, at.corner, at.motion, n);
   const HitGroup<W> in(scene, m, h);
   if (in.any_instanced) {
     vvec3<W> rounded;

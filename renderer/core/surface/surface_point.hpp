@@ -17,6 +17,23 @@ PRIMRAY_INLINE vvec3<W> gather_position(const Scene& scene, vint<W> vertex) {
   const FourLanes<float, W> p = gather_four<W>(scene.positions.data(), vertex * vint<W>(3));
   return {p.x, p.y, p.z};
 }
+// Where the vertex is at the rays' times.
+template <int W>
+PRIMRAY_INLINE vvec3<W> gather_position(const Scene& scene, vint<W> vertex, const VertexMotion<W>& motion) {
+  if (!motion.any) return gather_position(scene, vertex);
+  return motion.between([&](int step) {
+    return gather_position(scene, vertex + select(motion.moves, (motion.segment + vint<W>(step)) * motion.stride, vint<W>(0)));
+  });
+}
+// How large the coordinates are between which it moves.
+template <int W>
+PRIMRAY_RARE vvec3<W> motion_sizes(const Scene& scene, vint<W> vertex, const VertexMotion<W>& motion) {
+  const auto at = [&](int step) {
+    return abs(
+        gather_position(scene, vertex + select(motion.moves, (motion.segment + vint<W>(step)) * motion.stride, vint<W>(0))));
+  };
+  return at(0) + at(1);
+}
 // The triangle's vertices, of which the group's first is `first`.
 template <int W>
 PRIMRAY_INLINE void gather_vertices(const Scene& scene, vint<W> triangle, vint<W> first, vint<W> (&corner)[3]) {
@@ -32,6 +49,7 @@ struct SurfacePoint {
   vfloat<W> u, v;
   vvec3<W> e1, e2;  // the triangle's edges from its first corner, in world space
   vfloat<W> area2;  // twice its area there
+  VertexMotion<W> motion;
 
   // A point of a triangle that is known by its number over the scene and its group's first vertex; `place` -1: in no instance.
   // Without edges, and so without tangents and footprint.
@@ -61,8 +79,9 @@ struct SurfacePoint {
       mesh = gather<W>(scene.triangle_mesh.data(), triangle);
       const vint<W> first = select(is_triangle, in.base(scene, &Group::vertex_base), zero);
       gather_vertices(scene, triangle, first, corner);
-      const vvec3<W> p0 = gather_position(scene, corner[0]);
-      e1 = gather_position(scene, corner[1]) - p0, e2 = gather_position(scene, corner[2]) - p0;
+      motion = in.vertex_motion(scene, is_triangle);
+      const vvec3<W> p0 = gather_position(scene, corner[0], motion);
+      e1 = gather_position(scene, corner[1], motion) - p0, e2 = gather_position(scene, corner[2], motion) - p0;
       if (in.any_instanced) {
         vvec3<W> rounded;
         const AffineLanes<W> m = in.matrix(scene, rounded);

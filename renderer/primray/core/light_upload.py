@@ -48,6 +48,9 @@ class LightUpload:
                 format=self._core.DomeFormat[DOME_FORMATS[light.texture_format]],
                 portals=portals.reshape(-1, 14),
             )
+            if light.motion is not None:
+                stances = np.ascontiguousarray(light.motion.matrices[:, :3], np.float64)
+                filled(made, times=light.motion.times.astype(np.float32), stances=stances)
             self._builder.add_light(made, image)
 
     def add_worn(self, light: Light, group_from_object: Doubles) -> int:

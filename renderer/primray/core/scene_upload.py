@@ -11,9 +11,22 @@ import numpy.typing as npt
 
 from ..aov_names import WIDE, primvars_of
 from ..arrays import Doubles
-from ..description import Camera, Frame, Mesh, Placement, Projection, SceneDescription, Shape, Sphere, SubdivisionMesh
+from ..description import (
+    Camera,
+    CameraMotion,
+    Frame,
+    Mesh,
+    MovingInstances,
+    Placement,
+    Projection,
+    SceneDescription,
+    Shape,
+    Sphere,
+    SubdivisionMesh,
+)
 from ..description.placement import Box, chunks, named_levels, placed_box, transformed_box, transformed_boxes
 from ..refine.far_geometry import FARTHEST, OUTLYING, FarInstances, usual_boxes, usual_union
+from ..refine.moving import by_clock
 from ..refine.skewed import bake_skewed
 from .core_inputs import filled
 from .light_upload import LightUpload
@@ -40,7 +53,7 @@ def upload(
     `record` is told what the core's numbers mean.
     """
     shapes = list(description.shapes) if shapes is None else shapes
-    d = bake_skewed(description, shapes)
+    d = bake_skewed(by_clock(description, shapes), shapes)
     full_boxes = shape_boxes(core, shapes)
     boxes = usual_boxes(full_boxes, shapes)
     prototype_boxes = boxes_of_prototypes(d, boxes)
@@ -71,7 +84,9 @@ def upload(
         placements.add(proto.placements, numbers[i], center, unit)
     placements.add(d.placements, 0, origin, scale)
     lights.add(d.lights, textures)
-    camera = camera_input(core, d.camera, d.frame)
+    if d.exposure is not None:
+        builder.set_exposure(*d.exposure.shutter, d.exposure.frame)
+    camera = camera_input(core, d.camera, d.frame, d.camera_motion)
     builder.set_camera(filled(camera, filter_width=filter_width, filter_inverse_cdf=filter_inverse_cdf))
     inputs.add_images()
     items = sum(points_and_triangles(shapes)) + instances
@@ -138,6 +153,13 @@ def add_placement(
     """Which of its instances are left out: the core has no row for them."""
     builder.begin_placement(parent, prototype)
     left_out, start = [np.zeros(0, np.int64)], 0
+    if isinstance(moving := placement.levels[0], MovingInstances):
+        rows = moving.matrices if far is None else np.stack([far.removed(step) for step in moving.matrices])
+        gone: npt.NDArray[np.int64] = builder.add_moving_instances(
+            moving.times.astype(np.float32), moving.turns, np.ascontiguousarray(rows, np.float64)
+        )
+        builder.end_placement()
+        return gone
     for rows in placement.chunks():
         left_out.append(builder.add_instances(rows if far is None else far.removed(rows)) + start)
         start += len(rows)
@@ -145,12 +167,12 @@ def add_placement(
     return np.concatenate(left_out)
 
 
-def camera_input(core: Any, c: Camera, frame: Frame) -> Any:
+def camera_input(core: Any, c: Camera, frame: Frame, motion: CameraMotion | None = None) -> Any:
     """All of a CameraInput but its filter."""
     pixels = frame.pixels
     width, height = frame.resolution
     near, far = c.clipping_range
-    return filled(
+    made = filled(
         core.CameraInput(),
         world_from_camera=matrix(c.world_from_camera),
         orthographic=c.projection is Projection.ORTHOGRAPHIC,
@@ -162,11 +184,15 @@ def camera_input(core: Any, c: Camera, frame: Frame) -> Any:
         blades=c.blades,
         blade_rotation_deg=c.blade_rotation_deg,
         clipping_planes=np.array(c.clipping_planes, np.float64).ravel(),
-        shutter_open=c.shutter[0] < c.shutter[1],
         width=width,
         height=height,
         pixels=(pixels.x, pixels.y, pixels.width, pixels.height),
     )
+    if motion is None:
+        return made
+    poses = np.array([pose.world_from_camera[:3] for pose in motion.cameras], np.float64)
+    numbers = [(*pose.window, *pose.clipping_range, pose.lens_radius, pose.focus_distance) for pose in motion.cameras]
+    return filled(made, times=motion.times.astype(np.float32), pose_matrices=poses, pose_numbers=np.array(numbers, np.float64))
 
 
 def shape_boxes(core: Any, shapes: Sequence[Shape]) -> Doubles:

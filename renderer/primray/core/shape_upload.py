@@ -36,10 +36,12 @@ class Part:
     normals: tuple[Floats, str]  # values, and the name of their kind in the core's Attribute
     colors: tuple[Floats, str]
     primvars: tuple[Primvar, ...]
+    step_normals: Floats | None = None  # (S + 1, rows of normals, 3) where they move
 
 
 class ShapeUpload:
-    """Shapes for the builder's current group: its cut-outs after its other meshes, as the core wants them."""
+    """Shapes for the builder's current group: its cut-outs after its other meshes, and those that move last, as the core wants
+    them."""
 
     def __init__(
         self,
@@ -65,6 +67,7 @@ class ShapeUpload:
         self._hole = np.array([is_hole(s) for s in surfaces], bool)
         self._link_row = 0
         self._kinds = {type(s) for s in shapes}
+        self._moving = any(isinstance(s, Mesh) and s.motion is not None for s in shapes)
         self._paired = {i for i, s in enumerate(shapes) if isinstance(s, Mesh) and is_paired(s.triangles)}
         self._alone = np.arange(len(surfaces), dtype=np.int32)[:, None]  # of meshes that have one
 
@@ -77,16 +80,20 @@ class ShapeUpload:
             if shape.light is not None:
                 lights[i] = self._lights.add_worn(shape.light, matrix(p.matrix))
             if isinstance(shape, Mesh):
-                self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=False)
-                self._note_mesh(p)
+                if shape.motion is None:
+                    self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=False)
+                    self._note_mesh(p)
             elif i not in near:
                 self._add_curved(shape, matrix(p.matrix), lights.get(i))
                 self._note_curved(p)
-        for i, p in enumerate(placed) if self._cutout.any() else []:
-            shape = self._shapes[p.shape]
-            if isinstance(shape, Mesh):
-                self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=True)
-                self._note_mesh(p)
+        for cutout, moving in ((True, False), (False, True), (True, True)):
+            if (cutout and not self._cutout.any()) or (moving and not self._moving):
+                continue
+            for i, p in enumerate(placed):
+                shape = self._shapes[p.shape]
+                if isinstance(shape, Mesh) and (shape.motion is not None) == moving:
+                    self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=cutout)
+                    self._note_mesh(p)
 
     def _in_order(self, placed: Sequence[Placed]) -> Iterable[tuple[int, Placed]]:
         """With their numbers, as the core wants them: first the meshes with triangles in pairs; one kind after another."""
@@ -185,6 +192,10 @@ class ShapeUpload:
             surfaces=part.surfaces,
             cutout=cutout,
         )
+        if (motion := part.mesh.motion) is not None:
+            filled(mesh, times=motion.times.astype(np.float32), step_points=np.ascontiguousarray(motion.points, np.float32))
+            if part.step_normals is not None:
+                mesh.step_normals = np.ascontiguousarray(part.step_normals, np.float32)
         self._builder.add_mesh(mesh, world_from_object)
         for name, number, width, values in self._inputs.primvars(part.primvars):
             self._builder.add_mesh_primvar(name, number, width, values)
@@ -211,7 +222,8 @@ def whole(mesh: Mesh, surfaces: Ints) -> Part:
     points, triangles = len(mesh.points), len(mesh.triangles)
     normals = (NO_FLOATS if mesh.normals is None else mesh.normals, kind(mesh.normals, points, triangles, normals=True))
     colors = (NO_FLOATS if mesh.colors is None else mesh.colors, kind(mesh.colors, points, triangles, normals=False))
-    return Part(mesh, mesh.triangles, surfaces, normals, colors, mesh.primvars)
+    step_normals = None if mesh.motion is None or mesh.normals is None else mesh.motion.normals
+    return Part(mesh, mesh.triangles, surfaces, normals, colors, mesh.primvars, step_normals)
 
 
 def part_of(p: Part, wanted: npt.NDArray[np.bool_]) -> Part:
@@ -233,6 +245,7 @@ def part_of(p: Part, wanted: npt.NDArray[np.bool_]) -> Part:
         normals=values(p.normals),
         colors=values(p.colors),
         primvars=tuple(primvar(v) for v in p.primvars),
+        step_normals=p.step_normals[:, corners] if p.step_normals is not None and p.normals[1] == "CORNER" else p.step_normals,
     )
 
 

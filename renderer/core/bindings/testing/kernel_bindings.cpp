@@ -81,8 +81,8 @@ nb::tuple light_sample_rows(const Scene& scene, int light, InArray<double> p_, I
   const Input<float> u(u_, p.n, 2);
   Column<float> wi(p.n, 3), t(p.n), pdf(p.n), L(p.n, 3);
   for_rows(p.n, lanes, [&]<int W>(size_t at) {
-    const LightSample<W> s =
-        light_sample(scene.lights, vint<W>(light), vbool<W>(true), p.vector<W>(at), u.number<W>(at, 0), u.number<W>(at, 1));
+    const LightSample<W> s = light_sample(scene.lights, vint<W>(light), vbool<W>(true), p.vector<W>(at), u.number<W>(at, 0),
+                                          u.number<W>(at, 1), vfloat<W>(0.0f));
     wi.put(at, s.wi), t.put(at, s.t * float(1 / scene.scale)), pdf.put(at, s.pdf), L.put(at, s.L);
   });
   return nb::make_tuple(wi.array(), t.array(), pdf.array(), L.array());
@@ -125,7 +125,8 @@ nb::tuple portal_sample_rows(const Scene& scene, int dome, InArray<double> p_, I
   for_rows(p.n, lanes, [&]<int W>(size_t at) {
     const vbool<W> active(true);
     const vvec3<W> o = p.vector<W>(at);
-    LightSample<W> s = light_sample(scene.lights, vint<W>(light), active, o, u.number<W>(at, 0), u.number<W>(at, 1));
+    LightSample<W> s =
+        light_sample(scene.lights, vint<W>(light), active, o, u.number<W>(at, 0), u.number<W>(at, 1), vfloat<W>(0.0f));
     if (!scene.lights.portals.empty())
       sample_portals(scene.lights, active, vint<W>(light), o, u.number<W>(at, 2), u.number<W>(at, 0), u.number<W>(at, 1), s);
     wi.put(at, s.wi), pdf.put(at, s.pdf), L.put(at, s.L);
@@ -229,8 +230,9 @@ nb::tuple camera_rays(const Scene& scene, InInts pixel_, InFloats film_, InFloat
   Column<float> o(n, 3), d(n, 3), tnear(n), tfar(n);
   const float unit = float(1 / scene.scale);
   for_rows(n, lanes, [&]<int W>(size_t at) {
-    const CameraRay<W> r = scene.camera.ray<W>(pixel.number<W>(at, 0), pixel.number<W>(at, 1), film.number<W>(at, 0),
-                                               film.number<W>(at, 1), lens.number<W>(at, 0), lens.number<W>(at, 1));
+    const CameraRay<W> r =
+        scene.camera.ray<W>(pixel.number<W>(at, 0), pixel.number<W>(at, 1), film.number<W>(at, 0), film.number<W>(at, 1),
+                            lens.number<W>(at, 0), lens.number<W>(at, 1), vfloat<W>(scene.motion.frame));
     o.put(at, r.o * vfloat<W>(unit)), d.put(at, r.d), tnear.put(at, r.tnear * unit), tfar.put(at, r.tfar * unit);
   });
   // Origins relative to Scene.origin, whose digits float32 could not hold.

@@ -28,7 +28,7 @@ int own_corner(const std::array<uint32_t, 3>& t, const std::array<uint32_t, 3>& 
 }  // namespace
 
 ShapeHalves find_halves(const ShapeTriangles& shape, const std::vector<double>& powers) {
-  if (shape.count != 2 || !(powers[0] > 0) || !(powers[1] > 0)) return {};
+  if (shape.later > 0 || shape.count != 2 || !(powers[0] > 0) || !(powers[1] > 0)) return {};
   const auto i = shape.indices(0), j = shape.indices(1);
   const int k = own_corner(i, j), l = own_corner(j, i);
   // Both turn the same way: what follows the own corner in one comes before it in the other.

@@ -13,8 +13,12 @@ std::vector<double> powers_of(const Scene& s, const ShapeTriangles& shape) {
   std::vector<double> powers;
   for (size_t t = 0; t < shape.count; ++t) {
     const double L = luminance(dvec3(average_radiance_of_mesh(s, s.triangle_mesh[shape.first + t])));
-    const auto p = shape.corners(t);
-    powers.push_back(L > 0 ? L * 0.5 * length(cross(p[1] - p[0], p[2] - p[0])) : 0.0);
+    double area = 0;  // the largest: it must not be 0 where it is not so at all times
+    for (size_t step = 0; step <= shape.later; ++step) {
+      const auto p = shape.corners(t, step);
+      area = std::max(area, 0.5 * length(cross(p[1] - p[0], p[2] - p[0])));
+    }
+    powers.push_back(L > 0 ? L * area : 0.0);
   }
   return powers;
 }
@@ -25,7 +29,8 @@ ShapeWeight weigh(const Scene& s, const ShapeTriangles& shape, size_t row) {
   for (size_t t = 0; t < shape.count; ++t) {
     w.power += powers[t];
     if (!(powers[t] > 0)) continue;
-    for (const dvec3& q : shape.corners(t)) w.box.add(q);
+    for (size_t step = 0; step <= shape.later; ++step)
+      for (const dvec3& q : shape.corners(t, step)) w.box.add(q);
   }
   if (!(w.power > 0) || !std::isfinite(w.power)) return {};
   w.halves = find_halves(shape, powers);
@@ -50,7 +55,7 @@ void ShapeMaker::add(const EmittingMesh& mesh) {
   const ShapeWeight w = weigh(s_, triangles(mesh.first, mesh.end), mesh.row);
   if (!(w.power > 0)) return;
   ++s_.emitters.shapes;
-  if (!meshes_.empty() && !joins(mesh, w)) finish();
+  if (!meshes_.empty() && (!joins(mesh, w) || moves(mesh.first) != moves(meshes_.front().first))) finish();
   weight_ = meshes_.empty() ? w : weight_;
   if (!meshes_.empty()) weight_.power += w.power, weight_.box.add(w.box);
   meshes_.push_back(mesh);
@@ -71,9 +76,19 @@ void ShapeMaker::finish() {
   }
   table.first.push_back(int32_t(shape.first)), table.count.push_back(int32_t(shape.count));
   table.vertex_base.push_back(int32_t(shape.vertex_base)), table.corners.push_back(weight_.halves.corners);
+  table.clock.push_back(shape.later > 0 ? group_.clock : -1), table.stride.push_back(int32_t(shape.stride));
   add_triangle_choice(shape, parts, powers, table);
   weights_.push_back(weight_);
   meshes_.clear();
+}
+
+bool ShapeMaker::moves(size_t triangle) const { return triangle >= size_t(group_.triangle_base) + group_.still_count(); }
+
+ShapeTriangles ShapeMaker::triangles(size_t first, size_t end) const {
+  ShapeTriangles shape{s_, first, end - first, group_.vertex_base};
+  if (!moves(first)) return shape;
+  shape.later = size_t(s_.motion.clocks[size_t(group_.clock)].segments()), shape.stride = group_.moving_vertex_count;
+  return shape;
 }
 
 bool ShapeMaker::joins(const EmittingMesh& mesh, const ShapeWeight& w) const {

@@ -40,7 +40,8 @@ class ShapeMaker {
   void finish();  // after the last mesh
 
  private:
-  ShapeTriangles triangles(size_t first, size_t end) const { return {s_, first, end - first, group_.vertex_base}; }
+  bool moves(size_t triangle) const;
+  ShapeTriangles triangles(size_t first, size_t end) const;
   bool joins(const EmittingMesh& mesh, const ShapeWeight& w) const;
 
   Scene& s_;

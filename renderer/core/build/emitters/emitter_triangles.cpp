@@ -52,14 +52,17 @@ LightBounds bounds_of_run(const ShapeTriangles& shape, const std::vector<double>
     normal = cross(p[1] - p[0], p[2] - p[0]);
     power += powers[t], area += 0.5 * length(normal), sum = sum + (p[0] + p[1] + p[2]) * (powers[t] / 3);
     for (const dvec3& q : p) box.add(q);
+    for (size_t step = 1; step <= shape.later; ++step)
+      for (const dvec3& q : shape.corners(t, step)) box.add(q);
   }
-  const dvec3 center = sum * (1 / power);
+  const dvec3 center = shape.later > 0 ? (box.low + box.high) * 0.5 : sum * (1 / power);
+  if (shape.later > 0) area = std::max(area, dot(box.high - box.low, box.high - box.low));
   for (size_t a = 0; a < 3; ++a) {
     b.low[a] = float(component(box.low, a)), b.high[a] = float(component(box.high, a));
     b.center[a] = float(component(center, a)), b.axis[a] = 0;
   }
   b.least2 = std::max(float(area / std::numbers::pi), 1e-24f);
-  if (side == 0 || end - begin > 1) return b;
+  if (side == 0 || end - begin > 1 || shape.later > 0) return b;
   const dvec3 n = normalize(normal) * double(side);
   for (size_t a = 0; a < 3; ++a) b.axis[a] = float(component(n, a));
   b.cos_end = kAllSides, b.floor = kBackFloor;
@@ -73,11 +76,11 @@ std::array<uint32_t, 3> ShapeTriangles::indices(size_t triangle) const {
   return {i[0], i[1], i[2]};
 }
 
-std::array<dvec3, 3> ShapeTriangles::corners(size_t triangle) const {
+std::array<dvec3, 3> ShapeTriangles::corners(size_t triangle, size_t step) const {
   std::array<dvec3, 3> r;
   const auto corner = indices(triangle);
   for (size_t k = 0; k < 3; ++k) {
-    const float* p = &scene.positions[3 * (vertex_base + corner[k])];
+    const float* p = &scene.positions[3 * (vertex_base + corner[k] + step * stride)];
     r[k] = {p[0], p[1], p[2]};
   }
   return r;

@@ -16,9 +16,11 @@ struct EmitterTable;
 struct ShapeTriangles {
   const Scene& scene;
   size_t first, count, vertex_base;
+  // Where its vertices move: their later times, and from one time's to the next's.
+  size_t later = 0, stride = 0;
 
   std::array<uint32_t, 3> indices(size_t triangle) const;
-  std::array<dvec3, 3> corners(size_t triangle) const;
+  std::array<dvec3, 3> corners(size_t triangle, size_t step = 0) const;
 };
 
 // Leaves of a shape's tree at most.

@@ -39,6 +39,30 @@ double share_of(const GeometryLight& light, const float* row) {
   return whole > 0 ? luminance(dvec3{row[kGlow], row[kGlow + 1], row[kGlow + 2]}) / whole : 0.0;
 }
 
+// A ball about all that a shape passes through in an instance that moves, in place of its own.
+void put_passing_ball(const Scene& s, const ShapeWeight& w, size_t instance, float* row) {
+  const MovingInstances& moving = *s.motion.find(int32_t(instance));
+  const MotionClock& clock = s.motion.clocks[size_t(moving.clock)];
+  constexpr int kProbes = 8;  // of a segment
+  DoubleBox centers;
+  double radius = 0, uneven = 1;
+  for (int k = 0; k <= clock.segments() * kProbes; ++k) {
+    const int segment = std::min(k / kProbes, clock.segments() - 1);
+    const float from = clock.times[size_t(segment)], to = clock.times[size_t(segment) + 1];
+    const float time = from + (to - from) * (float(k - segment * kProbes) / kProbes);
+    const daffine m = s.motion.at(moving, uint32_t(instance) - uint32_t(moving.first), time);
+    const double sizes[] = {length(m.x), length(m.y), length(m.z)};
+    centers.add(m.point(w.center()));
+    radius = std::max(radius, w.radius() * std::hypot(sizes[0], sizes[1], sizes[2]));
+  }
+  const double axes[] = {length(light_vector(row, kAxisX)), length(light_vector(row, kAxisY)),
+                         length(light_vector(row, kAxisZ))};
+  const double least = std::min({axes[0], axes[1], axes[2]});
+  if (least > 0) uneven = std::cbrt(axes[0] * axes[1] * axes[2]) / least;
+  put(row, kMeshCenter, (centers.low + centers.high) * 0.5);
+  row[kSize0] = float((0.5 * length(centers.high - centers.low) * 1.1 + radius) * std::max(uneven, 1.0));
+}
+
 // `placement`, `instance`: see kMeshPlacement.
 void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& world_from_group, int placement, int instance) {
   float row[kLightFields] = {};
@@ -51,7 +75,9 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
   const double size = std::cbrt(std::fabs(m.determinant()));
   row[kSize0] = float(w.radius() * size);
   put_geometry_light(s, w.light, m, row);
-  (put_rectangle(w.halves, m, row) ? s.emitters.rectangles : s.emitters.others) = true;
+  const bool moves = placement >= 0 && s.motion.find(s.placement_instance[size_t(placement)]);
+  if (moves) put_passing_ball(s, w, size_t(s.placement_instance[size_t(placement)] + instance), row);
+  (!moves && put_rectangle(w.halves, m, row) ? s.emitters.rectangles : s.emitters.others) = true;
   const double share = w.light < 0 ? 1.0 : share_of(s.geometry_lights.all[w.light], row);
   row[kSize1] = float(shape);
   row[kMeshPlacement] = float(placement), row[kMeshInstance] = float(instance);
@@ -101,9 +127,9 @@ std::vector<daffine> first_places(const Scene& s) {
     for (size_t g = 0; g < s.groups.size(); ++g) {
       const Group& in = s.groups[g];
       const size_t triangle = light.triangles.empty() ? SIZE_MAX : light.triangles[0].first;
-      const bool holds = light.curved >= 0 ? in.curved.has_row(light.curved)
-                                           : triangle >= in.triangle_base &&
-                                                 triangle < size_t(in.triangle_base) + in.triangle_count + in.cutout_count;
+      const bool holds = light.curved >= 0
+                             ? in.curved.has_row(light.curved)
+                             : triangle >= in.triangle_base && triangle < size_t(in.triangle_base) + in.all_triangles();
       if (holds) group = g;
     }
     r.push_back(of_group[group]);
@@ -125,7 +151,7 @@ void build_emitters(Scene& s) {
     const Group& group = s.groups[g];
     group_first[g] = int32_t(table.first.size());
     ShapeMaker shapes(s, group, weights);
-    const size_t end = group.triangle_base + group.triangle_count + group.cutout_count;
+    const size_t end = group.triangle_base + group.all_triangles();
     // Rows with the same first triangle are one mesh's.
     while (row < meshes.surface.size() && size_t(meshes.triangle_base[row]) < end) {
       size_t next = row;
@@ -147,6 +173,7 @@ void build_emitters(Scene& s) {
       ++table.shapes;
       table.of_curved[of] = int32_t(table.first.size()) - group_first[g];
       table.first.push_back(int32_t(of)), table.count.push_back(0), table.vertex_base.push_back(0);
+      table.clock.push_back(-1), table.stride.push_back(0);
       for (auto* unused : {&table.corners, &table.root, &table.place_base, &table.run_shift, &table.cdf_base})
         unused->push_back(0);
       weights.push_back({});
@@ -160,6 +187,8 @@ void build_emitters(Scene& s) {
     for (int32_t k = group_first[group]; k < group_first[group + 1]; ++k) {
       if (table.count[k] > 0)
         add_mesh_row(s, weights[k], k, world_from_group, placement, instance);
+      else if (placement >= 0 && s.motion.find(s.placement_instance[size_t(placement)]))
+        s.lights.rows.resize(s.lights.rows.size() + kLightFields, 0.0f), ++s.lights.count;  // met by rays alone
       else
         add_sphere_row(s, s.groups[group], table.first[k], world_from_group);
     }

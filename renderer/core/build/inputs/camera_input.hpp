@@ -17,7 +17,10 @@ struct CameraInput {
   PixelWindow pixels{0, 0, 1, 1};
   int blades = 0;
   double blade_rotation_deg = 0;
-  bool shutter_open = false;
+  // Where it moves: the times of S + 1 poses, their matrices (12 numbers each), and of each window, near, far, lens radius and
+  // focus distance.
+  std::span<const float> times;
+  std::span<const double> pose_matrices, pose_numbers;
   std::span<const double> clipping_planes;  // 4 a plane
   float filter_width = 1;
   std::span<const float> filter_inverse_cdf;  // empty: a box

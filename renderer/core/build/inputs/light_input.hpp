@@ -41,6 +41,9 @@ struct LightInput : LightRules, LightSize {
   DomeFormat format = DomeFormat::kLatLong;
   std::vector<PortalInput> portals;  // of a dome
   std::optional<ShapingInput> shaping;
+  // Where it moves: times, and world_from_light at each (12 numbers), rigid.
+  std::span<const float> times;
+  std::span<const double> stances;
   // Of geometry: see GeometryLight.
   bool own = false, shown = false, normalize = false;
 };

@@ -16,6 +16,8 @@ struct MeshInput {
   Attribute normal_kind = Attribute::kNone, color_kind = Attribute::kNone;
   std::span<const int32_t> surfaces;  // one, or one a triangle
   bool cutout = false;                // all of its surfaces have an opacity threshold, or none
+  // Where it moves: the times of S + 1 steps, their points (3 N each) and, unless they are held, normals.
+  std::span<const float> times, step_points, step_normals;
 };
 
 }  // namespace primray

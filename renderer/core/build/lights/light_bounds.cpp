@@ -31,10 +31,32 @@ LightBox light_box(const float* row) {
   return box;
 }
 
+// Of a light that moves: all that it passes, sending light all around.
+static LightBounds passing_bounds(const LightPath& path, const float* row, LightBounds b) {
+  if (!(path.radius > 0)) {
+    put_far(b, dvec3{0, 0, 1}, 2.0);
+    return b;
+  }
+  LightSpread spread;
+  with_light_type(row, [&]<class T>(T) {
+    LightBounds still;
+    spread = T::spread(row, still);
+  });
+  for (int a = 0; a < 3; ++a) {
+    const float center = float(component(path.center, size_t(a)));
+    b.low[a] = center - path.radius, b.high[a] = center + path.radius;
+  }
+  put(b.center, 0, dvec3(path.center));
+  b.intensity = float(double(b.intensity) * spread.factor), b.least2 = std::max(float(path.radius * path.radius), kLeast2);
+  return b;
+}
+
 LightBounds light_bounds(const LightTable& table, const float* row) {
   const double power = row[kImportance];
   LightBounds b;
   b.intensity = float(power);
+  if (const int32_t path = table.motion.row(int((row - table.rows.data()) / kLightFields)); path >= 0)
+    return passing_bounds(table.motion.paths[size_t(path)], row, b);
   LightSpread spread;
   with_light_type(row, [&]<class T>(T) {
     if constexpr (requires { T::far_direction(row); })

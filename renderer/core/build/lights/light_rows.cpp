@@ -157,8 +157,10 @@ void add_hierarchy(LightTable& table) {
   std::vector<LightBox> boxes;
   for (int i = 0; i < table.analytic_count; ++i) {
     const LightType type = LightType(int(table.row(i)[kType]));
-    if (type == LightType::kDistant && table.row(i)[kSize0] > 0) table.hierarchy.far.push_back(i);
-    if (type == LightType::kDistant || !can_be_met(type)) continue;
+    const bool moves = table.motion.row(i) >= 0;
+    if ((type == LightType::kDistant && table.row(i)[kSize0] > 0) || (moves && can_be_met(type) && type != LightType::kDistant))
+      table.hierarchy.far.push_back(i);
+    if (type == LightType::kDistant || moves || !can_be_met(type)) continue;
     const LightBox box = light_box(table.row(i));
     double diagonal2 = 0;
     for (int a = 0; a < 3; ++a) diagonal2 += (double(box.high[a]) - box.low[a]) * (double(box.high[a]) - box.low[a]);

@@ -17,10 +17,21 @@ PRIMRAY_INLINE vfloat<W> light_importance(const float* row, const vvec3<W>& p) {
   return found;
 }
 
+// Of a light that moves: as if all of it could be at the nearest place that it passes. The choice knows no time.
+template <int W>
+PRIMRAY_RARE vfloat<W> passing_importance(const LightPath& path, const float* row, const vvec3<W>& p) {
+  const vfloat<W> power(row[kImportance]);
+  if (!(path.radius > 0)) return power;
+  const vvec3<W> to = p - vvec3<W>(vfloat<W>(path.center.x), vfloat<W>(path.center.y), vfloat<W>(path.center.z));
+  return power / max(dot(to, to), path.radius * path.radius);
+}
+
 // The same with the light's shaping: what light number `i` of the table is weighed by at p.
 template <int W>
 PRIMRAY_INLINE vfloat<W> light_weight(const LightTable& table, int i, const vvec3<W>& p) {
   const float* row = table.row(i);
+  if (const int32_t path = table.motion.any() ? table.motion.row(i) : -1; path >= 0)
+    return passing_importance(table.motion.paths[size_t(path)], row, p);
   const vfloat<W> unshaped = light_importance(row, p);
   const int shaping = int(row[kShaping]);
   if (shaping == 0) return unshaped;

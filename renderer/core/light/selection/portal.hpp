@@ -59,7 +59,7 @@ PRIMRAY_RARE void sample_portals(const LightTable& table, vbool<W> m, vint<W> li
       const vfloat<W> rest = min(choice / max(share, 1e-30f), 0x1.fffffep-1f);
       const vuint<W> number = bit_cast<vuint<W>>(truncate(rest * 0x1p24f)) << 8;
       const LightChoice<W> c = choose_light(portals, through, p, vvec3<W>(vfloat<W>(0.0f)), number);
-      const LightSample<W> n = light_sample(portals, c.light, through & (c.probability > vfloat<W>(0.0f)), p, u, v);
+      const LightSample<W> n = row_sample(portals, c.light, through & (c.probability > vfloat<W>(0.0f)), p, u, v);
       s.wi = select(through, n.wi, s.wi);
       chosen |= through & (n.pdf > vfloat<W>(0.0f));
     }

@@ -1,0 +1,81 @@
+// Lights that move without changing their size. Their rows say how they stand at the frame; points and directions are taken to
+// where they would be beside the light if it stood so, and back.
+#pragma once
+
+#include <vector>
+
+#include "base/features.hpp"
+#include "math/vec3.hpp"
+#include "motion/clock.hpp"
+#include "motion/turning.hpp"
+
+namespace primray {
+
+// The path of one light: rotations from the row's frame, and origins.
+struct LightPath {
+  MotionClock clock;
+  std::vector<Turning> places;
+  dvec3 origin;  // the row's
+  // A ball about all that the light passes through; without a radius: it has no place.
+  vec3 center{0.0f};
+  float radius = 0;
+};
+
+// World from the row's stance: p -> R (p - origin) + place.
+struct LightStance {
+  daffine rotation;
+  dvec3 place, origin;
+};
+
+inline LightStance stance_of(const LightPath& path, float time) {
+  const Moment now = path.clock.at(time);
+  const daffine m = between(path.places[size_t(now.segment)], path.places[size_t(now.segment) + 1], now.within);
+  return {{m.x, m.y, m.z, dvec3(0.0)}, m.o, path.origin};
+}
+
+// The stances of W lanes' lights; those that stand still have the identity.
+template <int W>
+struct LightStances {
+  vvec3<W> x{vfloat<W>(1.0f), vfloat<W>(0.0f), vfloat<W>(0.0f)}, y{vfloat<W>(0.0f), vfloat<W>(1.0f), vfloat<W>(0.0f)},
+      z{vfloat<W>(0.0f), vfloat<W>(0.0f), vfloat<W>(1.0f)}, place{vfloat<W>(0.0f)}, origin{vfloat<W>(0.0f)};
+
+  PRIMRAY_INLINE void put(int lane, const LightStance& s) {
+    const auto set = [&](vvec3<W>& to, const dvec3& v) {
+      to.x.set(lane, float(v.x)), to.y.set(lane, float(v.y)), to.z.set(lane, float(v.z));
+    };
+    set(x, s.rotation.x), set(y, s.rotation.y), set(z, s.rotation.z), set(place, s.place), set(origin, s.origin);
+  }
+  PRIMRAY_INLINE vvec3<W> vector_to_row(const vvec3<W>& v) const { return {dot(x, v), dot(y, v), dot(z, v)}; }
+  PRIMRAY_INLINE vvec3<W> point_to_row(const vvec3<W>& p) const { return vector_to_row(p - place) + origin; }
+  PRIMRAY_INLINE vvec3<W> vector_to_world(const vvec3<W>& v) const { return x * v.x + y * v.y + z * v.z; }
+};
+
+// By light row and by dome: which path, or -1; empty where no light moves.
+struct LightMotion {
+  std::vector<LightPath> paths;
+  std::vector<int32_t> of_row, of_dome;
+
+  bool any() const { return built::kMotion && !paths.empty(); }
+  int32_t row(int i) const { return size_t(i) < of_row.size() ? of_row[size_t(i)] : -1; }
+  int32_t dome(size_t k) const { return k < of_dome.size() ? of_dome[k] : -1; }
+};
+
+// Lanes `m`, each with a light of its own.
+template <int W>
+PRIMRAY_RARE LightStances<W> stances_of(const LightMotion& motion, vbool<W> m, vint<W> light, vfloat<W> time) {
+  LightStances<W> r;
+  for (uint32_t b = bits(m); b; b &= b - 1) {
+    const int i = __builtin_ctz(b);
+    if (const int32_t path = motion.row(light[i]); path >= 0) r.put(i, stance_of(motion.paths[size_t(path)], time[i]));
+  }
+  return r;
+}
+// One path for all lanes.
+template <int W>
+PRIMRAY_RARE LightStances<W> stances_of(const LightPath& path, vfloat<W> time) {
+  LightStances<W> r;
+  for (int i = 0; i < W; ++i) r.put(i, stance_of(path, time[i]));
+  return r;
+}
+
+}  // namespace primray

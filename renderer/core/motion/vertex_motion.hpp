@@ -1,0 +1,36 @@
+// Vertices that move: where their steps stand in the scene's arrays at the times of W rays.
+//
+// A group's moving vertices are the last of its vertices; after them all of these follow again for each later time.
+#pragma once
+
+#include "motion/motion_table.hpp"
+
+namespace primray {
+
+template <int W>
+struct VertexMotion {
+  bool any = false;
+  vbool<W> moves{false};
+  vint<W> segment{0}, stride{0};  // vertices from one time to the next
+  vfloat<W> within{0.0f};
+  vvec3<W> sizes{vfloat<W>(0.0f)};  // of what positions are made of, where that was asked for
+
+  // Of lanes `m`, each with a clock and a stride.
+  PRIMRAY_RARE void set(const MotionTable& table, vbool<W> m, vint<W> clock, vint<W> step, vfloat<W> time) {
+    any = true, moves = m, stride = step;
+    for (uint32_t b = bits(m); b; b &= b - 1) {
+      const int i = __builtin_ctz(b);
+      const Moment now = table.clocks[size_t(clock[i])].at(time[i]);
+      segment.set(i, now.segment), within.set(i, now.within);
+    }
+  }
+  // Between what read(0) and read(1) give, segment and segment + 1.
+  template <class Read>
+  PRIMRAY_INLINE vvec3<W> between(const Read& read) const {
+    const vvec3<W> a = read(0);
+    if (!any) return a;
+    return select(moves, a * (1.0f - within) + read(1) * within, a);
+  }
+};
+
+}  // namespace primray

@@ -1,0 +1,94 @@
+"""Meshes whose vertices move, by their times: the core moves those of one group by one clock, and the world's by an even one.
+
+In the world the clock of most points stays; meshes of others become prototypes that stand once. In a prototype all take the
+times of all: points between two times lie on the line, so nothing is changed by more of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from ..arrays import Doubles
+from ..description import MatrixInstances, Mesh, Placed, Placement, PointMotion, Prototype, SceneDescription, Shape
+from ..description.instance_names import texts
+from ..description.motion import is_uniform, segment_of
+from ..description.placement import IDENTITY
+
+Times = tuple[float, ...]
+
+
+def by_clock(d: SceneDescription, shapes: list[Shape]) -> SceneDescription:
+    """The description with one clock a group. Shapes of prototypes that get more times are replaced in `shapes`."""
+    if not any(_moves(shape) for shape in shapes):
+        return d
+    d = _with_even_world(d, shapes)
+    prototypes = list(d.prototypes)
+    for k, prototype in enumerate(prototypes):
+        prototypes[k] = replace(prototype, shapes=_with_common_times(prototype.shapes, shapes))
+    return replace(d, prototypes=tuple(prototypes))
+
+
+def _moves(shape: Shape) -> bool:
+    return isinstance(shape, Mesh) and shape.motion is not None
+
+
+def _times(shape: Shape) -> Times:
+    assert isinstance(shape, Mesh)
+    assert shape.motion is not None
+    return tuple(shape.motion.times.tolist())
+
+
+def _with_even_world(d: SceneDescription, shapes: Sequence[Shape]) -> SceneDescription:
+    points: dict[Times, int] = {}
+    for placed in d.static:
+        if _moves(shape := shapes[placed.shape]):
+            points[_times(shape)] = points.get(_times(shape), 0) + len(shape.points)  # type: ignore[union-attr]
+    staying = max((times for times in points if is_uniform(times)), key=lambda times: points[times], default=())
+    if set(points) <= {staying}:
+        return d
+    prototypes, placements, static = list(d.prototypes), list(d.placements), list[Placed]()
+    apart: dict[Times, list[Placed]] = {}
+    for placed in d.static:
+        if _moves(shape := shapes[placed.shape]) and _times(shape) != staying:
+            apart.setdefault(_times(shape), []).append(placed)
+        else:
+            static.append(placed)
+    for members in apart.values():
+        for alone in ([placed] for placed in members if placed.instance) if members[0].instance else [members]:
+            names = texts([alone[0].instance]) if alone[0].instance else None
+            placements.append(Placement(len(prototypes), (MatrixInstances(IDENTITY[None], names=names),)))
+            prototypes.append(Prototype(shapes[alone[0].shape].path, tuple(replace(p, instance="") for p in alone)))
+    return replace(d, static=tuple(static), prototypes=tuple(prototypes), placements=tuple(placements))
+
+
+def _with_common_times(placed: tuple[Placed, ...], shapes: list[Shape]) -> tuple[Placed, ...]:
+    moving = [p for p in placed if _moves(shapes[p.shape])]
+    clocks = {_times(shapes[p.shape]) for p in moving}
+    if len(clocks) < 2:
+        return placed
+    times = np.array(sorted(set().union(*clocks)), np.float64)
+    times = times[np.append(True, np.diff(times) > 1e-9)]
+    replaced: dict[int, int] = {}
+    for p in moving:
+        shape = shapes[p.shape]
+        if p.shape not in replaced and isinstance(shape, Mesh) and shape.motion is not None:
+            replaced[p.shape] = len(shapes)
+            shapes.append(replace(shape, motion=at_times(shape.motion, times)))
+    return tuple(replace(p, shape=replaced.get(p.shape, p.shape)) for p in placed)
+
+
+def at_times(motion: PointMotion, times: Doubles) -> PointMotion:
+    """The same motion, known at other times that hold all of its own."""
+
+    def values(steps: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        found = []
+        for time in times.tolist():
+            k, within = segment_of(motion.times, time)
+            found.append(steps[k] * np.float32(1 - within) + steps[k + 1] * np.float32(within))
+        return np.stack(found)
+
+    return PointMotion(times, values(motion.points), None if motion.normals is None else values(motion.normals))
