@@ -51,7 +51,7 @@ DiceInput input_of(nb::handle d) {
   DiceInput in;
   in.cage = cage_of(d);
   in.rule = LinearRule(number_in<int>(d, "face_varying_rule"));
-  in.points = span_in<float>(d, "points");
+  in.points = span_in<float>(d, "points"), in.steps = span_in<float>(d, "steps");
   in.vertex_values = span_in<float>(d, "vertex_values"), in.vertex_width = width_of(d["vertex_values"]);
   in.varying_values = span_in<float>(d, "varying_values"), in.varying_width = width_of(d["varying_values"]);
   for (const nb::handle channel : d["face_varying"])
@@ -76,6 +76,10 @@ nb::dict as_dict(Diced d, const DiceInput& in) {
   out["points"] = rows_of(std::move(d.points), 3), out["normals"] = rows_of(std::move(d.normals), 3);
   out["vertex_values"] = rows_of(std::move(d.vertex_values), in.vertex_width);
   out["varying_values"] = rows_of(std::move(d.varying_values), in.varying_width);
+  nb::list step_points, step_normals;
+  for (std::vector<float>& step : d.step_points) step_points.append(rows_of(std::move(step), 3));
+  for (std::vector<float>& step : d.step_normals) step_normals.append(rows_of(std::move(step), 3));
+  out["step_points"] = step_points, out["step_normals"] = step_normals;
   nb::list channels;
   for (size_t k = 0; k < in.face_varying.size(); ++k)
     channels.append(nb::make_tuple(rows_of(std::move(d.triangles.values[k]), 3),

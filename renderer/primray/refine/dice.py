@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Floats, Ints
-from ..description import Interpolation, Mesh, Primvar, SceneDescription, SubdivisionMesh
+from ..description import Interpolation, Mesh, PointMotion, Primvar, SceneDescription, SubdivisionMesh
 from ..settings import RenderSettings
 from .footprint import MAX_LEVEL, OUTSIDE, Footprint, footprints
 
@@ -127,6 +127,7 @@ def core_arrays(cage: SubdivisionMesh, footprint: Footprint, dicing: Dicing) -> 
         "smooth_triangles": cage.triangle_rule == "smooth",
         "face_varying_rule": FACE_VARYING_RULES.index(cage.face_varying_interpolation),
         "points": _floats(cage.points),
+        "steps": NO_FLOATS if cage.motion is None else np.ascontiguousarray(cage.motion.points, np.float32).ravel(),
         "face_counts": _ints(cage.face_counts),
         "face_points": _ints(cage.face_points),
         "holes": np.concatenate([_ints(cage.holes), hidden]) if len(hidden) else _ints(cage.holes),
@@ -193,8 +194,9 @@ def _mesh(cage: SubdivisionMesh, made: dict[str, Any]) -> Mesh:
     colors = None if cage.colors is None else primvars[id(cage.colors)]
     surface = cage.surface if isinstance(cage.surface, int) else np.asarray(cage.surface)[made["faces"]]
     points = len(made["points"])
-    if points == 3 * len(triangles) == len(normals):  # lengths must not be mistaken: description.Mesh
-        normals = normals if len(made["normal_indices"]) else normals[triangles.ravel()]
+    rows = made["normal_indices"].ravel() if len(made["normal_indices"]) else None
+    if points == 3 * len(triangles) == len(normals) and rows is None:  # lengths must not be mistaken: description.Mesh
+        normals, rows = normals[triangles.ravel()], triangles.ravel()
     return Mesh(
         cage.path,
         made["points"],
@@ -205,7 +207,14 @@ def _mesh(cage: SubdivisionMesh, made: dict[str, Any]) -> Mesh:
         tuple(primvars[id(p)] for p in cage.primvars),
         cage.light,
         cage.link_row,
+        None if cage.motion is None else _motion(cage.motion, made, rows),
     )
+
+
+def _motion(motion: PointMotion, made: dict[str, Any], rows: Ints | None) -> PointMotion:
+    """Of the triangles; `rows`: which normals they have in order, None: all."""
+    normals = np.stack(made["step_normals"])
+    return PointMotion(motion.times, np.stack(made["step_points"]), normals if rows is None else normals[:, rows])
 
 
 def _numbered(cage: SubdivisionMesh) -> list[tuple[Primvar, int]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from ..arrays import Doubles
 from ..description import (
     Camera,
     Frame,
+    MovingInstances,
     Placed,
     Placement,
     Projection,
@@ -80,7 +82,7 @@ def footprints(description: SceneDescription) -> dict[int, Footprint]:
         seen[placed.shape].append(_Seen(lambda: iter([np.eye(4)[None, :3]]), placed.matrix))
     for placement in description.placements:
         prototype = description.prototypes[placement.prototype]
-        _see(prototype, placement.chunks, cages, seen)
+        _see(prototype, partial(_stands, placement), cages, seen)
         for inner in prototype.placements:
             _see(description.prototypes[inner.prototype], _nested(placement, inner, camera), cages, seen)
     alone = _seen_once([placed for placed in static if len(seen[placed.shape]) == 1], camera)
@@ -113,14 +115,20 @@ def _see(
             seen[placed.shape].append(_Seen(chunks, placed.matrix))
 
 
+def _stands(placement: Placement) -> Iterator[Doubles]:
+    """(K, 3, 4) world_from_prototype, in order; of what moves at all of its times: edges are as the worst asks."""
+    moving = placement.levels[0]
+    yield from moving.matrices if isinstance(moving, MovingInstances) else placement.chunks()
+
+
 def _nested(outer: Placement, inner: Placement, camera: Projected) -> Callable[[], Iterator[Doubles]]:
     """Two levels of instances are too many to look at: the inner ones in the few outer ones that are nearest to the camera."""
     eye = np.linalg.inv(camera.camera_from_world)[:3, 3]
     nearest = np.zeros((0, 3, 4))
-    for rows in outer.chunks():
+    for rows in _stands(outer):
         nearest = np.concatenate([nearest, rows])
         nearest = nearest[np.argsort(np.linalg.norm(nearest[:, :, 3] - eye, axis=1), kind="stable")[:MAX_VIEWS]]
-    return lambda: (compose(nearest, rows) for rows in inner.chunks())
+    return lambda: (compose(nearest, rows) for rows in _stands(inner))
 
 
 def _footprint(cage: SubdivisionMesh, seen: Sequence[_Seen], camera: Projected) -> Footprint:
@@ -151,7 +159,8 @@ def _chunks(seen: Sequence[_Seen], camera: Projected) -> Iterator[Doubles]:
 def _bounding_sphere(cage: SubdivisionMesh) -> tuple[Doubles, float]:
     if len(cage.face_points) == 0:
         return np.zeros(3), 0.0
-    used = cage.points[np.unique(cage.face_points)].astype(np.float64)
+    steps = cage.points[None] if cage.motion is None else cage.motion.points
+    used = steps[:, np.unique(cage.face_points)].reshape(-1, 3).astype(np.float64)
     low, high = used.min(axis=0), used.max(axis=0)
     return (low + high) / 2, float(np.linalg.norm(high - low)) / 2
 

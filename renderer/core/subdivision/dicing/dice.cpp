@@ -72,6 +72,9 @@ class Dicer {
     level.is_active.resize(t.faces()), level.cage_face.resize(t.faces());
     for (int f = 0; f < t.faces(); ++f) level.is_active[f] = !cage.is_hole[f], level.cage_face[f] = f;
     if (normals_by_corner(t, cage)) level.corner_normal.assign(t.corners(), -1);
+    for (size_t at = 0; at < in_.steps.size(); at += in_.points.size())
+      steps_.push_back(doubles(in_.steps.subspan(at, in_.points.size())));
+    out_.step_points.resize(steps_.size()), out_.step_normals.resize(steps_.size());
     points_ = doubles(in_.points), vertex_ = doubles(in_.vertex_values), varying_ = doubles(in_.varying_values);
   }
 
@@ -130,20 +133,27 @@ class Dicer {
 
   void add_vertex(Level& level, int v) {
     const Topology& t = level.surface.topology;
-    if (level.corner_normal.empty() && !t.is_sharp[v]) {
-      double p[3];
-      add_normal(limit_.smooth_point(t, v, points_, p));
-      level.surface.output[v] = int(out_.points.size() / 3);
-      out_.points.insert(out_.points.end(), p, p + 3);
-    } else {
-      level.surface.output[v] = add_value(t, v, points_, 3, linear_, out_.points);
-      if (level.corner_normal.empty()) {
-        limit_.normals(t, t.outgoing[v], points_, fan_);
-        add_normal(fan_.normals[0]);
-      }
-    }
+    level.surface.output[v] = add_point(level, v, points_, out_.points, out_.normals);
+    for (size_t k = 0; k < steps_.size(); ++k) add_point(level, v, steps_[k], out_.step_points[k], out_.step_normals[k]);
     if (in_.vertex_width) add_value(t, v, vertex_, in_.vertex_width, linear_, out_.vertex_values);
     if (in_.varying_width) add_value(t, v, varying_, in_.varying_width, true, out_.varying_values);
+  }
+
+  // Where a vertex comes to lie, and its normal unless corners have their own; its number.
+  int add_point(const Level& level, int v, const Values& from, std::vector<float>& points, std::vector<float>& normals) {
+    const Topology& t = level.surface.topology;
+    if (level.corner_normal.empty() && !t.is_sharp[v]) {
+      double p[3];
+      add_normal(limit_.smooth_point(t, v, from, p), normals);
+      points.insert(points.end(), p, p + 3);
+      return int(points.size() / 3) - 1;
+    }
+    const int number = add_value(t, v, from, 3, linear_, points);
+    if (level.corner_normal.empty()) {
+      limit_.normals(t, t.outgoing[v], from, fan_);
+      add_normal(fan_.normals[0], normals);
+    }
+    return number;
   }
 
   int add_value(const Topology& t, int v, const Values& values, int width, bool linear, std::vector<float>& out) {
@@ -157,28 +167,35 @@ class Dicer {
     return n;
   }
 
-  void add_normal(const dvec3& n) { out_.normals.insert(out_.normals.end(), {float(n.x), float(n.y), float(n.z)}); }
+  static void add_normal(const dvec3& n, std::vector<float>& to) { to.insert(to.end(), {float(n.x), float(n.y), float(n.z)}); }
 
   void add_corner_normals(Level& level, int corner) {
     const Topology& t = level.surface.topology;
     const int first = int(out_.normals.size() / 3);
     if (linear_) {
       level.corner_normal[corner] = first;
-      add_normal(bilinear_normal(t, corner));
+      add_normal(bilinear_normal(t, corner, points_), out_.normals);
+      for (size_t k = 0; k < steps_.size(); ++k) add_normal(bilinear_normal(t, corner, steps_[k]), out_.step_normals[k]);
       return;
     }
+    for (size_t k = 0; k < steps_.size(); ++k) {
+      limit_.normals(t, corner, steps_[k], fan_);
+      for (const dvec3& n : fan_.normals) add_normal(n, out_.step_normals[k]);
+    }
     limit_.normals(t, corner, points_, fan_);
-    for (const dvec3& n : fan_.normals) add_normal(n);
+    for (const dvec3& n : fan_.normals) add_normal(n, out_.normals);
     for (size_t i = 0; i < fan_.of_corner.size(); ++i) level.corner_normal[limit_.fan().corners[i]] = first + fan_.of_corner[i];
   }
 
-  dvec3 point(int v) const { return {points_[size_t(v) * 3], points_[size_t(v) * 3 + 1], points_[size_t(v) * 3 + 2]}; }
+  static dvec3 point(const Values& from, int v) {
+    return {from[size_t(v) * 3], from[size_t(v) * 3 + 1], from[size_t(v) * 3 + 2]};
+  }
 
   // Of the bilinear patch: its edges are lines of it. Where they vanish, the face's own.
-  dvec3 bilinear_normal(const Topology& t, int c) const {
-    const dvec3 v = point(t.vertex[c]);
-    dvec3 n = cross(point(t.vertex[t.next(c)]) - v, point(t.vertex[t.previous(c)]) - v);
-    if (!(length(n) > 0)) n = cross(point(t.vertex[c ^ 2]) - v, point(t.vertex[t.previous(c)]) - point(t.vertex[t.next(c)]));
+  static dvec3 bilinear_normal(const Topology& t, int c, const Values& from) {
+    const auto at = [&](int corner) { return point(from, t.vertex[corner]); };
+    dvec3 n = cross(at(t.next(c)) - at(c), at(t.previous(c)) - at(c));
+    if (!(length(n) > 0)) n = cross(at(c ^ 2) - at(c), at(t.previous(c)) - at(t.next(c)));
     const double l = length(n);
     return l > 0 ? n * (1 / l) : dvec3(0, 0, 1);
   }
@@ -201,16 +218,23 @@ class Dicer {
     return any;
   }
 
-  // Further levels that the length of a face's edges asks for, or fewer until it is flat; 0 where it is drawn as it is.
+  // Of all times the most.
   double wanted_levels(const Level& level, int f) {
+    double levels = wanted_levels(level, f, points_);
+    for (const Values& step : steps_) levels = std::max(levels, wanted_levels(level, f, step));
+    return levels;
+  }
+
+  // Further levels that the length of a face's edges asks for, or fewer until it is flat; 0 where it is drawn as it is.
+  double wanted_levels(const Level& level, int f, const Values& points) {
     const Topology& t = level.surface.topology;
     corners_.clear();
-    for (int c = t.begin(f), end = c + t.size(f); c < end; ++c) corners_.push_back(point(t.vertex[c]));
+    for (int c = t.begin(f), end = c + t.size(f); c < end; ++c) corners_.push_back(point(points, t.vertex[c]));
     const double longest = face_pixels(in_.footprint, corners_);
     if (!(longest > in_.pixels)) return 0;
     const double levels = std::log2(longest / in_.pixels);
     if (!(in_.flatness > 0) || is_plainly_curved(level, f)) return levels;
-    return std::min(levels, flatness_->levels_to_flat(level, f, points_, level_values_, longest));
+    return std::min(levels, flatness_->levels_to_flat(level, f, points, level_values_, longest));
   }
 
   // A shortcut for most faces that are not flat: normals that are made already differ too much.
@@ -288,6 +312,7 @@ class Dicer {
     const std::vector<uint8_t> chosen = with_neighbours(parent);
     refine_layer(parent.surface, child.surface, chosen);
     refine_array(parent.surface, points_, 3, linear_);
+    for (Values& step : steps_) refine_array(parent.surface, step, 3, linear_);
     if (in_.vertex_width) refine_array(parent.surface, vertex_, in_.vertex_width, linear_);
     if (in_.varying_width) refine_array(parent.surface, varying_, in_.varying_width, true);
     child.values.resize(parent.values.size());
@@ -336,6 +361,7 @@ class Dicer {
   bool linear_;
   std::vector<Level> levels_;
   Values points_, vertex_, varying_;
+  std::vector<Values> steps_;
   std::vector<Values> face_varying_;
   Diced out_;
   int64_t drawn_ = 0;

@@ -26,6 +26,7 @@ struct DiceInput {
   CageInput cage;
   LinearRule rule = LinearRule::kCornersPlus1;
   std::span<const float> points;
+  std::span<const float> steps;           // the points again at each of the times at which they are known, if they move
   std::span<const float> vertex_values;   // smooth, as points are
   std::span<const float> varying_values;  // linear over each face
   int vertex_width = 0, varying_width = 0;
@@ -40,6 +41,7 @@ struct DiceInput {
 
 struct Diced {
   std::vector<float> points, normals, vertex_values, varying_values;
+  std::vector<std::vector<float>> step_points, step_normals;  // as points and normals, by time
   std::vector<std::vector<float>> face_varying;
   Triangles triangles;
   int level = 0;  // the finest
