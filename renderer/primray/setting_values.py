@@ -71,6 +71,13 @@ def pair(name: str, value: Any) -> tuple[int, int]:
     return whole(name, items[0]), whole(name, items[1])
 
 
+def two_numbers(name: str, value: Any) -> tuple[float, float]:
+    items = _items(name, "two numbers", value)
+    if len(items) != 2:
+        raise refused(name, "two numbers", value)
+    return number(name, items[0]), number(name, items[1])
+
+
 def choice(kinds: type[SomeEnum]) -> Callable[[str, Any], SomeEnum]:
     def read(name: str, value: Any) -> SomeEnum:
         try:

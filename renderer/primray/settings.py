@@ -13,7 +13,7 @@ from .aov_names import check_names
 from .camera_choice import Matrix, camera_choice
 from .composition import Composition
 from .errors import LimitError, SettingsError
-from .setting_values import Reader, choice, number, optional, pair, text, texts, whole, yes_or_no
+from .setting_values import Reader, choice, number, optional, pair, text, texts, two_numbers, whole, yes_or_no
 
 if TYPE_CHECKING:
     from .camera import Camera
@@ -73,6 +73,8 @@ DEFAULT_FILTER_WIDTH = {Filter.BOX: 1.0, Filter.GAUSSIAN: 3.0, Filter.BLACKMAN_H
 
 # Pixels that an edge of a diced subdivision surface may cover.
 DEFAULT_DICING_RATE = 4.0
+# Pixels by which what moves may be off, between the times at which its place is known.
+DEFAULT_MOTION_ERROR = 0.1
 
 PURPOSES = ("default", "render", "proxy", "guide")  # UsdGeomImageable's
 
@@ -116,6 +118,9 @@ class SettingsValues(TypedDict, total=False):
     strict: bool
     max_memory_bytes: int | None
     dicing_rate: float
+    motion_blur: bool
+    shutter: Iterable[float] | None
+    motion_error: float
     variants: Iterable[str]
     load: Iterable[str] | None
     mask: Iterable[str] | None
@@ -172,6 +177,11 @@ class RenderSettings:
     strict: bool = False
     max_memory_bytes: int | None = None
     dicing_rate: float = DEFAULT_DICING_RATE  # pixels: the longest that edges of subdivision surfaces may be
+    motion_blur: bool = True  # False: a still at the frame, whatever the shutter
+    shutter: tuple[float, float] | None = None  # opens and closes, in time codes from the frame on; None: as the camera says
+    motion_error: float = (
+        DEFAULT_MOTION_ERROR  # pixels: how far paths may be from the stage's between the times they are given at
+    )
     # How the stage is composed; meaning as in Composition. All frames of one command share it.
     variants: tuple[str, ...] = ()
     load: tuple[str, ...] | None = None
@@ -251,6 +261,14 @@ class RenderSettings:
         _require(memory is None or memory > 0, f"the memory limit must be above 0 bytes, not {memory}", "max_memory_bytes")
         usable = math.isfinite(rate) and rate > 0
         _require(usable, f"the dicing rate must be a number of pixels above 0, not {rate}", "dicing_rate")
+        self._check_motion()
+
+    def _check_motion(self) -> None:
+        error = self.motion_error
+        usable = math.isfinite(error) and error > 0
+        _require(usable, f"the error of motion must be a number of pixels above 0, not {error}", "motion_error")
+        finite = self.shutter is None or all(map(math.isfinite, self.shutter))
+        _require(finite, f"the shutter opens and closes at time codes from the frame on, not at {self.shutter}", "shutter")
 
     def _check_sampling(self) -> None:
         spp, target, seconds = self.spp, self.target_error, self.time_limit_s
@@ -287,14 +305,15 @@ _READERS: Mapping[str, Reader] = {
     **dict.fromkeys(("time_code", "target_error", "time_limit_s", "filter_width"), _NUMBER),
     **dict.fromkeys(("spp", "max_depth", "threads", "max_memory_bytes"), _WHOLE),
     **dict.fromkeys(("purposes", "aovs", "load", "mask"), _TEXTS),
-    **dict.fromkeys(("default_light", "strict"), yes_or_no),
+    **dict.fromkeys(("default_light", "strict", "motion_blur"), yes_or_no),
+    "shutter": optional(two_numbers),
     "adaptive": optional(yes_or_no),
     "auto_camera": choice(AutoCamera),
     "error_metric": choice(Metric),
     "filter": choice(Filter),
     "default_wrap": choice(DefaultWrap),
     "seed": whole,
-    **dict.fromkeys(("dicing_rate", "resolution_scale"), number),
+    **dict.fromkeys(("dicing_rate", "resolution_scale", "motion_error"), number),
     "variants": texts,
 }
 
@@ -317,7 +336,7 @@ def with_values(settings: object, values: Mapping[str, Any]) -> RenderSettings:
 
 def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
     """What report.settings_as_json made; TypeError or ValueError for names or choices that there are not."""
-    names = ("resolution", "sample_range", "purposes", "aovs", "variants", "load", "mask")
+    names = ("resolution", "sample_range", "shutter", "purposes", "aovs", "variants", "load", "mask")
     tuples = {name: tuple(values[name]) for name in names if values.get(name) is not None}
     chosen: dict[str, Any] = {"filter": Filter(values["filter"]), "error_metric": Metric(values["error_metric"])}
     chosen["auto_camera"] = AutoCamera(values.get("auto_camera", AutoCamera.THREE_QUARTER))

@@ -33,6 +33,8 @@ _MEMBERS = (
     ("filter", "settings.filter_width"),
     ("seed", "settings.seed"),
     ("dicing rate", "settings.dicing_rate"),
+    ("shutter", "settings.shutter"),
+    ("motion", "settings.motion_error"),
     ("purpose", "settings.purposes"),
     ("variant", "settings.variants"),
     ("load", "settings.load"),
@@ -157,7 +159,8 @@ def check_stop(stop: StopRules, limits: Limits, member: str) -> None:
 def render_settings(settings: Settings) -> RenderSettings:
     """What a frame's worker will be told, but for its time and its share of the machine."""
     stop = settings.stop
-    chosen: dict[str, Any] = {} if settings.dicing_rate is None else {"dicing_rate": settings.dicing_rate}
+    pixels = {"dicing_rate": settings.dicing_rate, "motion_error": settings.motion_error}
+    chosen: dict[str, Any] = {name: value for name, value in pixels.items() if value is not None}
     return RenderSettings(
         camera=settings.camera,
         auto_camera=AutoCamera(settings.auto_camera),
@@ -175,6 +178,8 @@ def render_settings(settings: Settings) -> RenderSettings:
         seed=settings.seed,
         default_light=settings.default_light,
         default_wrap=DefaultWrap(settings.default_wrap),
+        motion_blur=settings.motion_blur,
+        shutter=settings.shutter,
         purposes=None if settings.purposes is None else tuple(settings.purposes),
         aovs=None if settings.aovs is None else tuple(settings.aovs),
         strict=settings.strict,
@@ -223,7 +228,7 @@ def changes_of(patch: JobPatch, limits: Limits) -> Json:
 
 # Members since version 0.2.0: left at their defaults, they are no part of a request whose key may come again.
 NEW_MEMBERS = ("name",)
-NEW_SETTINGS = ("auto_camera", "default_wrap")
+NEW_SETTINGS = ("auto_camera", "default_wrap", "motion_blur", "shutter", "motion_error")
 
 
 def fingerprint(request: JobRequest) -> str:

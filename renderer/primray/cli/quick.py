@@ -14,7 +14,7 @@ from ..settings import AutoCamera, DefaultWrap, Filter, Metric
 from .option_values import ColorCorrection, Complexity
 
 FLAG, SWITCH = "flag", "switch"  # True; True by the first name, False by the second
-LIST, PAIR = "list", "pair"  # values that add up; two whole numbers
+LIST, PAIR, SPAN = "list", "pair", "span"  # values that add up; two whole numbers; two numbers
 Kind = Callable[[str], Any] | str
 
 
@@ -73,6 +73,9 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "strict": (FLAG, ("--strict",)),
     "max_memory": (str, ("--max-memory",)),
     "dicing_rate": (_number, ("--dicing-rate",)),
+    "no_motion_blur": (FLAG, ("--no-motion-blur", "--disable-motionblur")),
+    "shutter": (SPAN, ("--shutter",)),
+    "motion_error": (_number, ("--motion-error",)),
     "complexity": (Complexity, ("--complexity",)),
     "report": (str, ("--report",)),
     "json": (FLAG, ("--json",)),
@@ -108,7 +111,7 @@ def _read(words: Iterator[str]) -> dict[str, Any]:
             continue
         flag, joined, text = word.partition("=") if word.startswith("--") else (word, "", "")
         name, kind = _BY_FLAG.get(flag, ("", FLAG))
-        if not name or (joined and kind in (FLAG, SWITCH, PAIR)):
+        if not name or (joined and kind in (FLAG, SWITCH, PAIR, SPAN)):
             raise ValueError(word)
         values = iter([text]) if joined else words
         if kind == FLAG:
@@ -119,6 +122,8 @@ def _read(words: Iterator[str]) -> dict[str, Any]:
             given.setdefault(name, []).append(_value(values))
         elif kind == PAIR:
             given[name] = (_whole(next(values)), _whole(next(values)))
+        elif kind == SPAN:
+            given[name] = (_number(next(values)), _number(next(values)))
         elif callable(kind):
             given[name] = kind(_value(values))
     if not 1 <= len(places) <= 2 or not all(places):

@@ -108,6 +108,18 @@ SessionLayer = Annotated[
 DicingRate = Annotated[
     float, typer.Option("--dicing-rate", metavar="PIXELS", help="Longest edges of subdivision surfaces on the picture.")
 ]
+NoMotionBlur = Annotated[
+    bool, typer.Option("--no-motion-blur", "--disable-motionblur", help="A still of the frame, whatever the camera's shutter.")
+]
+Shutter = Annotated[
+    tuple[float, float] | None,
+    typer.Option(
+        "--shutter", metavar="OPEN CLOSE", help="Time codes from the frame on: in place of the camera's.", show_default=False
+    ),
+]
+MotionError = Annotated[
+    float, typer.Option("--motion-error", metavar="PIXELS", help="How far paths of what moves may be from the stage's.")
+]
 Dicing = Annotated[
     Complexity | None,
     typer.Option("--complexity", help="In place of --dicing-rate: 16, 8, 4 or 2 pixels.", show_default=False),

@@ -91,6 +91,7 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values["error_metric"] = settings.error_metric.value
     values["default_wrap"] = settings.default_wrap.value
     values["sample_range"] = list(settings.sample_range) if settings.sample_range else None
+    values["shutter"] = list(settings.shutter) if settings.shutter else None
     values["resolution"] = list(settings.resolution) if settings.resolution else None
     for name in ("purposes", "aovs", "variants", "load", "mask"):
         values[name] = None if values[name] is None else list(values[name])

@@ -15,7 +15,20 @@ from pxr import Tf, Usd
 
 from ..aov_names import WIDE, AovRequest, primvars_of, requests_of
 from ..arrays import Doubles
-from ..description import Camera, Frame, Light, Placed, Placement, Prototype, SceneDescription, Shape, Surface
+from ..description import (
+    Camera,
+    CameraMotion,
+    Frame,
+    Light,
+    MovingInstances,
+    Placed,
+    Placement,
+    Prototype,
+    SceneDescription,
+    Shape,
+    Sphere,
+    Surface,
+)
 from ..description.instance_names import name_of
 from ..description.lighting import NO_LINKS
 from ..description.placement import IDENTITY, MatrixInstances, chunks, named_levels, rows_of_levels
@@ -36,9 +49,13 @@ from .lights.default_light import default_lights
 from .lights.light_links import Links, find_links
 from .lights.portals import note_unnamed_portals
 from .materials.primvars_read import primvars_read
+from .moving.levels import do_move
+from .moving.pixels import pixels_of
+from .moving.settle import Precision, settled
 from .opening.file_names import file_names
 from .opening.stage import usd_messages
 from .opening.stage_metadata import meters_per_unit, up_axis
+from .paths.lights import LightPath, moving_light, note_changing_size
 from .querying.cameras import cameras_of
 from .querying.messages import scene_errors, tf_message
 from .querying.traversal import stands_in_world
@@ -47,15 +64,16 @@ from .resolving.context import Context
 from .resolving.convert import square
 from .resolving.notes import LightShapes
 from .resolving.read import When, when_of
-from .resolving.resolve import ResolvedPrim
+from .resolving.resolve import BlurScales, ResolvedPrim
 from .resolving.stage_bounds import Bounds, NotBounded, stage_bounds
 from .shapes.instance_primvars import without_unread
+from .viewing.camera_path import camera_motion, nearest_to
 from .viewing.drawn import Drawn, drawn
-from .viewing.framing import shape_bounds
-from .viewing.motion import note_motion
+from .viewing.framing import prototype_box, shape_bounds
+from .viewing.shutter import shutter_of, timing_of
 from .viewing.view import select_camera, view_through
 from .walking.find_by_type import find_by_type
-from .walking.instances import Arrangement, Chain, Group, arrange, count_of, merge_coincident
+from .walking.instances import Arrangement, Chain, Group, arrange, at_instant, count_of, merge_coincident
 from .walking.skinning import are_drawn, posed
 from .walking.walk import walk
 
@@ -99,6 +117,8 @@ class _Scene:
     lights: list[Light] = field(default_factory=list)
     has_lights: bool = False  # also if none of them emits anything
     number: dict[int, int] = field(default_factory=dict)  # of the prototype that a group's shapes have become
+    blur_scales: dict[int, float] = field(default_factory=dict)  # by prototype
+    moving_lights: list[tuple[int, LightPath]] = field(default_factory=list)  # by number, where they stand over time
 
 
 def translate(stage: Usd.Stage, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
@@ -147,14 +167,14 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     of_aovs = {f"primvars:{name}" for name in ctx.aov_primvars}
     ctx = replace(ctx, primvars_read=read | of_aovs, color_primvars=of_colors)
     camera_prim = select_camera(stage, ctx, product, cameras)
-    kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
-    groups = walk(ctx, kinds, point_instances)
-    links = find_links((leaf for group in groups for leaf in group.leaves), ctx)
-    if links is not None:  # instances that lights tell apart become groups of their own
-        groups = walk(ctx, kinds, point_instances, links)
+    shutter = shutter_of(camera_prim, ctx, product)
+    ctx = replace(ctx, timing=timing_of(shutter, bool(aovs), ctx))
+    groups, links, ctx = _walked(ctx)
     for g, count in merge_coincident(groups, lambda leaf: leaf.type_name in LIGHTS).items():
         ctx.warn("instances-coincident", groups[g].path, f"{count:,} instances stand exactly where another does: left out.")
     where = arrange(groups, settings.max_memory_bytes or _physical_memory() // 2)
+    if not ctx.timing.is_open and not ctx.timing.is_frame:
+        where = at_instant(where, groups, ctx.timing.opens)
     for parent, child in where.cyclic:
         diagnostics.add(
             "invalid-instancer", groups[child].path, f"A prototype that contains itself, through {groups[parent].path}."
@@ -171,11 +191,48 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
         return whole or shape_bounds(scene.shapes, scene.static, scene.prototypes, scene.placements)
 
     note_unnamed_portals(ctx)
-    camera, frame = view_through(camera_prim, ctx, product, bounds, lambda: _drawn(scene))
-    note_motion(camera, ctx)
+    camera, frame = view_through(camera_prim, ctx, product, shutter, bounds, lambda: _drawn(scene))
     _add_default_light(scene, camera, ctx)
     _note_missing_primvars(scene, ctx)
-    return _describe(scene, ctx, camera, frame, aovs)
+    motion = None
+    if ctx.timing.is_open:
+        nearest = nearest_to(camera, _drawn(scene))
+        moving = camera_motion(camera_prim, camera, ctx, product, frame.resolution, nearest, settings.motion_error)
+        motion = moving and moving[0]
+        _settle(scene, ctx, camera, motion, frame.resolution)
+    return _describe(scene, ctx, camera, motion, frame, aovs)
+
+
+def _walked(ctx: Context) -> tuple[list[Group[ResolvedPrim]], Links | None, Context]:
+    """All groups, and whom lights reach. The walk begins anew where it finds out what it should have known before."""
+    kinds = dict.fromkeys(SHAPES, "shape") | dict.fromkeys(LIGHTS, "light")
+    groups = walk(ctx, kinds, point_instances)
+    widest = max(ctx.kept.of(BlurScales), default=1.0)
+    if widest > ctx.timing.blur_scale:
+        ctx = replace(ctx, timing=replace(ctx.timing, blur_scale=widest))
+        groups = walk(ctx, kinds, point_instances)
+    links = find_links((leaf for group in groups for leaf in group.leaves), ctx)
+    if links is not None:  # instances that lights tell apart become groups of their own
+        groups = walk(ctx, kinds, point_instances, links)
+    return groups, links, ctx
+
+
+def _settle(scene: _Scene, ctx: Context, camera: Camera, motion: CameraMotion | None, resolution: tuple[int, int]) -> None:
+    """What moves gets its times, now that it is known how large it is seen."""
+    cameras = (camera, *(motion.cameras if motion else ()))
+    precision = Precision(ctx.timing, pixels_of(cameras, resolution), ctx.settings.motion_error)
+
+    def at_seam(placement: Placement) -> Placement:
+        number = placement.prototype
+        box = prototype_box(scene.shapes, scene.prototypes, number) if do_move(placement.levels) else (np.zeros(3), np.zeros(3))
+        return settled(placement, scene.blur_scales[number], box, scene.prototypes[number].path, precision)
+
+    scene.placements = [at_seam(placement) for placement in scene.placements]
+    for number, path in scene.moving_lights:
+        scene.lights[number] = moving_light(scene.lights[number], path, precision, ctx)
+    for k, prototype in enumerate(scene.prototypes):
+        if prototype.placements:
+            scene.prototypes[k] = replace(prototype, placements=tuple(map(at_seam, prototype.placements)))
 
 
 def _drawn(scene: _Scene) -> Drawn:
@@ -235,7 +292,8 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
     count = sum(map(count_of, chains))
     if count == 0:
         return
-    once = square(next(chunks(chains[0]))[0]) if count == 1 and not rows_of_levels(chains[0]) else None
+    is_once = count == 1 and not rows_of_levels(chains[0]) and not do_move(chains[0])
+    once = square(next(chunks(chains[0]))[0]) if is_once else None
     alone = "" if once is None or not ctx.names_instances else name_of(named_levels(chains[0]), 0)
     members: list[Placed] = []
     leaves, group.leaves = group.leaves[::-1], []
@@ -248,7 +306,7 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
         if not finite.pop():
             ctx.warn("invalid-transform", leaf.path, "Its transform is not finite.")
         elif leaf.type_name in LIGHTS:
-            _add_lights(scene, leaf, matrices[len(leaves)], chains, count, ctx)
+            _add_lights(scene, leaf, matrices[len(leaves)], chains, count, group.blur_scale, ctx)
         elif (shape := _shape(leaf, ctx, scene.links)) is not None:
             if scene.links is not None:
                 shape = replace(shape, link_row=scene.links.row_of(leaf))
@@ -258,6 +316,7 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
         scene.static += members
     elif members:
         scene.number[g] = len(scene.prototypes)
+        scene.blur_scales[scene.number[g]] = group.blur_scale
         if g not in where.inside:
             scene.placements += _placements(scene, g, where.top.get(g, []))
         scene.prototypes.append(Prototype(group.path, tuple(members)))
@@ -269,6 +328,7 @@ def _add_grouped(scene: _Scene, groups: list[Group[ResolvedPrim]], where: Arrang
         placements = tuple(p for g, chains in inside.items() if g in scene.number for p in _placements(scene, g, chains))
         if placements:
             top = len(scene.prototypes)
+            scene.blur_scales[top] = groups[kept].blur_scale
             scene.prototypes.append(Prototype(groups[kept].path, (), placements))
             scene.placements += [_placement(top, chain) for chain in where.top[kept]]
 
@@ -298,19 +358,29 @@ def _matrices(leaves: list[ResolvedPrim]) -> Doubles:
 
 
 def _add_lights(
-    scene: _Scene, leaf: ResolvedPrim, group_from_prim: Doubles, chains: list[Chain], count: int, ctx: Context
+    scene: _Scene,
+    leaf: ResolvedPrim,
+    group_from_prim: Doubles,
+    chains: list[Chain],
+    count: int,
+    blur_scale: float,
+    ctx: Context,
 ) -> None:
     """One light for each place; a light's emission depends on its own size in the world."""
     if count > MAX_LIGHT_INSTANCES:
         ctx.warn("instanced-lights", leaf.path, f"Only the first {MAX_LIGHT_INSTANCES} of its {count} instances are lit.")
+    note_changing_size(leaf, ctx)
     rules = rules_of(leaf, ctx, scene.links)
     if count > 1:
         ctx = replace(ctx, when=replace(ctx.when, remembered={}))
-    matrices = (matrix for chain in chains for rows in chunks(chain) for matrix in rows)
-    for matrix in islice(matrices, MAX_LIGHT_INSTANCES):
-        made = LIGHTS[leaf.type_name](leaf, square(matrix) @ group_from_prim, ctx)
-        if made is not None:
-            scene.lights.append(rules.applied(made))
+    matrices = ((chain, k, row) for chain in chains for k, row in enumerate(row for rows in chunks(chain) for row in rows))
+    for chain, k, row in islice(matrices, MAX_LIGHT_INSTANCES):
+        made = LIGHTS[leaf.type_name](leaf, square(row) @ group_from_prim, ctx)
+        if made is None:
+            continue
+        if do_move(chain):
+            scene.moving_lights.append((len(scene.lights), LightPath(chain, k, group_from_prim, blur_scale)))
+        scene.lights.append(rules.applied(made))
 
 
 def _add_default_light(scene: _Scene, camera: Camera, ctx: Context) -> None:
@@ -327,7 +397,14 @@ def _emits(surface: Surface) -> bool:
     return any(surface.emissive_color) or any(name == "emissive_color" for name, _ in surface.inputs)
 
 
-def _describe(scene: _Scene, ctx: Context, camera: Camera, frame: Frame, aovs: tuple[AovRequest, ...]) -> SceneDescription:
+def _describe(
+    scene: _Scene,
+    ctx: Context,
+    camera: Camera,
+    motion: CameraMotion | None,
+    frame: Frame,
+    aovs: tuple[AovRequest, ...],
+) -> SceneDescription:
     return SceneDescription(
         tuple(scene.shapes),
         tuple(ctx.surfaces),
@@ -345,6 +422,17 @@ def _describe(scene: _Scene, ctx: Context, camera: Camera, frame: Frame, aovs: t
         frame.pixel_aspect_ratio,
         NO_LINKS if scene.links is None else scene.links.linked(ctx.diagnostics),
         ctx.rendering_space,
+        ctx.timing.exposure if ctx.timing.is_open and (motion is not None or _do_any_move(scene)) else None,
+        motion,
+    )
+
+
+def _do_any_move(scene: _Scene) -> bool:
+    placements = [*scene.placements, *(inner for prototype in scene.prototypes for inner in prototype.placements)]
+    return (
+        any(isinstance(level, MovingInstances) for placement in placements for level in placement.levels)
+        or any(not isinstance(shape, Sphere) and shape.motion is not None for shape in scene.shapes)
+        or any(light.motion is not None for light in scene.lights)
     )
 
 

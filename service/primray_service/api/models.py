@@ -66,6 +66,11 @@ class Settings(Sent):
     purposes: list[Literal["default", "render", "proxy", "guide"]] | None = Field(None, min_length=1, max_length=4)
     strict: bool = Field(False, description="Refuse a scene with warnings.")
     dicing_rate: float | None = Field(None, gt=0, le=1e6)
+    motion_blur: bool = Field(True, description="false: a still of the frame, whatever the camera's shutter.")
+    shutter: tuple[float, float] | None = Field(
+        None, description="Opens and closes, in time codes from the frame on; null: as the camera says."
+    )
+    motion_error: float | None = Field(None, gt=0, le=1e6, description="Pixels that paths of what moves may be off.")
     variants: list[Annotated[str, Field(max_length=1024)]] = Field(default=[], max_length=64)
     load: list[Annotated[str, Field(max_length=1024)]] | None = Field(None, max_length=256)
     mask: list[Annotated[str, Field(max_length=1024)]] | None = Field(None, max_length=256)

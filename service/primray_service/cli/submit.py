@@ -13,7 +13,7 @@ import typer
 
 from primray.cli import option_values, output_flags, render_flags, stage_flags
 from primray.cli.json_lines import print_line
-from primray.settings import DEFAULT_DICING_RATE, AutoCamera, DefaultWrap, Filter, Metric
+from primray.settings import DEFAULT_DICING_RATE, DEFAULT_MOTION_ERROR, AutoCamera, DefaultWrap, Filter, Metric
 
 from .connection import Json, KeyFile, Server, connected
 from .exits import FAILED, INTERRUPTED, SCENE_REJECTED, USAGE, CommandError, error_of
@@ -60,6 +60,9 @@ def submit(
     mask: stage_flags.Mask = None,
     dicing_rate: stage_flags.DicingRate = DEFAULT_DICING_RATE,
     complexity: stage_flags.Dicing = None,
+    no_motion_blur: stage_flags.NoMotionBlur = False,
+    shutter: stage_flags.Shutter = None,
+    motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
     strict: stage_flags.Strict = False,
     entry: Annotated[
         str | None, typer.Option(metavar="LAYER", help="The root layer in a zip that has several.", show_default=False)
@@ -111,6 +114,9 @@ def submit(
         "load": _list(option_values.load_of(no_payloads, load)),
         "mask": _list(option_values.mask_of(mask)),
         "dicing_rate": rate if rate != DEFAULT_DICING_RATE else None,
+        "motion_blur": False if no_motion_blur else None,
+        "shutter": shutter,
+        "motion_error": motion_error if motion_error != DEFAULT_MOTION_ERROR else None,
         "strict": strict or None,
     }
     labels = ({"name": name} if name else {}) | labels_of(label)

@@ -39,6 +39,9 @@ class Settings(TypedDict, total=False):
     purposes: list[Literal["default", "render", "proxy", "guide"]] | None
     strict: bool
     dicing_rate: float | None
+    motion_blur: bool
+    shutter: tuple[float, float] | None  # time codes from the frame on
+    motion_error: float | None
     variants: list[str]
     load: list[str] | None
     mask: list[str] | None

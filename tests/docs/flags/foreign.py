@@ -108,7 +108,7 @@ HUSK: list[Row] = [
     Understood("--mask", "/World/a"),
     "--disable-scene-materials",
     "--disable-scene-lights",
-    "--disable-motionblur",
+    Understood("--disable-motionblur", "", "also `--no-motion-blur`"),
     "--disable-delegate-products",
     "--disable-dummy-raster-product",
     Understood("--settings -s", "rendersettings", "a path, or a name in /Render"),

@@ -53,6 +53,7 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
     more = "--view Raw --exposure 1.5 --purposes default,proxy --no-default-light --strict --report r.json -o a.png -o a.exr"
     more += " --aov depth,normal --aov st --default-wrap mirror --auto-camera usdrecord"
     chosen = "--variant /a:s=x --variant /a:t= --load /p --load /q --mask /a,/b --session-layer over.usda --render-settings /s"
+    chosen += " --shutter -0.25 0.5 --motion-error 0.2 --no-motion-blur"
     looks = ["--rendering-color-space", "lin_rec709_scene", "--display", "sRGB - Display"]
     assert run(["render", "shot.usda", *flags.split(), *more.split(), *chosen.split(), *stop.split(), *looks]) == 0
     assert report_of("r.json")["settings"] == {
@@ -70,6 +71,9 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
         "adaptive": False,
         "sample_range": None,
         "dicing_rate": 4.0,
+        "motion_blur": False,
+        "shutter": [-0.25, 0.5],
+        "motion_error": 0.2,
         "max_depth": 2,
         "filter": "gaussian",
         "filter_width": 2.5,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ...errors import SettingsError
-from ...settings import DEFAULT_DICING_RATE, AutoCamera, DefaultWrap, Filter, Metric, RenderSettings
+from ...settings import DEFAULT_DICING_RATE, DEFAULT_MOTION_ERROR, AutoCamera, DefaultWrap, Filter, Metric, RenderSettings
 from .. import option_values, output_flags, render_flags, stage_flags
 
 if TYPE_CHECKING:
@@ -45,6 +45,9 @@ def estimate(
     seed: render_flags.Seed = 0,
     dicing_rate: stage_flags.DicingRate = DEFAULT_DICING_RATE,
     complexity: stage_flags.Dicing = None,
+    no_motion_blur: stage_flags.NoMotionBlur = False,
+    shutter: stage_flags.Shutter = None,
+    motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
     json: output_flags.Json = False,
     rendering_color_space: stage_flags.RenderingColorSpace = None,
     no_default_light: stage_flags.NoDefaultLight = False,
@@ -86,6 +89,9 @@ def estimate(
         mask=option_values.mask_of(mask),
         session_layer=session_layer,
         dicing_rate=option_values.dicing_rate_of(dicing_rate, complexity),
+        motion_blur=not no_motion_blur,
+        shutter=shutter,
+        motion_error=motion_error,
     )
     for target in targets:
         RenderSettings(target_error=target)  # checks itself

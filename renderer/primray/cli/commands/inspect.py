@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from ...settings import DEFAULT_DICING_RATE, AutoCamera, DefaultWrap, RenderSettings
+from ...settings import DEFAULT_DICING_RATE, DEFAULT_MOTION_ERROR, AutoCamera, DefaultWrap, RenderSettings
 from .. import option_values, output_flags, stage_flags
 
 if TYPE_CHECKING:
@@ -35,6 +35,9 @@ def inspect(
     session_layer: stage_flags.SessionLayer = None,
     dicing_rate: stage_flags.DicingRate = DEFAULT_DICING_RATE,
     complexity: stage_flags.Dicing = None,
+    no_motion_blur: stage_flags.NoMotionBlur = False,
+    shutter: stage_flags.Shutter = None,
+    motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
     json: output_flags.Json = False,
     verbose: output_flags.Verbose = False,
     strict: stage_flags.Strict = False,
@@ -65,6 +68,9 @@ def inspect(
         mask=option_values.mask_of(mask),
         session_layer=session_layer,
         dicing_rate=option_values.dicing_rate_of(dicing_rate, complexity),
+        motion_blur=not no_motion_blur,
+        shutter=shutter,
+        motion_error=motion_error,
     )
     diagnostics = Diagnostics()
     stage = usd.open_stage(scene, diagnostics, settings.composition)

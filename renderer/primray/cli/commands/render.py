@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from ...errors import PrimrayError, SettingsError
 from ...render.frame_names import FrameName, check_names, default_name, frame_name, name_of_frame
-from ...settings import DEFAULT_DICING_RATE, AutoCamera, DefaultWrap, Filter, Metric, RenderSettings
+from ...settings import DEFAULT_DICING_RATE, DEFAULT_MOTION_ERROR, AutoCamera, DefaultWrap, Filter, Metric, RenderSettings
 from .. import option_values
 from ..pictures import Looks, check_outputs, save, write
 from ..shots import Shot, moments, product_shots
@@ -70,6 +70,9 @@ def render(
     max_memory: render_flags.MaxMemory = None,
     dicing_rate: stage_flags.DicingRate = DEFAULT_DICING_RATE,
     complexity: stage_flags.Dicing = None,
+    no_motion_blur: stage_flags.NoMotionBlur = False,
+    shutter: stage_flags.Shutter = None,
+    motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
     make_output_path: output_flags.MakeOutputPath = False,
     snapshot: output_flags.Snapshot = None,
     report: output_flags.Report = None,
@@ -121,6 +124,9 @@ def render(
         strict=strict,
         max_memory_bytes=option_values.bytes_of(max_memory),
         dicing_rate=option_values.dicing_rate_of(dicing_rate, complexity),
+        motion_blur=not no_motion_blur,
+        shutter=shutter,
+        motion_error=motion_error,
     )
     looks = Looks(
         json,

@@ -74,7 +74,6 @@ REFUSED: dict[str, str] = {
     "--variant-fallback": "--variant PRIM:SET=NAME chooses a variant of a prim",
     "--disable-scene-materials": f"to take materials off, block their bindings: {_SESSION}",
     "--disable-scene-lights": _LIGHTS,
-    "--disable-motionblur": f"set disableMotionBlur of the RenderSettings: {_SESSION}",
     "--disable-dummy-raster-product": "a stage without products gets one picture: leave it out",
     "--pass": "name the RenderSettings that the pass renders: --render-settings PRIM",
     "--prerender-script": _NO_SCRIPT,

@@ -7,7 +7,9 @@ and USD counts as no samples. A layer lists its samples, not its clips and splin
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any
 
 from pxr import Gf, Sdf, Tf, Usd
@@ -17,6 +19,7 @@ from .guarded import authored_attributes, metadatum, value_at
 MOST_SAMPLES = 16  # that are compared; what has more in a span is taken to change
 _STEPS = 16  # between which a spline is looked at, besides its knots
 _UNSET = (Usd.ResolveInfoSourceFallback, Usd.ResolveInfoSourceNone)
+_SCALAR = re.compile("(translate|scale|rotate)[XYZ]$")
 _SPLINED = frozenset(["double", "float", "half", "timecode"])  # the types that have splines (Ts.Spline.IsSupportedValueType)
 
 
@@ -49,6 +52,12 @@ def has_spline(attribute: Usd.Attribute) -> bool:
 def may_have_spline(attribute: Usd.Attribute) -> bool:
     """By its type."""
     return str(attribute.GetTypeName()) in _SPLINED
+
+
+@lru_cache(maxsize=4096)
+def scalar_operations(names: frozenset[str]) -> tuple[str, ...]:
+    """Those of a prim's transform that may have splines."""
+    return tuple(name for name in names if name.startswith("xformOp:") and _SCALAR.match(name.split(":")[1]))
 
 
 def has_times(attribute: Usd.Attribute) -> bool:
@@ -90,11 +99,6 @@ def number_of(time: Usd.TimeCode, attribute: Usd.Attribute) -> float | None:
     return None if time.IsDefault() else float(time.GetValue())
 
 
-def is_between_samples(attribute: Usd.Attribute, time: float) -> bool:
-    around = attribute.GetBracketingTimeSamples(time)
-    return len(around) == 2 and time not in around
-
-
 def might_change(attribute: Usd.Attribute) -> bool:
     """Asked before `changes`, cheaply."""
     return bool(attribute.ValueMightBeTimeVarying())
@@ -111,6 +115,26 @@ def changes(attribute: Usd.Attribute, opens: float, closes: float) -> bool:
         return any(value_at(attribute, time) != first for time in times)
     except (Tf.ErrorException, UnicodeDecodeError):
         return False
+
+
+def times_between(attribute: Usd.Attribute, opens: float, closes: float) -> list[float]:
+    """Times within a span at which its path may bend: those of samples, of clips' and of a spline's knots, in order."""
+    times = list(attribute.GetTimeSamplesInInterval(Gf.Interval(opens, closes, False, False)))
+    if attribute.HasSpline():
+        times += [time for time in _knot_times(attribute) if opens < time < closes]
+    return sorted(set(map(float, times)))
+
+
+def bracket(attribute: Usd.Attribute, time: float) -> tuple[float, float] | None:
+    """The times of the samples before and after, the same for a time that has one and beyond the ends; None: there is none."""
+    around = attribute.GetBracketingTimeSamples(time)
+    return (float(around[0]), float(around[-1])) if around else None
+
+
+def is_linear(attribute: Usd.Attribute, time: float) -> bool:
+    """Whether values between two samples are computed from these: not where clips have their own, nor where they are held."""
+    held = attribute.GetStage().GetInterpolationType() == Usd.InterpolationTypeHeld
+    return not held and attribute.GetResolveInfo(time).GetSource() == Usd.ResolveInfoSourceTimeSamples
 
 
 def _looked_at(attribute: Usd.Attribute, opens: float, closes: float) -> list[float]:

@@ -9,6 +9,7 @@ from pxr import Usd
 from ...color.color_space import REC709, ColorSpace
 from ...diagnostics import Diagnostics
 from ...settings import RenderSettings
+from ..moving.timing import AT_FRAME, Timing
 from .color_scope import ColorScope
 from .kept import Kept
 from .read import When
@@ -25,6 +26,7 @@ class Context:
     purposes: tuple[str, ...]
     material_purposes: tuple[str, ...]
     diagnostics: Diagnostics
+    timing: Timing = AT_FRAME  # when the shutter is open
     rendering_space: ColorSpace = REC709
     aov_primvars: tuple[str, ...] = ()  # that AOVs ask for, without their namespace
     names_instances: bool = False  # an AOV asks for instances

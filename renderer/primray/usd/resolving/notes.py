@@ -10,7 +10,6 @@ from functools import cache
 from pxr import Usd, UsdGeom
 
 from ..querying.skin_marks import WEIGHTS, has_weights, why_unposed
-from ..querying.time_varying import is_between_samples
 from .applied_schemas import IGNORED, UNDERSTOOD, applied_schemas, foreign_schema, is_without_effect
 from .context import Context
 from .foreign_names import note_light_inputs
@@ -30,7 +29,7 @@ _DRAWN_OTHERWISE = frozenset({"PointInstancer", "Points", "SkelRoot", "Skeleton"
 _UNUSED_BY_PORTALS = ("inputs:intensity", "inputs:exposure", "inputs:color", "inputs:normalize",
                       "inputs:enableColorTemperature", "inputs:diffuse", "inputs:specular")  # fmt: skip
 # UsdGeom MotionAPI: attribute -> the value that changes nothing.
-_MOTION = {"motion:blurScale": 1.0, "motion:velocityScale": 1.0, "motion:nonlinearSampleCount": 3}
+_MOTION = {"motion:velocityScale": 1.0}
 
 
 class LightShapes(set[str]):
@@ -83,17 +82,6 @@ def _note_unread(schema: str, path: str, ctx: Context) -> None:
     ctx.warn("api-schema", path, message)
 
 
-def note_velocities(prim: ResolvedPrim, positions: str, ctx: Context, velocities: str = "velocities") -> None:
-    """Between two samples USD moves `positions` by their velocities; here they are interpolated or held."""
-    if velocities not in prim.names or ctx.when.time.IsDefault():
-        return
-    time = ctx.when.time.GetValue()
-    if is_between_samples(prim.prim.GetAttribute(positions), time):
-        with_them = " and accelerations" if velocities == "velocities" and "accelerations" in prim.names else ""
-        message = f"{velocities}{with_them} are ignored between two samples of {positions}."
-        ctx.warn("motion", prim.path, message, velocities)
-
-
 def _note_weights(prim: ResolvedPrim, schemas: list[str], ctx: Context) -> None:
     if is_drawn(prim.inherited, ctx.purposes) and has_weights(prim.prim):
         reason = why_unposed(prim.prim, ctx.stage.GetPrimAtPath(prim.path), schemas)
@@ -143,7 +131,7 @@ def _note_motion(prim: ResolvedPrim, ctx: Context) -> None:
     for name in sorted(prim.names & _MOTION.keys()):
         found = read(prim.prim, name, ctx.when)
         if found != _MOTION[name]:
-            ctx.warn("motion", prim.path, f"{name} = {found} is ignored: the scene is rendered at one instant.", name)
+            ctx.warn("motion", prim.path, f"{name} = {found} is ignored, as USD itself does: it is deprecated.", name)
 
 
 def _note_light_schema(prim: ResolvedPrim, schema: str, kind: str, ctx: Context) -> None:

@@ -6,7 +6,7 @@ At the default time an attribute that has no default value is read at its earlie
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from pxr import Usd
 from ...arrays import Floats
 from ...diagnostics import Diagnostics
 from ..querying.guarded import value_at
-from ..querying.time_varying import earliest_if_unset, has_clips, has_samples, has_spline
+from ..querying.time_varying import earliest_if_unset, has_clips, has_samples, has_spline, number_of
 from ..querying.traversal import populated
 
 MAX_COLUMNS = 4  # of a primvar
@@ -28,17 +28,27 @@ class When:
 
     Splines no layer lists: at the default time every scalar is asked for its own.
 
-    `remembered`, where given, keeps what was read: for prims that are read again and again.
+    `remembered`, where given, keeps what was read: for prims that are read again and again. `offset`: in time codes from the
+    earliest value on, where that stands for the frame.
     """
 
     time: Usd.TimeCode
     careful: bool
     remembered: dict[tuple[Usd.Prim, str], Any] | None = field(default=None, compare=False)
     at_knots: set[str] = field(default_factory=set, compare=False)  # paths of prims that were read at a spline's first knot
+    offset: float = 0.0
     is_default: bool = field(init=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "is_default", self.time.IsDefault())
+
+    def after(self, offset: float) -> When:
+        """So many time codes later, which are counted from the earliest value where that stands for the frame."""
+        if offset == 0.0:
+            return self
+        if self.is_default:
+            return replace(self, offset=self.offset + offset, remembered=None)
+        return replace(self, time=Usd.TimeCode(self.time.GetValue() + offset), remembered=None)
 
 
 def when_of(stage: Usd.Stage, time_code: float | None, clips: bool | None = None) -> When:
@@ -62,6 +72,9 @@ def time_of(attribute: Usd.Attribute, when: When) -> Usd.TimeCode:
         return when.time
     if not earliest.IsEarliestTime():
         when.at_knots.add(str(attribute.GetPrimPath()))
+    if when.offset:
+        first = number_of(earliest, attribute)
+        return earliest if first is None else Usd.TimeCode(first + when.offset)
     return earliest
 
 

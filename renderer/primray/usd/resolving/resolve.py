@@ -6,15 +6,14 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Container, Hashable
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 
 import numpy as np
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdShade
 
 from ...arrays import Doubles
+from ..moving.mover import Mover
 from ..querying.guarded import (
     default_value,
     element_size,
@@ -23,18 +22,19 @@ from ..querying.guarded import (
     local_transform_at,
     metadatum,
 )
-from ..querying.time_varying import has_spline
+from ..querying.time_varying import has_spline, scalar_operations
 from .bindings import BINDING, Subset
 from .color_scope import NOWHERE, ColorScope
 from .color_spaces import color_in_rendering_space, in_rendering_space, scope_below
 from .context import Context
 from .poses import ROOT, Poses
-from .read import When, array, as_columns, is_single, read, time_of, value
+from .read import When, array, as_columns, is_single, number, read, time_of, value
 
 _IDENTITY = Gf.Matrix4d(1.0)
 _PURPOSE_VISIBILITY = {f"{purpose}Visibility": purpose for purpose in ("guide", "proxy", "render")}
-_HANDED = {"visibility", "purpose", "model:drawMode", "primvars:displayColor", "primvars:displayOpacity", *_PURPOSE_VISIBILITY}
-_SCALAR = re.compile("(translate|scale|rotate)[XYZ]$")
+BLUR_SCALE = "motion:blurScale"
+_HANDED = {"visibility", "purpose", "model:drawMode", "primvars:displayColor", "primvars:displayOpacity", BLUR_SCALE}
+_HANDED |= {*_PURPOSE_VISIBILITY}
 _CONSTANT = (None, "constant")  # a primvar's interpolation where nothing is authored, and the token
 
 
@@ -70,6 +70,7 @@ class Inherited:
     seen_as: str = ""
     linked_by_instancers: tuple[tuple[int, bool], ...] = ()
     invisible: frozenset[str] = frozenset()  # purposes that VisibilityAPI hides, by the nearest opinion on each
+    blur_scale: float = 1.0  # the nearest motion:blurScale, where the shutter is open
 
 
 @dataclass(slots=True)
@@ -87,10 +88,11 @@ class ResolvedPrim:
     material: Usd.Prim | None = None
     subsets: tuple[Subset, ...] = ()
     own_color: bool = False  # the colour in `inherited` is its own: one for all of it
+    mover: Mover | None = None  # of what moves, whose space `poses` are in; None: they are in the group's
 
     @property
     def group_from_prim(self) -> Doubles:
-        """(4, 4), to the world, or to the prototype's space inside one."""
+        """(4, 4), to the world, or to the prototype's space inside one; of what moves, to the mover's."""
         return self.poses.at(self.pose)
 
 
@@ -107,13 +109,8 @@ def reads_early(prim: Usd.Prim, names: frozenset[str], when: When) -> bool:
     """Whether the prim's own transform may have to be read at its earliest values; of splines, which only scalars have."""
     if when.careful or not when.is_default:
         return when.careful
-    scalars = _scalar_operations(names)
+    scalars = scalar_operations(names)
     return bool(scalars) and any(has_spline(prim.GetAttribute(name)) for name in scalars)
-
-
-@lru_cache(maxsize=4096)
-def _scalar_operations(names: frozenset[str]) -> tuple[str, ...]:
-    return tuple(name for name in names if name.startswith("xformOp:") and _SCALAR.match(name.split(":")[1]))
 
 
 def is_drawn(inherited: Inherited, purposes: Container[str]) -> bool:
@@ -142,6 +139,8 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: l
             Tf.Warn(f"The purpose of {prim.GetPath()} is {purpose!r}, no token: it is ignored.")
     if not names.isdisjoint(_PURPOSE_VISIBILITY):
         mine = _with_purpose_visibility(mine, prim, names)
+    if BLUR_SCALE in names and not ctx.timing.is_frame and "MotionAPI" in schemas:
+        mine = replace(mine, blur_scale=_blur_scale(prim, ctx))
     if "model:drawMode" in names:
         mode = read(prim, "model:drawMode", when)
         mine = replace(mine, draw_mode=mode) if isinstance(mode, str) and mode != "inherited" else mine
@@ -155,6 +154,20 @@ def descend(parent: Inherited, prim: Usd.Prim, names: frozenset[str], schemas: l
         mine = mine if opacity is None else replace(mine, opacity=opacity[0])
     read_names = ctx.primvars_read
     return mine if names.isdisjoint(read_names) else _with_primvars(mine, prim, names & read_names, ctx)
+
+
+class BlurScales(set[float]):
+    """What is authored of them."""
+
+
+def _blur_scale(prim: Usd.Prim, ctx: Context) -> float:
+    """UsdGeomMotionAPI: from 0, which does not blur, upwards."""
+    scale = number(prim, BLUR_SCALE, ctx.when, 1.0, ctx.diagnostics)
+    if scale < 0:
+        message = f"{BLUR_SCALE} = {scale:g} is negative: it is taken as 0."
+        ctx.warn("out-of-range", ctx.shown(str(prim.GetPath())), message, BLUR_SCALE)
+    ctx.kept.of(BlurScales).add(max(scale, 0.0))
+    return max(scale, 0.0)
 
 
 def _with_purpose_visibility(parent: Inherited, prim: Usd.Prim, names: frozenset[str]) -> Inherited:

@@ -68,7 +68,7 @@ def read_mesh(prim: ResolvedPrim, when: When) -> AuthoredMesh:
         _array(prim, "holeIndices", when, "i"),
         _token(prim, "orientation", when) == "leftHanded",
         scheme,
-        _normals(prim, when) if scheme == "none" else None,
+        read_normals(prim, when) if scheme == "none" else None,
         None if scheme == "none" else _subdivision(prim, when),
     )
 
@@ -78,7 +78,7 @@ def _points(raw: object) -> Floats | None:
     return None if points is None else points.astype(np.float32, copy=False)
 
 
-def _normals(prim: ResolvedPrim, when: When) -> AuthoredPrimvar | None:
+def read_normals(prim: ResolvedPrim, when: When) -> AuthoredPrimvar | None:
     """`primvars:normals` where it has a value, else `normals` (UsdGeomMesh, UsdGeomPointBased::GetNormalsAttr)."""
     if "primvars:normals" in prim.names:
         attribute = prim.prim.GetAttribute("primvars:normals")

@@ -12,7 +12,7 @@ from .authored_mesh import AuthoredMesh
 from .normals import shading_normals
 from .pairs import paired
 from .primvars import Sizes, checked_vectors
-from .seam_mesh import Values
+from .seam_mesh import PolygonMotion, Values
 from .topology import Faces, Flags, Topology, usable_faces, without_holes
 from .triangulate import Fan, Triangles, fan_of, flipped, triangulate
 
@@ -23,6 +23,7 @@ class Polygons:
     triangles: Triangles
     normals: Values | None  # unit length; None: faceted
     sizes: Sizes  # as authored
+    motion: PolygonMotion | None = None
 
 
 def make_polygons(mesh: AuthoredMesh, topology: Topology, ctx: Context) -> Polygons | None:
@@ -32,10 +33,10 @@ def make_polygons(mesh: AuthoredMesh, topology: Topology, ctx: Context) -> Polyg
         return None
     triangles = paired(flipped(triangles) if mesh.is_left_handed else triangles)
     sizes = topology.sizes
-    return Polygons(points, triangles, _normals(mesh, points, triangles, sizes, ctx), sizes)
+    return Polygons(points, triangles, normals_of(mesh, points, triangles, sizes, ctx), sizes)
 
 
-def _normals(mesh: AuthoredMesh, points: Floats, triangles: Triangles, sizes: Sizes, ctx: Context) -> Values | None:
+def normals_of(mesh: AuthoredMesh, points: Floats, triangles: Triangles, sizes: Sizes, ctx: Context) -> Values | None:
     normals = None if mesh.normals is None else checked_vectors(mesh.normals, sizes, mesh.path, ctx)
     return None if normals is None else shading_normals(normals, points, triangles)
 

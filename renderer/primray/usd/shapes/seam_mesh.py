@@ -11,14 +11,38 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from ...arrays import Floats, Ints
-from ...description import Interpolation, Mesh, Primvar
+from ...arrays import Doubles, Floats, Ints
+from ...description import Interpolation, Mesh, PointMotion, Primvar
 
 
 @dataclass(frozen=True)
 class Values:
     array: Floats  # (N, 3), (T, 3) or (3T, 3)
     per: Literal["point", "face", "corner"]
+
+
+@dataclass(frozen=True, eq=False)
+class PolygonMotion:
+    """Points and normals at other times than the frame."""
+
+    times: Doubles  # (S + 1,) fractions of the exposure's span
+    points: Floats  # (S + 1, N, 3)
+    normals: tuple[Values, ...] = ()  # S + 1 alike, or none: they stay as they are, or there are none
+
+    def of_triangles(self, keep: npt.NDArray[np.bool_]) -> PolygonMotion:
+        """With the normals of some triangles only; `keep` is (T,)."""
+        kept = (keep_triangles(values, keep) for values in self.normals)
+        return replace(self, normals=tuple(values for values in kept if values is not None))
+
+    def reordered(self, triangles: Ints) -> PolygonMotion:
+        """With points and normals a corner."""
+        moved = (_to_corners(values, triangles) for values in self.normals)
+        normals = tuple(values for values in moved if values is not None)
+        return PolygonMotion(self.times, self.points[:, triangles.ravel()], normals)
+
+    @property
+    def at_seam(self) -> PointMotion:
+        return PointMotion(self.times, self.points, np.stack([v.array for v in self.normals]) if self.normals else None)
 
 
 def seam_mesh(
@@ -29,18 +53,21 @@ def seam_mesh(
     colors: Values | None,
     surface: int | Ints,
     primvars: tuple[Primvar, ...] = (),
+    motion: PolygonMotion | None = None,
 ) -> Mesh:
     if (normals or colors) and len(points) == 3 * len(triangles):
         order = triangles.ravel()
         points = points[order]
         primvars = tuple(replace(p, values=p.values[order]) if p.interpolation is Interpolation.POINT else p for p in primvars)
         normals, colors = _to_corners(normals, triangles), _to_corners(colors, triangles)
+        motion = None if motion is None else motion.reordered(triangles)
         triangles = np.arange(len(order), dtype=np.int32).reshape(-1, 3)
     if colors and len(points) == len(triangles):
         colors = _to_corners(colors, triangles)
     array_of_normals = None if normals is None else normals.array
     array_of_colors = None if colors is None else colors.array
-    return Mesh(path, points, triangles, array_of_normals, array_of_colors, surface, primvars)
+    at_seam = None if motion is None else motion.at_seam
+    return Mesh(path, points, triangles, array_of_normals, array_of_colors, surface, primvars, motion=at_seam)
 
 
 def keep_triangles(values: Values | None, keep: npt.NDArray[np.bool_]) -> Values | None:

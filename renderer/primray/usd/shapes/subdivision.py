@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays import Floats, Ints
-from ...description import Interpolation
+from ...description import Interpolation, PointMotion
 from ...description import Primvar as SeamPrimvar
 from ..resolving.context import Context
 from .authored_mesh import AuthoredMesh, AuthoredSubdivision
@@ -54,6 +54,7 @@ class Cage:
     boundary: str
     face_varying: str
     triangle_rule: str
+    motion: PointMotion | None = None
 
 
 def make_cage(mesh: AuthoredMesh, authored: AuthoredSubdivision, topology: Topology, ctx: Context) -> Cage | None:

@@ -10,6 +10,7 @@ import numpy as np
 from ...camera_choice import Matrix
 from ...description import Camera, Projection
 from ..adapters.cameras.camera import Aperture, conform, window_of
+from ..adapters.cameras.shutter import INSTANT, Shutter
 from ..adapters.rendering.render_product import ProductSettings
 from .framing import APERTURE, FOCAL_LENGTH
 
@@ -25,19 +26,26 @@ def aperture_of(asked: Camera | Matrix) -> Aperture:
     return Aperture(right - left, top - bottom, (left + right) / 2, (bottom + top) / 2)
 
 
-def conformed(asked: Camera | Matrix, aperture: Aperture, resolution: tuple[int, int], product: ProductSettings) -> Camera:
+def conformed(
+    asked: Camera | Matrix, aperture: Aperture, resolution: tuple[int, int], product: ProductSettings, shutter: Shutter
+) -> Camera:
     """Its window adapted to the image; one that fits keeps its bits. It has no path: what moves on the stage does not move it.
 
-    Depth of field and the open shutter are left out where the product says so, as of the stage's own cameras.
+    Depth of field is left out where the product says so, as of the stage's own cameras.
     """
     fitted = conform(aperture, resolution, product)
     if isinstance(asked, tuple):
         window = window_of(fitted, 1.0 / FOCAL_LENGTH)
-        return Camera("", np.array(asked), Projection.PERSPECTIVE, window, CLIPS_NOTHING)
+        return with_shutter(Camera("", np.array(asked), Projection.PERSPECTIVE, window, CLIPS_NOTHING), shutter)
     if not math.isclose(fitted.aspect, aperture.aspect, rel_tol=SAME):
         asked = replace(asked, window=window_of(fitted, 1.0))
     if product.disable_depth_of_field:
         asked = replace(asked, lens_radius=0.0)
-    if product.disable_motion_blur:
-        asked = replace(asked, shutter=(0.0, 0.0))
-    return replace(asked, path="")
+    return with_shutter(replace(asked, path=""), shutter)
+
+
+def with_shutter(camera: Camera, shutter: Shutter) -> Camera:
+    """Black, where that closes before it opens."""
+    if shutter is None:
+        return replace(camera, shutter=INSTANT, exposure_scale=0.0)
+    return replace(camera, shutter=shutter)

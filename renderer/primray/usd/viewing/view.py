@@ -13,12 +13,14 @@ from ...description.frame import pixels_within
 from ...errors import InvalidSceneError, LimitError, SettingsError
 from ...settings import MAX_RESOLUTION, AutoCamera, limit_pixels
 from ..adapters.cameras.camera import Aperture, camera, pixel_aspect_ratio, read_aperture
+from ..adapters.cameras.shutter import Shutter
 from ..adapters.rendering.render_product import ProductSettings
 from ..opening.stage_metadata import up_axis
 from ..querying.guarded import type_name
 from ..resolving.context import Context
 from ..resolving.stage_bounds import Bounds
-from .asked_camera import aperture_of, conformed
+from .asked_camera import aperture_of, conformed, with_shutter
+from .camera_path import camera_when
 from .drawn import Drawn
 from .framing import APERTURE, framing_camera
 from .three_quarter import three_quarter_camera
@@ -52,6 +54,7 @@ def view_through(
     prim: Usd.Prim | None,
     ctx: Context,
     product: ProductSettings,
+    shutter: Shutter,
     bounds: Callable[[], Bounds],
     drawn: Callable[[], Drawn],
 ) -> tuple[Camera, Frame]:
@@ -65,16 +68,17 @@ def view_through(
     resolution = _scaled(_resolution(ctx.settings.resolution, product, aperture), ctx.settings.resolution_scale)
     frame = _frame(resolution, product, pixel_aspect_ratio(aperture, resolution, product))
     if asked is not None:
-        return conformed(asked, aperture, resolution, product), frame
+        return conformed(asked, aperture, resolution, product, shutter), frame
     if prim is not None:
-        return camera(prim, ctx.when, resolution, product, ctx.diagnostics), frame
+        still = camera_when(prim, ctx, ctx.timing.opens) if not ctx.timing.is_open else None
+        return camera(prim, ctx.when, resolution, product, shutter, ctx.diagnostics, still), frame
     z_up = up_axis(ctx.stage) == "Z"
     if ctx.settings.auto_camera is AutoCamera.USDRECORD:
         ctx.warn("camera-automatic", "", "The stage has no camera: it is framed as usdrecord would.")
-        return framing_camera(bounds(), z_up, resolution, product), frame
+        return with_shutter(framing_camera(bounds(), z_up, resolution, product), shutter), frame
     made, left_out = three_quarter_camera(drawn(), z_up, resolution, product)
     ctx.warn("camera-automatic", "", f"The stage has no camera: it is seen from three quarters, above{_without(left_out)}.")
-    return made, frame
+    return with_shutter(made, shutter), frame
 
 
 def _camera_without_prim(prim: Usd.Prim | None, ctx: Context) -> Camera | Matrix | None:

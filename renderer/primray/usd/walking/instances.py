@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -18,6 +18,7 @@ from ...description.instance_names import Names, name_of, texts
 from ...description.placement import Instances, MatrixInstances, chunks, named_levels
 from ...errors import LimitError
 from ...refine.coincident import distinct
+from ..moving.levels import chain_at, do_move, joined, named_as
 
 # Of the core and Embree, with its build's peak: measured, python -m tests.bench.setup.scaling.
 INSTANCE_BYTES = 200
@@ -38,6 +39,7 @@ class Group(Generic[Leaf]):
     path: str
     leaves: list[Leaf] = field(default_factory=list)
     instances: list[tuple[int, Instances]] = field(default_factory=list)  # (group, group_from_instance)
+    blur_scale: float = 1.0  # of all leaves: where they stand, they are looked at that much sooner or later
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,9 @@ def merge_coincident(groups: list[Group[Leaf]], adds_up: Callable[[Leaf], bool])
 
 
 def _distinct(levels: list[Instances]) -> list[Instances]:
-    """Many small levels, as of an instancer each, may stand in one place as well."""
+    """Many small levels, as of an instancer each, may stand in one place as well. What moves may part from it again."""
+    if do_move(levels):
+        return levels
     if len(levels) > 1 and not any(level.primvars for level in levels) and sum(map(len, levels)) <= MAX_MERGED:
         rows = np.concatenate([level.rows(0, len(level)) for level in levels])
         return [distinct(MatrixInstances(rows, names=_names([(level,) for level in levels])))]
@@ -102,6 +106,17 @@ def arrange(groups: list[Group[Leaf]], max_bytes: int | None) -> Arrangement:
         return Arrangement(world, world, {}, sorted(cyclic))
     top = graph.chains(0, kept)
     return Arrangement(world, top, {g: graph.chains(g, frozenset()) for g in sorted(kept)}, sorted(cyclic))
+
+
+def at_instant(where: Arrangement, groups: list[Group[Leaf]], offset: float) -> Arrangement:
+    """The same where nothing moves any more: everything stands as it does so many time codes after the frame."""
+
+    def still(chains: Chains) -> Chains:
+        return {g: [chain_at(chain, offset * groups[g].blur_scale) for chain in some] for g, some in chains.items()}
+
+    return replace(
+        where, world=still(where.world), top=still(where.top), inside={g: still(some) for g, some in where.inside.items()}
+    )
 
 
 class _Graph(Generic[Leaf]):
@@ -164,8 +179,8 @@ class _Graph(Generic[Leaf]):
 
 
 def _extended(chain: Chain, level: Instances) -> Chain:
-    """A level of one instance becomes part of the next one."""
-    if chain and len(chain[-1]) == 1 and not chain[-1].primvars:
+    """A level of one instance becomes part of the next one, unless it moves."""
+    if chain and len(chain[-1]) == 1 and not chain[-1].primvars and not do_move(chain[-1:]):
         name = "" if chain[-1].names is None else chain[-1].names.of(0)
         return (*chain[:-1], level.placed(chain[-1].rows(0, 1)[0], name))
     return (*chain, level)
@@ -176,7 +191,11 @@ def _merged(chains: list[Chain]) -> list[Chain]:
     small = [c for c in chains if count_of(c) <= MAX_MERGED and not any(level.primvars for level in c)]
     if len(small) < 2:
         return chains
-    whole = MatrixInstances(np.concatenate([rows for chain in small for rows in chunks(chain)]), names=_names(small))
+    whole: MatrixInstances
+    if any(map(do_move, small)):
+        whole = named_as(joined(small), _names(small))
+    else:
+        whole = MatrixInstances(np.concatenate([rows for chain in small for rows in chunks(chain)]), names=_names(small))
     ids = {id(chain) for chain in small}
     return [(whole,), *(chain for chain in chains if id(chain) not in ids)]
 

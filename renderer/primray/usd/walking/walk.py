@@ -19,7 +19,11 @@ from ..adapters.shapes.draw_mode import stand_in
 from ..adapters.shapes.points import POINT, spheres
 from ..lights.light_links import Links
 from ..materials.leaf_materials import bind_leaves, bindings_of, bound_alike, differ_by_material
-from ..querying.guarded import property_names
+from ..moving.levels import MovingLevel, level_of
+from ..moving.mover import Mover
+from ..paths.changes import bends, moving_operations, transform_of
+from ..paths.spheres import growing_sphere
+from ..querying.guarded import local_transform_at, property_names
 from ..querying.traversal import IN_PROTOTYPE, IN_WORLD, children
 from ..resolving.applied_schemas import applied_schemas
 from ..resolving.bindings import binds_by_collection, note_bindings
@@ -30,6 +34,7 @@ from ..resolving.foreign_names import note_foreign_schemas, note_other_renderers
 from ..resolving.notes import note_prim
 from ..resolving.poses import ROOT, Poses
 from ..resolving.prim_kinds import KindsMet, PrimKinds, PropertyNames
+from ..resolving.read import time_of
 from ..resolving.resolve import (
     Binding,
     Inherited,
@@ -42,8 +47,11 @@ from ..resolving.resolve import (
 )
 from ..shapes.instance_primvars import given_per_instance
 from .instances import Group
+from .places import Place, Places
 
-Expand = Callable[[ResolvedPrim, Context], list[tuple[str, PointInstances]]]  # (prototype root, group_from_prototype)
+Expand = Callable[
+    [ResolvedPrim, Context], list[tuple[str, PointInstances | MovingLevel]]
+]  # (prototype root, group_from_prototype)
 
 # Nothing below these is drawn by itself.
 _CLOSED = frozenset({"Material", "Shader", "NodeGraph", "GeomSubset", "PointInstancer", "Camera"})
@@ -61,6 +69,7 @@ class _Above(NamedTuple):
     """What all children of a prim are given."""
 
     path: str
+    place: Place
     pose: int
     inherited: Inherited
     binds: str  # the path of the nearest prim, this one or above it, that binds materials; "" for none
@@ -84,7 +93,7 @@ class _Walk:
         key = GroupKey(str(root.GetPath()), inherited)
         if key not in self.index:
             self.index[key] = len(self.groups)
-            self.groups.append(Group(self.ctx.shown(key.root)))
+            self.groups.append(Group(self.ctx.shown(key.root), blur_scale=inherited.blur_scale))
             self.queue.append((self.index[key], root, inherited))
         return self.index[key]
 
@@ -110,7 +119,7 @@ def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand, links: Lin
 
 
 def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inherited: Inherited) -> None:
-    ctx, poses, native = state.ctx, Poses(), list[ResolvedPrim]()
+    ctx, places, native = state.ctx, Places(state.groups, group), list[ResolvedPrim]()
     is_namespace_root = root.IsPseudoRoot() or root.IsPrototype()
     drawn = IN_WORLD if is_namespace_root else IN_PROTOTYPE
     prims = children(root, drawn) if is_namespace_root else [root]
@@ -118,7 +127,8 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
     # What a point instancer's prototype has above it is not known here, but the same whenever it is walked.
     if not is_namespace_root:
         state.kinds.by_collection |= binds_by_collection(root.GetParent())
-    top = _Above(ctx.shown(parent).removesuffix("/"), ROOT, inherited, "" if is_namespace_root else str(root.GetPath()))
+    binds = "" if is_namespace_root else str(root.GetPath())
+    top = _Above(ctx.shown(parent).removesuffix("/"), places.own, ROOT, inherited, binds)
     stack = [(prim, top) for prim in reversed(prims)]
     while stack:
         prim, above = stack.pop()
@@ -131,16 +141,20 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
             if handed is None:
                 continue
             mine = handed
-        pose = _pose(state, group, prim, kind.names, path, poses, above.pose) if kind.has_transform else above.pose
+        place, pose = above.place, above.pose
+        if kind.has_transform:
+            place, pose = _stand(state, places, prim, kind.names, path, above, mine.blur_scale)
+        if mine.blur_scale != place.group.blur_scale:
+            place, pose = places.blurred(place, pose, mine.blur_scale, path)
         is_instance = state.has_instances and prim.IsInstance()
         resolved: ResolvedPrim | None = None
         if kind.taken_as or kind.is_noted or kind.bindings or is_instance or type_name in _MADE or mine.draw_mode != "default":
-            resolved = ResolvedPrim(prim, path, type_name, kind.names, mine, poses, pose, above.binds)
+            resolved = ResolvedPrim(prim, path, type_name, kind.names, mine, place.poses, pose, above.binds, mover=place.mover)
             resolved.own_color = mine.color is not above.inherited.color
             drawn_as = stand_in(resolved, ctx) if mine.draw_mode != "default" else ""
             if drawn_as:
                 if is_drawn(mine, ctx.purposes):
-                    group.leaves.append(replace(resolved, type_name=drawn_as))
+                    place.group.leaves.append(replace(resolved, type_name=drawn_as))
                 continue
             if kind.is_noted:
                 note_prim(resolved, kind.schemas, kind.taken_as, ctx)
@@ -148,31 +162,51 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
                 targets = note_bindings(prim, path, kind.bindings, ctx)
                 resolved.bound_as = bound_alike(kind, path, targets, above.binds)
             if type_name == "PointInstancer":
-                _expand_points(state, group, resolved)
+                _expand_points(state, group, place.group, resolved)
                 continue
             if type_name == "Points" and is_drawn(mine, ctx.purposes):
-                _place_spheres(state, group, resolved)
+                _place_spheres(state, group, place.group, resolved)
             if kind.taken_as and is_drawn(mine, ctx.purposes):  # also an instance may itself be a shape
-                group.leaves.append(resolved)
+                _place_leaf(state, places, place, resolved)
             if is_instance:
                 native.append(resolved)
         if not is_instance and type_name not in _CLOSED and (below := children(prim, drawn)):
-            mine_above = _Above(path, pose, mine, path if kind.bindings else above.binds)
+            mine_above = _Above(path, place, pose, mine, path if kind.bindings else above.binds)
             stack += [(child, mine_above) for child in reversed(below)]
-    _expand_native(state, group, native, poses)
+    _expand_native(state, group, native, places.own.poses)
 
 
-def _pose(
-    state: _Walk, group: Group[ResolvedPrim], prim: Usd.Prim, names: frozenset[str], path: str, poses: Poses, above: int
-) -> int:
-    local, resets = local_matrix(prim, names, state.ctx.when, state.cache)
-    if resets and group is not state.groups[0]:
+def _stand(
+    state: _Walk, places: Places, prim: Usd.Prim, names: frozenset[str], path: str, above: _Above, blur_scale: float
+) -> tuple[Place, int]:
+    """Where the prim's own transform puts it: below what is above it, or, where it moves, in a place of its own."""
+    ctx, place = state.ctx, above.place
+    moving = moving_operations(prim, names, ctx.when, ctx.timing)
+    if moving:
+        _, resets = local_transform_at(prim, lambda attribute: time_of(attribute, ctx.when))
+    else:
+        local, resets = local_matrix(prim, names, ctx.when, state.cache)
+    if resets and places.own.group is not state.groups[0]:
         message = "The reset goes as far as the prototype's root."
-        state.ctx.warn("reset-xform-in-prototype", path, message, "xformOpOrder")
-    pose = poses.add(local, above, resets=resets)
+        ctx.warn("reset-xform-in-prototype", path, message, "xformOpOrder")
+    if moving:
+        mover = place.mover_below(above.pose, transform_of(prim, ctx.when), bends(moving, ctx.when, ctx.timing), resets=resets)
+        return places.of(mover, blur_scale, path), ROOT
+    if resets and place.mover is not None:
+        place = places.of(None, place.group.blur_scale, path)
+    pose = place.poses.add(local, above.pose, resets=resets)
     if pose % FORGOTTEN_AFTER == 0:
         state.cache.Clear()  # it keeps 400 bytes a prim, and nothing is asked twice
-    return pose
+    return place, pose
+
+
+def _place_leaf(state: _Walk, places: Places, place: Place, leaf: ResolvedPrim) -> None:
+    """Spheres whose radius changes grow by their transform."""
+    grows = growing_sphere(leaf, state.ctx) if leaf.type_name == "Sphere" else None
+    if grows is not None:
+        place = places.of(place.mover_below(leaf.pose, *grows), place.group.blur_scale, leaf.path)
+        leaf = replace(leaf, poses=place.poses, pose=ROOT, mover=place.mover)
+    place.group.leaves.append(leaf)
 
 
 def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[ResolvedPrim], poses: Poses) -> None:
@@ -181,7 +215,7 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
     if not instances:
         return
     bindings = bindings_of(instances, state.kinds.by_collection, ctx)
-    places = poses.of([instance.pose for instance in instances])[:, :3]
+    places = _places_of(instances, poses)
     by_child: dict[int, list[int]] = {}
     names: dict[int, list[str]] = {}
     apart = differ_by_material(instances, ctx)
@@ -197,7 +231,28 @@ def _expand_native(state: _Walk, group: Group[ResolvedPrim], instances: list[Res
         if ctx.names_instances:
             names.setdefault(child, []).append(_within(state, group, instance.path))
     for child, chosen in by_child.items():
-        group.instances.append((child, _finite(places[chosen], names.get(child), group, ctx)))
+        named = names.get(child)
+        own = MatrixInstances(places[chosen, :3], names=None if named is None else texts(named))
+        movers = [instances[i].mover for i in chosen]
+        for level in _apart(own, movers, places[chosen]):
+            group.instances.append((child, _finite(level, group, ctx)))
+
+
+def _apart(instances: MatrixInstances, movers: list[Mover | None], inner: Doubles) -> list[MatrixInstances]:
+    """Those that stand still, and those that move."""
+    if not any(movers):
+        return [instances]
+    moving = np.array([mover is not None for mover in movers])
+    level = level_of([mover for mover in movers if mover is not None], inner[moving])
+    still, names = instances.take(np.flatnonzero(~moving)), instances.take(np.flatnonzero(moving)).names
+    return [*([still] if len(still) else []), replace(level, names=names)]
+
+
+def _places_of(instances: list[ResolvedPrim], poses: Poses) -> Doubles:
+    """(K, 4, 4) group_from_instance; of what moves, mover_from_instance. Most stand in the group's own poses."""
+    if all(instance.poses is poses for instance in instances):
+        return poses.of([instance.pose for instance in instances])
+    return np.stack([instance.group_from_prim for instance in instances])
 
 
 def _handed_to_instance(
@@ -218,16 +273,15 @@ def _within(state: _Walk, group: Group[ResolvedPrim], path: str) -> str:
     return path if group is state.groups[0] else path.removeprefix(group.path)
 
 
-def _finite(matrices: Doubles, names: list[str] | None, group: Group[ResolvedPrim], ctx: Context) -> MatrixInstances:
-    all_of_them = MatrixInstances(matrices, names=None if names is None else texts(names))
-    finite = np.isfinite(matrices).all(axis=(1, 2))
+def _finite(level: MatrixInstances, group: Group[ResolvedPrim], ctx: Context) -> MatrixInstances:
+    finite = np.isfinite(level.matrices).all(axis=(1, 2))
     if not finite.all():
         bad = int(np.count_nonzero(~finite))
-        ctx.warn("invalid-transform", group.path, f"{bad} of {len(matrices)} instances have transforms that are not finite.")
-    return all_of_them if finite.all() else all_of_them.take(np.flatnonzero(finite))
+        ctx.warn("invalid-transform", group.path, f"{bad} of {len(level)} instances have transforms that are not finite.")
+    return level if finite.all() else level.take(np.flatnonzero(finite))
 
 
-def _expand_points(state: _Walk, group: Group[ResolvedPrim], instancer: ResolvedPrim) -> None:
+def _expand_points(state: _Walk, root_group: Group[ResolvedPrim], group: Group[ResolvedPrim], instancer: ResolvedPrim) -> None:
     ctx = state.ctx
     for root_path, instances in state.expand(instancer, ctx):
         root = ctx.stage.GetPrimAtPath(root_path)
@@ -239,17 +293,16 @@ def _expand_points(state: _Walk, group: Group[ResolvedPrim], instancer: Resolved
         if root.IsInstanceProxy():
             root = root.GetPrimInPrototype()
         if instances.names is not None:
-            instances = replace(instances, names=replace(instances.names, prefix=_within(state, group, instancer.path)))
+            within = _within(state, root_group, instancer.path)
+            instances = replace(instances, names=replace(instances.names, prefix=within))
         group.instances.append((state.group(root, handed), instances))
 
 
-def _place_spheres(state: _Walk, group: Group[ResolvedPrim], points: ResolvedPrim) -> None:
+def _place_spheres(state: _Walk, root_group: Group[ResolvedPrim], group: Group[ResolvedPrim], points: ResolvedPrim) -> None:
     """A group of one leaf in many places; primvars that vary over the points are their instances' own."""
     placed = spheres(points, state.ctx)
-    to_group = points.group_from_prim
-    matrices = to_group[:3, :3] @ placed.matrices
-    matrices[:, :, 3] += to_group[:3, 3]
-    names = None if placed.names is None else replace(placed.names, prefix=_within(state, group, points.path))
+    if placed.names is not None:
+        placed = replace(placed, names=replace(placed.names, prefix=_within(state, root_group, points.path)))
     varying = [p.name for p in placed.primvars]
     leaf = replace(
         points,
@@ -257,10 +310,18 @@ def _place_spheres(state: _Walk, group: Group[ResolvedPrim], points: ResolvedPri
         names=points.names - {f"primvars:{name}" for name in varying},
         poses=Poses(),
         pose=ROOT,
+        mover=None,
         inherited=given_per_instance(points.inherited, varying),
     )
-    group.instances.append((len(state.groups), replace(placed, matrices=matrices, names=names)))
-    state.groups.append(Group(points.path, [leaf]))
+    to_group = points.group_from_prim
+    if isinstance(placed, MovingLevel):
+        placed = placed.placed(to_group[:3])
+    else:
+        matrices = to_group[:3, :3] @ placed.matrices
+        matrices[:, :, 3] += to_group[:3, 3]
+        placed = replace(placed, matrices=matrices)
+    group.instances.append((len(state.groups), placed))
+    state.groups.append(Group(points.path, [leaf], blur_scale=points.inherited.blur_scale))
 
 
 def _handed_to_prototype(instancer: ResolvedPrim, root: Usd.Prim, per_instance: list[str], ctx: Context) -> Inherited:

@@ -96,9 +96,7 @@ def test_coordinate_systems() -> None:
     [
         pytest.param(name, *values, marks=pytest.mark.conforms(f"MotionAPI.{name}", state="diagnosed"), id=name)
         for name, values in {
-            "motion:blurScale": (0.5, 1.0),
             "motion:velocityScale": (2.0, 1.0),
-            "motion:nonlinearSampleCount": (5, 3),
         }.items()
     ],
 )

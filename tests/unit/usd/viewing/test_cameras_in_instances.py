@@ -114,10 +114,12 @@ def test_scene_facts_list_them(tmp_path: Path) -> None:
     assert facts["camera"] == "/b/head/eye"
 
 
-def test_its_own_motion_is_told() -> None:
+def test_it_moves_as_its_instance_does() -> None:
     moving = ROBOTS.replace(
         "double3 xformOp:translate = (10, 0, 0)", "double3 xformOp:translate.timeSamples = { 0: (10, 0, 0), 1: (11, 0, 0) }"
     )
-    _, found = translate(stage_of(moving), RenderSettings(time_code=0.0))
-    [told] = [d.message for d in found if d.code == "motion"]
-    assert "/b/head/eye" in told
+    found, _ = translate(stage_of(moving), RenderSettings(time_code=0.0))
+    assert found.camera.path == "/b/head/eye"
+    assert found.camera_motion is not None
+    first, last = (camera.world_from_camera[:3, 3] for camera in found.camera_motion.cameras)
+    assert last[0] - first[0] == 1

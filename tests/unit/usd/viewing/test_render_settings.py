@@ -47,7 +47,8 @@ def test_defaults_are_the_schemas() -> None:
     assert found.pixel_aspect_ratio == schema.GetPixelAspectRatioAttr().Get()
     assert found.conform_policy == schema.GetAspectRatioConformPolicyAttr().Get()
     assert found.data_window == tuple(schema.GetDataWindowNDCAttr().Get())
-    assert found.disable_motion_blur == schema.GetDisableMotionBlurAttr().Get() == schema.GetInstantaneousShutterAttr().Get()
+    assert found.disable_motion_blur == schema.GetDisableMotionBlurAttr().Get()
+    assert found.instantaneous_shutter == schema.GetInstantaneousShutterAttr().Get()
     assert found.disable_depth_of_field == schema.GetDisableDepthOfFieldAttr().Get()
     assert found.purposes == tuple(schema.GetIncludedPurposesAttr().Get())
     assert found.material_purposes == tuple(schema.GetMaterialBindingPurposesAttr().Get())
@@ -225,11 +226,12 @@ def test_product_types(kind: str) -> None:
 
 
 @pytest.mark.conforms("RenderSettingsBase.instantaneousShutter", "RenderSettingsBase.disableMotionBlur")
-def test_either_name_of_the_instant_shutter() -> None:
-    for name in ("instantaneousShutter", "disableMotionBlur"):
-        assert only(settings_prim(f"uniform bool {name} = 1")).disable_motion_blur
-        text = settings_prim(f"rel products = </p>\nuniform bool {name} = 1")
-        assert not only(text + f'def RenderProduct "p"\n{{\n    uniform bool {name} = 0\n}}\n').disable_motion_blur
+@pytest.mark.parametrize("name", ["instantaneousShutter", "disableMotionBlur"])
+def test_instant_shutters(name: str) -> None:
+    field = {"instantaneousShutter": "instantaneous_shutter", "disableMotionBlur": "disable_motion_blur"}[name]
+    assert getattr(only(settings_prim(f"uniform bool {name} = 1")), field)
+    text = settings_prim(f"rel products = </p>\nuniform bool {name} = 1")
+    assert not getattr(only(text + f'def RenderProduct "p"\n{{\n    uniform bool {name} = 0\n}}\n'), field)
 
 
 def test_cameras_by_forwarded_relationships_and_the_first_of_several() -> None:

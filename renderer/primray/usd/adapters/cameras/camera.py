@@ -19,7 +19,7 @@ from ...resolving.resolve import local_matrix, reads_early
 from ..rendering.render_product import ProductSettings
 from .clipping import clipping_planes, clipping_range
 from .lens import MM, WIDEST, Lens, note_no_lens, read_lens
-from .shutter import INSTANT, read_shutter
+from .shutter import INSTANT, Shutter
 
 # Beyond this floats would overflow: an exposure is multiplied by radiance.
 BRIGHTEST = 2.0**64
@@ -82,12 +82,20 @@ def pixel_aspect_ratio(aperture: Aperture, resolution: tuple[int, int], product:
 
 
 def camera(
-    prim: Usd.Prim, when: When, resolution: tuple[int, int], product: ProductSettings, diagnostics: Diagnostics
+    prim: Usd.Prim,
+    when: When,
+    resolution: tuple[int, int],
+    product: ProductSettings,
+    shutter: Shutter,
+    diagnostics: Diagnostics,
+    still: When | None = None,
 ) -> Camera:
+    """As it is at the frame; but for its exposure as it is at another instant, if a `still` of that is wanted."""
+    then = still or when
     path = str(prim.GetPath())
-    aperture = conform(read_aperture(prim, when, diagnostics), resolution, product)
+    aperture = conform(read_aperture(prim, then, diagnostics), resolution, product)
     orthographic = token(prim, "projection", when, "perspective") == "orthographic"
-    focal = number(prim, "focalLength", when, 50.0, diagnostics)
+    focal = number(prim, "focalLength", then, 50.0, diagnostics)
     if focal <= 0 and not orthographic:
         diagnostics.add("out-of-range", path, f"focalLength = {focal:g} is not positive: 50 is used.", "focalLength")
         focal = 50.0
@@ -99,18 +107,17 @@ def camera(
         window = window_of(aperture, MM if orthographic else 1.0 / focal)
     lens = Lens()
     if orthographic:
-        note_no_lens(prim, when, product.disable_depth_of_field, diagnostics)
+        note_no_lens(prim, then, product.disable_depth_of_field, diagnostics)
     else:
-        lens = read_lens(prim, focal, when, product.disable_depth_of_field, diagnostics)
-    shutter = read_shutter(prim, when, product.disable_motion_blur, diagnostics)
+        lens = read_lens(prim, focal, then, product.disable_depth_of_field, diagnostics)
     exposure_scale = _exposure_scale(prim, when, diagnostics)
     _note_ignored(prim, when, diagnostics)
     return Camera(
         path,
-        _world_from_camera(prim, when, diagnostics),
+        _world_from_camera(prim, then, diagnostics),
         Projection.ORTHOGRAPHIC if orthographic else Projection.PERSPECTIVE,
         window,
-        clipping_range(prim, when, orthographic, diagnostics),
+        clipping_range(prim, then, orthographic, diagnostics),
         lens.radius,
         lens.focus_distance,
         0.0 if shutter is None else exposure_scale,

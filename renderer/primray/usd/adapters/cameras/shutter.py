@@ -8,14 +8,13 @@ from ....diagnostics import Diagnostics
 from ...resolving.read import When, number
 
 INSTANT = (0.0, 0.0)
+Shutter = tuple[float, float] | None  # None: it closes before it opens, so that there is no exposure
 
 
-def read_shutter(prim: Usd.Prim, when: When, disabled: bool, diagnostics: Diagnostics) -> tuple[float, float] | None:
-    """None where it closes before it opens: there is no exposure then. `disabled`: without motion blur, so an instant."""
-    if disabled:
-        return INSTANT
+def read_shutter(prim: Usd.Prim, when: When, diagnostics: Diagnostics, *, is_instant: bool = False) -> Shutter:
+    """`is_instant`: it closes when it opens, whatever is authored."""
     opens = number(prim, "shutter:open", when, 0.0, diagnostics)
-    closes = number(prim, "shutter:close", when, 0.0, diagnostics)
+    closes = opens if is_instant else number(prim, "shutter:close", when, 0.0, diagnostics)
     if closes < opens:
         message = f"The shutter closes at {closes:g}, before it opens at {opens:g}: the picture is black."
         diagnostics.add("camera-input", str(prim.GetPath()), message, "shutter:close")

@@ -46,6 +46,7 @@ class ProductSettings:
     conform_policy: str = "expandAperture"
     data_window: Window = WHOLE  # left, bottom, right, top; (0, 0) is the picture's lower left corner, (1, 1) its upper right
     disable_motion_blur: bool = False
+    instantaneous_shutter: bool = False  # closes when it opens
     disable_depth_of_field: bool = False
     purposes: tuple[str, ...] = ("default", "render")
     material_purposes: tuple[str, ...] = ("full", "")
@@ -115,7 +116,8 @@ class _Reader:
                 "aspectRatioConformPolicy", "expandAperture", lambda p: p if p in POLICIES else None, "known policy"
             ),
             data_window=self.checked("dataWindowNDC", WHOLE, _window, "window"),
-            disable_motion_blur=self._is_set("disableMotionBlur") or self._is_set("instantaneousShutter"),
+            disable_motion_blur=self._is_set("disableMotionBlur"),
+            instantaneous_shutter=self._is_set("instantaneousShutter"),
             disable_depth_of_field=self._is_set("disableDepthOfField"),
             purposes=self._purposes(),
             material_purposes=self._material_purposes(),

@@ -51,6 +51,7 @@ def cage(prim: ResolvedPrim, found: Cage, ctx: Context) -> SubdivisionMesh | Non
         found.face_varying,
         found.triangle_rule,
         cage_primvars(prim, surfaces.values(), found, ctx),
+        motion=found.motion,
     )
 
 

@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from ....arrays import Floats, Ints
 from ....description import Mesh, SubdivisionMesh
+from ...paths.meshes import mesh_path, moving_cage, moving_polygons, with_points
 from ...resolving.context import Context
-from ...resolving.notes import note_velocities
 from ...resolving.resolve import ResolvedPrim
 from ...shapes.authored_mesh import read_mesh
 from ...shapes.polygons import Polygons, make_polygons
@@ -27,17 +27,18 @@ from .cage import cage
 from .face_parts import FaceParts, face_parts
 
 
-class _Shared(dict[str, Polygons | Cage]):
-    """What does not depend on materials, by prim path, where several prototypes hold it."""
+class _Shared(dict[tuple[str, float], Polygons | Cage]):
+    """What does not depend on materials, by prim path and blurScale, where several prototypes hold it."""
 
 
 def mesh(prim: ResolvedPrim, ctx: Context) -> Mesh | SubdivisionMesh | None:
     shared = ctx.kept.of(_Shared)
-    geometry = shared.get(prim.path) or _geometry(prim, ctx)
+    key = (prim.path, prim.inherited.blur_scale)
+    geometry = shared.get(key) or _geometry(prim, ctx)
     if geometry is None:
         return None
     if prim.path in ctx.shares:
-        shared[prim.path] = geometry
+        shared[key] = geometry
     if isinstance(geometry, Cage):
         return cage(prim, geometry, ctx)
     if prim.subsets:
@@ -60,19 +61,24 @@ def _shape(prim: ResolvedPrim, geometry: Polygons, appearance: Appearance, ctx: 
         colors,
         ctx.surfaces.index_of(surface),
         mesh_primvars(prim, (surface,), geometry.triangles, geometry.sizes, ctx),
+        geometry.motion,
     )
 
 
 def _geometry(prim: ResolvedPrim, ctx: Context) -> Polygons | Cage | None:
     """The prim is read once; the rest is made from that."""
     authored = read_mesh(prim, ctx.when)
+    path = mesh_path(prim, authored, ctx)
+    if path is not None:
+        authored = with_points(authored, path, path.here)
     topology = topology_of(authored, ctx)
     if topology is None:
         return None
-    note_velocities(prim, "points", ctx)
     if authored.subdivision is None:
-        return make_polygons(authored, topology, ctx)
-    return make_cage(authored, authored.subdivision, topology, ctx)
+        polygons = make_polygons(authored, topology, ctx)
+        return polygons if polygons is None or path is None else moving_polygons(polygons, authored, path, ctx)
+    found = make_cage(authored, authored.subdivision, topology, ctx)
+    return found if found is None or path is None else moving_cage(found, path, ctx)
 
 
 def _colors(prim: ResolvedPrim, geometry: Polygons, ctx: Context) -> Values | None:
@@ -109,6 +115,7 @@ def _with_subsets(prim: ResolvedPrim, geometry: Polygons, found: FaceParts, ctx:
         keep_triangles(colors, visible),
         index_of_part[of_triangle[visible]],
         moved(mesh_primvars(prim, surfaces.values(), geometry.triangles, geometry.sizes, ctx), visible),
+        geometry.motion and geometry.motion.of_triangles(visible),
     )
 
 

@@ -4,23 +4,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sized
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from pxr import Sdf
 
+from ....arrays import Doubles
 from ....description.instance_names import Names
 from ....description.placement import PointInstances
+from ...moving.levels import MovingLevel, moving_level
+from ...paths.instancers import InstancerPath, Parts, instancer_path
 from ...querying.guarded import metadatum, targets
 from ...resolving.context import Context
-from ...resolving.notes import note_velocities
 from ...resolving.read import array, read
 from ...resolving.resolve import ResolvedPrim
 from ...shapes.instance_primvars import instance_primvars
 
 
-def point_instances(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, PointInstances]]:
+def point_instances(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, PointInstances | MovingLevel]]:
     """(prototype root path, where it stands in the stage or the group) for each prototype with visible instances.
 
     What belongs to one instance is kept in one PointInstances, so that masks take all of it along.
@@ -43,14 +46,27 @@ def point_instances(prim: ResolvedPrim, ctx: Context) -> list[tuple[str, PointIn
         return []
     keep = _shown(prim, roots, proto, positions, ctx)
     instances = _instances(prim, positions, ctx)
+    path = instancer_path(prim, Parts(positions, instances.orientations, instances.scales), ctx)
+    if path is not None:
+        here = path.at(0.0)
+        instances = replace(instances, positions=here.positions, orientations=here.orientations, scales=here.scales)
     bad = keep & ~_finite(instances)
     if bad.any():
         ctx.warn(
             "invalid-transform", prim.path, f"{int(bad.sum())} of {len(proto)} instances have transforms that are not finite."
         )
         keep &= ~bad
-    _note_ignored(prim, ctx)
-    return [(roots[k], chosen) for k, chosen in _by_prototype(instances, proto, keep, len(roots))]
+    moving = instances if path is None or ctx.timing.is_frame else _moving(instances, path)
+    return [(roots[k], chosen) for k, chosen in _by_prototype(moving, proto, keep, len(roots))]
+
+
+def _moving(frame: PointInstances, path: InstancerPath) -> MovingLevel:
+    def rows_at(offset: float) -> Doubles:
+        then = path.at(offset)
+        moved = replace(frame, positions=then.positions, orientations=then.orientations, scales=then.scales)
+        return moved.rows(0, len(moved))
+
+    return moving_level(rows_at, path.times, frame)
 
 
 def _is_empty(raw: Any) -> bool:
@@ -58,8 +74,8 @@ def _is_empty(raw: Any) -> bool:
 
 
 def _by_prototype(
-    instances: PointInstances, proto: npt.NDArray[Any], keep: npt.NDArray[np.bool_], roots: int
-) -> Iterator[tuple[int, PointInstances]]:
+    instances: PointInstances | MovingLevel, proto: npt.NDArray[Any], keep: npt.NDArray[np.bool_], roots: int
+) -> Iterator[tuple[int, PointInstances | MovingLevel]]:
     """The kept instances of each prototype that has any, in their order."""
     shown = np.flatnonzero(keep) if not keep.all() else None
     kept = proto if shown is None else proto[shown]
@@ -167,8 +183,3 @@ def _per_instance(prim: ResolvedPrim, name: str, columns: int, count: int, ctx: 
 
 def _size(raw: Any) -> str:
     return f"has {len(raw)} values" if isinstance(raw, Sized) else "is no array"
-
-
-def _note_ignored(prim: ResolvedPrim, ctx: Context) -> None:
-    note_velocities(prim, "positions", ctx)
-    note_velocities(prim, "orientationsf" if "orientationsf" in prim.names else "orientations", ctx, "angularVelocities")

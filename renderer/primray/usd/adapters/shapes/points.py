@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
+from ....arrays import Doubles
 from ....description import MatrixInstances, Shape, Sphere
 from ....description.instance_names import Names
+from ...moving.levels import moving_level
+from ...paths.arrays import ArrayPath
+from ...paths.changes import moves
+from ...paths.points import PointPath, by_samples, point_path
 from ...resolving.context import Context
-from ...resolving.notes import note_velocities
 from ...resolving.read import array, read
 from ...resolving.resolve import ResolvedPrim
 from ...shapes.instance_primvars import instance_primvars
@@ -34,22 +40,55 @@ def spheres(prim: ResolvedPrim, ctx: Context) -> MatrixInstances:
         if points is None:
             ctx.warn("invalid-mesh", prim.path, "points: missing, or of the wrong type.", "points")
         return MatrixInstances(np.zeros((0, 3, 4)))
-    note_velocities(prim, "points", ctx)
+    path = point_path(prim, "points", ctx)
+    points = points if path is None else path.at(0.0)
     widths = _widths(prim, len(points), ctx)
     usable = np.isfinite(points).all(axis=1) & np.isfinite(widths) & (widths > 0)
     if not usable.all():
         ctx.warn("invalid-primvar", prim.path, f"{int((~usable).sum())} of {len(points)} points have no place or no width.")
     ctx.warn("points", prim.path, f"{int(usable.sum())} points are rendered as spheres.")
+    names = Names(prim.path, numbers=np.arange(len(points), dtype=np.int32)) if ctx.names_instances else None
+    placed = MatrixInstances(_matrices(points, widths), instance_primvars(prim, len(points), ctx), names)
+    widening = None if ctx.timing.is_frame else _widening(prim, len(points), ctx)
+    if ctx.timing.is_frame or (path is None and widening is None):
+        return placed.take(usable)
+
+    def rows_at(offset: float) -> Doubles:
+        return _matrices(points if path is None else path.at(offset), widths if widening is None else widening.at(offset))
+
+    times = {time for moving in (path, widening) if moving is not None for time in moving.times}
+    return moving_level(rows_at, sorted(times), placed).take(usable)
+
+
+def _matrices(points: npt.NDArray[Any], widths: npt.NDArray[np.floating]) -> Doubles:
+    """(K, 3, 4)."""
     matrices = np.zeros((len(points), 3, 4))
     matrices[:, [0, 1, 2], [0, 1, 2]] = widths[:, None] / 2
     matrices[:, :, 3] = points
-    names = Names(prim.path, numbers=np.arange(len(points), dtype=np.int32)) if ctx.names_instances else None
-    return MatrixInstances(matrices, instance_primvars(prim, len(points), ctx), names).take(usable)
+    return matrices
+
+
+def _widening(prim: ResolvedPrim, count: int, ctx: Context) -> PointPath | None:
+    """Widths that change, one a point."""
+    name = _name_of_widths(prim)
+    path = ArrayPath(prim.prim.GetAttribute(name), 1, ctx.when)
+    if not moves(path.attribute, ctx.when, ctx.timing):
+        return None
+    found = by_samples(prim, path, ctx)
+    here = path.at(0.0)
+    if found is None or here is None or len(here) not in (1, count):
+        return None
+    return PointPath(lambda offset: np.maximum(np.broadcast_to(found.at(offset), count), 0.0), found.times)
+
+
+def _name_of_widths(prim: ResolvedPrim) -> str:
+    """primvars:widths is stronger than widths."""
+    return "primvars:widths" if "primvars:widths" in prim.names else "widths"
 
 
 def _widths(prim: ResolvedPrim, count: int, ctx: Context) -> npt.NDArray[np.floating]:
-    """Of every point; primvars:widths is stronger than widths."""
-    name = "primvars:widths" if "primvars:widths" in prim.names else "widths"
+    """Of every point."""
+    name = _name_of_widths(prim)
     raw = read(prim.prim, name, ctx.when)
     if raw is None:
         return np.full(count, DEFAULT_WIDTH)

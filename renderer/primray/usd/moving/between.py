@@ -1,0 +1,99 @@
+"""How the seam's matrices stand between two times (description/motion.py), for many of them at once.
+
+A matrix is taken apart into a rotation and a symmetric stretch (polar decomposition); where it mirrors, into the rotation
+that is left without the mirroring through the origin, and a stretch below 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...arrays import Doubles
+
+FLAT = 1e-9  # of the largest stretch: what is stretched less has no rotation that could be told
+
+
+@dataclass(frozen=True, eq=False)
+class Turned:
+    """K matrices taken apart."""
+
+    quaternions: Doubles  # (K, 4): x, y, z, w
+    stretches: Doubles  # (K, 3, 3), symmetric
+    translations: Doubles  # (K, 3)
+
+
+def have_rotations(matrices: Doubles) -> bool:
+    """Whether each of (S + 1, K, 3, 4) has one, and none mirrors at one time alone."""
+    linear = matrices[..., :3]
+    sizes = np.linalg.svd(linear, compute_uv=False)
+    if not (sizes[..., 2] > FLAT * sizes[..., 0]).all():
+        return False
+    mirrors = np.linalg.det(linear) < 0
+    return bool((mirrors == mirrors[:1]).all())
+
+
+def taken_apart(matrices: Doubles) -> Turned:
+    """(K, 3, 4) that have rotations."""
+    u, sizes, v = np.linalg.svd(matrices[:, :, :3])
+    rotations = u @ v
+    signs = np.sign(np.linalg.det(rotations))
+    stretches = v.transpose(0, 2, 1) @ (sizes[:, :, None] * v) * signs[:, None, None]
+    return Turned(quaternions(rotations * signs[:, None, None]), stretches, matrices[:, :, 3])
+
+
+def turned(a: Turned, b: Turned, u: float) -> Doubles:
+    """(K, 3, 4): rotations go the shorter way at constant speed, the rest is linear."""
+    rotations = rotation_matrices(slerp(a.quaternions, b.quaternions, u))
+    linear = rotations @ (a.stretches + u * (b.stretches - a.stretches))
+    return np.concatenate([linear, (a.translations + u * (b.translations - a.translations))[:, :, None]], axis=2)
+
+
+def slerp(a: Doubles, b: Doubles, u: float) -> Doubles:
+    """(K, 4) unit quaternions between those of `a` and `b`, the shorter way."""
+    cosines = np.sum(a * b, axis=1)
+    b = np.where(cosines[:, None] < 0, -b, b)
+    # Of half the angle between them: exact also for small ones.
+    angles = 2.0 * np.arctan2(np.linalg.norm(b - a, axis=1), np.linalg.norm(b + a, axis=1))
+    sines = np.sin(angles)
+    small = sines < 1e-9
+    safe = np.where(small, 1.0, sines)
+    from_a = np.where(small, 1.0 - u, np.sin((1.0 - u) * angles) / safe)
+    from_b = np.where(small, u, np.sin(u * angles) / safe)
+    mixed = from_a[:, None] * a + from_b[:, None] * b
+    return np.asarray(mixed / np.linalg.norm(mixed, axis=1, keepdims=True))
+
+
+def angles_between(a: Doubles, b: Doubles) -> Doubles:
+    """(K,) by how much rotations (quaternions) differ, in radians."""
+    b = np.where(np.sum(a * b, axis=1)[:, None] < 0, -b, b)
+    return np.asarray(4.0 * np.arctan2(np.linalg.norm(b - a, axis=1), np.linalg.norm(b + a, axis=1)))
+
+
+def quaternions(r: Doubles) -> Doubles:
+    """(K, 4) of rotation matrices (K, 3, 3): by the largest component, so that nothing cancels (Shepperd 1978)."""
+    trace = np.trace(r, axis1=1, axis2=2)
+    diagonal = r[:, [0, 1, 2], [0, 1, 2]]
+    found = np.empty((4, len(r), 4))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        found[i][:, i] = 1.0 - trace + 2.0 * diagonal[:, i]
+        found[i][:, j] = r[:, j, i] + r[:, i, j]
+        found[i][:, k] = r[:, k, i] + r[:, i, k]
+        found[i][:, 3] = r[:, k, j] - r[:, j, k]
+        found[3][:, i] = r[:, k, j] - r[:, j, k]
+    found[3][:, 3] = 1.0 + trace
+    largest = np.argmax(np.concatenate([diagonal, trace[:, None]], axis=1), axis=1)
+    chosen = found[largest, np.arange(len(r))]
+    return np.asarray(chosen / np.linalg.norm(chosen, axis=1, keepdims=True))
+
+
+def rotation_matrices(q: Doubles) -> Doubles:
+    """(K, 3, 3) of unit quaternions."""
+    x, y, z, w = q.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.array(rows).transpose(2, 0, 1)

@@ -1,0 +1,100 @@
+"""Levels of instances that move, as the walk meets them: where they stand at any time is computed when it is asked for.
+
+They count as what they are at the frame, but for `rows_at`. Translation settles them (settle.py): none reaches a description.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ...arrays import Doubles
+from ...description.instance_names import Names
+from ...description.placement import Instances, MatrixInstances, chunks, compose
+from .mover import Mover
+
+Rows = Callable[[float], Doubles]  # by the offset from the frame: (K, 3, 4)
+
+
+def _nowhere(_: float) -> Doubles:
+    return np.zeros((0, 3, 4))
+
+
+@dataclass(frozen=True, eq=False)
+class MovingLevel(MatrixInstances):
+    """`matrices` are those at the frame; `times`, offsets from it, are where the path of any of them may bend."""
+
+    rows_at: Rows = _nowhere
+    times: tuple[float, ...] = ()
+
+    def take(self, chosen: npt.NDArray[Any]) -> MovingLevel:
+        """Those that a mask or an array of indices chooses."""
+        kept = super().take(chosen)
+        rows_at = self.rows_at
+        return MovingLevel(kept.matrices, kept.primvars, kept.names, lambda offset: rows_at(offset)[chosen], self.times)
+
+    def placed(self, outer: Doubles, name: str = "") -> MovingLevel:
+        """The same after one more matrix (3, 4), of an instance of that name."""
+        moved = super().placed(outer, name)
+        rows_at = self.rows_at
+        return MovingLevel(
+            moved.matrices, moved.primvars, moved.names, lambda offset: compose(outer[None], rows_at(offset)), self.times
+        )
+
+
+def level_of(movers: Sequence[Mover], inner: Doubles) -> MovingLevel:
+    """One instance for each mover, with what stands still below it, (K, 4, 4)."""
+
+    def rows_at(offset: float) -> Doubles:
+        return np.stack([mover.at(offset) @ below for mover, below in zip(movers, inner, strict=True)])[:, :3]
+
+    times = sorted({time for mover in movers for time in mover.times})
+    return MovingLevel(rows_at(0.0), rows_at=rows_at, times=tuple(times))
+
+
+def moving_level(rows_at: Rows, times: Sequence[float], like: Instances) -> MovingLevel:
+    """Instances with the primvars and names of others."""
+    return MovingLevel(rows_at(0.0), like.primvars, like.names, rows_at, tuple(times))
+
+
+def do_move(chain: Sequence[Instances]) -> bool:
+    return any(isinstance(level, MovingLevel) for level in chain)
+
+
+def times_of(chain: Sequence[Instances]) -> tuple[float, ...]:
+    """Offsets from the frame at which some instance's path may bend."""
+    return tuple(sorted({time for level in chain if isinstance(level, MovingLevel) for time in level.times}))
+
+
+def level_at(level: Instances, offset: float) -> Instances:
+    """As it stands then, and moves no more."""
+    if not isinstance(level, MovingLevel):
+        return level
+    return MatrixInstances(level.rows_at(offset), level.primvars, level.names)
+
+
+def chain_at(chain: Sequence[Instances], offset: float) -> tuple[Instances, ...]:
+    return tuple(level_at(level, offset) for level in chain)
+
+
+def product_at(chain: Sequence[Instances], offset: float) -> Doubles:
+    """(K, 3, 4) of all of them together, the last level fastest."""
+    return np.concatenate(list(chunks(chain_at(chain, offset))))
+
+
+def joined(chains: Sequence[Sequence[Instances]]) -> MovingLevel:
+    """All instances of some chains one after the other; names and primvars are the caller's."""
+
+    def rows_at(offset: float) -> Doubles:
+        return np.concatenate([product_at(chain, offset) for chain in chains])
+
+    times = sorted({time for chain in chains for time in times_of(chain)})
+    return MovingLevel(rows_at(0.0), rows_at=rows_at, times=tuple(times))
+
+
+def named_as(level: MovingLevel, names: Names | None) -> MovingLevel:
+    return replace(level, names=names)

@@ -1,0 +1,120 @@
+"""At which times a path has to be given, so that between them it differs from USD's by less than some error.
+
+Times are fractions of the exposure's span. A path may bend at samples; those on the line between others are left out. What is
+between two of them that are kept is cut into equal parts until the error is small enough.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...arrays import Doubles
+
+MOST_SEGMENTS = 128
+MOST_UNIFORM = 32  # equal segments are found faster than others: as many are taken to have all equal
+# Where errors are looked at, within a segment: at no fractions at which whole turns could hide.
+PROBED_FIRST = (0.5, 0.2113, 0.7887, 0.1127, 0.3871, 0.6306, 0.9039)
+PROBED = (0.5, 0.2113, 0.7887)
+SAME_TIME = 1e-9
+FEW = 8  # parts, of which there are first twice as many: turns need no more than to be told apart
+
+Error = Callable[[float, float, float], float]  # of the seam's path between two times, at a third
+
+
+@dataclass(frozen=True)
+class Steps:
+    times: tuple[float, ...]  # ascending from 0 to 1
+    error: float  # the largest that is left
+    bends: int = 0  # how many of the times are samples that cannot be left out
+
+    @property
+    def segments(self) -> int:
+        return len(self.times) - 1
+
+
+def steps_of(error: Error, bends: Sequence[float], most: float, none: float) -> Steps:
+    """The fewest times that keep `error` below `most`; a sample is left out if the path stays within `none` without it."""
+    kept = _kept(error, [0.0, *_inside(bends), 1.0], none)
+    needed = [_needed(error, a, b, most) for a, b in itertools.pairwise(kept)]
+    counts = _within_limit([count for count, _ in needed])
+    times = _uniform(kept, counts) or _divided(kept, counts)
+    left = max(left for _, left in needed) if counts == [count for count, _ in needed] else _largest(error, times)
+    return Steps(tuple(times), left, len(kept) - 2)
+
+
+def _inside(bends: Sequence[float]) -> list[float]:
+    """Those between 0 and 1, each once."""
+    found: list[float] = []
+    for time in sorted(bends):
+        if time - (found[-1] if found else 0.0) > SAME_TIME and time < 1.0 - SAME_TIME:
+            found.append(time)
+    return found
+
+
+def _kept(error: Error, times: list[float], none: float) -> list[float]:
+    kept, start = [times[0]], 0
+    for end in range(2, len(times)):
+        between = (times[k] for k in range(start + 1, end))
+        if any(not error(times[start], times[end], time) <= none for time in between):
+            start = end - 1
+            kept.append(times[start])
+    return [*kept, times[-1]]
+
+
+def _needed(error: Error, start: float, end: float, most: float) -> tuple[int, float]:
+    """How many equal parts, and the error that is left; of a smooth path it falls by their square."""
+    count = 1
+    while True:
+        probed = PROBED_FIRST if count == 1 else PROBED
+        edges = [start + (end - start) * k / count for k in range(count)] + [end]
+        left = max(error(a, b, a + (b - a) * u) for a, b in itertools.pairwise(edges) for u in probed)
+        if left <= most or count >= MOST_SEGMENTS:
+            return count, left
+        by_square = math.ceil(count * math.sqrt(left / most)) if math.isfinite(left) else 2 * count
+        count = min(max(count + 1, min(by_square, 2 * count if count < FEW else 4 * count)), MOST_SEGMENTS)
+
+
+def _within_limit(counts: list[int]) -> list[int]:
+    total = sum(counts)
+    if total <= MOST_SEGMENTS:
+        return counts
+    return [max(1, count * MOST_SEGMENTS // total) for count in counts]
+
+
+def _uniform(kept: list[float], counts: list[int]) -> list[float] | None:
+    """Equal segments all over, where the samples allow for that with few of them."""
+    for grid in range(1, MOST_UNIFORM + 1):
+        if all(abs(time * grid - round(time * grid)) < SAME_TIME * grid for time in kept):
+            lengths = [round(b * grid) - round(a * grid) for a, b in itertools.pairwise(kept)]
+            total = grid * max(math.ceil(count / length) for count, length in zip(counts, lengths, strict=True))
+            exact = {round(time * total): time for time in kept}
+            few = total <= max(MOST_UNIFORM, sum(counts)) and total <= MOST_SEGMENTS
+            return [exact.get(k, k / total) for k in range(total + 1)] if few else None
+    return None
+
+
+def _divided(kept: list[float], counts: list[int]) -> list[float]:
+    times = [a + (b - a) * k / n for a, b, n in zip(kept, kept[1:], counts, strict=False) for k in range(n)]
+    return [*times, 1.0]
+
+
+def _largest(error: Error, times: Sequence[float]) -> float:
+    return max(error(a, b, a + (b - a) * u) for a, b in itertools.pairwise(times) for u in PROBED)
+
+
+def fractions(offsets: Sequence[float], span: tuple[float, float], blur_scale: float) -> list[float]:
+    """Of offsets from the frame at which something bends, as it is looked at `blur_scale` times as late."""
+    first, last = span
+    if blur_scale == 0.0 or last == first:
+        return []
+    return [(offset / blur_scale - first) / (last - first) for offset in offsets]
+
+
+def corners_of(low: Doubles, high: Doubles) -> Doubles:
+    """(8, 3) of a box."""
+    return np.array([[(low, high)[i][0], (low, high)[j][1], (low, high)[k][2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])

@@ -1,0 +1,54 @@
+"""Which attributes change around the shutter, when their paths bend, and a prim's transform at any time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from pxr import Usd
+
+from ...arrays import Doubles
+from ..moving.mover import Local
+from ..moving.timing import Timing
+from ..querying.guarded import local_transform_at
+from ..querying.time_varying import changes, might_change, number_of, scalar_operations, times_between
+from ..resolving.convert import matrix
+from ..resolving.read import When, time_of
+
+
+def moving_operations(prim: Usd.Prim, names: frozenset[str], when: When, timing: Timing) -> list[Usd.Attribute]:
+    """Those that change around the shutter."""
+    if timing.is_frame:
+        return []
+    asked = [name for name in names if name.startswith("xformOp:")] if timing.is_timed else scalar_operations(names)
+    attributes = map(prim.GetAttribute, asked)
+    return [attribute for attribute in attributes if moves(attribute, when, timing)]
+
+
+def moves(attribute: Usd.Attribute, when: When, timing: Timing) -> bool:
+    """Whether its value changes around the shutter."""
+    if not attribute or not might_change(attribute):
+        return False
+    frame = number_of(time_of(attribute, when), attribute)
+    first, last = timing.looked_at
+    return frame is not None and changes(attribute, frame + first, frame + last)
+
+
+def bends(attributes: Iterable[Usd.Attribute], when: When, timing: Timing) -> list[float]:
+    """Offsets from the frame, around the shutter, at which any of them may change how it goes on."""
+    first, last = timing.looked_at
+    found: set[float] = set()
+    for attribute in attributes:
+        frame = number_of(time_of(attribute, when), attribute)
+        if frame is not None:
+            found.update(time - frame for time in times_between(attribute, frame + first, frame + last))
+    return sorted(found)
+
+
+def transform_of(prim: Usd.Prim, when: When) -> Local:
+    """The prim's own transform at any offset."""
+
+    def local(offset: float) -> Doubles:
+        then = when.after(offset)
+        return matrix(local_transform_at(prim, lambda attribute: time_of(attribute, then))[0])
+
+    return local

@@ -1,0 +1,135 @@
+"""Lights that move: rigidly, so that their sizes and what they emit stay those of the frame."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...arrays import Doubles
+from ...description import Light, LightType, MatrixMotion
+from ...description.placement import Instances
+from ..moving.between import have_rotations, rotation_matrices, taken_apart
+from ..moving.levels import product_at, times_of
+from ..moving.settle import MatrixPath, Precision, motion_of
+from ..moving.steps import corners_of, fractions
+from ..resolving.context import Context
+from ..resolving.resolve import ResolvedPrim
+from .changes import moves
+
+SIZES = ("inputs:radius", "inputs:width", "inputs:height", "inputs:length", "inputs:angle")
+SAME_SIZE = 1e-6
+_INFINITE = (LightType.DISTANT, LightType.DOME)
+INFINITE_NO_ERROR = 1e-4  # pixels
+
+
+@dataclass(frozen=True, eq=False)
+class LightPath:
+    """Which instance of a chain holds the light, and how."""
+
+    levels: Sequence[Instances]
+    row: int
+    group_from_light: Doubles  # (4, 4)
+    blur_scale: float
+
+    def at(self, offset: float) -> Doubles:
+        """(4, 4) world_from_light."""
+        world = np.eye(4)
+        world[:3] = product_at(self.levels, offset)[self.row]
+        return np.asarray(world @ self.group_from_light)
+
+
+def note_changing_size(prim: ResolvedPrim, ctx: Context) -> None:
+    if ctx.timing.is_frame:
+        return
+    for name in SIZES:
+        if name in prim.names and moves(prim.prim.GetAttribute(name), ctx.when, ctx.timing):
+            ctx.warn("motion", prim.path, f"{name} is not blurred: a light keeps the size that it has at the frame.", name)
+
+
+def moving_light(light: Light, path: LightPath, precision: Precision, ctx: Context) -> Light:
+    """With its motion, if it moves; noted, where not all of that can be shown."""
+    timing, scale = precision.timing, path.blur_scale
+    bent = fractions(times_of(path.levels), timing.span, scale)
+    inside = [time for time in bent if 0.0 < time < 1.0]
+    known: dict[float, Doubles] = {}
+
+    def world(fraction: float) -> Doubles:
+        if fraction not in known:
+            known[fraction] = path.at(scale * timing.offset(fraction))
+        return known[fraction]
+
+    looked_at = [world(time) for time in (0.0, *inside, 0.5, 1.0)]
+    if all(np.array_equal(matrix, looked_at[0]) for matrix in looked_at):
+        return light
+    frame = path.at(0.0)
+    problem = _unlike(np.stack([frame, *looked_at]))
+    if problem:
+        ctx.warn("motion", light.path, problem)
+    turns = have_rotations(np.stack([frame, *looked_at])[:, None, :3])
+    start = taken_apart(frame[None, :3]) if turns else None
+
+    def rigid(fraction: float) -> Doubles:
+        """(1, 3, 4) of the frame's light."""
+        moved = light.world_from_light.copy()
+        then = world(fraction)
+        if start is not None:
+            rotation = rotation_matrices(taken_apart(then[None, :3]).quaternions)[0]
+            moved[:3, :3] = rotation @ rotation_matrices(start.quaternions)[0].T @ moved[:3, :3]
+        if light.type not in _INFINITE:
+            moved[:3, 3] = then[:3, 3]
+        return moved[None, :3]
+
+    found, steps = motion_of(_seen(light, rigid, bent, precision), precision.most, rigid=True)
+    if len({rigid(time).tobytes() for time in steps.times}) == 1:
+        return light
+    precision.steps.append((light.path, steps))
+    matrices = np.zeros((len(steps.times), 4, 4))
+    matrices[:, :3], matrices[:, 3, 3] = found.matrices[:, 0], 1.0
+    return replace(light, motion=MatrixMotion(found.times, matrices, found.turns))
+
+
+def _unlike(matrices: Doubles) -> str:
+    """What of a light's way is not shown."""
+    if not have_rotations(matrices[:, None, :3]):
+        flat = not np.array_equal(matrices[:, :3, :3], np.broadcast_to(matrices[0, :3, :3], matrices[:, :3, :3].shape))
+        return "Only its place is blurred: its transform leaves it without size in some direction." if flat else ""
+    stretches = taken_apart(matrices[:, :3]).stretches
+    size = np.abs(stretches[0]).max()
+    if np.abs(stretches - stretches[0]).max() <= SAME_SIZE * size:
+        return ""
+    return "Its size changes while the shutter is open: it stays that of the frame, and only its way is blurred."
+
+
+def _seen(light: Light, rigid: object, bent: Sequence[float], precision: Precision) -> MatrixPath:
+    """How far its errors show: at its own size; of what is infinitely far and of beams, also where they go."""
+    assert callable(rigid)
+    half = np.array(_half_size(light))
+    places = np.array([rigid(time)[0, :, 3] for time in (0.0, 0.5, 1.0)])
+    if light.type in _INFINITE:
+        return MatrixPath(
+            rigid, bent, corners_of(-np.ones(3), np.ones(3)), np.array([precision.pixels.per_unit]), INFINITE_NO_ERROR
+        )
+    if light.shaping is not None:
+        stretch = float(np.linalg.norm(light.world_from_light[:3, :3], axis=0).max()) or 1.0
+        away = np.linalg.norm(places[:, None] - precision.pixels.eyes, axis=2).max()
+        half = np.maximum(half, away / stretch)
+    reach = np.abs(light.world_from_light[:3, :3]) @ half
+    low, high = (places.min(axis=0) - reach)[None], (places.max(axis=0) + reach)[None]
+    return MatrixPath(rigid, bent, corners_of(-half, half), precision.pixels.per_length(low, high), INFINITE_NO_ERROR)
+
+
+def _half_size(light: Light) -> tuple[float, float, float]:
+    match light.type:
+        case LightType.RECT:
+            return light.width / 2, light.height / 2, 0.0
+        case LightType.DISK:
+            return light.radius, light.radius, 0.0
+        case LightType.SPHERE:
+            return light.radius, light.radius, light.radius
+        case LightType.CYLINDER:
+            return light.length / 2, light.radius, light.radius
+        case LightType.LINE:
+            return light.length / 2, 0.0, 0.0
+    return 0.0, 0.0, 0.0

@@ -1,0 +1,148 @@
+"""A mesh's points and authored normals over the shutter; its topology stays that of the frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...arrays import Floats
+from ...description import PointMotion
+from ..moving.steps import fractions, steps_of
+from ..resolving.context import Context
+from ..resolving.resolve import ResolvedPrim
+from ..shapes.authored_mesh import AuthoredMesh, read_normals
+from ..shapes.polygons import Polygons, normals_of
+from ..shapes.primvars import AuthoredPrimvar
+from ..shapes.seam_mesh import PolygonMotion, Values
+from ..shapes.subdivision import Cage
+from ..shapes.topology import LARGEST
+from .changes import bends, moves
+from .points import PointPath, point_path
+
+NO_ERROR = 1e-6  # of the size, up to which a sample on the line between others is left out
+CURVED = 1e-3  # of the size, by which straight pieces of what accelerates may be off
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPath:
+    """Offsets from the frame are those at which the mesh is looked at: blurScale times those of the shutter."""
+
+    prim: ResolvedPrim
+    points: PointPath | None
+    normals: Callable[[float], AuthoredPrimvar | None] | None  # None: they stay as they are
+    times: tuple[float, ...]
+    here: float  # the frame, or the instant of a still
+    blur_scale: float
+
+
+def mesh_path(prim: ResolvedPrim, authored: AuthoredMesh, ctx: Context) -> MeshPath | None:
+    """None where it stands all the time as it does at the frame."""
+    points = point_path(prim, "points", ctx)
+    names = (
+        () if ctx.timing.is_frame or not ctx.timing.is_timed or authored.normals is None else ("normals", "primvars:normals")
+    )
+    attributes = [prim.prim.GetAttribute(name) for name in names if name in prim.names]
+    turning = [attribute for attribute in attributes if moves(attribute, ctx.when, ctx.timing)]
+    if points is None and not turning:
+        return None
+    scale = prim.inherited.blur_scale
+    times = {*(points.times if points else ()), *bends(turning, ctx.when, ctx.timing)}
+    normals = (lambda offset: read_normals(prim, ctx.when.after(offset))) if turning else None
+    here = 0.0 if ctx.timing.is_open else scale * ctx.timing.opens
+    return MeshPath(prim, points, normals, tuple(sorted(times)), here, scale)
+
+
+def with_points(authored: AuthoredMesh, path: MeshPath, offset: float) -> AuthoredMesh:
+    """The mesh as it is then."""
+    points, normals = authored.points, authored.normals
+    if path.points is not None:
+        points = path.points.at(offset).astype(np.float32)
+    if path.normals is not None:
+        found = path.normals(offset)
+        fits = found is not None and normals is not None and _length(found) == _length(normals)
+        normals = found if fits else normals
+    return replace(authored, points=points, normals=normals)
+
+
+def _length(normals: AuthoredPrimvar) -> int:
+    return len(normals.values) if hasattr(normals.values, "__len__") else 0
+
+
+def moving_polygons(polygons: Polygons, authored: AuthoredMesh, path: MeshPath, ctx: Context) -> Polygons:
+    """With its motion, if it moves while the shutter is open."""
+    if not ctx.timing.is_open:
+        return polygons
+    known: dict[float, tuple[Floats, Values | None]] = {}
+
+    def at(fraction: float) -> tuple[Floats, Values | None]:
+        if fraction not in known:
+            then = with_points(authored, path, path.blur_scale * ctx.timing.offset(fraction))
+            points = finite_points(then.points, polygons.points)
+            known[fraction] = points, normals_of(then, points, polygons.triangles, polygons.sizes, ctx)
+        return known[fraction]
+
+    times = _times(lambda fraction: _rows(*at(fraction)), path, ctx)
+    if times is None:
+        return polygons
+    found = [at(time) for time in times]
+    normals = [values for _, values in found if values is not None]
+    if len(normals) < len(found) or {values.per for values in normals} != {polygons.normals and polygons.normals.per}:
+        normals = []
+    turning = () if not normals or _same(normals) else tuple(normals)
+    motion = PolygonMotion(np.array(times), np.stack([points for points, _ in found]), turning)
+    return replace(polygons, motion=motion)
+
+
+def moving_cage(cage: Cage, path: MeshPath, ctx: Context) -> Cage:
+    if not ctx.timing.is_open or path.points is None:
+        return cage
+    points = path.points
+
+    def at(fraction: float) -> Floats:
+        return finite_points(points.at(path.blur_scale * ctx.timing.offset(fraction)).astype(np.float32), cage.points)
+
+    times = _times(at, path, ctx)
+    if times is None:
+        return cage
+    return replace(cage, motion=PointMotion(np.array(times), np.stack([at(time) for time in times])))
+
+
+def finite_points(points: Floats | None, frame: Floats) -> Floats:
+    """Those that are not finite stay as they are at the frame."""
+    if points is None:
+        return frame
+    good = np.abs(points).max(axis=1) <= LARGEST
+    return points if good.all() else np.where(good[:, None], points, frame)
+
+
+def _rows(points: Floats, normals: Values | None) -> Floats:
+    return points if normals is None else np.concatenate([points, normals.array])
+
+
+def _same(normals: list[Values]) -> bool:
+    return all(np.array_equal(values.array, normals[0].array) for values in normals[1:])
+
+
+def _times(at: Callable[[float], Floats], path: MeshPath, ctx: Context) -> tuple[float, ...] | None:
+    """Fractions of the span at which points are given; None where they stand still."""
+    bent = fractions(path.times, ctx.timing.span, path.blur_scale)
+    inside = [time for time in bent if 0.0 < time < 1.0]
+    looked_at = [at(time) for time in (0.0, *inside, 0.5, 1.0)]
+    if any(len(rows) != len(looked_at[0]) for rows in looked_at):
+        return None
+    if all(np.array_equal(rows, looked_at[0]) for rows in looked_at[1:]):
+        return None
+    size = float(max(np.ptp(rows, axis=0).max() for rows in looked_at)) or 1.0
+
+    def error(a: float, b: float, time: float) -> float:
+        u = (time - a) / (b - a)
+        first, last = at(a).astype(np.float64), at(b).astype(np.float64)
+        return float(np.abs(first + u * (last - first) - at(time)).max()) / size
+
+    rounding = 4 * float(np.finfo(np.float32).eps) * max(float(np.abs(rows).max()) for rows in looked_at) / size
+    none = max(NO_ERROR, rounding)
+    # Between samples everything is linear, unless it accelerates.
+    curved = path.points is not None and path.points.acceleration > 0
+    return steps_of(error, bent, CURVED if curved else float("inf"), none).times

@@ -1,0 +1,143 @@
+"""The camera over the shutter: where it stands, its zoom, focus and clipping, at times that an error in pixels decides."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from ...arrays import Doubles
+from ...description import Camera, CameraMotion
+from ...diagnostics import Diagnostics
+from ..adapters.cameras.camera import camera as read_camera
+from ..adapters.rendering.render_product import ProductSettings
+from ..moving.between import quaternions, rotation_matrices, slerp
+from ..moving.pixels import NEAREST
+from ..moving.steps import Steps, fractions, steps_of
+from ..paths.changes import bends, moves
+from ..querying.guarded import property_names
+from ..resolving.context import Context
+from ..resolving.read import When
+from .drawn import Drawn
+
+_OPTICS = """horizontalAperture verticalAperture horizontalApertureOffset verticalApertureOffset focalLength
+    clippingRange fStop focusDistance"""
+OPTICS = frozenset(_OPTICS.split())
+FAR = 1e6  # times as far as what is nearest
+NO_ERROR = 1e-4  # pixels
+
+
+def camera_when(prim: Usd.Prim, ctx: Context, offset: float) -> When:
+    """When to read it, so many time codes after the frame; motion:blurScale is of "all objects", of cameras, too."""
+    return ctx.when.after(offset * blur_scale(prim))
+
+
+def blur_scale(prim: Usd.Prim) -> float:
+    api = UsdGeom.MotionAPI(prim)
+    return max(float(api.ComputeMotionBlurScale()), 0.0) if api else 1.0
+
+
+def camera_motion(
+    prim: Usd.Prim | None,
+    frame: Camera,
+    ctx: Context,
+    product: ProductSettings,
+    resolution: tuple[int, int],
+    nearest: float,
+    most: float,
+) -> tuple[CameraMotion, Steps] | None:
+    """None where it stands still while the shutter is open; `nearest`: how far away the first thing is that it may see."""
+    if prim is None or not (moving := list(_moving(prim, ctx))):
+        return None
+    scale, timing = blur_scale(prim), ctx.timing
+    known: dict[float, Camera] = {}
+
+    def at(fraction: float) -> Camera:
+        if fraction not in known:
+            when = ctx.when.after(scale * timing.offset(fraction))
+            found = read_camera(prim, ctx.when, resolution, product, frame.shutter, Diagnostics(), when)
+            known[fraction] = replace(found, exposure_scale=frame.exposure_scale)
+        return known[fraction]
+
+    def error(a: float, b: float, time: float) -> float:
+        made = between(at(a), at(b), (time - a) / (b - a))
+        return _difference(made, at(time), nearest, resolution)
+
+    bent = fractions(bends(moving, ctx.when, timing), timing.span, scale)
+    if all(at(time) == at(0.0) for time in (0.5, 1.0, *(t for t in bent if 0 < t < 1))):
+        return None
+    steps = steps_of(error, bent, most, NO_ERROR)
+    return CameraMotion(np.array(steps.times), tuple(at(time) for time in steps.times)), steps
+
+
+def _moving(prim: Usd.Prim, ctx: Context) -> Iterator[Usd.Attribute]:
+    """Attributes of it and of what is above it that change while the shutter is open."""
+    names = OPTICS & frozenset(property_names(prim))
+    yield from (a for name in sorted(names) if moves(a := prim.GetAttribute(name), ctx.when, ctx.timing))
+    above = prim
+    while above and not above.IsPseudoRoot():
+        for name in property_names(above):
+            if name.startswith("xformOp:") and moves(a := above.GetAttribute(name), ctx.when, ctx.timing):
+                yield a
+        above = above.GetParent()
+
+
+def between(a: Camera, b: Camera, u: float) -> Camera:
+    """As the seam has it: the rotation at constant speed, the rest linear."""
+    matrix = np.eye(4)
+    first, last = (quaternions(camera.world_from_camera[None, :3, :3]) for camera in (a, b))
+    matrix[:3, :3] = rotation_matrices(slerp(first, last, u))[0]
+    matrix[:3, 3] = _mix(a.world_from_camera[:3, 3], b.world_from_camera[:3, 3], u)
+    left, right, bottom, top = _mix(np.array(a.window), np.array(b.window), u).tolist()
+    near, far = _mix(np.array(a.clipping_range), np.array(b.clipping_range), u).tolist()
+    return replace(
+        a,
+        world_from_camera=matrix,
+        window=(left, right, bottom, top),
+        clipping_range=(near, far),
+        lens_radius=a.lens_radius + u * (b.lens_radius - a.lens_radius),
+        focus_distance=a.focus_distance + u * (b.focus_distance - a.focus_distance),
+    )
+
+
+def nearest_to(camera: Camera, things: Drawn) -> float:
+    """How far away the nearest thing is, or the near plane where it holds the camera."""
+    eye = camera.world_from_camera[:3, 3]
+    apart = np.linalg.norm(np.maximum(np.maximum(things.low - eye, eye - things.high), 0.0), axis=1)
+    size = float((things.high.max(axis=0) - things.low.min(axis=0)).max())
+    return max(float(apart.min()), camera.clipping_range[0], NEAREST * size, 1e-30)
+
+
+def _mix(a: Doubles, b: Doubles, u: float) -> Doubles:
+    return np.asarray(a + u * (b - a))
+
+
+def _difference(found: Camera, true: Camera, nearest: float, resolution: tuple[int, int]) -> float:
+    """Pixels, the largest at the corners and the centre of what the true camera sees, near and far."""
+    left, right, bottom, top = true.window
+    window = np.array([(left, bottom), (left, top), (right, bottom), (right, top), ((left + right) / 2, (bottom + top) / 2)])
+    apart = 0.0
+    distances = {nearest, FAR * nearest, true.focus_distance if true.lens_radius else nearest}
+    for distance in distances:
+        across = window if true.projection.value == "orthographic" else window * distance
+        seen = np.concatenate([across, np.full((5, 1), -distance)], axis=1)
+        world = seen @ true.world_from_camera[:3, :3].T + true.world_from_camera[:3, 3]
+        with np.errstate(invalid="ignore"):
+            off = np.linalg.norm(found.project(world, resolution) - true.project(world, resolution), axis=1)
+        apart = max(apart, float(np.where(np.isfinite(off), off, np.inf).max()))
+    return max(apart, _defocus(found, true, nearest, resolution))
+
+
+def _defocus(found: Camera, true: Camera, nearest: float, resolution: tuple[int, int]) -> float:
+    """Pixels by which the blur of what is nearest, and of what is infinitely far, is too large or too small."""
+    left, right, _, _ = true.window
+    per_unit = resolution[0] / abs(right - left)
+
+    def blur(camera: Camera, distance: float) -> float:
+        if not camera.lens_radius or not camera.focus_distance:
+            return 0.0
+        return camera.lens_radius * abs(1.0 / camera.focus_distance - 1.0 / distance) * per_unit
+
+    return max(abs(blur(found, d) - blur(true, d)) for d in (nearest, FAR * nearest))
