@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from ..description.lighting import Light, LightType
 from ..diagnostics import Diagnostics
+from ..photometry.scaled import BRIGHTEST, DARK, TOO_BRIGHT, scaled, within
 from .texture import Texture
 from .texture_set import TextureSet
 
@@ -21,12 +22,26 @@ def with_read_textures(lights: Iterable[Light], textures: TextureSet, diagnostic
             kept.append(light)
         elif light.texture not in textures:
             if light.type is LightType.RECT:
-                kept.append(replace(light, texture=None))
-        elif light.type is LightType.DOME:
-            kept.append(_settled(light, textures[light.texture][0][1], diagnostics))
+                kept.append(_measured(replace(light, texture=None), None, diagnostics))
         else:
-            kept.append(light)
+            image = textures[light.texture][0][1]
+            if light.type is LightType.DOME:
+                light = _settled(light, image, diagnostics)
+            kept.append(_measured(light, image, diagnostics))
     return tuple(kept)
+
+
+def _measured(light: Light, image: Texture | None, diagnostics: Diagnostics) -> Light:
+    """As bright as it is to be, through its image."""
+    if light.photometric is None:
+        return light
+    found = scaled(light, light.photometric, None if image is None else image.rgb())
+    if found is None:
+        diagnostics.add("light-dark", light.path, DARK)
+        return replace(light, emission=(0.0, 0.0, 0.0), photometric=None)
+    if max(found.emission) > BRIGHTEST:
+        diagnostics.add("out-of-range", light.path, TOO_BRIGHT)
+    return within(found)
 
 
 def _settled(dome: Light, image: Texture, diagnostics: Diagnostics) -> Light:
