@@ -11,6 +11,7 @@ from ..description.lighting import Light
 from .illuminance import bilinear
 
 _ROWS = 1024  # of directions from pole to pole, at least
+_DISCS = ("mirroredBall", "angular")
 
 
 def dome_illuminance(light: Light, up: tuple[float, float, float], image: Floats | None) -> Doubles:
@@ -26,6 +27,8 @@ def _received(image: Floats, up: Doubles, layout: str) -> Doubles:
     """By rows of directions of equal height above the dome's equator; `up` in its frame."""
     height, width, _ = image.shape
     plain = layout in ("latlong", "automatic")
+    if layout in _DISCS:
+        image = _extended(image)
     as_stored = plain and height >= _ROWS and width >= _ROWS  # then texels are narrow enough to stand for themselves
     rows, columns = (height, width) if as_stored else (_ROWS, 2 * _ROWS)
     turn = (0.5 - (np.arange(columns) + 0.5) / columns) * 2 * math.pi  # s = 0.5 - atan2(x, z) / 2 pi
@@ -46,10 +49,21 @@ def _received(image: Floats, up: Doubles, layout: str) -> Doubles:
     return total
 
 
+def _extended(image: Floats) -> Floats:
+    """With what is at the edge of its disc outside of it, as the core has it before it reads anything."""
+    height, width, _ = image.shape
+    y, x = np.meshgrid(2 * (np.arange(height) + 0.5) / height - 1, 2 * (np.arange(width) + 0.5) / width - 1, indexing="ij")
+    radius = np.hypot(x, y)
+    inwards = np.where(radius > 1, max(1 - 1.4143 / min(width, height), 0.0) / np.maximum(radius, 1e-20), 1.0)
+    column = np.clip(((x * inwards + 1) * 0.5 * width).astype(np.intp), 0, width - 1)
+    row = np.clip(((y * inwards + 1) * 0.5 * height).astype(np.intp), 0, height - 1)
+    return image[row, column]
+
+
 def _seen(image: Floats, w: Doubles, layout: str) -> Doubles:
     """(N, 3) along unit directions in the dome's frame; core/light/dome/dome_format.hpp says where formats have them."""
     height, width, _ = image.shape
-    if layout in ("mirroredBall", "angular"):
+    if layout in _DISCS:
         sine = np.maximum(np.hypot(w[:, 0], w[:, 1]), 1e-20)
         angle = np.arctan2(sine, w[:, 2])
         radius = (np.sin(angle / 2) if layout == "mirroredBall" else angle / math.pi) / sine
