@@ -57,7 +57,8 @@ def _extended(image: Floats) -> Floats:
     inwards = np.where(radius > 1, max(1 - 1.4143 / min(width, height), 0.0) / np.maximum(radius, 1e-20), 1.0)
     column = np.clip(((x * inwards + 1) * 0.5 * width).astype(np.intp), 0, width - 1)
     row = np.clip(((y * inwards + 1) * 0.5 * height).astype(np.intp), 0, height - 1)
-    return image[row, column]
+    whole: Floats = image[row, column]
+    return whole
 
 
 def _seen(image: Floats, w: Doubles, layout: str) -> Doubles:

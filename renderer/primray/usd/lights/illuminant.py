@@ -14,20 +14,21 @@ import numpy as np
 from ...color.color_space import luminance_weights
 from ...color.illuminants import DAYLIGHT_K, black_body, daylight, of_chromaticity, rgb_of
 from ...color.spectrum import Spectrum
-from ..resolving.applied_schemas import applied_schemas
+from ..resolving.applied_schemas import ILLUMINANT as SCHEMA
 from ..resolving.context import Context
+from ..resolving.notes import PhysicalSchemas
 from ..resolving.read import array, flag, number, read, token
 from ..resolving.resolve import ResolvedPrim
 
 Color = tuple[float, float, float]
 
-SCHEMA = "PhysicalLightIlluminantAPI"
 ILLUMINANT, CUSTOM = "physical:illuminant", "physical:customIlluminant"
 # The second as NVIDIA's Omniverse has it, which also writes the token without a space.
 TEMPERATURES = ("physical:colorTemperature", "inputs:colorTemperature")
 ENABLED = "inputs:enableColorTemperature"
 _TOKENS = ("white", "blackbody", "illuminant D", "custom")
 _BLACK_BODY_K = (500.0, 1e6)
+_ASKING = frozenset({ILLUMINANT, CUSTOM})
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,16 +37,17 @@ class Illuminant:
     color: Color  # in the rendering space, of luminance 1
 
 
-class _Known(dict[str, "Illuminant | None"]):
+class _Known(dict[str, Illuminant]):
     """By the path of a light."""
 
 
 def illuminant_of(prim: ResolvedPrim, ctx: Context) -> Illuminant | None:
     """None where nothing says what it is."""
+    if prim.names.isdisjoint(_ASKING) and SCHEMA not in ctx.kept.of(PhysicalSchemas).get(prim.path, ()):
+        return None
     known = ctx.kept.of(_Known)
     if prim.path not in known:
-        is_said = ILLUMINANT in prim.names or CUSTOM in prim.names or SCHEMA in applied_schemas(prim.prim)
-        known[prim.path] = _read(prim, ctx) if is_said else None
+        known[prim.path] = _read(prim, ctx)
     return known[prim.path]
 
 
@@ -62,7 +64,9 @@ def _read(prim: ResolvedPrim, ctx: Context) -> Illuminant:
             "light-input", prim.path, f"{ILLUMINANT} = {name!r} is none of {', '.join(_TOKENS)}: white is used.", ILLUMINANT
         )
         name = "white"
-    if name != "blackbody" and name != "illuminant D" and flag(prim.prim, ENABLED, ctx.when, False):
+    if name != "custom" and CUSTOM in prim.names:
+        ctx.warn("light-input", prim.path, f"It is ignored: {ILLUMINANT} says that the light is {name}.", CUSTOM)
+    if name in ("white", "custom") and flag(prim.prim, ENABLED, ctx.when, False):
         ctx.warn("light-input", prim.path, f"It is ignored: {ILLUMINANT} says that the light is {name}.", ENABLED)
     match name:
         case "blackbody":

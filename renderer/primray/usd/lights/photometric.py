@@ -14,8 +14,9 @@ from ...color.illuminants import black_body
 from ...color.spectrum import efficacy
 from ...description.lighting import Photometric
 from ..opening.stage_metadata import meters_per_unit, up_axis
-from ..resolving.applied_schemas import PHOTOMETRIC, applied_schemas
+from ..resolving.applied_schemas import PHOTOMETRIC
 from ..resolving.context import Context
+from ..resolving.notes import PhysicalSchemas, not_for
 from ..resolving.read import flag, number
 from ..resolving.resolve import ResolvedPrim
 from .illuminant import ENABLED, TEMPERATURES, illuminant_of, white
@@ -54,10 +55,12 @@ class _Known(dict[str, "Photometric | None"]):
 
 def photometric_of(prim: ResolvedPrim, ctx: Context) -> Photometric | None:
     """None where nothing is asked for; what cannot be honoured is noted."""
+    applied = ctx.kept.of(PhysicalSchemas)
+    if prim.path not in applied and NAMES.isdisjoint(prim.names):
+        return None
     known = ctx.kept.of(_Known)
     if prim.path not in known:
-        schemas = PHOTOMETRIC.intersection(applied_schemas(prim.prim))
-        known[prim.path] = _read(prim, schemas, ctx) if schemas or not NAMES.isdisjoint(prim.names) else None
+        known[prim.path] = _read(prim, PHOTOMETRIC.intersection(applied.get(prim.path, ())), ctx)
     return known[prim.path]
 
 
@@ -87,10 +90,10 @@ def _unfit(prim: ResolvedPrim, kind: str, schemas: frozenset[str]) -> Iterator[t
     """Schemas and attributes that are not for such lights."""
     for schema in sorted(schemas):
         if schema not in {f"{family.prefix}{kind}LightAPI" for family in FAMILIES}:
-            yield f"{schema} is ignored: it is not for a {prim.type_name}.", ""
+            yield not_for(schema, prim.type_name), ""
     for family in FAMILIES:
         for name in sorted(prim.names & (family.names - (_fitting(family, kind) if kind else frozenset()))):
-            yield f"{name} is ignored: it is not for a {prim.type_name}.", name
+            yield not_for(name, prim.type_name), name
 
 
 def _asked(prim: ResolvedPrim, family: _Family, kind: str, applied: bool, ctx: Context) -> Photometric | None:
