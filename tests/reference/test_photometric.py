@@ -141,11 +141,10 @@ def _looking_back(at: np.ndarray, axis: np.ndarray) -> np.ndarray:
 @pytest.mark.conforms("PhotometricAreaLightAPI.photometric:illuminance")
 def test_illuminance_ahead_through_an_image(tmp_path: Path) -> None:
     pixels = np.random.default_rng(2).random((4, 6, 3)) ** 3 * 10
-    m = MIDDLE @ scaling(3, 3, 1)
-    axis = -m[:3, 2]
-    axis /= np.linalg.norm(axis)
-    patch = Plane(_looking_back(m[:3, 3] + axis * 2, axis), 0.01, 0.01)
-    for lines, apis in (((), AREA), (SPOT, SHAPED)):
+    file = profile(tmp_path, uneven_profile())
+    for lines, apis, m in (((), AREA, MIDDLE @ scaling(3, 3, 1)), (SPOT, SHAPED, MIDDLE), ((WIDE, file), SHAPED, SHEARED)):
+        axis = -m[:3, 2] / np.linalg.norm(m[:3, 2])
+        patch = Plane(_looking_back(m[:3, 3] + axis * 2, axis), 0.01, 0.01)
         textured = lamp("RectLight", *AHEAD, image(tmp_path, pixels), *lines, m=m, apis=apis)
         assert lux_on(tmp_path, textured, patch, spp=256) == pytest.approx(250, rel=CLOSE)
 

@@ -15,12 +15,11 @@ _DISCS = ("mirroredBall", "angular")
 
 
 def dome_illuminance(light: Light, up: tuple[float, float, float], image: Floats | None) -> Doubles:
-    """(3,) of its emission, times its image (H, W, 3) if there is one."""
-    emission = np.array(light.emission)
+    """(3,) of an emission of 1, times its image (H, W, 3) if there is one."""
     if image is None:
-        return emission * math.pi
+        return np.full(3, math.pi)
     axes = light.world_from_light[:3, :3] / np.linalg.norm(light.world_from_light[:3, :3], axis=0)
-    return emission * _received(image, axes.T @ np.array(up), light.texture_format)
+    return _received(image, axes.T @ np.array(up), light.texture_format)
 
 
 def _received(image: Floats, up: Doubles, layout: str) -> Doubles:

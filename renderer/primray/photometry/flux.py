@@ -24,11 +24,10 @@ _AT_ONCE = 1 << 20
 
 
 def flux(light: Light) -> Doubles:
-    """(3,) of its emission without an image; in scene units squared."""
-    emission = np.array(light.emission)
+    """(3,) of an emission of 1, without an image; in scene units squared."""
     if light.shaping is None:
-        return np.array(emission * _unshaped(light))
-    return np.array(emission * _shaped(light.type, *shape_key(light), light.shaping))
+        return np.full(3, _unshaped(light))
+    return np.array(_shaped(light.type, *shape_key(light), light.shaping))
 
 
 def _unshaped(light: Light) -> float:

@@ -23,22 +23,19 @@ Elements = tuple[Doubles, Doubles]
 
 
 def distant_illuminance(light: Light) -> Doubles:
-    """(3,) UsdLux DistantLight: at angle 0 its emission is irradiance; beyond 180 degrees the rest comes from behind."""
-    emission = np.array(light.emission)
+    """(3,) of an emission of 1: irradiance at angle 0 (UsdLux DistantLight); beyond 180 degrees the rest comes from behind."""
     half = math.radians(light.angle_deg) / 2
     if half == 0:
-        return emission
-    received: Doubles = emission * math.pi * (math.sin(half) ** 2 if half < math.pi / 2 else 1.0)
-    return received
+        return np.ones(3)
+    return np.full(3, math.pi * (math.sin(half) ** 2 if half < math.pi / 2 else 1.0))
 
 
 def illuminance_ahead(light: Light, distance: float, image: Floats | None = None) -> Doubles:
-    """(3,) of the light's emission (times a rectangle's image (H, W, 3)) `distance` along its -Z, on what faces its origin."""
-    emission = np.array(light.emission)
+    """(3,) of an emission of 1 (times a rectangle's image (H, W, 3)) `distance` along -Z, on what faces the light's origin."""
     linear, sizes = shape_key(light)
     if image is not None:
-        return np.array(emission * _imaged(linear, sizes, light.shaping, distance, image))
-    return np.array(emission * _ahead(light.type, linear, sizes, light.shaping, distance))
+        return _imaged(linear, sizes, light.shaping, distance, image)
+    return np.array(_ahead(light.type, linear, sizes, light.shaping, distance))
 
 
 @lru_cache(maxsize=256)

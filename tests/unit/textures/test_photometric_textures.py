@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from primray.description import Light, LightType, TextureFile
+from primray.description import Doubles, Floats, Light, LightType, TextureFile
 from primray.description.lighting import Photometric
 from primray.diagnostics import Diagnostics
+from primray.photometry.scaled import given
+from primray.textures import light_textures
 from primray.textures.light_textures import with_read_textures
 from primray.textures.texture import Texture
 
@@ -54,6 +57,25 @@ def test_nothing_comes_through_a_black_image() -> None:
 def test_too_bright() -> None:
     (light,), codes = read(asking(LightType.RECT, amount=1e30), np.ones((1, 1, 3)))
     assert (light.emission, codes) == ((1e15, 1e15, 1e15), ["out-of-range"])
+
+
+def test_alike_lights_are_measured_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wherever they stand and however they are turned; not where they are larger."""
+    calls: list[Light] = []
+
+    def counted(light: Light, wanted: Photometric, image: Floats | None) -> Doubles:
+        calls.append(light)
+        return given(light, wanted, image)
+
+    monkeypatch.setattr(light_textures, "given", counted)
+    turned, larger = np.eye(4), np.diag([2.0, 1.0, 1.0, 1.0])
+    turned[:3, :3], turned[:3, 3] = [[0, 0, 1], [1, 0, 0], [0, 1, 0]], (4, 5, 6)
+    lights = [replace(asking(LightType.RECT, amount), world_from_light=m)
+              for amount, m in ((10.0, np.eye(4)), (20.0, turned), (10.0, larger))]  # fmt: skip
+    textures = {FILE: [(0, Texture(np.ones((2, 2, 3), np.float32)))]}
+    found = with_read_textures(lights, textures, Diagnostics())
+    assert [light.emission[0] for light in found] == pytest.approx([10 / math.pi, 20 / math.pi, 5 / math.pi])
+    assert len(calls) == 2
 
 
 def test_others_stay_as_they_are() -> None:

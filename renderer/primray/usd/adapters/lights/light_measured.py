@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from ....description import Light
 from ....description.lighting import Photometric
-from ....photometry.scaled import BRIGHTEST, DARK, TOO_BRIGHT, scaled, within
+from ....photometry.scaled import BRIGHTEST, DARK, TOO_BRIGHT, given, scaled, within
 from ...resolving.context import Context
 from ...resolving.resolve import ResolvedPrim
 
@@ -21,7 +21,7 @@ def measured(prim: ResolvedPrim, light: Light, wanted: Photometric, ctx: Context
         return replace(light, emission=(0.0, 0.0, 0.0))
     if light.texture is not None:
         return replace(light, photometric=wanted)
-    found = scaled(light, wanted)
+    found = scaled(light, wanted, given(light, wanted))
     if found is None:
         ctx.warn("light-dark", prim.path, DARK)
         return replace(light, emission=(0.0, 0.0, 0.0))
