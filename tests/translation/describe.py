@@ -20,7 +20,7 @@ SPARSE = frozenset({"primvars", "inputs", "tiles", "opacity_threshold", "names",
 SPARSE |= {"blades", "blade_rotation_deg", "clipping_planes", "shutter", "pixels", "pixel_aspect_ratio"}
 SPARSE |= {"shaping", "shadow", "light_link", "shadow_link", "visible_to_camera", "linked", "link_row"}
 SPARSE |= {"rendering_space", "target", "is_color"}
-SPARSE |= {"texture_format", "portals", "normalize", "own_color", "shows_own", "light"}
+SPARSE |= {"texture_format", "portals", "normalize", "own_color", "shows_own", "light", "photometric"}
 SPARSE |= {"motion", "exposure", "camera_motion"}
 
 

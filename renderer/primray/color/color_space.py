@@ -101,6 +101,14 @@ def xyz_from_rgb(gamut: tuple[Chromaticity, ...]) -> Doubles:
     return matrix
 
 
+def luminance_weights(space: ColorSpace) -> tuple[float, float, float]:
+    """What linear values of the space are multiplied with for the CIE's Y, white's being 1."""
+    if space.gamut == _REC709:
+        return LUMINANCE_WEIGHTS
+    r, g, b = xyz_from_rgb(space.gamut)[1].tolist()
+    return (r, g, b)
+
+
 def is_gamut(space: ColorSpace) -> bool:
     """Whether there is a matrix: no primaries on one line, and a white with light."""
     numbers = np.array(space.gamut, np.float64)

@@ -93,6 +93,20 @@ class Portal:
 
 
 @dataclass(frozen=True)
+class Photometric:
+    """How much of its light there is to be, where that takes its image: photometry.scaled makes its emission so.
+
+    `amount` is of luminance by `weights`: lumens over the metres squared in a scene unit squared, of all that an area light
+    emits; lux `distance` scene units ahead of its origin, along -Z, on what faces it; of a dome, lux on what faces `up`.
+    """
+
+    amount: float
+    weights: Color
+    distance: float | None = None
+    up: Color = (0.0, 1.0, 0.0)  # world
+
+
+@dataclass(frozen=True)
 class Light:
     """One UsdLux light, already reduced to what it emits.
 
@@ -133,3 +147,4 @@ class Light:
     own_color: bool = False
     shows_own: bool = False
     motion: MatrixMotion | None = None  # of world_from_light, which is that at the frame: rigid, so that sizes stay
+    photometric: Photometric | None = None  # rect and dome with a texture, until that is read; its emission is relative then

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
 from dataclasses import replace
 
-from ..description.lighting import Light, LightType
+from ..arrays import Doubles
+from ..description.lighting import Light, LightType, Photometric
 from ..diagnostics import Diagnostics
+from ..photometry.light_shape import shape_key
+from ..photometry.scaled import BRIGHTEST, DARK, TOO_BRIGHT, given, scaled, within
 from .texture import Texture
 from .texture_set import TextureSet
 
@@ -16,17 +19,46 @@ FORMAT = "inputs:texture:format"
 def with_read_textures(lights: Iterable[Light], textures: TextureSet, diagnostics: Diagnostics) -> tuple[Light, ...]:
     """Rectangles shine without a texture that could not be read; a sky whose image is missing is no plain colour: left out."""
     kept = []
+    measure = _Measure(textures, diagnostics)
     for light in lights:
         if light.texture is None:
             kept.append(light)
         elif light.texture not in textures:
             if light.type is LightType.RECT:
-                kept.append(replace(light, texture=None))
+                kept.append(measure.measured(replace(light, texture=None)))
         elif light.type is LightType.DOME:
-            kept.append(_settled(light, textures[light.texture][0][1], diagnostics))
+            kept.append(measure.measured(_settled(light, textures[light.texture][0][1], diagnostics)))
         else:
-            kept.append(light)
+            kept.append(measure.measured(light))
     return tuple(kept)
+
+
+class _Measure:
+    """Makes lights as bright as they are to be, through their images; many differ by where they stand alone."""
+
+    def __init__(self, textures: TextureSet, diagnostics: Diagnostics) -> None:
+        self._textures = textures
+        self._diagnostics = diagnostics
+        self._known: dict[Hashable, Doubles] = {}
+
+    def measured(self, light: Light) -> Light:
+        if light.photometric is None:
+            return light
+        found = scaled(light, light.photometric, self._of_one(light, light.photometric))
+        if found is None:
+            self._diagnostics.add("light-dark", light.path, DARK)
+            return replace(light, emission=(0.0, 0.0, 0.0), photometric=None)
+        if max(found.emission) > BRIGHTEST:
+            self._diagnostics.add("out-of-range", light.path, TOO_BRIGHT)
+        return within(found)
+
+    def _of_one(self, light: Light, wanted: Photometric) -> Doubles:
+        stands = light.world_from_light[:3, :3].tobytes() if light.type is LightType.DOME else shape_key(light)
+        key = (light.texture, light.texture_format, light.type, light.shaping, wanted.distance, wanted.up, stands)
+        if key not in self._known:
+            image = None if light.texture is None else self._textures[light.texture][0][1].rgb()
+            self._known[key] = given(light, wanted, image)
+        return self._known[key]
 
 
 def _settled(dome: Light, image: Texture, diagnostics: Diagnostics) -> Light:

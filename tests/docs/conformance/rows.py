@@ -51,6 +51,21 @@ UNDECLARED = {
     ),
 }
 
+# Schemas that USD does not have: of the proposal "physical-lighting" (OpenUSD-proposals, as of July 2026), under a heading of
+# its own.
+PROPOSAL = "physical-lighting (proposed)"
+PROPOSED = {
+    "PhysicalLightIlluminantAPI": ("physical:illuminant", "physical:customIlluminant"),
+    "PhotometricAreaLightAPI": ("photometric:power", "photometric:illuminance", "photometric:illuminance:distance"),
+    "RadiometricAreaLightAPI": ("radiometric:power", "radiometric:irradiance", "radiometric:irradiance:distance"),
+    "PhotometricDomeLightAPI": ("photometric:illuminance",),
+    "RadiometricDomeLightAPI": ("radiometric:irradiance",),
+    "PhotometricDistantLightAPI": ("photometric:illuminance",),
+    "RadiometricDistantLightAPI": ("radiometric:irradiance",),
+    "PhysicalCameraResponsivityAPI": tuple(f"physical:responsivity:{channel}" for channel in "rgb"),
+    "PhysicalColorFilterArrayAPI": tuple(f"physical:colorFilterArray:{name}" for name in ("pattern", "wavelengths", "filters")),
+}
+
 
 @dataclass(frozen=True)
 class Row:
@@ -65,7 +80,13 @@ class Row:
 
 def rows() -> dict[str, Row]:
     """By name, in the order of the schemas' files."""
-    return {row.name: row for row in [*_of_schemas(), *_of_nodes()]}
+    return {row.name: row for row in [*_of_schemas(), *_of_nodes(), *_of_proposals()]}
+
+
+def _of_proposals() -> Iterator[Row]:
+    for schema, names in PROPOSED.items():
+        for name in names:
+            yield Row(PROPOSAL, schema, name)
 
 
 def _of_schemas() -> Iterator[Row]:

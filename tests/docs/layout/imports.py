@@ -35,6 +35,7 @@ ORDER = (
     "notices",
     "color",
     "description",
+    "photometry",
     "textures",
     "refine",
     "usd",

@@ -16,6 +16,10 @@ from ..querying.guarded import schemas_applied
 
 _READ = """CollectionAPI GeomModelAPI LightAPI MaterialBindingAPI MotionAPI NodeDefAPI ShadowAPI ShapingAPI SkelBindingAPI
     MeshLightAPI VolumeLightAPI ColorSpaceAPI ColorSpaceDefinitionAPI VisibilityAPI"""
+# Of the proposal "physical-lighting", which USD 26.11 does not know; they are for lights.
+PHOTOMETRIC = frozenset(f"{m}metric{kind}LightAPI" for m in ("Photo", "Radio") for kind in ("Area", "Dome", "Distant"))
+ILLUMINANT = "PhysicalLightIlluminantAPI"
+PHYSICAL = PHOTOMETRIC | {ILLUMINANT}
 # Physics, user interfaces, statements about the asset; LightListAPI only speeds up finding lights. The parts of a particle
 # field say nothing where the field itself is not rendered.
 _WITHOUT_EFFECT = """AccessibilityAPI AssetPreviewsAPI AuthorshipAPI ClaimsAPI HydraPrimAPI HydraRenderPassAPI LightListAPI
@@ -26,7 +30,7 @@ _WITHOUT_EFFECT = """AccessibilityAPI AssetPreviewsAPI AuthorshipAPI ClaimsAPI H
     ParticleFieldKernelGaussianSurfletAPI ParticleFieldOpacityAttributeAPI ParticleFieldOrientationAttributeAPI
     ParticleFieldPositionAttributeAPI ParticleFieldPositionBaseAPI ParticleFieldRadianceBaseAPI ParticleFieldScaleAttributeAPI
     ParticleFieldSphericalHarmonicsAttributeAPI"""
-UNDERSTOOD = frozenset(_READ.split()) | frozenset(_WITHOUT_EFFECT.split())
+UNDERSTOOD = frozenset(_READ.split()) | PHYSICAL | frozenset(_WITHOUT_EFFECT.split())
 
 # What is done instead.
 IGNORED = {
@@ -35,6 +39,8 @@ IGNORED = {
     "HydraGenerativeProceduralAPI": "What its procedural would make is missing.",
     "LODOverrideAPI": "Level-of-detail overrides have no effect.",
     "LODRootAPI": "Every level of detail is rendered.",
+    "PhysicalCameraResponsivityAPI": "The camera has the standard observer's colours, not a sensor's own.",
+    "PhysicalColorFilterArrayAPI": "The picture is no sensor's raw one.",
     "RiMaterialAPI": "RenderMan's outputs are read only where they lead to a UsdPreviewSurface.",
     "RiSplineAPI": "RenderMan's splines are not read.",
     "StatementsAPI": "RenderMan's attributes are not read.",

@@ -10,7 +10,7 @@ from functools import cache
 from pxr import Usd, UsdGeom
 
 from ..querying.skin_marks import WEIGHTS, has_weights, why_unposed
-from .applied_schemas import IGNORED, UNDERSTOOD, applied_schemas, foreign_schema, is_without_effect
+from .applied_schemas import IGNORED, PHOTOMETRIC, PHYSICAL, UNDERSTOOD, applied_schemas, foreign_schema, is_without_effect
 from .context import Context
 from .foreign_names import note_light_inputs
 from .read import read
@@ -36,6 +36,10 @@ class LightShapes(set[str]):
     """Paths of shapes that LightAPI makes lights."""
 
 
+class PhysicalSchemas(dict[str, set[str]]):
+    """Those of the proposal "physical-lighting", by the paths of the prims that they are applied to."""
+
+
 class PortalsMet(list[str]):
     """Paths of PortalLights."""
 
@@ -44,7 +48,7 @@ def is_noted(prim: Usd.Prim, type_name: str, schemas: list[str], properties: fro
     """Whether `note_prim` may have something to say about prims of this type with these schemas, as `prim` is one."""
     names = {schema.split(":")[0] for schema in schemas}
     is_light = kind == "light" or bool(names & _LIGHT_SCHEMAS)
-    if is_light or WEIGHTS in properties or "MotionAPI" in names or any(map(_is_unread, names)):
+    if is_light or WEIGHTS in properties or "MotionAPI" in names or names & PHYSICAL or any(map(_is_unread, names)):
         return True
     return (
         not kind and bool(type_name) and (type_name in _TYPES_NOTED or prim.IsA(UsdGeom.Boundable) or not _is_known(type_name))
@@ -121,10 +125,18 @@ def _note_schemas(prim: ResolvedPrim, schemas: list[str], kind: str, ctx: Contex
     for schema in schemas:
         if schema in _LIGHT_SCHEMAS:
             _note_light_schema(prim, schema, kind, ctx)
+        elif schema in PHYSICAL:
+            ctx.kept.of(PhysicalSchemas).setdefault(prim.path, set()).add(schema)
+            if kind != "light" and (schema in PHOTOMETRIC or not _LIGHT_SCHEMAS.intersection(schemas)):
+                ctx.warn("light-input", prim.path, not_for(schema, prim.type_name))
         elif schema == "MotionAPI":
             _note_motion(prim, ctx)
         elif _is_unread(schema):
             _note_unread(schema, prim.path, ctx)
+
+
+def not_for(what: str, type_name: str) -> str:
+    return f"{what} is ignored: it is not for a {type_name or 'prim without a type'}."
 
 
 def _note_motion(prim: ResolvedPrim, ctx: Context) -> None:

@@ -13,14 +13,17 @@ from pxr import Sdf, UsdLux
 from ....arrays import Doubles
 from ....color.color_space import REC709, converted
 from ....description import Light, LightType, TextureFile
-from ...lights.light_area import cylinder_area, disk_area, rect_area, sphere_area
+from ....photometry.light_area import cylinder_area, disk_area, rect_area, sphere_area
+from ...lights.illuminant import illuminant_of
 from ...lights.light_color import light_color
+from ...lights.photometric import photometric_of
 from ...lights.portals import portals_of
 from ...materials.texture_asset import light_texture
 from ...opening.stage_metadata import up_axis
 from ...resolving.context import Context
 from ...resolving.read import flag, number, read, token
 from ...resolving.resolve import ResolvedPrim
+from .light_measured import measured
 from .light_notes import note_ignored_inputs
 from .light_shaping import note_unshaped, peak, shaping
 
@@ -38,18 +41,24 @@ COOLEST_K, HOTTEST_K = 1000.0, 10000.0  # of UsdLux.BlackbodyTemperatureAsRgb
 def light(prim: ResolvedPrim, world_from_light: Doubles, ctx: Context) -> Light | None:
     """The light at this matrix; None where it emits nothing, with a diagnostic."""
     note_ignored_inputs(prim, ctx)
-    return _BY_TYPE[prim.type_name](prim, world_from_light, ctx)
+    made = _BY_TYPE[prim.type_name](prim, world_from_light, ctx)
+    wanted = photometric_of(prim, ctx)
+    return made if made is None or wanted is None else measured(prim, made, wanted, ctx)
 
 
 def _radiance(prim: ResolvedPrim, ctx: Context) -> Color:
     """Before division by the light's size."""
     r, g, b = light_color(prim, "inputs:color", (1.0, 1.0, 1.0), ctx)
     scale = _number(prim, "inputs:intensity", 1.0, ctx) * _exp2(_number(prim, "inputs:exposure", 0.0, ctx))
-    if "inputs:enableColorTemperature" in prim.names and flag(prim.prim, "inputs:enableColorTemperature", ctx.when, False):
+    illuminant = illuminant_of(prim, ctx)
+    if illuminant is not None:
+        tint = illuminant.color
+        r, g, b = r * tint[0], g * tint[1], b * tint[2]
+    elif "inputs:enableColorTemperature" in prim.names and flag(prim.prim, "inputs:enableColorTemperature", ctx.when, False):
         kelvin = _within(prim, "inputs:colorTemperature", 6500.0, COOLEST_K, HOTTEST_K, ctx)
         rec709 = np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin))  # "then transformed to the rendering color space"
-        tint = converted(rec709, REC709, ctx.rendering_space).tolist()
-        r, g, b = r * tint[0], g * tint[1], b * tint[2]
+        x, y, z = converted(rec709, REC709, ctx.rendering_space).tolist()
+        r, g, b = r * x, g * y, b * z
     return (r * scale, g * scale, b * scale)
 
 
@@ -266,6 +275,9 @@ def _within(prim: ResolvedPrim, name: str, default: float, low: float, high: flo
 
 
 def _normalizes(prim: ResolvedPrim, ctx: Context) -> bool:
+    """So does a light that is to give a certain amount, whatever its size."""
+    if photometric_of(prim, ctx) is not None:
+        return True
     return "inputs:normalize" in prim.names and flag(prim.prim, "inputs:normalize", ctx.when, False)
 
 

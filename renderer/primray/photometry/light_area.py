@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...arrays import Doubles
+from ..arrays import Doubles
 
 
 def rect_area(world_from_light: Doubles, width: float, height: float) -> float:

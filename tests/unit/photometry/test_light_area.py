@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from primray.usd.lights.light_area import carlson_rg, cylinder_area, disk_area, rect_area, sphere_area
+from primray.photometry.light_area import carlson_rg, cylinder_area, disk_area, rect_area, sphere_area
 
 rng = np.random.default_rng(3)
 

@@ -1,0 +1,186 @@
+"""What a light sheds on a patch that faces it: straight ahead of an area light, anywhere before a distant one.
+
+Over the light's surface, or over the directions in which a sphere is seen, with nodes that are dense where the patch is near.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from ..arrays import Doubles, Floats
+from ..description.lighting import Light, LightType, Shaping
+from .light_shape import Sizes, facing, shape_key, whole_axes
+from .shaping_factor import axis_of, shaping_factor
+
+_NODES = 256  # along each of two parameters
+_FINEST = 2048  # of an image
+
+# Of a surface: places (N, 3) from the light's origin, area vectors (N, 3) on the side that emits.
+Elements = tuple[Doubles, Doubles]
+
+
+def distant_illuminance(light: Light) -> Doubles:
+    """(3,) of an emission of 1: irradiance at angle 0 (UsdLux DistantLight); beyond 180 degrees the rest comes from behind."""
+    half = math.radians(light.angle_deg) / 2
+    if half == 0:
+        return np.ones(3)
+    return np.full(3, math.pi * (math.sin(half) ** 2 if half < math.pi / 2 else 1.0))
+
+
+def illuminance_ahead(light: Light, distance: float, image: Floats | None = None) -> Doubles:
+    """(3,) of an emission of 1 (times a rectangle's image (H, W, 3)) `distance` along -Z, on what faces the light's origin."""
+    linear, sizes = shape_key(light)
+    if image is not None:
+        return _imaged(linear, sizes, light.shaping, distance, image)
+    return np.array(_ahead(light.type, linear, sizes, light.shaping, distance))
+
+
+@lru_cache(maxsize=256)
+def _ahead(
+    kind: LightType, linear: bytes, sizes: Sizes, shaping: Shaping | None, distance: float
+) -> tuple[float, float, float]:
+    axes = whole_axes(np.frombuffer(linear).reshape(3, 3))
+    axis = axis_of(axes)
+    if kind is LightType.POINT:
+        received = _factor(shaping, axes, axis[None])[0] / distance**2
+    elif kind is LightType.SPHERE:
+        received = _from_sphere(axes, sizes, shaping, distance)
+    elif kind is LightType.LINE:
+        received = _from_line(axes, sizes, shaping, distance)
+    else:
+        surface = {LightType.RECT: _rect, LightType.DISK: _disk, LightType.CYLINDER: _cylinder}[kind]
+        received = _weights(surface(axes, sizes, distance), axes, shaping, distance).sum(axis=0)
+    r, g, b = received.tolist()
+    return (r, g, b)
+
+
+def _factor(shaping: Shaping | None, axes: Doubles, directions: Doubles) -> Doubles:
+    return np.ones((len(directions), 3)) if shaping is None else shaping_factor(shaping, axes, directions)
+
+
+def _weights(elements: Elements, axes: Doubles, shaping: Shaping | None, distance: float) -> Doubles:
+    """(N, 3) of each element: shaping times both cosines by the distance squared."""
+    places, areas = elements
+    axis = axis_of(axes)
+    towards = axis * distance - places
+    squared = np.maximum((towards * towards).sum(axis=1), 1e-300)
+    directions = towards / np.sqrt(squared)[:, None]
+    leaving = np.maximum((areas * directions).sum(axis=1), 0.0)
+    received: Doubles = _factor(shaping, axes, directions) * (leaving * np.maximum(directions @ axis, 0.0) / squared)[:, None]
+    return received
+
+
+def _dense(low: float, high: float, about: float, scale: float) -> tuple[Doubles, Doubles]:
+    """Nodes and weights from low to high, dense within `scale` of `about`."""
+    x, w = np.polynomial.legendre.leggauss(_NODES)
+    start, end = math.asinh((low - about) / scale), math.asinh((high - about) / scale)
+    u = start + (end - start) * (x + 1) / 2
+    return about + scale * np.sinh(u), scale * np.cosh(u) * w * (end - start) / 2
+
+
+def _length(vector: Doubles) -> float:
+    return max(float(np.linalg.norm(vector)), 1e-300)
+
+
+def _rect(axes: Doubles, sizes: Sizes, distance: float) -> Elements:
+    width, height = sizes[:2]
+    x, wx = _dense(-width / 2, width / 2, 0.0, distance / _length(axes[:, 0]))
+    y, wy = _dense(-height / 2, height / 2, 0.0, distance / _length(axes[:, 1]))
+    places = x[:, None, None] * axes[:, 0] + y[None, :, None] * axes[:, 1]
+    return places.reshape(-1, 3), np.outer(wx, wy).reshape(-1, 1) * facing(axes)
+
+
+def _disk(axes: Doubles, sizes: Sizes, distance: float) -> Elements:
+    r, wr = _dense(0.0, sizes[2], 0.0, distance / _length(axes[:, 0]))
+    turn = (np.arange(_NODES) + 0.5) * (2 * math.pi / _NODES)
+    around = np.cos(turn)[:, None] * axes[:, 0] + np.sin(turn)[:, None] * axes[:, 1]
+    weights = np.repeat(wr * r * (2 * math.pi / _NODES), _NODES)
+    return (r[:, None, None] * around).reshape(-1, 3), weights[:, None] * facing(axes)
+
+
+def _cylinder(axes: Doubles, sizes: Sizes, distance: float) -> Elements:
+    """As far around as the patch sees it; nothing from inside."""
+    _, _, radius, length = sizes
+    at = np.linalg.solve(axes, axis_of(axes) * distance)  # the patch, in the light's frame
+    away = math.hypot(at[1], at[2])
+    if away <= radius:
+        return np.zeros((1, 3)), np.zeros((1, 3))
+    x, wx = _dense(-length / 2, length / 2, float(at[0]), away - radius)
+    reach, middle = math.acos(radius / away), math.atan2(at[2], at[1])
+    psi, wp = _dense(middle - reach, middle + reach, middle, max((away - radius) / radius, 1e-6))
+    sideways = np.cos(psi)[:, None] * axes[:, 1] + np.sin(psi)[:, None] * axes[:, 2]
+    places = x[:, None, None] * axes[:, 0] + radius * sideways
+    along, across = np.cross(axes[:, 2], axes[:, 0]), np.cross(axes[:, 0], axes[:, 1])
+    normals = np.cos(psi)[:, None] * along + np.sin(psi)[:, None] * across
+    normals *= math.copysign(radius, float(np.linalg.det(axes)))
+    return places.reshape(-1, 3), (np.outer(wx, wp)[:, :, None] * normals).reshape(-1, 3)
+
+
+def _from_line(axes: Doubles, sizes: Sizes, shaping: Shaping | None, distance: float) -> Doubles:
+    """Its emission is radiant intensity by length at a right angle to it."""
+    along, axis = axes[:, 0], axis_of(axes)
+    x, wx = _dense(-sizes[3] / 2, sizes[3] / 2, 0.0, distance / _length(along))
+    towards = axis * distance - x[:, None] * along
+    apart = np.linalg.norm(towards, axis=1)
+    directions = towards / apart[:, None]
+    shown = np.linalg.norm(np.cross(directions, along), axis=1) * wx
+    weights = shown * np.maximum(directions @ axis, 0.0) / apart**2
+    received: Doubles = weights @ _factor(shaping, axes, directions)
+    return received
+
+
+def _from_sphere(axes: Doubles, sizes: Sizes, shaping: Shaping | None, distance: float) -> Doubles:
+    """Over the directions in the light's frame that meet it: a cone, whose solid angles the axes carry to the world."""
+    axis = axis_of(axes)
+    at = np.linalg.solve(axes, axis * distance)
+    away = float(np.linalg.norm(at))
+    if away <= sizes[2]:
+        return np.zeros(3)
+    towards, first = -at / away, np.cross(at, np.eye(3)[np.argmin(np.abs(at))])
+    first /= np.linalg.norm(first)
+    beta, wb = _dense(0.0, math.asin(sizes[2] / away), 0.0, math.pi)
+    turn = (np.arange(_NODES) + 0.5) * (2 * math.pi / _NODES)
+    sideways = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * np.cross(towards, first)
+    local = np.cos(beta)[:, None, None] * towards + np.sin(beta)[:, None, None] * sideways
+    seen = local.reshape(-1, 3) @ axes.T
+    lengths = np.linalg.norm(seen, axis=1)
+    solid_angles = np.repeat(wb * np.sin(beta) * (2 * math.pi / _NODES), _NODES) * abs(np.linalg.det(axes)) / lengths**3
+    directions = -seen / lengths[:, None]  # in which the light comes
+    received: Doubles = (solid_angles * np.maximum(directions @ axis, 0.0)) @ _factor(shaping, axes, directions)
+    return received
+
+
+def _imaged(linear: bytes, sizes: Sizes, shaping: Shaping | None, distance: float, image: Floats) -> Doubles:
+    """Of a rectangle through its image, whose first row and column lie at +Y and +X; read bilinearly, as when rendered."""
+    axes = whole_axes(np.frombuffer(linear).reshape(3, 3))
+    width, height = sizes[:2]
+    down, across = (_places(count) for count in image.shape[:2])
+    total = np.zeros(3)
+    step = facing(axes) * (width * height / (len(down) * len(across)))
+    for t in down:
+        places = ((0.5 - across) * width)[:, None] * axes[:, 0] + (0.5 - t) * height * axes[:, 1]
+        weights = _weights((places, np.broadcast_to(step, places.shape)), axes, shaping, distance)
+        total += (weights * bilinear(image, across * image.shape[1], np.full(len(across), t * image.shape[0]))).sum(axis=0)
+    return total
+
+
+def _places(texels: int) -> Doubles:
+    """Middles from 0 to 1: of each texel, of parts of few, of some of very many."""
+    count = min(texels * math.ceil(512 / texels), _FINEST)
+    return (np.arange(count) + 0.5) / count
+
+
+def bilinear(image: Floats, x: Doubles, y: Doubles, *, around: bool = False) -> Doubles:
+    """(N, 3) of an image (H, W, 3) between its texels, the first one's middle at 0.5; clamped, or `around` in x."""
+    height, width, _ = image.shape
+    i, j = np.floor(x - 0.5).astype(np.intp), np.floor(y - 0.5).astype(np.intp)
+    u, v = (x - 0.5 - i)[:, None], (y - 0.5 - j)[:, None]
+    left, right = (i % width, (i + 1) % width) if around else (np.clip(i, 0, width - 1), np.clip(i + 1, 0, width - 1))
+    top, bottom = np.clip(j, 0, height - 1), np.clip(j + 1, 0, height - 1)
+    upper = image[top, left] * (1 - u) + image[top, right] * u
+    lower = image[bottom, left] * (1 - u) + image[bottom, right] * u
+    mixed: Doubles = upper * (1 - v) + lower * v
+    return mixed

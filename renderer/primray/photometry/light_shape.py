@@ -1,0 +1,58 @@
+"""A light's shape as vectors: its axes in the world, the area that it shows to a direction, what stays when it is turned."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..arrays import Doubles
+from ..description.lighting import Light, LightType
+
+Sizes = tuple[float, float, float, float]  # width, height, radius, length
+
+
+def shape_key(light: Light) -> tuple[bytes, Sizes]:
+    """The light's axes (3, 3) in a frame of its own, as bytes, and its sizes: instances that are turned have the same."""
+    linear = light.world_from_light[:3, :3]
+    _, stretch, own = np.linalg.svd(linear)
+    straight = own.T @ (stretch[:, None] * own)  # what is left of a polar decomposition
+    largest = float(np.abs(straight).max())
+    digits = 12 - math.floor(math.log10(largest)) if 0 < largest < math.inf else 0
+    return np.ascontiguousarray(np.round(straight, digits)).tobytes(), (light.width, light.height, light.radius, light.length)
+
+
+def whole_axes(linear: Doubles) -> Doubles:
+    """(3, 3) with depth where a flat light has none: any normal does, on the side where -Z goes."""
+    if np.linalg.det(linear) != 0:
+        return linear
+    normal = np.cross(linear[:, 0], linear[:, 1])
+    length = float(np.linalg.norm(normal))
+    return np.column_stack([linear[:, :2], normal / length]) if length > 0 else np.eye(3)
+
+
+def facing(axes: Doubles) -> Doubles:
+    """(3,) the area vector of a unit square in the light's plane, on the side of its -Z."""
+    area: Doubles = np.cross(axes[:, 0], axes[:, 1])
+    return -area if area @ axes[:, 2] > 0 else area
+
+
+def shown_area(kind: LightType, axes: Doubles, sizes: Sizes, directions: Doubles) -> Doubles:
+    """(N,) of what emits, as seen from afar along unit directions (N, 3); a point shows 1."""
+    width, height, radius, length = sizes
+    if kind is LightType.POINT:
+        return np.ones(len(directions))
+    if kind is LightType.LINE:
+        sine: Doubles = np.linalg.norm(np.cross(directions, axes[:, 0]), axis=1)
+        return sine * length
+    if kind in (LightType.RECT, LightType.DISK):
+        area = width * height if kind is LightType.RECT else math.pi * radius**2
+        return area * np.maximum(directions @ facing(axes), 0.0)
+    x, y, z = axes.T
+    cofactors = np.column_stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])  # carry area vectors to the world
+    seen = directions @ cofactors
+    if kind is LightType.SPHERE:
+        ellipse: Doubles = math.pi * radius**2 * np.linalg.norm(seen, axis=1)
+        return ellipse
+    outline: Doubles = 2 * radius * length * np.hypot(seen[:, 1], seen[:, 2])
+    return outline

@@ -1,0 +1,135 @@
+"""A light's illuminant: the spectrum that PhysicalLightIlluminantAPI (OpenUSD-proposals, physical-lighting) gives it.
+
+It takes the place of the colour temperature: its colour has luminance 1, whatever a custom spectrum's numbers are. Attributes
+are read whether or not USD knows the schema; its fallback, white, counts where the schema is applied.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...color.color_space import luminance_weights
+from ...color.illuminants import DAYLIGHT_K, black_body, daylight, of_chromaticity, rgb_of
+from ...color.spectrum import Spectrum
+from ..resolving.applied_schemas import ILLUMINANT as SCHEMA
+from ..resolving.context import Context
+from ..resolving.notes import PhysicalSchemas
+from ..resolving.read import array, flag, number, read, token
+from ..resolving.resolve import ResolvedPrim
+
+Color = tuple[float, float, float]
+
+ILLUMINANT, CUSTOM = "physical:illuminant", "physical:customIlluminant"
+# The second as NVIDIA's Omniverse has it, which also writes the token without a space.
+TEMPERATURES = ("physical:colorTemperature", "inputs:colorTemperature")
+ENABLED = "inputs:enableColorTemperature"
+_TOKENS = ("white", "blackbody", "illuminant D", "custom")
+_BLACK_BODY_K = (500.0, 1e6)
+_ASKING = frozenset({ILLUMINANT, CUSTOM})
+
+
+@dataclass(frozen=True, eq=False)
+class Illuminant:
+    spectrum: Spectrum
+    color: Color  # in the rendering space, of luminance 1
+
+
+class _Known(dict[str, Illuminant]):
+    """By the path of a light."""
+
+
+def illuminant_of(prim: ResolvedPrim, ctx: Context) -> Illuminant | None:
+    """None where nothing says what it is."""
+    if prim.names.isdisjoint(_ASKING) and SCHEMA not in ctx.kept.of(PhysicalSchemas).get(prim.path, ()):
+        return None
+    known = ctx.kept.of(_Known)
+    if prim.path not in known:
+        known[prim.path] = _read(prim, ctx)
+    return known[prim.path]
+
+
+def white(ctx: Context) -> Spectrum:
+    """Daylight of the rendering space's white."""
+    return of_chromaticity(ctx.rendering_space.white)
+
+
+def _read(prim: ResolvedPrim, ctx: Context) -> Illuminant:
+    name = token(prim.prim, ILLUMINANT, ctx.when, "white")
+    name = "illuminant D" if name == "illuminantD" else name
+    if name not in _TOKENS:
+        ctx.warn(
+            "light-input", prim.path, f"{ILLUMINANT} = {name!r} is none of {', '.join(_TOKENS)}: white is used.", ILLUMINANT
+        )
+        name = "white"
+    if name != "custom" and CUSTOM in prim.names:
+        ctx.warn("light-input", prim.path, f"It is ignored: {ILLUMINANT} says that the light is {name}.", CUSTOM)
+    if name in ("white", "custom") and flag(prim.prim, ENABLED, ctx.when, False):
+        ctx.warn("light-input", prim.path, f"It is ignored: {ILLUMINANT} says that the light is {name}.", ENABLED)
+    match name:
+        case "blackbody":
+            return _colored(prim, black_body(_kelvin(prim, _BLACK_BODY_K, ctx)), ctx)
+        case "illuminant D":
+            return _colored(prim, daylight(_kelvin(prim, DAYLIGHT_K, ctx)), ctx)
+        case "custom":
+            spectrum = _custom(prim, ctx)
+            return _plain(ctx) if spectrum is None else _colored(prim, spectrum, ctx)
+        case _:
+            return _plain(ctx)
+
+
+def _plain(ctx: Context) -> Illuminant:
+    return Illuminant(white(ctx), (1.0, 1.0, 1.0))
+
+
+def _kelvin(prim: ResolvedPrim, limits: tuple[float, float], ctx: Context) -> float:
+    name = next((name for name in TEMPERATURES if name in prim.names), TEMPERATURES[-1])
+    found = number(prim.prim, name, ctx.when, 6500.0, ctx.diagnostics)
+    inside = min(max(found, limits[0]), limits[1])
+    if inside != found:
+        message = f"{name} = {found:g} is outside [{limits[0]:g}, {limits[1]:g}]: it is taken as {inside:g}."
+        ctx.warn("out-of-range", prim.path, message, name)
+    return inside
+
+
+def _custom(prim: ResolvedPrim, ctx: Context) -> Spectrum | None:
+    """None where nothing can be made of it, which is noted."""
+    raw = read(prim.prim, CUSTOM, ctx.when)
+    pairs = None if raw is None else array(raw, 2, "f")
+    wrong = _what_is_wrong(None if pairs is None else np.asarray(pairs, np.float64), is_there=raw is not None)
+    if wrong or pairs is None:
+        ctx.warn("light-input", prim.path, f"{CUSTOM} {wrong}: white is used.", CUSTOM)
+        return None
+    nm, radiance = np.asarray(pairs, np.float64).T
+    if radiance.min() < 0:
+        count = int((radiance < 0).sum())
+        ctx.warn("out-of-range", prim.path, f"{count} of its radiances are negative: they are taken as 0.", CUSTOM)
+    return Spectrum(nm, np.maximum(radiance, 0.0))
+
+
+def _what_is_wrong(pairs: np.ndarray | None, is_there: bool) -> str:
+    if pairs is None or not np.isfinite(pairs).all():
+        return "is no array of pairs of finite numbers" if is_there else "is not authored"
+    if len(pairs) < 2:
+        return f"has {len(pairs)} pairs, where a spectrum has two or more"
+    if not (np.diff(pairs[:, 0]) > 0).all():
+        return "has wavelengths that do not ascend"
+    return ""
+
+
+def _colored(prim: ResolvedPrim, spectrum: Spectrum, ctx: Context) -> Illuminant:
+    rgb = rgb_of(spectrum, ctx.rendering_space)
+    if rgb is None or not np.isfinite(rgb).all():
+        ctx.warn("light-input", prim.path, "Nobody sees anything of its illuminant: white is used.", ILLUMINANT)
+        return _plain(ctx)
+    if rgb.min() < 0:
+        message = (
+            f"Its illuminant's colour ({', '.join(f'{x:.3g}' for x in rgb)}) lies outside of the rendering space: what is "
+        )
+        ctx.warn("out-of-range", prim.path, message + "negative is taken as 0, its luminance kept.", ILLUMINANT)
+        rgb = np.maximum(rgb, 0.0)
+        rgb = rgb / math.fsum(rgb * np.array(luminance_weights(ctx.rendering_space)))
+    r, g, b = rgb.tolist()
+    return Illuminant(spectrum, (r, g, b))

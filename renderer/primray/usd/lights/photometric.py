@@ -1,0 +1,147 @@
+"""How much light a light is to give: Photometric- and Radiometric-AreaLightAPI, -DomeLightAPI and -DistantLightAPI.
+
+By the text of OpenUSD-proposals' physical-lighting (July 2026). Attributes are read whether or not USD knows the schemas, and
+whether or not these are applied; their fallbacks count where they are. Photometric ones come before radiometric ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ...color.color_space import luminance_weights
+from ...color.illuminants import black_body
+from ...color.spectrum import efficacy
+from ...description.lighting import Photometric
+from ..opening.stage_metadata import meters_per_unit, up_axis
+from ..resolving.applied_schemas import PHOTOMETRIC
+from ..resolving.context import Context
+from ..resolving.notes import PhysicalSchemas, not_for
+from ..resolving.read import flag, number
+from ..resolving.resolve import ResolvedPrim
+from .illuminant import ENABLED, TEMPERATURES, illuminant_of, white
+
+AREA = frozenset({"RectLight", "SphereLight", "DiskLight", "CylinderLight"})
+_OTHERS = {"DomeLight": "Dome", "DomeLight_1": "Dome", "DistantLight": "Distant"}
+
+
+@dataclass(frozen=True)
+class _Family:
+    prefix: str  # of schemas: PhotometricAreaLightAPI
+    power: str
+    default_power: float
+    received: str
+    default_received: float  # of domes and distant lights
+
+    @property
+    def distance(self) -> str:
+        return f"{self.received}:distance"
+
+    @property
+    def names(self) -> frozenset[str]:
+        return frozenset({self.power, self.received, self.distance})
+
+
+FAMILIES = (
+    _Family("Photometric", "photometric:power", 1600.0, "photometric:illuminance", 10000.0),
+    _Family("Radiometric", "radiometric:power", 2.34, "radiometric:irradiance", 14.64),
+)
+NAMES = FAMILIES[0].names | FAMILIES[1].names
+
+
+class _Known(dict[str, "Photometric | None"]):
+    """By the path of a light."""
+
+
+def photometric_of(prim: ResolvedPrim, ctx: Context) -> Photometric | None:
+    """None where nothing is asked for; what cannot be honoured is noted."""
+    applied = ctx.kept.of(PhysicalSchemas)
+    if prim.path not in applied and NAMES.isdisjoint(prim.names):
+        return None
+    known = ctx.kept.of(_Known)
+    if prim.path not in known:
+        known[prim.path] = _read(prim, PHOTOMETRIC.intersection(applied.get(prim.path, ())), ctx)
+    return known[prim.path]
+
+
+def _kind(prim: ResolvedPrim) -> str:
+    """Area, Dome or Distant, as names of schemas have it; "" for shapes that are lights."""
+    return "Area" if prim.type_name in AREA else _OTHERS.get(prim.type_name, "")
+
+
+def _read(prim: ResolvedPrim, schemas: frozenset[str], ctx: Context) -> Photometric | None:
+    kind = _kind(prim)
+    for message, name in _unfit(prim, kind, schemas):
+        ctx.warn("light-input", prim.path, message, name)
+    asked = [f for f in FAMILIES if kind and (f"{f.prefix}{kind}LightAPI" in schemas or _fitting(f, kind) & prim.names)]
+    if not asked:
+        return None
+    family = asked[0]
+    for name in sorted(prim.names & FAMILIES[1].names if len(asked) > 1 else ()):
+        ctx.warn("light-input", prim.path, f"{name} is ignored: photometric attributes come first.", name)
+    return _asked(prim, family, kind, f"{family.prefix}{kind}LightAPI" in schemas, ctx)
+
+
+def _fitting(family: _Family, kind: str) -> frozenset[str]:
+    return family.names if kind == "Area" else frozenset({family.received})
+
+
+def _unfit(prim: ResolvedPrim, kind: str, schemas: frozenset[str]) -> Iterator[tuple[str, str]]:
+    """Schemas and attributes that are not for such lights."""
+    for schema in sorted(schemas):
+        if schema not in {f"{family.prefix}{kind}LightAPI" for family in FAMILIES}:
+            yield not_for(schema, prim.type_name), ""
+    for family in FAMILIES:
+        for name in sorted(prim.names & (family.names - (_fitting(family, kind) if kind else frozenset()))):
+            yield not_for(name, prim.type_name), name
+
+
+def _asked(prim: ResolvedPrim, family: _Family, kind: str, applied: bool, ctx: Context) -> Photometric | None:
+    lumens = 1.0 if family.prefix == "Photometric" else _efficacy(prim, ctx)
+    weights = luminance_weights(ctx.rendering_space)
+    if kind != "Area":
+        received = _amount(prim, family.received, family.default_received, ctx)
+        up = (0.0, 0.0, 1.0) if up_axis(ctx.stage) == "Z" else (0.0, 1.0, 0.0)
+        return Photometric(received * lumens, weights, up=up)
+    meters = meters_per_unit(ctx.stage)
+    distance = _distance(prim, family, ctx)
+    if distance > 0:
+        return Photometric(_amount(prim, family.received, 0.0, ctx) * lumens, weights, distance / meters)
+    if not applied and family.power not in prim.names:
+        return None
+    power = _amount(prim, family.power, family.default_power, ctx)
+    return Photometric(power * lumens / meters**2, weights)
+
+
+def _distance(prim: ResolvedPrim, family: _Family, ctx: Context) -> float:
+    """Metres; 0 where the power counts: both attributes are needed."""
+    there, named = family.received in prim.names, family.distance in prim.names
+    if not (there or named):
+        return 0.0
+    distance = number(prim.prim, family.distance, ctx.when, 0.0, ctx.diagnostics)
+    if distance < 0:
+        ctx.warn("out-of-range", prim.path, f"{family.distance} = {distance:g} is negative: it is ignored.", family.distance)
+    elif distance == 0 and there:
+        ctx.warn("light-input", prim.path, f"{family.received} is ignored: {family.distance} is 0.", family.received)
+    elif distance > 0 and not there:
+        ctx.warn("light-input", prim.path, f"{family.distance} is ignored without {family.received}.", family.distance)
+        return 0.0
+    return max(distance, 0.0)
+
+
+def _amount(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> float:
+    found = number(prim.prim, name, ctx.when, default, ctx.diagnostics)
+    if found < 0:
+        ctx.warn("out-of-range", prim.path, f"{name} = {found:g} is negative: it is taken as 0.", name)
+    return max(found, 0.0)
+
+
+def _efficacy(prim: ResolvedPrim, ctx: Context) -> float:
+    """Lumens by the watt of the light's spectrum; without an illuminant that of its colour temperature, else of white."""
+    illuminant = illuminant_of(prim, ctx)
+    if illuminant is not None:
+        return efficacy(illuminant.spectrum)
+    if ENABLED in prim.names and flag(prim.prim, ENABLED, ctx.when, False):
+        kelvin = number(prim.prim, TEMPERATURES[-1], ctx.when, 6500.0, ctx.diagnostics)
+        return efficacy(black_body(min(max(kelvin, 1000.0), 10000.0)))
+    return efficacy(white(ctx))
