@@ -29,5 +29,5 @@ def test_twins_are_described_alike(seed: int, time: float | None) -> None:
 
 def test_the_stages_have_what_may_go_wrong() -> None:
     texts = [described(seed, "def", 5.0) for seed in range(24)]
-    for what in (" posed /Lib/", " motion ", '"PrimvarInput"', '"lights": [\n   {', '"kind": "Sphere"'):
+    for what in (" posed /Lib/", '"exposure": {', '"PrimvarInput"', '"lights": [\n   {', '"kind": "Sphere"'):
         assert any(what in text for text in texts), what

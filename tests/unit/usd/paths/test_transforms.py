@@ -152,6 +152,7 @@ def test_samples_that_bend_are_kept_where_they_are() -> None:
     assert level_of(d).times.tolist() == [0, 0.25, 0.5, 0.75, 1]  # a grid of four has it
 
 
+@pytest.mark.conforms("MotionAPI.motion:blurScale")
 @pytest.mark.parametrize(("scale", "name"), [(0.5, "all at once"), (3.0, "samples at unequal times"), (2.0, "a turn")])
 def test_blur_scale_is_about_the_frame(scale: float, name: str) -> None:
     api = f'def Scope "s" (apiSchemas = ["MotionAPI"])\n{{\nfloat motion:blurScale = {scale}\n'
@@ -221,6 +222,7 @@ def test_aovs_widen_the_span_to_the_frame() -> None:
     assert alone.exposure.span == (0.25, 0.75)
 
 
+@pytest.mark.conforms("MotionAPI.motion:nonlinearSampleCount", state="no effect")
 def test_a_closer_look_needs_more_steps() -> None:
     steps = [
         len(level_of(translated(prim("x", PATHS["all at once"], CUBE), motion_error=error)[0]).times) for error in (1.0, 0.01)
