@@ -23,7 +23,8 @@ class AovKind:
     double: bool = False  # in memory; a file has floats
 
 
-XYZ, RGB, UV = ("X", "Y", "Z"), ("R", "G", "B"), ("U", "V")
+XYZ, RGB, UV, XY = ("X", "Y", "Z"), ("R", "G", "B"), ("U", "V"), ("X", "Y")
+VECTORS = frozenset({"motion_forward", "motion_backward"})
 
 AOVS: dict[str, AovKind] = {
     "depth": AovKind(("Z",), "distance along the camera's axis; infinite where nothing is"),
@@ -36,6 +37,10 @@ AOVS: dict[str, AovKind] = {
     "st": AovKind(UV, "the primvar st"),
     "albedo": AovKind(RGB, "filtered reflectance at normal incidence, with what is transmitted; 0 where nothing is"),
     "emission": AovKind(RGB, "filtered radiance of what the camera sees directly: surfaces, lights, domes"),
+    "motion_forward": AovKind(
+        XY, "pixels, right and down, from where the point is seen at the frame to where it is as the shutter closes"
+    ),
+    "motion_backward": AovKind(XY, "likewise to where it is as the shutter opens"),
     "prim": AovKind(("",), "number of the prim; 0 where nothing is", unsigned=True),
     "instance": AovKind(("",), "number of the instance; 0 where there is none", unsigned=True),
     "material": AovKind(("",), "number of the bound material; 0 where there is none", unsigned=True),

@@ -30,6 +30,7 @@ struct FirstHitPlanes {
   std::vector<double> position;          // world
   std::vector<float> camera_position;    // relative to the camera, in its axes
   std::vector<float> normal, geometric;  // unit length, world, on the side that is seen
+  std::vector<float> forward, backward;  // pixels, right and down: to where the point is at the end of the span, the beginning
   std::vector<float> albedo, emission;   // filtered; R, G, B
   std::vector<int32_t> shape;            // row of the MeshTable, -2 - n for row n of the CurvedTable, -1: nothing
   std::vector<int32_t> surface;          // -1: nothing
@@ -38,7 +39,8 @@ struct FirstHitPlanes {
 
   bool wants_points() const {
     return !(depth.empty() && distance.empty() && position.empty() && camera_position.empty() && normal.empty() &&
-             geometric.empty() && shape.empty() && surface.empty() && instance.empty() && primvars.empty());
+             geometric.empty() && forward.empty() && backward.empty() && shape.empty() && surface.empty() && instance.empty() &&
+             primvars.empty());
   }
   bool wants_filtered() const { return !(albedo.empty() && emission.empty()); }
 };

@@ -42,6 +42,8 @@ class FirstHitTask {
       : scene_(scene),
         planes_(planes),
         at_frame_(scene.camera.moves ? scene.camera.at(scene.motion.frame) : scene.camera),
+        beginning_(scene.camera.moves ? scene.camera.at(0.0f) : scene.camera),
+        end_(scene.camera.moves ? scene.camera.at(1.0f) : scene.camera),
         center_(at_frame_),
         time_(scene.motion.frame),
         unit_(1.0 / scene.scale) {
@@ -227,6 +229,41 @@ class FirstHitTask {
       if (!planes_.outer.empty() && in.grouped[i]) planes_.outer[p] = in.outer[i];
     }
     for (PrimvarPlane& plane : planes_.primvars) write_primvar(plane, m, x, y, point);
+    if (!scene_.moves()) return;
+    if (!planes_.forward.empty()) write_motion(planes_.forward, end_, F(1.0f), m, x, y, hits);
+    if (!planes_.backward.empty()) write_motion(planes_.backward, beginning_, F(0.0f), m, x, y, hits);
+  }
+
+  // From where the camera sees a point at the frame to where it does at another time; what is behind it then has not moved.
+  void write_motion(std::vector<float>& plane, const Camera& then, F time, B m, const int32_t* x, const int32_t* y,
+                    const Hits<W>& hits) {
+    const V from = place_of(m, hits, time_), to = place_of(m, hits, time);
+    for (uint32_t b = bits(m); b; b &= b - 1) {
+      const int i = __builtin_ctz(b);
+      const size_t p = 2 * pixel_of(x[i], y[i]);
+      double a[2], z[2];
+      if (!project(at_frame_, from, i, a) || !project(then, to, i, z)) continue;
+      plane[p] = float(z[0] - a[0]), plane[p + 1] = float(z[1] - a[1]);
+    }
+  }
+  // Where the points that were hit are at a time.
+  V place_of(B m, Hits<W> hits, F time) const {
+    hits.time = time;
+    // From so far away no point comes from its ray.
+    Rays<W> far{V(F(1e18f)), V(F(0.0f)), F(0.0f), F(0.0f), time};
+    return interact(scene_, m, far, hits).p;
+  }
+  // In pixels of the frame, right and down; false behind the camera.
+  bool project(const Camera& camera, const V& point, int i, double (&pixel)[2]) const {
+    const Affine<float>& c = camera.world_from_camera;
+    const dvec3 d = dvec3{point.x[i], point.y[i], point.z[i]} - dvec3(c.o);
+    const dvec3 q{dot(d, dvec3(c.x)), dot(d, dvec3(c.y)), dot(d, dvec3(c.z))};
+    const double depth = camera.orthographic ? 1.0 : -q.z;
+    if (!(depth > 0)) return false;
+    const double left = camera.left, right = camera.right, bottom = camera.bottom, top = camera.top;
+    pixel[0] = (q.x / depth - left) / (right - left) * camera.width;
+    pixel[1] = (top - q.y / depth) / (top - bottom) * camera.height;
+    return true;
   }
 
   void write_primvar(PrimvarPlane& plane, B m, const int32_t* x, const int32_t* y, const SurfacePoint<W>& point) {
@@ -245,7 +282,8 @@ class FirstHitTask {
   const Scene& scene_;
   FirstHitPlanes& planes_;
   const Camera at_frame_;
-  Camera center_;  // without lens and filter
+  const Camera beginning_, end_;  // of the span
+  Camera center_;                 // without lens and filter
   const F time_;
   const double unit_;
 };

@@ -27,6 +27,8 @@ void make(FirstHits* self, const Scene& scene, nb::list names, nb::list primvars
     if (name == "camera_position") p.camera_position.resize(3 * pixels);
     if (name == "normal") p.normal.resize(3 * pixels);
     if (name == "geometric_normal") p.geometric.resize(3 * pixels);
+    if (name == "motion_forward") p.forward.resize(2 * pixels);
+    if (name == "motion_backward") p.backward.resize(2 * pixels);
     if (name == "albedo") p.albedo.resize(3 * pixels);
     if (name == "emission") p.emission.resize(3 * pixels);
     if (name == "prim") p.shape.resize(pixels);
@@ -53,6 +55,7 @@ nb::dict take(FirstHits& self) {
   };
   add("depth", p.depth, 1), add("distance", p.distance, 1), add("position", p.position, 3);
   add("camera_position", p.camera_position, 3), add("normal", p.normal, 3), add("geometric_normal", p.geometric, 3);
+  add("motion_forward", p.forward, 2), add("motion_backward", p.backward, 2);
   add("albedo", p.albedo, 3), add("emission", p.emission, 3);
   add("prim", p.shape, 1), add("material", p.surface, 1), add("instance", p.instance, 1), add("outer", p.outer, 1);
   nb::list primvars;

@@ -13,7 +13,7 @@ from itertools import islice
 import numpy as np
 from pxr import Tf, Usd
 
-from ..aov_names import WIDE, AovRequest, primvars_of, requests_of
+from ..aov_names import VECTORS, WIDE, AovRequest, primvars_of, requests_of
 from ..arrays import Doubles
 from ..description import (
     Camera,
@@ -70,7 +70,7 @@ from .shapes.instance_primvars import without_unread
 from .viewing.camera_path import camera_motion, nearest_to
 from .viewing.drawn import Drawn, drawn
 from .viewing.framing import prototype_box, shape_bounds
-from .viewing.shutter import shutter_of, timing_of
+from .viewing.shutter import shutter_of, shutter_of_vectors, timing_of
 from .viewing.view import select_camera, view_through
 from .walking.find_by_type import find_by_type
 from .walking.instances import Arrangement, Chain, Group, arrange, at_instant, count_of, merge_coincident
@@ -168,7 +168,9 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     ctx = replace(ctx, primvars_read=read | of_aovs, color_primvars=of_colors)
     camera_prim = select_camera(stage, ctx, product, cameras)
     shutter = shutter_of(camera_prim, ctx, product)
-    ctx = replace(ctx, timing=timing_of(shutter, bool(aovs), ctx))
+    is_vectored = any(request.source in VECTORS for request in aovs)
+    vectors = shutter_of_vectors(camera_prim, shutter, ctx) if is_vectored else None
+    ctx = replace(ctx, timing=timing_of(shutter, bool(aovs), ctx, vectors))
     groups, links, ctx = _walked(ctx)
     for g, count in merge_coincident(groups, lambda leaf: leaf.type_name in LIGHTS).items():
         ctx.warn("instances-coincident", groups[g].path, f"{count:,} instances stand exactly where another does: left out.")

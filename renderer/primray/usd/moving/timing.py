@@ -20,22 +20,25 @@ class Timing:
     with_frame: bool = False  # the frame is asked for as well: by AOVs, which show its instant
     is_timed: bool = False
     blur_scale: float = 1.0
+    vectors: tuple[float, float] | None = None  # of a still: the shutter that motion vectors are asked for over
 
     @property
     def is_open(self) -> bool:
-        return self.opens < self.closes
+        """Whether it is given how things move."""
+        return self.opens < self.closes or self.vectors is not None
 
     @property
     def is_frame(self) -> bool:
         """Everything is seen as it stands at the frame."""
-        return self.opens == self.closes == 0.0
+        return self.opens == self.closes == 0.0 and self.vectors is None
 
     @property
     def span(self) -> tuple[float, float]:
         """What motion is given for."""
+        opens, closes = self.vectors or (self.opens, self.closes)
         if self.is_open and self.with_frame:
-            return min(self.opens, 0.0), max(self.closes, 0.0)
-        return self.opens, self.closes
+            return min(opens, self.opens, 0.0), max(closes, self.closes, 0.0)
+        return opens, closes
 
     @property
     def looked_at(self) -> tuple[float, float]:

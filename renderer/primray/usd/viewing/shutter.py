@@ -32,9 +32,23 @@ def shutter_of(camera: Usd.Prim | None, ctx: Context, product: ProductSettings) 
     return INSTANT if camera is None else read_shutter(camera, ctx.when, ctx.diagnostics, is_instant=is_instant)
 
 
-def timing_of(shutter: Shutter, with_frame: bool, ctx: Context) -> Timing:
-    """`with_frame`: AOVs show the frame's instant. Nothing moves in a picture that is black."""
-    if shutter is None or shutter == INSTANT:
+def timing_of(shutter: Shutter, with_frame: bool, ctx: Context, vectors: Shutter = None) -> Timing:
+    """`with_frame`: AOVs show the frame's instant; `vectors`: the shutter that motion vectors of a still are over. Nothing moves
+    in a picture that is black."""
+    if vectors is not None and not vectors[0] < vectors[1]:
+        vectors = None
+    if shutter is None or (shutter == INSTANT and vectors is None):
         return AT_FRAME
     is_timed = ctx.when.careful if ctx.when.is_default else has_samples_or_clips(ctx.stage)
-    return Timing(*shutter, with_frame=with_frame, is_timed=is_timed)
+    return Timing(*shutter, with_frame=with_frame, is_timed=is_timed, vectors=vectors)
+
+
+def shutter_of_vectors(camera: Usd.Prim | None, shutter: Shutter, ctx: Context) -> Shutter:
+    """What a still's motion vectors are over: the shutter that it would have with motion blur, asked of the user or the camera."""
+    if shutter is None or shutter[0] < shutter[1]:
+        return None
+    if ctx.settings.shutter is not None:
+        return ctx.settings.shutter
+    if isinstance(ctx.settings.camera, Camera):
+        return ctx.settings.camera.shutter
+    return None if camera is None else read_shutter(camera, ctx.when, ctx.diagnostics)
