@@ -106,11 +106,7 @@ STREAKS = {
         "vector3f[] velocities.timeSamples = { 0: [(96, 0, 0)] }"
     ),
     "parent": stage('def Xform "x"\n{\n' + path() + mesh() + "\n}\n"),
-    "many samples": stage(
-        mesh(
-            more=f"double3 xformOp:translate.timeSamples = {{ -1: (-6, 0, 0), 0.2: (-1.2, 0, 0), 0.5: (0, 0, 0), 3: (10, 0, 0) }}\n    {ORDER}"
-        )
-    ),
+    "many samples": stage(mesh(more=path_through("-1: (-6, 0, 0), 0.2: (-1.2, 0, 0), 0.5: (0, 0, 0), 3: (10, 0, 0)"))),
     "inside one interval": stage(mesh(more=path_through("-10: (-42, 0, 0), 10: (38, 0, 0)"))),
     "a blur scale": stage(mesh(more=path() + "\n    float motion:blurScale = 0.5"), closes=2.0),
 }
