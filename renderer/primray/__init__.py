@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING
 from . import errors
 from .compare import compare
 from .errors import PrimrayError
+from .lens.diffusion import Diffusion
 from .render import render, render_frames
-from .settings import AutoCamera, DefaultWrap, Filter, Metric, RenderSettings
+from .settings import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderSettings
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -36,6 +37,8 @@ __all__ = [
     "Checkpointing",
     "Comparison",
     "DefaultWrap",
+    "Diffusion",
+    "Eye",
     "Filter",
     "Image",
     "Metric",

@@ -42,7 +42,7 @@ class Looks:
             return self
         from ..images.exposure import exposure_that_serves
 
-        return replace(self, exposure=exposure_that_serves(image.pixels, self.view_of(image)), chose_exposure=True)
+        return replace(self, exposure=exposure_that_serves(image.shown.pixels, self.view_of(image)), chose_exposure=True)
 
     def view_of(self, image: Image) -> View:
         from ..images.exposure import View
@@ -107,7 +107,7 @@ def _faults_of_view(image: Image, files: list[str], looks: Looks) -> list[dict[s
 
     if looks.exposure == "auto" or not any(file.lower().endswith(VIEW_EXTENSIONS) for file in files):
         return []
-    fault = view_fault(image.pixels, looks.view_of(image), looks.exposure)
+    fault = view_fault(image.shown.pixels, looks.view_of(image), looks.exposure)
     return [] if fault is None else [fault.as_json()]
 
 

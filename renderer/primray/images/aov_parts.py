@@ -21,14 +21,17 @@ MOST_IDS, MOST_TEXT = 1 << 16, 1 << 22
 IDS, SOURCE, MEANING = "primray:ids", "primray:source", "primray:meaning"
 
 
-def parts_of(picture: Any, aovs: Mapping[str, Aov]) -> list[tuple[Any, Values]]:
+Parts = list[tuple[Any, Values]]  # an OIIO ImageSpec and the values of each
+
+
+def parts_of(picture: Any, aovs: Mapping[str, Aov]) -> Parts:
     """An OIIO ImageSpec and values for each; `picture` is the first part's spec, whose windows they share. It gets a name."""
     import OpenImageIO as oiio
 
     if not aovs:
         return []
     types = {"float": oiio.FLOAT, "half": oiio.HALF, "uint": oiio.UINT32}
-    found = []
+    found: Parts = []
     for name, aov in aovs.items():
         part = oiio.ImageSpec(picture)
         part.nchannels, part.channelnames, part.channelformats = len(aov.channels), aov.channels, ()

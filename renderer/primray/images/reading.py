@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 
 import numpy as np
 
 from ..color.color_space import REC709, ColorSpace, linear_spaces
 from ..errors import SettingsError
+from .aov import Aov
 from .aov_parts import read_aovs
-from .image import Image, chromaticities_of
+from .diffused_part import NAME as DIFFUSED
+from .image import CHANNELS, Image, chromaticities_of
 from .image_file import read_image as read_measured
 from .opened_picture import open_picture
 
@@ -34,14 +37,23 @@ def read_image(path: str | os.PathLike[str]) -> Image:
     _check_linear(name)
     found = read_measured(name)
     alpha = np.ones(found.pixels.shape[:2], np.float32) if found.alpha is None else found.alpha
-    return Image(
+    parts = read_aovs(name)
+    image = Image(
         np.concatenate([found.pixels, alpha[..., None]], axis=2),
         metadata=found.metadata,
         errors=found.stderr,
         color_space=_space_of(found.chromaticities),
         frame=found.frame,
-        aovs=read_aovs(name),
+        aovs={key: aov for key, aov in parts.items() if aov.source != DIFFUSED},
     )
+    diffused = [_diffused(aov, image) for aov in parts.values() if aov.source == DIFFUSED]
+    return replace(image, diffused=diffused[0]) if diffused else image
+
+
+def _diffused(part: Aov, record: Image) -> Image:
+    pixels, errors = np.split(part.values, [len(CHANNELS)], axis=2)
+    told = errors if errors.shape[2] else None
+    return Image(pixels, errors=told, color_space=record.color_space, frame=record.frame)
 
 
 def _check_linear(name: str) -> None:

@@ -73,6 +73,11 @@ def render(
     no_motion_blur: stage_flags.NoMotionBlur = False,
     shutter: stage_flags.Shutter = None,
     motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
+    diffusion: output_flags.Diffusion = None,
+    diffusion_glare: output_flags.DiffusionGlare = None,
+    diffusion_bloom_width: output_flags.DiffusionBloomWidth = None,
+    diffusion_starburst: output_flags.DiffusionStarburst = None,
+    diffusion_starburst_width: output_flags.DiffusionStarburstWidth = None,
     make_output_path: output_flags.MakeOutputPath = False,
     snapshot: output_flags.Snapshot = None,
     report: output_flags.Report = None,
@@ -127,6 +132,11 @@ def render(
         motion_blur=not no_motion_blur,
         shutter=shutter,
         motion_error=motion_error,
+        diffusion=diffusion,
+        diffusion_glare=diffusion_glare,
+        diffusion_bloom_width=diffusion_bloom_width,
+        diffusion_starburst=diffusion_starburst,
+        diffusion_starburst_width=diffusion_starburst_width,
     )
     looks = Looks(
         json,
