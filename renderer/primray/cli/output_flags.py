@@ -62,6 +62,13 @@ Snapshot = Annotated[
 Exposure = Annotated[
     str, typer.Option("--exposure", metavar="STOPS", help="Of PNG and JPEG; auto: as the view needs it, for all frames.")
 ]
+Stereo = Annotated[
+    bool,
+    typer.Option(
+        "--stereo",
+        help="Both eyes of the camera's pair: two views of one EXR; PNG and JPEG get _left and _right, or %V and %v filled in.",
+    ),
+]
 Diffusion = Annotated[
     float | None,
     typer.Option(
@@ -90,7 +97,7 @@ DiffusionStarburst = Annotated[
         "--diffusion-starburst",
         metavar="SHARE",
         help="Of what is diffused, the star's of the blades.",
-        show_default="the camera's, else 0.2",
+        show_default="the camera's, else 0.3",
     ),
 ]
 DiffusionStarburstWidth = Annotated[
@@ -99,7 +106,7 @@ DiffusionStarburstWidth = Annotated[
         "--diffusion-starburst-width",
         metavar="SHARE",
         help="Wavelength over aperture, of the picture's height.",
-        show_default="the camera's, else 0.0008",
+        show_default="the camera's, else 0.003",
     ),
 ]
 Report = Annotated[str | None, typer.Option("--report", metavar="FILE", help="Write the report as JSON.", show_default=False)]

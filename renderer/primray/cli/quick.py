@@ -76,6 +76,7 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "no_motion_blur": (FLAG, ("--no-motion-blur", "--disable-motionblur")),
     "shutter": (SPAN, ("--shutter",)),
     "motion_error": (_number, ("--motion-error",)),
+    "stereo": (FLAG, ("--stereo",)),
     "diffusion": (_number, ("--diffusion",)),
     "diffusion_glare": (_number, ("--diffusion-glare",)),
     "diffusion_bloom_width": (_number, ("--diffusion-bloom-width",)),

@@ -22,7 +22,7 @@ from ..notices.announcement import Announcer
 from ..notices.notebook import picture_html
 from ..textures.image_error import last_error
 from .aov import Aov, Values
-from .aov_parts import Parts, parts_of
+from .aov_parts import VIEW, Parts, parts_of
 from .diffused_part import diffused_part
 from .exposure import View, exposure_that_serves, view_fault
 from .output_path import check_folder, through_links
@@ -30,6 +30,7 @@ from .output_path import check_folder, through_links
 CHANNELS = ("R", "G", "B", "A")
 ERROR_CHANNELS = ("stderr.R", "stderr.G", "stderr.B")
 VIEW_EXTENSIONS = (".png", ".jpg", ".jpeg")
+EYE = "settings.eye"  # in metadata: of a stereo pair
 EXTENSIONS = (".exr", *VIEW_EXTENSIONS)
 
 # SMPTE ST 2065-1 (AP0) and the ACEScg specification S-2014-004 (AP1): about ACES's own white, to which values adapt.
@@ -289,7 +290,26 @@ def exr_parts(image: Image) -> Parts:
     beside = parts_of(spec, image.aovs)
     if image.diffused is not None:
         beside.append(diffused_part(spec, image.diffused.values, image.diffused.metadata, image.aovs))
-    return [(spec, values), *beside]
+    parts = [(spec, values), *beside]
+    eye = image.metadata.get(EYE)
+    if eye is not None:
+        _name_view(parts, str(eye))
+    return parts
+
+
+def _name_view(parts: Parts, view: str) -> None:
+    """As OpenEXR's "Storing Multi-View Images" has it of files with one of several views; a part alone says it twice."""
+    for spec, _ in parts:
+        spec.attribute(VIEW, view)
+    if len(parts) == 1:
+        parts[0][0].attribute("multiView", "string[1]", (view,))
+
+
+def write_parts(path: Path, parts: Parts) -> Path:
+    """An EXR of these, whole or not at all."""
+    with _replacing(path) as temporary:
+        _write(temporary, parts)
+    return path
 
 
 def _picture_part(image: Image) -> tuple[Any, Values]:

@@ -28,8 +28,8 @@ class Diffusion:
     strength: float = 0.0  # of all light, 0 to 1; 0: off
     glare: float = 0.2  # of what is diffused, the veil's share
     bloom_width: float = 0.005  # the bloom's narrowest standard deviation
-    starburst: float = 0.2  # of what is diffused, the star's share
-    starburst_width: float = 0.0008  # on the picture, of one wavelength (550 nm) over the aperture's diameter
+    starburst: float = 0.3  # of what is diffused, the star's share
+    starburst_width: float = 0.003  # on the picture, of one wavelength (550 nm) over the aperture's diameter
     blades: int | None = None  # sides of the aperture, 0 a circle; None: as the camera's depth of field has them
     blade_rotation_deg: float = 0.0  # of a corner from +X, towards +Y; with `blades`
 
