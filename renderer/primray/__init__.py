@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING
 from . import errors
 from .compare import compare
 from .errors import PrimrayError
+from .lens.diffusion import Diffusion
 from .render import render, render_frames
-from .settings import AutoCamera, DefaultWrap, Filter, Metric, RenderSettings
+from .settings import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderSettings
 from .version import __version__
 
 if TYPE_CHECKING:
@@ -26,8 +27,10 @@ if TYPE_CHECKING:
     from .images.aov import Aov
     from .images.image import Image
     from .images.reading import read_image
+    from .images.stereo import StereoImage
     from .notices.announcement import RenderWarning
     from .render.products import Product, render_products
+    from .render.stereo import render_stereo
 
 __all__ = [
     "Aov",
@@ -36,6 +39,8 @@ __all__ = [
     "Checkpointing",
     "Comparison",
     "DefaultWrap",
+    "Diffusion",
+    "Eye",
     "Filter",
     "Image",
     "Metric",
@@ -44,6 +49,7 @@ __all__ = [
     "Projection",
     "RenderSettings",
     "RenderWarning",
+    "StereoImage",
     "Verdict",
     "__version__",
     "compare",
@@ -52,6 +58,7 @@ __all__ = [
     "render",
     "render_frames",
     "render_products",
+    "render_stereo",
 ]
 
 if not TYPE_CHECKING:  # type checkers know the names above, and that there are no others
@@ -64,9 +71,11 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Product": "render.products",
         "Projection": "camera",
         "RenderWarning": "notices.announcement",
+        "StereoImage": "images.stereo",
         "Verdict": "compare.comparison",
         "read_image": "images.reading",
         "render_products": "render.products",
+        "render_stereo": "render.stereo",
     }
 
     def __getattr__(name):

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .arrays import Doubles
+from .lens.diffusion import NO_DIFFUSION, Diffusion, diffusion_of
 
 
 class Projection(Enum):
@@ -56,6 +57,7 @@ class Camera:
     blade_rotation_deg: float = 0.0  # of a corner from +X, towards +Y
     clipping_planes: tuple[tuple[float, float, float, float], ...] = ()  # a x + b y + c z + d < 0 is cut off, camera space
     shutter: tuple[float, float] = (0.0, 0.0)  # opens and closes, in time codes from the frame on; equal: an instant
+    diffusion: Diffusion = NO_DIFFUSION  # of light in the lens, after the render
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Camera) and camera_as_json(self) == camera_as_json(other)
@@ -105,4 +107,5 @@ def camera_of(values: Mapping[str, Any]) -> Camera:
         float(values["blade_rotation_deg"]),
         tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in values["clipping_planes"]),
         (float(values["shutter"][0]), float(values["shutter"][1])),
+        diffusion_of(values["diffusion"]) if "diffusion" in values else NO_DIFFUSION,
     )

@@ -13,6 +13,7 @@ from .aov_names import check_names
 from .camera_choice import Matrix, camera_choice
 from .composition import Composition
 from .errors import LimitError, SettingsError
+from .lens.diffusion import fault_of
 from .setting_values import Reader, choice, number, optional, pair, text, texts, two_numbers, whole, yes_or_no
 
 if TYPE_CHECKING:
@@ -56,6 +57,17 @@ class DefaultWrap(Enum):
     MIRROR = "mirror"
 
 
+class Eye(Enum):
+    """An eye of a stereo pair of cameras, which UsdGeomCamera's stereoRole names.
+
+    >>> primray.RenderSettings(eye="left").eye
+    <Eye.LEFT: 'left'>
+    """
+
+    LEFT = "left"
+    RIGHT = "right"
+
+
 class AutoCamera(Enum):
     """The view of a stage whose author left no camera: from three quarters, above, or usdrecord's, from the front.
 
@@ -70,6 +82,17 @@ class AutoCamera(Enum):
 # Full widths in pixels: the box that is the exact pixel average, and the widths at which the others look alike.
 DEFAULT_FILTER_WIDTH = {Filter.BOX: 1.0, Filter.GAUSSIAN: 3.0, Filter.BLACKMAN_HARRIS: 3.0}
 
+
+# The settings that say what a lens diffuses, and the members of Diffusion that they are for.
+DIFFUSION = {
+    "diffusion": "strength",
+    "diffusion_glare": "glare",
+    "diffusion_bloom_width": "bloom_width",
+    "diffusion_starburst": "starburst",
+    "diffusion_starburst_width": "starburst_width",
+}
+# Settings that files and reports name only where they are given.
+SELDOM = (*DIFFUSION, "eye")
 
 # Pixels that an edge of a diced subdivision surface may cover.
 DEFAULT_DICING_RATE = 4.0
@@ -121,6 +144,12 @@ class SettingsValues(TypedDict, total=False):
     motion_blur: bool
     shutter: Iterable[float] | None
     motion_error: float
+    diffusion: float | None
+    diffusion_glare: float | None
+    diffusion_bloom_width: float | None
+    diffusion_starburst: float | None
+    diffusion_starburst_width: float | None
+    eye: Eye | Literal["left", "right"] | None
     variants: Iterable[str]
     load: Iterable[str] | None
     mask: Iterable[str] | None
@@ -182,6 +211,13 @@ class RenderSettings:
     motion_error: float = (
         DEFAULT_MOTION_ERROR  # pixels: how far paths may be from the stage's between the times they are given at
     )
+    # What the lens diffuses, as in Diffusion; each None: as the camera says. A diffusion of 0 is off.
+    diffusion: float | None = None
+    diffusion_glare: float | None = None
+    diffusion_bloom_width: float | None = None
+    diffusion_starburst: float | None = None
+    diffusion_starburst_width: float | None = None
+    eye: Eye | None = None  # of the stereo pair that the camera is of; None: the camera itself
     # How the stage is composed; meaning as in Composition. All frames of one command share it.
     variants: tuple[str, ...] = ()
     load: tuple[str, ...] | None = None
@@ -262,6 +298,7 @@ class RenderSettings:
         usable = math.isfinite(rate) and rate > 0
         _require(usable, f"the dicing rate must be a number of pixels above 0, not {rate}", "dicing_rate")
         self._check_motion()
+        self._check_diffusion()
 
     def _check_motion(self) -> None:
         error = self.motion_error
@@ -269,6 +306,15 @@ class RenderSettings:
         _require(usable, f"the error of motion must be a number of pixels above 0, not {error}", "motion_error")
         finite = self.shutter is None or all(map(math.isfinite, self.shutter))
         _require(finite, f"the shutter opens and closes at time codes from the frame on, not at {self.shutter}", "shutter")
+
+    def _check_diffusion(self) -> None:
+        for name, member in DIFFUSION.items():
+            value = getattr(self, name)
+            fault = "" if value is None else fault_of(member, value)
+            _require(not fault, fault, name)
+        glare, starburst = self.diffusion_glare or 0.0, self.diffusion_starburst or 0.0
+        sentence = f"glare {glare:g} and starburst {starburst:g} are more than all that is diffused"
+        _require(glare + starburst <= 1, sentence, "diffusion_starburst")
 
     def _check_sampling(self) -> None:
         spp, target, seconds = self.spp, self.target_error, self.time_limit_s
@@ -306,6 +352,8 @@ _READERS: Mapping[str, Reader] = {
     **dict.fromkeys(("spp", "max_depth", "threads", "max_memory_bytes"), _WHOLE),
     **dict.fromkeys(("purposes", "aovs", "load", "mask"), _TEXTS),
     **dict.fromkeys(("default_light", "strict", "motion_blur"), yes_or_no),
+    **dict.fromkeys(DIFFUSION, _NUMBER),
+    "eye": optional(choice(Eye)),
     "shutter": optional(two_numbers),
     "adaptive": optional(yes_or_no),
     "auto_camera": choice(AutoCamera),
@@ -341,6 +389,7 @@ def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
     chosen: dict[str, Any] = {"filter": Filter(values["filter"]), "error_metric": Metric(values["error_metric"])}
     chosen["auto_camera"] = AutoCamera(values.get("auto_camera", AutoCamera.THREE_QUARTER))
     chosen["default_wrap"] = DefaultWrap(values.get("default_wrap", DefaultWrap.BLACK))
+    chosen["eye"] = None if values.get("eye") is None else Eye(values["eye"])
     if isinstance(values.get("camera"), Mapping):
         from .camera import camera_of
 

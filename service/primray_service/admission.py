@@ -11,7 +11,7 @@ from typing import Any
 
 from primray.errors import LimitError, SettingsError
 from primray.render.frame_numbers import parse_frames
-from primray.settings import AutoCamera, DefaultWrap, Filter, Metric, RenderSettings
+from primray.settings import DIFFUSION, AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderSettings
 
 from . import ids
 from .api.models import JobPatch, JobRequest, Settings, StopRules
@@ -35,6 +35,7 @@ _MEMBERS = (
     ("dicing rate", "settings.dicing_rate"),
     ("shutter", "settings.shutter"),
     ("motion", "settings.motion_error"),
+    ("diffused", "settings.diffusion_starburst"),
     ("purpose", "settings.purposes"),
     ("variant", "settings.variants"),
     ("load", "settings.load"),
@@ -182,10 +183,12 @@ def render_settings(settings: Settings) -> RenderSettings:
         shutter=settings.shutter,
         purposes=None if settings.purposes is None else tuple(settings.purposes),
         aovs=None if settings.aovs is None else tuple(settings.aovs),
+        eye=None if settings.eye is None else Eye(settings.eye),
         strict=settings.strict,
         variants=tuple(settings.variants),
         load=None if settings.load is None else tuple(settings.load),
         mask=None if settings.mask is None else tuple(settings.mask),
+        **{name: getattr(settings, name) for name in DIFFUSION},
         **chosen,
     )
 
@@ -228,7 +231,7 @@ def changes_of(patch: JobPatch, limits: Limits) -> Json:
 
 # Members since version 0.2.0: left at their defaults, they are no part of a request whose key may come again.
 NEW_MEMBERS = ("name",)
-NEW_SETTINGS = ("auto_camera", "default_wrap", "motion_blur", "shutter", "motion_error")
+NEW_SETTINGS = ("auto_camera", "default_wrap", "motion_blur", "shutter", "motion_error", *DIFFUSION, "eye")
 
 
 def fingerprint(request: JobRequest) -> str:

@@ -17,6 +17,22 @@ import primray
 
 ROOT = Path(__file__).resolve().parents[2]
 STAGE = ROOT / "scenes/features/camera-lens/scene.usda"
+STEREO = """#usda 1.0
+(
+    subLayers = [@./shot.usda@]
+)
+def Xform "rig"
+{
+    def Camera "left"
+    {
+        uniform token stereoRole = "left"
+    }
+    def Camera "right"
+    {
+        uniform token stereoRole = "right"
+    }
+}
+"""
 PAGES = ("docs/library.md", "README.md")
 NAMES = [
     name for name in primray.__all__ if inspect.isroutine(getattr(primray, name)) or inspect.isclass(getattr(primray, name))
@@ -27,6 +43,7 @@ NAMES = [
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The current one, with the stage that examples render."""
     shutil.copy(STAGE, tmp_path / "shot.usda")
+    (tmp_path / "stereo.usda").write_text(STEREO)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom
 
-from primray import AutoCamera, DefaultWrap, Filter, Metric, RenderSettings
+from primray import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderSettings
 from primray.description import Camera, Projection
 from primray.errors import PrimrayError, SettingsError
 from primray.report.report import settings_as_json
@@ -92,6 +92,12 @@ NONSENSE: dict[str, list[Any]] = {
     "motion_blur": ["no", None],
     "shutter": ["0 1", (0.5,), (0, "1"), (0, float("inf"))],
     "motion_error": [0, None, "fine"],
+    "diffusion": ["a bit", -0.1, 1.5, float("nan")],
+    "diffusion_glare": ["veil", -0.1, 2],
+    "diffusion_bloom_width": [0, "5 px", float("inf")],
+    "diffusion_starburst": [-1, 1.1, True],
+    "diffusion_starburst_width": [0, 2],
+    "eye": ["both", 1],
     "variants": ["/a:b=c", ["red"], None],
     "load": ["/World", ["World"], 1],
     "mask": ["/World", ["World"], []],
@@ -112,7 +118,7 @@ def test_type_checkers_have_the_same_fields() -> None:
 
 
 def test_choices_of_type_checkers_are_the_enums() -> None:
-    enums = {"filter": Filter, "error_metric": Metric, "default_wrap": DefaultWrap, "auto_camera": AutoCamera}
+    enums = {"filter": Filter, "error_metric": Metric, "default_wrap": DefaultWrap, "auto_camera": AutoCamera, "eye": Eye}
     for name, kinds in enums.items():
         assert issubclass(kinds, Enum)
         text = str(SettingsValues.__annotations__[name].__forward_arg__)

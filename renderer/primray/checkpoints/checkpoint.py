@@ -40,6 +40,7 @@ BINS = (-4, 3)  # exact_sum.hpp: kLowestBin, and that of the largest float
 OF_PIXELS = ("resolution", "seed", "max_depth", "filter", "filter_width", "dicing_rate", "rendering_color_space")
 OF_SCENE = (
     "camera",
+    "eye",
     "auto_camera",
     "render_settings",
     "product",

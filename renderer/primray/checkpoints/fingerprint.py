@@ -18,7 +18,7 @@ from ..description import SceneDescription, TextureFile
 from ..textures.texture import Texture
 
 # Say where something comes from, and what was noticed on the way, but not what it looks like.
-UNSEEN = {"path", "collections", "bad_texels", "turned", "names", "instance"}
+UNSEEN = {"path", "collections", "bad_texels", "turned", "names", "instance", "diffusion"}
 
 TextureSet = Mapping[TextureFile, Sequence[tuple[int, Texture]]]
 

@@ -62,6 +62,53 @@ Snapshot = Annotated[
 Exposure = Annotated[
     str, typer.Option("--exposure", metavar="STOPS", help="Of PNG and JPEG; auto: as the view needs it, for all frames.")
 ]
+Stereo = Annotated[
+    bool,
+    typer.Option(
+        "--stereo",
+        help="Both eyes of the camera's pair: two views of one EXR; PNG and JPEG get _left and _right, or %V and %v filled in.",
+    ),
+]
+Diffusion = Annotated[
+    float | None,
+    typer.Option(
+        "--diffusion",
+        metavar="SHARE",
+        help="Of all light that the lens diffuses, a further part of the EXR and what PNG and JPEG show; 0: none.",
+        show_default="the camera's",
+    ),
+]
+DiffusionGlare = Annotated[
+    float | None,
+    typer.Option("--diffusion-glare", metavar="SHARE", help="Of that, the veil's.", show_default="the camera's, else 0.2"),
+]
+DiffusionBloomWidth = Annotated[
+    float | None,
+    typer.Option(
+        "--diffusion-bloom-width",
+        metavar="SHARE",
+        help="The bloom's, of the picture's height.",
+        show_default="the camera's, else 0.005",
+    ),
+]
+DiffusionStarburst = Annotated[
+    float | None,
+    typer.Option(
+        "--diffusion-starburst",
+        metavar="SHARE",
+        help="Of what is diffused, the star's of the blades.",
+        show_default="the camera's, else 0.3",
+    ),
+]
+DiffusionStarburstWidth = Annotated[
+    float | None,
+    typer.Option(
+        "--diffusion-starburst-width",
+        metavar="SHARE",
+        help="Wavelength over aperture, of the picture's height.",
+        show_default="the camera's, else 0.003",
+    ),
+]
 Report = Annotated[str | None, typer.Option("--report", metavar="FILE", help="Write the report as JSON.", show_default=False)]
 SampleRange = Annotated[
     str | None,

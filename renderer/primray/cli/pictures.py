@@ -6,7 +6,7 @@ Nothing of Typer is imported here (see quick.py).
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -42,7 +42,7 @@ class Looks:
             return self
         from ..images.exposure import exposure_that_serves
 
-        return replace(self, exposure=exposure_that_serves(image.pixels, self.view_of(image)), chose_exposure=True)
+        return replace(self, exposure=exposure_that_serves(image.shown.pixels, self.view_of(image)), chose_exposure=True)
 
     def view_of(self, image: Image) -> View:
         from ..images.exposure import View
@@ -78,27 +78,41 @@ def save(image: Image, file: str, looks: Looks) -> None:
 
 def write(image: Image, files: list[str], report_file: str | None, looks: Looks) -> bool:
     """Write and tell what came of a render; False if a file could not be written, which is told, and the others were."""
-    from ..images.image import write_text
-    from ..notices.diagnostics_text import print_diagnostics
-    from .json_lines import dumps, print_line
-
     start, looks = time.perf_counter(), looks.settled(image)
-    written = [file for file in files if _is_written(partial(save, image, file, looks), looks)]
-    stages_s = {**image.report["stages_s"], "write": time.perf_counter() - start}
+    written = [file for file in files if is_written(partial(save, image, file, looks), looks)]
+    report = finished_report(image, written, time.perf_counter() - start, looks)
+    whole = report_file is None or write_report(report, report_file, looks)
+    tell(image, report, looks)
+    return whole and written == files
+
+
+def finished_report(image: Image, written: list[str], seconds: float, looks: Looks) -> dict[str, Any]:
+    """With the files, what writing them took, and what views of them do not show."""
+    stages_s = {**image.report["stages_s"], "write": seconds}
     report = {**image.report, "outputs": written, "stages_s": stages_s}
     report["diagnostics"] = [*report["diagnostics"], *_faults_of_view(image, written, looks)]
     if looks.chose_exposure:
         report["view_exposure"] = looks.exposure
-    whole = written == files
-    if report_file is not None:
-        text = dumps(report, indent=2) + "\n"
-        whole = _is_written(partial(write_text, Path(report_file), text), looks) and whole
+    return report
+
+
+def write_report(report: Mapping[str, Any], file: str, looks: Looks) -> bool:
+    """False if it could not be written, which is told."""
+    from ..images.image import write_text
+    from .json_lines import dumps
+
+    return is_written(partial(write_text, Path(file), dumps(report, indent=2) + "\n"), looks)
+
+
+def tell(image: Image, report: dict[str, Any], looks: Looks) -> None:
+    from ..notices.diagnostics_text import print_diagnostics
+    from .json_lines import print_line
+
     print_diagnostics(report["diagnostics"], verbose=looks.verbose)
     if looks.as_json:
         print_line({"type": "report", **report})
     else:
-        print(_summary_line(image, report, written))
-    return whole
+        print(_summary_line(image, report, report["outputs"]))
 
 
 def _faults_of_view(image: Image, files: list[str], looks: Looks) -> list[dict[str, str]]:
@@ -107,11 +121,11 @@ def _faults_of_view(image: Image, files: list[str], looks: Looks) -> list[dict[s
 
     if looks.exposure == "auto" or not any(file.lower().endswith(VIEW_EXTENSIONS) for file in files):
         return []
-    fault = view_fault(image.pixels, looks.view_of(image), looks.exposure)
+    fault = view_fault(image.shown.pixels, looks.view_of(image), looks.exposure)
     return [] if fault is None else [fault.as_json()]
 
 
-def _is_written(writing: Callable[[], None], looks: Looks) -> bool:
+def is_written(writing: Callable[[], None], looks: Looks) -> bool:
     from .terminal.errors import print_error
 
     try:

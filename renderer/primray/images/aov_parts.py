@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -16,19 +17,23 @@ from .aov import Aov, Values
 from .opened_picture import open_picture
 
 PICTURE_PART = "rgba"
+VIEW = "view"  # of a stereo pair
 # Of what a part says of its numbers: this many entries and this much text at most; the rest is counted.
 MOST_IDS, MOST_TEXT = 1 << 16, 1 << 22
 IDS, SOURCE, MEANING = "primray:ids", "primray:source", "primray:meaning"
 
 
-def parts_of(picture: Any, aovs: Mapping[str, Aov]) -> list[tuple[Any, Values]]:
+Parts = list[tuple[Any, Values]]  # an OIIO ImageSpec and the values of each
+
+
+def parts_of(picture: Any, aovs: Mapping[str, Aov]) -> Parts:
     """An OIIO ImageSpec and values for each; `picture` is the first part's spec, whose windows they share. It gets a name."""
     import OpenImageIO as oiio
 
     if not aovs:
         return []
     types = {"float": oiio.FLOAT, "half": oiio.HALF, "uint": oiio.UINT32}
-    found = []
+    found: Parts = []
     for name, aov in aovs.items():
         part = oiio.ImageSpec(picture)
         part.nchannels, part.channelnames, part.channelformats = len(aov.channels), aov.channels, ()
@@ -63,23 +68,31 @@ def ids_text(ids: Mapping[int, str]) -> str:
     return json.dumps(kept, ensure_ascii=False)
 
 
-def read_aovs(path: str | os.PathLike[str]) -> dict[str, Aov]:
-    """The AOVs of an EXR that `Image.save` wrote, by name; SettingsError if there is no such file, or it is damaged."""
+def read_aovs(path: str | os.PathLike[str], picture: int = 0) -> dict[str, Aov]:
+    """The AOVs of an EXR that `Image.save` wrote, by name: those of the view of the picture in that part.
+
+    SettingsError if there is no such file, or it is damaged.
+    """
     import OpenImageIO as oiio
 
     name = os.fspath(path)
     file = open_picture(name)
     found: dict[str, Aov] = {}
     try:
-        number = 1
-        while file.seek_subimage(number, 0):
+        file.seek_subimage(picture, 0)
+        view = file.spec(picture).get_string_attribute(VIEW)
+        for number in count():
+            if not file.seek_subimage(number, 0):
+                break
             spec = file.spec(number)
+            if number == picture or spec.get_string_attribute(VIEW) != view:
+                continue
             values = file.read_image(number, 0, 0, spec.nchannels, oiio.UNKNOWN)
             if values is None:
                 raise SettingsError(f"the picture is damaged: {last_error(file)}", where=name, code="image-unreadable")
             values = np.asarray(values).reshape(spec.height, spec.width, spec.nchannels)
-            found[spec.get_string_attribute("oiio:subimagename", str(number))] = _aov(spec, values)
-            number += 1
+            name_of_part = spec.get_string_attribute("oiio:subimagename", str(number))
+            found[name_of_part.removesuffix(f".{view}") if view else name_of_part] = _aov(spec, values)
     finally:
         file.close()
     return found

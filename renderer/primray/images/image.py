@@ -21,14 +21,16 @@ from ..errors import PrimrayError, SettingsError
 from ..notices.announcement import Announcer
 from ..notices.notebook import picture_html
 from ..textures.image_error import last_error
-from .aov import Aov
-from .aov_parts import parts_of
+from .aov import Aov, Values
+from .aov_parts import VIEW, Parts, parts_of
+from .diffused_part import diffused_part
 from .exposure import View, exposure_that_serves, view_fault
 from .output_path import check_folder, through_links
 
 CHANNELS = ("R", "G", "B", "A")
 ERROR_CHANNELS = ("stderr.R", "stderr.G", "stderr.B")
 VIEW_EXTENSIONS = (".png", ".jpg", ".jpeg")
+EYE = "settings.eye"  # in metadata: of a stereo pair
 EXTENSIONS = (".exr", *VIEW_EXTENSIONS)
 
 # SMPTE ST 2065-1 (AP0) and the ACEScg specification S-2014-004 (AP1): about ACES's own white, to which values adapt.
@@ -67,6 +69,8 @@ class Image:
     color_space: ColorSpace = REC709  # linear
     frame: Frame | None = None  # where the pixels lie; None: they are the whole
     aovs: Mapping[str, Aov] = field(default_factory=dict)  # outputs beside the picture; an EXR holds each as a part
+    # As the camera's lens diffuses it, with the errors of that, where it does: a part of an EXR as well, and what is shown.
+    diffused: Image | None = None
 
     def __post_init__(self) -> None:
         pixels = np.array(self.pixels, np.float32, order="C")
@@ -83,6 +87,8 @@ class Image:
         for name, aov in self.aovs.items():
             if aov.values.shape[:2] != pixels.shape[:2]:
                 raise ValueError(f"{name} of shape {aov.values.shape} does not go with pixels of shape {pixels.shape}")
+        if self.diffused is not None and self.diffused.resolution != self.resolution:
+            raise ValueError(f"a diffused picture of {self.diffused.resolution} does not go with one of {self.resolution}")
         if self.frame is not None and self.frame.size != self.resolution:
             raise ValueError(f"pixels of shape {pixels.shape} do not fill {self.frame}")
 
@@ -90,6 +96,16 @@ class Image:
     def resolution(self) -> tuple[int, int]:
         """Of the pixels that are there; `frame` says of which whole."""
         return self.pixels.shape[1], self.pixels.shape[0]
+
+    @property
+    def values(self) -> Floats:
+        """(H, W, C): pixels, and after them errors where there are any."""
+        return self.pixels if self.errors is None else np.concatenate([self.pixels, self.errors], axis=2)
+
+    @property
+    def shown(self) -> Image:
+        """What PNG, JPEG and notebooks show: the diffused picture, where there is one; else this."""
+        return self.diffused or self
 
     def save(
         self,
@@ -101,13 +117,14 @@ class Image:
         look: str | None = None,
     ) -> Path:
         """Write `path` whole or not at all; `view`, `display`, `exposure` (stops, or "auto": as the view needs them) and `look`
-        are for PNG and JPEG, which show the picture alone. RenderWarning where that is almost only white, or only black.
+        are for PNG and JPEG, which show the picture alone, diffused if it is. RenderWarning where that is almost only white, or
+        only black.
         """
         path = check_output_path(path)
         chosen = View(view, display, look, self.color_space)
         if path.suffix.lower() in VIEW_EXTENSIONS:
             exposure = self._stops(chosen, exposure)
-            fault = view_fault(self.pixels, chosen, exposure)
+            fault = view_fault(self.shown.pixels, chosen, exposure)
             Announcer(path).tell([] if fault is None else [fault])
         return self.write(path, chosen, 0.0 if exposure == "auto" else exposure)
 
@@ -117,7 +134,7 @@ class Image:
             if path.suffix.lower() == ".exr":
                 _write_exr(self, temporary)
             else:
-                _write_view(_encode(self.pixels, view, exposure, keep_alpha=path.suffix.lower() == ".png"), temporary)
+                _write_view(_encode(self.shown.pixels, view, exposure, keep_alpha=path.suffix.lower() == ".png"), temporary)
         return path
 
     def to_uint8(
@@ -134,12 +151,12 @@ class Image:
         config, SettingsError where it has no such.
         """
         chosen = View(view, display, look, self.color_space)
-        encoded = _encode(self.pixels, chosen, self._stops(chosen, exposure))
+        encoded = _encode(self.shown.pixels, chosen, self._stops(chosen, exposure))
         opaque = np.full((*encoded.shape[:2], 4 - encoded.shape[2]), 255, np.uint8)
         return np.concatenate([encoded, opaque], axis=2)
 
     def _stops(self, view: View, exposure: float | Literal["auto"]) -> float:
-        return exposure_that_serves(self.pixels, view) if exposure == "auto" else exposure
+        return exposure_that_serves(self.shown.pixels, view) if exposure == "auto" else exposure
 
     def show(self) -> None:
         """Show it: under the cell in a notebook, else a PNG of it in the desktop's viewer.
@@ -167,6 +184,7 @@ class Image:
             told.append(f"relmse {error['estimate']:.2g}")
         if self.aovs:
             told.append(f"aovs {' '.join(self.aovs)}")
+        told += [] if self.diffused is None else ["diffused"]
         severities = [d["severity"] for d in self.report.get("diagnostics", ())]
         for severity in ("error", "warning"):
             count = severities.count(severity)
@@ -174,7 +192,7 @@ class Image:
         return f"<Image {', '.join(told)}>"
 
     def _repr_html_(self) -> str | None:
-        fault = view_fault(self.pixels, View(space=self.color_space))
+        fault = view_fault(self.shown.pixels, View(space=self.color_space))
         told = [*self.report.get("diagnostics", ()), *([] if fault is None else [fault.as_json()])]
         return picture_html(self._repr_png_, self.resolution, told)
 
@@ -263,14 +281,44 @@ def write_text(path: Path, text: str) -> None:
 
 
 def _write_exr(image: Image, path: str) -> None:
+    _write(path, exr_parts(image))
+
+
+def exr_parts(image: Image) -> Parts:
+    """Specs and values of its picture, and of what stands beside that."""
+    spec, values = _picture_part(image)
+    beside = parts_of(spec, image.aovs)
+    if image.diffused is not None:
+        beside.append(diffused_part(spec, image.diffused.values, image.diffused.metadata, image.aovs))
+    parts = [(spec, values), *beside]
+    eye = image.metadata.get(EYE)
+    if eye is not None:
+        _name_view(parts, str(eye))
+    return parts
+
+
+def _name_view(parts: Parts, view: str) -> None:
+    """As OpenEXR's "Storing Multi-View Images" has it of files with one of several views; a part alone says it twice."""
+    for spec, _ in parts:
+        spec.attribute(VIEW, view)
+    if len(parts) == 1:
+        parts[0][0].attribute("multiView", "string[1]", (view,))
+
+
+def write_parts(path: Path, parts: Parts) -> Path:
+    """An EXR of these, whole or not at all."""
+    with _replacing(path) as temporary:
+        _write(temporary, parts)
+    return path
+
+
+def _picture_part(image: Image) -> tuple[Any, Values]:
     import OpenImageIO as oiio
 
     width, height = image.resolution
-    channels, values = image.channels, image.pixels
-    if image.errors is not None:
-        channels, values = channels + ERROR_CHANNELS, np.concatenate([image.pixels, image.errors], axis=2)
-    spec = oiio.ImageSpec(width, height, len(channels), oiio.FLOAT)
-    spec.channelnames = channels
+    values = image.values
+    spec = oiio.ImageSpec(width, height, values.shape[2], oiio.FLOAT)
+    spec.channelnames = image.channels if image.errors is None else image.channels + ERROR_CHANNELS
     _place(spec, image.frame)
     spec.attribute("compression", "zip")
     _describe_colors(spec, image.color_space)
@@ -281,7 +329,7 @@ def _write_exr(image: Image, path: str) -> None:
         camera_matrix, ndc_matrix = exr_matrices(image.camera)
         spec.attribute("worldtocamera", oiio.TypeMatrix, _row_vector_floats(camera_matrix))
         spec.attribute("worldtoNDC", oiio.TypeMatrix, _row_vector_floats(ndc_matrix))
-    _write(path, spec, values, image.aovs)
+    return spec, values
 
 
 def _place(spec: Any, frame: Frame | None) -> None:
@@ -340,20 +388,18 @@ def _write_view(encoded: np.ndarray[Any, Any], path: str) -> None:
     spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
     spec.attribute("oiio:UnassociatedAlpha", 1)
     spec.attribute("CompressionQuality", 95)
-    _write(path, spec, encoded)
+    _write(path, [(spec, encoded)])
 
 
-def _write(path: str, spec: Any, pixels: np.ndarray[Any, Any], aovs: Mapping[str, Aov] | None = None) -> None:
-    """The picture, and a part of its own for each of `aovs`."""
+def _write(path: str, parts: Parts) -> None:
     import OpenImageIO as oiio
 
     out = oiio.ImageOutput.create(path)
     if out is None:
         raise PrimrayError(f"the file cannot be written: {last_error(oiio)}", where=path, code="write-failed")
-    parts = parts_of(spec, aovs or {})
-    done = out.open(path, [spec, *(part for part, _ in parts)]) if parts else out.open(path, spec)
-    done = done and out.write_image(pixels)
-    for part, values in parts:
-        done = done and out.open(path, part, "AppendSubimage") and out.write_image(values)
+    specs = [spec for spec, _ in parts]
+    done = out.open(path, specs) if len(specs) > 1 else out.open(path, specs[0])
+    for number, (spec, values) in enumerate(parts):
+        done = done and (number == 0 or out.open(path, spec, "AppendSubimage")) and out.write_image(values)
     if not done or not out.close():
         raise PrimrayError(f"the file cannot be written: {last_error(out)}", where=path, code="write-failed")

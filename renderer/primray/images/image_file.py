@@ -69,20 +69,24 @@ def _number(value: object) -> float | None:
     return number if np.isfinite(number) else None
 
 
-def read_image(path: str | os.PathLike[str]) -> MeasuredImage:
-    """The picture at `path`; SettingsError if there is none that can be read, or if its channels do not fit."""
+def read_image(path: str | os.PathLike[str], part: int = 0) -> MeasuredImage:
+    """The picture at `path`, in its first part or another.
+
+    SettingsError if there is none that can be read, or if its channels do not fit.
+    """
     import OpenImageIO as oiio
 
     name = os.fspath(path)
     file = open_picture(name)
     try:
+        file.seek_subimage(part, 0)
         spec = file.spec()
         channels = tuple(spec.channelnames)
         missing = [channel for channel in COLORS if channel not in channels]
         if spec.deep or missing:
             why = "is deep" if spec.deep else f"has no channel {', '.join(missing)}; it has {', '.join(channels)}"
             raise SettingsError(f"the picture {why}", where=name, code="image-channels")
-        values = file.read_image(0, 0, 0, spec.nchannels, oiio.FLOAT)
+        values = file.read_image(part, 0, 0, spec.nchannels, oiio.FLOAT)
         if values is None:
             raise SettingsError(f"the picture is damaged: {last_error(file)}", where=name, code="image-unreadable")
         values = np.asarray(values).reshape(spec.height, spec.width, spec.nchannels)

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
+from itertools import count
+from typing import Literal
 
 import numpy as np
 
 from ..color.color_space import REC709, ColorSpace, linear_spaces
 from ..errors import SettingsError
-from .aov_parts import read_aovs
-from .image import Image, chromaticities_of
+from ..settings import Eye
+from .aov import Aov
+from .aov_parts import VIEW, read_aovs
+from .diffused_part import NAME as DIFFUSED
+from .image import CHANNELS, Image, chromaticities_of
 from .image_file import read_image as read_measured
 from .opened_picture import open_picture
 
@@ -17,8 +23,10 @@ FLOATS = ("half", "float", "double")
 SAME = 1e-4  # files have floats, and some programs write few digits
 
 
-def read_image(path: str | os.PathLike[str]) -> Image:
-    """The image in a scene-linear file: pixels (H, W, 4), errors, AOVs, frame, colour space, and the header as `metadata`.
+def read_image(path: str | os.PathLike[str], eye: Eye | Literal["left", "right"] | None = None) -> Image:
+    """The image in a scene-linear file, or one `eye` of a stereo pair's.
+
+    It has pixels (H, W, 4), errors, AOVs, frame, colour space, and the header as `metadata`.
 
     >>> image = primray.render("shot.usda", resolution=(32, 18), spp=4, aovs=["depth"])
     >>> image.save("shot.exr").name
@@ -32,16 +40,39 @@ def read_image(path: str | os.PathLike[str]) -> Image:
     """
     name = os.fspath(path)
     _check_linear(name)
-    found = read_measured(name)
+    part = 0 if eye is None else _part_of(name, Eye(eye))
+    found = read_measured(name, part)
     alpha = np.ones(found.pixels.shape[:2], np.float32) if found.alpha is None else found.alpha
-    return Image(
+    parts = read_aovs(name, part)
+    image = Image(
         np.concatenate([found.pixels, alpha[..., None]], axis=2),
         metadata=found.metadata,
         errors=found.stderr,
         color_space=_space_of(found.chromaticities),
         frame=found.frame,
-        aovs=read_aovs(name),
+        aovs={key: aov for key, aov in parts.items() if aov.source != DIFFUSED},
     )
+    diffused = [_diffused(aov, image) for aov in parts.values() if aov.source == DIFFUSED]
+    return replace(image, diffused=diffused[0]) if diffused else image
+
+
+def _diffused(part: Aov, record: Image) -> Image:
+    pixels, errors = np.split(part.values, [len(CHANNELS)], axis=2)
+    told = errors if errors.shape[2] else None
+    return Image(pixels, errors=told, color_space=record.color_space, frame=record.frame)
+
+
+def _part_of(name: str, eye: Eye) -> int:
+    file = open_picture(name)
+    try:
+        for number in count():
+            if not file.seek_subimage(number, 0):
+                raise SettingsError(f"the picture has no view {eye.value}", where=name, code="stereo-view")
+            if file.spec(number).get_string_attribute(VIEW) == eye.value:
+                return number
+    finally:
+        file.close()
+    raise AssertionError
 
 
 def _check_linear(name: str) -> None:

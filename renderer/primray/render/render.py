@@ -196,8 +196,19 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     metadata = header_of(report)
     report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
     report["frame"] = asdict(prepared.frame)
-    frame = prepared.frame
-    return Image(pixels, report, metadata, prepared.camera, errors=errors, frame=frame, aovs=aovs, color_space=space)
+    camera, frame = prepared.camera, prepared.frame
+    image = Image(pixels, report, metadata, camera, errors=errors, frame=frame, aovs=aovs, color_space=space)
+    return image if camera.diffusion.strength == 0 else _diffused(image, costs)
+
+
+def _diffused(image: Image, costs: Costs) -> Image:
+    """With the picture as its lens diffuses it, which its report tells of."""
+    from ..diffusing.diffuse import diffuse
+
+    assert image.camera is not None
+    with costs.stage("diffusion"):
+        made, says = diffuse(image, image.camera.diffusion)
+    return replace(image, diffused=made, report={**image.report, "diffusion": says})
 
 
 def find_aovs(prepared: Prepared, sampling: Sampling, costs: Costs) -> dict[str, Aov]:

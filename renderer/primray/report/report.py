@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from ..installed_packages import version_of
-from ..settings import DEFAULT_FILTER_WIDTH, Metric, RenderSettings
+from ..settings import DEFAULT_FILTER_WIDTH, SELDOM, Metric, RenderSettings
 from ..version import __version__
 
 if TYPE_CHECKING:
@@ -90,6 +90,8 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values["filter"] = settings.filter.value
     values["error_metric"] = settings.error_metric.value
     values["default_wrap"] = settings.default_wrap.value
+    values["eye"] = settings.eye.value if settings.eye is not None else None
+    values = {name: value for name, value in values.items() if value is not None or name not in SELDOM}
     values["sample_range"] = list(settings.sample_range) if settings.sample_range else None
     values["shutter"] = list(settings.shutter) if settings.shutter else None
     values["resolution"] = list(settings.resolution) if settings.resolution else None

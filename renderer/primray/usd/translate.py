@@ -68,6 +68,7 @@ from .resolving.resolve import BlurScales, ResolvedPrim
 from .resolving.stage_bounds import Bounds, NotBounded, stage_bounds
 from .shapes.instance_primvars import without_unread
 from .viewing.camera_path import camera_motion, nearest_to
+from .viewing.diffusion import with_diffusion
 from .viewing.drawn import Drawn, drawn
 from .viewing.framing import prototype_box, shape_bounds
 from .viewing.shutter import shutter_of, shutter_of_vectors, timing_of
@@ -194,6 +195,7 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
 
     note_unnamed_portals(ctx)
     camera, frame = view_through(camera_prim, ctx, product, shutter, bounds, lambda: _drawn(scene))
+    camera = with_diffusion(camera, settings)
     _add_default_light(scene, camera, ctx)
     _note_missing_primvars(scene, ctx)
     motion = None

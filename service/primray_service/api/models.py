@@ -71,6 +71,14 @@ class Settings(Sent):
         None, description="Opens and closes, in time codes from the frame on; null: as the camera says."
     )
     motion_error: float | None = Field(None, gt=0, le=1e6, description="Pixels that paths of what moves may be off.")
+    diffusion: float | None = Field(
+        None, ge=0, le=1, description="Of all light, what the lens diffuses: a part of the EXR; null: as the camera says."
+    )
+    diffusion_glare: float | None = Field(None, ge=0, le=1, description="Of what is diffused, the veil's share.")
+    diffusion_bloom_width: float | None = Field(None, gt=0, le=1, description="Of the picture's height.")
+    diffusion_starburst: float | None = Field(None, ge=0, le=1, description="Of what is diffused, the star's share.")
+    diffusion_starburst_width: float | None = Field(None, gt=0, le=1, description="Of the picture's height.")
+    eye: Literal["left", "right"] | None = Field(None, description="Of the stereo pair that the camera is of.")
     variants: list[Annotated[str, Field(max_length=1024)]] = Field(default=[], max_length=64)
     load: list[Annotated[str, Field(max_length=1024)]] | None = Field(None, max_length=256)
     mask: list[Annotated[str, Field(max_length=1024)]] | None = Field(None, max_length=256)

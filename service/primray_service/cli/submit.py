@@ -63,6 +63,11 @@ def submit(
     no_motion_blur: stage_flags.NoMotionBlur = False,
     shutter: stage_flags.Shutter = None,
     motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
+    diffusion: output_flags.Diffusion = None,
+    diffusion_glare: output_flags.DiffusionGlare = None,
+    diffusion_bloom_width: output_flags.DiffusionBloomWidth = None,
+    diffusion_starburst: output_flags.DiffusionStarburst = None,
+    diffusion_starburst_width: output_flags.DiffusionStarburstWidth = None,
     strict: stage_flags.Strict = False,
     entry: Annotated[
         str | None, typer.Option(metavar="LAYER", help="The root layer in a zip that has several.", show_default=False)
@@ -117,6 +122,11 @@ def submit(
         "motion_blur": False if no_motion_blur else None,
         "shutter": shutter,
         "motion_error": motion_error if motion_error != DEFAULT_MOTION_ERROR else None,
+        "diffusion": diffusion,
+        "diffusion_glare": diffusion_glare,
+        "diffusion_bloom_width": diffusion_bloom_width,
+        "diffusion_starburst": diffusion_starburst,
+        "diffusion_starburst_width": diffusion_starburst_width,
         "strict": strict or None,
     }
     labels = ({"name": name} if name else {}) | labels_of(label)

@@ -42,6 +42,12 @@ class Settings(TypedDict, total=False):
     motion_blur: bool
     shutter: tuple[float, float] | None  # time codes from the frame on
     motion_error: float | None
+    diffusion: float | None
+    diffusion_glare: float | None
+    diffusion_bloom_width: float | None
+    diffusion_starburst: float | None
+    diffusion_starburst_width: float | None
+    eye: Literal["left", "right"] | None
     variants: list[str]
     load: list[str] | None
     mask: list[str] | None

@@ -27,7 +27,7 @@ def write_pictures(image: Image, names: Sequence[str], folder: Path, diagnostics
     for name in names:
         if not name.endswith(".json"):
             image.write(folder / name, view, 0.0)
-        if name.endswith(".png") and (fault := view_fault(image.pixels, view)) is not None:
+        if name.endswith(".png") and (fault := view_fault(image.shown.pixels, view)) is not None:
             diagnostics.extend([fault])
     stages_s = {**image.report["stages_s"], "write": time.perf_counter() - start}
     return {**image.report, "outputs": list(names), "stages_s": stages_s}

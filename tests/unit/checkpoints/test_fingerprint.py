@@ -41,8 +41,8 @@ def variants(value: Any) -> list[tuple[str, Any]]:
         return [
             (f"{f.name}.{where}", replace(value, **{f.name: other}))
             for f in fields(value)
-            for where, other in variants(getattr(value, f.name))
             if f.name not in UNSEEN
+            for where, other in variants(getattr(value, f.name))
         ]
     if isinstance(value, tuple):
         found = [

@@ -17,6 +17,7 @@ from ...settings import DEFAULT_DICING_RATE, DEFAULT_MOTION_ERROR, AutoCamera, D
 from .. import option_values
 from ..pictures import Looks, check_outputs, save, write
 from ..shots import Shot, moments, product_shots
+from ..stereo import render_pair, require_whole_renders, write_pair
 
 if TYPE_CHECKING:
     import typer
@@ -73,6 +74,12 @@ def render(
     no_motion_blur: stage_flags.NoMotionBlur = False,
     shutter: stage_flags.Shutter = None,
     motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
+    stereo: output_flags.Stereo = False,
+    diffusion: output_flags.Diffusion = None,
+    diffusion_glare: output_flags.DiffusionGlare = None,
+    diffusion_bloom_width: output_flags.DiffusionBloomWidth = None,
+    diffusion_starburst: output_flags.DiffusionStarburst = None,
+    diffusion_starburst_width: output_flags.DiffusionStarburstWidth = None,
     make_output_path: output_flags.MakeOutputPath = False,
     snapshot: output_flags.Snapshot = None,
     report: output_flags.Report = None,
@@ -127,6 +134,11 @@ def render(
         motion_blur=not no_motion_blur,
         shutter=shutter,
         motion_error=motion_error,
+        diffusion=diffusion,
+        diffusion_glare=diffusion_glare,
+        diffusion_bloom_width=diffusion_bloom_width,
+        diffusion_starburst=diffusion_starburst,
+        diffusion_starburst_width=diffusion_starburst_width,
     )
     looks = Looks(
         json,
@@ -137,13 +149,17 @@ def render(
         option_values.exposure_of(exposure),
         make_output_path,
     )
+    if stereo:
+        require_whole_renders({"--checkpoint": checkpoint, "--resume": resume, "--snapshot": snapshot})
     if list_cameras:
         _list_cameras(scene, settings, json)
     elif by_product:
-        _render_products(scene, settings, product, output_dir, time_codes, looks, snapshot)
+        _render_products(scene, settings, product, output_dir, time_codes, looks, snapshot, stereo)
     else:
         shots = _shots_of(settings, time_codes, names, report, resume if checkpoint is None else checkpoint)
         check_outputs(shots[0].files, shots[0].report, looks)
+        if stereo:
+            return _render_pairs(scene, shots, looks)
         checkpointing = [_checkpointing(checkpoint, checkpoint_every, resume, t) for t in moments(time_codes)]
         _render_shots(scene, shots, looks, _check_checkpoints(checkpointing), snapshot)
 
@@ -156,9 +172,12 @@ def _render_products(
     time_codes: list[float] | None,
     looks: Looks,
     snapshot_s: float | None,
+    stereo: bool,
 ) -> None:
     opened, shots = product_shots(scene, settings, asked, folder, time_codes)
     check_outputs([file for shot in shots for file in shot.files], None, looks)
+    if stereo:
+        return _render_pairs(opened, shots, looks)
     _render_shots(opened, shots, looks, [None] * len(shots), snapshot_s)
 
 
@@ -266,6 +285,31 @@ def _render_shots(
             raise SystemExit(130)
         unsaved = unsaved or image.report.get("checkpoint", {}).get("failed") is not None
         missed = missed or image.report["stop"]["target_met"] is False
+    if unsaved:
+        raise SystemExit(1)
+    if missed:
+        raise SystemExit(TARGET_MISSED)
+
+
+def _render_pairs(scene: str | OpenedStage, shots: list[Shot], looks: Looks) -> None:
+    """As _render_shots, both eyes of each."""
+    from ...render import open_once
+    from ...render.interruption import terminate_as_interrupt
+
+    terminate_as_interrupt()
+    opened = open_once(scene, shots[0].settings) if isinstance(scene, str) else scene
+    missed = unsaved = False
+    for shot in shots:
+        pair = render_pair(opened, shot, looks)
+        if pair is None:
+            print("interrupted: no picture was saved, as there was none of both eyes yet", file=sys.stderr)
+            raise SystemExit(130)
+        looks = looks.settled(pair.left)
+        unsaved = not write_pair(pair, shot, looks) or unsaved
+        if pair.right.report["interrupted"]:
+            print("interrupted: the pictures so far were saved", file=sys.stderr)
+            raise SystemExit(130)
+        missed = missed or any(image.report["stop"]["target_met"] is False for image in pair.views.values())
     if unsaved:
         raise SystemExit(1)
     if missed:

@@ -12,7 +12,7 @@ from ...description import Camera, Frame
 from ...description.frame import pixels_within
 from ...errors import InvalidSceneError, LimitError, SettingsError
 from ...settings import MAX_RESOLUTION, AutoCamera, limit_pixels
-from ..adapters.cameras.camera import Aperture, camera, pixel_aspect_ratio, read_aperture
+from ..adapters.cameras.camera import Aperture, camera, note_one_eye, pixel_aspect_ratio, read_aperture
 from ..adapters.cameras.shutter import Shutter
 from ..adapters.rendering.render_product import ProductSettings
 from ..opening.stage_metadata import up_axis
@@ -23,6 +23,7 @@ from .asked_camera import aperture_of, conformed, with_shutter
 from .camera_path import camera_when
 from .drawn import Drawn
 from .framing import APERTURE, framing_camera
+from .stereo import eye_of_pair
 from .three_quarter import three_quarter_camera
 from .viewport_camera import bound_camera, viewport_camera
 
@@ -31,7 +32,19 @@ NAMED = 5  # of what the automatic camera leaves out
 
 
 def select_camera(stage: Usd.Stage, ctx: Context, product: ProductSettings, cameras: list[Usd.Prim]) -> Usd.Prim | None:
-    """The camera's prim; None where none of the stage's is to look. SettingsError when the one asked for does not exist."""
+    """The camera's prim, or that of an eye of its pair; None where none of the stage's is to look. SettingsError when the one
+    asked for does not exist."""
+    eye = ctx.settings.eye
+    if eye is None:
+        return _chosen(stage, ctx, product, cameras)
+    if ctx.settings.camera is not None and not isinstance(ctx.settings.camera, str):
+        raise SettingsError("a camera that is no prim has no eyes; give each its own camera", where="eye", code="stereo-pair")
+    is_named = ctx.settings.camera is not None or product.camera is not None
+    chosen = _chosen(stage, ctx, product, cameras) if is_named else bound_camera(ctx)
+    return eye_of_pair(chosen, cameras, eye, ctx.when)
+
+
+def _chosen(stage: Usd.Stage, ctx: Context, product: ProductSettings, cameras: list[Usd.Prim]) -> Usd.Prim | None:
     asked = ctx.settings.camera
     if asked is not None:
         return _asked_for(stage, asked, cameras) if isinstance(asked, str) else None
@@ -71,7 +84,10 @@ def view_through(
         return conformed(asked, aperture, resolution, product, shutter), frame
     if prim is not None:
         still = camera_when(prim, ctx, ctx.timing.opens) if not ctx.timing.is_open else None
-        return camera(prim, ctx.when, resolution, product, shutter, ctx.diagnostics, still), frame
+        found = camera(prim, ctx.when, resolution, product, shutter, ctx.diagnostics, still)
+        if ctx.settings.eye is None:
+            note_one_eye(prim, ctx.when, ctx.diagnostics)
+        return found, frame
     z_up = up_axis(ctx.stage) == "Z"
     if ctx.settings.auto_camera is AutoCamera.USDRECORD:
         ctx.warn("camera-automatic", "", "The stage has no camera: it is framed as usdrecord would.")

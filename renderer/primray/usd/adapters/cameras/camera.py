@@ -19,6 +19,7 @@ from ...resolving.resolve import local_matrix, reads_early
 from ..rendering.render_product import ProductSettings
 from .clipping import clipping_planes, clipping_range
 from .lens import MM, WIDEST, Lens, note_no_lens, read_lens
+from .lens_api import note_unknown_names, read_diffusion
 from .shutter import INSTANT, Shutter
 
 # Beyond this floats would overflow: an exposure is multiplied by radiance.
@@ -111,7 +112,7 @@ def camera(
     else:
         lens = read_lens(prim, focal, then, product.disable_depth_of_field, diagnostics)
     exposure_scale = _exposure_scale(prim, when, diagnostics)
-    _note_ignored(prim, when, diagnostics)
+    note_unknown_names(prim, diagnostics)
     return Camera(
         path,
         _world_from_camera(prim, then, diagnostics),
@@ -125,6 +126,7 @@ def camera(
         lens.rotation_deg,
         clipping_planes(prim, when, diagnostics),
         shutter or INSTANT,
+        read_diffusion(prim, lens, then, diagnostics),
     )
 
 
@@ -209,8 +211,8 @@ def _upwards(prim: Usd.Prim) -> Iterator[Usd.Prim]:
         prim = prim.GetParent()
 
 
-def _note_ignored(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> None:
+def note_one_eye(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> None:
     role = token(prim, "stereoRole", when, "mono")
     if role != "mono":
-        message = f"stereoRole = {role} is ignored: the camera is rendered by itself, as one eye."
+        message = f"stereoRole = {role} is ignored: the camera is rendered by itself, as one eye; --stereo renders its pair."
         diagnostics.add("camera-input", str(prim.GetPath()), message, "stereoRole")

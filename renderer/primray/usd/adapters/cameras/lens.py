@@ -40,7 +40,7 @@ def read_lens(prim: Usd.Prim, focal: float, when: When, disabled: bool, diagnost
         sentence = f"A lens of radius {radius:g} cannot focus at {focus:g}: a pinhole is used."
         diagnostics.add("out-of-range", path, sentence, "fStop")
         return Lens()
-    return Lens(radius, focus, *_blades(prim, when, diagnostics))
+    return Lens(radius, focus, *blades_of(prim, when, diagnostics))
 
 
 def note_no_lens(prim: Usd.Prim, when: When, disabled: bool, diagnostics: Diagnostics) -> None:
@@ -51,10 +51,10 @@ def note_no_lens(prim: Usd.Prim, when: When, disabled: bool, diagnostics: Diagno
         diagnostics.add("camera-input", str(prim.GetPath()), message, "fStop")
 
 
-def _blades(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> tuple[int, float]:
+def blades_of(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> tuple[int, float]:
     """Sides of the polygon, whose corners lie on the lens's circle, and the direction of one of them."""
     path = str(prim.GetPath())
-    authored = {name for name in property_names(prim) if any(word in name.lower() for word in LENS_WORDS)}
+    authored = {name for name in property_names(prim) if _is_of_a_lens(name)}
     own = set(prim.GetPrimDefinition().GetPropertyNames())
     used = next((c for c in CONVENTIONS if c.blades in authored), None)
     followed = {used.blades, used.rotation_deg, used.roundness} if used else set()
@@ -75,6 +75,10 @@ def _blades(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> tuple[int, 
     if sides == 0 or sides > MOST_BLADES or roundness == 1.0:
         return 0, 0.0
     return sides, number(prim, used.rotation_deg, when, 0.0, diagnostics)
+
+
+def _is_of_a_lens(name: str) -> bool:
+    return not name.startswith("primray:lens:") and any(word in name.lower() for word in LENS_WORDS)
 
 
 # By the end of an attribute's name, the value that changes nothing.

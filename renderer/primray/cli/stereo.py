@@ -1,0 +1,75 @@
+"""`primray render --stereo`: both eyes of each picture, into one EXR or a file each, with one report.
+
+Nothing of Typer is imported here (see quick.py).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+from ..errors import SettingsError
+from ..settings import Eye
+from .pictures import Looks, finished_report, is_written, save, tell, write_report
+
+if TYPE_CHECKING:
+    from ..images.image import Image
+    from ..images.stereo import StereoImage
+    from ..render import OpenedStage
+    from .shots import Shot
+
+
+def require_whole_renders(given: dict[str, object]) -> None:
+    """SettingsError for flags of what is one picture's: a pair has no checkpoints, and no picture so far."""
+    for flag, value in given.items():
+        if value is not None:
+            raise SettingsError(f"{flag} is for one picture; without --stereo, each eye can have its own", code="stereo-flags")
+
+
+def render_pair(scene: str | OpenedStage, shot: Shot, looks: Looks) -> StereoImage | None:
+    """None if it was interrupted before there was a picture of both."""
+    from ..images.stereo import StereoImage
+    from ..render import quiet_frames
+    from ..render.stereo import StereoSettings
+    from .terminal.progress import Show, showing
+
+    showing_now: list[Show] = []
+    eyes = StereoSettings(shot.settings)
+    progress: Callable[[float, int, int], bool | None] = lambda *now: showing_now[-1](*now)  # noqa: E731
+    images = quiet_frames(scene, eyes, progress=progress, on_interrupt="partial")
+    found: list[Image] = []
+    for eye in Eye:
+        with showing(f"{shot.files[0]} ({eye.value})", looks.as_json) as show:
+            showing_now.append(show)
+            found.append(eyes.noted(next(images)))
+        if found[-1].report["interrupted"] and eye is Eye.LEFT:
+            return None
+    return StereoImage(*found)
+
+
+def write_pair(pair: StereoImage, shot: Shot, looks: Looks) -> bool:
+    """Write and tell both; False if a file could not be written, which is told, and the others were."""
+    from ..images.stereo import is_joint, name_of_eye
+
+    start, looks = time.perf_counter(), looks.settled(pair.left)
+    joint = [file for file in shot.files if is_joint(file)]
+    kept = [file for file in joint if is_written(partial(_write_joint, pair, file), looks)]
+    whole, reports = kept == joint, {}
+    for eye, image in pair.views.items():
+        own = [name_of_eye(file, eye) for file in shot.files if file not in joint]
+        written = [file for file in own if is_written(partial(save, image, file, looks), looks)]
+        whole = whole and written == own
+        reports[eye.value] = finished_report(image, [*kept, *written], time.perf_counter() - start, looks)
+    if shot.report is not None:
+        whole = write_report({"views": reports}, shot.report, looks) and whole
+    for eye, image in pair.views.items():
+        tell(image, {"view": eye.value, **reports[eye.value]}, looks)
+    return whole
+
+
+def _write_joint(pair: StereoImage, file: str) -> None:
+    from ..images.image import check_output_path
+
+    pair.write(check_output_path(file))

@@ -1,0 +1,89 @@
+"""A stereo pair of pictures, and its files: two views of one EXR, or a file for each eye.
+
+As OpenEXR's "Storing Multi-View Images" has it for files of several parts: each part's `view` says whose it is, channels are
+named alike in both, the first part is the left eye's, and no part has `multiView`.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import SettingsError
+from ..settings import Eye
+from .aov_parts import PICTURE_PART, VIEW, Parts
+from .exposure import View
+from .image import Image, check_output_path, exr_parts, write_parts
+
+NAME = "oiio:subimagename"
+_PLACE = re.compile(r"%[Vv]")
+_END = re.compile(r"(?P<frame>\.\d+)?(?P<extension>\.\w+)$")
+
+
+@dataclass(frozen=True, eq=False)
+class StereoImage:
+    """What the eyes of a pair of cameras see. SettingsError where they differ in size: one file could not hold both.
+
+    >>> pair = primray.render_stereo("stereo.usda", resolution=(32, 18), spp=2)
+    >>> pair.left.camera.path, pair.right.camera.path
+    ('/rig/left', '/rig/right')
+    >>> [path.name for path in pair.save("shot.exr")], [path.name for path in pair.save("shot.png")]
+    (['shot.exr'], ['shot_left.png', 'shot_right.png'])
+    """
+
+    left: Image
+    right: Image
+
+    def __post_init__(self) -> None:
+        if self.left.frame != self.right.frame or self.left.resolution != self.right.resolution:
+            sentence = "the eyes differ in size or in the shape of their pixels, which one picture of both cannot"
+            raise SettingsError(sentence, where="eye", code="stereo-frames")
+
+    @property
+    def views(self) -> Mapping[Eye, Image]:
+        return {Eye.LEFT: self.left, Eye.RIGHT: self.right}
+
+    @property
+    def report(self) -> Mapping[str, Any]:
+        """Both reports, by eye."""
+        return {"views": {eye.value: image.report for eye, image in self.views.items()}}
+
+    def save(self, path: str | os.PathLike[str], *, view: View | None = None, exposure: float = 0.0) -> list[Path]:
+        """Write an EXR that holds both; or a file for each eye, where a name has %V (left, right) or %v (l, r), or is that of a
+        PNG or JPEG. `exposure` in stops."""
+        if is_joint(os.fspath(path)):
+            return [self.write(check_output_path(path))]
+        files = {eye: check_output_path(name_of_eye(os.fspath(path), eye)) for eye in Eye}
+        shown = view or View(space=self.left.color_space)
+        return [self.views[eye].write(file, shown, exposure) for eye, file in files.items()]
+
+    def write(self, path: Path) -> Path:
+        """Both as one EXR, to a path that has been checked."""
+        parts = [part for eye, image in self.views.items() for part in _parts_of_view(image, eye)]
+        return write_parts(path, parts)
+
+
+def is_joint(name: str) -> bool:
+    """Whether a file of this name holds both eyes."""
+    return name.lower().endswith(".exr") and not _PLACE.search(os.path.basename(name))
+
+
+def name_of_eye(name: str, eye: Eye) -> str:
+    """With the eye in place of %V or %v, else before the extension and the frame's number."""
+    folder, slash, own = name.rpartition("/")
+    if _PLACE.search(own):
+        return folder + slash + _PLACE.sub(lambda place: eye.value if place[0] == "%V" else eye.value[0], own)
+    return folder + slash + _END.sub(lambda end: f"_{eye.value}{end[0]}", own, count=1)
+
+
+def _parts_of_view(image: Image, eye: Eye) -> Parts:
+    parts = exr_parts(image)
+    for spec, _ in parts:
+        spec.attribute(NAME, f"{spec.get_string_attribute(NAME, PICTURE_PART)}.{eye.value}")
+        spec.attribute(VIEW, eye.value)
+        spec.erase_attribute("multiView")
+    return parts

@@ -1,0 +1,1 @@
+"""Imperfections of lenses, as numbers: part of a camera."""

@@ -1,0 +1,22 @@
+"""What the picture's lens diffuses: as the camera says, but for what the user says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ...description import Camera
+from ...errors import SettingsError
+from ...settings import DIFFUSION, RenderSettings
+
+
+def with_diffusion(camera: Camera, settings: RenderSettings) -> Camera:
+    """SettingsError where both together are more than all light that is diffused."""
+    asked = {member: getattr(settings, name) for name, member in DIFFUSION.items()}
+    asked = {member: value for member, value in asked.items() if value is not None}
+    if not asked:
+        return camera
+    try:
+        return replace(camera, diffusion=replace(camera.diffusion, **asked))
+    except ValueError as error:
+        sentence = f"with what the camera says, {error}"
+        raise SettingsError(sentence, where="diffusion_starburst") from None

@@ -1,0 +1,62 @@
+"""The stereo pair that a camera is of: UsdGeomCamera says what eye a camera is, and leaves open which two belong together.
+
+The eyes are looked for among cameras beside the one that was chosen, then under it, then on the whole stage. The first of these
+places where there is an eye of both roles decides; there has to be one of each. A camera that is an eye is itself of the pair.
+"""
+
+from __future__ import annotations
+
+from pxr import Usd
+
+from ...errors import SettingsError
+from ...settings import Eye
+from ..resolving.read import When, token
+
+NAMED = 10  # cameras in a message
+
+
+def stereo_role(camera: Usd.Prim, when: When) -> str:
+    return token(camera, "stereoRole", when, "mono")
+
+
+def eye_of_pair(chosen: Usd.Prim | None, cameras: list[Usd.Prim], eye: Eye, when: When) -> Usd.Prim:
+    """The camera of that eye, of the pair that `chosen` is of; SettingsError where there is none, or are several."""
+    wanted = {role.value: _of_role(chosen, cameras, role.value, when) for role in Eye}
+    for place in _places(chosen, cameras):
+        pair = {role: [camera for camera in place if camera in found] for role, found in wanted.items()}
+        if all(len(found) == 1 for found in pair.values()):
+            return pair[eye.value][0]
+        if all(pair.values()):
+            raise _several(chosen, pair)
+    raise _none(chosen, cameras, when)
+
+
+def _of_role(chosen: Usd.Prim | None, cameras: list[Usd.Prim], role: str, when: When) -> list[Usd.Prim]:
+    if chosen is not None and stereo_role(chosen, when) == role:
+        return [chosen]
+    return [camera for camera in cameras if stereo_role(camera, when) == role]
+
+
+def _places(chosen: Usd.Prim | None, cameras: list[Usd.Prim]) -> list[list[Usd.Prim]]:
+    if chosen is None:
+        return [cameras]
+    path, beside = chosen.GetPath(), chosen.GetPath().GetParentPath()
+    siblings = [camera for camera in cameras if camera.GetPath().GetParentPath() == beside]
+    below = [camera for camera in cameras if camera.GetPath().HasPrefix(path)]
+    return [siblings, below, cameras]
+
+
+def _several(chosen: Usd.Prim | None, pair: dict[str, list[Usd.Prim]]) -> SettingsError:
+    listed = "; ".join(f"{role}: {', '.join(str(c.GetPath()) for c in found[:NAMED])}" for role, found in pair.items())
+    sentence = f"several cameras may be of one stereo pair ({listed}): --camera names one eye of it"
+    return SettingsError(sentence, where=_where(chosen), code="stereo-ambiguous")
+
+
+def _none(chosen: Usd.Prim | None, cameras: list[Usd.Prim], when: When) -> SettingsError:
+    listed = ", ".join(f"{c.GetPath()} ({stereo_role(c, when)})" for c in cameras[:NAMED]) or "none"
+    sentence = f"no pair of cameras has the stereoRoles left and right; the stage's cameras: {listed}"
+    return SettingsError(sentence, where=_where(chosen), code="stereo-pair")
+
+
+def _where(chosen: Usd.Prim | None) -> str:
+    return "eye" if chosen is None else str(chosen.GetPath())
