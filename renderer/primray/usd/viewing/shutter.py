@@ -33,8 +33,8 @@ def shutter_of(camera: Usd.Prim | None, ctx: Context, product: ProductSettings) 
 
 
 def timing_of(shutter: Shutter, with_frame: bool, ctx: Context, vectors: Shutter = None) -> Timing:
-    """`with_frame`: AOVs show the frame's instant; `vectors`: the shutter that a still's motion vectors are over. Nothing moves in
-    a picture that is black."""
+    """`with_frame`: AOVs show the frame's instant; `vectors`: the shutter that a still's motion vectors are over. Nothing moves
+    in a picture that is black."""
     if vectors is not None and not vectors[0] < vectors[1]:
         vectors = None
     if shutter is None or (shutter == INSTANT and vectors is None):
