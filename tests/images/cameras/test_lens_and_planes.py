@@ -25,7 +25,7 @@ from tests.described import (
 )
 from tests.kernels.scenes import SCENES
 
-from primray.description import Camera, Doubles, LightType, Sphere, Surface
+from primray.description import Camera, CameraMotion, Doubles, Exposure, LightType, Sphere, Surface
 
 RESOLUTION = (640, 400)
 VIEW = look_at([3.0, -2.0, 5.0], [0.1, 0.3, -0.2])
@@ -221,9 +221,13 @@ def test_orthographic_cameras_see_behind_themselves(behind: float) -> None:
 # Times.
 
 
-@pytest.mark.conforms("Camera.shutter:open", "Camera.shutter:close", state="approximated")
+@pytest.mark.conforms("Camera.shutter:open", "Camera.shutter:close")
 def test_rays_of_a_path_have_one_time() -> None:
-    scene = SCENES["blades, planes, shutter"]().build()
+    made = SCENES["blades, planes, shutter"]()
+    eye = made.description.camera
+    motion = CameraMotion(np.array([0.0, 1.0]), (eye, eye))
+    exposure = Exposure(-0.2, 0.3, (-0.2, 0.3))
+    scene = replace(made, description=replace(made.description, exposure=exposure, camera_motion=motion)).build()
     for lanes in (1, core_module().MAX_LANES):
         recording = core_module().Recording(scene, 8, asked(max_depth=4), lanes)
         shadow, times = recording.times
@@ -236,7 +240,7 @@ def test_rays_of_a_path_have_one_time() -> None:
         assert np.histogram(np.unique(times), 16, (0, 1))[0] / camera_rays == pytest.approx(1 / 16, rel=0.1)
 
 
-@pytest.mark.conforms("Camera.shutter:open", "Camera.shutter:close", state="approximated")
+@pytest.mark.conforms("Camera.shutter:open", "Camera.shutter:close")
 def test_an_instant_has_no_times() -> None:
     shadow, times = core_module().Recording(SCENES["materials"]().build(), 4, asked(max_depth=3), 1).times
     assert len(shadow) > 1000

@@ -118,6 +118,7 @@ def trapezoid(start: float = -2.0, end: float = 2.0) -> np.ndarray:
     return np.asarray((gone[1] - gone[0]).reshape(64, 64).mean(axis=1))
 
 
+@pytest.mark.conforms("Camera.shutter:open", "Camera.shutter:close")
 @pytest.mark.parametrize("name", STREAKS)
 def test_one_streak(name: str) -> None:
     np.testing.assert_allclose(coverage(STREAKS[name]), trapezoid(), atol=0.006)

@@ -208,7 +208,7 @@ def test_back_plates_are_told() -> None:
 SHUTTER = "double shutter:open = -0.25\ndouble shutter:close = 0.25\n"
 
 
-@pytest.mark.conforms("Camera.shutter:open", "Camera.shutter:close", state="approximated")
+@pytest.mark.conforms("Camera.shutter:open", "Camera.shutter:close")
 def test_shutter() -> None:
     assert only("").shutter == (0, 0)
     assert only(SHUTTER).shutter == (-0.25, 0.25)
