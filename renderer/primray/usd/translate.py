@@ -49,6 +49,7 @@ from .lights.default_light import default_lights
 from .lights.light_links import Links, find_links
 from .lights.portals import note_unnamed_portals
 from .materials.primvars_read import primvars_read
+from .moving.foreseen import Foreseen
 from .moving.levels import do_move
 from .moving.pixels import pixels_of
 from .moving.settle import Precision, settled
@@ -69,10 +70,11 @@ from .resolving.stage_bounds import Bounds, NotBounded, stage_bounds
 from .shapes.instance_primvars import without_unread
 from .viewing.camera_path import camera_motion, nearest_to
 from .viewing.drawn import Drawn, drawn
+from .viewing.foreseen import foreseen
 from .viewing.framing import prototype_box, shape_bounds
 from .viewing.shutter import shutter_of, timing_of
 from .viewing.view import select_camera, view_through
-from .walking.find_by_type import find_by_type
+from .walking.find_by_type import Found, find_by_type
 from .walking.instances import Arrangement, Chain, Group, arrange, at_instant, count_of, merge_coincident
 from .walking.skinning import are_drawn, posed
 from .walking.walk import walk
@@ -154,7 +156,7 @@ def _with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
 def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
     found, when = find_by_type(stage, diagnostics), when_of(stage, settings.time_code)
     if are_drawn(stage, found.skeletons):
-        stage = posed(stage, when, diagnostics)
+        stage = posed(stage, when, _foreseen(stage, settings, found, when), diagnostics)
         found = find_by_type(stage, Diagnostics())
     cameras, settings_prims, shaders = found.cameras, found.settings, found.shaders
     product = product_settings(stage, settings, settings_prims, when, diagnostics)
@@ -201,6 +203,13 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
         motion = moving and moving[0]
         _settle(scene, ctx, camera, motion, frame.resolution)
     return _describe(scene, ctx, camera, motion, frame, aovs)
+
+
+def _foreseen(stage: Usd.Stage, settings: RenderSettings, found: Found, when: When) -> Foreseen:
+    """What is wrong with camera and settings is told later, of the posed stage."""
+    unheard = Diagnostics()
+    product = product_settings(stage, settings, found.settings, when, unheard)
+    return foreseen(_context(stage, settings, when, product, unheard, {}), product, found.cameras)
 
 
 def _walked(ctx: Context) -> tuple[list[Group[ResolvedPrim]], Links | None, Context]:
