@@ -18,9 +18,13 @@ class Foreseen:
     pixels: Pixels | None = None  # None: the camera is only made when everything is known
     side: int = 1  # the picture's longer one, in pixels
 
-    def per_length(self, low: Doubles, high: Doubles, is_placed: bool = True) -> float:
-        """Pixels a unit of length of what is within the box (3,) to (3,); where it is not known how near that comes, as if it
+    def per_length(self, low: Doubles, high: Doubles, is_placed: bool = True) -> Doubles:
+        """(K,) pixels a unit of length of what is within the boxes (K, 3); where it is not known how near that comes, as if it
         filled the picture."""
         if self.pixels is not None and is_placed:
-            return float(self.pixels.per_length(low[None], high[None])[0])
-        return self.side / (float(np.linalg.norm(high - low)) or 1.0)
+            return self.pixels.per_length(low, high)
+        size = np.linalg.norm(high - low, axis=1)
+        return np.asarray(self.side / np.where(size > 0.0, size, 1.0))
+
+
+UNSEEN = Foreseen()

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays import Doubles
+from ...description import MotionSteps
 
 MOST_SEGMENTS = 128
 MOST_UNIFORM = 32  # equal segments are found faster than others: as many are taken to have all equal
@@ -35,6 +36,10 @@ class Steps:
     @property
     def segments(self) -> int:
         return len(self.times) - 1
+
+    def of(self, path: str, kind: str, rounding: float = 0.0) -> MotionSteps:
+        """`rounding`: what is no error but for how numbers are kept, in pixels."""
+        return MotionSteps(path, kind, self.segments, self.bends, self.error if self.error > rounding else 0.0)
 
 
 def steps_of(error: Error, bends: Sequence[float], most: float, none: float, limit: int = MOST_SEGMENTS) -> Steps:

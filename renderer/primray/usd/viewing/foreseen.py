@@ -8,6 +8,7 @@ from pxr import Usd
 
 from ...diagnostics import Diagnostics
 from ..adapters.cameras.camera import camera as read_camera
+from ..adapters.cameras.shutter import Shutter
 from ..adapters.rendering.render_product import ProductSettings
 from ..moving.foreseen import Foreseen
 from ..moving.pixels import pixels_of
@@ -21,10 +22,14 @@ def foreseen(ctx: Context, product: ProductSettings, cameras: list[Usd.Prim]) ->
     """All of it is said again, to whom it concerns, when the posed stage is translated: `ctx` has diagnostics of its own."""
     prim = select_camera(ctx.stage, ctx, product, cameras)
     shutter = shutter_of(prim, ctx, product)
-    timing = timing_of(shutter, False, ctx)
+    return as_seen(prim, shutter, replace(ctx, timing=timing_of(shutter, False, ctx)), product)
+
+
+def as_seen(prim: Usd.Prim | None, shutter: Shutter, ctx: Context, product: ProductSettings) -> Foreseen:
+    """By the camera of this prim, at `ctx.timing`."""
+    timing, ctx = ctx.timing, replace(ctx, diagnostics=Diagnostics())
     if timing.is_frame:
         return Foreseen(timing)
-    ctx = replace(ctx, timing=timing)
     camera, frame = view_without_things(prim, ctx, product, shutter)
     most, side = ctx.settings.motion_error, max(frame.resolution)
     if camera is None:

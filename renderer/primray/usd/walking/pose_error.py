@@ -80,7 +80,8 @@ class PosedMesh:
             stretch = max(stretch, float(np.linalg.norm(placed[:3, :3], ord=2)))
         if not boxes:
             return 0.0
-        return stretch * seen.per_length(np.min(boxes, axis=0), np.max(boxes, axis=0), is_placed)
+        low, high = np.min(boxes, axis=0), np.max(boxes, axis=0)
+        return stretch * float(seen.per_length(low[None], high[None], is_placed)[0])
 
     def _matrices(self, offset: float) -> Doubles:
         """(J, 4, 4) mesh_from_rest of the joints that it follows."""
