@@ -72,7 +72,7 @@ class MotionSteps:
     path: str
     kind: str  # instances, meshes, lights or camera
     segments: int
-    samples: int  # of the times between the ends, those that are the stage's own samples; the others are there for the error
+    by_error: bool  # they are more than the stage's own samples ask for, for the sake of the error
     error: float  # pixels: the largest that is left
 
 

@@ -70,7 +70,7 @@ class Settings(Sent):
     shutter: tuple[float, float] | None = Field(
         None, description="Opens and closes, in time codes from the frame on; null: as the camera says."
     )
-    motion_error: float | None = Field(None, gt=0, le=1e6, description="Pixels that paths of what moves may be off.")
+    motion_error: float | None = Field(None, gt=0, le=1e6, description="Pixels that the path of anything may be off (0.02).")
     variants: list[Annotated[str, Field(max_length=1024)]] = Field(default=[], max_length=64)
     load: list[Annotated[str, Field(max_length=1024)]] | None = Field(None, max_length=256)
     mask: list[Annotated[str, Field(max_length=1024)]] | None = Field(None, max_length=256)

@@ -31,7 +31,7 @@ Error = Callable[[float, float, float], float]  # of the seam's path between two
 class Steps:
     times: tuple[float, ...]  # ascending from 0 to 1
     error: float  # the largest that is left
-    bends: int = 0  # how many of the times are samples that cannot be left out
+    by_error: bool = False  # there are more times than samples ask for
 
     @property
     def segments(self) -> int:
@@ -39,7 +39,7 @@ class Steps:
 
     def of(self, path: str, kind: str, rounding: float = 0.0) -> MotionSteps:
         """`rounding`: what is no error but for how numbers are kept, in pixels."""
-        return MotionSteps(path, kind, self.segments, self.bends, self.error if self.error > rounding else 0.0)
+        return MotionSteps(path, kind, self.segments, self.by_error, self.error if self.error > rounding else 0.0)
 
 
 def steps_of(error: Error, bends: Sequence[float], most: float, none: float, limit: int = MOST_SEGMENTS) -> Steps:
@@ -52,7 +52,7 @@ def steps_of(error: Error, bends: Sequence[float], most: float, none: float, lim
     counts = _within_limit([count for count, _ in needed], limit)
     times = _uniform(kept, counts, limit) or _divided(kept, counts)
     left = max(left for _, left in needed) if counts == [count for count, _ in needed] else _largest(error, times)
-    return Steps(tuple(times), left, len(kept) - 2)
+    return Steps(tuple(times), left, any(count > 1 for count, _ in needed))
 
 
 def _inside(bends: Sequence[float]) -> list[float]:
