@@ -97,7 +97,7 @@ SELDOM = (*DIFFUSION, "eye")
 # Pixels that an edge of a diced subdivision surface may cover.
 DEFAULT_DICING_RATE = 4.0
 # Pixels by which what moves may be off, between the times at which its place is known.
-DEFAULT_MOTION_ERROR = 0.1
+DEFAULT_MOTION_ERROR = 0.02
 
 PURPOSES = ("default", "render", "proxy", "guide")  # UsdGeomImageable's
 

@@ -21,7 +21,7 @@ SPARSE |= {"blades", "blade_rotation_deg", "clipping_planes", "shutter", "pixels
 SPARSE |= {"shaping", "shadow", "light_link", "shadow_link", "visible_to_camera", "linked", "link_row"}
 SPARSE |= {"rendering_space", "target", "is_color"}
 SPARSE |= {"texture_format", "portals", "normalize", "own_color", "shows_own", "light", "photometric"}
-SPARSE |= {"motion", "exposure", "camera_motion", "diffusion"}
+SPARSE |= {"motion", "exposure", "camera_motion", "motion_steps", "diffusion"}
 
 
 def describe(description: SceneDescription, diagnostics: Iterable[Diagnostic], root: str) -> str:

@@ -17,6 +17,7 @@ def lines(facts: dict[str, Any], verbose: bool) -> list[str]:
     rows = [
         *_stage_rows(facts["stage"], shown),
         *camera_rows(facts, shown),
+        *_motion_rows(facts["motion"]),
         *_listed("light", [_light(light) for light in facts["lights"]], shown),
         *_listed("material", facts["materials"], shown),
         *_listed("texture", [_texture(texture) for texture in facts["textures"]], shown),
@@ -64,6 +65,15 @@ def camera_rows(facts: dict[str, Any], shown: int | None) -> Iterator[Row]:
     if camera["pixel_aspect_ratio"] != 1:
         yield "pixel aspect", f"{camera['pixel_aspect_ratio']:g}"
     yield from _listed("", [f"also {path}" for path in facts["cameras"] if path != camera["path"]], shown)
+
+
+def _motion_rows(motion: dict[str, Any] | None) -> Iterator[Row]:
+    if motion is None:
+        return
+    yield "shutter", "{:g} to {:g} time codes from the frame".format(*motion["shutter"])
+    for kind, found in motion["moving"].items():
+        steps = f"{found['segments']} step{'s' if found['segments'] > 1 else ''}, for its {found['why']}"
+        yield "moving", f"{kind} {found['count']:,}: {found['path']} in {steps}"
 
 
 def _light(light: dict[str, Any]) -> str:

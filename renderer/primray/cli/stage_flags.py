@@ -118,7 +118,7 @@ Shutter = Annotated[
     ),
 ]
 MotionError = Annotated[
-    float, typer.Option("--motion-error", metavar="PIXELS", help="How far paths of what moves may be from the stage's.")
+    float, typer.Option("--motion-error", metavar="PIXELS", help="Pixels that the path of anything may be off.")
 ]
 Dicing = Annotated[
     Complexity | None,

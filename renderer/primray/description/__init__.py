@@ -11,7 +11,7 @@ from ..camera import Camera, Projection
 from .frame import Frame, PixelWindow
 from .geometry import Interpolation, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
 from .lighting import IesProfile, Light, LightType, Linked, Portal, Shadow, Shaping
-from .motion import CameraMotion, Exposure, MatrixMotion, PointMotion
+from .motion import CameraMotion, Exposure, MatrixMotion, MotionSteps, PointMotion
 from .placement import Instances, MatrixInstances, MovingInstances, Placement, PointInstances
 from .scene import Placed, Prototype, SceneDescription
 from .shading import Input, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
@@ -35,6 +35,7 @@ __all__ = [
     "MatrixInstances",
     "MatrixMotion",
     "Mesh",
+    "MotionSteps",
     "MovingInstances",
     "PixelWindow",
     "Placed",

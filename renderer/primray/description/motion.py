@@ -65,6 +65,17 @@ class CameraMotion:
     cameras: tuple[Camera, ...]  # S + 1, alike in projection, blades and clipping planes
 
 
+@dataclass(frozen=True)
+class MotionSteps:
+    """For reports: at how many times the path of one thing is given, and why."""
+
+    path: str
+    kind: str  # instances, meshes, lights or camera
+    segments: int
+    by_error: bool  # they are more than the stage's own samples ask for, for the sake of the error
+    error: float  # pixels: the largest that is left
+
+
 def segment_of(times: Doubles, fraction: float) -> tuple[int, float]:
     """The segment that a fraction of the span is in, and how much of it lies before."""
     k = int(np.clip(np.searchsorted(times, fraction, side="right") - 1, 0, len(times) - 2))

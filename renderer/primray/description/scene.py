@@ -11,7 +11,7 @@ from ..color.color_space import REC709, ColorSpace
 from .frame import Frame, PixelWindow, whole_frame
 from .geometry import Shape
 from .lighting import NO_LINKS, Light, Linked
-from .motion import CameraMotion, Exposure
+from .motion import CameraMotion, Exposure, MotionSteps
 from .placement import Placement
 from .shading import Surface
 
@@ -57,6 +57,7 @@ class SceneDescription:
     rendering_space: ColorSpace = REC709
     exposure: Exposure | None = None  # None: an instant, at which nothing moves
     camera_motion: CameraMotion | None = None
+    motion_steps: tuple[MotionSteps, ...] = ()  # of all that moves
 
     @property
     def frame(self) -> Frame:

@@ -63,6 +63,7 @@ def prepare(
     """Translate an opened stage, load its textures and build its scene; what there is to tell goes to `diagnostics`."""
     from .. import core, usd
     from ..checkpoints.fingerprint import fingerprint
+    from ..report.motion import motion_facts
     from ..report.report import resolve_settings
     from ..report.summary import counts, summary
 
@@ -83,6 +84,7 @@ def prepare(
 
     settings = resolve_settings(settings, description)
     counted = counts(summary(description, settings.dicing_rate, images))
+    motion = motion_facts(description)
     shapes, description = list(description.shapes), replace(description, shapes=())
     with costs.stage("build"):
         scene = core.build(description, textures, settings, shapes)
@@ -92,7 +94,7 @@ def prepare(
         diagnostics.raise_if_strict()
     left_out = {} if scene.bounds is not None else usd.left_out(stage, settings)
     camera, frame, lights = description.camera, description.frame, len(description.lights)
-    return Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, left_out)
+    return Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, motion, left_out)
 
 
 def load_textures(

@@ -196,6 +196,7 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     metadata = header_of(report)
     report["aovs"] = {name: aov.as_json() for name, aov in aovs.items()}
     report["frame"] = asdict(prepared.frame)
+    report["motion"] = prepared.motion
     camera, frame = prepared.camera, prepared.frame
     image = Image(pixels, report, metadata, camera, errors=errors, frame=frame, aovs=aovs, color_space=space)
     return image if camera.diffusion.strength == 0 else _diffused(image, costs)

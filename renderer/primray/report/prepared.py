@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..settings import RenderSettings
 
@@ -25,4 +25,5 @@ class Prepared:
     fingerprint: dict[str, str]  # empty unless it was asked for
     aovs: tuple[AovRequest, ...] = ()
     lights: int = 0
+    motion: dict[str, Any] | None = None  # what the report says of what moves
     left_out: dict[str, int] = field(default_factory=dict)  # where nothing is drawn: shapes by why, "" for unknown

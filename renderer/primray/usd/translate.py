@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import os
 import re
 from collections.abc import Callable, Iterator
@@ -20,6 +21,7 @@ from ..description import (
     CameraMotion,
     Frame,
     Light,
+    MotionSteps,
     MovingInstances,
     Placed,
     Placement,
@@ -49,13 +51,16 @@ from .lights.default_light import default_lights
 from .lights.light_links import Links, find_links
 from .lights.portals import note_unnamed_portals
 from .materials.primvars_read import primvars_read
+from .moving.foreseen import Foreseen
 from .moving.levels import do_move
 from .moving.pixels import pixels_of
 from .moving.settle import Precision, settled
+from .moving.stands import Stands
 from .opening.file_names import file_names
 from .opening.stage import usd_messages
 from .opening.stage_metadata import meters_per_unit, up_axis
 from .paths.lights import LightPath, moving_light, note_changing_size
+from .paths.point_steps import PointSteps
 from .querying.cameras import cameras_of
 from .querying.messages import scene_errors, tf_message
 from .querying.traversal import stands_in_world
@@ -70,10 +75,11 @@ from .shapes.instance_primvars import without_unread
 from .viewing.camera_path import camera_motion, nearest_to
 from .viewing.diffusion import with_diffusion
 from .viewing.drawn import Drawn, drawn
+from .viewing.foreseen import as_seen, foreseen
 from .viewing.framing import prototype_box, shape_bounds
 from .viewing.shutter import shutter_of, shutter_of_vectors, timing_of
 from .viewing.view import select_camera, view_through
-from .walking.find_by_type import find_by_type
+from .walking.find_by_type import Found, find_by_type
 from .walking.instances import Arrangement, Chain, Group, arrange, at_instant, count_of, merge_coincident
 from .walking.skinning import are_drawn, posed
 from .walking.walk import walk
@@ -155,7 +161,7 @@ def _with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
 def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
     found, when = find_by_type(stage, diagnostics), when_of(stage, settings.time_code)
     if are_drawn(stage, found.skeletons):
-        stage = posed(stage, when, diagnostics)
+        stage = posed(stage, when, _foreseen(stage, settings, found, when), diagnostics)
         found = find_by_type(stage, Diagnostics())
     cameras, settings_prims, shaders = found.cameras, found.settings, found.shaders
     product = product_settings(stage, settings, settings_prims, when, diagnostics)
@@ -172,6 +178,8 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     is_vectored = any(request.source in VECTORS for request in aovs)
     vectors = shutter_of_vectors(camera_prim, shutter, ctx) if is_vectored else None
     ctx = replace(ctx, timing=timing_of(shutter, bool(aovs), ctx, vectors))
+    if ctx.timing.is_open:
+        ctx = replace(ctx, foreseen=as_seen(camera_prim, shutter, ctx, product))
     groups, links, ctx = _walked(ctx)
     for g, count in merge_coincident(groups, lambda leaf: leaf.type_name in LIGHTS).items():
         ctx.warn("instances-coincident", groups[g].path, f"{count:,} instances stand exactly where another does: left out.")
@@ -198,13 +206,23 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     camera = with_diffusion(camera, settings)
     _add_default_light(scene, camera, ctx)
     _note_missing_primvars(scene, ctx)
-    motion = None
+    motion, steps = None, list[MotionSteps]()
     if ctx.timing.is_open:
         nearest = nearest_to(camera, _drawn(scene))
         moving = camera_motion(camera_prim, camera, ctx, product, frame.resolution, nearest, settings.motion_error)
-        motion = moving and moving[0]
-        _settle(scene, ctx, camera, motion, frame.resolution)
-    return _describe(scene, ctx, camera, motion, frame, aovs)
+        if moving is not None:
+            motion = moving[0]
+            steps.append(moving[1].of(camera.path, "camera"))
+        steps += [*_settle(scene, ctx, camera, motion, frame.resolution), *ctx.kept.of(PointSteps)]
+        _note_errors(steps, ctx)
+    return replace(_describe(scene, ctx, camera, motion, frame, aovs), motion_steps=tuple(steps))
+
+
+def _foreseen(stage: Usd.Stage, settings: RenderSettings, found: Found, when: When) -> Foreseen:
+    """What is wrong with camera and settings is told later, of the posed stage."""
+    unheard = Diagnostics()
+    product = product_settings(stage, settings, found.settings, when, unheard)
+    return foreseen(_context(stage, settings, when, product, unheard, {}), product, found.cameras)
 
 
 def _walked(ctx: Context) -> tuple[list[Group[ResolvedPrim]], Links | None, Context]:
@@ -221,7 +239,18 @@ def _walked(ctx: Context) -> tuple[list[Group[ResolvedPrim]], Links | None, Cont
     return groups, links, ctx
 
 
-def _settle(scene: _Scene, ctx: Context, camera: Camera, motion: CameraMotion | None, resolution: tuple[int, int]) -> None:
+def _note_errors(steps: list[MotionSteps], ctx: Context) -> None:
+    """Where more times than there may be would have been needed."""
+    for found in steps:
+        if found.error > ctx.settings.motion_error:
+            pixels = f"{found.error:.2g}" if math.isfinite(found.error) else "any number of"
+            left = f"its path is given in {found.segments} steps, which leaves it up to {pixels} pixels off."
+            ctx.warn("motion", ctx.shown(found.path), f"It moves fast: {left}")
+
+
+def _settle(
+    scene: _Scene, ctx: Context, camera: Camera, motion: CameraMotion | None, resolution: tuple[int, int]
+) -> list[MotionSteps]:
     """What moves gets its times, now that it is known how large it is seen."""
     cameras = (camera, *(motion.cameras if motion else ()))
     precision = Precision(ctx.timing, pixels_of(cameras, resolution), ctx.settings.motion_error)
@@ -237,6 +266,7 @@ def _settle(scene: _Scene, ctx: Context, camera: Camera, motion: CameraMotion | 
     for k, prototype in enumerate(scene.prototypes):
         if prototype.placements:
             scene.prototypes[k] = replace(prototype, placements=tuple(map(at_seam, prototype.placements)))
+    return precision.steps
 
 
 def _drawn(scene: _Scene) -> Drawn:
@@ -311,7 +341,7 @@ def _add_group(scene: _Scene, group: Group[ResolvedPrim], where: Arrangement, g:
             ctx.warn("invalid-transform", leaf.path, "Its transform is not finite.")
         elif leaf.type_name in LIGHTS:
             _add_lights(scene, leaf, matrices[len(leaves)], chains, count, group.blur_scale, ctx)
-        elif (shape := _shape(leaf, ctx, scene.links)) is not None:
+        elif (shape := _shape(leaf, _standing(leaf, chains, matrices[len(leaves)], ctx), scene.links)) is not None:
             if scene.links is not None:
                 shape = replace(shape, link_row=scene.links.row_of(leaf))
             members.append(Placed(len(scene.shapes), placed[len(leaves)], alone))
@@ -343,6 +373,13 @@ def _placements(scene: _Scene, g: int, chains: list[Chain]) -> list[Placement]:
 
 def _placement(prototype: int, chain: Chain) -> Placement:
     return Placement(prototype, chain or (MatrixInstances(IDENTITY[None]),), rows_of_levels(chain))
+
+
+def _standing(leaf: ResolvedPrim, chains: list[Chain], group_from_prim: Doubles, ctx: Context) -> Context:
+    """What moves by itself is given at times that depend on how large it is seen."""
+    if not ctx.timing.is_open:
+        return ctx
+    return replace(ctx, stands=Stands(chains, group_from_prim, leaf.inherited.blur_scale, leaf.path not in ctx.shares))
 
 
 def _shape(leaf: ResolvedPrim, ctx: Context, links: Links | None) -> Shape | None:

@@ -70,7 +70,7 @@ class Settings(Sent):
     shutter: tuple[float, float] | None = Field(
         None, description="Opens and closes, in time codes from the frame on; null: as the camera says."
     )
-    motion_error: float | None = Field(None, gt=0, le=1e6, description="Pixels that paths of what moves may be off.")
+    motion_error: float | None = Field(None, gt=0, le=1e6, description="Pixels that the path of anything may be off (0.02).")
     diffusion: float | None = Field(
         None, ge=0, le=1, description="Of all light, what the lens diffuses: a part of the EXR; null: as the camera says."
     )

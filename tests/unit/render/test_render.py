@@ -26,6 +26,7 @@ REPORT_KEYS = {
     "splits",
     "light_samples",
     "frame",
+    "motion",
     "lane_occupancy",
     "invalid_samples",
     "error",

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
-from pxr import Usd, UsdGeom, UsdSkel
+from pxr import Usd, UsdGeom, UsdSkel, Vt
 
 from primray.description import Mesh, SceneDescription
 from primray.description.placement import MatrixInstances
 
+Shifted = Callable[[np.ndarray], np.ndarray]
 UNIT = "((1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1))"
 API = 'prepend apiSchemas = ["SkelBindingAPI"]'
 TURN_60 = "(0.8660254, 0, 0.5, 0)"  # about y
@@ -86,16 +89,19 @@ def character(more: str = "") -> str:
     return bound + WAVE + skin(f"rel skel:skeleton = <../bones>\n{more}")
 
 
-def points_of_usd(stage: Usd.Stage, time: float) -> np.ndarray:
-    """(N, 3) in the world: what UsdSkelCache finds through instance proxies, skinned by its queries."""
+def points_of_usd(stage: Usd.Stage, time: float, shifted: Shifted | None = None) -> np.ndarray:
+    """(N, 3) in the world: what UsdSkelCache finds through instance proxies, skinned by its queries.
+
+    `shifted`: by how much blend shapes of these weights shift a mesh's points.
+    """
     found = []
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
         if prim.GetTypeName() == "SkelRoot":
-            found += _points_below(UsdSkel.Root(prim), time)
+            found += _points_below(UsdSkel.Root(prim), time, shifted)
     return np.concatenate(found)
 
 
-def _points_below(root: UsdSkel.Root, time: float) -> list[np.ndarray]:
+def _points_below(root: UsdSkel.Root, time: float, shifted: Shifted | None) -> list[np.ndarray]:
     cache, found = UsdSkel.Cache(), []
     cache.Populate(root, Usd.TraverseInstanceProxies())
     for binding in cache.ComputeSkelBindings(root, Usd.TraverseInstanceProxies()):
@@ -103,6 +109,9 @@ def _points_below(root: UsdSkel.Root, time: float) -> list[np.ndarray]:
         joints = cache.GetSkelQuery(binding.GetSkeleton()).ComputeSkinningTransforms(time)
         for query in binding.GetSkinningTargets():
             points = UsdGeom.PointBased(query.GetPrim()).GetPointsAttr().Get(time)
+            if shifted is not None and query.HasBlendShapes():
+                weights = cache.GetSkelQuery(binding.GetSkeleton()).GetAnimQuery().ComputeBlendShapeWeights(time)
+                points = Vt.Vec3fArray.FromNumpy((np.array(points) + shifted(np.array(weights))).astype(np.float32))
             assert query.ComputeSkinnedPoints(joints, points, time)
             found.append(np.array(points) @ world_from_skeleton[:3, :3] + world_from_skeleton[3, :3])
     return found

@@ -45,6 +45,7 @@ def inspect(
     """Print what a stage is made of and what would be rendered: layers, variants, cameras, counts, memory, diagnostics."""
     from ... import usd
     from ...diagnostics import Diagnostics
+    from ...report.motion import motion_facts
     from ...report.summary import counts, primvar_names, summary
     from ...report.texture_sizes import texture_sizes
     from ...textures.missing_tiles import note_missing_tiles
@@ -85,6 +86,7 @@ def inspect(
         "stage": usd.stage_facts(stage),
         "cameras": usd.camera_paths(stage),
         "camera": camera_facts(description),
+        "motion": motion_facts(description),
         "lights": light_facts(description),
         "materials": sorted({surface.path for surface in description.surfaces if surface.path}),
         "textures": [

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...arrays import Doubles
-from ...description import MatrixInstances, MatrixMotion, MovingInstances
+from ...description import MatrixInstances, MatrixMotion, MotionSteps, MovingInstances
 from ...description.instance_names import all_names
 from ...description.placement import Box, Instances, Placement, named_levels, transformed_box
 from .between import Turned, angles_between, have_rotations, taken_apart, turned
@@ -31,7 +31,7 @@ class Precision:
     timing: Timing
     pixels: Pixels
     most: float  # pixels
-    steps: list[tuple[str, Steps]] = field(default_factory=list)  # by the path of what moves
+    steps: list[MotionSteps] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +61,7 @@ def moving_instances(
     if all(np.array_equal(path.at(time), frame) for time in (0.0, *path.bends, 0.5, 1.0) if 0.0 <= time <= 1.0):
         return MatrixInstances(frame, names=all_names(named_levels(levels)))
     motion, steps = motion_of(path, precision.most)
-    precision.steps.append((name, steps))
+    precision.steps.append(steps.of(name, "instances", path.no_error))
     return MovingInstances(motion.times, motion.matrices, frame, motion.turns, names=all_names(named_levels(levels)))
 
 

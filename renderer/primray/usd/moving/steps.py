@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays import Doubles
+from ...description import MotionSteps
 
 MOST_SEGMENTS = 128
 MOST_UNIFORM = 32  # equal segments are found faster than others: as many are taken to have all equal
@@ -30,21 +31,28 @@ Error = Callable[[float, float, float], float]  # of the seam's path between two
 class Steps:
     times: tuple[float, ...]  # ascending from 0 to 1
     error: float  # the largest that is left
-    bends: int = 0  # how many of the times are samples that cannot be left out
+    by_error: bool = False  # there are more times than samples ask for
 
     @property
     def segments(self) -> int:
         return len(self.times) - 1
 
+    def of(self, path: str, kind: str, rounding: float = 0.0) -> MotionSteps:
+        """`rounding`: what is no error but for how numbers are kept, in pixels."""
+        return MotionSteps(path, kind, self.segments, self.by_error, self.error if self.error > rounding else 0.0)
 
-def steps_of(error: Error, bends: Sequence[float], most: float, none: float) -> Steps:
-    """The fewest times that keep `error` below `most`; a sample is left out if the path stays within `none` without it."""
+
+def steps_of(error: Error, bends: Sequence[float], most: float, none: float, limit: int = MOST_SEGMENTS) -> Steps:
+    """The fewest times that keep `error` below `most`; a sample is left out if the path stays within `none` without it.
+
+    There are no more than `limit` segments, unless there are more samples.
+    """
     kept = _kept(error, [0.0, *_inside(bends), 1.0], none)
-    needed = [_needed(error, a, b, most) for a, b in itertools.pairwise(kept)]
-    counts = _within_limit([count for count, _ in needed])
-    times = _uniform(kept, counts) or _divided(kept, counts)
+    needed = [_needed(error, a, b, most, limit) for a, b in itertools.pairwise(kept)]
+    counts = _within_limit([count for count, _ in needed], limit)
+    times = _uniform(kept, counts, limit) or _divided(kept, counts)
     left = max(left for _, left in needed) if counts == [count for count, _ in needed] else _largest(error, times)
-    return Steps(tuple(times), left, len(kept) - 2)
+    return Steps(tuple(times), left, any(count > 1 for count, _ in needed))
 
 
 def _inside(bends: Sequence[float]) -> list[float]:
@@ -66,34 +74,34 @@ def _kept(error: Error, times: list[float], none: float) -> list[float]:
     return [*kept, times[-1]]
 
 
-def _needed(error: Error, start: float, end: float, most: float) -> tuple[int, float]:
+def _needed(error: Error, start: float, end: float, most: float, limit: int) -> tuple[int, float]:
     """How many equal parts, and the error that is left; of a smooth path it falls by their square."""
     count = 1
     while True:
         probed = PROBED_FIRST if count == 1 else PROBED
         edges = [start + (end - start) * k / count for k in range(count)] + [end]
         left = max(error(a, b, a + (b - a) * u) for a, b in itertools.pairwise(edges) for u in probed)
-        if left <= most or count >= MOST_SEGMENTS:
+        if left <= most or count >= limit:
             return count, left
         by_square = math.ceil(count * math.sqrt(left / most)) if math.isfinite(left) else 2 * count
-        count = min(max(count + 1, min(by_square, 2 * count if count < FEW else 4 * count)), MOST_SEGMENTS)
+        count = min(max(count + 1, min(by_square, 2 * count if count < FEW else 4 * count)), limit)
 
 
-def _within_limit(counts: list[int]) -> list[int]:
+def _within_limit(counts: list[int], limit: int) -> list[int]:
     total = sum(counts)
-    if total <= MOST_SEGMENTS:
+    if total <= limit:
         return counts
-    return [max(1, count * MOST_SEGMENTS // total) for count in counts]
+    return [max(1, count * limit // total) for count in counts]
 
 
-def _uniform(kept: list[float], counts: list[int]) -> list[float] | None:
+def _uniform(kept: list[float], counts: list[int], limit: int) -> list[float] | None:
     """Equal segments all over, where the samples allow for that with few of them."""
     for grid in range(1, MOST_UNIFORM + 1):
         if all(abs(time * grid - round(time * grid)) < SAME_TIME * grid for time in kept):
             lengths = [round(b * grid) - round(a * grid) for a, b in itertools.pairwise(kept)]
             total = grid * max(math.ceil(count / length) for count, length in zip(counts, lengths, strict=True))
             exact = {round(time * total): time for time in kept}
-            few = total <= max(MOST_UNIFORM, sum(counts)) and total <= MOST_SEGMENTS
+            few = total <= max(MOST_UNIFORM, sum(counts)) and total <= limit
             return [exact.get(k, k / total) for k in range(total + 1)] if few else None
     return None
 

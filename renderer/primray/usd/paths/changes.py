@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from pxr import Usd
+from pxr import Usd, UsdGeom
 
 from ...arrays import Doubles
 from ..moving.mover import Local
@@ -52,3 +52,9 @@ def transform_of(prim: Usd.Prim, when: When) -> Local:
         return matrix(local_transform_at(prim, lambda attribute: time_of(attribute, then))[0])
 
     return local
+
+
+def blur_scale_of(prim: Usd.Prim) -> float:
+    """UsdGeomMotionAPI's, of the prim or the nearest above it that has one."""
+    api = UsdGeom.MotionAPI(prim)
+    return max(float(api.ComputeMotionBlurScale()), 0.0) if api else 1.0

@@ -84,7 +84,7 @@ def moving_light(light: Light, path: LightPath, precision: Precision, ctx: Conte
     found, steps = motion_of(_seen(light, rigid, bent, precision), precision.most, rigid=True)
     if len({rigid(time).tobytes() for time in steps.times}) == 1:
         return light
-    precision.steps.append((light.path, steps))
+    precision.steps.append(steps.of(light.path, "lights"))
     matrices = np.zeros((len(steps.times), 4, 4))
     matrices[:, :3], matrices[:, 3, 3] = found.matrices[:, 0], 1.0
     return replace(light, motion=MatrixMotion(found.times, matrices, found.turns))

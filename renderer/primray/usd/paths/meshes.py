@@ -9,7 +9,7 @@ import numpy as np
 
 from ...arrays import Floats
 from ...description import PointMotion
-from ..moving.steps import fractions, steps_of
+from ..moving.steps import fractions
 from ..resolving.context import Context
 from ..resolving.resolve import ResolvedPrim
 from ..shapes.authored_mesh import AuthoredMesh, read_normals
@@ -19,10 +19,8 @@ from ..shapes.seam_mesh import PolygonMotion, Values
 from ..shapes.subdivision import Cage
 from ..shapes.topology import LARGEST
 from .changes import bends, moves
+from .point_steps import point_steps
 from .points import PointPath, point_path
-
-NO_ERROR = 1e-6  # of the size, up to which a sample on the line between others is left out
-CURVED = 1e-3  # of the size, by which straight pieces of what accelerates may be off
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +81,7 @@ def moving_polygons(polygons: Polygons, authored: AuthoredMesh, path: MeshPath, 
             known[fraction] = points, normals_of(then, points, polygons.triangles, polygons.sizes, ctx)
         return known[fraction]
 
-    times = _times(lambda fraction: _rows(*at(fraction)), path, ctx)
+    times = _times(lambda fraction: _rows(*at(fraction)), len(polygons.points), path, ctx)
     if times is None:
         return polygons
     found = [at(time) for time in times]
@@ -103,7 +101,7 @@ def moving_cage(cage: Cage, path: MeshPath, ctx: Context) -> Cage:
     def at(fraction: float) -> Floats:
         return finite_points(points.at(path.blur_scale * ctx.timing.offset(fraction)).astype(np.float32), cage.points)
 
-    times = _times(at, path, ctx)
+    times = _times(at, len(cage.points), path, ctx)
     if times is None:
         return cage
     return replace(cage, motion=PointMotion(np.array(times), np.stack([at(time) for time in times])))
@@ -125,24 +123,9 @@ def _same(normals: list[Values]) -> bool:
     return all(np.array_equal(values.array, normals[0].array) for values in normals[1:])
 
 
-def _times(at: Callable[[float], Floats], path: MeshPath, ctx: Context) -> tuple[float, ...] | None:
+def _times(at: Callable[[float], Floats], count: int, path: MeshPath, ctx: Context) -> tuple[float, ...] | None:
     """Fractions of the span at which points are given; None where they stand still."""
     bent = fractions(path.times, ctx.timing.span, path.blur_scale)
-    inside = [time for time in bent if 0.0 < time < 1.0]
-    looked_at = [at(time) for time in (0.0, *inside, 0.5, 1.0)]
-    if any(len(rows) != len(looked_at[0]) for rows in looked_at):
-        return None
-    if all(np.array_equal(rows, looked_at[0]) for rows in looked_at[1:]):
-        return None
-    size = float(max(np.ptp(rows, axis=0).max() for rows in looked_at)) or 1.0
-
-    def error(a: float, b: float, time: float) -> float:
-        u = (time - a) / (b - a)
-        first, last = at(a).astype(np.float64), at(b).astype(np.float64)
-        return float(np.abs(first + u * (last - first) - at(time)).max()) / size
-
-    rounding = 4 * float(np.finfo(np.float32).eps) * max(float(np.abs(rows).max()) for rows in looked_at) / size
-    none = max(NO_ERROR, rounding)
     # Between samples everything is linear, unless it accelerates.
     curved = path.points is not None and path.points.acceleration > 0
-    return steps_of(error, bent, CURVED if curved else float("inf"), none).times
+    return point_steps(at, count, bent, path.prim.path, ctx, curved=curved)

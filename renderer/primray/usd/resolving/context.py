@@ -9,6 +9,8 @@ from pxr import Usd
 from ...color.color_space import REC709, ColorSpace
 from ...diagnostics import Diagnostics
 from ...settings import RenderSettings
+from ..moving.foreseen import UNSEEN, Foreseen
+from ..moving.stands import Stands
 from ..moving.timing import AT_FRAME, Timing
 from .color_scope import ColorScope
 from .kept import Kept
@@ -27,6 +29,8 @@ class Context:
     material_purposes: tuple[str, ...]
     diagnostics: Diagnostics
     timing: Timing = AT_FRAME  # when the shutter is open
+    foreseen: Foreseen = UNSEEN  # and how large things are seen then
+    stands: Stands | None = None  # where what is translated stands in the world, while the shutter is open
     rendering_space: ColorSpace = REC709
     aov_primvars: tuple[str, ...] = ()  # that AOVs ask for, without their namespace
     names_instances: bool = False  # an AOV asks for instances

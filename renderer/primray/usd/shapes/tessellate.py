@@ -52,10 +52,10 @@ def cylinder(bottom: float, top: float, height: float, axis: str) -> Tessellated
     return revolve([_Band([(bottom, -h), (top, h)], [side, side]), _cap(bottom, -h, -1), _cap(top, h, 1)], axis)
 
 
-def capsule(bottom: float, top: float, height: float, axis: str) -> Tessellated:
+def capsule(bottom: float, top: float, height: float, axis: str, low_rings: int = 0, high_rings: int = 0) -> Tessellated:
     """UsdGeomCapsule, and Capsule_1 with two radii: the hull of the spheres about both ends of the spine, of `height`.
 
-    Where one sphere holds the other, that one alone.
+    Where one sphere holds the other, that one alone. Its caps have as many rings as they need, unless that is given.
     """
     if height < 0:
         bottom, top, height = top, bottom, -height
@@ -64,16 +64,32 @@ def capsule(bottom: float, top: float, height: float, axis: str) -> Tessellated:
         radius, z = (bottom, -height / 2) if wider > 0 else (top, height / 2)
         return revolve([_arc(radius, z, -math.pi / 2, math.pi / 2)], axis)
     # A line that touches circles of these radii leans by asin(wider / height): so do its normals at both.
-    slope = math.asin(wider / height) if wider else 0.0
-    low = _arc(bottom, -height / 2, -math.pi / 2, slope)
-    high = _arc(top, height / 2, slope, math.pi / 2)
+    slope = _lean(bottom, top, height)
+    low = _arc(bottom, -height / 2, -math.pi / 2, slope, low_rings)
+    high = _arc(top, height / 2, slope, math.pi / 2, high_rings)
     side = _Band([low.profile[-1], high.profile[0]], [low.normals[-1], high.normals[0]])
     return revolve([low, side, high], axis)
 
 
-def _arc(radius: float, z: float, first: float, last: float) -> _Band:
+def cap_rings(bottom: float, top: float, height: float) -> tuple[int, int]:
+    """As many as a capsule's caps need, the lower one's first: (0, 0) where one sphere holds the other."""
+    if abs(bottom - top) >= abs(height):
+        return 0, 0
+    slope = _lean(bottom, top, abs(height))
+    return _rings(-math.pi / 2, slope), _rings(slope, math.pi / 2)
+
+
+def _lean(bottom: float, top: float, height: float) -> float:
+    return math.asin((bottom - top) / height) if bottom != top else 0.0
+
+
+def _rings(first: float, last: float) -> int:
+    return math.ceil((last - first) / (math.pi / 2) * CAP_RINGS)
+
+
+def _arc(radius: float, z: float, first: float, last: float, rings: int = 0) -> _Band:
     """Of the sphere about z on the axis, between two latitudes."""
-    rings = math.ceil((last - first) / (math.pi / 2) * CAP_RINGS)
+    rings = rings or _rings(first, last)
     latitudes = np.linspace(first, last, rings + 1)
     c, s = np.cos(latitudes), np.sin(latitudes)
     c[np.abs(latitudes) == math.pi / 2] = 0.0

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Usd
 
 from ...arrays import Doubles
 from ...description import Camera, CameraMotion
@@ -16,7 +16,7 @@ from ..adapters.rendering.render_product import ProductSettings
 from ..moving.between import quaternions, rotation_matrices, slerp
 from ..moving.pixels import NEAREST
 from ..moving.steps import Steps, fractions, steps_of
-from ..paths.changes import bends, moves
+from ..paths.changes import bends, blur_scale_of, moves
 from ..querying.guarded import property_names
 from ..resolving.context import Context
 from ..resolving.read import When
@@ -31,12 +31,7 @@ NO_ERROR = 1e-4  # pixels
 
 def camera_when(prim: Usd.Prim, ctx: Context, offset: float) -> When:
     """When to read it, so many time codes after the frame; motion:blurScale is of "all objects", of cameras, too."""
-    return ctx.when.after(offset * blur_scale(prim))
-
-
-def blur_scale(prim: Usd.Prim) -> float:
-    api = UsdGeom.MotionAPI(prim)
-    return max(float(api.ComputeMotionBlurScale()), 0.0) if api else 1.0
+    return ctx.when.after(offset * blur_scale_of(prim))
 
 
 def camera_motion(
@@ -51,7 +46,7 @@ def camera_motion(
     """None where it stands still while the shutter is open; `nearest`: how far away the first thing is that it may see."""
     if prim is None or not (moving := list(_moving(prim, ctx))):
         return None
-    scale, timing = blur_scale(prim), ctx.timing
+    scale, timing = blur_scale_of(prim), ctx.timing
     known: dict[float, Camera] = {}
 
     def at(fraction: float) -> Camera:

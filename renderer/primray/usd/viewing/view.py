@@ -73,6 +73,25 @@ def view_through(
 ) -> tuple[Camera, Frame]:
     """The camera, conformed to the image, and the image's frame. What is on the stage is asked for only without a camera: its
     `bounds` as usdrecord sees them, or what is `drawn`."""
+    found, frame = view_without_things(prim, ctx, product, shutter)
+    if found is not None:
+        if prim is not None and ctx.settings.eye is None:
+            note_one_eye(prim, ctx.when, ctx.diagnostics)
+        return found, frame
+    resolution = frame.resolution
+    z_up = up_axis(ctx.stage) == "Z"
+    if ctx.settings.auto_camera is AutoCamera.USDRECORD:
+        ctx.warn("camera-automatic", "", "The stage has no camera: it is framed as usdrecord would.")
+        return with_shutter(framing_camera(bounds(), z_up, resolution, product), shutter), frame
+    made, left_out = three_quarter_camera(drawn(), z_up, resolution, product)
+    ctx.warn("camera-automatic", "", f"The stage has no camera: it is seen from three quarters, above{_without(left_out)}.")
+    return with_shutter(made, shutter), frame
+
+
+def view_without_things(
+    prim: Usd.Prim | None, ctx: Context, product: ProductSettings, shutter: Shutter
+) -> tuple[Camera | None, Frame]:
+    """The same as far as it does not depend on what there is to see: without a camera, where one has to be made."""
     asked = _camera_without_prim(prim, ctx)
     if asked is not None:
         aperture = aperture_of(asked)
@@ -84,17 +103,8 @@ def view_through(
         return conformed(asked, aperture, resolution, product, shutter), frame
     if prim is not None:
         still = camera_when(prim, ctx, ctx.timing.opens) if not ctx.timing.is_open else None
-        found = camera(prim, ctx.when, resolution, product, shutter, ctx.diagnostics, still)
-        if ctx.settings.eye is None:
-            note_one_eye(prim, ctx.when, ctx.diagnostics)
-        return found, frame
-    z_up = up_axis(ctx.stage) == "Z"
-    if ctx.settings.auto_camera is AutoCamera.USDRECORD:
-        ctx.warn("camera-automatic", "", "The stage has no camera: it is framed as usdrecord would.")
-        return with_shutter(framing_camera(bounds(), z_up, resolution, product), shutter), frame
-    made, left_out = three_quarter_camera(drawn(), z_up, resolution, product)
-    ctx.warn("camera-automatic", "", f"The stage has no camera: it is seen from three quarters, above{_without(left_out)}.")
-    return with_shutter(made, shutter), frame
+        return camera(prim, ctx.when, resolution, product, shutter, ctx.diagnostics, still), frame
+    return None, frame
 
 
 def _camera_without_prim(prim: Usd.Prim | None, ctx: Context) -> Camera | Matrix | None:

@@ -19,6 +19,7 @@ class SkeletonBinding:
     skeleton: Usd.Prim
     animation: Usd.Prim  # where it stands, which may be in an instance; not valid where there is none
     joints: list[str]
+    poses: UsdSkel.SkeletonQuery
     query: UsdSkel.AnimQuery
     targets: list[UsdSkel.SkinningQuery]
 
@@ -39,7 +40,7 @@ def _binding(cache: UsdSkel.Cache, found: UsdSkel.Binding) -> SkeletonBinding:
     prim = found.GetSkeleton().GetPrim()
     animation = UsdSkel.BindingAPI(prim).GetInheritedAnimationSource()
     joints = list(query.GetJointOrder() or ()) if query else []
-    return SkeletonBinding(prim, animation, joints, query.GetAnimQuery(), list(found.GetSkinningTargets()))
+    return SkeletonBinding(prim, animation, joints, query, query.GetAnimQuery(), list(found.GetSkinningTargets()))
 
 
 def concerned(binding: SkeletonBinding) -> list[Usd.Prim]:

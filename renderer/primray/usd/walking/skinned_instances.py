@@ -6,7 +6,7 @@ hands its pose to all, which stay instances.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, count
 
@@ -49,10 +49,10 @@ def is_root(prim: Usd.Prim) -> bool:
     return bool(type_name(prim) == "SkelRoot" and not prim.IsInstance())
 
 
-def take_apart(stage: Usd.Stage, most: int, when: When, diagnostics: Diagnostics) -> list[Crowd]:
+def take_apart(stage: Usd.Stage, most: int, times: Sequence[When], diagnostics: Diagnostics) -> list[Crowd]:
     """Instances with skeletons in them, or with what a skeleton moves or needs, become prims of their own: `most` at a time.
 
-    What stays an instance in its authored pose is told.
+    What stays an instance in its authored pose is told. `times`: when those that are posed alike must be so.
     """
     if not stage.GetPrototypes():
         return []
@@ -62,7 +62,7 @@ def take_apart(stage: Usd.Stage, most: int, when: When, diagnostics: Diagnostics
     while True:
         apart = [path for path in _with_roots(stage) if path not in waiting and path not in left]
         if len(apart) > most:
-            alike = _posed_alike(stage, apart, when)
+            alike = _posed_alike(stage, apart, times)
             if len(alike) <= most:
                 crowds += [Crowd(first, others) for first, *others in alike]
                 waiting.update(path for _, *others in alike for path in others)
@@ -139,18 +139,20 @@ def _tell(stage: Usd.Stage, instances: list[Sdf.Path], most: int, diagnostics: D
         diagnostics.add("skinning", str(first), f"{message}{among}: they are rendered as they are authored.")
 
 
-def _posed_alike(stage: Usd.Stage, instances: list[Sdf.Path], when: When) -> list[list[Sdf.Path]]:
+def _posed_alike(stage: Usd.Stage, instances: list[Sdf.Path], times: Sequence[When]) -> list[list[Sdf.Path]]:
     """The instances by their prototype and what is bound to them from outside it."""
-    places = UsdGeom.XformCache(when.time)
-    bound_to = _Bound(when)
+    places = [UsdGeom.XformCache(when.time) for when in times]
+    bound_to = [_Bound(when) for when in times]
     outside = {str(p.GetPath()): _leads_outside(p) for p in stage.GetPrototypes()}
     found: dict[object, list[Sdf.Path]] = {}
     for path in instances:
         prim = stage.GetPrimAtPath(path)
-        prototype, bound = str(prim.GetPrototype().GetPath()), bound_to(prim)
+        prototype, bound = str(prim.GetPrototype().GetPath()), tuple(then(prim) for then in bound_to)
         # A mesh follows a skeleton that stands elsewhere from where it stands itself.
-        is_bound_outside = outside[prototype] or any(name == "skel:skeleton" and text.startswith("/") for name, text in bound)
-        place = _place(prim, places) if is_bound_outside else ()
+        is_bound_outside = outside[prototype] or any(
+            name == "skel:skeleton" and text.startswith("/") for name, text in bound[0]
+        )
+        place = tuple(_place(prim, then) for then in places) if is_bound_outside else ()
         found.setdefault((prototype, bound, place), []).append(path)
     return list(found.values())
 

@@ -7,19 +7,22 @@ MAX_TAKEN_APART. What was posed and what was not is marked on the meshes there, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pxr import Gf, Sdf, Usd
 
 from ...diagnostics import Diagnostics
+from ..moving.foreseen import Foreseen
 from ..opening.stage import scratch_copy
-from ..querying.guarded import FAILURES, authored_attributes, why
+from ..querying.guarded import FAILURES, why
 from ..querying.skin_marks import NOT_APPLIED, UNBOUND, has_weights, is_marked, mark
 from ..querying.standing import standing_in_world
-from ..querying.time_varying import has_times
-from ..querying.traversal import stands_in_world, there_below
-from ..resolving.read import When, value
+from ..querying.traversal import instanced_roots, stands_in_world, there_below
+from ..resolving.read import When
+from .held_values import hold, leave_to_samples, time_code
+from .pose_times import PoseTimes, pose_times
 from .posed_normals import make_bakeable
 from .skeleton_bindings import SkeletonBinding, bindings_below, lacks_animation
 from .skinned_instances import drawn, has_root, instanced_elsewhere, is_root, share_poses, take_apart
@@ -38,36 +41,89 @@ def are_drawn(stage: Usd.Stage, skeletons: list[Usd.Prim]) -> bool:
     return bool(skeletons) and any(map(has_root, instanced_elsewhere(stage)))
 
 
-def posed(stage: Usd.Stage, when: When, diagnostics: Diagnostics) -> Usd.Stage:
-    """The stage as its skeletons pose it."""
+def posed(stage: Usd.Stage, when: When, seen: Foreseen, diagnostics: Diagnostics) -> Usd.Stage:
+    """The stage as its skeletons pose it: at the frame, and as often as needed while the shutter is open."""
     from pxr import UsdSkel
 
     made = scratch_copy(stage)
-    made.SetEditTarget(made.GetSessionLayer())
-    held = _layer_for_held_values(made)
-    crowds = take_apart(made, MAX_TAKEN_APART, when, diagnostics)
+    session = made.GetSessionLayer()
+    made.SetEditTarget(session)
+    layers = _layers_below(made, seen)
+    crowds = take_apart(made, MAX_TAKEN_APART, _looked_at(when, seen), diagnostics)
     paths = list(dict.fromkeys(str(prim.GetPath()) for prim in drawn(made) if is_root(prim)))
     with standing_in_world(made, paths):
+        loose = [crowd.first for crowd in crowds] + [prim.GetPath() for prim in instanced_roots(made)]
+        posing = _Posing(layers, when, _times_of(made, paths, loose, when, seen, diagnostics), diagnostics)
         for path in paths:
             if root := UsdSkel.Root(made.GetPrimAtPath(path)):  # baking makes Xforms of it and of those below
-                _pose(root, held, when, diagnostics)
-    share_poses(made, crowds, [made.GetSessionLayer(), held])
+                _pose(root, posing)
+    if layers.held != layers.kept:
+        session.subLayerPaths.remove(layers.held.identifier)
+    share_poses(made, crowds, [session, layers.kept])
     return made
 
 
-def _layer_for_held_values(stage: Usd.Stage) -> Sdf.Layer:
+@dataclass(frozen=True, eq=False)
+class _Layers:
     """Below the session layer itself, in which there is then nothing but what baking wrote."""
-    layer = Sdf.Layer.CreateAnonymous("held.usda")
-    stage.GetSessionLayer().subLayerPaths.insert(0, layer.identifier)
-    return layer
+
+    held: Sdf.Layer  # values as they are at the times of the poses
+    kept: Sdf.Layer  # what is as it is for the poses' sake; the same one where everything is seen at the frame
 
 
-def _pose(root: UsdSkel.Root, held: Sdf.Layer, when: When, diagnostics: Diagnostics) -> None:
-    path = str(root.GetPath())
+@dataclass(frozen=True, eq=False)
+class _Posing:
+    layers: _Layers
+    when: When
+    times: Mapping[str, PoseTimes]  # by root; of what is posed at more than the frame
+    diagnostics: Diagnostics
+
+
+def _layers_below(stage: Usd.Stage, seen: Foreseen) -> _Layers:
+    """What moves while the shutter is open must not stay held."""
+    held = Sdf.Layer.CreateAnonymous("held.usda")
+    kept = held if seen.timing.is_frame else Sdf.Layer.CreateAnonymous("kept.usda")
+    for layer in dict.fromkeys([held, kept]):
+        stage.GetSessionLayer().subLayerPaths.insert(0, layer.identifier)
+    return _Layers(held, kept)
+
+
+def _looked_at(when: When, seen: Foreseen) -> list[When]:
+    """When poses must be alike to be one."""
+    opens, closes = seen.timing.span
+    return [when.after(offset) for offset in sorted({0.0, opens, 0.5 * (opens + closes), closes})]
+
+
+def _times_of(
+    stage: Usd.Stage, roots: list[str], loose: list[Sdf.Path], when: When, seen: Foreseen, diagnostics: Diagnostics
+) -> dict[str, PoseTimes]:
+    """Of all roots, before anything is held for one of them. `loose`: what also stands elsewhere than its path says."""
+    if seen.timing.is_frame:
+        return {}
+    from pxr import UsdSkel
+
+    found = {}
+    for path in roots:
+        is_placed = not any(Sdf.Path(path).HasPrefix(other) for other in loose)
+        try:
+            bindings = bindings_below(UsdSkel.Root(stage.GetPrimAtPath(path)))
+            times = pose_times(bindings, when, seen, is_placed)
+        except FAILURES:  # posing will tell
+            continue
+        if times is not None:
+            found[path] = times
+            if times.steps is not None and times.steps.error > seen.most:
+                left = f"{times.steps.segments} lines between poses leave points up to {times.steps.error:.2g} pixels off."
+                diagnostics.add("motion", path, f"Its pose moves fast: {left}")
+    return found
+
+
+def _pose(root: UsdSkel.Root, posing: _Posing) -> None:
+    path, diagnostics = str(root.GetPath()), posing.diagnostics
     mark(root.GetPrim())
     try:
         bindings = bindings_below(root)
-        problem = _bake(root, bindings, held, when)
+        problem = _bake(root, bindings, posing)
         if _mark_baked(bindings):
             diagnostics.add("posed", path, "Meshes below are posed by their skeleton.")
     except FAILURES as error:
@@ -78,45 +134,26 @@ def _pose(root: UsdSkel.Root, held: Sdf.Layer, when: When, diagnostics: Diagnost
         _mark_others(root.GetPrim(), bindings)
 
 
-def _bake(root: UsdSkel.Root, bindings: list[SkeletonBinding], held: Sdf.Layer, when: When) -> str:
-    """What went wrong, if anything. Baking visits authored samples only, so all that moves is first held where it now is."""
+def _bake(root: UsdSkel.Root, bindings: list[SkeletonBinding], posing: _Posing) -> str:
+    """What went wrong, if anything."""
     from pxr import UsdSkel
 
     if any(prim and prim.IsInstanceProxy() for binding in bindings for prim in (binding.skeleton, binding.animation)):
         return "Its skeleton or animation is in one of very many instances: meshes below are rendered as they are authored."
-    with Usd.EditContext(root.GetPrim().GetStage(), held):
-        _hold(root.GetPrim(), bindings, when)
+    stage, when, times = root.GetPrim().GetStage(), posing.when, posing.times.get(str(root.GetPath()))
+    with Usd.EditContext(stage, posing.layers.held):
+        hold(root.GetPrim(), bindings, posing.layers.held, when, times)
+    with Usd.EditContext(stage, posing.layers.kept):
         for query in (query for binding in bindings for query in binding.targets):
             is_bent = query.HasBlendShapes() or (query.HasJointInfluences() and not query.IsRigidlyDeformed())
             if is_bent and not query.GetPrim().IsInstanceProxy():
                 make_bakeable(query.GetPrim())
-    return "" if UsdSkel.BakeSkinning(root, Gf.Interval(0, 0)) else "USD cannot pose it."
-
-
-def _hold(root: Usd.Prim, bindings: list[SkeletonBinding], when: When) -> None:
-    for prim in _involved(root, bindings):
-        for attribute in authored_attributes(prim):
-            if has_times(attribute):
-                present = value(attribute, when)
-                if present is not None:
-                    attribute.Set(present)
-
-
-def _involved(root: Usd.Prim, bindings: list[SkeletonBinding]) -> Iterator[Usd.Prim]:
-    """Everything that the pose depends on: what stands above and below the root, skeletons and animations."""
-    yield from _above(root)
-    yield from there_below(root)
-    for binding in bindings:
-        if not binding.skeleton.GetPath().HasPrefix(root.GetPath()):
-            yield binding.skeleton
-            yield from _above(binding.skeleton)
-        if binding.animation:
-            yield binding.animation
-
-
-def _above(prim: Usd.Prim) -> Iterator[Usd.Prim]:
-    while (prim := prim.GetParent()) and not prim.IsPseudoRoot():
-        yield prim
+    span = [time_code(when, offset).GetValue() for offset in (times.offsets[0], times.offsets[-1])] if times else (0, 0)
+    if not UsdSkel.BakeSkinning(root, Gf.Interval(*span)):
+        return "USD cannot pose it."
+    if times and when.is_default:
+        leave_to_samples(stage.GetSessionLayer(), bindings)
+    return ""
 
 
 def _mark_baked(bindings: list[SkeletonBinding]) -> bool:

@@ -204,3 +204,64 @@ def test_points_that_become_corners_take_their_motion_along() -> None:
     assert isinstance(shape, Mesh)
     assert shape.motion is not None
     assert (shape.motion.points[..., :2] == shape.points[:, :2]).all()
+
+
+FALLING = samples("point3f[] points", {1: QUAD, 3: QUAD}) + "".join(
+    samples(f"vector3f[] {name}", {1: same(0, value, 0), 3: same(0, value, 0)})
+    for name, value in (("velocities", 48.0), ("accelerations", 1152.0))
+)
+
+
+def falling(z: float, more: str = "", **settings: Any) -> tuple[SceneDescription, Mesh, list[str]]:
+    """Seen from this far away."""
+    placed = f'double3 xformOp:translate = (0, 0, {-z})\nuniform token[] xformOpOrder = ["xformOp:translate"]\n'
+    d, _, told = translated('uniform token subdivisionScheme = "none"\n' + FALLING + placed + more, **settings)
+    (shape,) = d.shapes
+    assert isinstance(shape, Mesh)
+    return d, shape, told
+
+
+@pytest.mark.parametrize("z", [3.0, 30.0, 3000.0])
+def test_what_accelerates_is_as_exact_as_pixels_ask(z: float) -> None:
+    d, shape, told = falling(z, motion_error=0.02)
+    assert shape.motion is not None
+    assert not told
+    off = 0.0
+    for fraction in np.linspace(0, 1, 101):
+        t = (1.0 - 0.5 + fraction) / 24
+        true = np.array(QUAD) + t * (np.array([0, 48, 0]) + 0.5 * t * np.array([0, 1152, 0])) - (0, 0, z)
+        found = points_at(shape.motion, float(fraction)) - (0, 0, z)
+        off = max(
+            off, float(np.linalg.norm(d.camera.project(found, (64, 36)) - d.camera.project(true, (64, 36)), axis=1).max())
+        )
+    assert off < 0.02 + 1e-3
+
+
+def test_what_is_far_away_needs_few_times() -> None:
+    counts = [len(shape.motion.times) for z in (3.0, 30.0, 3000.0) if (shape := falling(z)[1]).motion is not None]
+    assert counts[0] > counts[1] > counts[2] == 2
+
+
+def test_an_instance_that_is_near_counts() -> None:
+    """The other stands far away."""
+    meshes = f'def Mesh "m"\n{{\n{FACES}uniform token subdivisionScheme = "none"\n{FALLING}}}\n'
+    instances = [
+        f'def Xform "i{z}" (\ninstanceable = true\nprepend references = </kind>\n)\n{{\n'
+        f'double3 xformOp:translate = (0, 0, -{z})\nuniform token[] xformOpOrder = ["xformOp:translate"]\n}}\n'
+        for z in (3, 3000)
+    ]
+    stage = stage_of(f'{CAMERA}class "kind"\n{{\n{meshes}}}\n' + "".join(instances))
+    d, _ = translate(stage, RenderSettings(time_code=FRAME, resolution=(64, 36), camera="/cam"))
+    (shape,) = d.shapes
+    (near,) = (falling(3.0)[1].motion,)
+    assert isinstance(shape, Mesh)
+    assert shape.motion is not None
+    assert near is not None
+    assert len(shape.motion.times) == len(near.times)
+
+
+def test_what_is_left_of_an_error_is_told() -> None:
+    _, shape, told = falling(3.0, motion_error=1e-4, resolution=(4096, 2304))
+    assert shape.motion is not None
+    assert len(shape.motion.times) == 129
+    assert told == [""]

@@ -4,25 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
+from ....arrays import Floats
 from ....description import Mesh, Shape, Sphere
+from ...paths.sizes import Call, growing_shape
 from ...resolving.context import Context
-from ...resolving.read import number, token
+from ...resolving.read import When, number, token
 from ...resolving.resolve import ResolvedPrim
 from ...resolving.stage_bounds import NotBounded
 from ...shapes import tessellate
-from ...shapes.seam_mesh import Values, seam_mesh
+from ...shapes.seam_mesh import PolygonMotion, Values, seam_mesh
 from ...shapes.surface_primvars import constant_primvars
 from ...shapes.tessellate import Tessellated
 from ..materials.surface import FALLBACK_COLOR, Appearance, appearance_of, is_hidden, make_surface
 
-_Call = tuple[Any, ...]  # a function of tessellate.py and what to give it: many shapes are alike
 
-
-class _Shared(dict[_Call, Tessellated | None]):
+class _Shared(dict[Call, Tessellated | None]):
     """By how it is made; None for what is of no use."""
 
 
@@ -39,25 +38,35 @@ def sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
 
 def tessellated(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     """A shape of any other kind."""
-    how = _TESSELLATE[prim.type_name](prim, ctx)
-    shared = ctx.kept.of(_Shared)
-    if how not in shared:
-        made = how[0](*how[1:])
-        usable = bool(np.isfinite(made.points).all() and made.points.any())
-        shared[how] = made if usable else None
-    made = shared[how]
+
+    def how(when: When) -> Call:
+        return _TESSELLATE[prim.type_name](prim, replace(ctx, when=when))
+
+    path = growing_shape(prim, how, ctx)
+    made = _made(how(ctx.when) if path is None else path.at(path.here), ctx)
     appearance = _appearance(prim, ctx)
     if made is None or is_hidden(appearance):
         return None
+    motion = None if path is None else path.motion(made, ctx)
     if _is_left_handed(prim, ctx):
-        made = _flipped(made)
+        made, motion = _flipped(made), motion and _flipped_motion(motion)
     if prim.type_name not in ("Cube", "Plane"):
         ctx.warn("tessellated", prim.path, f"{prim.type_name} is rendered with {tessellate.AROUND} segments around.")
     normals = None if made.normals is None else Values(made.normals, "corner")
     surface = make_surface(appearance, lambda: prim.type_name != "Plane")
     primvars = constant_primvars(prim, (surface,), ctx)
-    mesh: Mesh = seam_mesh(prim.path, made.points, made.triangles, normals, None, ctx.surfaces.index_of(surface), primvars)
+    of_surface = ctx.surfaces.index_of(surface)
+    mesh: Mesh = seam_mesh(prim.path, made.points, made.triangles, normals, None, of_surface, primvars, motion)
     return mesh
+
+
+def _made(how: Call, ctx: Context) -> Tessellated | None:
+    shared = ctx.kept.of(_Shared)
+    if how not in shared:
+        made = how[0](*how[1:])
+        usable = bool(np.isfinite(made.points).all() and made.points.any())
+        shared[how] = made if usable else None
+    return shared[how]
 
 
 def _is_left_handed(prim: ResolvedPrim, ctx: Context) -> bool:
@@ -66,8 +75,16 @@ def _is_left_handed(prim: ResolvedPrim, ctx: Context) -> bool:
 
 def _flipped(made: Tessellated) -> Tessellated:
     """Facing the other way, as UsdGeomGprim's orientation has it."""
-    normals = None if made.normals is None else -made.normals.reshape(-1, 3, 3)[:, [0, 2, 1]].reshape(-1, 3)
-    return Tessellated(made.points, made.triangles[:, [0, 2, 1]], normals)
+    return Tessellated(made.points, made.triangles[:, [0, 2, 1]], None if made.normals is None else _turned(made.normals))
+
+
+def _flipped_motion(motion: PolygonMotion) -> PolygonMotion:
+    return replace(motion, normals=tuple(replace(values, array=_turned(values.array)) for values in motion.normals))
+
+
+def _turned(normals: Floats) -> Floats:
+    """(3T, 3) of triangles that go round the other way."""
+    return np.asarray(-normals.reshape(-1, 3, 3)[:, [0, 2, 1]].reshape(-1, 3))
 
 
 def _appearance(prim: ResolvedPrim, ctx: Context) -> Appearance:
@@ -79,23 +96,23 @@ def _appearance(prim: ResolvedPrim, ctx: Context) -> Appearance:
     return appearance
 
 
-def _cube(prim: ResolvedPrim, ctx: Context) -> _Call:
+def _cube(prim: ResolvedPrim, ctx: Context) -> Call:
     return tessellate.cube, abs(_number(prim, "size", 2.0, ctx))
 
 
-def _plane(prim: ResolvedPrim, ctx: Context) -> _Call:
+def _plane(prim: ResolvedPrim, ctx: Context) -> Call:
     return tessellate.plane, _number(prim, "width", 2.0, ctx), _number(prim, "length", 2.0, ctx), _axis(prim, ctx)
 
 
-def _cone(prim: ResolvedPrim, ctx: Context) -> _Call:
+def _cone(prim: ResolvedPrim, ctx: Context) -> Call:
     return tessellate.cone, abs(_number(prim, "radius", 1.0, ctx)), _number(prim, "height", 2.0, ctx), _axis(prim, ctx)
 
 
-def _cylinder(prim: ResolvedPrim, ctx: Context) -> _Call:
+def _cylinder(prim: ResolvedPrim, ctx: Context) -> Call:
     return tessellate.cylinder, *_radii(prim, 1.0, ctx), _number(prim, "height", 2.0, ctx), _axis(prim, ctx)
 
 
-def _capsule(prim: ResolvedPrim, ctx: Context) -> _Call:
+def _capsule(prim: ResolvedPrim, ctx: Context) -> Call:
     bottom, top = _radii(prim, 0.5, ctx)
     if bottom != top and "extent" not in prim.names:
         ctx.kept.of(NotBounded).add(prim.path)
@@ -118,7 +135,7 @@ def _number(prim: ResolvedPrim, name: str, default: float, ctx: Context) -> floa
     return number(prim.prim, name, ctx.when, default, ctx.diagnostics)  # also if it is not authored: value clips may have it
 
 
-_TESSELLATE: dict[str, Callable[[ResolvedPrim, Context], _Call]] = {
+_TESSELLATE: dict[str, Callable[[ResolvedPrim, Context], Call]] = {
     "Cube": _cube,
     "Plane": _plane,
     "Cone": _cone,

@@ -1,0 +1,33 @@
+"""What moves while the shutter is open, counted: for `primray inspect` and the report."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..description import MotionSteps, SceneDescription
+
+
+def motion_facts(description: SceneDescription) -> dict[str, Any] | None:
+    """In time codes from the frame on; by kind how many move, and the one whose path is given in the most steps. None where
+    nothing moves."""
+    exposure = description.exposure
+    if exposure is None:
+        return None
+    kinds = dict.fromkeys(steps.kind for steps in description.motion_steps)
+    of_kind = {kind: [steps for steps in description.motion_steps if steps.kind == kind] for kind in kinds}
+    return {
+        "shutter": [exposure.opens, exposure.closes],
+        "span": list(exposure.span),
+        "moving": {kind: _most(found) for kind, found in of_kind.items()},
+    }
+
+
+def _most(found: list[MotionSteps]) -> dict[str, Any]:
+    finest = max(found, key=lambda steps: steps.segments)
+    return {
+        "count": len(found),
+        "segments": finest.segments,
+        "why": "error" if finest.by_error else "samples",
+        "path": finest.path,
+        "error_pixels": max(steps.error for steps in found),
+    }

@@ -1,0 +1,50 @@
+"""At which times points that move by themselves are given: at their samples and, where they go along curves, as often between
+them as an error in pixels asks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ...arrays import Floats
+from ...description import MotionSteps
+from ..moving.steps import steps_of
+from ..resolving.context import Context
+
+SIZE_NO_ERROR = 1e-6  # of all that is swept, up to which a sample on the line between others is left out;
+PIXELS_NO_ERROR = 1e-3  # so many pixels at most
+
+
+class PointSteps(list[MotionSteps]):
+    """Of all that has been translated."""
+
+
+def point_steps(
+    at: Callable[[float], Floats], count: int, bent: Sequence[float], path: str, ctx: Context, *, curved: bool
+) -> tuple[float, ...] | None:
+    """Fractions of the span; None where they stand still. `at` gives the rows that move: `count` points, and normals perhaps;
+    `bent` are the fractions at which they may bend; `curved`: between these they do not go straight."""
+    inside = [time for time in bent if 0.0 < time < 1.0]
+    looked_at = [at(time) for time in (0.0, *inside, 0.5, 1.0)]
+    if any(len(rows) != len(looked_at[0]) for rows in looked_at):
+        return None
+    if all(np.array_equal(rows, looked_at[0]) for rows in looked_at[1:]):
+        return None
+    points = np.concatenate([rows[:count] for rows in looked_at]).astype(np.float64)
+    low, high = points.min(axis=0), points.max(axis=0)
+    scale = ctx.stands.per_length(low, high, ctx.foreseen) if ctx.stands is not None else 0.0
+    scale = scale or ctx.foreseen.side / (float(np.linalg.norm(high - low)) or 1.0)
+    scales = np.where(np.arange(len(looked_at[0])) < count, scale, 1.0)  # a normal that is off by much shows as a pixel
+
+    def error(a: float, b: float, time: float) -> float:
+        u = (time - a) / (b - a)
+        first, last = at(a).astype(np.float64), at(b).astype(np.float64)
+        return float((np.linalg.norm(first + u * (last - first) - at(time), axis=1) * scales).max())
+
+    rounding = 4 * float(np.finfo(np.float32).eps) * float(max(np.abs(low).max(), np.abs(high).max())) * scale
+    none = max(min(SIZE_NO_ERROR * float((high - low).max()) * scale, PIXELS_NO_ERROR), rounding)
+    most = max(ctx.settings.motion_error, rounding) if curved else float("inf")
+    steps = steps_of(error, bent, most, none)
+    ctx.kept.of(PointSteps).append(steps.of(path, "meshes", rounding))
+    return steps.times

@@ -1,0 +1,42 @@
+"""What the camera and its shutter say before skeletons pose what is on the stage."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from pxr import Usd
+
+from ...diagnostics import Diagnostics
+from ..adapters.cameras.camera import camera as read_camera
+from ..adapters.cameras.shutter import Shutter
+from ..adapters.rendering.render_product import ProductSettings
+from ..moving.foreseen import Foreseen
+from ..moving.pixels import pixels_of
+from ..resolving.context import Context
+from .camera_path import camera_when
+from .shutter import shutter_of, timing_of
+from .view import select_camera, view_without_things
+
+
+def foreseen(ctx: Context, product: ProductSettings, cameras: list[Usd.Prim]) -> Foreseen:
+    """All of it is said again, to whom it concerns, when the posed stage is translated: `ctx` has diagnostics of its own."""
+    prim = select_camera(ctx.stage, ctx, product, cameras)
+    shutter = shutter_of(prim, ctx, product)
+    return as_seen(prim, shutter, replace(ctx, timing=timing_of(shutter, False, ctx)), product)
+
+
+def as_seen(prim: Usd.Prim | None, shutter: Shutter, ctx: Context, product: ProductSettings) -> Foreseen:
+    """By the camera of this prim, at `ctx.timing`."""
+    timing, ctx = ctx.timing, replace(ctx, diagnostics=Diagnostics())
+    if timing.is_frame:
+        return Foreseen(timing)
+    camera, frame = view_without_things(prim, ctx, product, shutter)
+    most, side = ctx.settings.motion_error, max(frame.resolution)
+    if camera is None:
+        return Foreseen(timing, most, None, side)
+    seen = [camera]
+    if prim is not None:
+        for offset in (timing.opens, 0.5 * (timing.opens + timing.closes), timing.closes):
+            then = camera_when(prim, ctx, offset)
+            seen.append(read_camera(prim, ctx.when, frame.resolution, product, shutter, Diagnostics(), then))
+    return Foreseen(timing, most, pixels_of(seen, frame.resolution), side)

@@ -1,0 +1,163 @@
+"""How far off straight lines between two times leave what skeletons pose: bounded by the joints that a mesh's points follow.
+
+Each point is a mean of what its joints make of it. So no point is farther off than a corner of the box of those that one joint
+moves, as that joint moves it; where blend shapes shift points at the same time, by a quarter of the product at most.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from ...arrays import Doubles
+from ..moving.foreseen import Foreseen
+from ..moving.steps import corners_of
+from ..querying.guarded import default_value, targets, value_at, world_transform
+from ..resolving.convert import matrix
+from ..resolving.read import array
+from .skeleton_bindings import SkeletonBinding
+
+if TYPE_CHECKING:
+    from pxr import UsdSkel
+
+At = Callable[[float], Usd.TimeCode]  # by the offset from the frame
+
+
+@dataclass(frozen=True)
+class BlendReach:
+    """How far a blend shape shifts any point."""
+
+    farthest: float  # at weights from 0 to 1
+    steepest: float  # for a weight of 1 more
+    bends: tuple[float, ...]  # weights at which paths of points bend, as at those of in-between shapes
+
+    def at(self, weight: float) -> float:
+        return self.farthest + self.steepest * max(-weight, weight - 1.0, 0.0)
+
+
+class PosedMesh:
+    def __init__(self, binding: SkeletonBinding, query: UsdSkel.SkinningQuery, at: At, ends: Iterable[float]) -> None:
+        self.prim = query.GetPrim()
+        self._binding, self._query, self._at = binding, query, at
+        self._known: dict[float, Doubles] = {}
+        self._ends = tuple(ends)
+        self.blends = blend_reaches(query)
+        self._order = [str(name) for name in binding.query.GetBlendShapeOrder() or ()] if self.blends else []
+        self._joints, self._corners = self._boxes()
+
+    def weights(self, offset: float) -> Doubles:
+        """(K,) of the mesh's blend shapes, in the order of `blends`."""
+        found = self._binding.query.ComputeBlendShapeWeights(self._at(offset)) if self.blends else None
+        by_name = dict(zip(self._order, found or (), strict=False))
+        return np.array([by_name.get(name, 0.0) for name in self.blends], np.float64)
+
+    def error(self, a: float, b: float, time: float) -> float:
+        """In the mesh's own space, of the straight line between two offsets, at a third."""
+        u = (time - a) / (b - a)
+        first, last, true = self._matrices(a), self._matrices(b), self._matrices(time)
+        apart = self._moved(first + u * (last - first) - true)
+        left = float(np.linalg.norm(apart, axis=2).max()) if apart.size else 0.0
+        if self.blends:
+            shifted = float(np.abs(self.weights(b) - self.weights(a)) @ self._steepest)
+            turned = np.linalg.norm(last[:, :3, :3] - first[:, :3, :3], axis=(1, 2)).max() if len(first) else 0.0
+            left += u * (1.0 - u) * shifted * float(turned)
+        return left
+
+    def scale(self, seen: Foreseen, is_placed: bool) -> float:
+        """Pixels a unit of length in its own space, at most."""
+        boxes, stretch = [], 0.0
+        for offset in self._ends:
+            world = world_transform(UsdGeom.XformCache(self._at(offset)), self.prim)
+            placed = np.eye(4) if world is None else matrix(world)
+            points = self._moved(self._matrices(offset)).reshape(-1, 3) @ placed[:3, :3].T + placed[:3, 3]
+            boxes += [points.min(axis=0), points.max(axis=0)] if len(points) else []
+            stretch = max(stretch, float(np.linalg.norm(placed[:3, :3], ord=2)))
+        if not boxes:
+            return 0.0
+        low, high = np.min(boxes, axis=0), np.max(boxes, axis=0)
+        return stretch * float(seen.per_length(low[None], high[None], is_placed)[0])
+
+    def _matrices(self, offset: float) -> Doubles:
+        """(J, 4, 4) mesh_from_rest of the joints that it follows."""
+        if offset not in self._known:
+            time = self._at(offset)
+            found = self._binding.poses.ComputeSkinningTransforms(time) if self._joints else None
+            joints = np.array(found, np.float64).reshape(-1, 4, 4)[self._joints] if found else np.zeros((0, 4, 4))
+            cache = UsdGeom.XformCache(time)
+            skeleton, mesh = (world_transform(cache, prim) for prim in (self._binding.skeleton, self.prim))
+            relative = np.eye(4) if skeleton is None or mesh is None else np.array(skeleton * mesh.GetInverse())
+            bound = np.array(self._query.GetGeomBindTransform(time))
+            self._known[offset] = (bound @ joints @ relative).transpose(0, 2, 1)
+        return self._known[offset]
+
+    def _moved(self, matrices: Doubles) -> Doubles:
+        """(J, 8, 3): each joint's corners."""
+        return np.asarray(np.einsum("jik,jck->jci", matrices[:, :3, :3], self._corners) + matrices[:, None, :3, 3])
+
+    def _boxes(self) -> tuple[list[int], Doubles]:
+        """The joints, by their numbers in the skeleton, and (J, 8, 3) the corners of the points that each moves."""
+        time = self._at(0.0)
+        points = array(value_at(UsdGeom.PointBased(self.prim).GetPointsAttr(), time), 3, "f") if self._query else None
+        found = self._query.ComputeJointInfluences(time) if self._query.HasJointInfluences() else None
+        if points is None or not len(points) or not found:
+            return [], np.zeros((0, 8, 3))
+        indices, weights = np.array(found[0]), np.array(found[1])
+        owners = np.arange(len(indices)) // max(self._query.GetNumInfluencesPerComponent(), 1)
+        names = self._query.GetJointOrder() or self._binding.joints
+        numbers = {name: k for k, name in enumerate(self._binding.joints)}
+        reach = self._shifted()
+        joints, corners = [], []
+        for joint in np.unique(indices[weights > 0]).tolist():
+            own = owners[(indices == joint) & (weights > 0)]
+            mine = points if self._query.IsRigidlyDeformed() else points[own[own < len(points)]]
+            if joint < len(names) and names[joint] in numbers and len(mine):
+                joints.append(numbers[names[joint]])
+                corners.append(corners_of(mine.min(axis=0) - reach, mine.max(axis=0) + reach))
+        return joints, np.array(corners, np.float64).reshape(-1, 8, 3)
+
+    @cached_property
+    def _steepest(self) -> Doubles:
+        return np.array([reach.steepest for reach in self.blends.values()])
+
+    def _shifted(self) -> float:
+        """How far its blend shapes shift any point at most."""
+        reaches = self.blends.values()
+        then = [sum(r.at(w) for r, w in zip(reaches, self.weights(offset).tolist(), strict=True)) for offset in self._ends]
+        return float(max(then, default=0.0))
+
+
+def blend_reaches(query: UsdSkel.SkinningQuery) -> dict[str, BlendReach]:
+    """Of a mesh's blend shapes, by the names that an animation calls them."""
+    if not query.HasBlendShapes():
+        return {}
+    from pxr import UsdSkel
+
+    found = {}
+    stage = query.GetPrim().GetStage()
+    paths = targets(query.GetPrim(), "skel:blendShapeTargets")
+    for name, path in zip(query.GetBlendShapeOrder() or (), paths, strict=False):
+        shape = UsdSkel.BlendShape(stage.GetPrimAtPath(path))
+        if shape:
+            found[str(name)] = _reach_of(shape)
+    return found
+
+
+def _reach_of(shape: UsdSkel.BlendShape) -> BlendReach:
+    """Between neighbours in weight points shift evenly, and beyond the ends as beside them."""
+    inner = shape.GetInbetweens()
+    steps = [(0.0, 0.0), (1.0, _farthest(default_value(shape.GetOffsetsAttr())))]
+    steps = sorted([*steps, *((float(one.GetWeight() or 0.0), _farthest(one.GetOffsets())) for one in inner)])
+    gaps = [(b[0] - a[0], a[1] + b[1]) for a, b in itertools.pairwise(steps)]
+    steepest = max((shift / gap for gap, shift in gaps if gap > 0.0), default=0.0)
+    return BlendReach(max(step[1] for step in steps), steepest, tuple(step[0] for step in steps) if inner else ())
+
+
+def _farthest(offsets: object) -> float:
+    rows = array(offsets, 3, "f")
+    return float(np.linalg.norm(rows, axis=1).max()) if rows is not None and len(rows) else 0.0
