@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .images.image import Image
     from .images.reading import read_image
     from .notices.announcement import RenderWarning
+    from .optics.distortion import DirectionTable, Distortion, DistortionModel
     from .render.products import Product, render_products
 
 __all__ = [
@@ -36,6 +37,9 @@ __all__ = [
     "Checkpointing",
     "Comparison",
     "DefaultWrap",
+    "DirectionTable",
+    "Distortion",
+    "DistortionModel",
     "Filter",
     "Image",
     "Metric",
@@ -60,6 +64,9 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Camera": "camera",
         "Checkpointing": "checkpoints.checkpointing",
         "Comparison": "compare.comparison",
+        "DirectionTable": "optics.distortion",
+        "Distortion": "optics.distortion",
+        "DistortionModel": "optics.distortion",
         "Image": "images.image",
         "Product": "render.products",
         "Projection": "camera",

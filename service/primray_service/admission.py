@@ -35,6 +35,10 @@ _MEMBERS = (
     ("dicing rate", "settings.dicing_rate"),
     ("shutter", "settings.shutter"),
     ("motion", "settings.motion_error"),
+    ("no lens", "settings.lens_flaws"),
+    ("rim must be", "settings.lens_flaws"),
+    ("natural-vignetting", "settings.lens_flaws"),
+    ("channel-", "settings.lens_flaws"),
     ("purpose", "settings.purposes"),
     ("variant", "settings.variants"),
     ("load", "settings.load"),
@@ -180,6 +184,7 @@ def render_settings(settings: Settings) -> RenderSettings:
         default_wrap=DefaultWrap(settings.default_wrap),
         motion_blur=settings.motion_blur,
         shutter=settings.shutter,
+        lens_flaws=tuple(settings.lens_flaws),
         purposes=None if settings.purposes is None else tuple(settings.purposes),
         aovs=None if settings.aovs is None else tuple(settings.aovs),
         strict=settings.strict,
@@ -228,7 +233,7 @@ def changes_of(patch: JobPatch, limits: Limits) -> Json:
 
 # Members since version 0.2.0: left at their defaults, they are no part of a request whose key may come again.
 NEW_MEMBERS = ("name",)
-NEW_SETTINGS = ("auto_camera", "default_wrap", "motion_blur", "shutter", "motion_error")
+NEW_SETTINGS = ("auto_camera", "default_wrap", "motion_blur", "shutter", "motion_error", "lens_flaws")
 
 
 def fingerprint(request: JobRequest) -> str:

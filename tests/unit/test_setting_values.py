@@ -92,6 +92,7 @@ NONSENSE: dict[str, list[Any]] = {
     "motion_blur": ["no", None],
     "shutter": ["0 1", (0.5,), (0, "1"), (0, float("inf"))],
     "motion_error": [0, None, "fine"],
+    "lens_flaws": ["rim=1,2", ["rim=1"], ["halo=1"], ["rim=-1,2"], ["channel-magnification=1,0,1"], ["rim=1,inf"], None],
     "variants": ["/a:b=c", ["red"], None],
     "load": ["/World", ["World"], 1],
     "mask": ["/World", ["World"], []],

@@ -50,6 +50,7 @@ OF_SCENE = (
     "shutter",
     "motion_error",
     "purposes",
+    "lens_flaws",
     "variants",
     "load",
     "mask",

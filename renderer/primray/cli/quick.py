@@ -76,6 +76,7 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "no_motion_blur": (FLAG, ("--no-motion-blur", "--disable-motionblur")),
     "shutter": (SPAN, ("--shutter",)),
     "motion_error": (_number, ("--motion-error",)),
+    "lens": (LIST, ("--lens",)),
     "complexity": (Complexity, ("--complexity",)),
     "report": (str, ("--report",)),
     "json": (FLAG, ("--json",)),

@@ -280,7 +280,8 @@ def _write_exr(image: Image, path: str) -> None:
     if image.camera is not None:
         camera_matrix, ndc_matrix = exr_matrices(image.camera)
         spec.attribute("worldtocamera", oiio.TypeMatrix, _row_vector_floats(camera_matrix))
-        spec.attribute("worldtoNDC", oiio.TypeMatrix, _row_vector_floats(ndc_matrix))
+        if image.camera.distortion is None:  # else no matrix has it
+            spec.attribute("worldtoNDC", oiio.TypeMatrix, _row_vector_floats(ndc_matrix))
     _write(path, spec, values, image.aovs)
 
 

@@ -70,7 +70,8 @@ from .shapes.instance_primvars import without_unread
 from .viewing.camera_path import camera_motion, nearest_to
 from .viewing.drawn import Drawn, drawn
 from .viewing.framing import prototype_box, shape_bounds
-from .viewing.shutter import shutter_of, timing_of
+from .viewing.rolling import exposed
+from .viewing.shutter import timing_of
 from .viewing.view import select_camera, view_through
 from .walking.find_by_type import find_by_type
 from .walking.instances import Arrangement, Chain, Group, arrange, at_instant, count_of, merge_coincident
@@ -167,8 +168,8 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     of_aovs = {f"primvars:{name}" for name in ctx.aov_primvars}
     ctx = replace(ctx, primvars_read=read | of_aovs, color_primvars=of_colors)
     camera_prim = select_camera(stage, ctx, product, cameras)
-    shutter = shutter_of(camera_prim, ctx, product)
-    ctx = replace(ctx, timing=timing_of(shutter, bool(aovs), ctx))
+    shutter, rolling = exposed(camera_prim, ctx, product)
+    ctx = replace(ctx, timing=timing_of(shutter, bool(aovs), ctx, rolling))
     groups, links, ctx = _walked(ctx)
     for g, count in merge_coincident(groups, lambda leaf: leaf.type_name in LIGHTS).items():
         ctx.warn("instances-coincident", groups[g].path, f"{count:,} instances stand exactly where another does: left out.")

@@ -71,6 +71,12 @@ class Settings(Sent):
         None, description="Opens and closes, in time codes from the frame on; null: as the camera says."
     )
     motion_error: float | None = Field(None, gt=0, le=1e6, description="Pixels that paths of what moves may be off.")
+    lens_flaws: list[Annotated[str, Field(max_length=256)]] = Field(
+        default=[],
+        max_length=16,
+        description="Of the camera's lens: natural-vignetting=1, rim=DISTANCE,RADIUS, channel-magnification=R,G,B, "
+        "channel-focus-shift=R,G,B.",
+    )
     variants: list[Annotated[str, Field(max_length=1024)]] = Field(default=[], max_length=64)
     load: list[Annotated[str, Field(max_length=1024)]] | None = Field(None, max_length=256)
     mask: list[Annotated[str, Field(max_length=1024)]] | None = Field(None, max_length=256)

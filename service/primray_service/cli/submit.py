@@ -63,6 +63,7 @@ def submit(
     no_motion_blur: stage_flags.NoMotionBlur = False,
     shutter: stage_flags.Shutter = None,
     motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
+    lens: stage_flags.LensFlaws = None,
     strict: stage_flags.Strict = False,
     entry: Annotated[
         str | None, typer.Option(metavar="LAYER", help="The root layer in a zip that has several.", show_default=False)
@@ -117,6 +118,7 @@ def submit(
         "motion_blur": False if no_motion_blur else None,
         "shutter": shutter,
         "motion_error": motion_error if motion_error != DEFAULT_MOTION_ERROR else None,
+        "lens_flaws": lens,
         "strict": strict or None,
     }
     labels = ({"name": name} if name else {}) | labels_of(label)

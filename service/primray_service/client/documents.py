@@ -42,6 +42,7 @@ class Settings(TypedDict, total=False):
     motion_blur: bool
     shutter: tuple[float, float] | None  # time codes from the frame on
     motion_error: float | None
+    lens_flaws: list[str]
     variants: list[str]
     load: list[str] | None
     mask: list[str] | None

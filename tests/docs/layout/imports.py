@@ -20,6 +20,7 @@ ORDER = (
     "version",
     "errors",
     "arrays",
+    "optics",
     "camera",
     "setting_values",
     "camera_choice",

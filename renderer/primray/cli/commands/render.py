@@ -73,6 +73,7 @@ def render(
     no_motion_blur: stage_flags.NoMotionBlur = False,
     shutter: stage_flags.Shutter = None,
     motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
+    lens: stage_flags.LensFlaws = None,
     make_output_path: output_flags.MakeOutputPath = False,
     snapshot: output_flags.Snapshot = None,
     report: output_flags.Report = None,
@@ -127,6 +128,7 @@ def render(
         motion_blur=not no_motion_blur,
         shutter=shutter,
         motion_error=motion_error,
+        lens_flaws=tuple(lens or ()),
     )
     looks = Looks(
         json,

@@ -16,6 +16,10 @@ from ..querying.guarded import schemas_applied
 
 _READ = """CollectionAPI GeomModelAPI LightAPI MaterialBindingAPI MotionAPI NodeDefAPI ShadowAPI ShapingAPI SkelBindingAPI
     MeshLightAPI VolumeLightAPI ColorSpaceAPI ColorSpaceDefinitionAPI VisibilityAPI"""
+# Ours, and those of other programs: adapters/cameras/ has what they say.
+_READ_OF_OTHERS = """OmniLensDistortionFthetaAPI OmniLensDistortionKannalaBrandtK3API OmniLensDistortionLutAPI
+    OmniLensDistortionOpenCvFisheyeAPI OmniLensDistortionOpenCvPinholeAPI OmniLensDistortionRadTanThinPrismAPI
+    OmniRtxRollingShutterAPI PrimrayLensAPI"""
 # Physics, user interfaces, statements about the asset; LightListAPI only speeds up finding lights. The parts of a particle
 # field say nothing where the field itself is not rendered.
 _WITHOUT_EFFECT = """AccessibilityAPI AssetPreviewsAPI AuthorshipAPI ClaimsAPI HydraPrimAPI HydraRenderPassAPI LightListAPI
@@ -26,13 +30,14 @@ _WITHOUT_EFFECT = """AccessibilityAPI AssetPreviewsAPI AuthorshipAPI ClaimsAPI H
     ParticleFieldKernelGaussianSurfletAPI ParticleFieldOpacityAttributeAPI ParticleFieldOrientationAttributeAPI
     ParticleFieldPositionAttributeAPI ParticleFieldPositionBaseAPI ParticleFieldRadianceBaseAPI ParticleFieldScaleAttributeAPI
     ParticleFieldSphericalHarmonicsAttributeAPI"""
-UNDERSTOOD = frozenset(_READ.split()) | frozenset(_WITHOUT_EFFECT.split())
+UNDERSTOOD = frozenset(f"{_READ} {_READ_OF_OTHERS} {_WITHOUT_EFFECT}".split())
 
 # What is done instead.
 IGNORED = {
     "BackPlateAPI": "Back plates are not rendered.",
     "CoordSysAPI": "Coordinate systems are not read.",
     "HydraGenerativeProceduralAPI": "What its procedural would make is missing.",
+    "OmniLensDistortionOmniDirectionalStereoAPI": "Its camera is rendered as one eye, without it.",
     "LODOverrideAPI": "Level-of-detail overrides have no effect.",
     "LODRootAPI": "Every level of detail is rendered.",
     "RiMaterialAPI": "RenderMan's outputs are read only where they lead to a UsdPreviewSurface.",

@@ -7,12 +7,14 @@ from collections.abc import Callable
 
 from pxr import Sdf, Usd
 
-from ...camera_choice import Matrix
+from ...camera_choice import Matrix, flaws_of
 from ...description import Camera, Frame
 from ...description.frame import pixels_within
+from ...diagnostics import Diagnostics
 from ...errors import InvalidSceneError, LimitError, SettingsError
 from ...settings import MAX_RESOLUTION, AutoCamera, limit_pixels
 from ..adapters.cameras.camera import Aperture, camera, pixel_aspect_ratio, read_aperture
+from ..adapters.cameras.flaws import with_flaws
 from ..adapters.cameras.shutter import Shutter
 from ..adapters.rendering.render_product import ProductSettings
 from ..opening.stage_metadata import up_axis
@@ -60,6 +62,19 @@ def view_through(
 ) -> tuple[Camera, Frame]:
     """The camera, conformed to the image, and the image's frame. What is on the stage is asked for only without a camera: its
     `bounds` as usdrecord sees them, or what is `drawn`."""
+    made, frame = _seen_through(prim, ctx, product, shutter, bounds, drawn)
+    flaws = flaws_of(ctx.settings.lens_flaws)
+    return with_flaws(made, prim if made.path else None, flaws, ctx.when, ctx.diagnostics), frame
+
+
+def _seen_through(
+    prim: Usd.Prim | None,
+    ctx: Context,
+    product: ProductSettings,
+    shutter: Shutter,
+    bounds: Callable[[], Bounds],
+    drawn: Callable[[], Drawn],
+) -> tuple[Camera, Frame]:
     asked = _camera_without_prim(prim, ctx)
     if asked is not None:
         aperture = aperture_of(asked)
@@ -79,6 +94,12 @@ def view_through(
     made, left_out = three_quarter_camera(drawn(), z_up, resolution, product)
     ctx.warn("camera-automatic", "", f"The stage has no camera: it is seen from three quarters, above{_without(left_out)}.")
     return with_shutter(made, shutter), frame
+
+
+def lines_of(prim: Usd.Prim | None, ctx: Context, product: ProductSettings) -> tuple[int, int]:
+    """Columns and rows of the picture through a camera of the stage."""
+    aperture = read_aperture(prim, ctx.when, Diagnostics()) if prim is not None else APERTURE
+    return _scaled(_resolution(ctx.settings.resolution, product, aperture), ctx.settings.resolution_scale)
 
 
 def _camera_without_prim(prim: Usd.Prim | None, ctx: Context) -> Camera | Matrix | None:
