@@ -30,6 +30,9 @@ class DistortionModel(Enum):
     RATIONAL: OpenCV's pinhole, k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4. ANGLE_TO_RADIUS: the radius on the film is k0 a + k1 a^3 +
     k2 a^5 + k3 a^7 + k4 a^9 of the angle to the axis. RADIUS_TO_ANGLE: the angle is k0 + k1 r + k2 r^2 + k3 r^3 + k4 r^4 of the
     radius. TABLE: directions.
+
+    >>> primray.DistortionModel("rational")
+    <DistortionModel.RATIONAL: 'rational'>
     """
 
     RATIONAL = "rational"
@@ -48,7 +51,12 @@ NUMBERS = {
 
 @dataclass(frozen=True, eq=False)
 class DirectionTable:
-    """Directions at the centres of texels, linear between them."""
+    """Directions at the centres of texels, linear between them.
+
+    >>> ahead = np.full((2, 2, 3), (0.0, 0.0, -1.0), np.float32)
+    >>> primray.DirectionTable((-1.0, 1.0, -1.0, 1.0), ahead).at(np.zeros((1, 2))).tolist()
+    [[0.0, 0.0, -1.0]]
+    """
 
     window: tuple[float, float, float, float]  # left, right, bottom, top of the whole table on the film
     directions: Floats  # (rows, columns, 3) of unit length, first row at the top; NaN where the lens sees nothing
