@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from .images.reading import read_image
     from .images.stereo import StereoImage
     from .notices.announcement import RenderWarning
+    from .optics.distortion import DirectionTable, Distortion, DistortionModel
     from .render.products import Product, render_products
     from .render.stereo import render_stereo
 
@@ -40,6 +41,9 @@ __all__ = [
     "Comparison",
     "DefaultWrap",
     "Diffusion",
+    "DirectionTable",
+    "Distortion",
+    "DistortionModel",
     "Eye",
     "Filter",
     "Image",
@@ -67,6 +71,9 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Camera": "camera",
         "Checkpointing": "checkpoints.checkpointing",
         "Comparison": "compare.comparison",
+        "DirectionTable": "optics.distortion",
+        "Distortion": "optics.distortion",
+        "DistortionModel": "optics.distortion",
         "Image": "images.image",
         "Product": "render.products",
         "Projection": "camera",

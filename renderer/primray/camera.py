@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import Enum
 from typing import Any
 
@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from .arrays import Doubles
 from .lens.diffusion import NO_DIFFUSION, Diffusion, diffusion_of
+from .optics.distortion import Distortion, distortion_as_json, distortion_of
 
 
 class Projection(Enum):
@@ -32,7 +33,8 @@ class Camera:
     `world_from_camera` (4, 4), float64, turns camera space into world space for points as column vectors, in scene units:
     its first three columns are the camera's right, up and backward directions, its last one its position. It is rigid.
     `window` is (left, right, bottom, top) at unit distance (perspective) or in scene units (orthographic): what the whole
-    frame shows. `Image.camera` has the one a picture was made with, to be changed and given to another render:
+    frame shows, or where its sides lie on the film of a lens that distorts. `Image.camera` has the one a picture was made
+    with, to be changed and given to another render:
 
     >>> image = primray.render("shot.usda", resolution=(32, 18), spp=2)
     >>> moved = image.camera.world_from_camera.copy()
@@ -58,6 +60,14 @@ class Camera:
     clipping_planes: tuple[tuple[float, float, float, float], ...] = ()  # a x + b y + c z + d < 0 is cut off, camera space
     shutter: tuple[float, float] = (0.0, 0.0)  # opens and closes, in time codes from the frame on; equal: an instant
     diffusion: Diffusion = NO_DIFFUSION  # of light in the lens, after the render
+    distortion: Distortion | None = None  # of a perspective camera
+    # Flaws of a perspective camera's lens. Light falls with cos^4 of a ray's angle to the axis; a second opening, the rim,
+    # so far before the lens and of this radius, in scene units (radius 0: none); by red, green and blue, how large the
+    # image is about the axis, and how much farther away it is in focus.
+    natural_vignetting: bool = False
+    rim: tuple[float, float] = (0.0, 0.0)
+    channel_magnification: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    channel_focus_shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Camera) and camera_as_json(self) == camera_as_json(other)
@@ -68,13 +78,15 @@ class Camera:
     def project(self, points: npt.ArrayLike, resolution: tuple[int, int]) -> Doubles:
         """Pixel positions (N, 2), x right and y down from the upper left corner, of world `points` (N, 3).
 
-        Points behind a perspective camera give NaN.
+        Points behind a perspective camera give NaN, and those that its lens does not see where it distorts.
         """
         p = np.atleast_2d(np.asarray(points, np.float64))
         camera_from_world = np.linalg.inv(self.world_from_camera)
         q = p @ camera_from_world[:3, :3].T + camera_from_world[:3, 3]
         xy = q[:, :2].copy()
-        if self.projection is Projection.PERSPECTIVE:
+        if self.distortion is not None and self.projection is Projection.PERSPECTIVE:
+            xy = self.distortion.project(q)
+        elif self.projection is Projection.PERSPECTIVE:
             depth = np.where(q[:, 2] < 0, -q[:, 2], np.nan)
             xy /= depth[:, None]
         left, right, bottom, top = self.window
@@ -84,7 +96,11 @@ class Camera:
 
 def camera_as_json(camera: Camera) -> dict[str, Any]:
     matrix = np.asarray(camera.world_from_camera, np.float64)
-    return asdict(camera) | {"world_from_camera": matrix.tolist(), "projection": camera.projection.value}
+    plain = asdict(replace(camera, distortion=None)) | {
+        "world_from_camera": matrix.tolist(),
+        "projection": camera.projection.value,
+    }
+    return plain | {"distortion": distortion_as_json(camera.distortion)}
 
 
 def camera_of(values: Mapping[str, Any]) -> Camera:
@@ -108,4 +124,14 @@ def camera_of(values: Mapping[str, Any]) -> Camera:
         tuple((float(a), float(b), float(c), float(d)) for a, b, c, d in values["clipping_planes"]),
         (float(values["shutter"][0]), float(values["shutter"][1])),
         diffusion_of(values["diffusion"]) if "diffusion" in values else NO_DIFFUSION,
+        distortion_of(values.get("distortion")),
+        bool(values.get("natural_vignetting", False)),
+        *_flaws_of(values),
     )
+
+
+def _flaws_of(values: Mapping[str, Any]) -> tuple[tuple[float, float], tuple[float, float, float], tuple[float, float, float]]:
+    distance, radius = map(float, values.get("rim", (0.0, 0.0)))
+    red, green, blue = map(float, values.get("channel_magnification", (1.0, 1.0, 1.0)))
+    of_red, of_green, of_blue = map(float, values.get("channel_focus_shift", (0.0, 0.0, 0.0)))
+    return (distance, radius), (red, green, blue), (of_red, of_green, of_blue)

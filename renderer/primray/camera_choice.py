@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from .errors import SettingsError
-from .setting_values import number, refused, text
+from .setting_values import number, refused, text, texts
 
 if TYPE_CHECKING:
     from .camera import Camera
@@ -82,4 +83,76 @@ def _checked(name: str, given: Any) -> Camera:
     require(radius == 0 or given.projection is Projection.PERSPECTIVE, "lens_radius must be 0: it is orthographic")
     exposure = number(name, given.exposure_scale)
     require(0 <= exposure < math.inf, f"exposure_scale must be 0 or more, not {exposure}")
+    if given.distortion is not None:
+        _check_distortion(given, require)
+    _check_flaws(name, given, require)
     return replace(given, world_from_camera=matrix)
+
+
+# What lenses can be asked to do, and how many numbers each takes.
+LENS_FLAWS = {"natural-vignetting": 1, "rim": 2, "channel-magnification": 3, "channel-focus-shift": 3}
+
+
+def lens_flaws(name: str, value: Any) -> tuple[str, ...]:
+    """ "NAME=NUMBERS" each; SettingsError for names or numbers that there are not."""
+    given = texts(name, value)
+    flaws_of(given)
+    return given
+
+
+def flaws_of(given: tuple[str, ...]) -> dict[str, tuple[float, ...]]:
+    """By name; the last of a name counts."""
+    found: dict[str, tuple[float, ...]] = {}
+    for one in given:
+        name, _, written = one.partition("=")
+        if name not in LENS_FLAWS:
+            raise SettingsError(f"no lens has {name!r}; there are {', '.join(LENS_FLAWS)}", where="lens_flaws")
+        try:
+            numbers = tuple(float(number) for number in written.split(","))
+        except ValueError:
+            numbers = ()
+        if len(numbers) != LENS_FLAWS[name] or not all(map(math.isfinite, numbers)) or not _fits(name, numbers):
+            wanted = {"rim": "DISTANCE,RADIUS, 0 or more", "natural-vignetting": "0 or 1"}.get(name, "R,G,B")
+            above = ", above 0" if name == "channel-magnification" else ""
+            raise SettingsError(f"{name} must be {name}={wanted}{above}, not {one}", where="lens_flaws")
+        found[name] = numbers
+    return found
+
+
+def _fits(name: str, numbers: tuple[float, ...]) -> bool:
+    if name == "rim":
+        return min(numbers) >= 0
+    return name != "channel-magnification" or min(numbers) > 0
+
+
+def _check_flaws(name: str, given: Camera, require: Callable[[bool, str], None]) -> None:
+    distance, radius = (number(name, length) for length in given.rim)
+    fits = 0 <= distance < math.inf and 0 <= radius < math.inf
+    require(fits, f"rim must be a distance and a radius, 0 or more, not {given.rim}")
+    sizes = [number(name, size) for size in given.channel_magnification]
+    fits = len(sizes) == 3 and all(0 < size < math.inf for size in sizes)
+    require(fits, f"channel_magnification must be three numbers above 0, not {given.channel_magnification}")
+    shifts = [number(name, shift) for shift in given.channel_focus_shift]
+    nearest = given.focus_distance if given.lens_radius > 0 else math.inf
+    fits = len(shifts) == 3 and all(math.isfinite(shift) and nearest + shift > 0 for shift in shifts)
+    require(
+        fits, f"channel_focus_shift must be three distances that leave the focus before it, not {given.channel_focus_shift}"
+    )
+
+
+def _check_distortion(given: Camera, require: Callable[[bool, str], None]) -> None:
+    from .camera import Projection
+    from .optics.distortion import NUMBERS, Distortion, DistortionModel
+
+    lens = given.distortion
+    if not isinstance(lens, Distortion):
+        require(False, f"distortion must be a Distortion, not {lens!r}")
+        return
+    require(given.projection is Projection.PERSPECTIVE, "distortion must be None: it is orthographic")
+    wanted = NUMBERS[lens.model]
+    finite = all(isinstance(k, int | float) and math.isfinite(k) for k in lens.coefficients)
+    require(finite and len(lens.coefficients) == wanted, f"distortion needs {wanted} finite coefficients: {lens.model.value}")
+    require(0 < lens.most_angle_deg <= 180, f"most_angle_deg must be above 0, 180 or less, not {lens.most_angle_deg}")
+    require(
+        (lens.table is not None) == (lens.model is DistortionModel.TABLE), "distortion has a table without using it, or none"
+    )

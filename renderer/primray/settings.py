@@ -10,7 +10,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
 
 from .aov_names import check_names
-from .camera_choice import Matrix, camera_choice
+from .camera_choice import Matrix, camera_choice, lens_flaws
 from .composition import Composition
 from .errors import LimitError, SettingsError
 from .lens.diffusion import fault_of
@@ -150,6 +150,7 @@ class SettingsValues(TypedDict, total=False):
     diffusion_starburst: float | None
     diffusion_starburst_width: float | None
     eye: Eye | Literal["left", "right"] | None
+    lens_flaws: Iterable[str]
     variants: Iterable[str]
     load: Iterable[str] | None
     mask: Iterable[str] | None
@@ -218,6 +219,9 @@ class RenderSettings:
     diffusion_starburst: float | None = None
     diffusion_starburst_width: float | None = None
     eye: Eye | None = None  # of the stereo pair that the camera is of; None: the camera itself
+    # Of the camera's lens, in place of its own: natural-vignetting=1, rim=DISTANCE,RADIUS, channel-magnification=R,G,B and
+    # channel-focus-shift=R,G,B; see Camera.
+    lens_flaws: tuple[str, ...] = ()
     # How the stage is composed; meaning as in Composition. All frames of one command share it.
     variants: tuple[str, ...] = ()
     load: tuple[str, ...] | None = None
@@ -362,6 +366,7 @@ _READERS: Mapping[str, Reader] = {
     "default_wrap": choice(DefaultWrap),
     "seed": whole,
     **dict.fromkeys(("dicing_rate", "resolution_scale", "motion_error"), number),
+    "lens_flaws": lens_flaws,
     "variants": texts,
 }
 
@@ -384,7 +389,7 @@ def with_values(settings: object, values: Mapping[str, Any]) -> RenderSettings:
 
 def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
     """What report.settings_as_json made; TypeError or ValueError for names or choices that there are not."""
-    names = ("resolution", "sample_range", "shutter", "purposes", "aovs", "variants", "load", "mask")
+    names = ("resolution", "sample_range", "shutter", "purposes", "aovs", "lens_flaws", "variants", "load", "mask")
     tuples = {name: tuple(values[name]) for name in names if values.get(name) is not None}
     chosen: dict[str, Any] = {"filter": Filter(values["filter"]), "error_metric": Metric(values["error_metric"])}
     chosen["auto_camera"] = AutoCamera(values.get("auto_camera", AutoCamera.THREE_QUARTER))

@@ -36,6 +36,10 @@ _MEMBERS = (
     ("shutter", "settings.shutter"),
     ("motion", "settings.motion_error"),
     ("diffused", "settings.diffusion_starburst"),
+    ("no lens", "settings.lens_flaws"),
+    ("rim must be", "settings.lens_flaws"),
+    ("natural-vignetting", "settings.lens_flaws"),
+    ("channel-", "settings.lens_flaws"),
     ("purpose", "settings.purposes"),
     ("variant", "settings.variants"),
     ("load", "settings.load"),
@@ -181,6 +185,7 @@ def render_settings(settings: Settings) -> RenderSettings:
         default_wrap=DefaultWrap(settings.default_wrap),
         motion_blur=settings.motion_blur,
         shutter=settings.shutter,
+        lens_flaws=tuple(settings.lens_flaws),
         purposes=None if settings.purposes is None else tuple(settings.purposes),
         aovs=None if settings.aovs is None else tuple(settings.aovs),
         eye=None if settings.eye is None else Eye(settings.eye),
@@ -231,7 +236,7 @@ def changes_of(patch: JobPatch, limits: Limits) -> Json:
 
 # Members since version 0.2.0: left at their defaults, they are no part of a request whose key may come again.
 NEW_MEMBERS = ("name",)
-NEW_SETTINGS = ("auto_camera", "default_wrap", "motion_blur", "shutter", "motion_error", *DIFFUSION, "eye")
+NEW_SETTINGS = ("auto_camera", "default_wrap", "motion_blur", "shutter", "motion_error", *DIFFUSION, "eye", "lens_flaws")
 
 
 def fingerprint(request: JobRequest) -> str:

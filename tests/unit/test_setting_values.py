@@ -98,6 +98,7 @@ NONSENSE: dict[str, list[Any]] = {
     "diffusion_starburst": [-1, 1.1, True],
     "diffusion_starburst_width": [0, 2],
     "eye": ["both", 1],
+    "lens_flaws": ["rim=1,2", ["rim=1"], ["halo=1"], ["rim=-1,2"], ["channel-magnification=1,0,1"], ["rim=1,inf"], None],
     "variants": ["/a:b=c", ["red"], None],
     "load": ["/World", ["World"], 1],
     "mask": ["/World", ["World"], []],

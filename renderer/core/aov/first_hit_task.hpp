@@ -70,7 +70,7 @@ class FirstHitTask {
         if (any(there)) write(there, x, y, ray, hits, it);
         return hit & !there;
       };
-      follow(active, ray, [](B, const V&) {}, std::ref(seen));
+      follow(active & ray.exists(), ray, [](B, const V&) {}, std::ref(seen));
     }
   }
 
@@ -110,7 +110,7 @@ class FirstHitTask {
         left = select(hit, left * (1.0f - presence), left);
         return hit & (left > F(0.0f));
       };
-      follow(I(at) + lane_numbers<W>() < I(slots), ray, std::ref(met), std::ref(seen));
+      follow((I(at) + lane_numbers<W>() < I(slots)) & ray.exists(), ray, std::ref(met), std::ref(seen));
       // In the order of the samples, so that the number of lanes does not show.
       for (int i = 0; i < W && at + i < slots; ++i) {
         const float own[6] = {albedo.x[i], albedo.y[i], albedo.z[i], emission.x[i], emission.y[i], emission.z[i]};

@@ -5,7 +5,13 @@
 namespace primray {
 namespace {
 
+struct HeldDistortion : DistortionInput {
+  InArray<double> held_coefficients;
+  InArray<float> held_directions;
+};
+
 struct HeldCamera : CameraInput {
+  HeldDistortion held_distortion;
   InArray<double> held_planes;
   InArray<float> held_filter, held_times;
   InArray<double> held_matrices, held_numbers;
@@ -17,9 +23,24 @@ void set_pixels(HeldCamera& c, nb::handle window) {
   c.pixels = {side(0), side(1), side(2), side(3)};
 }
 
+void bind_distortion(nb::module_& m) {
+  nb::class_<HeldDistortion> distortion(m, "DistortionInput");
+  distortion.def(nb::init<>())
+      .def_rw("model", &HeldDistortion::model)
+      .def_rw("most_angle", &HeldDistortion::most_angle)
+      .def_rw("table_columns", &HeldDistortion::table_columns)
+      .def_rw("table_rows", &HeldDistortion::table_rows);
+  def_numbers(distortion, "table_window", &HeldDistortion::table_window);
+  def_array(distortion, "coefficients", &HeldDistortion::held_coefficients, &HeldDistortion::coefficients);
+  def_array(distortion, "directions", &HeldDistortion::held_directions, &HeldDistortion::directions);
+}
+
+void set_distortion(HeldCamera& c, const HeldDistortion& d) { c.held_distortion = d, c.distortion = c.held_distortion; }
+
 }  // namespace
 
 void bind_camera(nb::module_& m, nb::class_<SceneBuilder>& builder) {
+  bind_distortion(m);
   nb::class_<HeldCamera> camera(m, "CameraInput");
   camera.def(nb::init<>())
       .def_rw("orthographic", &HeldCamera::orthographic)
@@ -32,7 +53,13 @@ void bind_camera(nb::module_& m, nb::class_<SceneBuilder>& builder) {
       .def_rw("width", &HeldCamera::width)
       .def_rw("height", &HeldCamera::height)
       .def_rw("filter_width", &HeldCamera::filter_width)
-      .def_prop_rw("pixels", nullptr, &set_pixels);
+      .def_prop_rw("pixels", nullptr, &set_pixels)
+      .def_rw("natural_vignetting", &HeldCamera::natural_vignetting)
+      .def_rw("rim_distance", &HeldCamera::rim_distance)
+      .def_rw("rim_radius", &HeldCamera::rim_radius)
+      .def_prop_rw("distortion", nullptr, &set_distortion);
+  def_numbers(camera, "magnification", &HeldCamera::magnification);
+  def_numbers(camera, "focus_shift", &HeldCamera::focus_shift);
   def_matrix(camera, "world_from_camera", &HeldCamera::world_from_camera);
   def_numbers(camera, "window", &HeldCamera::window);
   def_array(camera, "clipping_planes", &HeldCamera::held_planes, &HeldCamera::clipping_planes);

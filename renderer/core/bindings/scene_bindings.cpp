@@ -107,6 +107,7 @@ void bind_scene(nb::module_& m) {
              return to_numpy(std::move(left_out), {count});
            })
       .def("set_exposure", &SceneBuilder::set_exposure)
+      .def("set_rolling", &SceneBuilder::set_rolling)
       .def("end_placement", &SceneBuilder::end_placement)
       .def("set_links",
            [](SceneBuilder& b, InArray<uint8_t> members) {

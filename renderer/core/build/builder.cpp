@@ -196,6 +196,7 @@ void SceneBuilder::set_camera(const CameraInput& c) {
   const double unit = c.orthographic ? s.scale : 1.0;
   camera.left = float(c.window[0] * unit), camera.right = float(c.window[1] * unit);
   camera.bottom = float(c.window[2] * unit), camera.top = float(c.window[3] * unit);
+  camera.window = {c.window[0], c.window[1], c.window[2], c.window[3]};
   // Embree's rays see nothing before their origin.
   const double back = std::max(0.0, -c.near);
   camera.back = float(back * s.scale);
@@ -211,7 +212,9 @@ void SceneBuilder::set_camera(const CameraInput& c) {
   camera.lens_radius = float(c.lens_radius * s.scale), camera.focus_distance = float(c.focus_distance * s.scale);
   camera.filter.box_width = c.filter_width;
   camera.filter.inverse_cdf.assign(c.filter_inverse_cdf.begin(), c.filter_inverse_cdf.end());
+  if (!c.distortion.model.empty()) set_distortion(c.distortion);
   if (!c.times.empty()) set_camera_path(c);
+  set_flaws(c);
 }
 
 std::unique_ptr<Scene> SceneBuilder::finish() {
@@ -260,6 +263,7 @@ int64_t Scene::memory_bytes() const {
   for_curved_kinds([&]<class K>(K) { total += bytes(curved.records<K>()); });
   for (const Dome& d : lights.domes) total += bytes(d.texels) + bytes(d.column_cdf) + bytes(d.column_cuts) + bytes(d.density);
   for (const LightImage& i : lights.images) total += bytes(i.texels) + bytes(i.column_cdf);
+  if (distortion) total += bytes(distortion->table.directions);
   total += bytes(lights.rows) + bytes(lights.tree.blocks) + bytes(lights.tree.places) + bytes(lights.linked.places);
   total += bytes(lights.shaping.rows) + bytes(lights.shaping.profiles.data);
   return total;

@@ -63,6 +63,8 @@ class SceneBuilder {
   // In place of add_instances, once for the placement: `rows` are 12 doubles for each time and, within it, instance.
   std::vector<int64_t> add_moving_instances(std::span<const float> times, bool turns, std::span<const double> rows);
   // Rays' times: the shutter's part of the span that all times are of, and the frame's time.
+  // How much later the shutter opens for each column and row of the frame, in parts of the span: set_exposure is of the first.
+  void set_rolling(double per_column, double per_row);
   void set_exposure(double opens, double closes, double frame);
   // A row for every instance that was not left out of the last placement.
   void add_placement_primvar(int name, int width, std::span<const float> values);
@@ -94,6 +96,8 @@ class SceneBuilder {
   // The later times of the current group's moving vertices, after all of its vertices.
   void end_group();
   void set_camera_path(const CameraInput& camera);
+  void set_distortion(const DistortionInput& distortion);
+  void set_flaws(const CameraInput& camera);
 
   std::unique_ptr<Scene> scene_;
   std::vector<std::vector<float>> later_points_;  // of the current group, by time from the second on

@@ -17,6 +17,12 @@ void SceneBuilder::set_exposure(double opens, double closes, double frame) {
   motion.opens = float(opens), motion.length = float(closes - opens), motion.frame = float(frame);
 }
 
+void SceneBuilder::set_rolling(double per_column, double per_row) {
+  MotionTable& motion = scene_->motion;
+  motion.per_column = float(per_column), motion.per_row = float(per_row);
+  motion.rolls = per_column != 0 || per_row != 0;
+}
+
 void SceneBuilder::add_mesh_steps(const MeshInput& mesh, const daffine& group_from_object) {
   Scene& s = *scene_;
   Group& group = s.groups.back();

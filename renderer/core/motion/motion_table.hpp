@@ -29,6 +29,9 @@ struct MotionTable {
   // Rays' times: the shutter's part of the span that the clocks are of.
   float opens = 0, length = 0;
   float frame = 0;  // the frame's time
+  // A shutter that rolls opens later for each column and row of the frame; `opens` is of the first.
+  bool rolls = false;
+  float per_column = 0, per_row = 0;
   Fact<built::kMotion> any_instances = false, any_points = false;
 
   // The number of this clock, which may be there already.

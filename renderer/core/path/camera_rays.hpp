@@ -7,6 +7,33 @@
 
 namespace primray {
 
+// What a ray through a flawed lens is drawn with.
+template <int W>
+struct FlawedSample {
+  vint<W> x, y, slot;
+  Pair<W> film, lens;
+  vfloat<W> time;
+};
+
+// Notes by slot what the lens leaves of the sample's light: its paths carry it all, so that neither coverage nor where they end
+// depends on the lens.
+template <int W>
+PRIMRAY_RARE CameraRay<W> weighed_ray(const Round& round, const PathLanes<W>& p, const FlawedSample<W>& s) {
+  const Camera& camera = round.scene.camera;
+  const vfloat<W> channel = camera.flaws.is_chromatic ? p.sampler.single(vint<W>(0), kColorChannel) : vfloat<W>(0.0f);
+  vvec3<W> weight;
+  const CameraRay<W> ray = camera.flawed_ray<W>(s.x, s.y, s.film, s.lens, s.time, channel, weight);
+  for (int i = 0; i < W; ++i) round.worker.weights[size_t(s.slot[i])] = {weight.x[i], weight.y[i], weight.z[i]};
+  return ray;
+}
+
+inline void weigh(Worker& w, int slots) {
+  for (int i = 0; i < slots; ++i) {
+    const vec3& weight = w.weights[size_t(i)];
+    w.r[i] *= weight.x, w.g[i] *= weight.y, w.b[i] *= weight.z;
+  }
+}
+
 // W camera paths, of the slots from `round.next_slot` on; past the last slot, that again.
 template <int W>
 PRIMRAY_INLINE PathLanes<W> camera_paths(const Round& round, int slots) {
@@ -27,8 +54,12 @@ PRIMRAY_INLINE PathLanes<W> camera_paths(const Round& round, int slots) {
   const Pair<W> film = p.sampler.link(I(round.first_link()));
   Pair<W> lens{F(0.5f), F(0.5f)};
   if (scene.camera.has_lens()) lens = p.sampler.pair(I(0), Purpose::kLens);
-  const F time = round.needs.time ? time_of(round, p.sampler.single(I(0), kShutterTime)) : F(0.0f);
-  const CameraRay<W> ray = scene.camera.ray<W>(px, py, film.u, film.v, lens.u, lens.v, time);
+  const F time = round.needs.time ? time_of(round, p.sampler.single(I(0), kShutterTime), px, py) : F(0.0f);
+  CameraRay<W> ray;
+  if (scene.camera.flawed)
+    ray = weighed_ray(round, p, {px, py, load<W>(slot), film, lens, time});
+  else
+    ray = scene.camera.ray<W>(px, py, film.u, film.v, lens.u, lens.v, time);
   p.ray = {ray.o, ray.d, ray.tnear, ray.tfar, time};
   p.beta = V(F(1.0f)), p.diffuse_share = p.normal = V(F(0.0f)), p.link = I(kUnlinkedRow);
   p.bsdf_pdf = p.travelled = p.first_received = F(0.0f), p.splits = F(1.0f);
@@ -45,7 +76,11 @@ void refill(Round& round, int slots) {
   // Room for every camera path to split.
   while (round.next_slot < slots && pool.count + (splits - 1) * (pool.count - round.first_camera) + splits * W <= kPool) {
     const int n = std::min(W, slots - round.next_slot);
-    pool.append(Compaction<W>(lane_numbers<W>() < vint<W>(n)), camera_paths<W>(round, slots), round.needs);
+    const PathLanes<W> paths = camera_paths<W>(round, slots);
+    vbool<W> starts = lane_numbers<W>() < vint<W>(n);
+    // What a lens does not see is a sample of nothing.
+    if (round.scene.camera.distortion) starts &= paths.ray.tfar >= vfloat<W>(0.0f);
+    pool.append(Compaction<W>(starts), paths, round.needs);
     round.next_slot += n;
   }
   round.worker.camera_rays += pool.count - round.first_camera;

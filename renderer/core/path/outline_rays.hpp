@@ -49,7 +49,7 @@ PRIMRAY_RARE void look_for_outline(Round& round, int pixel, const LightOutlines:
     PathLanes<W> p;
     p.ray = {ray.o, ray.d, ray.tnear, ray.tfar};
     if (round.needs.time)
-      p.ray.time = time_of(round, Sampler<W>{reverse_bits(load<W>(index)), of_pixel}.single(I(0), kShutterTime));
+      p.ray.time = time_of(round, Sampler<W>{reverse_bits(load<W>(index)), of_pixel}.single(I(0), kShutterTime), x, y);
     p.bsdf_pdf = p.travelled = F(0.0f), p.depth = I(0), p.link = I(kUnlinkedRow);
     p.normal = p.diffuse_share = vvec3<W>(F(0.0f));
     const vbool<W> active = lane_numbers<W>() < I(rays - at);

@@ -40,6 +40,7 @@ void render_tile_block(const Scene& scene, const IntegratorSettings& settings, c
   worker.pool->count = 0;
   if (round.outlined) look_for_outlines<W>(round);
   run_rounds<W>(round, slots);
+  if (scene.camera.flawed) weigh(worker, slots);
   add_to_film(block, worker, round.pixels, round.samples, film);
 }
 

@@ -45,6 +45,7 @@ struct Round {
         needs(path_needs(s, asked)),
         samples(task.count[0] + task.count[1]) {
     if (has_special() && !worker.special_shadows) worker.special_shadows = std::make_unique<SpecialShadowQueue>();
+    if (scene.camera.flawed) worker.weights.resize(Worker::kSlots, vec3(1.0f));
   }
 
   bool has_special() const { return scene.lights.has_special(); }
@@ -59,10 +60,13 @@ struct Round {
   int pixel_y(int i) const { return block.y0 + worker.pixel_y[i] * block.stride_y; }
 };
 
-// When rays see the scene, of a number in [0, 1).
+// When rays see the scene, of a number in [0, 1), through a pixel of the frame.
 template <int W>
-PRIMRAY_INLINE vfloat<W> time_of(const Round& round, vfloat<W> u) {
-  return round.scene.motion.opens + u * round.scene.motion.length;
+PRIMRAY_INLINE vfloat<W> time_of(const Round& round, vfloat<W> u, vint<W> x, vint<W> y) {
+  const MotionTable& motion = round.scene.motion;
+  const vfloat<W> time = motion.opens + u * motion.length;
+  if (!motion.rolls) return time;
+  return min(max(time + to_float(x) * motion.per_column + to_float(y) * motion.per_row, 0.0f), vfloat<W>(1.0f));
 }
 
 // Adds `c` to the slots of lanes `m`; most paths bring nothing from most vertices.

@@ -36,6 +36,7 @@ struct Worker {
   std::unique_ptr<SpecialShadowQueue> special_shadows;  // of scenes with special lights
   static constexpr int kSlots = kTile * kTile * kBlock * kReplicates;
   alignas(64) float r[kSlots], g[kSlots], b[kSlots], a[kSlots];
+  std::vector<vec3> weights;  // of samples, behind a lens that takes some of their light
   uint8_t pixel_x[kTile * kTile], pixel_y[kTile * kTile];
   std::span<const LightOutlines::Part> outlines[kTile * kTile];
   EntryChoice camera_entry, scattered_entry, shadow_entry;

@@ -14,7 +14,7 @@ namespace primray {
 // What a number is for; each bounce owns kPurposes of them, the camera ray counts as bounce 0.
 enum class Purpose : uint32_t { kFilm, kLens, kChain, kLobe, kLightPoint, kLightChoice, kRoulette, kEmitter, kCount };
 // Of the camera ray, which scatters nowhere: those numbers of bounce 0 are free.
-constexpr Purpose kShutterTime = Purpose::kLobe;
+constexpr Purpose kShutterTime = Purpose::kLobe, kColorChannel = Purpose::kRoulette;
 
 // The bits of x in reverse: with byte shuffles where there are any, six instructions in place of two dozen.
 #if defined(__AVX2__)

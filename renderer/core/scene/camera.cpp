@@ -1,6 +1,8 @@
 // How a camera that moves stands at a time: between two poses its rotation turns at constant speed, the rest is linear.
 #include "scene/camera.hpp"
 
+#include <algorithm>
+
 namespace primray {
 
 Camera Camera::stance() const {
@@ -8,6 +10,7 @@ Camera Camera::stance() const {
   c.width = width, c.height = height, c.pixels = pixels, c.orthographic = orthographic;
   c.blades = blades, c.first_corner = first_corner;
   c.clipping_planes = clipping_planes;
+  c.distortion = distortion, c.finest = finest;
   return c;
 }
 
@@ -17,11 +20,43 @@ void Camera::stand(const CameraPath& along, float time) {
   const double t = now.within;
   const daffine m = between(a.turning, b.turning, t);
   world_from_camera = {vec3(m.x), vec3(m.y), vec3(m.z), vec3(m.o)};
-  const auto mix = [&](double CameraPose::* f) { return float(a.*f + (b.*f - a.*f) * t); };
+  const auto exactly = [&](double CameraPose::* f) { return a.*f + (b.*f - a.*f) * t; };
+  const auto mix = [&](double CameraPose::* f) { return float(exactly(f)); };
+  window = {exactly(&CameraPose::left), exactly(&CameraPose::right), exactly(&CameraPose::bottom), exactly(&CameraPose::top)};
   left = mix(&CameraPose::left), right = mix(&CameraPose::right), bottom = mix(&CameraPose::bottom),
   top = mix(&CameraPose::top);
   near = mix(&CameraPose::near), far = mix(&CameraPose::far), back = mix(&CameraPose::back);
   lens_radius = mix(&CameraPose::lens_radius), focus_distance = mix(&CameraPose::focus_distance);
+}
+
+void Camera::stand_as(const Camera& still) {
+  world_from_camera = still.world_from_camera, window = still.window;
+  left = still.left, right = still.right, bottom = still.bottom, top = still.top;
+  near = still.near, far = still.far, back = still.back;
+  lens_radius = still.lens_radius, focus_distance = still.focus_distance;
+}
+
+CameraRay<1> Camera::ray_of_channel(const Drawn& drawn, const LensFlaws& lens, float channel, vec3& weight) {
+  const int c = lens.is_chromatic ? std::clamp(int(channel * 3), 0, 2) : 0;
+  const float focus = focus_distance;
+  float fx = drawn.fx, fy = drawn.fy;
+  if (lens.is_chromatic) {
+    // What this channel's image shows here the others show nearer to the axis, or farther from it.
+    const double axis_x = -window.left / (window.right - window.left) * width;
+    const double axis_y = window.top / (window.top - window.bottom) * height;
+    fx = float(axis_x + (fx - axis_x) / lens.magnification[c]), fy = float(axis_y + (fy - axis_y) / lens.magnification[c]);
+    focus_distance = focus + lens.focus_shift[c];
+  }
+  const vfloat<1> lens0(drawn.lens0), lens1(drawn.lens1);
+  const CameraRay<1> ray = ray_through<1>(vfloat<1>(fx), vfloat<1>(fy), lens0, lens1);
+  focus_distance = focus;
+  const Affine<float>& m = world_from_camera;
+  const auto in_camera = [&](const vec3& v) { return vec3(dot(v, m.x), dot(v, m.y), dot(v, m.z)); };
+  const vec3 o(ray.o.x[0], ray.o.y[0], ray.o.z[0]), d(ray.d.x[0], ray.d.y[0], ray.d.z[0]);
+  const float passed = lens.passed(in_camera(o - m.o), in_camera(d));
+  weight = vec3(passed);
+  if (lens.is_chromatic) weight = {c == 0 ? 3 * passed : 0, c == 1 ? 3 * passed : 0, c == 2 ? 3 * passed : 0};
+  return ray;
 }
 
 Camera Camera::at(float time) const {

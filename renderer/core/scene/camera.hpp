@@ -9,6 +9,9 @@
 #include "math/transcendental.hpp"
 #include "motion/clock.hpp"
 #include "motion/turning.hpp"
+#include "sampler/sampler.hpp"
+#include "scene/distortion.hpp"
+#include "scene/lens_flaws.hpp"
 
 namespace primray {
 
@@ -33,6 +36,9 @@ template <int W>
 struct CameraRay {
   vvec3<W> o, d;
   vfloat<W> tnear, tfar;
+
+  // Not where a distorting lens sees nothing.
+  vbool<W> exists() const { return tfar >= vfloat<W>(0.0f); }
 };
 
 // Footprints of camera rays, in pixels across. Half a pixel, since a pixel's samples average over it anyway: textures stay as
@@ -55,6 +61,11 @@ struct CameraPose {
   double left, bottom, right, top, near, far, back, lens_radius, focus_distance;
 };
 
+// The window's sides, where floats do not suffice.
+struct ExactWindow {
+  double left, right, bottom, top;
+};
+
 struct CameraPath {
   MotionClock clock;
   std::vector<CameraPose> poses;
@@ -73,6 +84,11 @@ struct Camera {
   float first_corner = 0;  // direction of one of them, in turns from +x towards +y
   Fact<built::kMotion> moves = false;  // as `path` says; what is above then holds at the frame
   CameraPath path;
+  const Distortion* distortion = nullptr;  // the scene's; its film is the window
+  ExactWindow window{-1, 1, -1, 1};
+  float finest = 1;  // pixels at the distortion's finest place, by those of the middle
+  LensFlaws flaws;
+  bool flawed = false;      // it has some
   bool lens_opens = false;  // somewhere on it
   std::vector<ClippingPlane> clipping_planes;
   PixelFilter filter;
@@ -80,7 +96,7 @@ struct Camera {
   // A ray's cone: its width at the camera, and how much wider it gets per distance (Akenine-Moller et al. 2021, "Improved
   // Shader and Texture Level of Detail Using Ray Cones").
   float cone_width() const { return orthographic ? kConePixels * pixel_size() : 0.0f; }
-  float cone_spread() const { return orthographic ? 0.0f : kConePixels * pixel_size(); }
+  float cone_spread() const { return orthographic ? 0.0f : kConePixels * finest * pixel_size(); }
   float pixel_size() const { return std::sqrt((right - left) / float(width) * ((top - bottom) / float(height))); }
 
   bool has_lens() const { return lens_radius > 0 || lens_opens; }
@@ -88,7 +104,7 @@ struct Camera {
   Camera at(float time) const;
 
   // Ray through pixel (x, y), counted from the upper left; u_film, u_lens in [0,1)^2. Directions have unit length. `time`: of
-  // cameras that move.
+  // cameras that move. Through a lens that distorts some may not exist.
   template <int W>
   PRIMRAY_INLINE CameraRay<W> ray(vint<W> x, vint<W> y, vfloat<W> u0, vfloat<W> u1, vfloat<W> lens0, vfloat<W> lens1,
                                   vfloat<W> time) const {
@@ -97,15 +113,50 @@ struct Camera {
     return ray_through(fx, fy, lens0, lens1);
   }
 
+  // The same through the lens's flaws: `channel` in [0,1) is for the one of the colours that the ray carries, `weight` what
+  // its light is multiplied with. A lane at a time.
+  template <int W>
+  PRIMRAY_RARE CameraRay<W> flawed_ray(vint<W> x, vint<W> y, Pair<W> film, Pair<W> lens, vfloat<W> time, vfloat<W> channel,
+                                       vvec3<W>& weight) const {
+    const vfloat<W> fx = to_float(x) + 0.5f + filter.sample<W>(film.u), fy = to_float(y) + 0.5f + filter.sample<W>(film.v);
+    alignas(64) float rows[11][W];
+    Camera now = stance();
+    if (!moves) now.stand_as(*this);
+    for (int i = 0; i < W; ++i) {
+      if (moves) now.stand(path, time[i]);
+      vec3 share;
+      const CameraRay<1> r = now.ray_of_channel({fx[i], fy[i], lens.u[i], lens.v[i]}, flaws, channel[i], share);
+      const float own[11] = {r.o.x[0],   r.o.y[0],  r.o.z[0], r.d.x[0], r.d.y[0], r.d.z[0],
+                             r.tnear[0], r.tfar[0], share.x,  share.y,  share.z};
+      for (int c = 0; c < 11; ++c) rows[c][i] = own[c];
+    }
+    const auto lanes = [&](int c) { return load<W>(rows[c]); };
+    weight = {lanes(8), lanes(9), lanes(10)};
+    return {{lanes(0), lanes(1), lanes(2)}, {lanes(3), lanes(4), lanes(5)}, lanes(6), lanes(7)};
+  }
+
  private:
+  // A point of the film, in pixels, and one of the lens.
+  struct Drawn {
+    float fx, fy, lens0, lens1;
+  };
+  CameraRay<1> ray_of_channel(const Drawn& drawn, const LensFlaws& lens, float channel, vec3& weight);
+
   // Through a point of the film, in pixels from the upper left.
   template <int W>
   PRIMRAY_INLINE CameraRay<W> ray_through(vfloat<W> fx, vfloat<W> fy, vfloat<W> lens0, vfloat<W> lens1) const {
+    if (distortion) return distorted_ray(fx, fy, lens0, lens1);
     const vfloat<W> sx = left + fx * ((right - left) / float(width)), sy = top - fy * ((top - bottom) / float(height));
     vvec3<W> o(vfloat<W>(0.0f)), d(sx, sy, vfloat<W>(-1.0f));
     if (orthographic) o = {sx, sy, vfloat<W>(back)}, d = {vfloat<W>(0.0f), vfloat<W>(0.0f), vfloat<W>(-1.0f)};
+    return ray_along(o, d, lens0, lens1);
+  }
+
+  // Depths are in lengths of `d`.
+  template <int W>
+  PRIMRAY_INLINE CameraRay<W> ray_along(vvec3<W> o, vvec3<W> d, vfloat<W> lens0, vfloat<W> lens1) const {
     if (lens_radius > 0) {
-      // All rays of one film point meet on the plane of focus.
+      // All rays of one film point meet on the plane (or the sphere) of focus.
       const vvec3<W> lens = lens_point(lens0, lens1);
       d = d - lens * (1.0f / focus_distance);
       o += lens;
@@ -121,6 +172,27 @@ struct Camera {
     const vec3 c = world_from_camera.o;
     return {rotate(o) + vvec3<W>(vfloat<W>(c.x), vfloat<W>(c.y), vfloat<W>(c.z)), rotate(d) * (1.0f / len), len * from,
             len * to};
+  }
+
+  // Directions a lane at a time.
+  template <int W>
+  PRIMRAY_RARE CameraRay<W> distorted_ray(vfloat<W> fx, vfloat<W> fy, vfloat<W> lens0, vfloat<W> lens1) const {
+    alignas(64) float rows[4][W];
+    for (int i = 0; i < W; ++i) {
+      const std::optional<dvec3> d = direction(fx[i], fy[i]);
+      const dvec3 ahead = d.value_or(dvec3{0, 0, -1});
+      rows[0][i] = float(ahead.x), rows[1][i] = float(ahead.y), rows[2][i] = float(ahead.z), rows[3][i] = d ? 1.0f : 0.0f;
+    }
+    const vvec3<W> o(vfloat<W>(0.0f)), d(load<W>(rows[0]), load<W>(rows[1]), load<W>(rows[2]));
+    CameraRay<W> ray = ray_along(o, d, lens0, lens1);
+    const vbool<W> exists = load<W>(rows[3]) > vfloat<W>(0.0f);
+    ray.tnear = select(exists, ray.tnear, vfloat<W>(0.0f)), ray.tfar = select(exists, ray.tfar, vfloat<W>(-1.0f));
+    return ray;
+  }
+  // Of a point of the film, in pixels, through the lens that distorts.
+  std::optional<dvec3> direction(double fx, double fy) const {
+    const ExactWindow& w = window;
+    return distortion->direction(w.left + fx * ((w.right - w.left) / width), w.top - fy * ((w.top - w.bottom) / height));
   }
 
   // A lane at a time, each with a camera of its own.
@@ -141,6 +213,7 @@ struct Camera {
   // All that it has without its path and filter: what stands as the path says, a ray at a time.
   Camera stance() const;
   void stand(const CameraPath& along, float time);
+  void stand_as(const Camera& still);
 
   // Uniform on the lens.
   template <int W>

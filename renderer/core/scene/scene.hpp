@@ -9,6 +9,7 @@
 
 #include <cstdint>
 #include <deque>
+#include <memory>
 #include <vector>
 
 #include "bsdf/surface.hpp"
@@ -97,6 +98,7 @@ struct Scene {
   EmitterTable emitters;
   GeometryLights geometry_lights;
   Camera camera;
+  std::unique_ptr<Distortion> distortion;  // the camera's
   LightOutlines outlines;
   MotionTable motion;
 

@@ -51,6 +51,7 @@ OF_SCENE = (
     "shutter",
     "motion_error",
     "purposes",
+    "lens_flaws",
     "variants",
     "load",
     "mask",

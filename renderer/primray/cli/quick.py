@@ -82,6 +82,7 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "diffusion_bloom_width": (_number, ("--diffusion-bloom-width",)),
     "diffusion_starburst": (_number, ("--diffusion-starburst",)),
     "diffusion_starburst_width": (_number, ("--diffusion-starburst-width",)),
+    "lens": (LIST, ("--lens",)),
     "complexity": (Complexity, ("--complexity",)),
     "report": (str, ("--report",)),
     "json": (FLAG, ("--json",)),

@@ -120,6 +120,16 @@ Shutter = Annotated[
 MotionError = Annotated[
     float, typer.Option("--motion-error", metavar="PIXELS", help="Pixels that the path of anything may be off.")
 ]
+LensFlaws = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--lens",
+        metavar="NAME=NUMBERS",
+        help="Of the camera's lens: natural-vignetting=1, rim=DISTANCE,RADIUS, channel-magnification=R,G,B or "
+        "channel-focus-shift=R,G,B; may be repeated.",
+        show_default="the camera's",
+    ),
+]
 Dicing = Annotated[
     Complexity | None,
     typer.Option("--complexity", help="In place of --dicing-rate: 16, 8, 4 or 2 pixels.", show_default=False),

@@ -25,6 +25,7 @@ from ..description import (
     SubdivisionMesh,
 )
 from ..description.placement import Box, chunks, named_levels, placed_box, transformed_box, transformed_boxes
+from ..optics.distortion import Distortion
 from ..refine.far_geometry import FARTHEST, OUTLYING, FarInstances, usual_boxes, usual_union
 from ..refine.moving import by_clock
 from ..refine.skewed import bake_skewed
@@ -86,6 +87,7 @@ def upload(
     lights.add(d.lights, textures)
     if d.exposure is not None:
         builder.set_exposure(*d.exposure.shutter, d.exposure.frame)
+        builder.set_rolling(*d.exposure.rolling)
     camera = camera_input(core, d.camera, d.frame, d.camera_motion)
     builder.set_camera(filled(camera, filter_width=filter_width, filter_inverse_cdf=filter_inverse_cdf))
     inputs.add_images()
@@ -188,11 +190,35 @@ def camera_input(core: Any, c: Camera, frame: Frame, motion: CameraMotion | None
         height=height,
         pixels=(pixels.x, pixels.y, pixels.width, pixels.height),
     )
+    if c.distortion is not None and c.projection is Projection.PERSPECTIVE:
+        made.distortion = distortion_input(core, c.distortion)
+    filled(
+        made,
+        natural_vignetting=c.natural_vignetting,
+        rim_distance=c.rim[0],
+        rim_radius=c.rim[1],
+        magnification=c.channel_magnification,
+        focus_shift=c.channel_focus_shift,
+    )
     if motion is None:
         return made
     poses = np.array([pose.world_from_camera[:3] for pose in motion.cameras], np.float64)
     numbers = [(*pose.window, *pose.clipping_range, pose.lens_radius, pose.focus_distance) for pose in motion.cameras]
     return filled(made, times=motion.times.astype(np.float32), pose_matrices=poses, pose_numbers=np.array(numbers, np.float64))
+
+
+def distortion_input(core: Any, d: Distortion) -> Any:
+    made = filled(
+        core.DistortionInput(),
+        model=d.model.value,
+        coefficients=np.array(d.coefficients, np.float64),
+        most_angle=np.radians(d.most_angle_deg),
+    )
+    if d.table is None:
+        return made
+    rows, columns, _ = d.table.directions.shape
+    directions = np.ascontiguousarray(d.table.directions, np.float32).ravel()
+    return filled(made, table_window=d.table.window, table_rows=rows, table_columns=columns, directions=directions)
 
 
 def shape_boxes(core: Any, shapes: Sequence[Shape]) -> Doubles:

@@ -22,6 +22,9 @@ class Exposure:
     opens: float
     closes: float
     span: tuple[float, float]  # what motion is given for: the shutter, and the frame (0) where AOVs are asked for
+    # How much later it is for each column and row of the frame, from the upper left: of a shutter that rolls.
+    per_column: float = 0.0
+    per_row: float = 0.0
 
     def fraction(self, offset: float) -> float:
         """Of the span, of a time in time codes from the frame on."""
@@ -32,6 +35,12 @@ class Exposure:
     def shutter(self) -> tuple[float, float]:
         """Fractions of the span."""
         return self.fraction(self.opens), self.fraction(self.closes)
+
+    @property
+    def rolling(self) -> tuple[float, float]:
+        """The same for each column and row."""
+        first, last = self.span
+        return self.per_column / (last - first), self.per_row / (last - first)
 
     @property
     def frame(self) -> float:

@@ -328,7 +328,8 @@ def _picture_part(image: Image) -> tuple[Any, Values]:
     if image.camera is not None:
         camera_matrix, ndc_matrix = exr_matrices(image.camera)
         spec.attribute("worldtocamera", oiio.TypeMatrix, _row_vector_floats(camera_matrix))
-        spec.attribute("worldtoNDC", oiio.TypeMatrix, _row_vector_floats(ndc_matrix))
+        if image.camera.distortion is None:  # else no matrix has it
+            spec.attribute("worldtoNDC", oiio.TypeMatrix, _row_vector_floats(ndc_matrix))
     return spec, values
 
 

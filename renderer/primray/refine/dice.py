@@ -15,7 +15,7 @@ import numpy as np
 from ..arrays import Floats, Ints
 from ..description import Interpolation, Mesh, PointMotion, Primvar, SceneDescription, SubdivisionMesh
 from ..settings import RenderSettings
-from .footprint import MAX_LEVEL, OUTSIDE, Footprint, footprints
+from .footprint import EVERYWHERE, MAX_LEVEL, OUTSIDE, Footprint, footprints
 
 # In the order of the core's enumerations (topology.hpp, face_varying.hpp).
 SCHEMES = ("catmullClark", "loop", "bilinear")
@@ -141,8 +141,8 @@ def core_arrays(cage: SubdivisionMesh, footprint: Footprint, dicing: Dicing) -> 
         "face_varying": [_channel(p) for p in primvars_of(cage, Interpolation.CORNER)],
         "orthographic": camera.orthographic,
         "pixels_per_unit": camera.pixels_per_unit,
-        "window": camera.window,
-        "outside": OUTSIDE,
+        "window": EVERYWHERE if camera.sees_around else camera.window,
+        "outside": 1.0 if camera.sees_around else OUTSIDE,
         "views": np.ascontiguousarray(footprint.views, np.float64),
         "density": footprint.density,
         "pixels": dicing.pixels,

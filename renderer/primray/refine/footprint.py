@@ -28,6 +28,7 @@ from ..description.placement import compose
 
 # Where the camera does not look, edges may be longer by this: seen in mirrors and as shadows only.
 OUTSIDE = 4.0
+EVERYWHERE = (-1e30, 1e30, -1e30, 1e30)  # the window of a lens that may see anything
 MARGIN = 0.05  # of the image's size, on each side: filters and lenses look past the edge
 MAX_VIEWS = 4
 MAX_LEVEL = 10  # a face of the cage in 2^20 parts
@@ -41,6 +42,7 @@ class Projected:
     orthographic: bool
     pixels_per_unit: float  # at unit distance, or everywhere
     window: tuple[float, float, float, float]  # with its margin
+    sees_around: bool = False  # through a lens that distorts: nothing counts as beside the view
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,8 @@ def projected(camera: Camera, frame: Frame) -> Projected:
         top + y + max(0, -pixels.y) * down,
     )
     camera_from_world = np.asarray(np.linalg.inv(camera.world_from_camera), np.float64)
-    return Projected(camera_from_world, camera.projection is Projection.ORTHOGRAPHIC, scale, window)
+    parallel = camera.projection is Projection.ORTHOGRAPHIC
+    return Projected(camera_from_world, parallel, scale, window, camera.distortion is not None and not parallel)
 
 
 def footprints(description: SceneDescription) -> dict[int, Footprint]:
@@ -179,6 +182,8 @@ def _densities(matrices: Doubles, center: Doubles, radius: float, camera: Projec
 
 def _is_outside(at: Doubles, extent: Doubles, camera: Projected) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     """Spheres wholly beyond one side of the view."""
+    if camera.sees_around:
+        return np.zeros(len(at), bool)
     left, right, bottom, top = camera.window
     x, y, depth = at[:, 0], at[:, 1], -at[:, 2]
     return np.asarray(

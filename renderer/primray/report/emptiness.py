@@ -50,6 +50,8 @@ def _why_not_seen(prepared: Prepared) -> str:
     bounds = prepared.scene.bounds
     assert bounds is not None
     camera, (near, far) = prepared.camera, prepared.camera.clipping_range
+    if camera.distortion is not None:
+        return f"no geometry lies where its lens looks, or within its clipping range (it is from {_places(bounds)})"
     corners = np.array(list(product(*zip(*bounds, strict=True))))
     depth, beside = _seen_from(camera, corners)
     if depth.max() <= 0 and camera.projection is Projection.PERSPECTIVE:

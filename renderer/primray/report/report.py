@@ -95,7 +95,7 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values["sample_range"] = list(settings.sample_range) if settings.sample_range else None
     values["shutter"] = list(settings.shutter) if settings.shutter else None
     values["resolution"] = list(settings.resolution) if settings.resolution else None
-    for name in ("purposes", "aovs", "variants", "load", "mask"):
+    for name in ("purposes", "aovs", "lens_flaws", "variants", "load", "mask"):
         values[name] = None if values[name] is None else list(values[name])
     return values
 

@@ -77,7 +77,8 @@ from .viewing.diffusion import with_diffusion
 from .viewing.drawn import Drawn, drawn
 from .viewing.foreseen import as_seen, foreseen
 from .viewing.framing import prototype_box, shape_bounds
-from .viewing.shutter import shutter_of, shutter_of_vectors, timing_of
+from .viewing.rolling import exposed
+from .viewing.shutter import shutter_of_vectors, timing_of
 from .viewing.view import select_camera, view_through
 from .walking.find_by_type import Found, find_by_type
 from .walking.instances import Arrangement, Chain, Group, arrange, at_instant, count_of, merge_coincident
@@ -174,10 +175,10 @@ def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnost
     of_aovs = {f"primvars:{name}" for name in ctx.aov_primvars}
     ctx = replace(ctx, primvars_read=read | of_aovs, color_primvars=of_colors)
     camera_prim = select_camera(stage, ctx, product, cameras)
-    shutter = shutter_of(camera_prim, ctx, product)
+    shutter, rolling = exposed(camera_prim, ctx, product)
     is_vectored = any(request.source in VECTORS for request in aovs)
     vectors = shutter_of_vectors(camera_prim, shutter, ctx) if is_vectored else None
-    ctx = replace(ctx, timing=timing_of(shutter, bool(aovs), ctx, vectors))
+    ctx = replace(ctx, timing=timing_of(shutter, bool(aovs), ctx, vectors, rolling))
     if ctx.timing.is_open:
         ctx = replace(ctx, foreseen=as_seen(camera_prim, shutter, ctx, product))
     groups, links, ctx = _walked(ctx)

@@ -79,6 +79,12 @@ class Settings(Sent):
     diffusion_starburst: float | None = Field(None, ge=0, le=1, description="Of what is diffused, the star's share.")
     diffusion_starburst_width: float | None = Field(None, gt=0, le=1, description="Of the picture's height.")
     eye: Literal["left", "right"] | None = Field(None, description="Of the stereo pair that the camera is of.")
+    lens_flaws: list[Annotated[str, Field(max_length=256)]] = Field(
+        default=[],
+        max_length=16,
+        description="Of the camera's lens: natural-vignetting=1, rim=DISTANCE,RADIUS, channel-magnification=R,G,B, "
+        "channel-focus-shift=R,G,B.",
+    )
     variants: list[Annotated[str, Field(max_length=1024)]] = Field(default=[], max_length=64)
     load: list[Annotated[str, Field(max_length=1024)]] | None = Field(None, max_length=256)
     mask: list[Annotated[str, Field(max_length=1024)]] | None = Field(None, max_length=256)

@@ -68,6 +68,7 @@ def submit(
     diffusion_bloom_width: output_flags.DiffusionBloomWidth = None,
     diffusion_starburst: output_flags.DiffusionStarburst = None,
     diffusion_starburst_width: output_flags.DiffusionStarburstWidth = None,
+    lens: stage_flags.LensFlaws = None,
     strict: stage_flags.Strict = False,
     entry: Annotated[
         str | None, typer.Option(metavar="LAYER", help="The root layer in a zip that has several.", show_default=False)
@@ -127,6 +128,7 @@ def submit(
         "diffusion_bloom_width": diffusion_bloom_width,
         "diffusion_starburst": diffusion_starburst,
         "diffusion_starburst_width": diffusion_starburst_width,
+        "lens_flaws": lens,
         "strict": strict or None,
     }
     labels = ({"name": name} if name else {}) | labels_of(label)

@@ -48,6 +48,7 @@ class Settings(TypedDict, total=False):
     diffusion_starburst: float | None
     diffusion_starburst_width: float | None
     eye: Literal["left", "right"] | None
+    lens_flaws: list[str]
     variants: list[str]
     load: list[str] | None
     mask: list[str] | None

@@ -21,6 +21,7 @@ ORDER = (
     "errors",
     "arrays",
     "lens",
+    "optics",
     "camera",
     "setting_values",
     "camera_choice",

@@ -239,6 +239,17 @@ nb::tuple camera_rays(const Scene& scene, InInts pixel_, InFloats film_, InFloat
   return nb::make_tuple(o.array(), d.array(), tnear.array(), tfar.array());
 }
 
+// Where the camera's lens looks from film points (N, 2), in double; NaN where it sees nothing.
+nb::object lens_directions(const Scene& scene, InArray<double> film) {
+  const size_t n = film.shape(0);
+  std::vector<double> directions(3 * n, std::numeric_limits<double>::quiet_NaN());
+  for (size_t i = 0; i < n; ++i) {
+    const std::optional<dvec3> d = scene.distortion->direction(film.data()[2 * i], film.data()[2 * i + 1]);
+    if (d) directions[3 * i] = d->x, directions[3 * i + 1] = d->y, directions[3 * i + 2] = d->z;
+  }
+  return to_numpy(std::move(directions), {n, size_t(3)});
+}
+
 nb::dict intersect_rays(const Scene& scene, InArray<double> o_, InFloats d_, int lanes, bool packet, bool embree) {
   const CorePoints o(scene, o_);
   const Input<float> d(d_, o.n, 3);
@@ -330,6 +341,7 @@ void bind_testing(nb::module_& m) {
   m.def("light_shaping", &light_shaping_rows, nb::arg("scene"), nb::arg("light"), nb::arg("wi"), lanes);
   m.def("choose_light", &choose_lights, nb::arg("scene"), nb::arg("p"), nb::arg("n"), nb::arg("u"), lanes);
   m.def("sampler_numbers", &sampler_numbers, nb::arg("seed"), nb::arg("key"), lanes, nb::arg("screen_block") = 0);
+  m.def("lens_directions", &lens_directions, nb::arg("scene"), nb::arg("film"));
   m.def("camera_rays", &camera_rays, nb::arg("scene"), nb::arg("pixel"), nb::arg("film"), nb::arg("lens"), lanes);
   m.def("has_few_triangles", [](const Scene& scene) { return scene.few_triangles.any(); });
   m.def("intersect", &intersect_rays, nb::arg("scene"), nb::arg("o"), nb::arg("d"), lanes, nb::arg("packet") = true,

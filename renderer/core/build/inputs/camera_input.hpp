@@ -2,11 +2,22 @@
 #pragma once
 
 #include <span>
+#include <string>
 
 #include "math/matrix.hpp"
 #include "scene/camera.hpp"
 
 namespace primray {
+
+// A lens's distortion: its model by name, or "".
+struct DistortionInput {
+  std::string model;
+  std::span<const double> coefficients;
+  double most_angle = 0;        // radians
+  double table_window[4] = {};  // left, right, bottom, top
+  int table_columns = 0, table_rows = 0;
+  std::span<const float> directions;  // 3 a texel
+};
 
 struct CameraInput {
   daffine world_from_camera;
@@ -22,6 +33,11 @@ struct CameraInput {
   std::span<const float> times;
   std::span<const double> pose_matrices, pose_numbers;
   std::span<const double> clipping_planes;  // 4 a plane
+  DistortionInput distortion;
+  bool natural_vignetting = false;
+  double rim_distance = 0, rim_radius = 0;  // before the lens; radius 0: none
+  double magnification[3] = {1, 1, 1};      // of red, green and blue
+  double focus_shift[3] = {0, 0, 0};
   float filter_width = 1;
   std::span<const float> filter_inverse_cdf;  // empty: a box
 };

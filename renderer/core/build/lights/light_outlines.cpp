@@ -170,6 +170,7 @@ LightOutlines find_light_outlines(const Scene& scene) {
   if (!scene.lights.needs_hit_test || camera.orthographic || camera.lens_radius > 0 || scene.has_thin) return made;
   // Where what moves ends there is no one place.
   if (camera.moves || scene.lights.motion.any()) return made;
+  if (camera.distortion || camera.flawed) return made;  // its pixels are not where a pinhole's are, or as bright
   if (scene.lights.analytic_count > kMostLights) return made;
   std::vector<Pixel> found;
   Walk walk(scene);

@@ -48,6 +48,7 @@ def estimate(
     no_motion_blur: stage_flags.NoMotionBlur = False,
     shutter: stage_flags.Shutter = None,
     motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
+    lens: stage_flags.LensFlaws = None,
     json: output_flags.Json = False,
     rendering_color_space: stage_flags.RenderingColorSpace = None,
     no_default_light: stage_flags.NoDefaultLight = False,
@@ -92,6 +93,7 @@ def estimate(
         motion_blur=not no_motion_blur,
         shutter=shutter,
         motion_error=motion_error,
+        lens_flaws=tuple(lens or ()),
     )
     for target in targets:
         RenderSettings(target_error=target)  # checks itself

@@ -38,6 +38,7 @@ def inspect(
     no_motion_blur: stage_flags.NoMotionBlur = False,
     shutter: stage_flags.Shutter = None,
     motion_error: stage_flags.MotionError = DEFAULT_MOTION_ERROR,
+    lens: stage_flags.LensFlaws = None,
     json: output_flags.Json = False,
     verbose: output_flags.Verbose = False,
     strict: stage_flags.Strict = False,
@@ -72,6 +73,7 @@ def inspect(
         motion_blur=not no_motion_blur,
         shutter=shutter,
         motion_error=motion_error,
+        lens_flaws=tuple(lens or ()),
     )
     diagnostics = Diagnostics()
     stage = usd.open_stage(scene, diagnostics, settings.composition)

@@ -80,6 +80,7 @@ def render(
     diffusion_bloom_width: output_flags.DiffusionBloomWidth = None,
     diffusion_starburst: output_flags.DiffusionStarburst = None,
     diffusion_starburst_width: output_flags.DiffusionStarburstWidth = None,
+    lens: stage_flags.LensFlaws = None,
     make_output_path: output_flags.MakeOutputPath = False,
     snapshot: output_flags.Snapshot = None,
     report: output_flags.Report = None,
@@ -139,6 +140,7 @@ def render(
         diffusion_bloom_width=diffusion_bloom_width,
         diffusion_starburst=diffusion_starburst,
         diffusion_starburst_width=diffusion_starburst_width,
+        lens_flaws=tuple(lens or ()),
     )
     looks = Looks(
         json,

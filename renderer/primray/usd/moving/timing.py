@@ -8,6 +8,16 @@ from ...description import Exposure
 
 
 @dataclass(frozen=True)
+class Rolling:
+    """A shutter that opens for one line after the other; in time codes from the frame on."""
+
+    opens: float  # and closes, for the first row and column of the frame
+    closes: float
+    per_column: float
+    per_row: float
+
+
+@dataclass(frozen=True)
 class Timing:
     """A shutter that closes when it opens makes a still of that instant; these defaults: of the frame.
 
@@ -21,6 +31,7 @@ class Timing:
     is_timed: bool = False
     blur_scale: float = 1.0
     vectors: tuple[float, float] | None = None  # of a still: the shutter that motion vectors are asked for over
+    rolling: Rolling | None = None  # within `opens` and `closes`, which are of the first and the last line
 
     @property
     def is_open(self) -> bool:
@@ -53,6 +64,8 @@ class Timing:
 
     @property
     def exposure(self) -> Exposure:
+        if (rolling := self.rolling) is not None:
+            return Exposure(rolling.opens, rolling.closes, self.span, rolling.per_column, rolling.per_row)
         return Exposure(self.opens, self.closes, self.span)
 
 

@@ -15,11 +15,15 @@ from pxr import Usd
 from ..querying.guarded import schemas_applied
 
 _READ = """CollectionAPI GeomModelAPI LightAPI MaterialBindingAPI MotionAPI NodeDefAPI ShadowAPI ShapingAPI SkelBindingAPI
-    MeshLightAPI PrimrayLensAPI VolumeLightAPI ColorSpaceAPI ColorSpaceDefinitionAPI VisibilityAPI"""
+    MeshLightAPI VolumeLightAPI ColorSpaceAPI ColorSpaceDefinitionAPI VisibilityAPI"""
 # Of the proposal "physical-lighting", which USD 26.11 does not know; they are for lights.
 PHOTOMETRIC = frozenset(f"{m}metric{kind}LightAPI" for m in ("Photo", "Radio") for kind in ("Area", "Dome", "Distant"))
 ILLUMINANT = "PhysicalLightIlluminantAPI"
 PHYSICAL = PHOTOMETRIC | {ILLUMINANT}
+# Ours, and those of other programs: adapters/cameras/ has what they say.
+_READ_OF_OTHERS = """OmniLensDistortionFthetaAPI OmniLensDistortionKannalaBrandtK3API OmniLensDistortionLutAPI
+    OmniLensDistortionOpenCvFisheyeAPI OmniLensDistortionOpenCvPinholeAPI OmniLensDistortionRadTanThinPrismAPI
+    OmniRtxRollingShutterAPI PrimrayLensAPI"""
 # Physics, user interfaces, statements about the asset; LightListAPI only speeds up finding lights. The parts of a particle
 # field say nothing where the field itself is not rendered.
 _WITHOUT_EFFECT = """AccessibilityAPI AssetPreviewsAPI AuthorshipAPI ClaimsAPI HydraPrimAPI HydraRenderPassAPI LightListAPI
@@ -30,13 +34,14 @@ _WITHOUT_EFFECT = """AccessibilityAPI AssetPreviewsAPI AuthorshipAPI ClaimsAPI H
     ParticleFieldKernelGaussianSurfletAPI ParticleFieldOpacityAttributeAPI ParticleFieldOrientationAttributeAPI
     ParticleFieldPositionAttributeAPI ParticleFieldPositionBaseAPI ParticleFieldRadianceBaseAPI ParticleFieldScaleAttributeAPI
     ParticleFieldSphericalHarmonicsAttributeAPI"""
-UNDERSTOOD = frozenset(_READ.split()) | PHYSICAL | frozenset(_WITHOUT_EFFECT.split())
+UNDERSTOOD = frozenset(f"{_READ} {_READ_OF_OTHERS} {_WITHOUT_EFFECT}".split()) | PHYSICAL
 
 # What is done instead.
 IGNORED = {
     "BackPlateAPI": "Back plates are not rendered.",
     "CoordSysAPI": "Coordinate systems are not read.",
     "HydraGenerativeProceduralAPI": "What its procedural would make is missing.",
+    "OmniLensDistortionOmniDirectionalStereoAPI": "Its camera is rendered as one eye, without it.",
     "LODOverrideAPI": "Level-of-detail overrides have no effect.",
     "LODRootAPI": "Every level of detail is rendered.",
     "PhysicalCameraResponsivityAPI": "The camera has the standard observer's colours, not a sensor's own.",

@@ -10,7 +10,7 @@ from pxr import Usd
 
 from .applied_schemas import foreign_schema
 from .context import Context
-from .renderer_attributes import CAMERA_VISIBILITY, CONVENTIONS, LENS_WORDS
+from .renderer_attributes import CAMERA_VISIBILITY, CONVENTIONS, LENS_WORDS, ROLLING_SHUTTER
 from .resolve import ResolvedPrim
 
 # First words of the namespaces that renderers document for their own attributes (arnold-usd, hdPrman, Karma, Redshift, V-Ray,
@@ -37,7 +37,7 @@ class NameSet:
 
 def renderer_of(name: str) -> str:
     """The renderer that an attribute speaks to, "" for none or where the attribute is read here."""
-    if name in _READ or any(word in name.lower() for word in LENS_WORDS):
+    if name in _READ or name.startswith(ROLLING_SHUTTER) or any(word in name.lower() for word in LENS_WORDS):
         return ""
     first, _, rest = name.partition(":")
     if first in _WITHIN:

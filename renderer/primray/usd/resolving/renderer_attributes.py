@@ -15,6 +15,9 @@ CAMERA_VISIBILITY = (
 )
 
 
+ROLLING_SHUTTER = "omni:rtx:rollingShutter:"  # Omniverse RTX; adapters/cameras/rolling_shutter.py
+
+
 @dataclass(frozen=True)
 class Convention:
     """How one renderer's attributes say what an aperture looks like. UsdGeomCamera itself has none for it."""

@@ -53,7 +53,7 @@ def camera_motion(
         if fraction not in known:
             when = ctx.when.after(scale * timing.offset(fraction))
             found = read_camera(prim, ctx.when, resolution, product, frame.shutter, Diagnostics(), when)
-            known[fraction] = replace(found, exposure_scale=frame.exposure_scale)
+            known[fraction] = as_made(found, frame)
         return known[fraction]
 
     def error(a: float, b: float, time: float) -> float:
@@ -65,6 +65,19 @@ def camera_motion(
         return None
     steps = steps_of(error, bent, most, NO_ERROR)
     return CameraMotion(np.array(steps.times), tuple(at(time) for time in steps.times)), steps
+
+
+def as_made(found: Camera, frame: Camera) -> Camera:
+    """With what does not move as it is at the frame."""
+    return replace(
+        found,
+        exposure_scale=frame.exposure_scale,
+        distortion=frame.distortion,
+        natural_vignetting=frame.natural_vignetting,
+        rim=frame.rim,
+        channel_magnification=frame.channel_magnification,
+        channel_focus_shift=frame.channel_focus_shift,
+    )
 
 
 def _moving(prim: Usd.Prim, ctx: Context) -> Iterator[Usd.Attribute]:
@@ -110,7 +123,8 @@ def _mix(a: Doubles, b: Doubles, u: float) -> Doubles:
 
 
 def _difference(found: Camera, true: Camera, nearest: float, resolution: tuple[int, int]) -> float:
-    """Pixels, the largest at the corners and the centre of what the true camera sees, near and far."""
+    """Pixels, the largest at the corners and the centre of what the true camera sees, near and far; without distortion."""
+    found, true = replace(found, distortion=None), replace(true, distortion=None)
     left, right, bottom, top = true.window
     window = np.array([(left, bottom), (left, top), (right, bottom), (right, top), ((left + right) / 2, (bottom + top) / 2)])
     apart = 0.0

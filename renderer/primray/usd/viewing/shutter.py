@@ -5,9 +5,10 @@ from __future__ import annotations
 from pxr import Usd
 
 from ...description import Camera
+from ..adapters.cameras.rolling_shutter import Scan, read_scan
 from ..adapters.cameras.shutter import INSTANT, Shutter, read_shutter
 from ..adapters.rendering.render_product import ProductSettings
-from ..moving.timing import AT_FRAME, Timing
+from ..moving.timing import AT_FRAME, Rolling, Timing
 from ..resolving.context import Context
 from ..resolving.read import has_samples_or_clips
 
@@ -32,7 +33,34 @@ def shutter_of(camera: Usd.Prim | None, ctx: Context, product: ProductSettings) 
     return INSTANT if camera is None else read_shutter(camera, ctx.when, ctx.diagnostics, is_instant=is_instant)
 
 
-def timing_of(shutter: Shutter, with_frame: bool, ctx: Context, vectors: Shutter = None) -> Timing:
+def scan_of(camera: Usd.Prim | None, shutter: Shutter, ctx: Context, product: ProductSettings) -> Scan | None:
+    """Of the camera, unless the user or the render settings say when the shutter is open."""
+    said = ctx.settings.shutter is not None or not ctx.settings.motion_blur
+    if camera is None or shutter is None or said or product.disable_motion_blur or product.instantaneous_shutter:
+        return None
+    return read_scan(camera, ctx.when, ctx.diagnostics)
+
+
+def rolling_of(scan: Scan, shutter: tuple[float, float], lines: tuple[int, int], time_codes_per_second: float) -> Rolling:
+    """`lines`: columns and rows of the picture."""
+    opens, closes = shutter
+    if scan.line_exposure_s is not None:
+        closes = opens + scan.line_exposure_s * time_codes_per_second
+    across, down = (side * scan.line_offset_s * time_codes_per_second for side in scan.direction)
+    # The first line to open may be the last of the frame's.
+    later = max(-across, 0.0) * (lines[0] - 1) + max(-down, 0.0) * (lines[1] - 1)
+    return Rolling(opens + later, closes + later, across, down)
+
+
+def whole_shutter(rolling: Rolling, lines: tuple[int, int]) -> tuple[float, float]:
+    """From when the first line opens to when the last one closes."""
+    of_last = rolling.per_column * (lines[0] - 1) + rolling.per_row * (lines[1] - 1)
+    return rolling.opens + min(of_last, 0.0), rolling.closes + max(of_last, 0.0)
+
+
+def timing_of(
+    shutter: Shutter, with_frame: bool, ctx: Context, vectors: Shutter = None, rolling: Rolling | None = None
+) -> Timing:
     """`with_frame`: AOVs show the frame's instant; `vectors`: the shutter that a still's motion vectors are over. Nothing moves
     in a picture that is black."""
     if vectors is not None and not vectors[0] < vectors[1]:
@@ -40,7 +68,7 @@ def timing_of(shutter: Shutter, with_frame: bool, ctx: Context, vectors: Shutter
     if shutter is None or (shutter == INSTANT and vectors is None):
         return AT_FRAME
     is_timed = ctx.when.careful if ctx.when.is_default else has_samples_or_clips(ctx.stage)
-    return Timing(*shutter, with_frame=with_frame, is_timed=is_timed, vectors=vectors)
+    return Timing(*shutter, with_frame=with_frame, is_timed=is_timed, vectors=vectors, rolling=rolling)
 
 
 def shutter_of_vectors(camera: Usd.Prim | None, shutter: Shutter, ctx: Context) -> Shutter:

@@ -7,12 +7,14 @@ from collections.abc import Callable
 
 from pxr import Sdf, Usd
 
-from ...camera_choice import Matrix
+from ...camera_choice import Matrix, flaws_of
 from ...description import Camera, Frame
 from ...description.frame import pixels_within
+from ...diagnostics import Diagnostics
 from ...errors import InvalidSceneError, LimitError, SettingsError
 from ...settings import MAX_RESOLUTION, AutoCamera, limit_pixels
 from ..adapters.cameras.camera import Aperture, camera, note_one_eye, pixel_aspect_ratio, read_aperture
+from ..adapters.cameras.flaws import with_flaws
 from ..adapters.cameras.shutter import Shutter
 from ..adapters.rendering.render_product import ProductSettings
 from ..opening.stage_metadata import up_axis
@@ -77,15 +79,19 @@ def view_through(
     if found is not None:
         if prim is not None and ctx.settings.eye is None:
             note_one_eye(prim, ctx.when, ctx.diagnostics)
-        return found, frame
+        return _with_flaws(found, prim, ctx), frame
     resolution = frame.resolution
     z_up = up_axis(ctx.stage) == "Z"
     if ctx.settings.auto_camera is AutoCamera.USDRECORD:
         ctx.warn("camera-automatic", "", "The stage has no camera: it is framed as usdrecord would.")
-        return with_shutter(framing_camera(bounds(), z_up, resolution, product), shutter), frame
+        return _with_flaws(with_shutter(framing_camera(bounds(), z_up, resolution, product), shutter), None, ctx), frame
     made, left_out = three_quarter_camera(drawn(), z_up, resolution, product)
     ctx.warn("camera-automatic", "", f"The stage has no camera: it is seen from three quarters, above{_without(left_out)}.")
-    return with_shutter(made, shutter), frame
+    return _with_flaws(with_shutter(made, shutter), None, ctx), frame
+
+
+def _with_flaws(found: Camera, prim: Usd.Prim | None, ctx: Context) -> Camera:
+    return with_flaws(found, prim if found.path else None, flaws_of(ctx.settings.lens_flaws), ctx.when, ctx.diagnostics)
 
 
 def view_without_things(
@@ -105,6 +111,12 @@ def view_without_things(
         still = camera_when(prim, ctx, ctx.timing.opens) if not ctx.timing.is_open else None
         return camera(prim, ctx.when, resolution, product, shutter, ctx.diagnostics, still), frame
     return None, frame
+
+
+def lines_of(prim: Usd.Prim | None, ctx: Context, product: ProductSettings) -> tuple[int, int]:
+    """Columns and rows of the picture through a camera of the stage."""
+    aperture = read_aperture(prim, ctx.when, Diagnostics()) if prim is not None else APERTURE
+    return _scaled(_resolution(ctx.settings.resolution, product, aperture), ctx.settings.resolution_scale)
 
 
 def _camera_without_prim(prim: Usd.Prim | None, ctx: Context) -> Camera | Matrix | None:

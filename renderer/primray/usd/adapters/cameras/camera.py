@@ -18,6 +18,7 @@ from ...resolving.read import When, number, token
 from ...resolving.resolve import local_matrix, reads_early
 from ..rendering.render_product import ProductSettings
 from .clipping import clipping_planes, clipping_range
+from .distortion import Sensor, note_parallel, read_sensor
 from .lens import MM, WIDEST, Lens, note_no_lens, read_lens
 from .lens_api import note_unknown_names, read_diffusion
 from .shutter import INSTANT, Shutter
@@ -41,6 +42,22 @@ class Aperture:
 
 
 def read_aperture(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Aperture:
+    """The film's; the calibrated sensor's, in pixels, of a camera whose lens distorts."""
+    if not _is_orthographic(prim, when) and (sensor := read_sensor(prim, when, diagnostics)) is not None:
+        return _of_sensor(sensor)
+    return _of_film(prim, when, diagnostics)
+
+
+def _is_orthographic(prim: Usd.Prim, when: When) -> bool:
+    return token(prim, "projection", when, "perspective") == "orthographic"
+
+
+def _of_sensor(sensor: Sensor) -> Aperture:
+    x, y = sensor.center
+    return Aperture(sensor.width, sensor.height, sensor.width / 2 - x, y - sensor.height / 2)
+
+
+def _of_film(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Aperture:
     def positive(name: str, default: float) -> float:
         size = number(prim, name, when, default, diagnostics)
         if size > 0:
@@ -94,20 +111,28 @@ def camera(
     """As it is at the frame; but for its exposure as it is at another instant, if a `still` of that is wanted."""
     then = still or when
     path = str(prim.GetPath())
-    aperture = conform(read_aperture(prim, then, diagnostics), resolution, product)
-    orthographic = token(prim, "projection", when, "perspective") == "orthographic"
+    orthographic = _is_orthographic(prim, when)
+    sensor = None if orthographic else read_sensor(prim, then, diagnostics)
     focal = number(prim, "focalLength", then, 50.0, diagnostics)
     if focal <= 0 and not orthographic:
         diagnostics.add("out-of-range", path, f"focalLength = {focal:g} is not positive: 50 is used.", "focalLength")
         focal = 50.0
-    window = window_of(aperture, MM if orthographic else 1.0 / focal)
+    window, distortion = None, None
+    if sensor is not None:
+        window, distortion = _sensor_window(sensor, resolution, product), sensor.distortion
+        if not _is_usable(window):
+            diagnostics.add("camera-input", path, f"{_unusable(window)}: nothing is distorted.")
+            window = distortion = None
+    if window is None:
+        aperture = conform(_of_film(prim, then, diagnostics), resolution, product)
+        window = window_of(aperture, MM if orthographic else 1.0 / focal)
     if not _is_usable(window):
-        shown = ", ".join(f"{side:g}" for side in window)
-        diagnostics.add("camera-input", path, f"No film can be as wide as ({shown}) at unit distance: apertures are ignored.")
+        diagnostics.add("camera-input", path, f"{_unusable(window)}: apertures are ignored.")
         focal, aperture = max(focal, 50.0), conform(Aperture(20.955, 15.2908), resolution, ProductSettings())
         window = window_of(aperture, MM if orthographic else 1.0 / focal)
     lens = Lens()
     if orthographic:
+        note_parallel(prim, when, diagnostics)
         note_no_lens(prim, then, product.disable_depth_of_field, diagnostics)
     else:
         lens = read_lens(prim, focal, then, product.disable_depth_of_field, diagnostics)
@@ -127,6 +152,7 @@ def camera(
         clipping_planes(prim, when, diagnostics),
         shutter or INSTANT,
         read_diffusion(prim, lens, then, diagnostics),
+        distortion,
     )
 
 
@@ -134,6 +160,17 @@ def window_of(aperture: Aperture, scale: float) -> tuple[float, float, float, fl
     """GfCamera::GetFrustum: the aperture about its offset, over the focal length or in scene units."""
     x, y, w, h = aperture.offset_x, aperture.offset_y, aperture.width / 2, aperture.height / 2
     return ((x - w) * scale, (x + w) * scale, (y - h) * scale, (y + h) * scale)
+
+
+def _sensor_window(sensor: Sensor, resolution: tuple[int, int], product: ProductSettings) -> tuple[float, float, float, float]:
+    """Its pixels over the focal length, which may differ across and down."""
+    left, right, bottom, top = window_of(conform(_of_sensor(sensor), resolution, product), 1.0)
+    across, down = sensor.focal
+    return left / across, right / across, bottom / down, top / down
+
+
+def _unusable(window: tuple[float, float, float, float]) -> str:
+    return f"No film can be as wide as ({', '.join(f'{side:g}' for side in window)}) at unit distance"
 
 
 def _is_usable(window: tuple[float, float, float, float]) -> bool:

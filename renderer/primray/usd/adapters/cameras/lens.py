@@ -10,6 +10,8 @@ from ....diagnostics import Diagnostics
 from ...querying.guarded import property_names
 from ...resolving.read import When, number, read
 from ...resolving.renderer_attributes import CONVENTIONS, LENS_WORDS
+from .distortion import PREFIX
+from .flaws import PREFIX as FLAWS
 
 MM = 0.1  # camera lengths are tenths of scene units (UsdGeomCamera)
 # Beyond this floats would overflow: tangents are squared.
@@ -54,7 +56,7 @@ def note_no_lens(prim: Usd.Prim, when: When, disabled: bool, diagnostics: Diagno
 def blades_of(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> tuple[int, float]:
     """Sides of the polygon, whose corners lie on the lens's circle, and the direction of one of them."""
     path = str(prim.GetPath())
-    authored = {name for name in property_names(prim) if _is_of_a_lens(name)}
+    authored = {name for name in property_names(prim) if _is_foreign(name)}
     own = set(prim.GetPrimDefinition().GetPropertyNames())
     used = next((c for c in CONVENTIONS if c.blades in authored), None)
     followed = {used.blades, used.rotation_deg, used.roundness} if used else set()
@@ -77,8 +79,9 @@ def blades_of(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> tuple[int
     return sides, number(prim, used.rotation_deg, when, 0.0, diagnostics)
 
 
-def _is_of_a_lens(name: str) -> bool:
-    return not name.startswith("primray:lens:") and any(word in name.lower() for word in LENS_WORDS)
+def _is_foreign(name: str) -> bool:
+    """Whether it speaks of the lens, and is not read with its distortion and flaws."""
+    return any(word in name.lower() for word in LENS_WORDS) and not name.startswith((PREFIX, FLAWS))
 
 
 # By the end of an attribute's name, the value that changes nothing.

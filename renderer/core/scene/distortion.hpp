@@ -1,0 +1,59 @@
+// A lens's distortion: from a point of the film to a direction, in double. Film points are in units of the focal length, +y up;
+// where no lens distorts, they are the camera's window at unit distance.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "math/vec3.hpp"
+
+namespace primray {
+
+enum class DistortionModel {
+  kRational,       // OpenCV's pinhole: k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4
+  kAngleToRadius,  // radius on the film = k0 a + k1 a^3 + k2 a^5 + k3 a^7 + k4 a^9 of the angle a to the axis
+  kRadiusToAngle,  // angle to the axis = k0 + k1 r + k2 r^2 + k3 r^3 + k4 r^4 of the radius r on the film
+  kTable,          // directions, linear between texels
+};
+
+// Directions at the centres of texels, the first at the upper left: three floats each, NaN where the lens sees nothing.
+struct DirectionTable {
+  int columns = 0, rows = 0;
+  double left = 0, right = 0, bottom = 0, top = 0;  // of the whole table on the film
+  std::vector<float> directions;
+
+  std::optional<dvec3> at(double x, double y) const;
+};
+
+struct Distortion {
+  static constexpr int kCoefficients = 12;
+
+  DistortionModel model = DistortionModel::kRational;
+  double k[kCoefficients] = {};
+  double most_angle = 0;   // radians from the axis that the lens sees
+  double most_inside = 0;  // so far the model is one to one: in tangents (rational), radians, or radii on the film
+  double most_radius = 0;  // where that lands on the film
+  DirectionTable table;
+
+  // Finds how far the model is one to one.
+  void limit();
+
+  // Focus and clipping are by distance: there is no plane that such a lens has all of before it.
+  bool on_spheres() const { return model != DistortionModel::kRational; }
+
+  // Where the lens looks from (x, y): of unit length if it is on spheres, else with z = -1. Nothing beyond what it sees.
+  std::optional<dvec3> direction(double x, double y) const;
+
+  // How much finer directions lie than at the film's middle, at the finest place of this window: 1 or less.
+  double finest(double left, double right, double bottom, double top) const;
+
+ private:
+  std::optional<dvec3> undistorted(double x, double y) const;
+  double radial(double r) const;
+  double radial_slope(double r) const;
+  double unfolds(double r) const;
+  bool is_radial() const { return k[2] == 0 && k[3] == 0 && k[8] == 0 && k[9] == 0 && k[10] == 0 && k[11] == 0; }
+  std::optional<double> angle_of(double radius) const;
+};
+
+}  // namespace primray

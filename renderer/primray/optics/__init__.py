@@ -1,0 +1,1 @@
+"""Lenses: how they distort. A part of the seam, that `camera` holds."""

@@ -1,0 +1,207 @@
+"""Distortion by the OmniLensDistortion* schemas of NVIDIA's Omniverse, as attributes: USD need not know the schemas.
+
+Names and defaults are those of the ovrtx 0.7 documentation ("Lens Distortion Schemas"), which gives no formulas. Film
+points are counted in pixels of the calibrated sensor from its upper left corner, (0.5, 0.5) being the first pixel's centre.
+Where the schemas say nothing, docs/decisions/images/lens-distortion.md says what is read into them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from pxr import Usd
+
+from ....diagnostics import Diagnostics
+from ....optics.distortion import Distortion, DistortionModel
+from ...querying.guarded import property_names
+from ...resolving.applied_schemas import applied_schemas
+from ...resolving.read import When, number, read, token, vector
+from .distortion_table import read_table
+
+PREFIX = "omni:lensdistortion:"
+MODEL = f"{PREFIX}model"
+# By the schema's name, the model's.
+SCHEMAS = {
+    "OmniLensDistortionFthetaAPI": "ftheta",
+    "OmniLensDistortionKannalaBrandtK3API": "kannalaBrandtK3",
+    "OmniLensDistortionRadTanThinPrismAPI": "radTanThinPrism",
+    "OmniLensDistortionLutAPI": "lut",
+    "OmniLensDistortionOpenCvFisheyeAPI": "opencvFisheye",
+    "OmniLensDistortionOpenCvPinholeAPI": "opencvPinhole",
+}
+NO_MODEL = ("", "none", "pinhole")
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """What a calibration speaks of, in pixels."""
+
+    width: float
+    height: float
+    center: tuple[float, float]  # the optical axis, from the upper left corner
+    focal: tuple[float, float]  # what a unit of the film is, across and down
+    distortion: Distortion
+
+
+class _Unusable(Exception):
+    """Says why; `name`: of the attribute."""
+
+    def __init__(self, sentence: str, name: str) -> None:
+        super().__init__(sentence)
+        self.name = name
+
+
+@dataclass(frozen=True)
+class _Attributes:
+    """Those of one model."""
+
+    prim: Usd.Prim
+    model: str
+    when: When
+    diagnostics: Diagnostics
+
+    def name(self, short: str) -> str:
+        return f"{PREFIX}{self.model}:{short}"
+
+    def number(self, short: str, default: float = 0.0) -> float:
+        return number(self.prim, self.name(short), self.when, default, self.diagnostics)
+
+    def numbers(self, shorts: str, **defaults: float) -> tuple[float, ...]:
+        return tuple(self.number(short, defaults.get(short, 0.0)) for short in shorts.split())
+
+    def pair(self, short: str, default: tuple[float, float]) -> tuple[float, float]:
+        raw = read(self.prim, self.name(short), self.when)
+        if type(raw).__name__ == "Vec2i":
+            return float(raw[0]), float(raw[1])
+        x, y = vector(self.prim, self.name(short), self.when, default, self.diagnostics)
+        return x, y
+
+    def above_0(self, short: str, default: float) -> float:
+        found = self.number(short, default)
+        if not found > 0:
+            raise _Unusable(f"{self.name(short)} = {found:g} is not above 0", self.name(short))
+        return found
+
+    def nominal(self) -> tuple[float, float, tuple[float, float]]:
+        """Width, height and optical centre."""
+        width, height = self.above_0("nominalWidth", 1936.0), self.above_0("nominalHeight", 1216.0)
+        center = (970.9424, 600.3748) if (width, height) == (1936.0, 1216.0) else (width / 2, height / 2)
+        return width, height, self.pair("opticalCenter", center)
+
+    def image(self) -> tuple[float, float, tuple[float, float], tuple[float, float]]:
+        """The same of OpenCV's, and its focal lengths."""
+        width, height = self.pair("imageSize", (2048.0, 1024.0))
+        if not min(width, height) > 0:
+            raise _Unusable(f"{self.name('imageSize')} = ({width:g}, {height:g}) is no size", self.name("imageSize"))
+        focal = self.above_0("fx", 900.0), self.above_0("fy", 800.0)
+        return width, height, (self.number("cx", 1024.0), self.number("cy", 512.0)), focal
+
+    def half_fov(self, default: float) -> float:
+        """Degrees from the axis."""
+        return min(self.above_0("maxFov", default) / 2, 180.0)
+
+
+def distortion_model(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> str:
+    """The model that the camera names or whose schema is applied; "" for none. An unknown one is noted."""
+    named = token(prim, MODEL, when, "")
+    if named not in NO_MODEL:
+        if named in SCHEMAS.values():
+            return named
+        message = f"{MODEL} = {named} is not supported: nothing is distorted."
+        diagnostics.add("camera-input", str(prim.GetPath()), message, MODEL)
+        return ""
+    if named or MODEL in property_names(prim):
+        return ""
+    return next((SCHEMAS[schema] for schema in applied_schemas(prim) if schema in SCHEMAS), "")
+
+
+def read_sensor(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Sensor | None:
+    """None for a camera whose lens does not distort, and where what it says cannot be used, which is noted."""
+    model = distortion_model(prim, when, diagnostics)
+    if not model:
+        return None
+    try:
+        return _READERS[model](_Attributes(prim, model, when, diagnostics))
+    except _Unusable as why:
+        message = f"{why}: nothing is distorted."
+        diagnostics.add("camera-input", str(prim.GetPath()), message, why.name)
+        return None
+
+
+def note_parallel(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> None:
+    """Of an orthographic camera."""
+    if distortion_model(prim, when, diagnostics):
+        message = "An orthographic camera has no lens: its distortion is ignored."
+        diagnostics.add("camera-input", str(prim.GetPath()), message, MODEL)
+
+
+def _ftheta(a: _Attributes) -> Sensor:
+    """k0 to k4: the angle in radians by the distance in pixels. The focal length is what it is at the axis."""
+    width, height, center = a.nominal()
+    k = a.numbers("k0 k1 k2 k3 k4", k1=0.00245)
+    focal = 1 / k[1] if k[1] > 0 else max(width, height) / 2
+    scaled = tuple(c * focal**power for power, c in enumerate(k))
+    if not (k[1] >= 0 and any(c > 0 for c in k[1:]) and all(map(math.isfinite, scaled))):
+        raise _Unusable("the polynomial k0 to k4 gives no angle that grows with the distance", a.name("k1"))
+    return Sensor(width, height, center, (focal, focal), Distortion(DistortionModel.RADIUS_TO_ANGLE, scaled, a.half_fov(200.0)))
+
+
+def _kannala_brandt(a: _Attributes) -> Sensor:
+    """k0 to k3: the distance in pixels by odd powers of the angle (Kannala, Brandt 2006, eq. 6)."""
+    width, height, center = a.nominal()
+    k = a.numbers("k0 k1 k2 k3")
+    if not k[0] > 0:
+        raise _Unusable(f"{a.name('k0')} = {k[0]:g}, pixels by radian at the axis, is not above 0", a.name("k0"))
+    scaled = (*(c / k[0] for c in k), 0.0)
+    return Sensor(width, height, center, (k[0], k[0]), Distortion(DistortionModel.ANGLE_TO_RADIUS, scaled, a.half_fov(200.0)))
+
+
+def _opencv_fisheye(a: _Attributes) -> Sensor:
+    width, height, center, focal = a.image()
+    k = (1.0, *a.numbers("k1 k2 k3 k4", k1=0.00245))
+    return Sensor(width, height, center, focal, Distortion(DistortionModel.ANGLE_TO_RADIUS, k))
+
+
+def _opencv_pinhole(a: _Attributes) -> Sensor:
+    width, height, center, focal = a.image()
+    k = a.numbers("k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4")
+    return Sensor(width, height, center, focal, Distortion(DistortionModel.RATIONAL, k, 90.0))
+
+
+def _rad_tan_thin_prism(a: _Attributes) -> Sensor:
+    """OpenCV's rational model by other names; it has no focal length of its own, so the camera's is that of the sensor."""
+    width, height, center = a.nominal()
+    k0, k1, k2, k3, k4, k5, p0, p1, s0, s1, s2, s3 = a.numbers("k0 k1 k2 k3 k4 k5 p0 p1 s0 s1 s2 s3")
+    length = number(a.prim, "focalLength", a.when, 50.0, a.diagnostics)
+    aperture = number(a.prim, "horizontalAperture", a.when, 20.955, a.diagnostics)
+    if not min(length, aperture) > 0:
+        raise _Unusable("it has neither a focal length nor an aperture above 0", "focalLength")
+    focal = width * length / aperture
+    k = (k0, k1, p0, p1, k2, k3, k4, k5, s0, s1, s2, s3)
+    half = min(a.half_fov(180.0), 90.0)
+    return Sensor(width, height, center, (focal, focal), Distortion(DistortionModel.RATIONAL, k, half))
+
+
+def _lut(a: _Attributes) -> Sensor:
+    width, height, center = a.nominal()
+    if read(a.prim, a.name("opticalCenter"), a.when) is None:
+        center = width / 2, height / 2
+    name = a.name("rayEnterDirectionTexture")
+    table = read_table(read(a.prim, name, a.when), (width, height), center)
+    if isinstance(table, str):
+        raise _Unusable(f"{name}: {table}", name)
+    focal, directions = table
+    # The table is of the whole sensor; another centre shifts all of it.
+    return Sensor(width, height, center, (focal, focal), Distortion(DistortionModel.TABLE, (), 180.0, directions))
+
+
+_READERS: Mapping[str, Callable[[_Attributes], Sensor]] = {
+    "ftheta": _ftheta,
+    "kannalaBrandtK3": _kannala_brandt,
+    "radTanThinPrism": _rad_tan_thin_prism,
+    "lut": _lut,
+    "opencvFisheye": _opencv_fisheye,
+    "opencvPinhole": _opencv_pinhole,
+}

@@ -1,0 +1,80 @@
+"""What a lens does to light beside distorting it: by PrimrayLensAPI, an applied schema of ours (schemas/usd), or as asked.
+
+Attributes are read whether or not USD knows the schema. Without them, and where nothing is asked for, a lens has no flaws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from pxr import Usd
+
+from ....description import Camera, Projection
+from ....diagnostics import Diagnostics
+from ...querying.guarded import property_names
+from ...resolving.read import When, flag, number, vector
+
+PREFIX = "primray:lens:"
+NATURAL = f"{PREFIX}naturalVignetting"
+RIM_DISTANCE, RIM_RADIUS = f"{PREFIX}rimDistance", f"{PREFIX}rimRadius"
+MAGNIFICATION, FOCUS_SHIFT = f"{PREFIX}channelMagnification", f"{PREFIX}channelFocusShift"
+
+Asked = Mapping[str, tuple[float, ...]]
+
+
+def with_flaws(camera: Camera, prim: Usd.Prim | None, asked: Asked, when: When, diagnostics: Diagnostics) -> Camera:
+    """The camera with its own flaws, and those that are asked for in their place."""
+    authored = prim is not None and any(name.startswith(PREFIX) for name in property_names(prim))
+    if not authored and not asked:
+        return camera
+    if camera.projection is Projection.ORTHOGRAPHIC:
+        diagnostics.add("camera-input", camera.path, "An orthographic camera has no lens: its flaws are ignored.")
+        return camera
+    if authored and prim is not None:
+        camera = _authored(camera, prim, when, diagnostics)
+    if "natural-vignetting" in asked:
+        camera = replace(camera, natural_vignetting=asked["natural-vignetting"][0] != 0)
+    if "rim" in asked:
+        distance, radius = asked["rim"]
+        camera = replace(camera, rim=(distance, radius))
+    if "channel-magnification" in asked:
+        red, green, blue = asked["channel-magnification"]
+        camera = replace(camera, channel_magnification=(red, green, blue))
+    if "channel-focus-shift" in asked:
+        red, green, blue = asked["channel-focus-shift"]
+        camera = replace(camera, channel_focus_shift=(red, green, blue))
+    return _focused(camera, diagnostics)
+
+
+def _authored(camera: Camera, prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Camera:
+    path = str(prim.GetPath())
+
+    def not_below_0(name: str) -> float:
+        found = number(prim, name, when, 0.0, diagnostics)
+        if found < 0:
+            diagnostics.add("out-of-range", path, f"{name} = {found:g} is below 0: 0 is used.", name)
+        return max(found, 0.0)
+
+    red, green, blue = vector(prim, MAGNIFICATION, when, (1.0, 1.0, 1.0), diagnostics)
+    if min(red, green, blue) <= 0:
+        sentence = f"{MAGNIFICATION} = ({red:g}, {green:g}, {blue:g}) is not above 0: 1 is used."
+        diagnostics.add("out-of-range", path, sentence, MAGNIFICATION)
+        red = green = blue = 1.0
+    shift_r, shift_g, shift_b = vector(prim, FOCUS_SHIFT, when, (0.0, 0.0, 0.0), diagnostics)
+    return replace(
+        camera,
+        natural_vignetting=flag(prim, NATURAL, when, False),
+        rim=(not_below_0(RIM_DISTANCE), not_below_0(RIM_RADIUS)),
+        channel_magnification=(red, green, blue),
+        channel_focus_shift=(shift_r, shift_g, shift_b),
+    )
+
+
+def _focused(camera: Camera, diagnostics: Diagnostics) -> Camera:
+    """Each channel's focus lies before the camera."""
+    if camera.lens_radius == 0 or min(camera.channel_focus_shift) + camera.focus_distance > 0:
+        return camera
+    message = f"{FOCUS_SHIFT} brings a channel's focus behind the camera: it is ignored."
+    diagnostics.add("out-of-range", camera.path, message, FOCUS_SHIFT)
+    return replace(camera, channel_focus_shift=(0.0, 0.0, 0.0))

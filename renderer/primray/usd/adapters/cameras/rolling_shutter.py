@@ -1,0 +1,49 @@
+"""A shutter that rolls, by OmniRtxRollingShutterAPI of NVIDIA's Omniverse, as attributes: USD need not know the schema.
+
+Names and meanings are those of the ovrtx 0.7 documentation ("Rolling Shutter"): times are seconds, as fractions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from pxr import Usd
+
+from ....diagnostics import Diagnostics
+from ...querying.guarded import property_names
+from ...resolving.read import When, token, vector
+from ...resolving.renderer_attributes import ROLLING_SHUTTER
+
+ORDER, OFFSET, EXPOSURE = (f"{ROLLING_SHUTTER}{name}" for name in ("scanOrder", "lineOffset", "lineExposure"))
+# Which way lines follow each other: across or down, and from which side.
+ORDERS = {"topToBottom": (0, 1), "bottomToTop": (0, -1), "leftToRight": (1, 0), "rightToLeft": (-1, 0)}
+
+
+@dataclass(frozen=True)
+class Scan:
+    direction: tuple[int, int]
+    line_offset_s: float
+    line_exposure_s: float | None  # None: as long as the camera's shutter is open
+
+
+def read_scan(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Scan | None:
+    """None where the whole film is exposed at once."""
+    order = token(prim, ORDER, when, "none")
+    if order == "none":
+        return None
+    if order not in ORDERS:
+        message = f"{ORDER} = {order} is not known: the whole film is exposed at once."
+        diagnostics.add("camera-input", str(prim.GetPath()), message, ORDER)
+        return None
+    offset = _seconds(prim, OFFSET, when, diagnostics)
+    exposure = _seconds(prim, EXPOSURE, when, diagnostics) if EXPOSURE in property_names(prim) else None
+    return Scan(ORDERS[order], offset, exposure)
+
+
+def _seconds(prim: Usd.Prim, name: str, when: When, diagnostics: Diagnostics) -> float:
+    above, below = vector(prim, name, when, (0.0, 1.0), diagnostics)
+    if below > 0 and above >= 0:
+        return above / below
+    message = f"{name} = ({above:g}, {below:g}) is no fraction of a second: 0 is used."
+    diagnostics.add("out-of-range", str(prim.GetPath()), message, name)
+    return 0.0

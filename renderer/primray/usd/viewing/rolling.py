@@ -1,0 +1,24 @@
+"""When each line of the picture is exposed, which takes knowing how many there are."""
+
+from __future__ import annotations
+
+from pxr import Usd
+
+from ..adapters.cameras.shutter import Shutter
+from ..adapters.rendering.render_product import ProductSettings
+from ..moving.timing import Rolling
+from ..querying.stage_values import time_codes_per_second
+from ..resolving.context import Context
+from .shutter import rolling_of, scan_of, shutter_of, whole_shutter
+from .view import lines_of
+
+
+def exposed(camera: Usd.Prim | None, ctx: Context, product: ProductSettings) -> tuple[Shutter, Rolling | None]:
+    """From when to when some of the picture is, and how it goes on within that; None where all of it is at once."""
+    shutter = shutter_of(camera, ctx, product)
+    scan = scan_of(camera, shutter, ctx, product)
+    if scan is None or shutter is None:
+        return shutter, None
+    lines = lines_of(camera, ctx, product)
+    rolling = rolling_of(scan, shutter, lines, time_codes_per_second(ctx.stage))
+    return whole_shutter(rolling, lines), rolling

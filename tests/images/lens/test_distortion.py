@@ -1,0 +1,267 @@
+"""Distorting lenses against OpenCV, closed forms and themselves: where points land, where rays go, what is not seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from tests.described import box, describe, ground, kernels, lambert, light, look_at, perspective, quad, render, translation
+from tests.images.motion.motion_scenes import exposed
+
+from primray.camera import camera_as_json, camera_of
+from primray.description import Camera, CameraMotion, Doubles, LightType
+from primray.optics.distortion import DirectionTable, Distortion, DistortionModel
+
+RESOLUTION = (160, 100)
+K = (-0.2, 0.05, 0.002, -0.003, -0.004, 0.01, 0.002, 0.001, 0.001, -0.002, 0.0015, 0.0003)
+EQUIDISTANT = Distortion(DistortionModel.ANGLE_TO_RADIUS, (1.0, 0.0, 0.0, 0.0, 0.0), 110.0)
+F_THETA = Distortion(DistortionModel.RADIUS_TO_ANGLE, (0.0, 1.0, 0.0, 0.0, 0.0), 110.0)
+
+
+def table_of(distortion: Distortion, half: float, size: int) -> Distortion:
+    """The same as a table, by the core's directions at its texels."""
+    at = ((np.arange(size) + 0.5) / size * 2 - 1) * half
+    film = np.stack(np.meshgrid(at, -at), axis=-1).reshape(-1, 2)
+    directions = inverse(distortion, film)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    texels = directions.reshape(size, size, 3).astype(np.float32)
+    return Distortion(DistortionModel.TABLE, (), 180.0, DirectionTable((-half, half, -half, half), texels))
+
+
+LENSES = {
+    "rational": Distortion(DistortionModel.RATIONAL, K, 90.0),
+    "barrel": Distortion(DistortionModel.RATIONAL, (-0.3, 0.0, *[0.0] * 10), 90.0),
+    "pincushion": Distortion(DistortionModel.RATIONAL, (0.3, 0.1, *[0.0] * 10), 90.0),
+    "fisheye": Distortion(DistortionModel.ANGLE_TO_RADIUS, (1.0, 0.03, -0.01, 0.002, 0.0003)),
+    "turning back": Distortion(DistortionModel.ANGLE_TO_RADIUS, (1.0, -0.1, 0.0, 0.0, 0.0)),
+    "f-theta": Distortion(DistortionModel.RADIUS_TO_ANGLE, (0.0, 1.0, -0.02, 0.03, 0.001), 100.0),
+}
+
+
+def camera_with(distortion: Distortion | None, half: float = 1.0, matrix: Any = None, **changes: Any) -> Camera:
+    aspect = RESOLUTION[0] / RESOLUTION[1]
+    return perspective(np.eye(4) if matrix is None else matrix, half, aspect, distortion=distortion, **changes)
+
+
+def scene_of(camera: Camera, resolution: tuple[int, int] = RESOLUTION) -> Any:
+    return describe([(ground(), np.eye(4))], [lambert(0.5)], camera=camera, resolution=resolution).build()
+
+
+def inverse(distortion: Distortion, film: Doubles) -> Doubles:
+    found: Doubles = kernels().lens_directions(scene_of(camera_with(distortion)), np.ascontiguousarray(film, np.float64))
+    return found
+
+
+def film_grid(half: float = 1.2, n: int = 41) -> Doubles:
+    at = np.linspace(-half, half, n)
+    return np.stack(np.meshgrid(at, at), axis=-1).reshape(-1, 2)
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_forwards_and_back_is_where_it_began(name: str) -> None:
+    lens, film = LENSES[name], film_grid()
+    directions = inverse(lens, film)
+    seen = np.isfinite(directions).all(axis=1)
+    assert seen.sum() > 400
+    assert np.abs(lens.project(directions[seen]) - film[seen]).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_what_is_not_seen_is_nowhere_on_the_film(name: str) -> None:
+    """Every direction that the lens projects into the film is where its inverse looks, and no film point else is seen."""
+    lens = LENSES[name]
+    rng = np.random.default_rng(3)
+    d = rng.normal(size=(20_000, 3))
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    film = lens.project(d)
+    lands = np.isfinite(film).all(axis=1)
+    back = inverse(lens, film[lands])
+    back /= np.linalg.norm(back, axis=1, keepdims=True)
+    assert np.abs(back - d[lands]).max() < 1e-7  # next to where a lens turns back double roots are half as exact
+    assert lands.any()
+    assert lands.all() == (name == "fisheye")  # which sees all around
+
+
+def test_a_table_is_its_lens() -> None:
+    lens = LENSES["fisheye"]
+    table, film = table_of(lens, 1.5, 257), film_grid(1.2)
+    found, exact = inverse(table, film), inverse(lens, film)
+    assert np.abs(found - exact).max() < 2e-5  # linear over a texel: its square by 8, and by the curvature
+    assert np.abs(table.project(found) - film).max() < 1e-9
+
+
+def test_texels_without_a_direction_are_not_seen() -> None:
+    table = table_of(EQUIDISTANT, 1.5, 64)
+    assert table.table is not None
+    directions = table.table.directions.copy()
+    directions[:, 32:] = np.nan
+    half = replace(table, table=DirectionTable(table.table.window, directions))
+    film = film_grid(1.2)
+    seen = np.isfinite(inverse(half, film)).all(axis=1)
+    np.testing.assert_array_equal(seen, film[:, 0] < -0.5 * 3.0 / 64)
+
+
+def opencv() -> Any:
+    return pytest.importorskip("cv2", reason="skipped: no OpenCV")
+
+
+def points() -> Doubles:
+    rng = np.random.default_rng(5)
+    p = np.stack([rng.uniform(-1, 1, 2000), rng.uniform(-0.7, 0.7, 2000), -np.ones(2000)], axis=1)
+    return np.asarray(p * rng.uniform(1, 9, (2000, 1)))
+
+
+def intrinsics() -> tuple[Camera, Doubles]:
+    """A camera of 180 and 170 pixels of focal length, and OpenCV's matrix of it."""
+    fx, fy, cx, cy = 180.0, 170.0, 150.0, 110.0
+    window = (-cx / fx, (320 - cx) / fx, (cy - 200) / fy, cy / fy)
+    return replace(camera_with(None), window=window), np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
+
+
+def test_opencv_pinhole() -> None:
+    cv2 = opencv()
+    camera, matrix = intrinsics()
+    camera = replace(camera, distortion=LENSES["rational"])
+    exact = cv2.projectPoints(points() * [1, -1, -1], np.zeros(3), np.zeros(3), matrix, np.array(K))[0][:, 0]
+    assert np.abs(camera.project(points(), (320, 200)) - exact).max() < 1e-9
+
+
+def test_opencv_fisheye() -> None:
+    cv2 = opencv()
+    camera, matrix = intrinsics()
+    k = np.array(LENSES["fisheye"].coefficients[1:])
+    camera = replace(camera, distortion=LENSES["fisheye"])
+    p = (points() * [1, -1, -1])[:, None]
+    exact = cv2.fisheye.projectPoints(p, np.zeros(3), np.zeros(3), matrix, k)[0][:, 0]
+    assert np.abs(camera.project(points(), (320, 200)) - exact).max() < 1e-9
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.05])
+@pytest.mark.parametrize("name", LENSES)
+def test_rays_go_where_points_project(name: str, radius: float) -> None:
+    """Through any point of the lens, at the plane of focus, or at its sphere for lenses that see around."""
+    view = look_at([3.0, -2.0, 5.0], [0.1, 0.3, -0.2])
+    camera = camera_with(LENSES[name], 0.8, view, lens_radius=radius, focus_distance=4.0, clipping_range=(0.5, 90.0))
+    rng = np.random.default_rng(1)
+    pixel = np.stack([rng.integers(0, n, 4000) for n in RESOLUTION], axis=1).astype(np.int32)
+    film, lens = rng.random((4000, 2), dtype=np.float32), rng.random((4000, 2), dtype=np.float32)
+    o, d, near, far = kernels().camera_rays(scene_of(camera), pixel, film, lens)
+    seen = far >= 0
+    assert seen.mean() > 0.3
+    d = d.astype(np.float64)
+    on_plane = LENSES[name].model is DistortionModel.RATIONAL
+    per_length = -(d @ view[:3, 2]) if on_plane else np.ones(len(d))
+    # Lens points are in the focal plane's frame: what is in focus is `focus` along the axis, or from the lens's middle.
+    start = o.astype(np.float64)
+    if on_plane:
+        p = start + d * (4.0 / per_length)[:, None]
+    else:
+        along = (start * d).sum(axis=1)
+        p = start + d * (-along + np.sqrt(along**2 - (start**2).sum(axis=1) + 16.0))[:, None]
+    at = camera.project(p[seen] + view[:3, 3], RESOLUTION)
+    assert np.abs(at - (pixel + film)[seen]).max() < 2e-3
+    if radius == 0:
+        np.testing.assert_allclose((near * per_length)[seen], 0.5, rtol=1e-5)
+        np.testing.assert_allclose((far * per_length)[seen], 90.0, rtol=1e-5)
+
+
+def test_a_linear_f_theta_lens_is_equidistant_and_covers_the_angle_it_says() -> None:
+    """A white sky through an f-theta lens of 220 degrees: a disc of that angle, and the solid angle that a pixel sees."""
+    film = film_grid(2.0)
+    a, b = inverse(F_THETA, film), inverse(EQUIDISTANT, film)
+    seen = np.isfinite(a).all(axis=1)
+    np.testing.assert_array_equal(seen, np.hypot(*film.T) <= np.radians(110.0))
+    np.testing.assert_allclose(a, b, atol=1e-14)
+    radius = np.hypot(*film.T)
+    np.testing.assert_allclose(a[seen, 2], -np.cos(radius[seen]), atol=1e-14)
+
+
+def sky_through(distortion: Distortion | None, spp: int = 16, lanes: int = 0, **changes: Any) -> Doubles:
+    """R, G, B and coverage of a ball around the camera that glows with 1."""
+    ball = box([20, 20, 20])
+    camera = perspective(translation(0.3, 0.2, 0.1), 2.2, 1.0, distortion=distortion, **changes)
+    scene = describe([(ball, np.eye(4))], [lambert(0.0, 1.0)], camera=camera, resolution=(48, 48)).build()
+    return np.asarray(render(scene, spp, lanes=lanes).pixels(), np.float64)
+
+
+def test_beyond_the_field_of_view_there_is_nothing() -> None:
+    """Coverage of a pixel is its part within 110 degrees; colour is premultiplied with exactly that."""
+    pixels = sky_through(EQUIDISTANT, 64)
+    np.testing.assert_array_equal(pixels[..., 0], pixels[..., 3])
+    at = (np.arange(48) + 0.5) / 48 * 4.4 - 2.2
+    radius = np.hypot(at[:, None], at[None])
+    edge = 4.4 / 48 * 0.75
+    assert (pixels[radius < np.radians(110) - edge] == 1).all()
+    assert (pixels[radius > np.radians(110) + edge] == 0).all()
+    area = pixels[..., 3].sum() * (4.4 / 48) ** 2
+    assert area == pytest.approx(np.pi * np.radians(110) ** 2, rel=2e-3)
+
+
+def test_a_dome_is_not_seen_beyond_the_field_of_view() -> None:
+    camera = perspective(np.eye(4), 2.2, 1.0, distortion=EQUIDISTANT)
+    scene = describe([], [], [light(LightType.DOME)], camera=camera, resolution=(48, 48)).build()
+    pixels = render(scene, 16).pixels()
+    assert pixels[0, 0, 0] == 0
+    assert pixels[24, 24, 0] == 1
+
+
+@pytest.mark.parametrize("name", ["rational", "fisheye", "f-theta"])
+def test_marks_land_where_they_project(name: str) -> None:
+    """The picture's centroid of a small square that glows, for places over the frame, behind the camera's plane too."""
+    lens = LENSES[name]
+    around = [(0.0, 0.0), (0.4, 0.3), (-0.7, 0.5), (0.9, -0.6)]
+    if name != "rational":
+        around.append((1.45, 0.2))
+    for x, y in around:
+        d = inverse(lens, np.array([[x, y]]))[0]
+        d /= np.linalg.norm(d)
+        mark = quad([[-0.02, -0.02, 0], [0.02, -0.02, 0], [0.02, 0.02, 0], [-0.02, 0.02, 0]])
+        facing = look_at(d, [0.0, 0.0, 0.0])
+        facing[:3, :3] *= [-1, 1, -1]
+        camera = camera_with(lens)
+        scene = describe([(mark, facing)], [lambert(0.0, 1.0)], camera=camera, resolution=RESOLUTION).build()
+        glow = np.asarray(render(scene, 64).pixels()[..., 0], np.float64)
+        j, i = np.mgrid[: RESOLUTION[1], : RESOLUTION[0]] + 0.5
+        found = np.array([(i * glow).sum(), (j * glow).sum()]) / glow.sum()
+        assert np.abs(found - camera.project(d[None], RESOLUTION)[0]).max() < 0.1
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_lanes_do_not_show(name: str) -> None:
+    first = sky_through(LENSES[name], 8, 1)
+    for lanes in (4, 8):
+        np.testing.assert_array_equal(sky_through(LENSES[name], 8, lanes), first)
+
+
+def test_a_camera_that_moves_and_distorts() -> None:
+    """Two poses that are alike make the still's picture; a pan blurs as the mean of stills along it."""
+    still = camera_with(LENSES["fisheye"], 0.9)
+    made = describe([(box([1, 1, 1]), translation(0, 0, -3))], [lambert(0.0, 1.0)], camera=still, resolution=RESOLUTION)
+
+    def at(shift: float) -> Camera:
+        return replace(still, world_from_camera=translation(shift, 0, 0))
+
+    def pictured(camera: Camera) -> Doubles:
+        described = replace(made, description=replace(made.description, camera=camera))
+        return np.asarray(render(described.build(), 32).pixels(), np.float64)
+
+    alike = exposed(made, camera=CameraMotion(np.array([0.0, 1.0]), (still, still)))
+    np.testing.assert_allclose(render(alike.build(), 32).pixels(), pictured(still), atol=1e-6)
+    moved = exposed(made, camera=CameraMotion(np.array([0.0, 1.0]), (at(0.0), at(0.5))))
+    mean = np.mean([pictured(at(0.5 * (k + 0.5) / 16)) for k in range(16)], axis=0)
+    blurred = np.asarray(render(moved.build(), 256).pixels(), np.float64)
+    assert np.abs(blurred - mean).max() < 0.15
+    assert np.abs(blurred.mean(axis=0) - mean.mean(axis=0)).max() < 0.01
+
+
+def test_json_keeps_a_lens() -> None:
+    for lens in (*LENSES.values(), table_of(EQUIDISTANT, 1.2, 8)):
+        camera = camera_with(lens)
+        again = camera_of(camera_as_json(camera))
+        assert again == camera
+        assert again.distortion is not None
+        assert again != camera_with(None)
+    old = {k: v for k, v in camera_as_json(camera_with(None)).items() if k != "distortion"}
+    assert camera_of(old) == camera_with(None)

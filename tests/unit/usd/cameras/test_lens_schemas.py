@@ -1,0 +1,327 @@
+"""Distortion, flaws and a rolling shutter as cameras say them, registered with USD or not."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from tests.unit.usd.usd_text import stage_of
+
+from primray.description import Camera, Exposure, SceneDescription
+from primray.optics.distortion import DistortionModel
+from primray.settings import RenderSettings
+from primray.usd import translate
+
+P = "omni:lensdistortion:"
+SCHEMAS = Path(__file__).resolve().parents[4] / "schemas" / "usd"
+Said = list[tuple[str, str]]
+
+
+def translated(text: str, **settings: Any) -> tuple[SceneDescription, Said]:
+    description, diagnostics = translate(stage_of(text), RenderSettings(**{"camera": "/eye", **settings}))
+    return description, [(d.code, d.attribute) for d in diagnostics if d.prim_path == "/eye"]
+
+
+def camera_of(body: str, schema: str = "", **settings: Any) -> tuple[Camera, Said]:
+    applied = f'(prepend apiSchemas = ["{schema}"])' if schema else ""
+    description, said = translated(f'def Camera "eye" {applied}\n{{\n{body}\n}}\n', **settings)
+    return description.camera, said
+
+
+def attributes(model: str, values: Mapping[str, object], named: bool = True) -> str:
+    def line(name: str, value: object) -> str:
+        kind = {int: "float", float: "float", str: "asset"}.get(type(value), "float2")
+        if name == "imageSize":
+            kind = "int2"
+        return f"{kind} {P}{model}:{name} = {value}"
+
+    token = f'token {P}model = "{model}"\n' if named else ""
+    return token + "\n".join(line(name, value) for name, value in values.items())
+
+
+PINHOLE = {"imageSize": (320, 200), "fx": 180, "fy": 170, "cx": 150, "cy": 110, "k1": -0.25, "p1": 0.5, "s4": 0.125, "k6": 2}
+FISHEYE = {"imageSize": (320, 200), "fx": 180, "fy": 170, "cx": 150, "cy": 110, "k1": 0.5, "k4": 0.25}
+NOMINAL = {"nominalWidth": 400, "nominalHeight": 200, "opticalCenter": (150, 110), "maxFov": 190}
+F_THETA = NOMINAL | {"k0": 0, "k1": 0.0078125, "k2": 0.000030517578125}
+KB3 = NOMINAL | {"k0": 128, "k1": -12.8}
+RAD_TAN = NOMINAL | {"k0": -0.25, "k2": 0.5, "k3": 1, "p0": 0.125, "s3": 2}
+
+
+def test_opencv_pinhole() -> None:
+    camera, said = camera_of(attributes("opencvPinhole", PINHOLE), resolution=(320, 200))
+    lens = camera.distortion
+    assert said == []
+    assert lens is not None
+    assert (lens.model, lens.most_angle_deg) == (DistortionModel.RATIONAL, 90.0)
+    assert lens.coefficients == (-0.25, 0, 0.5, 0, 0, 0, 0, 2, 0, 0, 0, 0.125)
+    assert camera.window == pytest.approx((-150 / 180, 170 / 180, -90 / 170, 110 / 170))
+
+
+def test_opencv_fisheye() -> None:
+    camera, said = camera_of(attributes("opencvFisheye", FISHEYE), resolution=(320, 200))
+    lens = camera.distortion
+    assert said == []
+    assert lens is not None
+    assert (lens.model, lens.coefficients) == (DistortionModel.ANGLE_TO_RADIUS, (1.0, 0.5, 0.0, 0.0, 0.25))
+
+
+def test_f_theta() -> None:
+    """By the distance in pixels, which the focal length of 128 scales."""
+    camera, said = camera_of(attributes("ftheta", F_THETA), resolution=(400, 200))
+    lens = camera.distortion
+    assert said == []
+    assert lens is not None
+    assert lens.coefficients == pytest.approx((0, 1, 0.5, 0, 0))
+    assert (lens.model, lens.most_angle_deg) == (DistortionModel.RADIUS_TO_ANGLE, 95.0)
+    assert camera.window == pytest.approx((-150 / 128, 250 / 128, -90 / 128, 110 / 128))
+
+
+def test_kannala_brandt() -> None:
+    camera, said = camera_of(attributes("kannalaBrandtK3", KB3), resolution=(400, 200))
+    assert said == []
+    assert camera.distortion is not None
+    assert camera.distortion.coefficients == pytest.approx((1, -0.1, 0, 0, 0))
+
+
+def test_rational_tangential_thin_prism() -> None:
+    body = attributes("radTanThinPrism", RAD_TAN) + "\nfloat focalLength = 30\nfloat horizontalAperture = 40"
+    camera, said = camera_of(body, resolution=(400, 200))
+    assert said == []
+    assert camera.distortion is not None
+    assert camera.distortion.coefficients == (-0.25, 0, 0.125, 0, 0.5, 1, 0, 0, 0, 0, 0, 2)
+    assert camera.window[1] == pytest.approx(250 / 300)
+
+
+def equidistant_image(path: Path, width: int = 64, height: int = 32, pixels_a_radian: float = 20.0) -> None:
+    x, y = np.meshgrid(np.arange(width) + 0.5 - width / 2, height / 2 - np.arange(height) - 0.5)
+    angle = np.hypot(x, y) / pixels_a_radian
+    across = np.sin(angle) / np.hypot(x, y)
+    directions = np.stack([x * across, y * across, -np.cos(angle)], axis=-1).astype(np.float32)
+    directions[angle > 1.5] = (0, 0, 1)
+    image = oiio.ImageBuf(oiio.ImageSpec(width, height, 3, oiio.FLOAT))
+    image.set_pixels(oiio.ROI(), directions)
+    assert image.write(str(path))
+
+
+def test_a_look_up_table(tmp_path: Path) -> None:
+    equidistant_image(tmp_path / "enter.exr")
+    values = {
+        "nominalWidth": 64,
+        "nominalHeight": 32,
+        "opticalCenter": (32, 16),
+        "rayEnterDirectionTexture": f"@{tmp_path}/enter.exr@",
+    }
+    camera, said = camera_of(attributes("lut", values), resolution=(64, 32))
+    assert said == []
+    assert camera.distortion is not None
+    angle = 1.2
+    point = np.array([[np.sin(angle) * 0.8, np.sin(angle) * 0.6, -np.cos(angle)]])
+    # Linear between texels a twentieth of a radian apart.
+    assert camera.project(point, (64, 32))[0] == pytest.approx((32 + 24 * 0.8, 16 - 24 * 0.6), abs=0.02)
+    assert np.isnan(camera.project([[np.sin(1.57), 0, -np.cos(1.57)]], (64, 32))).all()
+
+
+@pytest.mark.parametrize(
+    ("path", "word"), [("@missing.exr@", "cannot be found"), ("@@", "names no image")], ids=["missing", "empty"]
+)
+def test_a_table_that_is_not_there(path: str, word: str) -> None:
+    values = {"nominalWidth": 64, "nominalHeight": 32, "rayEnterDirectionTexture": path}
+    camera, said = camera_of(attributes("lut", values))
+    assert camera.distortion is None
+    assert ("camera-input", f"{P}lut:rayEnterDirectionTexture") in said
+
+
+MODELS = {
+    "opencvPinhole": ("OmniLensDistortionOpenCvPinholeAPI", PINHOLE),
+    "opencvFisheye": ("OmniLensDistortionOpenCvFisheyeAPI", FISHEYE),
+    "ftheta": ("OmniLensDistortionFthetaAPI", F_THETA),
+    "kannalaBrandtK3": ("OmniLensDistortionKannalaBrandtK3API", KB3),
+    "radTanThinPrism": ("OmniLensDistortionRadTanThinPrismAPI", RAD_TAN),
+}
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_an_applied_schema_names_the_model(model: str) -> None:
+    """Without the token; and neither schema nor attributes are told of as unknown."""
+    schema, values = MODELS[model]
+    camera, said = camera_of(attributes(model, values, named=False), schema)
+    assert said == []
+    assert camera.distortion is not None
+    assert camera == camera_of(attributes(model, values))[0]
+
+
+def test_without_attributes_the_schema_says() -> None:
+    """ovrtx's defaults: 0.00245 radians a pixel, 200 degrees, on a sensor of 1936 x 1216."""
+    camera, said = camera_of("", "OmniLensDistortionFthetaAPI", resolution=(1936, 1216))
+    assert said == []
+    assert camera.distortion is not None
+    assert camera.distortion.most_angle_deg == 100.0
+    assert camera.window == pytest.approx(
+        (-970.9424 * 0.00245, (1936 - 970.9424) * 0.00245, (600.3748 - 1216) * 0.00245, 600.3748 * 0.00245), rel=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ("body", "attribute"),
+    [
+        (f'token {P}model = "bent"', f"{P}model"),
+        (attributes("opencvPinhole", PINHOLE | {"fx": 0}), f"{P}opencvPinhole:fx"),
+        (attributes("opencvPinhole", PINHOLE | {"imageSize": (0, 3)}), f"{P}opencvPinhole:imageSize"),
+        (attributes("ftheta", F_THETA | {"k1": -1}), f"{P}ftheta:k1"),
+        (attributes("ftheta", F_THETA | {"nominalWidth": 0}), f"{P}ftheta:nominalWidth"),
+        (attributes("kannalaBrandtK3", NOMINAL), f"{P}kannalaBrandtK3:k0"),
+    ],
+)
+def test_what_cannot_be_is_told_and_distorts_nothing(body: str, attribute: str) -> None:
+    camera, said = camera_of(body)
+    assert camera.distortion is None
+    assert said == [("camera-input", attribute)]
+    assert camera.window == camera_of("")[0].window
+
+
+def test_an_orthographic_camera_does_not_distort() -> None:
+    camera, said = camera_of('token projection = "orthographic"\n' + attributes("opencvPinhole", PINHOLE))
+    assert camera.distortion is None
+    assert said == [("camera-input", f"{P}model")]
+
+
+def test_the_picture_has_the_sensors_aspect_or_conforms_to_its_own() -> None:
+    """A picture twice as wide shows as much above and below as before, as apertures expand."""
+    body = attributes("opencvFisheye", FISHEYE | {"cx": 160, "cy": 100})
+    description, _ = translated(f'def Camera "eye" {{\n{body}\n}}\n', resolution=(640, 0))
+    assert description.resolution == (640, 400)
+    wide, _ = camera_of(body, resolution=(640, 200))
+    assert wide.window == pytest.approx((-320 / 180, 320 / 180, -100 / 170, 100 / 170))
+
+
+def test_depth_of_field_goes_by_the_focal_length() -> None:
+    body = "float fStop = 2\nfloat focusDistance = 9\nfloat focalLength = 80\n" + attributes("opencvFisheye", FISHEYE)
+    camera, said = camera_of(body)
+    assert (camera.lens_radius, camera.focus_distance, said) == (2.0, 9.0, [])
+
+
+FLAWS = """bool primray:lens:naturalVignetting = 1
+float primray:lens:rimDistance = 2
+float primray:lens:rimRadius = 0.5
+float3 primray:lens:channelMagnification = (1.25, 1, 0.75)
+float3 primray:lens:channelFocusShift = (-0.5, 0, 0.25)
+"""
+
+
+def test_flaws_are_read_and_asked_for() -> None:
+    camera, said = camera_of(FLAWS, "PrimrayLensAPI")
+    assert said == []
+    assert (camera.natural_vignetting, camera.rim) == (True, (2.0, 0.5))
+    assert (camera.channel_magnification, camera.channel_focus_shift) == ((1.25, 1, 0.75), (-0.5, 0, 0.25))
+    plain, _ = camera_of("")
+    assert (plain.natural_vignetting, plain.rim, plain.channel_magnification) == (False, (0, 0), (1, 1, 1))
+    asked = ("natural-vignetting=0", "rim=3,0.25", "channel-magnification=1,1,1", "channel-focus-shift=0,0,0")
+    over, _ = camera_of(FLAWS, lens_flaws=asked)
+    assert (over.natural_vignetting, over.rim, over.channel_magnification) == (False, (3, 0.25), (1, 1, 1))
+    alone, _ = camera_of("", lens_flaws=("natural-vignetting=1",))
+    assert alone.natural_vignetting
+
+
+@pytest.mark.parametrize(
+    ("body", "attribute"),
+    [
+        ("float primray:lens:rimRadius = -1", "primray:lens:rimRadius"),
+        ("float3 primray:lens:channelMagnification = (1, 0, 1)", "primray:lens:channelMagnification"),
+        (
+            "float fStop = 1\nfloat focusDistance = 2\nfloat3 primray:lens:channelFocusShift = (0, -2, 0)",
+            "primray:lens:channelFocusShift",
+        ),
+    ],
+)
+def test_flaws_that_cannot_be(body: str, attribute: str) -> None:
+    camera, said = camera_of(body)
+    assert said == [("out-of-range", attribute)]
+    assert (camera.rim, camera.channel_magnification, camera.channel_focus_shift) == ((0, 0), (1, 1, 1), (0, 0, 0))
+
+
+def test_an_orthographic_camera_has_no_flaws() -> None:
+    camera, said = camera_of('token projection = "orthographic"\n' + FLAWS)
+    assert said == [("camera-input", "")]
+    assert camera.rim == (0, 0)
+
+
+REGISTERED = """
+import primray.usd
+from pxr import Usd, UsdGeom
+stage = Usd.Stage.CreateInMemory()
+prim = UsdGeom.Camera.Define(stage, "/eye").GetPrim()
+assert prim.ApplyAPI("PrimrayLensAPI")
+assert tuple(prim.GetAttribute("primray:lens:channelMagnification").Get()) == (1, 1, 1)
+assert prim.GetAttribute("primray:lens:rimRadius").Get() == 0
+prim.GetAttribute("primray:lens:naturalVignetting").Set(True)
+from primray.settings import RenderSettings
+description, diagnostics = primray.usd.translate(stage, RenderSettings(camera="/eye"))
+assert description.camera.natural_vignetting and not [d for d in diagnostics if d.prim_path == "/eye"]
+"""
+
+
+def test_usd_knows_the_schema_by_its_folder() -> None:
+    found = os.environ | {"PXR_PLUGINPATH_NAME": str(SCHEMAS / "primrayLens")}
+    subprocess.run([sys.executable, "-c", REGISTERED], env=found, check=True, capture_output=True, text=True)
+
+
+def exposure_of(body: str, stage: str = "", **settings: Any) -> tuple[Exposure | None, Camera, Said]:
+    header = f'#usda 1.0\n(\n    upAxis = "Y"\n    timeCodesPerSecond = 20\n{stage})\n'
+    moving = 'def Sphere "ball" {\ndouble3 xformOp:translate.timeSamples = {0: (0, 0, 0), 10: (1, 0, 0)}\n'
+    moving += 'uniform token[] xformOpOrder = ["xformOp:translate"]\n}\n'
+    text = f'{header}def Camera "eye"\n{{\n{body}\n}}\n{moving}'
+    description, said = translated(text, time_code=2.0, resolution=(11, 5), **settings)
+    return description.exposure, description.camera, said
+
+
+ROLLING = """token omni:rtx:rollingShutter:scanOrder = "{0}"
+double2 omni:rtx:rollingShutter:lineOffset = (1, 100)
+double2 omni:rtx:rollingShutter:lineExposure = (1, 50)
+double shutter:open = 0.5
+double shutter:close = 0.75
+"""
+
+
+@pytest.mark.parametrize(
+    ("order", "first", "per_line", "span"),
+    [
+        ("topToBottom", 0.5, (0, 0.2), (0.5, 1.7)),
+        ("bottomToTop", 1.3, (0, -0.2), (0.5, 1.7)),
+        ("leftToRight", 0.5, (0.2, 0), (0.5, 2.9)),
+        ("rightToLeft", 2.5, (-0.2, 0), (0.5, 2.9)),
+    ],
+)
+def test_a_rolling_shutter(order: str, first: float, per_line: tuple[float, float], span: tuple[float, float]) -> None:
+    """At 20 time codes a second a hundredth of a second is 0.2 of them, a fiftieth 0.4."""
+    found, camera, said = exposure_of(ROLLING.format(order))
+    assert said == []
+    assert found is not None
+    assert (found.opens, found.closes) == pytest.approx((first, first + 0.4))
+    assert (found.per_column, found.per_row) == pytest.approx(per_line)
+    assert found.span == pytest.approx(span)
+    assert camera.shutter == pytest.approx(span)
+
+
+def test_lines_without_an_exposure_have_the_shutters() -> None:
+    body = "\n".join(line for line in ROLLING.format("topToBottom").splitlines() if "lineExposure" not in line)
+    found, _, _ = exposure_of(body)
+    assert found is not None
+    assert (found.opens, found.closes) == pytest.approx((0.5, 0.75))
+
+
+def test_who_says_when_the_shutter_is_open() -> None:
+    for settings in ({"motion_blur": False}, {"shutter": (0, 0)}):
+        assert exposure_of(ROLLING.format("topToBottom"), **settings)[0] is None
+    found, _, said = exposure_of(ROLLING.format("sideways"))
+    assert said == [("camera-input", "omni:rtx:rollingShutter:scanOrder")]
+    assert found is not None
+    assert (found.closes, found.per_row) == (0.75, 0)
+    found, _, said = exposure_of(ROLLING.format("topToBottom").replace("(1, 100)", "(1, 0)"))
+    assert said == [("out-of-range", "omni:rtx:rollingShutter:lineOffset")]
