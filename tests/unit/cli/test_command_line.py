@@ -54,6 +54,8 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
     more += " --aov depth,normal --aov st --default-wrap mirror --auto-camera usdrecord"
     chosen = "--variant /a:s=x --variant /a:t= --load /p --load /q --mask /a,/b --session-layer over.usda --render-settings /s"
     chosen += " --shutter -0.25 0.5 --motion-error 0.2 --no-motion-blur --lens rim=2,0.5 --lens natural-vignetting=1"
+    chosen += " --diffusion 0 --diffusion-glare 0.1 --diffusion-bloom-width 0.02"
+    chosen += " --diffusion-starburst 0.4 --diffusion-starburst-width 0.001"
     looks = ["--rendering-color-space", "lin_rec709_scene", "--display", "sRGB - Display"]
     assert run(["render", "shot.usda", *flags.split(), *more.split(), *chosen.split(), *stop.split(), *looks]) == 0
     assert report_of("r.json")["settings"] == {
@@ -74,6 +76,11 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
         "motion_blur": False,
         "shutter": [-0.25, 0.5],
         "motion_error": 0.2,
+        "diffusion": 0.0,
+        "diffusion_glare": 0.1,
+        "diffusion_bloom_width": 0.02,
+        "diffusion_starburst": 0.4,
+        "diffusion_starburst_width": 0.001,
         "max_depth": 2,
         "filter": "gaussian",
         "filter_width": 2.5,

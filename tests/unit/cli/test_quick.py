@@ -30,6 +30,7 @@ LINES = [
     "render s.usd --variant /a:v=x --variant /b:v=y --no-payloads --purposes default,render --session-layer s.usda",
     "render s.usd -rs /r --product a --product b --all-products --output-dir out --load /a --load /b",
     "render s.usd --auto-camera usdrecord",
+    "render s.usd --stereo --diffusion 0.1 --diffusion-glare=0.3 --diffusion-starburst 0",
     "render s.usd --shutter 0 0.5 --motion-error 0.25",
     "render s.usd --disable-motionblur",
     "render s.usd --sample-range 0:4 --checkpoint-every 5 --resume c.ckpt",

@@ -180,7 +180,6 @@ def test_clipping() -> None:
     assert (camera.clipping_planes, codes) == ((), [("camera-input", "clippingPlanes")])
 
 
-@pytest.mark.conforms("Camera.stereoRole", state="diagnosed")
 @pytest.mark.parametrize("role", ["left", "right"])
 def test_stereo(role: str) -> None:
     assert camera_of(f'uniform token stereoRole = "{role}"')[1] == [("camera-input", "stereoRole")]
