@@ -19,6 +19,7 @@ struct LightPath {
   // A ball about all that the light passes through; without a radius: it has no place.
   vec3 center{0.0f};
   float radius = 0;
+  float spread = 1;  // what its power is multiplied with to be what it brings to a point, times the squared distance
 };
 
 // World from the row's stance: p -> R (p - origin) + place.

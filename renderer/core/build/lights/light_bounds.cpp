@@ -32,22 +32,17 @@ LightBox light_box(const float* row) {
 }
 
 // Of a light that moves: all that it passes, sending light all around.
-static LightBounds passing_bounds(const LightPath& path, const float* row, LightBounds b) {
+static LightBounds passing_bounds(const LightPath& path, LightBounds b) {
   if (!(path.radius > 0)) {
     put_far(b, dvec3{0, 0, 1}, 2.0);
     return b;
   }
-  LightSpread spread;
-  with_light_type(row, [&]<class T>(T) {
-    LightBounds still;
-    spread = T::spread(row, still);
-  });
   for (int a = 0; a < 3; ++a) {
     const float center = float(component(path.center, size_t(a)));
     b.low[a] = center - path.radius, b.high[a] = center + path.radius;
   }
   put(b.center, 0, dvec3(path.center));
-  b.intensity = float(double(b.intensity) * spread.factor), b.least2 = std::max(float(path.radius * path.radius), kLeast2);
+  b.intensity = b.intensity * path.spread, b.least2 = std::max(float(path.radius * path.radius), kLeast2);
   return b;
 }
 
@@ -56,7 +51,7 @@ LightBounds light_bounds(const LightTable& table, const float* row) {
   LightBounds b;
   b.intensity = float(power);
   if (const int32_t path = table.motion.row(int((row - table.rows.data()) / kLightFields)); path >= 0)
-    return passing_bounds(table.motion.paths[size_t(path)], row, b);
+    return passing_bounds(table.motion.paths[size_t(path)], b);
   LightSpread spread;
   with_light_type(row, [&]<class T>(T) {
     if constexpr (requires { T::far_direction(row); })

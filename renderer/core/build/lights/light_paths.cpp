@@ -58,6 +58,10 @@ void add_light_path(const LightInput& light, const dvec3& origin, double scale, 
       const double far = std::max(std::abs(box.low[a] - o), std::abs(box.high[a] - o));
       reach += far * far;
     }
+    with_light_type(table.row(i), [&]<class T>(T) {
+      LightBounds still;
+      path.spread = float(T::spread(table.row(i), still).factor);
+    });
     path.center = vec3((places.low + places.high) * 0.5);
     path.radius = float(std::max(0.5 * length(places.high - places.low) + std::sqrt(reach), kSmallestLight) * 1.0001);
   }

@@ -23,7 +23,7 @@ PRIMRAY_RARE vfloat<W> passing_importance(const LightPath& path, const float* ro
   const vfloat<W> power(row[kImportance]);
   if (!(path.radius > 0)) return power;
   const vvec3<W> to = p - vvec3<W>(vfloat<W>(path.center.x), vfloat<W>(path.center.y), vfloat<W>(path.center.z));
-  return power / max(dot(to, to), path.radius * path.radius);
+  return power * path.spread / max(dot(to, to), path.radius * path.radius);
 }
 
 // The same with the light's shaping: what light number `i` of the table is weighed by at p.
