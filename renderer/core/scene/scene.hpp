@@ -4,7 +4,7 @@
 // film's rays. accel/ makes Embree scenes of it, surface/ reads what varies over shapes, light/ and bsdf/ read their tables,
 // path/ walks paths through it. A `Group` is geometry with an Embree scene of its own: group 0 is everything placed once, in
 // world space; the others are prototypes in their own space, placed by instances. Instances may stand in a prototype, which has
-// no shapes then: Embree knows one level of instances, so such a prototype is placed by accel/grouped_geometry.
+// no shapes then: Embree knows one level of instances, so such a prototype is placed by accel/placed_geometry.
 #pragma once
 
 #include <cstdint>

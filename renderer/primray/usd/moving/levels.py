@@ -6,14 +6,13 @@ They count as what they are at the frame, but for `rows_at`. Translation settles
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ...arrays import Doubles
-from ...description.instance_names import Names
 from ...description.placement import Instances, MatrixInstances, chunks, compose
 from .mover import Mover
 
@@ -94,7 +93,3 @@ def joined(chains: Sequence[Sequence[Instances]]) -> MovingLevel:
 
     times = sorted({time for chain in chains for time in times_of(chain)})
     return MovingLevel(rows_at(0.0), rows_at=rows_at, times=tuple(times))
-
-
-def named_as(level: MovingLevel, names: Names | None) -> MovingLevel:
-    return replace(level, names=names)

@@ -18,7 +18,7 @@ from ...description.instance_names import Names, name_of, texts
 from ...description.placement import Instances, MatrixInstances, chunks, named_levels
 from ...errors import LimitError
 from ...refine.coincident import distinct
-from ..moving.levels import chain_at, do_move, joined, named_as
+from ..moving.levels import chain_at, do_move, joined
 
 # Of the core and Embree, with its build's peak: measured, python -m tests.bench.setup.scaling.
 INSTANCE_BYTES = 200
@@ -193,7 +193,7 @@ def _merged(chains: list[Chain]) -> list[Chain]:
         return chains
     whole: MatrixInstances
     if any(map(do_move, small)):
-        whole = named_as(joined(small), _names(small))
+        whole = replace(joined(small), names=_names(small))
     else:
         whole = MatrixInstances(np.concatenate([rows for chain in small for rows in chunks(chain)]), names=_names(small))
     ids = {id(chain) for chain in small}
