@@ -1,7 +1,8 @@
 """Stages expanded by USD's own functions into plain prims, one an instance and shape: the oracle for all instancing.
 
-The transforms of point instancers are put together with Gf from the authored arrays, since ComputeInstanceTransformsAtTime
-does not make half quaternions unit length and primray does.
+Points and instances with velocities go where ComputePointsAtTime and ComputeInstanceTransformsAtTime say. The transforms of
+other point instancers are put together with Gf from the authored arrays, since ComputeInstanceTransformsAtTime does not make
+half quaternions unit length and primray does.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from primray.description import Doubles, Placement, SceneDescription, Sphere, Su
 
 SHAPES = ("Mesh", "Sphere", "Cube", "Cone", "Cylinder", "Capsule", "Plane", "Points")
 _DRAWN = Usd.PrimIsActive & Usd.PrimIsLoaded & Usd.PrimHasDefiningSpecifier & ~Usd.PrimIsAbstract
-_NOT_COPIED = ("xformOp", "visibility", "purpose", "proxyPrim", "extent", "primvars:")
+_NOT_COPIED = ("xformOp", "visibility", "purpose", "proxyPrim", "extent", "primvars:", "velocities", "accelerations")
 
 Place = tuple[Usd.Prim, Gf.Matrix4d]
 
@@ -52,6 +53,7 @@ def _visit_points(instancer: UsdGeom.PointInstancer, world: Gf.Matrix4d, purpose
     mask = instancer.ComputeMaskAtTime(time)
     if len(instancer.GetPositionsAttr().Get(time) or []) != len(indices or []):
         return
+    moved = _moved(instancer, time)
     stage = instancer.GetPrim().GetStage()
     roots = [stage.GetPrimAtPath(path) for path in instancer.GetPrototypesRel().GetForwardedTargets()]
     for i, index in enumerate(indices or []):
@@ -59,7 +61,17 @@ def _visit_points(instancer: UsdGeom.PointInstancer, world: Gf.Matrix4d, purpose
             continue
         root = UsdGeom.Xformable(roots[index])
         local = root.GetLocalTransformation(time) if root else Gf.Matrix4d(1)
-        yield from _visit(roots[index], Gf.Matrix4d(1), purpose, time, own=local * _instance(instancer, i, time) * world)
+        instance = moved[i] if moved else _instance(instancer, i, time)
+        yield from _visit(roots[index], Gf.Matrix4d(1), purpose, time, own=local * instance * world)
+
+
+def _moved(instancer: UsdGeom.PointInstancer, time: Usd.TimeCode) -> list[Gf.Matrix4d]:
+    """By velocities; empty where there are none."""
+    rates = (instancer.GetVelocitiesAttr(), instancer.GetAngularVelocitiesAttr())
+    if time.IsDefault() or not any(rate.HasAuthoredValue() for rate in rates):
+        return []
+    exclude, all_of_them = UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
+    return list(instancer.ComputeInstanceTransformsAtTime(time, time, exclude, all_of_them))
 
 
 def _instance(instancer: UsdGeom.PointInstancer, i: int, time: Usd.TimeCode) -> Gf.Matrix4d:
@@ -82,7 +94,7 @@ def flat_stage(stage: Usd.Stage, time: Usd.TimeCode) -> Usd.Stage:
     for i, (prim, world) in enumerate(places(stage, time)):
         copy = flat.DefinePrim(f"/shape_{i}", prim.GetTypeName())
         for attribute in prim.GetAuthoredAttributes():
-            value = attribute.Get(time)
+            value = _value(prim, attribute, time)
             if value is not None and not attribute.GetName().startswith(_NOT_COPIED):
                 copy.CreateAttribute(attribute.GetName(), attribute.GetTypeName()).Set(value)
         color = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance("displayColor")
@@ -91,6 +103,13 @@ def flat_stage(stage: Usd.Stage, time: Usd.TimeCode) -> Usd.Stage:
             made.Set(color.ComputeFlattened(time))
         UsdGeom.Xformable(copy).AddTransformOp().Set(world)
     return flat
+
+
+def _value(prim: Usd.Prim, attribute: Usd.Attribute, time: Usd.TimeCode) -> object:
+    points = UsdGeom.PointBased(prim)
+    if attribute.GetName() == "points" and points.GetVelocitiesAttr().HasAuthoredValue() and not time.IsDefault():
+        return points.ComputePointsAtTime(time, time)
+    return attribute.Get(time)
 
 
 def world_triangles(d: SceneDescription) -> Doubles:

@@ -34,8 +34,9 @@ def check(stage: Usd.Stage, time_code: float | None, settings: RenderSettings | 
     flat, _ = translate(flat_stage(stage, time), RenderSettings())
     placed = [flat.shapes[inner.shape] for p in flat.placements for inner in flat.prototypes[p.prototype].shapes]
     assert all(isinstance(shape, Sphere) for shape in placed)  # of UsdGeomPoints; nothing else is placed
-    # A double has 52 bits; matrices of three levels and of Gf round a few times each.
-    assert_same_triangles(world_triangles(description), world_triangles(flat), 1e-13)
+    # A double has 52 bits; matrices of three levels and of Gf round a few times each. USD moves what has velocities in floats.
+    tolerance = 2.0**-23 if any(prim.GetAttribute("velocities").HasAuthoredValue() for prim in stage.Traverse()) else 1e-13
+    assert_same_triangles(world_triangles(description), world_triangles(flat), tolerance)
     return description
 
 
