@@ -76,6 +76,7 @@ class About:
     diagnostics: list[dict[str, str]]
     aovs: tuple[str, ...] = ()  # that the render makes beside the picture: from the scene, not from what is held here
     rendering_space: ColorSpace = REC709
+    motion: Mapping[str, Any] | None = None  # what the report says of what moves
 
 
 @dataclass(frozen=True)
@@ -131,6 +132,7 @@ def contents(sampling: Sampling, about: About) -> tuple[dict[str, Any], Arrays]:
         "diagnostics": about.diagnostics,
         "aovs": list(about.aovs),
         "rendering_space": asdict(about.rendering_space),
+        "motion": about.motion,
         "ranges": [[first, sampling.done]],
         "under_way": sampling.goal is not None,
         "adaptive": settings.adapts,
@@ -204,6 +206,7 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
             diagnostics=[dict(row) for row in header["diagnostics"]],
             aovs=tuple(str(name) for name in header["aovs"]),
             rendering_space=_space_of(header["rendering_space"]),
+            motion=_motion_of(header.get("motion")),
         ),
         ranges=ranges,
         under_way=bool(header["under_way"]),
@@ -222,6 +225,10 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
 def _valid(holds: bool) -> None:
     if not holds:
         raise ValueError
+
+
+def _motion_of(value: Any) -> dict[str, Any] | None:
+    return None if value is None else dict(value)
 
 
 def _is_number(value: Any) -> bool:

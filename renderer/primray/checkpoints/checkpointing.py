@@ -103,6 +103,7 @@ def begin(prepared: Prepared, diagnostics: list[Diagnostic], resume: Path | None
         diagnostics=[diagnostic.as_json() for diagnostic in diagnostics],
         aovs=tuple(request.name for request in prepared.aovs),
         rendering_space=prepared.scene.rendering_space,
+        motion=prepared.motion,
     )
     if held is None:
         sampling = Sampling.begin(prepared.scene, settings)

@@ -49,9 +49,14 @@ def merge(paths: Sequence[Path]) -> Merged:
     says = {"isa": core.isa(), "lanes": core.lanes(), "versions": core.versions(), "features": about.features}
     report = make_report(sampling, costs, about.counts, diagnostics, says, pixels_sha256(pixels), about.rendering_space)
     metadata = header_of(report)
-    report |= {"frame": asdict(about.frame), "parts": [str(path) for path in paths], "sample_ranges": [list(r) for r in ranges]}
+    report |= {"frame": asdict(about.frame), "motion": about.motion}
+    report |= {"parts": [str(path) for path in paths], "sample_ranges": [list(r) for r in ranges]}
     image = Image(pixels, report, metadata, about.camera, errors=errors, frame=about.frame, color_space=about.rendering_space)
     header, arrays = contents(sampling, about)
+    if about.camera.diffusion.strength > 0:
+        from ..diffusing.diffuse import with_diffusion
+
+        image = with_diffusion(image)
     return Merged(image, header | {"ranges": [list(r) for r in ranges]}, arrays)
 
 

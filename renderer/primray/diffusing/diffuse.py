@@ -6,7 +6,7 @@ Those of neighbours in the diffused picture are not, as they share light.
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,14 @@ from ..lens.diffusion import Diffusion
 from .convolve import Convolver, Spectrum
 from .grid import grid_of
 from .psf import Psf, aperture_of, psf_of
+
+
+def with_diffusion(image: Image) -> Image:
+    """With the picture as its camera's lens diffuses it, which its report tells of; itself if the lens does not."""
+    if image.camera is None or image.camera.diffusion.strength == 0:
+        return image
+    made, says = diffuse(image, image.camera.diffusion)
+    return replace(image, diffused=made, report={**image.report, "diffusion": says})
 
 
 def diffuse(image: Image, diffusion: Diffusion) -> tuple[Image, dict[str, Any]]:

@@ -199,17 +199,12 @@ def picture_of(prepared: Prepared, sampling: Sampling, costs: Costs, diagnostics
     report["motion"] = prepared.motion
     camera, frame = prepared.camera, prepared.frame
     image = Image(pixels, report, metadata, camera, errors=errors, frame=frame, aovs=aovs, color_space=space)
-    return image if camera.diffusion.strength == 0 else _diffused(image, costs)
+    if camera.diffusion.strength == 0:
+        return image
+    from ..diffusing.diffuse import with_diffusion
 
-
-def _diffused(image: Image, costs: Costs) -> Image:
-    """With the picture as its lens diffuses it, which its report tells of."""
-    from ..diffusing.diffuse import diffuse
-
-    assert image.camera is not None
     with costs.stage("diffusion"):
-        made, says = diffuse(image, image.camera.diffusion)
-    return replace(image, diffused=made, report={**image.report, "diffusion": says})
+        return with_diffusion(image)
 
 
 def find_aovs(prepared: Prepared, sampling: Sampling, costs: Costs) -> dict[str, Aov]:

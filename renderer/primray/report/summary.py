@@ -19,6 +19,7 @@ from ..settings import DEFAULT_DICING_RATE
 # exactly and stand twice while the core copies them; these come on top.
 TRIANGLE_BYTES = 120  # Embree's hierarchy, and what building it takes
 DICED_TRIANGLE_BYTES = 70  # half a vertex with its normal, and three indices, twice, and dicing
+DICED_MOMENT_BYTES = 24  # half a vertex with its normal, twice: for each other time that a cage is diced for
 SHAPE_BYTES = 2000
 INSTANCE_BYTES = 210  # Embree's INSTANCE_ARRAY and the core's matrix; what the description holds is counted
 PIXEL_BYTES = 146  # the exact sums and counts of both replicates, and the image with its errors
@@ -95,7 +96,7 @@ def summary(
         2 * _array_bytes(shapes)
         + max(sum(count) * TRIANGLE_BYTES, loading)  # hierarchies are built when the images are gone
         + kept
-        + sum(n for n, cage in zip(count, is_cage, strict=True) if cage) * DICED_TRIANGLE_BYTES
+        + sum(n * _diced_bytes(s) for n, s in zip(count, shapes, strict=True) if isinstance(s, SubdivisionMesh))
         + len(shapes) * SHAPE_BYTES
         + stored * INSTANCE_BYTES
         + placement_bytes
@@ -170,11 +171,18 @@ def _triangles(shape: Shape, footprint: Footprint | None, dicing_rate: float) ->
     return len(shape.triangles) if isinstance(shape, Mesh) else 0
 
 
+def _diced_bytes(cage: SubdivisionMesh) -> int:
+    """Of a triangle."""
+    return DICED_TRIANGLE_BYTES + (0 if cage.motion is None else len(cage.motion.times) * DICED_MOMENT_BYTES)
+
+
 def _array_bytes(shapes: tuple[Shape, ...]) -> int:
     """Of all arrays that shapes hold, shared ones once."""
     arrays: dict[int, int] = {}
     for shape in shapes:
         held = [getattr(shape, name) for name in _ARRAYS[type(shape)]]
+        if not isinstance(shape, Sphere) and shape.motion is not None:
+            held += [shape.motion.points, shape.motion.normals]
         for values in held + [p.values for p in shape.primvars]:
             if isinstance(values, np.ndarray):
                 arrays[id(values)] = values.nbytes

@@ -17,6 +17,7 @@ from primray.checkpoints.checkpointing import Checkpointing
 from primray.checkpoints.merge import merge
 from primray.cli import run as primray_command
 from primray.errors import CheckpointError
+from primray.images.image import Image
 from primray.settings import RenderSettings
 
 from .resuming import assert_same, begin, cutter, go_on, run, save, sha256
@@ -172,6 +173,44 @@ def test_the_whole_way(tmp_path: Path) -> None:
     direct = primray.render(STAGE, RenderSettings(resolution=(40, 24), spp=20))
     assert image.report["pixels_sha256"] == direct.report["pixels_sha256"]
     assert load(saved).ranges == ((0, 20),)
+
+
+MOVING = """#usda 1.0
+def Camera "eye"
+{
+    double shutter:close = 0.5
+    float primray:lens:diffusion:strength = 0.25
+    double3 xformOp:translate = (0, 0, 20)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+def Sphere "ball"
+{
+    double3 xformOp:translate.timeSamples = { 1: (0, 0, 0), 2: (2, 0, 0) }
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
+
+
+def test_what_moves_and_what_the_lens_does_are_in_merged_pictures_too(tmp_path: Path) -> None:
+    stage = tmp_path / "moving.usda"
+    stage.write_text(MOVING)
+
+    def rendered(**values: Any) -> Image:
+        chosen = RenderSettings(resolution=(40, 24), time_code=1.0, **values)
+        saved = tmp_path / f"{chosen.sample_range}.prc"
+        return primray.render(stage, chosen, checkpointing=Checkpointing(saved))
+
+    direct = rendered(spp=8)
+    spans = ((0, 4), (4, 8))
+    for span in spans:
+        rendered(sample_range=span)
+    image = merge([tmp_path / f"{span}.prc" for span in spans]).image
+    assert image.report["motion"] == direct.report["motion"]
+    assert "moving" in direct.report["motion"]
+    assert image.report["diffusion"] == direct.report["diffusion"]
+    assert image.diffused is not None
+    assert direct.diffused is not None
+    np.testing.assert_array_equal(image.diffused.pixels, direct.diffused.pixels)
 
 
 @pytest.mark.parametrize(

@@ -58,6 +58,26 @@ def test_images_count_as_stored_one_as_floats_and_by_the_view() -> None:
     assert more(small, large) - more(large) == pytest.approx(100 * 100 * 3 * (1 + 2 * 4 / 3), abs=2)
 
 
+def test_points_at_other_times_count() -> None:
+    """As arrays of a mesh, twice as all of them; and a cage's for each vertex that is diced."""
+
+    def bytes_of(points: str, scheme: str) -> int:
+        stage = Usd.Stage.CreateInMemory()
+        text = CAGE.replace("point3f[] points = ", points).replace("{", f'{{\nuniform token subdivisionScheme = "{scheme}"', 1)
+        eye = 'def Camera "eye"\n{\ndouble shutter:close = 1\nmatrix4d xformOp:transform = ((1, 0, 0, 0), (0, 1, 0, 0), '
+        eye += '(0, 0, 1, 0), (0, 0, 9, 1))\nuniform token[] xformOpOrder = ["xformOp:transform"]\n}\n'
+        assert stage.GetRootLayer().ImportFromString(text + eye)
+        return summary(translate(stage, RenderSettings(time_code=1.0, resolution=(320, 240)))[0]).memory_bytes
+
+    moving = CAGE[CAGE.index("[(") : CAGE.index(")]") + 2]
+    still, moved = (
+        "point3f[] points = ",
+        f"point3f[] points.timeSamples = {{ 1: {moving}, 2: {moving.replace('-1', '-2')} }}\n#",
+    )
+    assert bytes_of(moved, "none") - bytes_of(still, "none") >= 2 * 2 * 8 * 12
+    assert bytes_of(moved, "catmullClark") - bytes_of(still, "catmullClark") > 2000 * 2 * 24
+
+
 CAGE = """#usda 1.0
 def Mesh "cage"
 {
