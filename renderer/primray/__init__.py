@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from .images.image import Image
     from .images.reading import read_image
     from .images.stereo import StereoImage
+    from .lens.distortion import DirectionTable, Distortion, DistortionModel
     from .notices.announcement import RenderWarning
-    from .optics.distortion import DirectionTable, Distortion, DistortionModel
     from .render.products import Product, render_products
     from .render.stereo import render_stereo
 
@@ -71,9 +71,9 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Camera": "camera",
         "Checkpointing": "checkpoints.checkpointing",
         "Comparison": "compare.comparison",
-        "DirectionTable": "optics.distortion",
-        "Distortion": "optics.distortion",
-        "DistortionModel": "optics.distortion",
+        "DirectionTable": "lens.distortion",
+        "Distortion": "lens.distortion",
+        "DistortionModel": "lens.distortion",
         "Image": "images.image",
         "Product": "render.products",
         "Projection": "camera",

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from .arrays import Doubles
 from .lens.diffusion import NO_DIFFUSION, Diffusion, diffusion_of
-from .optics.distortion import Distortion, distortion_as_json, distortion_of
+from .lens.distortion import Distortion, distortion_as_json, distortion_of
 
 
 class Projection(Enum):

@@ -90,7 +90,7 @@ def _checked(name: str, given: Any) -> Camera:
 
 
 # What lenses can be asked to do, and how many numbers each takes.
-LENS_FLAWS = {"natural-vignetting": 1, "rim": 2, "channel-magnification": 3, "channel-focus-shift": 3}
+LENS_FLAWS = {"natural-vignetting": 1, "mechanical-vignetting": 2, "lateral-chromatic": 3, "longitudinal-chromatic": 3}
 
 
 def lens_flaws(name: str, value: Any) -> tuple[str, ...]:
@@ -112,17 +112,17 @@ def flaws_of(given: tuple[str, ...]) -> dict[str, tuple[float, ...]]:
         except ValueError:
             numbers = ()
         if len(numbers) != LENS_FLAWS[name] or not all(map(math.isfinite, numbers)) or not _fits(name, numbers):
-            wanted = {"rim": "DISTANCE,RADIUS, 0 or more", "natural-vignetting": "0 or 1"}.get(name, "R,G,B")
-            above = ", above 0" if name == "channel-magnification" else ""
+            wanted = {"mechanical-vignetting": "DISTANCE,RADIUS, 0 or more", "natural-vignetting": "0 or 1"}.get(name, "R,G,B")
+            above = ", above 0" if name == "lateral-chromatic" else ""
             raise SettingsError(f"{name} must be {name}={wanted}{above}, not {one}", where="lens_flaws")
         found[name] = numbers
     return found
 
 
 def _fits(name: str, numbers: tuple[float, ...]) -> bool:
-    if name == "rim":
+    if name == "mechanical-vignetting":
         return min(numbers) >= 0
-    return name != "channel-magnification" or min(numbers) > 0
+    return name != "lateral-chromatic" or min(numbers) > 0
 
 
 def _check_flaws(name: str, given: Camera, require: Callable[[bool, str], None]) -> None:
@@ -142,7 +142,7 @@ def _check_flaws(name: str, given: Camera, require: Callable[[bool, str], None])
 
 def _check_distortion(given: Camera, require: Callable[[bool, str], None]) -> None:
     from .camera import Projection
-    from .optics.distortion import NUMBERS, Distortion, DistortionModel
+    from .lens.distortion import NUMBERS, Distortion, DistortionModel
 
     lens = given.distortion
     if not isinstance(lens, Distortion):

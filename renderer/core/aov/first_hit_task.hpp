@@ -241,8 +241,10 @@ class FirstHitTask {
     for (uint32_t b = bits(m); b; b &= b - 1) {
       const int i = __builtin_ctz(b);
       const size_t p = 2 * pixel_of(x[i], y[i]);
-      double a[2], z[2];
-      if (!project(at_frame_, from, i, a) || !project(then, to, i, z)) continue;
+      double a[2] = {x[i] + scene_.camera.pixels.x + 0.5, y[i] + scene_.camera.pixels.y + 0.5};
+      if (!at_frame_.project({from.x[i], from.y[i], from.z[i]}, a)) continue;
+      double z[2] = {a[0], a[1]};
+      if (!then.project({to.x[i], to.y[i], to.z[i]}, z)) continue;
       plane[p] = float(z[0] - a[0]), plane[p + 1] = float(z[1] - a[1]);
     }
   }
@@ -253,19 +255,6 @@ class FirstHitTask {
     Rays<W> far{V(F(1e18f)), V(F(0.0f)), F(0.0f), F(0.0f), time};
     return interact(scene_, m, far, hits).p;
   }
-  // In pixels of the frame, right and down; false behind the camera.
-  bool project(const Camera& camera, const V& point, int i, double (&pixel)[2]) const {
-    const Affine<float>& c = camera.world_from_camera;
-    const dvec3 d = dvec3{point.x[i], point.y[i], point.z[i]} - dvec3(c.o);
-    const dvec3 q{dot(d, dvec3(c.x)), dot(d, dvec3(c.y)), dot(d, dvec3(c.z))};
-    const double depth = camera.orthographic ? 1.0 : -q.z;
-    if (!(depth > 0)) return false;
-    const double left = camera.left, right = camera.right, bottom = camera.bottom, top = camera.top;
-    pixel[0] = (q.x / depth - left) / (right - left) * camera.width;
-    pixel[1] = (top - q.y / depth) / (top - bottom) * camera.height;
-    return true;
-  }
-
   void write_primvar(PrimvarPlane& plane, B m, const int32_t* x, const int32_t* y, const SurfacePoint<W>& point) {
     const PrimvarLanes<W> whole(scene_, m, point, plane.names[1]), read(scene_, m, point, plane.names[0]);
     for (int k = 0; k < plane.width; ++k) {

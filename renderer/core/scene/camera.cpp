@@ -59,6 +59,24 @@ CameraRay<1> Camera::ray_of_channel(const Drawn& drawn, const LensFlaws& lens, f
   return ray;
 }
 
+bool Camera::project(const dvec3& point, double (&pixel)[2]) const {
+  const Affine<float>& m = world_from_camera;
+  const dvec3 d = point - dvec3(m.o);
+  dvec3 film{dot(d, dvec3(m.x)), dot(d, dvec3(m.y)), dot(d, dvec3(m.z))};
+  const ExactWindow w = distortion ? window : ExactWindow{left, right, bottom, top};
+  const double across = (w.right - w.left) / width, up = (w.top - w.bottom) / height;
+  if (distortion) {
+    const auto seen = distortion->film_point(film, {w.left + pixel[0] * across, w.top - pixel[1] * up, 0});
+    if (!seen) return false;
+    film = *seen;
+  } else if (!orthographic) {
+    if (!(film.z < 0)) return false;
+    film = film * (1 / -film.z);
+  }
+  pixel[0] = (film.x - w.left) / across, pixel[1] = (w.top - film.y) / up;
+  return true;
+}
+
 Camera Camera::at(float time) const {
   Camera c = stance();
   c.filter = filter;

@@ -99,6 +99,10 @@ struct Camera {
   float cone_spread() const { return orthographic ? 0.0f : kConePixels * finest * pixel_size(); }
   float pixel_size() const { return std::sqrt((right - left) / float(width) * ((top - bottom) / float(height))); }
 
+  // Where a point in the core's space is seen without its lens's size, in pixels of the frame, right and down; false where it
+  // is not. `pixel`: on entry, near where to look for it.
+  bool project(const dvec3& point, double (&pixel)[2]) const;
+
   bool has_lens() const { return lens_radius > 0 || lens_opens; }
   // Itself, as it stands at a time.
   Camera at(float time) const;

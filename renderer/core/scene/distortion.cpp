@@ -230,6 +230,48 @@ std::optional<dvec3> Distortion::direction(double x, double y) const {
   return dvec3{x * across, y * across, -a.cos};
 }
 
+std::optional<double> Distortion::radius_of(double angle) const {
+  if (model == DistortionModel::kAngleToRadius)
+    return angle <= most_inside ? std::optional(odd_polynomial(k, angle)) : std::nullopt;
+  if (!(angle >= k[0] && angle <= polynomial(k, most_inside))) return std::nullopt;
+  return solved(
+      angle, most_inside, angle / k[1], [&](double r) { return polynomial(k, r); }, [&](double r) { return slope_of(k, r); });
+}
+
+// Newton's method in two dimensions with differences for derivatives: `d` of unit length, across which what is seen has to be
+// 0.
+std::optional<dvec3> Distortion::searched(const dvec3& d, dvec3 from) const {
+  const dvec3 aside = std::fabs(d.x) < 0.5 ? dvec3{1, 0, 0} : dvec3{0, 1, 0};
+  const dvec3 u = normalize(cross(d, aside)), v = cross(d, u);
+  const double dx = (table.right - table.left) / table.columns * 1e-3, dy = (table.top - table.bottom) / table.rows * 1e-3;
+  for (int i = 0; i < kIterations; ++i) {
+    const auto at = direction(from.x, from.y), beside = direction(from.x + dx, from.y), above = direction(from.x, from.y + dy);
+    if (!at || !beside || !above) return std::nullopt;
+    const double off_u = dot(*at, u), off_v = dot(*at, v);
+    if (std::fabs(off_u) + std::fabs(off_v) < 1e-9) return dot(*at, d) > 0 ? std::optional(from) : std::nullopt;
+    const double ux = (dot(*beside, u) - off_u) / dx, uy = (dot(*above, u) - off_u) / dy;
+    const double vx = (dot(*beside, v) - off_v) / dx, vy = (dot(*above, v) - off_v) / dy;
+    const double det = ux * vy - uy * vx;
+    if (det == 0) return std::nullopt;
+    from.x -= (off_u * vy - off_v * uy) / det, from.y -= (off_v * ux - off_u * vx) / det;
+  }
+  return std::nullopt;
+}
+
+std::optional<dvec3> Distortion::film_point(const dvec3& d, const dvec3& near) const {
+  if (model == DistortionModel::kTable) return searched(normalize(d), near);
+  if (model == DistortionModel::kRational) {
+    const double x = d.x / -d.z, y = d.y / d.z;
+    if (!(d.z < 0 && x * x + y * y <= most_inside * most_inside)) return std::nullopt;
+    const Distorted on_film = rational(k, x, y);
+    return dvec3{on_film.x, -on_film.y, 0};
+  }
+  const double across = std::sqrt(d.x * d.x + d.y * d.y);
+  const std::optional<double> radius = radius_of(std::atan2(across, -d.z));
+  if (!radius) return std::nullopt;
+  return across > 0 ? dvec3{d.x * (*radius / across), d.y * (*radius / across), 0} : dvec3(0.0);
+}
+
 double Distortion::finest(double left, double right, double bottom, double top) const {
   constexpr int kPlaces = 16;
   const double dx = (right - left) * 1e-4, dy = (top - bottom) * 1e-4;

@@ -44,6 +44,10 @@ struct Distortion {
   // Where the lens looks from (x, y): of unit length if it is on spheres, else with z = -1. Nothing beyond what it sees.
   std::optional<dvec3> direction(double x, double y) const;
 
+  // Where on the film a direction of any length lands, (x, y, 0); nothing where the lens does not see it. `near`: a point of
+  // the film from where a table is searched.
+  std::optional<dvec3> film_point(const dvec3& d, const dvec3& near) const;
+
   // How much finer directions lie than at the film's middle, at the finest place of this window: 1 or less.
   double finest(double left, double right, double bottom, double top) const;
 
@@ -54,6 +58,8 @@ struct Distortion {
   double unfolds(double r) const;
   bool is_radial() const { return k[2] == 0 && k[3] == 0 && k[8] == 0 && k[9] == 0 && k[10] == 0 && k[11] == 0; }
   std::optional<double> angle_of(double radius) const;
+  std::optional<double> radius_of(double angle) const;
+  std::optional<dvec3> searched(const dvec3& d, dvec3 from) const;
 };
 
 }  // namespace primray

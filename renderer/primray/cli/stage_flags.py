@@ -125,8 +125,8 @@ LensFlaws = Annotated[
     typer.Option(
         "--lens",
         metavar="NAME=NUMBERS",
-        help="Of the camera's lens: natural-vignetting=1, rim=DISTANCE,RADIUS, channel-magnification=R,G,B or "
-        "channel-focus-shift=R,G,B; may be repeated.",
+        help="Of the camera's lens: natural-vignetting=1, mechanical-vignetting=DISTANCE,RADIUS, lateral-chromatic=R,G,B or "
+        "longitudinal-chromatic=R,G,B; may be repeated.",
         show_default="the camera's",
     ),
 ]

@@ -25,7 +25,7 @@ from ..description import (
     SubdivisionMesh,
 )
 from ..description.placement import Box, chunks, named_levels, placed_box, transformed_box, transformed_boxes
-from ..optics.distortion import Distortion
+from ..lens.distortion import Distortion
 from ..refine.far_geometry import FARTHEST, OUTLYING, FarInstances, usual_boxes, usual_union
 from ..refine.moving import by_clock
 from ..refine.skewed import bake_skewed

@@ -1,1 +1,1 @@
-"""Imperfections of lenses, as numbers: part of a camera."""
+"""Lenses: how they distort, and their imperfections, as numbers. A part of the seam, which `camera` holds."""

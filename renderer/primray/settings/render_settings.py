@@ -96,8 +96,8 @@ class RenderSettings:
     diffusion_starburst: float | None = None
     diffusion_starburst_width: float | None = None
     eye: Eye | None = None  # of the stereo pair that the camera is of; None: the camera itself
-    # Of the camera's lens, in place of its own: natural-vignetting=1, rim=DISTANCE,RADIUS, channel-magnification=R,G,B and
-    # channel-focus-shift=R,G,B; see Camera.
+    # Of the camera's lens, in place of its own: natural-vignetting=1, mechanical-vignetting=DISTANCE,RADIUS,
+    # lateral-chromatic=R,G,B and longitudinal-chromatic=R,G,B; see Camera.
     lens_flaws: tuple[str, ...] = ()
     # How the stage is composed; meaning as in Composition. All frames of one command share it.
     variants: tuple[str, ...] = ()

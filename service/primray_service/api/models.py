@@ -82,8 +82,8 @@ class Settings(Sent):
     lens_flaws: list[Annotated[str, Field(max_length=256)]] = Field(
         default=[],
         max_length=16,
-        description="Of the camera's lens: natural-vignetting=1, rim=DISTANCE,RADIUS, channel-magnification=R,G,B, "
-        "channel-focus-shift=R,G,B.",
+        description="Of the camera's lens: natural-vignetting=1, mechanical-vignetting=DISTANCE,RADIUS, "
+        "lateral-chromatic=R,G,B, longitudinal-chromatic=R,G,B.",
     )
     variants: list[Annotated[str, Field(max_length=1024)]] = Field(default=[], max_length=64)
     load: list[Annotated[str, Field(max_length=1024)]] | None = Field(None, max_length=256)

@@ -21,7 +21,6 @@ ORDER = (
     "errors",
     "arrays",
     "lens",
-    "optics",
     "camera",
     "setting_values",
     "camera_choice",

@@ -12,7 +12,7 @@ from tests.images.motion.motion_scenes import exposed
 
 from primray.camera import camera_as_json, camera_of
 from primray.description import Camera, CameraMotion, Doubles, LightType
-from primray.optics.distortion import DirectionTable, Distortion, DistortionModel
+from primray.lens.distortion import DirectionTable, Distortion, DistortionModel
 
 RESOLUTION = (160, 100)
 K = (-0.2, 0.05, 0.002, -0.003, -0.004, 0.01, 0.002, 0.001, 0.001, -0.002, 0.0015, 0.0003)

@@ -53,7 +53,8 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
     more = "--view Raw --exposure 1.5 --purposes default,proxy --no-default-light --strict --report r.json -o a.png -o a.exr"
     more += " --aov depth,normal --aov st --default-wrap mirror --auto-camera usdrecord"
     chosen = "--variant /a:s=x --variant /a:t= --load /p --load /q --mask /a,/b --session-layer over.usda --render-settings /s"
-    chosen += " --shutter -0.25 0.5 --motion-error 0.2 --no-motion-blur --lens rim=2,0.5 --lens natural-vignetting=1"
+    chosen += " --shutter -0.25 0.5 --motion-error 0.2 --no-motion-blur"
+    chosen += " --lens mechanical-vignetting=2,0.5 --lens natural-vignetting=1"
     chosen += " --diffusion 0 --diffusion-glare 0.1 --diffusion-bloom-width 0.02"
     chosen += " --diffusion-starburst 0.4 --diffusion-starburst-width 0.001"
     looks = ["--rendering-color-space", "lin_rec709_scene", "--display", "sRGB - Display"]
@@ -93,7 +94,7 @@ def test_every_flag_reaches_the_settings(pipeline: FakePipeline) -> None:
         "aovs": ["depth", "normal", "st"],
         "strict": True,
         "max_memory_bytes": 4 * 2**30,
-        "lens_flaws": ["rim=2,0.5", "natural-vignetting=1"],
+        "lens_flaws": ["mechanical-vignetting=2,0.5", "natural-vignetting=1"],
         "variants": ["/a:s=x", "/a:t="],
         "load": ["/p", "/q"],
         "mask": ["/a", "/b"],

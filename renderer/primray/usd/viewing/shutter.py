@@ -46,7 +46,8 @@ def rolling_of(scan: Scan, shutter: tuple[float, float], lines: tuple[int, int],
     opens, closes = shutter
     if scan.line_exposure_s is not None:
         closes = opens + scan.line_exposure_s * time_codes_per_second
-    across, down = (side * scan.line_offset_s * time_codes_per_second for side in scan.direction)
+    offset = scan.readout / max(lines[1] - 1, 1) if scan.readout else scan.line_offset_s * time_codes_per_second
+    across, down = (side * offset for side in scan.direction)
     # The first line to open may be the last of the frame's.
     later = max(-across, 0.0) * (lines[0] - 1) + max(-down, 0.0) * (lines[1] - 1)
     return Rolling(opens + later, closes + later, across, down)

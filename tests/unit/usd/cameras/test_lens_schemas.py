@@ -15,7 +15,7 @@ import pytest
 from tests.unit.usd.usd_text import stage_of
 
 from primray.description import Camera, Exposure, SceneDescription
-from primray.optics.distortion import DistortionModel
+from primray.lens.distortion import DistortionModel
 from primray.settings import RenderSettings
 from primray.usd import translate
 
@@ -207,11 +207,11 @@ def test_depth_of_field_goes_by_the_focal_length() -> None:
     assert (camera.lens_radius, camera.focus_distance, said) == (2.0, 9.0, [])
 
 
-FLAWS = """bool primray:lens:naturalVignetting = 1
-float primray:lens:rimDistance = 2
-float primray:lens:rimRadius = 0.5
-float3 primray:lens:channelMagnification = (1.25, 1, 0.75)
-float3 primray:lens:channelFocusShift = (-0.5, 0, 0.25)
+FLAWS = """bool primray:lens:vignetting:natural = 1
+float primray:lens:vignetting:mechanicalDistance = 2
+float primray:lens:vignetting:mechanicalRadius = 0.5
+float3 primray:lens:chromatic:lateral = (1.25, 1, 0.75)
+float3 primray:lens:chromatic:longitudinal = (-0.5, 0, 0.25)
 """
 
 
@@ -222,7 +222,7 @@ def test_flaws_are_read_and_asked_for() -> None:
     assert (camera.channel_magnification, camera.channel_focus_shift) == ((1.25, 1, 0.75), (-0.5, 0, 0.25))
     plain, _ = camera_of("")
     assert (plain.natural_vignetting, plain.rim, plain.channel_magnification) == (False, (0, 0), (1, 1, 1))
-    asked = ("natural-vignetting=0", "rim=3,0.25", "channel-magnification=1,1,1", "channel-focus-shift=0,0,0")
+    asked = ("natural-vignetting=0", "mechanical-vignetting=3,0.25", "lateral-chromatic=1,1,1", "longitudinal-chromatic=0,0,0")
     over, _ = camera_of(FLAWS, lens_flaws=asked)
     assert (over.natural_vignetting, over.rim, over.channel_magnification) == (False, (3, 0.25), (1, 1, 1))
     alone, _ = camera_of("", lens_flaws=("natural-vignetting=1",))
@@ -232,11 +232,11 @@ def test_flaws_are_read_and_asked_for() -> None:
 @pytest.mark.parametrize(
     ("body", "attribute"),
     [
-        ("float primray:lens:rimRadius = -1", "primray:lens:rimRadius"),
-        ("float3 primray:lens:channelMagnification = (1, 0, 1)", "primray:lens:channelMagnification"),
+        ("float primray:lens:vignetting:mechanicalRadius = -1", "primray:lens:vignetting:mechanicalRadius"),
+        ("float3 primray:lens:chromatic:lateral = (1, 0, 1)", "primray:lens:chromatic:lateral"),
         (
-            "float fStop = 1\nfloat focusDistance = 2\nfloat3 primray:lens:channelFocusShift = (0, -2, 0)",
-            "primray:lens:channelFocusShift",
+            "float fStop = 1\nfloat focusDistance = 2\nfloat3 primray:lens:chromatic:longitudinal = (0, -2, 0)",
+            "primray:lens:chromatic:longitudinal",
         ),
     ],
 )
@@ -258,9 +258,9 @@ from pxr import Usd, UsdGeom
 stage = Usd.Stage.CreateInMemory()
 prim = UsdGeom.Camera.Define(stage, "/eye").GetPrim()
 assert prim.ApplyAPI("PrimrayLensAPI")
-assert tuple(prim.GetAttribute("primray:lens:channelMagnification").Get()) == (1, 1, 1)
-assert prim.GetAttribute("primray:lens:rimRadius").Get() == 0
-prim.GetAttribute("primray:lens:naturalVignetting").Set(True)
+assert tuple(prim.GetAttribute("primray:lens:chromatic:lateral").Get()) == (1, 1, 1)
+assert prim.GetAttribute("primray:lens:vignetting:mechanicalRadius").Get() == 0
+prim.GetAttribute("primray:lens:vignetting:natural").Set(True)
 from primray.settings import RenderSettings
 description, diagnostics = primray.usd.translate(stage, RenderSettings(camera="/eye"))
 assert description.camera.natural_vignetting and not [d for d in diagnostics if d.prim_path == "/eye"]
@@ -268,7 +268,7 @@ assert description.camera.natural_vignetting and not [d for d in diagnostics if 
 
 
 def test_usd_knows_the_schema_by_its_folder() -> None:
-    found = os.environ | {"PXR_PLUGINPATH_NAME": str(SCHEMAS / "primrayLens")}
+    found = os.environ | {"PXR_PLUGINPATH_NAME": str(SCHEMAS)}
     subprocess.run([sys.executable, "-c", REGISTERED], env=found, check=True, capture_output=True, text=True)
 
 
@@ -307,6 +307,19 @@ def test_a_rolling_shutter(order: str, first: float, per_line: tuple[float, floa
     assert (found.per_column, found.per_row) == pytest.approx(per_line)
     assert found.span == pytest.approx(span)
     assert camera.shutter == pytest.approx(span)
+
+
+@pytest.mark.parametrize(("readout", "first", "per_row"), [(1.2, 0.5, 0.3), (-1.2, 1.7, -0.3)])
+def test_a_readout_is_from_the_first_row_to_the_last(readout: float, first: float, per_row: float) -> None:
+    body = f"float primray:lens:rollingShutter:readout = {readout}\ndouble shutter:open = 0.5\ndouble shutter:close = 0.75"
+    found, _, said = exposure_of(body)
+    assert said == []
+    assert found is not None
+    assert (found.opens, found.closes, found.per_row) == pytest.approx((first, first + 0.25, per_row))
+    assert found.span == pytest.approx((0.5, 1.95))
+    still, _, _ = exposure_of(body.replace("close = 0.75", "close = 0.5"))  # each row is a still of its own
+    assert still is not None
+    assert (still.opens, still.closes, still.per_row) == pytest.approx((first, first, per_row))
 
 
 def test_lines_without_an_exposure_have_the_shutters() -> None:

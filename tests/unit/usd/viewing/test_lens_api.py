@@ -16,6 +16,7 @@ from primray.lens.diffusion import NO_DIFFUSION, Diffusion
 from primray.settings import RenderSettings
 from primray.usd import translate
 from primray.usd.adapters.cameras import lens_api
+from primray.usd.adapters.cameras.flaws import PREFIX
 
 from ..usd_text import stage_of
 
@@ -100,7 +101,7 @@ def test_the_schema_names_what_is_read() -> None:
     declared = layer.GetPrimAtPath("/PrimrayLensAPI").properties
     assert {p.name for p in declared} == set(lens_api.NAMES)
     for name, member in lens_api.DIFFUSION.items():
-        fallback = declared[f"{lens_api.PREFIX}diffusion:{name}"].default
+        fallback = declared[f"{PREFIX}diffusion:{name}"].default
         assert fallback == pytest.approx(getattr(NO_DIFFUSION, member))
 
 

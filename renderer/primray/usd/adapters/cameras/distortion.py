@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pxr import Usd
 
 from ....diagnostics import Diagnostics
-from ....optics.distortion import Distortion, DistortionModel
+from ....lens.distortion import Distortion, DistortionModel
 from ...querying.guarded import property_names
 from ...resolving.applied_schemas import applied_schemas
 from ...resolving.read import When, number, read, token, vector

@@ -7,7 +7,7 @@ from pxr import Sdf
 
 from ....description import TextureFile
 from ....errors import PrimrayError
-from ....optics.distortion import DirectionTable
+from ....lens.distortion import DirectionTable
 from ....textures.texture import load_texture
 from ...opening.asset import read_asset
 

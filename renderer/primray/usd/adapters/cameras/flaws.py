@@ -16,16 +16,17 @@ from ...querying.guarded import property_names
 from ...resolving.read import When, flag, number, vector
 
 PREFIX = "primray:lens:"
-NATURAL = f"{PREFIX}naturalVignetting"
-RIM_DISTANCE, RIM_RADIUS = f"{PREFIX}rimDistance", f"{PREFIX}rimRadius"
-MAGNIFICATION, FOCUS_SHIFT = f"{PREFIX}channelMagnification", f"{PREFIX}channelFocusShift"
+NATURAL = f"{PREFIX}vignetting:natural"
+RIM_DISTANCE, RIM_RADIUS = f"{PREFIX}vignetting:mechanicalDistance", f"{PREFIX}vignetting:mechanicalRadius"
+MAGNIFICATION, FOCUS_SHIFT = f"{PREFIX}chromatic:lateral", f"{PREFIX}chromatic:longitudinal"
+NAMES = (NATURAL, RIM_DISTANCE, RIM_RADIUS, MAGNIFICATION, FOCUS_SHIFT)
 
 Asked = Mapping[str, tuple[float, ...]]
 
 
 def with_flaws(camera: Camera, prim: Usd.Prim | None, asked: Asked, when: When, diagnostics: Diagnostics) -> Camera:
     """The camera with its own flaws, and those that are asked for in their place."""
-    authored = prim is not None and any(name.startswith(PREFIX) for name in property_names(prim))
+    authored = prim is not None and any(name in NAMES for name in property_names(prim))
     if not authored and not asked:
         return camera
     if camera.projection is Projection.ORTHOGRAPHIC:
@@ -35,14 +36,14 @@ def with_flaws(camera: Camera, prim: Usd.Prim | None, asked: Asked, when: When, 
         camera = _authored(camera, prim, when, diagnostics)
     if "natural-vignetting" in asked:
         camera = replace(camera, natural_vignetting=asked["natural-vignetting"][0] != 0)
-    if "rim" in asked:
-        distance, radius = asked["rim"]
+    if "mechanical-vignetting" in asked:
+        distance, radius = asked["mechanical-vignetting"]
         camera = replace(camera, rim=(distance, radius))
-    if "channel-magnification" in asked:
-        red, green, blue = asked["channel-magnification"]
+    if "lateral-chromatic" in asked:
+        red, green, blue = asked["lateral-chromatic"]
         camera = replace(camera, channel_magnification=(red, green, blue))
-    if "channel-focus-shift" in asked:
-        red, green, blue = asked["channel-focus-shift"]
+    if "longitudinal-chromatic" in asked:
+        red, green, blue = asked["longitudinal-chromatic"]
         camera = replace(camera, channel_focus_shift=(red, green, blue))
     return _focused(camera, diagnostics)
 

@@ -12,9 +12,11 @@ from ....diagnostics import Diagnostics
 from ....lens.diffusion import NO_DIFFUSION, Diffusion, fault_of
 from ...querying.guarded import property_names
 from ...resolving.read import When, number, read
+from .flaws import NAMES as FLAWS
+from .flaws import PREFIX
 from .lens import Lens, blades_of
+from .rolling_shutter import READOUT
 
-PREFIX = "primray:lens:"
 DIFFUSION = {
     "strength": "strength",
     "glare": "glare",
@@ -23,15 +25,7 @@ DIFFUSION = {
     "starburstWidth": "starburst_width",
 }
 BLADES, ROTATION = f"{PREFIX}diffusion:blades", f"{PREFIX}diffusion:bladeRotation"
-OTHERS = (
-    "vignetting:natural",
-    "vignetting:mechanicalDistance",
-    "vignetting:mechanicalRadius",
-    "chromatic:lateral",
-    "chromatic:longitudinal",
-    "rollingShutter:readout",
-)
-NAMES = frozenset({*(f"{PREFIX}diffusion:{name}" for name in DIFFUSION), BLADES, ROTATION, *(PREFIX + name for name in OTHERS)})
+NAMES = frozenset({*(f"{PREFIX}diffusion:{name}" for name in DIFFUSION), BLADES, ROTATION, *FLAWS, READOUT})
 
 
 def note_unknown_names(prim: Usd.Prim, diagnostics: Diagnostics) -> None:

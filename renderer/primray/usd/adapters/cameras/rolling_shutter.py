@@ -1,6 +1,7 @@
-"""A shutter that rolls, by OmniRtxRollingShutterAPI of NVIDIA's Omniverse, as attributes: USD need not know the schema.
+"""A shutter that rolls: by OmniRtxRollingShutterAPI of NVIDIA's Omniverse, else by PrimrayLensAPI, as attributes.
 
-Names and meanings are those of the ovrtx 0.7 documentation ("Rolling Shutter"): times are seconds, as fractions.
+USD need not know these schemas. Names and meanings of the former are those of the ovrtx 0.7 documentation ("Rolling Shutter"):
+times are seconds, as fractions.
 """
 
 from __future__ import annotations
@@ -11,10 +12,11 @@ from pxr import Usd
 
 from ....diagnostics import Diagnostics
 from ...querying.guarded import property_names
-from ...resolving.read import When, token, vector
+from ...resolving.read import When, number, token, vector
 from ...resolving.renderer_attributes import ROLLING_SHUTTER
 
 ORDER, OFFSET, EXPOSURE = (f"{ROLLING_SHUTTER}{name}" for name in ("scanOrder", "lineOffset", "lineExposure"))
+READOUT = "primray:lens:rollingShutter:readout"  # time codes from the first row to the last
 # Which way lines follow each other: across or down, and from which side.
 ORDERS = {"topToBottom": (0, 1), "bottomToTop": (0, -1), "leftToRight": (1, 0), "rightToLeft": (-1, 0)}
 
@@ -24,13 +26,15 @@ class Scan:
     direction: tuple[int, int]
     line_offset_s: float
     line_exposure_s: float | None  # None: as long as the camera's shutter is open
+    readout: float = 0.0  # in place of line_offset_s: time codes from the first line to the last
 
 
 def read_scan(prim: Usd.Prim, when: When, diagnostics: Diagnostics) -> Scan | None:
     """None where the whole film is exposed at once."""
     order = token(prim, ORDER, when, "none")
     if order == "none":
-        return None
+        readout = number(prim, READOUT, when, 0.0, diagnostics)
+        return Scan((0, -1 if readout < 0 else 1), 0.0, None, abs(readout)) if readout else None
     if order not in ORDERS:
         message = f"{ORDER} = {order} is not known: the whole film is exposed at once."
         diagnostics.add("camera-input", str(prim.GetPath()), message, ORDER)

@@ -1,1 +1,0 @@
-"""Lenses: how they distort. A part of the seam, that `camera` holds."""
