@@ -1,7 +1,7 @@
 """What users write for a setting, brought to the one form that it is kept in; or refused, with the setting's name.
 
 Strings stand for members of enums, lists and arrays for tuples, NumPy's numbers for Python's, prims and Sdf.Paths for paths.
-Only forms are judged here: which values make sense is settings.py's.
+Only forms are judged here: which values make sense is judged in settings.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from primray.description import Input, PrimvarInput, SceneDescription, TextureInput
+from primray.description import Input, PointMotion, PrimvarInput, SceneDescription, TextureInput
 from primray.diagnostics import Diagnostic
 
 LONGEST = 36  # longer arrays are summarised
@@ -22,6 +22,7 @@ SPARSE |= {"shaping", "shadow", "light_link", "shadow_link", "visible_to_camera"
 SPARSE |= {"rendering_space", "target", "is_color"}
 SPARSE |= {"texture_format", "portals", "normalize", "own_color", "shows_own", "light", "photometric"}
 SPARSE |= {"motion", "exposure", "camera_motion", "motion_steps", "diffusion"}
+SPARSE |= {"distortion", "natural_vignetting", "rim", "channel_magnification", "channel_focus_shift"}
 
 
 def describe(description: SceneDescription, diagnostics: Iterable[Diagnostic], root: str) -> str:
@@ -40,6 +41,8 @@ def _dotted(attribute: str) -> str:
 def _plain(value: Any) -> Any:
     if isinstance(value, TextureInput | PrimvarInput):
         return _input(value)
+    if isinstance(value, PointMotion):
+        value = dataclasses.replace(value, points=value.points.reshape(-1, 3))  # of all times
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         kind = {"kind": type(value).__name__} if type(value).__name__ in ("Mesh", "SubdivisionMesh", "Sphere") else {}
         shown = (f.name for f in dataclasses.fields(value) if f.name not in SPARSE or getattr(value, f.name) != f.default)

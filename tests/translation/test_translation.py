@@ -20,6 +20,9 @@ CASES = {path.stem: path for path in sorted(HERE.glob("cases/*.usda"))}
 CASES |= {path.parent.name: path for path in sorted(ROOT.glob("scenes/features/*/scene.usda"))}
 CASES |= {path.stem: path for path in sorted(ROOT.glob("scenes/analytic/*.usda"))}
 
+# What moves has to be seen at a frame.
+MOVING = {name: 1.0 for name in CASES if name.startswith(("motion-", "rolling-", "moving_", "turning_"))}
+
 
 def expected_file(path: Path) -> Path:
     """Beside a case of this folder; for the project's scenes in `scenes/`."""
@@ -32,7 +35,7 @@ def expected_file(path: Path) -> Path:
 def test_case(name: str) -> None:
     path = CASES[name]
     opening = Diagnostics()
-    description, diagnostics = translate(open_stage(path, opening), RenderSettings())
+    description, diagnostics = translate(open_stage(path, opening), RenderSettings(time_code=MOVING.get(name)))
     text = describe(description, [*opening, *diagnostics], str(path.parent))
     expected = expected_file(path)
     if os.environ.get("PRIMRAY_UPDATE"):
@@ -47,6 +50,8 @@ OWN = sorted(ROOT.glob("scenes/**/*.usda"))
 @pytest.mark.parametrize("path", OWN, ids=lambda p: str(p.relative_to(ROOT / "scenes")))
 def test_own_scenes_ask_for_nothing_unsupported(path: Path) -> None:
     opening = Diagnostics()
-    _, diagnostics = translate(open_stage(path, opening), RenderSettings())
+    stage = open_stage(path, opening)
+    frame = stage.GetStartTimeCode() if stage.HasAuthoredTimeCodeRange() else None
+    _, diagnostics = translate(stage, RenderSettings(time_code=frame))
     bad = {d.code for d in (*opening, *diagnostics) if d.severity is not Severity.INFO}
     assert bad == set()

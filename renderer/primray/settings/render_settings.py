@@ -3,158 +3,35 @@
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from enum import Enum
-from typing import TYPE_CHECKING, Any, Literal, TypedDict, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
-from .aov_names import check_names
-from .camera_choice import Matrix, camera_choice, lens_flaws
-from .composition import Composition
-from .errors import LimitError, SettingsError
-from .lens.diffusion import fault_of
-from .setting_values import Reader, choice, number, optional, pair, text, texts, two_numbers, whole, yes_or_no
+from ..aov_names import check_names
+from ..camera_choice import Matrix
+from ..composition import Composition
+from ..errors import SettingsError
+from ..lens.diffusion import fault_of
+from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric
+from .limits import (
+    DEFAULT_DICING_RATE,
+    DEFAULT_MOTION_ERROR,
+    DEFAULT_SPP,
+    MAX_RESOLUTION,
+    MAX_SPP,
+    MAX_THREADS,
+    QUICK_LOOK,
+    SAMPLE_BLOCK,
+    limit,
+    limit_pixels,
+    require,
+)
+from .written import DIFFUSION, READERS, SettingsValues
 
 if TYPE_CHECKING:
-    from .camera import Camera
-
-
-class Filter(Enum):
-    """The pixel filter, by which samples are weighted.
-
-    >>> primray.RenderSettings(filter="gaussian").filter
-    <Filter.GAUSSIAN: 'gaussian'>
-    """
-
-    BOX = "box"
-    GAUSSIAN = "gaussian"
-    BLACKMAN_HARRIS = "blackman-harris"
-
-
-class Metric(Enum):
-    """Measures of a picture's error; docs/error.md defines them.
-
-    >>> primray.RenderSettings(target_error=0.01, error_metric="display").error_metric
-    <Metric.DISPLAY: 'display'>
-    """
-
-    RELMSE = "relmse"
-    RMSE = "rmse"
-    DISPLAY = "display"
-
-
-class DefaultWrap(Enum):
-    """What textures show outside of their image where neither the stage nor the file names a wrap (UsdUVTexture's are black).
-
-    >>> primray.RenderSettings(default_wrap="repeat").default_wrap
-    <DefaultWrap.REPEAT: 'repeat'>
-    """
-
-    BLACK = "black"
-    CLAMP = "clamp"
-    REPEAT = "repeat"
-    MIRROR = "mirror"
-
-
-class Eye(Enum):
-    """An eye of a stereo pair of cameras, which UsdGeomCamera's stereoRole names.
-
-    >>> primray.RenderSettings(eye="left").eye
-    <Eye.LEFT: 'left'>
-    """
-
-    LEFT = "left"
-    RIGHT = "right"
-
-
-class AutoCamera(Enum):
-    """The view of a stage whose author left no camera: from three quarters, above, or usdrecord's, from the front.
-
-    >>> primray.RenderSettings(auto_camera="usdrecord").auto_camera
-    <AutoCamera.USDRECORD: 'usdrecord'>
-    """
-
-    THREE_QUARTER = "three-quarter"
-    USDRECORD = "usdrecord"
-
-
-# Full widths in pixels: the box that is the exact pixel average, and the widths at which the others look alike.
-DEFAULT_FILTER_WIDTH = {Filter.BOX: 1.0, Filter.GAUSSIAN: 3.0, Filter.BLACKMAN_HARRIS: 3.0}
-
-
-# The settings that say what a lens diffuses, and the members of Diffusion that they are for.
-DIFFUSION = {
-    "diffusion": "strength",
-    "diffusion_glare": "glare",
-    "diffusion_bloom_width": "bloom_width",
-    "diffusion_starburst": "starburst",
-    "diffusion_starburst_width": "starburst_width",
-}
-# Settings that files and reports name only where they are given.
-SELDOM = (*DIFFUSION, "eye")
-
-# Pixels that an edge of a diced subdivision surface may cover.
-DEFAULT_DICING_RATE = 4.0
-# Pixels by which what moves may be off, between the times at which its place is known.
-DEFAULT_MOTION_ERROR = 0.02
+    from ..camera import Camera
 
 PURPOSES = ("default", "render", "proxy", "guide")  # UsdGeomImageable's
-
-# Beyond these a request is a mistake or an attack, not a picture.
-MAX_RESOLUTION = 2**17  # a side: in floats a pixel beyond is known to less than its 128th part
-MAX_PIXELS = 2**28
-MAX_SPP = 2**24
-DEFAULT_SPP = 64
-QUICK_LOOK = 4  # samples; renders of fewer start at once
-# Samples a pixel that stand together: each replicate takes one of them. Ranges of samples begin and end between blocks.
-SAMPLE_BLOCK = 2
-MAX_THREADS = 1024
-
-
-class SettingsValues(TypedDict, total=False):
-    """What may be written for the fields of RenderSettings, by the same names."""
-
-    camera: str | Camera | Matrix | Iterable[Iterable[float]] | None
-    auto_camera: AutoCamera | Literal["three-quarter", "usdrecord"]
-    render_settings: str | None
-    product: str | None
-    resolution: Iterable[int] | None
-    resolution_scale: float
-    time_code: float | None
-    spp: int | None
-    target_error: float | None
-    error_metric: Metric | Literal["relmse", "rmse", "display"]
-    time_limit_s: float | None
-    adaptive: bool | None
-    sample_range: Iterable[int] | None
-    max_depth: int | None
-    filter: Filter | Literal["box", "gaussian", "blackman-harris"]
-    filter_width: float | None
-    threads: int | None
-    seed: int
-    default_light: bool
-    default_wrap: DefaultWrap | Literal["black", "clamp", "repeat", "mirror"]
-    rendering_color_space: str | None
-    purposes: Iterable[str] | None
-    aovs: Iterable[str] | None
-    strict: bool
-    max_memory_bytes: int | None
-    dicing_rate: float
-    motion_blur: bool
-    shutter: Iterable[float] | None
-    motion_error: float
-    diffusion: float | None
-    diffusion_glare: float | None
-    diffusion_bloom_width: float | None
-    diffusion_starburst: float | None
-    diffusion_starburst_width: float | None
-    eye: Eye | Literal["left", "right"] | None
-    lens_flaws: Iterable[str]
-    variants: Iterable[str]
-    load: Iterable[str] | None
-    mask: Iterable[str] | None
-    session_layer: str | os.PathLike[str] | None
 
 
 @dataclass(frozen=True)
@@ -271,104 +148,80 @@ class RenderSettings:
 
     def __post_init__(self) -> None:
         """SettingsError or LimitError if no render could follow these."""
-        for name, read in _READERS.items():
+        for name, read in READERS.items():
             object.__setattr__(self, name, read(name, getattr(self, name)))
         if self.resolution is not None:
             _check_resolution(*self.resolution)
         scale = self.resolution_scale
-        _require(0 < scale <= MAX_RESOLUTION, f"the resolution's scale must be above 0, not {scale}", "resolution_scale")
+        require(0 < scale <= MAX_RESOLUTION, f"the resolution's scale must be above 0, not {scale}", "resolution_scale")
         self._check_sampling()
         self._check_sizes()
         unknown = sorted(set(self.purposes or ()) - set(PURPOSES))
-        _require(not unknown, f"no purpose {', '.join(unknown)}; there are {', '.join(PURPOSES)}", "purposes")
-        _require(self.purposes != (), "at least one purpose must be rendered", "purposes")
+        require(not unknown, f"no purpose {', '.join(unknown)}; there are {', '.join(PURPOSES)}", "purposes")
+        require(self.purposes != (), "at least one purpose must be rendered", "purposes")
         if self.aovs is not None:
             check_names(self.aovs)
         self.composition  # noqa: B018 - checks itself
 
     def _check_sizes(self) -> None:
         depth, width, threads, seed = self.max_depth, self.filter_width, self.threads, self.seed
-        _require(depth is None or depth >= 1, f"the depth must be 1 (direct light only) or more, not {depth}", "max_depth")
+        require(depth is None or depth >= 1, f"the depth must be 1 (direct light only) or more, not {depth}", "max_depth")
         usable = width is None or (math.isfinite(width) and width > 0)
-        _require(usable, f"the filter's width must be a number of pixels above 0, not {width}", "filter_width")
-        _require(threads is None or threads >= 1, f"the threads must be 1 or more, not {threads}", "threads")
+        require(usable, f"the filter's width must be a number of pixels above 0, not {width}", "filter_width")
+        require(threads is None or threads >= 1, f"the threads must be 1 or more, not {threads}", "threads")
         allowed = threads is None or threads <= MAX_THREADS
-        _limit(allowed, f"{threads} threads are more than the {MAX_THREADS} allowed", "threads")
-        _require(0 <= seed < 2**32, f"the seed must be from 0 to 2^32 - 1, not {seed}", "seed")
+        limit(allowed, f"{threads} threads are more than the {MAX_THREADS} allowed", "threads")
+        require(0 <= seed < 2**32, f"the seed must be from 0 to 2^32 - 1, not {seed}", "seed")
         time_code, memory, rate = self.time_code, self.max_memory_bytes, self.dicing_rate
         finite = time_code is None or math.isfinite(time_code)
-        _require(finite, f"the time code must be a number, not {time_code}", "time_code")
-        _require(memory is None or memory > 0, f"the memory limit must be above 0 bytes, not {memory}", "max_memory_bytes")
+        require(finite, f"the time code must be a number, not {time_code}", "time_code")
+        require(memory is None or memory > 0, f"the memory limit must be above 0 bytes, not {memory}", "max_memory_bytes")
         usable = math.isfinite(rate) and rate > 0
-        _require(usable, f"the dicing rate must be a number of pixels above 0, not {rate}", "dicing_rate")
+        require(usable, f"the dicing rate must be a number of pixels above 0, not {rate}", "dicing_rate")
         self._check_motion()
         self._check_diffusion()
 
     def _check_motion(self) -> None:
         error = self.motion_error
         usable = math.isfinite(error) and error > 0
-        _require(usable, f"the error of motion must be a number of pixels above 0, not {error}", "motion_error")
+        require(usable, f"the error of motion must be a number of pixels above 0, not {error}", "motion_error")
         finite = self.shutter is None or all(map(math.isfinite, self.shutter))
-        _require(finite, f"the shutter opens and closes at time codes from the frame on, not at {self.shutter}", "shutter")
+        require(finite, f"the shutter opens and closes at time codes from the frame on, not at {self.shutter}", "shutter")
 
     def _check_diffusion(self) -> None:
         for name, member in DIFFUSION.items():
             value = getattr(self, name)
             fault = "" if value is None else fault_of(member, value)
-            _require(not fault, fault, name)
+            require(not fault, fault, name)
         glare, starburst = self.diffusion_glare or 0.0, self.diffusion_starburst or 0.0
         sentence = f"glare {glare:g} and starburst {starburst:g} are more than all that is diffused"
-        _require(glare + starburst <= 1, sentence, "diffusion_starburst")
+        require(glare + starburst <= 1, sentence, "diffusion_starburst")
 
     def _check_sampling(self) -> None:
         spp, target, seconds = self.spp, self.target_error, self.time_limit_s
-        _require(spp is None or spp >= 1, f"samples per pixel must be a whole number from 1, not {spp}", "spp")
+        require(spp is None or spp >= 1, f"samples per pixel must be a whole number from 1, not {spp}", "spp")
         fits = spp is None or spp <= MAX_SPP
-        _limit(fits, f"{spp} samples per pixel are more than the {MAX_SPP} that a pixel's sequence holds", "spp")
+        limit(fits, f"{spp} samples per pixel are more than the {MAX_SPP} that a pixel's sequence holds", "spp")
         usable = target is None or (math.isfinite(target) and target > 0)
-        _require(usable, f"the target error must be above 0, not {target}", "target_error")
+        require(usable, f"the target error must be above 0, not {target}", "target_error")
         usable = seconds is None or (math.isfinite(seconds) and seconds > 0)
-        _require(usable, f"the time limit must be above 0 seconds, not {seconds}", "time_limit_s")
+        require(usable, f"the time limit must be above 0 seconds, not {seconds}", "time_limit_s")
         if self.sample_range is not None:
             self._check_range(*self.sample_range)
 
     def _check_range(self, first: int, end: int) -> None:
-        _require(
+        require(
             0 <= first < end and first % SAMPLE_BLOCK == 0 and end % SAMPLE_BLOCK == 0,
             f"a sample range begins and ends at multiples of the sample block, which is {SAMPLE_BLOCK}, and holds samples; "
             f"{first}:{end} does not",
             "sample_range",
         )
-        _limit(end <= MAX_SPP, f"sample {end} is beyond the {MAX_SPP} that a pixel's sequence holds", "sample_range")
-        _require(
+        limit(end <= MAX_SPP, f"sample {end} is beyond the {MAX_SPP} that a pixel's sequence holds", "sample_range")
+        require(
             self.spp is None and not self.stops_early and not self.adaptive,
             "a sample range says which samples are taken: no spp, target error, time limit or adaptive sampling with it",
             "sample_range",
         )
-
-
-_WHOLE, _NUMBER, _TEXT, _TEXTS, _PAIR = (optional(read) for read in (whole, number, text, texts, pair))
-_READERS: Mapping[str, Reader] = {
-    "camera": optional(camera_choice),
-    **dict.fromkeys(("render_settings", "product", "rendering_color_space", "session_layer"), _TEXT),
-    **dict.fromkeys(("resolution", "sample_range"), _PAIR),
-    **dict.fromkeys(("time_code", "target_error", "time_limit_s", "filter_width"), _NUMBER),
-    **dict.fromkeys(("spp", "max_depth", "threads", "max_memory_bytes"), _WHOLE),
-    **dict.fromkeys(("purposes", "aovs", "load", "mask"), _TEXTS),
-    **dict.fromkeys(("default_light", "strict", "motion_blur"), yes_or_no),
-    **dict.fromkeys(DIFFUSION, _NUMBER),
-    "eye": optional(choice(Eye)),
-    "shutter": optional(two_numbers),
-    "adaptive": optional(yes_or_no),
-    "auto_camera": choice(AutoCamera),
-    "error_metric": choice(Metric),
-    "filter": choice(Filter),
-    "default_wrap": choice(DefaultWrap),
-    "seed": whole,
-    **dict.fromkeys(("dicing_rate", "resolution_scale", "motion_error"), number),
-    "lens_flaws": lens_flaws,
-    "variants": texts,
-}
 
 
 def with_values(settings: object, values: Mapping[str, Any]) -> RenderSettings:
@@ -387,38 +240,7 @@ def with_values(settings: object, values: Mapping[str, Any]) -> RenderSettings:
     return replace(settings, **values) if values else settings
 
 
-def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
-    """What report.settings_as_json made; TypeError or ValueError for names or choices that there are not."""
-    names = ("resolution", "sample_range", "shutter", "purposes", "aovs", "lens_flaws", "variants", "load", "mask")
-    tuples = {name: tuple(values[name]) for name in names if values.get(name) is not None}
-    chosen: dict[str, Any] = {"filter": Filter(values["filter"]), "error_metric": Metric(values["error_metric"])}
-    chosen["auto_camera"] = AutoCamera(values.get("auto_camera", AutoCamera.THREE_QUARTER))
-    chosen["default_wrap"] = DefaultWrap(values.get("default_wrap", DefaultWrap.BLACK))
-    chosen["eye"] = None if values.get("eye") is None else Eye(values["eye"])
-    if isinstance(values.get("camera"), Mapping):
-        from .camera import camera_of
-
-        chosen["camera"] = camera_of(values["camera"])
-    return RenderSettings(**{**values, **tuples, **chosen})
-
-
 def _check_resolution(width: int, height: int) -> None:
     sentence = f"the resolution must be whole pixels above 0 (one of them 0: by the aspect), not {width} x {height}"
-    _require(min(width, height) >= 0 and max(width, height) > 0, sentence, "resolution")
+    require(min(width, height) >= 0 and max(width, height) > 0, sentence, "resolution")
     limit_pixels(width, height, "resolution")
-
-
-def limit_pixels(width: int, height: int, where: str = "") -> None:
-    """LimitError if an image of this size is too large; `where`: who asks for it."""
-    fits = max(width, height) <= MAX_RESOLUTION and width * height <= MAX_PIXELS
-    _limit(fits, f"{width} x {height} pixels: {MAX_RESOLUTION} a side and {MAX_PIXELS} in all are allowed", where)
-
-
-def _require(holds: bool, sentence: str, name: str) -> None:
-    if not holds:
-        raise SettingsError(sentence, where=name)
-
-
-def _limit(holds: bool, sentence: str, where: str = "") -> None:
-    if not holds:
-        raise LimitError(sentence, where=where)

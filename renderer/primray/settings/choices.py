@@ -1,0 +1,68 @@
+"""What may be chosen from: settings that are one of a few words."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+
+class Filter(Enum):
+    """The pixel filter, by which samples are weighted.
+
+    >>> primray.RenderSettings(filter="gaussian").filter
+    <Filter.GAUSSIAN: 'gaussian'>
+    """
+
+    BOX = "box"
+    GAUSSIAN = "gaussian"
+    BLACKMAN_HARRIS = "blackman-harris"
+
+
+class Metric(Enum):
+    """Measures of a picture's error; docs/error.md defines them.
+
+    >>> primray.RenderSettings(target_error=0.01, error_metric="display").error_metric
+    <Metric.DISPLAY: 'display'>
+    """
+
+    RELMSE = "relmse"
+    RMSE = "rmse"
+    DISPLAY = "display"
+
+
+class DefaultWrap(Enum):
+    """What textures show outside of their image where neither the stage nor the file names a wrap (UsdUVTexture's are black).
+
+    >>> primray.RenderSettings(default_wrap="repeat").default_wrap
+    <DefaultWrap.REPEAT: 'repeat'>
+    """
+
+    BLACK = "black"
+    CLAMP = "clamp"
+    REPEAT = "repeat"
+    MIRROR = "mirror"
+
+
+class Eye(Enum):
+    """An eye of a stereo pair of cameras, which UsdGeomCamera's stereoRole names.
+
+    >>> primray.RenderSettings(eye="left").eye
+    <Eye.LEFT: 'left'>
+    """
+
+    LEFT = "left"
+    RIGHT = "right"
+
+
+class AutoCamera(Enum):
+    """The view of a stage whose author left no camera: from three quarters, above, or usdrecord's, from the front.
+
+    >>> primray.RenderSettings(auto_camera="usdrecord").auto_camera
+    <AutoCamera.USDRECORD: 'usdrecord'>
+    """
+
+    THREE_QUARTER = "three-quarter"
+    USDRECORD = "usdrecord"
+
+
+# Full widths in pixels: the box that is the exact pixel average, and the widths at which the others look alike.
+DEFAULT_FILTER_WIDTH = {Filter.BOX: 1.0, Filter.GAUSSIAN: 3.0, Filter.BLACKMAN_HARRIS: 3.0}

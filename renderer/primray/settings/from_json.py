@@ -1,0 +1,24 @@
+"""Settings from the JSON that reports and checkpoints keep of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric
+from .render_settings import RenderSettings
+
+
+def settings_of_json(values: Mapping[str, Any]) -> RenderSettings:
+    """What report.settings_as_json made; TypeError or ValueError for names or choices that there are not."""
+    names = ("resolution", "sample_range", "shutter", "purposes", "aovs", "lens_flaws", "variants", "load", "mask")
+    tuples = {name: tuple(values[name]) for name in names if values.get(name) is not None}
+    chosen: dict[str, Any] = {"filter": Filter(values["filter"]), "error_metric": Metric(values["error_metric"])}
+    chosen["auto_camera"] = AutoCamera(values.get("auto_camera", AutoCamera.THREE_QUARTER))
+    chosen["default_wrap"] = DefaultWrap(values.get("default_wrap", DefaultWrap.BLACK))
+    chosen["eye"] = None if values.get("eye") is None else Eye(values["eye"])
+    if isinstance(values.get("camera"), Mapping):
+        from ..camera import camera_of
+
+        chosen["camera"] = camera_of(values["camera"])
+    return RenderSettings(**{**values, **tuples, **chosen})

@@ -1,0 +1,94 @@
+"""What may be written for each setting, and what reads it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Literal, TypedDict
+
+from ..camera_choice import Matrix, camera_choice, lens_flaws
+from ..setting_values import Reader, choice, number, optional, pair, text, texts, two_numbers, whole, yes_or_no
+from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric
+
+if TYPE_CHECKING:
+    from ..camera import Camera
+
+# The settings that say what a lens diffuses, and the members of Diffusion that they are for.
+DIFFUSION = {
+    "diffusion": "strength",
+    "diffusion_glare": "glare",
+    "diffusion_bloom_width": "bloom_width",
+    "diffusion_starburst": "starburst",
+    "diffusion_starburst_width": "starburst_width",
+}
+# Settings that files and reports name only where they are given.
+SELDOM = (*DIFFUSION, "eye")
+
+
+class SettingsValues(TypedDict, total=False):
+    """What may be written for the fields of RenderSettings, by the same names."""
+
+    camera: str | Camera | Matrix | Iterable[Iterable[float]] | None
+    auto_camera: AutoCamera | Literal["three-quarter", "usdrecord"]
+    render_settings: str | None
+    product: str | None
+    resolution: Iterable[int] | None
+    resolution_scale: float
+    time_code: float | None
+    spp: int | None
+    target_error: float | None
+    error_metric: Metric | Literal["relmse", "rmse", "display"]
+    time_limit_s: float | None
+    adaptive: bool | None
+    sample_range: Iterable[int] | None
+    max_depth: int | None
+    filter: Filter | Literal["box", "gaussian", "blackman-harris"]
+    filter_width: float | None
+    threads: int | None
+    seed: int
+    default_light: bool
+    default_wrap: DefaultWrap | Literal["black", "clamp", "repeat", "mirror"]
+    rendering_color_space: str | None
+    purposes: Iterable[str] | None
+    aovs: Iterable[str] | None
+    strict: bool
+    max_memory_bytes: int | None
+    dicing_rate: float
+    motion_blur: bool
+    shutter: Iterable[float] | None
+    motion_error: float
+    diffusion: float | None
+    diffusion_glare: float | None
+    diffusion_bloom_width: float | None
+    diffusion_starburst: float | None
+    diffusion_starburst_width: float | None
+    eye: Eye | Literal["left", "right"] | None
+    lens_flaws: Iterable[str]
+    variants: Iterable[str]
+    load: Iterable[str] | None
+    mask: Iterable[str] | None
+    session_layer: str | os.PathLike[str] | None
+
+
+_WHOLE, _NUMBER, _TEXT, _TEXTS, _PAIR = (optional(read) for read in (whole, number, text, texts, pair))
+READERS: Mapping[str, Reader] = {
+    "camera": optional(camera_choice),
+    **dict.fromkeys(("render_settings", "product", "rendering_color_space", "session_layer"), _TEXT),
+    **dict.fromkeys(("resolution", "sample_range"), _PAIR),
+    **dict.fromkeys(("time_code", "target_error", "time_limit_s", "filter_width"), _NUMBER),
+    **dict.fromkeys(("spp", "max_depth", "threads", "max_memory_bytes"), _WHOLE),
+    **dict.fromkeys(("purposes", "aovs", "load", "mask"), _TEXTS),
+    **dict.fromkeys(("default_light", "strict", "motion_blur"), yes_or_no),
+    **dict.fromkeys(DIFFUSION, _NUMBER),
+    "eye": optional(choice(Eye)),
+    "shutter": optional(two_numbers),
+    "adaptive": optional(yes_or_no),
+    "auto_camera": choice(AutoCamera),
+    "error_metric": choice(Metric),
+    "filter": choice(Filter),
+    "default_wrap": choice(DefaultWrap),
+    "seed": whole,
+    **dict.fromkeys(("dicing_rate", "resolution_scale", "motion_error"), number),
+    "lens_flaws": lens_flaws,
+    "variants": texts,
+}

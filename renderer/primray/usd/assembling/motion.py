@@ -1,0 +1,47 @@
+"""What moves gets its times, now that it is known how large it is seen."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from ...description import Camera, CameraMotion, MotionSteps, Placement
+from ..moving.levels import do_move
+from ..moving.pixels import pixels_of
+from ..moving.settle import Precision, settled
+from ..paths.lights import moving_light
+from ..resolving.context import Context
+from ..viewing.framing import prototype_box
+from .scene import Scene
+
+
+def settle(
+    scene: Scene, ctx: Context, camera: Camera, motion: CameraMotion | None, resolution: tuple[int, int]
+) -> list[MotionSteps]:
+    """What moves gets its times, now that it is known how large it is seen."""
+    cameras = (camera, *(motion.cameras if motion else ()))
+    precision = Precision(ctx.timing, pixels_of(cameras, resolution), ctx.settings.motion_error)
+
+    def at_seam(placement: Placement) -> Placement:
+        number = placement.prototype
+        box = prototype_box(scene.shapes, scene.prototypes, number) if do_move(placement.levels) else (np.zeros(3), np.zeros(3))
+        return settled(placement, scene.blur_scales[number], box, scene.prototypes[number].path, precision)
+
+    scene.placements = [at_seam(placement) for placement in scene.placements]
+    for number, path in scene.moving_lights:
+        scene.lights[number] = moving_light(scene.lights[number], path, precision, ctx)
+    for k, prototype in enumerate(scene.prototypes):
+        if prototype.placements:
+            scene.prototypes[k] = replace(prototype, placements=tuple(map(at_seam, prototype.placements)))
+    return precision.steps
+
+
+def note_errors(steps: list[MotionSteps], ctx: Context) -> None:
+    """Where more times than there may be would have been needed."""
+    for found in steps:
+        if found.error > ctx.settings.motion_error:
+            pixels = f"{found.error:.2g}" if math.isfinite(found.error) else "any number of"
+            left = f"its path is given in {found.segments} steps, which leaves it up to {pixels} pixels off."
+            ctx.warn("motion", ctx.shown(found.path), f"It moves fast: {left}")
