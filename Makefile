@@ -17,7 +17,7 @@ CORE_FORMATTED = $(filter %.cpp %.hpp %.h,$(CORE))
 PYTHON_SOURCES := $(wildcard renderer service tests)
 # The ISA classes that `make setup` compiles the core for: this CPU's newest, and the one that PRIMRAY_ISA asks for.
 ISA := $(or $(PRIMRAY_ISA),own)
-SHOWCASE ?= $(firstword $(wildcard scenes/showcase/*/*.usda))
+SHOWCASE ?= $(firstword $(sort $(wildcard scenes/showcase/*/*.usda)))
 DEMO = $(notdir $(patsubst %/,%,$(dir $(SHOWCASE))))
 
 .PHONY: help setup cores demo test test-long check format docs bench render-assets wheel release clean
