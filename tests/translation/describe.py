@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Iterable
 from enum import Enum
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,8 @@ def describe(description: SceneDescription, diagnostics: Iterable[Diagnostic], r
         "diagnostics": [f"{d.severity.value} {d.code} {d.prim_path}{_dotted(d.attribute)} {d.message}" for d in diagnostics],
         "scene": _plain(description),
     }
-    return json.dumps(found, indent=1, sort_keys=True).replace(root, "<root>") + "\n"
+    text = json.dumps(found, indent=1, sort_keys=True).replace(root, "<root>")
+    return text.replace(str(Path(root).parent), "<root>/..") + "\n"
 
 
 def _dotted(attribute: str) -> str:
