@@ -13,10 +13,7 @@
 namespace primray {
 namespace {
 
-daffine instance_matrix(const Scene& s, size_t instance) {
-  const float* m = &s.world_from_group[12 * instance];
-  return {{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}, {m[9], m[10], m[11]}};
-}
+daffine instance_matrix(const Scene& s, size_t instance) { return affine_from_columns(&s.world_from_group[12 * instance]); }
 
 // What a shape's own light brings to its row, where its group stands so: kGlow, and what any light has.
 void put_geometry_light(Scene& s, int32_t number, const daffine& world_from_group, float* row) {
