@@ -61,15 +61,16 @@ struct LightTable {
   const float* row(int light) const { return rows.data() + light * kLightFields; }
 };
 
-// Shaping of the lights `row` in lanes `m`, for what they send back along wi.
+// Shaping of the lights `row` in lanes `m`, for what they send back along wi; `now` as shaping_factor has it.
 template <int W>
-PRIMRAY_INLINE vvec3<W> light_shaping(const LightTable& table, const LightRow<W>& row, vbool<W> m, const vvec3<W>& wi) {
+PRIMRAY_INLINE vvec3<W> light_shaping(const LightTable& table, const LightRow<W>& row, vbool<W> m, const vvec3<W>& wi,
+                                      const ShapedLanes<W>* now = nullptr) {
   const vint<W> number = select(m, truncate(row(kShaping)), vint<W>(0));
   const vbool<W> shaped = number != vint<W>(0);
   const vvec3<W> one(vfloat<W>(1.0f));
   if (!any(shaped)) return one;
   const vint<W> valid = select(shaped, number, vint<W>(number[__builtin_ctz(bits(shaped))]));
-  return select(shaped, shaping_factor(table.shaping, valid, -wi), one);
+  return select(shaped, shaping_factor(table.shaping, valid, -wi, now), one);
 }
 
 // The same for one light that rays along wi met.

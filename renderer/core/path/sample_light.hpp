@@ -47,7 +47,7 @@ PRIMRAY_INLINE LightSample<W> sample_point(const Round& round, vbool<W> useful, 
     const LightRow<W> row(lights, light);
     const B geometry = useful & ((row.flags() & vint<W>(kGeometry)) != vint<W>(0));
     const B mesh = geometry & is_type(row.type(), LightType::kMesh), sphere = geometry & !mesh;
-    if (any(sphere)) end_before_sphere(scene, sphere, light, from, s);
+    if (any(sphere)) sample_sphere(scene, sphere, light, from, u.u, u.v, p.ray.time, s);
     if (any(mesh)) {
       const vuint<W> bits = p.sampler.bits_of(bounce, Purpose::kEmitter);
       sample_mesh(scene, mesh, light, from, v.frame.n, bits, u.u, u.v, p.ray.time, s);

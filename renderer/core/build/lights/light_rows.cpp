@@ -10,6 +10,7 @@
 #include "build/lights/light_rules.hpp"
 #include "build/lights/shaping_rows.hpp"
 
+#include "light/types/anchor.hpp"
 namespace primray {
 namespace {
 
@@ -52,19 +53,6 @@ LightFrame light_frame(const LightInput& light) {
 // Only directions matter of a distant light or a dome: an orthonormal frame about its z (distant) or all its axes (dome).
 Affine<float> rotation_of(const daffine& m) {
   return {vec3(normalize(m.x)), vec3(normalize(m.y)), vec3(normalize(m.z)), vec3(0.0f)};
-}
-
-// The point of a round light's surface (of a cylinder without ends) that is nearest to the core's origin. `axial`: what the
-// light's axis counts in distances.
-void put_anchor(float* row, const daffine& m, float axial) {
-  if (m.determinant() == 0) return;  // such a light is left out
-  dvec3 out = inverse(m).point(dvec3(0.0));
-  const double along = axial == 0 ? out.x : 0.0;
-  out.x -= along;
-  out = length(out) > 0 ? normalize(out) : dvec3{0, 0, 1};
-  const dvec3 nearest = out * double(row[kSize0]);
-  put(row, kAnchor, m.point({nearest.x + along, nearest.y, nearest.z}));
-  put(row, kAnchorNormal, out);
 }
 
 // Whether it is to be sampled.
