@@ -78,8 +78,8 @@ def upload(
     placements = PlacementUpload(builder, inputs, d, numbers, prototype_boxes, warnings, record)
     # Prototypes of placements last: what they place has its number by then.
     for i, proto in sorted(enumerate(d.prototypes), key=lambda item: bool(item[1].placements)):
-        low, high = prototype_boxes[i]
-        center, unit = (low + high) / 2, power_of_two_scale(float(np.max(high - low)) / 2)
+        corner, opposite = prototype_boxes[i]
+        center, unit = (corner + opposite) / 2, power_of_two_scale(float(np.max(opposite - corner)) / 2)
         numbers[i] = builder.begin_prototype(center, unit)
         handing.add(proto.shapes, center, unit)
         placements.add(proto.placements, numbers[i], center, unit)
