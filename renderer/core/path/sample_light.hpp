@@ -41,7 +41,8 @@ PRIMRAY_INLINE LightSample<W> sample_point(const Round& round, vbool<W> useful, 
   LightSample<W> s = light_sample(lights, light, useful, from, u.u, u.v, p.ray.time);
   if (lights.has_portals()) {
     const B dome = useful & is_type(LightRow<W>(lights, light).type(), LightType::kDome);
-    if (any(dome)) sample_portals(lights, dome, light, from, p.sampler.single(bounce, Purpose::kEmitter), u.u, u.v, s);
+    if (any(dome))
+      sample_portals(lights, dome, light, from, p.sampler.single(bounce, Purpose::kEmitter), u.u, u.v, p.ray.time, s);
   }
   if (scene.emitters.any()) {
     const LightRow<W> row(lights, light);

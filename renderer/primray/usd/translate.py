@@ -61,6 +61,7 @@ from .opening.stage import usd_messages
 from .opening.stage_metadata import meters_per_unit, up_axis
 from .paths.lights import LightPath, moving_light, note_changing_size
 from .paths.point_steps import PointSteps
+from .paths.portals import with_moving_portals
 from .querying.cameras import cameras_of
 from .querying.messages import scene_errors, tf_message
 from .querying.traversal import stands_in_world
@@ -267,6 +268,11 @@ def _settle(
     for k, prototype in enumerate(scene.prototypes):
         if prototype.placements:
             scene.prototypes[k] = replace(prototype, placements=tuple(map(at_seam, prototype.placements)))
+    if motion is not None or _do_any_move(scene):  # of portals alone no picture shows whether they do
+        paths = dict(scene.moving_lights)
+        for number, made in enumerate(scene.lights):
+            if made.portals:
+                scene.lights[number] = with_moving_portals(made, paths.get(number), precision, ctx)
     return precision.steps
 
 

@@ -7,10 +7,11 @@
 
 #include "build/lights/light_bounds.hpp"
 #include "build/lights/light_choice.hpp"
+#include "build/lights/light_paths.hpp"
 #include "build/lights/light_rules.hpp"
 #include "build/lights/shaping_rows.hpp"
-
 #include "light/types/anchor.hpp"
+
 namespace primray {
 namespace {
 
@@ -73,7 +74,10 @@ bool add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
       LightInput rect;
       rect.type = LightType::kRect, rect.world_from_light = p.world_from_portal;
       rect.width = p.width, rect.height = p.height, rect.emission = vec3(1.0f);
+      rect.times = p.times, rect.stances = p.stances;
+      const int row = portals.count;
       add_light_rows(rect, origin, scale, portals);
+      add_light_path(rect, origin, scale, row, 0, portals);
     }
     finish_light_rows(portals);
     // Of the light that comes through them about a hemisphere's half, for choosing among lights.
