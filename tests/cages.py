@@ -10,17 +10,20 @@ import numpy.typing as npt
 from tests.described import core_module, look_at
 
 from primray.description import Doubles, Interpolation, Primvar, SubdivisionMesh
+from primray.refine.camera_poses import Pose
 from primray.refine.dice import Dicing, core_arrays
 from primray.refine.footprint import Footprint, Projected
 
-NOWHERE = Footprint(Projected(np.eye(4), False, 1.0, (-1, 1, -1, 1)), np.zeros((0, 3, 4)), 0.0)
+HERE = Pose(np.eye(4), np.zeros(3))
+NOWHERE = Footprint(Projected((HERE,), False, 1.0, (-1, 1, -1, 1)), np.zeros((0, 3, 4)), 0.0, np.zeros((0, 3)))
 
 
 def seen_from(eye: list[float], target: list[float], pixels: float = 400, half: float = 0.5) -> Footprint:
     """One cage in the world's own space before a perspective camera."""
     camera = np.asarray(np.linalg.inv(look_at(eye, target, (0.1, 1, 0.2))), np.float64)
     window = (-half, half, -half, half)
-    return Footprint(Projected(camera, False, pixels / (2 * half), window), camera[None, :3].copy(), 0.0)
+    pose = Pose(camera, np.zeros(3))
+    return Footprint(Projected((pose,), False, pixels / (2 * half), window), camera[None, :3].copy(), 0.0, np.zeros((1, 3)))
 
 
 def cage(points: npt.ArrayLike, faces: list[list[int]], scheme: str = "catmullClark", **more: Any) -> SubdivisionMesh:

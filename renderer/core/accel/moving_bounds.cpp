@@ -9,6 +9,7 @@ namespace {
 
 // More segments make tighter boxes, and hierarchies of more memory.
 constexpr int kMostSegments = 32;
+constexpr int kMostSteps = 128;          // that Embree takes
 constexpr double kTurnPerSegment = 0.4;  // radians
 
 dvec3 corner_of(const rtc::Bounds& b, int k) {
@@ -71,7 +72,8 @@ rtc::Bounds bounds_around(const daffine& m, const rtc::Bounds& b, double more) {
 
 int bound_segments(const MotionTable& table, const MovingInstances& moving) {
   const MotionClock& clock = table.clocks[size_t(moving.clock)];
-  if (!moving.turns) return clock.uniform ? clock.segments() : std::min(2 * clock.segments(), kMostSegments);
+  if (!moving.turns)
+    return clock.uniform ? std::min(clock.segments(), kMostSteps) : std::min(2 * clock.segments(), kMostSegments);
   double most = 0;
   for (size_t i = 0; i < size_t(moving.count); ++i) {
     double whole = 0;

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "accel/moving_bounds.hpp"
+#include "accel/user_geometry.hpp"
 #include "math/matrix.hpp"
 #include "ray/grouped_hit.hpp"
 #include "scene/scene.hpp"
@@ -14,8 +15,7 @@ namespace {
 
 daffine matrix_of(const PlacedGroup& g, uint32_t instance, float time) {
   if (g.moving) return g.scene->motion.at(*g.moving, instance, time);
-  const float* m = g.scene->world_from_group.data() + (size_t(g.first_instance) + instance) * 12;
-  return {{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}, {m[9], m[10], m[11]}};
+  return affine_from_columns(g.scene->world_from_group.data() + (size_t(g.first_instance) + instance) * 12);
 }
 
 void bounds(const rtc::BoundsArguments* args) {
@@ -129,16 +129,8 @@ PlacedGroup make_placed(const Scene& scene, size_t placement, uint32_t first, ui
 }
 
 OwnedGeometry make_placed_geometry(const PlacedGroup* record) {
-  const rtc::Api& e = embree();
-  OwnedGeometry g(e.rtcNewGeometry(embree_device(), rtc::kUser));
-  e.rtcSetGeometryUserPrimitiveCount(g.get(), record->count);
-  e.rtcSetGeometryUserData(g.get(), const_cast<PlacedGroup*>(record));
-  if (record->moving) e.rtcSetGeometryTimeStepCount(g.get(), uint32_t(record->bound_segments) + 1);
-  e.rtcSetGeometryBoundsFunction(g.get(), bounds, nullptr);
-  e.rtcSetGeometryIntersectFunction(g.get(), intersect);
-  e.rtcSetGeometryOccludedFunction(g.get(), occluded);
-  e.rtcCommitGeometry(g.get());
-  return g;
+  const uint32_t steps = record->moving ? uint32_t(record->bound_segments) + 1 : 1;
+  return make_user_geometry(record, record->count, {bounds, intersect, occluded}, steps);
 }
 
 }  // namespace primray

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "base/error.hpp"
+#include "accel/user_geometry.hpp"
 
 namespace primray {
 namespace {
@@ -30,8 +30,7 @@ struct Root {
 bool nearest_root(const SphereShape::Record& s, const float* ray, uint32_t n, uint32_t i, Root& root) {
   const auto field = [&](int f) { return double(ray[f * n + i]); };
   const dvec3 o{field(0), field(1), field(2)}, d{field(4), field(5), field(6)};
-  const double* m = s.object_from_group;
-  const daffine a{{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}, {m[9], m[10], m[11]}};
+  const daffine a = affine_from_columns(s.object_from_group);
   const dvec3 po = a.point(o), pd = a.vector(d);
   const double dd = dot(pd, pd), b = -dot(po, pd);
   const dvec3 closest = po + pd * (b / dd);
@@ -78,15 +77,7 @@ void occluded(const rtc::OccludedArguments* args) {
 }  // namespace
 
 OwnedGeometry SphereShape::geometry(const SphereShape::Record* records, uint32_t count) {
-  const rtc::Api& e = embree();
-  OwnedGeometry g(e.rtcNewGeometry(embree_device(), rtc::kUser));
-  e.rtcSetGeometryUserPrimitiveCount(g.get(), count);
-  e.rtcSetGeometryUserData(g.get(), const_cast<SphereShape::Record*>(records));
-  e.rtcSetGeometryBoundsFunction(g.get(), bounds, nullptr);
-  e.rtcSetGeometryIntersectFunction(g.get(), intersect);
-  e.rtcSetGeometryOccludedFunction(g.get(), occluded);
-  e.rtcCommitGeometry(g.get());
-  return g;
+  return make_user_geometry(records, count, {bounds, intersect, occluded});
 }
 
 }  // namespace primray

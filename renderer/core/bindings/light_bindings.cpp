@@ -11,6 +11,7 @@ namespace {
 struct HeldLight : LightInput {
   InArray<float> held_texels, held_times;
   InArray<double> held_stances;
+  std::vector<std::pair<InArray<float>, InArray<double>>> held_portals;
 };
 
 // A dome's, (H, W, 3).
@@ -27,6 +28,13 @@ void set_portals(HeldLight& l, InArray<double> rows) {
     const double* p = rows.data() + i;
     l.portals.push_back({affine_from_rows(p), p[12], p[13]});
   }
+}
+
+// Portal number `i` of those, as a light has `times` and `stances`.
+void move_portal(HeldLight& l, int i, InArray<float> times, InArray<double> stances) {
+  PortalInput& portal = l.portals.at(size_t(i));
+  portal.times = span_of(times), portal.stances = span_of(stances);
+  l.held_portals.emplace_back(std::move(times), std::move(stances));
 }
 
 int32_t add_ies_profile(SceneBuilder& b, InArray<float> vertical_deg, InArray<float> horizontal_deg, InArray<float> candela,
@@ -76,7 +84,8 @@ void bind_light(nb::module_& m, nb::class_<SceneBuilder>& builder) {
       .def_rw("shows_own", &HeldLight::shown)
       .def_rw("normalize", &HeldLight::normalize)
       .def_prop_rw("texture", nullptr, &set_texture)
-      .def_prop_rw("portals", nullptr, &set_portals);
+      .def_prop_rw("portals", nullptr, &set_portals)
+      .def("move_portal", &move_portal);
   def_array(light, "times", &HeldLight::held_times, &HeldLight::times);
   def_array(light, "stances", &HeldLight::held_stances, &HeldLight::stances);
   def_matrix(light, "world_from_light", &HeldLight::world_from_light);

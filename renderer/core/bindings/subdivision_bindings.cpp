@@ -42,7 +42,9 @@ Footprint footprint_of(nb::handle d) {
   for (int i = 0; i < 4; ++i) f.projection.window[i] = nb::cast<double>(d["window"][nb::int_(i)]);
   f.projection.outside = number_in<double>(d, "outside");
   const std::span<const double> rows = span_in<double>(d, "views");
-  for (size_t i = 0; i < rows.size(); i += 12) f.views.push_back(affine_from_rows(rows.data() + i));
+  const std::span<const double> sweeps = span_in<double>(d, "sweeps");
+  for (size_t i = 0; i < rows.size() / 12; ++i)
+    f.views.push_back({affine_from_rows(&rows[12 * i]), {sweeps[3 * i], sweeps[3 * i + 1], sweeps[3 * i + 2]}});
   f.density = number_in<double>(d, "density");
   return f;
 }

@@ -81,13 +81,13 @@ std::vector<int64_t> SceneBuilder::add_moving_instances(std::span<const float> t
     } else {
       for (const daffine& at : path) {
         float row[12];
-        put_affine(at, row);
+        put_columns(at, row);
         table.linear.insert(table.linear.end(), row, row + 12);
       }
     }
     ++m.count;
     float middle[12];
-    put_affine(table.at(m, uint32_t(m.count - 1), 0.5f), middle);
+    put_columns(table.at(m, uint32_t(m.count - 1), 0.5f), middle);
     s.world_from_group.insert(s.world_from_group.end(), middle, middle + 12);
   }
   if (m.count == 0) return left_out;

@@ -52,10 +52,9 @@ std::vector<double> widths_on_instances(const Scene& s) {
     // Of two levels of instances the inner ones may stand anywhere.
     if (p - s.groups[0].placement_base >= s.groups[0].placement_count) least[g] = 0;
     for (size_t i = s.placement_instance[p]; i < end; ++i) {
-      const float* m = &s.world_from_group[12 * i];
-      const dvec3 columns[3] = {{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}}, o{m[9], m[10], m[11]};
-      const dvec3 c = columns[0] * center[g].x + columns[1] * center[g].y + columns[2] * center[g].z + o;
-      const double stretch = largest_stretch(columns);
+      const daffine m = affine_from_columns(&s.world_from_group[12 * i]);
+      const dvec3 c = m.point(center[g]);
+      const double stretch = largest_stretch({m.x, m.y, m.z});
       if (!(stretch > 0)) continue;
       least[g] = std::min(least[g], cone_at(s.camera, length(c - camera) - stretch * radius[g]) / stretch);
     }

@@ -3,33 +3,11 @@
 #pragma once
 
 #include "emitter/mesh_light.hpp"
+#include "emitter/sphere_emitter.hpp"
 #include "light/selection/linked_selection.hpp"
 #include "ray/path_lanes.hpp"
 
 namespace primray {
-
-// Whether p is beyond doubt outside a sphere light that is geometry: a point on its own surface, seen from inside, may be
-// rounded to either side, and must not sample the outside.
-template <int W>
-PRIMRAY_INLINE vbool<W> is_outside(const LightRow<W>& row, const vvec3<W>& p, const vvec3<W>& local) {
-  const vvec3<W> stretch = abs(row.vector(kInverseX)) + abs(row.vector(kInverseY)) + abs(row.vector(kInverseZ));
-  const vfloat<W> doubt = max_component(stretch) * max_component(abs(p)) * (2 * kOffsetUlps);
-  return length(local) > row(kSize0) * 1.00001f + doubt;
-}
-
-// Ends the shadow rays of lanes `m`, whose light is a sphere of the scene, before that sphere. A ray that grazes it meets it
-// where float cannot say: the end is on a larger one, by which the discriminant exceeds its rounding (some 4e-7 d^2).
-template <int W>
-PRIMRAY_INLINE void end_before_sphere(const Scene& scene, vbool<W> m, vint<W> light, const vvec3<W>& p, LightSample<W>& s) {
-  const LightRow<W> row(scene.lights, select(m, light, vint<W>(light[__builtin_ctz(bits(m))])));
-  const vvec3<W> o = row.to_light(p - row.vector(kOrigin)), d = row.to_light(s.wi);
-  const vfloat<W> radius = row(kSize0), d2 = dot(o, o), r2 = radius * radius;
-  const vfloat<W> larger = r2 + max(r2 * 2e-4f, d2 * 8e-7f);
-  const vfloat<W> a = dot(d, d), b = dot(o, d);
-  const vfloat<W> t = (-b - safe_sqrt(b * b - a * (d2 - larger))) / a;
-  s.t = select(m, max(min(t, s.t), 0.0f), s.t);
-  s.pdf = select(m & !is_outside(row, p, o), vfloat<W>(0.0f), s.pdf);
-}
 
 // The light row of what lanes `m` met, -1 where it is none.
 template <int W>
@@ -78,7 +56,7 @@ PRIMRAY_RARE vvec3<W> shown_emission(const Scene& scene, vbool<W> m, const Hits<
   if (const vbool<W> placed = m & (light >= zero); any(placed)) {
     const LightRow<W> row(scene.lights, select(placed, light, zero));
     radiance = select(placed, row.vector(kGlow), radiance);
-    if (scene.lights.has_shaping) radiance *= light_shaping(scene.lights, row, placed, p.ray.d);
+    if (scene.lights.has_shaping) radiance *= emitter_shaping(scene, row, placed, light, p.ray.d, h.time);
   }
   const vvec3<W> one(vfloat<W>(1.0f));
   vvec3<W> given = radiance * select(has(GeometryLights::kOwn), one * presence, glow);
@@ -108,14 +86,7 @@ PRIMRAY_INLINE vfloat<W> emitter_pdf(const Scene& scene, vbool<W> m, const Hits<
   const vbool<W> sphere = m & is_type(row.type(), LightType::kSphere), mesh = m & is_type(row.type(), LightType::kMesh);
   vfloat<W> pdf = none;
   if (any(mesh)) pdf = select(mesh, mesh_pdf(scene, mesh, row, it.triangle, from, n, d, distance, h.time), pdf);
-  if (any(sphere)) {
-    const vvec3<W> local = row.to_light(from - row.vector(kOrigin));
-    const vfloat<W> radius = row(kSize0), d2 = dot(local, local), len = length(row.to_light(d));
-    const vbool<W> sheared = (row.flags() & vint<W>(kSheared)) != vint<W>(0);
-    const vfloat<W> cone = 1.0f / (2.0f * kPi * sphere_one_minus_cos(d2, radius, row.outside(from, radius, 1.0f)));
-    const vfloat<W> stretched = select(sheared, cone * row(kInverseDet) / (len * len * len), cone);
-    pdf = select(sphere & is_outside(row, from, local), stretched, pdf);
-  }
+  if (any(sphere)) pdf = select(sphere, sphere_pdf(scene, sphere, row, light, from, d, h.time), pdf);
   const LightTable& lights = scene.lights;
   const vfloat<W> chosen =
       lights.links.any() ? linked_probability_of(lights, light, m, from, n, link) : probability_of(lights, light, m, from, n);

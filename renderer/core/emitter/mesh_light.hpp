@@ -4,6 +4,7 @@
 
 #include "emitter/mesh_place.hpp"
 #include "emitter/mesh_rectangle.hpp"
+#include "emitter/passing_shaping.hpp"
 #include "light/selection/selection.hpp"
 #include "light/shape/triangle.hpp"
 #include "sampler/sampler.hpp"
@@ -216,7 +217,7 @@ PRIMRAY_INLINE void sample_mesh(const Scene& scene, vbool<W> m, vint<W> light, c
   vvec3<W> L = triangle_emission(scene, m, triangle, vertex_base, truncate(row(kMeshPlacement)), truncate(row(kMeshInstance)),
                                  b1, b2, own);
   if (lights) L *= row.vector(kGlow);
-  if (scene.lights.has_shaping) L *= light_shaping(scene.lights, row, m, wi);
+  if (scene.lights.has_shaping) L *= emitter_shaping(scene, row, m, light, wi, time);
   s.wi = select(m, wi, s.wi), s.t = select(m, distance, s.t), s.L = select(m, L, s.L);
   s.pdf = select(m, select(usable, pdf, vfloat<W>(0.0f)), s.pdf);
 }

@@ -1,6 +1,7 @@
 // All lights: one table of rows, and what is done with a light whatever its type. A type is a file in light/types/.
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "light/choice/hierarchy.hpp"
@@ -54,6 +55,9 @@ struct LightTable {
   static constexpr int kWeighed = 3, kWeighedPortals = 16;
   int weighed = kWeighed;
 
+  bool any_moves() const {
+    return motion.any() || std::any_of(portals.begin(), portals.end(), [](const LightTable& t) { return t.motion.any(); });
+  }
   bool has_portals() const { return built::kPortals && !portals.empty(); }
   bool has_special() const { return built::kSpecialShadows && !shadow_rows.empty(); }
   bool has_images() const { return built::kLightImages && !images.empty(); }
@@ -61,15 +65,16 @@ struct LightTable {
   const float* row(int light) const { return rows.data() + light * kLightFields; }
 };
 
-// Shaping of the lights `row` in lanes `m`, for what they send back along wi.
+// Shaping of the lights `row` in lanes `m`, for what they send back along wi; `now` as shaping_factor has it.
 template <int W>
-PRIMRAY_INLINE vvec3<W> light_shaping(const LightTable& table, const LightRow<W>& row, vbool<W> m, const vvec3<W>& wi) {
+PRIMRAY_INLINE vvec3<W> light_shaping(const LightTable& table, const LightRow<W>& row, vbool<W> m, const vvec3<W>& wi,
+                                      const ShapedLanes<W>* now = nullptr) {
   const vint<W> number = select(m, truncate(row(kShaping)), vint<W>(0));
   const vbool<W> shaped = number != vint<W>(0);
   const vvec3<W> one(vfloat<W>(1.0f));
   if (!any(shaped)) return one;
   const vint<W> valid = select(shaped, number, vint<W>(number[__builtin_ctz(bits(shaped))]));
-  return select(shaped, shaping_factor(table.shaping, valid, -wi), one);
+  return select(shaped, shaping_factor(table.shaping, valid, -wi, now), one);
 }
 
 // The same for one light that rays along wi met.
@@ -108,6 +113,13 @@ PRIMRAY_INLINE void sample_domes(const LightTable& table, vbool<W> domes, vint<W
     const vvec3<W> L = dome_eval(table.domes[k], w, pdf);
     r.wi = select(m, w, r.wi), r.pdf = select(m, pdf, r.pdf), r.L = select(m, L, r.L);
   }
+}
+
+// Directions in the world as dome number `k` stood when its image was laid out.
+template <int W>
+PRIMRAY_INLINE vvec3<W> dome_direction(const LightTable& table, size_t k, const vvec3<W>& wi, vfloat<W> time) {
+  const int32_t path = table.motion.any() ? table.motion.dome(k) : -1;
+  return path < 0 ? wi : stances_of(table.motion.paths[size_t(path)], time).vector_to_row(wi);
 }
 
 // From the light's frame to the world, in lanes `active`.

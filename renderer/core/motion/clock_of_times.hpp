@@ -1,7 +1,6 @@
-// A clock from times as they come from outside.
+// A clock from times as they come from outside, which says whether they are even: exactly so, or not at all.
 #pragma once
 
-#include <cmath>
 #include <span>
 
 #include "motion/clock.hpp"
@@ -11,7 +10,7 @@ namespace primray {
 inline MotionClock clock_of_times(std::span<const float> times) {
   MotionClock clock{{times.begin(), times.end()}, true};
   const float count = float(clock.segments());
-  for (size_t k = 0; k < times.size(); ++k) clock.uniform &= std::fabs(times[k] * count - float(k)) < 1e-5f;
+  for (size_t k = 0; k < times.size(); ++k) clock.uniform &= times[k] == float(k) / count;
   return clock;
 }
 

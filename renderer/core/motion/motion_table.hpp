@@ -59,15 +59,9 @@ struct MotionTable {
     const double t = now.within;
     double r[12];
     for (int c = 0; c < 12; ++c) r[c] = double(a[c]) + (double(a[12 + c]) - double(a[c])) * t;
-    return {{r[0], r[1], r[2]}, {r[3], r[4], r[5]}, {r[6], r[7], r[8]}, {r[9], r[10], r[11]}};
+    return affine_from_columns(r);
   }
 };
-
-inline void put_affine(const daffine& m, float* to) {
-  const dvec3* columns[4] = {&m.x, &m.y, &m.z, &m.o};
-  for (int k = 0; k < 4; ++k)
-    to[3 * k] = float(columns[k]->x), to[3 * k + 1] = float(columns[k]->y), to[3 * k + 2] = float(columns[k]->z);
-}
 
 // Replaces the matrices of those lanes of `m` whose `instance` moves.
 template <int W>
@@ -81,7 +75,7 @@ PRIMRAY_RARE void move_instances(const MotionTable& table, vbool<W> m, vint<W> i
     const MovingInstances* in = table.find(instance[i]);
     if (!in) continue;
     float now[12];
-    put_affine(table.at(*in, uint32_t(instance[i] - in->first), time[i]), now);
+    put_columns(table.at(*in, uint32_t(instance[i] - in->first), time[i]), now);
     for (int c = 0; c < 12; ++c) rows[c][i] = now[c];
   }
   const auto column = [&](int c) { return vvec3<W>(load<W>(rows[c]), load<W>(rows[c + 1]), load<W>(rows[c + 2])); };

@@ -156,10 +156,8 @@ PRIMRAY_INLINE vvec3<W> meet_domes(const LightTable& lights, vbool<W> m, const P
   vvec3<W> sum(F(0.0f));
   for (size_t k = 0; k < lights.domes.size(); ++k) {
     F pdf;
-    vvec3<W> d = p.ray.d;
-    if (const int32_t path = lights.motion.any() ? lights.motion.dome(k) : -1; path >= 0)
-      d = stances_of(lights.motion.paths[size_t(path)], p.ray.time).vector_to_row(d);
-    vvec3<W> L = dome_eval(lights.domes[k], d, pdf) * lobe_factor(lights.dome_factors[k], p);
+    vvec3<W> L = dome_eval(lights.domes[k], dome_direction(lights, k, p.ray.d, p.ray.time), pdf) *
+                 lobe_factor(lights.dome_factors[k], p);
     const DomeTraits& traits = lights.dome_traits[k];
     const vbool<W> direct = p.bsdf_pdf == F(0.0f);
     if (traits.hidden || traits.special || traits.link != 0) {
@@ -171,7 +169,7 @@ PRIMRAY_INLINE vvec3<W> meet_domes(const LightTable& lights, vbool<W> m, const P
     const int light = lights.dome_light[k];
     if (light >= 0 && !traits.special) {
       const vvec3<W> from = p.ray.o - p.ray.d * p.travelled;
-      if (lights.has_portals()) pdf = dome_pdf(lights, int(k), from, p.ray.d, pdf);
+      if (lights.has_portals()) pdf = dome_pdf(lights, int(k), from, p.ray.d, pdf, p.ray.time);
       const F total = total_at(lights, from, p.link);
       const vbool<W> wanted = m & (!direct) & (pdf > F(0.0f));
       const F light_pdf = pdf * probability_at(lights, light, wanted, from, p.normal, total, p.link);

@@ -41,13 +41,14 @@ PRIMRAY_INLINE LightSample<W> sample_point(const Round& round, vbool<W> useful, 
   LightSample<W> s = light_sample(lights, light, useful, from, u.u, u.v, p.ray.time);
   if (lights.has_portals()) {
     const B dome = useful & is_type(LightRow<W>(lights, light).type(), LightType::kDome);
-    if (any(dome)) sample_portals(lights, dome, light, from, p.sampler.single(bounce, Purpose::kEmitter), u.u, u.v, s);
+    if (any(dome))
+      sample_portals(lights, dome, light, from, p.sampler.single(bounce, Purpose::kEmitter), u.u, u.v, p.ray.time, s);
   }
   if (scene.emitters.any()) {
     const LightRow<W> row(lights, light);
     const B geometry = useful & ((row.flags() & vint<W>(kGeometry)) != vint<W>(0));
     const B mesh = geometry & is_type(row.type(), LightType::kMesh), sphere = geometry & !mesh;
-    if (any(sphere)) end_before_sphere(scene, sphere, light, from, s);
+    if (any(sphere)) sample_sphere(scene, sphere, light, from, u.u, u.v, p.ray.time, s);
     if (any(mesh)) {
       const vuint<W> bits = p.sampler.bits_of(bounce, Purpose::kEmitter);
       sample_mesh(scene, mesh, light, from, v.frame.n, bits, u.u, u.v, p.ray.time, s);

@@ -31,6 +31,11 @@ struct EmitterTable {
   std::vector<int32_t> cdf, cdf_base;
   static constexpr int32_t kWhole = 1 << 30;
 
+  // Of what emits in instances that move: by light row, the instance's row of Scene::world_from_group, -1 where it stands
+  // still; by shape, the frame of its light in its group (a sphere's: that of the unit sphere). Empty where nothing moves.
+  std::vector<int32_t> moving_instance;
+  std::vector<daffine> frames;
+
   // A shape's number in its group, by row of the MeshTable and of the CurvedTable; -1: it does not emit.
   std::vector<int32_t> of_mesh, of_curved;
   // First light row and rows an instance, of what is static and of each placement; -1: none, or not sampled.
@@ -41,6 +46,7 @@ struct EmitterTable {
   int64_t unsampled = 0;                    // emitting instances beyond kMaxEmitterRows
 
   bool any() const { return built::kEmission && !first.empty(); }
+  bool any_moving() const { return built::kEmission && built::kMotion && !moving_instance.empty(); }
   bool by_triangle() const { return built::kEmission && others; }
 };
 

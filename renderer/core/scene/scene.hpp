@@ -125,7 +125,7 @@ struct Scene {
 
   rtc::Scene accel() const { return groups[0].accel.get(); }
   // Rays have times.
-  bool moves() const { return camera.moves || motion.any_instances || motion.any_points || lights.motion.any(); }
+  bool moves() const { return camera.moves || motion.any_instances || motion.any_points || lights.any_moves(); }
   // It has something that this build lacks (base/features.hpp).
   bool needs_left_out() const;
   int64_t memory_bytes() const;

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Doubles, Floats
-from ..description import Light, LightType, Shaping, TextureFile
+from ..description import Light, LightType, MatrixMotion, Shaping, TextureFile
+from ..description.motion import handed_over
 from .core_inputs import filled
 from .surface_upload import Textures
 
@@ -49,8 +50,11 @@ class LightUpload:
                 portals=portals.reshape(-1, 14),
             )
             if light.motion is not None:
-                stances = np.ascontiguousarray(light.motion.matrices[:, :3], np.float64)
-                filled(made, times=light.motion.times.astype(np.float32), stances=stances)
+                times, stances = _stances(light.motion)
+                filled(made, times=times, stances=stances)
+            for k, portal in enumerate(light.portals):
+                if portal.motion is not None:
+                    made.move_portal(k, *_stances(portal.motion))
             self._builder.add_light(made, image)
 
     def add_worn(self, light: Light, group_from_object: Doubles) -> int:
@@ -120,6 +124,11 @@ class LightUpload:
                 profile.vertical_deg, horizontal, candela, profile.horizontal_pole
             )
         return self._profiles[id(profile)]
+
+
+def _stances(motion: MatrixMotion) -> tuple[Floats, Doubles]:
+    """Times, and (S + 1, 3, 4)."""
+    return handed_over(motion.times), np.ascontiguousarray(motion.matrices[:, :3], np.float64)
 
 
 def light_pixels(file: TextureFile | None, textures: Textures) -> Floats:

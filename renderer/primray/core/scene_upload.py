@@ -24,6 +24,7 @@ from ..description import (
     Sphere,
     SubdivisionMesh,
 )
+from ..description.motion import handed_over
 from ..description.placement import Box, chunks, named_levels, placed_box, transformed_box, transformed_boxes
 from ..lens.distortion import Distortion
 from ..refine.far_geometry import FARTHEST, OUTLYING, FarInstances, usual_boxes, usual_union
@@ -54,7 +55,8 @@ def upload(
     `record` is told what the core's numbers mean.
     """
     shapes = list(description.shapes) if shapes is None else shapes
-    d = bake_skewed(by_clock(description, shapes), shapes)
+    warnings: list[tuple[str, str, str]] = []
+    d = bake_skewed(by_clock(description, shapes, warnings), shapes)
     full_boxes = shape_boxes(core, shapes)
     boxes = usual_boxes(full_boxes, shapes)
     prototype_boxes = boxes_of_prototypes(d, boxes)
@@ -68,7 +70,6 @@ def upload(
     builder.reserve_triangles(*points_and_triangles(shapes))
     if d.linked.collections:
         builder.set_links(d.linked.members.astype(np.uint8))
-    warnings: list[tuple[str, str, str]] = []
     surfaces = inputs.add_surfaces(d.surfaces)
     handing = ShapeUpload(core, builder, inputs, lights, surfaces, shapes, full_boxes, warnings, record)
     handing.add(d.static, origin, scale)
@@ -78,8 +79,8 @@ def upload(
     placements = PlacementUpload(builder, inputs, d, numbers, prototype_boxes, warnings, record)
     # Prototypes of placements last: what they place has its number by then.
     for i, proto in sorted(enumerate(d.prototypes), key=lambda item: bool(item[1].placements)):
-        low, high = prototype_boxes[i]
-        center, unit = (low + high) / 2, power_of_two_scale(float(np.max(high - low)) / 2)
+        corner, opposite = prototype_boxes[i]
+        center, unit = (corner + opposite) / 2, power_of_two_scale(float(np.max(opposite - corner)) / 2)
         numbers[i] = builder.begin_prototype(center, unit)
         handing.add(proto.shapes, center, unit)
         placements.add(proto.placements, numbers[i], center, unit)
@@ -158,7 +159,7 @@ def add_placement(
     if isinstance(moving := placement.levels[0], MovingInstances):
         rows = moving.matrices if far is None else np.stack([far.removed(step) for step in moving.matrices])
         gone: npt.NDArray[np.int64] = builder.add_moving_instances(
-            moving.times.astype(np.float32), moving.turns, np.ascontiguousarray(rows, np.float64)
+            handed_over(moving.times), moving.turns, np.ascontiguousarray(rows, np.float64)
         )
         builder.end_placement()
         return gone
@@ -204,7 +205,7 @@ def camera_input(core: Any, c: Camera, frame: Frame, motion: CameraMotion | None
         return made
     poses = np.array([pose.world_from_camera[:3] for pose in motion.cameras], np.float64)
     numbers = [(*pose.window, *pose.clipping_range, pose.lens_radius, pose.focus_distance) for pose in motion.cameras]
-    return filled(made, times=motion.times.astype(np.float32), pose_matrices=poses, pose_numbers=np.array(numbers, np.float64))
+    return filled(made, times=handed_over(motion.times), pose_matrices=poses, pose_numbers=np.array(numbers, np.float64))
 
 
 def distortion_input(core: Any, d: Distortion) -> Any:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from ..arrays import Doubles, Floats, Ints
 from ..description import Interpolation, Mesh, Placed, Primvar, Shape, Sphere, Surface
+from ..description.motion import handed_over
 from ..description.pairs import is_paired
 from ..description.placement import transformed_boxes
 from ..refine.far_geometry import FARTHEST, OUTLYING, Flags, near_triangles
@@ -193,7 +194,7 @@ class ShapeUpload:
             cutout=cutout,
         )
         if (motion := part.mesh.motion) is not None:
-            filled(mesh, times=motion.times.astype(np.float32), step_points=np.ascontiguousarray(motion.points, np.float32))
+            filled(mesh, times=handed_over(motion.times), step_points=np.ascontiguousarray(motion.points, np.float32))
             if part.step_normals is not None:
                 mesh.step_normals = np.ascontiguousarray(part.step_normals, np.float32)
         self._builder.add_mesh(mesh, world_from_object)

@@ -90,6 +90,7 @@ class Portal:
     world_from_portal: Doubles  # (4, 4)
     width: float = 1.0
     height: float = 1.0
+    motion: MatrixMotion | None = None  # as Light's
 
 
 @dataclass(frozen=True)

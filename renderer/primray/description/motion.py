@@ -14,6 +14,8 @@ import numpy as np
 from ..arrays import Doubles, Floats
 from ..camera import Camera
 
+SAME_TIME = 1e-7  # of the span
+
 
 @dataclass(frozen=True)
 class Exposure:
@@ -92,6 +94,14 @@ def segment_of(times: Doubles, fraction: float) -> tuple[int, float]:
 
 
 def is_uniform(times: Sequence[float] | Doubles) -> bool:
-    """Whether all segments are of one length, to the rounding of floats."""
-    steps = np.diff(np.asarray(times, np.float64))
-    return bool(np.abs(steps - 1.0 / len(steps)).max() < 1e-7 / len(steps)) if len(steps) else False
+    """Whether all segments are of one length, but for rounding. Decided here alone: the core is given `handed_over`."""
+    return bool(np.abs(np.asarray(times, np.float64) - _even(len(times))).max() < SAME_TIME) if len(times) > 1 else False
+
+
+def handed_over(times: Sequence[float] | Doubles) -> Floats:
+    """In single precision, as the core takes times: even ones exactly so, by which it knows them."""
+    return np.asarray(_even(len(times)) if is_uniform(times) else times).astype(np.float32)
+
+
+def _even(count: int) -> Doubles:
+    return np.arange(count) / max(count - 1, 1)

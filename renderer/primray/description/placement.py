@@ -239,12 +239,18 @@ def rows_of_levels(levels: Sequence[Instances]) -> tuple[Primvar, ...]:
     return tuple(found.values())
 
 
-def _rotate(out: Doubles, quaternions: Numbers) -> None:
-    """Rotation matrices into out (K, 3, :3) of (K, 4) quaternions x, y, z, w, made unit length; zero ones turn nothing."""
-    x, y, z, w = quaternions.astype(np.float64).T
-    square = x * x + y * y + z * z + w * w
-    s = np.divide(2.0, square, out=np.zeros_like(square), where=square > 0)
-    xs, ys, zs = x * s, y * s, z * s
+def put_rotations(out: Doubles, quaternions: Doubles, scales: Doubles | float) -> None:
+    """Rotation matrices into out (K, 3, :3) of (K, 4) quaternions x, y, z, w; `scales`: 2 over their squared lengths."""
+    x, y, z, w = quaternions.T
+    xs, ys, zs = x * scales, y * scales, z * scales
     out[:, 0, 0], out[:, 0, 1], out[:, 0, 2] = 1 - (y * ys + z * zs), x * ys - w * zs, x * zs + w * ys
     out[:, 1, 0], out[:, 1, 1], out[:, 1, 2] = x * ys + w * zs, 1 - (x * xs + z * zs), y * zs - w * xs
     out[:, 2, 0], out[:, 2, 1], out[:, 2, 2] = x * zs - w * ys, y * zs + w * xs, 1 - (x * xs + y * ys)
+
+
+def _rotate(out: Doubles, quaternions: Numbers) -> None:
+    """The same of those of any length; zero ones turn nothing."""
+    q = quaternions.astype(np.float64)
+    x, y, z, w = q.T
+    square = x * x + y * y + z * z + w * w
+    put_rotations(out, q, np.divide(2.0, square, out=np.zeros_like(square), where=square > 0))

@@ -144,6 +144,7 @@ def core_arrays(cage: SubdivisionMesh, footprint: Footprint, dicing: Dicing) -> 
         "window": EVERYWHERE if camera.sees_around else camera.window,
         "outside": 1.0 if camera.sees_around else OUTSIDE,
         "views": np.ascontiguousarray(footprint.views, np.float64),
+        "sweeps": np.ascontiguousarray(footprint.sweeps, np.float64),
         "density": footprint.density,
         "pixels": dicing.pixels,
         "flatness": dicing.flatness,

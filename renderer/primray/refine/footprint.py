@@ -1,7 +1,7 @@
 """How large the cages of a description are on the image: what dice.py asks the core for.
 
 A cage that stands once is looked at face by face. Of instances, the few that ask for most are; the rest count by the most
-pixels that any of them gives to a unit of the cage's space.
+pixels that any of them gives to a unit of the cage's space. Cameras that move are looked through on all of their way.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 from ..arrays import Doubles
 from ..description import (
     Camera,
+    CameraMotion,
     Frame,
     MovingInstances,
     Placed,
@@ -25,6 +26,7 @@ from ..description import (
     SubdivisionMesh,
 )
 from ..description.placement import compose
+from .camera_poses import Pose, Window, camera_poses, widened
 
 # Where the camera does not look, edges may be longer by this: seen in mirrors and as shadows only.
 OUTSIDE = 4.0
@@ -32,16 +34,17 @@ EVERYWHERE = (-1e30, 1e30, -1e30, 1e30)  # the window of a lens that may see any
 MARGIN = 0.05  # of the image's size, on each side: filters and lenses look past the edge
 MAX_VIEWS = 4
 MAX_LEVEL = 10  # a face of the cage in 2^20 parts
+WIDEST = 1.0  # radians that a camera may turn between two poses and count as looking one way
 
 
 @dataclass(frozen=True)
 class Projected:
     """The camera as footprints see it."""
 
-    camera_from_world: Doubles  # (4, 4)
+    poses: tuple[Pose, ...]
     orthographic: bool
     pixels_per_unit: float  # at unit distance, or everywhere
-    window: tuple[float, float, float, float]  # with its margin
+    window: Window  # with its margin
     sees_around: bool = False  # through a lens that distorts: nothing counts as beside the view
 
 
@@ -50,9 +53,24 @@ class Footprint:
     projected: Projected
     views: Doubles  # (V, 3, 4) camera_from_object
     density: float  # pixels that a unit of the cage covers in all other placements
+    sweeps: Doubles  # (V, 3) how far the camera goes, in its own space
 
 
-def projected(camera: Camera, frame: Frame) -> Projected:
+def projected(camera: Camera, frame: Frame, motion: CameraMotion | None = None) -> Projected:
+    """Of a camera, or of all of its way: as fine as it is anywhere, and wide enough for where it turns."""
+    cameras = (camera,) if motion is None else motion.cameras
+    scales, windows = zip(*(_scale_and_window(each, frame) for each in cameras), strict=True)
+    parallel = camera.projection is Projection.ORTHOGRAPHIC
+    distorts = camera.distortion is not None and not parallel
+    window: Window = tuple(f(side) for f, side in zip((min, max, min, max), zip(*windows, strict=True), strict=True))
+    poses, angle = camera_poses([each.world_from_camera for each in cameras])
+    around = angle > 0 and (parallel or angle > WIDEST)
+    if angle > 0 and not around:
+        window = widened(window, angle)
+    return Projected(poses, parallel, max(scales), window, distorts or around)
+
+
+def _scale_and_window(camera: Camera, frame: Frame) -> tuple[float, Window]:
     """What the whole frame shows, and what is rendered beyond it: a part of a picture has the triangles of the whole."""
     left, right, bottom, top = camera.window
     width, height = frame.resolution
@@ -68,9 +86,7 @@ def projected(camera: Camera, frame: Frame) -> Projected:
         bottom - y - beyond_bottom,
         top + y + max(0, -pixels.y) * down,
     )
-    camera_from_world = np.asarray(np.linalg.inv(camera.world_from_camera), np.float64)
-    parallel = camera.projection is Projection.ORTHOGRAPHIC
-    return Projected(camera_from_world, parallel, scale, window, camera.distortion is not None and not parallel)
+    return scale, window
 
 
 def footprints(description: SceneDescription) -> dict[int, Footprint]:
@@ -78,7 +94,9 @@ def footprints(description: SceneDescription) -> dict[int, Footprint]:
     cages = {k: s for k, s in enumerate(description.shapes) if isinstance(s, SubdivisionMesh)}
     if not cages:
         return {}
-    camera = projected(description.camera, description.frame)
+    exposure = description.exposure
+    motion = description.camera_motion if exposure is not None and exposure.closes > exposure.opens else None
+    camera = projected(description.camera, description.frame, motion)
     seen: dict[int, list[_Seen]] = {k: [] for k in cages}
     static = [placed for placed in description.static if placed.shape in cages]
     for placed in static:
@@ -96,12 +114,23 @@ def _seen_once(static: list[Placed], camera: Projected) -> dict[int, Footprint]:
     """What _footprint says of cages that stand in the world once, and nowhere else: of all of them in one go."""
     if not static:
         return {}
-    rows = camera.camera_from_world[:3, :3] @ np.eye(4)[None, :3]
-    rows[:, :, 3] += camera.camera_from_world[:3, 3]
-    views = rows[:, :, :3] @ np.array([placed.matrix[:3] for placed in static])
-    views[:, :, 3] += rows[:, :, 3]
-    finite: list[bool] = np.asarray(np.isfinite(views).all(axis=(1, 2))).tolist()
-    return {p.shape: Footprint(camera, views[i : i + finite[i]], 0.0) for i, p in enumerate(static)}
+    matrices = np.array([placed.matrix[:3] for placed in static])
+    views = np.stack([_through(pose, np.eye(4)[None, :3], matrices) for pose in camera.poses], axis=1)
+    finite: list[bool] = np.asarray(np.isfinite(views).all(axis=(1, 2, 3))).tolist()
+    sweeps = np.array([pose.sweep for pose in camera.poses])
+    return {
+        p.shape: Footprint(camera, views[i], 0.0, sweeps) if finite[i] else Footprint(camera, views[i, :0], 0.0, sweeps[:0])
+        for i, p in enumerate(static)
+    }
+
+
+def _through(pose: Pose, world: Doubles, matrices: Doubles) -> Doubles:
+    """(K, 3, 4) camera_from_object: of every matrix (3, 4) after every (3, 4) of the world; one of both is one."""
+    rows = pose.camera_from_world[:3, :3] @ world
+    rows[:, :, 3] += pose.camera_from_world[:3, 3]
+    made = rows[:, :, :3] @ matrices
+    made[:, :, 3] += rows[:, :, 3]
+    return np.asarray(made)
 
 
 @dataclass(frozen=True)
@@ -126,36 +155,44 @@ def _stands(placement: Placement) -> Iterator[Doubles]:
 
 def _nested(outer: Placement, inner: Placement, camera: Projected) -> Callable[[], Iterator[Doubles]]:
     """Two levels of instances are too many to look at: the inner ones in the few outer ones that are nearest to the camera."""
-    eye = np.linalg.inv(camera.camera_from_world)[:3, 3]
     nearest = np.zeros((0, 3, 4))
     for rows in _stands(outer):
         nearest = np.concatenate([nearest, rows])
-        nearest = nearest[np.argsort(np.linalg.norm(nearest[:, :, 3] - eye, axis=1), kind="stable")[:MAX_VIEWS]]
+        apart = np.min([pose.distances_in_world(nearest[:, :, 3]) for pose in camera.poses], axis=0)
+        nearest = nearest[np.argsort(apart, kind="stable")[:MAX_VIEWS]]
     return lambda: (compose(nearest, rows) for rows in _stands(inner))
 
 
 def _footprint(cage: SubdivisionMesh, seen: Sequence[_Seen], camera: Projected) -> Footprint:
-    """The placements that give a unit of the cage most pixels become views."""
+    """The placements that give a unit of the cage most pixels become views, as many for each pose of the camera."""
     center, radius = _bounding_sphere(cage)
+    found, rest = [], 0.0
+    for pose in camera.poses:
+        views, left = _views(seen, center, radius, camera, pose)
+        found.append(views)
+        rest = max(rest, left)
+    sweeps = [np.broadcast_to(p.sweep, (len(v), 3)) for p, v in zip(camera.poses, found, strict=True)]
+    return Footprint(camera, np.ascontiguousarray(np.concatenate(found)), rest, np.concatenate(sweeps))
+
+
+def _views(seen: Sequence[_Seen], center: Doubles, radius: float, camera: Projected, pose: Pose) -> tuple[Doubles, float]:
+    """(V, 3, 4) through one pose, and the density of the others."""
     views, densities, rest = np.zeros((0, 3, 4)), np.zeros(0), 0.0
-    for matrices in _chunks(seen, camera):
+    for matrices in _chunks(seen, pose):
         views = np.concatenate([views, matrices])
-        densities = np.concatenate([densities, _densities(matrices, center, radius, camera)])
+        densities = np.concatenate([densities, _densities(matrices, center, radius, camera, pose)])
         order = np.argsort(-densities, kind="stable")
         if len(order) > MAX_VIEWS:
             rest = max(rest, float(densities[order[MAX_VIEWS]]))
         views, densities = views[order[:MAX_VIEWS]], densities[order[:MAX_VIEWS]]
-    return Footprint(camera, np.ascontiguousarray(views), rest)
+    return views, rest
 
 
-def _chunks(seen: Sequence[_Seen], camera: Projected) -> Iterator[Doubles]:
+def _chunks(seen: Sequence[_Seen], pose: Pose) -> Iterator[Doubles]:
     """camera_from_object of all placements, (K, 3, 4)."""
     for each in seen:
         for world in each.chunks():
-            rows = camera.camera_from_world[:3, :3] @ world
-            rows[:, :, 3] += camera.camera_from_world[:3, 3]
-            made = rows[:, :, :3] @ each.matrix[:3]
-            made[:, :, 3] += rows[:, :, 3]
+            made = _through(pose, world, each.matrix[:3])
             yield made[np.isfinite(made).all(axis=(1, 2))]
 
 
@@ -168,28 +205,33 @@ def _bounding_sphere(cage: SubdivisionMesh) -> tuple[Doubles, float]:
     return (low + high) / 2, float(np.linalg.norm(high - low)) / 2
 
 
-def _densities(matrices: Doubles, center: Doubles, radius: float, camera: Projected) -> Doubles:
+def _densities(matrices: Doubles, center: Doubles, radius: float, camera: Projected, pose: Pose) -> Doubles:
     """Pixels that a unit of the object covers where the placement is nearest; at its centre where the camera is inside."""
     scale = np.sqrt(np.square(matrices[:, :, :3]).sum(axis=1)).max(axis=1)
     if camera.orthographic:
         return np.asarray(scale * camera.pixels_per_unit)
     at = matrices[:, :, :3] @ center + matrices[:, :, 3]
     extent = scale * radius
-    distance = np.maximum(np.linalg.norm(at, axis=1) - extent, np.maximum(0.25 * extent, 1e-30))
+    distance = np.maximum(pose.distances(at) - extent, np.maximum(0.25 * extent, 1e-30))
     density = scale * camera.pixels_per_unit / distance
-    return np.asarray(np.where(_is_outside(at, extent, camera), density / OUTSIDE, density))
-
-
-def _is_outside(at: Doubles, extent: Doubles, camera: Projected) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Spheres wholly beyond one side of the view."""
     if camera.sees_around:
-        return np.zeros(len(at), bool)
-    left, right, bottom, top = camera.window
+        return np.asarray(density)
+    beyond = _beyond(at, extent, camera.window)
+    if pose.sweep.any():
+        beyond &= _beyond(at - pose.sweep, extent, camera.window)
+    return np.asarray(np.where(beyond.any(axis=0), density / OUTSIDE, density))
+
+
+def _beyond(at: Doubles, extent: Doubles, window: Window) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
+    """(5, K) spheres wholly beyond each side of the view."""
+    left, right, bottom, top = window
     x, y, depth = at[:, 0], at[:, 1], -at[:, 2]
-    return np.asarray(
-        (x - left * depth < -extent * np.hypot(1, left))
-        | (right * depth - x < -extent * np.hypot(1, right))
-        | (y - bottom * depth < -extent * np.hypot(1, bottom))
-        | (top * depth - y < -extent * np.hypot(1, top))
-        | (depth < -extent)
+    return np.stack(
+        [
+            x - left * depth < -extent * np.hypot(1, left),
+            right * depth - x < -extent * np.hypot(1, right),
+            y - bottom * depth < -extent * np.hypot(1, bottom),
+            top * depth - y < -extent * np.hypot(1, top),
+            depth < -extent,
+        ]
     )

@@ -1,7 +1,8 @@
 """Meshes whose vertices move, by their times: the core moves those of one group by one clock, and the world's by an even one.
 
 In the world the clock of most points stays; meshes of others become prototypes that stand once. In a prototype all take the
-times of all: points between two times lie on the line, so nothing is changed by more of them.
+times of all: points between two times lie on the line, so nothing is changed by more of them. Beyond MOST_SEGMENTS, as many as
+Embree takes, the path is given at even times.
 """
 
 from __future__ import annotations
@@ -19,16 +20,29 @@ from ..description.motion import is_uniform, segment_of
 from ..description.placement import IDENTITY
 
 Times = tuple[float, ...]
+Warnings = list[tuple[str, str, str]]  # code, prim path, message
+
+MOST_SEGMENTS = 128
+_MANY = "Its points would move in"
+FEWER: Doubles = np.linspace(0.0, 1.0, MOST_SEGMENTS + 1)
 
 
-def by_clock(d: SceneDescription, shapes: list[Shape]) -> SceneDescription:
-    """The description with one clock a group. Shapes of prototypes that get more times are replaced in `shapes`."""
+def by_clock(d: SceneDescription, shapes: list[Shape], warnings: Warnings) -> SceneDescription:
+    """The description with one clock a group. Shapes that get other times are replaced in `shapes`; what is lost is told."""
     if not any(_moves(shape) for shape in shapes):
         return d
+    for k, shape in enumerate(shapes):
+        if _moves(shape) and len(_times(shape)) > len(FEWER):
+            assert isinstance(shape, Mesh)
+            assert shape.motion is not None
+            shapes[k] = replace(shape, motion=at_times(shape.motion, FEWER))
+            warnings.append(
+                ("motion", shape.path, f"{_MANY} {len(_times(shape)) - 1} steps: it has {MOST_SEGMENTS} even ones.")
+            )
     d = _with_even_world(d, shapes)
     prototypes = list(d.prototypes)
     for k, prototype in enumerate(prototypes):
-        prototypes[k] = replace(prototype, shapes=_with_common_times(prototype.shapes, shapes))
+        prototypes[k] = replace(prototype, shapes=_with_common_times(prototype.shapes, shapes, warnings))
     return replace(d, prototypes=tuple(prototypes))
 
 
@@ -65,13 +79,17 @@ def _with_even_world(d: SceneDescription, shapes: Sequence[Shape]) -> SceneDescr
     return replace(d, static=tuple(static), prototypes=tuple(prototypes), placements=tuple(placements))
 
 
-def _with_common_times(placed: tuple[Placed, ...], shapes: list[Shape]) -> tuple[Placed, ...]:
+def _with_common_times(placed: tuple[Placed, ...], shapes: list[Shape], warnings: Warnings) -> tuple[Placed, ...]:
     moving = [p for p in placed if _moves(shapes[p.shape])]
     clocks = {_times(shapes[p.shape]) for p in moving}
     if len(clocks) < 2:
         return placed
     times = np.array(sorted(set().union(*clocks)), np.float64)
     times = times[np.append(True, np.diff(times) > 1e-9)]
+    if len(times) > len(FEWER):
+        message = f"{_MANY} {len(times) - 1} steps beside others: it has {MOST_SEGMENTS} even ones."
+        warnings.append(("motion", shapes[moving[0].shape].path, message))
+        times = FEWER
     replaced: dict[int, int] = {}
     for p in moving:
         shape = shapes[p.shape]

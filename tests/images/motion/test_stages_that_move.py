@@ -216,3 +216,61 @@ def test_ids_of_an_animated_instancer() -> None:
         "    vector3f[] velocities.timeSamples = { 0: [(96, 0, 0)], 1: [(0, 0, 0), (0, 0, 0)] }"
     )
     np.testing.assert_allclose(coverage(text), trapezoid(), atol=0.006)
+
+
+LIT_CAMERA = """
+def Camera "camera"
+{
+    token projection = "orthographic"
+    float horizontalAperture = 0.01
+    float verticalAperture = 0.01
+    float2 clippingRange = (0.001, 1000)
+    double shutter:open = 0
+    double shutter:close = 1
+    double3 xformOp:translate = (0, 0.05, 0)
+    double xformOp:rotateX = -90
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateX"]
+}
+def Mesh "ground"
+{
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    uniform token subdivisionScheme = "none"
+    point3f[] points = [(-50, 0, 50), (50, 0, 50), (50, 0, -50), (-50, 0, -50)]
+    color3f[] primvars:displayColor = [(1, 1, 1)]
+}
+"""
+LAMPS = {
+    "sphere": f"""
+def Sphere "lamp" ({BOUND})
+{{
+    double radius = 0.1
+    rel material:binding = </glow>
+    {path("(-3, 1, 0)", "(3, 2, 0)")}
+}}
+""",
+    "points": f"""
+def Points "lamp" ({BOUND})
+{{
+    float[] widths = [0.2, 0.2]
+    rel material:binding = </glow>
+    point3f[] points.timeSamples = {{ 0: [(-3, 1, 0), (0, 2, 1)] }}
+    vector3f[] velocities.timeSamples = {{ 0: [(144, 24, 0), (0, 0, 48)] }}
+}}
+""",
+}
+
+
+@pytest.mark.parametrize("name", LAMPS)
+def test_spheres_that_emit_and_move_light_without_noise(name: str) -> None:
+    """The mean of pi r^2 L cos / d^2 over their ways, to a tenth of a percent with few samples."""
+    head = f"#usda 1.0\n( timeCodesPerSecond = 24 )\n{GLOW}{LIT_CAMERA}"
+    pixels = render(head + LAMPS[name], 256, (16, 16)).pixels[..., 1]
+    t = ((np.arange(512) + 0.5) / 512)[:, None]
+    ways = [np.array([[-3.0, 1, 0]]) * (1 - t) + np.array([[3.0, 2, 0]]) * t]
+    if name == "points":
+        ways.append(np.array([[0.0, 2, 1]]) + np.array([[0.0, 0, 2]]) * t)
+    lit = sum(np.mean(0.01 * c[:, 1] / (c**2).sum(axis=1) ** 1.5) for c in ways)
+    albedo = pixels.mean() / lit
+    assert albedo == pytest.approx(1.0, rel=2e-3)
+    assert pixels.std() < 0.03 * pixels.mean()

@@ -82,3 +82,12 @@ def test_boxes_of_arrays_in_any_layout() -> None:
     expected = np.array([points.min(axis=0), points.max(axis=0)], np.float64)
     layouts = [points, np.asfortranarray(points), np.repeat(points, 2, axis=0)[::2]]
     assert np.array_equal(core_module().boxes(layouts * 20), np.array([expected] * 60))
+
+
+def test_bounds_of_a_scene_with_prototypes() -> None:
+    """Corners of all that is placed, whatever the box of the last prototype is."""
+    made = describe([(box([1, 1, 1]), np.eye(4))], [lambert(0.5)], prototypes=[Prototype("/p", (Placed(1, np.eye(4)),))],
+                    prototype_shapes=[box([2, 2, 2])], placements=[placement(0, [translation(5, 0, 0)])])  # fmt: skip
+    _, _, bounds = upload(core_module(), made.description, {}, 1.0, NO_TABLE)
+    assert bounds is not None
+    np.testing.assert_allclose(np.array(bounds), np.array([[-0.5, -1, -1], [6, 1, 1]]))

@@ -128,7 +128,8 @@ nb::tuple portal_sample_rows(const Scene& scene, int dome, InArray<double> p_, I
     LightSample<W> s =
         light_sample(scene.lights, vint<W>(light), active, o, u.number<W>(at, 0), u.number<W>(at, 1), vfloat<W>(0.0f));
     if (!scene.lights.portals.empty())
-      sample_portals(scene.lights, active, vint<W>(light), o, u.number<W>(at, 2), u.number<W>(at, 0), u.number<W>(at, 1), s);
+      sample_portals(scene.lights, active, vint<W>(light), o, u.number<W>(at, 2), u.number<W>(at, 0), u.number<W>(at, 1),
+                     vfloat<W>(0.0f), s);
     wi.put(at, s.wi), pdf.put(at, s.pdf), L.put(at, s.L);
   });
   return nb::make_tuple(wi.array(), pdf.array(), L.array());
@@ -141,7 +142,8 @@ nb::object dome_pdf_rows(const Scene& scene, int dome, InArray<double> p_, InFlo
   for_rows(p.n, lanes, [&]<int W>(size_t at) {
     vfloat<W> pdf;
     dome_eval(scene.lights.domes.at(dome), wi.vector<W>(at), pdf);
-    if (!scene.lights.portals.empty()) pdf = dome_pdf(scene.lights, dome, p.vector<W>(at), wi.vector<W>(at), pdf);
+    if (!scene.lights.portals.empty())
+      pdf = dome_pdf(scene.lights, dome, p.vector<W>(at), wi.vector<W>(at), pdf, vfloat<W>(0.0f));
     r.put(at, pdf);
   });
   return r.array();

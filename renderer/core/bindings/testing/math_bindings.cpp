@@ -6,6 +6,7 @@
 #include "math/matrix.hpp"
 #include "math/power.hpp"
 #include "math/transcendental.hpp"
+#include "motion/clock_of_times.hpp"
 
 namespace primray {
 namespace {
@@ -78,6 +79,7 @@ void bind_math(nb::module_& m) {
         });
       },
       nb::arg("wo"), nb::arg("alpha"), nb::arg("u"), nb::arg("lanes") = 0);
+  m.def("is_even_clock", [](InFloats times) { return clock_of_times({times.data(), times.size()}).uniform; });
   m.def(
       "filter_offsets",
       [](const Scene& scene, InFloats u, int lanes) {

@@ -9,14 +9,12 @@
 #include "build/lights/light_rows.hpp"
 #include "build/lights/light_rules.hpp"
 #include "build/lights/shaping_rows.hpp"
+#include "light/types/anchor.hpp"
 
 namespace primray {
 namespace {
 
-daffine instance_matrix(const Scene& s, size_t instance) {
-  const float* m = &s.world_from_group[12 * instance];
-  return {{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}, {m[9], m[10], m[11]}};
-}
+daffine instance_matrix(const Scene& s, size_t instance) { return affine_from_columns(&s.world_from_group[12 * instance]); }
 
 // What a shape's own light brings to its row, where its group stands so: kGlow, and what any light has.
 void put_geometry_light(Scene& s, int32_t number, const daffine& world_from_group, float* row) {
@@ -27,10 +25,7 @@ void put_geometry_light(Scene& s, int32_t number, const daffine& world_from_grou
   const vec3 L = placed_radiance(s, light, world_from_group);
   put(row, kGlow, dvec3(L));
   row[kLightFlags] = float(int(row[kLightFlags]) | (light.own ? kOwnRadiance : 0));
-  const daffine m = world_from_group * light.group_from_object;
-  if (light.shaping) add_shaping(*light.shaping, m, row, s.lights);
-  if (LightType(int(row[kType])) != LightType::kMesh) return;
-  put(row, kMeshFrameX, normalize(m.x)), put(row, kMeshFrameZ, normalize(m.z));
+  if (light.shaping) add_shaping(*light.shaping, world_from_group * light.group_from_object, row, s.lights);
 }
 
 // What dividing by the area has left of its radiance.
@@ -39,28 +34,57 @@ double share_of(const GeometryLight& light, const float* row) {
   return whole > 0 ? luminance(dvec3{row[kGlow], row[kGlow + 1], row[kGlow + 2]}) / whole : 0.0;
 }
 
-// A ball about all that a shape passes through in an instance that moves, in place of its own.
-void put_passing_ball(const Scene& s, const ShapeWeight& w, size_t instance, float* row) {
+// A ball about all that a part of a moving instance's group passes through, and the largest that the part is then.
+struct PassingBall {
+  DoubleBox centers;
+  double radius = 0;  // of a ball about the part alone
+  double area = 0;    // squared size: by what an area of the group's space grows, over its directions
+  dvec3 center() const { return (centers.low + centers.high) * 0.5; }
+  double reach() const { return 0.5 * length(centers.high - centers.low) * 1.1 + radius; }
+};
+
+// `center`, `own_radius`: of a ball about the part, in the group's space; `part`: a frame in it whose unit sphere is asked for.
+PassingBall passing_ball(const Scene& s, size_t instance, const dvec3& center, double own_radius, const daffine& part) {
   const MovingInstances& moving = *s.motion.find(int32_t(instance));
   const MotionClock& clock = s.motion.clocks[size_t(moving.clock)];
   constexpr int kProbes = 8;  // of a segment
-  DoubleBox centers;
-  double radius = 0, uneven = 1;
+  PassingBall ball;
   for (int k = 0; k <= clock.segments() * kProbes; ++k) {
     const int segment = std::min(k / kProbes, clock.segments() - 1);
     const float from = clock.times[size_t(segment)], to = clock.times[size_t(segment) + 1];
     const float time = from + (to - from) * (float(k - segment * kProbes) / kProbes);
     const daffine m = s.motion.at(moving, uint32_t(instance) - uint32_t(moving.first), time);
     const double sizes[] = {length(m.x), length(m.y), length(m.z)};
-    centers.add(m.point(w.center()));
-    radius = std::max(radius, w.radius() * std::hypot(sizes[0], sizes[1], sizes[2]));
+    ball.centers.add(m.point(center));
+    ball.radius = std::max(ball.radius, own_radius * std::hypot(sizes[0], sizes[1], sizes[2]));
+    const double x = length(m.vector(part.x)), y = length(m.vector(part.y)), z = length(m.vector(part.z));
+    ball.area = std::max(ball.area, (x * y + y * z + z * x) / 3);
   }
+  return ball;
+}
+
+const daffine kHere{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)};
+
+// Notes that the light row that comes next moves with an instance, its shape `k` having this frame in its group.
+void note_moving(Scene& s, size_t instance, int32_t k, const daffine& frame) {
+  EmitterTable& table = s.emitters;
+  table.moving_instance.resize(size_t(s.lights.count) + 1, -1);
+  table.moving_instance.back() = int32_t(instance);
+  table.frames.resize(table.first.size(), kHere);
+  table.frames[size_t(k)] = frame;
+}
+
+// A ball about all that a shape passes through in an instance that moves, in place of its own.
+void put_passing_ball(const Scene& s, const ShapeWeight& w, size_t instance, float* row) {
+  const PassingBall ball = passing_ball(s, instance, w.center(), w.radius(), kHere);
+  double uneven = 1;
   const double axes[] = {length(light_vector(row, kAxisX)), length(light_vector(row, kAxisY)),
                          length(light_vector(row, kAxisZ))};
   const double least = std::min({axes[0], axes[1], axes[2]});
   if (least > 0) uneven = std::cbrt(axes[0] * axes[1] * axes[2]) / least;
-  put(row, kMeshCenter, (centers.low + centers.high) * 0.5);
-  row[kSize0] = float((0.5 * length(centers.high - centers.low) * 1.1 + radius) * std::max(uneven, 1.0));
+  put(row, kMeshCenter, ball.center());
+  row[kSize0] = float(ball.reach() * std::max(uneven, 1.0));
+  row[kLightFlags] = float(int(row[kLightFlags]) | kPassing);
 }
 
 // `placement`, `instance`: see kMeshPlacement.
@@ -76,7 +100,11 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
   row[kSize0] = float(w.radius() * size);
   put_geometry_light(s, w.light, m, row);
   const bool moves = placement >= 0 && s.motion.find(s.placement_instance[size_t(placement)]);
-  if (moves) put_passing_ball(s, w, size_t(s.placement_instance[size_t(placement)] + instance), row);
+  if (moves) {
+    const size_t passing = size_t(s.placement_instance[size_t(placement)] + instance);
+    put_passing_ball(s, w, passing, row);
+    note_moving(s, passing, shape, w.light < 0 ? kHere : s.geometry_lights.all[w.light].group_from_object);
+  }
   (!moves && put_rectangle(w.halves, m, row) ? s.emitters.rectangles : s.emitters.others) = true;
   const double share = w.light < 0 ? 1.0 : share_of(s.geometry_lights.all[w.light], row);
   row[kSize1] = float(shape);
@@ -87,6 +115,15 @@ void add_mesh_row(Scene& s, const ShapeWeight& w, int32_t shape, const daffine& 
   if (w.light >= 0) add_light_rules(s.geometry_lights.all[w.light].rules, s.scale, s.lights);
 }
 
+// What a sphere lights with where its group stands so.
+vec3 sphere_radiance(const Scene& s, int32_t curved_row, int32_t number, const daffine& world_from_group) {
+  const vec3 average = average_radiance(s, s.curved.surface[curved_row], number);
+  if (number < 0) return average;
+  const GeometryLight& own = s.geometry_lights.all[number];
+  const double whole = luminance(dvec3(own.radiance));
+  return whole > 0 ? average * float(luminance(dvec3(placed_radiance(s, own, world_from_group))) / whole) : average;
+}
+
 void add_sphere_row(Scene& s, const Group& group, int32_t curved_row, const daffine& world_from_group) {
   const uint32_t record = group.curved.of<SphereShape>().record_of(curved_row);
   const SphereShape::Record& shape = s.curved.records<SphereShape>()[record];
@@ -94,12 +131,7 @@ void add_sphere_row(Scene& s, const Group& group, int32_t curved_row, const daff
   light.type = LightType::kSphere, light.radius = 1;
   light.world_from_light = world_from_group * shape.to_group();
   const int32_t number = s.geometry_lights.curved(curved_row);
-  light.emission = average_radiance(s, s.curved.surface[curved_row], number);
-  if (number >= 0) {
-    const GeometryLight& own = s.geometry_lights.all[number];
-    const double whole = luminance(dvec3(own.radiance));
-    if (whole > 0) light.emission *= float(luminance(dvec3(placed_radiance(s, own, world_from_group))) / whole);
-  }
+  light.emission = sphere_radiance(s, curved_row, number, world_from_group);
   const bool hit_test = s.lights.needs_hit_test;
   const int before = s.lights.count;
   add_light_rows(light, dvec3(0.0), 1.0, s.lights);
@@ -112,10 +144,36 @@ void add_sphere_row(Scene& s, const Group& group, int32_t curved_row, const daff
   if (number >= 0) add_light_rules(s.geometry_lights.all[number].rules, s.scale, s.lights);
 }
 
+// The row of shape `k`, a sphere in an instance that moves: a ball about its way, of which the sphere is a part.
+void add_passing_sphere_row(Scene& s, const Group& group, int32_t k, const daffine& world_from_group, size_t instance) {
+  const int32_t curved_row = s.emitters.first[size_t(k)], number = s.geometry_lights.curved(curved_row);
+  const uint32_t record = group.curved.of<SphereShape>().record_of(curved_row);
+  const daffine sphere = s.curved.records<SphereShape>()[record].to_group();
+  const double own_radius = std::max({length(sphere.x), length(sphere.y), length(sphere.z)});
+  const PassingBall ball = passing_ball(s, instance, sphere.o, own_radius, sphere);
+  const double reach = std::max(ball.reach(), kSmallestLight);
+  float row[kLightFields] = {};
+  row[kType] = float(int(LightType::kSphere));
+  row[kLightFlags] = float(int(kGeometry | kPassing));
+  row[kDiffuseFactor] = row[kSpecularFactor] = row[kInverseDet] = 1;
+  for (const int field : {kAxisX, kInverseX})
+    put(row, field, kHere.x), put(row, field + 3, kHere.y), put(row, field + 6, kHere.z);
+  put(row, kOrigin, ball.center());
+  row[kSize0] = float(reach), row[kSize1] = float(k);
+  put_anchor(row, {kHere.x, kHere.y, kHere.z, ball.center()}, SphereLight::kAxial);
+  const vec3 radiance = sphere_radiance(s, curved_row, number, world_from_group);
+  put(row, kRadiance, dvec3(radiance));
+  row[kImportance] = float(luminance(dvec3(radiance)) * ball.area / (reach * reach));
+  put_geometry_light(s, number, world_from_group, row);
+  note_moving(s, instance, k, sphere);
+  s.lights.rows.insert(s.lights.rows.end(), row, row + kLightFields);
+  ++s.lights.count;
+  add_light_rules(number < 0 ? LightRules{} : s.geometry_lights.all[number].rules, s.scale, s.lights);
+}
+
 // By geometry light: a place where its group stands.
 std::vector<daffine> first_places(const Scene& s) {
-  const daffine here{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)};
-  std::vector<daffine> of_group(s.groups.size(), here);
+  std::vector<daffine> of_group(s.groups.size(), kHere);
   std::vector<char> known(s.groups.size(), 0);
   for (size_t p = 0; p < s.placement_group.size(); ++p) {
     const size_t group = size_t(s.placement_group[p]);
@@ -188,7 +246,8 @@ void build_emitters(Scene& s) {
       if (table.count[k] > 0)
         add_mesh_row(s, weights[k], k, world_from_group, placement, instance);
       else if (placement >= 0 && s.motion.find(s.placement_instance[size_t(placement)]))
-        s.lights.rows.resize(s.lights.rows.size() + kLightFields, 0.0f), ++s.lights.count;  // met by rays alone
+        add_passing_sphere_row(s, s.groups[group], k, world_from_group,
+                               size_t(s.placement_instance[size_t(placement)] + instance));
       else
         add_sphere_row(s, s.groups[group], table.first[k], world_from_group);
     }
@@ -196,7 +255,7 @@ void build_emitters(Scene& s) {
   const int first_row = s.lights.count;
   if (group_first[1] > 0) {
     table.static_light = s.lights.count;
-    add_rows(0, {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, dvec3(0.0)}, -1, 0);
+    add_rows(0, kHere, -1, 0);
   }
   for (size_t p = 0; p < s.placement_group.size(); ++p) {
     const size_t group = s.placement_group[p], first = s.placement_instance[p],

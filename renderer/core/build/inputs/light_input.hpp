@@ -22,6 +22,9 @@ struct ImageInput {
 struct PortalInput {
   daffine world_from_portal;
   double width = 1, height = 1;
+  // Where it moves: as LightInput has them.
+  std::span<const float> times{};
+  std::span<const double> stances{};
 };
 
 // A photometric profile: angles in degrees, ascending, two or more of each; `candela` by horizontal angle. See

@@ -7,8 +7,10 @@
 
 #include "build/lights/light_bounds.hpp"
 #include "build/lights/light_choice.hpp"
+#include "build/lights/light_paths.hpp"
 #include "build/lights/light_rules.hpp"
 #include "build/lights/shaping_rows.hpp"
+#include "light/types/anchor.hpp"
 
 namespace primray {
 namespace {
@@ -54,19 +56,6 @@ Affine<float> rotation_of(const daffine& m) {
   return {vec3(normalize(m.x)), vec3(normalize(m.y)), vec3(normalize(m.z)), vec3(0.0f)};
 }
 
-// The point of a round light's surface (of a cylinder without ends) that is nearest to the core's origin. `axial`: what the
-// light's axis counts in distances.
-void put_anchor(float* row, const daffine& m, float axial) {
-  if (m.determinant() == 0) return;  // such a light is left out
-  dvec3 out = inverse(m).point(dvec3(0.0));
-  const double along = axial == 0 ? out.x : 0.0;
-  out.x -= along;
-  out = length(out) > 0 ? normalize(out) : dvec3{0, 0, 1};
-  const dvec3 nearest = out * double(row[kSize0]);
-  put(row, kAnchor, m.point({nearest.x + along, nearest.y, nearest.z}));
-  put(row, kAnchorNormal, out);
-}
-
 // Whether it is to be sampled.
 bool add_dome(const LightInput& light, const dvec3& origin, double scale, LightTable& table, float* row) {
   Dome d;
@@ -85,7 +74,10 @@ bool add_dome(const LightInput& light, const dvec3& origin, double scale, LightT
       LightInput rect;
       rect.type = LightType::kRect, rect.world_from_light = p.world_from_portal;
       rect.width = p.width, rect.height = p.height, rect.emission = vec3(1.0f);
+      rect.times = p.times, rect.stances = p.stances;
+      const int row = portals.count;
       add_light_rows(rect, origin, scale, portals);
+      add_light_path(rect, origin, scale, row, 0, portals);
     }
     finish_light_rows(portals);
     // Of the light that comes through them about a hemisphere's half, for choosing among lights.

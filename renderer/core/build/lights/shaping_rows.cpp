@@ -5,25 +5,14 @@
 #include <cmath>
 #include <numbers>
 
+#include "light/shaping/shaped_frame.hpp"
+
 namespace primray {
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
 // Beyond it a factor could not be told from one that divides by 0.
 constexpr double kSteepest = 1e30;
-
-// The light's axes in the world; perpendicular ones in place of those that a flat matrix lacks.
-daffine whole_axes(const daffine& m) {
-  if (m.determinant() != 0) return m;
-  const double x = length(m.x), y = length(m.y), z = length(m.z);
-  dvec3 n = z > 0 ? m.z * (1 / z) : cross(m.x, m.y);
-  if (!(length(n) > 0)) n = x > 0 ? Frame<double>(normalize(m.x)).s : y > 0 ? Frame<double>(normalize(m.y)).s : dvec3{0, 0, 1};
-  n = normalize(n);
-  dvec3 s = m.x - n * dot(n, m.x);
-  if (!(length(s) > 1e-9 * x)) s = Frame<double>(n).s;
-  s = normalize(s);
-  return {s, cross(n, s), n, m.o};
-}
 
 bool keeps_angles(const daffine& m) {
   const double x = length(m.x), y = length(m.y), z = length(m.z), low = 1e-6 * x * x;
@@ -79,8 +68,8 @@ int add_ies(const IesInput& profile, IesTable& t) {
 
 void add_shaping(const ShapingInput& s, const daffine& world_from_light, float* light, LightTable& table) {
   float row[kShapingFields] = {};
-  const daffine m = whole_axes(world_from_light);
-  put(row, kShapedAxis, normalize(m.z) * -1.0);
+  const ShapedFrame frame = shaped_frame(world_from_light);
+  put(row, kShapedAxis, frame.axis);
   const double softness = std::clamp(s.cone_softness, 0.0, 1.0), cutoff = s.cone_angle_deg * kRadians, fade = softness * cutoff;
   row[kFocus] = float(std::clamp(s.focus, 0.0, 1e30));
   put(row, kFocusTint, dvec3(s.focus_tint));
@@ -92,13 +81,7 @@ void add_shaping(const ShapingInput& s, const daffine& world_from_light, float* 
   double mean = lit + (1 - lit) * luminance(s.focus_tint);
   if (s.ies >= 0) {
     row[kIesProfile] = float(s.ies + 1);
-    // The profile's horizontal angles begin at the light's -X: see primray/ies.py.
-    const daffine inv = inverse(m);
-    double largest = 0;
-    for (const dvec3& c : {inv.x, inv.y, inv.z})
-      largest = std::max(largest, max_component(dvec3{std::fabs(c.x), std::fabs(c.y), std::fabs(c.z)}));
-    const dvec3 turned{-1 / largest, -1 / largest, 1 / largest};
-    put(row, kIesFrame, inv.x * turned), put(row, kIesFrame + 3, inv.y * turned), put(row, kIesFrame + 6, inv.z * turned);
+    put(row, kIesFrame, frame.x), put(row, kIesFrame + 3, frame.y), put(row, kIesFrame + 6, frame.z);
     // UsdLux ShapingAPI, inputs:shaping:ies:angleScale: theta / a; theta; (theta - pi) / -a + pi.
     const double a = s.ies_angle_scale, scale = a == 0 ? 1 : std::min(1 / std::fabs(a), kSteepest),
                  origin = a < 0 ? std::numbers::pi : 0;

@@ -34,7 +34,7 @@ PRIMRAY_INLINE vfloat<W> light_weight(const LightTable& table, int i, const vvec
     return passing_importance(table.motion.paths[size_t(path)], row, p);
   const vfloat<W> unshaped = light_importance(row, p);
   const int shaping = int(row[kShaping]);
-  if (shaping == 0) return unshaped;
+  if (shaping == 0 || (int(row[kLightFlags]) & kPassing)) return unshaped;
   const vvec3<W> to = p - LightRow<W>(row).vector(light_center(row));
   return unshaped * shaping_importance(table.shaping, shaping, to);
 }

@@ -33,9 +33,16 @@ struct ShapingTable {
   const float* row(int number) const { return rows.data() + (number - 1) * kShapingFields; }
 };
 
-// The factor of rows `number` (from 1) for emission along unit `e`.
+// How lights stand that are not as their rows have them: kShapedAxis and kIesFrame.
 template <int W>
-PRIMRAY_RARE vvec3<W> shaping_factor(const ShapingTable& table, vint<W> number, const vvec3<W>& e) {
+struct ShapedLanes {
+  vvec3<W> axis, x, y, z;
+};
+
+// The factor of rows `number` (from 1) for emission along unit `e`. `now`: null, or in place of the rows' frames.
+template <int W>
+PRIMRAY_RARE vvec3<W> shaping_factor(const ShapingTable& table, vint<W> number, const vvec3<W>& e,
+                                     const ShapedLanes<W>* now = nullptr) {
   using F = vfloat<W>;
   const bool uniform = all(number == vint<W>(number[0]));
   const float* rows = table.rows.data();
@@ -44,7 +51,7 @@ PRIMRAY_RARE vvec3<W> shaping_factor(const ShapingTable& table, vint<W> number, 
   const auto vector = [&](int field) { return vvec3<W>(get(field), get(field + 1), get(field + 2)); };
   const F one(1.0f), none(0.0f);
 
-  const vvec3<W> axis = vector(kShapedAxis), across = cross(axis, e);
+  const vvec3<W> axis = now ? now->axis : vector(kShapedAxis), across = cross(axis, e);
   const F cosine = dot(axis, e), sin2 = dot(across, across);
   const F theta = atan2(sqrt(sin2), cosine);
   const F left = get(kConeCutoff) - theta, steepness = get(kConeSteepness), fading = clamp(left * steepness, 0.0f, 1.0f);
@@ -61,7 +68,8 @@ PRIMRAY_RARE vvec3<W> shaping_factor(const ShapingTable& table, vint<W> number, 
   const vint<W> profile = truncate(get(kIesProfile));
   const vbool<W> has_profile = profile > vint<W>(0);
   if (any(has_profile)) {
-    const vvec3<W> w = vector(kIesFrame) * e.x + vector(kIesFrame + 3) * e.y + vector(kIesFrame + 6) * e.z;
+    const vvec3<W> w = now ? now->x * e.x + now->y * e.y + now->z * e.z
+                           : vector(kIesFrame) * e.x + vector(kIesFrame + 3) * e.y + vector(kIesFrame + 6) * e.z;
     const vint<W> valid = max(profile - vint<W>(1), 0);
     const F intensity = ies_intensity(table.profiles, valid, w, get(kIesScale), get(kIesOrigin)) * get(kIesFactor);
     factor *= select(has_profile, intensity, one);

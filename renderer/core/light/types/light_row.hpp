@@ -43,10 +43,7 @@ enum LightField : int {
   kMeshHalfX = kInverseY,
   kMeshHalfY = kInverseZ,
   kMeshPlacement = kRadiance,
-  kMeshInstance = kRadiance + 1,
-  // Unit axes in the world of a mesh that is a light: its own x, and its own z, away from which it points.
-  kMeshFrameX = kAnchor,
-  kMeshFrameZ = kAnchorNormal
+  kMeshInstance = kRadiance + 1
 };
 enum LightFlag : int32_t {
   kSheared = 1,
@@ -56,6 +53,7 @@ enum LightFlag : int32_t {
   kSpecial = 32,   // its shadows are not the geometry's: light sampling alone finds it, with weight 1 (light/shadow.hpp)
   // Of geometry that is a light (UsdLux LightAPI, light:materialSyncMode):
   kOwnRadiance = 1 << 10,  // it gives kGlow, whatever glow its material has
+  kPassing = 1 << 11,      // it moves: the row is of a ball about its way, by which it is chosen (emitter/passing_emitter.hpp)
 };
 
 template <int W>
@@ -79,8 +77,12 @@ struct LightRow {
   PRIMRAY_INLINE LightRow(const Table& table, vint<W> light) : rows(table.rows.data()), offset(light * vint<W>(kLightFields)) {
     uniform = all(offset == vint<W>(offset[0])) ? offset[0] : -1;
   }
+  // A row for every lane, one after the other.
+  static PRIMRAY_INLINE LightRow by_lane(const float* rows) { return {rows, lane_numbers<W>() * vint<W>(kLightFields), -1}; }
   // One row for all lanes.
   explicit PRIMRAY_INLINE LightRow(const float* row) : rows(row), offset(0), uniform(0) {}
+  PRIMRAY_INLINE LightRow(const float* rows_, vint<W> offset_, int uniform_)
+      : rows(rows_), offset(offset_), uniform(uniform_) {}
   PRIMRAY_INLINE vfloat<W> operator()(int field) const {
     return uniform >= 0 ? vfloat<W>(rows[uniform + field]) : gather<W>(rows + field, offset);
   }

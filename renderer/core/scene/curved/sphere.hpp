@@ -24,10 +24,7 @@ struct SphereShape {
     float group_from_object[12];  // columns x, y, z, origin; the object is the unit sphere
     double object_from_group[12];
 
-    daffine to_group() const {
-      const float* m = group_from_object;
-      return {{m[0], m[1], m[2]}, {m[3], m[4], m[5]}, {m[6], m[7], m[8]}, {m[9], m[10], m[11]}};
-    }
+    daffine to_group() const { return affine_from_columns(group_from_object); }
   };
 
   // What is made of a radius; none where the matrix has no inverse.
@@ -35,15 +32,8 @@ struct SphereShape {
     const daffine size{{radius, 0, 0}, {0, radius, 0}, {0, 0, radius}, dvec3(0.0)};
     const daffine m = group_from_object * size;
     if (!is_regular(m)) return std::nullopt;
-    const daffine inv = inverse(m);
     Record r;
-    const dvec3 *columns[] = {&m.x, &m.y, &m.z, &m.o}, *inverse_columns[] = {&inv.x, &inv.y, &inv.z, &inv.o};
-    for (int k = 0; k < 4; ++k) {
-      r.group_from_object[3 * k] = float(columns[k]->x), r.group_from_object[3 * k + 1] = float(columns[k]->y),
-                              r.group_from_object[3 * k + 2] = float(columns[k]->z);
-      r.object_from_group[3 * k] = inverse_columns[k]->x, r.object_from_group[3 * k + 1] = inverse_columns[k]->y,
-                              r.object_from_group[3 * k + 2] = inverse_columns[k]->z;
-    }
+    put_columns(m, r.group_from_object), put_columns(inverse(m), r.object_from_group);
     return r;
   }
 

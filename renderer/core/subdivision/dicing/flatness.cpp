@@ -61,24 +61,25 @@ void Flatness::measure_views() {
   view_scale_.clear();
   const Projection& p = print_.projection;
   const int b = t_->begin(face_), n = t_->size(face_);
-  for (const daffine& view : print_.views) {
+  for (const View& view : print_.views) {
     dvec3 center(0.0), corners[4];
     OutsideTest outside(p);
     for (int k = 0; k < n; ++k) {
-      center += corners[k] = view.point(point(t_->vertex[b + k]));
-      outside.add(corners[k]);
+      center += corners[k] = view.camera_from_object.point(point(t_->vertex[b + k]));
+      outside.add(view, corners[k]);
     }
     center = center * (1.0 / n);
     double radius = 0;
     for (int k = 0; k < n; ++k) radius = std::max(radius, length(corners[k] - center));
-    const double distance = p.orthographic ? 1 : std::max(length(center) - radius, 1e-300);
+    const double distance = p.orthographic ? 1 : std::max(view.distance(center) - radius, 1e-300);
     view_scale_.push_back(p.pixels_per_unit / distance / outside.allowance());
   }
 }
 
 double Flatness::pixels(dvec3 d) const {
   double most = print_.density * length(d);
-  for (size_t i = 0; i < view_scale_.size(); ++i) most = std::max(most, view_scale_[i] * length(print_.views[i].vector(d)));
+  for (size_t i = 0; i < view_scale_.size(); ++i)
+    most = std::max(most, view_scale_[i] * length(print_.views[i].camera_from_object.vector(d)));
   return most;
 }
 

@@ -19,23 +19,36 @@ struct Projection {
   double outside = 1;              // edges may be so many times longer where the camera does not look
 };
 
+// A placement looked at exactly, from a camera that moves on straight.
+struct View {
+  daffine camera_from_object;  // where the camera starts
+  dvec3 sweep{0.0};            // and how far it goes, in its own space
+
+  // How near the camera comes to a point of its own space.
+  double distance(const dvec3& p) const {
+    const double ss = dot(sweep, sweep);
+    return length(ss > 0 ? p - sweep * std::clamp(dot(p, sweep) / ss, 0.0, 1.0) : p);
+  }
+  // The same of a line from a to b.
+  double distance(const dvec3& a, const dvec3& b) const;
+};
+
 struct Footprint {
   Projection projection;
-  std::vector<daffine> views;  // camera_from_object of each placement looked at exactly
-  double density = 0;          // pixels a unit of the object covers at most in all other placements
+  std::vector<View> views;
+  double density = 0;  // pixels a unit of the object covers at most in all other placements
 };
 
 // Whether all of a face's corners, in the camera's space, lie beyond one side of the view, and how far.
 class OutsideTest {
  public:
   explicit OutsideTest(const Projection& p) : p_(p) { beyond_.fill(std::numeric_limits<double>::infinity()); }
-  void add(const dvec3& b) {
-    const double depth = p_.orthographic ? 1 : -b.z;
-    const double sides[5] = {p_.window[0] * depth - b.x, b.x - p_.window[1] * depth, p_.window[2] * depth - b.y,
-                             b.y - p_.window[3] * depth, p_.orthographic ? 0 : -depth};
-    for (size_t k = 0; k < beyond_.size(); ++k) beyond_[k] = std::min(beyond_[k], sides[k]);
-    if (!p_.orthographic) farthest_ = std::max(farthest_, length(b));
+  // A corner, as it is seen on all of the camera's way.
+  void add(const View& view, const dvec3& b) {
+    add(b);
+    if (dot(view.sweep, view.sweep) > 0) add(b - view.sweep);
   }
+
   bool is_outside() const { return farthest_beyond() > 0; }
 
   // How many times longer its edges may be: p.outside near the view, further off growing with the distance in pictures, so
@@ -47,11 +60,34 @@ class OutsideTest {
   }
 
  private:
+  void add(const dvec3& b) {
+    const double depth = p_.orthographic ? 1 : -b.z;
+    const double sides[5] = {p_.window[0] * depth - b.x, b.x - p_.window[1] * depth, p_.window[2] * depth - b.y,
+                             b.y - p_.window[3] * depth, p_.orthographic ? 0 : -depth};
+    for (size_t k = 0; k < beyond_.size(); ++k) beyond_[k] = std::min(beyond_[k], sides[k]);
+    if (!p_.orthographic) farthest_ = std::max(farthest_, length(b));
+  }
   const Projection& p_;
   std::array<double, 5> beyond_;  // of each side: by how much at least
   double farthest_ = 0;           // corner from a camera in perspective
   double farthest_beyond() const { return *std::max_element(beyond_.begin(), beyond_.end()); }
 };
+
+inline double View::distance(const dvec3& a, const dvec3& b) const {
+  const dvec3 d = b - a;
+  const double dd = dot(d, d), ss = dot(sweep, sweep), ds = dot(d, sweep);
+  const auto nearest = [&](const dvec3& q) { return dd > 0 ? std::clamp(-dot(q, d) / dd, 0.0, 1.0) : 0; };  // of a - q + t d
+  if (!(ss > 0)) return length(a + d * nearest(a));
+  // Of two lines the nearest points are inside both, or one is an end: Lumelsky 1985, "On Fast Computation of Distance Between
+  // Line Segments".
+  double least = std::min({distance(a), distance(b), length(a + d * nearest(a)), length(a - sweep + d * nearest(a - sweep))});
+  const double det = dd * ss - ds * ds;
+  if (det > 1e-12 * dd * ss) {
+    const double ad = dot(a, d), as = dot(a, sweep), t = (ds * as - ss * ad) / det, s = (dd * as - ds * ad) / det;
+    if (t >= 0 && t <= 1 && s >= 0 && s <= 1) least = std::min(least, length(a + d * t - sweep * s));
+  }
+  return least;
+}
 
 // The most pixels that an edge of a face covers; `corners`: its points, object space.
 inline double face_pixels(const Footprint& print, std::span<const dvec3> corners) {
@@ -61,19 +97,15 @@ inline double face_pixels(const Footprint& print, std::span<const dvec3> corners
     for (size_t i = 0; i < n; ++i)
       longest = std::max(longest, print.density * length(corners[i + 1 < n ? i + 1 : 0] - corners[i]));
   const Projection& p = print.projection;
-  for (const daffine& view : print.views) {
+  for (const View& view : print.views) {
     double pixels = 0;
     OutsideTest outside(p);
-    dvec3 a = view.point(corners[n - 1]);
+    dvec3 a = view.camera_from_object.point(corners[n - 1]);
     for (size_t i = 0; i < n; ++i) {
-      const dvec3 b = view.point(corners[i]), d = b - a;
-      double distance = 1;
-      if (!p.orthographic) {  // of the edge's nearest point
-        const double dd = dot(d, d), at = dd > 0 ? std::clamp(-dot(a, d) / dd, 0.0, 1.0) : 0;
-        distance = length(a + d * at);
-      }
-      pixels = std::max(pixels, length(d) * p.pixels_per_unit / std::max(distance, 1e-300));
-      outside.add(b);
+      const dvec3 b = view.camera_from_object.point(corners[i]);
+      const double distance = p.orthographic ? 1 : view.distance(a, b);
+      pixels = std::max(pixels, length(b - a) * p.pixels_per_unit / std::max(distance, 1e-300));
+      outside.add(view, b);
       a = b;
     }
     longest = std::max(longest, pixels / outside.allowance());

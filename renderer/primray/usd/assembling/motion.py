@@ -12,6 +12,7 @@ from ..moving.levels import do_move
 from ..moving.pixels import pixels_of
 from ..moving.settle import Precision, settled
 from ..paths.lights import moving_light
+from ..paths.portals import with_moving_portals
 from ..resolving.context import Context
 from ..viewing.framing import prototype_box
 from .scene import Scene
@@ -35,6 +36,11 @@ def settle(
     for k, prototype in enumerate(scene.prototypes):
         if prototype.placements:
             scene.prototypes[k] = replace(prototype, placements=tuple(map(at_seam, prototype.placements)))
+    if motion is not None or scene.moves:  # of portals alone no picture shows whether they do
+        paths = dict(scene.moving_lights)
+        for number, made in enumerate(scene.lights):
+            if made.portals:
+                scene.lights[number] = with_moving_portals(made, paths.get(number), precision, ctx)
     return precision.steps
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import numpy as np
 from pxr import Gf, Usd, UsdGeom
 
@@ -17,6 +20,19 @@ from ..resolving.resolve import ResolvedPrim, local_matrix
 
 class _Named(set[str]):
     """Paths of PortalLights that a dome names."""
+
+
+@dataclass(frozen=True, eq=False)
+class PortalPrim:
+    portal: Portal  # kept, for the sake of its id
+    path: str
+    prim: Usd.Prim
+    dome: Usd.Prim | None  # where both stand in one prototype
+    world_from_dome: Doubles  # (4, 4)
+
+
+class PortalPrims(dict[int, PortalPrim]):
+    """Of portals, by id, which may move while the shutter is open (paths/portals.py)."""
 
 
 def portals_of(dome: ResolvedPrim, world_from_dome: Doubles, ctx: Context) -> tuple[Portal, ...]:
@@ -40,28 +56,39 @@ def _portal(dome: ResolvedPrim, world_from_dome: Doubles, prim: Usd.Prim, ctx: C
     path = ctx.shown(str(prim.GetPath()))
     width = abs(number(prim, "inputs:width", ctx.when, 1.0, ctx.diagnostics))
     height = abs(number(prim, "inputs:height", ctx.when, 1.0, ctx.diagnostics))
-    world = _root_from_prim(prim, ctx)
+    world, together = root_from_prim(prim, ctx), None
     if dome.prim.IsInPrototype() and prim.IsInPrototype():  # both stand where the instance does
-        root_from_dome = _root_from_prim(dome.prim, ctx)
+        root_from_dome = root_from_prim(dome.prim, ctx)
         if abs(np.linalg.det(root_from_dome[:3, :3])) > 0:
-            world = world_from_dome @ np.linalg.inv(root_from_dome) @ world
+            world, together = world_from_dome @ np.linalg.inv(root_from_dome) @ world, dome.prim
     area = width * height * float(np.linalg.norm(np.cross(world[:3, 0], world[:3, 1])))
     if not np.isfinite(world).all() or not np.isfinite(area) or area == 0:
         ctx.warn("light-input", path, "The portal has no area that light could come through: it guides nothing.")
         return None
-    return Portal(world, width, height)
+    portal = Portal(world, width, height)
+    if ctx.timing.is_open:
+        ctx.kept.of(PortalPrims)[id(portal)] = PortalPrim(portal, path, prim, together, world_from_dome)
+    return portal
 
 
-def _root_from_prim(prim: Usd.Prim, ctx: Context) -> Doubles:
-    cache = UsdGeom.XformCache(ctx.when.time)
+def root_from_prim(prim: Usd.Prim, ctx: Context, offset: float = 0.0) -> Doubles:
+    """(4, 4) world, or prototype, from a prim, so many time codes after the frame."""
+    when = ctx.when.after(offset) if offset else ctx.when
+    cache = UsdGeom.XformCache(when.time)
     total = Gf.Matrix4d(1.0)
-    while prim and not prim.IsPseudoRoot() and not prim.IsPrototype():
-        local, resets = local_matrix(prim, frozenset(property_names(prim)), ctx.when, cache)
+    for each in way_to_root(prim):
+        local, resets = local_matrix(each, frozenset(property_names(each)), when, cache)
         total = total * local
         if resets:
             break
-        prim = prim.GetParent()
     return matrix(total)
+
+
+def way_to_root(prim: Usd.Prim) -> Iterator[Usd.Prim]:
+    """The prim and those above it, up to the world or the prototype that it stands in."""
+    while prim and not prim.IsPseudoRoot() and not prim.IsPrototype():
+        yield prim
+        prim = prim.GetParent()
 
 
 def note_unnamed_portals(ctx: Context) -> None:

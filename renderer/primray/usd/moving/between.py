@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...arrays import Doubles
+from ...description.placement import put_rotations
 
 FLAT = 1e-9  # of the largest stretch: what is stretched less has no rotation that could be told
 
@@ -90,10 +91,6 @@ def quaternions(r: Doubles) -> Doubles:
 
 def rotation_matrices(q: Doubles) -> Doubles:
     """(K, 3, 3) of unit quaternions."""
-    x, y, z, w = q.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.array(rows).transpose(2, 0, 1)
+    made = np.empty((len(q), 3, 3))
+    put_rotations(made, q, 2.0)
+    return made

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -39,6 +40,22 @@ class LightPath:
         world[:3] = product_at(self.levels, offset)[self.row]
         return np.asarray(world @ self.group_from_light)
 
+    @property
+    def times(self) -> tuple[float, ...]:
+        """Offsets from the frame at which it may bend."""
+        return times_of(self.levels)
+
+
+class Path(Protocol):
+    """How something stands in the world by offsets from the frame, (4, 4), and when that may bend."""
+
+    @property
+    def at(self) -> Callable[[float], Doubles]: ...
+    @property
+    def times(self) -> tuple[float, ...]: ...
+    @property
+    def blur_scale(self) -> float: ...
+
 
 def note_changing_size(prim: ResolvedPrim, ctx: Context) -> None:
     if ctx.timing.is_frame:
@@ -48,10 +65,10 @@ def note_changing_size(prim: ResolvedPrim, ctx: Context) -> None:
             ctx.warn("motion", prim.path, f"{name} is not blurred: a light keeps the size that it has at the frame.", name)
 
 
-def moving_light(light: Light, path: LightPath, precision: Precision, ctx: Context) -> Light:
+def moving_light(light: Light, path: Path, precision: Precision, ctx: Context) -> Light:
     """With its motion, if it moves; noted, where not all of that can be shown."""
     timing, scale = precision.timing, path.blur_scale
-    bent = fractions(times_of(path.levels), timing.span, scale)
+    bent = fractions(path.times, timing.span, scale)
     inside = [time for time in bent if 0.0 < time < 1.0]
     known: dict[float, Doubles] = {}
 
