@@ -12,7 +12,8 @@ from pxr import Usd, UsdGeom, UsdLux
 
 from .peers import loop
 from .peers.plain import PlainScene
-from .peers.scenes import SCENES, Scene, field_of_stones, hills
+from .peers.scene import Scene
+from .peers.scenes import SCENES, field_of_stones, hills
 from .peers.shapes import Triangles, ball, block, look_at, rectangle, sky
 from .peers.write_plain import LAMP_SHAPES, write_scene
 
