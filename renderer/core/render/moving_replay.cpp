@@ -31,8 +31,6 @@ class FlushDenormals {
   unsigned mode_;
 };
 
-// ---- As the kernels ask
-
 template <int W>
 Rays<W> rays_of(const float* p) {
   const auto field = [&](int f) { return load<W>(p + f * W); };
@@ -55,8 +53,6 @@ void ask_scene(const Scene& scene, const RayRecorder::Call& call, const float* p
     keep(intersect(scene, packet, active, rays_of<W>(p)));
   }
 }
-
-// ---- All of a recording
 
 constexpr size_t kTurn = 1024;  // calls
 

@@ -94,9 +94,9 @@ def main() -> None:
 
 def report(cases: Any = CASES, rounds: int = ROUNDS) -> None:
     rows = []
-    for case in cases:
+    for kind, count, times in cases:
         with tempfile.TemporaryDirectory() as folder:
-            found = rates(*case, rounds=rounds, folder=Path(folder))
+            found = rates(kind, count, times, rounds, Path(folder))
         rows += [row | {"lanes": core.lanes()} for row in found]
         for row in found:
             low, high = row["rate_range"]
