@@ -8,7 +8,7 @@ from typing import Any
 
 from tests.bench.curves import medians
 from tests.bench.growth import SIZES, ray_us, setup_s
-from tests.bench.peers.installed import RENDERERS
+from tests.bench.peers.installed import MOVING, RENDERERS
 from tests.bench.peers.scenes import SCENES
 from tests.bench.results import latest
 from tests.docs.measured import benchmark_tables as tables
@@ -157,6 +157,10 @@ def _curves(made: Page) -> None:
         made.add(tables.curve_table(scene, rows))
         made.loses(tables.curves_lost(scene, rows))
         made.left_out += [f"{scene}: {row['renderer']}: {row['left_out']}" for row in rows if "left_out" in row]
+    moving = {scene: tables.measured(found[scene]["rows"]) for scene in MOVING if found[scene]}  # type: ignore[index]
+    if moving:
+        made.add("### Scenes that move, by CPU seconds", "Of all threads: what a busy machine leaves as it is, mostly.")
+        made.add(moving_tables.cpu_table(moving))
     if kept := latest("efficiency"):
         made.add("### At 64 samples each", EFFICIENCY_TEXT)
         made.about(kept)

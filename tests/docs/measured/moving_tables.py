@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -38,3 +39,22 @@ def rates_lost(rows: Rows) -> Iterator[str]:
         if row["entry"] == "recorded" and row["rate_median"] < WANTED:
             what = f"{row['kind']} at {row['times']} times: {'shadow rays' if row['shadow'] else 'nearest hits'}"
             yield f"{what} at {row['rate_median']:.0%} of Embree's own rate ({WANTED:.0%} aimed at)"
+
+
+def cpu_table(scenes: dict[str, Rows]) -> str:
+    """At the most samples that all took: error, CPU seconds, and the products over ours."""
+    lines = []
+    for scene, rows in scenes.items():
+        counts = [{p["samples"] for r in row["rounds"] for p in r["pictures"]} for row in rows]
+        samples = max(set.intersection(*counts))
+        found = {row["renderer"]: _medians(row, samples) for row in rows}
+        own = found["primray"][0] * found["primray"][1]
+        for name, (error, cpu_s) in found.items():
+            lines.append((scene, name, str(samples), f"{error:.5f}", f"{cpu_s:.2f}", f"{error * cpu_s / own:.2f}"))
+    return table(("scene", "renderer", "samples", "relMSE", "CPU s", "relMSE x CPU s, over ours"), lines)
+
+
+def _medians(row: dict[str, Any], samples: int) -> tuple[float, float]:
+    pictures = [p for r in row["rounds"] for p in r["pictures"] if p["samples"] == samples]
+    error, cpu_s = (statistics.median(p[what] for p in pictures) for what in ("relmse", "cpu_s"))
+    return error, cpu_s
