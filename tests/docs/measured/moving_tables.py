@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import statistics
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from .benchmark_tables import table
@@ -41,7 +41,7 @@ def rates_lost(rows: Rows) -> Iterator[str]:
             yield f"{what} at {row['rate_median']:.0%} of Embree's own rate ({WANTED:.0%} aimed at)"
 
 
-def cpu_table(scenes: dict[str, Rows]) -> str:
+def cpu_table(scenes: Mapping[str, Rows]) -> str:
     """At the most samples that all took: error, CPU seconds, and the products over ours."""
     lines = []
     for scene, rows in scenes.items():
