@@ -17,7 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from tests.bench import ablations, curves, efficiency, first_pictures, growth, quick_looks, startup
-from tests.bench.cores import replay
+from tests.bench.cores import moving_rays, replay
 
 from primray import core
 from primray.settings import QUICK_LOOK
@@ -63,6 +63,7 @@ def steps(quick: bool) -> dict[str, Callable[[], None]]:
     found["efficiency"] = lambda: efficiency.report(1 if quick else efficiency.ROUNDS)
     found["replay"] = lambda: replays(QUICK_LOOK, repeated)  # the fewest that are split and guided
     found["replay-8"] = lambda: replays_at_8(quick)
+    found["moving-rays"] = lambda: moving_rays.report(rounds=2 if quick else moving_rays.ROUNDS)
     for kind in ("pictures", *growth.SIZES):
         largest = most // 10 if kind in ("prims", "referenced") else most  # which take minutes to write
         found[f"growth-{kind}"] = lambda kind=kind, largest=largest: growth.report([kind], largest)  # type: ignore[misc]

@@ -18,7 +18,8 @@ from typing import Any
 from primray import __version__
 
 from .peers.installed import OURS, PACKAGES, Renderer
-from .peers.scenes import SCENES, Scene
+from .peers.scene import Scene
+from .peers.scenes import SCENES
 from .peers.write_usd import CAMERA
 
 ROOT = Path(__file__).parents[2]
@@ -36,7 +37,9 @@ def kept() -> Path:
 @cache
 def digest(scene: str) -> str:
     """Of everything the scene is made of; references of another scene by that name are not taken for this one's."""
-    sources = hashlib.sha256(b"".join((PEERS / name).read_bytes() for name in ("scenes.py", "shapes.py"))).hexdigest()[:12]
+    sources = hashlib.sha256(
+        b"".join((PEERS / name).read_bytes() for name in ("scene.py", "scenes.py", "moving_scenes.py", "shapes.py"))
+    ).hexdigest()[:12]
     known = kept() / "digests" / f"{scene}_{sources}"  # making a scene takes seconds
     if not known.exists():
         known.parent.mkdir(parents=True, exist_ok=True)
@@ -52,6 +55,10 @@ def _digest_of(made: Scene) -> str:
         found.update(image.tobytes())
     if made.placed is not None:
         found.update(made.placed.matrices().tobytes())
+    for points in made.ends.values():
+        found.update(points.tobytes())
+    if made.moves:
+        found.update(repr((made.glides, made.pan, made.placed and made.placed.shifts)).encode())
     found.update(repr((made.resolution, made.depth, made.camera, made.looks, made.objects, made.lamps)).encode())
     return found.hexdigest()[:12]
 
@@ -137,6 +144,8 @@ def _command_line(scene: str, samples: int, seed: int, out: Path) -> tuple[dict[
     about = facts(scene)
     path, report = out / f"{samples}_{seed}.exr", out / "report.json"
     options = ["--camera", CAMERA, "--res", *map(str, about["resolution"]), "--max-depth", str(about["depth"])]
+    if about.get("motion"):
+        options += ["--frame", "0"]
     options += ["--filter", "box", "--filter-width", "1", "--spp", str(samples), "--seed", str(seed)]
     stage = folder_of(scene) / f"{scene}.usdc"
     start = time.perf_counter()

@@ -3,7 +3,8 @@
     python -m tests.bench.references [--seconds S] [--more] [SCENE ...]
 
 They are kept where the scenes are (peer_runs.kept) and made where they are missing. Renderers differ a little in what they
-make of a scene, so each is held against its own.
+make of a scene, so each is held against its own; on scenes that move, where what they mean is the same to all of them
+(moving_scenes.py), all are held against ours.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from pathlib import Path
 from tests.bench.figures.relmse import Reference, load, reference_of, save, saved
 
 from .peer_runs import digest, kept, run
-from .peers.installed import Renderer, installed
+from .peers.installed import MOVING, OURS, Renderer, installed
 from .peers.scenes import SCENES
 
 SECONDS = 40.0
@@ -58,7 +59,7 @@ def main() -> None:
     for scene in options.scenes:
         seen = set()
         for renderer in installed(scene):
-            if renderer.peer not in seen:
+            if renderer.peer not in seen and (renderer.peer == OURS or scene not in MOVING):
                 seen.add(renderer.peer)
                 path = path_of(scene, renderer.peer)
                 made = saved(path) if path.exists() and not options.more else refine(renderer, scene, options.seconds)

@@ -19,6 +19,7 @@ class BenchScene:
     camera: str | None
     resolution: tuple[int, int]
     max_depth: int | None
+    time_code: float | None = None
 
 
 def bench_scene(name: str) -> BenchScene:
@@ -27,7 +28,9 @@ def bench_scene(name: str) -> BenchScene:
         return BenchScene(name, ROOT / "scenes/showcase/meadow/scene.usda", None, (480, 270), None)
     about = facts(name)
     width, height = about["resolution"]
-    return BenchScene(name, folder_of(name) / f"{name}.usdc", CAMERA, (width, height), about["depth"])
+    return BenchScene(
+        name, folder_of(name) / f"{name}.usdc", CAMERA, (width, height), about["depth"], 0.0 if about.get("motion") else None
+    )
 
 
 def available() -> list[BenchScene]:

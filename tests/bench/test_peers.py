@@ -11,8 +11,10 @@ import pytest
 from pxr import Usd, UsdGeom, UsdLux
 
 from .peers import loop
+from .peers.moving_scenes import swarm
 from .peers.plain import PlainScene
-from .peers.scenes import SCENES, Scene, field_of_stones, hills
+from .peers.scene import Scene
+from .peers.scenes import SCENES, field_of_stones, hills
 from .peers.shapes import Triangles, ball, block, look_at, rectangle, sky
 from .peers.write_plain import LAMP_SHAPES, write_scene
 
@@ -110,6 +112,31 @@ def test_matrices_are_what_an_instancer_makes_of_its_arrays(tmp_path, monkeypatc
     theirs = np.array(instancer.ComputeInstanceTransformsAtTime(Usd.TimeCode.Default(), Usd.TimeCode.Default()))
     ours = PlainScene(tmp_path, "field").matrices()
     np.testing.assert_allclose(theirs.transpose(0, 2, 1), ours, atol=2e-3)  # half floats are not made unit length by USD
+
+
+def test_what_moves_is_the_same_in_usd_and_plain_files(tmp_path, monkeypatch):
+    monkeypatch.setitem(SCENES, "swarm", lambda: swarm(20, 3))
+    for name in ("spin", "swarm", "flag"):
+        write_scene(name, tmp_path)
+    geometry = "/world/geometry"
+    plain, stage = PlainScene(tmp_path, "spin"), Usd.Stage.Open(str(tmp_path / "spin.usdc"))
+    for mesh, glide in plain["motion"]["glides"].items():
+        prim = UsdGeom.Xformable(stage.GetPrimAtPath(f"{geometry}/{mesh}"))
+        for at in (-0.5, 0.25, 0.5):
+            turn = np.radians(glide["turn_deg"] * at)
+            matrix = np.array(prim.ComputeLocalToWorldTransform(at)).T
+            np.testing.assert_allclose(matrix[:3, 3], np.add(glide["center"], np.multiply(glide["shift"], at)), atol=1e-9)
+            np.testing.assert_allclose(matrix[:3, 0], (np.cos(turn), 0, -np.sin(turn)), atol=1e-6)
+    plain, stage = PlainScene(tmp_path, "swarm"), Usd.Stage.Open(str(tmp_path / "swarm.usdc"))
+    number, shifts = plain.swarms()
+    closing = UsdGeom.PointInstancer(stage.GetPrimAtPath(f"{geometry}/placed")).GetPositionsAttr().Get(0.5)
+    np.testing.assert_allclose(closing, plain.matrices()[:, :3, 3] + shifts[number] / 2, atol=1e-5)
+    plain, stage = PlainScene(tmp_path, "flag"), Usd.Stage.Open(str(tmp_path / "flag.usdc"))
+    points = UsdGeom.Mesh(stage.GetPrimAtPath(f"{geometry}/cloth")).GetPointsAttr()
+    np.testing.assert_allclose(points.Get(0.5), plain.ends("cloth"), atol=1e-6)
+    still = Usd.Stage.Open(str(tmp_path / "flag_still.usdc"))
+    held = UsdGeom.Mesh(still.GetPrimAtPath(f"{geometry}/cloth")).GetPointsAttr()
+    np.testing.assert_allclose(held.Get(), points.Get(-0.5), atol=1e-6)
 
 
 def test_scenes_are_the_same_every_time():

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.bench.peers.scenes import Camera, Lamp, Look, Scene, cove
+from tests.bench.peers.scene import Camera, Lamp, Look, Scene
+from tests.bench.peers.scenes import cove
 from tests.bench.peers.shapes import ball, rectangle
 from tests.bench.peers.write_usd import CAMERA, write_usd
 

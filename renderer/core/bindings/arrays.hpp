@@ -53,5 +53,6 @@ void bind_testing(nb::module_& m);
 void bind_caustics(nb::module_& m, nb::module_& testing);
 void bind_math(nb::module_& m);       // of it
 void bind_hierarchy(nb::module_& m);  // likewise
+void bind_replay(nb::module_& m);     // likewise
 
 }  // namespace primray

@@ -2,6 +2,7 @@
 #include <nanobind/stl/pair.h>
 
 #include "bindings/arrays.hpp"
+#include "bindings/recording.hpp"
 #include "pilot/choose_splits.hpp"
 #include "pilot/learn_caustics.hpp"
 #include "pilot/learn_guide.hpp"
@@ -10,13 +11,6 @@
 
 namespace primray {
 namespace {
-
-// A render's rays on one thread, kept in order.
-struct Recording {
-  const Scene& scene;
-  int lanes;
-  RayRecorder rays;
-};
 
 PassStatistics pass(const Scene& scene, Film& film, const InArray<uint32_t>& ends, const IntegratorSettings& settings,
                     int lanes, nb::object progress) {

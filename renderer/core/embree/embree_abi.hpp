@@ -22,7 +22,13 @@ constexpr uint32_t kInvalidId = 0xffffffffu;
 
 enum GeometryType : int { kTriangle = 0, kQuad = 1, kUser = 120, kInstanceArray = 122 };
 enum BufferType : int { kIndexBuffer = 0, kVertexBuffer = 1, kTransformBuffer = 23 };
-enum Format : int { kUint3 = 0x5003, kUint4 = 0x5004, kFloat3 = 0x9003, kFloat3x4ColumnMajor = 0x9234 };
+enum Format : int {
+  kUint3 = 0x5003,
+  kUint4 = 0x5004,
+  kFloat3 = 0x9003,
+  kFloat3x4ColumnMajor = 0x9234,
+  kQuaternionDecomposition = 0xb001
+};
 enum SceneFlags : int { kRobust = 1 << 2 };
 enum BuildQuality : int { kMediumQuality = 1 };
 enum DeviceProperty : int { kVersion = 0 };

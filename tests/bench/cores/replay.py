@@ -18,7 +18,13 @@ from primray.settings import Filter, RenderSettings
 
 def build(scene: BenchScene, spp: int) -> tuple[core.CoreScene, RenderSettings]:
     settings = RenderSettings(
-        camera=scene.camera, resolution=scene.resolution, spp=spp, max_depth=scene.max_depth, filter=Filter.BOX, threads=1
+        camera=scene.camera,
+        resolution=scene.resolution,
+        spp=spp,
+        max_depth=scene.max_depth,
+        filter=Filter.BOX,
+        threads=1,
+        time_code=scene.time_code,
     )
     diagnostics = Diagnostics()
     stage = usd.open_stage(str(scene.path), diagnostics)

@@ -40,8 +40,15 @@ RENDERERS = (
 )
 
 
+MOVING = ("spin", "pan", "swarm", "flag")
+
+
 def reason_against(renderer: Renderer, scene: str) -> str | None:
     """Why this renderer cannot take that scene, or what is not to be learnt from it."""
+    if scene in MOVING and renderer.peer == "mitsuba":
+        return "it has no motion blur"
+    if scene in MOVING and renderer.peer == "luxcore":
+        return "its runner does not move anything yet"
     if renderer.variant.startswith("llvm") and scene == "field":
         return "it traces every instance while it records its kernel: minutes, and more than 11 GB at 100,000 instances"
     if renderer.variant.startswith("scalar") and scene not in ("field", "box"):

@@ -28,6 +28,15 @@ class PlainScene:
     def file(self, name: str) -> str:
         return str(self.folder / name)
 
+    def ends(self, mesh: str) -> np.ndarray:  # type: ignore[type-arg]
+        """(N, 3): the points of a mesh that bends, when the shutter closes."""
+        return np.load(self.folder / f"{self.name}_{mesh}_ends.npy").astype(float)
+
+    def swarms(self) -> tuple[np.ndarray, np.ndarray]:  # type: ignore[type-arg]
+        """(N,) the swarm of each that is placed, and (G, 3) their shifts."""
+        read = np.load(self.folder / f"{self.name}_swarms.npz")
+        return read["swarm"], read["shifts"]
+
     def matrices(self) -> np.ndarray:  # type: ignore[type-arg]
         """(N, 4, 4), column vectors."""
         return np.load(self.folder / f"{self.name}_placed.npy").astype(float)

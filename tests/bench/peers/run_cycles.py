@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .cycles_motion import animate
 from .loop import Render, Save, Stages, run
 from .plain import EMITTING, PlainScene
 from .shapes import cylinder, disc, rectangle
@@ -22,10 +23,14 @@ def setup(scene: PlainScene, job: dict[str, Any]) -> tuple[Render, Save, Stages]
     from mathutils import Matrix
 
     imported = time.perf_counter()
+    moves = bool(scene.facts.get("motion"))
     bpy.ops.wm.read_factory_settings(use_empty=True)
     world = bpy.context.scene
     bpy.ops.wm.usd_import(
-        filepath=scene.file(f"{scene.name}.usdc"), import_cameras=False, import_lights=False, create_world_material=False
+        filepath=scene.file(f"{scene.name}{'_still' if moves else ''}.usdc"),
+        import_cameras=False,
+        import_lights=False,
+        create_world_material=False,
     )
     opened = time.perf_counter()
     z_up = Matrix.Rotation(math.pi / 2, 4, "X")
@@ -41,6 +46,8 @@ def setup(scene: PlainScene, job: dict[str, Any]) -> tuple[Render, Save, Stages]
     _lights(bpy, Matrix, scene, world, z_up)
     _camera(bpy, Matrix, scene, world, z_up)
     _settings(scene, job, world)
+    if moves:
+        animate(bpy, scene, world, z_up)
     stages = {"import": imported - began, "open": opened - imported, "make": time.perf_counter() - opened}
 
     def render(samples: int, seed: int) -> None:

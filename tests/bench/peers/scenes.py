@@ -13,78 +13,13 @@ irradiance. sky: a latitude-longitude image (shapes.sky).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
-from .shapes import Array, Triangles, ball, block, bumps, cylinder, rectangle, rotations, sky, terrain, tube
-
-Rgb = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Camera:
-    eye: tuple[float, float, float]
-    target: tuple[float, float, float]
-    fov_deg: float  # horizontal
-
-
-@dataclass(frozen=True)
-class Look:
-    kind: str  # diffuse, metal, plastic, glass, glow or ember
-    color: Rgb = (1.0, 1.0, 1.0)
-    roughness: float = 0.0
-    ior: float = 1.5
-
-
-@dataclass(frozen=True)
-class Lamp:
-    kind: str  # rect, disc, tube, ball, sun or sky
-    radiance: Rgb = (1.0, 1.0, 1.0)  # of a sun: its irradiance
-    center: tuple[float, ...] = ()
-    half_u: tuple[float, ...] = ()
-    half_v: tuple[float, ...] = ()
-    radius: float = 0.0
-    direction: tuple[float, ...] = ()  # that light travels in
-    image: str = ""
-
-
-@dataclass(frozen=True)
-class Placed:
-    """One mesh many times over, turned and scaled evenly."""
-
-    mesh: str
-    look: str
-    positions: npt.NDArray[np.float32]  # (N, 3)
-    quaternions: npt.NDArray[np.float16]  # (N, 4): w, x, y, z; half floats are what a PointInstancer has
-    scales: npt.NDArray[np.float32]  # (N,)
-
-    def matrices(self) -> Array:
-        """(N, 4, 4), column vectors."""
-        found = np.tile(np.eye(4), (len(self.positions), 1, 1))
-        found[:, :3, :3] = rotations(self.quaternions.astype(float)) * self.scales[:, None, None]
-        found[:, :3, 3] = self.positions
-        return found
-
-
-@dataclass
-class Scene:
-    name: str
-    resolution: tuple[int, int]
-    depth: int
-    camera: Camera
-    looks: dict[str, Look] = field(default_factory=dict)
-    meshes: dict[str, Triangles] = field(default_factory=dict)
-    objects: list[tuple[str, str]] = field(default_factory=list)  # mesh, look
-    placed: Placed | None = None
-    lamps: list[Lamp] = field(default_factory=list)
-    images: dict[str, npt.NDArray[np.float32]] = field(default_factory=dict)
-
-    def add(self, name: str, mesh: Triangles, look: str) -> None:
-        self.meshes[name] = mesh
-        self.objects.append((name, look))
+from .moving_scenes import flag, pan, spin, swarm
+from .scene import Camera, Lamp, Look, Placed, Rgb, Scene
+from .shapes import Triangles, ball, block, bumps, cylinder, rectangle, sky, terrain, tube
 
 
 def box() -> Scene:
@@ -369,4 +304,8 @@ SCENES: dict[str, Callable[[], Scene]] = {
     "plastics": plastics,
     "signs": signs,
     "studio": studio,
+    "spin": spin,
+    "pan": pan,
+    "swarm": swarm,
+    "flag": flag,
 }

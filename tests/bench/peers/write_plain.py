@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
 
-from .scenes import SCENES, Lamp, Scene
+from .scene import Lamp, Scene
+from .scenes import SCENES
 from .shapes import Triangles, cylinder, disc, rectangle
 from .write_usd import write_usd
 
@@ -38,8 +39,33 @@ def write_scene(name: str, folder: Path) -> None:
             _write_ply(folder / f"{name}_light_{k}.ply", LAMP_SHAPES[lamp.kind](lamp))
     if scene.placed is not None:
         np.save(folder / f"{name}_placed.npy", scene.placed.matrices().astype(np.float32))
+    if scene.moves:
+        _write_motion(scene, folder)
     write_usd(scene, folder / f"{name}.usdc")
     (folder / f"{name}.json").write_text(json.dumps(_plain(scene)))
+
+
+def _write_motion(scene: Scene, folder: Path) -> None:
+    """And the scene as USD without motion, all meshes once where they are described, for those that move them themselves."""
+    for mesh, points in scene.ends.items():
+        np.save(folder / f"{scene.name}_{mesh}_ends.npy", points.astype(np.float32))
+    objects, placed = list(scene.objects), scene.placed
+    if placed is not None and placed.swarm is not None and placed.shifts is not None:
+        np.savez(folder / f"{scene.name}_swarms.npz", swarm=placed.swarm, shifts=placed.shifts)
+        objects.append((placed.mesh, placed.look))
+    still = replace(scene, glides={}, ends={}, pan=None, placed=None, objects=objects)
+    write_usd(still, folder / f"{scene.name}_still.usdc")
+
+
+def _motion(scene: Scene) -> dict[str, object] | None:
+    if not scene.moves:
+        return None
+    return {
+        "glides": {mesh: asdict(glide) for mesh, glide in scene.glides.items()},
+        "ends": list(scene.ends),
+        "pan": None if scene.pan is None else asdict(scene.pan),
+        "swarms": scene.placed is not None and scene.placed.swarm is not None,
+    }
 
 
 def _plain(scene: Scene) -> dict[str, object]:
@@ -53,6 +79,7 @@ def _plain(scene: Scene) -> dict[str, object]:
         "smooth": [name for name, mesh in scene.meshes.items() if mesh.normals is not None],
         "placed": None if scene.placed is None else {"mesh": scene.placed.mesh, "look": scene.placed.look},
         "lamps": [asdict(lamp) for lamp in scene.lamps],
+        "motion": _motion(scene),
     }
 
 

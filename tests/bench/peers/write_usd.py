@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
-from .scenes import Lamp, Look, Rgb, Scene
+from .scene import Lamp, Look, Rgb, Scene
 from .shapes import Triangles, look_at, perpendicular
+from .usd_motion import write_motion
 
 Types = Sdf.ValueTypeNames
 CAMERA = "/world/camera"
@@ -33,6 +34,8 @@ def write_usd(scene: Scene, path: Path) -> None:
     for k, lamp in enumerate(scene.lamps):
         _light(stage, f"/world/lights/light_{k}", lamp)
     _camera(stage, scene)
+    if scene.moves:
+        write_motion(stage, scene, CAMERA)
     stage.Save()
 
 

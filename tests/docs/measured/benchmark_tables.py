@@ -27,6 +27,10 @@ TARGETS = {
     "plastics": 0.005,
     "signs": 0.05,
     "studio": 0.01,
+    "spin": 0.02,
+    "pan": 0.005,
+    "swarm": 0.01,
+    "flag": 0.002,
 }
 # Of the best other renderer, in time to that error.
 AHEAD = {
@@ -42,6 +46,10 @@ AHEAD = {
     "plastics": 2.0,
     "signs": 2.0,
     "studio": 2.0,
+    "spin": 3.0,
+    "pan": 3.0,
+    "swarm": 3.0,
+    "flag": 3.0,
 }
 SHARES = {16: 0.8, 8: 0.75}  # of Embree's, that the render's speed should have
 SPEED_UP = 1.9  # with two threads

@@ -8,10 +8,11 @@ from typing import Any
 
 from tests.bench.curves import medians
 from tests.bench.growth import SIZES, ray_us, setup_s
-from tests.bench.peers.installed import RENDERERS
+from tests.bench.peers.installed import MOVING, RENDERERS
 from tests.bench.peers.scenes import SCENES
 from tests.bench.results import latest
 from tests.docs.measured import benchmark_tables as tables
+from tests.docs.measured import moving_tables
 
 from .charts import Line, chart
 
@@ -46,12 +47,18 @@ SCENE_TEXT = {
     "studio": "A closed room lit by two discs and three tubes close to what they light, and by a heap of glowing rings; "
     "6 scatterings.",
     "showroom": "Metals from polished to rough in a closed room under 12 lamps; 6 scatterings.",
+    "spin": "Blocks that turn and slide under a small mesh of light that moves; 4 scatterings.",
+    "pan": "A camera that pans and drives over a field of coloured tiles and blocks under sun and sky; 3 scatterings.",
+    "swarm": "4,000 instances of a stone of 512 triangles that fly in 64 swarms under sun and sky; 3 scatterings.",
+    "flag": "A sheet of 28,800 triangles that waves over a ground, under a sky alone; 4 scatterings.",
 }
 CURVES_TEXT = """Seconds are those of the picture alone; set-up is below. Columns: samples a second; the most samples a pixel
 that were taken, with their error and efficiency; seconds to an error, interpolated between pictures, ~ where error times
 seconds was taken to stay the same beyond them; how that compares to ours; how far the picture's mean is from its reference's;
 how far that reference is from ours, by blocks of 8 x 8 pixels: renderers differ a little in what they
-make of a scene, and LuxCore's pictures stand one pixel lower."""
+make of a scene, and LuxCore's pictures stand one pixel lower. The last four scenes move while the shutter is open, and mean the
+same to both that know motion: all are held against our reference, and "apart" is the mean of a renderer's last pictures, with
+their noise."""
 EFFICIENCY_TEXT = """However long that takes, beside the peers that come near. By turns; ratios are the median and the range
 over the rounds."""
 FIRST_TEXT = """From the start of the process to a first picture of one sample at the scene's resolution, ours until the process
@@ -63,6 +70,11 @@ as they are and blurred by a Gaussian of so many pixels."""
 REPLAY_TEXT = """Every ray of a render on one thread, recorded in order and the way it was traced, is traced again by Embree
 alone, by turns with the render: its seconds over the render's. Above 1 is possible: recorded rays come from memory, and worlds
 of triangles alone are rendered without Embree, which then gets them all as packets or one by one, whichever takes it less."""
+MOVING_TEXT = """Rays of a small render that have times, traced again on one thread: as the renderer asks, and by calls of
+Embree alone in a world of its own of the same triangles with time steps, or of its own moving instances. Those are no choice
+for the renderer, as single rays find other bits there than packets; they compute matrices in single precision, which at
+outlines finds other hits. Both take turns every 1,024 calls; CPU seconds of the thread. Entry: packets or single rays as the
+render chose by the clock, and all one way."""
 GROWTH_TEXT = """Powers are those of cost = fixed + each x count^power, fitted by relative deviations (their root mean square
 in brackets), beside the power that n log n looks like over the same range. Set-up: opening, translating, textures, dicing,
 building, for the most items; seconds, and CPU seconds of all threads, whose power and share of an item are shown. The cost of
@@ -145,6 +157,10 @@ def _curves(made: Page) -> None:
         made.add(tables.curve_table(scene, rows))
         made.loses(tables.curves_lost(scene, rows))
         made.left_out += [f"{scene}: {row['renderer']}: {row['left_out']}" for row in rows if "left_out" in row]
+    moving = {scene: tables.measured(found[scene]["rows"]) for scene in MOVING if found[scene]}  # type: ignore[index]
+    if moving:
+        made.add("### Scenes that move, by CPU seconds", "Of all threads: what a busy machine leaves as it is, mostly.")
+        made.add(moving_tables.cpu_table(moving))
     if kept := latest("efficiency"):
         made.add("### At 64 samples each", EFFICIENCY_TEXT)
         made.about(kept)
@@ -182,6 +198,11 @@ def _replay(made: Page) -> None:
     rows = [row for kept in found if kept for row in kept["rows"]]
     made.add(tables.replay_table(rows))
     made.loses(tables.replay_lost(rows))
+    if moving := latest("moving-rays"):
+        made.add("### Moving rays", MOVING_TEXT)
+        made.about(moving)
+        made.add(moving_tables.rates_table(moving["rows"]))
+        made.loses(moving_tables.rates_lost(moving["rows"]))
 
 
 def _growth(made: Page) -> None:

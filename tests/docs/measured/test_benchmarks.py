@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 
 import pytest
 from tests.docs.measured import benchmark_tables as tables
+from tests.docs.measured import moving_tables
 
 from .benchmarks import CHARTS, PAGE, page
 from .charts import WIDTH, Line, chart
@@ -76,6 +77,12 @@ def test_it_says_where_another_is_better(other, lost):
 def test_it_says_where_embree_waits_for_us():
     row = {"scene": "box", "lanes": 8, "embree_share_median": 0.7}
     assert len(list(tables.replay_lost([row, row | {"lanes": 4}, row | {"embree_share_median": 0.76}]))) == 1
+
+
+def test_it_says_where_moving_rays_are_slower_than_embree():
+    row = {"kind": "terrain", "times": 2, "shadow": False, "entry": "recorded", "rate_median": 0.84}
+    [sentence] = moving_tables.rates_lost([row, row | {"rate_median": 0.86}, row | {"entry": "packets"}])
+    assert "nearest hits at 84% of Embree's own rate (85% aimed at)" in sentence
 
 
 def stages(power):

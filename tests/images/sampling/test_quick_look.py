@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.bench.peers.scenes import Scene, box, cove
+from tests.bench.peers.scene import Scene
+from tests.bench.peers.scenes import box, cove
 from tests.bench.peers.write_usd import CAMERA, write_usd
 
 from primray import core

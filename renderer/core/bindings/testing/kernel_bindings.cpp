@@ -358,6 +358,7 @@ void bind_testing(nb::module_& m) {
   });
   bind_math(m);
   bind_hierarchy(m);
+  bind_replay(m);
 }
 
 }  // namespace primray

@@ -1,0 +1,15 @@
+// A render's rays on one thread, kept in order.
+#pragma once
+
+#include "path/rays/ray_recorder.hpp"
+#include "scene/scene.hpp"
+
+namespace primray {
+
+struct Recording {
+  const Scene& scene;
+  int lanes;
+  RayRecorder rays;
+};
+
+}  // namespace primray

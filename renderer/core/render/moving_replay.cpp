@@ -1,0 +1,132 @@
+// See moving_replay.hpp.
+#include "render/moving_replay.hpp"
+
+#include <time.h>
+#include <xmmintrin.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "accel/bare_query.hpp"
+#include "accel/query.hpp"
+#include "base/error.hpp"
+
+namespace primray {
+namespace {
+
+// The thread's, whatever else the machine does.
+double cpu_seconds() {
+  timespec t;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
+}
+
+// Denormals are zero, as in a render.
+class FlushDenormals {
+ public:
+  FlushDenormals() : mode_(_mm_getcsr()) { _mm_setcsr(mode_ | 0x8040); }
+  ~FlushDenormals() { _mm_setcsr(mode_); }
+
+ private:
+  unsigned mode_;
+};
+
+template <int W>
+Rays<W> rays_of(const float* p) {
+  const auto field = [&](int f) { return load<W>(p + f * W); };
+  return {{field(0), field(1), field(2)}, {field(3), field(4), field(5)}, field(6), field(7), field(8)};
+}
+
+template <int W>
+vbool<W> active_of(uint32_t mask) {
+  vint<W> lanes;
+  for (int i = 0; i < W; ++i) lanes.set(i, -int32_t(mask >> i & 1));
+  return vbool<W>(lanes.v);
+}
+
+template <int W>
+void ask_scene(const Scene& scene, const RayRecorder::Call& call, const float* p, bool packet) {
+  const vbool<W> active = active_of<W>(call.active);
+  if (call.shadow) {
+    keep(occluded(scene, packet, active, rays_of<W>(p)));
+  } else {
+    keep(intersect(scene, packet, active, rays_of<W>(p)));
+  }
+}
+
+constexpr size_t kTurn = 1024;  // calls
+
+// Calls [first, end) of those asked for; their CPU seconds.
+template <class Ask>
+double seconds_of(const RayRecorder& recorder, const ReplayOf& of, size_t first, size_t end, const Ask& ask) {
+  const double start = cpu_seconds();
+  for (size_t i = first; i < end; ++i) {
+    const RayRecorder::Call& call = recorder.calls[i];
+    if (call.shadow != of.shadow) continue;
+    ask(call, &recorder.rays[call.first],
+        of.entry == ReplayEntry::kAsRecorded ? call.packet : of.entry == ReplayEntry::kPacket);
+  }
+  return cpu_seconds() - start;
+}
+
+// Calls f.operator()<W>() for the recording's W.
+template <class F>
+void with_lanes(int lanes, const F& f) {
+  if (lanes == 1) return f.template operator()<1>();
+  if (lanes == 4) return f.template operator()<4>();
+#if PRIMRAY_MAX_LANES >= 8
+  if (lanes == 8) return f.template operator()<8>();
+#endif
+#if PRIMRAY_MAX_LANES >= 16
+  if (lanes == 16) return f.template operator()<16>();
+#endif
+  throw Error("internal", "this build has no such lanes");
+}
+
+// Whether one ray of a call meets the same in both.
+template <int W>
+bool same(const Scene& scene, const BareWorld& world, const RayRecorder::Call& call, const float* p, int lane) {
+  const float theirs = bare_distance<W>(world, call.shadow, p, lane);
+  const vbool<W> active = active_of<W>(1u << lane);
+  if (call.shadow) return bits(occluded(scene, false, active, rays_of<W>(p))) == (theirs < 0 ? 1u << lane : 0);
+  const float ours = intersect(scene, false, active, rays_of<W>(p)).t[lane];
+  return ours == theirs || std::fabs(ours - theirs) < 1e-3f * std::fabs(ours);
+}
+
+}  // namespace
+
+ReplaySeconds replay_by_turns(const Scene& scene, const BareWorld& world, const RayRecorder& recorder, const ReplayOf& of) {
+  const FlushDenormals flush;
+  ReplaySeconds found;
+  with_lanes(of.lanes, [&]<int W>() {
+    const auto ours = [&](const RayRecorder::Call& call, const float* p, bool packet) { ask_scene<W>(scene, call, p, packet); };
+    const auto bare = [&](const RayRecorder::Call& call, const float* p, bool packet) {
+      ask_bare<W>(world, call.shadow, call.active, p, packet);
+    };
+    const size_t count = recorder.calls.size();
+    for (size_t first = 0; first < count; first += kTurn) {
+      const size_t end = std::min(first + kTurn, count);
+      const bool odd = first / kTurn & 1;
+      if (odd) found.bare += seconds_of(recorder, of, first, end, bare);
+      found.scene += seconds_of(recorder, of, first, end, ours);
+      if (!odd) found.bare += seconds_of(recorder, of, first, end, bare);
+    }
+  });
+  return found;
+}
+
+ReplayAgreement replay_agreement(const Scene& scene, const BareWorld& world, const RayRecorder& recorder, const ReplayOf& of) {
+  const FlushDenormals flush;
+  ReplayAgreement found;
+  with_lanes(of.lanes, [&]<int W>() {
+    seconds_of(recorder, of, 0, recorder.calls.size(), [&](const RayRecorder::Call& call, const float* p, bool) {
+      for (uint32_t m = call.active; m; m &= m - 1, ++found.rays) {
+        const int lane = __builtin_ctz(m);
+        found.apart += !same<W>(scene, world, call, p, lane);
+      }
+    });
+  });
+  return found;
+}
+
+}  // namespace primray
