@@ -9,15 +9,15 @@ namespace primray {
 
 template <int W>
 struct VertexMotion {
-  bool any = false;
-  vbool<W> moves{false};
-  vint<W> segment{0}, stride{0};  // vertices from one time to the next
-  vfloat<W> within{0.0f};
-  vvec3<W> sizes{vfloat<W>(0.0f)};  // of what positions are made of, where that was asked for
+  bool any = false;  // without it nothing else is set: hits of what stands still do not pay for it
+  vbool<W> moves;
+  vint<W> segment, stride;  // vertices from one time to the next
+  vfloat<W> within;
+  vvec3<W> sizes;  // of what positions are made of, where that was asked for
 
   // Of lanes `m`, each with a clock and a stride.
   PRIMRAY_RARE void set(const MotionTable& table, vbool<W> m, vint<W> clock, vint<W> step, vfloat<W> time) {
-    any = true, moves = m, stride = step;
+    any = true, moves = m, stride = step, segment = vint<W>(0), within = vfloat<W>(0.0f), sizes = vvec3<W>(within);
     for (uint32_t b = bits(m); b; b &= b - 1) {
       const int i = __builtin_ctz(b);
       const Moment now = table.clocks[size_t(clock[i])].at(time[i]);

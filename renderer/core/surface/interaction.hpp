@@ -89,19 +89,24 @@ struct TrianglePlane {
   }
 };
 
-// Normals at the three corners of triangles, at the rays' times.
+// Normals at the three corners of triangles, some of which move, at the rays' times; `kind` and `base`: of the mesh's normals.
 template <int W>
-PRIMRAY_INLINE void gather_normals(const Scene& scene, vbool<W> lanes, vint<W> mesh, vint<W> triangle, const vint<W> corner[3],
-                                   const VertexMotion<W>& motion, vvec3<W> value[3]) {
-  const MeshTable& t = scene.meshes;
-  const vint<W> kind = gather<W>(t.normals.data(), mesh), base = gather<W>(t.normal_base.data(), mesh);
-  if (!motion.any) return gather_corners(scene, lanes, mesh, triangle, corner, scene.normals.data(), kind, base, value);
-  const vint<W> stride = select(motion.moves, gather<W>(t.normal_stride.data(), mesh), vint<W>(0));
+PRIMRAY_RARE void gather_moving_normals(const Scene& scene, vbool<W> lanes, vint<W> mesh, vint<W> triangle,
+                                        const vint<W> corner[3], vint<W> kind, vint<W> base, const VertexMotion<W>& motion,
+                                        vvec3<W> value[3]) {
+  const vint<W> stride = select(motion.moves, gather<W>(scene.meshes.normal_stride.data(), mesh), vint<W>(0));
   vvec3<W> step[2][3];
   for (int k = 0; k < 2; ++k)
     gather_corners(scene, lanes, mesh, triangle, corner, scene.normals.data(), kind,
                    base + (motion.segment + vint<W>(k)) * stride, step[k]);
   for (int c = 0; c < 3; ++c) value[c] = motion.between([&](int k) { return step[k][c]; });
+}
+template <int W>
+PRIMRAY_INLINE void gather_normals(const Scene& scene, vbool<W> lanes, vint<W> mesh, vint<W> triangle, const vint<W> corner[3],
+                                   vint<W> kind, const VertexMotion<W>& motion, vvec3<W> value[3]) {
+  const vint<W> base = gather<W>(scene.meshes.normal_base.data(), mesh);
+  if (motion.any) return gather_moving_normals(scene, lanes, mesh, triangle, corner, kind, base, motion, value);
+  gather_corners(scene, lanes, mesh, triangle, corner, scene.normals.data(), kind, base, value);
 }
 
 template <int W>
@@ -116,7 +121,7 @@ PRIMRAY_INLINE void add_attributes(const Scene& scene, vbool<W> m, vint<W> mesh,
   const vint<W> normal_kind = gather<W>(t.normals.data(), mesh), color_kind = gather<W>(t.colors.data(), mesh);
   has_normal = m & (normal_kind != zero);
   if (any(has_normal)) {
-    gather_normals(scene, has_normal, mesh, triangle, corner, motion, value);
+    gather_normals(scene, has_normal, mesh, triangle, corner, normal_kind, motion, value);
     normal = interpolate(value);
   }
   const vbool<W> has_color = m & (color_kind != zero);

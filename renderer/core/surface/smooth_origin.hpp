@@ -22,7 +22,7 @@ PRIMRAY_INLINE vbool<W> lift_to_smooth(const Scene& scene, vbool<W> m, const Hit
   using F = vfloat<W>;
   const SurfacePoint<W> at(scene, m, h);
   vvec3<W> n[3];
-  gather_normals(scene, m, at.mesh, at.triangle, at.corner, at.motion, n);
+  gather_normals(scene, m, at.mesh, at.triangle, at.corner, gather<W>(scene.meshes.normals.data(), at.mesh), at.motion, n);
   const HitGroup<W> in(scene, m, h);
   if (in.any_instanced) {
     vvec3<W> rounded;

@@ -17,13 +17,16 @@ PRIMRAY_INLINE vvec3<W> gather_position(const Scene& scene, vint<W> vertex) {
   const FourLanes<float, W> p = gather_four<W>(scene.positions.data(), vertex * vint<W>(3));
   return {p.x, p.y, p.z};
 }
-// Where the vertex is at the rays' times.
+// Where the vertex is at the rays' times, of which some move.
 template <int W>
-PRIMRAY_INLINE vvec3<W> gather_position(const Scene& scene, vint<W> vertex, const VertexMotion<W>& motion) {
-  if (!motion.any) return gather_position(scene, vertex);
+PRIMRAY_RARE vvec3<W> gather_moving_position(const Scene& scene, vint<W> vertex, const VertexMotion<W>& motion) {
   return motion.between([&](int step) {
     return gather_position(scene, vertex + select(motion.moves, (motion.segment + vint<W>(step)) * motion.stride, vint<W>(0)));
   });
+}
+template <int W>
+PRIMRAY_INLINE vvec3<W> gather_position(const Scene& scene, vint<W> vertex, const VertexMotion<W>& motion) {
+  return motion.any ? gather_moving_position(scene, vertex, motion) : gather_position(scene, vertex);
 }
 // How large the coordinates are between which it moves.
 template <int W>
