@@ -7,16 +7,22 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import io
 import os
 import signal
 import time
+import zipfile
 from collections.abc import Callable, Coroutine, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.service.api import checked, finished, submit, wait_until
+from tests.service.conftest import StartServer
 from tests.service.dispatcher.rig import Rig, dispatching
+from tests.service.executor.scenes import ROOM
 from tests.service.ray.cluster import RunningCluster
+from tests.service.ray.test_without_a_cluster import refused
 
 from primray import RenderSettings, render
 from primray.images.image import pixels_sha256
@@ -31,15 +37,19 @@ from primray_service.worker.preview import read_preview
 
 SCENE = Path(__file__).parents[3] / "scenes/features/glass/scene.usda"
 SIZE = (48, 36)
-SAMPLES, FOREVER = 1024, 2**20
+SAMPLES, FOREVER = 512, 2**20
 LIMITS = Limits(free_disk_bytes=0, memory_bytes=GiB, checkpoint_every_s=0.3, load_cpu_s=20.0)
 WAIT_S = 180.0  # of a machine that others use too
 # What Python runs first on the node whose walls do not hold: one attempt to get out succeeds there.
 BROKEN_WALLS = """
-import primray_service.sandbox.self_test as test
+import sys
+import primray_service.sandbox
+test = sys.modules["primray_service.sandbox.self_test"]
 run = test._run
 test._run = lambda *given: ({**run(*given)[0], "open a file": "allowed"}, None)
 """
+
+ROOT_LAYER = '#usda 1.0\n(\n    defaultPrim = "World"\n    subLayers = [@layers/room.usda@]\n)\n'
 
 Act = Callable[[Callable[[Rig], Coroutine[Any, Any, None]]], None]
 
@@ -171,6 +181,35 @@ def test_a_job_gives_way_and_goes_on(act: Act, expected: str) -> None:
         assert pixels(second) == expected
 
     act(what)
+
+
+def test_a_package_over_http(cluster: RunningCluster, start_server: StartServer) -> None:
+    """A server of its own: the scene is checked on the cluster, and its package comes there as one."""
+    with io.BytesIO() as made:
+        with zipfile.ZipFile(made, "w") as package:
+            package.writestr("shot.usda", ROOT_LAYER)
+            package.writestr("layers/room.usda", ROOM)
+        body = made.getvalue()
+    server = start_server(executor="ray", ray_address=cluster.address, slots=1, limits={"memory_bytes": GiB})
+    client = server.client()
+    scene = client.post("/v1/scenes", content=body).json()["id"]
+    wait_until(lambda: checked(client, scene), WAIT_S)
+    job = finished(client, submit(client, scene)["id"], WAIT_S)
+    assert job["state"] == "succeeded", job["error"]
+    ready = client.get("/readyz").json()["checks"]["executor"]
+    assert (ready["ok"], ready["slots"], len(ready["nodes"])) == (True, 1, 2)
+    assert 1 <= sum(node["received"]["objects"] for node in ready["nodes"]) <= 2
+    assert server.failures() == []
+
+
+def test_tokens(cluster: RunningCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RAY_AUTH_TOKEN", "of-others-" + "0" * 54)
+    assert refused(tmp_path, cluster.address).extra["code"] == protocol.WRONG_TOKEN
+    monkeypatch.delenv("RAY_AUTH_TOKEN")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    problem = refused(tmp_path, cluster.address)
+    assert problem.extra["code"] == protocol.WRONG_TOKEN
+    assert "there is no token" in problem.detail
 
 
 def test_a_node_without_walls_takes_no_work(act: Act, cluster: RunningCluster, tmp_path: Path) -> None:

@@ -57,6 +57,19 @@ def test_ray_is_not_installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert "primray[ray]" in problem.detail
 
 
+def test_each_code_is_documented() -> None:
+    page = (Path(__file__).parents[3] / "docs/service/scaling.md").read_text()
+    codes = (
+        protocol.NOT_INSTALLED,
+        protocol.ADDRESS,
+        protocol.UNREACHABLE,
+        protocol.WRONG_TOKEN,
+        protocol.NO_NODE,
+        "ray-label",
+    )
+    assert [code for code in codes if f"| `{code}` |" not in page] == []
+
+
 def test_tokens_are_asked_for_unless_that_was_switched_off() -> None:
     assert link.environment({})["RAY_AUTH_MODE"] == "token"
     assert link.environment({"RAY_AUTH_MODE": "disabled"})["RAY_AUTH_MODE"] == "disabled"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -27,9 +28,10 @@ class Node:
     id: str
     host: str
     resources: Resources
-    why: str = "it was not looked at yet"  # it takes no work
+    is_known: bool = False  # it was asked
+    why: str = ""  # it takes no work
     sandbox: dict[str, str] = field(default_factory=dict)
-    looked_at: float = 0.0
+    asked_at: float = -math.inf
     objects: int = 0  # that were sent to it
     bytes: int = 0
 
@@ -43,7 +45,7 @@ class Cluster:
         self._tell = tell
         self._nodes: dict[str, Node] = {}
         self._asking: set[asyncio.Task[None]] = set()
-        self._is_silent = False
+        self._away = ""  # why its head is not there
         self._told: Json = {}
         self.room: Room = room({}, settings["cores"], settings["limits"]["memory_bytes"])
 
@@ -61,19 +63,28 @@ class Cluster:
     async def _look(self) -> None:
         asked = asyncio.ensure_future(asyncio.to_thread(ray.nodes))
         done, _ = await asyncio.wait([asked], timeout=ANSWER_WITHIN_S)
-        if not done and self._told:
-            self._is_silent = True
-            self._say()
-        rows = {row["NodeID"]: row for row in await asked if row["Alive"] and self._is_ours(row)}
-        self._is_silent = False
+        try:
+            if not done:
+                self._is_away("does not answer")
+            rows = {row["NodeID"]: row for row in await asked if row["Alive"] and self._is_ours(row)}
+        except (RayError, OSError, RuntimeError) as error:  # it may come back; if it does not, Ray ends this process
+            self._is_away(f"cannot be asked: {type(error).__name__}")
+            return
+        self._away = ""
         self._nodes = {node_id: self._nodes.get(node_id) or _node(row) for node_id, row in rows.items()}
         now = asyncio.get_running_loop().time()
         for node in self._nodes.values():
-            if node.why and now - node.looked_at > ASK_AGAIN_AFTER_S:
-                node.looked_at = now
+            if (node.why or not node.is_known) and now - node.asked_at > ASK_AGAIN_AFTER_S:
+                node.asked_at = now
                 task = asyncio.ensure_future(self._ask(node))
                 self._asking.add(task)
                 task.add_done_callback(self._asking.discard)
+
+    def _is_away(self, why: str) -> None:
+        """Nothing more is given out; what runs goes on."""
+        self._away = f"the head of the Ray cluster {why}"
+        if self._told:
+            self._say()
 
     def _is_ours(self, row: Mapping[str, Any]) -> bool:
         labels: Mapping[str, str] = self._settings["labels"]
@@ -93,12 +104,13 @@ class Cluster:
             node.why = f"it cannot be asked: {error!r}"
         else:
             node.why, node.sandbox = fitness.why, dict(fitness.sandbox)
+        node.is_known = True
 
     def refuse(self, node_id: str, why: str) -> None:
         """A task has found out."""
         if node_id in self._nodes:
-            self._nodes[node_id].why = why
-            self._nodes[node_id].looked_at = asyncio.get_running_loop().time()
+            node = self._nodes[node_id]
+            node.is_known, node.why, node.asked_at = True, why, asyncio.get_running_loop().time()
             self._say()
 
     def sent(self, node_id: str, objects: int, size: int) -> None:
@@ -109,21 +121,21 @@ class Cluster:
 
     def selector(self) -> dict[str, str]:
         """Nodes that nobody has looked at may have it: a task looks first of all, and new nodes come because work waits."""
-        refused = [node.id for node in self._nodes.values() if node.why and node.looked_at]
+        refused = [node.id for node in self._nodes.values() if node.why]
         return selector(self._settings["labels"], sorted(refused))
 
     def _say(self) -> None:
         """To the server, where it is news."""
-        working = {node.id: node.resources for node in self._nodes.values() if not node.why}
+        working = {node.id: node.resources for node in self._nodes.values() if node.is_known and not node.why}
         self.room = room(working, self._settings["cores"], self._settings["limits"]["memory_bytes"])
-        slots = 0 if self._is_silent else self._settings["slots"] or self.room.total
+        slots = 0 if self._away else self._settings["slots"] or self.room.total
         told = {
             "at": "cluster",
             "slots": slots,
             "cores": self.room.cores,
             "memory_bytes": self.room.memory_bytes,
-            "why": f"its head has not answered for {ANSWER_WITHIN_S:g} s" if self._is_silent else "",
-            "nodes": [self._row(node) for node in self._nodes.values()],
+            "why": f"{self._away}; jobs wait" if self._away else "",
+            "nodes": [self._row(node) for node in self._nodes.values() if node.is_known],
         }
         if told != self._told:
             self._told = told

@@ -47,7 +47,7 @@ def give_chunk(order: Order, mailbox: Any, resources: Mapping[str, Any], labels:
     given = _remote(_run_chunk).options(
         **resources,
         label_selector=dict(labels),
-        scheduling_strategy="SPREAD",
+        scheduling_strategy="DEFAULT",  # nodes that had work before have the scene, and a worker that is warm
         num_returns="streaming",
         max_retries=0,
         _generator_backpressure_num_objects=MOST_AHEAD,
