@@ -28,6 +28,7 @@ from .run import RayRun
 
 LOG = logging.getLogger(__name__)
 
+NOT_ASKED = "it cannot be asked"  # so a node's reason begins if that was an error
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 15.0  # before it is tried again to connect
 
 
@@ -112,12 +113,12 @@ class RayExecutor:
                 try:
                     self._link = link = await Link.connect(self._settings, self._on_line)
                 except (NotConnected, OSError) as error:
-                    self._why_not = f"the Ray cluster at {self._address} is away; jobs wait: {error}"
+                    LOG.warning("the Ray cluster at %s is away still: %s", self._address, error)
             self._why_not = ""
             LOG.warning("the Ray cluster at %s is back", self._address)
 
     def _lost(self, why: str) -> None:
-        self._link, self._why_not = None, f"{why}; jobs wait"
+        self._link, self._why_not = None, "the Ray cluster is gone; jobs wait"  # whoever asks is not told where it was
         if not self._closing:
             LOG.error("%s; %d chunks are lost", why, len(self._runs))
         for run in list(self._runs.values()):
@@ -162,7 +163,7 @@ class RayExecutor:
         return found | ({"why": why} if why else {})
 
     def _why_no_node(self) -> str:
-        refused = [f"{node['id'][:8]}: {node['why']}" for node in self._cluster["nodes"] if node["why"]]
+        refused = [f"{node['id']}: {node['why']}" for node in map(_told, self._cluster["nodes"]) if node["why"]]
         return f"no node of the Ray cluster takes work ({'; '.join(refused) or 'none has the labels and the cores'})"
 
     def _layers(self) -> dict[str, str]:
@@ -187,5 +188,6 @@ class RayExecutor:
 
 
 def _told(node: Json) -> Json:
-    """To whoever asks for /readyz, which needs no key: no names of hosts."""
-    return {"id": node["id"][:8], "slots": node["slots"], "why": node["why"], "received": node["received"]}
+    """To whoever asks for /readyz, which needs no key: no names of hosts, nor errors' texts, which may have such."""
+    why = NOT_ASKED if node["why"].startswith(NOT_ASKED) else node["why"]
+    return {"id": node["id"][:8], "slots": node["slots"], "why": why, "received": node["received"]}
