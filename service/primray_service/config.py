@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import ipaddress
 import os
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from primray.errors import SettingsError
+
 from .executor import by_name
 from .limits import Limits, Quotas
+
+# As Ray writes labels: a name, maybe with a domain before it, and a value.
+LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9._/-]*=[A-Za-z0-9][A-Za-z0-9._-]*")
 
 
 @dataclass(frozen=True)
@@ -25,6 +31,11 @@ class ServeConfig:
     slots: int | None = None  # renders at a time; None: one for eight cores
     executor: str = by_name.DEFAULT  # where renders run: a name of executor/by_name.py
     cores: int | None = None  # None: all that this process may use
+    # Of the executor "ray": the cluster (HOST:PORT, or auto: that this machine is a node of), cores of a node that one render
+    # takes (None: 8, or all of the smallest node's), and labels, NAME=VALUE, that nodes must have.
+    ray_address: str = "auto"
+    ray_cores: int | None = None
+    ray_labels: tuple[str, ...] = ()
     require_keys: bool | None = None  # None: unless on loopback
     allow_unsandboxed: bool = False
     allowed_hosts: tuple[str, ...] = ()  # names, beside its own address, that the server answers for
@@ -36,8 +47,11 @@ class ServeConfig:
     log_json: bool = True
 
     def __post_init__(self) -> None:
-        """SettingsError for an executor that there is not."""
+        """SettingsError for an executor that there is not, and for labels that are none."""
         by_name.check_name(self.executor)
+        for label in self.ray_labels:
+            if not LABEL.fullmatch(label):
+                raise SettingsError(f"{label!r} is no label of nodes: NAME=VALUE", where="ray_labels", code="ray-label")
 
     @property
     def on_loopback(self) -> bool:

@@ -38,7 +38,7 @@ class Service:
     @cached_property
     def places(self) -> Places:
         """Of waiting jobs."""
-        return Places(self.store, self.executor.capacity().slots, self.dispatcher.rates)
+        return Places(self.store, lambda: self.executor.capacity().slots, self.dispatcher.rates)
 
     def job_json(self, job: Job) -> Json:
         """With its place in the queue; blocks for the database."""

@@ -29,6 +29,7 @@ TOPICS = {
     "images": "Cameras, colours, files, AOVs",
     "commands": "The command line and packaging",
     "service": "The render service",
+    "farm": "Many machines",
 }
 SECTIONS = ("Choice", "Why", "Rejected")
 OPTIONAL = ("Left open",)

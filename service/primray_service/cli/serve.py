@@ -5,6 +5,8 @@ from __future__ import annotations
 import ipaddress
 import os
 import sys
+from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -45,6 +47,26 @@ def serve(
         int | None, typer.Option(metavar="N", help="Renders at a time.", show_default="by the cores", min=1)
     ] = None,
     cores: Annotated[int | None, typer.Option(metavar="N", help="For all renders together.", show_default="all", min=1)] = None,
+    executor: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="What runs the renders: this machine (local) or a cluster (ray).", show_default="local"
+        ),
+    ] = None,
+    ray_address: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT", help="Of the Ray cluster's head.", show_default="auto, the cluster that this machine is in"
+        ),
+    ] = None,
+    ray_cores: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Cores of a node for one render.", show_default="8, or all of the smallest node", min=1),
+    ] = None,
+    ray_label: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="Only nodes that have this label; may be repeated.", show_default=False),
+    ] = None,
     require_keys: Annotated[bool, typer.Option("--require-keys", help="On loopback too.")] = False,
     allow_unsandboxed: Annotated[
         bool, typer.Option("--allow-unsandboxed", help="Serve although the sandbox does not work here: trusted users only.")
@@ -77,6 +99,8 @@ def serve(
     from ..executor import by_name
 
     check_networks(webhook_network or [])
+    where = executor or os.environ.get("PRIMRAY_EXECUTOR") or by_name.DEFAULT
+    ray = check_ray(where, {"--ray-address": ray_address, "--ray-cores": ray_cores, "--ray-label": ray_label})
     chosen_limits, quotas = limit_options.limits_of(limit or [])
     config = ServeConfig(
         data=data or default_data(),
@@ -85,9 +109,12 @@ def serve(
         database=database or os.environ.get("PRIMRAY_DATABASE") or None,
         limits=chosen_limits,
         quotas=quotas,
-        executor=os.environ.get("PRIMRAY_EXECUTOR") or by_name.DEFAULT,
+        executor=where,
         slots=slots,
         cores=cores,
+        ray_address=ray_address or (os.environ.get("PRIMRAY_RAY_ADDRESS") if ray else None) or "auto",
+        ray_cores=ray_cores,
+        ray_labels=tuple(ray_label or ()),
         require_keys=True if require_keys else None,
         allow_unsandboxed=allow_unsandboxed,
         allowed_hosts=tuple(allow_host or ()),
@@ -132,6 +159,19 @@ def check_networks(networks: list[str]) -> None:
             ipaddress.ip_network(text)
         except ValueError as error:
             raise CommandError("webhook-network", f"--webhook-network {text}: {error}", USAGE) from None
+
+
+def check_ray(executor: str, flags: Mapping[str, object]) -> bool:
+    """Whether the executor is a Ray cluster; CommandError where flags are for one that it is not, or where ray is missing."""
+    if executor == "ray":
+        if find_spec("ray") is None:
+            how = "install it with: pip install 'primray[ray]'"
+            raise CommandError("ray-missing", f"`--executor ray` needs the extra `ray`; {how}")
+        return True
+    given = [name for name, value in flags.items() if value is not None]
+    if given:
+        raise CommandError("usage", f"{', '.join(given)} is for --executor ray", USAGE)
+    return False
 
 
 def default_data() -> Path:

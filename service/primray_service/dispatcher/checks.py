@@ -60,7 +60,7 @@ async def check_scene(context: Context, scene: Scene) -> None:
 
 def _judged(context: Context, run: CheckRun, ended: Ended) -> tuple[Json | None, str]:
     """The scene's problem, and whether to try again after a "crash" or a "kill"."""
-    limits = context.limits
+    limits = context.limits_of_chunks
     if isinstance(run.last, messages.Failed):
         return run.last.problem, ""
     if run.last is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ..executor.base import Executor
 from ..files import DataDirectory
@@ -29,6 +29,11 @@ class Context:
     fence: int
     rates: Rates = field(default_factory=Rates)
     disk_is_full: bool = False  # as it was seen last
+
+    @property
+    def limits_of_chunks(self) -> Limits:
+        """As the executor has them: a chunk may have less memory than is allowed, where nodes have less."""
+        return replace(self.limits, memory_bytes=self.executor.capacity().memory_bytes)
 
     async def look_at_disk(self) -> bool:
         """Whether so little is free that nothing new is begun."""

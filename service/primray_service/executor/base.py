@@ -21,7 +21,7 @@ OnMessage = Callable[[Message], None]  # called in the event loop, in order; mus
 
 @dataclass(frozen=True)
 class Capacity:
-    slots: int  # chunks of renders at a time; checks have a slot of their own
+    slots: int  # chunks of renders at a time, 0 while there is nowhere to run them; checks have a slot of their own
     cores: int
     memory_bytes: int  # of one chunk
     nodes: int = 1
@@ -29,7 +29,7 @@ class Capacity:
     @property
     def threads(self) -> int:
         """Of one render chunk."""
-        return max(1, self.cores // self.slots)
+        return max(1, self.cores // max(self.slots, 1))
 
 
 @dataclass(frozen=True)

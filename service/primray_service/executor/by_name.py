@@ -13,6 +13,7 @@ DEFAULT = "local"
 # "module:function" beside this file; the function makes an executor of a ServeConfig and a DataDirectory.
 EXECUTORS: Mapping[str, str] = {
     "local": "local:local_executor",
+    "ray": "ray.executor:ray_executor",
 }
 
 

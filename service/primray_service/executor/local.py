@@ -67,6 +67,11 @@ class LocalExecutor:
     def capacity(self) -> Capacity:
         return self._capacity
 
+    def open(self) -> None:
+        """Get ready without finding out whether workers can be started: for one that is made when there is work."""
+        self._slots.open()
+        self._why_not = ""
+
     async def start(self) -> None:
         try:
             self._slots.open()

@@ -22,6 +22,7 @@ from .limits import Budget, limits_of
 from .readable import DEVICES, machine_paths, readable_paths
 
 WORKER = ("-m", "primray_service.worker")
+INHERITED = ("PRIMRAY_ISA",)
 PLAN = "PRIMRAY_SANDBOX"  # the environment variable that tells `enter` what to do
 
 
@@ -60,8 +61,9 @@ def worker_spawn(slot: Path, budget: Budget, program: Sequence[str] = WORKER, la
 
 
 def _environment(out: str, threads: int) -> dict[str, str]:
-    """All of it: nothing is inherited, so no plug-in path, search path, OCIO configuration or token is."""
-    return {
+    """All of it: the core's class of CPUs is inherited, and no plug-in path, search path, OCIO configuration or token."""
+    chosen = {name: os.environ[name] for name in INHERITED if name in os.environ}
+    return chosen | {
         "HOME": f"{out}/tmp",
         "TMPDIR": f"{out}/tmp",
         "LANG": "C.UTF-8",

@@ -45,6 +45,8 @@ def places(
 def _start_s(active: Sequence[Active], ahead_s: float | None, frames_ahead: int, slots: int) -> float | None:
     if frames_ahead < slots:
         return 0.0
+    if not slots:  # nobody knows when there will be some
+        return None
     left = [None if job.left_s is None else job.left_s * job.frames_running for job in active]
     known = [seconds for seconds in (*left, ahead_s) if seconds is not None]
     return sum(known) / slots if len(known) == len(left) + 1 else None

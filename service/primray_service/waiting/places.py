@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 
@@ -26,9 +26,9 @@ class _Seen:
 
 
 class Places:
-    """May be used from any thread; blocks for the database."""
+    """May be used from any thread; blocks for the database. `slots`: how many there are now."""
 
-    def __init__(self, store: Store, slots: int, rates: Rates) -> None:
+    def __init__(self, store: Store, slots: Callable[[], int], rates: Rates) -> None:
         self._store = store
         self._slots = slots
         self._rates = rates
@@ -61,7 +61,7 @@ class Places:
         for job, frames in queue.active:
             running[job.tenant] += frames
         active = [Active(job.priority, frames, _left_s(job, now)) for job, frames in queue.active]
-        return places(in_order(queue.waiting, running), active, self._slots, lambda job: self._rates.of(job.work))
+        return places(in_order(queue.waiting, running), active, self._slots(), lambda job: self._rates.of(job.work))
 
 
 def _left_s(job: Job, now: float) -> float | None:

@@ -38,6 +38,7 @@ ONE_PLACE = {
     f"{USD}/querying/traversal.py": frozenset(SEARCHES.split()),
     f"{USD}/querying/time_varying.py": frozenset(TIMES.split()),
 }
+RAY = (f"{SERVICE}/executor/ray/driver", f"{SERVICE}/executor/ray/node")
 SQL = {"sqlalchemy", "alembic", "sqlite3", "psycopg"}
 
 Gate = Callable[[PurePosixPath, str], Iterator[str]]
@@ -89,6 +90,8 @@ def one_gate_per_dependency(path: PurePosixPath, text: str) -> Iterator[str]:
                 yield f"imports {root} outside app.py, http/ and routes/"
             if root in HTTP_SERVER and path != PurePosixPath(f"{SERVICE}/server.py"):
                 yield f"imports {root} outside server.py"
+            if root == "ray" and not any(is_under(path, folder) for folder in RAY):
+                yield "imports ray outside executor/ray/driver and executor/ray/node: the server has no Ray in its process"
             if root in SQL and not is_under(path, f"{SERVICE}/store"):
                 yield f"imports {root} outside store/"
     if is_under(path, "renderer/core") and path.suffix in (".cpp", ".hpp", ".h"):

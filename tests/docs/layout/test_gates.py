@@ -42,6 +42,7 @@ def test_the_sources_are_found():
         ("service/primray_service/worker.py", "from fastapi import FastAPI\n"),
         ("service/primray_service/app.py", "import uvicorn\n"),
         ("service/primray_service/routes.py", "import sqlalchemy\n"),
+        ("service/primray_service/executor/ray/executor.py", "def f():\n    import ray\n"),
         ("renderer/primray/usd/walking/walk.py", "def f(stage):\n    return list(stage.Traverse())\n"),
         ("renderer/primray/usd/lights/portals.py", "from pxr import Usd\nprims = Usd.PrimRange(root)\n"),
         ("renderer/primray/usd/querying/time_varying.py", "def f(prim):\n    return prim.GetChildren()\n"),
@@ -82,6 +83,7 @@ def test_each_rule_can_fail(path, text):
         ("renderer/core/embree/embree.cpp", "// Embree\nrtcNewDevice(nullptr);\n"),
         ("renderer/core/film/film.cpp", "// as rtcIntersect1 does\n"),
         ("service/primray_service/worker.py", '"""Worker."""\nimport primray\n'),
+        ("service/primray_service/executor/ray/node/tasks.py", '"""Tasks."""\nimport ray\n'),
     ],
 )
 def test_what_is_allowed_passes(path, text):

@@ -31,6 +31,7 @@ class Rig:
     executor: Executor
     limits: Limits
     dispatcher: Dispatcher
+    look_every_s: float = 0.01
 
     def job(self, job_id: str) -> Job:
         job = self.store.job(job_id)
@@ -57,7 +58,7 @@ class Rig:
         until = time.monotonic() + timeout_s
         while not await asyncio.to_thread(holds):
             assert time.monotonic() < until, "it did not come to that in time"
-            await asyncio.sleep(0.01)
+            await asyncio.sleep(self.look_every_s)
 
     async def ended(self, *job_ids: str, timeout_s: float = 30.0) -> list[Job]:
         await self.until(lambda: all(self.job(job_id).state in TERMINAL for job_id in job_ids), timeout_s)

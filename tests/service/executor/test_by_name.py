@@ -16,7 +16,7 @@ from primray_service.files import DataDirectory
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(SettingsError, match=r"no executor 'nowhere'; there are: local$"):
+    with pytest.raises(SettingsError, match=r"no executor 'nowhere'; there are: local, ray$"):
         ServeConfig(Path("data"), executor="nowhere")
 
 

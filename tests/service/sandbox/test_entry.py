@@ -25,6 +25,7 @@ def test_nothing_is_inherited(walls: tuple[str, ...], tmp_path: Path, monkeypatc
     layers = needs(*walls)
     for name in ("PXR_PLUGINPATH_NAME", "PXR_AR_DEFAULT_SEARCH_PATH", "OCIO", "PYTHONPATH", "PYTHONSTARTUP", "API_TOKEN"):
         monkeypatch.setenv(name, "leaked")
+    monkeypatch.setenv("PRIMRAY_ISA", "v3")  # but for this: a worker's bits are those of the server's class of CPUs
     secret = os.open(tmp_path / "secret", os.O_RDWR | os.O_CREAT)
     program = """
 def opened(n):
@@ -48,7 +49,7 @@ say({
     none = "0" * 16
     assert ended.said == {
         "environment": [
-            *("HOME", "LANG", "LC_ALL", "OPENBLAS_NUM_THREADS"),
+            *("HOME", "LANG", "LC_ALL", "OPENBLAS_NUM_THREADS", "PRIMRAY_ISA"),
             *(["PWD"] if "bubblewrap" in walls else []),
             *("PXR_WORK_THREAD_LIMIT", "TF_ENV_SETTING_ALERTS_ENABLED", "TMPDIR"),
         ],

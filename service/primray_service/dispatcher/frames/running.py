@@ -157,7 +157,7 @@ class RunningFrame:
         self.frame = replace(spent, peak_rss_bytes=max(spent.peak_rss_bytes, ended.peak_rss_bytes))
         disk_is_full = run.killed_for == "storage" or await self._context.look_at_disk()
         about = Circumstances(self.is_canceling, run.killed_for, disk_is_full, run.chunk.command["checkpoint"] is not None)
-        return ended, outcome_of(self.frame, run.inbox.last, ended, about, self._context.limits)
+        return ended, outcome_of(self.frame, run.inbox.last, ended, about, self._context.limits_of_chunks)
 
     async def _start(self, picture_only: bool) -> ChunkRun | Outcome:
         context, job, frame = self._context, self.job, self.frame

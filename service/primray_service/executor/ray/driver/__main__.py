@@ -1,0 +1,90 @@
+"""Lines from the server, each to what it is about; the end of them is the end of this process."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import sys
+import traceback
+from collections.abc import Mapping
+from typing import Any, BinaryIO
+
+import ray
+
+from ....jobs import Json
+from ....worker.channel import claim_stdout
+from .. import protocol
+from ..link import NotConnected
+from ..node.fitness import wanted_here
+from ..node.tasks import mailbox_actor
+from .cluster import Cluster
+from .connection import connect
+from .contents import Contents
+from .given_chunk import GivenChunk
+
+
+class Driver:
+    def __init__(self, settings: Json, messages: BinaryIO) -> None:
+        self._settings = settings
+        self._messages = messages
+        self._contents = Contents(ray.put)
+        self._mailbox = mailbox_actor(ray.get_runtime_context().get_node_id())
+        self._cluster = Cluster(settings, wanted_here(settings["allow_unsandboxed"]), self.tell)
+        self._given: dict[str, GivenChunk] = {}
+
+    def tell(self, line: Json) -> None:
+        """The server reads at once; if it is gone, so is this process."""
+        try:
+            left = memoryview(json.dumps(line).encode() + b"\n")
+            while left:
+                left = left[self._messages.write(left) or 0 :]
+        except OSError:
+            os._exit(0)
+
+    async def live(self, lines: asyncio.StreamReader) -> None:
+        """Until there are no more, or the cluster cannot be asked any more."""
+        working = [asyncio.ensure_future(self._cluster.watch()), asyncio.ensure_future(self._read(lines))]
+        done, _ = await asyncio.wait(working, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+
+    async def _read(self, lines: asyncio.StreamReader) -> None:
+        while line := await lines.readline():
+            self._heed(json.loads(line))
+
+    def _heed(self, line: Mapping[str, Any]) -> None:
+        does, name = line["do"], str(line["id"])
+        if does == "run":
+            given = GivenChunk(line, self._cluster, self._contents, self._mailbox, self._settings, self.tell)
+            self._given[name] = given
+            given.living.add_done_callback(lambda _: self._given.pop(name, None))
+        elif name not in self._given:
+            return
+        elif does == "tell":
+            self._given[name].say(line["command"])
+        elif does == "kill":
+            self._given[name].kill()
+
+
+async def main() -> None:
+    messages = claim_stdout()
+    lines = asyncio.StreamReader(protocol.MAX_LINE_BYTES)
+    await asyncio.get_running_loop().connect_read_pipe(lambda: asyncio.StreamReaderProtocol(lines), sys.stdin)
+    settings = json.loads(await lines.readline())
+    try:
+        connect(settings["address"])  # in this thread: Ray takes it for its main one
+        driver = Driver(settings, messages)
+    except NotConnected as error:
+        messages.write(json.dumps({"at": "failed", "code": error.code, "why": error.why}).encode() + b"\n")
+        return
+    try:
+        await driver.live(lines)
+    except BaseException:
+        traceback.print_exc()
+        sys.stderr.flush()
+        os._exit(1)
+    os._exit(0)  # Ray ends what this process has started; taking down its own threads may take seconds
+
+
+asyncio.run(main())

@@ -1,0 +1,166 @@
+"""The nodes that there are, which of them take work, and why others don't."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import traceback
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import ray
+from ray.exceptions import RayError
+
+from ....jobs import Json
+from ..node.fitness import Wanted
+from ..node.tasks import ask_fitness
+from .room import Resources, Room, room, selector
+
+LOOK_EVERY_S = 1.0
+ANSWER_WITHIN_S = 10.0  # the head; then nothing more is given out
+PROBE_WITHIN_S = 90.0  # a node: its first process has to start
+ASK_AGAIN_AFTER_S = 60.0  # a node that was refused
+
+
+@dataclass
+class Node:
+    id: str
+    host: str
+    resources: Resources
+    is_known: bool = False  # it was asked
+    why: str = ""  # it takes no work
+    sandbox: dict[str, str] = field(default_factory=dict)
+    asked_at: float = -math.inf
+    objects: int = 0  # that were sent to it
+    bytes: int = 0
+
+
+class Cluster:
+    """`tell` puts a line to the server."""
+
+    def __init__(self, settings: Json, wanted: Wanted, tell: Callable[[Json], None]) -> None:
+        self.wanted = wanted
+        self._settings = settings
+        self._tell = tell
+        self._nodes: dict[str, Node] = {}
+        self._asking: set[asyncio.Task[None]] = set()
+        self._away = ""  # why its head is not there
+        self._told: Json = {}
+        self.room: Room = room({}, settings["cores"], settings["limits"]["memory_bytes"])
+
+    async def watch(self) -> None:
+        """For ever. The first time that anything is told, all nodes have been looked at."""
+        await self._look()
+        while self._asking:
+            await asyncio.wait(self._asking)
+        self._say()
+        while True:
+            await asyncio.sleep(LOOK_EVERY_S)
+            await self._look()
+            self._say()
+
+    async def _look(self) -> None:
+        asked = asyncio.ensure_future(asyncio.to_thread(ray.nodes))
+        done, _ = await asyncio.wait([asked], timeout=ANSWER_WITHIN_S)
+        try:
+            if not done:
+                self._is_away("does not answer")
+            rows = {row["NodeID"]: row for row in await asked if row["Alive"] and self._is_ours(row)}
+        except (RayError, OSError, RuntimeError) as error:  # it may come back; if it does not, Ray ends this process
+            self._is_away(f"cannot be asked: {type(error).__name__}")
+            return
+        self._away = ""
+        self._nodes = {node_id: self._nodes.get(node_id) or _node(row) for node_id, row in rows.items()}
+        now = asyncio.get_running_loop().time()
+        for node in self._nodes.values():
+            if (node.why or not node.is_known) and now - node.asked_at > ASK_AGAIN_AFTER_S:
+                node.asked_at = now
+                task = asyncio.ensure_future(self._ask(node))
+                self._asking.add(task)
+                task.add_done_callback(self._asking.discard)
+
+    def _is_away(self, why: str) -> None:
+        """Nothing more is given out; what runs goes on."""
+        self._away = f"the head of the Ray cluster {why}"
+        if self._told:
+            self._say()
+
+    def _is_ours(self, row: Mapping[str, Any]) -> bool:
+        labels: Mapping[str, str] = self._settings["labels"]
+        has = row.get("Labels") or {}
+        return row["Resources"].get("CPU", 0) >= 1 and all(has.get(name) == value for name, value in labels.items())
+
+    async def _ask(self, node: Node) -> None:
+        asked = ask_fitness(node.id, self.wanted)
+        try:
+            fitness = await asyncio.wait_for(asyncio.wrap_future(asked.future()), PROBE_WITHIN_S)
+        except RayError as error:
+            node.why = _why(error)
+        except TimeoutError:
+            node.why = f"it did not answer within {PROBE_WITHIN_S:g} s"
+        except Exception as error:
+            traceback.print_exc()
+            node.why = f"it cannot be asked: {error!r}"
+        else:
+            node.why, node.sandbox = fitness.why, dict(fitness.sandbox)
+        node.is_known = True
+
+    def refuse(self, node_id: str, why: str) -> None:
+        """A task has found out."""
+        if node_id in self._nodes:
+            node = self._nodes[node_id]
+            node.is_known, node.why, node.asked_at = True, why, asyncio.get_running_loop().time()
+            self._say()
+
+    def sent(self, node_id: str, objects: int, size: int) -> None:
+        if objects and node_id in self._nodes:
+            self._nodes[node_id].objects += objects
+            self._nodes[node_id].bytes += size
+            self._say()
+
+    def selector(self) -> dict[str, str]:
+        """Nodes that nobody has looked at may have it: a task looks first of all, and new nodes come because work waits."""
+        refused = [node.id for node in self._nodes.values() if node.why]
+        return selector(self._settings["labels"], sorted(refused))
+
+    def _say(self) -> None:
+        """To the server, where it is news."""
+        working = {node.id: node.resources for node in self._nodes.values() if node.is_known and not node.why}
+        self.room = room(working, self._settings["cores"], self._settings["limits"]["memory_bytes"])
+        slots = 0 if self._away else self._settings["slots"] or self.room.total
+        told = {
+            "at": "cluster",
+            "slots": slots,
+            "cores": self.room.cores,
+            "memory_bytes": self.room.memory_bytes,
+            "why": f"{self._away}; jobs wait" if self._away else "",
+            "nodes": [self._row(node) for node in self._nodes.values() if node.is_known],
+        }
+        if told != self._told:
+            self._told = told
+            self._tell(told)
+
+    def _row(self, node: Node) -> Json:
+        slots = 0 if node.why else self.room.slots.get(node.id, 0)
+        received = {"objects": node.objects, "bytes": node.bytes}
+        return {
+            "id": node.id,
+            "host": node.host,
+            "slots": slots,
+            "why": node.why,
+            "sandbox": node.sandbox,
+            "received": received,
+        }
+
+
+def _node(row: Mapping[str, Any]) -> Node:
+    resources = row["Resources"]
+    return Node(row["NodeID"], row["NodeManagerHostname"], Resources(int(resources["CPU"]), int(resources.get("memory", 0))))
+
+
+def _why(error: RayError) -> str:
+    text = str(error)
+    if "ModuleNotFoundError" in text and "primray" in text:
+        return "primray[server] is not installed there, or another version of it"
+    return f"it cannot be asked: {(text.strip().splitlines() or [''])[-1][:300]}"

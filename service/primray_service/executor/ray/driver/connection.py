@@ -1,0 +1,55 @@
+"""Connecting to a cluster that is there already, and saying clearly why that did not work."""
+
+from __future__ import annotations
+
+import os
+import socket
+
+import ray
+from ray.exceptions import AuthenticationError
+
+from .. import protocol
+from ..link import NotConnected
+
+ANSWER_WITHIN_S = 5.0
+NO_TOKEN = (
+    "there is no token for the Ray cluster: put it into RAY_AUTH_TOKEN, a file that RAY_AUTH_TOKEN_PATH names, "
+    "or ~/.ray/auth_token"
+)
+
+
+def connect(address: str) -> None:
+    """NotConnected, with a code of protocol.py. "auto": the cluster that this machine is a node of."""
+    if address != "auto":
+        _require_listener(*split(address))
+    try:
+        ray.init(address, log_to_driver=False, configure_logging=False, namespace="primray")
+    except AuthenticationError as error:
+        why = NO_TOKEN if "no authentication token" in str(error) else str(error)
+        raise NotConnected(protocol.WRONG_TOKEN, why) from error
+    except (ConnectionError, RuntimeError, ValueError, OSError) as error:
+        raise NotConnected(protocol.UNREACHABLE, f"no Ray cluster at {address}: {_first_line(error)}") from error
+    if os.environ.get("RAY_AUTH_MODE") == "disabled":
+        print("RAY_AUTH_MODE=disabled: whoever reaches the Ray cluster may run anything on its nodes", flush=True)
+
+
+def split(address: str) -> tuple[str, int]:
+    """Host and port; NotConnected where it is no address."""
+    host, _, port = address.rpartition(":")
+    if address.startswith("ray://") or not host or not port.isdigit():
+        why = f"{address!r} is no address of a Ray cluster: HOST:PORT as `ray start --head` says, or auto on a node of it"
+        raise NotConnected(protocol.ADDRESS, why)
+    return host.strip("[]"), int(port)
+
+
+def _require_listener(host: str, port: int) -> None:
+    """Ray itself would try for two minutes."""
+    try:
+        socket.create_connection((host, port), ANSWER_WITHIN_S).close()
+    except OSError as error:
+        why = f"no Ray cluster at {host}:{port}: {error.strerror or error}"
+        raise NotConnected(protocol.UNREACHABLE, why) from error
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip().splitlines() or [type(error).__name__])[0][:500]

@@ -1,0 +1,193 @@
+"""RayExecutor: chunks run as tasks of a Ray cluster, on any of its nodes that has primray and whose sandbox holds.
+
+The cluster may die at any time, and this server's driver with it: every chunk under way is then lost, capacity is nothing, so
+that jobs wait, and it is tried again until the cluster is back. What a job is stays in the database.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import asdict
+from typing import Any
+
+from ...config import ServeConfig
+from ...files import DataDirectory
+from ...ids import ulid
+from ...jobs import Json
+from ...limits import Limits
+from ...problems import Problem
+from ..base import Capacity, Chunk, Handle, OnMessage
+from ..slots import Slots
+from . import protocol
+from .link import Link, NotConnected
+from .run import RayRun
+
+LOG = logging.getLogger(__name__)
+
+NOT_ASKED = "it cannot be asked"  # so a node's reason begins if that was an error
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 15.0  # before it is tried again to connect
+
+
+def ray_executor(config: ServeConfig, data: DataDirectory) -> RayExecutor:
+    return RayExecutor(
+        data,
+        config.limits,
+        address=config.ray_address,
+        slots=config.slots,
+        cores=config.ray_cores,
+        labels=dict(label.split("=", 1) for label in config.ray_labels),
+        allow_unsandboxed=config.allow_unsandboxed,
+    )
+
+
+class RayExecutor:
+    """`slots`: chunks at a time (None: as many as the nodes have room for); `cores`: that one takes of a node (None: 8, or all
+    of the smallest node's); `labels`: of nodes that take work (all of them)."""
+
+    def __init__(
+        self,
+        data: DataDirectory,
+        limits: Limits,
+        *,
+        address: str,
+        slots: int | None = None,
+        cores: int | None = None,
+        labels: Mapping[str, str] | None = None,
+        allow_unsandboxed: bool = False,
+    ) -> None:
+        self._settings: Json = {
+            "address": address,
+            "slots": slots,
+            "cores": cores,
+            "labels": dict(labels or {}),
+            "limits": asdict(limits),
+            "allow_unsandboxed": allow_unsandboxed,
+        }
+        self._address = address
+        self._slots = Slots(data.slots, ulid(time.time()))
+        self._cluster: Json = {"slots": 0, "cores": cores or 1, "memory_bytes": limits.memory_bytes, "nodes": []}
+        self._link: Link | None = None
+        self._runs: dict[str, RayRun] = {}
+        self._made = 0
+        self._keeping: asyncio.Task[None] | None = None
+        self._closing = False
+        self._why_not = "it was not started"
+
+    def capacity(self) -> Capacity:
+        """No slots while the cluster is away."""
+        slots = int(self._cluster["slots"]) if self._link is not None else 0
+        cores, memory = int(self._cluster["cores"]), int(self._cluster["memory_bytes"])
+        return Capacity(slots, cores * max(slots, 1), memory, len(self._working_nodes()))
+
+    def _working_nodes(self) -> list[Json]:
+        return [node for node in self._cluster["nodes"] if not node["why"]] if self._link is not None else []
+
+    async def start(self) -> None:
+        try:
+            await asyncio.to_thread(self._slots.open)
+            self._link = await Link.connect(self._settings, self._on_line)
+        except OSError as error:
+            raise Problem("unavailable", f"The Ray driver cannot be started: {error.strerror}.") from error
+        except NotConnected as error:
+            raise Problem("unavailable", f"{error.why}.", code=error.code) from error
+        self._why_not = ""
+        if not self._settings["slots"] and not self._working_nodes():
+            why = self._why_no_node()
+            await self._link.close()
+            raise Problem("unavailable", f"{why}.", code=protocol.NO_NODE)
+        self._keeping = asyncio.create_task(self._keep_connected(self._link))
+
+    async def _keep_connected(self, link: Link) -> None:
+        """Until the server stops: notice that the cluster is gone, and connect again when it is back."""
+        while True:
+            last = await link.ended()
+            self._lost(f"the Ray cluster at {self._address} is gone: {last or 'its driver ended'}")
+            pause_s = FIRST_PAUSE_S
+            while self._link is None:
+                await asyncio.sleep(pause_s)
+                pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
+                try:
+                    self._link = link = await Link.connect(self._settings, self._on_line)
+                except (NotConnected, OSError) as error:
+                    LOG.warning("the Ray cluster at %s is away still: %s", self._address, error)
+            self._why_not = ""
+            LOG.warning("the Ray cluster at %s is back", self._address)
+
+    def _lost(self, why: str) -> None:
+        self._link, self._why_not = None, "the Ray cluster is gone; jobs wait"  # whoever asks is not told where it was
+        if not self._closing:
+            LOG.error("%s; %d chunks are lost", why, len(self._runs))
+        for run in list(self._runs.values()):
+            run.is_lost(why)
+
+    def submit(self, chunk: Chunk, on_message: OnMessage) -> Handle:
+        if self._closing:
+            raise Problem("unavailable", "The server is stopping.")
+        if self._link is None:
+            raise Problem("unavailable", f"The Ray cluster at {self._address} is away.")
+        self._made += 1
+        run = RayRun(chunk, str(self._made), self._slots.make(), on_message, self._link.send)
+        self._runs[run.id] = run
+        run.ended.add_done_callback(lambda _: self._runs.pop(run.id, None))
+        run.begin()
+        return run
+
+    def _on_line(self, line: Mapping[str, Any]) -> None:
+        if line["at"] == "cluster":
+            self._cluster_is(line)
+            return
+        run = self._runs.get(str(line["id"]))
+        if run is None:
+            return
+        if line["at"] == "message":
+            run.heard(line["message"])
+        elif line["at"] == "ended":
+            run.has_ended(line)
+
+    def _cluster_is(self, found: Mapping[str, Any]) -> None:
+        before = {node["id"]: node["why"] for node in self._cluster["nodes"]}
+        self._cluster = dict(found)
+        for node in found["nodes"]:
+            if node["why"] and before.get(node["id"]) != node["why"]:
+                LOG.warning("the Ray node %s (%s) takes no work: %s", node["id"][:8], node["host"], node["why"])
+
+    def health(self) -> Json:
+        why = self._why_not or str(self._cluster.get("why", "")) or ("" if self.capacity().slots else self._why_no_node())
+        nodes = [_told(node) for node in self._cluster["nodes"]] if self._link is not None else []
+        found: Json = {"ok": not why and not self._closing, "sandbox": self._layers(), "nodes": nodes}
+        found |= {"running": len(self._runs), "slots": self.capacity().slots}
+        return found | ({"why": why} if why else {})
+
+    def _why_no_node(self) -> str:
+        refused = [f"{node['id']}: {node['why']}" for node in map(_told, self._cluster["nodes"]) if node["why"]]
+        return f"no node of the Ray cluster takes work ({'; '.join(refused) or 'none has the labels and the cores'})"
+
+    def _layers(self) -> dict[str, str]:
+        """Of the first node: they are alike, mostly; each node's own stand in `nodes`."""
+        nodes = self._working_nodes()
+        return dict(nodes[0]["sandbox"]) if nodes else {}
+
+    async def close(self) -> None:
+        self._closing = True
+        for run in list(self._runs.values()):
+            run.kill()
+        if self._runs:
+            await asyncio.wait([run.ended for run in self._runs.values()], timeout=2.0)
+        if self._keeping is not None:
+            self._keeping.cancel()
+            with suppress(asyncio.CancelledError):
+                await self._keeping
+        if self._link is not None:
+            await self._link.close()
+            self._lost("the server stops")
+        await asyncio.to_thread(self._slots.close)
+
+
+def _told(node: Json) -> Json:
+    """To whoever asks for /readyz, which needs no key: no names of hosts, nor errors' texts, which may have such."""
+    why = NOT_ASKED if node["why"].startswith(NOT_ASKED) else node["why"]
+    return {"id": node["id"][:8], "slots": node["slots"], "why": why, "received": node["received"]}

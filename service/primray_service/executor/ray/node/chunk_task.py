@@ -1,0 +1,118 @@
+"""A chunk on a node: its files come, its worker runs behind the same walls as on one machine, its messages and files go.
+
+Ray's process is trusted as the server is; the worker is not, so nothing of a scene is opened here.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from ....files import DataDirectory
+from ....jobs import Json
+from ....limits import Limits
+from ...base import Chunk, Ended
+from .cache import NodeCache, Read, node_folder
+from .fitness import fitness
+from .items import Begun, End, Item, Message, Refused
+from .leaving import files_of, taken
+from .order import Order
+from .runner import Runner, Running
+
+Take = Callable[[], list[Json] | None]  # what the mailbox has for the chunk; None: it is over
+
+
+@dataclass
+class _Process:
+    """Of Ray's: it may get one chunk after another."""
+
+    made_for: tuple[Json, int] | None = None
+    runner: Runner | None = None
+
+
+_process = _Process()
+
+
+def run(order: Order, node: str, read: Read, take: Take) -> Iterator[list[Item]]:
+    """`read` and `take` ask Ray; they are called in threads beside this one, whose cores it would give away else."""
+    found = fitness(order.wanted)
+    if found.why:
+        yield [Refused(node, found.why)]
+        return
+    with ThreadPoolExecutor(1) as fetching, ExitStack() as stack:
+        chunk, begun = fetching.submit(_fetched, order, node, read, stack).result()
+        yield [begun]
+        running = _runner(order).begin(chunk)
+        stack.callback(running.release)
+        threading.Thread(target=_listen, args=(running, take), name="mailbox", daemon=True).start()
+        yield from _told(running, Limits(**order.limits).output_bytes)
+
+
+def _fetched(order: Order, node: str, read: Read, stack: ExitStack) -> tuple[Chunk, Begun]:
+    """The chunk with its files on this node, held until the stack is done."""
+    cache = NodeCache(node_folder() / "cache")
+    new: list[int] = []
+    paths: dict[str, Path] = {}
+    for name, content in {**order.inputs, **order.folders}.items():
+        held = cache.hold(content, read)
+        stack.callback(held.release)
+        paths[name] = held.path
+        new += [] if held.was_there else [content.bytes]
+    about = order.chunk
+    chunk = Chunk(
+        order.key,
+        about["kind"],
+        about["command"],
+        {name: paths[name] for name in order.inputs},
+        {name: paths[name] for name in order.folders},
+        load_cpu_s=about["load_cpu_s"],
+        memory_bytes=about["memory_bytes"],
+        group=about["group"],
+        more_follow=about["more_follow"],
+    )
+    return chunk, Begun(node, len(new), sum(new))
+
+
+def _runner(order: Order) -> Runner:
+    made_for = (order.limits, order.cores)
+    if _process.runner is None or _process.made_for != made_for:
+        if _process.runner is not None:
+            _process.runner.close()
+        _process.runner = Runner(DataDirectory(node_folder()), Limits(**order.limits), order.cores)
+        _process.made_for = made_for
+    return _process.runner
+
+
+def _listen(running: Running, take: Take) -> None:
+    while (commands := take()) is not None:
+        for command in commands:
+            running.heed(command)
+
+
+def _told(running: Running, most_bytes: int) -> Iterator[list[Item]]:
+    """Until its end."""
+    while True:
+        news = running.news.get()
+        if isinstance(news, Ended):
+            yield [_end(news)]
+            return
+        left = most_bytes
+        ahead: list[Item] = []
+        for name in files_of(news):
+            for item in taken(running.folder, name, left):
+                ahead.append(item)
+                if size := len(getattr(item, "data", b"")):
+                    left -= size
+                    yield ahead
+                    ahead = []
+        yield [*ahead, Message(dict(news))]
+
+
+def _end(ended: Ended) -> End:
+    log = ended.log_file.read_bytes() if ended.log_file is not None and ended.log_file.is_file() else ended.log.encode()
+    told = {name: getattr(ended, name) for name in ("reason", "exit_code", "cpu_s", "peak_rss_bytes", "log", "protocol_error")}
+    return End({**told, "signal": None if ended.signal is None else int(ended.signal)}, log)

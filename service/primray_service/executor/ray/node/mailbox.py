@@ -1,0 +1,45 @@
+"""What the server says to chunks that run. An actor beside the driver: a task asks it, and has an answer once there is one."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import defaultdict
+from contextlib import suppress
+
+from ....jobs import Json
+
+ANSWER_AFTER_S = 20.0  # at the latest
+MOST_OVER = 10_000  # chunks that are remembered to be over
+
+
+class Mailbox:
+    """All methods run in one event loop."""
+
+    def __init__(self) -> None:
+        self._letters: dict[str, list[Json]] = defaultdict(list)
+        self._news: dict[str, asyncio.Event] = defaultdict(asyncio.Event)
+        self._over: dict[str, None] = {}  # in the order in which they ended
+
+    async def put(self, key: str, command: Json) -> None:
+        if key not in self._over:
+            self._letters[key].append(command)
+            self._news[key].set()
+
+    async def take(self, key: str) -> list[Json] | None:
+        """What has come since; maybe nothing yet. None: the chunk is over."""
+        if key not in self._over:
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._news[key].wait(), ANSWER_AFTER_S)
+        if key in self._over:
+            return None
+        self._news[key].clear()
+        return self._letters.pop(key, [])
+
+    async def forget(self, key: str) -> None:
+        """It is over."""
+        self._over[key] = None
+        while len(self._over) > MOST_OVER:
+            del self._over[next(iter(self._over))]
+        self._letters.pop(key, None)
+        if key in self._news:
+            self._news.pop(key).set()

@@ -1,0 +1,68 @@
+"""All that Ray is asked to run on nodes. Functions of modules travel by their names, so a node must have the same primray."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache
+from typing import Any
+
+import ray
+from ray.exceptions import RayError
+from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
+from ....jobs import Json
+from . import chunk_task
+from .fitness import Fitness, Wanted, fitness
+from .items import Item
+from .mailbox import Mailbox
+from .order import Order
+
+MOST_AHEAD = 16  # items of a task that nobody has taken yet: what is rendered must not fill the store
+MOST_ASKING = 1000  # chunks that wait for their letters
+
+
+def _run_chunk(order: Order, mailbox: Any) -> Iterator[list[Item]]:
+    def take() -> list[Json] | None:
+        try:
+            letters: list[Json] | None = ray.get(mailbox.take.remote(order.key))
+        except RayError:  # it is gone; Ray starts it again, or ends this process too
+            return None
+        return letters
+
+    yield from chunk_task.run(order, ray.get_runtime_context().get_node_id(), ray.get, take)
+
+
+def _told_fitness(wanted: Wanted) -> Fitness:
+    return fitness(wanted)
+
+
+@cache
+def _remote(function: Callable[..., Any]) -> Any:
+    """Ray is told of a function once."""
+    return ray.remote(function)
+
+
+def give_chunk(order: Order, mailbox: Any, resources: Mapping[str, Any], labels: Mapping[str, str]) -> Any:
+    """The task, whose items are lists of Item. At least once is the dispatcher's matter: Ray does not try again."""
+    given = _remote(_run_chunk).options(
+        **resources,
+        label_selector=dict(labels),
+        scheduling_strategy="DEFAULT",  # nodes that had work before have the scene, and a worker that is warm
+        num_returns="streaming",
+        max_retries=0,
+        _generator_backpressure_num_objects=MOST_AHEAD,
+    )
+    return given.remote(order, mailbox)
+
+
+def ask_fitness(node_id: str, wanted: Wanted) -> Any:
+    """A ref to the Fitness of a node; it takes none of its cores."""
+    where = NodeAffinitySchedulingStrategy(node_id, soft=False)
+    return _remote(_told_fitness).options(num_cpus=0, max_retries=0, scheduling_strategy=where).remote(wanted)
+
+
+def mailbox_actor(node_id: str) -> Any:
+    """On this node: it ends with whoever has made it."""
+    here = NodeAffinitySchedulingStrategy(node_id, soft=False)
+    made = ray.remote(Mailbox).options(num_cpus=0, max_restarts=-1, max_concurrency=MOST_ASKING, scheduling_strategy=here)
+    return made.remote()
