@@ -7,7 +7,6 @@ import json
 import math
 from collections.abc import Iterable
 from enum import Enum
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,8 +31,7 @@ def describe(description: SceneDescription, diagnostics: Iterable[Diagnostic], r
         "diagnostics": [f"{d.severity.value} {d.code} {d.prim_path}{_dotted(d.attribute)} {d.message}" for d in diagnostics],
         "scene": _plain(description),
     }
-    text = json.dumps(found, indent=1, sort_keys=True).replace(root, "<root>")
-    return text.replace(str(Path(root).parent), "<root>/..") + "\n"
+    return json.dumps(found, indent=1, sort_keys=True).replace(root, "<root>") + "\n"
 
 
 def _dotted(attribute: str) -> str:

@@ -206,7 +206,7 @@ def _checkpoint(path: Path, header: dict[str, Any], arrays: Arrays) -> Checkpoin
             diagnostics=[dict(row) for row in header["diagnostics"]],
             aovs=tuple(str(name) for name in header["aovs"]),
             rendering_space=_space_of(header["rendering_space"]),
-            motion=_motion_of(header.get("motion")),
+            motion=_motion_of(header["motion"]),
         ),
         ranges=ranges,
         under_way=bool(header["under_way"]),
