@@ -8,6 +8,7 @@
     limits.py           what is allowed
     store/              the only SQL: SQLite or PostgreSQL
     files.py            the data directory
+    held.py             what is locked by whoever uses it, made while others sweep
     scenes/             uploads: streamed, recognised, unpacked, safely
     dispatcher/         holds the lease, gives frames to an executor, adopts what comes back
     executor/           where chunks run: base.py is the interface

@@ -1,6 +1,7 @@
 // See bare_world.hpp.
 #include "accel/bare_world.hpp"
 
+#include "accel/triangle_geometry.hpp"
 #include "base/error.hpp"
 
 namespace primray {
@@ -10,27 +11,12 @@ void must(bool holds, const char* what) {
   if (!holds) throw Error("internal", std::string("a bare world has no ") + what);
 }
 
-OwnedScene new_scene() {
-  OwnedScene s(embree().rtcNewScene(embree_device()));
-  embree().rtcSetSceneFlags(s.get(), rtc::kRobust);
-  embree().rtcSetSceneBuildQuality(s.get(), rtc::kMediumQuality);
-  return s;
-}
-
 // `count` triangles of the group from its `first` on, with vertices at so many times.
 void attach_triangles(rtc::Scene target, const Scene& scene, const Group& group, uint32_t first, uint32_t count, int steps) {
   if (count == 0) return;
-  const rtc::Api& e = embree();
-  const OwnedGeometry g(e.rtcNewGeometry(embree_device(), rtc::kTriangle));
-  if (steps > 1) e.rtcSetGeometryTimeStepCount(g.get(), uint32_t(steps));
-  for (int k = 0; k < steps; ++k)
-    e.rtcSetSharedGeometryBuffer(g.get(), rtc::kVertexBuffer, uint32_t(k), rtc::kFloat3, scene.positions.data(),
-                                 (size_t(group.vertex_base) + size_t(k) * group.moving_vertex_count) * 12, 12,
-                                 group.vertex_count);
-  e.rtcSetSharedGeometryBuffer(g.get(), rtc::kIndexBuffer, 0, rtc::kUint3, scene.indices.data(),
-                               (size_t(group.triangle_base) + first) * 12, 12, count);
-  e.rtcCommitGeometry(g.get());
-  e.rtcAttachGeometryByID(target, g.get(), first == 0 ? 0 : 1);
+  const OwnedGeometry g = make_triangles(scene, group, first, count, steps);
+  embree().rtcCommitGeometry(g.get());
+  embree().rtcAttachGeometryByID(target, g.get(), first == 0 ? 0 : 1);
 }
 
 // RTCQuaternionDecomposition: scale, skew, shift, quaternion (real part first), translation.
@@ -88,10 +74,9 @@ OwnedScene BareWorld::make(const Scene& scene, const Group& group) {
   must(group.cutout_count + group.moving_cutout_count == 0, "cut-outs");
   must(!group.curved.any(), "curved shapes");
   must(group.clock < 0 || scene.motion.clocks[size_t(group.clock)].uniform, "uneven clocks");
-  OwnedScene made = new_scene();
+  OwnedScene made = new_embree_scene();
   attach_triangles(made.get(), scene, group, 0, group.triangle_count, 1);
-  const int steps = group.clock < 0 ? 1 : scene.motion.clocks[size_t(group.clock)].segments() + 1;
-  attach_triangles(made.get(), scene, group, group.still_count(), group.moving_count, steps);
+  attach_triangles(made.get(), scene, group, group.still_count(), group.moving_count, vertex_steps(scene, group));
   for (uint32_t i = 0; i < group.placement_count; ++i) {
     const uint32_t placement = group.placement_base + i;
     const Group& placed = scene.groups[size_t(scene.placement_group[placement])];

@@ -3,44 +3,13 @@
 
 #include "accel/cutout.hpp"
 #include "accel/placed_geometry.hpp"
+#include "accel/triangle_geometry.hpp"
 #include "base/error.hpp"
 
 namespace primray {
 namespace {
 
 void attach(rtc::Scene scene, const OwnedGeometry& g, uint32_t id) { embree().rtcAttachGeometryByID(scene, g.get(), id); }
-
-// A geometry of the group's vertices, without indices yet.
-OwnedGeometry over_positions(rtc::GeometryType type, const Scene& scene, const Group& group) {
-  const rtc::Api& e = embree();
-  OwnedGeometry g(e.rtcNewGeometry(embree_device(), type));
-  e.rtcSetSharedGeometryBuffer(g.get(), rtc::kVertexBuffer, 0, rtc::kFloat3, scene.positions.data(),
-                               size_t(group.vertex_base) * 12, 12, group.vertex_count);
-  return g;
-}
-
-// `count` of the group's triangles from its `first` on.
-OwnedGeometry make_triangles(const Scene& scene, const Group& group, uint32_t first, uint32_t count) {
-  OwnedGeometry g = over_positions(rtc::kTriangle, scene, group);
-  embree().rtcSetSharedGeometryBuffer(g.get(), rtc::kIndexBuffer, 0, rtc::kUint3, scene.indices.data(),
-                                      (size_t(group.triangle_base) + first) * 12, 12, count);
-  return g;
-}
-
-// `count` of the group's moving triangles from its `first` on: a buffer of vertices for each time.
-OwnedGeometry make_moving_triangles(const Scene& scene, const Group& group, uint32_t first, uint32_t count) {
-  const rtc::Api& e = embree();
-  OwnedGeometry g(e.rtcNewGeometry(embree_device(), rtc::kTriangle));
-  const int steps = scene.motion.clocks[size_t(group.clock)].segments() + 1;
-  e.rtcSetGeometryTimeStepCount(g.get(), uint32_t(steps));
-  for (int k = 0; k < steps; ++k)
-    e.rtcSetSharedGeometryBuffer(g.get(), rtc::kVertexBuffer, uint32_t(k), rtc::kFloat3, scene.positions.data(),
-                                 (size_t(group.vertex_base) + size_t(k) * group.moving_vertex_count) * 12, 12,
-                                 group.vertex_count);
-  e.rtcSetSharedGeometryBuffer(g.get(), rtc::kIndexBuffer, 0, rtc::kUint3, scene.indices.data(),
-                               (size_t(group.triangle_base) + first) * 12, 12, count);
-  return g;
-}
 
 // The pairs that the group's triangles begin with, of `paired` triangles.
 OwnedGeometry make_pairs(const Scene& scene, const Group& group, uint32_t paired) {
@@ -79,14 +48,15 @@ void attach_cutouts(rtc::Scene target, Scene& scene, const Group& group, OwnedGe
 // The group's triangles whose vertices move.
 void attach_moving(rtc::Scene target, Scene& scene, const Group& group) {
   const uint32_t first = group.still_count();
+  const int steps = vertex_steps(scene, group);
   if (group.moving_count > 0) {
-    const OwnedGeometry g = make_moving_triangles(scene, group, first, group.moving_count);
+    const OwnedGeometry g = make_triangles(scene, group, first, group.moving_count, steps);
     embree().rtcCommitGeometry(g.get());
     attach(target, g, kMovingGeometry);
   }
   if (group.moving_cutout_count > 0)
     attach_cutouts(target, scene, group,
-                   make_moving_triangles(scene, group, first + group.moving_count, group.moving_cutout_count),
+                   make_triangles(scene, group, first + group.moving_count, group.moving_cutout_count, steps),
                    first + group.moving_count, kMovingCutoutGeometry);
 }
 
@@ -108,15 +78,8 @@ OwnedGeometry make_placement(Scene& scene, size_t placement) {
   return g;
 }
 
-OwnedScene new_scene() {
-  OwnedScene s(embree().rtcNewScene(embree_device()));
-  embree().rtcSetSceneFlags(s.get(), rtc::kRobust);
-  embree().rtcSetSceneBuildQuality(s.get(), rtc::kMediumQuality);
-  return s;
-}
-
 void build_group(Scene& scene, Group& group) {
-  group.accel = new_scene();
+  group.accel = new_embree_scene();
   rtc::Scene target = group.accel.get();
   group.paired_count = paired_in(scene, group);
   scene.has_pairs |= group.paired_count > 0;
@@ -160,7 +123,7 @@ EmbreeWorld::EmbreeWorld(const Scene& scene) : scene_(scene.accel()) {
   if (scene_) return;
   const Group& world = scene.groups[0];
   paired_ = paired_in(scene, world);
-  own_ = new_scene(), scene_ = own_.get();
+  own_ = new_embree_scene(), scene_ = own_.get();
   attach_triangles(scene_, scene, world, paired_);
   embree().rtcCommitScene(scene_);
   check_embree();

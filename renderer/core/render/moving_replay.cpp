@@ -2,7 +2,6 @@
 #include "render/moving_replay.hpp"
 
 #include <time.h>
-#include <xmmintrin.h>
 
 #include <algorithm>
 #include <cmath>
@@ -10,6 +9,7 @@
 #include "accel/bare_query.hpp"
 #include "accel/query.hpp"
 #include "base/error.hpp"
+#include "render/recorded_call.hpp"
 
 namespace primray {
 namespace {
@@ -19,29 +19,6 @@ double cpu_seconds() {
   timespec t;
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
   return double(t.tv_sec) + 1e-9 * double(t.tv_nsec);
-}
-
-// Denormals are zero, as in a render.
-class FlushDenormals {
- public:
-  FlushDenormals() : mode_(_mm_getcsr()) { _mm_setcsr(mode_ | 0x8040); }
-  ~FlushDenormals() { _mm_setcsr(mode_); }
-
- private:
-  unsigned mode_;
-};
-
-template <int W>
-Rays<W> rays_of(const float* p) {
-  const auto field = [&](int f) { return load<W>(p + f * W); };
-  return {{field(0), field(1), field(2)}, {field(3), field(4), field(5)}, field(6), field(7), field(8)};
-}
-
-template <int W>
-vbool<W> active_of(uint32_t mask) {
-  vint<W> lanes;
-  for (int i = 0; i < W; ++i) lanes.set(i, -int32_t(mask >> i & 1));
-  return vbool<W>(lanes.v);
 }
 
 template <int W>

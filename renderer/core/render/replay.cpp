@@ -1,13 +1,11 @@
 // See replay.hpp.
 #include "render/replay.hpp"
 
-#include <xmmintrin.h>
-
 #include <algorithm>
 #include <chrono>
-#include <utility>
 
 #include "accel/build.hpp"
+#include "render/recorded_call.hpp"
 
 namespace primray {
 namespace {
@@ -19,14 +17,8 @@ double replay_lanes(rtc::Scene world, const RayRecorder& recorder, Entry entry) 
   float sink = 0;
   const auto start = std::chrono::steady_clock::now();
   for (const RayRecorder::Call& call : recorder.calls) {
-    const float* p = &recorder.rays[call.first];
-    const auto next = [&] { return load<W>(std::exchange(p, p + W)); };
-    Rays<W> r;
-    r.o.x = next(), r.o.y = next(), r.o.z = next(), r.d.x = next(), r.d.y = next(), r.d.z = next(), r.tnear = next(),
-    r.tfar = next(), r.time = next();
-    vint<W> lanes;
-    for (int i = 0; i < W; ++i) lanes.set(i, -int32_t(call.active >> i & 1));
-    const vbool<W> active(lanes.v);
+    const Rays<W> r = rays_of<W>(&recorder.rays[call.first]);
+    const vbool<W> active = active_of<W>(call.active);
     const bool packet = entry == Entry::kAsRecorded ? call.packet : entry == Entry::kPacket;
     if (call.shadow) {
       sink += float(bits(packet ? occluded_packet(world, active, r) : occluded_single(world, active, r)));
@@ -43,8 +35,7 @@ double replay_lanes(rtc::Scene world, const RayRecorder& recorder, Entry entry) 
 
 double replay(const Scene& scene, const RayRecorder& recorder, int lanes) {
   const EmbreeWorld world(scene);
-  const unsigned mode = _mm_getcsr();
-  _mm_setcsr(mode | 0x8040);
+  const FlushDenormals flush;
   const auto seconds = [&](Entry entry) {
     if (lanes == 1) return replay_lanes<1>(world.get(), recorder, entry);
     if (lanes == 4) return replay_lanes<4>(world.get(), recorder, entry);
@@ -52,9 +43,7 @@ double replay(const Scene& scene, const RayRecorder& recorder, int lanes) {
     if (lanes == 16) return replay_lanes<16>(world.get(), recorder, entry);
     return -1.0;
   };
-  const double s = world.apart() ? std::min(seconds(Entry::kPacket), seconds(Entry::kSingle)) : seconds(Entry::kAsRecorded);
-  _mm_setcsr(mode);
-  return s;
+  return world.apart() ? std::min(seconds(Entry::kPacket), seconds(Entry::kSingle)) : seconds(Entry::kAsRecorded);
 }
 
 }  // namespace primray

@@ -12,6 +12,7 @@ from typing import Any
 
 from .. import core
 from ..diagnostics import Diagnostics
+from ..diffusing.diffuse import with_diffusion
 from ..errors import CheckpointError
 from ..images.image import Image, pixels_sha256
 from ..report.report import Costs, header_of, make_report, settings_as_json, usable_threads
@@ -53,11 +54,7 @@ def merge(paths: Sequence[Path]) -> Merged:
     report |= {"parts": [str(path) for path in paths], "sample_ranges": [list(r) for r in ranges]}
     image = Image(pixels, report, metadata, about.camera, errors=errors, frame=about.frame, color_space=about.rendering_space)
     header, arrays = contents(sampling, about)
-    if about.camera.diffusion.strength > 0:
-        from ..diffusing.diffuse import with_diffusion
-
-        image = with_diffusion(image)
-    return Merged(image, header | {"ranges": [list(r) for r in ranges]}, arrays)
+    return Merged(with_diffusion(image), header | {"ranges": [list(r) for r in ranges]}, arrays)
 
 
 def _gather(paths: Sequence[Path]) -> tuple[Sampling, list[Checkpoint], tuple[Range, ...]]:

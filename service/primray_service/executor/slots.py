@@ -14,6 +14,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
+from ..held import make_held
+
 NO_LINKS = {errno.EXDEV, errno.EPERM, errno.EMLINK, errno.ENOTSUP, errno.ENOSYS}
 
 
@@ -56,8 +58,11 @@ class Slots:
         for slot in self._folder.iterdir():
             if slot.is_dir() and not self._folder.joinpath(f"{slot.name.rsplit('-', 1)[0]}.lock").exists():
                 shutil.rmtree(slot, ignore_errors=True)
-        self._lock = os.open(self._folder / f"{self._name}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-        fcntl.flock(self._lock, fcntl.LOCK_EX)
+        _, self._lock = make_held(self._make_lock)
+
+    def _make_lock(self) -> tuple[Path, int]:
+        path = self._folder / f"{self._name}.lock"
+        return path, os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
 
     def make(self) -> Slot:
         self._made += 1

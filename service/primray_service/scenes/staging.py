@@ -11,13 +11,14 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 from ..files import DataDirectory
+from ..held import make_held
 from .threads import to_the_end
 
 
 @asynccontextmanager
 async def staging(data: DataDirectory) -> AsyncIterator[Path]:
     """A new folder, gone at the end unless it was renamed."""
-    folder, lock = await to_the_end(lambda: _make(data.incoming))
+    folder, lock = await to_the_end(lambda: make_held(lambda: _make(data.incoming)))
     try:
         yield folder
     finally:
@@ -26,9 +27,7 @@ async def staging(data: DataDirectory) -> AsyncIterator[Path]:
 
 def _make(incoming: Path) -> tuple[Path, int]:
     folder = Path(tempfile.mkdtemp(prefix="upload-", dir=incoming))
-    lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    fcntl.flock(lock, fcntl.LOCK_EX)
-    return folder, lock
+    return folder, os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
 
 
 def _discard(folder: Path, lock: int) -> None:
