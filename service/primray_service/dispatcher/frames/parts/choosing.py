@@ -20,7 +20,7 @@ def claimed_frame(context: Context, jobs: SharedJobs, claim: Claim, on_free: Cal
     slots = context.executor.capacity().slots
     places = slots if job.parallel == "auto" else min(int(job.parallel or 1), slots)
     is_begun_whole = bool(frame.checkpoint_file) and not frame.merged
-    most = rules_of(job.settings.get("stop", {}), context.limits.seconds).most
+    most = rules_of(job.settings.get("stop", {})).most
     if places < 2 or is_begun_whole or most < 2 * LEAST:
         return RunningFrame(context, jobs, claim, on_free)
     return ParallelFrame(context, jobs, claim, on_free, places)

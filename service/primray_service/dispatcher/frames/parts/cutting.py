@@ -25,19 +25,13 @@ class Rules:
     metric: str
     seconds: float | None
 
-    @property
-    def has_end(self) -> bool:
-        """Known from the start, in samples."""
-        return self.target is None and self.seconds is None
 
-
-def rules_of(stop: Json, seconds: float) -> Rules:
-    """Of a job's stop rules, and the seconds that are allowed in any case."""
+def rules_of(stop: Json) -> Rules:
+    """Of a job's stop rules."""
     asked, target, limit = stop.get("max_samples"), stop.get("target_error"), stop.get("max_seconds")
     early = target is not None or limit is not None
     most = asked if asked is not None else MAX_SPP if early else DEFAULT_SPP
-    in_time = seconds if limit is None else min(limit, seconds)
-    return Rules(most // SAMPLE_BLOCK * SAMPLE_BLOCK, target, stop.get("metric", "relmse"), in_time if limit else None)
+    return Rules(most // SAMPLE_BLOCK * SAMPLE_BLOCK, target, stop.get("metric", "relmse"), limit)
 
 
 @dataclass(frozen=True)

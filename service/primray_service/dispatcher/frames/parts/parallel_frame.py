@@ -58,8 +58,9 @@ class ParallelFrame:
         self._merging: tuple[asyncio.Task[Found | Outcome], MergeRun] | None = None
         self._picture: RunningFrame | None = None
         self._wants_preview = False
+        self._has_freed = False  # slots, since others were told
         self._ledger = Ledger(0, ())
-        self._rules = rules_of(self.job.settings.get("stop", {}), context.limits.seconds)
+        self._rules = rules_of(self.job.settings.get("stop", {}))
         self._known = Known(places)
         self._target_met = False
         capacity = context.executor.capacity()
@@ -194,7 +195,9 @@ class ParallelFrame:
                 return end
             self._merge_if_due()
             self._use_slot()
-            await self._on_free()
+            if self._has_freed or self.wants_slot:
+                self._has_freed = False
+                await self._on_free()
             if not self._kill_for:
                 await self._report(shared)
             with suppress(TimeoutError):
@@ -244,11 +247,15 @@ class ParallelFrame:
         return Taken(asked if odd else merged, merged, out_of_time=early)
 
     def _follow_clock(self) -> None:
+        """A time limit that was asked for decides how large parts are; what is allowed in any case only ends the frame."""
+        left = self._context.limits.seconds - self._elapsed_s
         if self._rules.seconds is not None:
-            left = self._rules.seconds - self._elapsed_s
-            self._known = replace(self._known, left_s=left)
-            if self._is_out_of_time:
-                self._kill_parts("enough")
+            left = min(left, self._rules.seconds - self._elapsed_s)
+        elif left > 0:
+            return
+        self._known = replace(self._known, left_s=left)
+        if self._is_out_of_time:
+            self._kill_parts("enough")
 
     @property
     def _elapsed_s(self) -> float:
@@ -286,6 +293,7 @@ class ParallelFrame:
         """Deal with parts and a merge that have ended."""
         for task in [task for task in self._parts if task.done()]:
             end, run = task.result(), self._parts.pop(task)
+            self._has_freed = True
             self._told.hear([run], self._loop.time())
             self._take_part(end)
             self._holds_slot = self._holds_slot or not self._parts
@@ -302,13 +310,15 @@ class ParallelFrame:
         if end.ended is not None:
             self._count(end.ended.cpu_s, end.ended.peak_rss_bytes)
         if end.outcome is None:
-            each = end.sampled_s / end.part.samples
+            each = max(end.sampled_s, 1e-6) / end.part.samples
             known = self._known.sample_s
             self._known = replace(self._known, sample_s=each if known is None else (known + each) / 2, load_s=end.load_s)
         elif isinstance(end.outcome, Broken):
             self._failed = end.outcome
-        elif isinstance(end.outcome, Again):
+        elif isinstance(end.outcome, Again) and end.outcome.why != "gone":
             self._context.metrics.restarts[f"part-{end.outcome.why}"] += 1
+        else:
+            self.kill("gone")
 
     def _count(self, cpu_s: float, peak_rss_bytes: int) -> None:
         frame = self.frame
@@ -422,10 +432,11 @@ class ParallelFrame:
             self.saw(job)
 
     async def _end_as(self, shared: SharedJob, end: Taken | Outcome) -> None:
-        if isinstance(end, GivenUp) and self.frame.merged:
-            end = Taken(self.frame.merged, self.frame.merged)
         if isinstance(end, Taken):
             await self._make_picture(end)
+            return
+        if isinstance(end, GivenUp) and self.frame.merged:
+            await self._make_picture(None)  # of a canceled frame that had samples
             return
         self.frame = progress_reports.updated(self.frame, self._told)
         completion = RunCompletion(self._context, shared, self.job, self.frame, None, None)
@@ -441,7 +452,7 @@ class ParallelFrame:
         if completion.is_over:
             self._jobs.forget(self.job)
 
-    async def _make_picture(self, taken: Taken) -> None:
+    async def _make_picture(self, taken: Taken | None) -> None:
         self.frame = progress_reports.updated(self.frame, self._told)
         claim = Claim(self.job, self.frame)
         self._picture = RunningFrame(self._context, self._jobs, claim, self._on_free, taken)

@@ -24,6 +24,7 @@ class Told:
         self._asked = asked  # the frame's settings
         self._rays: dict[int, int] = {}  # of parts that are done, and that run
         self._merged_rays = 0
+        self.error: Json | None = None  # of what is merged, as progress tells it
 
     def hear(self, runs: Iterable[PartRun], now: float) -> None:
         """Take over what they have said."""
@@ -79,5 +80,3 @@ class Told:
             "eta_s": left,
             "eta_ci95": None,
         }
-
-    error: Json | None = None  # of what is merged, as progress tells it
