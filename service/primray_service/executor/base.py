@@ -1,9 +1,10 @@
 """Where chunks run: the interface that the dispatcher uses and every executor keeps; tests/service/executor/contract.py
 holds it.
 
-A chunk is one process's work: the check of a scene, a frame (or a range of its samples) from its last checkpoint until it ends or
-is told to yield, or putting such ranges together, which is as short as a check and counts as one. Its worker sends messages (worker/protocol.py) while it runs and leaves files in a folder. At-least-once: the same chunk may
-run twice, in parallel even, after a server or a node died; whoever adopts results does so once (store.accept_checkpoint).
+A chunk is one process's work: the check of a scene; a frame, or a range of its samples, from its last checkpoint until it
+ends or is told to yield; or putting such ranges together, which is short and counts as a check. Its worker sends messages
+(worker/protocol.py) while it runs and leaves files in a folder. At-least-once: the same chunk may run twice, in parallel
+even, after a server or a node died; whoever adopts results does so once (store.accept_checkpoint, accept_part).
 """
 
 from __future__ import annotations
