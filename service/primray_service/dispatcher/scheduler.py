@@ -147,6 +147,8 @@ class Scheduler:
         if claim is None:
             return False
         self._served[claim.job.tenant] = time.monotonic()
+        for other in self._parallel():
+            other.has_given_way = False
         metrics = self._context.metrics
         metrics.frames_started += 1
         metrics.queue_wait.observe(max(time.time() - claim.job.queued_at, 0.0))
@@ -173,21 +175,24 @@ class Scheduler:
                     if not await self._fill_slot():
                         return
 
+    def _parallel(self) -> list[ParallelFrame]:
+        return [running for running in self._running.values() if isinstance(running, ParallelFrame)]
+
     async def _fill_slot(self) -> bool:
         """False if nothing waits for one."""
         return await self._start_part(is_first=True) or await self._start_frame() or await self._start_part(is_first=False)
 
     async def _start_part(self, *, is_first: bool) -> bool:
         """Give a slot to a frame that is rendered in parts; `is_first`: only to one that goes before all frames that wait, by
-        its priority, or because it has begun and has none."""
-        parallel = [running for running in self._running.values() if isinstance(running, ParallelFrame)]
-        wanting = [running for running in parallel if running.wants_slot]
+        its priority, or because it has begun and has none, unless it has just given way."""
+        wanting = [running for running in self._parallel() if running.wants_slot]
         if not wanting:
             return False
         best = min(wanting, key=lambda running: (-running.job.priority, running.slots, running.key))
         if is_first:
             highest = max((priority for priority, _ in await self._waiting()), default=-1)
-            if best.job.priority < highest or (best.job.priority == highest and best.slots > 0):
+            waits_its_turn = best.slots > 0 or best.has_given_way
+            if best.job.priority < highest or (best.job.priority == highest and waits_its_turn):
                 return False
             if not best.wants_slot:
                 return True  # it has changed while others were looked at: look again

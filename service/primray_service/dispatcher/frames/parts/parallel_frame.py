@@ -35,7 +35,7 @@ LOOK_S = 0.5
 
 
 class ParallelFrame:
-    """In `places` at a time at most. `going`: it was told to end, or to wait again."""
+    """In `places` at a time at most. `going`: it was told to end, or to wait again; `has_given_way`: a part of it has."""
 
     def __init__(
         self, context: Context, jobs: SharedJobs, claim: Claim, on_free: Callable[[], Awaitable[None]], places: int
@@ -43,6 +43,7 @@ class ParallelFrame:
         self.job: Job = claim.job
         self.frame = claim.frame
         self.going = False
+        self.has_given_way = False  # since another frame was given a slot
         self._places = places
         self._context = context
         self._jobs = jobs
@@ -186,7 +187,6 @@ class ParallelFrame:
 
     async def _sample(self, shared: SharedJob) -> Taken | Outcome:
         """Until enough is merged, or something else ends it."""
-        self._use_slot()
         while True:
             await self._reap()
             self._told.hear(self._parts.values(), self._loop.time())
@@ -296,7 +296,8 @@ class ParallelFrame:
             self._has_freed = True
             self._told.hear([run], self._loop.time())
             self._take_part(end)
-            self._holds_slot = self._holds_slot or not self._parts
+            self.has_given_way = self.has_given_way or run.going
+            self._holds_slot = self._holds_slot or not (self._parts or run.going)
         if self._merging is not None and self._merging[0].done():
             task_of_merge, merge = self._merging
             try:

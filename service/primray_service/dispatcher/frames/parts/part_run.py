@@ -177,10 +177,10 @@ class PartRun:
         load_s = 0.0
         if run is not None and run.inbox.sampling_since is not None:
             load_s = run.inbox.sampling_since - self._began
+        await self._log(outcome, ended)
         if isinstance(outcome, Picture):
             self.part = replace(self.part, state=PartState.DONE)
         else:
-            await self._log(outcome, ended)
             self.part = waits_again(self.part)
             if isinstance(outcome, Again):
                 frame = outcome.frame
@@ -200,7 +200,9 @@ class PartRun:
             return
         path = self._context.data.frame(self.part.job_id, self.part.frame) / adoption.LOG
         signal = "" if ended.signal is None else f" {outcomes.signal_name(ended.signal)}"
-        became = f"given out again: {outcome.why}" if isinstance(outcome, Again) else "failed"
+        became = "done" if isinstance(outcome, Picture) else "failed"
+        if isinstance(outcome, Again):
+            became = f"given out again: {outcome.why}"
         title = f"samples {self.part.first}:{self.part.end}, chunk {self._run.chunk.id}: {ended.reason}{signal}; {became}"
         text = ended.log if ended.log_file is None else ended.log_file
         try:
