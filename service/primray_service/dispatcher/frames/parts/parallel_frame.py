@@ -32,6 +32,7 @@ from .part_run import PartEnd, PartRun
 from .told import Told
 
 LOOK_S = 0.5
+NOT_LOST = ("enough", "cancel")  # parts that are of no use any more
 
 
 class ParallelFrame:
@@ -316,10 +317,10 @@ class ParallelFrame:
             self._known = replace(self._known, sample_s=each if known is None else (known + each) / 2, load_s=end.load_s)
         elif isinstance(end.outcome, Broken):
             self._failed = end.outcome
-        elif isinstance(end.outcome, Again) and end.outcome.why != "gone":
-            self._context.metrics.restarts[f"part-{end.outcome.why}"] += 1
-        else:
+        elif not isinstance(end.outcome, Again) or end.outcome.why == "gone":
             self.kill("gone")
+        elif end.outcome.why not in NOT_LOST:
+            self._context.metrics.restarts[f"part-{end.outcome.why}"] += 1
 
     def _count(self, cpu_s: float, peak_rss_bytes: int) -> None:
         frame = self.frame
