@@ -25,8 +25,8 @@ from ..outcomes import Again, Broken, GivenUp, Outcome
 from ..run_completion import RunCompletion
 from ..running import DROPPED, RunningFrame, Taken
 from ..shared_jobs import SharedJob, SharedJobs
-from .cutting import Known, next_samples, rules_of
-from .ledger import Ledger, waits_again
+from .course import Course
+from .ledger import waits_again
 from .merge_run import Found, MergeRun
 from .part_run import PartEnd, PartRun
 from .told import Told
@@ -61,10 +61,7 @@ class ParallelFrame:
         self._picture: RunningFrame | None = None
         self._wants_preview = False
         self._has_freed = False  # slots, since others were told
-        self._ledger = Ledger(0, ())
-        self._rules = rules_of(self.job.settings.get("stop", {}))
-        self._known = Known(places)
-        self._target_met = False
+        self._course = Course(self.job.settings.get("stop", {}), places)
         capacity = context.executor.capacity()
         asked = settings_as_json(commands.frame_settings(self.job.settings, self.frame, capacity))
         self._told = Told(self._loop.time(), self.frame.convergence, asked)
@@ -88,7 +85,7 @@ class ParallelFrame:
     def wants_slot(self) -> bool:
         if self._is_ending or not self._has_read or self._picture is not None or self._holds_slot:
             return False
-        return len(self._parts) < self._places and (self._next_part() is not None or self._is_sampled)
+        return len(self._parts) < self._places and (self._course.next_part(self.frame) is not None or self._is_sampled)
 
     def take_slot(self) -> None:
         """It is free, and this frame's now."""
@@ -178,12 +175,10 @@ class ParallelFrame:
         if frame.merged and frame.checkpoint_file in gone:
             await calls.store(context.store.drop_parts, context.fence, frame)
             self.frame, parts = replace(frame, merged=0, checkpoint_file=""), []
-        self._ledger = Ledger(self.frame.merged, [_as_left(part, gone) for part in parts])
-        keep = {part.checkpoint_file for part in self._ledger.parts} | {self.frame.checkpoint_file}
+        self._course.begin(self.frame, [_as_left(part, gone) for part in parts])
+        keep = {part.checkpoint_file for part in self._course.ledger.parts} | {self.frame.checkpoint_file}
         await calls.disk(adoption.tidy_frame, context.data, self.job.id, frame.number, keep)
-        error = (frame.progress.get("error") or {}) if self.frame.merged else {}
-        self._known = replace(self._known, merged=self.frame.merged, error=error.get("estimate"))
-        self._told.error = error or None
+        self._told.error = frame.progress.get("error") if self.frame.merged else None
         self._has_read = True
 
     async def _sample(self, shared: SharedJob) -> Taken | Outcome:
@@ -215,47 +210,22 @@ class ParallelFrame:
             return None if self._parts else Again(self.frame, "shutdown")
         if self.is_canceling:
             self._kill_parts("cancel")
-            return None if self._parts or self._merging is not None or self._ledger.to_merge() else GivenUp()
+            return None if self._parts or self._merging is not None or self._course.ledger.to_merge() else GivenUp()
         if not self._is_sampled:
             return None
         self._kill_parts("enough")
         if self._parts or not self._holds_slot:
             return None
-        return self._taken
-
-    @property
-    def _is_out_of_time(self) -> bool:
-        """And there are samples to show."""
-        has_some = self._ledger.merged > 0 or bool(self._ledger.to_merge())
-        return has_some and self._known.left_s is not None and self._known.left_s <= 0
+        samples, out_of_time = self._course.end
+        return Taken(samples, self._course.ledger.merged, out_of_time)
 
     @property
     def _is_sampled(self) -> bool:
-        """All that it will have is merged."""
-        if self._target_met or self._ledger.merged >= self._rules.most:
-            return True
-        if self._merging is not None or self._ledger.to_merge() or not self._ledger.merged:
-            return False
-        nothing_comes = not self._parts and self._next_part() is None
-        return self._is_out_of_time or (nothing_comes and self._known.left_s is not None)
-
-    @property
-    def _taken(self) -> Taken:
-        merged = self._ledger.merged
-        asked = self.job.settings.get("stop", {}).get("max_samples")
-        odd = asked is not None and asked > merged >= self._rules.most
-        early = merged < self._rules.most and not self._target_met
-        return Taken(asked if odd else merged, merged, out_of_time=early)
+        return self._course.is_sampled(self.frame, runs=bool(self._parts), merges=self._merging is not None)
 
     def _follow_clock(self) -> None:
-        """A time limit that was asked for decides how large parts are; what is allowed in any case only ends the frame."""
-        left = self._context.limits.seconds - self._elapsed_s
-        if self._rules.seconds is not None:
-            left = min(left, self._rules.seconds - self._elapsed_s)
-        elif left > 0:
-            return
-        self._known = replace(self._known, left_s=left)
-        if self._is_out_of_time:
+        self._course.at(self._elapsed_s, self._context.limits.seconds)
+        if self._course.is_out_of_time:
             self._kill_parts("enough")
 
     @property
@@ -264,28 +234,17 @@ class ParallelFrame:
         since = self._told.inbox.sampling_since
         return self._spent_s + (0.0 if since is None else self._loop.time() - since)
 
-    def _next_part(self) -> Part | None:
-        """Of those that came back the first, else a new one; None: none is to be given out now."""
-        if self._target_met or self._is_out_of_time:
-            return None
-        waiting = self._ledger.waiting()
-        if waiting is not None:
-            return waiting
-        given = self._ledger.given
-        samples = next_samples(given, self._rules, self._known)
-        return Part(self.job.id, self.frame.number, given, given + samples) if samples else None
-
     def _use_slot(self) -> None:
         """For a part; it is kept for the picture while there is none and the last samples are merged."""
         if not self._holds_slot or self._is_ending or self._is_sampled:
             return
-        part = self._next_part()
+        part = self._course.next_part(self.frame)
         if part is None or len(self._parts) >= self._places:
             self._holds_slot = not self._parts
             return
         self._holds_slot = False
         run = PartRun(self._context, self.job, self.frame, part, self._scene, self._news.set)
-        self._ledger.put(replace(part, state=PartState.RUNNING))
+        self._course.ledger.put(replace(part, state=PartState.RUNNING))
         task = asyncio.create_task(run.live(), name="part")
         self._parts[task] = run
         task.add_done_callback(lambda _: self._news.set())
@@ -308,13 +267,11 @@ class ParallelFrame:
                 await merge.close()
 
     def _take_part(self, end: PartEnd) -> None:
-        self._ledger.put(end.part)
+        self._course.ledger.put(end.part)
         if end.ended is not None:
             self._count(end.ended.cpu_s, end.ended.peak_rss_bytes)
         if end.outcome is None:
-            each = max(end.sampled_s, 1e-6) / end.part.samples
-            known = self._known.sample_s
-            self._known = replace(self._known, sample_s=each if known is None else (known + each) / 2, load_s=end.load_s)
+            self._course.took(end.part.samples, end.sampled_s, end.load_s)
         elif isinstance(end.outcome, Broken):
             self._failed = end.outcome
         elif not isinstance(end.outcome, Again) or end.outcome.why == "gone":
@@ -327,8 +284,8 @@ class ParallelFrame:
         self.frame = replace(frame, cpu_s=frame.cpu_s + cpu_s, peak_rss_bytes=max(frame.peak_rss_bytes, peak_rss_bytes))
 
     def _merge_if_due(self) -> None:
-        parts = self._ledger.to_merge()
-        if not parts or self._merging is not None or self._target_met or self.going or self._kill_for:
+        parts = self._course.ledger.to_merge()
+        if not parts or self._merging is not None or self._course.target_met or self.going or self._kill_for:
             return
         merge = MergeRun(self._context, self.job, self.frame, parts)
         task = asyncio.create_task(merge.live(), name="merge")
@@ -392,25 +349,24 @@ class ParallelFrame:
             self.kill("gone")
             return
         context.metrics.checkpoints += 1
-        self._note(merge, found)
+        gone = self._note(merge, found)
         progress = frame.progress | {"spent_s": self._elapsed_s}
         taken = replace(self.frame, checkpoint=found.checkpoint.number, checkpoint_file=name, merged=merge.end)
         self.frame = replace(taken, crashes=0, kills=0, progress=progress)
-        older = [part.checkpoint_file for part in self._ledger.merge(merge.end)] + [frame.checkpoint_file]
-        for file in older:
+        for file in [part.checkpoint_file for part in gone] + [frame.checkpoint_file]:
             if file:
                 await context.calls.disk(adoption.remove, folder / file)
         await self._take_preview(merge)
 
-    def _note(self, merge: MergeRun, found: Found) -> None:
+    def _note(self, merge: MergeRun, found: Found) -> list[Part]:
+        """Parts that are merged now."""
         assert merge.run is not None
         estimate = None if found.error is None else float(found.error["estimate"])
-        self._known = replace(self._known, merged=merge.end, error=estimate)
-        self._target_met = found.target_met and self._rules.target is not None
         self._told.error = found.error
         self._told.merged(found.rays, merge.end)
         self._told.inbox.convergence = merge.run.inbox.convergence
         self._told.inbox.has_news = True
+        return self._course.merged(merge.end, estimate, target_met=found.target_met)
 
     async def _take_preview(self, merge: MergeRun) -> None:
         assert merge.run is not None
@@ -428,7 +384,7 @@ class ParallelFrame:
 
     async def _report(self, shared: SharedJob) -> None:
         running = list(self._parts.values())
-        self._told.progress(self._ledger, self._rules, self._known, running, self._elapsed_s)
+        self._told.progress(self._course, running, self._elapsed_s)
         if progress_reports.wait_s(self._told, shared, self._loop.time()) == 0.0:
             job, self.frame = await progress_reports.report(self._context, shared, self.job, self.frame, self._told)
             self.saw(job)

@@ -8,8 +8,8 @@ from primray.settings import SAMPLE_BLOCK
 
 from ....jobs import Json
 from ...chunks.inbox import Inbox
-from .cutting import Known, Rules, expected_end
-from .ledger import Ledger
+from .course import Course
+from .cutting import expected_end
 from .part_run import PartRun
 
 # What a part's settings say otherwise than the frame's.
@@ -56,8 +56,9 @@ class Told:
         self._merged_rays = rays
         self._rays = {first: n for first, n in self._rays.items() if first >= end}
 
-    def progress(self, ledger: Ledger, rules: Rules, known: Known, running: list[PartRun], elapsed_s: float) -> None:
-        """What the frame's row and clients are told; `known.error` is of what is merged."""
+    def progress(self, course: Course, running: list[PartRun], elapsed_s: float) -> None:
+        """What the frame's row and clients are told."""
+        ledger, rules, known = course.ledger, course.rules, course.known
         now = [run.inbox.progress for run in running if run.inbox is not None and run.inbox.progress is not None]
         taken = ledger.taken() + sum(float(said.get("samples_done") or 0.0) for said in now)
         end = expected_end(rules, known)
