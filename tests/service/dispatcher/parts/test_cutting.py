@@ -9,7 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from primray.settings import SAMPLE_BLOCK
-from primray_service.dispatcher.frames.parts.cutting import FIRST, LEAST, Known, Rules, expected_end, next_samples, rules_of
+from primray_service.dispatcher.frames.parts.cutting import (
+    AHEAD,
+    FIRST,
+    LEAST,
+    Known,
+    Rules,
+    expected_end,
+    next_samples,
+    rules_of,
+)
 
 
 def cut(rules: Rules, known: Known) -> list[int]:
@@ -33,6 +42,8 @@ def test_parts_are_all_samples_and_the_last_are_short(most: int, places: int, sa
 def test_nothing_is_given_out_beyond_the_error_that_is_expected() -> None:
     rules = rules_of({"target_error": 0.01})
     assert next_samples(0, rules, Known(4)) == FIRST
+    for sample_s in (None, 1e-6, 10.0):
+        assert sum(cut(rules, Known(4, sample_s=sample_s))) == AHEAD * 4 * FIRST  # until there is a measurement
     at_32 = Known(4, merged=32, error=0.02)
     end = expected_end(rules, at_32)
     assert end == 66

@@ -11,6 +11,7 @@ from primray.settings import DEFAULT_SPP, MAX_SPP, SAMPLE_BLOCK
 from ....jobs import Json
 
 FIRST = 8  # samples, of parts that are given out before anything is known
+AHEAD = 2  # such parts a place
 LEAST = 4
 LEAST_S = 1.0  # of sampling: below, parts are mostly overhead
 SPARE = 1.02  # times the samples at which the error should be small enough
@@ -63,13 +64,15 @@ def expected_end(rules: Rules, known: Known) -> int | None:
 def next_samples(given: int, rules: Rules, known: Known) -> int:
     """Of the part that follows the first `given` samples; 0: none is to be given out now."""
     end = expected_end(rules, known)
-    left = rules.most - given if end is None else end - given
+    left = (rules.most if end is None else end) - given
+    if end is None and given - known.merged >= AHEAD * known.places * FIRST:
+        return 0  # or a target that is met soon would be passed by far
     if left <= 0:
         return 0
     size = float(FIRST)
     if end is not None and (known.sample_s is not None or known.left_s is None):
         size = left / (2 * known.places)
-    if known.sample_s:
+    if known.sample_s and end is not None:
         least = max(LEAST_S, known.load_s) / known.sample_s
         size = max(size, min(least, left / known.places))
     if known.left_s is not None:
