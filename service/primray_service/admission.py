@@ -65,6 +65,7 @@ def new_job(
     check_labels(request.labels, limits)
     times = time_codes(request.settings.frames, limits)
     check_settings(request.settings, limits)
+    check_parallel(request)
     ttl_s = checked_ttl(request.ttl_s, limits)
     job = Job(
         id=ids.job_id(now),
@@ -80,6 +81,7 @@ def new_job(
         priority=request.priority,
         labels=request.labels,
         name=request.name,
+        parallel=request.parallel,
         webhook=None if request.webhook is None else request.webhook.model_dump(mode="json"),
         progress=first_progress(len(times)),
         request_id=request_id,
@@ -152,6 +154,13 @@ def check_settings(settings: Settings, limits: Limits) -> None:
         raise Problem("limit-exceeded", f"{_member(error)}: {error.message}.", member=_member(error)) from None
     except SettingsError as error:
         raise invalid(_member(error), error.message) from None
+
+
+def check_parallel(request: JobRequest) -> None:
+    """Ranges of samples are of all pixels alike, which adaptive sampling's are not."""
+    if request.parallel is not None and request.settings.adaptive:
+        why = "a frame that is rendered in several places has the same samples in each pixel; leave out adaptive, or parallel"
+        raise Problem("parallel-adaptive", f"parallel: {why}.", member="parallel")
 
 
 def check_stop(stop: StopRules, limits: Limits, member: str) -> None:
@@ -235,7 +244,7 @@ def changes_of(patch: JobPatch, limits: Limits) -> Json:
 
 
 # Members since version 0.2.0: left at their defaults, they are no part of a request whose key may come again.
-NEW_MEMBERS = ("name",)
+NEW_MEMBERS = ("name", "parallel")
 NEW_SETTINGS = ("auto_camera", "default_wrap", "motion_blur", "shutter", "motion_error", *DIFFUSION, "eye", "lens_flaws")
 
 

@@ -1,7 +1,8 @@
 """The data directory: where bytes lie that are not rows. Files are written beside their place, synced, and renamed into it.
 
 scenes/<hex>/upload         a scene as sent; scenes/<hex>/package/... a zip's members (nothing else is unpacked)
-jobs/<id>/outputs/...       what a job made; jobs/<id>/frames/<n>/ checkpoint-<k>.prc, preview.raw, log.txt
+jobs/<id>/outputs/...       what a job made; jobs/<id>/frames/<n>/ checkpoint-<k>.prc, preview.raw, log.txt, and
+                            part-<first>-<k>.prc of frames that are rendered in parts
 slots/<id>/job, out         the two folders that a worker sees; removed when it is done
 incoming/                   uploads under way
 """

@@ -64,6 +64,8 @@ class Frame:
     # Checkpoints merged so far in all attempts, and the file of the last (a name in the job's folder; "" for none).
     checkpoint: int = 0
     checkpoint_file: str = ""
+    # The checkpoint holds exactly the first so many samples of each pixel, merged of parts; 0: it is no such checkpoint.
+    merged: int = 0
     # Deaths of its worker since the last checkpoint: by a fault of its own (SIGSEGV, SIGABRT, ...), and by others (SIGKILL).
     crashes: int = 0
     kills: int = 0
@@ -77,6 +79,32 @@ class Frame:
     peak_rss_bytes: int = 0
     started_at: float | None = None
     finished_at: float | None = None
+
+
+class PartState(StrEnum):
+    WAITING = "waiting"
+    RUNNING = "running"
+    DONE = "done"  # all of its samples are in its checkpoint, which waits to be merged
+
+
+@dataclass(frozen=True)
+class Part:
+    """A range of a frame's samples, [first, end) of each pixel, that one worker takes; `claim`: the chunk that has it."""
+
+    job_id: str
+    frame: int
+    first: int
+    end: int
+    state: PartState = PartState.WAITING
+    claim: str = ""
+    checkpoint: int = 0
+    checkpoint_file: str = ""
+    crashes: int = 0
+    kills: int = 0
+
+    @property
+    def samples(self) -> int:
+        return self.end - self.first
 
 
 @dataclass(frozen=True)
@@ -116,6 +144,7 @@ class Job:
     request_id: str = ""
     traceparent: str = ""
     name: str | None = None  # None: it was made before jobs had names
+    parallel: int | str | None = None  # the most places that a frame is rendered in; "auto": all; None: one
 
 
 @dataclass(frozen=True)

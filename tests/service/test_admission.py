@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from pydantic import ValidationError
 
 from primray_service.admission import check_settings, new_job, render_settings, time_codes
 from primray_service.api.models import ContinuedRules, JobRequest, Settings
@@ -137,3 +138,20 @@ def test_an_unknown_aov_is_refused_with_those_that_there_are():
 
 def test_beauty_alone_is_what_there_is():
     check_settings(Settings.model_validate({"aovs": [], "products": ["beauty"], "render_settings": None}), Limits())
+
+
+def test_a_frame_in_parts_is_not_sampled_adaptively():
+    asked = {"scene": {"id": "sha256:" + "0" * 64}, "parallel": "auto"}
+    job, _ = new_job(JobRequest.model_validate(asked), "t", LIMITS, 0.0)
+    assert job.parallel == "auto"
+    for adaptive in (False, None):
+        new_job(JobRequest.model_validate({**asked, "settings": {"adaptive": adaptive}}), "t", LIMITS, 0.0)
+    with pytest.raises(Problem) as refused:
+        new_job(JobRequest.model_validate({**asked, "settings": {"adaptive": True}}), "t", LIMITS, 0.0)
+    assert (refused.value.slug, refused.value.extra["member"]) == ("parallel-adaptive", "parallel")
+
+
+@pytest.mark.parametrize("parallel", [0, 1025, "all", True, 2.0])
+def test_parallel_is_a_number_or_auto(parallel):
+    with pytest.raises(ValidationError):
+        JobRequest.model_validate({"scene": {"id": "sha256:" + "0" * 64}, "parallel": parallel})

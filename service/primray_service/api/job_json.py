@@ -40,6 +40,7 @@ def job_json(job: Job, queue: Json | None = None) -> Json:
         "name": job.name,
         "state": job.state.value,
         "attempt": job.attempt,
+        "parallel": job.parallel,
         "priority": job.priority,
         "created_at": time_text(job.created_at),
         "queued_at": time_text(job.queued_at),

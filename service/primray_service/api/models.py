@@ -10,6 +10,10 @@ Fraction = Annotated[float, Field(ge=0, le=1)]
 Name = Annotated[str, Field(min_length=1, max_length=255, pattern=r"^[^\x00-\x1f\x7f]+$")]
 
 
+Parallel = Annotated[int, Field(ge=1, le=1024)] | Literal["auto"]
+OF_PARALLEL = "The most places that each frame is rendered in at a time, by ranges of its samples; auto: all there are."
+
+
 class Sent(BaseModel):
     """Members that are not known are refused, not ignored."""
 
@@ -102,6 +106,7 @@ class JobRequest(Sent):
     scene: SceneReference
     settings: Settings = Settings()
     name: Name | None = Field(None, description="To recognise it by; not given: the scene's, its camera and frames.")
+    parallel: Parallel | None = Field(None, description=OF_PARALLEL)
     priority: int = Field(50, ge=0, le=100, description="Larger goes first.")
     labels: dict[str, str] = Field(default={}, description="To find jobs by.")
     ttl_s: float | None = Field(
@@ -122,6 +127,7 @@ class FormJob(Sent):
     scene: SceneOfForm = SceneOfForm()
     settings: Settings = Settings()
     name: Name | None = Field(None, description="To recognise it by; not given: the scene's, its camera and frames.")
+    parallel: Parallel | None = Field(None, description=OF_PARALLEL)
     priority: int = Field(50, ge=0, le=100, description="Larger goes first.")
     labels: dict[str, str] = Field(default={}, description="To find jobs by.")
     ttl_s: float | None = Field(None, gt=0, description="As in JobRequest.")
@@ -132,6 +138,7 @@ class FormJob(Sent):
             scene=SceneReference(id=scene_id, entry=self.scene.entry),
             settings=self.settings,
             name=self.name,
+            parallel=self.parallel,
             priority=self.priority,
             labels=self.labels,
             ttl_s=self.ttl_s,

@@ -116,6 +116,7 @@ class Job(View):
     name: str | None = Field(description="As given, or the scene's, its camera and frames; null: of before jobs had names.")
     state: JobState
     attempt: int = Field(ge=1, description="Grows when the job goes on by `continue`.")
+    parallel: int | Literal["auto"] | None = Field(description="The most places that each frame is rendered in; null: one.")
     priority: int
     created_at: datetime
     queued_at: datetime

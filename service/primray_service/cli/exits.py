@@ -26,7 +26,7 @@ _EXITS = {
         (
             USAGE,
             "invalid-request invalid-json unsupported-media-type unsupported-setting view-unavailable webhook-address "
-            "idempotency-key-reused",
+            "parallel-adaptive idempotency-key-reused",
         ),
         (
             LIMIT,

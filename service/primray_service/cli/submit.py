@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -78,6 +78,10 @@ def submit(
         typer.Option(metavar="TEXT", help="The job's name; a label too.", show_default="the file's, camera, frames"),
     ] = None,
     priority: Annotated[int | None, typer.Option(metavar="N", help="0 to 100, larger goes first.", show_default="50")] = None,
+    parallel: Annotated[
+        str | None,
+        typer.Option(metavar="N|auto", help="Each frame in so many places at a time, or in all.", show_default="one"),
+    ] = None,
     label: Labels = None,
     ttl: Annotated[float | None, typer.Option(metavar="DAYS", help="Kept so long.", show_default="the server's")] = None,
     webhook: Annotated[
@@ -139,6 +143,7 @@ def submit(
             entry=entry or packed.entry,
             settings=_settings(given(settings)),
             name=name,
+            parallel=parallel_of(parallel),
             priority=priority,
             labels=labels,
             ttl_s=None if ttl is None else ttl * 86_400,
@@ -165,6 +170,15 @@ def _follow(client: Client, job: Job, folder: Path | None, as_json: bool, overwr
 def given(settings: dict[str, Any]) -> dict[str, Any]:
     """What is not None or empty; what was not asked for is the server's to choose."""
     return {name: value for name, value in settings.items() if value is not None and value != {}}
+
+
+def parallel_of(text: str | None) -> int | Literal["auto"] | None:
+    """CommandError for what is neither a number nor auto."""
+    if text is None or text == "auto":
+        return text  # type: ignore[return-value]
+    if not text.isascii() or not text.isdigit() or int(text) < 1:
+        raise CommandError("parallel-option", f"--parallel {text}: it is a number from 1 on, or auto", USAGE)
+    return int(text)
 
 
 def _list(values: tuple[str, ...] | None) -> list[str] | None:

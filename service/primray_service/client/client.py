@@ -10,7 +10,7 @@ import uuid
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 from urllib.parse import quote
 
 from .documents import Convergence, Event, Frame, Job, Json, Key, Output, Scene, Settings, StopRules, Usage, Webhook
@@ -135,6 +135,7 @@ class Client:
         entry: str | None = None,
         settings: Settings | None = None,
         name: str | None = None,
+        parallel: int | Literal["auto"] | None = None,
         priority: int | None = None,
         labels: Mapping[str, str] | None = None,
         ttl_s: float | None = None,
@@ -146,7 +147,8 @@ class Client:
         body: Json = {"scene": {"id": scene if isinstance(scene, str) else scene.id}}
         if entry is not None:
             body["scene"]["entry"] = entry
-        optional = {"settings": settings, "name": name, "priority": priority, "ttl_s": ttl_s, "webhook": webhook}
+        optional: Json = {"settings": settings, "name": name, "parallel": parallel, "priority": priority}
+        optional |= {"ttl_s": ttl_s, "webhook": webhook}
         body |= {name: value for name, value in optional.items() if value is not None}
         if labels:
             body["labels"] = dict(labels)

@@ -132,6 +132,7 @@ class Job:
     created_at: datetime
     scene: SceneOfJob
     name: str | None = None  # None: of a server or a time before jobs had names
+    parallel: int | str | None = None  # the most places that a frame is rendered in; "auto": all; None: one
     attempt: int = 1
     priority: int = 50
     queued_at: datetime | None = None

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import types
 from collections.abc import Hashable, Mapping
+from contextlib import suppress
 from datetime import datetime
 from functools import cache
 from typing import Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
@@ -51,8 +52,11 @@ def _value(hint: Any, value: Any, where: str) -> Any:
     if origin in (Union, types.UnionType):
         if value is None and type(None) in arguments:
             return None
-        (hint,) = (argument for argument in arguments if argument is not type(None))
-        return _value(hint, value, where)
+        *others, last = (argument for argument in arguments if argument is not type(None))
+        for other in others:
+            with suppress(UnexpectedAnswer):
+                return _value(other, value, where)
+        return _value(last, value, where)
     if dataclasses.is_dataclass(hint):
         return read(hint, value, where)  # type: ignore[arg-type]
     if origin is list and isinstance(value, list):

@@ -6,19 +6,21 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+Key = tuple[str, int, *tuple[int, ...]]  # job and frame, and the first sample of a part
+
 
 @dataclass(frozen=True)
 class Running:
-    """A frame that takes a slot; `going`: it was told to give way already, or ends soon anyway."""
+    """A frame, or a part of one, that takes a slot; `going`: it was told to give way already, or ends soon anyway."""
 
-    key: tuple[str, int]  # job and frame
+    key: Key
     priority: int
     tenant: str
     ran_s: float  # seconds of sampling; loading does not count, or who loads long would get nowhere
     going: bool = False
 
 
-def who_gives_way(running: Sequence[Running], waiting: Sequence[tuple[int, str]], slice_s: float) -> list[tuple[str, int]]:
+def who_gives_way(running: Sequence[Running], waiting: Sequence[tuple[int, str]], slice_s: float) -> list[Key]:
     """Keys of frames to be told. `waiting`: the best waiting job of each tenant, as (priority, tenant).
 
     Higher priority goes first at once. Among equals, tenants take turns where there are fewer slots than tenants, and else

@@ -16,9 +16,10 @@ from ..store.base import Claim, Lost
 from . import fair_share
 from .checks import check_scene
 from .context import Context
-from .frames.running import RunningFrame
+from .frames.parts.choosing import ClaimedFrame, claimed_frame
+from .frames.parts.parallel_frame import ParallelFrame
 from .frames.shared_jobs import SharedJobs
-from .giving_way import Running, who_gives_way
+from .giving_way import who_gives_way
 from .lease import Lease
 from .retention import Retention
 
@@ -36,7 +37,7 @@ class Scheduler:
         self._context = context
         self._lease = lease
         self._jobs = SharedJobs(context)
-        self._running: dict[tuple[str, int], RunningFrame] = {}
+        self._running: dict[tuple[str, int], ClaimedFrame] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._awake = asyncio.Event()
         self._starting = asyncio.Lock()  # one claim after another, or more frames than slots would be claimed
@@ -137,7 +138,7 @@ class Scheduler:
         self._awake.set()
 
     def _free_slots(self) -> int:
-        taken = sum(running.has_slot for running in self._running.values())
+        taken = sum(running.slots for running in self._running.values())
         return self._context.executor.capacity().slots - taken
 
     async def _start_frame(self) -> bool:
@@ -146,15 +147,20 @@ class Scheduler:
         if claim is None:
             return False
         self._served[claim.job.tenant] = time.monotonic()
-        running = RunningFrame(self._context, self._jobs, claim, self._fill_slots)
+        for other in self._parallel():
+            other.has_given_way = False
+        metrics = self._context.metrics
+        metrics.frames_started += 1
+        metrics.queue_wait.observe(max(time.time() - claim.job.queued_at, 0.0))
+        running = claimed_frame(self._context, self._jobs, claim, self._fill_slots)
         self._running[running.key] = running
         if time.monotonic() - self._asked.pop(running.key, -PREVIEW_ASKED_S) < PREVIEW_ASKED_S:
             running.ask_preview()
-        self._context.metrics.running = len(self._running)
+        metrics.running = len(self._running)
         self._spawn(self._live_frame(running), "frame")
         return True
 
-    async def _live_frame(self, running: RunningFrame) -> None:
+    async def _live_frame(self, running: ClaimedFrame) -> None:
         try:
             await running.live()
         finally:
@@ -166,8 +172,32 @@ class Scheduler:
         if not self._stopping:
             async with self._starting:
                 while self._free_slots() > 0 and await self._has_disk():
-                    if not await self._start_frame():
+                    if not await self._fill_slot():
                         return
+
+    def _parallel(self) -> list[ParallelFrame]:
+        return [running for running in self._running.values() if isinstance(running, ParallelFrame)]
+
+    async def _fill_slot(self) -> bool:
+        """False if nothing waits for one."""
+        return await self._start_part(is_first=True) or await self._start_frame() or await self._start_part(is_first=False)
+
+    async def _start_part(self, *, is_first: bool) -> bool:
+        """Give a slot to a frame that is rendered in parts; `is_first`: only to one that goes before all frames that wait, by
+        its priority, or because it has begun and has none, unless it has just given way."""
+        wanting = [running for running in self._parallel() if running.wants_slot]
+        if not wanting:
+            return False
+        best = min(wanting, key=lambda running: (-running.job.priority, running.slots, running.key))
+        if is_first:
+            highest = max((priority for priority, _ in await self._waiting()), default=-1)
+            waits_its_turn = best.slots > 0 or best.has_given_way
+            if best.job.priority < highest or (best.job.priority == highest and waits_its_turn):
+                return False
+            if not best.wants_slot:
+                return True  # it has changed while others were looked at: look again
+        best.take_slot()
+        return True
 
     async def _claim(self) -> Claim | None:
         context = self._context
@@ -214,11 +244,9 @@ class Scheduler:
         waiting = await self._waiting()
         if not waiting:
             return
-        seen = [
-            Running(r.key, r.job.priority, r.job.tenant, r.sampled_s, r.going) for r in self._running.values() if r.has_slot
-        ]
+        seen = [holder for running in self._running.values() for holder in running.holders()]
         for key in who_gives_way(seen, waiting, self._context.limits.time_slice_s):
-            self._running[key].give_way()
+            self._running[key[0], key[1]].give_way(key)
 
     async def _start_check(self) -> None:
         if self._check is not None and not self._check.done():

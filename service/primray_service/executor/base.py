@@ -1,9 +1,10 @@
 """Where chunks run: the interface that the dispatcher uses and every executor keeps; tests/service/executor/contract.py
 holds it.
 
-A chunk is one process's work: the check of a scene, or a frame from its last checkpoint until it ends or is told to yield. Its
-worker sends messages (worker/protocol.py) while it runs and leaves files in a folder. At-least-once: the same chunk may
-run twice, in parallel even, after a server or a node died; whoever adopts results does so once (store.accept_checkpoint).
+A chunk is one process's work: the check of a scene; a frame, or a range of its samples, from its last checkpoint until it
+ends or is told to yield; or putting such ranges together, which is short and counts as a check. Its worker sends messages
+(worker/protocol.py) while it runs and leaves files in a folder. At-least-once: the same chunk may run twice, in parallel
+even, after a server or a node died; whoever adopts results does so once (store.accept_checkpoint, accept_part).
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class Chunk:
     chunks leave outputs of the same name."""
 
     id: str
-    kind: str  # "render" or "check"
+    kind: str  # "render"; "check", of merges too
     command: Json  # the worker's first line: worker/protocol.py
     inputs: Mapping[str, Path] = field(default_factory=dict)
     folders: Mapping[str, Path] = field(default_factory=dict)  # folders whose files are all inputs, by the path to find them at

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from ..jobs import Event, Frame, Job, JobState, Json, Output, Scene
+from ..jobs import Event, Frame, Job, JobState, Json, Output, Part, Scene
 from ..limits import Quotas
 from ..waiting.order import Waiting
 
@@ -208,11 +208,35 @@ class Store(Protocol):
         (progress, effective_settings, warnings, state running) and one event."""
 
     def accept_checkpoint(
-        self, fence: int, chunk_id: str, job_id: str, number: int, *, attempt: int, follows: int, file: str, now: float
+        self,
+        fence: int,
+        chunk_id: str,
+        job_id: str,
+        number: int,
+        *,
+        attempt: int,
+        follows: int,
+        file: str,
+        now: float,
+        merged: int = 0,
     ) -> bool:
         """Take over the checkpoint `follows + 1` of a frame, once: False if the frame is at another one, or not running, or
         in another attempt.
-        Its deaths are forgotten. Repeating the call with the same chunk_id answers True again."""
+        Its deaths are forgotten. Repeating the call with the same chunk_id answers True again. `merged`: it holds exactly the
+        first so many samples, put together of parts, whose rows go; 0: no such checkpoint, and no part is of use any more."""
+
+    def parts(self, job_id: str, frame: int) -> Sequence[Part]:
+        """Of a frame, those whose samples are not in its checkpoint, by their first sample."""
+
+    def give_out_part(self, fence: int, frame: Frame, part: Part) -> bool:
+        """A part, new or not, is `part.claim`'s now, whoever had it; False if the frame does not run."""
+
+    def accept_part(self, fence: int, frame: Frame, part: Part) -> bool:
+        """Store what `part.claim` made of it: its state, checkpoint and deaths. False if it is another's, or the frame does
+        not run."""
+
+    def drop_parts(self, fence: int, frame: Frame) -> None:
+        """Those of a running frame, with what was merged of it: it begins anew."""
 
     def end_frame(
         self,

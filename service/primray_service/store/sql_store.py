@@ -12,13 +12,14 @@ from .operations.jobs import Jobs
 from .operations.keys import Keys
 from .operations.leases import Leases
 from .operations.listing import Listing
+from .operations.parts import Parts
 from .operations.queue import Queue
 from .operations.scenes import Scenes
 from .operations.usage import Sums
 from .operations.webhooks import Webhooks
 
 
-class SqlStore(Jobs, Listing, Frames, Claims, Queue, Leases, Scenes, Sums, Keys, Webhooks):
+class SqlStore(Jobs, Listing, Frames, Parts, Claims, Queue, Leases, Scenes, Sums, Keys, Webhooks):
     def __init__(self, url: str) -> None:
         super().__init__(Database(url))
 

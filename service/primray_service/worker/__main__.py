@@ -83,6 +83,12 @@ def give_way(nice: int) -> None:
 
 
 def check(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
+    """A scene; or parts of a frame are put together, which is as short, and has its own slot too."""
+    if command["do"] == "merge":
+        from .merge_task import merge_parts
+
+        merge_parts(command, job, out, channel)
+        return
     from .check import check_scene
 
     check_scene(command, job, out, channel)

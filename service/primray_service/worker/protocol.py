@@ -14,6 +14,12 @@ Commands
         outputs; `preview`: as the command of that name, from the start; `outputs`: what files are to be called, by whose
         endings the worker knows what they are; `spent_s`: seconds of sampling before this run that the settings' time limit
         counts; `fraction`: of progress that was told before; `stay`: after `done`, for more work
+        `part`: true: the settings name a range of samples; take them and leave a checkpoint, without a picture (then: done with
+        no outputs, after the checkpoint)
+    {"do": "merge", "parts": ["checkpoint.prc", "part-8.prc"], "number": 3, "metric": "relmse", "target": 0.01 | null,
+     "limits": {..}}
+        put disjoint parts together (then: checkpoint, preview, row, done with no outputs and a report {"samples", "parts":
+        {"ranges": [[0, 64]], "rays", "error", "target_met"}})
     {"do": "stop"}     end soon with a checkpoint and the picture so far           (then: checkpoint, done; done with no outputs
                        and a report {"interrupted": true, "samples": 0} where there is no picture yet)
     {"do": "yield"}    end soon with a checkpoint                                  (then: checkpoint, yielded)
@@ -46,5 +52,5 @@ from __future__ import annotations
 MAX_LINE_BYTES = 4 * 2**20
 
 PHASES = ("opening", "translating", "building", "sampling", "writing")
-WORK = ("check", "render")
+WORK = ("check", "render", "merge")
 LAST = ("facts", "done", "yielded", "failed")

@@ -53,6 +53,12 @@ def render_frame(stages: KeptStage, command: Mapping[str, Any], job: Path, out: 
         elif watch.run(float(command.get("fraction") or 0.0)) == "gave way":
             channel.leave("yielded", number=numbers.number)
         watch.last_words()
+    if command.get("part"):
+        saver.wait()
+        assert sampling.stop is not None
+        said = {"stop": sampling.stop.as_json(), "samples": int(sampling.film.samples), "rays": int(sampling.film.rays)}
+        channel.done(stay=bool(command.get("stay")), outputs=[], report=said)
+        return
     if not sampling.film.samples:  # it was stopped before there was a picture
         saver.wait()
         channel.leave("done", outputs=[], report={"interrupted": True, "samples": 0})

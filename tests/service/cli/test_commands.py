@@ -14,7 +14,8 @@ from tests.service.client.scripted import Answer, Request, as_json, problem, ser
 
 from primray.cli import run
 from primray_service.cli import COMMANDS
-from primray_service.cli.exits import error_of, error_of_end
+from primray_service.cli.exits import CommandError, error_of, error_of_end
+from primray_service.cli.submit import parallel_of
 from primray_service.client import Job
 from primray_service.client.reading import read
 from primray_service.problems import KINDS
@@ -179,7 +180,7 @@ def test_submit_says_what_was_asked_for_and_nothing_else(tmp_path: Path, capsys:
     flags = "-c /cam --res 640 0 -f 1:10x2 --target-error 0.01 --time-limit 9 --spp 128 --seed 3 --priority 70 -l a=b -l c=d=e"
     more = "--name hero --ttl 2 --no-default-light --default-wrap repeat --purposes default,render --variant /a:s=x --strict"
     more += " --entry e.usda"
-    flags += " --auto-camera usdrecord"
+    flags += " --auto-camera usdrecord --parallel 4"
     with serving(script) as server:
         assert run(["submit", "shot.usda", "--server", server.url, *flags.split(), *more.split()]) == 0
         assert run(["submit", "shot.usda", "--server", server.url]) == 0
@@ -200,6 +201,7 @@ def test_submit_says_what_was_asked_for_and_nothing_else(tmp_path: Path, capsys:
             "strict": True,
         },
         "name": "hero",
+        "parallel": 4,
         "priority": 70,
         "labels": {"name": "hero", "a": "b", "c": "d=e"},
         "ttl_s": 172_800.0,
@@ -209,6 +211,13 @@ def test_submit_says_what_was_asked_for_and_nothing_else(tmp_path: Path, capsys:
     said = capsys.readouterr()
     assert said.out == "job_1\njob_1\n"
     assert said.err == ""
+
+
+def test_parallel_is_a_number_or_auto(capsys: pytest.CaptureFixture[str]) -> None:
+    assert [parallel_of(text) for text in (None, "auto", "1", "64")] == [None, "auto", 1, 64]
+    for text in ("0", "-1", "all", "1.5", "²"):
+        with pytest.raises(CommandError, match="a number from 1 on, or auto"):
+            parallel_of(text)
 
 
 def test_submit_and_wait(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

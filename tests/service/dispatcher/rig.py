@@ -93,6 +93,7 @@ def put_job(
     time_codes: Sequence[float | None] = (None,),
     priority: int = 50,
     ttl_s: float = 3600.0,
+    parallel: int | str | None = None,
 ) -> Job:
     now = time.time()
     asked = Settings.model_validate(settings or {}, strict=False).model_dump(mode="json")
@@ -108,6 +109,7 @@ def put_job(
         expires_at=now + ttl_s,
         ttl_s=ttl_s,
         priority=priority,
+        parallel=parallel,
     )
     return store.create_job(job, time_codes, NO_QUOTAS)[0]
 

@@ -36,7 +36,7 @@ def running(tenant: str, n: int = 0, priority: int = 50, ran_s: float = 30.0, go
     ],
 )
 def test_who_gives_way(frames: list[Running], waiting: list[tuple[int, str]], told: list[str]) -> None:
-    assert [key for key, _ in who_gives_way(frames, waiting, TIME_SLICE_S)] == told
+    assert [key[0] for key in who_gives_way(frames, waiting, TIME_SLICE_S)] == told
 
 
 def test_giving_way_comes_to_rest() -> None:

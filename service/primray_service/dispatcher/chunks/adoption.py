@@ -6,7 +6,7 @@ import hashlib
 import os
 import shutil
 import time
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,6 +34,16 @@ class Adopted:
 def checkpoint_file(number: int, frame: int, chunk_id: str) -> str:
     """A name in the job's folder that no other chunk uses, not even one of a server that believes to have the lease still."""
     return f"frames/{frame}/checkpoint-{number}-{chunk_id}.prc"
+
+
+def part_file(first: int, number: int, frame: int, chunk_id: str) -> str:
+    """As `checkpoint_file`, of the part of a frame that begins with this sample."""
+    return f"frames/{frame}/part-{first}-{number}-{chunk_id}.prc"
+
+
+def missing(folder: Path, names: Iterable[str]) -> set[str]:
+    """Of files that rows name, those that are not there any more."""
+    return {name for name in names if not (folder / name).is_file()}
 
 
 def _why(error: ValueError | FileNotFoundError) -> str:
@@ -105,14 +115,14 @@ def remove(path: Path) -> None:
     path.unlink(missing_ok=True)
 
 
-def tidy_frame(data: DataDirectory, job_id: str, number: int, keep: str) -> None:
-    """Remove what chunks that died left in a frame's folder: all but its checkpoint (`keep`, by its name in the job's folder),
-    preview and log."""
+def tidy_frame(data: DataDirectory, job_id: str, number: int, keep: Collection[str]) -> None:
+    """Remove what chunks that died left in a frame's folder: all but its checkpoints (`keep`, by their names in the job's
+    folder), preview and log."""
     folder = data.frame(job_id, number)
     if not folder.is_dir():
         return
     for path in folder.iterdir():
-        if path.name not in (PREVIEW, LOG) and f"frames/{number}/{path.name}" != keep:
+        if path.name not in (PREVIEW, LOG) and f"frames/{number}/{path.name}" not in keep:
             remove(path)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -13,12 +14,13 @@ from ...admission import render_settings
 from ...api.models import Settings
 from ...executor.base import Capacity, Chunk
 from ...files import DataDirectory
-from ...jobs import Frame, Job, Json, Scene
+from ...jobs import Frame, Job, Json, Part, Scene
 from ...limits import Limits
 from ...problems import Problem
 from ...scenes.entries import choose
 from ...scenes.names import file_name
 
+MERGE_CPU_S = 900.0  # reading and measuring some large films
 CHECKPOINT = "checkpoint.prc"  # by this name a worker finds the one it goes on from
 
 
@@ -30,6 +32,7 @@ class Asked:
     more: bool = False  # frames of it wait
     picture_only: bool = False
     preview: bool = False  # somebody looks at it already
+    taken: int | None = None  # samples that parts have taken: the frame takes no more than these, and one that is odd
 
 
 def render_chunk(
@@ -45,7 +48,7 @@ def render_chunk(
     command: Json = {
         "do": "render",
         "file": f"package/{_entry(job, scene)}" if scene.kind == "zip" else root,
-        "settings": settings_as_json(frame_settings(job.settings, frame, capacity)),
+        "settings": settings_as_json(_settings_of(job, frame, capacity, asked)),
         "checkpoint": None if begin else CHECKPOINT,
         "number": frame.checkpoint,
         "checkpoint_every_s": limits.checkpoint_every_s,
@@ -62,6 +65,48 @@ def render_chunk(
     return Chunk(
         chunk_id, "render", command, inputs, folders, load_cpu_s=limits.load_cpu_s, group=group, more_follow=asked.more
     )
+
+
+def part_chunk(
+    chunk_id: str, job: Job, frame: Frame, part: Part, scene: Scene, data: DataDirectory, capacity: Capacity, limits: Limits
+) -> Chunk:
+    """Problem if there is nothing to render with."""
+    of_part = replace(frame, checkpoint=part.checkpoint, checkpoint_file=part.checkpoint_file, progress={})
+    whole = render_chunk(chunk_id, job, of_part, scene, data, capacity, limits, Asked(1))
+    settings = replace(
+        frame_settings(job.settings, frame, capacity),
+        spp=None,
+        target_error=None,
+        time_limit_s=None,
+        adaptive=None,
+        sample_range=(part.first, part.end),
+    )
+    command = whole.command | {"settings": settings_as_json(settings), "outputs": [], "part": True}
+    return replace(whole, command=command, group=f"{job.id}/{job.attempt}/parts", more_follow=True)
+
+
+def merge_chunk(chunk_id: str, job: Job, frame: Frame, parts: Sequence[Part], data: DataDirectory, limits: Limits) -> Chunk:
+    """What the frame's checkpoint has, if it has any, and what these parts have: one checkpoint."""
+    folder, stop = data.job(job.id), job.settings.get("stop", {})
+    inputs = {f"part-{part.first}.prc": folder / part.checkpoint_file for part in parts}
+    if frame.merged:
+        inputs = {CHECKPOINT: folder / frame.checkpoint_file} | inputs
+    command: Json = {
+        "do": "merge",
+        "parts": list(inputs),
+        "number": frame.checkpoint,
+        "metric": stop.get("metric", "relmse"),
+        "target": stop.get("target_error"),
+        "limits": asdict(limits),
+    }
+    return Chunk(chunk_id, "check", command, inputs, load_cpu_s=MERGE_CPU_S)
+
+
+def _settings_of(job: Job, frame: Frame, capacity: Capacity, asked: Asked) -> RenderSettings:
+    settings = frame_settings(job.settings, frame, capacity)
+    if asked.taken is None:
+        return settings
+    return replace(settings, spp=asked.taken, time_limit_s=None, adaptive=False)
 
 
 def spent_s(frame: Frame) -> float:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 import time
 from dataclasses import replace
+from typing import Protocol
 
 from ...jobs import Frame, Job, JobState, Json
-from ..chunks.chunk_run import ChunkRun
+from ..chunks.inbox import Inbox
 from ..context import Context
 from .shared_jobs import SharedJob
 
@@ -16,14 +17,21 @@ MOST_WARNING_EVENTS = 20  # of a job; its row has the rest
 Event = tuple[str, Json]
 
 
-def wait_s(run: ChunkRun, shared: SharedJob, now: float) -> float | None:
+class Heard(Protocol):
+    """A chunk's run, or those of a frame's parts together."""
+
+    @property
+    def inbox(self) -> Inbox: ...
+
+
+def wait_s(run: Heard, shared: SharedJob, now: float) -> float | None:
     """Seconds until what is new may be told; None if nothing is."""
     if not run.inbox.has_news:
         return None
     return 0.0 if run.inbox.is_urgent else shared.throttle.report_in(now)
 
 
-async def report(context: Context, shared: SharedJob, job: Job, frame: Frame, run: ChunkRun) -> tuple[Job, Frame]:
+async def report(context: Context, shared: SharedJob, job: Job, frame: Frame, run: Heard) -> tuple[Job, Frame]:
     """Write what is new; the job and the frame as they are then."""
     loop, inbox = asyncio.get_running_loop(), run.inbox
     async with shared.lock:
@@ -60,7 +68,7 @@ async def tell_preview(context: Context, shared: SharedJob, frame: Frame, number
             await context.calls.store(context.store.report, context.fence, frame, time.time(), event=event)
 
 
-def updated(frame: Frame, run: ChunkRun) -> Frame:
+def updated(frame: Frame, run: Heard) -> Frame:
     """The frame with what its worker has said."""
     inbox = run.inbox
     spent = {name: value for name, value in frame.progress.items() if name == "spent_s"}
@@ -74,7 +82,7 @@ def updated(frame: Frame, run: ChunkRun) -> Frame:
     )
 
 
-def taken_warnings(run: ChunkRun) -> list[Json]:
+def taken_warnings(run: Heard) -> list[Json]:
     warnings, run.inbox.warnings = run.inbox.warnings, []
     return warnings
 

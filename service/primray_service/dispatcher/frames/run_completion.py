@@ -185,5 +185,5 @@ def _stop_of(done: Done, out_of_time: bool) -> Json | None:
     stop = done.report.get("stop")
     if not isinstance(stop, dict) or stop.get("reason") not in ("target-error", "samples", "time-limit", "interrupted"):
         return None
-    reason = "time-limit" if out_of_time and stop["reason"] == "interrupted" else stop["reason"]
+    reason = "time-limit" if out_of_time and stop["reason"] in ("interrupted", "samples") else stop["reason"]
     return {"reason": reason, "target_met": stop.get("target_met")}

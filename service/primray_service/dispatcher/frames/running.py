@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Awaitable, Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from ... import ids
 from ...executor.base import Ended
@@ -20,6 +20,7 @@ from ..chunks import adoption, commands
 from ..chunks.chunk_run import ChunkRun
 from ..chunks.messages import Checkpoint
 from ..context import Context
+from ..giving_way import Key, Running
 from . import progress_reports, run_completion
 from .outcomes import Again, Broken, Circumstances, GivenUp, Outcome, Picture, outcome_of
 from .shared_jobs import SharedJob, SharedJobs
@@ -33,10 +34,27 @@ LOOK_S = 5.0
 DROPPED = frozenset({"lost", "expired", "gone"})
 
 
+@dataclass(frozen=True)
+class Taken:
+    """What parts have done of a frame whose picture is to be made: it takes samples up to `samples` (no more than `merged`, but
+    for an odd one), since it is at its end, or out of time."""
+
+    samples: int
+    merged: int
+    out_of_time: bool = False
+
+
 class RunningFrame:
     """`has_slot`: its chunk runs, or is about to; `going`: it was told to end, or to give way."""
 
-    def __init__(self, context: Context, jobs: SharedJobs, claim: Claim, on_free: Callable[[], Awaitable[None]]) -> None:
+    def __init__(
+        self,
+        context: Context,
+        jobs: SharedJobs,
+        claim: Claim,
+        on_free: Callable[[], Awaitable[None]],
+        taken: Taken | None = None,
+    ) -> None:
         self.job: Job = claim.job
         self.frame: Frame = claim.frame
         self.has_slot = True
@@ -46,13 +64,23 @@ class RunningFrame:
         self._on_free = on_free  # gives its slot to another
         self._run: ChunkRun | None = None
         self._kill_for = ""  # before there is a run, or after
-        self._out_of_time = False
+        self._taken = taken  # in parts
+        self._out_of_time = taken is not None and taken.out_of_time
         self._wants_preview = False  # before there is a run to be asked
         self._claimed_at = asyncio.get_running_loop().time()
 
     @property
     def key(self) -> tuple[str, int]:
         return self.job.id, self.frame.number
+
+    @property
+    def slots(self) -> int:
+        return int(self.has_slot)
+
+    def holders(self) -> list[Running]:
+        """Of its slots, for deciding who gives way."""
+        here = Running(self.key, self.job.priority, self.job.tenant, self.sampled_s, self.going)
+        return [here] if self.has_slot else []
 
     @property
     def sampled_s(self) -> float:
@@ -82,7 +110,8 @@ class RunningFrame:
         else:
             run.kill("cancel")
 
-    def give_way(self) -> None:
+    def give_way(self, key: Key | None = None) -> None:
+        """`key`: of the holder, of which there is one."""
         if not self.going:
             self.going = True
             if self._run is not None:
@@ -105,9 +134,6 @@ class RunningFrame:
 
     async def live(self) -> None:
         """Lost if another dispatcher has the frame now."""
-        metrics = self._context.metrics
-        metrics.frames_started += 1
-        metrics.queue_wait.observe(max(time.time() - self.job.queued_at, 0.0))
         reading = asyncio.create_task(self._jobs.get(self.job))
         try:
             await self._live(reading)
@@ -123,7 +149,7 @@ class RunningFrame:
         # Its process is gone, so that another can begin: while this one's outputs are adopted, and, if it has given way,
         # before it waits again itself, or it would be first in the queue.
         self.has_slot = False
-        if isinstance(outcome, Picture) and not self.is_canceling:
+        if isinstance(outcome, Picture) and not self.is_canceling and self._taken is None:  # else others had a part
             self._context.rates.note(self.job, asyncio.get_running_loop().time() - self._claimed_at)
         await self._on_free()
         shared = await reading
@@ -161,12 +187,14 @@ class RunningFrame:
 
     async def _start(self, picture_only: bool) -> ChunkRun | Outcome:
         context, job, frame = self._context, self.job, self.frame
-        tidied = context.calls.disk(adoption.tidy_frame, context.data, job.id, frame.number, frame.checkpoint_file)
+        tidied = context.calls.disk(adoption.tidy_frame, context.data, job.id, frame.number, (frame.checkpoint_file,))
         read = context.calls.store(context.store.scene, job.tenant, job.scene_id)
         counted = context.calls.store(context.store.frame_counts, job.id)
         scene, counts, _ = await asyncio.gather(read, counted, tidied)
         more = counts[FrameState.QUEUED.value] > 0
-        asked = commands.Asked(sum(counts.values()), more, picture_only, self._wants_preview)
+        asked = commands.Asked(
+            sum(counts.values()), more, picture_only, self._wants_preview, None if self._taken is None else self._taken.samples
+        )
         try:
             if scene is None:
                 raise Problem("internal", "The scene is not on the server any more; upload it again.")
@@ -249,6 +277,7 @@ class RunningFrame:
             follows=frame.checkpoint,
             file=name,
             now=time.time(),
+            merged=self._merged,
         )
         if not accepted:
             await context.calls.disk(adoption.remove, folder / name)
@@ -259,10 +288,15 @@ class RunningFrame:
         older = frame.checkpoint_file
         # What a time limit counts: by the wall clock, which is near enough, and all that is known of every kind of worker.
         progress = frame.progress | {"spent_s": float(run.chunk.command["spent_s"]) + run.sampled_s}
-        taken = replace(frame, checkpoint=message.number, checkpoint_file=name, crashes=0, kills=0)
+        taken = replace(frame, checkpoint=message.number, checkpoint_file=name, merged=self._merged, crashes=0, kills=0)
         self.frame = replace(taken, progress=progress)
         if older and older != name:
             await context.calls.disk(adoption.remove, folder / older)
+
+    @property
+    def _merged(self) -> int:
+        """Of its checkpoints: whether parts could go on from them."""
+        return self._taken.merged if self._taken is not None and self._taken.merged == self._taken.samples else 0
 
     async def _take_preview(self, run: ChunkRun, shared: SharedJob) -> None:
         preview, run.inbox.preview = run.inbox.preview, None

@@ -95,6 +95,7 @@ LINKS = leading_to(
             "package-too-large",
             "invalid-request",
             "limit-exceeded",
+            "parallel-adaptive",
             "idempotency-key-reused",
             "webhook-address",
             "ambiguous-entry",

@@ -7,7 +7,7 @@ from typing import Any
 
 from sqlalchemy import Row, Table
 
-from ...jobs import Event, Frame, FrameState, Job, JobState, Json, Output, Scene, SceneState
+from ...jobs import Event, Frame, FrameState, Job, JobState, Json, Output, Part, PartState, Scene, SceneState
 from ...limits import Quotas
 from ..base import ApiKey, WebhookDelivery
 from . import schema
@@ -34,6 +34,11 @@ def values_of_job(job: Job) -> Json:
 def frame_of(row: Row[Any]) -> Frame:
     values = _of(row, schema.frames, Frame)
     return Frame(**{**values, "state": FrameState(values["state"])})
+
+
+def part_of(row: Row[Any]) -> Part:
+    values = _of(row, schema.parts, Part)
+    return Part(**{**values, "state": PartState(values["state"])})
 
 
 def event_of(row: Row[Any]) -> Event:

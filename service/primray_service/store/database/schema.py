@@ -86,6 +86,7 @@ jobs = Table(
     Column("labels", Document, nullable=False),
     Column("name", Document),  # NULL: of before jobs had names
     Column("webhook", Document),
+    Column("parallel", Document),  # NULL: a frame is rendered in one place
     Column("started_at", Double),
     Column("finished_at", Double),
     Column("effective_settings", Document),
@@ -138,6 +139,7 @@ frames = Table(
     Column("attempt", Integer, nullable=False),
     Column("checkpoint", Integer, nullable=False),
     Column("checkpoint_file", Words, nullable=False),
+    Column("merged", Integer, nullable=False, server_default="0"),
     Column("checkpoint_chunk", Words, nullable=False),  # who made it, to recognise a repeated call
     Column("claim", Words, nullable=False),  # the call that claimed it, for the same
     Column("crashes", Integer, nullable=False),
@@ -156,6 +158,23 @@ frames = Table(
     postgresql_with=_ROOMY,
 )
 Index("ix_frames_by_state", frames.c.job_id, frames.c.state, frames.c.number)
+
+# Ranges of samples of frames that are rendered in several places; gone once they are in the frame's checkpoint.
+parts = Table(
+    "parts",
+    metadata,
+    _of_job(),
+    Column("frame", Integer, nullable=False),
+    Column("first", Integer, nullable=False),
+    Column("end", Integer, nullable=False),
+    Column("state", Words, nullable=False),
+    Column("claim", Words, nullable=False),  # the chunk that it was given out to
+    Column("checkpoint", Integer, nullable=False),
+    Column("checkpoint_file", Words, nullable=False),
+    Column("crashes", Integer, nullable=False),
+    Column("kills", Integer, nullable=False),
+    PrimaryKeyConstraint("job_id", "frame", "first"),
+)
 
 job_labels = Table(
     "job_labels",

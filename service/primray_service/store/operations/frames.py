@@ -15,6 +15,7 @@ from ..database.transaction import Transaction
 from .leases import check_fence
 from .open_job import OpenJob, open_job
 from .operations import Operations
+from .parts import forget_merged
 from .usage import count_bytes, count_cpu
 
 jobs, frames, outputs, events = schema.jobs, schema.frames, schema.outputs, schema.events
@@ -71,7 +72,17 @@ class Frames(Operations):
         return self._db.write(work, durable=False)
 
     def accept_checkpoint(
-        self, fence: int, chunk_id: str, job_id: str, number: int, *, attempt: int, follows: int, file: str, now: float
+        self,
+        fence: int,
+        chunk_id: str,
+        job_id: str,
+        number: int,
+        *,
+        attempt: int,
+        follows: int,
+        file: str,
+        now: float,
+        merged: int = 0,
     ) -> bool:
         def work(transaction: Transaction[bool]) -> bool:
             check_fence(transaction, fence)
@@ -83,7 +94,8 @@ class Frames(Operations):
                 return self._made_by(transaction, stored) == chunk_id  # this very call, repeated
             if stored.checkpoint != follows or stored.state != FrameState.RUNNING:
                 return False
-            values = {"checkpoint": follows + 1, "checkpoint_file": file, "checkpoint_chunk": chunk_id}
+            values = {"checkpoint": follows + 1, "checkpoint_file": file, "checkpoint_chunk": chunk_id, "merged": merged}
+            forget_merged(transaction, stored, merged)
             _update(transaction, stored, {**values, "crashes": 0, "kills": 0})
             opened.touch()
             return True

@@ -204,6 +204,7 @@ def _insert_job(transaction: Transaction[Any], job: Job, time_codes: Sequence[fl
         "attempt": 1,
         "checkpoint": 0,
         "checkpoint_file": "",
+        "merged": 0,
         "checkpoint_chunk": "",
         "claim": "",
         "crashes": 0,

@@ -102,8 +102,9 @@ class GivenChunk:
 
     def _order(self) -> Order:
         chunk, settings = self._chunk, self._settings
-        saved = chunk["command"].get("checkpoint")  # each is another one: no node needs to keep it
-        inputs = {name: self._contents.of_file(Path(path), keep=name != saved) for name, path in chunk["inputs"].items()}
+        command = chunk["command"]
+        saved = {command.get("checkpoint"), *command.get("parts", ())}  # each is another one: no node needs to keep it
+        inputs = {name: self._contents.of_file(Path(path), keep=name not in saved) for name, path in chunk["inputs"].items()}
         folders = {name: self._contents.of_folder(Path(path)) for name, path in chunk["folders"].items()}
         room = self._cluster.room
         limits = settings["limits"] | {"memory_bytes": room.memory_bytes}

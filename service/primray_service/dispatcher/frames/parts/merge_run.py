@@ -1,0 +1,90 @@
+"""Putting parts of a frame together: a chunk of its own kind, which believes nothing of the checkpoints that it reads, and
+whose word is checked as any worker's."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .... import ids
+from ....executor.base import Ended
+from ....jobs import Frame, Job, Json, Part
+from ....problems import Problem
+from ...chunks import commands
+from ...chunks.chunk_run import ChunkRun
+from ...chunks.messages import Checkpoint, Done, NotBelieved, mapping, number, whole
+from ...context import Context
+from .. import run_completion
+from ..outcomes import Broken, Circumstances, Outcome, Picture, outcome_of
+
+SILENT_S = 900.0
+LOOK_S = 5.0
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a merge says of the samples that it put together."""
+
+    checkpoint: Checkpoint
+    rays: int
+    error: Json | None
+    target_met: bool
+
+
+class MergeRun:
+    """Of parts that follow what is merged without a gap, up to sample `end`."""
+
+    def __init__(self, context: Context, job: Job, frame: Frame, parts: Sequence[Part]) -> None:
+        self.end = parts[-1].end
+        self._context = context
+        self._job = job
+        self._frame = frame
+        self._parts = parts
+        self.run: ChunkRun | None = None
+        self.ended: Ended | None = None
+
+    async def live(self) -> Found | Outcome:
+        """Its files are there until `close`."""
+        context = self._context
+        try:
+            chunk_id = f"m{ids.ulid(time.time())}"
+            chunk = commands.merge_chunk(chunk_id, self._job, self._frame, self._parts, context.data, context.limits)
+            run = self.run = ChunkRun(context.executor, chunk, self._frame.convergence)
+        except (Problem, ValueError, OSError) as error:
+            return run_completion.not_begun(self._frame, error, context.limits)
+        while not run.is_over:
+            await run.news(LOOK_S)
+            if run.silent_s > SILENT_S:
+                run.kill("silent")
+        self.ended = ended = await run.ended()
+        context.metrics.worker_cpu_s += ended.cpu_s
+        about = Circumstances(False, run.killed_for, await context.look_at_disk(), had_checkpoint=True)
+        outcome = outcome_of(self._frame, run.inbox.last, ended, about, context.limits_of_chunks)
+        if not isinstance(outcome, Picture):
+            return outcome
+        try:
+            return self._found(run, outcome.done)
+        except NotBelieved:
+            return Broken(Problem("render-failed", "The process that merges parts sent what it should not.").as_json())
+
+    def _found(self, run: ChunkRun, done: Done) -> Found:
+        """NotBelieved unless it is of all samples that it was to be of."""
+        if len(run.inbox.checkpoints) != 1 or done.outputs:
+            raise NotBelieved("one checkpoint was to be left, and nothing else")
+        checkpoint = run.inbox.checkpoints.popleft()
+        said = mapping(done.report.get("parts"))
+        if said.get("ranges") != [[0, self.end]] or checkpoint.number != self._frame.checkpoint + 1:
+            raise NotBelieved("these are not the samples that were to be merged")
+        error = said.get("error")
+        if error is not None and number(mapping(error).get("estimate")) < 0:
+            raise NotBelieved("an error is not below 0")
+        return Found(checkpoint, whole(said.get("rays")), error, said.get("target_met") is True)
+
+    def kill(self, why: str) -> None:
+        if self.run is not None:
+            self.run.kill(why)
+
+    async def close(self) -> None:
+        if self.run is not None:
+            await self.run.close()

@@ -1,0 +1,445 @@
+"""A claimed frame that is rendered in parts, until its row says how it ended or that it waits again.
+
+Parts run in tasks of their own, which end before this one does. What is merged lies in the frame's checkpoint, so that the
+picture is made as of any frame that goes on from its checkpoint: by a RunningFrame, which takes no more samples.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable
+from contextlib import suppress
+from dataclasses import replace
+
+from primray.report.report import settings_as_json
+
+from ....jobs import TERMINAL, FrameState, Job, JobState, Json, Part, PartState, Scene
+from ....problems import Problem
+from ....store.base import Claim
+from ...chunks import adoption, commands
+from ...context import Context
+from ...giving_way import Key, Running
+from .. import progress_reports
+from ..outcomes import Again, Broken, GivenUp, Outcome
+from ..run_completion import RunCompletion
+from ..running import DROPPED, RunningFrame, Taken
+from ..shared_jobs import SharedJob, SharedJobs
+from .course import Course
+from .ledger import waits_again
+from .merge_run import Found, MergeRun
+from .part_run import PartEnd, PartRun
+from .told import Told
+
+LOOK_S = 0.5
+NOT_LOST = ("enough", "cancel")  # parts that are of no use any more
+
+
+class ParallelFrame:
+    """In `places` at a time at most. `going`: it was told to end, or to wait again; `has_given_way`: a part of it has."""
+
+    def __init__(
+        self, context: Context, jobs: SharedJobs, claim: Claim, on_free: Callable[[], Awaitable[None]], places: int
+    ) -> None:
+        self.job: Job = claim.job
+        self.frame = claim.frame
+        self.going = False
+        self.has_given_way = False  # since another frame was given a slot
+        self._places = places
+        self._context = context
+        self._jobs = jobs
+        self._on_free = on_free
+        self._loop = asyncio.get_running_loop()
+        self._news = asyncio.Event()
+        self._kill_for = ""
+        self._failed: Outcome | None = None
+        self._scene: Scene | None = None
+        self._has_read = False
+        self._holds_slot = True  # of the claim, or for the picture: not a part's
+        self._parts: dict[asyncio.Task[PartEnd], PartRun] = {}
+        self._merging: tuple[asyncio.Task[Found | Outcome], MergeRun] | None = None
+        self._picture: RunningFrame | None = None
+        self._wants_preview = False
+        self._has_freed = False  # slots, since others were told
+        self._course = Course(self.job.settings.get("stop", {}), places)
+        capacity = context.executor.capacity()
+        asked = settings_as_json(commands.frame_settings(self.job.settings, self.frame, capacity))
+        self._told = Told(self._loop.time(), self.frame.convergence, asked)
+        self._spent_s = commands.spent_s(self.frame)
+
+    @property
+    def key(self) -> tuple[str, int]:
+        return self.job.id, self.frame.number
+
+    @property
+    def is_canceling(self) -> bool:
+        return self.job.state is JobState.CANCELING
+
+    @property
+    def slots(self) -> int:
+        if self._picture is not None:
+            return self._picture.slots
+        return len(self._parts) + self._holds_slot
+
+    @property
+    def wants_slot(self) -> bool:
+        if self._is_ending or not self._has_read or self._picture is not None or self._holds_slot:
+            return False
+        return len(self._parts) < self._places and (self._course.next_part(self.frame) is not None or self._is_sampled)
+
+    def take_slot(self) -> None:
+        """It is free, and this frame's now."""
+        self._holds_slot = True
+        self._use_slot()
+        self._news.set()
+
+    def holders(self) -> list[Running]:
+        """Of its slots, for deciding who gives way."""
+        if self._picture is not None:
+            return self._picture.holders()
+        about = (self.job.priority, self.job.tenant)
+        found = [
+            Running((*self.key, run.part.first), *about, run.sampled_s, run.going or self.going) for run in self._parts.values()
+        ]
+        return found + [Running(self.key, *about, 0.0, going=True)] * self._holds_slot
+
+    def saw(self, job: Job | None) -> None:
+        """The job's row as it is now."""
+        if job is None or job.attempt != self.job.attempt or job.state in TERMINAL:
+            self.kill("gone")
+            return
+        self.job = job
+        if self._picture is not None:
+            self._picture.saw(job)
+        self._news.set()
+
+    def give_way(self, key: Key | None = None) -> None:
+        if self._picture is not None:
+            self._picture.give_way()
+        for run in self._parts.values():
+            if (*self.key, run.part.first) == key:
+                run.give_way()
+
+    def shut_down(self) -> None:
+        self.going = True
+        if self._picture is not None:
+            self._picture.shut_down()
+        for run in self._parts.values():
+            run.give_way()
+        self._news.set()
+
+    def ask_preview(self) -> None:
+        """What is merged has one already; the picture's worker writes another."""
+        self._wants_preview = True
+        if self._picture is not None:
+            self._picture.ask_preview()
+
+    def kill(self, why: str) -> None:
+        self._kill_for = self._kill_for or why
+        if self._picture is not None:
+            self._picture.kill(why)
+        self._kill_parts(why)
+        if self._merging is not None:
+            self._merging[1].kill(why)
+        self._news.set()
+
+    def _kill_parts(self, why: str) -> None:
+        for run in self._parts.values():
+            run.kill(why)
+
+    @property
+    def _is_ending(self) -> bool:
+        return self.going or bool(self._kill_for) or self.is_canceling or self._failed is not None
+
+    async def live(self) -> None:
+        """Lost if another dispatcher has the frame now."""
+        reading = asyncio.create_task(self._jobs.get(self.job))
+        try:
+            await self._read()
+            shared = await reading
+            outcome = await self._sample(shared)
+            if self._kill_for not in DROPPED:
+                await self._end_as(shared, outcome)
+        finally:
+            self._holds_slot = False
+            reading.cancel()
+            await self._end_tasks()
+
+    async def _read(self) -> None:
+        """Its parts, those of a dispatcher that is gone too; what its files have lost is rendered again."""
+        context, calls, frame = self._context, self._context.calls, self.frame
+        self._scene = await calls.store(context.store.scene, self.job.tenant, self.job.scene_id)
+        parts = await calls.store(context.store.parts, self.job.id, frame.number)
+        names = {part.checkpoint_file for part in parts} | {frame.checkpoint_file}
+        gone = await calls.disk(adoption.missing, context.data.job(self.job.id), names - {""})
+        if frame.merged and frame.checkpoint_file in gone:
+            await calls.store(context.store.drop_parts, context.fence, frame)
+            self.frame, parts = replace(frame, merged=0, checkpoint_file=""), []
+        self._course.begin(self.frame, [_as_left(part, gone) for part in parts])
+        keep = {part.checkpoint_file for part in self._course.ledger.parts} | {self.frame.checkpoint_file}
+        await calls.disk(adoption.tidy_frame, context.data, self.job.id, frame.number, keep)
+        self._told.error = frame.progress.get("error") if self.frame.merged else None
+        self._has_read = True
+
+    async def _sample(self, shared: SharedJob) -> Taken | Outcome:
+        """Until enough is merged, or something else ends it."""
+        while True:
+            await self._reap()
+            self._told.hear(self._parts.values(), self._loop.time())
+            self._follow_clock()
+            if (end := self._end_now()) is not None:
+                return end
+            self._merge_if_due()
+            self._use_slot()
+            if self._has_freed or self.wants_slot:
+                self._has_freed = False
+                await self._on_free()
+            if not self._kill_for:
+                await self._report(shared)
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._news.wait(), LOOK_S)
+            self._news.clear()
+
+    def _end_now(self) -> Taken | Outcome | None:
+        """None: it goes on."""
+        if self._kill_for:
+            return Again(self.frame, self._kill_for)
+        if self._failed is not None:
+            return self._failed
+        if self.going and not self.is_canceling:
+            return None if self._parts else Again(self.frame, "shutdown")
+        if self.is_canceling:
+            self._kill_parts("cancel")
+            return None if self._parts or self._merging is not None or self._course.ledger.to_merge() else GivenUp()
+        if not self._is_sampled:
+            return None
+        self._kill_parts("enough")
+        if self._parts or not self._holds_slot:
+            return None
+        samples, out_of_time = self._course.end
+        return Taken(samples, self._course.ledger.merged, out_of_time)
+
+    @property
+    def _is_sampled(self) -> bool:
+        return self._course.is_sampled(self.frame, runs=bool(self._parts), merges=self._merging is not None)
+
+    def _follow_clock(self) -> None:
+        self._course.at(self._elapsed_s, self._context.limits.seconds)
+        if self._course.is_out_of_time:
+            self._kill_parts("enough")
+
+    @property
+    def _elapsed_s(self) -> float:
+        """Since the first sample, by the clock on the wall; those of earlier runs too."""
+        since = self._told.inbox.sampling_since
+        return self._spent_s + (0.0 if since is None else self._loop.time() - since)
+
+    def _use_slot(self) -> None:
+        """For a part; it is kept for the picture while there is none and the last samples are merged."""
+        if not self._holds_slot or self._is_ending or self._is_sampled:
+            return
+        part = self._course.next_part(self.frame)
+        if part is None or len(self._parts) >= self._places:
+            self._holds_slot = not self._parts
+            return
+        self._holds_slot = False
+        run = PartRun(self._context, self.job, self.frame, part, self._scene, self._news.set)
+        self._course.ledger.put(replace(part, state=PartState.RUNNING))
+        task = asyncio.create_task(run.live(), name="part")
+        self._parts[task] = run
+        task.add_done_callback(lambda _: self._news.set())
+
+    async def _reap(self) -> None:
+        """Deal with parts and a merge that have ended."""
+        for task in [task for task in self._parts if task.done()]:
+            end, run = task.result(), self._parts.pop(task)
+            self._has_freed = True
+            self._told.hear([run], self._loop.time())
+            self._take_part(end)
+            self.has_given_way = self.has_given_way or run.going
+            self._holds_slot = self._holds_slot or not (self._parts or run.going)
+        if self._merging is not None and self._merging[0].done():
+            task_of_merge, merge = self._merging
+            try:
+                await self._take_merge(merge, task_of_merge.result())
+            finally:
+                self._merging = None
+                await merge.close()
+
+    def _take_part(self, end: PartEnd) -> None:
+        self._course.ledger.put(end.part)
+        if end.ended is not None:
+            self._count(end.ended.cpu_s, end.ended.peak_rss_bytes)
+        if end.outcome is None:
+            self._course.took(end.part.samples, end.sampled_s, end.load_s)
+        elif isinstance(end.outcome, Broken):
+            self._failed = end.outcome
+        elif not isinstance(end.outcome, Again) or end.outcome.why == "gone":
+            self.kill("gone")
+        elif end.outcome.why not in NOT_LOST:
+            self._context.metrics.restarts[f"part-{end.outcome.why}"] += 1
+
+    def _count(self, cpu_s: float, peak_rss_bytes: int) -> None:
+        frame = self.frame
+        self.frame = replace(frame, cpu_s=frame.cpu_s + cpu_s, peak_rss_bytes=max(frame.peak_rss_bytes, peak_rss_bytes))
+
+    def _merge_if_due(self) -> None:
+        parts = self._course.ledger.to_merge()
+        if not parts or self._merging is not None or self._course.target_met or self.going or self._kill_for:
+            return
+        merge = MergeRun(self._context, self.job, self.frame, parts)
+        task = asyncio.create_task(merge.live(), name="merge")
+        task.add_done_callback(lambda _: self._news.set())
+        self._merging = task, merge
+
+    async def _take_merge(self, merge: MergeRun, found: Found | Outcome) -> None:
+        if merge.ended is not None:
+            self._count(merge.ended.cpu_s, merge.ended.peak_rss_bytes)
+        if isinstance(found, Again):
+            self._context.metrics.restarts[f"merge-{found.why}"] += 1
+            self.frame = replace(self.frame, crashes=found.frame.crashes, kills=found.frame.kills)
+            if found.drop_checkpoint:
+                await self._begin_anew(found)
+        elif not isinstance(found, Found):
+            self._failed = found
+        elif not self._kill_for:
+            await self._adopt(merge, found)
+
+    async def _begin_anew(self, why: Again) -> None:
+        """Parts, or what was merged of them, are of no use: another build made them, or they are damaged."""
+        context = self._context
+        crashes = self.frame.crashes + 1
+        if crashes >= context.limits.crashes:
+            self._failed = Broken(_unusable())
+            return
+        await context.calls.store(context.store.drop_parts, context.fence, self.frame)
+        self.frame = replace(self.frame, crashes=crashes, merged=0, checkpoint_file="")
+        self._failed = Again(self.frame, why.why)
+
+    async def _adopt(self, merge: MergeRun, found: Found) -> None:
+        """The checkpoint of all that is merged: on the disk first, then in the row; what it is made of goes last."""
+        context, frame, run = self._context, self.frame, merge.run
+        assert run is not None
+        name = adoption.checkpoint_file(found.checkpoint.number, frame.number, run.chunk.id)
+        folder = context.data.job(self.job.id)
+        try:
+            source = run.handle.folder / found.checkpoint.file
+            await context.calls.disk(adoption.adopt_checkpoint, source, folder / name, context.limits.output_bytes)
+        except adoption.NotAdopted:
+            self._failed = Broken(_unusable())
+            return
+        except OSError:
+            context.disk_is_full = True
+            self._failed = Again(frame, "storage")
+            return
+        accepted = await context.calls.store(
+            context.store.accept_checkpoint,
+            context.fence,
+            f"{run.chunk.id}-{found.checkpoint.number}",
+            self.job.id,
+            frame.number,
+            attempt=frame.attempt,
+            follows=frame.checkpoint,
+            file=name,
+            now=time.time(),
+            merged=merge.end,
+        )
+        if not accepted:
+            await context.calls.disk(adoption.remove, folder / name)
+            self.kill("gone")
+            return
+        context.metrics.checkpoints += 1
+        gone = self._note(merge, found)
+        progress = frame.progress | {"spent_s": self._elapsed_s}
+        taken = replace(self.frame, checkpoint=found.checkpoint.number, checkpoint_file=name, merged=merge.end)
+        self.frame = replace(taken, crashes=0, kills=0, progress=progress)
+        for file in [part.checkpoint_file for part in gone] + [frame.checkpoint_file]:
+            if file:
+                await context.calls.disk(adoption.remove, folder / file)
+        await self._take_preview(merge)
+
+    def _note(self, merge: MergeRun, found: Found) -> list[Part]:
+        """Parts that are merged now."""
+        assert merge.run is not None
+        estimate = None if found.error is None else float(found.error["estimate"])
+        self._told.error = found.error
+        self._told.merged(found.rays, merge.end)
+        self._told.inbox.convergence = merge.run.inbox.convergence
+        self._told.inbox.has_news = True
+        return self._course.merged(merge.end, estimate, target_met=found.target_met)
+
+    async def _take_preview(self, merge: MergeRun) -> None:
+        assert merge.run is not None
+        preview = merge.run.inbox.preview
+        if preview is None:
+            return
+        context, folder = self._context, self._context.data.frame(self.job.id, self.frame.number)
+        try:
+            taken = await context.calls.disk(adoption.adopt_preview, merge.run.handle.folder / preview.file, folder)
+        except (adoption.NotAdopted, OSError):
+            return  # nobody's picture depends on it
+        if taken:
+            shared = await self._jobs.get(self.job)
+            await progress_reports.tell_preview(context, shared, self.frame, preview.number)
+
+    async def _report(self, shared: SharedJob) -> None:
+        running = list(self._parts.values())
+        self._told.progress(self._course, running, self._elapsed_s)
+        if progress_reports.wait_s(self._told, shared, self._loop.time()) == 0.0:
+            job, self.frame = await progress_reports.report(self._context, shared, self.job, self.frame, self._told)
+            self.saw(job)
+
+    async def _end_as(self, shared: SharedJob, end: Taken | Outcome) -> None:
+        if isinstance(end, Taken):
+            await self._make_picture(end)
+            return
+        if isinstance(end, GivenUp) and self.frame.merged:
+            await self._make_picture(None)  # of a canceled frame that had samples
+            return
+        self.frame = progress_reports.updated(self.frame, self._told)
+        completion = RunCompletion(self._context, shared, self.job, self.frame, None, None)
+        await self._end_tasks()
+        self._holds_slot = False
+        await self._on_free()
+        if isinstance(end, Broken):
+            await completion.without(FrameState.FAILED, end.problem)
+        elif isinstance(end, GivenUp):
+            await completion.without(FrameState.CANCELED, None)
+        elif isinstance(end, Again):
+            await completion.again(end if end.frame is self.frame else replace(end, frame=self.frame))
+        if completion.is_over:
+            self._jobs.forget(self.job)
+
+    async def _make_picture(self, taken: Taken | None) -> None:
+        self.frame = progress_reports.updated(self.frame, self._told)
+        claim = Claim(self.job, self.frame)
+        self._picture = RunningFrame(self._context, self._jobs, claim, self._on_free, taken)
+        self._holds_slot = False
+        if self._wants_preview:
+            self._picture.ask_preview()
+        await self._picture.live()
+
+    async def _end_tasks(self) -> None:
+        """Nothing of it runs afterwards."""
+        tasks: list[asyncio.Task[PartEnd] | asyncio.Task[Found | Outcome]] = list(self._parts)
+        if self._merging is not None:
+            tasks.append(self._merging[0])
+        for task in tasks:
+            task.cancel()
+        if tasks:
+            await asyncio.wait(tasks)
+        if self._merging is not None:
+            await self._merging[1].close()
+        self._merging = None
+        self._parts.clear()
+
+
+def _as_left(part: Part, gone: set[str]) -> Part:
+    """As a dispatcher that is gone left it: nobody runs it now, and what it has may be lost."""
+    if part.checkpoint_file in gone:
+        return replace(waits_again(part), checkpoint_file="")
+    return part if part.state is PartState.DONE else waits_again(part)
+
+
+def _unusable() -> Json:
+    return Problem("render-failed", "What the parts of the frame left could not be put together.").as_json()

@@ -1,0 +1,61 @@
+"""Parts of a frame put together: their checkpoints become one, whose picture and error are told. No stage is opened."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from primray.checkpoints.merge import Merged, merge
+from primray.sampling.error import Estimate
+from primray.sampling.error_curve import fewest_samples
+from primray.settings import SAMPLE_BLOCK
+
+from .channel import Channel
+from .preview import preview_of, write_preview
+from .render_watch import in_rec709
+
+
+def merge_parts(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
+    """Leaves a checkpoint of all of their samples and a preview, and says what the error is."""
+    channel.send("phase", phase="opening")
+    merged = merge([job / str(name) for name in command["parts"]])
+    number = int(command["number"]) + 1
+    file = out / f"checkpoint-{number}.prc"
+    merged.save_checkpoint(file)
+    report = merged.image.report
+    samples, seconds = int(report["sample_ranges"][-1][1]), float(report["sampling_s"])
+    size = file.stat().st_size
+    channel.send("checkpoint", number=number, file=file.name, bytes=size, samples=float(samples), seconds=seconds)
+    _send_preview(merged, samples, out, channel)
+    for row in report["convergence"][-1:]:
+        if _is_known(row["ci95"]):
+            channel.send("row", **{("t_s" if name == "seconds" else name): value for name, value in row.items()})
+    error, is_met = _error_of(report["error"], command, samples)
+    found = {"ranges": report["sample_ranges"], "rays": int(report["rays"]), "error": error, "target_met": is_met}
+    channel.leave("done", outputs=[], report={"samples": int(report["samples"]), "parts": found})
+
+
+def _send_preview(merged: Merged, samples: int, out: Path, channel: Channel) -> None:
+    image = merged.image
+    if image.errors is None:
+        return
+    shown = in_rec709(image.pixels, image.errors, image.color_space)
+    preview = preview_of(*shown, samples // SAMPLE_BLOCK, int(image.report["samples"]))
+    file, size = write_preview(preview, out)
+    channel.send("preview", **{"pass": preview.passes, "file": file, "bytes": size, "samples": preview.samples})
+
+
+def _error_of(errors: Mapping[str, Any], command: Mapping[str, Any], samples: int) -> tuple[dict[str, Any] | None, bool]:
+    """In the metric that is asked for, as progress tells it; and whether it is known to be the target's or less."""
+    found, target = errors.get(command["metric"]), command.get("target")
+    if not found or not _is_known(found["ci95"]):
+        return None, False
+    error = {"metric": command["metric"], "estimate": found["estimate"], "ci95": found["ci95"], "target": target}
+    fewest = fewest_samples(Estimate(found["estimate"], *found["ci95"]))
+    return error | {"kind": "estimated"}, target is not None and found["estimate"] <= target and samples >= fewest
+
+
+def _is_known(interval: list[float]) -> bool:
+    return all(math.isfinite(end) for end in interval)
