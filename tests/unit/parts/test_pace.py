@@ -16,8 +16,7 @@ def lengths(pace: Pace, samples: int, slots: int) -> list[int]:
 def test_parts_get_shorter_towards_the_end() -> None:
     found = lengths(Pace(sample_s=1.0, beside_s=4.0), 1000, 4)
     assert found == sorted(found, reverse=True)
-    assert found[0] == 126
-    assert found[-2] == 4
+    assert (found[0], found[-1]) == (124, 2)
 
 
 def test_no_part_is_longer_than_is_well_to_lose() -> None:
