@@ -38,6 +38,7 @@ DAY_S = 24 * 3600.0
 # Who has the cluster's token renders stages of their own: what keeps strangers from filling a service does not bound them.
 LIMITS = Limits(load_cpu_s=DAY_S, seconds=30 * DAY_S, texture_bytes=2**40, output_bytes=2**40, instances=2**40)
 OF_ANY_NODE = ("memory-limit", "time-limit", "storage-limit")  # how a chunk ends that would end so anywhere
+LEAVE_WITHIN_S = 5.0
 NEVER_S = 1e9  # checkpoints before the end
 
 
@@ -180,7 +181,7 @@ class RayParts:
     def close(self) -> None:
         self.end()
         if self._executor is not None:
-            self._wait(self._executor.close())
+            self._wait(self._ended(self._executor))
             self._executor = None
         if self._thread is not None:
             self._loop.call_soon_threadsafe(self._loop.stop)
@@ -191,6 +192,11 @@ class RayParts:
         if self._folder is not None:
             self._folder.cleanup()
             self._folder = None
+
+    async def _ended(self, executor: RayExecutor) -> None:
+        await executor.close()
+        if self._following:
+            await asyncio.wait(self._following, timeout=LEAVE_WITHIN_S)
 
 
 class _Heard:

@@ -20,7 +20,7 @@ from .order import Order
 
 MOST_AHEAD = 16  # items of a task that nobody has taken yet: what is rendered must not fill the store
 MOST_ASKING = 1000  # chunks that wait for their letters
-MAILBOX = "mailbox of "  # so its name begins
+MAILBOX = "mailbox-"  # so its name begins
 
 
 def _run_chunk(order: Order, mailbox: Any) -> Iterator[list[Item]]:
