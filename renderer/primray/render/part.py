@@ -12,17 +12,24 @@ from pathlib import Path
 from typing import Any
 
 from ..checkpoints.checkpointing import Checkpointing
+from ..diagnostics import Diagnostics
 from ..errors import LimitError, PrimrayError, SceneError, SettingsError
-from ..settings import settings_of_json
-from .render import quiet_frames
+from ..report.report import Costs
+from ..settings import RenderSettings, settings_of_json
+from .prepare import open_once, prepare
 
+NEVER_S = 1e9  # checkpoints before the end
 _BY_EXIT_CODE = {error.exit_code: error for error in (SceneError, SettingsError, LimitError)}
 
 
-def render_part(stage: str, settings: Mapping[str, Any], file: Path) -> None:
-    saving = Checkpointing(file, every_s=1e9)
-    image = next(quiet_frames(stage, [settings_of_json(settings)], checkpointing=[saving]))
-    if why := image.report["checkpoint"]["failed"]:
+def render_part(stage: str, settings: RenderSettings, file: Path) -> None:
+    """Its samples and nothing else: pictures and AOVs are made of the whole."""
+    saving, diagnostics = Checkpointing(file, every_s=NEVER_S), Diagnostics()
+    saving.check()
+    opened = open_once(stage, settings)
+    prepared = prepare(opened.stage, opened.diagnostics, settings, Costs(), diagnostics, fingerprinted=True)
+    _, saved = saving.run(prepared, list(diagnostics), lambda fraction, samples, rays: None)
+    if why := saved["failed"]:
         raise PrimrayError(why, where=str(file), code="write-failed")
 
 
@@ -39,7 +46,7 @@ def error_of_json(told: Mapping[str, Any]) -> PrimrayError:
 def main() -> None:
     order = json.loads(sys.stdin.readline())
     try:
-        render_part(order["stage"], order["settings"], Path(order["file"]))
+        render_part(order["stage"], settings_of_json(order["settings"]), Path(order["file"]))
     except PrimrayError as error:
         print(json.dumps(error_as_json(error)))
 

@@ -9,7 +9,7 @@ import typer
 
 from primray.cli.json_lines import print_line
 
-from .connection import Json, need_extra
+from .connection import Json
 from .exits import USAGE, CommandError
 from .job_text import plain
 
@@ -44,7 +44,6 @@ def status(
     json: Json = False,
 ) -> None:
     """Show the nodes of a Ray cluster, how many renders each has room for, and what runs there for whom."""
-    need_extra("farm")
     from ..farm.status import farm_status, status_lines
 
     labels = dict(label.partition("=")[::2] for label in ray_label or [])

@@ -141,7 +141,7 @@ class RayParts:
             "checkpoint_every_s": NEVER_S,
             "picture_only": False,
             "preview": False,
-            "outputs": [f"report-{self._parts}.json"],
+            "part": True,
             "limits": asdict(self._limits),
         }
         return Chunk(

@@ -9,11 +9,12 @@ Commands
     {"do": "render", "file": "package/shot.usda", "settings": {RenderSettings as JSON}, "checkpoint": "checkpoint.prc" | null,
      "number": 3, "checkpoint_every_s": 10, "picture_only": false, "preview": true, "limits": {..}, "traceparent": "..",
      "outputs": ["beauty.exr", "beauty.png", "report.json"], "spent_s": 3.5, "fraction": 0.4,
-     "stay": true}
+     "part": false, "stay": true}
         goes on from `checkpoint` (whose number is `number`), or begins; `picture_only`: take no more samples, write the
         outputs; `preview`: as the command of that name, from the start; `outputs`: what files are to be called, by whose
         endings the worker knows what they are; `spent_s`: seconds of sampling before this run that the settings' time limit
-        counts; `fraction`: of progress that was told before; `stay`: after `done`, for more work
+        counts; `fraction`: of progress that was told before; `part`: of a
+        frame: its last checkpoint is all that is wanted, no previews, no outputs; `stay`: after `done`, for more work
     {"do": "stop"}     end soon with a checkpoint and the picture so far           (then: checkpoint, done; done with no outputs
                        and a report {"interrupted": true, "samples": 0} where there is no picture yet)
     {"do": "yield"}    end soon with a checkpoint                                  (then: checkpoint, yielded)

@@ -45,7 +45,7 @@ def render_frame(stages: KeptStage, command: Mapping[str, Any], job: Path, out: 
         end_phase()
         numbers = Numbers(number, out)
         saver = Saver(about, float(command.get("checkpoint_every_s") or 60.0), numbers.next_file, numbers.send_to(channel))
-        watch = Watch(sampling, saver, channel, out)
+        watch = Watch(sampling, saver, channel, out, shows=not command.get("part"))
         if command.get("preview"):
             channel.ask_preview()
         if command.get("picture_only"):
@@ -56,6 +56,10 @@ def render_frame(stages: KeptStage, command: Mapping[str, Any], job: Path, out: 
     if not sampling.film.samples:  # it was stopped before there was a picture
         saver.wait()
         channel.leave("done", outputs=[], report={"interrupted": True, "samples": 0})
+    if command.get("part"):
+        saver.wait()
+        held = {"samples": int(sampling.film.samples)}
+        return channel.done(stay=bool(command.get("stay")), outputs=[], report=held)
     phases("write")
     files = command.get("outputs") or DEFAULT_NAMES
     image = picture_of(prepared, sampling, costs, diagnostics)

@@ -199,3 +199,8 @@ def test_what_parts_cannot_do(values: dict[str, Any], where: str) -> None:
         gathered(executor, **values)
     assert (raised.value.code, raised.value.where) == ("parts-setting", where)
     assert executor.stages == []
+
+
+def test_each_code_is_documented() -> None:
+    page = (Path(__file__).parents[3] / "docs/service/scaling.md").read_text()
+    assert [code for code in ("parts-setting", "parts-lost", "parts-nowhere") if f"| `{code}` |" not in page] == []
