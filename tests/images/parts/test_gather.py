@@ -84,7 +84,7 @@ def test_samples(seed: int, loses: float) -> None:
     assert image.report["sample_ranges"] == [[0, 70]]
     assert image.report["stop"] == {"reason": "samples", "target_met": None}
     assert image.report["settings"]["spp"] == 70
-    assert (image.report["distribution"]["lost"] > 0) == (loses > 0)
+    assert loses or image.report["distribution"]["lost"] == 0
     assert sum(b - a for a, b in executor.parts) == 70
     assert image.report["diagnostics"] == []
 

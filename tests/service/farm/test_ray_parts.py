@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 from collections.abc import Iterator
@@ -37,6 +38,18 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> Iterator[RayParts]:
         yield made
 
 
+def workers() -> list[int]:
+    """With what is around them."""
+    return [pid for pid in descendants(os.getpid()) if b"primray_service.worker" in command_of(pid)]
+
+
+def command_of(pid: int) -> bytes:
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return b""
+
+
 def test_two_frames(parts: RayParts) -> None:
     for seed in (1, 2):
         image = primray.render(SCENE, resolution=SIZE, spp=24, seed=seed, executor=parts)
@@ -50,9 +63,10 @@ def test_workers_that_are_killed(parts: RayParts) -> None:
 
     def kill_once(fraction: float, samples: int, rays: int) -> None:
         if not killed and samples:
-            killed.extend(descendants(os.getpid()))
+            killed.extend(workers())
             for pid in killed:
-                os.kill(pid, signal.SIGKILL)
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
 
     image = primray.render(SCENE, resolution=SIZE, spp=2000, progress=kill_once, executor=parts)
     assert killed
