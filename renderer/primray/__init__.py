@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from .images.stereo import StereoImage
     from .lens.distortion import DirectionTable, Distortion, DistortionModel
     from .notices.announcement import RenderWarning
+    from .render.local_processes import LocalProcesses
     from .render.products import Product, render_products
     from .render.stereo import render_stereo
 
@@ -47,6 +48,7 @@ __all__ = [
     "Eye",
     "Filter",
     "Image",
+    "LocalProcesses",
     "Metric",
     "PrimrayError",
     "Product",
@@ -75,6 +77,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Distortion": "lens.distortion",
         "DistortionModel": "lens.distortion",
         "Image": "images.image",
+        "LocalProcesses": "render.local_processes",
         "Product": "render.products",
         "Projection": "camera",
         "RenderWarning": "notices.announcement",

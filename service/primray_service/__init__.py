@@ -12,6 +12,7 @@
     scenes/             uploads: streamed, recognised, unpacked, safely
     dispatcher/         holds the lease, gives frames to an executor, adopts what comes back
     executor/           where chunks run: base.py is the interface
+    farm/               a cluster without the service: parts of frames, and what it does
     worker/             the program that runs one
     sandbox/            the walls around it
     telemetry/          logs, metrics, traces

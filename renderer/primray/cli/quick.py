@@ -68,6 +68,7 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "color_correction": (ColorCorrection, ("--colorCorrectionMode", "-color")),
     "make_output_path": (FLAG, ("--make-output-path",)),
     "snapshot": (_number, ("--snapshot",)),
+    "ray": (str, ("--ray",)),
     "list_cameras": (FLAG, ("--list-cameras",)),
     "exposure": (str, ("--exposure",)),
     "strict": (FLAG, ("--strict",)),

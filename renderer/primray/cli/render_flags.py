@@ -62,3 +62,12 @@ MaxMemory = Annotated[
     str | None,
     typer.Option("--max-memory", metavar="SIZE", help="Fail a render that needs more: 4G, 500M.", show_default="no limit"),
 ]
+Ray = Annotated[
+    str | None,
+    typer.Option(
+        "--ray",
+        metavar="ADDRESS",
+        help="Render the samples in parts on the nodes of the Ray cluster there: HOST:PORT, or auto on one of its nodes.",
+        show_default=False,
+    ),
+]

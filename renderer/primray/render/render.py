@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ..diagnostics import Diagnostics
     from ..images.aov import Aov
     from ..images.image import Image
+    from ..parts.executor import PartsExecutor
     from ..report.report import Costs
     from ..sampling.sampling import Progress, Sampling
     from .snapshots import Snapshots
@@ -42,6 +43,7 @@ def render(
     progress: Progress | Literal[False] | None = None,
     on_interrupt: OnInterrupt = "raise",
     checkpointing: Checkpointing | None = None,
+    executor: PartsExecutor | None = None,
     **values: Unpack[SettingsValues],
 ) -> Image:
     """Render a stage, given as a Usd.Stage or as the path of one. Fields of RenderSettings go by their names as well.
@@ -53,12 +55,36 @@ def render(
     `progress(fraction, samples, rays)` is called some ten times a second. Without one, notebooks show a bar; False: none.
     Ctrl-C raises KeyboardInterrupt and `progress` returning False raises RenderCancelled, unless `on_interrupt` is
     "partial": then the picture made so far comes back, its report saying "interrupted". A checkpoint is written before either.
+    `executor` renders the frame's samples in parts, in processes or on machines, to the bits of one render without adaptive
+    sampling; it opens the stage by its path.
 
     SceneError, SettingsError or LimitError, all PrimrayErrors, where there can be no picture. Where it is not what the stage
     says, its diagnostics are a RenderWarning, log records of "primray", and in `Image.report`.
     """
     settings = with_values(settings, values)
+    if executor is not None:
+        return _in_parts(stage, settings, executor, progress, on_interrupt, checkpointing)
     return next(render_frames(stage, [settings], progress=progress, on_interrupt=on_interrupt, checkpointing=[checkpointing]))
+
+
+def _in_parts(
+    stage: str | os.PathLike[str] | Any,
+    settings: RenderSettings,
+    executor: PartsExecutor,
+    progress: Progress | Literal[False] | None,
+    on_interrupt: OnInterrupt,
+    checkpointing: Checkpointing | None,
+) -> Image:
+    from ..notices.announcement import Announcer
+    from .in_parts import diagnostics_of, render_in_parts
+    from .notebook_bar import shown_progress
+
+    if checkpointing is not None:
+        raise SettingsError("a frame of parts has no checkpoints", where="checkpointing", code="parts-setting")
+    with shown_progress(progress) as shown:
+        image = render_in_parts(stage, settings, executor, shown, on_interrupt)
+    Announcer(stage).tell(diagnostics_of(image))
+    return image
 
 
 def render_frames(

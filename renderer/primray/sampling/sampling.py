@@ -84,8 +84,7 @@ class Sampling:
         self.stop = None
         while self.stop is None:
             if self.goal is None:
-                self._measure_at_boundary()
-                self.stop = self.schedule.stop(self.done, self._row_here(), self.seconds)
+                self.stop = self.judge()
                 if self.stop is not None:
                     break
                 self.aim()
@@ -94,6 +93,11 @@ class Sampling:
         if not (self.schedule.pilot and self.rows):
             self._measure_at_end()
         return True
+
+    def judge(self) -> Stop | None:
+        """Where a pass has ended: measure what is due there, and say whether that is the end."""
+        self._measure_at_boundary()
+        return self.schedule.stop(self.done, self._row_here(), self.seconds)
 
     def aim(self) -> None:
         """Choose where the next pass ends, or anew where the pass under way does: by `done` and what decides alone."""

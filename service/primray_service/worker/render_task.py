@@ -45,7 +45,7 @@ def render_frame(stages: KeptStage, command: Mapping[str, Any], job: Path, out: 
         end_phase()
         numbers = Numbers(number, out)
         saver = Saver(about, float(command.get("checkpoint_every_s") or 60.0), numbers.next_file, numbers.send_to(channel))
-        watch = Watch(sampling, saver, channel, out)
+        watch = Watch(sampling, saver, channel, out, shows=not command.get("part"))
         if command.get("preview"):
             channel.ask_preview()
         if command.get("picture_only"):
@@ -53,15 +53,14 @@ def render_frame(stages: KeptStage, command: Mapping[str, Any], job: Path, out: 
         elif watch.run(float(command.get("fraction") or 0.0)) == "gave way":
             channel.leave("yielded", number=numbers.number)
         watch.last_words()
+    if not sampling.film.samples:  # it was stopped before there was a picture
+        saver.wait()
+        channel.leave("done", outputs=[], report={"interrupted": True, "samples": 0})
     if command.get("part"):
         saver.wait()
         assert sampling.stop is not None
         said = {"stop": sampling.stop.as_json(), "samples": int(sampling.film.samples), "rays": int(sampling.film.rays)}
-        channel.done(stay=bool(command.get("stay")), outputs=[], report=said)
-        return
-    if not sampling.film.samples:  # it was stopped before there was a picture
-        saver.wait()
-        channel.leave("done", outputs=[], report={"interrupted": True, "samples": 0})
+        return channel.done(stay=bool(command.get("stay")), outputs=[], report=said)
     phases("write")
     files = command.get("outputs") or DEFAULT_NAMES
     image = picture_of(prepared, sampling, costs, diagnostics)

@@ -110,13 +110,14 @@ class Numbers:
 
 
 class Watch:
-    """Between the sampling and the server: progress, rows, previews, checkpoints, and being told to stop."""
+    """Between the sampling and the server: progress, rows, previews (where it `shows` any), checkpoints, being told to stop."""
 
-    def __init__(self, sampling: Sampling, saver: Saver, channel: Channel, out: Path) -> None:
+    def __init__(self, sampling: Sampling, saver: Saver, channel: Channel, out: Path, *, shows: bool = True) -> None:
         self._sampling = sampling
         self._saver = saver
         self._channel = channel
         self._out = out
+        self._shows = shows
         width, height = sampling.scene.resolution
         self._pixels = width * height
         self._forecaster = Forecaster(sampling, TAIL_S + TAIL_S_PER_PIXEL * self._pixels)
@@ -154,7 +155,7 @@ class Watch:
         """The last rows, progress and preview of a picture that is complete now."""
         self._send_rows()
         self._send_progress(1.0)
-        if self._sampling.film.samples != self._shown_samples:
+        if self._shows and self._sampling.film.samples != self._shown_samples:
             self._preview()
 
     def _on_progress(self, fraction: float, samples: int, rays: int) -> bool:
@@ -169,12 +170,12 @@ class Watch:
         return self._channel.give_way or self._wants_preview() or self._saver.is_due()
 
     def _on_pass(self) -> None:
-        if self._shown < 0:
+        if self._shows and self._shown < 0:
             self._preview()
 
     def _wants_preview(self) -> bool:
         """The first one as soon as every pixel has samples; that of a frame that goes on from a checkpoint may at once."""
-        if time.monotonic() < self._next_preview or self._sampling.done == 0:
+        if not self._shows or time.monotonic() < self._next_preview or self._sampling.done == 0:
             return False
         return self._shown < 0 or (self._channel.wants_preview() and passes_of(self._sampling) > self._shown)
 

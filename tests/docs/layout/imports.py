@@ -46,6 +46,7 @@ ORDER = (
     "diffusing",
     "report",
     "checkpoints",
+    "parts",
     "render",
     "compare",
     "cli",

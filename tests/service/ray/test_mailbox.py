@@ -54,3 +54,15 @@ def test_only_so_many_are_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
         assert await box.take("c") is None
 
     asyncio.run(go())
+
+
+def test_it_knows_what_runs() -> None:
+    async def go() -> None:
+        box = Mailbox()
+        await box.began("a", {"name": "shot"})
+        await box.began("b", {"name": "other"})
+        await box.forget("a")
+        await box.began("a", {"name": "too late"})
+        assert await box.running() == [{"name": "other"}]
+
+    asyncio.run(go())

@@ -6,7 +6,7 @@ Typer and the options are named in annotations only, which app.py has read: quic
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +15,7 @@ from ...errors import PrimrayError, SettingsError
 from ...render.frame_names import FrameName, check_names, default_name, frame_name, name_of_frame
 from ...settings import DEFAULT_DICING_RATE, DEFAULT_MOTION_ERROR, AutoCamera, DefaultWrap, Filter, Metric, RenderSettings
 from .. import option_values
+from ..on_ray import ray_executor, require_parts
 from ..pictures import Looks, check_outputs, save, write
 from ..shots import Shot, moments, product_shots
 from ..stereo import render_pair, require_whole_renders, write_pair
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from ...images.image import Image
     from ...render import OpenedStage
     from ...render.snapshots import Snapshots
+    from ...sampling.sampling import Progress
     from .. import output_flags, render_flags, stage_flags
 
 
@@ -83,6 +85,7 @@ def render(
     lens: stage_flags.LensFlaws = None,
     make_output_path: output_flags.MakeOutputPath = False,
     snapshot: output_flags.Snapshot = None,
+    ray: render_flags.Ray = None,
     report: output_flags.Report = None,
     json: output_flags.Json = False,
     no_default_light: stage_flags.NoDefaultLight = False,
@@ -153,15 +156,19 @@ def render(
     )
     if stereo:
         require_whole_renders({"--checkpoint": checkpoint, "--resume": resume, "--snapshot": snapshot})
+    if ray is not None:
+        require_parts({"--checkpoint": checkpoint, "--resume": resume, "--snapshot": snapshot, "--stereo": stereo or None})
     if list_cameras:
         _list_cameras(scene, settings, json)
     elif by_product:
-        _render_products(scene, settings, product, output_dir, time_codes, looks, snapshot, stereo)
+        _render_products(scene, settings, product, output_dir, time_codes, looks, snapshot, stereo, ray)
     else:
         shots = _shots_of(settings, time_codes, names, report, resume if checkpoint is None else checkpoint)
         check_outputs(shots[0].files, shots[0].report, looks)
         if stereo:
             return _render_pairs(scene, shots, looks)
+        if ray is not None:
+            return _render_on_ray(ray, scene, shots, looks)
         checkpointing = [_checkpointing(checkpoint, checkpoint_every, resume, t) for t in moments(time_codes)]
         _render_shots(scene, shots, looks, _check_checkpoints(checkpointing), snapshot)
 
@@ -175,11 +182,14 @@ def _render_products(
     looks: Looks,
     snapshot_s: float | None,
     stereo: bool,
+    ray: str | None,
 ) -> None:
     opened, shots = product_shots(scene, settings, asked, folder, time_codes)
     check_outputs([file for shot in shots for file in shot.files], None, looks)
     if stereo:
         return _render_pairs(opened, shots, looks)
+    if ray is not None:
+        return _render_on_ray(ray, scene, shots, looks)
     _render_shots(opened, shots, looks, [None] * len(shots), snapshot_s)
 
 
@@ -258,23 +268,45 @@ def _render_shots(
     checkpointing: list[Checkpointing | None],
     snapshot_s: float | None,
 ) -> None:
-    """A picture that cannot be written is told and makes the command fail, and the next one is rendered."""
     from ...render import quiet_frames
+
+    rendering: list[Shot] = []
+
+    def images(progress: Progress) -> Iterator[Image]:
+        return quiet_frames(
+            scene,
+            [shot.settings for shot in shots],
+            progress=progress,
+            on_interrupt="partial",
+            checkpointing=checkpointing,
+            snapshots=_snapshots(snapshot_s, rendering, looks),
+        )
+
+    _write_shots(images, shots, looks, rendering)
+
+
+def _render_on_ray(address: str, scene: str, shots: list[Shot], looks: Looks) -> None:
+    """As _render_shots, each frame in parts on the nodes of a cluster."""
+    from ...render.in_parts import render_in_parts
+
+    with ray_executor(address) as executor:
+
+        def images(progress: Progress) -> Iterator[Image]:
+            return (render_in_parts(scene, shot.settings, executor, progress, "partial") for shot in shots)
+
+        _write_shots(images, shots, looks, [])
+
+
+def _write_shots(render: Callable[[Progress], Iterator[Image]], shots: list[Shot], looks: Looks, rendering: list[Shot]) -> None:
+    """A picture that cannot be written is told and makes the command fail, and the next one is rendered. `rendering` has the
+    shot under way."""
     from ...render.interruption import terminate_as_interrupt
     from ..terminal.progress import Show, showing
 
     showing_now: list[Show] = []
-    rendering: list[Shot] = []
     missed = unsaved = False
     terminate_as_interrupt()
-    images = quiet_frames(
-        scene,
-        [shot.settings for shot in shots],
-        progress=lambda *now: showing_now[-1](*now),
-        on_interrupt="partial",
-        checkpointing=checkpointing,
-        snapshots=_snapshots(snapshot_s, rendering, looks),
-    )
+    images = render(lambda *now: showing_now[-1](*now))
     for shot in shots:
         rendering[:] = [shot]
         with showing(shot.files[0], looks.as_json) as show:

@@ -3,11 +3,12 @@
 Server to driver, the first line being its settings
     {"do": "connect", "address": "auto" | "host:port", "cores": 8 | null, "slots": 4 | null, "labels": {"pool": "render"},
      "limits": {..}, "isa": "v3" | null, "allow_unsandboxed": false}
-    {"do": "run", "id": "c01..", "chunk": {"kind", "command", "inputs": {name: path}, "folders": {name: path}, "load_cpu_s",
-     "memory_bytes", "group", "more_follow"}, "folder": "/.../slots/x-1"}
+    {"do": "run", "id": "c01..", "chunk": {"name", "kind", "command", "inputs": {name: path}, "folders": {name: path},
+     "load_cpu_s", "memory_bytes", "group", "more_follow"}, "folder": "/.../slots/x-1"}
         paths are of the server's machine, which the driver is on as well; the worker's files come to folder/out
     {"do": "tell", "id": "c01..", "command": {..}}     a later line for its worker
     {"do": "kill", "id": "c01.."}
+    {"do": "look", "id": "1"}                           what runs on the cluster?
 
 Driver to server
     failed    {"code", "why"}: it could not connect, and ends
@@ -16,6 +17,7 @@ Driver to server
     message   {"id", "message": {..}}: a worker's, whose files are in the folder by now
     ended     {"id", "reason", "exit_code", "signal", "cpu_s", "peak_rss_bytes", "log", "log_file": true, "protocol_error"}:
               base.Ended; the log is folder/log.txt
+    running   {"id", "owners": [{"owner", "chunks": [{"name", "kind", "node", "since" (Unix time)}]}]}: of all other drivers
 """
 
 from __future__ import annotations

@@ -31,6 +31,7 @@ class RayRun:
 
     def begin(self) -> None:
         chunk = {
+            "name": self.chunk.id,
             "kind": self.chunk.kind,
             "command": self.chunk.command,
             "inputs": {name: str(path.absolute()) for name, path in self.chunk.inputs.items()},

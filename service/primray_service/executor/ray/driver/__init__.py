@@ -6,6 +6,7 @@
     contents.py     files on their way to nodes: once into the object store, by content hash
     given_chunk.py  a chunk that a node has
     received.py     files that come back
+    running.py      what other drivers' chunks do, for `primray farm status`
 
 It ends when the server does, and when Ray ends it because the cluster is gone.
 """

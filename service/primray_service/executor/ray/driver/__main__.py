@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import secrets
+import socket
 import sys
 import traceback
 from collections.abc import Mapping
@@ -22,6 +24,7 @@ from .cluster import Cluster
 from .connection import connect
 from .contents import Contents
 from .given_chunk import GivenChunk
+from .running import what_runs
 
 
 class Driver:
@@ -29,9 +32,11 @@ class Driver:
         self._settings = settings
         self._messages = messages
         self._contents = Contents(ray.put)
-        self._mailbox = mailbox_actor(ray.get_runtime_context().get_node_id())
+        self._owner = f"{socket.gethostname()}-{os.getppid()}-{secrets.token_hex(4)}"
+        self._mailbox = mailbox_actor(ray.get_runtime_context().get_node_id(), self._owner)
         self._cluster = Cluster(settings, wanted_here(settings["allow_unsandboxed"]), self.tell)
         self._given: dict[str, GivenChunk] = {}
+        self._looking: set[asyncio.Task[None]] = set()
 
     def tell(self, line: Json) -> None:
         """The server reads at once; if it is gone, so is this process."""
@@ -59,12 +64,19 @@ class Driver:
             given = GivenChunk(line, self._cluster, self._contents, self._mailbox, self._settings, self.tell)
             self._given[name] = given
             given.living.add_done_callback(lambda _: self._given.pop(name, None))
+        elif does == "look":
+            looking = asyncio.ensure_future(self._look(name))
+            self._looking.add(looking)
+            looking.add_done_callback(self._looking.discard)
         elif name not in self._given:
             return
         elif does == "tell":
             self._given[name].say(line["command"])
         elif does == "kill":
             self._given[name].kill()
+
+    async def _look(self, name: str) -> None:
+        self.tell({"at": "running", "id": name, "owners": await what_runs(self._owner)})
 
 
 async def main() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 import traceback
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -127,9 +128,13 @@ class GivenChunk:
                     return ended
         raise ValueError("its task ended without a word")
 
+    def _about(self, node: str) -> Json:
+        return {"name": self._chunk.get("name", ""), "kind": self._chunk["kind"], "node": node, "since": time.time()}
+
     async def _take(self, item: Item) -> Json | None:
         if isinstance(item, Begun):
             self._node = item.node
+            self._mailbox.began.remote(self._key, self._about(item.node))
             self._cluster.sent(item.node, item.objects, item.bytes)
         elif isinstance(item, Message):
             self._tell({"at": "message", "id": self.id, "message": item.message})

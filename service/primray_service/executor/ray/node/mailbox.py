@@ -1,4 +1,7 @@
-"""What the server says to chunks that run. An actor beside the driver: a task asks it, and has an answer once there is one."""
+"""What the server says to chunks that run. An actor beside the driver: a task asks it, and has an answer once there is one.
+
+It knows what runs where, for whoever asks the cluster.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,7 @@ class Mailbox:
         self._letters: dict[str, list[Json]] = defaultdict(list)
         self._news: dict[str, asyncio.Event] = defaultdict(asyncio.Event)
         self._over: dict[str, None] = {}  # in the order in which they ended
+        self._running: dict[str, Json] = {}
 
     async def put(self, key: str, command: Json) -> None:
         if key not in self._over:
@@ -35,9 +39,18 @@ class Mailbox:
         self._news[key].clear()
         return self._letters.pop(key, [])
 
+    async def began(self, key: str, about: Json) -> None:
+        """A node has it."""
+        if key not in self._over:
+            self._running[key] = about
+
+    async def running(self) -> list[Json]:
+        return list(self._running.values())
+
     async def forget(self, key: str) -> None:
         """It is over."""
         self._over[key] = None
+        self._running.pop(key, None)
         while len(self._over) > MOST_OVER:
             del self._over[next(iter(self._over))]
         self._letters.pop(key, None)

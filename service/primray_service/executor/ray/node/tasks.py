@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any
 
 import ray
+import ray.util
 from ray.exceptions import RayError
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
@@ -19,6 +20,7 @@ from .order import Order
 
 MOST_AHEAD = 16  # items of a task that nobody has taken yet: what is rendered must not fill the store
 MOST_ASKING = 1000  # chunks that wait for their letters
+MAILBOX = "mailbox-"  # so its name begins
 
 
 def _run_chunk(order: Order, mailbox: Any) -> Iterator[list[Item]]:
@@ -61,8 +63,25 @@ def ask_fitness(node_id: str, wanted: Wanted) -> Any:
     return _remote(_told_fitness).options(num_cpus=0, max_retries=0, scheduling_strategy=where).remote(wanted)
 
 
-def mailbox_actor(node_id: str) -> Any:
-    """On this node: it ends with whoever has made it."""
+def mailbox_actor(node_id: str, owner: str) -> Any:
+    """On this node: it ends with whoever has made it, and is found under that name until then."""
     here = NodeAffinitySchedulingStrategy(node_id, soft=False)
-    made = ray.remote(Mailbox).options(num_cpus=0, max_restarts=-1, max_concurrency=MOST_ASKING, scheduling_strategy=here)
+    made = ray.remote(Mailbox).options(
+        name=f"{MAILBOX}{owner}",
+        num_cpus=0,
+        max_restarts=-1,
+        max_concurrency=MOST_ASKING,
+        scheduling_strategy=here,
+    )
     return made.remote()
+
+
+def owners() -> list[str]:
+    """Of all mailboxes of the cluster."""
+    names: list[str] = ray.util.list_named_actors()
+    return sorted(name.removeprefix(MAILBOX) for name in names if name.startswith(MAILBOX))
+
+
+def ask_running(owner: str) -> Any:
+    """A ref to what runs for that owner; ValueError if it is gone."""
+    return ray.get_actor(f"{MAILBOX}{owner}").running.remote()

@@ -1,0 +1,31 @@
+"""`primray render --ray`: the executor that another package has for it, by the entry-point group `primray.executors`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Any
+
+from ..errors import SettingsError
+
+if TYPE_CHECKING:
+    from ..parts.executor import PartsExecutor
+
+GROUP, RAY = "primray.executors", "ray"
+
+
+def ray_executor(address: str) -> AbstractContextManager[PartsExecutor]:
+    """Of the cluster there; it connects when a frame begins. SettingsError where no package has one."""
+    from importlib.metadata import entry_points
+
+    for entry in entry_points(group=GROUP, name=RAY):
+        made: AbstractContextManager[PartsExecutor] = entry.load()(address)
+        return made
+    raise SettingsError("--ray needs the render service: pip install 'primray[server,ray]'", code="ray-missing")
+
+
+def require_parts(flags: Mapping[str, Any]) -> None:
+    """SettingsError for flags that are of a render on this machine."""
+    for flag, value in flags.items():
+        if value is not None:
+            raise SettingsError(f"{flag} is for renders on this machine, not with --ray", code="parts-setting")

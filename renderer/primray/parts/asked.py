@@ -1,0 +1,44 @@
+"""What is asked of a frame, as each of its parts is asked it, and as the sum of them ends."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from ..errors import SettingsError
+from ..settings import RenderSettings
+from .board import Range
+
+
+def check(asked: RenderSettings) -> None:
+    """SettingsError for what cannot be made of parts."""
+    faults = {
+        "adaptive": asked.adaptive is True and "parts have the same samples everywhere: no adaptive sampling with them",
+        "sample_range": asked.sample_range is not None and "a frame of parts has all samples: no sample range with it",
+        "spp": asked.is_quick_look and "a quick look of so few samples is not worth parts: render it without them",
+    }
+    for name, fault in faults.items():
+        if fault:
+            raise SettingsError(fault, where=name, code="parts-setting")
+
+
+def part_settings(asked: RenderSettings, part: Range) -> RenderSettings:
+    """What one part is rendered with."""
+    return replace(asked, sample_range=part, spp=None, target_error=None, time_limit_s=None, adaptive=None)
+
+
+def by_samples(asked: RenderSettings) -> dict[str, Any]:
+    """How the frame ends by its samples alone: the time limit is one of the wall clock here, and kept outside."""
+    spp = asked.most_samples if asked.target_error is None else asked.spp
+    return {"spp": spp, **_uniform(asked), "time_limit_s": None}
+
+
+def as_told(asked: RenderSettings) -> dict[str, Any]:
+    """As the report of one render would have it."""
+    spp = asked.spp if asked.stops_early else asked.most_samples
+    return {"spp": spp, **_uniform(asked), "time_limit_s": asked.time_limit_s}
+
+
+def _uniform(asked: RenderSettings) -> dict[str, Any]:
+    adaptive = asked.adaptive if asked.target_error is None else False
+    return {"target_error": asked.target_error, "adaptive": adaptive, "sample_range": None}

@@ -1,0 +1,76 @@
+"""Parts of a frame in processes on this machine: the plainest executor of parts."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import threading
+from concurrent.futures import Future, InvalidStateError
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ..errors import SettingsError
+from ..parts.executor import PartLost
+from ..report.report import settings_as_json, usable_threads
+from ..settings import RenderSettings
+from .part import error_of_json
+
+PROGRAM = "primray.render.part"
+LAST_CHARACTERS = 500  # of what a process printed
+
+
+class LocalProcesses:
+    """Renders so many parts of a frame at a time, each in a process of its own, which a crash does not leave.
+
+    >>> executor = primray.LocalProcesses(2)
+    >>> primray.render("shot.usda", resolution=(32, 18), spp=4, executor=executor).report["samples_per_pixel"]
+    [4, 4]
+
+    The cores are shared among them, unless `RenderSettings.threads` says otherwise. SettingsError for less than one.
+    """
+
+    def __init__(self, processes: int) -> None:
+        if processes < 1:
+            raise SettingsError(f"there must be 1 process or more, not {processes}", code="parts-setting")
+        self._slots = processes
+        self._stage = ""
+        self._running: set[Future[None]] = set()
+
+    def begin(self, stage: str) -> None:
+        self._stage = stage
+
+    def slots(self) -> int:
+        return self._slots
+
+    def submit(self, settings: RenderSettings, file: Path) -> Future[None]:
+        threads = settings.threads or max(usable_threads() // self._slots, 1)
+        order = {"stage": self._stage, "settings": settings_as_json(replace(settings, threads=threads)), "file": str(file)}
+        pipe = subprocess.PIPE
+        process = subprocess.Popen(
+            [sys.executable, "-m", PROGRAM], stdin=pipe, stdout=pipe, stderr=pipe, start_new_session=True
+        )
+        future: Future[None] = Future()
+        self._running.add(future)
+        future.add_done_callback(lambda _: self._running.discard(future))
+        future.add_done_callback(lambda done: process.kill() if done.cancelled() else None)
+        threading.Thread(target=_follow, args=(process, order, future), name="part", daemon=True).start()
+        return future
+
+    def end(self) -> None:
+        for future in list(self._running):
+            future.cancel()
+
+
+def _follow(process: subprocess.Popen[bytes], order: dict[str, Any], future: Future[None]) -> None:
+    said, printed = process.communicate(json.dumps(order).encode() + b"\n")
+    with suppress(InvalidStateError):  # it was cancelled
+        if process.returncode:
+            last = printed.decode("utf-8", "replace").strip()[-LAST_CHARACTERS:]
+            future.set_exception(PartLost(f"its process ended with {process.returncode}: {last}"))
+        elif said.strip():
+            future.set_exception(error_of_json(json.loads(said)))
+        else:
+            future.set_result(None)

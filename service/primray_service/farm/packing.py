@@ -1,0 +1,41 @@
+"""A stage's files as a chunk has them: one file, or a folder with all that it refers to."""
+
+from __future__ import annotations
+
+import logging
+import shutil
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from ..cli.scene_file import scene_file
+
+LOG = logging.getLogger("primray")
+PACKAGE = "package"
+
+
+@dataclass(frozen=True)
+class Packed:
+    """`root`: the stage's path in a chunk's job folder."""
+
+    root: str
+    inputs: Mapping[str, Path] = field(default_factory=dict)
+    folders: Mapping[str, Path] = field(default_factory=dict)
+
+
+def packed(stage: Path, scratch: Path) -> Packed:
+    """PrimrayError where a file cannot be read. What is told of files goes to the log."""
+    found = scene_file(stage, scratch)
+    for note in found.notes:
+        LOG.warning(note)
+    if found.entry is None:
+        # A copy: nodes must not get half of a file that is saved while the frame is rendered.
+        copy = scratch / f"root{found.path.suffix.lower()}"
+        shutil.copyfile(found.path, copy)
+        return Packed(found.name, {found.name: copy})
+    folder = scratch / PACKAGE
+    with zipfile.ZipFile(found.path) as files:
+        files.extractall(folder)
+    found.path.unlink()
+    return Packed(f"{PACKAGE}/{found.entry}", {}, {PACKAGE: folder})
