@@ -22,7 +22,7 @@ SCENE = ROOT / "scenes/analytic/furnace_half.usda"
 def submitted(folder: Path, *asked: str) -> subprocess.CompletedProcess[str]:
     if find_spec("outline") is None:
         pytest.skip("skipped: no opencue-pyoutline")
-    command = [sys.executable, SCRIPT, SCENE, folder / "it's/beauty.####.exr", *asked, "--print"]
+    command = [sys.executable, str(SCRIPT), str(SCENE), str(folder / "it's/beauty.####.exr"), *asked, "--print"]
     return subprocess.run(command, env={**os.environ, "HOME": str(folder)}, capture_output=True, text=True, timeout=60)
 
 
