@@ -20,16 +20,16 @@ def test_a_frame_that_was_cut_has_the_bits_of_one_render(tmp_path: Path) -> None
     openjd("check", TEMPLATE)
     asked = [
         f"Scene={SCENE}",
-        "Frames=1-2",
+        "Frames=2",
         f"OutputFolder={tmp_path / 'it is'}",
         "Width=32",
         "Height=32",
-        "Samples=14",
-        "Parts=3",
+        "Samples=10",
+        "Parts=2",
     ]
     openjd("run", TEMPLATE, "--step", "Merge", "--run-dependencies", *parameters(*asked))
-    assert sorted(path.name for path in (tmp_path / "it is").iterdir()) == ["beauty.0001.exr", "beauty.0002.exr"]
-    direct = primray.render(SCENE, RenderSettings(resolution=(32, 32), spp=14, time_code=2.0))
+    assert sorted(path.name for path in (tmp_path / "it is").iterdir()) == ["beauty.0002.exr"]
+    direct = primray.render(SCENE, RenderSettings(resolution=(32, 32), spp=10, time_code=2.0))
     assert (primray.read_image(tmp_path / "it is/beauty.0002.exr").pixels == direct.pixels).all()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ class Pod:
         return [*self.spec.get("initContainers", ()), *self.spec["containers"]]
 
 
+@cache
 def documents() -> list[dict[str, Any]]:
     return [document for file in FILES for document in yaml.safe_load_all(file.read_text())]
 

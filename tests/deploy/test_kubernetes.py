@@ -43,7 +43,7 @@ def test_kubernetes_takes_it(file: Any) -> None:
 def test_kuberay_takes_the_cluster() -> None:
     jsonschema = pytest.importorskip("jsonschema")
     definition = module_folder(KUBERAY, KUBERAY_SUM) / "config/crd/bases/ray.io_rayclusters.yaml"
-    versions = {each["name"]: each for each in yaml.safe_load(definition.read_text())["spec"]["versions"]}
+    versions = {each["name"]: each for each in yaml.load(definition.read_text(), yaml.CSafeLoader)["spec"]["versions"]}
     schema = strict(versions["v1"]["schema"]["openAPIV3Schema"])
     schema["properties"]["metadata"] = {"type": "object"}
     cluster = one("RayCluster")
