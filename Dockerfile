@@ -3,7 +3,10 @@
 #   docker build -t primray .
 #   docker run -p 8700:8700 -v primray-data:/data primray
 #
-# Build arguments: PIP_CERT, a file mounted into the build with the certificates that pip is to trust (behind a proxy of your own).
+# Build arguments: PIP_CERT, a file mounted into the build with the certificates that pip is to trust (behind a proxy of your own);
+# EXTRAS, what is installed of primray's extras. The server and the nodes of a Ray cluster need `ray` too, all by the same image:
+#
+#   docker build -t primray:ray --build-arg EXTRAS=server,postgres,otel,ray .
 
 FROM docker.io/library/debian:12-slim AS build
 ARG PIP_CERT
@@ -19,6 +22,7 @@ RUN python3 -m venv /build \
 COPY pyproject.toml LICENSE NOTICE README.md ./
 COPY renderer renderer
 COPY service service
+ARG EXTRAS=server,postgres,otel
 # What was compiled is found again by the next build, if its sources are the same.
 RUN --mount=type=cache,target=/ccache \
     PATH="/build/bin:$PATH" CXX=g++ CMAKE_CXX_COMPILER_LAUNCHER=ccache CCACHE_DIR=/ccache \
@@ -26,7 +30,7 @@ RUN --mount=type=cache,target=/ccache \
       --wheel-dir /wheels . \
  && python3 -m venv /opt/primray \
  && /opt/primray/bin/pip install --no-cache-dir --disable-pip-version-check -c requirements-dev.lock \
-      "$(ls /wheels/*.whl)[server,postgres,otel]" \
+      "$(ls /wheels/*.whl)[$EXTRAS]" \
  && rm -rf /opt/primray/lib/python3*/site-packages/pip*
 
 FROM docker.io/library/debian:12-slim

@@ -29,6 +29,12 @@ class Merged:
     header: dict[str, Any]
     arrays: dict[str, Any]
 
+    @property
+    def time_code(self) -> float | None:
+        """Of the frame that they are parts of; None where none was asked for."""
+        found = self.header["settings"]["time_code"]
+        return None if found is None else float(found)
+
     def save_checkpoint(self, path: Path) -> None:
         write_checkpoint(path, self.header, self.arrays)
 

@@ -175,6 +175,19 @@ def test_the_whole_way(tmp_path: Path) -> None:
     assert load(saved).ranges == ((0, 20),)
 
 
+def test_names_get_the_frame_that_the_parts_are_of(tmp_path: Path) -> None:
+    parts = []
+    for text in ("0:2", "2:4"):
+        flags = ["--frames", "7", "--sample-range", text, "-o", str(tmp_path / "part.exr")]
+        parts.append(str(tmp_path / f"{text.replace(':', '-')}.prc"))
+        assert primray_command(["render", str(STAGE), *SMALL, *flags, "--checkpoint", parts[-1]]) == 0
+    names = ("-o", "m.####.exr"), ("-o", "m.$F2.png"), ("--report", "m.%03d.json"), ("--checkpoint", "m.##.prc")
+    asked = [word for flag, name in names for word in (flag, str(tmp_path / name))]
+    assert primray_command(["merge", *parts, *asked]) == 0
+    assert {path.name for path in tmp_path.glob("m.*")} == {"m.0007.exr", "m.07.png", "m.007.json", "m.07.prc"}
+    assert primray_command(["merge", *parts, *asked]) == 2  # what would be overwritten is the checkpoint of that name
+
+
 MOVING = """#usda 1.0
 def Camera "eye"
 {

@@ -29,17 +29,26 @@ def merge(
     json: output_flags.Json = False,
     verbose: output_flags.Verbose = False,
 ) -> None:
-    """Merge checkpoints of different samples of one picture: the bits of one render that took them all."""
+    """Merge checkpoints of different samples of one picture: the bits of one render that took them all.
+
+    Names of files get the frame's number where `render` fills it in.
+    """
     from ...checkpoints.checkpointing import Checkpointing
     from ...checkpoints.merge import merge
+    from ...render.frame_names import name_of_frame
 
     looks = Looks(json, verbose, view, display, look, exposure_of(exposure), make_output_path)
     check_outputs(outputs, report, looks)
     if checkpoint is not None:
         Checkpointing(Path(checkpoint)).check()
     merged = merge(parts)
-    whole = write(merged.image, outputs, report, looks)
-    if checkpoint is not None:
-        merged.save_checkpoint(Path(checkpoint))
+    frame = merged.time_code
+    files = [name_of_frame(name, frame) for name in outputs]
+    saved = None if checkpoint is None else Path(name_of_frame(checkpoint, frame))
+    if saved is not None:
+        Checkpointing(saved).check()
+    whole = write(merged.image, files, name_of_frame(report, frame) if report else None, looks)
+    if saved is not None:
+        merged.save_checkpoint(saved)
     if not whole:
         raise typer.Exit(1)

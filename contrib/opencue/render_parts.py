@@ -1,0 +1,90 @@
+#!/usr/bin/env python3
+"""Sends a job to OpenCue that renders frames of a USD stage with each frame's samples in parts, and merges them.
+
+    python render_parts.py shot.usda /shots/pictures/beauty.####.exr --frames 1-100 --samples 1024 --parts 8
+
+Needs `pip install opencue-pyoutline` here, primray on the PATH of the farm's machines, and a file system that all of them see.
+A layer renders one part of every frame; a frame is merged as soon as its own parts are there. The pictures have the bits of
+renders of all samples.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import shlex
+from itertools import pairwise
+from pathlib import Path
+
+from outline import Outline, cuerun
+from outline.modules.shell import Shell
+
+FRAME = "#IFRAME#"  # OpenCue's: becomes the frame's number
+
+
+def main() -> None:
+    asked = parsed()
+    launcher = cuerun.OutlineLauncher(job_of(asked), range=asked.frames)
+    if asked.print:
+        launcher.setup()
+        print(launcher.serialize(use_pycuerun=False))
+    else:
+        launcher.launch(use_pycuerun=False)
+
+
+def job_of(asked: argparse.Namespace) -> Outline:
+    folder = asked.output.parent / "parts"
+    folder.mkdir(parents=True, exist_ok=True)
+    # Without places for the frame's number, which primray would fill in.
+    stem = folder / re.sub(r"[^\w-]", "_", asked.output.name)
+    points = [f"{stem}.{FRAME}.{part + 1}-of-{asked.parts}" for part in range(asked.parts)]
+    ranges = sample_ranges(asked.samples, asked.parts)
+    job = Outline(asked.name, frame_range=asked.frames)
+    merging = Shell("merge", command=merge_command(points, asked.output), cores=1)
+    for number, (point, span) in enumerate(zip(points, ranges, strict=True), 1):
+        layer = Shell(f"part_{number}", command=render_command(asked, point, span), cores=asked.threads)
+        job.add_layer(layer)
+    job.add_layer(merging)
+    for number in range(1, asked.parts + 1):
+        merging.depend_on(f"part_{number}")  # frame by frame
+    return job
+
+
+def render_command(asked: argparse.Namespace, point: str, span: tuple[int, int]) -> str:
+    """A frame that OpenCue runs again goes on from what it had saved."""
+    words = ["primray", "render", str(asked.scene), "-o", f"{point}.exr", "--frames", FRAME, "--threads", str(asked.threads)]
+    words += ["--sample-range", f"{span[0]}:{span[1]}", "--aov", "none"]
+    file = f"{point}.prc"
+    there, begin, go_on = map(shlex.join, (["-e", file], [*words, "--checkpoint", file], [*words, "--resume", file]))
+    return f"if [ {there} ]; then {go_on}; else {begin}; fi"
+
+
+def merge_command(points: list[str], output: Path) -> str:
+    parts = [f"{point}.prc" for point in points]
+    merge = shlex.join(["primray", "merge", *parts, "-o", str(output)])
+    return f"{merge} && {shlex.join(['rm', '-f', '--', *parts, *(f'{point}.exr' for point in points)])}"
+
+
+def sample_ranges(samples: int, parts: int) -> list[tuple[int, int]]:
+    """As alike as can be; they begin and end at even samples, since replicates take turns."""
+    if samples % 2 or not 1 <= parts <= samples // 2:
+        raise SystemExit(f"--samples has to be even and at least twice --parts: {samples}, {parts}")
+    ends = [samples // 2 * part // parts * 2 for part in range(parts + 1)]
+    return list(pairwise(ends))
+
+
+def parsed() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description="Render frames of a USD stage on OpenCue, each frame's samples in parts.")
+    parser.add_argument("scene", type=Path, help="the stage")
+    parser.add_argument("output", type=Path, help="a picture's name; #### becomes the frame")
+    parser.add_argument("--frames", default="1", help="such as 1-100")
+    parser.add_argument("--samples", type=int, default=256, help="a pixel, of all parts together")
+    parser.add_argument("--parts", type=int, default=4, help="that a frame's samples are divided among")
+    parser.add_argument("--threads", type=int, default=8, help="of one part, and cores that it takes")
+    parser.add_argument("--name", default="primray", help="of the job")
+    parser.add_argument("--print", action="store_true", help="what would be sent, and send nothing")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    main()
