@@ -24,7 +24,7 @@ struct EmitterTriangle {
     vvec3<W> p[3];
     for (int k = 0; k < 3; ++k) {
       const vint<W> corner = vertex_base + gather<W>(indices + k, triangle * vint<W>(3));
-      p[k] = place.vertices.any ? gather_position(scene, corner, place.vertices)
+      p[k] = place.vertices.any ? gather_moving_position(scene, corner, place.vertices)
                                 : gather_vec3<W>(scene.positions.data(), corner * vint<W>(3));
     }
     e1 = place.to_world(p[1] - p[0]), e2 = place.to_world(p[2] - p[0]);

@@ -13,7 +13,7 @@ struct VertexMotion {
   vbool<W> moves;
   vint<W> segment, stride;  // vertices from one time to the next
   vfloat<W> within;
-  vvec3<W> sizes;  // of what positions are made of, where that was asked for
+  vvec3<W> sizes;  // of what a triangle's first corner is made of
 
   // Of lanes `m`, each with a clock and a stride.
   PRIMRAY_RARE void set(const MotionTable& table, vbool<W> m, vint<W> clock, vint<W> step, vfloat<W> time) {

@@ -85,6 +85,18 @@ struct MetLights {
   vint<W> light{-1};
 };
 
+// A ray's direction for a light that moves, and what it meets of it; `from`: where the ray left the last surface.
+template <int W>
+PRIMRAY_RARE vvec3<W> to_row(const LightTable& lights, size_t path, const Rays<W>& ray) {
+  return stances_of(lights.motion.paths[path], ray.time).vector_to_row(ray.d);
+}
+template <int W>
+PRIMRAY_RARE LocalHit<W> moving_light_hit(const LightTable& lights, int i, size_t path, const vvec3<W>& from,
+                                          const Rays<W>& ray, vvec3<W>& L) {
+  const LightStances<W> stances = stances_of(lights.motion.paths[path], ray.time);
+  return light_hit<W>(lights, i, stances.point_to_row(from), stances.vector_to_row(ray.d), L);
+}
+
 // Adds what area and distant lights send back along the rays to `gathered`.
 template <int W>
 PRIMRAY_INLINE MetLights<W> meet_lights(const LightTable& lights, vbool<W> active, vbool<W> hit, const PathLanes<W>& p,
@@ -105,12 +117,9 @@ PRIMRAY_INLINE MetLights<W> meet_lights(const LightTable& lights, vbool<W> activ
     const LightType type = LightType(int(row[kType]));
     if (!can_be_met(type)) return;
     vvec3<W> L{F(row[kRadiance]), F(row[kRadiance + 1]), F(row[kRadiance + 2])};
-    vvec3<W> o = from, d = p.ray.d;
-    if (const int32_t path = lights.motion.any() ? lights.motion.row(i) : -1; path >= 0) {
-      const LightStances<W> stances = stances_of(lights.motion.paths[size_t(path)], p.ray.time);
-      o = stances.point_to_row(o), d = stances.vector_to_row(d);
-    }
-    const LocalHit<W> h = light_hit<W>(lights, i, o, d, L);
+    const int32_t path = lights.motion.any() ? lights.motion.row(i) : -1;
+    const LocalHit<W> h =
+        path < 0 ? light_hit<W>(lights, i, from, p.ray.d, L) : moving_light_hit(lights, i, size_t(path), from, p.ray, L);
     const F t = h.t - p.travelled;
     vbool<W> met = lanes & (h.pdf > F(0.0f));
     const int flags = int(row[kLightFlags]);
@@ -123,7 +132,7 @@ PRIMRAY_INLINE MetLights<W> meet_lights(const LightTable& lights, vbool<W> activ
     }
     if (!any(met)) return;
     L *= lobe_factor({row[kDiffuseFactor], row[kSpecularFactor]}, p);
-    if (lights.has_shaping) L *= met_shaping(lights, row, d);
+    if (lights.has_shaping) L *= met_shaping(lights, row, path < 0 ? p.ray.d : to_row(lights, size_t(path), p.ray));
     const vbool<W> direct = met & sees_body & ((t < seen.nearest) | vbool<W>(type == LightType::kDistant));
     if (type == LightType::kDistant) {
       gathered += select(direct, L, zero);

@@ -50,13 +50,11 @@ struct HitGroup {
   PRIMRAY_INLINE vbool<W> moves(vbool<W> active) const {
     return is(active, kMovingGeometry) | is(active, kMovingCutoutGeometry);
   }
-  // How the vertices move that lanes `active` met.
-  PRIMRAY_INLINE VertexMotion<W> vertex_motion(const Scene& scene, vbool<W> active) const {
-    VertexMotion<W> v;
-    if (!scene.motion.any_points) return v;
+  // How the vertices move that lanes `active` met; `v` is new.
+  PRIMRAY_INLINE void note_motion(const Scene& scene, vbool<W> active, VertexMotion<W>& v) const {
+    if (!scene.motion.any_points) return;
     if (const vbool<W> m = moves(active); any(m))
       v.set(scene.motion, m, base(scene, &Group::clock), base(scene, &Group::moving_vertex_count), time);
-    return v;
   }
   // World from group, of instanced lanes; `rounded`: the size of what was rounded in composing it.
   PRIMRAY_INLINE AffineLanes<W> matrix(const Scene& scene, vvec3<W>& rounded) const {

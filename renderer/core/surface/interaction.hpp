@@ -158,12 +158,13 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
     const vint<W> first = select(is_triangle, in.base(scene, &Group::vertex_base), zero);
     vint<W> corner[3];
     gather_vertices(scene, triangle, first, corner);
-    motion = in.vertex_motion(scene, is_triangle);
-    if (motion.any) motion.sizes = motion_sizes(scene, corner[0], motion);
-    p0 = gather_position(scene, corner[0], motion);
+    in.note_motion(scene, is_triangle, motion);
+    vvec3<W> at[3];
+    gather_positions(scene, corner, motion, at);
+    p0 = at[0];
     // Lanes that met a curved shape have no edges: `reach` below must not see those of another lane's triangle.
-    e1 = select(is_triangle, gather_position(scene, corner[1], motion) - p0, e1);
-    e2 = select(is_triangle, gather_position(scene, corner[2], motion) - p0, e2);
+    e1 = select(is_triangle, at[1] - p0, e1);
+    e2 = select(is_triangle, at[2] - p0, e2);
     p = p0 + e1 * h.u + e2 * h.v;
     if (scene.has_attributes) add_attributes(scene, is_triangle, mesh, triangle, corner, h, motion, normal, smooth, r.color);
     if (scene.lights.links.any()) r.link = gather<W>(scene.meshes.link.data(), mesh);

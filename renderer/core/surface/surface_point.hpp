@@ -17,25 +17,29 @@ PRIMRAY_INLINE vvec3<W> gather_position(const Scene& scene, vint<W> vertex) {
   const FourLanes<float, W> p = gather_four<W>(scene.positions.data(), vertex * vint<W>(3));
   return {p.x, p.y, p.z};
 }
+// Where the vertex is at the step that begins a ray's segment, or ends it.
+template <int W>
+PRIMRAY_INLINE vvec3<W> gather_step(const Scene& scene, vint<W> vertex, const VertexMotion<W>& motion, int step) {
+  return gather_position(scene, vertex + select(motion.moves, (motion.segment + vint<W>(step)) * motion.stride, vint<W>(0)));
+}
 // Where the vertex is at the rays' times, of which some move.
 template <int W>
 PRIMRAY_RARE vvec3<W> gather_moving_position(const Scene& scene, vint<W> vertex, const VertexMotion<W>& motion) {
-  return motion.between([&](int step) {
-    return gather_position(scene, vertex + select(motion.moves, (motion.segment + vint<W>(step)) * motion.stride, vint<W>(0)));
-  });
+  return motion.between([&](int step) { return gather_step(scene, vertex, motion, step); });
+}
+// Those of a triangle; notes how large the coordinates are between which the first one moves.
+template <int W>
+PRIMRAY_RARE void gather_moving_positions(const Scene& scene, const vint<W> (&corner)[3], VertexMotion<W>& motion,
+                                          vvec3<W> (&p)[3]) {
+  for (int i = 0; i < 3; ++i) p[i] = gather_moving_position(scene, corner[i], motion);
+  motion.sizes = abs(gather_step(scene, corner[0], motion, 0)) + abs(gather_step(scene, corner[0], motion, 1));
 }
 template <int W>
-PRIMRAY_INLINE vvec3<W> gather_position(const Scene& scene, vint<W> vertex, const VertexMotion<W>& motion) {
-  return motion.any ? gather_moving_position(scene, vertex, motion) : gather_position(scene, vertex);
-}
-// How large the coordinates are between which it moves.
-template <int W>
-PRIMRAY_RARE vvec3<W> motion_sizes(const Scene& scene, vint<W> vertex, const VertexMotion<W>& motion) {
-  const auto at = [&](int step) {
-    return abs(
-        gather_position(scene, vertex + select(motion.moves, (motion.segment + vint<W>(step)) * motion.stride, vint<W>(0))));
-  };
-  return at(0) + at(1);
+PRIMRAY_INLINE void gather_positions(const Scene& scene, const vint<W> (&corner)[3], VertexMotion<W>& motion,
+                                     vvec3<W> (&p)[3]) {
+  if (motion.any) [[unlikely]]
+    return gather_moving_positions(scene, corner, motion, p);
+  for (int i = 0; i < 3; ++i) p[i] = gather_position(scene, corner[i]);
 }
 // The triangle's vertices, of which the group's first is `first`.
 template <int W>
@@ -82,9 +86,10 @@ struct SurfacePoint {
       mesh = gather<W>(scene.triangle_mesh.data(), triangle);
       const vint<W> first = select(is_triangle, in.base(scene, &Group::vertex_base), zero);
       gather_vertices(scene, triangle, first, corner);
-      motion = in.vertex_motion(scene, is_triangle);
-      const vvec3<W> p0 = gather_position(scene, corner[0], motion);
-      e1 = gather_position(scene, corner[1], motion) - p0, e2 = gather_position(scene, corner[2], motion) - p0;
+      in.note_motion(scene, is_triangle, motion);
+      vvec3<W> at[3];
+      gather_positions(scene, corner, motion, at);
+      e1 = at[1] - at[0], e2 = at[2] - at[0];
       if (in.any_instanced) {
         vvec3<W> rounded;
         const AffineLanes<W> m = in.matrix(scene, rounded);
