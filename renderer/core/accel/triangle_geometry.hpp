@@ -9,7 +9,7 @@ namespace primray {
 inline OwnedScene new_embree_scene() {
   OwnedScene s(embree().rtcNewScene(embree_device()));
   embree().rtcSetSceneFlags(s.get(), rtc::kRobust);
-  embree().rtcSetSceneBuildQuality(s.get(), rtc::kMediumQuality);
+  embree().rtcSetSceneBuildQuality(s.get(), rtc::BuildQuality(2));
   return s;
 }
 

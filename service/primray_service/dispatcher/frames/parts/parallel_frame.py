@@ -7,15 +7,13 @@ picture is made as of any frame that goes on from its checkpoint: by a RunningFr
 from __future__ import annotations
 
 import asyncio
-import time
 from collections.abc import Awaitable, Callable
 from contextlib import suppress
 from dataclasses import replace
 
 from primray.report.report import settings_as_json
 
-from ....jobs import TERMINAL, FrameState, Job, JobState, Json, Part, PartState, Scene
-from ....problems import Problem
+from ....jobs import TERMINAL, Frame, FrameState, Job, JobState, Part, PartState, Scene
 from ....store.base import Claim
 from ...chunks import adoption, commands
 from ...context import Context
@@ -25,6 +23,7 @@ from ..outcomes import Again, Broken, GivenUp, Outcome
 from ..run_completion import RunCompletion
 from ..running import DROPPED, RunningFrame, Taken
 from ..shared_jobs import SharedJob, SharedJobs
+from .adopting import adopt_merge, adopt_preview_of, remove_merged, unusable
 from .course import Course
 from .ledger import waits_again
 from .merge_run import Found, MergeRun
@@ -310,53 +309,24 @@ class ParallelFrame:
         context = self._context
         crashes = self.frame.crashes + 1
         if crashes >= context.limits.crashes:
-            self._failed = Broken(_unusable())
+            self._failed = Broken(unusable())
             return
         await context.calls.store(context.store.drop_parts, context.fence, self.frame)
         self.frame = replace(self.frame, crashes=crashes, merged=0, checkpoint_file="")
         self._failed = Again(self.frame, why.why)
 
     async def _adopt(self, merge: MergeRun, found: Found) -> None:
-        """The checkpoint of all that is merged: on the disk first, then in the row; what it is made of goes last."""
-        context, frame, run = self._context, self.frame, merge.run
-        assert run is not None
-        name = adoption.checkpoint_file(found.checkpoint.number, frame.number, run.chunk.id)
-        folder = context.data.job(self.job.id)
-        try:
-            source = run.handle.folder / found.checkpoint.file
-            await context.calls.disk(adoption.adopt_checkpoint, source, folder / name, context.limits.output_bytes)
-        except adoption.NotAdopted:
-            self._failed = Broken(_unusable())
-            return
-        except OSError:
-            context.disk_is_full = True
-            self._failed = Again(frame, "storage")
-            return
-        accepted = await context.calls.store(
-            context.store.accept_checkpoint,
-            context.fence,
-            f"{run.chunk.id}-{found.checkpoint.number}",
-            self.job.id,
-            frame.number,
-            attempt=frame.attempt,
-            follows=frame.checkpoint,
-            file=name,
-            now=time.time(),
-            merged=merge.end,
-        )
-        if not accepted:
-            await context.calls.disk(adoption.remove, folder / name)
+        before = self.frame
+        taken = await adopt_merge(self._context, self.job, before, merge, found)
+        if taken is None:
             self.kill("gone")
-            return
-        context.metrics.checkpoints += 1
-        gone = self._note(merge, found)
-        progress = frame.progress | {"spent_s": self._elapsed_s}
-        taken = replace(self.frame, checkpoint=found.checkpoint.number, checkpoint_file=name, merged=merge.end)
-        self.frame = replace(taken, crashes=0, kills=0, progress=progress)
-        for file in [part.checkpoint_file for part in gone] + [frame.checkpoint_file]:
-            if file:
-                await context.calls.disk(adoption.remove, folder / file)
-        await self._take_preview(merge)
+        elif not isinstance(taken, Frame):
+            self._failed = taken
+        else:
+            gone = [part.checkpoint_file for part in self._note(merge, found)] + [before.checkpoint_file]
+            self.frame = replace(taken, progress=before.progress | {"spent_s": self._elapsed_s})
+            await remove_merged(self._context, self.job.id, gone)
+            await self._take_preview(merge)
 
     def _note(self, merge: MergeRun, found: Found) -> list[Part]:
         """Parts that are merged now."""
@@ -369,18 +339,10 @@ class ParallelFrame:
         return self._course.merged(merge.end, estimate, target_met=found.target_met)
 
     async def _take_preview(self, merge: MergeRun) -> None:
-        assert merge.run is not None
-        preview = merge.run.inbox.preview
-        if preview is None:
-            return
-        context, folder = self._context, self._context.data.frame(self.job.id, self.frame.number)
-        try:
-            taken = await context.calls.disk(adoption.adopt_preview, merge.run.handle.folder / preview.file, folder)
-        except (adoption.NotAdopted, OSError):
-            return  # nobody's picture depends on it
-        if taken:
+        number = await adopt_preview_of(self._context, self.job.id, self.frame.number, merge)
+        if number is not None:
             shared = await self._jobs.get(self.job)
-            await progress_reports.tell_preview(context, shared, self.frame, preview.number)
+            await progress_reports.tell_preview(self._context, shared, self.frame, number)
 
     async def _report(self, shared: SharedJob) -> None:
         running = list(self._parts.values())
@@ -439,7 +401,3 @@ def _as_left(part: Part, gone: set[str]) -> Part:
     if part.checkpoint_file in gone:
         return replace(waits_again(part), checkpoint_file="")
     return part if part.state is PartState.DONE else waits_again(part)
-
-
-def _unusable() -> Json:
-    return Problem("render-failed", "What the parts of the frame left could not be put together.").as_json()
