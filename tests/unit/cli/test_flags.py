@@ -21,9 +21,11 @@ LACKING = {
     ("submit", "--res-scale"): "no setting of the API",
     ("submit", "--threads"): "the server decides",
     ("submit", "--max-memory"): "the server decides",
+    ("submit", "--ray"): "the server decides",
     ("estimate", "--strict"): "makes no picture",
     ("estimate", "--time-limit"): "--pilot",
     ("estimate", "--max-memory"): "makes no picture",
+    ("estimate", "--ray"): "makes no picture",
 }
 ITS_OWN = {("estimate", "--target-error"), ("sheet", "--output")}  # several targets; one page
 
