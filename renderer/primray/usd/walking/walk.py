@@ -54,7 +54,7 @@ Expand = Callable[
 ]  # (prototype root, group_from_prototype)
 
 # Nothing below these is drawn by itself.
-_CLOSED = frozenset({"Material", "Shader", "NodeGraph", "GeomSubset", "PointInstancer", "Camera"})
+_CLOSED = frozenset({"Material", "Shader", "NodeGraph", "GeomSubset", "PointInstancer"})
 _MADE = frozenset({"PointInstancer", "Points"})  # into groups
 FORGOTTEN_AFTER = 1 << 14  # transforms
 

@@ -184,3 +184,29 @@ def PointInstancer "p"
 """
     description, _ = translate_text(text)
     assert description.static[0].matrix[:3, 3].tolist() == [1, 2, 3]
+
+
+@pytest.mark.parametrize("above", ["Camera", "DistantLight", "Sphere", "Scope", "Unknown"])
+def test_what_stands_below_a_prim_of_any_kind_is_drawn(above: str) -> None:
+    """A lamp and a hood that a rig hangs on its camera: only what has children of its own meaning keeps them."""
+    description, _ = translate_text(
+        f"""def {above} "rig"
+{{
+    double3 xformOp:translate = (0, 0, 10)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+    def Sphere "hood"
+    {{
+        double radius = 3
+        double3 xformOp:translate = (1, 0, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }}
+    def SphereLight "lamp"
+    {{
+    }}
+}}
+"""
+    )
+    hood = next(p for p in description.static if description.shapes[p.shape].path == "/rig/hood")
+    # A Scope and a type that is not known have no transform.
+    assert tuple(hood.matrix[:3, 3]) == (1, 0, 0 if above in ("Scope", "Unknown") else 10)
+    assert "/rig/lamp" in [light.path for light in description.lights]
