@@ -65,6 +65,11 @@ class CoreScene:
             self._caustics[depth] = module().learn_caustics(self._scene, depth, threads(settings), lanes())
         return self._caustics[depth]
 
+    def forget_guides(self) -> None:
+        """What was learnt, as if the scene were new: for renders of another depth."""
+        self._guides.clear()
+        self._caustics.clear()
+
     @property
     def memory_bytes(self) -> int:
         """Bytes of the core's arrays, of Embree's acceleration structures, and of guides."""
