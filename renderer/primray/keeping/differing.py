@@ -11,6 +11,8 @@ from ..description import SceneDescription
 
 _LONG = frozenset({"shapes", "static", "prototypes", "placements", "lights", "surfaces"})
 
+ALL = frozenset(f.name for f in fields(SceneDescription))
+
 
 def differing(one: SceneDescription, other: SceneDescription) -> frozenset[str]:
     """Names of fields. What is built twice from the same counts as different where it is long."""
@@ -37,6 +39,17 @@ def same(one: Any, other: Any) -> bool:
     if is_dataclass(one):
         return all(same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
     return bool(one == other)
+
+
+def counts_alike(one: SceneDescription, other: SceneDescription) -> bool:
+    """Whether there is as much of everything in both, which are diced, and their images are the same."""
+    long = ("lights", "surfaces")
+    return not differing(one, other) - {*long, "static", "camera", "time_code"} and (
+        all(len(getattr(one, name)) == len(getattr(other, name)) for name in long)
+        and [p.shape for p in one.static] == [p.shape for p in other.static]
+        and [s.inputs for s in one.surfaces] == [s.inputs for s in other.surfaces]
+        and [light.texture for light in one.lights] == [light.texture for light in other.lights]
+    )
 
 
 def _same_field(name: str, one: Any, other: Any) -> bool:

@@ -10,22 +10,24 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from ..render.steps import Steps, image_sizes
-from ..settings import Metric, RenderSettings
-from .asset_files import State, state_of
-from .differing import differing
+from ..checkpoints.fingerprint import PARTS, fingerprint_of
+from ..render.steps import Steps
+from ..settings import Filter, Metric, RenderSettings
+from .asset_files import state_of
+from .differing import ALL, counts_alike, differing
+from .loaded import Loaded, load
 
 if TYPE_CHECKING:
     from ..core import CoreScene
     from ..description import SceneDescription, Shape
-    from ..diagnostics import Diagnostic, Diagnostics
+    from ..diagnostics import Diagnostics
     from ..render.steps import Textures
     from ..report.summary import ImageSize
 
     Limits = list[tuple[str, str, str]]
     Counts = tuple[dict[str, int], dict[str, Any] | None]
 
-# What decides how finely cages are diced, and how much there is of everything.
+# What decides how finely cages are diced.
 SHAPED = frozenset({"shapes", "static", "prototypes", "placements"})
 LOOKED_AT = frozenset({"camera", "camera_motion", "exposure", "resolution", "pixels", "pixel_aspect_ratio"})
 
@@ -47,17 +49,17 @@ def lasting(settings: RenderSettings) -> RenderSettings:
 
 
 @dataclass
-class _Loaded:
+class _Diced:
     given: SceneDescription
+    asked: tuple[float, int | None]
     made: SceneDescription
-    told: list[Diagnostic]
-    images: list[ImageSize]
-    files: State | None
+    limits: Limits
 
 
 @dataclass
 class _Built:
     given: SceneDescription
+    filtered: tuple[Filter, float | None]
     scene: CoreScene
     looks: tuple[int | None, bool]  # what guides that it has learnt are for
 
@@ -71,15 +73,14 @@ class KeptSteps(Steps):
         self.changes = Changes()
         self._is_whole = True
         self._translation = KeptTranslation()
-        self._settings: RenderSettings | None = None
         self.forget()
 
     def forget(self) -> None:
         """Whatever an earlier render made."""
         self._translation.forget()
-        self._loaded: _Loaded | None = None
-        self._diced: tuple[SceneDescription, SceneDescription, Limits] | None = None
-        self._counted: tuple[SceneDescription, Counts] | None = None
+        self._loaded: Loaded | None = None
+        self._diced: _Diced | None = None
+        self._counted: tuple[SceneDescription, float, Counts] | None = None
         self._digests: tuple[SceneDescription, dict[str, str]] | None = None
         self._built: _Built | None = None
 
@@ -96,12 +97,10 @@ class KeptSteps(Steps):
     def translate(self, stage: Any, settings: RenderSettings) -> tuple[SceneDescription, Diagnostics]:
         from ..usd.keeping import Changes
 
-        kept = lasting(settings)
-        if kept != self._settings or not self._files_are_the_same():
+        if not self._files_are_the_same():
             self.forget()
-        self._settings = kept
         changes, self.changes = self.changes, Changes()
-        return self._translation.translate(stage, kept, changes)
+        return self._translation.translate(stage, lasting(settings), changes)
 
     def _files_are_the_same(self) -> bool:
         loaded = self._loaded
@@ -111,54 +110,67 @@ class KeptSteps(Steps):
         self, description: SceneDescription, diagnostics: Diagnostics, settings: RenderSettings
     ) -> tuple[SceneDescription, Textures]:
         kept, self._loaded = self._loaded, None
-        if kept is not None and kept.given is description:
-            self._loaded = kept
-            diagnostics.extend(kept.told)
-            return kept.made, {}
-        from ..diagnostics import Diagnostics
-
-        told, files = Diagnostics(diagnostics.shown), state_of(self._translation.files(description))
-        made, textures = super().load_textures(description, told, settings)
-        self._loaded = _Loaded(description, made, list(told), image_sizes(textures), files)
-        diagnostics.extend(told)
-        return made, textures
+        textures: Textures = {}
+        if kept is not None and kept.default_wrap is settings.default_wrap and kept.serves(description):
+            self._loaded = kept.of(description)
+        else:
+            self._loaded, textures = load(description, settings.default_wrap, self._translation.files(description), diagnostics)
+        diagnostics.extend(self._loaded.told)
+        return self._loaded.made, textures
 
     def image_sizes(self, textures: Textures) -> list[ImageSize]:
         assert self._loaded is not None
         return self._loaded.images
 
+    def _at_hand(self, textures: Textures) -> Textures:
+        """All of them, read again where that was not needed so far."""
+        if textures or self._loaded is None or not self._loaded.images:
+            return textures
+        from ..diagnostics import Diagnostics
+
+        return load(self._loaded.given, self._loaded.default_wrap, (), Diagnostics())[1]
+
     def fingerprint(self, description: SceneDescription, textures: Textures) -> dict[str, str]:
-        if self._digests is None or self._digests[0] is not description:
-            self._digests = description, super().fingerprint(description, textures)
-        return self._digests[1]
+        kept, self._digests = self._digests, None
+        changed = differing(kept[0], description) if kept is not None else ALL
+        parts = {name for name, fields in PARTS.items() if changed.intersection(fields)}
+        found = kept[1] if kept is not None else {}
+        if parts:
+            made = fingerprint_of(description, self._at_hand(textures), parts)
+            found = {name: made.get(name, found.get(name, "")) for name in PARTS}
+        self._digests = description, found
+        return found
 
     def dice(self, description: SceneDescription, settings: RenderSettings) -> tuple[SceneDescription, Limits]:
         kept, self._diced = self._diced, None
-        if kept is None or differing(kept[0], description) & (SHAPED | LOOKED_AT):
+        asked = settings.dicing_rate, settings.max_memory_bytes
+        if kept is None or kept.asked != asked or differing(kept.given, description) & (SHAPED | LOOKED_AT):
             made, limits = super().dice(description, settings)
         else:
-            made, limits = replace(description, shapes=kept[1].shapes), kept[2]
-        self._diced = description, made, limits
+            made, limits = replace(description, shapes=kept.made.shapes), kept.limits
+        self._diced = _Diced(description, asked, made, limits)
         return made, limits
 
     def count(self, description: SceneDescription, settings: RenderSettings, images: list[ImageSize]) -> Counts:
         kept, self._counted = self._counted, None
-        is_known = kept is not None and not differing(kept[0], description)
-        self._counted = description, kept[1] if kept and is_known else super().count(description, settings, images)
-        return self._counted[1]
+        is_known = kept is not None and kept[1] == settings.dicing_rate and counts_alike(kept[0], description)
+        counted = kept[2] if kept and is_known else super().count(description, settings, images)
+        self._counted = description, settings.dicing_rate, counted
+        return counted
 
     def build(
         self, description: SceneDescription, textures: Textures, settings: RenderSettings, shapes: list[Shape]
     ) -> CoreScene:
         kept, self._built = self._built, None
         description = replace(description, shapes=tuple(shapes))
-        looks = settings.max_depth, settings.is_quick_look
-        if kept is not None and not differing(kept.given, description):
+        looks, filtered = (settings.max_depth, settings.is_quick_look), (settings.filter, settings.filter_width)
+        if kept is not None and kept.filtered == filtered and not differing(kept.given, description):
             scene = kept.scene
             if looks != kept.looks:
                 scene.forget_guides()
         else:
-            scene = super().build(description, textures, settings, shapes)
-        self._built = _Built(description, scene, looks)
+            kept = None  # before another one takes memory
+            scene = super().build(description, self._at_hand(textures), settings, shapes)
+        self._built = _Built(description, filtered, scene, looks)
         self._is_whole = True
         return scene

@@ -10,12 +10,13 @@ from ..settings import DefaultWrap, RenderSettings
 
 if TYPE_CHECKING:
     from ..core import CoreScene
-    from ..description import SceneDescription, Shape, TextureFile
+    from ..description import SceneDescription, Shape, TextureFile, Wrap
     from ..diagnostics import Diagnostics
     from ..report.summary import ImageSize
     from ..textures.texture import Texture
 
-    Textures = dict[TextureFile, list[tuple[int, Texture]]]
+
+Textures = dict["TextureFile", "list[tuple[int, Texture]]"]
 
 
 class Steps:
@@ -78,14 +79,23 @@ def load_textures(
     whose texture could not; each file that could not is a diagnostic."""
     from ..description import Wrap
     from ..textures.light_textures import with_read_textures
+
+    textures = read_textures(description, diagnostics, read, Wrap(default_wrap.value))
+    return replace(description, lights=with_read_textures(description.lights, textures, diagnostics)), textures
+
+
+def read_textures(
+    description: SceneDescription, diagnostics: Diagnostics, read: Callable[[str], bytes] | None, default_wrap: Wrap
+) -> Textures:
+    """The images alone, with what there is to tell of them."""
     from ..textures.missing_tiles import note_missing_tiles
     from ..textures.texture_outside import note_textures_outside
     from ..textures.texture_set import load_texture_set
 
-    textures = load_texture_set(description, diagnostics, read, Wrap(default_wrap.value))
+    textures = load_texture_set(description, diagnostics, read, default_wrap)
     note_textures_outside(description, textures, diagnostics)
     note_missing_tiles(description, diagnostics)
-    return replace(description, lights=with_read_textures(description.lights, textures, diagnostics)), textures
+    return textures
 
 
 def image_sizes(textures: Textures) -> list[ImageSize]:
