@@ -40,6 +40,7 @@ class CoreScene:
         self.warnings = warnings  # code, prim path, message
         self.rendering_space = rendering_space
         self.bounds = bounds  # (3,) low and high corner of what is placed in the world, without a few outliers
+        self.uploaded: Any = None  # scene_upload.Uploaded, of scenes that may be built again
         self._guides: dict[tuple[int, Splits], Any] = {}
         self._caustics: dict[int, Any] = {}
 

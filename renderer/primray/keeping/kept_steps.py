@@ -164,13 +164,24 @@ class KeptSteps(Steps):
         kept, self._built = self._built, None
         description = replace(description, shapes=tuple(shapes))
         looks, filtered = (settings.max_depth, settings.is_quick_look), (settings.filter, settings.filter_width)
-        if kept is not None and kept.filtered == filtered and not differing(kept.given, description):
-            scene = kept.scene
-            if looks != kept.looks:
-                scene.forget_guides()
-        else:
+        scene = None if kept is None else self._again(kept, description, filtered, looks, settings)
+        if scene is None:
             kept = None  # before another one takes memory
             scene = super().build(description, self._at_hand(textures), settings, shapes)
         self._built = _Built(description, filtered, scene, looks)
         self._is_whole = True
         return scene
+
+    def _again(
+        self, kept: _Built, now: SceneDescription, filtered: Any, looks: Any, settings: RenderSettings
+    ) -> CoreScene | None:
+        """The scene of before, or with parts of it made anew."""
+        from .core_scene_again import build_again
+
+        changed = differing(kept.given, now)
+        if changed or kept.filtered != filtered:
+            assert self._loaded is not None
+            return build_again(kept.scene, kept.given, now, changed, self._loaded.of_lights, settings)
+        if looks != kept.looks:
+            kept.scene.forget_guides()
+        return kept.scene

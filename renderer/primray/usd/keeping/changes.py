@@ -27,23 +27,30 @@ class Changes:
 
 
 class StageChanges:
-    """Those of one stage since they were last taken. It hears of them in whichever thread edits the stage."""
+    """Those of one stage since they were last taken. It hears of them in whichever thread edits the stage, while it lives."""
 
     def __init__(self, stage: Usd.Stage) -> None:
-        self._lock = threading.Lock()
-        self._changes = Changes()
-        self._listening = Tf.Notice.Register(Usd.Notice.ObjectsChanged, self._hear, stage)
+        self._heard = heard = _Heard()
+        self._listening = Tf.Notice.Register(Usd.Notice.ObjectsChanged, lambda notice, _: heard.hear(notice), stage)
 
     def take(self) -> Changes:
         """All so far, which are forgotten here."""
+        return self._heard.take()
+
+
+class _Heard:
+    """Apart from who listens, whom notices would else keep."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._changes = Changes()
+
+    def take(self) -> Changes:
         with self._lock:
             taken, self._changes = self._changes, Changes()
         return taken
 
-    def close(self) -> None:
-        self._listening.Revoke()
-
-    def _hear(self, notice: Any, stage: Usd.Stage) -> None:
+    def hear(self, notice: Any) -> None:
         told = _told(notice)
         with self._lock:
             self._changes.add(told)
