@@ -14,11 +14,14 @@ MATERIALS, MESHES, GROUPS = 3, 6, 2
 Edit = Callable[[Usd.Stage, random.Random], str]
 
 
-def stage_of(r: random.Random) -> Usd.Stage:
+def stage_of(r: random.Random, image: str = "") -> Usd.Stage:
+    """With that file on one of the materials."""
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, "Y")
     for k in range(MATERIALS):
         _material(stage, f"/mats/m{k}", r)
+    if image:
+        _textured(stage, f"/mats/m{MATERIALS - 1}", image)
     for k in range(MESHES):
         _mesh(stage, f"/world/g{k % GROUPS}/m{k}", r, k)
     sphere = UsdGeom.Sphere.Define(stage, "/world/g0/ball")
@@ -50,6 +53,18 @@ def _material(stage: Usd.Stage, path: str, r: random.Random) -> None:
     made.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
 
 
+def _textured(stage: Usd.Stage, path: str, image: str) -> None:
+    reader = UsdShade.Shader.Define(stage, f"{path}/st")
+    reader.CreateIdAttr("UsdPrimvarReader_float2")
+    reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
+    texture = UsdShade.Shader.Define(stage, f"{path}/texture")
+    texture.CreateIdAttr("UsdUVTexture")
+    texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(image)
+    texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(reader.ConnectableAPI(), "result")
+    surface = UsdShade.Shader(stage.GetPrimAtPath(f"{path}/surface"))
+    surface.GetInput("diffuseColor").ConnectToSource(texture.ConnectableAPI(), "rgb")
+
+
 def _mesh(stage: Usd.Stage, path: str, r: random.Random, k: int) -> None:
     mesh = UsdGeom.Mesh.Define(stage, path)
     mesh.CreatePointsAttr(_box(r))
@@ -57,6 +72,8 @@ def _mesh(stage: Usd.Stage, path: str, r: random.Random, k: int) -> None:
     mesh.CreateFaceVertexIndicesAttr(FACES[1])
     mesh.CreateSubdivisionSchemeAttr("none" if k else r.choice(["none", "catmullClark"]))
     mesh.CreateDisplayColorAttr([_color(r)])
+    st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
+    st.Set([Gf.Vec2f(x, y) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))] * 6)
     _place(mesh, r)
     if k % 3:
         UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(
@@ -116,9 +133,7 @@ def light(stage: Usd.Stage, r: random.Random) -> str:
 
 
 def material(stage: Usd.Stage, r: random.Random) -> str:
-    prim = _any(stage, r, UsdShade.Shader)
-    if prim is None:
-        return "no shader"
+    prim = r.choice([prim for prim in stage.Traverse() if prim.HasAttribute("inputs:roughness")])
     name, value = r.choice(
         [
             ("diffuseColor", _color(r)),

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import random
 import warnings
+from pathlib import Path
 
+import numpy as np
+import OpenImageIO as oiio
 import pytest
 
 import primray
@@ -44,9 +47,20 @@ def rendered(render: object, settings: RenderSettings) -> dict[str, object]:
         return {"error": str(error)}
 
 
-def compare_all(seed: int) -> None:
+def write_chequers(path: Path, bright: int = 200) -> None:
+    squares = (np.indices((64, 64)).sum(axis=0) % 2 * bright).astype(np.uint8)
+    spec = oiio.ImageSpec(64, 64, 3, "uint8")
+    file = oiio.ImageOutput.create(str(path))
+    assert file.open(str(path), spec)
+    assert file.write_image(np.ascontiguousarray(np.stack([squares] * 3, axis=2)))
+    file.close()
+
+
+def compare_all(seed: int, folder: Path) -> None:
     r = random.Random(seed)
-    stage = stage_of(r)
+    image = folder / "chequers.png"
+    write_chequers(image)
+    stage = stage_of(r, str(image) if seed % 2 else "")
     scene = primray.Scene(stage)
     settings = settings_of(r, None)
     done: list[str] = []
@@ -65,11 +79,11 @@ def quiet():
 
 
 @pytest.mark.parametrize("seed", range(QUICK))
-def test_edits_leave_the_bits_of_a_new_render(seed: int) -> None:
-    compare_all(seed)
+def test_edits_leave_the_bits_of_a_new_render(seed: int, tmp_path: Path) -> None:
+    compare_all(seed, tmp_path)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("seed", range(QUICK, STAGES))
-def test_many_edits_leave_the_bits_of_a_new_render(seed: int) -> None:
-    compare_all(seed)
+def test_many_edits_leave_the_bits_of_a_new_render(seed: int, tmp_path: Path) -> None:
+    compare_all(seed, tmp_path)
