@@ -51,6 +51,7 @@ def write_chequers(path: Path, bright: int = 200) -> None:
     squares = (np.indices((64, 64)).sum(axis=0) % 2 * bright).astype(np.uint8)
     spec = oiio.ImageSpec(64, 64, 3, "uint8")
     file = oiio.ImageOutput.create(str(path))
+    assert file
     assert file.open(str(path), spec)
     assert file.write_image(np.ascontiguousarray(np.stack([squares] * 3, axis=2)))
     file.close()

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade
 
 import primray
-from primray.keeping import core_scene_again, kept_steps
+from primray.keeping import core_scene_again
+from primray.render import Steps
 from primray.usd.keeping import translation
 
 from ...properties.random_edits import stage_of
@@ -53,8 +55,13 @@ def test_a_value_is_translated_and_built_by_itself(edit, stage: Usd.Stage, monke
     scene.render(SETTINGS)
     kept = []
     build_again = core_scene_again.build_again
+
+    def noted(*given: Any) -> Any:
+        kept.append(build_again(*given))
+        return kept[-1]
+
     monkeypatch.setattr(translation, "_made_anew", None)
-    monkeypatch.setattr(core_scene_again, "build_again", lambda *given: kept.append(build_again(*given)) or kept[-1])
+    monkeypatch.setattr(core_scene_again, "build_again", noted)
     edit(stage)
     image = scene.render(SETTINGS)
     assert kept
@@ -68,7 +75,7 @@ def test_without_an_edit_nothing_is_built(stage: Usd.Stage, monkeypatch: pytest.
     scene.render(SETTINGS)
     monkeypatch.setattr(translation, "_made_anew", None)
     monkeypatch.setattr(core_scene_again, "build_again", None)
-    monkeypatch.setattr(kept_steps.Steps, "build", None)
+    monkeypatch.setattr(Steps, "build", None)
     image = scene.render(SETTINGS, spp=8, seed=3)
     monkeypatch.undo()
     assert bits(image) == bits(primray.render(stage, SETTINGS, spp=8, seed=3))
@@ -93,7 +100,7 @@ def test_a_render_that_is_stopped_leaves_the_scene_as_it_is(stage: Usd.Stage, mo
     scene = primray.Scene(stage)
     with pytest.raises(primray.errors.RenderCancelled):
         scene.render(SETTINGS, spp=4096, resolution=(320, 180), progress=lambda *so_far: False)
-    monkeypatch.setattr(kept_steps.Steps, "build", None)
+    monkeypatch.setattr(Steps, "build", None)
     scene.render(SETTINGS, resolution=(320, 180))
 
 
