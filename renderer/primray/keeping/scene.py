@@ -27,7 +27,7 @@ class Scene:
 
     >>> scene = primray.Scene("shot.usda")
     >>> first = scene.render(resolution=(32, 18), spp=2)
-    >>> scene.stage.GetPrimAtPath("/sun").GetAttribute("inputs:intensity").Set(2.0)
+    >>> scene.stage.GetPrimAtPath("/sun").GetAttribute("inputs:intensity").Set(4.0)
     True
     >>> brighter = scene.render(resolution=(32, 18), spp=2)
 
