@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from .images.image import Image
     from .images.reading import read_image
     from .images.stereo import StereoImage
+    from .keeping.scene import Scene
     from .lens.distortion import DirectionTable, Distortion, DistortionModel
     from .notices.announcement import RenderWarning
     from .render.local_processes import LocalProcesses
@@ -55,6 +56,7 @@ __all__ = [
     "Projection",
     "RenderSettings",
     "RenderWarning",
+    "Scene",
     "StereoImage",
     "Verdict",
     "__version__",
@@ -81,6 +83,7 @@ if not TYPE_CHECKING:  # type checkers know the names above, and that there are 
         "Product": "render.products",
         "Projection": "camera",
         "RenderWarning": "notices.announcement",
+        "Scene": "keeping.scene",
         "StereoImage": "images.stereo",
         "Verdict": "compare.comparison",
         "read_image": "images.reading",

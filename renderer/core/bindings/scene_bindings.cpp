@@ -79,6 +79,8 @@ void bind_scene(nb::module_& m) {
   nb::class_<SceneBuilder> builder(m, "SceneBuilder");
   builder
       .def("__init__", [](SceneBuilder* b, nb::handle origin, double scale) { new (b) SceneBuilder(dvec3_of(origin), scale); })
+      .def("__init__", [](SceneBuilder* b, std::unique_ptr<Scene> scene) { new (b) SceneBuilder(std::move(scene)); })
+      .def("keeps_levels", &SceneBuilder::keeps_levels)
       .def("set_primvar_names", &SceneBuilder::set_primvar_names)
       .def("add_surface", [](SceneBuilder& b, const SurfaceInput& constants,
                              std::vector<InputSource> varying) { return b.add_surface(constants, std::move(varying)); })

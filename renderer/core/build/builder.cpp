@@ -10,6 +10,7 @@
 #include "base/error.hpp"
 #include "build/emitters/emitters.hpp"
 #include "build/inputs/input_facts.hpp"
+#include "build/inputs/placed_normals.hpp"
 #include "build/lights/light_outlines.hpp"
 #include "build/lights/light_rows.hpp"
 #include "build/lights/shaping_rows.hpp"
@@ -49,10 +50,8 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
   const int32_t first_vertex = int32_t(s.positions.size() / 3), first_triangle = int32_t(s.indices.size() / 3);
   const bool moves = !mesh.times.empty();
   const std::span<const float> first_points = moves ? mesh.step_points : mesh.points;
-  for (size_t i = 0; i < points; ++i) {
-    const float* p = &first_points[3 * i];
-    put(s.positions, to_group(group_from_object.point({p[0], p[1], p[2]})));
-  }
+  s.positions.resize(s.positions.size() + 3 * points);
+  place_points(first_points.first(3 * points), group_from_object, s.positions.data() + 3 * size_t(first_vertex));
   // A mirrored mesh keeps its outside by turning its triangles around; attributes by corner turn with them.
   const bool mirrored = group_from_object.determinant() < 0;
   const int order[3] = {0, mirrored ? 2 : 1, mirrored ? 1 : 2};
@@ -70,17 +69,13 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
     }
     return at;
   };
-  const dvec3 cx = cross(group_from_object.y, group_from_object.z), cy = cross(group_from_object.z, group_from_object.x),
-              cz = cross(group_from_object.x, group_from_object.y);
-  // All by one factor and not each to length 1: normals are interpolated as the object has them, here as in instances.
-  const double largest = std::max({length(cx), length(cy), length(cz)});
-  const double factor = (mirrored ? -1 : 1) / (largest > 0 ? largest : 1.0);
+  const PlacedNormals placed(group_from_object);
   const bool normals_move = !mesh.step_normals.empty();
   int32_t normals = int32_t(s.normals.size());
   for (size_t step = 0; step < (normals_move ? mesh.times.size() : 1); ++step)
     add_vectors(s.normals,
                 normals_move ? mesh.step_normals.subspan(step * mesh.normals.size(), mesh.normals.size()) : mesh.normals,
-                mesh.normal_kind, [&](const dvec3& n) { return (cx * n.x + cy * n.y + cz * n.z) * factor; });
+                mesh.normal_kind, placed);
   const int32_t colors = add_vectors(s.colors, mesh.colors, mesh.color_kind, [](const dvec3& c) { return c; });
 
   last_mesh_rows_ = table.surface.size(), last_mirrored_ = mirrored, last_is_curved_ = false;
@@ -117,6 +112,13 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
   if (moves) add_mesh_steps(mesh, group_from_object);
   s.has_cutouts |= mesh.cutout && triangles > 0;
   s.has_attributes |= mesh.normal_kind != Attribute::kNone || mesh.color_kind != Attribute::kNone;
+}
+
+void SceneBuilder::place_points(std::span<const float> points, const daffine& group_from_object, float* to) const {
+  for (size_t i = 0; i + 3 <= points.size(); i += 3) {
+    const dvec3 p = to_group(group_from_object.point({points[i], points[i + 1], points[i + 2]}));
+    to[i] = float(p.x), to[i + 1] = float(p.y), to[i + 2] = float(p.z);
+  }
 }
 
 void SceneBuilder::add_curved_row(CurvedRange& range, size_t record, int32_t surface) {
@@ -240,7 +242,7 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
       !s.has_emission && s.lights.domes.empty() && !s.lights.hierarchy.empty() && s.lights.hierarchy.far.empty();
   s.only_domes_found = !s.has_emission && !s.lights.needs_hit_test && !s.lights.domes.empty();
   if (s.needs_left_out()) throw Error("settings-error", "the scene needs a feature that this core was built without");
-  build_accel(s);
+  if (!keeps_accel_) build_accel(s);
   s.outlines = find_light_outlines(s);
   return std::move(scene_);
 }

@@ -19,6 +19,9 @@ class SceneBuilder {
   // world point -> (world - origin) * scale; scale is a power of two, so that nothing is rounded by it.
   SceneBuilder(dvec3 origin, double scale);
   SceneBuilder(const SceneBuilder&) = delete;
+  // Opens a finished scene again (build/builder_again.cpp): its shapes, placements and textures stay, and all else is to be
+  // given anew, as many surfaces and textures as before among it. What moves, and shapes that are lights, it must not have.
+  explicit SceneBuilder(std::unique_ptr<Scene> scene);
 
   // How many names of primvars the surfaces' inputs read; before any shape.
   void set_primvar_names(int count) { scene_->primvars.names = count; }
@@ -50,6 +53,11 @@ class SceneBuilder {
   size_t mesh_rows() const { return scene_->meshes.surface.size(); }
   size_t curved_rows() const { return scene_->curved.rows(); }
   size_t placement_rows() const { return scene_->placement_group.size(); }
+  // Of a scene that is opened again: what add_mesh would make of the mesh with this matrix, in place of what it made with the
+  // other one, from that row on. False, and nothing is done, where it would be more than points and normals.
+  bool restand_mesh(size_t row, const MeshInput& mesh, const daffine& before, const daffine& group_from_object);
+  // Of a scene that is opened again, after its camera: whether its textures have the levels that a new one's would have.
+  bool keeps_levels();
   // Room for all meshes, as for instances.
   void reserve_triangles(size_t points, size_t triangles);
   // Room for all instances of all placements: appending would else take twice their memory for a moment.
@@ -90,6 +98,7 @@ class SceneBuilder {
 
  private:
   dvec3 to_group(const dvec3& p) const { return (p - group_origin_) * group_scale_; }
+  void place_points(std::span<const float> points, const daffine& group_from_object, float* to) const;
   void add_curved_row(CurvedRange& range, size_t record, int32_t surface);
   int32_t append_primvar(std::span<const float> values);
   void add_mesh_steps(const MeshInput& mesh, const daffine& group_from_object);
@@ -114,6 +123,9 @@ class SceneBuilder {
   bool last_is_curved_ = false;
   bool last_mirrored_ = false, last_curved_taken_ = false, last_placement_taken_ = false;
   bool levels_measured_ = false;
+  // Of a scene that is opened again.
+  bool is_again_ = false, keeps_accel_ = false;
+  int textures_met_ = 0;
   int32_t link_row_ = 0;
 };
 

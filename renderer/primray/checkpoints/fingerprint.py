@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from typing import Any
@@ -23,18 +23,30 @@ UNSEEN = {"path", "collections", "bad_texels", "turned", "names", "instance", "d
 TextureSet = Mapping[TextureFile, Sequence[tuple[int, Texture]]]
 
 
+# By what an error can name: the fields of a description that it is of.
+PARTS = {
+    "geometry": ("shapes", "static", "prototypes", "placements"),
+    "materials": ("surfaces",),
+    "lights": ("lights", "linked"),
+    "camera": ("camera", "exposure", "camera_motion"),
+    "frame": ("pixels", "pixel_aspect_ratio"),
+}
+
+
 def fingerprint(description: SceneDescription, textures: TextureSet) -> dict[str, str]:
     """Digests by what an error can name: geometry, materials, lights, camera and the frame that is rendered."""
-    d = description
+    return fingerprint_of(description, textures, PARTS)
+
+
+def fingerprint_of(description: SceneDescription, textures: TextureSet, parts: Collection[str]) -> dict[str, str]:
+    """Of these parts alone."""
     digests = _Digests(textures)
-    parts = {
-        "geometry": (d.shapes, d.static, d.prototypes, d.placements),
-        "materials": d.surfaces,
-        "lights": (d.lights, d.linked),
-        "camera": (d.camera, d.exposure, d.camera_motion),
-        "frame": (d.pixels, d.pixel_aspect_ratio),
-    }
-    return {name: digests.of(part) for name, part in parts.items()}
+    return {name: digests.of(_part(description, name)) for name in PARTS if name in parts}
+
+
+def _part(description: SceneDescription, name: str) -> Any:
+    values = tuple(getattr(description, field) for field in PARTS[name])
+    return values[0] if len(values) == 1 else values
 
 
 class _Digests:

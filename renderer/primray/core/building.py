@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from ..description import SceneDescription, Shape
 from ..refine import dice as dicing
 from ..settings import DEFAULT_FILTER_WIDTH, RenderSettings
@@ -11,7 +13,7 @@ from .limits import threads
 from .pixel_filter import inverse_cdf
 from .scene import CoreScene
 from .scene_record import SceneRecord
-from .scene_upload import upload
+from .scene_upload import Uploaded, hand_over, noted_emitters
 from .surface_upload import MutableTextures
 
 
@@ -33,10 +35,14 @@ def build(
     width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.filter]
     record = SceneRecord() if description.aovs else None
     try:
-        scene, warnings, bounds = upload(
-            module(), description, textures, width, inverse_cdf(settings.filter, width), shapes, record
-        )
+        scene, uploaded = hand_over(module(), description, textures, width, inverse_cdf(settings.filter, width), shapes, record)
     except module().CoreError as error:
         raise_as_ours(error)
-    d = description
-    return CoreScene(scene, d.camera.exposure_scale, warnings, d.frame.size, record, d.rendering_space, bounds)
+    return core_scene(scene, uploaded, description, record)
+
+
+def core_scene(scene: Any, uploaded: Uploaded, d: SceneDescription, record: SceneRecord | None) -> CoreScene:
+    warnings = [*uploaded.warnings, *noted_emitters(scene)]
+    made = CoreScene(scene, d.camera.exposure_scale, warnings, d.frame.size, record, d.rendering_space, uploaded.bounds)
+    made.uploaded = uploaded
+    return made

@@ -31,6 +31,7 @@ class LightUpload:
     def __init__(self, core: Any, builder: Any) -> None:
         self._core = core
         self._builder = builder
+        self.are_worn = False  # some of what was added are shapes
         self._profiles: dict[int, int] = {}  # the core's numbers by identity, since lights share them
         self._images: dict[TextureFile, int] = {}
 
@@ -65,6 +66,7 @@ class LightUpload:
             own_color=light.own_color,
             shows_own=light.shows_own,
         )
+        self.are_worn = True
         number: int = self._builder.add_geometry_light(made)
         return number
 

@@ -40,6 +40,7 @@ class CoreScene:
         self.warnings = warnings  # code, prim path, message
         self.rendering_space = rendering_space
         self.bounds = bounds  # (3,) low and high corner of what is placed in the world, without a few outliers
+        self.uploaded: Any = None  # scene_upload.Uploaded, of scenes that may be built again
         self._guides: dict[tuple[int, Splits], Any] = {}
         self._caustics: dict[int, Any] = {}
 
@@ -64,6 +65,11 @@ class CoreScene:
         if depth not in self._caustics:
             self._caustics[depth] = module().learn_caustics(self._scene, depth, threads(settings), lanes())
         return self._caustics[depth]
+
+    def forget_guides(self) -> None:
+        """What was learnt, as if the scene were new: for renders of another depth."""
+        self._guides.clear()
+        self._caustics.clear()
 
     @property
     def memory_bytes(self) -> int:

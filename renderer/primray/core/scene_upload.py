@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -38,8 +38,10 @@ from .spare_memory import WORTH_ITEMS, give_back
 from .surface_upload import MutableTextures, SurfaceUpload
 from .surface_upload import width as width_of
 
+NO_TEXELS = np.zeros((1, 1, 1), np.float32)
 
-def upload(
+
+def hand_over(
     core: Any,
     description: SceneDescription,
     textures: MutableTextures,
@@ -47,9 +49,8 @@ def upload(
     filter_inverse_cdf: npt.NDArray[np.float32],
     shapes: list[Shape] | None = None,
     record: SceneRecord | None = None,
-) -> tuple[Any, list[tuple[str, str, str]], Box | None]:
-    """The core's Scene, (code, prim path, message) of what could not be taken along, the box of what is placed in the
-    world, or None. Empties `textures` to save memory.
+) -> tuple[Any, Uploaded]:
+    """The core's Scene, and what was found of the description. Empties `textures` to save memory.
 
     `shapes`, where given, takes the place of the description's: emptied when the core has copies, before it accelerates these.
     `record` is told what the core's numbers mean.
@@ -70,9 +71,11 @@ def upload(
     builder.reserve_triangles(*points_and_triangles(shapes))
     if d.linked.collections:
         builder.set_links(d.linked.members.astype(np.uint8))
+    headers = {file: [(0, replace(tiles[0][1], stored=NO_TEXELS))] for file, tiles in textures.items()}
     surfaces = inputs.add_surfaces(d.surfaces)
     handing = ShapeUpload(core, builder, inputs, lights, surfaces, shapes, full_boxes, warnings, record)
     handing.add(d.static, origin, scale)
+    rows = handing.rows_of_last()
     instances = sum(map(len, [*d.placements, *(p for proto in d.prototypes for p in proto.placements)]))
     builder.reserve_instances(instances)
     numbers: dict[int, int] = {}
@@ -97,10 +100,52 @@ def upload(
     if items > WORTH_ITEMS:
         give_back()
     scene = builder.finish()
-    if scene.unsampled_emitters:
-        message = f"{scene.unsampled_emitters} instances that emit are too many to be sampled as lights: expect noise"
-        warnings.append(("emitters-unsampled", "", message))
-    return scene, warnings, (low.min(axis=0), high.max(axis=0)) if len(low) else None
+    may_stay = d.exposure is None and boxes is full_boxes and not lights.are_worn
+    return scene, Uploaded(d, warnings, origin, scale, boxes, prototype_boxes, low, high, rows, headers, may_stay)
+
+
+def upload(
+    core: Any,
+    description: SceneDescription,
+    textures: MutableTextures,
+    filter_width: float,
+    filter_inverse_cdf: npt.NDArray[np.float32],
+    shapes: list[Shape] | None = None,
+    record: SceneRecord | None = None,
+) -> tuple[Any, list[tuple[str, str, str]], Box | None]:
+    """As hand_over: the core's Scene, all warnings, and the box of what is placed in the world, or None."""
+    scene, found = hand_over(core, description, textures, filter_width, filter_inverse_cdf, shapes, record)
+    return scene, [*found.warnings, *noted_emitters(scene)], found.bounds
+
+
+@dataclass(frozen=True)
+class Uploaded:
+    """What the core was handed, and how: for what is handed to it later, in place of parts of that."""
+
+    description: SceneDescription  # without what floats cannot invert
+    warnings: list[tuple[str, str, str]]  # code, prim path, message: of what could not be taken along
+    origin: Doubles  # (3,)
+    scale: float
+    boxes: Doubles  # (S, 2, 3) of shapes
+    prototype_boxes: list[Box]
+    low: Doubles  # (N, 3) of what is placed in the world, shapes first
+    high: Doubles
+    rows: list[int]  # by static shape: the core's first row of it, -1 where it is not one mesh alone
+    textures: MutableTextures  # those that could be read, without their texels
+    may_stay: bool  # it can be opened again: no shape is a light, or reaches absurdly far
+
+    @property
+    def bounds(self) -> Box | None:
+        """Of what is placed in the world."""
+        return (self.low.min(axis=0), self.high.max(axis=0)) if len(self.low) else None
+
+
+def noted_emitters(scene: Any) -> list[tuple[str, str, str]]:
+    """A warning where some are not sampled."""
+    if not scene.unsampled_emitters:
+        return []
+    message = f"{scene.unsampled_emitters} instances that emit are too many to be sampled as lights: expect noise"
+    return [("emitters-unsampled", "", message)]
 
 
 @dataclass(frozen=True)

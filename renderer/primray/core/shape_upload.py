@@ -70,11 +70,13 @@ class ShapeUpload:
         self._kinds = {type(s) for s in shapes}
         self._moving = any(isinstance(s, Mesh) and s.motion is not None for s in shapes)
         self._paired = {i for i, s in enumerate(shapes) if isinstance(s, Mesh) and is_paired(s.triangles)}
+        self._rows: list[int] = []
         self._alone = np.arange(len(surfaces), dtype=np.int32)[:, None]  # of meshes that have one
 
     def add(self, placed: Sequence[Placed], center: Doubles, scale: float) -> None:
         """Into the current group, whose lengths are `scale` times those from `center`."""
         near = self._near(placed, center, scale)
+        self._rows = [-1] * len(placed)
         lights: dict[int, int] = {}  # the builder's, by number of what is placed: each place is a light of its own
         for i, p in self._in_order(placed):
             shape = self._shapes[p.shape]
@@ -82,7 +84,10 @@ class ShapeUpload:
                 lights[i] = self._lights.add_worn(shape.light, matrix(p.matrix))
             if isinstance(shape, Mesh):
                 if shape.motion is None:
+                    first = self._builder.mesh_rows
                     self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=False)
+                    if self._builder.mesh_rows > first and i not in near and shape.light is None:
+                        self._rows[i] = first
                     self._note_mesh(p)
             elif i not in near:
                 self._add_curved(shape, matrix(p.matrix), lights.get(i))
@@ -93,8 +98,17 @@ class ShapeUpload:
             for i, p in enumerate(placed):
                 shape = self._shapes[p.shape]
                 if isinstance(shape, Mesh) and (shape.motion is not None) == moving:
+                    self._rows[i] = -1 if self._wears_cutout(shape) else self._rows[i]
                     self._add_part(shape, matrix(p.matrix), near.get(i), lights.get(i), cutout=cutout)
                     self._note_mesh(p)
+
+    def rows_of_last(self) -> list[int]:
+        """By what was added last: the builder's first row, of meshes that are whole and still, cut out nowhere, and no lights;
+        else -1."""
+        return self._rows
+
+    def _wears_cutout(self, mesh: Mesh) -> bool:
+        return bool(self._cutout[np.asarray(mesh.surface)].any())
 
     def _in_order(self, placed: Sequence[Placed]) -> Iterable[tuple[int, Placed]]:
         """With their numbers, as the core wants them: first the meshes with triangles in pairs; one kind after another."""

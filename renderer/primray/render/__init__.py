@@ -5,13 +5,15 @@ a render starts.
 """
 
 from ..report.prepared import Prepared
-from .prepare import OpenedStage, check_memory, image_sizes, load_textures, open_once, prepare
+from .prepare import OpenedStage, check_memory, open_once, prepare
 from .render import OnInterrupt, core_says, find_aovs, picture_of, quiet_frames, render, render_frames
+from .steps import Steps, image_sizes, load_textures
 
 __all__ = [
     "OnInterrupt",
     "OpenedStage",
     "Prepared",
+    "Steps",
     "check_memory",
     "core_says",
     "find_aovs",

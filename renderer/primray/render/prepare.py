@@ -6,20 +6,19 @@ What does the work is imported when a render starts; importing this module costs
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from ..errors import LimitError
 from ..report.prepared import Prepared
-from ..settings import DefaultWrap, RenderSettings
+from ..settings import RenderSettings
+from .steps import Steps
 
 if TYPE_CHECKING:
-    from ..description import SceneDescription, TextureFile
+    from ..description import SceneDescription
     from ..diagnostics import Diagnostics
     from ..report.report import Costs
     from ..report.summary import ImageSize
-    from ..textures.texture import Texture
 
 FILM_PIXEL_BYTES = 126  # of the core's, which is not loaded yet where memory is checked; a test holds them equal
 
@@ -59,35 +58,36 @@ def prepare(
     diagnostics: Diagnostics,
     *,
     fingerprinted: bool = False,
+    steps: Steps | None = None,
 ) -> Prepared:
-    """Translate an opened stage, load its textures and build its scene; what there is to tell goes to `diagnostics`."""
-    from .. import core, usd
-    from ..checkpoints.fingerprint import fingerprint
-    from ..report.motion import motion_facts
-    from ..report.report import resolve_settings
-    from ..report.summary import counts, summary
+    """Translate an opened stage, load its textures and build its scene; what there is to tell goes to `diagnostics`.
 
+    `steps`: of who keeps what earlier renders made; None: everything is made here.
+    """
+    from .. import usd
+    from ..report.report import resolve_settings
+
+    steps = Steps() if steps is None else steps
     with costs.stage("translate"):
-        description, translating = usd.translate(stage, settings)
+        description, translating = steps.translate(stage, settings)
         diagnostics.name_files(translating.shown)
         diagnostics.extend([*opening, *translating])
-        description, textures = load_textures(description, diagnostics, usd.read_asset, settings.default_wrap)
+        description, textures = steps.load_textures(description, diagnostics, settings)
         if settings.strict:
             diagnostics.raise_if_strict()
-    images = image_sizes(textures)
+    images = steps.image_sizes(textures)
     check_memory(description, settings, images, film_copies=int(fingerprinted))
-    digests = fingerprint(description, textures) if fingerprinted else {}
+    digests = steps.fingerprint(description, textures) if fingerprinted else {}
     with costs.stage("dice"):
-        description, limits = core.dice(description, settings)
+        description, limits = steps.dice(description, settings)
     for code, path, message in limits:
         diagnostics.add(code, path, message)
 
     settings = resolve_settings(settings, description)
-    counted = counts(summary(description, settings.dicing_rate, images))
-    motion = motion_facts(description)
+    counted, motion = steps.count(description, settings, images)
     shapes, description = list(description.shapes), replace(description, shapes=())
     with costs.stage("build"):
-        scene = core.build(description, textures, settings, shapes)
+        scene = steps.build(description, textures, settings, shapes)
     for code, path, message in scene.warnings:
         diagnostics.add(code, path, message)
     if settings.strict:
@@ -95,34 +95,6 @@ def prepare(
     left_out = {} if scene.bounds is not None else usd.left_out(stage, settings)
     camera, frame, lights = description.camera, description.frame, len(description.lights)
     return Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, motion, left_out)
-
-
-def load_textures(
-    description: SceneDescription,
-    diagnostics: Diagnostics,
-    read: Callable[[str], bytes] | None,
-    default_wrap: DefaultWrap = DefaultWrap.BLACK,
-) -> tuple[SceneDescription, dict[TextureFile, list[tuple[int, Texture]]]]:
-    """The images of every file that could be read (with their tiles' numbers, or 0), and the description without the domes
-    whose texture could not; each file that could not is a diagnostic."""
-    from ..description import Wrap
-    from ..textures.light_textures import with_read_textures
-    from ..textures.missing_tiles import note_missing_tiles
-    from ..textures.texture_outside import note_textures_outside
-    from ..textures.texture_set import load_texture_set
-
-    textures = load_texture_set(description, diagnostics, read, Wrap(default_wrap.value))
-    note_textures_outside(description, textures, diagnostics)
-    note_missing_tiles(description, diagnostics)
-    return replace(description, lights=with_read_textures(description.lights, textures, diagnostics)), textures
-
-
-def image_sizes(textures: dict[TextureFile, list[tuple[int, Texture]]]) -> list[ImageSize]:
-    """Of images that are held once, whoever reads them."""
-    from ..report.summary import ImageSize
-
-    different = {id(image): image for images in textures.values() for _, image in images}
-    return [ImageSize(i.shape[1], i.shape[0], i.shape[2], i.stored.itemsize) for i in different.values()]
 
 
 def check_memory(

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ..report.report import Costs
     from ..sampling.sampling import Progress, Sampling
     from .snapshots import Snapshots
+    from .steps import Steps
 
     Tell = Callable[[Diagnostics], None]
 
@@ -148,15 +149,12 @@ def _frames(
             costs.stages_s["open"], told = opened.seconds, True
         with shown() as progress:
             tell = telling(opened.name)
-            image = _render_one(
-                opened.stage, opened.diagnostics, settings, costs, progress, on_interrupt, saved, snapshots, tell
-            )
+            image = render_opened(opened, settings, costs, progress, on_interrupt, saved, snapshots, tell)
         yield image
 
 
-def _render_one(
-    stage: Any,
-    opening: Diagnostics,
+def render_opened(
+    opened: OpenedStage,
     settings: RenderSettings,
     costs: Costs,
     progress: Progress | None,
@@ -164,7 +162,9 @@ def _render_one(
     checkpointing: Checkpointing | None,
     snapshots: Snapshots | None,
     tell: Tell,
+    steps: Steps | None = None,
 ) -> Image:
+    """One picture of a stage; `steps` as for `prepare`."""
     from ..diagnostics import Diagnostics
     from ..sampling import pauses
     from ..sampling.sampling import Sampling
@@ -172,7 +172,8 @@ def _render_one(
     diagnostics = Diagnostics()
     if checkpointing is not None:
         checkpointing.check()
-    prepared = prepare(stage, opening, settings, costs, diagnostics, fingerprinted=checkpointing is not None)
+    fingerprinted = checkpointing is not None
+    prepared = prepare(opened.stage, opened.diagnostics, settings, costs, diagnostics, fingerprinted=fingerprinted, steps=steps)
     tell(diagnostics)  # before hours of sampling
     saved: dict[str, Any] = {}
     with costs.stage("render"), interruption() as asked:

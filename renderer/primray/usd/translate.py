@@ -7,18 +7,22 @@ import os
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 from pxr import Usd
 
-from ..aov_names import VECTORS, primvars_of, requests_of
+from ..aov_names import VECTORS, AovRequest, primvars_of, requests_of
 from ..description import (
+    Camera,
+    CameraMotion,
+    Frame,
     MotionSteps,
     SceneDescription,
 )
 from ..diagnostics import Diagnostics
 from ..settings import RenderSettings
+from .adapters.cameras.shutter import Shutter
 from .adapters.lights.light import light
 from .adapters.rendering.render_product import ProductSettings
 from .adapters.rendering.render_settings import product_settings
@@ -55,6 +59,7 @@ from .viewing.shutter import shutter_of_vectors, timing_of
 from .viewing.view import select_camera, view_through
 from .walking.find_by_type import Found, find_by_type
 from .walking.instances import Arrangement, Group, arrange, at_instant, merge_coincident
+from .walking.record import Record
 from .walking.skinning import are_drawn, posed
 from .walking.walk import walk
 
@@ -84,13 +89,13 @@ def translate(stage: Usd.Stage, settings: RenderSettings) -> tuple[SceneDescript
     """What `settings` asks to render of the stage, and everything that the picture will not show as authored."""
     diagnostics = Diagnostics(file_names(stage).in_text)
     names: dict[str, str] = {}
-    with usd_messages(diagnostics), _without_collection():
+    with usd_messages(diagnostics), without_collection():
         description = _translate(stage, settings, diagnostics, names)
-    return description, _with_names(diagnostics, names)
+    return description, with_names(diagnostics, names)
 
 
 @contextmanager
-def _without_collection() -> Iterator[None]:
+def without_collection() -> Iterator[None]:
     """Without Python's search for cyclic garbage, which goes over all that was made again and again: a tenth of the time."""
     was_on = gc.isenabled()
     gc.disable()
@@ -101,7 +106,7 @@ def _without_collection() -> Iterator[None]:
             gc.enable()
 
 
-def _with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
+def with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
     """The same, with paths into prototypes replaced by those of their first instances."""
     shown = Diagnostics(diagnostics.shown)
     for d in diagnostics:
@@ -110,58 +115,111 @@ def _with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:
     return shown
 
 
+@dataclass(frozen=True)
+class Begun:
+    """What is known before the walk: the settings, and the camera, whose shutter decides at what times things are read."""
+
+    ctx: Context
+    product: ProductSettings
+    camera: Usd.Prim | None
+    shutter: Shutter
+    aovs: tuple[AovRequest, ...]
+
+
+@dataclass(frozen=True)
+class Assembled:
+    """What is there, wherever it is looked at from while its shutter is closed."""
+
+    ctx: Context
+    scene: Scene
+    groups: list[Group[ResolvedPrim]]
+    where: Arrangement
+
+
 def _translate(stage: Usd.Stage, settings: RenderSettings, diagnostics: Diagnostics, names: dict[str, str]) -> SceneDescription:
     found, when = find_by_type(stage, diagnostics), when_of(stage, settings.time_code)
     if are_drawn(stage, found.skeletons):
         stage = posed(stage, when, _foreseen(stage, settings, found, when), diagnostics)
         found = find_by_type(stage, Diagnostics())
-    cameras, settings_prims, shaders = found.cameras, found.settings, found.shaders
-    product = product_settings(stage, settings, settings_prims, when, diagnostics)
-    ctx = _context(stage, settings, when, product, diagnostics, names)
+    begun = begin(found, context_of(stage, settings, found, when, diagnostics, names))
+    return finish(begun, assemble(begun.ctx))
+
+
+def context_of(
+    stage: Usd.Stage, settings: RenderSettings, found: Found, when: When, diagnostics: Diagnostics, names: dict[str, str]
+) -> tuple[Context, ProductSettings]:
+    """What a translation begins with, by the stage's render settings."""
+    product = product_settings(stage, settings, found.settings, when, diagnostics)
+    return _context(stage, settings, when, product, diagnostics, names), product
+
+
+def begin(found: Found, started: tuple[Context, ProductSettings]) -> Begun:
+    ctx, product = started
+    settings = ctx.settings
     space = rendering_space(product.settings_path, product.rendering_color_space, ctx)
-    aovs = requests_of(settings.aovs) if settings.aovs is not None else aovs_of_variables(product.variables, diagnostics)
+    asked = settings.aovs
+    aovs = requests_of(asked) if asked is not None else aovs_of_variables(product.variables, ctx.diagnostics)
     names_instances = any(request.source == "instance" for request in aovs)
     ctx = replace(ctx, rendering_space=space, aov_primvars=primvars_of(aovs), names_instances=names_instances)
-    read, of_colors = primvars_read(shaders, ctx)
+    read, of_colors = primvars_read(found.shaders, ctx)
     of_aovs = {f"primvars:{name}" for name in ctx.aov_primvars}
     ctx = replace(ctx, primvars_read=read | of_aovs, color_primvars=of_colors)
-    camera_prim = select_camera(stage, ctx, product, cameras)
-    shutter, rolling = exposed(camera_prim, ctx, product)
+    camera = select_camera(ctx.stage, ctx, product, found.cameras)
+    shutter, rolling = exposed(camera, ctx, product)
     is_vectored = any(request.source in VECTORS for request in aovs)
-    vectors = shutter_of_vectors(camera_prim, shutter, ctx) if is_vectored else None
+    vectors = shutter_of_vectors(camera, shutter, ctx) if is_vectored else None
     ctx = replace(ctx, timing=timing_of(shutter, bool(aovs), ctx, vectors, rolling))
     if ctx.timing.is_open:
-        ctx = replace(ctx, foreseen=as_seen(camera_prim, shutter, ctx, product))
+        ctx = replace(ctx, foreseen=as_seen(camera, shutter, ctx, product))
+    return Begun(ctx, product, camera, shutter, aovs)
+
+
+def assemble(ctx: Context) -> Assembled:
     groups, links, ctx = _walked(ctx)
     where = _arranged(groups, ctx)
     ctx = replace(ctx, shares=shared_paths(groups))
+    ctx.kept.of(Record).told = len(ctx.diagnostics)
     scene = Scene(Adapters(SHAPES, LIGHTS), links)
     for g, group in enumerate(groups):
         add_group(scene, group, where, g, ctx)
     add_grouped(scene, groups, where)
     note_unnamed_portals(ctx)
-    bounds = partial(scene_bounds, scene, groups, where, ctx)
-    camera, frame = view_through(camera_prim, ctx, product, shutter, bounds, lambda: scene.drawn)
-    camera = with_diffusion(camera, settings)
+    return Assembled(ctx, scene, groups, where)
+
+
+def finish(begun: Begun, assembled: Assembled) -> SceneDescription:
+    """As the camera sees it. Adds to the scene what only a view decides: a light where there is none, and times."""
+    ctx, scene, product = assembled.ctx, assembled.scene, begun.product
+    bounds = partial(scene_bounds, scene, assembled.groups, assembled.where, ctx)
+    camera, frame = view_through(begun.camera, ctx, product, begun.shutter, bounds, lambda: scene.drawn)
+    camera = with_diffusion(camera, ctx.settings)
     add_default_light(scene, camera, ctx)
     note_missing_primvars(scene, ctx)
     motion, steps = None, list[MotionSteps]()
     if ctx.timing.is_open:
-        nearest = nearest_to(camera, scene.drawn)
-        moving = camera_motion(camera_prim, camera, ctx, product, frame.resolution, nearest, settings.motion_error)
-        if moving is not None:
-            motion = moving[0]
-            steps.append(moving[1].of(camera.path, "camera"))
-        steps += [*settle(scene, ctx, camera, motion, frame.resolution), *ctx.kept.of(PointSteps)]
-        note_errors(steps, ctx)
-    return replace(describe(scene, ctx, camera, motion, frame, aovs), motion_steps=tuple(steps))
+        motion, steps = _timed(scene, camera, frame, begun, ctx)
+    return replace(describe(scene, ctx, camera, motion, frame, begun.aovs), motion_steps=tuple(steps))
+
+
+def _timed(
+    scene: Scene, camera: Camera, frame: Frame, begun: Begun, ctx: Context
+) -> tuple[CameraMotion | None, list[MotionSteps]]:
+    """What moves gets its times: the camera's way, and the steps of all."""
+    motion, steps, error = None, list[MotionSteps](), ctx.settings.motion_error
+    nearest = nearest_to(camera, scene.drawn)
+    moving = camera_motion(begun.camera, camera, ctx, begun.product, frame.resolution, nearest, error)
+    if moving is not None:
+        motion = moving[0]
+        steps.append(moving[1].of(camera.path, "camera"))
+    steps += [*settle(scene, ctx, camera, motion, frame.resolution), *ctx.kept.of(PointSteps)]
+    note_errors(steps, ctx)
+    return motion, steps
 
 
 def _foreseen(stage: Usd.Stage, settings: RenderSettings, found: Found, when: When) -> Foreseen:
     """What is wrong with camera and settings is told later, of the posed stage."""
-    unheard = Diagnostics()
-    product = product_settings(stage, settings, found.settings, when, unheard)
-    return foreseen(_context(stage, settings, when, product, unheard, {}), product, found.cameras)
+    ctx, product = context_of(stage, settings, found, when, Diagnostics(), {})
+    return foreseen(ctx, product, found.cameras)
 
 
 def _walked(ctx: Context) -> tuple[list[Group[ResolvedPrim]], Links | None, Context]:

@@ -96,10 +96,10 @@ def check(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) ->
 
 def renders() -> Do:
     """Frames of one job, whose stage is kept from one to the next."""
-    from .kept_stage import KeptStage
     from .render_task import render_frame
+    from .stage_of_frames import StageOfFrames
 
-    return partial(render_frame, KeptStage())
+    return partial(render_frame, StageOfFrames())
 
 
 main(sys.argv[1:])

@@ -13,7 +13,7 @@ from typing import Any
 
 from primray.checkpoints.checkpointing import Saver, begin
 from primray.diagnostics import Diagnostics
-from primray.render import Prepared, picture_of, prepare
+from primray.render import Prepared, picture_of
 from primray.report.report import Costs, settings_as_json
 from primray.sampling.sampling import Sampling
 from primray.settings import RenderSettings, settings_of_json
@@ -21,14 +21,14 @@ from primray.settings import RenderSettings, settings_of_json
 from ..problems import Problem
 from ..sandbox import end_phase
 from .channel import Channel
-from .kept_stage import KeptStage
 from .outputs import DEFAULT_NAMES, described, to_send, write_pictures, write_report
 from .render_watch import Numbers, Phases, Warnings, Watch
+from .stage_of_frames import StageOfFrames
 
 REPORT_BYTES = 2**20
 
 
-def render_frame(stages: KeptStage, command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
+def render_frame(stages: StageOfFrames, command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
     """Do it, and leave, or return if it is to stay; or raise what went wrong."""
     number = int(command.get("number") or 0)
     channel.nothing_to_save(number)
@@ -76,11 +76,11 @@ def render_frame(stages: KeptStage, command: Mapping[str, Any], job: Path, out: 
     channel.done(stay=bool(command.get("stay")), outputs=outputs, report=to_send(report, REPORT_BYTES))
 
 
-def _prepare(command: Mapping[str, Any], job: Path, stages: KeptStage, costs: Costs, diagnostics: Diagnostics) -> Prepared:
+def _prepare(command: Mapping[str, Any], job: Path, stages: StageOfFrames, costs: Costs, diagnostics: Diagnostics) -> Prepared:
     settings = _settings(command)
     _limit_images(command.get("limits") or {})
-    opened = stages.open(str(job / command["file"]), settings, costs)
-    return prepare(opened.stage, opened.diagnostics, settings, costs, diagnostics, fingerprinted=True)
+    more_follow = bool(command.get("stay"))
+    return stages.prepare(str(job / command["file"]), settings, costs, diagnostics, more_follow=more_follow)
 
 
 def _checkpoint(command: Mapping[str, Any], job: Path) -> Path | None:

@@ -48,6 +48,7 @@ ORDER = (
     "checkpoints",
     "parts",
     "render",
+    "keeping",
     "compare",
     "cli",
 )

@@ -20,6 +20,7 @@ from ..resolving.convert import square
 from ..resolving.notes import LightShapes
 from ..resolving.resolve import ResolvedPrim
 from ..walking.instances import Arrangement, Chain, Group, count_of
+from ..walking.record import Become, Record
 from .lights import add_lights
 from .scene import Scene
 
@@ -46,7 +47,8 @@ def add_group(scene: Scene, group: Group[ResolvedPrim], where: Arrangement, g: i
     alone = "" if once is None or not ctx.names_instances else name_of(named_levels(chains[0]), 0)
     members: list[Placed] = []
     leaves, group.leaves = group.leaves[::-1], []
-    matrices = _matrices(leaves)
+    record = ctx.kept.of(Record)
+    matrices = _matrices(leaves, record)
     finite: list[bool] = np.asarray(np.isfinite(matrices).all(axis=(1, 2))).tolist()
     placed = matrices if once is None or np.array_equal(once, np.eye(4)) else once @ matrices
     while leaves:  # what has been translated is let go
@@ -55,10 +57,14 @@ def add_group(scene: Scene, group: Group[ResolvedPrim], where: Arrangement, g: i
         if not finite.pop():
             ctx.warn("invalid-transform", leaf.path, "Its transform is not finite.")
         elif leaf.type_name in scene.adapters.lights:
+            first = len(scene.lights)
             add_lights(scene, leaf, matrices[len(leaves)], chains, count, group.blur_scale, ctx)
-        elif (shape := _shape(leaf, _standing(leaf, chains, matrices[len(leaves)], ctx), scene)) is not None:
-            if scene.links is not None:
-                shape = replace(shape, link_row=scene.links.row_of(leaf))
+            if g == 0:
+                record.note_leaf(Become(leaf, light=first if len(scene.lights) > first else None))
+        elif (shape := shape_of(leaf, _standing(leaf, chains, matrices[len(leaves)], ctx), scene)) is not None:
+            shape = linked(shape, leaf, scene)
+            if g == 0:
+                record.note_leaf(Become(leaf, shape=len(scene.shapes)))
             members.append(Placed(len(scene.shapes), placed[len(leaves)], alone))
             scene.shapes.append(shape)
     if once is not None:
@@ -97,7 +103,12 @@ def _standing(leaf: ResolvedPrim, chains: list[Chain], group_from_prim: Doubles,
     return replace(ctx, stands=Stands(chains, group_from_prim, leaf.inherited.blur_scale, leaf.path not in ctx.shares))
 
 
-def _shape(leaf: ResolvedPrim, ctx: Context, scene: Scene) -> Shape | None:
+def linked(shape: Shape, leaf: ResolvedPrim, scene: Scene) -> Shape:
+    """With its row of the table of whom lights reach."""
+    return shape if scene.links is None else replace(shape, link_row=scene.links.row_of(leaf))
+
+
+def shape_of(leaf: ResolvedPrim, ctx: Context, scene: Scene) -> Shape | None:
     adapter = scene.adapters.shapes[leaf.type_name]
     try:
         if leaf.path not in ctx.kept.of(LightShapes):
@@ -109,6 +120,9 @@ def _shape(leaf: ResolvedPrim, ctx: Context, scene: Scene) -> Shape | None:
         return None
 
 
-def _matrices(leaves: list[ResolvedPrim]) -> Doubles:
-    """(N, 4, 4) group_from_prim of the leaves of a group."""
-    return leaves[0].poses.taken([leaf.pose for leaf in leaves]) if leaves else np.zeros((0, 4, 4))
+def _matrices(leaves: list[ResolvedPrim], record: Record) -> Doubles:
+    """(N, 4, 4) group_from_prim of the leaves of a group, whose poses are let go unless they are recorded."""
+    if not leaves:
+        return np.zeros((0, 4, 4))
+    poses, numbers = leaves[0].poses, [leaf.pose for leaf in leaves]
+    return poses.of(numbers) if record.is_on else poses.taken(numbers)

@@ -14,7 +14,7 @@ from ..resolving.context import Context
 FILE = "inputs:shaping:ies:file"
 
 
-class _Profiles(dict[str, IesFile | str]):
+class Profiles(dict[str, IesFile | str]):
     """By the resolved path of the file: the file, or what is wrong with it."""
 
 
@@ -28,7 +28,7 @@ def ies_profile(asset: Sdf.AssetPath, path: str, ctx: Context) -> IesProfile | N
         ctx.warn("asset-missing", path, missing_text(asset.path), FILE)
         return None
     resolved = str(asset.resolvedPath)
-    known = ctx.kept.of(_Profiles)
+    known = ctx.kept.of(Profiles)
     if resolved not in known:
         known[resolved] = _read(resolved)
     found = known[resolved]

@@ -78,14 +78,30 @@ def open_stage(
 
     A Usd.Stage is taken as it is, or, where `composition` asks for more, composed anew from its layers and left unchanged.
     """
-    composed: list[str] = []
     diagnostics.name_files(_names_of(source).in_text)
+    if isinstance(source, Usd.Stage) and composition == USD_DEFAULTS:
+        return _noted(lambda: source, diagnostics, composition)
+    return _noted(lambda: _composed(source, composition), diagnostics, composition)
+
+
+def check_again(stage: Usd.Stage, diagnostics: Diagnostics, composition: Composition = USD_DEFAULTS) -> None:
+    """What opening it would tell of a stage that was composed so and has been edited since."""
+    diagnostics.name_files(_names_of(stage).in_text)
+    _noted(lambda: stage, diagnostics, composition)
+
+
+def _composed(source: str | os.PathLike[str] | Usd.Stage, composition: Composition) -> Usd.Stage:
+    if isinstance(source, Usd.Stage):
+        return _compose(source.GetRootLayer(), source, composition, "")
+    path = os.fspath(source)
+    return _compose(_root_layer(path), None, composition, path)
+
+
+def _noted(opened: Callable[[], Usd.Stage], diagnostics: Diagnostics, composition: Composition) -> Usd.Stage:
+    """The stage, with what there is to tell of it as a whole."""
+    composed: list[str] = []
     with usd_messages(diagnostics, lambda text: any(line in text for line in composed)):
-        if not isinstance(source, Usd.Stage):
-            path = os.fspath(source)
-            stage = _compose(_root_layer(path), None, composition, path)
-        else:
-            stage = source if composition == USD_DEFAULTS else _compose(source.GetRootLayer(), source, composition, "")
+        stage = opened()
         for error in stage.GetCompositionErrors():
             text = error_text(error)
             composed.append(text)

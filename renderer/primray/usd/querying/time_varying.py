@@ -45,6 +45,16 @@ def is_below_clips(prim: Usd.Prim | None) -> bool:
     return False
 
 
+def changing(prims: Iterable[Usd.Prim]) -> set[Sdf.Path]:
+    """Their attributes that may have other values at other times."""
+    return {a.GetPath() for prim in prims for a in authored_attributes(prim) if a.ValueMightBeTimeVarying() or has_spline(a)}
+
+
+def is_timed(attribute: Usd.Attribute) -> bool:
+    """Whether it has any value for a time."""
+    return bool(attribute.GetNumTimeSamples()) or has_spline(attribute)
+
+
 def has_spline(attribute: Usd.Attribute) -> bool:
     return bool(attribute.HasSpline())
 

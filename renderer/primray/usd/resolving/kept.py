@@ -20,3 +20,9 @@ class Kept:
             found = self._objects[kind] = kind()
         made: T = found
         return made
+
+    def sharing(self, *kinds: type[Any]) -> Kept:
+        """Another that has these of it, and nothing else yet."""
+        other = Kept()
+        other._objects = {kind: self.of(kind) for kind in kinds}
+        return other

@@ -54,12 +54,11 @@ class Poses:
 
     def of(self, poses: Sequence[int]) -> Doubles:
         """(K, 4, 4), the same of many."""
-        if self._products is None:
-            self._products = self._multiplied()
+        products = self.every()
         columns = np.empty((len(poses), 4, 4))
         for start in range(0, len(poses), _TOGETHER):
             chosen = np.asarray(poses[start : start + _TOGETHER], np.intp)
-            columns[start : start + _TOGETHER] = self._products[chosen].transpose(0, 2, 1)
+            columns[start : start + _TOGETHER] = products[chosen].transpose(0, 2, 1)
         return columns
 
     def taken(self, poses: Sequence[int]) -> Doubles:
@@ -67,6 +66,28 @@ class Poses:
         found = self.of(poses)
         self._begin()
         return found
+
+    def local(self, pose: int) -> Doubles:
+        """(4, 4) its own transform, of row vectors as USD has it."""
+        local: Doubles = self._local(pose)[0]
+        return local
+
+    def put(self, pose: int, local: Gf.Matrix4d) -> None:
+        """Another transform of its own."""
+        self._products = None
+        block, at = divmod(pose, _TOGETHER)
+        if block == len(self._older):
+            self._recent[at] = local
+            return
+        matrices = np.frombuffer(self._older[block], np.float64).reshape(-1, 4, 4).copy()
+        matrices[at] = np.array(local, np.float64)
+        self._older[block] = matrices.tobytes()
+
+    def every(self) -> Doubles:
+        """(N, 4, 4) the products of all poses, of row vectors."""
+        if self._products is None:
+            self._products = self._multiplied()
+        return self._products
 
     def _local(self, pose: int) -> Doubles:
         block, at = divmod(pose, _TOGETHER)

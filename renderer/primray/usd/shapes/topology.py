@@ -44,7 +44,7 @@ class Topology:
         return Sizes(len(self.faces.counts), len(self.points), len(self.faces.indices))
 
 
-class _SharedFaces(dict[tuple[bytes, bytes], Faces]):
+class SharedFaces(dict[tuple[bytes, bytes], Faces]):
     """By content, of small meshes."""
 
 
@@ -58,7 +58,7 @@ def topology_of(mesh: AuthoredMesh, ctx: Context) -> Topology | None:
         faces = _faces(counts, indices, mesh.path, ctx)
     else:
         key = (counts.tobytes(), indices.tobytes())
-        shared = ctx.kept.of(_SharedFaces)
+        shared = ctx.kept.of(SharedFaces)
         faces = shared.get(key) or _faces(counts, indices, mesh.path, ctx)
         if faces is not None:
             shared[key] = faces

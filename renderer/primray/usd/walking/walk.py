@@ -48,6 +48,7 @@ from ..resolving.resolve import (
 from ..shapes.instance_primvars import given_per_instance
 from .instances import Group
 from .places import Place, Places
+from .record import Record
 
 Expand = Callable[
     [ResolvedPrim, Context], list[tuple[str, PointInstances | MovingLevel]]
@@ -86,6 +87,7 @@ class _Walk:
     links: Links | None
     groups: list[Group[ResolvedPrim]] = field(default_factory=list)
     index: dict[GroupKey, int] = field(default_factory=dict)
+    record: Record = field(default_factory=Record)
     queue: list[tuple[int, Usd.Prim, Inherited]] = field(default_factory=list)
 
     def group(self, root: Usd.Prim, inherited: Inherited) -> int:
@@ -106,6 +108,8 @@ def walk(ctx: Context, leaf_types: Mapping[str, str], expand: Expand, links: Lin
     kinds = PrimKinds(ctx, leaf_types)
     has_instances = bool(ctx.stage.GetPrototypes())
     state = _Walk(ctx, leaf_types, expand, UsdGeom.XformCache(ctx.when.time), kinds, has_instances, links)
+    state.record = ctx.kept.of(Record)
+    state.record.begin()
     state.group(ctx.stage.GetPseudoRoot(), Inherited())
     for index, root, inherited in state.queue:  # grows as instances are found
         _walk_group(state, state.groups[index], root, inherited)
@@ -161,6 +165,8 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
             if kind.bindings:
                 targets = note_bindings(prim, path, kind.bindings, ctx)
                 resolved.bound_as = bound_alike(kind, path, targets, above.binds)
+            if type_name in _MADE:
+                state.record.note_use(place.poses, pose)
             if type_name == "PointInstancer":
                 _expand_points(state, group, place.group, resolved)
                 continue
@@ -169,6 +175,7 @@ def _walk_group(state: _Walk, group: Group[ResolvedPrim], root: Usd.Prim, inheri
             if kind.taken_as and is_drawn(mine, ctx.purposes):  # also an instance may itself be a shape
                 _place_leaf(state, places, place, resolved)
             if is_instance:
+                state.record.note_use(place.poses, pose)
                 native.append(resolved)
         if not is_instance and type_name not in _CLOSED and (below := children(prim, drawn)):
             mine_above = _Above(path, place, pose, mine, path if kind.bindings else above.binds)
@@ -195,6 +202,8 @@ def _stand(
     if resets and place.mover is not None:
         place = places.of(None, place.group.blur_scale, path)
     pose = place.poses.add(local, above.pose, resets=resets)
+    if places.own.group is state.groups[0]:
+        state.record.note_pose(path, place.poses, pose)
     if pose % FORGOTTEN_AFTER == 0:
         state.cache.Clear()  # it keeps 400 bytes a prim, and nothing is asked twice
     return place, pose

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 from pxr import Sdf, Usd, UsdShade
 
 from ....description import Input, PrimvarInput, Surface, TextureInput
+from ....diagnostics import Diagnostic, Diagnostics
 from ...materials.network import Constant, Node, as_numbers, constant_color, find_source, node_path, parameter
 from ...materials.network_nodes import NO_PRIMVAR, NODES, NodeKind, reader_input, texture_input
 from ...materials.primvars_read import COLOR_INPUTS, SURFACE_SHADERS
@@ -63,8 +64,11 @@ class _Inputs:
     varying: dict[str, Input] = field(default_factory=dict)
 
 
-class _Materials(dict[tuple[Sdf.Path, tuple[tuple[str, ColorScope], ...]], Material]):
-    """By path, and by the colour scopes handed down to it."""
+MaterialKey = tuple[Sdf.Path, tuple[tuple[str, ColorScope], ...]]  # path, and the colour scopes handed down to it
+
+
+class Materials(dict[MaterialKey, tuple[Material, list[Diagnostic]]]):
+    """All that have been translated, with what there was to tell of each."""
 
 
 def material(prim: Usd.Prim, bound_to: Inherited, ctx: Context) -> Material:
@@ -72,11 +76,20 @@ def material(prim: Usd.Prim, bound_to: Inherited, ctx: Context) -> Material:
     path = prim.GetPath()
     outer = bound_to.outer_colors if prim.IsInPrototype() else ()
     key = (path, outer)
-    known = ctx.kept.of(_Materials)
+    known = ctx.kept.of(Materials)
     if key not in known:
-        around = replace(ctx, outer_colors=outer) if outer else ctx
-        known[key] = _translate(UsdShade.Material(prim), ctx.shown(str(path)), around)
-    return known[key]
+        known[key] = translated(key, ctx)
+        ctx.diagnostics.extend(known[key][1])
+    return known[key][0]
+
+
+def translated(key: MaterialKey, ctx: Context) -> tuple[Material, list[Diagnostic]]:
+    """Whatever is known of it already; what there is to tell goes nowhere else."""
+    path, outer = key
+    told = Diagnostics(ctx.diagnostics.shown)
+    prim = ctx.stage.GetPrimAtPath(path)
+    made = _translate(UsdShade.Material(prim), ctx.shown(str(path)), replace(ctx, outer_colors=outer, diagnostics=told))
+    return made, list(told)
 
 
 def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Material:

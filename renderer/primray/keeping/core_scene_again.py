@@ -1,0 +1,130 @@
+"""A scene in the core with other lights, surfaces' values, camera, or places of a few meshes: all else in it stays.
+
+The core's tables of shapes, Embree's hierarchies over them, and textures are those of before. Where a new scene's would be
+other than these, it is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..core.building import core_scene
+from ..core.core_errors import raise_as_ours
+from ..core.core_inputs import filled
+from ..core.isa_class import module
+from ..core.light_upload import LightUpload
+from ..core.pixel_filter import inverse_cdf
+from ..core.scene import CoreScene
+from ..core.scene_upload import Uploaded, camera_input, power_of_two_scale, scene_reach
+from ..core.shape_upload import matrix, whole
+from ..core.surface_upload import SurfaceUpload, is_cutout, is_hole
+from ..description import Mesh, Placed, SceneDescription, Surface, TextureFile
+from ..description.placement import transformed_boxes
+from ..refine.far_geometry import OUTLYING
+from ..settings import DEFAULT_FILTER_WIDTH, RenderSettings
+from ..textures.texture import Texture
+
+# Of a description, what may be another without the tables of shapes being others.
+AGAIN = frozenset({"lights", "surfaces", "camera", "static", "resolution", "pixels", "pixel_aspect_ratio", "time_code"})
+NO_SURFACES = np.zeros(0, np.int32)
+LightImages = Mapping[TextureFile, list[tuple[int, Texture]]]
+
+
+def build_again(
+    scene: CoreScene,
+    before: SceneDescription,
+    now: SceneDescription,
+    changed: frozenset[str],
+    images: LightImages,
+    settings: RenderSettings,
+) -> CoreScene | None:
+    """The scene of `before` as that of `now`, where these differ in the fields `changed`; None where it has to be made anew.
+
+    Descriptions are diced, with all of their shapes; `images`: those of lights. The scene of before is gone afterwards, unless
+    the answer is None for what the descriptions alone say.
+    """
+    uploaded = scene.uploaded
+    if uploaded is None or not _may_stay(uploaded, before, now, changed):
+        return None
+    placed = _placed_again(uploaded, before, now)
+    if placed is None:
+        return None
+    try:
+        return _built(scene, *placed, now, images, settings)
+    except module().CoreError as error:
+        raise_as_ours(error)
+
+
+def _may_stay(uploaded: Uploaded, before: SceneDescription, now: SceneDescription, changed: frozenset[str]) -> bool:
+    if not (changed <= AGAIN and uploaded.may_stay and now.exposure is None and now.camera_motion is None):
+        return False
+    if not np.array_equal(uploaded.origin, now.camera.world_from_camera[:3, 3]):
+        return False
+    return len(before.surfaces) == len(now.surfaces) and all(map(_are_alike, before.surfaces, now.surfaces))
+
+
+def _are_alike(one: Surface, other: Surface) -> bool:
+    """Whether shapes that wear them are handed over alike."""
+    if one is other:
+        return True
+    return one.inputs == other.inputs and is_cutout(one) == is_cutout(other) and is_hole(one) == is_hole(other)
+
+
+def _placed_again(
+    uploaded: Uploaded, before: SceneDescription, now: SceneDescription
+) -> tuple[Uploaded, list[tuple[int, Placed, Placed]]] | None:
+    """What is found of the description, and static shapes that stand elsewhere: their core's rows, before and now."""
+    d = replace(now, prototypes=uploaded.description.prototypes, placements=uploaded.description.placements)
+    if len(before.static) != len(now.static):
+        return None
+    numbers = [i for i, (a, b) in enumerate(zip(before.static, now.static, strict=True)) if a is not b]
+    if not numbers:
+        return replace(uploaded, description=d), []
+    moved = [(uploaded.rows[i], before.static[i], now.static[i]) for i in numbers]
+    if any(row < 0 or a.shape != b.shape or a.instance != b.instance for row, a, b in moved):
+        return None
+    own = uploaded.boxes[[b.shape for _, _, b in moved]]
+    low, high = uploaded.low.copy(), uploaded.high.copy()
+    with np.errstate(invalid="ignore", over="ignore"):
+        low[numbers], high[numbers] = transformed_boxes(np.array([b.matrix for _, _, b in moved]), own[:, 0], own[:, 1])
+        reach = (
+            np.maximum(np.abs(low[numbers] - uploaded.origin), np.abs(high[numbers] - uploaded.origin)).max() * uploaded.scale
+        )
+    if not reach < OUTLYING or power_of_two_scale(scene_reach(d, low, high, uploaded.origin)) != uploaded.scale:
+        return None
+    return replace(uploaded, description=d, low=low, high=high), moved
+
+
+def _built(
+    scene: CoreScene,
+    uploaded: Uploaded,
+    moved: list[tuple[int, Placed, Placed]],
+    now: SceneDescription,
+    images: LightImages,
+    settings: RenderSettings,
+) -> CoreScene | None:
+    core, d = module(), uploaded.description
+    builder = core.SceneBuilder(scene._scene)
+    textures = {**uploaded.textures, **images}
+    SurfaceUpload(core, builder, textures).add_surfaces(d.surfaces)
+    for row, old, new in moved:
+        shape = now.shapes[new.shape]
+        if not isinstance(shape, Mesh) or not builder.restand_mesh(row, _placed(shape), matrix(old.matrix), matrix(new.matrix)):
+            return None
+    LightUpload(core, builder).add(d.lights, textures)
+    width = settings.filter_width if settings.filter_width is not None else DEFAULT_FILTER_WIDTH[settings.filter]
+    camera = camera_input(core, d.camera, d.frame)
+    builder.set_camera(filled(camera, filter_width=width, filter_inverse_cdf=inverse_cdf(settings.filter, width)))
+    return core_scene(builder.finish(), uploaded, d, scene.record) if builder.keeps_levels() else None
+
+
+def _placed(mesh: Mesh) -> Any:
+    """A MeshInput of what depends on where it stands."""
+    part, core = whole(mesh, NO_SURFACES), module()
+    return filled(
+        core.MeshInput(), points=mesh.points, normals=part.normals[0], normal_kind=core.Attribute[part.normals[1]], cutout=False
+    )

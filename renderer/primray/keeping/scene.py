@@ -1,0 +1,83 @@
+"""A stage that is rendered again and again, with edits between: what they do not touch stays from one render to the next."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal, Unpack
+
+from ..errors import SettingsError
+from ..render.prepare import composing_settings
+from ..render.render import OnInterrupt
+from ..render.settings_by_name import naming_settings
+from ..settings import RenderSettings, SettingsValues, with_values
+from .kept_stage import KeptStage
+
+if TYPE_CHECKING:
+    from ..images.image import Image
+    from ..render.snapshots import Snapshots
+    from ..sampling.sampling import Progress
+
+COMPOSING = ("variants", "load", "mask", "session_layer")
+PLAIN = composing_settings(RenderSettings())
+
+
+class Scene:
+    """A stage, given as a Usd.Stage or as the path of one, that stays ready to render.
+
+    >>> scene = primray.Scene("shot.usda")
+    >>> first = scene.render(resolution=(32, 18), spp=2)
+    >>> scene.stage.GetPrimAtPath("/sun").GetAttribute("inputs:intensity").Set(4.0)
+    True
+    >>> brighter = scene.render(resolution=(32, 18), spp=2)
+
+    Edits are found by USD's notices, whoever makes them: of `stage`, of its layers, or by reloading these. A render is the one
+    that `primray.render(scene.stage, settings)` would make, to the bit; it takes less where less has changed. Scenes keep what
+    they have translated and built in memory, until `close()` or until they are let go.
+
+    One thread at a time may render, and none may edit the stage until the render's first call of `progress`.
+    `composition`: variants, load, mask and session_layer, as in RenderSettings; of all renders.
+    """
+
+    def __init__(self, stage: str | os.PathLike[str] | Any, **composition: Any) -> None:
+        unknown = sorted(composition.keys() - set(COMPOSING))
+        if unknown:
+            raise SettingsError(f"a scene is composed by {', '.join(COMPOSING)}, not by {unknown[0]}", where=unknown[0])
+        self._composition: dict[str, Any] = {name: value for name, value in composition.items() if value is not None}
+        self._kept = KeptStage(stage, RenderSettings(**self._composition))
+
+    @property
+    def stage(self) -> Any:
+        """The Usd.Stage that is rendered, to edit: the given one, unless it is composed otherwise."""
+        return self._kept.opened.stage
+
+    @naming_settings
+    def render(
+        self,
+        settings: RenderSettings = RenderSettings(),  # noqa: B008 - immutable
+        *,
+        progress: Progress | Literal[False] | None = None,
+        on_interrupt: OnInterrupt = "raise",
+        snapshots: Snapshots | None = None,
+        **values: Unpack[SettingsValues],
+    ) -> Image:
+        """As primray.render of the stage as it is now; `snapshots` as in primray.render_frames."""
+        from ..notices.announcement import Announcer
+        from ..render.notebook_bar import shown_progress
+
+        settings = self._composed(with_values(settings, values))
+        with shown_progress(progress) as shown:
+            tell = Announcer(self._kept.opened.name).tell
+            return self._kept.render(settings, shown, on_interrupt, snapshots, tell)
+
+    def close(self) -> None:
+        """Let go of all that is kept; a render after it starts anew."""
+        self._kept.forget()
+
+    def _composed(self, settings: RenderSettings) -> RenderSettings:
+        """Settings that say nothing of how the stage is composed take what the scene is composed by."""
+        if composing_settings(settings) == PLAIN and self._composition:
+            settings = replace(settings, **self._composition)
+        if composing_settings(settings) != self._kept.opened.composed_by:
+            raise SettingsError("all renders of a scene compose the stage alike: variants, load, mask, session_layer")
+        return settings

@@ -1,0 +1,254 @@
+"""A stage's translation that outlives edits: made anew as far as they touch it, always what a new one would be."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+from pxr import Sdf, Usd
+
+from ...description import SceneDescription, TextureFile, TextureInput
+from ...diagnostics import Diagnostic, Diagnostics
+from ...errors import PrimrayError
+from ...settings import RenderSettings
+from ..assembling.scene import Scene
+from ..lights.ies_asset import Profiles
+from ..opening.file_names import file_names
+from ..opening.stage import usd_messages
+from ..querying.time_varying import changing, has_clips, is_timed
+from ..querying.traversal import populated
+from ..resolving.context import Context
+from ..resolving.read import When, when_of
+from ..translate import Assembled, Begun, assemble, begin, context_of, finish, translate, with_names, without_collection
+from ..walking.find_by_type import Found, find_by_type
+from ..walking.record import Record
+from .changes import Changes
+from .leaves_again import LeavesAgain
+from .materials_again import MaterialsAgain
+from .not_known import NotKnownError
+from .standing import moved_leaves
+from .touched import touched_by
+
+# What USD says, or cannot give, of something that is not told by a path of ours.
+_OF_ANYTHING = frozenset({"usd-message", "wrong-type"})
+
+
+@dataclass
+class Made:
+    """A translation with what it was made of, all as it is now."""
+
+    settings: RenderSettings
+    found: Found
+    when: When
+    begun: Begun
+    assembled: Assembled  # before anything that only a view decides
+    names: dict[str, str]
+    found_told: list[Diagnostic]
+    assembled_told: list[Diagnostic]
+    leaves_told: list[Diagnostic]  # the last of these
+    late: list[Diagnostic]
+    description: SceneDescription
+    diagnostics: Diagnostics
+    materials: MaterialsAgain = field(default_factory=MaterialsAgain)
+    changing: set[Sdf.Path] | None = None  # attributes that time changes; not known yet
+
+    @property
+    def record(self) -> Record:
+        return self.assembled.ctx.kept.of(Record)
+
+
+class KeptTranslation:
+    """Of one stage. What an edit does is known for some kinds of it; any other has everything translated again."""
+
+    def __init__(self) -> None:
+        self._made: Made | None = None
+
+    def translate(self, stage: Usd.Stage, settings: RenderSettings, changes: Changes) -> tuple[SceneDescription, Diagnostics]:
+        """As usd.translate does; the very description of before, or its very parts, where they are the same."""
+        made, self._made = self._made, None  # for if it fails
+        if made is not None and not changes and settings == made.settings:
+            self._made = made
+            return made.description, made.diagnostics
+        if made is not None and not changes.others:
+            made = _made_again(made, stage, settings, changes)
+            if made is not None:
+                self._made = made
+                return made.description, made.diagnostics
+        self._made = _made_anew(stage, settings)
+        if self._made is None:
+            return translate(stage, settings)
+        return self._made.description, self._made.diagnostics
+
+    def forget(self) -> None:
+        self._made = None
+
+    def files(self, description: SceneDescription) -> Iterator[str]:
+        """All but layers that it was made of, and folders where more of them would be."""
+        for file in _texture_files(description):
+            if not file.tiles:
+                yield file.path
+            for _, path in file.tiles:
+                yield path
+                yield os.path.dirname(path)
+        if self._made is not None:
+            yield from self._made.assembled.ctx.kept.of(Profiles)
+
+
+def _texture_files(description: SceneDescription) -> Iterator[TextureFile]:
+    yield from (light.texture for light in description.lights if light.texture is not None)
+    for surface in description.surfaces:
+        yield from (reads.file for _, reads in surface.inputs if isinstance(reads, TextureInput))
+
+
+def _made_anew(stage: Usd.Stage, settings: RenderSettings) -> Made | None:
+    """All of it, recorded; None where nothing of it could stay."""
+    diagnostics, names = Diagnostics(file_names(stage).in_text), dict[str, str]()
+    with usd_messages(diagnostics), without_collection():
+        found, when = find_by_type(stage, diagnostics), when_of(stage, settings.time_code)
+        if found.skeletons:
+            return None
+        counts = [len(diagnostics)]
+        ctx, product = context_of(stage, settings, found, when, diagnostics, names)
+        ctx.kept.of(Record).is_on = True
+        begun = begin(found, (ctx, product))
+        counts.append(len(diagnostics))
+        assembled = assemble(begun.ctx)
+        counts += [assembled.ctx.kept.of(Record).told, len(diagnostics)]
+        description = finish(begun, replace(assembled, scene=_copied(assembled.scene)))
+        counts.append(len(diagnostics))
+    told = list(diagnostics)
+    first, began, walked, built, seen = counts
+    return Made(
+        settings,
+        found,
+        when,
+        begun,
+        assembled,
+        names,
+        told[:first],
+        told[began:built],
+        told[walked:built],
+        told[seen:],
+        description,
+        with_names(diagnostics, names),
+    )
+
+
+def _copied(scene: Scene) -> Scene:
+    """With lists of its own."""
+    return replace(
+        scene,
+        shapes=list(scene.shapes),
+        static=list(scene.static),
+        prototypes=list(scene.prototypes),
+        placements=list(scene.placements),
+        lights=list(scene.lights),
+    )
+
+
+def _made_again(made: Made, stage: Usd.Stage, settings: RenderSettings, changes: Changes) -> Made | None:
+    """With what has changed made again; None where it is not known what that is. `made` is of no use any more."""
+    try:
+        if _outlives_nothing(made, settings):
+            raise NotKnownError
+        when = _when(made, stage, settings, changes)
+        return _patched(made, stage, settings, when, _edited(made, stage, settings, changes))
+    except (NotKnownError, PrimrayError):  # whatever it is, translating everything has the same to say
+        return None
+
+
+def _outlives_nothing(made: Made, settings: RenderSettings) -> bool:
+    timing = made.begun.ctx.timing
+    return (
+        timing.is_open
+        or not timing.is_frame
+        or not made.record.is_plain
+        or bool(made.when.at_knots)
+        or settings.max_memory_bytes != made.settings.max_memory_bytes
+        or any(d.code in _OF_ANYTHING for d in made.diagnostics)
+    )
+
+
+def _when(made: Made, stage: Usd.Stage, settings: RenderSettings, changes: Changes) -> When:
+    """As `when_of` would find it, without asking the whole stage."""
+    if settings.time_code is not None:
+        return When(Usd.TimeCode(settings.time_code), careful=False)
+    if made.settings.time_code is not None:
+        raise NotKnownError
+    if not made.when.careful and any(is_timed(stage.GetAttributeAtPath(path)) for path in changes.values):
+        raise NotKnownError
+    return When(Usd.TimeCode.Default(), careful=made.when.careful)
+
+
+def _edited(made: Made, stage: Usd.Stage, settings: RenderSettings, changes: Changes) -> set[Sdf.Path]:
+    """Attributes that have other values than before, or may have: where the time is another one, those that it changes."""
+    paths = set(changes.values)
+    if made.changing is not None:
+        made.changing |= {path for path in paths if is_timed(stage.GetAttributeAtPath(path))}
+    if settings.time_code == made.settings.time_code:
+        return paths
+    if made.settings.time_code is None:
+        raise NotKnownError
+    if made.changing is None:
+        prims = list(populated(stage))
+        if any(map(has_clips, prims)):
+            raise NotKnownError
+        made.changing = changing(prims)
+    return paths | made.changing
+
+
+def _walked_by(ctx: Context) -> tuple[object, ...]:
+    """What the walk and the adapters are given besides the stage."""
+    return (
+        ctx.purposes,
+        ctx.material_purposes,
+        ctx.timing,
+        ctx.rendering_space,
+        ctx.aov_primvars,
+        ctx.names_instances,
+        ctx.primvars_read,
+        ctx.color_primvars,
+    )
+
+
+def _patched(made: Made, stage: Usd.Stage, settings: RenderSettings, when: When, edited: set[Sdf.Path]) -> Made:
+    diagnostics = Diagnostics(file_names(stage).in_text)
+    with usd_messages(diagnostics), without_collection():
+        diagnostics.extend(made.found_told)
+        started = context_of(stage, settings, made.found, when, diagnostics, made.names)
+        begun = begin(made.found, started)
+        if _walked_by(begun.ctx) != _walked_by(made.begun.ctx):
+            raise NotKnownError
+        assembled = _assembled_again(made, begun, edited)
+        diagnostics.extend(made.assembled_told)
+        description = finish(begun, replace(assembled, scene=_copied(assembled.scene)))
+        count = len(diagnostics)
+    if len(diagnostics) > count or any(d.code in _OF_ANYTHING for d in diagnostics):
+        raise NotKnownError
+    diagnostics.extend(made.late)
+    told = with_names(diagnostics, made.names)
+    return replace(
+        made, settings=settings, when=when, begun=begun, assembled=assembled, description=description, diagnostics=told
+    )
+
+
+def _assembled_again(made: Made, begun: Begun, edited: set[Sdf.Path]) -> Assembled:
+    before, record = made.assembled, made.record
+    ctx = replace(begun.ctx, kept=before.ctx.kept, surfaces=before.ctx.surfaces, shares=before.ctx.shares)
+    touched = touched_by(edited, ctx.stage, record)
+    if touched.shading:
+        ctx = replace(ctx, surfaces=made.materials.surfaces(touched.shading, ctx))
+    scene = _copied(before.scene)
+    again = LeavesAgain(scene, ctx, made.leaves_told)
+    moved = moved_leaves(touched.moved, record, ctx)
+    for become, matrix in moved:
+        again.stand(become, matrix)
+    lit = {become.leaf.path for become, _ in moved}
+    for path in sorted(touched.leaves):
+        become = record.leaves[path]
+        if become.leaf.type_name not in scene.adapters.lights:
+            again.shape(become)
+        elif path not in lit:
+            again.light(become, become.leaf.poses.of([become.leaf.pose])[0])
+    return replace(before, ctx=ctx, scene=scene)

@@ -1,0 +1,44 @@
+"""The stage of a job's frames, opened once for those that one worker renders; what frames have in common stays made."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from primray.diagnostics import Diagnostics
+from primray.keeping.kept_stage import KeptStage
+from primray.render import Prepared, prepare
+from primray.render.prepare import composing_settings
+from primray.report.report import Costs
+from primray.settings import RenderSettings
+
+KEPT_PART = 0.125  # of the memory allowed: of a larger process it goes before sampling begins, as that of a single frame does
+
+
+class StageOfFrames:
+    def __init__(self) -> None:
+        self._kept: KeptStage | None = None
+        self._file = ""
+
+    def prepare(
+        self, file: str, settings: RenderSettings, costs: Costs, diagnostics: Diagnostics, *, more_follow: bool
+    ) -> Prepared:
+        """As render.prepare, for a checkpoint. Of the last frame nothing is kept that it does not have itself."""
+        found, self._kept = self._kept, None
+        if found is None or (self._file, found.opened.composed_by) != (file, composing_settings(settings)):
+            with costs.stage("open"):
+                found = KeptStage(file, settings)
+            if not more_follow:
+                opened = found.opened
+                return prepare(opened.stage, opened.diagnostics, settings, costs, diagnostics, fingerprinted=True)
+        prepared = found.prepare(settings, costs, diagnostics, fingerprinted=True)
+        if more_follow and (settings.max_memory_bytes is None or _resident_bytes() <= KEPT_PART * settings.max_memory_bytes):
+            self._kept, self._file = found, file
+        return prepared
+
+
+def _resident_bytes() -> float:
+    try:
+        return int(Path("/proc/self/statm").read_text("ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:  # there is no /proc
+        return float("inf")
