@@ -46,12 +46,13 @@ class FrameSnapshots:
 
     def save_meanwhile(self, sampling: Sampling) -> None:
         start = time.monotonic()
-        self._snapshots.take(_picture_so_far(self._prepared, sampling))
+        self._snapshots.take(picture_so_far(self._prepared, sampling))
         now = time.monotonic()
         self._next = now + max(self._snapshots.every_s, (now - start) * (1 / self._snapshots.most_share - 1))
 
 
-def _picture_so_far(prepared: Prepared, sampling: Sampling) -> Image:
+def picture_so_far(prepared: Prepared, sampling: Sampling) -> Image:
+    """Without AOVs and report; pixels that have no samples yet are black."""
     from ..images.image import Image
 
     pixels, errors = sampling.film.image()

@@ -48,6 +48,7 @@ ORDER = (
     "checkpoints",
     "parts",
     "render",
+    "live",
     "compare",
     "cli",
 )
