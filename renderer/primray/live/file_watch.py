@@ -34,7 +34,7 @@ class FileWatch:
         self._thread.join()
 
     def watch(self, files: Collection[str], since_ns: int) -> None:
-        """These from now on, which were read at that time: those that are younger have changed. What has been seen stays known."""
+        """These from now on, which were read then: those that are younger have changed. What has been seen stays known."""
         with self._lock:
             self._stamps = {file: self._stamps.get(file, _seen_at(file, since_ns)) for file in files}
 

@@ -134,9 +134,8 @@ class ViewedScene:
         prepared, diagnostics, costs = self._prepare(size)
         sampling = Sampling.begin(prepared.scene, prepared.settings)
         sampling.schedule = replace(sampling.schedule, first_look=True)  # something to see soon
-        while not sampling.run(lambda *_: goes_on(), is_due):
-            if sampling.film.samples_per_pixel[0] > 0:
-                show(_view(picture_so_far(prepared, sampling), sampling, diagnostics, False))
+        while not sampling.run(lambda *_: goes_on(), lambda: sampling.done > 0 and is_due()):
+            show(_view(picture_so_far(prepared, sampling), sampling, diagnostics, False))
         if sampling.stop is not None and sampling.stop.reason == "interrupted":
             return False
         show(_view(picture_of(prepared, sampling, costs, diagnostics), sampling, diagnostics, True))

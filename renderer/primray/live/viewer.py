@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import InternalError, PrimrayError
+from ..settings.limits import QUICK_LOOK
 from .commands import order_of, stops_of
 from .file_watch import FileWatch
 from .viewed_scene import Size, View, ViewedScene
@@ -28,7 +29,8 @@ log = logging.getLogger("primray.live")
 
 DRAFT_SPP, DRAFT_PIXELS = 2, 48_000
 FIRST_DRAFT = 0.25  # of the whole picture's sides, before its size is known
-RESTS_S = 0.2  # without orders, before the whole picture is begun
+LOOK_SPP = QUICK_LOOK - 1  # of the whole picture's first samples: more need pilots, which nothing interrupts
+RESTS_S = 0.2  # without orders, before the whole picture is begun, and before it is to refine
 EVERY_S, MOST_SHARE = 0.3, 0.2  # between two pictures so far, and of the time that showing them may take
 
 
@@ -161,12 +163,12 @@ class Viewer:
             self._publish("drafting")
             self._take(Size(self._draft_scale(), DRAFT_SPP), lambda: self._closed)
             self._watch.watch(self._scene.files(), self._scene.read_ns)
-            self._publish()
-            with self._news:
-                if self._news.wait_for(self._is_wanted, RESTS_S):
-                    return
-            self._publish("rendering")
-            self._take(Size(1.0, self._spp), self._is_wanted)
+            for size in (Size(1.0, LOOK_SPP), Size(1.0, self._spp)):
+                with self._news:
+                    if self._news.wait_for(self._is_wanted, RESTS_S):
+                        return
+                self._publish("rendering")
+                self._take(size, self._is_wanted)
         if "render" in self._problems:
             self._watch.watch(self._scene.files(), self._scene.read_ns)
 
@@ -184,7 +186,7 @@ class Viewer:
             start = time.monotonic()
             self._whole_pixels = math.prod(view.image.resolution) / size.scale**2
             self._show(view)
-            self._publish("finished" if view.finished and size.scale == 1 else None)
+            self._publish("finished" if view.finished and size == Size(1.0, self._spp) else None)
             took = time.monotonic() - start
             self._next_show = time.monotonic() + max(EVERY_S, took * (1 / MOST_SHARE - 1))
 
@@ -212,7 +214,7 @@ class Viewer:
                 "picture": self.shown.number,
                 "size": list(view.image.resolution),
                 "samples": view.samples,
-                "relmse": view.relmse,
+                "relmse": None if view.relmse is None else [x if math.isfinite(x) else None for x in view.relmse],
                 "diagnostics": view.diagnostics,
                 "seconds": round(time.monotonic() - self._begun, 2),
             }
