@@ -12,7 +12,7 @@ from ..camera import Camera, Projection
 from ..description.placement import Box
 
 TURN = math.pi  # radians for a drag over the picture's height
-STEEPEST = math.sin(math.radians(89.5))  # towards the up axis: beyond it left and right change places
+STEEPEST = math.cos(math.radians(89.5))  # of the camera's up along the stage's: beyond 0 left and right change places
 ROOM = 1.1  # around what is framed
 NEAREST = 1e-3  # of the size of what there is, to the point that is looked at
 
@@ -39,9 +39,8 @@ class Orbit:
         """About the target: what is looked at follows the mouse. The camera never turns over."""
         turned = _rotation(self.up, -TURN * across) @ self.rotation
         raised = _rotation(turned[:, 0], -TURN * down) @ turned
-        before, after = (abs(float(rotation[:, 2] @ self.up)) for rotation in (turned, raised))
-        fits = (after <= max(STEEPEST, before) and raised[:, 1] @ self.up > 0) or turned[:, 1] @ self.up <= 0
-        return replace(self, rotation=raised if fits else turned)
+        upright = min(float(turned[:, 1] @ self.up) - 1e-12, STEEPEST)
+        return replace(self, rotation=raised if raised[:, 1] @ self.up >= upright else turned)
 
     def panned(self, across: float, down: float, camera: Camera) -> Orbit:
         """The target moves against the mouse, so that what is there follows it."""

@@ -22,7 +22,9 @@ STAGE = """#usda 1.0
 )
 def Xform "world" (
     prepend variantSets = "paint"
-    variants = { string paint = "red" }
+    variants = {
+        string paint = "red"
+    }
 )
 {
     def Cube "box"
@@ -30,8 +32,16 @@ def Xform "world" (
         double size = 2
     }
     variantSet "paint" = {
-        "red" { over "box" { color3f[] primvars:displayColor = [(0.8, 0.05, 0.05)] } }
-        "blue" { over "box" { color3f[] primvars:displayColor = [(0.05, 0.05, 0.8)] } }
+        "red" {
+            over "box" {
+                color3f[] primvars:displayColor = [(0.8, 0.05, 0.05)]
+            }
+        }
+        "blue" {
+            over "box" {
+                color3f[] primvars:displayColor = [(0.05, 0.05, 0.8)]
+            }
+        }
     }
 }
 def Camera "camera"
@@ -139,10 +149,8 @@ def until_phase(page: Page, phase: str) -> None:
 
 def until_finished(page: Page, after: int = 0) -> None:
     """A finished picture that is shown, later than that of the number."""
-    until(
-        page,
-        f"document.body.dataset.phase === 'finished' && Number(document.querySelector('.stage').dataset.pictures) > {after}",
-    )
+    shown = "Number(document.querySelector('.stage').dataset.pictures)"
+    until(page, f"document.body.dataset.phase === 'finished' && {shown} > {after}")
 
 
 def number(page: Page) -> int:

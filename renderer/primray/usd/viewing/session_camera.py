@@ -17,6 +17,7 @@ from ..querying.traversal import all_children
 PATH = "/primray_view"
 _FOCAL_MM = 50.0
 _MM_PER_UNIT = 10.0  # of an orthographic camera's apertures, which are tenths of scene units
+_FILM = ("horizontalAperture", "verticalAperture", "horizontalApertureOffset", "verticalApertureOffset")
 _OP = "xformOp:transform:primrayView"
 
 
@@ -78,8 +79,8 @@ def _write_lens(camera: UsdGeom.Camera, like: Camera) -> None:
 
 def _zoom(prim: Usd.Prim, like: Camera, zoom: float) -> None:
     stage = prim.GetStage()
-    for name in ("horizontalAperture", "verticalAperture"):
-        if not prim.GetCustomDataByKey(name):
+    for name in _FILM:
+        if prim.GetCustomDataByKey(name) is None:
             of = stage.GetPrimAtPath(like.path) if like.path else prim
             prim.SetCustomDataByKey(name, float(earliest_value(of.GetAttribute(name))))
         prim.GetAttribute(name).Set(prim.GetCustomDataByKey(name) * zoom)
