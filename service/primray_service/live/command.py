@@ -13,7 +13,7 @@ from primray.settings import AutoCamera, DefaultWrap, RenderSettings
 from ..cli.connection import need_extra
 from ..cli.exits import problems_as_errors
 
-SPP = 1024
+SPP = 1024  # a picture refines up to so many samples a pixel
 
 
 def view(
@@ -25,7 +25,7 @@ def view(
     image_width: stage_flags.ImageWidth = None,
     res_scale: stage_flags.ResolutionScale = None,
     frames: stage_flags.Frames = None,
-    spp: Annotated[int, typer.Option("--spp", metavar="N", help="The picture refines up to so many samples a pixel.")] = SPP,
+    spp: render_flags.Samples = None,
     max_depth: render_flags.MaxDepth = None,
     threads: render_flags.Threads = None,
     max_memory: render_flags.MaxMemory = None,
@@ -53,7 +53,7 @@ def view(
         resolution=option_values.resolution_of(res, image_width),
         resolution_scale=option_values.scale_of(res_scale),
         time_code=option_values.one_frame_of(frames, "view"),
-        spp=spp,
+        spp=SPP if spp is None else spp,
         max_depth=max_depth,
         threads=option_values.threads_of(threads),
         max_memory_bytes=option_values.bytes_of(max_memory),
@@ -76,4 +76,4 @@ def view(
     check_look(look)
     looks = Looks(view, display, look, option_values.exposure_of(exposure))
     with problems_as_errors():
-        serve(ViewedScene(scene, settings), spp, looks, Path(scene).name, port, opens=not no_open)
+        serve(ViewedScene(scene, settings), settings.most_samples, looks, Path(scene).name, port, opens=not no_open)

@@ -94,7 +94,7 @@ def write_stage(folder: Path) -> Path:
 
 def start_view(stage: Path, *flags: str) -> Running:
     program = Path(sys.executable).with_name("primray")
-    asked = [program, "view", str(stage), "--no-open", "--res", "192", "0", "--spp", "16", *flags]
+    asked = [str(program), "view", str(stage), "--no-open", "--res", "192", "0", "--spp", "16", *flags]
     process = subprocess.Popen(asked, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
     line = process.stdout.readline()
@@ -136,6 +136,7 @@ def look(browser: Browser, start: StartView) -> Iterator[Callable[..., tuple[Pag
         watched.page.goto(running.url)
         return watched.page, running
 
+    make.opened = opened  # type: ignore[attr-defined]
     yield make
     for watched in opened:
         watched.page.context.close()

@@ -192,5 +192,7 @@ def test_it_says_when_the_viewer_has_ended(look):
     running.process.terminate()
     running.process.wait(20)
     until(page, "document.getElementById('server').textContent.includes('has ended')")
-    page.evaluate("window.stop()")
     page.context.close()
+    [watched] = look.opened
+    assert all("net::ERR_" in line for line in watched.wrong)
+    watched.wrong.clear()

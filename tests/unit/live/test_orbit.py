@@ -98,8 +98,8 @@ def test_all_there_is_is_framed(projection: Projection) -> None:
     window = (-0.5, 0.5, -0.25, 0.25)
     camera = looking(np.array([90.0, 70.0, -80.0]), np.array([5.0, 0.0, 0.0]), False, projection=projection, window=window)
     orbit = orbit_of(camera, BOX, False).framed(BOX, camera)
-    shown = tuple(orbit.zoom * side for side in window)
-    framed = replace(camera, world_from_camera=orbit.world_from_camera, window=shown)
+    left, right, bottom, top = (orbit.zoom * side for side in window)
+    framed = replace(camera, world_from_camera=orbit.world_from_camera, window=(left, right, bottom, top))
     corners = np.array(np.meshgrid(*zip(*BOX, strict=True))).reshape(3, -1).T
     at = framed.project(corners, (200, 100))
     assert (at >= 0).all()

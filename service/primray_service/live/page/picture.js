@@ -14,7 +14,7 @@ export function picture() {
     { class: "stage looked-at", tabindex: 0, role: "img", "aria-label": "The picture. Arrow keys turn it, with Shift they move it; + and - bring it nearer and farther.", data: { pictures: 0 } },
     canvas,
   );
-  const context = canvas.getContext("2d");
+  const context = canvas.getContext("2d", { willReadFrequently: true }); // pictures come as bytes: no GPU has a part in it
   let fetching = false;
   let newest = 0;
 
