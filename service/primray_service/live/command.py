@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from primray.cli import option_values, output_flags, render_flags, stage_flags
+from primray.cli.flag_defaults import with_own_default
 from primray.settings import AutoCamera, DefaultWrap, RenderSettings
 
 from ..cli.connection import need_extra
@@ -25,7 +26,7 @@ def view(
     image_width: stage_flags.ImageWidth = None,
     res_scale: stage_flags.ResolutionScale = None,
     frames: stage_flags.Frames = None,
-    spp: render_flags.Samples = None,
+    spp: Annotated[int, with_own_default(render_flags.Samples)] = SPP,
     max_depth: render_flags.MaxDepth = None,
     threads: render_flags.Threads = None,
     max_memory: render_flags.MaxMemory = None,
@@ -53,7 +54,7 @@ def view(
         resolution=option_values.resolution_of(res, image_width),
         resolution_scale=option_values.scale_of(res_scale),
         time_code=option_values.one_frame_of(frames, "view"),
-        spp=SPP if spp is None else spp,
+        spp=spp,
         max_depth=max_depth,
         threads=option_values.threads_of(threads),
         max_memory_bytes=option_values.bytes_of(max_memory),

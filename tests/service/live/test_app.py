@@ -68,7 +68,7 @@ def test_what_cannot_be_chosen_is_told_with_the_last_picture(start):
     [
         (["--spp", "0"], "settings-error"),
         (["--frames", "1:3"], "frames"),
-        (["--view", "none such"], "view"),
+        (["--view", "none such"], "unknown-view"),
         (["--exposure", "bright"], "settings-error"),
     ],
 )
