@@ -62,6 +62,7 @@ class Viewer:
         self._news = threading.Condition()
         self._orders: list[Callable[[], object]] = []
         self._again = True  # the picture is not that of the scene any more
+        self._interrupted = False  # it is, and has been left before it was finished
         self._closed = False
         self._unread: set[str] = set()  # changed files that could not be read yet
         self._problems: dict[str, PrimrayError] = {}  # by what went wrong: "files", "order", "render"
@@ -69,6 +70,7 @@ class Viewer:
         self._watch = FileWatch(self._files_changed)
         self._watch.watch([os.path.abspath(scene.path)], time.time_ns())
         self._looks = looks
+        self._looks_new = False
         self._view: View | None = None
         self._whole_pixels = 0.0
         self._next_show = 0.0
@@ -91,8 +93,10 @@ class Viewer:
     def tell(self, command: Mapping[str, Any]) -> None:
         """Something to do (`commands.order_of`), or {"do": "exposure", "stops": N or "auto"}; SettingsError for others."""
         if command.get("do") == "exposure":
-            looks = replace(self._looks, exposure=stops_of(command))
-            self._order(lambda: self._look(looks))
+            with self._news:
+                self._looks = replace(self._looks, exposure=stops_of(command))
+                self._looks_new = True  # which interrupts nothing
+                self._news.notify_all()
         else:
             order = order_of(command)
             self._order(lambda: self._change(lambda: order(self._scene), "order"))
@@ -117,12 +121,6 @@ class Viewer:
             self._orders.append(order)
             self._news.notify_all()
 
-    def _look(self, looks: Looks) -> None:
-        self._looks = looks
-        if self._view is not None:
-            self._show(self._view)
-        self._publish()
-
     def _change(self, change: Callable[[], None], of: str) -> bool:
         """Whether it could be made; then the picture has to be rendered anew."""
         self._problems.pop("order", None)
@@ -145,32 +143,41 @@ class Viewer:
     def _run(self) -> None:
         while True:
             with self._news:
-                self._news.wait_for(lambda: self._closed or self._orders or self._again)
+                self._news.wait_for(lambda: self._closed or self._orders or self._again or self._looks_new)
                 if self._closed:
                     return
                 orders, self._orders = self._orders, []
             for order in orders:
                 order()
-            if self._again:
-                self._again = False
-                self._render()
+            if self._looks_new and self._view is not None:
+                self._show(self._view)
+            self._looks_new = False
+            if self._again or self._interrupted:
+                draft, self._again = self._again, False
+                self._render(draft)
             self._publish()
 
-    def _render(self) -> None:
-        """A draft, then the whole picture, unless there is something else to do by then."""
+    def _render(self, draft: bool) -> None:
+        """A draft, where one is wanted, then the whole picture, unless there is something else to do by then."""
         self._problems.pop("render", None)
+        self._interrupted = False
         with self._as_problem("render"):
-            self._publish("drafting")
-            self._take(Size(self._draft_scale(), DRAFT_SPP), lambda: self._closed)
-            self._watch.watch(self._scene.files(), self._scene.read_ns)
-            for size in (Size(1.0, LOOK_SPP), Size(1.0, self._spp)):
-                with self._news:
-                    if self._news.wait_for(self._is_wanted, RESTS_S):
-                        return
-                self._publish("rendering")
-                self._take(size, self._is_wanted)
+            if draft:
+                self._publish("drafting")
+                self._take(Size(self._draft_scale(), DRAFT_SPP), lambda: self._closed)
+                self._watch.watch(self._scene.files(), self._scene.read_ns)
+                self._publish()
+            self._interrupted = not (self._refine(LOOK_SPP) and self._refine(self._spp))
         if "render" in self._problems:
             self._watch.watch(self._scene.files(), self._scene.read_ns)
+
+    def _refine(self, spp: int) -> bool:
+        """Whether the whole picture got so many samples, after a rest."""
+        with self._news:
+            if self._news.wait_for(self._is_wanted, RESTS_S):
+                return False
+        self._publish("rendering")
+        return self._take(Size(1.0, spp), self._is_wanted)
 
     def _is_wanted(self) -> bool:
         """Whether something else is to be done."""
@@ -179,7 +186,7 @@ class Viewer:
     def _draft_scale(self) -> float:
         return min(math.sqrt(DRAFT_PIXELS / self._whole_pixels), 1.0) if self._whole_pixels else FIRST_DRAFT
 
-    def _take(self, size: Size, ends: Callable[[], bool]) -> None:
+    def _take(self, size: Size, ends: Callable[[], bool]) -> bool:
         self._begun = self._next_show = time.monotonic()
 
         def show(view: View) -> None:
@@ -190,9 +197,13 @@ class Viewer:
             took = time.monotonic() - start
             self._next_show = time.monotonic() + max(EVERY_S, took * (1 / MOST_SHARE - 1))
 
-        self._scene.render(size, show, lambda: time.monotonic() >= self._next_show, lambda: not ends())
+        def is_due() -> bool:
+            return self._looks_new or time.monotonic() >= self._next_show
+
+        return self._scene.render(size, show, is_due, lambda: not ends())
 
     def _show(self, view: View) -> None:
+        self._looks_new = False
         looks, number = self._looks, 1 if self.shown is None else self.shown.number + 1
         rgba = view.image.to_uint8(view=looks.view, display=looks.display, exposure=looks.exposure, look=looks.look)
         self._view, self.shown = view, Shown(number, rgba)
