@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import primray
+from primray import usd
 from primray.errors import PrimrayError, SettingsError, StageOpenError
 from primray.images.image import Image
 from primray.live.viewed_scene import Size, View, ViewedScene
@@ -134,3 +136,31 @@ def test_it_ends_when_it_is_told(scene: ViewedScene) -> None:
     assert not scene.render(Size(1.0, 4096), seen.append, lambda: True, lambda: len(seen) < 2)
     assert len(seen) == 2
     assert not any(view.finished for view in seen)
+
+
+def test_a_texture_that_changed(scene: ViewedScene, tmp_path: Path) -> None:
+    (tmp_path / "more.usda").write_text('#usda 1.0\ndef DomeLight "d" {\n    asset inputs:texture:file = @./sky.exr@\n}\n')
+    sky = np.ones((4, 8, 3), np.float32)
+    for level in (1.0, 3.0):
+        Image(level * sky, channels=("R", "G", "B")).save(tmp_path / "sky.exr")
+        scene.read_anew({str(tmp_path / "sky.exr"), str(tmp_path / "more.usda")})
+        assert np.allclose(picture(scene).pixels[0, 0, :3], level, rtol=0.05)
+
+
+def test_a_package_that_changed(tmp_path: Path) -> None:
+    for number, shape in enumerate(("Sphere", "Cube")):
+        (tmp_path / "in.usda").write_text(f'#usda 1.0\ndef {shape} "s" {{}}\n')
+        usd.write_usdz(str(tmp_path / "in.usda"), str(tmp_path / "new.usdz"))
+        os.replace(tmp_path / "new.usdz", tmp_path / "a.usdz")
+        settings = primray.RenderSettings(resolution=(48, 32), spp=2)
+        if number == 0:
+            scene = ViewedScene(str(tmp_path / "a.usdz"), settings)
+            first = picture(scene)
+        else:
+            assert scene.files() == {str(tmp_path / "a.usdz")}
+            scene.read_anew({str(tmp_path / "a.usdz")})
+            (tmp_path / "a.usdz").rename(tmp_path / "b.usdz")  # another name: nothing of it is kept
+            expected = primray.render(str(tmp_path / "b.usdz"), settings)
+            (tmp_path / "b.usdz").rename(tmp_path / "a.usdz")
+            assert same(picture(scene), expected)
+            assert not same(first, expected)
