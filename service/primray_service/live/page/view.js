@@ -7,7 +7,7 @@ import { panel } from "./panel.js";
 import { picture, watchKeys } from "./picture.js";
 import { onRefused, stage } from "./server.js";
 
-const PHASES = { opening: "Opening", drafting: "Draft", rendering: "Refining", finished: "Finished", failed: "Failed" };
+const PHASES = { opening: "Opening", drafting: "Drafting", rendering: "Refining", finished: "Finished", failed: "Failed" };
 
 const looked = picture();
 const chosen = panel();
