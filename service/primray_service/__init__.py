@@ -17,6 +17,7 @@
     sandbox/            the walls around it
     telemetry/          logs, metrics, traces
     page/               the web page; main.js says how it is arranged
+    live/             `primray view`: a page that shows a stage, without the service
     cli/, client/       `primray serve`, `submit`, ...; the Python client
 
 The server process never parses USD and never decodes an image that somebody sent: workers do, one process a chunk.

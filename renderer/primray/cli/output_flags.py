@@ -10,7 +10,13 @@ from .option_values import ColorCorrection
 
 Outputs = Annotated[
     list[str] | None,
-    typer.Option("--output", "-o", metavar="FILE", help="EXR, PNG or JPEG; may be repeated.", show_default="<scene>.exr"),
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        help="EXR, PNG or JPEG, or tev://HOST:PORT; may be repeated.",
+        show_default="<scene>.exr",
+    ),
 ]
 Products = Annotated[
     list[str] | None,

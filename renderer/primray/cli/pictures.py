@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from ..errors import PrimrayError
+from .tev_outputs import TevOutputs, is_tev
 
 if TYPE_CHECKING:
     from ..images.exposure import View
@@ -31,6 +32,7 @@ class Looks:
     exposure: float | Literal["auto"] = 0.0
     make_folders: bool = False
     chose_exposure: bool = False
+    tev: TevOutputs = field(default_factory=TevOutputs)
 
     @property
     def is_chosen(self) -> bool:
@@ -56,21 +58,27 @@ def check_outputs(files: list[str], report: str | None, looks: Looks) -> None:
     from ..images.image import VIEW_EXTENSIONS, check_output_path
     from ..images.output_path import check_folder, make_folder
 
+    in_files = [file for file in files if not is_tev(file)]
     if looks.make_folders:
-        for name in [*files, *([report] if report else [])]:
+        for name in [*in_files, *([report] if report else [])]:
             make_folder(Path(name))
-    for file in files:
+    for file in in_files:
         check_output_path(file)
     if report is not None:
         check_folder(Path(report))
-    if looks.is_chosen or any(file.lower().endswith(VIEW_EXTENSIONS) for file in files):
+    if looks.is_chosen or any(file.lower().endswith(VIEW_EXTENSIONS) for file in in_files):
         check_view(looks.view, looks.display)
         check_look(looks.look)
+    for output in files:
+        if is_tev(output):
+            looks.tev.check(output)
 
 
 def save(image: Image, file: str, looks: Looks) -> None:
     from ..images.image import check_output_path
 
+    if is_tev(file):
+        return looks.tev.show(image, file)
     looks = looks.settled(image)
     assert looks.exposure != "auto"
     image.write(check_output_path(file), looks.view_of(image), looks.exposure)
@@ -119,7 +127,7 @@ def _faults_of_view(image: Image, files: list[str], looks: Looks) -> list[dict[s
     from ..images.exposure import view_fault
     from ..images.image import VIEW_EXTENSIONS
 
-    if looks.exposure == "auto" or not any(file.lower().endswith(VIEW_EXTENSIONS) for file in files):
+    if looks.exposure == "auto" or not any(file.lower().endswith(VIEW_EXTENSIONS) for file in files if not is_tev(file)):
         return []
     fault = view_fault(image.shown.pixels, looks.view_of(image), looks.exposure)
     return [] if fault is None else [fault.as_json()]

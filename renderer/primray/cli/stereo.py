@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from ..errors import SettingsError
 from ..settings import Eye
 from .pictures import Looks, finished_report, is_written, save, tell, write_report
+from .tev_outputs import is_tev
 
 if TYPE_CHECKING:
     from ..images.image import Image
@@ -54,7 +55,7 @@ def write_pair(pair: StereoImage, shot: Shot, looks: Looks) -> bool:
     from ..images.stereo import is_joint, name_of_eye
 
     start, looks = time.perf_counter(), looks.settled(pair.left)
-    joint = [file for file in shot.files if is_joint(file)]
+    joint = [file for file in shot.files if is_joint(file) and not is_tev(file)]
     kept = [file for file in joint if is_written(partial(_write_joint, pair, file), looks)]
     whole, reports = kept == joint, {}
     for eye, image in pair.views.items():

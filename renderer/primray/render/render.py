@@ -6,7 +6,7 @@ What does the work is imported when a render starts; importing this module costs
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, replace
 from itertools import chain, repeat
@@ -109,7 +109,8 @@ def render_frames(
     from .notebook_bar import shown_progress
 
     shown = lambda: shown_progress(progress)  # noqa: E731
-    return _frames(stage, frames, shown, on_interrupt, checkpointing, snapshots, lambda name: Announcer(name).tell)
+    taken = () if snapshots is None else (snapshots,)
+    return _frames(stage, frames, shown, on_interrupt, checkpointing, taken, lambda name: Announcer(name).tell)
 
 
 def quiet_frames(
@@ -119,7 +120,7 @@ def quiet_frames(
     progress: Progress | None = None,
     on_interrupt: OnInterrupt = "raise",
     checkpointing: Iterable[Checkpointing | None] = (),
-    snapshots: Snapshots | None = None,
+    snapshots: Sequence[Snapshots] = (),
 ) -> Iterator[Image]:
     """As render_frames, for callers that show diagnostics and progress themselves: no warnings, no log, no bar."""
     shown: Callable[[], AbstractContextManager[Progress | None]] = lambda: nullcontext(progress)  # noqa: E731
@@ -132,7 +133,7 @@ def _frames(
     shown: Callable[[], AbstractContextManager[Progress | None]],
     on_interrupt: OnInterrupt,
     checkpointing: Iterable[Checkpointing | None],
-    snapshots: Snapshots | None,
+    snapshots: Sequence[Snapshots],
     telling: Callable[[object], Tell],
 ) -> Iterator[Image]:
     """`shown` makes what progress goes to, `telling` what hears of a render's diagnostics, of a stage of that name."""
@@ -160,7 +161,7 @@ def render_opened(
     progress: Progress | None,
     on_interrupt: OnInterrupt,
     checkpointing: Checkpointing | None,
-    snapshots: Snapshots | None,
+    snapshots: Sequence[Snapshots],
     tell: Tell,
     steps: Steps | None = None,
 ) -> Image:
@@ -178,7 +179,7 @@ def render_opened(
     saved: dict[str, Any] = {}
     with costs.stage("render"), interruption() as asked:
         watched = _Watched(progress, asked)
-        savings = [] if snapshots is None else [snapshots.of(prepared)]
+        savings = [taken.of(prepared) for taken in snapshots]
         if checkpointing is None:
             sampling = Sampling.begin(prepared.scene, prepared.settings)
             pauses.run(sampling, watched, savings)

@@ -22,6 +22,7 @@ class Snapshots:
 
     every_s: float
     take: Callable[[Image], None]
+    most_share: float = 1.0  # of the time, that taking them may use: where it would be more, they are taken less often
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.every_s) and self.every_s > 0):
@@ -44,11 +45,14 @@ class FrameSnapshots:
         return time.monotonic() >= self._next
 
     def save_meanwhile(self, sampling: Sampling) -> None:
-        self._snapshots.take(_picture_so_far(self._prepared, sampling))
-        self._next = time.monotonic() + self._snapshots.every_s
+        start = time.monotonic()
+        self._snapshots.take(picture_so_far(self._prepared, sampling))
+        now = time.monotonic()
+        self._next = now + max(self._snapshots.every_s, (now - start) * (1 / self._snapshots.most_share - 1))
 
 
-def _picture_so_far(prepared: Prepared, sampling: Sampling) -> Image:
+def picture_so_far(prepared: Prepared, sampling: Sampling) -> Image:
+    """Without AOVs and report; pixels that have no samples yet are black."""
     from ..images.image import Image
 
     pixels, errors = sampling.film.image()

@@ -8,13 +8,15 @@ column-vector.
 
 from .adapters.rendering.render_product import ProductSettings, RenderVariable
 from .adapters.rendering.render_settings import products
-from .facts.dependencies import Dependencies, dependencies, write_usdz
+from .facts.dependencies import Dependencies, dependencies, files_to_watch, write_usdz
 from .facts.left_out import left_out
 from .facts.stage_facts import stage_facts
 from .opening.asset import read_asset
+from .opening.reading_anew import read_anew
 from .opening.stage import open_stage
 from .opening.stage_metadata import used_files
 from .translate import camera_paths, translate
+from .viewing.session_camera import has_camera, is_session_camera, place_camera
 
 __all__ = [
     "Dependencies",
@@ -22,9 +24,14 @@ __all__ = [
     "RenderVariable",
     "camera_paths",
     "dependencies",
+    "files_to_watch",
+    "has_camera",
+    "is_session_camera",
     "left_out",
     "open_stage",
+    "place_camera",
     "products",
+    "read_anew",
     "read_asset",
     "stage_facts",
     "translate",

@@ -4,6 +4,7 @@
     submit.py, scene_file.py                    sends a scene, with what it refers to, and asks for pictures of it
     status.py, watch.py, fetch.py, cancel.py    looks at jobs, follows them, gets their pictures, ends them
     farm.py                                     a Ray cluster: its nodes, and what runs there, without a service
+    ../live/command.py                          looks at a stage in a browser
     keys.py                                     API keys: over HTTP, or in a data directory for the first one
     connection.py, exits.py, following.py, job_text.py    which server and key; exit codes; progress; a job in words
 
@@ -20,6 +21,7 @@ COMMANDS = {
     "watch": ("primray_service.cli.watch:watch", "Follow a job until it has ended."),
     "fetch": ("primray_service.cli.fetch:fetch", "Download what a job has made."),
     "cancel": ("primray_service.cli.cancel:cancel", "End jobs; their pictures so far are kept."),
+    "view": ("primray_service.live.command:view", "Look at a stage in a browser."),
     "farm": ("primray_service.cli.farm:farm", "Show a Ray cluster's nodes and what runs there."),
     "keys": ("primray_service.cli.keys:keys", "Make, list and revoke API keys."),
 }

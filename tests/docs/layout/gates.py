@@ -12,6 +12,7 @@ VAGUE_NAMES = {"utils", "util", "common", "misc", "helpers", "helper", "manager"
 WEB = {"fastapi", "starlette"}
 HTTP_SERVER = {"uvicorn", "h11"}
 SERVICE = "service/primray_service"
+SERVERS = (f"{SERVICE}/server.py", f"{SERVICE}/live/server.py")
 HTTP = (f"{SERVICE}/http", f"{SERVICE}/routes")
 EMBREE = ("renderer/core/embree", "renderer/core/accel", "renderer/core/bvh")  # the last has Embree build its hierarchies
 USD = "renderer/primray/usd"
@@ -88,8 +89,8 @@ def one_gate_per_dependency(path: PurePosixPath, text: str) -> Iterator[str]:
                 yield "imports pxr outside primray/usd"
             if root in WEB and path.name != "app.py" and not any(is_under(path, folder) for folder in HTTP):
                 yield f"imports {root} outside app.py, http/ and routes/"
-            if root in HTTP_SERVER and path != PurePosixPath(f"{SERVICE}/server.py"):
-                yield f"imports {root} outside server.py"
+            if root in HTTP_SERVER and str(path) not in SERVERS:
+                yield f"imports {root} outside server.py and live/server.py"
             if root == "ray" and not any(is_under(path, folder) for folder in RAY):
                 yield "imports ray outside executor/ray/driver and executor/ray/node: the server has no Ray in its process"
             if root in SQL and not is_under(path, f"{SERVICE}/store"):

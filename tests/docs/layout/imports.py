@@ -49,6 +49,7 @@ ORDER = (
     "parts",
     "render",
     "keeping",
+    "live",
     "compare",
     "cli",
 )

@@ -12,7 +12,7 @@ from primray.cli import output_flags, render_flags, stage_flags
 from primray.cli.app import app
 from primray.cli.installed import LazyCommand, loaded
 
-COMMANDS = ("render", "estimate", "inspect", "submit", "sheet", "merge")
+COMMANDS = ("render", "estimate", "inspect", "submit", "sheet", "merge", "view")
 OPEN_A_STAGE = {"render", "estimate", "inspect", "submit"}
 RENDER = {"render", "estimate", "submit"}
 LACKING = {

@@ -19,6 +19,7 @@ from ..on_ray import ray_executor, require_parts
 from ..pictures import Looks, check_outputs, save, write
 from ..shots import Shot, moments, product_shots
 from ..stereo import render_pair, require_whole_renders, write_pair
+from ..tev_outputs import EVERY_S, MOST_SHARE, is_tev, output_name
 
 if TYPE_CHECKING:
     import typer
@@ -104,7 +105,7 @@ def render(
     by_product = bool(product) or all_products or output_dir is not None
     if by_product:
         _require_names_of_their_own(bool(output or outputs), report, checkpoint or resume)
-    names = [frame_name(name) for name in (output, *(outputs or ())) if name is not None] or [_default_name(scene, time_codes)]
+    names = _names_of([name for name in (output, *(outputs or ())) if name is not None], scene, time_codes)
     settings = RenderSettings(
         camera=option_values.camera_of(camera),
         auto_camera=auto_camera,
@@ -131,7 +132,7 @@ def render(
         load=option_values.load_of(no_payloads, load),
         mask=option_values.mask_of(mask),
         session_layer=session_layer,
-        aovs=option_values.aovs_of(aovs) if by_product else option_values.aovs_for(aovs, [name.pattern for name in names]),
+        aovs=option_values.aovs_of(aovs) if by_product else option_values.aovs_for(aovs, _files_of(names)),
         strict=strict,
         max_memory_bytes=option_values.bytes_of(max_memory),
         dicing_rate=option_values.dicing_rate_of(dicing_rate, complexity),
@@ -220,12 +221,19 @@ def _shots_of(
     ]
 
 
+def _files_of(names: list[FrameName]) -> list[str]:
+    """The patterns of those that are files."""
+    return [name.pattern for name in names if not is_tev(str(name))]
+
+
 TARGET_MISSED = 5  # the exit code of a render that ended above its target error
 
 
-def _default_name(scene: str, time_codes: list[float] | None) -> FrameName:
-    member = scene.rstrip("]").replace("[", "/")  # a usdz member gives its own name
-    return default_name(Path(member).stem, many=time_codes is not None and len(time_codes) > 1)
+def _names_of(outputs: list[str], scene: str, time_codes: list[float] | None) -> list[FrameName]:
+    """Without any, one after the stage."""
+    stem = Path(scene.rstrip("]").replace("[", "/")).stem  # a usdz member gives its own name
+    many = time_codes is not None and len(time_codes) > 1
+    return [output_name(name, stem, many) for name in outputs] or [default_name(stem, many)]
 
 
 def _require_names_of_their_own(are_named: bool, report: str | None, checkpoint: str | None) -> None:
@@ -279,7 +287,7 @@ def _render_shots(
             progress=progress,
             on_interrupt="partial",
             checkpointing=checkpointing,
-            snapshots=_snapshots(snapshot_s, rendering, looks),
+            snapshots=_snapshots(snapshot_s, rendering, looks, any(map(is_tev, shots[0].files))),
         )
 
     _write_shots(images, shots, looks, rendering)
@@ -350,20 +358,24 @@ def _render_pairs(scene: str | OpenedStage, shots: list[Shot], looks: Looks) -> 
         raise SystemExit(TARGET_MISSED)
 
 
-def _snapshots(every_s: float | None, rendering: list[Shot], looks: Looks) -> Snapshots | None:
-    """Written to the files of the shot under way. One that cannot be is told; the render goes on."""
-    if every_s is None:
-        return None
+def _snapshots(every_s: float | None, rendering: list[Shot], looks: Looks, shown: bool) -> list[Snapshots]:
+    """Written to the files of the shot under way, and `shown` in tev. What cannot be is told; the render goes on."""
     from ...render.snapshots import Snapshots
 
-    def take(image: Image) -> None:
+    def write_so_far(image: Image) -> None:
         for file in rendering[0].files:
+            if is_tev(file):
+                continue
             try:
                 save(image, file, looks)
             except PrimrayError as error:
                 print(f"warning: the picture so far is not saved: {error}", file=sys.stderr)
 
-    return Snapshots(every_s, take)
+    def show_so_far(image: Image) -> None:
+        looks.tev.show_so_far(image, [file for file in rendering[0].files if is_tev(file)])
+
+    written = [] if every_s is None else [Snapshots(every_s, write_so_far)]
+    return [*written, *([Snapshots(EVERY_S, show_so_far, MOST_SHARE)] if shown else [])]
 
 
 def _how_to_go_on(report: Mapping[str, Any]) -> str:

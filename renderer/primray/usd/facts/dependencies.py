@@ -115,3 +115,17 @@ def _is_found_by_searching(file: str, text: str) -> bool:
     outer = Ar.SplitPackageRelativePathOuter(text)[0]
     beside = os.path.join(os.path.dirname(file), outer)
     return bool(outer) and not os.path.exists(beside) and bool(str(Ar.GetResolver().Resolve(outer)))
+
+
+def files_to_watch(path: str) -> set[str]:
+    """Absolute paths of all that a stage's picture may change with, those of files that are missing too; where layers cannot be
+    read, its own alone."""
+    root = os.path.abspath(path)
+    delegate = UsdUtils.CoalescingDiagnosticDelegate()
+    try:
+        layers, assets, missing = _all_of(_file(root))
+    except StageOpenError:
+        return {_file(root)}
+    finally:
+        delegate.TakeUncoalescedDiagnostics()
+    return {_file(root)} | layers | assets | {_file(found) for found in missing if os.path.isabs(found)}

@@ -1,0 +1,78 @@
+"""Outputs that are pictures in tev: what they are called, and the connections that one command keeps to them.
+
+Nothing of Typer is imported here (see quick.py).
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+from ..errors import PrimrayError, SettingsError
+from ..render.frame_names import FrameName, frame_name
+
+if TYPE_CHECKING:
+    from ..images.image import Image
+    from ..images.tev import TevPicture
+
+EVERY_S = 0.25  # between two pictures so far
+MOST_SHARE = 0.1  # of the time of a render, that sending them may take
+
+
+def is_tev(output: str) -> bool:
+    return output[:6].lower() == "tev://"
+
+
+def output_name(output: str, stem: str, many: bool) -> FrameName:
+    """An output's name in every frame; a picture in tev is called after its stage where nothing else is said."""
+    rest = output[len("tev://") :]
+    if not is_tev(output) or rest.partition("/")[2]:
+        return frame_name(output)
+    return FrameName(f"{output.rstrip('/')}/{stem}", ".####" if many else "")
+
+
+class TevOutputs:
+    """Of one command; pictures are opened when they are first needed."""
+
+    def __init__(self) -> None:
+        self._open: dict[str, TevPicture] = {}
+        self._lost: set[str] = set()
+
+    def check(self, output: str) -> None:
+        """SettingsError unless somebody listens there now."""
+        self._picture(output)
+        self._open.pop(output).close()
+
+    def show_so_far(self, image: Image, outputs: list[str]) -> None:
+        """What cannot be sent is told once; the render goes on without, and the picture is tried again at the end."""
+        for output in outputs:
+            if output in self._lost:
+                continue
+            try:
+                self._show(image, output)
+            except PrimrayError as error:
+                self._lost.add(output)
+                print(f"warning: the picture so far is not shown: {error}", file=sys.stderr)
+
+    def show(self, image: Image, output: str) -> None:
+        """The finished picture; PrimrayError ("write-failed") where it cannot be sent."""
+        self._show(image, output)
+        self._open.pop(output).close()
+
+    def _show(self, image: Image, output: str) -> None:
+        try:
+            self._picture(output).show(image)
+        except PrimrayError as error:
+            broken = self._open.pop(output, None)
+            if broken is not None:
+                broken.close()
+            if isinstance(error, SettingsError):  # it was there before
+                raise PrimrayError(error.message, where=output, code="write-failed") from error
+            raise
+
+    def _picture(self, output: str) -> TevPicture:
+        from ..images.tev import TevPicture
+
+        if output not in self._open:
+            self._open[output] = TevPicture(output)
+        return self._open[output]

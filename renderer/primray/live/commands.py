@@ -1,0 +1,101 @@
+"""What a viewer can be told from outside: plain values, checked, as orders that its thread carries out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+from ..errors import SettingsError
+
+if TYPE_CHECKING:
+    from .viewed_scene import ViewedScene
+
+Order = Callable[["ViewedScene"], None]
+FARTHEST = 100.0  # picture heights, or steps of a wheel, at a time
+
+
+def order_of(command: Mapping[str, Any]) -> Order:
+    """Of {"do": NAME, ...}; SettingsError ("view-command") for what is none.
+
+    tumble, pan: "across", "down" in parts of the picture's height; dolly: "steps", each nearer by a factor of e; frame, reset;
+    camera: "path" (null: as the settings say); variant: "prim", "set", "name" ("": none).
+    """
+    make = _ORDERS.get(str(command.get("do")))
+    if make is None:
+        raise _refused(f"there is no command {command.get('do')!r}; there are {', '.join(_ORDERS)}")
+    return make(command)
+
+
+def stops_of(command: Mapping[str, Any]) -> float | Literal["auto"]:
+    """Of an exposure."""
+    return "auto" if command.get("stops") == "auto" else _number(command, "stops")
+
+
+def _tumble(command: Mapping[str, Any]) -> Order:
+    across, down = _number(command, "across"), _number(command, "down")
+    return lambda scene: scene.move(lambda orbit, camera: orbit.tumbled(across, down))
+
+
+def _pan(command: Mapping[str, Any]) -> Order:
+    across, down = _number(command, "across"), _number(command, "down")
+    return lambda scene: scene.move(lambda orbit, camera: orbit.panned(across, down, camera))
+
+
+def _dolly(command: Mapping[str, Any]) -> Order:
+    steps = _number(command, "steps")
+    return lambda scene: scene.move(lambda orbit, camera: orbit.dollied(steps, camera))
+
+
+def _frame(command: Mapping[str, Any]) -> Order:
+    def frame(scene: ViewedScene) -> None:
+        box = scene.bounds
+        if box is not None:
+            scene.move(lambda orbit, camera: orbit.framed(box, camera))
+
+    return frame
+
+
+def _reset(command: Mapping[str, Any]) -> Order:
+    return lambda scene: scene.reset()
+
+
+def _camera(command: Mapping[str, Any]) -> Order:
+    path = command.get("path")
+    if path is not None and not isinstance(path, str):
+        raise _refused("path is the path of a camera, or null")
+    return lambda scene: scene.look_through(path or None)
+
+
+def _variant(command: Mapping[str, Any]) -> Order:
+    prim, of_set, name = (_text(command, key) for key in ("prim", "set", "name"))
+    return lambda scene: scene.choose(prim, of_set, name)
+
+
+_ORDERS: dict[str, Callable[[Mapping[str, Any]], Order]] = {
+    "tumble": _tumble,
+    "pan": _pan,
+    "dolly": _dolly,
+    "frame": _frame,
+    "reset": _reset,
+    "camera": _camera,
+    "variant": _variant,
+}
+
+
+def _number(command: Mapping[str, Any], name: str) -> float:
+    value = command.get(name, 0.0)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= FARTHEST:
+        raise _refused(f"{name} is a number from -{FARTHEST:g} to {FARTHEST:g}, not {value!r}")
+    return float(value) if math.isfinite(value) else 0.0
+
+
+def _text(command: Mapping[str, Any], name: str) -> str:
+    value = command.get(name)
+    if not isinstance(value, str):
+        raise _refused(f"{name} is a text, not {value!r}")
+    return value
+
+
+def _refused(sentence: str) -> SettingsError:
+    return SettingsError(sentence, code="view-command")

@@ -1,0 +1,92 @@
+"""A camera that turns about a point that it looks at: what a mouse does to it, in parts of the picture's height."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..arrays import Doubles
+from ..camera import Camera, Projection
+from ..description.placement import Box
+
+TURN = math.pi  # radians for a drag over the picture's height
+STEEPEST = math.cos(math.radians(89.5))  # of the camera's up along the stage's: beyond 0 left and right change places
+ROOM = 1.1  # around what is framed
+NEAREST = 1e-3  # of the size of what there is, to the point that is looked at
+
+
+@dataclass(frozen=True, eq=False)
+class Orbit:
+    """`rotation` (3, 3): the camera's right, up and backward axis in the world, unit length, as columns."""
+
+    target: Doubles  # (3,) world
+    rotation: Doubles
+    distance: float  # scene units, to the target
+    up: Doubles  # (3,) world: the stage's up axis
+    zoom: float = 1.0  # of an orthographic camera's window
+
+    @property
+    def world_from_camera(self) -> Doubles:
+        """(4, 4), for column vectors."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = self.rotation
+        matrix[:3, 3] = self.target + self.rotation[:, 2] * self.distance
+        return matrix
+
+    def tumbled(self, across: float, down: float) -> Orbit:
+        """About the target: what is looked at follows the mouse. The camera never turns over."""
+        turned = _rotation(self.up, -TURN * across) @ self.rotation
+        raised = _rotation(turned[:, 0], -TURN * down) @ turned
+        upright = min(float(turned[:, 1] @ self.up) - 1e-12, STEEPEST)
+        return replace(self, rotation=raised if raised[:, 1] @ self.up >= upright else turned)
+
+    def panned(self, across: float, down: float, camera: Camera) -> Orbit:
+        """The target moves against the mouse, so that what is there follows it."""
+        height = camera.window[3] - camera.window[2]
+        if camera.projection is Projection.PERSPECTIVE:
+            height *= self.distance
+        right, up = self.rotation[:, 0], self.rotation[:, 1]
+        return replace(self, target=self.target + height * (down * up - across * right))
+
+    def dollied(self, steps: float, camera: Camera) -> Orbit:
+        """Towards the target, by a factor of e a step; an orthographic camera's window shrinks instead."""
+        factor = math.exp(-steps)
+        if camera.projection is Projection.ORTHOGRAPHIC:
+            return replace(self, zoom=self.zoom * factor)
+        return replace(self, distance=self.distance * factor)
+
+    def framed(self, box: Box, camera: Camera) -> Orbit:
+        """The same direction, with all of the box in the picture."""
+        low, high = (np.asarray(corner, np.float64) for corner in box)
+        radius = max(float(np.linalg.norm(high - low)) / 2, 1e-9)
+        left, right, bottom, top = camera.window
+        side = min(right - left, top - bottom)
+        target = (low + high) / 2
+        if camera.projection is Projection.ORTHOGRAPHIC:
+            zoom = self.zoom * ROOM * 2 * radius / side
+            return replace(self, target=target, zoom=zoom, distance=max(self.distance, 2 * radius))
+        return replace(self, target=target, distance=ROOM * radius / math.sin(math.atan(side / 2)))
+
+
+def orbit_of(camera: Camera, box: Box | None, z_up: bool) -> Orbit:
+    """From where a camera stands: about the point on its axis that is nearest to the middle of what there is."""
+    matrix = np.asarray(camera.world_from_camera, np.float64)
+    up = np.array([0.0, 0.0, 1.0] if z_up else [0.0, 1.0, 0.0])
+    rotation, eye = matrix[:3, :3].copy(), matrix[:3, 3]
+    distance = camera.focus_distance if 0 < camera.focus_distance < math.inf else 1.0
+    if box is not None:
+        low, high = (np.asarray(corner, np.float64) for corner in box)
+        size = float(np.linalg.norm(high - low))
+        ahead = float((eye - (low + high) / 2) @ rotation[:, 2])
+        distance = max(ahead, NEAREST * size, 1e-9) if ahead > 0 or size > 0 else distance
+    return Orbit(eye - rotation[:, 2] * distance, rotation, distance, up)
+
+
+def _rotation(axis: Doubles, angle: float) -> Doubles:
+    """(3, 3), about a unit axis (Rodrigues)."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turned: Doubles = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * (cross @ cross)
+    return turned

@@ -1,0 +1,234 @@
+"""The thread in which a stage is looked at: it carries out orders, and renders a draft, then the picture, again after each.
+
+A draft is small and has few samples, so that a camera that is dragged about shows where it is; once it rests, the picture is
+rendered as it was asked for and refines. What goes wrong is told, and the last picture stays.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import InternalError, PrimrayError
+from ..settings.limits import QUICK_LOOK
+from .commands import order_of, stops_of
+from .file_watch import FileWatch
+from .viewed_scene import Size, View, ViewedScene
+
+log = logging.getLogger("primray.live")
+
+DRAFT_SPP, DRAFT_PIXELS = 2, 48_000
+FIRST_DRAFT = 0.25  # of the whole picture's sides, before its size is known
+LOOK_SPP = QUICK_LOOK - 1  # of the whole picture's first samples: more need pilots, which nothing interrupts
+RESTS_S = 0.2  # without orders, before the whole picture is begun, and before it is to refine
+EVERY_S, MOST_SHARE = 0.3, 0.2  # between two pictures so far, and of the time that showing them may take
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A picture as a screen takes it. `number` grows with each."""
+
+    number: int
+    rgba: npt.NDArray[np.uint8]  # (H, W, 4), straight alpha
+
+
+@dataclass(frozen=True)
+class Looks:
+    """As which pictures are shown; None is OpenColorIO's default."""
+
+    view: str | None = None
+    display: str | None = None
+    look: str | None = None
+    exposure: float | Literal["auto"] = 0.0  # stops
+
+
+class Viewer:
+    """Of one stage. `changed` is called, from any thread, whenever `state` or `shown` would answer something new."""
+
+    def __init__(self, scene: ViewedScene, spp: int, looks: Looks, changed: Callable[[], None]) -> None:
+        self._scene = scene
+        self._spp = spp
+        self._changed = changed
+        self._news = threading.Condition()
+        self._orders: list[Callable[[], object]] = []
+        self._again = True  # the picture is not that of the scene any more
+        self._interrupted = False  # it is, and has been left before it was finished
+        self._closed = False
+        self._unread: set[str] = set()  # changed files that could not be read yet
+        self._problems: dict[str, PrimrayError] = {}  # by what went wrong: "files", "order", "render"
+        self._thread = threading.Thread(target=self._run, name="viewer", daemon=True)
+        self._watch = FileWatch(self._files_changed)
+        self._watch.watch([os.path.abspath(scene.path)], time.time_ns())
+        self._looks = looks
+        self._looks_new = False
+        self._view: View | None = None
+        self._whole_pixels = 0.0
+        self._next_show = 0.0
+        self._begun = 0.0
+        self.shown: Shown | None = None
+        self._state: dict[str, Any] = {"phase": "opening", "picture": 0}
+
+    def start(self) -> None:
+        self._thread.start()
+        self._watch.start()
+
+    def close(self) -> None:
+        """Returns when nothing runs any more."""
+        with self._news:
+            self._closed = True
+            self._news.notify_all()
+        self._watch.close()
+        self._thread.join()
+
+    def tell(self, command: Mapping[str, Any]) -> None:
+        """Something to do (`commands.order_of`), or {"do": "exposure", "stops": N or "auto"}; SettingsError for others."""
+        if command.get("do") == "exposure":
+            with self._news:
+                self._looks = replace(self._looks, exposure=stops_of(command))
+                self._looks_new = True  # which interrupts nothing
+                self._news.notify_all()
+        else:
+            order = order_of(command)
+            self._order(lambda: self._change(lambda: order(self._scene), "order"))
+
+    def state(self) -> dict[str, Any]:
+        """As JSON: "phase" (opening, drafting, rendering, finished, failed), "problem", "picture" (the number of what is shown;
+        0: none), of that "size", "samples", "relmse" and "seconds"; "diagnostics"; "cameras", "camera" (the author's), "moved",
+        "variants", "exposure"."""
+        with self._news:
+            return dict(self._state)
+
+    def _files_changed(self, files: set[str]) -> None:
+        def read() -> None:
+            self._unread |= files
+            if self._change(lambda: self._scene.read_anew(self._unread), "files"):
+                self._unread = set()
+
+        self._order(read)
+
+    def _order(self, order: Callable[[], object]) -> None:
+        with self._news:
+            self._orders.append(order)
+            self._news.notify_all()
+
+    def _change(self, change: Callable[[], None], of: str) -> bool:
+        """Whether it could be made; then the picture has to be rendered anew."""
+        self._problems.pop("order", None)
+        with self._as_problem(of):
+            change()
+            self._problems.pop(of, None)
+            self._again = True
+        return of not in self._problems
+
+    @contextmanager
+    def _as_problem(self, of: str) -> Iterator[None]:
+        try:
+            yield
+        except PrimrayError as error:
+            self._problems[of] = error
+        except Exception as error:
+            log.exception("the viewer failed")
+            self._problems[of] = InternalError(f"{type(error).__name__}: {error} (this is a defect in primray)")
+
+    def _run(self) -> None:
+        while True:
+            with self._news:
+                self._news.wait_for(lambda: self._closed or self._orders or self._again or self._looks_new)
+                if self._closed:
+                    return
+                orders, self._orders = self._orders, []
+            for order in orders:
+                order()
+            if self._looks_new and self._view is not None:
+                self._show(self._view)
+            self._looks_new = False
+            if self._again or self._interrupted:
+                draft, self._again = self._again, False
+                self._render(draft)
+            self._publish()
+
+    def _render(self, draft: bool) -> None:
+        """A draft, where one is wanted, then the whole picture, unless there is something else to do by then."""
+        self._problems.pop("render", None)
+        self._interrupted = False
+        with self._as_problem("render"):
+            if draft:
+                self._publish("drafting")
+                self._take(Size(self._draft_scale(), DRAFT_SPP), lambda: self._closed)
+                self._watch.watch(self._scene.files(), self._scene.read_ns)
+                self._publish()
+            self._interrupted = not (self._refine(LOOK_SPP) and self._refine(self._spp))
+        if "render" in self._problems:
+            self._watch.watch(self._scene.files(), self._scene.read_ns)
+
+    def _refine(self, spp: int) -> bool:
+        """Whether the whole picture got so many samples, after a rest."""
+        with self._news:
+            if self._news.wait_for(self._is_wanted, RESTS_S):
+                return False
+        self._publish("rendering")
+        return self._take(Size(1.0, spp), self._is_wanted)
+
+    def _is_wanted(self) -> bool:
+        """Whether something else is to be done."""
+        return self._closed or bool(self._orders)
+
+    def _draft_scale(self) -> float:
+        return min(math.sqrt(DRAFT_PIXELS / self._whole_pixels), 1.0) if self._whole_pixels else FIRST_DRAFT
+
+    def _take(self, size: Size, ends: Callable[[], bool]) -> bool:
+        self._begun = self._next_show = time.monotonic()
+
+        def show(view: View) -> None:
+            start = time.monotonic()
+            self._whole_pixels = math.prod(view.image.resolution) / size.scale**2
+            self._show(view)
+            self._publish("finished" if view.finished and size == Size(1.0, self._spp) else None)
+            took = time.monotonic() - start
+            self._next_show = time.monotonic() + max(EVERY_S, took * (1 / MOST_SHARE - 1))
+
+        def is_due() -> bool:
+            return self._looks_new or time.monotonic() >= self._next_show
+
+        return self._scene.render(size, show, is_due, lambda: not ends())
+
+    def _show(self, view: View) -> None:
+        self._looks_new = False
+        looks, number = self._looks, 1 if self.shown is None else self.shown.number + 1
+        rgba = view.image.to_uint8(view=looks.view, display=looks.display, exposure=looks.exposure, look=looks.look)
+        self._view, self.shown = view, Shown(number, rgba)
+
+    def _publish(self, phase: str | None = None) -> None:
+        scene, view = self._scene, self._view
+        problem = next(iter(self._problems.values()), None)
+        found: dict[str, Any] = {
+            "phase": "failed" if problem is not None and not phase else phase or self._state["phase"],
+            "problem": None if problem is None else {"code": problem.code, "message": problem.message, "where": problem.where},
+            "cameras": scene.cameras,
+            "camera": scene.authored_path,
+            "moved": scene.orbit is not None,
+            "variants": scene.variant_sets,
+            "exposure": self._looks.exposure,
+        }
+        if view is not None and self.shown is not None:
+            found |= {
+                "picture": self.shown.number,
+                "size": list(view.image.resolution),
+                "samples": view.samples,
+                "relmse": None if view.relmse is None else [x if math.isfinite(x) else None for x in view.relmse],
+                "diagnostics": view.diagnostics,
+                "seconds": round(time.monotonic() - self._begun, 2),
+            }
+        with self._news:
+            self._state = {**self._state, **found}
+        self._changed()

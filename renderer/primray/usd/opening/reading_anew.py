@@ -1,0 +1,40 @@
+"""Layers whose files have changed, read anew in their places: stages that are made of them change with them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection
+
+from pxr import Ar, Sdf, Tf
+
+from ...diagnostics import Diagnostics
+from ...errors import StageOpenError
+from ..querying.messages import tf_message
+from .file_names import FileNames
+from .stage import usd_messages
+
+
+def read_anew(root: str, files: Collection[str]) -> None:
+    """Of the stage at `root`, layers in these files (absolute paths). StageOpenError where one cannot be read: it stays as it
+    was, and so do those that were to be read after it."""
+    names = FileNames(root)
+    with usd_messages(Diagnostics(names.in_text)):
+        for layer in Sdf.Layer.GetLoadedLayers():
+            file = _file(layer)
+            if file in files:
+                _read(layer, names.in_text(file))
+
+
+def _file(layer: Sdf.Layer) -> str:
+    """On the disk: of a member of a package, the package."""
+    path = str(layer.realPath)
+    return os.path.abspath(str(Ar.SplitPackageRelativePathOuter(path)[0])) if path else ""
+
+
+def _read(layer: Sdf.Layer, name: str) -> None:
+    if not os.path.exists(_file(layer)):
+        raise StageOpenError("There is no such file.", where=name)
+    try:
+        layer.Reload(force=True)
+    except Tf.ErrorException as error:
+        raise StageOpenError(f"USD cannot read it: {tf_message(error)}", where=name) from None

@@ -1,0 +1,87 @@
+"""A camera of whoever looks at a stage: one prim of the session layer, which is in memory and stronger than the stage's.
+
+Through it an author's lens is seen from anywhere, and a move is the change of one attribute.
+"""
+
+from __future__ import annotations
+
+from pxr import Gf, Sdf, Usd, UsdGeom
+
+from ...arrays import Doubles
+from ...description import Camera, Projection
+from ..adapters.cameras.clipping import UNCLIPPED
+from ..querying.guarded import type_name
+from ..querying.time_varying import earliest_value
+from ..querying.traversal import all_children
+
+PATH = "/primray_view"
+_FOCAL_MM = 50.0
+_MM_PER_UNIT = 10.0  # of an orthographic camera's apertures, which are tenths of scene units
+_FILM = ("horizontalAperture", "verticalAperture", "horizontalApertureOffset", "verticalApertureOffset")
+_OP = "xformOp:transform:primrayView"
+
+
+def place_camera(stage: Usd.Stage, world_from_camera: Doubles, like: Camera, zoom: float = 1.0) -> str:
+    """The path of the camera that now stands there, with the lens of `like`, its film `zoom` times as large.
+
+    `like` is a camera of the stage, which goes on to decide about all but the place, or one that was made (its path is "").
+    """
+    prim = stage.GetPrimAtPath(PATH)
+    if not prim or prim.GetCustomDataByKey("like") != like.path:
+        prim = _made(stage, like)
+    with Usd.EditContext(stage, stage.GetSessionLayer()):
+        prim.GetAttribute(_OP).Set(Gf.Matrix4d(world_from_camera.T.tolist()))
+        if zoom != 1.0 or prim.GetCustomDataByKey("zoomed"):
+            _zoom(prim, like, zoom)
+    return PATH
+
+
+def is_session_camera(path: str) -> bool:
+    return path == PATH
+
+
+def has_camera(stage: Usd.Stage, path: str) -> bool:
+    prim = stage.GetPrimAtPath(path)
+    return bool(prim) and type_name(prim) == "Camera"
+
+
+def _made(stage: Usd.Stage, like: Camera) -> Usd.Prim:
+    mask = stage.GetPopulationMask()
+    if mask != Usd.StagePopulationMask.All() and not mask.Includes(PATH):
+        stage.SetPopulationMask(mask.Add(PATH))
+    with Usd.EditContext(stage, stage.GetSessionLayer()):
+        stage.RemovePrim(PATH)
+        prim = stage.DefinePrim(PATH, "Camera")
+        prim.SetCustomDataByKey("like", like.path)
+        prim.CreateAttribute(_OP, Sdf.ValueTypeNames.Matrix4d)
+        UsdGeom.Xformable(prim).CreateXformOpOrderAttr().Set(["!resetXformStack!", _OP])
+        if like.path:
+            prim.GetReferences().AddInternalReference(like.path)
+            for child in all_children(stage.GetPrimAtPath(like.path)):  # what hangs on the camera is there already
+                stage.OverridePrim(f"{PATH}/{child.GetName()}").SetActive(False)
+        else:
+            _write_lens(UsdGeom.Camera(prim), like)
+    return prim
+
+
+def _write_lens(camera: UsdGeom.Camera, like: Camera) -> None:
+    left, right, bottom, top = like.window
+    orthographic = like.projection is Projection.ORTHOGRAPHIC
+    scale = _MM_PER_UNIT if orthographic else _FOCAL_MM
+    camera.CreateProjectionAttr().Set("orthographic" if orthographic else "perspective")
+    camera.CreateFocalLengthAttr().Set(_FOCAL_MM)
+    camera.CreateHorizontalApertureAttr().Set((right - left) * scale)
+    camera.CreateVerticalApertureAttr().Set((top - bottom) * scale)
+    camera.CreateHorizontalApertureOffsetAttr().Set((left + right) / 2 * scale)
+    camera.CreateVerticalApertureOffsetAttr().Set((bottom + top) / 2 * scale)
+    camera.CreateClippingRangeAttr().Set(Gf.Vec2f(*UNCLIPPED))
+
+
+def _zoom(prim: Usd.Prim, like: Camera, zoom: float) -> None:
+    stage = prim.GetStage()
+    for name in _FILM:
+        if prim.GetCustomDataByKey(name) is None:
+            of = stage.GetPrimAtPath(like.path) if like.path else prim
+            prim.SetCustomDataByKey(name, float(earliest_value(of.GetAttribute(name))))
+        prim.GetAttribute(name).Set(prim.GetCustomDataByKey(name) * zoom)
+    prim.SetCustomDataByKey("zoomed", True)

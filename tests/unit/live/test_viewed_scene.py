@@ -1,0 +1,166 @@
+"""A stage that is rendered again and again: its choices, its files, and what becomes of both where they are wrong."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import primray
+from primray import usd
+from primray.errors import PrimrayError, SettingsError, StageOpenError
+from primray.images.image import Image
+from primray.live.viewed_scene import Size, View, ViewedScene
+
+STAGE = """#usda 1.0
+(
+    subLayers = [@./more.usda@]
+)
+def Xform "w" (
+    prepend variantSets = "v"
+    variants = {
+        string v = "a"
+    }
+)
+{
+    variantSet "v" = {
+        "a" {
+            def Sphere "s" {
+            }
+        }
+        "b" {
+            def Cube "c" {
+            }
+        }
+    }
+}
+def Camera "cam" {
+    double3 xformOp:translate = (0, 0, 12)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
+MORE = """#usda 1.0
+over "w" {
+    def Cone "cone" {
+        double3 xformOp:translate = (%s, 0, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+}
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> ViewedScene:
+    (tmp_path / "s.usda").write_text(STAGE)
+    (tmp_path / "more.usda").write_text(MORE % 3)
+    return ViewedScene(str(tmp_path / "s.usda"), primray.RenderSettings(resolution=(48, 32), seed=3))
+
+
+def picture(scene: ViewedScene, spp: int = 2) -> Image:
+    seen: list[View] = []
+    assert scene.render(Size(1.0, spp), seen.append, lambda: False, lambda: True)
+    assert [view.finished for view in seen] == [True]
+    return seen[0].image
+
+
+def same(a: Image, b: Image) -> bool:
+    return bool((a.pixels == b.pixels).all())
+
+
+def test_pictures_are_those_of_render(scene: ViewedScene) -> None:
+    settings = primray.RenderSettings(resolution=(48, 32), spp=2, seed=3)
+    assert same(picture(scene), primray.render(scene.path, settings))
+    scene.choose("/w", "v", "b")
+    assert same(picture(scene), primray.render(scene.path, settings, variants=["/w:v=b"]))
+    assert [row["selection"] for row in scene.variant_sets] == ["b"]
+
+
+def test_a_camera_that_is_put_where_it_stands_sees_the_same(scene: ViewedScene) -> None:
+    first = picture(scene)
+    scene.move(lambda orbit, camera: orbit.tumbled(0.0, 0.0))
+    assert same(picture(scene), first)
+    scene.move(lambda orbit, camera: orbit.tumbled(0.2, 0.0))
+    assert not same(picture(scene), first)
+    scene.reset()
+    assert same(picture(scene), first)
+
+
+def test_files_that_changed(scene: ViewedScene, tmp_path: Path) -> None:
+    first = picture(scene)
+    assert scene.files() == {str(tmp_path / "s.usda"), str(tmp_path / "more.usda")}
+    (tmp_path / "more.usda").write_text(MORE % -3)
+    scene.read_anew({str(tmp_path / "more.usda")})
+    second = picture(scene)
+    assert not same(first, second)
+    (tmp_path / "more.usda").write_text("#usda 1.0\n}}\n")
+    with pytest.raises(StageOpenError, match=r"USD cannot read it: more\.usda:2") as caught:
+        scene.read_anew({str(tmp_path / "more.usda")})
+    assert caught.value.where == "more.usda"
+    assert same(picture(scene), second)  # as it was read last
+
+
+def test_a_texture_is_watched_and_so_is_what_is_missing(scene: ViewedScene, tmp_path: Path) -> None:
+    (tmp_path / "more.usda").write_text('#usda 1.0\ndef DomeLight "d" {\n    asset inputs:texture:file = @./sky.exr@\n}\n')
+    assert str(tmp_path / "sky.exr") in scene.files()
+    Image(np.ones((4, 8, 3), np.float32), channels=("R", "G", "B")).save(tmp_path / "sky.exr")
+    assert str(tmp_path / "sky.exr") in scene.files()
+    (tmp_path / "more.usda").write_text("#usda 1.0\n}}\n")
+    assert scene.files() >= {str(tmp_path / "s.usda")}
+
+
+def test_choices_that_there_are_not(scene: ViewedScene) -> None:
+    first = picture(scene)
+    for prim, of_set, name in (("/w", "v", "c"), ("/w", "u", "a"), ("/x", "v", "a")):
+        with pytest.raises(PrimrayError):
+            scene.choose(prim, of_set, name)
+    scene.look_through("/nobody")
+    with pytest.raises(SettingsError, match="There is no camera /nobody"):
+        picture(scene)
+    scene.look_through(None)
+    assert same(picture(scene), first)
+
+
+def test_a_camera_that_goes_away_while_it_is_looked_through(scene: ViewedScene, tmp_path: Path) -> None:
+    picture(scene)
+    scene.move(lambda orbit, camera: orbit.tumbled(0.2, 0.0))
+    (tmp_path / "s.usda").write_text(STAGE.replace('"cam"', '"other"'))
+    scene.read_anew({str(tmp_path / "s.usda")})
+    picture(scene)
+    assert (scene.authored_path, scene.orbit) == ("/other", None)
+
+
+def test_it_ends_when_it_is_told(scene: ViewedScene) -> None:
+    seen: list[View] = []
+    assert not scene.render(Size(1.0, 4096), seen.append, lambda: True, lambda: len(seen) < 2)
+    assert len(seen) == 2
+    assert not any(view.finished for view in seen)
+
+
+def test_a_texture_that_changed(scene: ViewedScene, tmp_path: Path) -> None:
+    (tmp_path / "more.usda").write_text('#usda 1.0\ndef DomeLight "d" {\n    asset inputs:texture:file = @./sky.exr@\n}\n')
+    sky = np.ones((4, 8, 3), np.float32)
+    for level in (1.0, 3.0):
+        Image(level * sky, channels=("R", "G", "B")).save(tmp_path / "sky.exr")
+        scene.read_anew({str(tmp_path / "sky.exr"), str(tmp_path / "more.usda")})
+        assert np.allclose(picture(scene).pixels[0, 0, :3], level, rtol=0.05)
+
+
+def test_a_package_that_changed(tmp_path: Path) -> None:
+    for number, shape in enumerate(("Sphere", "Cube")):
+        (tmp_path / "in.usda").write_text(f'#usda 1.0\ndef {shape} "s" {{}}\n')
+        usd.write_usdz(str(tmp_path / "in.usda"), str(tmp_path / "new.usdz"))
+        os.replace(tmp_path / "new.usdz", tmp_path / "a.usdz")
+        settings = primray.RenderSettings(resolution=(48, 32), spp=2)
+        if number == 0:
+            scene = ViewedScene(str(tmp_path / "a.usdz"), settings)
+            first = picture(scene)
+        else:
+            assert scene.files() == {str(tmp_path / "a.usdz")}
+            scene.read_anew({str(tmp_path / "a.usdz")})
+            (tmp_path / "a.usdz").rename(tmp_path / "b.usdz")  # another name: nothing of it is kept
+            expected = primray.render(str(tmp_path / "b.usdz"), settings)
+            (tmp_path / "b.usdz").rename(tmp_path / "a.usdz")
+            assert same(picture(scene), expected)
+            assert not same(first, expected)
