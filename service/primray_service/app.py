@@ -47,7 +47,7 @@ def create_app(service: Service) -> FastAPI:
     app = create_routes()
     app.state.service = service
     app.state.keys = Keys(service.store.key_by_sha256)
-    app.state.sessions = Sessions(session_secret(service.data.root / "session.secret"))
+    app.state.sessions = Sessions(session_secret(service.data.root / "session.secret"), service.store)
     app.state.rates = RequestRates()
     app.state.request_metrics = RequestMetrics()
     app.state.methods = MethodsByPath(ROUTERS)

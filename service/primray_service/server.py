@@ -115,13 +115,14 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
     await asyncio.to_thread(store.migrate)
     await asyncio.to_thread(sweep, store, data)
     changes = Changes()
-    # Another server's changes are not told: what is read here may be shared by all who ask only if there is no other.
+    # Another server's changes are told a moment later: what is read here may be shared by all who ask only if there is none.
     reads = SharedReads(SHARED_READ_S if config.database_url.startswith("sqlite") else 0.0)
     # In this order: whoever is woken by a change reads it.
     unsubscribe = [store.subscribe(reads.changed), store.subscribe(changes.changed)]
     executor = executor_maker(config.executor)(config, data)
     service = Service(config, store, data, executor, None, changes, reads)  # type: ignore[arg-type]
     service.dispatcher = Dispatcher(store, executor, data, config.limits, quotas_of(store, config.quotas))
+    store.listen(service.dispatcher.told)
     dispatching: asyncio.Task[None] | None = None
     sender = WebhookSender(store, config)
     sending: asyncio.Task[None] | None = None

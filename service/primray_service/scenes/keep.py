@@ -1,8 +1,8 @@
 """From a staged file to scenes/<hex> and a row in the store, and back out again.
 
 A folder in scenes/ appears whole, by one rename, after everything in it was synced; the row follows. So a crash leaves at
-worst a folder without a row, which `sweep` removes. A lock on scenes/ keeps an upload from relying on bytes that a removal is
-about to take away; it is a file lock, since several servers may share a data directory.
+worst a folder without a row, which `sweep` removes. A lock keeps an upload from relying on bytes that a removal is about to
+take away; it is a file's, open for writing, since servers of several machines may share a data directory (staging.py).
 """
 
 from __future__ import annotations
@@ -88,14 +88,14 @@ def _set_aside(scene_id: str, data: DataDirectory) -> Path | None:
     try:
         os.rename(data.scene(scene_id), gone)
     except FileNotFoundError:
-        gone.rmdir()
+        shutil.rmtree(gone, ignore_errors=True)
         return None
     return gone
 
 
 @contextmanager
 def _locked(data: DataDirectory) -> Iterator[None]:
-    lock = os.open(data.scenes, os.O_RDONLY | os.O_DIRECTORY)
+    lock = os.open(data.root / "scenes.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX)
         yield

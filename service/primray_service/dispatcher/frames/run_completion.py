@@ -120,7 +120,8 @@ class RunCompletion:
         for made, kept in adopted:
             if not await context.calls.disk(adoption.publish_new, kept, folder / made.name):
                 # A server that died left it before its row was written; or one that has the lease now has been here.
-                await context.calls.store(context.store.renew_lease, context.fence, time.time(), TTL_S)
+                now = await context.calls.store(context.store.clock)
+                await context.calls.store(context.store.renew_lease, context.fence, now, TTL_S)
                 await context.calls.disk(adoption.publish_over, kept, folder / made.name)
             outputs.append(Output(job.id, made.name, frame.number, made.bytes, made.sha256, made.media_type, now))
         await context.calls.disk(adoption.published, folder)

@@ -16,6 +16,7 @@ from ...executor.base import Ended
 from ...jobs import TERMINAL, Frame, FrameState, Job, JobState
 from ...problems import Problem
 from ...store.base import Claim
+from ...waiting.rates import MOST
 from ..chunks import adoption, commands
 from ..chunks.chunk_run import ChunkRun
 from ..chunks.messages import Checkpoint
@@ -149,9 +150,12 @@ class RunningFrame:
         # Its process is gone, so that another can begin: while this one's outputs are adopted, and, if it has given way,
         # before it waits again itself, or it would be first in the queue.
         self.has_slot = False
+        noted = None
         if isinstance(outcome, Picture) and not self.is_canceling and self._taken is None:  # else others had a part
-            self._context.rates.note(self.job, asyncio.get_running_loop().time() - self._claimed_at)
+            noted = self._context.rates.note(self.job, asyncio.get_running_loop().time() - self._claimed_at)
         await self._on_free()
+        if noted is not None:
+            await self._context.calls.store(self._context.store.note_work, self._context.fence, *noted, time.time(), MOST)
         shared = await reading
         try:
             if self._kill_for not in DROPPED:

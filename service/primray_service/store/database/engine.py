@@ -21,7 +21,9 @@ from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 
+from ...jobs import Json
 from ..base import Unavailable
+from .notices import Notices
 from .transaction import Transaction
 
 T = TypeVar("T")
@@ -70,6 +72,7 @@ class Database:
         self.is_sqlite = self.url.get_backend_name() == "sqlite"
         self._turn = threading.Lock()  # of SQLite's writers
         self._subscribers: list[Callable[[str], None]] = []
+        self._notices: Notices | None = None
         if self.is_sqlite:
             self._writer = _sqlite_engine(self.url, begin="BEGIN IMMEDIATE", connections=1)
             self._reader = _sqlite_engine(self.url, begin="BEGIN", connections=16)
@@ -78,6 +81,8 @@ class Database:
             self._reader = self._writer.execution_options(isolation_level="AUTOCOMMIT")
 
     def close(self) -> None:
+        if self._notices is not None:
+            self._notices.close()
         self._reader.dispose()
         self._writer.dispose()
 
@@ -91,6 +96,21 @@ class Database:
             self._subscribers = [one for one in self._subscribers if one is not called]
 
         return end
+
+    def listen(self, on_told: Callable[[Json], None]) -> None:
+        """Once: subscribers hear of other servers' changes too from now on, and `on_told` of what they tell."""
+        if not self.is_sqlite:
+            self._notices = Notices(self._writer, self._tell_subscribers, on_told)
+
+    def tell(self, words: Json) -> None:
+        if self._notices is not None:
+            self._notices.tell(words)
+
+    def clock(self) -> float:
+        """Seconds since 1970 as all servers over this database have them, however their own clocks are set."""
+        if self.is_sqlite:
+            return time.time()
+        return self.read(lambda db: float(db.exec_driver_sql("SELECT extract(epoch FROM clock_timestamp())").scalar_one()))
 
     def read(self, work: Callable[[Connection], T]) -> T:
         def once(_: T | None) -> T:
@@ -129,6 +149,11 @@ class Database:
         return answer
 
     def _tell(self, job_id: str) -> None:
+        if self._notices is not None:
+            self._notices.changed(job_id)
+        self._tell_subscribers(job_id)
+
+    def _tell_subscribers(self, job_id: str) -> None:
         for called in self._subscribers:
             try:
                 called(job_id)
