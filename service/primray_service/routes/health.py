@@ -75,6 +75,8 @@ async def _database(service: Service) -> Json:
 async def _disk(service: Service) -> Json:
     free = await run_in_threadpool(service.data.free_bytes)
     least = service.limits.free_disk_bytes
+    if service.data.objects is not None:
+        await run_in_threadpool(service.data.objects.check)
     return {"ok": free >= least, "detail": f"{free} bytes are free; {least} are kept free", "free_bytes": free}
 
 

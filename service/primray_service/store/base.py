@@ -8,6 +8,7 @@ has taken over: what was to be written is not.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -129,6 +130,9 @@ class Store(Protocol):
 
     def tell(self, words: Json) -> None:
         """Have the other servers that listen hear these few words; does not wait."""
+
+    def exclusive(self, name: str) -> AbstractContextManager[None]:
+        """While inside, no other thread of any server over this PostgreSQL is inside under this name (SQLite: of this one)."""
 
     def clock(self) -> float:
         """The time that all servers over this database agree on, for the lease."""

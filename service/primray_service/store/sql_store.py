@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 
 from ..jobs import Json
 from .database.engine import Database
@@ -46,3 +47,6 @@ class SqlStore(Jobs, Listing, Frames, Parts, Claims, Queue, WorkSeconds, Leases,
 
     def clock(self) -> float:
         return self._db.clock()
+
+    def exclusive(self, name: str) -> AbstractContextManager[None]:
+        return self._db.exclusive(name)

@@ -8,6 +8,7 @@ broken connection ended is tried again; whether its commit arrived is not known 
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import random
 import sqlite3
@@ -71,6 +72,7 @@ class Database:
         self.url = engine_url(url)
         self.is_sqlite = self.url.get_backend_name() == "sqlite"
         self._turn = threading.Lock()  # of SQLite's writers
+        self._exclusive = threading.RLock()
         self._subscribers: list[Callable[[str], None]] = []
         self._notices: Notices | None = None
         if self.is_sqlite:
@@ -105,6 +107,20 @@ class Database:
     def tell(self, words: Json) -> None:
         if self._notices is not None:
             self._notices.tell(words)
+
+    @contextmanager
+    def exclusive(self, name: str) -> Iterator[None]:
+        if self.is_sqlite:
+            with self._exclusive:
+                yield
+            return
+        key = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big", signed=True)
+        with self._reader.connect() as connection:
+            connection.exec_driver_sql("SELECT pg_advisory_lock(%s)", (key,))
+            try:
+                yield
+            finally:
+                connection.exec_driver_sql("SELECT pg_advisory_unlock(%s)", (key,))
 
     def clock(self) -> float:
         """Seconds since 1970 as all servers over this database have them, however their own clocks are set."""

@@ -171,7 +171,7 @@ class ParallelFrame:
         self._scene = await calls.store(context.store.scene, self.job.tenant, self.job.scene_id)
         parts = await calls.store(context.store.parts, self.job.id, frame.number)
         names = {part.checkpoint_file for part in parts} | {frame.checkpoint_file}
-        gone = await calls.disk(adoption.missing, context.data.job(self.job.id), names - {""})
+        gone = await calls.disk(adoption.missing, context.data, context.data.job(self.job.id), names - {""})
         if frame.merged and frame.checkpoint_file in gone:
             await calls.store(context.store.drop_parts, context.fence, frame)
             self.frame, parts = replace(frame, merged=0, checkpoint_file=""), []
@@ -324,7 +324,9 @@ class ParallelFrame:
         folder = context.data.job(self.job.id)
         try:
             source = run.handle.folder / found.checkpoint.file
-            await context.calls.disk(adoption.adopt_checkpoint, source, folder / name, context.limits.output_bytes)
+            await context.calls.disk(
+                adoption.adopt_checkpoint, context.data, source, folder / name, context.limits.output_bytes
+            )
         except adoption.NotAdopted:
             self._failed = Broken(_unusable())
             return
@@ -345,7 +347,7 @@ class ParallelFrame:
             merged=merge.end,
         )
         if not accepted:
-            await context.calls.disk(adoption.remove, folder / name)
+            await context.calls.disk(context.data.remove, folder / name)
             self.kill("gone")
             return
         context.metrics.checkpoints += 1
@@ -355,7 +357,7 @@ class ParallelFrame:
         self.frame = replace(taken, crashes=0, kills=0, progress=progress)
         for file in [part.checkpoint_file for part in gone] + [frame.checkpoint_file]:
             if file:
-                await context.calls.disk(adoption.remove, folder / file)
+                await context.calls.disk(context.data.remove, folder / file)
         await self._take_preview(merge)
 
     def _note(self, merge: MergeRun, found: Found) -> list[Part]:
@@ -375,7 +377,9 @@ class ParallelFrame:
             return
         context, folder = self._context, self._context.data.frame(self.job.id, self.frame.number)
         try:
-            taken = await context.calls.disk(adoption.adopt_preview, merge.run.handle.folder / preview.file, folder)
+            taken = await context.calls.disk(
+                adoption.adopt_preview, context.data, merge.run.handle.folder / preview.file, folder
+            )
         except (adoption.NotAdopted, OSError):
             return  # nobody's picture depends on it
         if taken:
