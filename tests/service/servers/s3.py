@@ -1,6 +1,6 @@
 """A server that speaks S3 over HTTP, for tests: moto's, in a thread of this process, with an empty bucket for each that asks.
 
-from tests.service.s3 import s3_bucket, s3_server    (fixtures: import both)
+from tests.service.servers.s3 import s3_bucket, s3_server    (fixtures: import both)
 """
 
 from __future__ import annotations

@@ -9,11 +9,11 @@ import httpx2
 import pytest
 from tests.service.api import SCENE, finished, submit, upload, wait_until
 from tests.service.conftest import StartServer
-from tests.service.many import Many
 from tests.service.postgres import postgres_databases, postgres_server
-from tests.service.s3 import s3_bucket, s3_server
 from tests.service.scenes.zips import LAYER, Entry, zip_of
-from tests.service.test_many_servers import LONG, SETTINGS, alike, alone, database, picture
+from tests.service.servers.many import Many
+from tests.service.servers.s3 import s3_bucket, s3_server
+from tests.service.servers.test_many_servers import LONG, SETTINGS, alike, alone, database, picture
 
 from primray_service.files import DataDirectory
 from primray_service.objects import Objects, opened
