@@ -7,8 +7,8 @@ slots/<id>/job, out         the two folders that a worker sees; removed when it 
 incoming/                   uploads under way
 
 Where several servers share an object store (`objects`), the folder is each one's own: what is kept lies in the store under the
-same names, but for outputs, which have their digest for a name, and packages, which are unpacked where they are needed; here is
-what is in use, and copies of what was.
+same names, but for outputs, whose names begin with their digests, and packages, which are unpacked where they are needed; here
+is what is in use, and copies of what was.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class DataDirectory:
 
     def output(self, job_id: str, name: str, sha256: str) -> Path:
         """In the store nothing is written over: who believes to dispatch still puts other bytes under another name."""
-        return self.outputs(job_id) / (name if self.objects is None else sha256)
+        return self.outputs(job_id) / (name if self.objects is None else f"{sha256}-{name}")
 
     def frame(self, job_id: str, number: int) -> Path:
         return self.job(job_id) / "frames" / str(number)

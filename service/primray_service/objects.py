@@ -1,7 +1,7 @@
 """An object store that several servers share, by any URL that fsspec opens (s3://bucket/prefix, gs://..., memory://): the only
 file that imports it. Whole files go in and come out, under names; what is there is not changed, but for the few that say so.
 
-Every method blocks, may be called from any thread, and raises OSError alone.
+Every method blocks, may be called from any thread, and raises FileNotFoundError or ObjectStoreFailed alone.
 """
 
 from __future__ import annotations
@@ -20,17 +20,21 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
+class ObjectStoreFailed(OSError):
+    """It does not answer, or refuses (503)."""
+
+
 def os_errors(method: Callable[P, T]) -> Callable[P, T]:
-    """What else a client of a store raises, as OSError."""
+    """What a client of a store raises, as one error; but for FileNotFoundError."""
 
     @functools.wraps(method)
     def called(*args: P.args, **kwargs: P.kwargs) -> T:
         try:
             return method(*args, **kwargs)
-        except OSError:
+        except FileNotFoundError:
             raise
         except Exception as error:
-            raise OSError(f"the object store failed: {type(error).__name__}: {error}"[:500]) from error
+            raise ObjectStoreFailed(f"the object store failed: {type(error).__name__}: {error}"[:500]) from error
 
     return called
 
@@ -128,9 +132,9 @@ class Objects:
     @os_errors
     def remove_below(self, folder: str, keep: Collection[str] = ()) -> None:
         """All that lies below, but for these names."""
-        kept = {self._at(name) for name in keep}
+        kept = {self._at(name).lstrip("/") for name in keep}  # some stores' paths begin with a slash
         try:
-            found = [path for path in self._fs.find(self._at(folder)) if path.lstrip("/") not in {k.lstrip("/") for k in kept}]
+            found = [path for path in self._fs.find(self._at(folder)) if path.lstrip("/") not in kept]
         except FileNotFoundError:
             return
         for path in found:

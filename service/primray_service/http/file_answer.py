@@ -17,7 +17,7 @@ import anyio
 from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
 
-from ..objects import Objects
+from ..objects import Objects, ObjectStoreFailed
 from ..problems import Problem
 from .answers import check_match, none_match
 from .byte_ranges import ByteRange, byte_ranges
@@ -52,6 +52,8 @@ async def file_answer(
         return Response(status_code=304, headers=common)
     try:
         opened = await anyio.to_thread.run_sync(_open, file)
+    except ObjectStoreFailed:
+        raise
     except OSError:
         raise Problem("not-found", "The file is not there.") from None
     total = opened.size

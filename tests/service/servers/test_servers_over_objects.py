@@ -7,7 +7,7 @@ from typing import Any
 
 import httpx2
 import pytest
-from tests.service.api import SCENE, finished, submit, upload, wait_until
+from tests.service.api import SCENE, finished, problem, submit, upload, wait_until
 from tests.service.conftest import StartServer
 from tests.service.postgres import postgres_databases, postgres_server
 from tests.service.scenes.zips import LAYER, Entry, zip_of
@@ -60,7 +60,7 @@ def test_what_one_takes_the_other_has(many: Many, objects: Objects) -> None:
             assert (several.status_code, several.headers["content-type"].split(";")[0]) == (206, "multipart/byteranges")
             assert client.get(at, headers={"if-none-match": f'"{output["sha256"]}"'}).status_code == 304
             assert client.head(at).headers["content-length"] == str(output["bytes"])
-            assert objects.has(f"jobs/{job['id']}/outputs/{output['sha256']}")
+            assert objects.has(f"jobs/{job['id']}/outputs/{output['sha256']}-{output['name']}")
         assert client.delete(here).status_code == 204
         assert leader.get(here).status_code == 404
         assert job["id"] not in objects.folders("jobs")
@@ -99,7 +99,7 @@ def test_a_dead_ones_jobs_go_on_from_the_store(many: Many, database: str, alone:
         found = [finished(each, job_id, 180) for each in many.all()]
         assert [job["state"] for job in found] == ["succeeded"] * 2, found[0]
         for row in store.outputs(job_id):
-            body = objects.read(f"jobs/{job_id}/outputs/{row.sha256}", 0, row.bytes + 1)
+            body = objects.read(f"jobs/{job_id}/outputs/{row.sha256}-{row.name}", 0, row.bytes + 1)
             assert hashlib.sha256(body).hexdigest() == row.sha256
         for frame in store.frames(job_id):
             kept = [name for name in objects.folders(f"jobs/{job_id}/frames/{frame.number}") if name.endswith(".prc")]
@@ -128,3 +128,24 @@ def test_bytes_that_changed_in_the_store_are_not_rendered(many: Many, objects: O
 
 def test_a_layer_that_is_no_package_is_one(many: Many) -> None:
     assert upload(many.all()[0], LAYER)
+
+
+def test_a_store_that_is_away_is_told_and_nothing_is_promised(
+    start_server: StartServer, database: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder = tmp_path_factory.mktemp("store")
+    server = start_server(
+        tmp_path_factory.mktemp("away") / "data",
+        database=database,
+        objects=f"file://{folder}",
+        **{**SETTINGS, "dispatch": False},
+    )
+    client = server.client()
+    stored = client.post("/v1/scenes", content=SCENE + b"# away\n")
+    assert stored.status_code == 201
+    moved = folder.rename(folder.with_name("gone"))
+    folder.touch()  # nothing can be put below a file
+    problem(client.post("/v1/scenes", content=SCENE + b"# later\n"), 503, "unavailable")
+    folder.unlink()
+    moved.rename(folder)
+    assert client.post("/v1/scenes", content=SCENE + b"# later\n").status_code == 201
