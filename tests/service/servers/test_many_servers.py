@@ -24,7 +24,7 @@ from primray_service.store import open_store
 __all__ = ["postgres_databases", "postgres_server"]
 
 SETTINGS = {"slots": 1, "warm": False, "allow_unsandboxed": True, "limits": {"checkpoint_every_s": 0.3, "free_disk_bytes": 0}}
-LONG = {"resolution": [96, 72], "seed": 3, "frames": "1:2", "stop": {"max_samples": 512}}
+LONG = {"resolution": [96, 72], "seed": 3, "frames": "1:2", "stop": {"max_samples": 256}}
 
 
 @pytest.fixture(scope="module")
