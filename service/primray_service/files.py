@@ -16,10 +16,12 @@ from __future__ import annotations
 import os
 import shutil
 import stat
+from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from .objects import Objects
+from .objects import Objects, ObjectStoreFailed
 from .problems import Problem
 
 COPY_BYTES = 2**20
@@ -96,12 +98,29 @@ class DataDirectory:
             self.objects.get_newest(self.name_of(path), path)
 
     def has(self, path: Path) -> bool:
-        return path.is_file() or (self.objects is not None and self.objects.has(self.name_of(path)))
+        """Or may have: where the store is away, whoever needs the file finds that out."""
+        if path.is_file() or self.objects is None:
+            return path.is_file()
+        try:
+            return self.objects.has(self.name_of(path))
+        except ObjectStoreFailed:
+            return True
 
     def remove(self, path: Path) -> None:
+        """What stays in a store that is away goes with its job."""
         path.unlink(missing_ok=True)
         if self.objects is not None:
-            self.objects.remove(self.name_of(path))
+            with suppress(ObjectStoreFailed):
+                self.objects.remove(self.name_of(path))
+
+    def remove_below(self, folder: Path, keep: Collection[Path]) -> None:
+        """Files right in it, and all below it in the store; as `remove`."""
+        for path in folder.iterdir() if folder.is_dir() else ():
+            if path not in keep:
+                path.unlink(missing_ok=True)
+        if self.objects is not None:
+            with suppress(ObjectStoreFailed):
+                self.objects.remove_below(self.name_of(folder), [self.name_of(path) for path in keep])
 
     def remove_job(self, job_id: str) -> None:
         shutil.rmtree(self.job(job_id), ignore_errors=True)

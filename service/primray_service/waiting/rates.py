@@ -16,6 +16,7 @@ from ..jobs import Job
 
 MOST = 1000
 NEWEST = 0.5  # the weight of the last frame in the mean
+NEWS = 0.1  # a change of so much is worth writing down
 GOOD_FOR_S = 2.0  # what was read, for those that do not note it themselves
 
 Work = tuple[str, str]
@@ -38,17 +39,24 @@ class Rates:
     def __init__(self, read: Callable[[], Mapping[str, float]] = dict) -> None:
         self._read = read
         self._seconds: OrderedDict[str, float] = OrderedDict()
+        self._kept: dict[str, float] = {}  # what the store has of what was noted here
         self._until = 0.0  # what was read is good, by the monotonic clock
         self._lock = threading.Lock()
 
-    def note(self, job: Job, seconds: float) -> tuple[str, float]:
-        """A frame of this job has ended, and had a slot for so long; what the store is to keep: the work's key and seconds."""
+    def note(self, job: Job, seconds: float) -> tuple[str, float] | None:
+        """A frame of this job has ended, and had a slot for so long. What the store is to keep, the work's key and seconds, where
+        that is news: most frames take as long as the one before."""
         key = key_of(work_of(job))
         with self._lock:
             before = self._seconds.pop(key, seconds)
             self._seconds[key] = now = before + NEWEST * (seconds - before)
             if len(self._seconds) > MOST:
                 self._seconds.popitem(last=False)
+            if abs(now - self._kept.get(key, 0.0)) <= NEWS * now:
+                return None
+            if len(self._kept) >= MOST:
+                self._kept.clear()
+            self._kept[key] = now
         return key, now
 
     def refresh(self) -> None:

@@ -122,12 +122,7 @@ def tidy_frame(data: DataDirectory, job_id: str, number: int, keep: Collection[s
     """Remove what chunks that died left in a frame's folder: all but its checkpoints (`keep`, by their names in the job's
     folder), preview and log."""
     folder = data.frame(job_id, number)
-    kept = {PREVIEW, LOG} | {name.rsplit("/", 1)[1] for name in keep if name.startswith(f"frames/{number}/")}
-    for path in folder.iterdir() if folder.is_dir() else ():
-        if path.name not in kept:
-            path.unlink(missing_ok=True)
-    if data.objects is not None:
-        data.objects.remove_below(data.name_of(folder), [data.name_of(folder / name) for name in kept])
+    data.remove_below(folder, {folder / PREVIEW, folder / LOG} | {data.job(job_id) / name for name in keep if name})
 
 
 def append_log(data: DataDirectory, path: Path, title: str, text: str | Path, most_bytes: int) -> None:

@@ -155,14 +155,14 @@ class RunningFrame:
         if isinstance(outcome, Picture) and not self.is_canceling and self._taken is None:  # else others had a part
             noted = self._context.rates.note(self.job, asyncio.get_running_loop().time() - self._claimed_at)
         await self._on_free()
-        if noted is not None:
-            await self._context.calls.store(self._context.store.note_work, self._context.fence, *noted, time.time(), MOST)
         shared = await reading
         try:
             if self._kill_for not in DROPPED:
                 await self._settle(shared, ended, outcome)
         finally:
             await self._close()
+        if noted is not None:
+            await self._context.calls.store(self._context.store.note_work, self._context.fence, *noted, time.time(), MOST)
 
     async def _render(self, reading: asyncio.Task[SharedJob], *, picture_only: bool) -> tuple[Ended | None, Outcome]:
         """Run a chunk of the frame to its end, and what becomes of the frame; no `Ended` where there was no chunk."""
