@@ -44,8 +44,8 @@ class Rates:
         self._lock = threading.Lock()
 
     def note(self, job: Job, seconds: float) -> tuple[str, float] | None:
-        """A frame of this job has ended, and had a slot for so long. What the store is to keep, the work's key and seconds, where
-        that is news: most frames take as long as the one before."""
+        """A frame of this job has ended, and had a slot for so long. What the store is to keep, a work's key and its seconds,
+        where that is news: most frames take as long as the one before."""
         key = key_of(work_of(job))
         with self._lock:
             before = self._seconds.pop(key, seconds)
