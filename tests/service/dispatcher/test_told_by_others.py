@@ -80,6 +80,7 @@ def test_work_that_another_server_takes_begins_at_once(
         await both_listen(rig, other)
         scene = rig.scene()
         for _ in range(3):
+            await asyncio.sleep(1.0)  # until nothing else has it look
             began = time.monotonic()
             job = put_job(other, scene)
             elsewhere.wake()
