@@ -7,7 +7,8 @@
     problems.py         everything that is answered as an error
     limits.py           what is allowed
     store/              the only SQL: SQLite or PostgreSQL
-    files.py            the data directory
+    files.py            the data directory; objects.py: an object store that servers share in its place
+    leading.py          what the server that dispatches can do, for answers that are the same on all servers
     held.py             what is locked by whoever uses it, made while others sweep
     scenes/             uploads: streamed, recognised, unpacked, safely
     dispatcher/         holds the lease, gives frames to an executor, adopts what comes back

@@ -47,7 +47,7 @@ def create_app(service: Service) -> FastAPI:
     app = create_routes()
     app.state.service = service
     app.state.keys = Keys(service.store.key_by_sha256)
-    app.state.sessions = Sessions(session_secret(service.data.root / "session.secret"))
+    app.state.sessions = Sessions(shared_secret(service), service.store)
     app.state.rates = RequestRates()
     app.state.request_metrics = RequestMetrics()
     app.state.methods = MethodsByPath(ROUTERS)
@@ -59,6 +59,18 @@ def create_app(service: Service) -> FastAPI:
     app.add_middleware(Measured, metrics=app.state.request_metrics)
     instrument(app)
     return app
+
+
+def shared_secret(service: Service) -> bytes:
+    """Of all servers that share what this one keeps."""
+    path = service.data.root / "session.secret"
+    if service.data.objects is None:
+        return session_secret(path)
+    with service.store.exclusive("session secret"):
+        service.data.bring_newest(path)
+        secret = session_secret(path)
+        service.data.share(path)
+    return secret
 
 
 def create_routes() -> FastAPI:

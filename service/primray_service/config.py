@@ -22,6 +22,8 @@ class ServeConfig:
     """`host` and `port`: where to listen (port 0: any that is free)."""
 
     data: Path
+    # What servers share, where that is an object store and not the folder `data`: any URL that fsspec opens.
+    objects: str | None = None
     host: str = "127.0.0.1"
     port: int = 8700
     # An SQLAlchemy URL (sqlite:///... or postgresql+psycopg://...); None: SQLite in the data directory.
@@ -49,6 +51,9 @@ class ServeConfig:
     def __post_init__(self) -> None:
         """SettingsError for an executor that there is not, and for labels that are none."""
         by_name.check_name(self.executor)
+        if self.objects is not None and self.database is None:
+            said = "servers that share an object store share a database: name it, postgresql+psycopg://..."
+            raise SettingsError(said, where="database", code="objects-database")
         for label in self.ray_labels:
             if not LABEL.fullmatch(label):
                 raise SettingsError(f"{label!r} is no label of nodes: NAME=VALUE", where="ray_labels", code="ray-label")

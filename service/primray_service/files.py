@@ -5,6 +5,10 @@ jobs/<id>/outputs/...       what a job made; jobs/<id>/frames/<n>/ checkpoint-<k
                             part-<first>-<k>.prc of frames that are rendered in parts
 slots/<id>/job, out         the two folders that a worker sees; removed when it is done
 incoming/                   uploads under way
+
+Where several servers share an object store (`objects`), the folder is each one's own: what is kept lies in the store under the
+same names, but for outputs, whose names begin with their digests, and packages, which are unpacked where they are needed; here
+is what is in use, and copies of what was.
 """
 
 from __future__ import annotations
@@ -12,9 +16,12 @@ from __future__ import annotations
 import os
 import shutil
 import stat
+from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from .objects import Objects, ObjectStoreFailed
 from .problems import Problem
 
 COPY_BYTES = 2**20
@@ -22,7 +29,10 @@ COPY_BYTES = 2**20
 
 @dataclass(frozen=True)
 class DataDirectory:
+    """`objects`: the store that servers share, where the folder is not what they share."""
+
     root: Path
+    objects: Objects | None = None
 
     def create(self) -> None:
         for folder in (self.root, self.scenes, self.jobs, self.slots, self.incoming):
@@ -53,11 +63,69 @@ class DataDirectory:
     def outputs(self, job_id: str) -> Path:
         return self.job(job_id) / "outputs"
 
+    def output(self, job_id: str, name: str, sha256: str) -> Path:
+        """In the store nothing is written over: who believes to dispatch still puts other bytes under another name."""
+        return self.outputs(job_id) / (name if self.objects is None else f"{sha256}-{name}")
+
     def frame(self, job_id: str, number: int) -> Path:
         return self.job(job_id) / "frames" / str(number)
 
     def free_bytes(self) -> int:
         return shutil.disk_usage(self.root).free
+
+    def name_of(self, path: Path) -> str:
+        """In the object store."""
+        return path.relative_to(self.root).as_posix()
+
+    def share(self, path: Path) -> None:
+        """A file that is here whole is kept from now on, whatever becomes of this server."""
+        if self.objects is not None:
+            self.objects.put(path, self.name_of(path))
+
+    def bring(self, path: Path) -> bool:
+        """Whether a file that never changes is here now."""
+        if path.is_file() or self.objects is None:
+            return path.is_file()
+        try:
+            self.objects.get(self.name_of(path), path)
+        except FileNotFoundError:
+            return False
+        return True
+
+    def bring_newest(self, path: Path) -> None:
+        """A file that changes is here as it is now, if there is one."""
+        if self.objects is not None:
+            self.objects.get_newest(self.name_of(path), path)
+
+    def has(self, path: Path) -> bool:
+        """Or may have: where the store is away, whoever needs the file finds that out."""
+        if path.is_file() or self.objects is None:
+            return path.is_file()
+        try:
+            return self.objects.has(self.name_of(path))
+        except ObjectStoreFailed:
+            return True
+
+    def remove(self, path: Path) -> None:
+        """What stays in a store that is away goes with its job."""
+        path.unlink(missing_ok=True)
+        if self.objects is not None:
+            with suppress(ObjectStoreFailed):
+                self.objects.remove(self.name_of(path))
+
+    def remove_below(self, folder: Path, keep: Collection[Path]) -> None:
+        """Files right in it, and all below it in the store; as `remove`."""
+        for path in folder.iterdir() if folder.is_dir() else ():
+            if path not in keep:
+                path.unlink(missing_ok=True)
+        if self.objects is not None:
+            with suppress(ObjectStoreFailed):
+                self.objects.remove_below(self.name_of(folder), [self.name_of(path) for path in keep])
+
+    def remove_job(self, job_id: str) -> None:
+        shutil.rmtree(self.job(job_id), ignore_errors=True)
+        if self.objects is not None:
+            self.objects.remove_below(self.name_of(self.job(job_id)))
 
 
 def _hex_of(scene_id: str) -> str:

@@ -29,8 +29,11 @@ from .dispatcher import Dispatcher
 from .executor.by_name import executor_maker
 from .files import DataDirectory
 from .http.answers import json_bytes
+from .limits import Limits
+from .objects import opened
 from .problems import Problem
 from .sandbox import SelfTest, self_test
+from .scenes import cache
 from .scenes.keep import sweep
 from .service import Service
 from .shared_reads import SharedReads
@@ -109,22 +112,25 @@ def url_of(config: ServeConfig, listener: socket.socket) -> str:
 @asynccontextmanager
 async def running(config: ServeConfig) -> AsyncIterator[Service]:
     """The parts of a server, started; stopped afterwards."""
-    data = DataDirectory(config.data)
+    objects = None if config.objects is None else await asyncio.to_thread(opened, config.objects)
+    data = DataDirectory(config.data, objects)
     data.create()
     store = await asyncio.to_thread(open_store, config.database_url)
     await asyncio.to_thread(store.migrate)
     await asyncio.to_thread(sweep, store, data)
     changes = Changes()
-    # Another server's changes are not told: what is read here may be shared by all who ask only if there is no other.
+    # Another server's changes are told a moment later: what is read here may be shared by all who ask only if there is none.
     reads = SharedReads(SHARED_READ_S if config.database_url.startswith("sqlite") else 0.0)
     # In this order: whoever is woken by a change reads it.
     unsubscribe = [store.subscribe(reads.changed), store.subscribe(changes.changed)]
     executor = executor_maker(config.executor)(config, data)
     service = Service(config, store, data, executor, None, changes, reads)  # type: ignore[arg-type]
     service.dispatcher = Dispatcher(store, executor, data, config.limits, quotas_of(store, config.quotas))
+    store.listen(service.dispatcher.told)
     dispatching: asyncio.Task[None] | None = None
     sender = WebhookSender(store, config)
     sending: asyncio.Task[None] | None = None
+    evicting = asyncio.create_task(keep_evicting(data, config.limits)) if data.objects is not None else None
     try:
         if config.dispatch:
             service.self_test = await asyncio.to_thread(check_walls, config, data)
@@ -136,6 +142,8 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
         yield service
     finally:
         changes.close()
+        if evicting is not None:
+            evicting.cancel()
         if sending is not None:
             await sender.stop()
             await sending
@@ -148,6 +156,16 @@ async def running(config: ServeConfig) -> AsyncIterator[Service]:
         for end in unsubscribe:
             end()
         store.close()
+
+
+async def keep_evicting(data: DataDirectory, limits: Limits) -> None:
+    """Until it is cancelled."""
+    while True:
+        try:
+            await asyncio.to_thread(cache.evict, data, 2 * limits.free_disk_bytes)
+        except OSError as error:
+            log.warning("copies are not removed", error=str(error))
+        await asyncio.sleep(cache.EVERY_S)
 
 
 def check_walls(config: ServeConfig, data: DataDirectory) -> SelfTest:

@@ -10,6 +10,7 @@ from .api.job_json import job_json
 from .config import ServeConfig
 from .files import DataDirectory
 from .jobs import Job, Json
+from .leading import WhoLeads
 from .limits import Limits, Quotas
 from .pictures.encoder import PictureEncoder
 from .waiting.places import Places
@@ -36,9 +37,13 @@ class Service:
     pictures: PictureEncoder = field(default_factory=PictureEncoder)
 
     @cached_property
+    def who_leads(self) -> WhoLeads:
+        return WhoLeads(self.store, self.dispatcher, self.executor)
+
+    @cached_property
     def places(self) -> Places:
         """Of waiting jobs."""
-        return Places(self.store, lambda: self.executor.capacity().slots, self.dispatcher.rates)
+        return Places(self.store, lambda: self.who_leads.now().capacity.slots, self.dispatcher.rates)
 
     def job_json(self, job: Job) -> Json:
         """With its place in the queue; blocks for the database."""

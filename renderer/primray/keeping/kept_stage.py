@@ -58,7 +58,8 @@ class KeptStage:
         costs = Costs()
         self._catch_up(costs)
         with self._steps.whole():
-            return render_opened(self.opened, settings, costs, progress, on_interrupt, None, snapshots, tell, self._steps)
+            taken = () if snapshots is None else (snapshots,)
+            return render_opened(self.opened, settings, costs, progress, on_interrupt, None, taken, tell, self._steps)
 
     def _catch_up(self, costs: Costs) -> None:
         """With edits, of which opening may have something else to tell."""

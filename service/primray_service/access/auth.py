@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from ..limits import Quotas
 from ..problems import Problem
@@ -93,11 +93,13 @@ def unauthenticated(detail: str) -> Problem:
 
 
 class Sessions:
-    """Cookies that stand for a key: `<random id>.<sha256 of the key>.<time it ends>.<signature>`."""
+    """Cookies that stand for a key: `<random id>.<sha256 of the key>.<time it ends>.<signature>`. `ended` keeps who logged
+    out, for all servers; what it says of a session is remembered for a moment."""
 
-    def __init__(self, secret: bytes) -> None:
+    def __init__(self, secret: bytes, ended: EndedSessions) -> None:
         self._secret = secret
-        self._ended: dict[str, float] = {}  # logged out, until they would have ended anyway
+        self._ended = ended
+        self._known: dict[str, tuple[float, bool]] = {}  # by session: when it was asked for, and whether it has ended
         self._lock = threading.Lock()
 
     def begin(self, key_sha256: str, now: float) -> str:
@@ -105,23 +107,56 @@ class Sessions:
         return f"{body}.{self._signature(body)}"
 
     def key_sha256(self, cookie: str, now: float) -> str | None:
-        """None if it is not a session that goes on."""
+        """None if it is not a session that goes on. May block for the store: see `is_known`."""
+        found = self._read(cookie, now)
+        if found is None or self._has_ended(found[0]):
+            return None
+        return found[1]
+
+    def is_known(self, cookie: str) -> bool:
+        """Whether `key_sha256` answers without asking the store."""
+        known = self._known.get(cookie.partition(".")[0])
+        return known is not None and (known[1] or time.monotonic() - known[0] <= KEY_AGE_S)
+
+    def end(self, cookie: str, now: float) -> None:
+        """Blocks for the store."""
+        found = self._read(cookie, now)
+        if found is not None and not self._has_ended(found[0]):
+            self._ended.end_session(found[0], found[2], now)
+            self._remember(found[0], True)
+
+    def _read(self, cookie: str, now: float) -> tuple[str, str, float] | None:
+        """The session, its key's SHA-256, and when it ends; None where we did not sign it, or its time is over."""
         body, _, signature = cookie.rpartition(".")
         if not hmac.compare_digest(signature.encode(), self._signature(body).encode()):
             return None
         session, sha256, ends = body.split(".")
-        return None if int(ends) <= now or session in self._ended else sha256
+        return None if int(ends) <= now else (session, sha256, float(ends))
 
-    def end(self, cookie: str, now: float) -> None:
-        if self.key_sha256(cookie, now) is None:
-            return
-        session, _, ends = cookie.split(".")[:3]
+    def _has_ended(self, session: str) -> bool:
+        known = self._known.get(session)
+        if known is not None and (known[1] or time.monotonic() - known[0] <= KEY_AGE_S):
+            return known[1]
+        has_ended = self._ended.session_has_ended(session)
+        self._remember(session, has_ended)
+        return has_ended
+
+    def _remember(self, session: str, has_ended: bool) -> None:
         with self._lock:
-            self._ended = {kept: until for kept, until in self._ended.items() if until > now}
-            self._ended[session] = float(ends)
+            if len(self._known) >= KEYS_KEPT:
+                self._known.clear()
+            self._known[session] = (time.monotonic(), has_ended)
 
     def _signature(self, body: str) -> str:
         return hmac.new(self._secret, body.encode("utf-8", "surrogateescape"), hashlib.sha256).hexdigest()
+
+
+class EndedSessions(Protocol):
+    """As much of a store as sessions need."""
+
+    def end_session(self, session: str, until: float, now: float) -> None: ...
+
+    def session_has_ended(self, session: str) -> bool: ...
 
 
 def session_secret(file: Path) -> bytes:

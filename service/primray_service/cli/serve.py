@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import ipaddress
 import os
 import sys
@@ -32,8 +33,20 @@ def serve(
     ] = ("127.0.0.1"),
     port: Annotated[int, typer.Option(metavar="N", help="0: any that is free.", min=0, max=65535)] = 8700,
     data: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DIR|URL",
+            help="What is kept: a folder, or an object store (s3://bucket/prefix, by primray[objects]).",
+            show_default="$PRIMRAY_DATA, or a folder of this user's",
+        ),
+    ] = None,
+    cache: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="What is kept.", show_default="$PRIMRAY_DATA, or a folder of this user's"),
+        typer.Option(
+            metavar="DIR",
+            help="With an object store: what this server works on, and copies.",
+            show_default="$PRIMRAY_CACHE, or a folder of this user's",
+        ),
     ] = None,
     database: Annotated[
         str | None,
@@ -101,9 +114,11 @@ def serve(
     check_networks(webhook_network or [])
     where = executor or os.environ.get("PRIMRAY_EXECUTOR") or by_name.DEFAULT
     ray = check_ray(where, {"--ray-address": ray_address, "--ray-cores": ray_cores, "--ray-label": ray_label})
+    folder, objects = places(data, cache)
     chosen_limits, quotas = limit_options.limits_of(limit or [])
     config = ServeConfig(
-        data=data or default_data(),
+        data=folder,
+        objects=objects,
         host=host,
         port=port,
         database=database or os.environ.get("PRIMRAY_DATABASE") or None,
@@ -130,7 +145,7 @@ def serve(
 def run(config: ServeConfig) -> None:
     from ..server import serve as serve_until_told
 
-    print(f"data in {config.data}", file=sys.stderr, flush=True)
+    print(f"data in {config.objects or config.data}", file=sys.stderr, flush=True)
     with problems_as_errors():
         prepare(config)
         serve_until_told(config)
@@ -149,8 +164,9 @@ def prepare(config: ServeConfig) -> None:
         ) from None
     with opened_store(config.database_url) as store:
         if config.needs_keys and not store.keys():
-            where = f"--data {config.data}" + (" --database ..." if config.database else "")  # which may hold a password
-            print(f"no API key exists yet; make the first: primray keys create {where} --scopes admin", file=sys.stderr)
+            where = "" if config.objects else f"--data {config.data} "
+            where += "--database ... " if config.database else ""  # which may hold a password
+            print(f"no API key exists yet; make the first: primray keys create {where}--scopes admin", file=sys.stderr)
 
 
 def check_networks(networks: list[str]) -> None:
@@ -172,6 +188,20 @@ def check_ray(executor: str, flags: Mapping[str, object]) -> bool:
     if given:
         raise CommandError("usage", f"{', '.join(given)} is for --executor ray", USAGE)
     return False
+
+
+def places(data: str | None, cache: Path | None) -> tuple[Path, str | None]:
+    """The folder, and the URL of the object store if that is what --data, or $PRIMRAY_DATA, names; CommandError."""
+    said = data or os.environ.get("PRIMRAY_DATA") or ""
+    if "://" not in said:
+        if cache is not None:
+            raise CommandError("usage", "--cache is for an object store: --data s3://bucket/prefix", USAGE)
+        return Path(said) if said else default_data(), None
+    if find_spec("fsspec") is None:
+        raise CommandError("objects-missing", f"--data {said} needs the extra `objects`; pip install 'primray[objects]'")
+    named = cache or (Path(os.environ["PRIMRAY_CACHE"]) if os.environ.get("PRIMRAY_CACHE") else None)
+    below = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "primray"
+    return named or below / hashlib.sha256(said.encode()).hexdigest()[:16], said
 
 
 def default_data() -> Path:

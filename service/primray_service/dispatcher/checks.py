@@ -10,6 +10,7 @@ from ..executor.base import Ended
 from ..jobs import Json, Scene
 from ..problems import Problem
 from .chunks import commands, messages
+from .chunks.bringing import bring
 from .chunks.check_run import CheckRun
 from .context import Context
 from .frames import outcomes
@@ -26,6 +27,7 @@ async def check_scene(context: Context, scene: Scene) -> None:
     while True:
         run = None
         try:
+            await bring(context, scene)
             chunk = commands.check_chunk(f"k{ids.ulid(time.time())}", scene, context.data, context.limits)
             run = CheckRun(context.executor, chunk)
             ended = await run.ended()

@@ -7,10 +7,12 @@ import logging
 import os
 import socket
 from collections.abc import Callable
+from dataclasses import asdict
 
 from ..executor.base import Executor
 from ..files import DataDirectory
 from ..ids import ulid
+from ..jobs import Json
 from ..limits import Limits, Quotas
 from ..store.base import Store
 from ..waiting.rates import Rates
@@ -38,7 +40,7 @@ class Dispatcher:
         quotas_of: Callable[[str], Quotas],
     ) -> None:
         self.metrics = Metrics()
-        self.rates = Rates()
+        self.rates = Rates(store.work_seconds)
         self._store = store
         self._executor = executor
         self._data = data
@@ -58,7 +60,8 @@ class Dispatcher:
     async def run(self) -> None:
         """Until `stop`: hold the lease when it can be had, and work."""
         self._loop = asyncio.get_running_loop()
-        self._lease = lease = Lease(self._store, f"{socket.gethostname()}/{os.getpid()}/{ulid(0.0)[10:]}")
+        holder = f"{socket.gethostname()}/{os.getpid()}/{ulid(0.0)[10:]}"
+        self._lease = lease = Lease(self._store, holder, self._about)
         try:
             while not self._stopping.is_set():
                 if await self._has(lease):
@@ -112,13 +115,36 @@ class Dispatcher:
         except TimeoutError:
             return
 
+    def _about(self) -> Json:
+        """What other servers are told of this one while it dispatches."""
+        health = self._executor.health()
+        return {"executor": asdict(self._executor.capacity()), "sandbox": health.get("sandbox", {}), "ok": bool(health["ok"])}
+
     def wake(self) -> None:
-        """Something was queued or is to be canceled; from any thread."""
-        self._in_loop(lambda: self._scheduler.wake() if self._scheduler is not None else None)
+        """Something was queued or is to be canceled; from any thread. Another server may be the one that dispatches."""
+        self._do_or_tell({"do": "wake"})
 
     def ask_preview(self, job_id: str, frame: int) -> None:
         """Somebody looks at this frame: its worker is to write previews; from any thread."""
-        self._in_loop(lambda: self._scheduler.ask_preview(job_id, frame) if self._scheduler is not None else None)
+        self._do_or_tell({"do": "preview", "job": job_id, "frame": frame})
+
+    def told(self, words: Json) -> None:
+        """By another server; from any thread."""
+        self._in_loop(lambda: self._do(words))
+
+    def _do_or_tell(self, words: Json) -> None:
+        if self._scheduler is None:
+            self._store.tell(words)
+        else:
+            self.told(words)
+
+    def _do(self, words: Json) -> None:
+        if self._scheduler is None:
+            return
+        if words.get("do") == "wake":
+            self._scheduler.wake()
+        elif words.get("do") == "preview":
+            self._scheduler.ask_preview(str(words["job"]), int(words["frame"]))
 
     def _in_loop(self, work: Callable[[], None]) -> None:
         if self._loop is not None and not self._loop.is_closed():

@@ -1,13 +1,15 @@
 """Holding the store's lease: who has it dispatches. A holder that could not renew it in time stops before another can begin,
-by the monotonic clock, which nobody sets."""
+by the monotonic clock, which nobody sets; whether its time is over is seen by the database's clock, which all servers share."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
+from ..jobs import Json
 from ..store.base import Lost, Store
 
 TTL_S = 5.0
@@ -21,9 +23,10 @@ LOG = logging.getLogger(__name__)
 class Lease:
     """One hold of the lease, from `acquire` until `keep` returns."""
 
-    def __init__(self, store: Store, holder: str) -> None:
+    def __init__(self, store: Store, holder: str, about: Callable[[], Json] = dict) -> None:
         self._store = store
         self._holder = holder
+        self._about = about  # what the others are told of the holder
         # A renewal must not wait for the calls of others.
         self._thread = ThreadPoolExecutor(1, "dispatcher-lease")
         self._until = 0.0
@@ -46,7 +49,7 @@ class Lease:
             await self.release()
         asked = time.monotonic()
         loop = asyncio.get_running_loop()
-        fence = await loop.run_in_executor(self._thread, self._store.acquire_lease, self._holder, time.time(), TTL_S)
+        fence = await loop.run_in_executor(self._thread, self._acquire, self._about())
         if fence is None:
             return False
         self.fence, self._until, self._reached_at = fence, asked + TTL_S, asked
@@ -75,7 +78,7 @@ class Lease:
         assert self.fence is not None
         asked = time.monotonic()
         loop = asyncio.get_running_loop()
-        renewal = loop.run_in_executor(self._thread, self._store.renew_lease, self.fence, time.time(), TTL_S)
+        renewal = loop.run_in_executor(self._thread, self._renew, self.fence, self._about())
         try:
             await asyncio.wait_for(renewal, max(self._left(), 0.0))
         except Lost:
@@ -90,6 +93,12 @@ class Lease:
             self._until, self._reached_at = asked + TTL_S, asked
             return True
         return False
+
+    def _acquire(self, about: Json) -> int | None:
+        return self._store.acquire_lease(self._holder, self._store.clock(), TTL_S, about)
+
+    def _renew(self, fence: int, about: Json) -> None:
+        self._store.renew_lease(fence, self._store.clock(), TTL_S, about)
 
     async def release(self) -> None:
         """For another to take it at once; that it fails does no harm, as the lease runs out."""

@@ -12,9 +12,8 @@ from pathlib import Path
 
 from ..files import DataDirectory
 from ..jobs import TERMINAL
-from ..scenes import keep
+from ..scenes import keep, shared
 from ..store.base import Conflict
-from .chunks import adoption
 from .context import Context
 
 LOG = logging.getLogger(__name__)
@@ -70,7 +69,7 @@ class Retention:
             await context.calls.store(context.store.delete_job, job_id)
         except Conflict:
             return False
-        await context.calls.disk(adoption.remove_job, context.data, job_id)
+        await context.calls.disk(context.data.remove_job, job_id)
         context.metrics.jobs_deleted += 1
         return True
 
@@ -88,8 +87,17 @@ class Retention:
         context = self._context
         await context.calls.disk(keep.sweep, context.store, context.data)
         for name in await context.calls.disk(_job_folders, context.data, time.time() - YOUNG_S):
-            if await context.calls.store(context.store.job, name) is None:
-                await context.calls.disk(adoption.remove_job, context.data, name)
+            await self._remove_without_row(name)
+        objects = context.data.objects
+        if objects is not None:
+            await context.calls.disk(shared.sweep, context.store, context.data)
+            for name in await context.calls.disk(objects.folders, "jobs"):  # a row is older than what it names
+                await self._remove_without_row(name)
+
+    async def _remove_without_row(self, name: str) -> None:
+        context = self._context
+        if await context.calls.store(context.store.job, name) is None:
+            await context.calls.disk(context.data.remove_job, name)
 
     async def make_room(self) -> None:
         """A checkpoint of a frame that has ended saves time if its job is continued; nothing else depends on it."""
@@ -101,7 +109,7 @@ class Retention:
         for path in await context.calls.disk(_checkpoints, context.data):
             job = await context.calls.store(context.store.job, path.parents[2].name)
             if job is not None and job.state in TERMINAL:
-                await context.calls.disk(adoption.remove, path)
+                await context.calls.disk(path.unlink, True)  # here; what servers share has room
                 if await context.calls.disk(context.data.free_bytes) >= wanted:
                     return
 

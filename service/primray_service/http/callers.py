@@ -30,7 +30,7 @@ async def caller_of_request(request: Request) -> Caller:
 
 
 async def _caller_of(request: Request) -> Caller:
-    sha256 = _key_sha256(request)
+    sha256 = await _key_sha256(request)
     if sha256 is None:
         if service_of(request).config.needs_keys:
             raise unauthenticated("Send a key: Authorization: Bearer <key>.")
@@ -42,7 +42,7 @@ async def _caller_of(request: Request) -> Caller:
     return caller_of(key, time.time())
 
 
-def _key_sha256(request: Request) -> str | None:
+async def _key_sha256(request: Request) -> str | None:
     """Of the key that was sent, or that the session stands for; a key that was sent counts more."""
     header = request.headers.get("authorization")
     if header is not None:
@@ -54,7 +54,10 @@ def _key_sha256(request: Request) -> str | None:
     if cookie is None:
         return None
     sessions: Sessions = request.app.state.sessions
-    sha256 = sessions.key_sha256(cookie, time.time())
+    if sessions.is_known(cookie):
+        sha256 = sessions.key_sha256(cookie, time.time())
+    else:
+        sha256 = await run_in_threadpool(sessions.key_sha256, cookie, time.time())
     if sha256 is None and service_of(request).config.needs_keys:
         raise unauthenticated("The session has ended; send the key again.")
     return sha256

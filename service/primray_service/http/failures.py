@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable
 
+import structlog
 from fastapi import APIRouter, FastAPI, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.exceptions import RequestValidationError
@@ -12,11 +13,14 @@ from fastapi.routing import APIRoute
 from starlette.exceptions import HTTPException
 
 from ..access.quotas import exceeded
+from ..objects import ObjectStoreFailed
 from ..problems import Problem
 from ..store.base import QuotaExceeded, Unavailable
 from .answers import problem_answer
 from .callers import caller_of_request, service_of
 from .guard import request_id_of
+
+log = structlog.get_logger("primray.http")
 
 
 class MethodsByPath:
@@ -33,6 +37,7 @@ def add_handlers(app: FastAPI) -> None:
     app.add_exception_handler(Problem, _of_problem)
     app.add_exception_handler(QuotaExceeded, _of_quota)
     app.add_exception_handler(Unavailable, _of_unavailable)
+    app.add_exception_handler(ObjectStoreFailed, _of_object_store)
     app.add_exception_handler(RequestValidationError, _of_validation)
     app.add_exception_handler(HTTPException, _of_http)
 
@@ -50,6 +55,12 @@ async def _of_quota(request: Request, error: Exception) -> Response:
 
 async def _of_unavailable(request: Request, error: Exception) -> Response:
     problem = Problem("unavailable", "The database does not answer.", headers={"retry-after": "5"})
+    return problem_answer(problem, request_id_of(request))
+
+
+async def _of_object_store(request: Request, error: Exception) -> Response:
+    log.warning("the object store failed", exc_info=error)
+    problem = Problem("unavailable", "The object store does not answer.", headers={"retry-after": "5"})
     return problem_answer(problem, request_id_of(request))
 
 

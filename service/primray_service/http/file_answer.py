@@ -9,22 +9,34 @@ from __future__ import annotations
 import os
 import secrets
 from collections.abc import AsyncIterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import anyio
 from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
 
+from ..objects import Objects, ObjectStoreFailed
 from ..problems import Problem
 from .answers import check_match, none_match
 from .byte_ranges import ByteRange, byte_ranges
 
 PIECE_BYTES = 256 * 1024
+STORED_PIECE_BYTES = 4 * 1024 * 1024  # each is a request to the object store
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A file in an object store."""
+
+    objects: Objects
+    name: str
 
 
 async def file_answer(
     request: Request,
-    path: Path,
+    file: Path | Stored,
     media_type: str,
     etag: str,
     headers: Mapping[str, str],
@@ -39,18 +51,20 @@ async def file_answer(
     if not none_match(request, etag):
         return Response(status_code=304, headers=common)
     try:
-        handle = await anyio.to_thread.run_sync(_open, path)
+        opened = await anyio.to_thread.run_sync(_open, file)
+    except ObjectStoreFailed:
+        raise
     except OSError:
         raise Problem("not-found", "The file is not there.") from None
-    total = os.fstat(handle).st_size
+    total = opened.size
     if exactly not in (None, total):
-        os.close(handle)
+        opened.close()
         raise Problem("unavailable", "The file is being replaced by another version.", headers={"retry-after": "1"})
     if most_bytes is not None:
         total = min(total, most_bytes)
     ranges = byte_ranges(request.headers.get("range"), total) if _may_use_range(request, etag) else None
     if request.method == "HEAD" or ranges == []:
-        os.close(handle)
+        opened.close()
         if request.method == "HEAD":
             return Response(status_code=200, headers={**common, "content-length": str(total), "content-type": media_type})
         raise Problem(
@@ -58,17 +72,17 @@ async def file_answer(
         )
     if ranges is None:
         whole = [(b"", ByteRange(0, total))]
-        return _stream(handle, whole, b"", 200, {**common, "content-type": media_type})
+        return _stream(opened, whole, b"", 200, {**common, "content-type": media_type})
     if len(ranges) == 1:
         more = {"content-type": media_type, "content-range": ranges[0].content_range(total)}
-        return _stream(handle, [(b"", ranges[0])], b"", 206, {**common, **more})
+        return _stream(opened, [(b"", ranges[0])], b"", 206, {**common, **more})
     boundary = secrets.token_hex(16)
     parts = [
         (f"\r\n--{boundary}\r\nContent-Type: {media_type}\r\nContent-Range: {r.content_range(total)}\r\n\r\n".encode(), r)
         for r in ranges
     ]
     end = f"\r\n--{boundary}--\r\n".encode()
-    return _stream(handle, parts, end, 206, {**common, "content-type": f"multipart/byteranges; boundary={boundary}"})
+    return _stream(opened, parts, end, 206, {**common, "content-type": f"multipart/byteranges; boundary={boundary}"})
 
 
 def _may_use_range(request: Request, etag: str) -> bool:
@@ -77,36 +91,86 @@ def _may_use_range(request: Request, etag: str) -> bool:
     return request.method == "GET" and (if_range is None or if_range.strip() == etag)
 
 
-def _open(path: Path) -> int:
-    return os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+class Opened(Protocol):
+    """A file that is being answered; `piece_bytes`: read at a time."""
+
+    size: int
+    piece_bytes: int
+
+    def read(self, size: int, at: int) -> bytes: ...
+
+    def close(self) -> None: ...
 
 
-def _stream(handle: int, parts: list[tuple[bytes, ByteRange]], end: bytes, status: int, headers: Mapping[str, str]) -> Response:
+class _Here:
+    piece_bytes = PIECE_BYTES
+
+    def __init__(self, path: Path) -> None:
+        self._handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+        self.size = os.fstat(self._handle).st_size
+        self._is_open = True
+
+    def read(self, size: int, at: int) -> bytes:
+        return os.pread(self._handle, size, at)
+
+    def close(self) -> None:
+        if self._is_open:
+            self._is_open = False
+            os.close(self._handle)
+
+    def __del__(self) -> None:
+        self.close()
+
+
+class _Stored:
+    piece_bytes = STORED_PIECE_BYTES
+
+    def __init__(self, file: Stored) -> None:
+        self._file = file
+        self.size = file.objects.size(file.name)
+
+    def read(self, size: int, at: int) -> bytes:
+        return self._file.objects.read(self._file.name, at, at + size)
+
+    def close(self) -> None:
+        return
+
+
+def _open(file: Path | Stored) -> Opened:
+    return _Stored(file) if isinstance(file, Stored) else _Here(file)
+
+
+def _stream(
+    opened: Opened, parts: list[tuple[bytes, ByteRange]], end: bytes, status: int, headers: Mapping[str, str]
+) -> Response:
     length = sum(len(before) + part.size for before, part in parts) + len(end)
-    return _FileStream(handle, parts, end, status, {**headers, "content-length": str(length)})
+    return _FileStream(opened, parts, end, status, {**headers, "content-length": str(length)})
 
 
 class _FileStream(StreamingResponse):
     """Closes its file however it ends, even if it never begins to send."""
 
     def __init__(
-        self, handle: int, parts: list[tuple[bytes, ByteRange]], end: bytes, status: int, headers: Mapping[str, str]
+        self, opened: Opened, parts: list[tuple[bytes, ByteRange]], end: bytes, status: int, headers: Mapping[str, str]
     ) -> None:
-        self._file = os.fdopen(handle, "rb", buffering=0)
+        self._opened = opened
         super().__init__(self._pieces(parts, end), status, dict(headers))
 
     async def _pieces(self, parts: list[tuple[bytes, ByteRange]], end: bytes) -> AsyncIterator[bytes]:
-        with self._file:
+        opened = self._opened
+        try:
             for before, part in parts:
                 if before:
                     yield before
                 at = part.begin
                 while at < part.end:
-                    size = min(PIECE_BYTES, part.end - at)
-                    data = await anyio.to_thread.run_sync(os.pread, self._file.fileno(), size, at)
+                    size = min(opened.piece_bytes, part.end - at)
+                    data = await anyio.to_thread.run_sync(opened.read, size, at)
                     if not data:
                         raise OSError("the file became shorter while it was sent")
                     at += len(data)
                     yield data
             if end:
                 yield end
+        finally:
+            opened.close()

@@ -60,7 +60,8 @@ def usage(caller: Reader, service: Serving) -> Response:
 @router.get("/capabilities", **described(answer(account_views.Capabilities)))
 def capabilities(caller: Reader, service: Serving) -> Response:
     """Version, what may be sent, what comes back, and what is allowed of each."""
-    capacity = service.executor.capacity()
+    leading = service.who_leads.now()
+    capacity = leading.capacity
     inputs: list[Json] = [
         {"kind": kind, "media_type": media_type, "suffixes": SUFFIXES[kind]} for kind, media_type in SCENE_TYPES.items()
     ]
@@ -84,6 +85,6 @@ def capabilities(caller: Reader, service: Serving) -> Response:
             "memory_bytes": capacity.memory_bytes,
             "nodes": capacity.nodes,
         },
-        "sandbox": service.executor.health().get("sandbox", {}),
+        "sandbox": leading.sandbox,
     }
     return json_answer(found)

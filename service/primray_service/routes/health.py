@@ -37,12 +37,14 @@ async def alive() -> Response:
     ),
 )
 async def ready(service: Serving) -> Response:
-    """Database, disk, executor and sandbox, each with what is wrong; 503 if one of them is not in order."""
+    """Database, disk, executor and sandbox, each with what is wrong, 503 if one of them is not in order; and which of the
+    servers over the database dispatches."""
     names: dict[str, Callable[[Service], Awaitable[Json]]] = {
         "database": _database,
         "disk": _disk,
         "executor": _executor,
         "sandbox": _sandbox,
+        "dispatcher": _dispatcher,
     }
     found = await asyncio.gather(*(_checked(check, service) for check in names.values()))
     checks = dict(zip(names, found, strict=True))
@@ -73,6 +75,8 @@ async def _database(service: Service) -> Json:
 async def _disk(service: Service) -> Json:
     free = await run_in_threadpool(service.data.free_bytes)
     least = service.limits.free_disk_bytes
+    if service.data.objects is not None:
+        await run_in_threadpool(service.data.objects.check)
     return {"ok": free >= least, "detail": f"{free} bytes are free; {least} are kept free", "free_bytes": free}
 
 
@@ -97,3 +101,16 @@ async def _sandbox(service: Service) -> Json:
         "holds" if found.ok else f"{found.problem or 'does not hold'}{'; waived by --allow-unsandboxed' if is_waived else ''}"
     )
     return {"ok": found.ok or is_waived, "detail": detail, "layers": found.layers, "attempts": found.attempts}
+
+
+LEADS = {
+    "here": "this server dispatches",
+    "elsewhere": "another server dispatches",
+    "nowhere": "no server dispatches now; one that may will within seconds",
+}
+
+
+async def _dispatcher(service: Service) -> Json:
+    """Never a reason to ask another server: what is kept can be read, and what is sent waits."""
+    where = (await run_in_threadpool(service.who_leads.now)).where
+    return {"ok": True, "detail": LEADS[where], "leads": where}

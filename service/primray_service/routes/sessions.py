@@ -54,7 +54,7 @@ async def begin(request: Request, asked: Annotated[SessionRequest, Depends(json_
 @router.delete("", **described(answer(None, 204, "The session, if there was one, has ended.", headers=("Set-Cookie",))))
 async def end(request: Request) -> Response:
     """Log out."""
-    request.app.state.sessions.end(request.cookies.get(COOKIE, ""), time.time())
+    await run_in_threadpool(request.app.state.sessions.end, request.cookies.get(COOKIE, ""), time.time())
     response = Response(status_code=204)
     response.delete_cookie(COOKIE, path="/", httponly=True, samesite="strict")
     return response

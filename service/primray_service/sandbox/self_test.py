@@ -8,13 +8,13 @@ import secrets
 import shutil
 import socket
 import subprocess
-import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from ..held import make_held
 from .layers import layers, works
 from .limits import Budget
 from .spawn import worker_spawn
@@ -39,12 +39,8 @@ class SelfTest:
 
 def self_test(folder: Path, only: frozenset[str] | None = None) -> SelfTest:
     """Blocks for some 0.2 s. `folder`: below the data directory, where slots lie; `only`: fewer layers than stand here."""
-    slot = Path(tempfile.mkdtemp(prefix="self-test-", dir=folder))
-    try:
-        with _targets(slot) as targets:
-            attempts, problem = _run(slot, targets, only)
-    finally:
-        shutil.rmtree(slot, ignore_errors=True)
+    with _slot(folder) as slot, _targets(slot) as targets:
+        attempts, problem = _run(slot, targets, only)
     allowed = sorted(name for name, result in attempts.items() if result == "allowed")
     if problem is None and _LAST not in attempts:
         problem = "it ended before all was tried"
@@ -53,6 +49,25 @@ def self_test(folder: Path, only: frozenset[str] | None = None) -> SelfTest:
     if problem is None and not works(only):
         problem = "neither Landlock nor bubblewrap with seccomp works here"
     return SelfTest(problem is None, layers(), attempts, problem)
+
+
+@contextmanager
+def _slot(folder: Path) -> Iterator[Path]:
+    """A folder with a lock beside it, as slots have: another server that starts would remove it else."""
+    lock, handle = make_held(lambda: _make_lock(folder))
+    slot = folder / f"{lock.stem}-1"
+    try:
+        slot.mkdir(mode=0o700)
+        yield slot
+    finally:
+        shutil.rmtree(slot, ignore_errors=True)
+        lock.unlink(missing_ok=True)
+        os.close(handle)
+
+
+def _make_lock(folder: Path) -> tuple[Path, int]:
+    path = folder / f"selftest{secrets.token_hex(8)}.lock"
+    return path, os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
 
 
 def _run(slot: Path, targets: dict[str, Any], only: frozenset[str] | None) -> tuple[dict[str, str], str | None]:

@@ -9,8 +9,9 @@
     unpack.py         a zip to a folder, counting what comes out
     entries.py        which layers of a package can be its root
     staging.py        folders for uploads under way
+    preparing.py      a staged upload made ready to be kept; the lock of scenes/
     keep.py           from incoming/ to scenes/<hex> and into the store; removal
-
+    shared.py         the same, where servers share an object store; cache.py: the copies that each has of it
     threads.py        blocking work that is always waited for
 
 Nothing here parses USD or decodes an image: that is the worker's check, in its sandbox.

@@ -1,48 +1,32 @@
-"""From a staged file to scenes/<hex> and a row in the store, and back out again.
-
-A folder in scenes/ appears whole, by one rename, after everything in it was synced; the row follows. So a crash leaves at
-worst a folder without a row, which `sweep` removes. A lock on scenes/ keeps an upload from relying on bytes that a removal is
-about to take away; it is a file lock, since several servers may share a data directory.
-"""
+"""From a staged file to scenes/<hex> and a row in the store, and back out again; shared.py: where an object store is shared."""
 
 from __future__ import annotations
 
-import ctypes
-import fcntl
 import json
 import os
 import shutil
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 
 from ..files import DataDirectory, sync
-from ..jobs import Json, Scene, SceneState
+from ..jobs import Json, Scene
 from ..limits import Limits, Quotas
-from ..problems import Problem, problem_of
 from ..store.base import Store
-from .entries import candidates
+from . import shared
+from .preparing import ABOUT, locked, prepare, refuse_as_usdz, scene_row, set_aside
 from .receive import Received
-from .recognize import HEAD_BYTES, called_usdz, recognize, wrong_as_usdz
 from .staging import sweep as sweep_incoming
-from .unpack import unpack
-from .zip_directory import read_directory
-from .zip_names import refuse_names
-
-ABOUT = "about.json"  # what was found while unpacking, for the next tenant who sends the same bytes
-LIBC = ctypes.CDLL(None, use_errno=True)
 
 
 def keep(
     received: Received, tenant: str, store: Store, data: DataDirectory, limits: Limits, quotas: Quotas, now: float
 ) -> tuple[Scene, bool]:
     """The tenant's scene of these bytes, and whether it is new. Blocks: for a thread. Problem for what is refused."""
+    if data.objects is not None:
+        return shared.keep(received, tenant, store, data, data.objects, limits, quotas, now)
     folder = data.scene(received.scene_id)
     staged = received.path.parent
     about: Json | None = None
     while True:
-        with _locked(data):
+        with locked(data):
             if about is not None and not folder.exists():
                 os.rename(staged, folder)
                 sync(data.scenes)
@@ -52,19 +36,22 @@ def keep(
             if folder.exists():
                 about = json.loads((folder / ABOUT).read_text())
                 try:
-                    _refuse_as_usdz(received, about)
-                    return store.put_scene(_scene(received, tenant, about, now), quotas)
+                    refuse_as_usdz(received, about)
+                    return store.put_scene(scene_row(received, tenant, about, now), quotas)
                 except BaseException:
                     if moved:
                         os.rename(folder, staged)
                     raise
-        about = _prepare(received, data, limits)
+        about = prepare(received, data, limits)
 
 
 def remove(scene_id: str, tenant: str, store: Store, data: DataDirectory) -> None:
     """The tenant's row, and the bytes if they are nobody's then. Conflict, KeyError: as Store.delete_scene. Blocks."""
-    with _locked(data):
-        gone = _set_aside(scene_id, data) if store.delete_scene(tenant, scene_id) else None
+    with shared.removing(scene_id, store, data), locked(data):
+        is_nobodys = store.delete_scene(tenant, scene_id)
+        gone = set_aside(scene_id, data) if is_nobodys else None
+        if is_nobodys:
+            shared.remove(scene_id, data)
     if gone is not None:
         shutil.rmtree(gone, ignore_errors=True)
 
@@ -74,85 +61,9 @@ def sweep(store: Store, data: DataDirectory) -> int:
     removed = sweep_incoming(data.incoming)
     ids = [f"sha256:{folder.name}" for folder in data.scenes.iterdir() if len(folder.name) == 64]
     for scene_id in ids:
-        with _locked(data):
-            gone = None if store.has_scene(scene_id) else _set_aside(scene_id, data)
+        with locked(data):
+            gone = None if store.has_scene(scene_id) else set_aside(scene_id, data)
         if gone is not None:
             shutil.rmtree(gone, ignore_errors=True)
             removed += 1
     return removed
-
-
-def _set_aside(scene_id: str, data: DataDirectory) -> Path | None:
-    """Out of scenes/ at once; it may take long to delete."""
-    gone = Path(tempfile.mkdtemp(prefix="gone-", dir=data.incoming))
-    try:
-        os.rename(data.scene(scene_id), gone)
-    except FileNotFoundError:
-        gone.rmdir()
-        return None
-    return gone
-
-
-@contextmanager
-def _locked(data: DataDirectory) -> Iterator[None]:
-    lock = os.open(data.scenes, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(lock)
-
-
-def _prepare(received: Received, data: DataDirectory, limits: Limits) -> Json:
-    """Recognise, unpack, write down what was found, and sync all of it."""
-    staged = received.path.parent
-    with received.path.open("rb") as file:
-        kind: str = recognize(file.read(HEAD_BYTES))
-        about: Json = {"kind": kind, "files": 1, "unpacked_bytes": 0}
-        if kind == "zip":
-            members = read_directory(file, limits)
-            refuse_names(members, limits)
-            wrong = wrong_as_usdz(members)
-            if wrong is None:
-                about["kind"] = "usdz"
-            else:
-                about["no_usdz_because"] = wrong.as_json()
-                _refuse_as_usdz(received, about)
-                paths = [member.name for member in members if not member.is_folder]
-                if not candidates(paths):
-                    raise Problem("not-usd", f"None of the package's {len(paths)} files is a usd, usda, usdc or usdz layer.")
-                unpacked = unpack(file, members, staged / "package", limits, data.free_bytes)
-                about |= {"files": unpacked.files, "unpacked_bytes": unpacked.bytes}
-    (staged / ABOUT).write_text(json.dumps(about))
-    _sync_all(staged)
-    return about
-
-
-def _refuse_as_usdz(received: Received, about: Json) -> None:
-    """A zip that was sent as a usdz, but is none."""
-    if about["kind"] == "zip" and called_usdz(received.media_type, received.name):
-        raise problem_of(about["no_usdz_because"])
-
-
-def _sync_all(folder: Path) -> None:
-    """All files of a folder: one call for the whole file system, since a package may have thousands."""
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        if LIBC.syncfs(handle):  # syncfs(2)
-            raise OSError(ctypes.get_errno(), "syncfs failed")
-    finally:
-        os.close(handle)
-
-
-def _scene(received: Received, tenant: str, about: Json, now: float) -> Scene:
-    return Scene(
-        id=received.scene_id,
-        tenant=tenant,
-        state=SceneState.CHECKING,
-        kind=about["kind"],
-        name=received.name,
-        bytes=received.bytes,
-        stored_bytes=received.bytes + about["unpacked_bytes"],
-        created_at=now,
-        used_at=now,
-    )

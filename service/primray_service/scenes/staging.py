@@ -1,53 +1,86 @@
-"""Folders in incoming/ for uploads under way: locked while in use, so that a dead server's can be told from a living one's."""
+"""Folders in incoming/ for uploads under way, each with a lock beside it that is held while it is in use: so a dead server's
+can be told from a living one's.
+
+The locks are of files that are open for writing: where the data directory is mounted by several machines (NFS), no other lock
+is seen by all of them.
+"""
 
 from __future__ import annotations
 
 import fcntl
 import os
+import secrets
 import shutil
-import tempfile
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 
 from ..files import DataDirectory
 from ..held import make_held
 from .threads import to_the_end
 
+LOCK = ".lock"
+
 
 @asynccontextmanager
 async def staging(data: DataDirectory) -> AsyncIterator[Path]:
     """A new folder, gone at the end unless it was renamed."""
-    folder, lock = await to_the_end(lambda: make_held(lambda: _make(data.incoming)))
+    folder, lock = await to_the_end(lambda: _made(data.incoming))
     try:
         yield folder
     finally:
         await to_the_end(lambda: _discard(folder, lock))
 
 
-def _make(incoming: Path) -> tuple[Path, int]:
-    folder = Path(tempfile.mkdtemp(prefix="upload-", dir=incoming))
-    return folder, os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+@contextmanager
+def staging_here(data: DataDirectory) -> Iterator[Path]:
+    """As `staging`, in this thread."""
+    folder, lock = _made(data.incoming)
+    try:
+        yield folder
+    finally:
+        _discard(folder, lock)
+
+
+def _made(incoming: Path) -> tuple[Path, int]:
+    lock, handle = make_held(lambda: _make_lock(incoming))
+    folder = lock.with_suffix("")
+    folder.mkdir(mode=0o700)
+    return folder, handle
+
+
+def _make_lock(incoming: Path) -> tuple[Path, int]:
+    path = incoming / f"upload-{secrets.token_hex(8)}{LOCK}"
+    return path, os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
 
 
 def _discard(folder: Path, lock: int) -> None:
     shutil.rmtree(folder, ignore_errors=True)
+    folder.with_name(f"{folder.name}{LOCK}").unlink(missing_ok=True)
     os.close(lock)
 
 
 def sweep(incoming: Path) -> int:
     """Remove what nobody holds; tells how many. For the start of a server."""
     removed = 0
-    for folder in incoming.iterdir():
-        try:
-            lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
-        except (NotADirectoryError, FileNotFoundError):
-            continue
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(lock)
-            continue
-        _discard(folder, lock)
-        removed += 1
+    for path in incoming.iterdir():
+        if path.suffix == LOCK:
+            removed += _removed_if_dead(path)
+        elif not path.with_name(f"{path.name}{LOCK}").exists():  # set aside by a server that died then
+            shutil.rmtree(path, ignore_errors=True)
+            removed += 1
     return removed
+
+
+def _removed_if_dead(path: Path) -> bool:
+    try:
+        lock = os.open(path, os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(lock)
+        return False  # its server lives
+    _discard(path.with_suffix(""), lock)
+    return True

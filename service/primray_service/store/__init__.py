@@ -1,6 +1,7 @@
 """The only SQL: what base.py         what the service asks of a store; sql_store.py is that
 database/       schema.py: the tables; rows.py: between them and the service's types; migrations/, migrate.py: how they came
-                about; engine.py: connections, locks, retries; transaction.py: one transaction, its events and sums
+                about; engine.py: connections, locks, retries; transaction.py: one transaction, its events and sums; notices.py:
+                what servers tell each other
 operations/     open_job.py: a job under its lock, every change of one; the others are the operations
 """
 

@@ -8,6 +8,7 @@ has taken over: what was to be written is not.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -78,6 +79,15 @@ class Claim:
 
 
 @dataclass(frozen=True)
+class Leader:
+    """Who dispatches; `about`: what they said of themselves."""
+
+    holder: str
+    expires_in_s: float
+    about: Json
+
+
+@dataclass(frozen=True)
 class WebhookDelivery:
     id: str  # the message's, the same for all tries
     job_id: str
@@ -110,8 +120,22 @@ class Store(Protocol):
     def close(self) -> None: ...
 
     def subscribe(self, on_change: Callable[[str], None]) -> Callable[[], None]:
-        """Call `on_change(job_id)`, from whatever thread, after each commit that changed a job through this store object
-        (other processes' changes are not told); answers a function that ends it."""
+        """Call `on_change(job_id)`, from whatever thread, after each commit that changed a job through this store object, and
+        once it listens through others' too; answers a function that ends it."""
+
+    def listen(self, on_told: Callable[[Json], None]) -> None:
+        """Hear from now on, from whatever thread, of the other servers over this PostgreSQL: subscribers of their changes,
+        `on_told` of what they `tell`. Soon, but not certainly: who depends on it looks from time to time. SQLite tells
+        nobody."""
+
+    def tell(self, words: Json) -> None:
+        """Have the other servers that listen hear these few words; does not wait."""
+
+    def exclusive(self, name: str) -> AbstractContextManager[None]:
+        """While inside, no other thread of any server over this PostgreSQL is inside under this name (SQLite: of this one)."""
+
+    def clock(self) -> float:
+        """The time that all servers over this database agree on, for the lease."""
 
     def create_job(
         self, job: Job, time_codes: Sequence[float | None], quotas: Quotas, idempotency: tuple[str, str] | None = None
@@ -175,16 +199,20 @@ class Store(Protocol):
     ) -> None:
         """Ready, or rejected with a problem; all tenants' rows. Queued jobs of a rejected scene fail with the problem."""
 
-    def acquire_lease(self, holder: str, now: float, ttl_s: float) -> int | None:
+    def acquire_lease(self, holder: str, now: float, ttl_s: float, about: Json | None = None) -> int | None:
         """A fence, larger than all before, if nobody holds the lease or its holder's time is over. Jobs whose frames were
-        running go back to queued (canceling ones with no frame left to run: canceled)."""
+        running go back to queued (canceling ones with no frame left to run: canceled). `about`: what the holder can do, for
+        the others."""
 
-    def renew_lease(self, fence: int, now: float, ttl_s: float) -> None:
-        """Lost if another has it."""
+    def renew_lease(self, fence: int, now: float, ttl_s: float, about: Json | None = None) -> None:
+        """Lost if another has it. `about`: as it is now; None: as before."""
 
     def release_lease(self, fence: int) -> None: ...
 
     def lease_expires_at(self) -> float | None: ...
+
+    def leader(self) -> Leader | None:
+        """Who holds the lease; None if nobody does or their time is over."""
 
     def claim_frame(self, fence: int, now: float, quotas_of: Callable[[str], Quotas]) -> Claim | None:
         """The next frame to run: of jobs by (priority, fewest frames running of that tenant, created), frames in order; only
@@ -199,6 +227,12 @@ class Store(Protocol):
 
     def queue(self, most: int) -> QueueNow:
         """Jobs with frames that could be claimed, of high priority and old ones first, so many at most; and those that run."""
+
+    def note_work(self, fence: int, work: str, seconds: float, now: float, most: int) -> None:
+        """How long a frame of a work takes; of more works than `most` the one noted first is forgotten."""
+
+    def work_seconds(self) -> Mapping[str, float]:
+        """By work, those noted first first."""
 
     def report(
         self, fence: int, frame: Frame, now: float, *, job_changes: Json | None = None, event: tuple[str, Json] | None = None
@@ -274,6 +308,11 @@ class Store(Protocol):
     def keys(self, tenant: str | None = None) -> Sequence[ApiKey]: ...
 
     def revoke_key(self, key_id: str, now: float) -> bool: ...
+
+    def end_session(self, session: str, until: float, now: float) -> None:
+        """It is logged out of, for as long as it could have gone on; who did so before `now` is forgotten."""
+
+    def session_has_ended(self, session: str) -> bool: ...
 
     def usage(self, tenant: str, now: float) -> Usage: ...
 

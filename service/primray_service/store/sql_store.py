@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 
+from ..jobs import Json
 from .database.engine import Database
 from .database.migrate import migrate
 from .operations.claims import Claims
@@ -15,11 +17,13 @@ from .operations.listing import Listing
 from .operations.parts import Parts
 from .operations.queue import Queue
 from .operations.scenes import Scenes
+from .operations.sessions import EndedSessions
 from .operations.usage import Sums
 from .operations.webhooks import Webhooks
+from .operations.work_seconds import WorkSeconds
 
 
-class SqlStore(Jobs, Listing, Frames, Parts, Claims, Queue, Leases, Scenes, Sums, Keys, Webhooks):
+class SqlStore(Jobs, Listing, Frames, Parts, Claims, Queue, WorkSeconds, Leases, Scenes, Sums, Keys, EndedSessions, Webhooks):
     def __init__(self, url: str) -> None:
         super().__init__(Database(url))
 
@@ -34,3 +38,15 @@ class SqlStore(Jobs, Listing, Frames, Parts, Claims, Queue, Leases, Scenes, Sums
 
     def subscribe(self, on_change: Callable[[str], None]) -> Callable[[], None]:
         return self._db.subscribe(on_change)
+
+    def listen(self, on_told: Callable[[Json], None]) -> None:
+        self._db.listen(on_told)
+
+    def tell(self, words: Json) -> None:
+        self._db.tell(words)
+
+    def clock(self) -> float:
+        return self._db.clock()
+
+    def exclusive(self, name: str) -> AbstractContextManager[None]:
+        return self._db.exclusive(name)

@@ -57,8 +57,10 @@ class _Now:
         states = {state.value: float(counts.get(state.value, 0)) for state in JobState}
         yield _gauge("primray_jobs", "Jobs by state, of all tenants.", states, "state")
         yield GaugeMetricFamily("primray_disk_free_bytes", "Where the data are.", value=self._service.data.free_bytes())
-        yield GaugeMetricFamily("primray_executor_slots", "Renders at a time.", value=self._service.executor.capacity().slots)
         dispatcher: DispatcherMetrics | None = getattr(self._service.dispatcher, "metrics", None)
+        leads = dispatcher is not None and dispatcher.holds_lease
+        slots = self._service.executor.capacity().slots if leads else 0
+        yield GaugeMetricFamily("primray_executor_slots", "Renders at a time, on the server that dispatches.", value=slots)
         if dispatcher is not None:
             yield from _of_dispatcher(dispatcher)
 

@@ -57,6 +57,7 @@ class Places:
 
     def _look(self, now: float) -> Mapping[str, Place]:
         queue = self._store.queue(MOST)
+        self._rates.refresh()
         running: Counter[str] = Counter()
         for job, frames in queue.active:
             running[job.tenant] += frames

@@ -40,6 +40,7 @@ ONE_PLACE = {
     f"{USD}/querying/time_varying.py": frozenset(TIMES.split()),
 }
 RAY = (f"{SERVICE}/executor/ray/driver", f"{SERVICE}/executor/ray/node")
+OBJECTS = {"fsspec", "s3fs", "boto3", "botocore"}
 SQL = {"sqlalchemy", "alembic", "sqlite3", "psycopg"}
 
 Gate = Callable[[PurePosixPath, str], Iterator[str]]
@@ -93,6 +94,8 @@ def one_gate_per_dependency(path: PurePosixPath, text: str) -> Iterator[str]:
                 yield f"imports {root} outside server.py and live/server.py"
             if root == "ray" and not any(is_under(path, folder) for folder in RAY):
                 yield "imports ray outside executor/ray/driver and executor/ray/node: the server has no Ray in its process"
+            if root in OBJECTS and path != PurePosixPath(f"{SERVICE}/objects.py"):
+                yield f"imports {root} outside objects.py"
             if root in SQL and not is_under(path, f"{SERVICE}/store"):
                 yield f"imports {root} outside store/"
     if is_under(path, "renderer/core") and path.suffix in (".cpp", ".hpp", ".h"):

@@ -17,7 +17,7 @@ from primray_service.executor.base import Executor
 from primray_service.files import DataDirectory
 from primray_service.jobs import TERMINAL, Event, Frame, Job, JobState, Json, Output, Scene, SceneState
 from primray_service.limits import Limits, Quotas
-from primray_service.scenes.keep import _locked
+from primray_service.scenes.preparing import locked
 from primray_service.store import open_store
 from primray_service.store.base import Store
 
@@ -78,7 +78,7 @@ def put_scene(store: Store, data: DataDirectory, body: bytes, tenant: str, *, re
     now = time.time()
     state = SceneState.READY if ready else SceneState.CHECKING
     scene = Scene(scene_id, tenant, state, "usda", "scene.usda", len(body), len(body), now, now)
-    with _locked(data):  # or the sweep of a dispatcher that begins would take its files away
+    with locked(data):  # or the sweep of a dispatcher that begins would take its files away
         folder = data.scene(scene_id)
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "upload").write_bytes(body)

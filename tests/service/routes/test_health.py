@@ -30,7 +30,7 @@ def test_a_server_in_order_is_alive_and_ready(client: Any) -> None:
     assert response.status_code == 200, response.text
     found = response.json()
     assert found["status"] == "ready"
-    assert set(found["checks"]) == {"database", "disk", "executor", "sandbox"}
+    assert set(found["checks"]) == {"database", "disk", "executor", "sandbox", "dispatcher"}
     assert all(check["ok"] for check in found["checks"].values())
     sandbox = found["checks"]["sandbox"]
     assert sandbox["layers"]["landlock"] == "on" or sandbox["layers"]["bubblewrap"] == "on"

@@ -166,6 +166,11 @@ OPERATIONS: dict[str, tuple[Step, Step]] = {
     "expire": (claimed, lambda w: w.store.expire(w.fence, T0 + 1e6, 10)),
     "create_key": (ready, lambda w: w.store.create_key(KEY)),
     "revoke_key": (lambda w: w.store.create_key(KEY), lambda w: w.store.revoke_key(KEY.id, w.now)),
+    "note_work": (
+        lambda w: w.store.note_work(w.fence, "a", 1.0, T0, 2),
+        lambda w: w.store.note_work(w.fence, "a", 2.0, w.now, 2),
+    ),
+    "end_session": (ready, lambda w: w.store.end_session("s", w.now + 10, w.now)),
     "webhook_tried": (
         ended,
         lambda w: w.store.webhook_tried(w.fence, due(w), state="due", next_at=w.now + 60, error="503"),

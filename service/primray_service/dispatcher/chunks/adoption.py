@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import shutil
 import time
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
@@ -41,9 +40,9 @@ def part_file(first: int, number: int, frame: int, chunk_id: str) -> str:
     return f"frames/{frame}/part-{first}-{number}-{chunk_id}.prc"
 
 
-def missing(folder: Path, names: Iterable[str]) -> set[str]:
+def missing(data: DataDirectory, folder: Path, names: Iterable[str]) -> set[str]:
     """Of files that rows name, those that are not there any more."""
-    return {name for name in names if not (folder / name).is_file()}
+    return {name for name in names if not data.has(folder / name)}
 
 
 def _why(error: ValueError | FileNotFoundError) -> str:
@@ -51,14 +50,16 @@ def _why(error: ValueError | FileNotFoundError) -> str:
     return (error.strerror or "the file is not there") if isinstance(error, OSError) else str(error)
 
 
-def adopt_checkpoint(source: Path, target: Path, most_bytes: int) -> int:
+def adopt_checkpoint(data: DataDirectory, source: Path, target: Path, most_bytes: int) -> int:
     try:
-        return adopt(source, target, most_bytes)
+        size = adopt(source, target, most_bytes)
     except (ValueError, FileNotFoundError) as error:
         raise NotAdopted(_why(error)) from error
+    data.share(target)
+    return size
 
 
-def adopt_preview(source: Path, folder: Path) -> bool:
+def adopt_preview(data: DataDirectory, source: Path, folder: Path) -> bool:
     """False if a newer one has taken its place, whose message follows."""
     try:
         adopt(source, folder / PREVIEW, PREVIEW_BYTES)
@@ -66,6 +67,7 @@ def adopt_preview(source: Path, folder: Path) -> bool:
         return False
     except ValueError as error:
         raise NotAdopted(_why(error)) from error
+    data.share(folder / PREVIEW)
     return True
 
 
@@ -91,8 +93,12 @@ def adopt_outputs(
     return found
 
 
-def publish_new(kept: Path, target: Path) -> bool:
+def publish_new(data: DataDirectory, kept: Path, target: Path) -> bool:
     """Give an adopted file its name; False if there is a file of that name."""
+    if data.objects is not None:
+        data.objects.put(kept, data.name_of(target))  # if there is one, it has these very bytes
+        kept.unlink()
+        return True
     target.parent.mkdir(parents=True, exist_ok=True)
     try:
         os.link(kept, target)
@@ -106,37 +112,27 @@ def publish_over(kept: Path, target: Path) -> None:
     os.replace(kept, target)
 
 
-def published(folder: Path) -> None:
+def published(data: DataDirectory, folder: Path) -> None:
     """The names in the folder are on the disk."""
-    sync(folder)
-
-
-def remove(path: Path) -> None:
-    path.unlink(missing_ok=True)
+    if data.objects is None:
+        sync(folder)
 
 
 def tidy_frame(data: DataDirectory, job_id: str, number: int, keep: Collection[str]) -> None:
     """Remove what chunks that died left in a frame's folder: all but its checkpoints (`keep`, by their names in the job's
     folder), preview and log."""
     folder = data.frame(job_id, number)
-    if not folder.is_dir():
-        return
-    for path in folder.iterdir():
-        if path.name not in (PREVIEW, LOG) and f"frames/{number}/{path.name}" not in keep:
-            remove(path)
+    data.remove_below(folder, {folder / PREVIEW, folder / LOG} | {data.job(job_id) / name for name in keep if name})
 
 
-def remove_job(data: DataDirectory, job_id: str) -> None:
-    shutil.rmtree(data.job(job_id), ignore_errors=True)
-
-
-def remove_outputs(folder: Path, names: Iterable[str]) -> None:
-    for name in names:
-        remove(folder / name)
-
-
-def append_log(path: Path, title: str, text: str | Path, most_bytes: int) -> None:
+def append_log(data: DataDirectory, path: Path, title: str, text: str | Path, most_bytes: int) -> None:
     """Add a run's log, or what is in that file, to the frame's; of more than so many bytes the beginning goes."""
+    data.bring_newest(path)
+    _append(path, title, text, most_bytes)
+    data.share(path)
+
+
+def _append(path: Path, title: str, text: str | Path, most_bytes: int) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     if isinstance(text, Path):
         with open(text, "rb") as file:

@@ -70,9 +70,11 @@ class RunCompletion:
         warning = target_warning(self.frame, result, len(self.shared.totals))
         state = FrameState.CANCELED if canceling else FrameState.SUCCEEDED
         await self._end(state, outputs=outputs, result=result, warnings=[] if warning is None or canceling else [warning])
-        await self.context.calls.disk(
-            adoption.remove_outputs, self.context.data.outputs(self.job.id), [name for name in earlier if name not in names]
-        )
+        for row in earlier:
+            if row.name not in names:
+                await self.context.calls.disk(
+                    self.context.data.remove, self.context.data.output(self.job.id, row.name, row.sha256)
+                )
         self.context.metrics.end_frame.observe(time.monotonic() - began)
         return None
 
@@ -86,7 +88,7 @@ class RunCompletion:
         if frame.kills > 1:
             await asyncio.sleep(min(FIRST_PAUSE_S * 2.0 ** (frame.kills - 2), LONGEST_PAUSE_S))
         if outcome.drop_checkpoint and frame.checkpoint_file:
-            await context.calls.disk(adoption.remove, context.data.job(self.job.id) / frame.checkpoint_file)
+            await context.calls.disk(context.data.remove, context.data.job(self.job.id) / frame.checkpoint_file)
         async with self.shared.lock:
             context.metrics.restarts[outcome.why] += 1
             waiting = replace(frame, state=FrameState.QUEUED, phase="")
@@ -94,12 +96,12 @@ class RunCompletion:
             job = await context.calls.store(context.store.requeue_frame, context.fence, frame, time.time())
         self.is_over = job.state in TERMINAL
 
-    async def _earlier_outputs(self) -> list[str]:
+    async def _earlier_outputs(self) -> list[Output]:
         """Of earlier attempts: their rows go when the frame ends, their files after that."""
         if self.job.attempt == 1:
             return []
         rows = await self.context.calls.store(self.context.store.outputs, self.job.id)
-        return [row.name for row in rows if row.frame == self.frame.number]
+        return [row for row in rows if row.frame == self.frame.number]
 
     async def _adopt(self, done: Done) -> list[Output]:
         context, job, frame = self.context, self.job, self.frame
@@ -118,12 +120,14 @@ class RunCompletion:
         outputs, now = [], time.time()
         folder = context.data.outputs(job.id)
         for made, kept in adopted:
-            if not await context.calls.disk(adoption.publish_new, kept, folder / made.name):
+            target = context.data.output(job.id, made.name, made.sha256)
+            if not await context.calls.disk(adoption.publish_new, context.data, kept, target):
                 # A server that died left it before its row was written; or one that has the lease now has been here.
-                await context.calls.store(context.store.renew_lease, context.fence, time.time(), TTL_S)
-                await context.calls.disk(adoption.publish_over, kept, folder / made.name)
+                now = await context.calls.store(context.store.clock)
+                await context.calls.store(context.store.renew_lease, context.fence, now, TTL_S)
+                await context.calls.disk(adoption.publish_over, kept, target)
             outputs.append(Output(job.id, made.name, frame.number, made.bytes, made.sha256, made.media_type, now))
-        await context.calls.disk(adoption.published, folder)
+        await context.calls.disk(adoption.published, context.data, folder)
         return outputs
 
     async def _end(
@@ -176,7 +180,8 @@ class RunCompletion:
         title = f"attempt {self.frame.attempt}, chunk {self.run.chunk.id}: {how}; {became}"
         try:
             text = self.ended.log if self.ended.log_file is None else self.ended.log_file
-            await self.context.calls.disk(adoption.append_log, path, title, text, self.context.limits.log_bytes)
+            limits, data = self.context.limits, self.context.data
+            await self.context.calls.disk(adoption.append_log, data, path, title, text, limits.log_bytes)
         except OSError:
             self.context.disk_is_full = True
 

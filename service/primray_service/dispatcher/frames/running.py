@@ -16,7 +16,9 @@ from ...executor.base import Ended
 from ...jobs import TERMINAL, Frame, FrameState, Job, JobState
 from ...problems import Problem
 from ...store.base import Claim
+from ...waiting.rates import MOST
 from ..chunks import adoption, commands
+from ..chunks.bringing import bring
 from ..chunks.chunk_run import ChunkRun
 from ..chunks.messages import Checkpoint
 from ..context import Context
@@ -149,8 +151,9 @@ class RunningFrame:
         # Its process is gone, so that another can begin: while this one's outputs are adopted, and, if it has given way,
         # before it waits again itself, or it would be first in the queue.
         self.has_slot = False
+        noted = None
         if isinstance(outcome, Picture) and not self.is_canceling and self._taken is None:  # else others had a part
-            self._context.rates.note(self.job, asyncio.get_running_loop().time() - self._claimed_at)
+            noted = self._context.rates.note(self.job, asyncio.get_running_loop().time() - self._claimed_at)
         await self._on_free()
         shared = await reading
         try:
@@ -158,6 +161,8 @@ class RunningFrame:
                 await self._settle(shared, ended, outcome)
         finally:
             await self._close()
+        if noted is not None:
+            await self._context.calls.store(self._context.store.note_work, self._context.fence, *noted, time.time(), MOST)
 
     async def _render(self, reading: asyncio.Task[SharedJob], *, picture_only: bool) -> tuple[Ended | None, Outcome]:
         """Run a chunk of the frame to its end, and what becomes of the frame; no `Ended` where there was no chunk."""
@@ -198,6 +203,7 @@ class RunningFrame:
         try:
             if scene is None:
                 raise Problem("internal", "The scene is not on the server any more; upload it again.")
+            await bring(context, scene, job.id, (frame.checkpoint_file,))
             chunk_id = f"c{ids.ulid(time.time())}"
             capacity = context.executor.capacity()
             chunk = commands.render_chunk(chunk_id, job, frame, scene, context.data, capacity, context.limits, asked)
@@ -259,7 +265,9 @@ class RunningFrame:
         folder = context.data.job(self.job.id)
         source = run.handle.folder / message.file
         try:
-            await context.calls.disk(adoption.adopt_checkpoint, source, folder / name, context.limits.output_bytes)
+            await context.calls.disk(
+                adoption.adopt_checkpoint, context.data, source, folder / name, context.limits.output_bytes
+            )
         except adoption.NotAdopted:
             run.kill("not-believed")
             return
@@ -280,7 +288,7 @@ class RunningFrame:
             merged=self._merged,
         )
         if not accepted:
-            await context.calls.disk(adoption.remove, folder / name)
+            await context.calls.disk(context.data.remove, folder / name)
             self.kill("gone")
             return
         context.metrics.checkpoints += 1
@@ -291,7 +299,7 @@ class RunningFrame:
         taken = replace(frame, checkpoint=message.number, checkpoint_file=name, merged=self._merged, crashes=0, kills=0)
         self.frame = replace(taken, progress=progress)
         if older and older != name:
-            await context.calls.disk(adoption.remove, folder / older)
+            await context.calls.disk(context.data.remove, folder / older)
 
     @property
     def _merged(self) -> int:
@@ -305,7 +313,7 @@ class RunningFrame:
         context = self._context
         folder = context.data.frame(self.job.id, self.frame.number)
         try:
-            taken = await context.calls.disk(adoption.adopt_preview, run.handle.folder / preview.file, folder)
+            taken = await context.calls.disk(adoption.adopt_preview, context.data, run.handle.folder / preview.file, folder)
         except adoption.NotAdopted:
             run.kill("not-believed")
             return

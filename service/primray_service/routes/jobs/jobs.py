@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import re
-import shutil
 import time
 from collections.abc import Callable
 from typing import Annotated, Literal
@@ -321,5 +320,5 @@ def removed(service: Service, job_id: str) -> bool:
         return False
     except KeyError:
         pass  # somebody else removed it in between
-    shutil.rmtree(service.data.job(job_id), ignore_errors=True)
+    service.data.remove_job(job_id)
     return True

@@ -9,6 +9,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 
+from ...files import DataDirectory
 from ...http.callers import Reader, Serving
 from ...http.described import answer, described
 from ...http.file_answer import file_answer
@@ -42,7 +43,7 @@ async def log(
     if await run_in_threadpool(service.store.frame, job_id, frame) is None:
         raise Problem("not-found", f"The job has no frame {frame}.")
     path = service.data.frame(job_id, frame) / FILE
-    size, etag = await run_in_threadpool(_state, path)
+    size, etag = await run_in_threadpool(_state, service.data, path)
     headers = {
         "cache-control": "private, no-cache",
         "content-security-policy": "default-src 'none'; sandbox",
@@ -53,8 +54,9 @@ async def log(
     return await file_answer(request, path, "text/plain; charset=utf-8", etag, headers, most_bytes=size)
 
 
-def _state(path: Path) -> tuple[int, str]:
+def _state(data: DataDirectory, path: Path) -> tuple[int, str]:
     """Its size, and an ETag for what it holds up to there: it only grows, or is another file."""
+    data.bring_newest(path)
     try:
         found = os.lstat(path)
     except FileNotFoundError:

@@ -13,7 +13,7 @@ from ...api.job_json import time_text
 from ...http.answers import json_answer
 from ...http.callers import Reader, Serving
 from ...http.described import answer, described
-from ...http.file_answer import file_answer
+from ...http.file_answer import Stored, file_answer
 from ...jobs import Json, Output
 from ...problems import Problem
 from ...scenes.digests import sha256_header
@@ -61,8 +61,10 @@ async def output(
         "content-security-policy": "default-src 'none'; sandbox",
         "repr-digest": sha256_header(row.sha256),
     }
-    path = service.data.outputs(job_id) / row.name
-    return await file_answer(request, path, row.media_type, f'"{row.sha256}"', headers, exactly=row.bytes)
+    path = service.data.output(job_id, row.name, row.sha256)
+    objects = service.data.objects
+    file = path if objects is None else Stored(objects, service.data.name_of(path))
+    return await file_answer(request, file, row.media_type, f'"{row.sha256}"', headers, exactly=row.bytes)
 
 
 def _row(service: Serving, caller: Reader, job_id: str, name: str) -> Output:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response
@@ -63,7 +64,7 @@ async def preview(
     if row.state is FrameState.RUNNING:
         service.dispatcher.ask_preview(job_id, row.number)
     path = service.data.frame(job_id, row.number) / FILE
-    found_revision = await run_in_threadpool(revision, path)
+    found_revision = await run_in_threadpool(_newest, service, path)
     if found_revision is None:
         raise _none_yet(row)
     asked = PictureRequest(view, channel, exposure, format, width)
@@ -75,6 +76,11 @@ async def preview(
         return Response(status_code=304, headers={"etag": etag, **headers})
     made = await service.pictures.picture(path, found_revision, asked)
     return Response(made.data, 200, {"etag": etag, **headers, **made.headers}, media_type=made.media_type)
+
+
+def _newest(service: Service, path: Path) -> str | None:
+    service.data.bring_newest(path)
+    return revision(path)
 
 
 def _frame(service: Service, caller: Caller, job_id: str, number: int | None) -> Frame:

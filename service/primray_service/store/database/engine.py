@@ -8,6 +8,7 @@ broken connection ended is tried again; whether its commit arrived is not known 
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import random
 import sqlite3
@@ -21,7 +22,9 @@ from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 
+from ...jobs import Json
 from ..base import Unavailable
+from .notices import Notices
 from .transaction import Transaction
 
 T = TypeVar("T")
@@ -69,7 +72,9 @@ class Database:
         self.url = engine_url(url)
         self.is_sqlite = self.url.get_backend_name() == "sqlite"
         self._turn = threading.Lock()  # of SQLite's writers
+        self._exclusive = threading.RLock()
         self._subscribers: list[Callable[[str], None]] = []
+        self._notices: Notices | None = None
         if self.is_sqlite:
             self._writer = _sqlite_engine(self.url, begin="BEGIN IMMEDIATE", connections=1)
             self._reader = _sqlite_engine(self.url, begin="BEGIN", connections=16)
@@ -78,6 +83,8 @@ class Database:
             self._reader = self._writer.execution_options(isolation_level="AUTOCOMMIT")
 
     def close(self) -> None:
+        if self._notices is not None:
+            self._notices.close()
         self._reader.dispose()
         self._writer.dispose()
 
@@ -91,6 +98,35 @@ class Database:
             self._subscribers = [one for one in self._subscribers if one is not called]
 
         return end
+
+    def listen(self, on_told: Callable[[Json], None]) -> None:
+        """Once: subscribers hear of other servers' changes too from now on, and `on_told` of what they tell."""
+        if not self.is_sqlite:
+            self._notices = Notices(self._writer, self._tell_subscribers, on_told)
+
+    def tell(self, words: Json) -> None:
+        if self._notices is not None:
+            self._notices.tell(words)
+
+    @contextmanager
+    def exclusive(self, name: str) -> Iterator[None]:
+        if self.is_sqlite:
+            with self._exclusive:
+                yield
+            return
+        key = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "big", signed=True)
+        with self._reader.connect() as connection:
+            connection.exec_driver_sql("SELECT pg_advisory_lock(%s)", (key,))
+            try:
+                yield
+            finally:
+                connection.exec_driver_sql("SELECT pg_advisory_unlock(%s)", (key,))
+
+    def clock(self) -> float:
+        """Seconds since 1970 as all servers over this database have them, however their own clocks are set."""
+        if self.is_sqlite:
+            return time.time()
+        return self.read(lambda db: float(db.exec_driver_sql("SELECT extract(epoch FROM clock_timestamp())").scalar_one()))
 
     def read(self, work: Callable[[Connection], T]) -> T:
         def once(_: T | None) -> T:
@@ -129,6 +165,11 @@ class Database:
         return answer
 
     def _tell(self, job_id: str) -> None:
+        if self._notices is not None:
+            self._notices.changed(job_id)
+        self._tell_subscribers(job_id)
+
+    def _tell_subscribers(self, job_id: str) -> None:
         for called in self._subscribers:
             try:
                 called(job_id)

@@ -335,4 +335,22 @@ leader = Table(
     Column("holder", Words),  # NULL: released
     Column("acquired_at", Double, nullable=False),
     Column("expires_at", Double, nullable=False),
+    Column("about", Document),  # what its executor can do, for the servers that only answer
+)
+
+# How long frames of a work took lately (waiting/rates.py): of the newest so many works.
+work_seconds = Table(
+    "work_seconds",
+    metadata,
+    Column("work", Words, primary_key=True),
+    Column("seconds", Double, nullable=False),
+    Column("noted_at", Double, nullable=False),
+)
+
+# Sessions that were logged out of, until they would have ended anyway.
+ended_sessions = Table(
+    "ended_sessions",
+    metadata,
+    Column("session", Words, primary_key=True),
+    Column("until", Double, nullable=False),
 )

@@ -6,8 +6,8 @@ from typing import Any
 
 from sqlalchemy import Connection, select, update
 
-from ...jobs import TERMINAL, FrameState, JobState
-from ..base import Lost
+from ...jobs import TERMINAL, FrameState, JobState, Json
+from ..base import Leader, Lost
 from ..database import schema
 from ..database.transaction import Transaction
 from .open_job import IS_ACTIVE, OpenJob, open_job
@@ -31,7 +31,7 @@ def look_at_fence(db: Connection, fence: int) -> None:
 
 
 class Leases(Operations):
-    def acquire_lease(self, holder: str, now: float, ttl_s: float) -> int | None:
+    def acquire_lease(self, holder: str, now: float, ttl_s: float, about: Json | None = None) -> int | None:
         def work(transaction: Transaction[int | None]) -> int | None:
             row = transaction.execute(select(leader).where(leader.c.id == 1).with_for_update()).one()
             if row.holder == holder and row.acquired_at == now:
@@ -39,7 +39,8 @@ class Leases(Operations):
             if row.holder is not None and row.expires_at > now:
                 return None
             fence = int(row.fence) + 1
-            held = {"fence": fence, "holder": holder, "acquired_at": now, "expires_at": now + ttl_s}
+            held: dict[str, Any] = {"fence": fence, "holder": holder, "acquired_at": now, "expires_at": now + ttl_s}
+            held["about"] = about
             transaction.execute(update(leader).where(leader.c.id == 1).values(**held))
             for job_id in transaction.execute(select(jobs.c.id).where(IS_ACTIVE).order_by(jobs.c.id)).scalars().all():
                 opened = open_job(transaction, job_id)
@@ -49,10 +50,12 @@ class Leases(Operations):
 
         return self._db.write(work)
 
-    def renew_lease(self, fence: int, now: float, ttl_s: float) -> None:
+    def renew_lease(self, fence: int, now: float, ttl_s: float, about: Json | None = None) -> None:
+        renewed: dict[str, Any] = {"expires_at": now + ttl_s} | ({} if about is None else {"about": about})
+
         def work(transaction: Transaction[None]) -> None:
             check_fence(transaction, fence, alone=True)
-            transaction.execute(update(leader).where(leader.c.id == 1).values(expires_at=now + ttl_s))
+            transaction.execute(update(leader).where(leader.c.id == 1).values(**renewed))
 
         self._db.write(work, durable=False)
 
@@ -66,6 +69,13 @@ class Leases(Operations):
     def lease_expires_at(self) -> float | None:
         found = self._db.read(lambda db: db.execute(select(leader.c.holder, leader.c.expires_at)).first())
         return float(found.expires_at) if found is not None and found.holder is not None else None
+
+    def leader(self) -> Leader | None:
+        row = self._db.read(lambda db: db.execute(select(leader).where(leader.c.id == 1)).first())
+        if row is None or row.holder is None:
+            return None
+        left_s = float(row.expires_at) - self._db.clock()
+        return Leader(row.holder, left_s, row.about or {}) if left_s > 0 else None
 
 
 def _take_back(transaction: Transaction[Any], opened: OpenJob, now: float) -> None:

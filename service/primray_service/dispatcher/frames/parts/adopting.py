@@ -23,7 +23,7 @@ async def adopt_merge(context: Context, job: Job, frame: Frame, merge: MergeRun,
     file = context.data.job(job.id) / name
     try:
         source = run.handle.folder / found.checkpoint.file
-        await context.calls.disk(adoption.adopt_checkpoint, source, file, context.limits.output_bytes)
+        await context.calls.disk(adoption.adopt_checkpoint, context.data, source, file, context.limits.output_bytes)
     except adoption.NotAdopted:
         return Broken(unusable())
     except OSError:
@@ -42,7 +42,7 @@ async def adopt_merge(context: Context, job: Job, frame: Frame, merge: MergeRun,
         merged=merge.end,
     )
     if not accepted:
-        await context.calls.disk(adoption.remove, file)
+        await context.calls.disk(context.data.remove, file)
         return None
     context.metrics.checkpoints += 1
     return replace(frame, checkpoint=found.checkpoint.number, checkpoint_file=name, merged=merge.end, crashes=0, kills=0)
@@ -51,7 +51,7 @@ async def adopt_merge(context: Context, job: Job, frame: Frame, merge: MergeRun,
 async def remove_merged(context: Context, job: str, files: Sequence[str]) -> None:
     """Checkpoints that another one holds now; names that are empty are none."""
     for file in filter(None, files):
-        await context.calls.disk(adoption.remove, context.data.job(job) / file)
+        await context.calls.disk(context.data.remove, context.data.job(job) / file)
 
 
 async def adopt_preview_of(context: Context, job: str, frame: int, merge: MergeRun) -> int | None:
@@ -62,11 +62,11 @@ async def adopt_preview_of(context: Context, job: str, frame: int, merge: MergeR
         return None
     try:
         source = merge.run.handle.folder / preview.file
-        return (
-            preview.number if await context.calls.disk(adoption.adopt_preview, source, context.data.frame(job, frame)) else None
-        )
+        folder = context.data.frame(job, frame)
+        taken = await context.calls.disk(adoption.adopt_preview, context.data, source, folder)
     except (adoption.NotAdopted, OSError):
         return None
+    return preview.number if taken else None
 
 
 def unusable() -> Json:

@@ -12,6 +12,7 @@ from ....executor.base import Ended
 from ....jobs import Frame, Job, Json, Part
 from ....problems import Problem
 from ...chunks import commands
+from ...chunks.bringing import bring
 from ...chunks.chunk_run import ChunkRun
 from ...chunks.messages import Checkpoint, Done, NotBelieved, mapping, number, whole
 from ...context import Context
@@ -48,6 +49,8 @@ class MergeRun:
         """Its files are there until `close`."""
         context = self._context
         try:
+            files = [part.checkpoint_file for part in self._parts] + [self._frame.checkpoint_file]
+            await bring(context, None, self._job.id, files)
             chunk_id = f"m{ids.ulid(time.time())}"
             chunk = commands.merge_chunk(chunk_id, self._job, self._frame, self._parts, context.data, context.limits)
             run = self.run = ChunkRun(context.executor, chunk, self._frame.convergence)

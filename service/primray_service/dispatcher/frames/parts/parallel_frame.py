@@ -170,7 +170,7 @@ class ParallelFrame:
         self._scene = await calls.store(context.store.scene, self.job.tenant, self.job.scene_id)
         parts = await calls.store(context.store.parts, self.job.id, frame.number)
         names = {part.checkpoint_file for part in parts} | {frame.checkpoint_file}
-        gone = await calls.disk(adoption.missing, context.data.job(self.job.id), names - {""})
+        gone = await calls.disk(adoption.missing, context.data, context.data.job(self.job.id), names - {""})
         if frame.merged and frame.checkpoint_file in gone:
             await calls.store(context.store.drop_parts, context.fence, frame)
             self.frame, parts = replace(frame, merged=0, checkpoint_file=""), []

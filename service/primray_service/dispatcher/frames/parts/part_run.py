@@ -12,6 +12,7 @@ from ....executor.base import Ended
 from ....jobs import Frame, Job, Part, PartState, Scene
 from ....problems import Problem
 from ...chunks import adoption, commands
+from ...chunks.bringing import bring
 from ...chunks.chunk_run import ChunkRun
 from ...chunks.inbox import Inbox
 from ...chunks.messages import Checkpoint
@@ -84,7 +85,7 @@ class PartRun:
             return PartEnd(self.part, Again(self._frame, "gone"))
         self.part = part
         try:
-            begun = self._begin(chunk_id)
+            begun = await self._begin(chunk_id)
             if not isinstance(begun, ChunkRun):
                 return await self._settle(begun, None)
             await self._follow(begun)
@@ -97,11 +98,12 @@ class PartRun:
             if run is not None:
                 await run.close()
 
-    def _begin(self, chunk_id: str) -> ChunkRun | Outcome:
-        context = self._context
+    async def _begin(self, chunk_id: str) -> ChunkRun | Outcome:
+        context, part = self._context, self.part
         try:
             if self._scene is None:
                 raise Problem("internal", "The scene is not on the server any more; upload it again.")
+            await bring(context, self._scene, part.job_id, (part.checkpoint_file,))
             capacity = context.executor.capacity()
             about = (self._job, self._frame, self.part, self._scene)
             chunk = commands.part_chunk(chunk_id, *about, context.data, capacity, context.limits)
@@ -140,7 +142,9 @@ class PartRun:
         folder = context.data.job(part.job_id)
         try:
             source = run.handle.folder / message.file
-            await context.calls.disk(adoption.adopt_checkpoint, source, folder / name, context.limits.output_bytes)
+            await context.calls.disk(
+                adoption.adopt_checkpoint, context.data, source, folder / name, context.limits.output_bytes
+            )
         except adoption.NotAdopted:
             run.kill("not-believed")
             return
@@ -150,13 +154,13 @@ class PartRun:
             return
         taken = replace(part, checkpoint=message.number, checkpoint_file=name, crashes=0, kills=0)
         if not await context.calls.store(context.store.accept_part, context.fence, self._frame, taken):
-            await context.calls.disk(adoption.remove, folder / name)
+            await context.calls.disk(context.data.remove, folder / name)
             self.kill("gone")
             return
         context.metrics.checkpoints += 1
         self.part = taken
         if part.checkpoint_file:
-            await context.calls.disk(adoption.remove, folder / part.checkpoint_file)
+            await context.calls.disk(context.data.remove, folder / part.checkpoint_file)
 
     async def _outcome(self, run: ChunkRun, ended: Ended) -> Outcome:
         context, last = self._context, run.inbox.last
@@ -206,6 +210,7 @@ class PartRun:
         title = f"samples {self.part.first}:{self.part.end}, chunk {self._run.chunk.id}: {ended.reason}{signal}; {became}"
         text = ended.log if ended.log_file is None else ended.log_file
         try:
-            await self._context.calls.disk(adoption.append_log, path, title, text, self._context.limits.log_bytes)
+            limits, data = self._context.limits, self._context.data
+            await self._context.calls.disk(adoption.append_log, data, path, title, text, limits.log_bytes)
         except OSError:
             self._context.disk_is_full = True

@@ -1,0 +1,60 @@
+"""What the server that dispatches can do, for answers that are the same on all servers: this one, or another, as it says of
+itself with each renewal of its lease."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Literal
+
+from .executor.base import Capacity
+from .jobs import Json
+
+if TYPE_CHECKING:
+    from .dispatcher import Dispatcher
+    from .executor.base import Executor
+    from .store.base import Store
+
+GOOD_FOR_S = 1.0
+COUNTS = tuple(field.name for field in fields(Capacity))
+
+
+@dataclass(frozen=True)
+class Leading:
+    """`where`: is this server the one that dispatches, another, or none; then what this one could do is told."""
+
+    where: Literal["here", "elsewhere", "nowhere"]
+    capacity: Capacity
+    sandbox: Json
+
+
+class WhoLeads:
+    """May be used from any thread; blocks for the database, a moment's answer serves all."""
+
+    def __init__(self, store: Store, dispatcher: Dispatcher, executor: Executor) -> None:
+        self._store = store
+        self._dispatcher = dispatcher
+        self._executor = executor
+        self._seen: tuple[float, Leading] | None = None
+        self._lock = threading.Lock()
+
+    def now(self) -> Leading:
+        if self._dispatcher.fence is not None:
+            return self._own("here")
+        with self._lock:
+            if self._seen is None or time.monotonic() - self._seen[0] > GOOD_FOR_S:
+                self._seen = (time.monotonic(), self._look())
+            return self._seen[1]
+
+    def _look(self) -> Leading:
+        leader = self._store.leader()
+        if leader is None:
+            return self._own("nowhere")
+        said = leader.about.get("executor")
+        if said is None or set(said) != set(COUNTS):  # by another version
+            return Leading("elsewhere", self._executor.capacity(), {})
+        return Leading("elsewhere", Capacity(**{name: int(said[name]) for name in COUNTS}), leader.about.get("sandbox", {}))
+
+    def _own(self, where: Literal["here", "nowhere"]) -> Leading:
+        return Leading(where, self._executor.capacity(), self._executor.health().get("sandbox", {}))

@@ -1,0 +1,132 @@
+"""Scenes in an object store that several servers share: scenes/<hex>/upload, as it was sent, and about.json, which says that it
+is whole. Packages are unpacked where they are needed.
+
+A lock of the database keeps an upload from relying on bytes that a removal is about to take away.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..files import DataDirectory
+from ..jobs import Json, Scene
+from ..limits import Limits, Quotas
+from ..objects import Objects
+from ..problems import Problem
+from ..store.base import Store
+from .preparing import ABOUT, locked, prepare, refuse_as_usdz, scene_row
+from .receive import Received
+from .staging import staging_here
+
+UPLOAD = "upload"
+
+
+def keep(
+    received: Received,
+    tenant: str,
+    store: Store,
+    data: DataDirectory,
+    objects: Objects,
+    limits: Limits,
+    quotas: Quotas,
+    now: float,
+) -> tuple[Scene, bool]:
+    """As keep.keep: the bytes first, then the row."""
+    name = data.name_of(data.scene(received.scene_id))
+    known = _known(objects, name)
+    about: Json = prepare(received, data, limits) if known is None else known
+    refuse_as_usdz(received, about)
+    while True:
+        if not objects.has(f"{name}/{ABOUT}"):
+            objects.put(received.path, f"{name}/{UPLOAD}")
+            objects.write(f"{name}/{ABOUT}", json.dumps(about).encode())
+        with _lock(received.scene_id, store):
+            if not objects.has(f"{name}/{ABOUT}"):
+                continue  # removed in between
+            kept = store.put_scene(scene_row(received, tenant, about, now), quotas)
+        if known is None:
+            _take(received.path.parent, received.scene_id, data)
+        return kept
+
+
+def _known(objects: Objects, name: str) -> Json | None:
+    try:
+        about: Json = json.loads(objects.read(f"{name}/{ABOUT}", 0, 2**20))
+    except FileNotFoundError:
+        return None
+    return about
+
+
+def _take(staged: Path, scene_id: str, data: DataDirectory) -> None:
+    """A copy for this server."""
+    with locked(data):
+        if not data.scene(scene_id).exists():
+            os.rename(staged, data.scene(scene_id))
+
+
+def bring(scene: Scene, data: DataDirectory, limits: Limits) -> None:
+    """What a worker needs of a scene is here. Blocks."""
+    folder = data.scene(scene.id)
+    if data.objects is None:
+        return
+    if folder.exists():
+        os.utime(folder)  # used just now: cache.py
+        return
+    with staging_here(data) as staged:
+        path = staged / UPLOAD
+        try:
+            data.objects.get(f"{data.name_of(folder)}/{UPLOAD}", path)
+        except FileNotFoundError:
+            return  # whoever looks for it says so
+        received = _received(scene, path)
+        (staged / ABOUT).write_text(json.dumps(prepare(received, data, limits)))
+        _take(staged, scene.id, data)
+
+
+def _received(scene: Scene, path: Path) -> Received:
+    with path.open("rb") as file:
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    if scene.id != f"sha256:{sha256}":
+        raise Problem("internal", "The scene's bytes in the object store are not what was sent; upload it again.")
+    return Received(path, sha256, path.stat().st_size, scene.name, "")
+
+
+@contextmanager
+def removing(scene_id: str, store: Store, data: DataDirectory) -> Iterator[None]:
+    """Nobody relies on the scene's bytes meanwhile."""
+    if data.objects is None:
+        yield
+        return
+    with _lock(scene_id, store):
+        yield
+
+
+def remove(scene_id: str, data: DataDirectory) -> None:
+    """The bytes, which are nobody's; what says that they are whole first."""
+    if data.objects is not None:
+        name = data.name_of(data.scene(scene_id))
+        data.objects.remove(f"{name}/{ABOUT}")
+        data.objects.remove(f"{name}/{UPLOAD}")
+
+
+def sweep(store: Store, data: DataDirectory) -> None:
+    """Those that no row speaks of."""
+    assert data.objects is not None
+    for name in data.objects.folders("scenes"):
+        scene_id = f"sha256:{name}"
+        if len(name) != 64 or store.has_scene(scene_id):
+            continue
+        with _lock(scene_id, store):
+            if not store.has_scene(scene_id):
+                remove(scene_id, data)
+
+
+@contextmanager
+def _lock(scene_id: str, store: Store) -> Iterator[None]:
+    with store.exclusive(f"scene {scene_id}"):
+        yield

@@ -1,0 +1,136 @@
+"""What the servers over one PostgreSQL tell each other at once: which jobs changed, and words of theirs (NOTIFY, LISTEN).
+
+It is quick and not certain: who was not connected hears nothing, so everybody looks from time to time as well. Notices go out
+after the commit, all that have come together in one: a NOTIFY inside of the transaction would have commits wait for each other.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import queue
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy import Engine
+
+from ...ids import ulid
+from ...jobs import Json
+
+if TYPE_CHECKING:
+    import psycopg
+
+LOG = logging.getLogger(__name__)
+
+CHANNEL = "primray"
+MOST_BYTES = 7000  # of a notice: PostgreSQL takes 8,000
+MOST_WAITING = 10_000  # that are not sent yet; more are dropped
+LOOK_EVERY_S = 1.0  # whether it is to end
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.1, 5.0
+
+Told = tuple[str, Json | None]  # a job's id, or "" and words
+
+
+class Notices:
+    """`on_change` and `on_told` are called with what other servers tell, from a thread of its own."""
+
+    def __init__(self, engine: Engine, on_change: Callable[[str], None], on_told: Callable[[Json], None]) -> None:
+        self._engine = engine
+        self._on_change = on_change
+        self._on_told = on_told
+        self._me = ulid(0.0)[10:]
+        self._waiting: queue.Queue[Told] = queue.Queue(MOST_WAITING)
+        self._unsent: list[Told] = []  # taken, and maybe lost with a connection
+        self._closing = threading.Event()
+        self.is_listening = threading.Event()
+        for name, work in (("notices-out", self._send), ("notices-in", self._listen)):
+            threading.Thread(target=self._again_and_again, args=(work,), name=name, daemon=True).start()
+
+    def changed(self, job_id: str) -> None:
+        self._put((job_id, None))
+
+    def tell(self, words: Json) -> None:
+        self._put(("", words))
+
+    def close(self) -> None:
+        self._closing.set()
+        self._put(("", None))
+
+    def _put(self, told: Told) -> None:
+        try:
+            self._waiting.put_nowait(told)
+        except queue.Full:
+            LOG.warning("other servers are not told at once: the database is slow")
+
+    def _again_and_again(self, work: Callable[[psycopg.Connection], None]) -> None:
+        """With a connection of its own, and with another where that broke."""
+        pause = FIRST_PAUSE_S
+        while not self._closing.is_set():
+            try:
+                with self._connected() as connection:
+                    work(connection)
+                pause = FIRST_PAUSE_S
+            except Exception as error:
+                if not self._closing.is_set():
+                    LOG.warning("other servers are neither told nor heard for a moment: %r", error)
+            self._closing.wait(pause)
+            pause = min(2 * pause, LONGEST_PAUSE_S)
+
+    @contextmanager
+    def _connected(self) -> Iterator[psycopg.Connection]:
+        """Out of the pool, which makes another in its place."""
+        with self._engine.connect() as pooled:
+            pooled.detach()
+            raw: Any = pooled.connection.dbapi_connection
+            raw.rollback()
+            raw.autocommit = True
+            try:
+                yield raw
+            except BaseException:
+                pooled.invalidate()
+                raise
+
+    def _send(self, connection: psycopg.Connection) -> None:
+        while not self._closing.is_set():
+            self._unsent = self._unsent or [self._waiting.get()]
+            while not self._waiting.empty():
+                self._unsent.append(self._waiting.get_nowait())
+            for payload in self._payloads(self._unsent):
+                connection.execute("SELECT pg_notify(%s, %s)", (CHANNEL, payload))
+            self._unsent = []
+
+    def _payloads(self, told: Sequence[Told]) -> Iterator[str]:
+        for words in (words for _, words in told if words is not None):
+            yield json.dumps({"from": self._me, "words": words})
+        jobs: list[str] = []
+        for job_id in dict.fromkeys(job_id for job_id, _ in told if job_id):
+            jobs.append(job_id)
+            if sum(len(each) + 4 for each in jobs) > MOST_BYTES:
+                yield json.dumps({"from": self._me, "jobs": jobs})
+                jobs = []
+        if jobs:
+            yield json.dumps({"from": self._me, "jobs": jobs})
+
+    def _listen(self, connection: psycopg.Connection) -> None:
+        try:
+            connection.execute(f"LISTEN {CHANNEL}".encode())
+            self.is_listening.set()
+            while not self._closing.is_set():
+                for notice in connection.notifies(timeout=LOOK_EVERY_S):
+                    self._hear(notice.payload)
+        finally:
+            self.is_listening.clear()
+
+    def _hear(self, payload: str) -> None:
+        try:
+            heard = json.loads(payload)
+            if heard["from"] == self._me:
+                return
+            for job_id in heard.get("jobs", ()):
+                self._on_change(job_id)
+            if "words" in heard:
+                self._on_told(heard["words"])
+        except Exception:  # what one server says wrongly is no reason to hear no more
+            LOG.exception("a notice was not understood")
