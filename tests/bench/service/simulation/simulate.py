@@ -67,7 +67,8 @@ class Watch:
         nodes = self.fleet.seen.of_tenant
         if names:
             self.busy.append(nodes.total() / self.fleet.capacity().slots)
-        if len(names) > 1 and sum(waiting.values()) > self.fleet.capacity().slots:
+        slots = self.fleet.capacity().slots
+        if len(names) > 1 and sum(waiting.values()) > slots == nodes.total():  # not while they are being filled
             held = [nodes[name] for name in names]
             self.spread[max(held) - min(held)] += 1
 
