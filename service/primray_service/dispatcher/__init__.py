@@ -3,7 +3,7 @@
     dispatcher.py   takes the lease when it can be had, and runs a scheduler while it is held
     lease.py        the lease, and when it is over
     scheduler.py    rounds of claiming, checking, looking whom to cancel, asking to give way
-    fair_share.py   which tenant's frame is next; giving_way.py: who gives way to whom
+    giving_way.py   who gives way to whom (waiting/turns.py: whose frame is next)
     frames/         a frame that runs, and writing down how it is doing and how it ended
     chunks/         commands and files of chunks; what one that runs says, checked; adopting the files that it leaves
     checks.py       the check of a scene

@@ -9,11 +9,11 @@ import asyncio
 import logging
 import time
 from collections import Counter
-from collections.abc import Coroutine, Sequence
+from collections.abc import Coroutine, Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 from ..store.base import Claim, Lost
-from . import fair_share
 from .checks import check_scene
 from .context import Context
 from .frames.parts.choosing import ClaimedFrame, claimed_frame
@@ -26,10 +26,12 @@ from .retention import Retention
 LOG = logging.getLogger(__name__)
 
 LOOK_EVERY_S = 0.5
+LOOK_SOONEST_S = 0.05  # after the last look
 LOOK_AT_DISK_EVERY_S = 2.0
 STOP_WITHIN_S = 4.0
 PREVIEW_ASKED_S = 15.0  # who asked so long before the frame began looks still
 MOST_ASKED = 1000
+MOST_CLAIMS = 100  # in one transaction: more take longer a claim, and keep others waiting
 
 
 class Scheduler:
@@ -45,9 +47,12 @@ class Scheduler:
         self._is_lost = False
         self.has_failed = False  # by a fault of ours
         self._check: asyncio.Task[None] | None = None
-        self._served: dict[str, float] = {}  # when each tenant's frame was claimed last
+        self._turn = 0  # frames claimed
+        self._served: dict[str, int] = {}  # which of them was each tenant's last
         self._asked: dict[tuple[str, int], float] = {}  # previews of frames that did not run yet
         self._disk_at = 0.0
+        self._look_at = 0.0
+        self._later: asyncio.TimerHandle | None = None
 
     def wake(self) -> None:
         self._awake.set()
@@ -85,17 +90,24 @@ class Scheduler:
             await asyncio.wait([keeping])
 
     async def _pause(self) -> None:
-        try:
+        with suppress(TimeoutError):
             await asyncio.wait_for(self._awake.wait(), LOOK_EVERY_S)
-        except TimeoutError:
-            return
         self._awake.clear()
 
     async def _round(self) -> None:
         await self._fill_slots()
+        now = time.monotonic()
+        if now < self._look_at:  # a frame of many has ended: what all of them need is not looked at each time
+            self._look_later(self._look_at - now)
+            return
+        self._look_at = now + LOOK_SOONEST_S
         await self._start_check()
         await self._look_at_jobs()
         await self._ask_to_give_way()
+
+    def _look_later(self, seconds: float) -> None:
+        if self._later is None or self._later.when() <= asyncio.get_running_loop().time():
+            self._later = asyncio.get_running_loop().call_later(seconds, self._awake.set)
 
     async def _shut_down(self) -> None:
         """Running frames write a checkpoint and wait again, for this server's next start or another one."""
@@ -141,12 +153,21 @@ class Scheduler:
         taken = sum(running.slots for running in self._running.values())
         return self._context.executor.capacity().slots - taken
 
-    async def _start_frame(self) -> bool:
-        """False if no frame waits."""
-        claim = await self._claim()
-        if claim is None:
-            return False
-        self._served[claim.job.tenant] = time.monotonic()
+    async def _start_frames(self) -> bool:
+        """In slots that are free; False if no frame waits."""
+        context = self._context
+        # What frames in parts want is decided anew after each frame that begins.
+        most = 1 if any(running.wants_slot for running in self._parallel()) else min(self._free_slots(), MOST_CLAIMS)
+        running = Counter(running.job.tenant for running in self._running.values() if running.slots > 0)
+        asked = (context.fence, time.time(), context.quotas_of, most, self._served, running)
+        claims = await context.calls.store(context.store.claim_frames, *asked)
+        for claim in claims:
+            self._start_frame(claim)
+        return bool(claims)
+
+    def _start_frame(self, claim: Claim) -> None:
+        self._turn += 1
+        self._served[claim.job.tenant] = self._turn
         for other in self._parallel():
             other.has_given_way = False
         metrics = self._context.metrics
@@ -158,7 +179,6 @@ class Scheduler:
             running.ask_preview()
         metrics.running = len(self._running)
         self._spawn(self._live_frame(running), "frame")
-        return True
 
     async def _live_frame(self, running: ClaimedFrame) -> None:
         try:
@@ -180,7 +200,7 @@ class Scheduler:
 
     async def _fill_slot(self) -> bool:
         """False if nothing waits for one."""
-        return await self._start_part(is_first=True) or await self._start_frame() or await self._start_part(is_first=False)
+        return await self._start_part(is_first=True) or await self._start_frames() or await self._start_part(is_first=False)
 
     async def _start_part(self, *, is_first: bool) -> bool:
         """Give a slot to a frame that is rendered in parts; `is_first`: only to one that goes before all frames that wait, by
@@ -199,23 +219,9 @@ class Scheduler:
         best.take_slot()
         return True
 
-    async def _claim(self) -> Claim | None:
-        context = self._context
-        waiting = await self._waiting()
-        if not waiting:
-            return None
-        quotas_of = fair_share.quotas_of_next_claim(context.quotas_of, waiting, self._slots_of_tenants(), self._served)
-        claim = await context.calls.store(context.store.claim_frame, context.fence, time.time(), quotas_of)
-        if claim is None and quotas_of is not context.quotas_of:  # whose turn it was has nothing any more
-            claim = await context.calls.store(context.store.claim_frame, context.fence, time.time(), context.quotas_of)
-        return claim
-
     async def _waiting(self) -> Sequence[tuple[int, str]]:
         context = self._context
         return await context.calls.store(context.store.waiting, context.fence, time.time(), context.quotas_of)
-
-    def _slots_of_tenants(self) -> Counter[str]:
-        return Counter(running.job.tenant for running in self._running.values())
 
     async def _has_disk(self) -> bool:
         now = time.monotonic()
@@ -227,11 +233,20 @@ class Scheduler:
     async def _look_at_jobs(self) -> None:
         """Whether they are to be canceled, or are gone."""
         context = self._context
-        for job_id in {job_id for job_id, _ in self._running}:
+        job_ids = {job_id for job_id, _ in self._running}
+        if not job_ids:
+            return
+        versions = await context.calls.store(context.store.job_versions, job_ids)
+        changed = {running.job.id for running in self._running.values() if self._has_changed(running, versions)}
+        for job_id in changed & job_ids:
             job = await context.calls.store(context.store.job, job_id)
             for running in list(self._running.values()):
                 if running.job.id == job_id:
                     running.saw(job)
+
+    @staticmethod
+    def _has_changed(running: ClaimedFrame, versions: Mapping[str, int]) -> bool:
+        return versions.get(running.job.id) != running.job.version
 
     def _expired(self, job_id: str) -> None:
         for running in list(self._running.values()):

@@ -7,7 +7,7 @@ has taken over: what was to be written is not.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -146,6 +146,9 @@ class Store(Protocol):
 
     def job(self, job_id: str, tenant: str | None = None) -> Job | None: ...
 
+    def job_versions(self, job_ids: Collection[str]) -> Mapping[str, int]:
+        """Of those that are there."""
+
     def jobs(self, tenant: str, where: JobFilter, limit: int, cursor: str | None, newest_first: bool = True) -> Page:
         """By creation, keyset pages: as fast at the end of 100,000 rows as at the start. ValueError for a bad cursor."""
 
@@ -218,6 +221,19 @@ class Store(Protocol):
         """The next frame to run: of jobs by (priority, fewest frames running of that tenant, created), frames in order; only
         jobs whose scene
         is ready, whose tenant is within running_jobs and cpu_s_per_day. The frame becomes running, a queued job preparing."""
+
+    def claim_frames(
+        self,
+        fence: int,
+        now: float,
+        quotas_of: Callable[[str], Quotas],
+        most: int,
+        served: Mapping[str, int] | None = None,
+        running: Mapping[str, int] | None = None,
+    ) -> Sequence[Claim]:
+        """So many at most, as `claim_frame` would give them one after another; fewer where a job asks to be rendered in parts,
+        which is the last. `served`: numbers of tenants' last turns: among those of equal rights, the smallest goes first.
+        `running`: frames of each tenant that have a slot: by the rows, those run too that have none any more."""
 
     def waiting(
         self, fence: int, now: float | None = None, quotas_of: Callable[[str], Quotas] | None = None

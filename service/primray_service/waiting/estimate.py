@@ -29,24 +29,31 @@ def places(
 ) -> Mapping[str, Place]:
     """Of jobs that are not begun. What has a lower priority gives way, so it is not waited for."""
     found: dict[str, Place] = {}
+    before: dict[int, tuple[int, float | None]] = {}  # what runs, by the priority of who waits for it
     claimed = 0
     ahead_s: float | None = 0.0  # slot seconds of jobs that are not begun
     for job in order:
         if not job.begun:
-            before = [other for other in active if other.priority >= job.priority]
-            ahead = sum(other.frames_running for other in before) + claimed
-            found[job.job_id] = Place(len(found) + 1, ahead, _start_s(before, ahead_s, ahead, slots))
+            if job.priority not in before:
+                before[job.priority] = _added_up([other for other in active if other.priority >= job.priority])
+            running, running_s = before[job.priority]
+            start_s = _start_s(running_s, ahead_s, running + claimed, slots)
+            found[job.job_id] = Place(len(found) + 1, running + claimed, start_s)
             each = seconds_of(job)
             ahead_s = None if each is None or ahead_s is None else ahead_s + job.frames * each
         claimed += job.frames
     return found
 
 
-def _start_s(active: Sequence[Active], ahead_s: float | None, frames_ahead: int, slots: int) -> float | None:
+def _added_up(active: Sequence[Active]) -> tuple[int, float | None]:
+    """Frames that run, and the slot seconds until all are done; None if one's is not known."""
+    left = [job.left_s * job.frames_running for job in active if job.left_s is not None]
+    return sum(job.frames_running for job in active), sum(left) if len(left) == len(active) else None
+
+
+def _start_s(running_s: float | None, ahead_s: float | None, frames_ahead: int, slots: int) -> float | None:
     if frames_ahead < slots:
         return 0.0
-    if not slots:  # nobody knows when there will be some
+    if not slots or running_s is None or ahead_s is None:  # without slots, nobody knows when there will be some
         return None
-    left = [None if job.left_s is None else job.left_s * job.frames_running for job in active]
-    known = [seconds for seconds in (*left, ahead_s) if seconds is not None]
-    return sum(known) / slots if len(known) == len(left) + 1 else None
+    return (running_s + ahead_s) / slots

@@ -1,4 +1,4 @@
-"""The order in which waiting jobs are begun: one function for the dispatcher's next claim and for the places that clients see.
+"""The order in which waiting jobs are begun, for the places that clients see; turns.py claims in the same order.
 
 Larger priorities go first. Among equals it is the tenant's turn that has the fewest frames running, and then the oldest job's.
 What only the moment decides (quotas; who was served last, where tenants have equal rights) is not in it.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections import Counter
@@ -15,8 +16,12 @@ from .estimate import Active, Place, places
 from .order import in_order
 from .rates import Rates
 
+LOG = logging.getLogger(__name__)
+
 MOST = 10_000  # waiting jobs that have a place; those behind them have none yet
 GOOD_FOR_S = 0.5
+LONG_S = 0.03  # a look that takes longer is not waited for: who asks meanwhile is told what was seen last
+REST = 10.0  # times as long as a look took, until the next
 
 
 @dataclass(frozen=True)
@@ -33,18 +38,15 @@ class Places:
         self._slots = slots
         self._rates = rates
         self._seen = _Seen()
+        self._took_s = 0.0
         self._lock = threading.Lock()
 
     def of(self, job: Job) -> Json | None:
         """None unless it waits for its turn; its members are null as long as they are not known."""
         if job.state != JobState.QUEUED:
             return None
-        with self._lock:
-            now = time.time()
-            if not self._seen.at <= now < self._seen.at + GOOD_FOR_S or self._seen.at <= job.queued_at:
-                self._seen = _Seen(now, self._look(now))
-            found = self._seen.places.get(job.id)
-        waiting = len(self._seen.places)
+        seen = self._seen_now(job)
+        found, waiting = seen.places.get(job.id), len(seen.places)
         if found is None:  # its scene is being checked, or it has just been begun
             return {"place": None, "waiting": waiting, "frames_ahead": None, "estimated_start_s": None}
         start_s = None if found.start_s is None else round(found.start_s, 1)
@@ -54,6 +56,32 @@ class Places:
             "frames_ahead": found.frames_ahead,
             "estimated_start_s": start_s,
         }
+
+    def _seen_now(self, job: Job) -> _Seen:
+        if self._took_s > LONG_S:
+            if time.time() >= self._seen.at + max(GOOD_FOR_S, REST * self._took_s) and self._lock.acquire(blocking=False):
+                threading.Thread(target=self._look_beside, name="places", daemon=True).start()
+            return self._seen
+        with self._lock:
+            now = time.time()
+            if not self._seen.at <= now < self._seen.at + GOOD_FOR_S or self._seen.at <= job.queued_at:
+                self._look_again(now)
+            return self._seen
+
+    def _look_beside(self) -> None:
+        """Under the lock, which it lets go."""
+        try:
+            self._look_again(time.time())
+        except Exception:
+            LOG.warning("the queue could not be looked at", exc_info=True)
+            self._took_s = 0.0  # the next who asks waits, and is told why
+        finally:
+            self._lock.release()
+
+    def _look_again(self, now: float) -> None:
+        began = time.monotonic()
+        self._seen = _Seen(now, self._look(now))
+        self._took_s = time.monotonic() - began
 
     def _look(self, now: float) -> Mapping[str, Place]:
         queue = self._store.queue(MOST)

@@ -11,8 +11,9 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 
-from ..jobs import Job
+from ..jobs import Job, Json
 
 MOST = 1000
 NEWEST = 0.5  # the weight of the last frame in the mean
@@ -24,8 +25,18 @@ Work = tuple[str, str]
 
 def work_of(job: Job) -> Work:
     """Jobs of the same work take as long; which frames they are does not count, nor their seed."""
-    asked = {name: value for name, value in job.settings.items() if name not in ("frames", "seed")}
-    return job.scene_id, json.dumps(asked, sort_keys=True)
+    return job.scene_id, _work(job.settings)
+
+
+@lru_cache(maxsize=1000)
+def work_of_text(settings: str) -> str:
+    """The second half of `work_of`, of settings as they are stored: most jobs that wait have been seen, or are like others."""
+    return _work(json.loads(settings))
+
+
+def _work(settings: Json) -> str:
+    asked = {name: value for name, value in settings.items() if name not in ("frames", "seed")}
+    return json.dumps(asked, sort_keys=True)
 
 
 def key_of(work: Work) -> str:

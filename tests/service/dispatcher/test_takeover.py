@@ -34,7 +34,7 @@ async def renders(worker: Worker) -> None:
     worker.done(pixels=worker.went_on_from.decode() or "first")
 
 
-DIES_AT = ["accept_checkpoint", "end_frame", "report", "claim_frame"]
+DIES_AT = ["accept_checkpoint", "end_frame", "report", "claim_frames"]
 
 
 @pytest.mark.parametrize("method", DIES_AT)

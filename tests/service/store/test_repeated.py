@@ -17,7 +17,7 @@ from primray_service.store import SqlStore
 from primray_service.store.database import schema
 
 from .operations.test_sums import KEY, WEBHOOK
-from .world import ANY, T0, World, new_job, new_scene, scene_id
+from .world import ANY, T0, World, any_quotas, new_job, new_scene, scene_id
 
 
 class Broken:
@@ -144,6 +144,7 @@ OPERATIONS: dict[str, tuple[Step, Step]] = {
     "renew_lease": (ready, lambda w: w.store.renew_lease(w.fence, w.now, 10)),
     "release_lease": (ready, lambda w: w.store.release_lease(w.fence)),
     "claim_frame": (made, lambda w: w.claim()),
+    "claim_frames": (made, lambda w: w.store.claim_frames(w.fence, w.now, any_quotas, 9)),
     "report": (
         claimed,
         lambda w: w.store.report(

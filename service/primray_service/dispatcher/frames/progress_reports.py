@@ -50,7 +50,7 @@ async def report(context: Context, shared: SharedJob, job: Job, frame: Frame, ru
         events = _warning_events(shared, warnings, frame)
         if shared.throttle.takes_event("progress", loop.time()):
             events.append(("progress", changes["progress"]))
-        shared.throttle.reported(loop.time())
+        shared.throttle.reported(loop.time(), context.metrics.running)
         job = await context.calls.store(
             context.store.report, context.fence, frame, now, job_changes=changes, event=events[0] if events else None
         )

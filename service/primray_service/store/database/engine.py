@@ -34,6 +34,7 @@ LOG = logging.getLogger(__name__)
 KEEP_TRYING_S = 45.0  # a PostgreSQL server that restarts is back within half a minute
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.02, 2.0
 SQLITE_BUSY_S = 10.0
+MANY_ROWS = 50  # of an insertion: the driver reads longer statements each time anew
 
 # PostgreSQL's SQLSTATEs after which the same transaction may well succeed: connection exceptions, serialization failure,
 # deadlock, lock not available, shutting down or starting up, too many connections, cut off while idle in a transaction.
@@ -280,6 +281,15 @@ def _postgresql_engine(url: URL) -> Engine:
         "options": "-c lock_timeout=15s -c idle_in_transaction_session_timeout=60s -c plan_cache_mode=force_custom_plan",
     }
     connect_args = {name: value for name, value in defaults.items() if name not in url.query}
-    return create_engine(
-        url, pool_size=10, max_overflow=30, pool_timeout=10, pool_pre_ping=True, pool_recycle=3600, connect_args=connect_args
+    engine = create_engine(
+        url,
+        pool_size=10,
+        max_overflow=30,
+        pool_timeout=10,
+        pool_pre_ping=True,
+        pool_recycle=3600,
+        insertmanyvalues_page_size=MANY_ROWS,
+        connect_args=connect_args,
     )
+    engine.dialect.use_insertmanyvalues_wo_returning = True  # rows in one statement, which is planned once
+    return engine

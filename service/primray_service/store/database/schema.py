@@ -118,6 +118,14 @@ Index(
     postgresql_where=text("queue_rank IS NOT NULL"),
 )
 Index(
+    "ix_jobs_queue_by_age",
+    jobs.c.queue_rank,
+    jobs.c.created_at,
+    jobs.c.id,
+    sqlite_where=text("queue_rank IS NOT NULL"),
+    postgresql_where=text("queue_rank IS NOT NULL"),
+)
+Index(
     "ix_jobs_active",
     jobs.c.tenant,
     sqlite_where=text("state IN ('preparing', 'running', 'canceling')"),

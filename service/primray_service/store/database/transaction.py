@@ -43,9 +43,13 @@ class Transaction(Generic[T]):
 
     def add(self, table: Table, sums: Mapping[str, float], **key: str) -> None:
         """Add to the sums in a row, which is made if there is none."""
-        made = self._insert(table).values(**key, **sums)
-        grown = {name: table.c[name] + made.excluded[name] for name in sums}
-        self.execute(made.on_conflict_do_update(index_elements=list(key), set_=grown))
+        self.add_all(table, list(key), [{**key, **sums}])
+
+    def add_all(self, table: Table, key: Sequence[str], rows: Sequence[Mapping[str, Any]]) -> None:
+        """As `add`, of several rows that have the same sums."""
+        made = self._insert(table)
+        grown = {name: table.c[name] + made.excluded[name] for name in rows[0].keys() - set(key)}
+        self.execute(made.on_conflict_do_update(index_elements=list(key), set_=grown), rows)
 
     def _insert(self, table: Table) -> Any:  # the two classes are alike, but no common one has on_conflict
         return sqlite_insert(table) if self.connection.dialect.name == "sqlite" else postgresql_insert(table)
@@ -65,6 +69,7 @@ class Transaction(Generic[T]):
             save()
         if self._events:
             self.execute(insert(schema.events), self._events)
-        for (tenant, state), jobs in sorted(self._job_counts.items()):
-            if jobs:
-                self.add(schema.job_counts, {"jobs": jobs}, tenant=tenant, state=state)
+        moved = sorted((tenant, state, jobs) for (tenant, state), jobs in self._job_counts.items() if jobs)
+        if moved:
+            rows = [{"tenant": tenant, "state": state, "jobs": jobs} for tenant, state, jobs in moved]
+            self.add_all(schema.job_counts, ["tenant", "state"], rows)

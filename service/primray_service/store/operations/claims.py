@@ -1,179 +1,170 @@
-"""Which frame runs next, and which would: the queue is an index, walked tenant by tenant, so its length does not matter."""
+"""Which frames run next, and which would: several in one transaction, in the order of one after another."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from sqlalchemy import Connection, Integer, Select, cast, func, literal, select, update
+from sqlalchemy import Connection, bindparam, func, select, update
 
 from ...ids import ulid
-from ...jobs import FrameState, JobState
+from ...jobs import Frame, FrameState, JobState
 from ...limits import Quotas
-from ...waiting.order import Waiting, in_order
-from ..base import Claim
+from ...waiting.turns import Plan, last_turn
+from ..base import Claim, Lost
 from ..database import schema
 from ..database.engine import Database
-from ..database.rows import JOB_COLUMNS, frame_of, job_of
+from ..database.rows import FRAME_COLUMNS, JOB_COLUMNS, frame_of, job_of
 from ..database.transaction import Transaction
-from .leases import check_fence, look_at_fence
-from .open_job import IS_ACTIVE, OpenJob, open_job
+from .leases import check_fence
+from .open_job import IS_ACTIVE, OpenJob, open_jobs, save_all
 from .operations import Operations
-from .usage import utc_day
+from .queue_reads import FIRST_RANK, Front, QuotasOf, ranks
 
-jobs, frames = schema.jobs, schema.frames
-QuotasOf = Callable[[str], Quotas]
+jobs, frames, leader = schema.jobs, schema.frames, schema.leader
+
+FEW = 20  # waiting frames of a job: they are read with other jobs'
+NO_QUOTAS = Quotas(queued_jobs=None, stored_bytes=None)
 
 
 class Claims(Operations):
     def __init__(self, database: Database) -> None:
         super().__init__(database)
-        self._claim = ""  # of a call that failed: its frame, if it got one, is the next call's
+        self._claim = ""  # of a call that failed: its frames, if it got any, are the next call's
         self._claiming = threading.Lock()
 
     def claim_frame(self, fence: int, now: float, quotas_of: QuotasOf) -> Claim | None:
+        return next(iter(self.claim_frames(fence, now, quotas_of, 1)), None)
+
+    def claim_frames(
+        self,
+        fence: int,
+        now: float,
+        quotas_of: QuotasOf,
+        most: int,
+        served: Mapping[str, int] | None = None,
+        running: Mapping[str, int] | None = None,
+    ) -> Sequence[Claim]:
         if not self._claim and not self._db.read(lambda db: _something_waits(db, fence)):
-            return None
+            return []
         with self._claiming:
             repeated = bool(self._claim)
-            self._claim = self._claim or ulid(now)
+            self._claim = claim = self._claim or ulid(now)
 
-            def work(transaction: Transaction[Claim | None]) -> Claim | None:
-                return self._claim_in(transaction, fence, now, quotas_of, repeated)
+            def work(transaction: Transaction[Sequence[Claim]]) -> Sequence[Claim]:
+                check_fence(transaction, fence, alone=True)
+                unsure = repeated or transaction.previous is not None
+                earlier = _claimed(transaction, claim) if unsure else []
+                front = Front(transaction.connection, now, quotas_of, served or {}, running)
+                return earlier or _claim_in(transaction, front, most, claim)
 
             claimed = self._db.write(work, durable=False)
             self._claim = ""
             return claimed
-
-    def _claim_in(
-        self, transaction: Transaction[Claim | None], fence: int, now: float, quotas_of: QuotasOf, repeated: bool
-    ) -> Claim | None:
-        check_fence(transaction, fence, alone=True)
-        if repeated or transaction.previous is not None:
-            mine = select(frames).join(jobs).where(IS_ACTIVE, frames.c.claim == self._claim)
-            found = transaction.execute(mine.where(frames.c.state == FrameState.RUNNING.value)).first()
-            if found is not None:
-                frame = frame_of(found)
-                job = transaction.execute(select(*JOB_COLUMNS).where(jobs.c.id == frame.job_id)).one()
-                return Claim(job_of(job), frame)
-        while True:
-            job_id = _best(transaction.connection, now, quotas_of)
-            if job_id is None:
-                return None
-            opened = open_job(transaction, job_id)
-            if opened is not None and opened.queue_rank is not None:  # else it changed since it was found: look again
-                return _claim_of(transaction, opened, now, self._claim)
 
     def waiting(self, fence: int, now: float | None = None, quotas_of: QuotasOf | None = None) -> list[tuple[int, str]]:
         def work(db: Connection) -> list[tuple[int, str]]:
             if not _something_waits(db, fence):
                 return []
             best: dict[str, int] = {}
-            allowed = None if now is None or quotas_of is None else _Allowed(db, now, quotas_of)
-            for rank in _ranks(db):
-                for tenant, _ in _tenants(db, rank):
-                    if tenant not in best and (allowed is None or allowed.job_of(tenant, rank) is not None):
-                        best[tenant] = -rank
+            front = Front(db, now or 0.0, quotas_of or (lambda tenant: NO_QUOTAS))
+            front.look()
+            for rank in ranks(db):
+                for line in front.lines(rank):
+                    if line.first() is not None:
+                        best.setdefault(line.tenant.name, -rank)
             return [(priority, tenant) for tenant, priority in best.items()]
 
         return self._db.read(work)
 
 
+_LOOK = select(leader.c.fence, FIRST_RANK.scalar_subquery().label("rank")).where(leader.c.id == 1, leader.c.holder.is_not(None))
+
+
 def _something_waits(db: Connection, fence: int) -> bool:
     """Without a lock, so that looking in vain costs nothing. Lost."""
-    look_at_fence(db, fence)
-    return next(_ranks(db), None) is not None
+    held = db.execute(_LOOK).first()
+    if held is None or held.fence != fence:
+        raise Lost(f"fence {fence}")
+    return held.rank is not None
 
 
-def _claim_of(transaction: Transaction[Any], opened: OpenJob, now: float, claim: str) -> Claim:
-    first = select(frames).where(frames.c.job_id == opened.job.id, frames.c.state == FrameState.QUEUED.value)
-    frame = frame_of(transaction.execute(first.order_by(frames.c.number).limit(1)).one())
-    frame = replace(frame, state=FrameState.RUNNING, started_at=now if frame.started_at is None else frame.started_at)
-    transaction.execute(
-        update(frames)
-        .where(frames.c.job_id == frame.job_id, frames.c.number == frame.number)
-        .values(state=frame.state.value, started_at=frame.started_at, claim=claim)
-    )
-    opened.move_frames(FrameState.QUEUED, FrameState.RUNNING)
-    if opened.job.state == JobState.QUEUED:
-        opened.move(JobState.PREPARING, now)
-    opened.event("frame", now, {"frame": frame.number, "state": frame.state.value, "attempt": frame.attempt})
-    return Claim(opened.save(), frame)
+def _claimed(transaction: Transaction[Any], claim: str) -> list[Claim]:
+    """What a call that failed got."""
+    mine = select(*FRAME_COLUMNS).join(jobs).where(IS_ACTIVE, frames.c.claim == claim)
+    mine = mine.where(frames.c.state == FrameState.RUNNING.value).order_by(frames.c.job_id, frames.c.number)
+    found = [frame_of(row) for row in transaction.execute(mine)]
+    of = select(*JOB_COLUMNS).where(jobs.c.id.in_({frame.job_id for frame in found}))
+    made = {job.id: job for job in map(job_of, transaction.execute(of))} if found else {}
+    return [Claim(made[frame.job_id], frame) for frame in found]
 
 
-def _ranks(db: Connection) -> Iterator[int]:
-    """The queue's priorities, negated, best first: each found by one step in the index."""
-    rank = None
+def _claim_in(transaction: Transaction[Any], front: Front, most: int, claim: str) -> list[Claim]:
     while True:
-        least: Select[Any] = select(func.min(jobs.c.queue_rank)).where(jobs.c.queue_rank.is_not(None))
-        rank = db.execute(least if rank is None else least.where(jobs.c.queue_rank > rank)).scalar()
-        if rank is None:
-            return
-        yield int(rank)
+        plan = Plan(most, last_turn(front.served))
+        front.look()
+        for rank in ranks(front.db):
+            plan.fill(front.lines(rank))
+            if plan.is_full:
+                break
+        if not plan.frames:
+            return []
+        opened = open_jobs(transaction, plan.frames)
+        claimed = _claims_of(transaction, plan, opened, front.now, claim)
+        if claimed:  # else all has changed since it was found: look again
+            return claimed
 
 
-def _tenants(db: Connection, rank: int) -> list[tuple[str, str]]:
-    """Each tenant that waits at this rank, and its oldest job: one step in the index a tenant, in one recursive query."""
-    at_rank = jobs.c.queue_rank == cast(literal(rank), Integer)
-    steps = select(func.min(jobs.c.tenant).label("tenant")).where(at_rank).cte("steps", recursive=True)
-    following = select(func.min(jobs.c.tenant)).where(at_rank, jobs.c.tenant > steps.c.tenant).scalar_subquery()
-    steps = steps.union_all(select(following).where(steps.c.tenant.is_not(None)))
-    oldest = (
-        select(jobs.c.id)
-        .where(at_rank, jobs.c.tenant == steps.c.tenant)
-        .order_by(jobs.c.created_at, jobs.c.id)
-        .limit(1)
-        .scalar_subquery()
-    )
-    found = db.execute(select(steps.c.tenant, oldest.label("id")).where(steps.c.tenant.is_not(None)))
-    return [(tenant, job_id) for tenant, job_id in found if job_id is not None]
+def _claims_of(transaction: Transaction[Any], plan: Plan, opened: Mapping[str, OpenJob], now: float, claim: str) -> list[Claim]:
+    wanted = {}
+    for job_id, number in plan.frames.items():
+        job = opened.get(job_id)
+        if job is not None and job.queue_rank is not None:
+            wanted[job_id] = min(number, job.frames[FrameState.QUEUED])
+    begun = _begin(transaction, _next_frames(transaction, opened, wanted), now, claim)
+    for job_id, new in begun.items():
+        job = opened[job_id]
+        job.move_frames(FrameState.QUEUED, FrameState.RUNNING, len(new))
+        if job.job.state == JobState.QUEUED:
+            job.move(JobState.PREPARING, now)
+        for frame in new:
+            job.event("frame", now, {"frame": frame.number, "state": frame.state.value, "attempt": frame.attempt})
+    save_all(transaction, [opened[job_id] for job_id in wanted])
+    return [Claim(opened[job_id].job, frame) for job_id in wanted for frame in begun[job_id]]
 
 
-class _Allowed:
-    """What each tenant's quotas let it run now."""
-
-    def __init__(self, db: Connection, now: float, quotas_of: QuotasOf) -> None:
-        self._db = db
-        self._quotas_of = quotas_of
-        self._day = utc_day(now)
-        sums = select(jobs.c.tenant, func.count(), func.sum(jobs.c.frames_running)).where(IS_ACTIVE)
-        found = db.execute(sums.group_by(jobs.c.tenant)).all()
-        self._jobs = {tenant: int(number) for tenant, number, _ in found}
-        self.frames = {tenant: int(number) for tenant, _, number in found}  # that run
-        self._out_of_time: dict[str, bool] = {}
-
-    def job_of(self, tenant: str, rank: int, oldest: str = "") -> str | None:
-        """The job that it may go on with or begin: the oldest, or the oldest of those begun if it may begin no other."""
-        if self._cpu_used_up(tenant):
-            return None
-        most = self._quotas_of(tenant).running_jobs
-        if most is None or self._jobs.get(tenant, 0) < most:
-            return oldest
-        begun = select(jobs.c.id).where(IS_ACTIVE, jobs.c.tenant == tenant, jobs.c.queue_rank == rank)
-        found: str | None = self._db.execute(begun.order_by(jobs.c.created_at, jobs.c.id).limit(1)).scalar()
-        return found
-
-    def _cpu_used_up(self, tenant: str) -> bool:
-        if tenant not in self._out_of_time:
-            most = self._quotas_of(tenant).cpu_s_per_day
-            days = schema.usage_days
-            used = select(days.c.cpu_s).where(days.c.tenant == tenant, days.c.day == self._day)
-            self._out_of_time[tenant] = most is not None and (self._db.execute(used).scalar() or 0.0) >= most
-        return self._out_of_time[tenant]
+def _next_frames(
+    transaction: Transaction[Any], opened: Mapping[str, OpenJob], wanted: Mapping[str, int]
+) -> Mapping[str, list[Frame]]:
+    """The first waiting frames of each job: of small ones in one query."""
+    waits = select(*FRAME_COLUMNS).where(frames.c.state == FrameState.QUEUED.value).order_by(frames.c.job_id, frames.c.number)
+    small = [job_id for job_id in wanted if opened[job_id].frames[FrameState.QUEUED] <= FEW]
+    found: dict[str, list[Frame]] = {job_id: [] for job_id in wanted}
+    queries = [waits.where(frames.c.job_id.in_(small))] if small else []
+    queries += [waits.where(frames.c.job_id == job_id).limit(wanted[job_id]) for job_id in wanted.keys() - set(small)]
+    for query in queries:
+        for row in transaction.execute(query):
+            if len(found[row.job_id]) < wanted[row.job_id]:
+                found[row.job_id].append(frame_of(row))
+    return found
 
 
-def _best(db: Connection, now: float, quotas_of: QuotasOf) -> str | None:
-    """The job whose frame runs next."""
-    allowed = _Allowed(db, now, quotas_of)
-    for rank in _ranks(db):
-        found = [allowed.job_of(tenant, rank, oldest) for tenant, oldest in _tenants(db, rank)]
-        candidates = [job_id for job_id in found if job_id is not None]
-        if len(candidates) == 1:
-            return candidates[0]
-        if candidates:
-            rows = db.execute(select(jobs.c.id, jobs.c.tenant, jobs.c.created_at).where(jobs.c.id.in_(candidates)))
-            waiting = [Waiting(job_id, tenant, -rank, created_at) for job_id, tenant, created_at in rows]
-            return in_order(waiting, allowed.frames)[0].job_id
-    return None
+def _begin(
+    transaction: Transaction[Any], waiting: Mapping[str, list[Frame]], now: float, claim: str
+) -> Mapping[str, list[Frame]]:
+    begun = {
+        job_id: [
+            replace(frame, state=FrameState.RUNNING, started_at=now if frame.started_at is None else frame.started_at)
+            for frame in found
+        ]
+        for job_id, found in waiting.items()
+    }
+    # A row each: of one statement that lists them all, planning takes a time that grows with their number's square.
+    mine = [{"of_job": frame.job_id, "of_number": frame.number} for found in begun.values() for frame in found]
+    change = update(frames).where(frames.c.job_id == bindparam("of_job"), frames.c.number == bindparam("of_number"))
+    if mine:
+        started_at = func.coalesce(frames.c.started_at, now)
+        transaction.execute(change.values(state=FrameState.RUNNING.value, started_at=started_at, claim=claim), mine)
+    return begun

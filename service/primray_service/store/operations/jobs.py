@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -65,6 +65,10 @@ class Jobs(Operations):
             found = found.where(jobs.c.tenant == tenant)
         row = self._db.read(lambda db: db.execute(found).first())
         return job_of(row) if row else None
+
+    def job_versions(self, job_ids: Collection[str]) -> Mapping[str, int]:
+        found = select(jobs.c.id, jobs.c.version).where(jobs.c.id.in_(job_ids))
+        return {row.id: row.version for row in self._db.read(lambda db: db.execute(found).all())}
 
     def outputs(self, job_id: str) -> Sequence[Output]:
         outputs = schema.outputs

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -34,7 +34,7 @@ class OpenJob:
         self._transaction = transaction
         self._stored_state = self.job.state
         self._changed: set[str] = set()
-        self._touched = False
+        self.is_touched = False
         transaction.to_save.append(self.save)
 
     def change(self, values: Mapping[str, Any]) -> None:
@@ -45,7 +45,7 @@ class OpenJob:
 
     def touch(self) -> None:
         """Something that belongs to the job changed."""
-        self._touched = True
+        self.is_touched = True
 
     def event(self, type_: str, now: float, data: Json) -> None:
         self._transaction.event(self.job.id, type_, now, data)
@@ -106,32 +106,25 @@ class OpenJob:
             self._transaction.insert_new(schema.webhooks, message)
 
     def save(self) -> Job:
-        if not self._touched:
-            return self.job
-        self._touched = False
+        if self.is_touched:
+            values = self.new_values()
+            self._transaction.execute(update(jobs).where(jobs.c.id == self.job.id).values(**values))
+        return self.job
+
+    def new_values(self) -> Json:
+        """What its row is to say, which it does from now on."""
         job = self.job
         self.job = replace(job, revision=job.revision + 1, version=job.version + bool(self._changed & OF_VERSION))
-        values = {name: getattr(self.job, name) for name in self._changed}
-        counts = {f"frames_{state}": number for state, number in self.frames.items()}
-        self._transaction.execute(
-            update(jobs)
-            .where(jobs.c.id == job.id)
-            .values(
-                **values,
-                **counts,
-                revision=self.job.revision,
-                version=self.job.version,
-                scene_ready=self.scene_ready,
-                queue_rank=self.queue_rank,
-            )
-        )
         if job.state != self._stored_state:
             self._transaction.count_job(job.tenant, self._stored_state.value, -1)
             self._transaction.count_job(job.tenant, job.state.value, 1)
-        self._changed = set()
+        changed, self._changed = self._changed, set()
         self._stored_state = job.state
+        self.is_touched = False
         self._transaction.changed.append(job.id)
-        return self.job
+        kept = {name: getattr(self.job, name) for name in (*changed, "revision", "version")}
+        counts = {f"frames_{state}": number for state, number in self.frames.items()}
+        return {**kept, **counts, "scene_ready": self.scene_ready, "queue_rank": self.queue_rank}
 
     @property
     def queue_rank(self) -> int | None:
@@ -143,3 +136,23 @@ def open_job(transaction: Transaction[Any], job_id: str) -> OpenJob | None:
     """Locks the job's row."""
     row = transaction.execute(select(jobs).where(jobs.c.id == job_id).with_for_update()).first()
     return OpenJob(transaction, row) if row else None
+
+
+def open_jobs(transaction: Transaction[Any], job_ids: Collection[str]) -> Mapping[str, OpenJob]:
+    """Locks the rows of those that are there, in one order."""
+    found = select(jobs).where(jobs.c.id.in_(job_ids)).order_by(jobs.c.id).with_for_update()
+    return {row.id: OpenJob(transaction, row) for row in transaction.execute(found)}
+
+
+def save_all(transaction: Transaction[Any], opened: Iterable[OpenJob]) -> None:
+    """As `save` of each; those that become alike in one statement."""
+    alike: defaultdict[str, list[str]] = defaultdict(list)
+    values: dict[str, Json] = {}
+    for job in opened:
+        if job.is_touched:
+            new = job.new_values()
+            key = repr(sorted(new.items()))
+            values[key] = new
+            alike[key].append(job.job.id)
+    for key, job_ids in alike.items():
+        transaction.execute(update(jobs).where(jobs.c.id.in_(job_ids)).values(**values[key]))

@@ -15,3 +15,11 @@ def test_progress_is_told_often_at_first_and_seldom_later() -> None:
     assert told[:4] == [0.0, 0.5, 1.0, 1.5]
     assert 300 < len(first_hour) < 600
     assert len(told) - len(first_hour) <= 361
+
+
+def test_many_frames_share_what_the_database_takes():
+    throttle = ReportThrottle(0.0)
+    throttle.reported(0.0, running=10)
+    assert throttle.report_in(0.0) == 0.5
+    throttle.reported(0.0, running=1000)
+    assert throttle.report_in(0.0) == 20.0

@@ -12,7 +12,8 @@ import pytest
 from primray_service.jobs import FrameState, JobState
 from primray_service.limits import Quotas
 from primray_service.store import open_store
-from primray_service.store.base import Lost
+from primray_service.store.base import Claim, Lost
+from primray_service.store.operations.open_job import open_jobs
 from primray_service.waiting.order import in_order
 
 from ..world import ANY, World, any_quotas, new_job, new_scene, scene_id
@@ -201,3 +202,103 @@ def test_a_long_queue_is_read_in_part(world: World):
     low = [world.job(priority=10) for _ in range(2)]
     high = world.job(priority=90)
     assert [job.job_id for job in world.store.queue(2).waiting] == [high.id, low[0].id]
+
+
+def test_several_at_once_are_those_of_one_after_another(world: World):
+    for i, (tenant, priority, frames) in enumerate([("a", 50, 30), ("b", 50, 1), ("b", 50, 2), ("c", 70, 2), ("c", 50, 1)]):
+        for _ in range(1 + i % 2):
+            world.job(tenant, frames=frames, priority=priority)
+    quotas = {"a": ANY, "b": Quotas(running_jobs=2), "c": ANY}
+    served = {"a": 2, "b": 1}
+    for most in (1, 2, 5, 9, 40, 100):
+        at_once = world.store.claim_frames(world.fence, world.tick(), quotas.__getitem__, most, served)
+        for claim in at_once:
+            world.store.requeue_frame(world.fence, claim.frame, world.tick())
+        alone: list[Claim] = []
+        turns = dict(served)
+        while len(alone) < most:
+            claims = world.store.claim_frames(world.fence, world.tick(), quotas.__getitem__, 1, turns)
+            if not claims:
+                break
+            alone += claims
+            turns[claims[0].job.tenant] = 3 + len(alone)
+        for claim in alone:
+            world.store.requeue_frame(world.fence, claim.frame, world.tick())
+        assert {claim.frame.job_id: 0 for claim in at_once} == {claim.frame.job_id: 0 for claim in alone}
+        assert {(c.frame.job_id, c.frame.number) for c in at_once} == {(c.frame.job_id, c.frame.number) for c in alone}
+        assert len(at_once) == len(alone) == min(most, 37)
+
+
+def test_each_of_several_says_what_runs(world: World):
+    jobs = [world.job(frames=3), world.job(frames=1)]
+    claims = world.store.claim_frames(world.fence, world.tick(), any_quotas, 10)
+    assert [(claim.job.id, claim.frame.number) for claim in claims] == [
+        (jobs[0].id, 0),
+        (jobs[0].id, 1),
+        (jobs[0].id, 2),
+        (jobs[1].id, 0),
+    ]
+    for claim in claims:
+        assert claim.job == world.get(claim.job)
+        assert claim.frame == world.store.frame(claim.frame.job_id, claim.frame.number)
+    assert world.states(jobs[0]) == ["queued", "preparing"]
+    assert world.claims_nothing()
+
+
+def test_those_whose_answer_was_lost_are_given_again(world: World, monkeypatch: pytest.MonkeyPatch):
+    jobs = [world.job(frames=2), world.job("u"), world.job("v")]
+    write = world.store._db.write
+
+    def fails(work, **options):
+        write(work, **options)
+        raise ConnectionError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(world.store._db, "write", fails)
+        with pytest.raises(ConnectionError):
+            world.store.claim_frames(world.fence, world.tick(), any_quotas, 3)
+    again = world.store.claim_frames(world.fence, world.tick(), any_quotas, 1)
+    assert {claim.job.id for claim in again} == {job.id for job in jobs}
+    assert world.claim().frame.number == 1
+    assert world.claims_nothing()
+
+
+def test_a_job_in_parts_is_the_last_of_several(world: World):
+    first, parts = world.job(), world.job(parallel="auto", frames=2)
+    world.job()
+    claims = world.store.claim_frames(world.fence, world.tick(), any_quotas, 10)
+    assert [claim.job.id for claim in claims] == [first.id, parts.id]
+
+
+def test_a_job_canceled_meanwhile_is_left_out(world: World, monkeypatch: pytest.MonkeyPatch):
+    """Between the look at the queue and the lock."""
+    gone, stays = world.job(), world.job()
+
+    def late(transaction, job_ids):
+        if list(job_ids) == [gone.id, stays.id]:
+            other = open_store(str(world.store._db.url.render_as_string(hide_password=False)))
+            other.request_cancel(gone.id, world.now)
+            other.close()
+        return open_jobs(transaction, job_ids)
+
+    if world.store._db.is_sqlite:
+        pytest.skip("skipped: a writer of SQLite is alone")
+    monkeypatch.setattr("primray_service.store.operations.claims.open_jobs", late)
+    claims = world.store.claim_frames(world.fence, world.tick(), any_quotas, 10)
+    assert [claim.job.id for claim in claims] == [stays.id]
+
+
+def test_versions_of_jobs(world: World):
+    jobs = [world.job(), world.job("u")]
+    changed = world.store.update_job(jobs[1].id, world.tick(), version=None, changes={"priority": 9})
+    assert world.store.job_versions([jobs[0].id, jobs[1].id, "job_none"]) == {jobs[0].id: 1, jobs[1].id: changed.version}
+    assert world.store.job_versions([]) == {}
+
+
+def test_who_holds_slots_is_the_dispatchers_to_say(world: World):
+    """A frame whose slot is free already, and whose row says that it runs still, is not held against its tenant."""
+    a, b = world.job("a", frames=2), world.job("b")
+    assert world.claim().job.id == a.id
+    again = world.store.claim_frames(world.fence, world.tick(), any_quotas, 1, {}, {"a": 0, "b": 0})
+    assert [claim.job.id for claim in again] == [a.id]
+    assert world.claim().job.id == b.id
