@@ -52,6 +52,9 @@ class Limits:
     crashes: int = 2  # of a frame without a checkpoint between them
     kills: int = 50
     checkpoint_every_s: float = 10.0
+    scene_kept_s: float = (
+        60.0  # a worker waits so long, with its scene open, for more of the tenant's jobs on it; 0: it does not
+    )
     time_slice_s: float = 20.0  # before a frame gives way to another tenant's
     # The machine
     free_disk_bytes: int = 512 * MiB

@@ -37,7 +37,8 @@ class Capacity:
 class Chunk:
     """`inputs`: files by the path that the worker finds them at, below its read-only job folder. `group`: chunks of one group
     may run in one process, one after another; those of different groups never do, nor those of none. Within a group, no two
-    chunks leave outputs of the same name."""
+    chunks leave outputs of the same name. `scene`: whose chunks may, of any group, have a process that has it open, one after
+    another; it is one tenant's."""
 
     id: str
     kind: str  # "render"; "check", of merges too
@@ -48,6 +49,8 @@ class Chunk:
     memory_bytes: int | None = None  # None: the executor's
     group: str = ""
     more_follow: bool = False  # of the group, maybe
+    scene: str = ""
+    keep_s: float = 0.0  # how long a process may wait, with the scene open, for more of the scene
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from ..jobs import Json
 from ..limits import Limits
 from ..problems import Problem
 from ..sandbox import layers
+from . import watchdog
 from .base import Capacity, Chunk, Handle, OnMessage
 from .local_run import Run
 from .local_worker import KINDS, Walls, Worker
@@ -33,6 +34,8 @@ WARM_AGAIN_AFTER_S, WARM_AGAIN_IF_FREE_AFTER_S = 8.0, 1.0
 WARM_AGAIN_AFTER_DEATH_S = 10.0
 # How long a worker waits for the next chunk of its group: the dispatcher gives it when it has claimed it.
 STAYS_S = 2.0
+# One that keeps its scene longer is looked at meanwhile: what took it over may not use the machine.
+LOOK_AT_IDLE_EVERY_S, IDLE_CPU_S = 1.0, 1.0
 
 
 def local_executor(config: ServeConfig, data: DataDirectory) -> LocalExecutor:
@@ -106,7 +109,7 @@ class LocalExecutor:
         """And whether it had no chunk before."""
         memory = chunk.memory_bytes or self._limits.memory_bytes
         for worker in reversed(self._staying):
-            if chunk.group and worker.group == chunk.group and memory <= worker.memory_bytes:
+            if worker.may_have(chunk) and memory <= worker.memory_bytes:
                 self._staying.remove(worker)
                 return worker, False
         waiting = self._warm.get(chunk.kind)
@@ -115,14 +118,26 @@ class LocalExecutor:
         return self._start_worker(chunk.kind, memory), True
 
     def _stay(self, worker: Worker) -> None:
-        """It has ended a chunk, and waits a moment for another of its group; of many the oldest goes."""
+        """It has ended a chunk, and waits for another of its group or its scene; of many the oldest goes."""
         self._staying.append(worker)
         worker.process.on_line = lambda _: self._dismiss(worker)  # it has nothing to say
         worker.process.exit.add_done_callback(lambda _: self._dismiss(worker))
-        chunks = worker.chunks
-        asyncio.get_running_loop().call_later(STAYS_S, lambda: self._dismiss(worker) if worker.chunks == chunks else None)
+        self._watch_idle(worker, worker.chunks, time.monotonic() + max(STAYS_S, worker.keep_s), None)
         if self._closing or len(self._staying) > self._capacity.slots:
             self._dismiss(self._staying[0])
+
+    def _watch_idle(self, worker: Worker, chunks: int, until: float, cpu_s: float | None) -> None:
+        """It goes when its time is over, or if it does anything: it has nothing to do."""
+        if worker.chunks != chunks or worker not in self._staying:
+            return
+        used = watchdog.used_by(worker.process.pid)
+        is_busy = cpu_s is not None and used.cpu_s - cpu_s > IDLE_CPU_S
+        left_s = until - time.monotonic()
+        if left_s <= 0 or is_busy or used.rss_bytes > worker.memory_bytes:
+            self._dismiss(worker)
+            return
+        later = (worker, chunks, until, used.cpu_s if cpu_s is None else cpu_s)
+        asyncio.get_running_loop().call_later(min(left_s, LOOK_AT_IDLE_EVERY_S), self._watch_idle, *later)
 
     def _dismiss(self, worker: Worker) -> None:
         if worker in self._staying:

@@ -52,7 +52,7 @@ class Run:
         self._process = worker.process
         self._on_message = on_message
         self._on_stay = on_stay
-        self._may_stay = bool(chunk.group) and chunk.more_follow
+        self._may_stay = (bool(chunk.group) and chunk.more_follow) or (bool(chunk.scene) and chunk.keep_s > 0)
         self._limits = limits
         self._memory_bytes = min(chunk.memory_bytes or limits.memory_bytes, worker.memory_bytes)
         self._command = self._completed(chunk.command, threads)
@@ -204,7 +204,7 @@ class Run:
         cpu_s = self._used.cpu_s - self._cpu_before_s
         left = watchdog.folder_bytes(self.folder, self._limits.output_bytes)
         if (
-            cpu_s > STAYS_IF_CPU_S
+            (cpu_s > STAYS_IF_CPU_S and not self.chunk.keep_s)
             or self._used.rss_bytes > STAYS_IF_PART * self._memory_bytes
             or left > STAYS_IF_PART * self._limits.output_bytes
         ):

@@ -28,14 +28,16 @@ class Walls:
 
 
 class Worker:
-    """`group`: of the chunks that it has run, "" before the first; its files are theirs, so it runs no others."""
+    """`group`: of the chunks that it ran last, "" before the first; `scene`: of all its chunks, which it has open."""
 
     def __init__(self, kind: str, slot: Slot, memory_bytes: int, threads: int, limits: Limits, walls: Walls) -> None:
         self.slot = slot
         self.memory_bytes = memory_bytes
-        self.group = ""
+        self.group = self.scene = ""
+        self.keep_s = 0.0
         self.chunks = 0  # that it was given
         self._released = 0  # whose files are not wanted any more
+        self._leaves_others = False  # files of another group lie in its output folder
         self._logs = 0
         self._inputs: Mapping[str, Path] = {}
         self._folders: Mapping[str, Path] = {}
@@ -62,13 +64,22 @@ class Worker:
             future.cancel()
         return self.ready.is_set()
 
+    def may_have(self, chunk: Chunk) -> bool:
+        """It ran chunks of the same group; or it has the same scene open, and nobody wants what those left."""
+        if chunk.group and self.group == chunk.group:
+            return True
+        return bool(chunk.scene) and self.scene == chunk.scene and self._released == self.chunks
+
     def begin(self, chunk: Chunk) -> None:
         """From now on it is this chunk's."""
-        self.group = chunk.group
+        self._leaves_others = self.chunks > 0 and not (chunk.group and self.group == chunk.group)
+        self.group, self.scene, self.keep_s = chunk.group, chunk.scene, chunk.keep_s
         self.chunks += 1
 
     def put_files(self, chunk: Chunk) -> None:
-        """Those of the chunk that are not there yet; blocks. What only an earlier one had goes."""
+        """Those of the chunk that are not there yet; blocks. What only an earlier one had goes, and what another job's left."""
+        if self._leaves_others:
+            take_out(self.slot.out, [path.name for path in self.slot.out.iterdir() if path.is_file()])
         take_out(self.slot.job, [name for name, path in self._inputs.items() if chunk.inputs.get(name) != path])
         inputs = {name: path for name, path in chunk.inputs.items() if self._inputs.get(name) != path}
         folders = {name: path for name, path in chunk.folders.items() if self._folders.get(name) != path}

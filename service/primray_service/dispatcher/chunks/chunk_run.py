@@ -85,7 +85,7 @@ class ChunkRun:
     async def ended(self) -> Ended:
         """After its last word, or its death; its process is gone then."""
         if not self._ending.done():
-            await asyncio.wait([self._ending], timeout=STAY_S if self.chunk.more_follow else LEAVE_S)
+            await asyncio.wait([self._ending], timeout=STAY_S if self.chunk.more_follow or self.chunk.keep_s else LEAVE_S)
             self.handle.kill()  # what it still does is of no use
         return await asyncio.shield(self._ending)
 

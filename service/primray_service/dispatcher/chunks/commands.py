@@ -60,10 +60,19 @@ def render_chunk(
         "limits": asdict(limits),
         "traceparent": job.traceparent,
     }
-    # Frames of one attempt share processes; no two jobs do.
+    # Frames of one attempt share processes; other jobs of the tenant's have them that render the same scene.
     group = f"{job.id}/{job.attempt}" if asked.frames > 1 else ""
     return Chunk(
-        chunk_id, "render", command, inputs, folders, load_cpu_s=limits.load_cpu_s, group=group, more_follow=asked.more
+        chunk_id,
+        "render",
+        command,
+        inputs,
+        folders,
+        load_cpu_s=limits.load_cpu_s,
+        group=group,
+        more_follow=asked.more,
+        scene=f"{job.tenant}/{scene.id}",
+        keep_s=limits.scene_kept_s,
     )
 
 
