@@ -159,7 +159,7 @@ class Counting(LocalExecutor):
     def submit(self, chunk: Chunk, on_message: OnMessage) -> Handle:
         handle = super().submit(chunk, on_message)
         assert isinstance(handle, Run)
-        self.pids = [*getattr(self, "pids", []), (chunk.group, handle.pid)]
+        self.pids = [*getattr(self, "pids", []), (chunk.scene, handle.pid)]
         return handle
 
 
@@ -191,11 +191,11 @@ def test_frames_of_a_job_share_workers_and_have_the_bits_of_one_alone(tmp_path: 
             made = {codes[row["frame"]]: row["sha256"] for row in job.result["pixels_sha256"]}
             assert made == alone
             assert len(rig.outputs(job.id)) == 30
-        groups: dict[int, set[str]] = {}
-        for group, pid in rig.executor.pids:
-            groups.setdefault(pid, set()).add(group)
-        assert all(len(found) == 1 for found in groups.values())
-        assert len(groups) <= 10  # of twenty frames: under load a worker may be waited for in vain
+        scenes: dict[int, set[str]] = {}
+        for of_chunk, pid in rig.executor.pids:
+            scenes.setdefault(pid, set()).add(of_chunk)
+        assert all(len(found) == 1 for found in scenes.values())
+        assert len(scenes) <= 10  # of twenty frames: under load a worker may be waited for in vain
 
     async def run() -> None:
         async with dispatching(tmp_path, make) as rig:

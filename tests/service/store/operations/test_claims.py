@@ -283,7 +283,7 @@ def test_a_job_canceled_meanwhile_is_left_out(world: World, monkeypatch: pytest.
 
     if world.store._db.is_sqlite:
         pytest.skip("skipped: a writer of SQLite is alone")
-    monkeypatch.setattr("primray_service.store.operations.claims.open_jobs", late)
+    monkeypatch.setattr("primray_service.store.operations.waiting.claims.open_jobs", late)
     claims = world.store.claim_frames(world.fence, world.tick(), any_quotas, 10)
     assert [claim.job.id for claim in claims] == [stays.id]
 

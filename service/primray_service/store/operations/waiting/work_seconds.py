@@ -7,10 +7,10 @@ from typing import Any
 
 from sqlalchemy import delete, select
 
-from ..database import schema
-from ..database.transaction import Transaction
-from .leases import check_fence
-from .operations import Operations
+from ...database import schema
+from ...database.transaction import Transaction
+from ..leases import check_fence
+from ..operations import Operations
 
 works = schema.work_seconds
 

@@ -9,18 +9,18 @@ from typing import Any
 
 from sqlalchemy import Connection, bindparam, func, select, update
 
-from ...ids import ulid
-from ...jobs import Frame, FrameState, JobState
-from ...limits import Quotas
-from ...waiting.turns import Plan, last_turn
-from ..base import Claim, Lost
-from ..database import schema
-from ..database.engine import Database
-from ..database.rows import FRAME_COLUMNS, JOB_COLUMNS, frame_of, job_of
-from ..database.transaction import Transaction
-from .leases import check_fence
-from .open_job import IS_ACTIVE, OpenJob, open_jobs, save_all
-from .operations import Operations
+from ....ids import ulid
+from ....jobs import Frame, FrameState, JobState
+from ....limits import Quotas
+from ....waiting.turns import Plan, last_turn
+from ...base import Claim, Lost
+from ...database import schema
+from ...database.engine import Database
+from ...database.rows import FRAME_COLUMNS, JOB_COLUMNS, frame_of, job_of
+from ...database.transaction import Transaction
+from ..leases import check_fence
+from ..open_job import IS_ACTIVE, OpenJob, open_jobs, save_all
+from ..operations import Operations
 from .queue_reads import FIRST_RANK, Front, QuotasOf, ranks
 
 jobs, frames, leader = schema.jobs, schema.frames, schema.leader

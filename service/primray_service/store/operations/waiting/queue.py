@@ -6,14 +6,14 @@ from typing import Any
 
 from sqlalchemy import Connection, Select, Text, select, type_coerce
 
-from ...jobs import JobState
-from ...waiting.order import Waiting
-from ...waiting.rates import work_of_text
-from ..base import QueueNow
-from ..database import schema
-from ..database.rows import JOB_COLUMNS, job_of
-from .open_job import IS_ACTIVE
-from .operations import Operations
+from ....jobs import JobState
+from ....waiting.order import Waiting
+from ....waiting.rates import work_of_text
+from ...base import QueueNow
+from ...database import schema
+from ...database.rows import JOB_COLUMNS, job_of
+from ..open_job import IS_ACTIVE
+from ..operations import Operations
 
 jobs = schema.jobs
 

@@ -9,12 +9,12 @@ from typing import Any
 
 from sqlalchemy import Connection, Double, Integer, Select, Text, bindparam, func, select, tuple_
 
-from ...jobs import JobState
-from ...limits import Quotas
-from ...waiting.turns import Head, Line, Tenant
-from ..database import schema
-from .open_job import IS_ACTIVE
-from .usage import utc_day
+from ....jobs import JobState
+from ....limits import Quotas
+from ....waiting.turns import Head, Line, Tenant
+from ...database import schema
+from ..open_job import IS_ACTIVE
+from ..usage import utc_day
 
 jobs, usage_days = schema.jobs, schema.usage_days
 
