@@ -50,7 +50,6 @@ def merge(paths: Sequence[Path]) -> Merged:
             gathering.add(path)
         sampling = gathering.sampling(gathering.settings(all_of(gathering.ranges)))
         sampling.run()  # takes no sample: they are all there; measures
-        sampling.film.image()
     return picture_of_parts(gathering, sampling, costs, {"parts": [str(path) for path in paths]})
 
 

@@ -13,6 +13,16 @@ from .connection import Json
 from .exits import USAGE, CommandError
 from .job_text import plain
 
+# Flags of `primray serve` too.
+RayCores = Annotated[
+    int | None,
+    typer.Option(metavar="N", help="Cores of a node for one render.", show_default="8, or all of the smallest node", min=1),
+]
+RayLabel = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=VALUE", help="Only nodes that have this label; may be repeated.", show_default=False),
+]
+
 farm = typer.Typer(
     help="Look at a Ray cluster.",
     no_args_is_help=True,
@@ -32,14 +42,8 @@ def status(
     ray_address: Annotated[
         str, typer.Option(metavar="HOST:PORT", help="Of the cluster's head; auto: the one that this machine is in.")
     ] = "auto",
-    ray_cores: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Cores of a node for one render.", show_default="8, or all of the smallest node", min=1),
-    ] = None,
-    ray_label: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Only nodes that have this label; may be repeated.", show_default=False),
-    ] = None,
+    ray_cores: RayCores = None,
+    ray_label: RayLabel = None,
     allow_unsandboxed: Annotated[bool, typer.Option("--allow-unsandboxed", help="Count nodes without a sandbox.")] = False,
     json: Json = False,
 ) -> None:

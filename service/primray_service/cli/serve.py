@@ -16,6 +16,7 @@ import typer
 from . import limit_options
 from .connection import need_extra
 from .exits import USAGE, CommandError, problems_as_errors
+from .farm import RayCores, RayLabel
 
 if TYPE_CHECKING:
     from ..config import ServeConfig
@@ -72,14 +73,8 @@ def serve(
             metavar="HOST:PORT", help="Of the Ray cluster's head.", show_default="auto, the cluster that this machine is in"
         ),
     ] = None,
-    ray_cores: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Cores of a node for one render.", show_default="8, or all of the smallest node", min=1),
-    ] = None,
-    ray_label: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=VALUE", help="Only nodes that have this label; may be repeated.", show_default=False),
-    ] = None,
+    ray_cores: RayCores = None,
+    ray_label: RayLabel = None,
     require_keys: Annotated[bool, typer.Option("--require-keys", help="On loopback too.")] = False,
     allow_unsandboxed: Annotated[
         bool, typer.Option("--allow-unsandboxed", help="Serve although the sandbox does not work here: trusted users only.")
