@@ -21,7 +21,7 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -55,6 +55,7 @@ class Spec:
     scene: str
     settings: dict[str, Any]
     then: dict[str, Any] | None = None
+    parallel: int | None = None
 
 
 def specs(weight: float) -> list[Spec]:
@@ -81,6 +82,26 @@ class Database:
     kill_connections: Callable[[], int] | None
 
 
+@dataclass(frozen=True)
+class Disturbance:
+    """`act` says whether there was something to kill; `weight`: how often it is chosen, against the others."""
+
+    name: str
+    weight: int
+    act: Callable[[Service, random.Random], bool]
+
+
+def disturbances(database: Database) -> list[Disturbance]:
+    """Of a server that renders itself."""
+    found = [Disturbance("server", 2, lambda service, _: service.kill()), Disturbance("worker", 4, Service.kill_worker)]
+    return found + lost_connections(database)
+
+
+def lost_connections(database: Database) -> list[Disturbance]:
+    kill = database.kill_connections
+    return [] if kill is None else [Disturbance("connection", 3, lambda _, __: kill() > 0)]
+
+
 @contextlib.contextmanager
 def database(kind: str, server: PostgresServer | None = None) -> Iterator[Callable[[], Database]]:
     """Makes fresh ones."""
@@ -100,20 +121,22 @@ def database(kind: str, server: PostgresServer | None = None) -> Iterator[Callab
 class Service:
     """The server of a data directory, started again when it was killed. Requests are repeated until they are answered."""
 
-    def __init__(self, folder: Path, database: Database) -> None:
+    def __init__(self, folder: Path, database: Database, settings: Mapping[str, Any] | None = None) -> None:
         self.data = DataDirectory(folder / "data")
         self.data.create()
         self._settings: dict[str, Any] = {"slots": 1, "allow_unsandboxed": True, "limits": LIMITS, "log_json": False}
+        self._settings.update(settings or {})
         if database.url is not None:
             self._settings["database"] = database.url
         self.url = database.url or f"sqlite:///{self.data.root / 'primray.sqlite'}"
         serving.START_S = 180.0
         self.server: RunningServer = start(self.data.root, **self._settings)
 
-    def kill(self) -> None:
+    def kill(self) -> bool:
         self.server.process.kill()
         self.server.process.wait()
         self.server = start(self.data.root, **self._settings)
+        return True
 
     def kill_worker(self, chance: random.Random) -> bool:
         workers = descendants(self.server.process.pid)
@@ -182,7 +205,9 @@ def put_scenes(store: Store, data: DataDirectory) -> dict[str, Scene]:
 
 def submit(service: Service, spec: Spec, scene: Scene, key: str) -> Submitted:
     """Once, however often it takes."""
-    body = {"scene": {"id": scene.id}, "settings": spec.settings}
+    body: dict[str, Any] = {"scene": {"id": scene.id}, "settings": spec.settings}
+    if spec.parallel is not None:
+        body["parallel"] = spec.parallel
     answer = service.ask("POST", "/v1/jobs", json=body, headers={"Idempotency-Key": key})
     assert answer.status_code in (200, 202), answer.text
     return Submitted(spec, answer.json()["id"], key)
@@ -285,8 +310,10 @@ class Moments:
         return 1_000_000 * (len(jobs) - len(live)) + checkpoints
 
 
-def undisturbed(folder: Path, new_database: Callable[[], Database], jobs: Sequence[Spec]) -> dict[str, Made]:
-    service = Service(folder, new_database())
+def undisturbed(
+    folder: Path, new_database: Callable[[], Database], jobs: Sequence[Spec], settings: Mapping[str, Any] | None = None
+) -> dict[str, Made]:
+    service = Service(folder, new_database(), settings)
     store = open_store(service.url)
     try:
         scenes = put_scenes(store, service.data)
@@ -310,10 +337,12 @@ def disturbed(
     every_s: float,
     most_s: float = math.inf,
     at_a_time: int = 4,
+    kinds: Sequence[Disturbance] | None = None,
+    settings: Mapping[str, Any] | None = None,
 ) -> Findings:
     """Jobs are submitted as long as there are kills to be made."""
     chance, found, began = random.Random(seed), Findings(), time.monotonic()
-    service = Service(folder, database)
+    service = Service(folder, database, settings)
     store = open_store(service.url)
     scenes = put_scenes(store, service.data)
     accepted: list[Submitted] = []
@@ -333,27 +362,21 @@ def disturbed(
             failures.append(error)
             raise
 
-    kinds = ["server"] * 2 + ["worker"] * 4 + (["connection"] * 3 if database.kill_connections else [])
-    clients = [threading.Thread(target=client, args=(number,)) for number in range(at_a_time)]
+    kinds = disturbances(database) if kinds is None else kinds
+    clients = [threading.Thread(target=client, args=(number,), daemon=True) for number in range(at_a_time)]
     for thread in clients:
         thread.start()
     moments = Moments(store, chance, every_s)
-    try:
-        while sum(found.kills.values()) < kills and not failures and time.monotonic() - began < most_s:
-            moments.wait()
-            what = chance.choice(kinds)
-            if what == "server":
-                service.kill()
-            elif what == "connection" and database.kill_connections is not None:
-                database.kill_connections()
-            elif not service.kill_worker(chance):
-                continue
-            found.kills[what] += 1
-            print(f"{time.monotonic() - began:6.0f} s: {what}, {len(ended)} jobs have ended", file=sys.stderr, flush=True)
-    finally:
-        over.set()
-        for thread in clients:
-            thread.join()
+    while sum(found.kills.values()) < kills and not failures and time.monotonic() - began < most_s:
+        moments.wait()
+        [what] = chance.choices(kinds, [kind.weight for kind in kinds])
+        if not what.act(service, chance):
+            continue
+        found.kills[what.name] += 1
+        print(f"{time.monotonic() - began:6.0f} s: {what.name}, {len(ended)} jobs have ended", file=sys.stderr, flush=True)
+    over.set()
+    for thread in clients:
+        thread.join()
     if failures:
         raise failures[0]
     found.jobs = len(accepted)

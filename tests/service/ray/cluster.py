@@ -6,15 +6,18 @@ share nothing: each keeps its scenes in a folder of its own.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
+import traceback
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +26,7 @@ from tests.service.faults import descendants
 ROOT = Path(__file__).parents[3]
 TOKEN = "of-tests-" + "0" * 55
 LOOPBACK = "127.0.0.1"
+STARTS = 4
 # Ray takes loopback for a node's address only where it believes that there are no clusters, as on macOS.
 ENVIRONMENT = {
     "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",
@@ -71,6 +75,11 @@ class RunningCluster:
         """The sandboxed processes themselves, on all nodes: those that run a chunk, and those that wait for one."""
         return [pid for pid in descendants(self._process.pid) if not _words(pid)[0].endswith(b"bwrap")]
 
+    def ray_processes(self) -> list[int]:
+        """Of all nodes, but for those of tasks: gcs_server, raylet, agents."""
+        found = [int(path.name) for path in Path("/proc").glob("[0-9]*")]
+        return sorted(pid for pid in found if any(str(self.folder).encode() in word for word in _words(pid)))
+
     def tasks(self) -> list[int]:
         """Ray's processes that have such."""
         found = set()
@@ -89,6 +98,12 @@ class RunningCluster:
             self._process.kill()
             self._process.wait()
         shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def _free_port() -> int:
+    with socket.socket() as found:
+        found.bind((LOOPBACK, 0))
+        return int(found.getsockname()[1])
 
 
 def _words(pid: int) -> list[bytes]:
@@ -114,8 +129,20 @@ class Nodes:
         self._messages = os.fdopen(os.dup(1), "w")
         os.dup2(2, 1)
         self._folder = Path(os.environ["RAY_TMPDIR"])
-        self._cluster = Cluster(initialize_head=True, head_node_args=self._about(0, {}))
+        self._new = Cluster
+        self._port = _free_port()
+        self._cluster: Any = None
         self._others: dict[int, Any] = {}
+        self._again(self.begin)
+
+    def begin(self) -> None:
+        """Always at the same address, as a head that comes back; what is left of one before ends."""
+        if self._cluster is not None:
+            for node in [self._cluster.head_node, *self._others.values()]:
+                self._kill(node)
+            self._cluster.global_state.disconnect()
+        self._cluster = self._new(initialize_head=True, head_node_args={**self._about(0, {}), "gcs_server_port": self._port})
+        self._others.clear()
         self.add(1, {}, {})
 
     def _about(self, number: int, labels: Mapping[str, str], environment: Mapping[str, str] | None = None) -> dict[str, Any]:
@@ -137,9 +164,32 @@ class Nodes:
         self._cluster.remove_node(self._others.pop(number), allow_graceful=False)
 
     def kill_head(self) -> None:
-        for processes in self._cluster.head_node.all_processes.values():
-            for info in processes:
-                os.kill(info.process.pid, signal.SIGKILL)
+        self._kill(self._cluster.head_node)
+
+    def kill_raylet(self, number: int) -> None:
+        """As a node that loses its power: what it ran ends with it."""
+        self._kill(self._others[number], "raylet")
+        self.remove(number)
+        self._again(lambda: self.add(number, {}, {}))
+
+    @staticmethod
+    def _again(start: Callable[[], None]) -> None:
+        """Ray gives a node 30 s to start, which may be too few on a machine that others use too."""
+        for left in reversed(range(STARTS)):
+            try:
+                start()
+                return
+            except Exception:
+                if not left:
+                    raise
+                traceback.print_exc()
+
+    @staticmethod
+    def _kill(node: Any, kind: str | None = None) -> None:
+        for name, processes in node.all_processes.items():
+            for info in processes if kind in (None, name) else []:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(info.process.pid, signal.SIGKILL)
 
     def answer(self, **line: Any) -> None:
         self._messages.write(json.dumps(line) + "\n")
@@ -156,6 +206,10 @@ class Nodes:
                 self.remove(asked["number"])
             elif asked["do"] == "kill-head":
                 self.kill_head()
+            elif asked["do"] == "kill-raylet":
+                self.kill_raylet(asked["number"])
+            elif asked["do"] == "restart":
+                self._again(self.begin)
             self.answer(took_s=time.monotonic() - began)
         self._cluster.shutdown()
 
