@@ -26,6 +26,7 @@ class ChunkRun:
         self.inbox = Inbox(self._loop.time(), convergence)
         self.killed_for = ""
         self._news = asyncio.Event()
+        self._released = False
         self._timer: asyncio.TimerHandle | None = None
         self._preview_at = -PREVIEW_EVERY_S
         self.handle = executor.submit(chunk, self._on_message)
@@ -89,6 +90,12 @@ class ChunkRun:
             self.handle.kill()  # what it still does is of no use
         return await asyncio.shield(self._ending)
 
+    def release(self) -> None:
+        """What it left has been taken."""
+        if self._ending.done() and not self._released:
+            self._released = True
+            self.handle.release()
+
     async def close(self) -> None:
         """Its process and its files are gone afterwards."""
         if self._timer is not None:
@@ -96,4 +103,4 @@ class ChunkRun:
         if not self._ending.done():
             self.handle.kill()
             await asyncio.wait([self._ending])
-        self.handle.release()
+        self.release()

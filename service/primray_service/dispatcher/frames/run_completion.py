@@ -142,6 +142,8 @@ class RunCompletion:
         context, totals = self.context, self.shared.totals
         reason = "" if error is None else str(error["type"]).removeprefix("/problems/")
         await self._log(f"{state.value} {reason}".strip())
+        if self.run is not None:
+            self.run.release()  # whoever hears of the end may ask for the scene again at once, and is to find this worker free
         async with self.shared.lock:
             now = time.time()
             frame = replace(self.frame, state=state, result=result, error=error, finished_at=now, phase="")

@@ -4,7 +4,7 @@ Server to driver, the first line being its settings
     {"do": "connect", "address": "auto" | "host:port", "cores": 8 | null, "slots": 4 | null, "labels": {"pool": "render"},
      "limits": {..}, "isa": "v3" | null, "allow_unsandboxed": false}
     {"do": "run", "id": "c01..", "chunk": {"name", "kind", "command", "inputs": {name: path}, "folders": {name: path},
-     "load_cpu_s", "memory_bytes", "group", "more_follow"}, "folder": "/.../slots/x-1"}
+     "load_cpu_s", "memory_bytes", "group", "more_follow", "scene", "keep_s"}, "folder": "/.../slots/x-1"}
         paths are of the server's machine, which the driver is on as well; the worker's files come to folder/out
     {"do": "tell", "id": "c01..", "command": {..}}     a later line for its worker
     {"do": "kill", "id": "c01.."}

@@ -40,6 +40,8 @@ class RayRun:
             "memory_bytes": self.chunk.memory_bytes,
             "group": self.chunk.group,
             "more_follow": self.chunk.more_follow,
+            "scene": self.chunk.scene,
+            "keep_s": self.chunk.keep_s,
         }
         self._send({"do": "run", "id": self.id, "chunk": chunk, "folder": str(self._slot.root.absolute())})
 

@@ -73,6 +73,8 @@ def _fetched(order: Order, node: str, read: Read, stack: ExitStack) -> tuple[Chu
         memory_bytes=about["memory_bytes"],
         group=about["group"],
         more_follow=about["more_follow"],
+        scene=about["scene"],
+        keep_s=about["keep_s"],
     )
     return chunk, Begun(node, len(new), sum(new))
 
