@@ -1,7 +1,6 @@
 """A stage that is kept open to be rendered again and again: other cameras, other variants, files that have changed.
 
-Each render prepares its scene anew. A move of the camera is one attribute of the session layer, so that whatever keeps prepared
-scenes sees how little has changed.
+A move of the camera is one attribute of the session layer: all that does not depend on it stays from one render to the next.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from .. import usd
 from ..diagnostics import Diagnostics
-from ..render.prepare import OpenedStage, open_once, prepare
+from ..keeping.kept_stage import KeptStage
 from ..render.render import picture_of
 from ..render.snapshots import picture_so_far
 from ..report.report import Costs
@@ -64,7 +63,7 @@ class ViewedScene:
         self.bounds: Box | None = None  # (3,) low and high corner of what is there
         self.through: Camera | None = None  # what was looked through last
         self._authored: Camera | None = None
-        self._opened: OpenedStage | None = None
+        self._kept: KeptStage | None = None
         self.cameras: list[str] = []
         self.variant_sets: list[dict[str, Any]] = []
         self._z_up = False
@@ -79,9 +78,10 @@ class ViewedScene:
         """Compose the stage, with other choices of variants if they are given."""
         chosen = self.variants if variants is None else variants
         self.read_ns = time.time_ns()
-        opened = open_once(self.path, replace(self.settings, variants=chosen))
+        kept = KeptStage(self.path, replace(self.settings, variants=chosen))
+        opened = kept.opened
         facts = usd.stage_facts(opened.stage)
-        self._opened, self.variants = opened, chosen
+        self._kept, self.variants = kept, chosen
         self.cameras = [path for path in usd.camera_paths(opened.stage) if not usd.is_session_camera(path)]
         self.variant_sets, self._z_up = facts["variants"], facts["up_axis"] == "Z"
         if self._authored is not None and self._authored.path and not usd.has_camera(opened.stage, self._authored.path):
@@ -122,9 +122,9 @@ class ViewedScene:
 
     def _place(self) -> str | None:
         """The path of the camera that has been moved; None where it stands as its author left it."""
-        if self.orbit is None or self._authored is None or self._opened is None:
+        if self.orbit is None or self._authored is None or self._kept is None:
             return None
-        return usd.place_camera(self._opened.stage, self.orbit.world_from_camera, self._authored, self.orbit.zoom)
+        return usd.place_camera(self._kept.opened.stage, self.orbit.world_from_camera, self._authored, self.orbit.zoom)
 
     def render(self, size: Size, show: Callable[[View], None], is_due: Answer, goes_on: Answer) -> bool:
         """Until all samples are taken: True; or until `goes_on` answers False. `show` gets the picture whenever one `is_due`,
@@ -142,9 +142,9 @@ class ViewedScene:
         return True
 
     def _prepare(self, size: Size) -> tuple[Prepared, Diagnostics, Costs]:
-        if self._opened is None:
+        if self._kept is None:
             self.open()
-        assert self._opened is not None
+        assert self._kept is not None
         moved = self._place()
         settings = replace(
             self.settings,
@@ -154,7 +154,7 @@ class ViewedScene:
             spp=size.spp,
         )
         costs, diagnostics = Costs(), Diagnostics()
-        prepared = prepare(self._opened.stage, self._opened.diagnostics, settings, costs, diagnostics)
+        prepared = self._kept.prepare(settings, costs, diagnostics)
         self.through, self.bounds = prepared.camera, prepared.scene.bounds
         if moved is None:
             self._authored = prepared.camera
