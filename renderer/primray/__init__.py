@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING
 from . import errors
 from .compare import compare
 from .errors import PrimrayError
+from .keeping.frames import render_frames
 from .lens.diffusion import Diffusion
-from .render import render, render_frames
+from .render import render
 from .settings import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderSettings
 from .version import __version__
 

@@ -15,6 +15,7 @@ from primray.core import Splits
 from primray.description import Camera, Light, LightType, Projection, SceneDescription, TextureFile
 from primray.diagnostics import Diagnostics
 from primray.errors import StageOpenError
+from primray.render.render import EachAnew
 from primray.report.summary import ImageSize
 from primray.sampling.error import Estimate, FrameError
 from primray.sampling.error_curve import Row
@@ -153,6 +154,8 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
         if "." not in name:
             monkeypatch.setattr(primray, name, module, raising=False)
 
+    # What frames keep is of real stages: tests/unit/keeping.
+    monkeypatch.setattr("primray.keeping.frames._kept", EachAnew)
     install(
         "usd",
         open_stage=fake.open_stage,

@@ -32,7 +32,7 @@ def require_whole_renders(given: dict[str, object]) -> None:
 def render_pair(scene: str | OpenedStage, shot: Shot, looks: Looks) -> StereoImage | None:
     """None if it was interrupted before there was a picture of both."""
     from ..images.stereo import StereoImage
-    from ..render import quiet_frames
+    from ..keeping.frames import quiet_frames
     from ..render.stereo import StereoSettings
     from .terminal.progress import Show, showing
 

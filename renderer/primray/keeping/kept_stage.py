@@ -5,11 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ..render.prepare import open_once, prepare
+from ..render.prepare import OpenedStage, open_once, prepare
 from ..render.render import OnInterrupt, render_opened
+from .frugal_steps import FrugalSteps
 from .kept_steps import KeptSteps
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ..checkpoints.checkpointing import Checkpointing
     from ..diagnostics import Diagnostics
     from ..images.image import Image
     from ..render.render import Tell
@@ -21,15 +25,16 @@ if TYPE_CHECKING:
 
 
 class KeptStage:
-    """`opened`: the stage, as it was composed for the settings it was opened with."""
+    """`opened`: the stage, as it was composed for the settings it was opened with. `most_memory`: a part of the machine's;
+    where the process has more, nothing is kept beside the picture that is rendered."""
 
-    def __init__(self, stage: Any, settings: RenderSettings) -> None:
+    def __init__(self, stage: Any, settings: RenderSettings, *, most_memory: float | None = None) -> None:
         from ..usd.keeping import StageChanges
 
         self._composition = settings.composition
-        self.opened = open_once(stage, settings)
+        self.opened = stage if isinstance(stage, OpenedStage) else open_once(stage, settings)
         self._changes = StageChanges(self.opened.stage)
-        self._steps = KeptSteps()
+        self._steps = KeptSteps() if most_memory is None else FrugalSteps(most_memory)
         self._is_told = False  # how long opening took
 
     def forget(self) -> None:
@@ -49,7 +54,8 @@ class KeptStage:
         settings: RenderSettings,
         progress: Progress | None,
         on_interrupt: OnInterrupt,
-        snapshots: Snapshots | None,
+        checkpointing: Checkpointing | None,
+        snapshots: Sequence[Snapshots],
         tell: Tell,
     ) -> Image:
         """As render.render_opened."""
@@ -58,8 +64,9 @@ class KeptStage:
         costs = Costs()
         self._catch_up(costs)
         with self._steps.whole():
-            taken = () if snapshots is None else (snapshots,)
-            return render_opened(self.opened, settings, costs, progress, on_interrupt, None, taken, tell, self._steps)
+            return render_opened(
+                self.opened, settings, costs, progress, on_interrupt, checkpointing, snapshots, tell, self._steps
+            )
 
     def _catch_up(self, costs: Costs) -> None:
         """With edits, of which opening may have something else to tell."""

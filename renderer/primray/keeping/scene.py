@@ -68,7 +68,7 @@ class Scene:
         settings = self._composed(with_values(settings, values))
         with shown_progress(progress) as shown:
             tell = Announcer(self._kept.opened.name).tell
-            return self._kept.render(settings, shown, on_interrupt, snapshots, tell)
+            return self._kept.render(settings, shown, on_interrupt, None, () if snapshots is None else (snapshots,), tell)
 
     def close(self) -> None:
         """Let go of all that is kept; a render after it starts anew."""

@@ -6,7 +6,7 @@ a render starts.
 
 from ..report.prepared import Prepared
 from .prepare import OpenedStage, check_memory, open_once, prepare
-from .render import OnInterrupt, core_says, find_aovs, picture_of, quiet_frames, render, render_frames
+from .render import OnInterrupt, core_says, find_aovs, picture_of, render, rendered_frames
 from .steps import Steps, image_sizes, load_textures
 
 __all__ = [
@@ -22,7 +22,6 @@ __all__ = [
     "open_once",
     "picture_of",
     "prepare",
-    "quiet_frames",
     "render",
-    "render_frames",
+    "rendered_frames",
 ]

@@ -11,7 +11,7 @@ from ..errors import SettingsError
 from ..images.product_name import safe_product_name
 from ..settings import RenderSettings, SettingsValues, with_values
 from .prepare import OpenedStage, open_once
-from .render import render_frames
+from .render import rendered_frames
 from .settings_by_name import naming_settings
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def render_products(
     settings = with_values(settings, values)
     opened = open_once(stage, settings)
     products = products_of(opened, settings, asked)
-    images = render_frames(opened, [product.settings for product in products], progress=progress)
+    images = rendered_frames(opened, [product.settings for product in products], progress=progress)
     yield from zip(products, images, strict=True)
 
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, replace
 from itertools import chain, repeat
-from typing import TYPE_CHECKING, Any, Literal, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Protocol, Unpack
 
 from ..errors import RenderCancelled, SettingsError
 from ..report.prepared import Prepared
@@ -65,7 +65,7 @@ def render(
     settings = with_values(settings, values)
     if executor is not None:
         return _in_parts(stage, settings, executor, progress, on_interrupt, checkpointing)
-    return next(render_frames(stage, [settings], progress=progress, on_interrupt=on_interrupt, checkpointing=[checkpointing]))
+    return next(rendered_frames(stage, [settings], progress=progress, on_interrupt=on_interrupt, checkpointing=[checkpointing]))
 
 
 def _in_parts(
@@ -88,69 +88,76 @@ def _in_parts(
     return image
 
 
-def render_frames(
+class OpenedFrames(Protocol):
+    """A stage that is open, and renders pictures of it; what one leaves to the next is its own matter."""
+
+    @property
+    def opened(self) -> OpenedStage: ...
+
+    def render(
+        self,
+        settings: RenderSettings,
+        progress: Progress | None,
+        on_interrupt: OnInterrupt,
+        checkpointing: Checkpointing | None,
+        snapshots: Sequence[Snapshots],
+        tell: Tell,
+    ) -> Image: ...
+
+
+class EachAnew:
+    """Nothing is kept from one picture to the next, but the open stage."""
+
+    def __init__(self, stage: str | os.PathLike[str] | OpenedStage | Any, settings: RenderSettings) -> None:
+        self.opened = stage if isinstance(stage, OpenedStage) else open_once(stage, settings)
+        self._is_told = False  # how long opening took
+
+    def render(
+        self,
+        settings: RenderSettings,
+        progress: Progress | None,
+        on_interrupt: OnInterrupt,
+        checkpointing: Checkpointing | None,
+        snapshots: Sequence[Snapshots],
+        tell: Tell,
+    ) -> Image:
+        from ..report.report import Costs
+
+        costs = Costs()
+        if not self._is_told:
+            costs.stages_s["open"], self._is_told = self.opened.seconds, True
+        return render_opened(self.opened, settings, costs, progress, on_interrupt, checkpointing, snapshots, tell)
+
+
+Open = Callable[[Any, RenderSettings], OpenedFrames]
+
+
+def rendered_frames(
     stage: str | os.PathLike[str] | OpenedStage | Any,
     frames: Iterable[RenderSettings],
     *,
     progress: Progress | Literal[False] | None = None,
     on_interrupt: OnInterrupt = "raise",
     checkpointing: Iterable[Checkpointing | None] = (),
-    snapshots: Snapshots | None = None,
+    snapshots: Sequence[Snapshots] = (),
+    is_quiet: bool = False,
+    opening: Open = EachAnew,
 ) -> Iterator[Image]:
-    """Render one stage several times, opening it once (the first report has the time of that).
-
-    >>> frames = [primray.RenderSettings(time_code=t, resolution=(32, 18), spp=2) for t in (1.0, 2.0)]
-    >>> [image.report["settings"]["time_code"] for image in primray.render_frames("shot.usda", frames)]
-    [1.0, 2.0]
-
-    `checkpointing`, where given, has one item a frame; `snapshots` are taken of every frame. All else is as for `render`.
-    """
+    """Pictures of one stage, opened once. `is_quiet`: no warnings, no log, no bar, for callers that show these themselves."""
     from ..notices.announcement import Announcer
     from .notebook_bar import shown_progress
 
-    shown = lambda: shown_progress(progress)  # noqa: E731
-    taken = () if snapshots is None else (snapshots,)
-    return _frames(stage, frames, shown, on_interrupt, checkpointing, taken, lambda name: Announcer(name).tell)
-
-
-def quiet_frames(
-    stage: str | os.PathLike[str] | OpenedStage | Any,
-    frames: Iterable[RenderSettings],
-    *,
-    progress: Progress | None = None,
-    on_interrupt: OnInterrupt = "raise",
-    checkpointing: Iterable[Checkpointing | None] = (),
-    snapshots: Sequence[Snapshots] = (),
-) -> Iterator[Image]:
-    """As render_frames, for callers that show diagnostics and progress themselves: no warnings, no log, no bar."""
-    shown: Callable[[], AbstractContextManager[Progress | None]] = lambda: nullcontext(progress)  # noqa: E731
-    return _frames(stage, frames, shown, on_interrupt, checkpointing, snapshots, lambda name: lambda diagnostics: None)
-
-
-def _frames(
-    stage: str | os.PathLike[str] | OpenedStage | Any,
-    frames: Iterable[RenderSettings],
-    shown: Callable[[], AbstractContextManager[Progress | None]],
-    on_interrupt: OnInterrupt,
-    checkpointing: Iterable[Checkpointing | None],
-    snapshots: Sequence[Snapshots],
-    telling: Callable[[object], Tell],
-) -> Iterator[Image]:
-    """`shown` makes what progress goes to, `telling` what hears of a render's diagnostics, of a stage of that name."""
-    from ..report.report import Costs
-
-    opened, told = stage if isinstance(stage, OpenedStage) else None, False
+    own = None if progress is False else progress
+    opened: OpenedFrames | None = None
     for settings, saved in zip(frames, chain(checkpointing, repeat(None)), strict=False):
         if opened is None:
-            opened = open_once(stage, settings)
-        if composing_settings(settings) != opened.composed_by:
+            opened = opening(stage, settings)
+        if composing_settings(settings) != opened.opened.composed_by:
             raise SettingsError("all frames must compose the stage alike: variants, load, mask, session_layer")
-        costs = Costs()
-        if not told:
-            costs.stages_s["open"], told = opened.seconds, True
-        with shown() as progress:
-            tell = telling(opened.name)
-            image = render_opened(opened, settings, costs, progress, on_interrupt, saved, snapshots, tell)
+        showing: AbstractContextManager[Progress | None] = nullcontext(own) if is_quiet else shown_progress(progress)
+        with showing as shown:
+            tell: Tell = (lambda diagnostics: None) if is_quiet else Announcer(opened.opened.name).tell
+            image = opened.render(settings, shown, on_interrupt, saved, snapshots, tell)
         yield image
 
 

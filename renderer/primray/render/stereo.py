@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Literal, Unpack
 
 from ..settings import Eye, RenderSettings, SettingsValues, with_values
-from .render import render_frames
+from .render import rendered_frames
 from .settings_by_name import naming_settings
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def render_stereo(
     from ..images.stereo import StereoImage
 
     eyes = StereoSettings(with_values(settings, values))
-    left, right = (eyes.noted(image) for image in render_frames(stage, eyes, progress=progress))
+    left, right = (eyes.noted(image) for image in rendered_frames(stage, eyes, progress=progress))
     return StereoImage(left, right)
 
 

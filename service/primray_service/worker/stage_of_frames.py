@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 from primray.diagnostics import Diagnostics
+from primray.keeping.frugal_steps import resident_bytes
 from primray.keeping.kept_stage import KeptStage
 from primray.render import Prepared, prepare
 from primray.render.prepare import composing_settings
@@ -32,13 +30,6 @@ class StageOfFrames:
                 opened = found.opened
                 return prepare(opened.stage, opened.diagnostics, settings, costs, diagnostics, fingerprinted=True)
         prepared = found.prepare(settings, costs, diagnostics, fingerprinted=True)
-        if more_follow and (settings.max_memory_bytes is None or _resident_bytes() <= KEPT_PART * settings.max_memory_bytes):
+        if more_follow and (settings.max_memory_bytes is None or resident_bytes() <= KEPT_PART * settings.max_memory_bytes):
             self._kept, self._file = found, file
         return prepared
-
-
-def _resident_bytes() -> float:
-    try:
-        return int(Path("/proc/self/statm").read_text("ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    except OSError:  # there is no /proc
-        return float("inf")

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from primray import RenderSettings, RenderWarning
+from primray import RenderSettings, RenderWarning, render_frames
 from primray.diagnostic_codes import CODES
 from primray.diagnostics import Diagnostics
 from primray.notices.announcement import MOST_LINES, Announcer
-from primray.render import picture_of, prepare, render, render_frames
+from primray.render import picture_of, prepare, render
 from primray.report.report import Costs
 
 if TYPE_CHECKING:

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import primray
+from primray import render_frames
 from primray.cli import run
 from primray.errors import PrimrayError, SettingsError
 from primray.images.image import Image
 from primray.images.image_file import read_image
-from primray.render import render_frames
 from primray.render.snapshots import Snapshots
 
 SCENE = '#usda 1.0\ndef Sphere "s" {}\n'

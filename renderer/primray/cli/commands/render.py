@@ -276,7 +276,7 @@ def _render_shots(
     checkpointing: list[Checkpointing | None],
     snapshot_s: float | None,
 ) -> None:
-    from ...render import quiet_frames
+    from ...keeping.frames import quiet_frames
 
     rendering: list[Shot] = []
 

@@ -1,0 +1,85 @@
+"""Sequences: frames of one stage, each with what the one before made and its own time leaves as it was."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+from ..render.render import EachAnew, OnInterrupt, rendered_frames
+from ..settings import RenderSettings
+
+if TYPE_CHECKING:
+    from ..checkpoints.checkpointing import Checkpointing
+    from ..images.image import Image
+    from ..render.prepare import OpenedStage
+    from ..render.render import Open, OpenedFrames
+    from ..render.snapshots import Snapshots
+    from ..sampling.sampling import Progress
+
+
+def render_frames(
+    stage: str | os.PathLike[str] | OpenedStage | Any,
+    frames: Iterable[RenderSettings],
+    *,
+    progress: Progress | Literal[False] | None = None,
+    on_interrupt: OnInterrupt = "raise",
+    checkpointing: Iterable[Checkpointing | None] = (),
+    snapshots: Snapshots | None = None,
+) -> Iterator[Image]:
+    """Render one stage several times, opening it once (the first report has the time of that).
+
+    >>> frames = [primray.RenderSettings(time_code=t, resolution=(32, 18), spp=2) for t in (1.0, 2.0)]
+    >>> [image.report["settings"]["time_code"] for image in primray.render_frames("shot.usda", frames)]
+    [1.0, 2.0]
+
+    What does not change from frame to frame is translated and built once, as far as memory allows; the bits are those of
+    renders by themselves. `checkpointing`, where given, has one item a frame; `snapshots` are taken of every frame. All else is
+    as for `render`.
+    """
+    taken = () if snapshots is None else (snapshots,)
+    return rendered_frames(
+        stage,
+        frames,
+        progress=progress,
+        on_interrupt=on_interrupt,
+        checkpointing=checkpointing,
+        snapshots=taken,
+        opening=_opening(frames),
+    )
+
+
+def quiet_frames(
+    stage: str | os.PathLike[str] | OpenedStage | Any,
+    frames: Iterable[RenderSettings],
+    *,
+    progress: Progress | None = None,
+    on_interrupt: OnInterrupt = "raise",
+    checkpointing: Iterable[Checkpointing | None] = (),
+    snapshots: Sequence[Snapshots] = (),
+) -> Iterator[Image]:
+    """As render_frames, for callers that show diagnostics and progress themselves: no warnings, no log, no bar."""
+    return rendered_frames(
+        stage,
+        frames,
+        progress=progress,
+        on_interrupt=on_interrupt,
+        checkpointing=checkpointing,
+        snapshots=snapshots,
+        is_quiet=True,
+        opening=_opening(frames),
+    )
+
+
+def _opening(frames: Iterable[RenderSettings]) -> Open:
+    """One frame alone leaves nothing to another; of an iterator nobody knows."""
+    return EachAnew if isinstance(frames, Sequence) and len(frames) == 1 else _kept
+
+
+def _kept(stage: Any, settings: RenderSettings) -> OpenedFrames:
+    from .kept_stage import KeptStage
+
+    return KeptStage(stage, settings, most_memory=KEPT_PART)
+
+
+KEPT_PART = 0.125  # of the machine's memory: of a larger process nothing is kept beside the frame that is rendered
