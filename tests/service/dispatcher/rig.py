@@ -134,7 +134,7 @@ async def dispatching(
     try:
         yield Rig(store, data, executor, chosen, dispatcher)
     finally:
-        await asyncio.wait_for(dispatcher.stop(), 15)
+        await asyncio.wait_for(dispatcher.stop(), 60)
         await running
         await executor.close()
         store.close()

@@ -11,7 +11,7 @@ from tests.bench.service.simulation.simulate import Farm, simulate
 
 from primray_service.store import open_store
 
-SMALL = Farm(nodes=20, tenants=5, frames=240, frames_a_job=12, chances=Chances(lost=0.03, crashed=0.02, impossible=0.02))
+SMALL = Farm(nodes=20, tenants=5, frames=240, frames_a_job=12, chances=Chances(lost=0.03, crashed=0.02, impossible=0.06))
 
 
 def empty(path: Path) -> str:

@@ -24,7 +24,7 @@ from primray_service.worker.preview import read_preview
 from primray_service.worker.protocol import LAST
 
 FOREVER = 2**20  # samples: longer than any test
-LONG_S = 60.0
+LONG_S = 180.0  # nothing waits so long but what hangs
 
 
 @dataclass

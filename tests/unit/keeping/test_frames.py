@@ -35,7 +35,12 @@ def built(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     def counted(owner: Any, name: str) -> None:
         real = getattr(owner, name)
-        monkeypatch.setattr(owner, name, lambda *a, **k: (found.append(name), real(*a, **k))[1])
+
+        def counting(*given: Any) -> Any:
+            found.append(name)
+            return real(*given)
+
+        monkeypatch.setattr(owner, name, counting)
 
     counted(translation, "_made_anew")
     counted(Steps, "build")
