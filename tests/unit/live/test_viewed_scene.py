@@ -13,7 +13,6 @@ from primray import usd
 from primray.errors import PrimrayError, SettingsError, StageOpenError
 from primray.images.image import Image
 from primray.live.viewed_scene import Size, View, ViewedScene
-from primray.render import Steps
 from primray.usd.keeping import translation
 
 STAGE = """#usda 1.0
@@ -89,13 +88,12 @@ def test_a_camera_that_is_put_where_it_stands_sees_the_same(scene: ViewedScene) 
     assert same(picture(scene), first)
 
 
-def test_only_what_a_move_touches_is_made_again(scene: ViewedScene, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_what_a_move_touches_is_translated_again(scene: ViewedScene, monkeypatch: pytest.MonkeyPatch) -> None:
     picture(scene)
     for _ in range(2):  # the first one makes the camera that moves
         scene.move(lambda orbit, camera: orbit.tumbled(0.01, 0.0))
         moved = picture(scene)
     monkeypatch.setattr(translation, "_made_anew", None)
-    monkeypatch.setattr(Steps, "build", None)
     scene.move(lambda orbit, camera: orbit.tumbled(0.01, 0.0))
     again = picture(scene)
     monkeypatch.undo()
