@@ -125,6 +125,11 @@ void measure_footprints(Scene& s) {
     for (const InputSource& source : s.surface_inputs[inputs].sources)
       if (source.texture >= 0) s.textures[source.texture].least_footprint = 0;
   }
+  // Where a tape reads an image, only running it tells.
+  for (const Tape& tape : s.tapes)
+    for (const PatternImage& image : tape.images)
+      for (const int32_t texture : {image.color, image.alpha})
+        if (texture >= 0) s.textures[size_t(texture)].least_footprint = 0;
   for (const SurfaceInputs& inputs : s.surface_inputs) {
     for (const InputSource& source : inputs.sources) {
       if (source.texture < 0 || source.primvar < 0) continue;

@@ -54,9 +54,9 @@ Input = PrimvarInput | TextureInput | PatternInput
 class Surface:
     """UsdPreviewSurface's inputs, or a Lambert surface of `diffuse_color` (exactly albedo / pi).
 
-    The fields are constants. `inputs` names those that vary, by field name, or "normal" (tangent space, -1 to 1); their
-    constants then stand where nothing else is known. `thin`: what is not opaque lets light straight through (else it
-    refracts by `ior`; needs closed geometry).
+    The fields are constants. `inputs` names those that vary, by field name, or "normal" (tangent space, -1 to 1; a pattern's is
+    in world space); their constants then stand where nothing else is known. `thin`: what is not opaque lets light straight
+    through (else it refracts by `ior`; needs closed geometry).
     """
 
     path: str  # the material's prim path, "" for one made from displayColor
