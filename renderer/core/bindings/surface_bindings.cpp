@@ -6,6 +6,7 @@
 #include "bindings/inputs.hpp"
 #include "bsdf/surface.hpp"
 #include "bsdf/surface_inputs.hpp"
+#include "pattern/tape.hpp"
 
 namespace primray {
 
