@@ -37,7 +37,8 @@ RANGES = {
     ("premult", "in"): (0.1, 1), ("unpremult", "in"): (0.1, 1), ("rotate2d", "amount"): (-400, 400),
     ("rotate3d", "amount"): (-400, 400), ("exp", "in"): (-5, 5), ("divide", "in2"): (0.5, 3), ("remap", "inlow"): (-2, 0),
     ("remap", "inhigh"): (0.5, 2), ("smoothstep", "low"): (-1, 0), ("smoothstep", "high"): (0.5, 2),
-    ("modulo", "in2"): (0.3, 2),    ("blackbody", "temperature"): (500, 15000), ("flake2d", "size"): (0.4, 0.9), ("flake3d", "size"): (0.4, 0.9),
+    ("modulo", "in2"): (0.3, 2), ("blackbody", "temperature"): (500, 15000),
+    ("flake2d", "size"): (0.4, 0.9), ("flake3d", "size"): (0.4, 0.9),
 }  # fmt: skip
 BY_INPUT = {
     "texcoord": (-7, 7), "position": (-7, 7), "jitter": (0.2, 1), "octaves": (1, 5), "lacunarity": (1.5, 2.5),

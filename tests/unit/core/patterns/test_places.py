@@ -1,4 +1,4 @@
-"""What patterns know of the place that is shaded: positions and vectors by space, of merged and instanced shapes, far away too."""
+"""What patterns know of the place that is shaded: positions and vectors by space, of merged and instanced shapes."""
 
 from __future__ import annotations
 

@@ -41,11 +41,11 @@ def of_matrices(category: str, i: Inputs, kind: str) -> Rows | None:
     if category == "determinant":
         return np.linalg.det(square(i["in"]))[:, None]
     if category == "invertmatrix":
-        return flat(np.linalg.inv(square(i["in"])))
+        return flat(np.asarray(np.linalg.inv(square(i["in"])), np.float64))
     if category not in ("multiply", "divide"):
         return None
     a, b = i["in1"], i["in2"]
     if a.shape[1] > 4 and b.shape[1] > 4:
         second: Rows = square(b) if category == "multiply" else np.asarray(np.linalg.inv(square(b)), np.float64)
-        return flat(square(a) @ second)
+        return flat(np.einsum("nij,njk->nik", square(a), second))
     return a * b if category == "multiply" else a / b

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from .node import Node
-from .program import Program, Value
+from ..node import Node
+from ..program import Program, Value
 
 LEAST_SATURATION = 1e-4  # below it a colour is grey
 

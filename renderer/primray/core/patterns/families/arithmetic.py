@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from .node import Node
-from .program import Value
+from ..node import Node
+from ..program import Value
 
 
 def add(n: Node) -> Value:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from ...description.pattern_reads import COLOR_PRIMVAR, primvar_of_set
-from .node import Node
-from .program import Value
+from ....description.pattern_reads import COLOR_PRIMVAR, primvar_of_set
+from ..node import Node
+from ..program import Value
 
 OBJECT = {"object", "model"}
 TRANSFORMS = ("point_object", "point_world", "vector_object", "vector_world", "normal_object", "normal_world")

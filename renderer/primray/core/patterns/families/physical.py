@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from .node import Node
-from .program import Program, Value
+from ..node import Node
+from ..program import Program, Value
 
 SMALL = 1e-8
 COLDEST, HOTTEST = 800.0, 25000.0

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from .node import FOOTPRINT_SHIFTS, NO_SHIFT, Node
-from .program import Value
+from ..node import FOOTPRINT_SHIFTS, NO_SHIFT, Node
+from ..program import Value
 
 
 def offsets(n: Node) -> list[Value]:

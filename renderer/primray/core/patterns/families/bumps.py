@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from .node import NO_SHIFT, SLOPE_SHIFTS, Node
-from .program import Value
+from ..node import NO_SHIFT, SLOPE_SHIFTS, Node
+from ..program import Value
 
 SOBEL = 1 / 16  # heights count as a Sobel filter over texels would have them: MaterialX's library
 

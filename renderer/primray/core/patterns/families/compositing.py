@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from .node import Node
-from .program import Value
+from ..node import Node
+from ..program import Value
 
 SMALL = 1e-8  # a divisor below it is none
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from .node import Node
-from .program import Numbers, Value
+from ..node import Node
+from ..program import Numbers, Value
 
 # Where the second noise is read, of nodes that need one: MaterialX's library.
 NOISE_ASIDE: dict[int, Numbers] = {2: (19, 73), 3: (19, 73, 29)}
