@@ -45,13 +45,15 @@ void bind_tape(nb::module_& m) {
   for (const std::string_view name : kPatternOpNames) names.append(std::string(name));
   m.attr("pattern_operations") = names;
   m.attr("pattern_registers") = kMostRegisters;
-  nb::class_<PatternImage>(m, "PatternImage")
-      .def(nb::init<>())
+  nb::class_<PatternImage> image(m, "PatternImage");
+  image.def(nb::init<>())
       .def_rw("color", &PatternImage::color)
       .def_rw("alpha", &PatternImage::alpha)
       .def_rw("wrap_s", &PatternImage::wrap_s)
       .def_rw("wrap_t", &PatternImage::wrap_t)
-      .def_rw("closest", &PatternImage::closest);
+      .def_rw("closest", &PatternImage::closest)
+      .def_rw("primvar", &PatternImage::primvar);
+  def_numbers(image, "st_transform", &PatternImage::st_transform);
   nb::class_<Tape>(m, "Tape")
       .def(nb::init<>())
       .def_prop_rw("code", nullptr, [](Tape& t, InArray<int32_t> rows) { t.code = code_of(span_of(rows)); })

@@ -32,7 +32,8 @@ bool SceneBuilder::restand_mesh(size_t row, const MeshInput& mesh, const daffine
   }
   place_points(mesh.points, group_from_object, s.positions.data() + 3 * size_t(s.meshes.vertex_base.at(row)));
   if (row < s.object_spaces.of_mesh.size() && s.object_spaces.of_mesh[row] > 0) {
-    const daffine group_from_world{{group_scale_, 0, 0}, {0, group_scale_, 0}, {0, 0, group_scale_}, group_origin_ * -group_scale_};
+    const daffine group_from_world{
+        {group_scale_, 0, 0}, {0, group_scale_, 0}, {0, 0, group_scale_}, group_origin_ * -group_scale_};
     s.object_spaces.put(size_t(s.object_spaces.of_mesh[row]), group_from_world * group_from_object);
   }
   const PlacedNormals placed(group_from_object);

@@ -1,8 +1,8 @@
 // A surface's pattern as a tape: instructions over registers of lanes, in an order in which each reads what is there.
 //
-// Folder: tape.hpp the data; run_tape.hpp goes through it; elementary.hpp, noise.hpp, worley.hpp and flakes.hpp are the functions
-// of it that are not one line. It knows no scene: what a tape asks of the place that it runs at, surface/pattern_leaves.hpp
-// answers.
+// Folder: tape.hpp the data; run_tape.hpp goes through it; elementary.hpp, noise.hpp, worley.hpp and flakes.hpp are the
+// functions of it that are not one line. It knows no scene: what a tape asks of the place that it runs at,
+// surface/pattern_leaves.hpp answers.
 //
 // A value of n numbers is n registers in a row. Truth values are 1 and 0, whole numbers are floats that hold them exactly.
 // What has no value (a division by 0, the root of a negative number) is 0, as in Open Shading Language's safe functions: no
@@ -71,11 +71,11 @@ enum class PatternOp : uint8_t {
 };
 
 constexpr std::array<std::string_view, size_t(PatternOp::kCount)> kPatternOpNames{
-    "constant", "move",  "add",      "subtract", "multiply", "divide",    "multiply_add", "mix",       "min",    "max",
-    "abs",      "floor", "sqrt",     "sin",      "cos",      "asin",      "acos",         "atan2",     "exp",    "ln",
-    "power",    "less",  "not_above", "equal",    "select",   "dot",       "cross",        "noise2",    "noise3", "fractal2",
-    "fractal3", "cell2", "cell3",    "worley2",  "worley3",  "flake",     "primvar",      "position",  "normal", "tangent",
-    "bitangent", "view", "transform", "image"};
+    "constant", "move",     "add",      "subtract", "multiply",  "divide", "multiply_add", "mix",     "min",
+    "max",      "abs",      "floor",    "sqrt",     "sin",       "cos",    "asin",         "acos",    "atan2",
+    "exp",      "ln",       "power",    "less",     "not_above", "equal",  "select",       "dot",     "cross",
+    "noise2",   "noise3",   "fractal2", "fractal3", "cell2",     "cell3",  "worley2",      "worley3", "flake",
+    "primvar",  "position", "normal",   "tangent",  "bitangent", "view",   "transform",    "image"};
 static_assert(!kPatternOpNames.back().empty());
 
 // Derivatives are differences: what an image's coordinates, or a height, are made of is computed again a little way off, along
@@ -84,7 +84,14 @@ constexpr int kShifts = 5;
 // `data` of what may be shifted: this many times its own number, and the shift.
 constexpr int kShiftRange = 8;
 
-enum class PatternTransform : int32_t { kPointToObject, kPointToWorld, kVectorToObject, kVectorToWorld, kNormalToObject, kNormalToWorld };
+enum class PatternTransform : int32_t {
+  kPointToObject,
+  kPointToWorld,
+  kVectorToObject,
+  kVectorToWorld,
+  kNormalToObject,
+  kNormalToWorld
+};
 
 struct Instruction {
   PatternOp op = PatternOp::kConstant;
@@ -99,6 +106,9 @@ struct PatternImage {
   int32_t color = -1, alpha = -1;  // indices into Scene::textures: of the first three components, and of the fourth
   Wrap wrap_s = Wrap::kRepeat, wrap_t = Wrap::kRepeat;
   bool closest = false;  // a texel as it is
+  // Where its coordinates are a primvar's two numbers, moved and turned by 2 x 3 numbers: which, else -1.
+  int32_t primvar = -1;
+  float st_transform[6] = {1, 0, 0, 0, 1, 0};
 };
 
 // Registers that a tape may use.

@@ -8,8 +8,8 @@ namespace primray::pattern {
 // Where the nearest points are, of the cells around.
 template <int N, int W>
 struct Nearest {
-  vfloat<W> square[3];    // squared distances, the least first
-  vfloat<W> offset[N];    // from here to the nearest
+  vfloat<W> square[3];  // squared distances, the least first
+  vfloat<W> offset[N];  // from here to the nearest
 };
 
 template <int N, int W>

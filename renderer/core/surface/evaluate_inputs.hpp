@@ -158,8 +158,8 @@ class InputReader {
   PRIMRAY_INLINE InputReader(const Scene& scene, vbool<W> active, const SurfacePoint<W>& point, vfloat<W> footprint)
       : scene_(scene), active_(active), point_(point), footprint_(footprint) {}
 
-  // Before what reads outputs of the tape of `inputs`, of which `wants(field)` names those that will be read. `hits`, `p`, `ns`:
-  // see PatternPlace.
+  // Before what reads outputs of the tape of `inputs`, of which `wants(field)` names those that will be read. `hits`, `p`,
+  // `ns`: see PatternPlace.
   template <class Wants>
   PRIMRAY_INLINE void run_tape(const SurfaceInputs& inputs, const Wants& wants, const Hits<W>* hits = nullptr,
                                const vvec3<W>* p = nullptr, const vvec3<W>* ns = nullptr) {
@@ -233,8 +233,8 @@ PRIMRAY_INLINE vvec3<W> unit_normal(const vvec3<W>& bent, const vvec3<W>& ns) {
   return select(good, bent * (1.0f / sqrt(select(good, size2, 1.0f))), ns);
 }
 
-// Rows of the surfaces at the hits `h`, where they are `p`, and their normals `ns` where a normal map bends them. `footprint` as
-// in InputReader.
+// Rows of the surfaces at the hits `h`, where they are `p`, and their normals `ns` where a normal map bends them. `footprint`
+// as in InputReader.
 template <int W>
 __attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbool<W> active, const Hits<W>& h, vint<W> surface,
                                                          vfloat<W> footprint, const vvec3<W>& p, const vvec3<W>& ng,
@@ -258,8 +258,8 @@ __attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbo
       if (!wants(source.field)) continue;  // decided by the filter
       const vvec3<W> x = reader.read(source);
       if (source.field == InputField::kNormal) {
-        const vvec3<W> n = source.output >= 0 ? unit_normal(x, ns)
-                                              : bend_normal(point, reader.st(source.tangents, source.fallback), x, ns);
+        const vvec3<W> n =
+            source.output >= 0 ? unit_normal(x, ns) : bend_normal(point, reader.st(source.tangents, source.fallback), x, ns);
         // One that points into the surface is no normal of it.
         ns = select(same & (dot(n, ng) > vfloat<W>(0.0f)), n, ns);
       } else {

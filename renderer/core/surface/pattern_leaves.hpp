@@ -1,9 +1,9 @@
 // What a tape asks of the place that it runs at: positions, normals, tangents, primvars, spaces, images.
 //
 // World space is the stage's: origin + p / scale. A shape's own space is reached from its group's, in which coordinates are
-// small wherever the camera looks, by the shape's own matrix (scene/object_spaces.hpp); of a shape in a prototype it is what the
-// prototype has, whatever places it. Where a ray met what is not instanced, its own point counts, which on large triangles is
-// more exact than barycentrics (surface/interaction.hpp).
+// small wherever the camera looks, by the shape's own matrix (scene/object_spaces.hpp); of a shape in a prototype it is what
+// the prototype has, whatever places it. Where a ray met what is not instanced, its own point counts, which on large triangles
+// is more exact than barycentrics (surface/interaction.hpp).
 #pragma once
 
 #include "surface/evaluate_inputs.hpp"
@@ -30,18 +30,26 @@ class PatternLeaves {
     vfloat<W>* out = r + i.out;
     const auto three = [&](const vvec3<W>& v) { out[0] = v.x, out[1] = v.y, out[2] = v.z; };
     switch (i.op) {
-      case PatternOp::kPrimvar: return primvar(i, r);
+      case PatternOp::kPrimvar:
+        return primvar(i, r);
       case PatternOp::kPosition: {
         const V p = group_point(i.data % kShiftRange);
         return three(i.data / kShiftRange == 1 ? object_from_group().point(p) : stage_point(p));
       }
-      case PatternOp::kNormal: return three(normal());
-      case PatternOp::kTangent: return three(tangents(i.data).first);
-      case PatternOp::kBitangent: return three(tangents(i.data).second);
-      case PatternOp::kView: return three(view());
-      case PatternOp::kTransform: return three(transformed(PatternTransform(i.data), {r[i.in[0]], r[i.in[0] + 1], r[i.in[0] + 2]}));
-      case PatternOp::kImage: return image(i, r);
-      default: return;
+      case PatternOp::kNormal:
+        return three(normal());
+      case PatternOp::kTangent:
+        return three(tangents(i.data).first);
+      case PatternOp::kBitangent:
+        return three(tangents(i.data).second);
+      case PatternOp::kView:
+        return three(view());
+      case PatternOp::kTransform:
+        return three(transformed(PatternTransform(i.data), {r[i.in[0]], r[i.in[0] + 1], r[i.in[0] + 2]}));
+      case PatternOp::kImage:
+        return image(i, r);
+      default:
+        return;
     }
   }
 
@@ -83,7 +91,8 @@ class PatternLeaves {
       return HitGroup<W>(scene_, place_.active, *place_.hits).matrix(scene_, rounded);
     }
     const I first = gather<W>(scene_.placement_instance.data(), point_.placement);
-    return AffineLanes<W>(scene_.world_from_group.data(), select(point_.instanced, (first + point_.instance_row) * I(12), I(0)));
+    return AffineLanes<W>(scene_.world_from_group.data(),
+                          select(point_.instanced, (first + point_.instance_row) * I(12), I(0)));
   }
   void find_space() {
     const ObjectSpaces& spaces = scene_.object_spaces;
@@ -98,11 +107,14 @@ class PatternLeaves {
   Space group_from_object() const { return {AffineLanes<W>(scene_.object_spaces.group_from_object.data(), space_)}; }
 
   V to_world(const V& v) const { return any_instanced_ ? select(point_.instanced, instance_.vector(v), v) : v; }
-  V to_world_point(const V& p) const { return any_instanced_ ? select(point_.instanced, instance_.vector(p) + instance_.o, p) : p; }
+  V to_world_point(const V& p) const {
+    return any_instanced_ ? select(point_.instanced, instance_.vector(p) + instance_.o, p) : p;
+  }
   // The inverse of the instance's linear part, by cofactors.
   V from_world(const V& v) const {
     if (!any_instanced_) return v;
-    const F unit = 1.0f / max_component(V(max_component(abs(instance_.x)), max_component(abs(instance_.y)), max_component(abs(instance_.z))));
+    const F unit = 1.0f / max_component(V(max_component(abs(instance_.x)), max_component(abs(instance_.y)),
+                                          max_component(abs(instance_.z))));
     const V x = instance_.x * unit, y = instance_.y * unit, z = instance_.z * unit;
     const F factor = unit / dot(cross(x, y), z);
     const V r{dot(cross(y, z), v) * factor, dot(cross(z, x), v) * factor, dot(cross(x, y), v) * factor};
@@ -218,15 +230,19 @@ class PatternLeaves {
         const V p{v.x - float(scene_.origin.x), v.y - float(scene_.origin.y), v.z - float(scene_.origin.z)};
         return object_from_group().point(from_world_point(p * scale));
       }
-      case PatternTransform::kPointToWorld: return stage_point(group_from_object().point(v));
-      case PatternTransform::kVectorToObject: return object_from_group().m.vector(from_world(v * scale));
-      case PatternTransform::kVectorToWorld: return to_world(group_from_object().m.vector(v)) * float(1 / scene_.scale);
+      case PatternTransform::kPointToWorld:
+        return stage_point(group_from_object().point(v));
+      case PatternTransform::kVectorToObject:
+        return object_from_group().m.vector(from_world(v * scale));
+      case PatternTransform::kVectorToWorld:
+        return to_world(group_from_object().m.vector(v)) * float(1 / scene_.scale);
       case PatternTransform::kNormalToObject: {
         const V n = normal_from_world(v);
         const AffineLanes<W> m = group_from_object().m;
         return unit(V{dot(m.x, n), dot(m.y, n), dot(m.z, n)});
       }
-      case PatternTransform::kNormalToWorld: return unit(normal_to_world(group_from_object().m.normal(v)));
+      case PatternTransform::kNormalToWorld:
+        return unit(normal_to_world(group_from_object().m.normal(v)));
     }
     return v;
   }
@@ -244,7 +260,8 @@ class PatternLeaves {
     const F footprint = read.closest ? F(0.0f) : covered(first[0] - s, first[1] - t, second[0] - s, second[1] - t);
     F missing[4];
     for (int c = 0; c < i.width; ++c) missing[c] = r[i.in[3] + (i.steps >> 3 & 1) * c];
-    const V color = texels(read, read.color, s, t, footprint, {missing[0], missing[i.width > 1 ? 1 : 0], missing[i.width > 2 ? 2 : 0]});
+    const V color =
+        texels(read, read.color, s, t, footprint, {missing[0], missing[i.width > 1 ? 1 : 0], missing[i.width > 2 ? 2 : 0]});
     const F three[3] = {color.x, color.y, color.z};
     for (int c = 0; c < i.width && c < 3; ++c) r[i.out + c] = three[c];
     if (i.width == 4) r[i.out + 3] = texels(read, read.alpha, s, t, footprint, V(missing[3])).x;

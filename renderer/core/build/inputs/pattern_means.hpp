@@ -1,4 +1,5 @@
-// What patterns are on average, by trying them on the shapes that wear them: what chooses among emitters, and photons, go by it.
+// What patterns are on average, by trying them on the shapes that wear them: what chooses among emitters, and photons, go by
+// it.
 #pragma once
 
 #include "scene/scene.hpp"

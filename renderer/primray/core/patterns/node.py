@@ -27,7 +27,7 @@ class Surroundings(Protocol):
 
     def primvar(self, name: str) -> int: ...
     def image(self, file: TextureFile, width: int, node: Node) -> int | None:
-        """Its number among the tape's images, or None where the file cannot be read."""
+        """Its number among the tape's images, as the node reads it; None where the file cannot be read."""
 
     def frame(self) -> float: ...
 

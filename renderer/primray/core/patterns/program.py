@@ -5,6 +5,7 @@ A value is some numbers in a row; one of a single number stands for all where mo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -20,6 +21,8 @@ FOLDED: dict[str, Callable[..., float]] = {
     "divide": lambda a, b: a / b if b else 0.0,
     "min": min,
     "max": max,
+    "sin": math.sin,
+    "cos": math.cos,
 }
 # What jumps from value to value: a little way off it counts as it is here, else differences would be of jumps.
 STEPS = {"floor", "less", "not_above", "equal", "cell2", "cell3", "flake"}

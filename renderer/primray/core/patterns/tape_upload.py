@@ -10,8 +10,9 @@ import numpy as np
 
 from ...description import PatternInput, Surface, TextureFile
 from ..core_inputs import filled
+from .affine import affine_of
 from .compiling import Graph
-from .node import Node
+from .node import NO_SHIFT, Node
 from .program import Value
 from .registers import assemble
 
@@ -50,7 +51,8 @@ class TapeSurroundings:
     def image(self, file: TextureFile, width: int, node: Node) -> int | None:
         wraps = [WRAPS.get(node.text(mode, "periodic"), "REPEAT") for mode in ("uaddressmode", "vaddressmode")]
         closest = node.text("filtertype") == "closest"
-        key = (file, "r" if width == 1 else "rgb", width == 4, *wraps, closest)
+        worn = affine_of(node.read("texcoord", NO_SHIFT)) if node.own.category == "image" else None
+        key = (file, "r" if width == 1 else "rgb", width == 4, *wraps, closest, worn)
         if key not in self._numbers:
             color = self.outside.texture(file, "r" if width == 1 else "rgb")
             alpha = self.outside.texture(file, "a") if width == 4 else -1
@@ -58,6 +60,8 @@ class TapeSurroundings:
                 return None
             wrap = self.outside.core.Wrap
             made = filled(self.outside.core.PatternImage(), color=color, alpha=alpha, closest=closest)
+            if worn is not None:
+                filled(made, primvar=worn.primvar, st_transform=worn.transform)
             self.images.append(filled(made, wrap_s=wrap[wraps[0]], wrap_t=wrap[wraps[1]]))
             self._numbers[key] = len(self.images) - 1
         return self._numbers[key]

@@ -1,1 +1,1 @@
-"""What nodes compute, in a file a family: functions from a Node to its outputs, and NODES, their names as MaterialX has them."""
+"""What nodes compute, in a file a family: functions from a Node to its outputs, and NODES, their names in MaterialX."""

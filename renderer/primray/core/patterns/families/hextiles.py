@@ -9,9 +9,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from .images import offsets, texel
 from ..node import Node
 from ..program import Program, Value
+from .images import offsets, texel
 
 GRID = 2 * math.sqrt(3)  # cells of the triangle grid in a unit of coordinates
 SKEW, STRETCH = -0.57735027, 1.15470054
