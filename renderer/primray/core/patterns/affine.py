@@ -3,16 +3,18 @@ finely an image can be seen."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
 from .node import SHIFT_RANGE
-from .program import Operand, Program, Value
+from .program import Operation, Program, Value
 
-Row = npt.NDArray[np.float64]  # of s, t and 1
+
+@dataclass(frozen=True)
+class Form:
+    """s x + t y + 1 z, of a primvar's s and t; a constant has no primvar."""
+
+    primvar: int | None
+    row: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -21,45 +23,53 @@ class Affine:
     transform: tuple[float, ...]  # 2 x 3, by rows
 
 
-def affine_of(at: Value) -> Affine | None:
-    """None where the coordinates are anything else."""
-    found = [_component(at.program, at.operation, at.first + c) for c in range(2)]
-    primvars = {primvar for row in found if row is not None for primvar in [row[0]] if primvar is not None}
-    if any(row is None for row in found) or len(primvars) != 1:
+class AffineForms:
+    """By operation of a program, what its components are; None: something else. Operations stand after what they read."""
+
+    def __init__(self, program: Program) -> None:
+        self._program = program
+        self._forms: list[list[Form | None]] = []
+
+    def of(self, at: Value) -> Affine | None:
+        """None where the coordinates are anything else."""
+        operations = self._program.operations
+        while len(self._forms) <= at.operation:
+            self._forms.append(self._made(operations[len(self._forms)]))
+        s, t = self._forms[at.operation][at.first : at.first + 2]
+        if s is None or t is None:
+            return None
+        primvars = {form.primvar for form in (s, t)} - {None}
+        return Affine(primvars.pop(), (*s.row, *t.row)) if len(primvars) == 1 else None  # type: ignore[arg-type]
+
+    def _made(self, operation: Operation) -> list[Form | None]:
+        if isinstance(operation.data, tuple):
+            return [Form(None, (0.0, 0.0, value)) for value in operation.data]
+        if operation.name == "primvar" and operation.width == 2 and operation.data % SHIFT_RANGE == 0:
+            number = operation.data // SHIFT_RANGE
+            return [Form(number, (1.0, 0.0, 0.0)), Form(number, (0.0, 1.0, 0.0))]
+        if operation.name == "pack":
+            return [self._forms[number][first] for number, first, _ in operation.operands]
+        if operation.name not in ("add", "subtract", "multiply", "divide"):
+            return [None] * operation.width
+        (a, a_first, a_step), (b, b_first, b_step) = operation.operands
+        return [
+            _combined(operation.name, self._forms[a][a_first + a_step * c], self._forms[b][b_first + b_step * c])
+            for c in range(operation.width)
+        ]
+
+
+def _combined(name: str, a: Form | None, b: Form | None) -> Form | None:
+    if a is None or b is None:
         return None
-    return Affine(primvars.pop(), tuple(float(x) for row in found if row is not None for x in row[1]))
-
-
-def _component(program: Program, number: int, component: int) -> tuple[int | None, Row] | None:
-    """A number as a sum of s, t and 1, and of which primvar."""
-    operation = program.operations[number]
-    if isinstance(operation.data, tuple):
-        return None, np.array([0, 0, operation.data[component]])
-    if operation.name == "primvar" and component < 2 and operation.width == 2 and operation.data % SHIFT_RANGE == 0:
-        return operation.data // SHIFT_RANGE, np.eye(3)[component]
-    if operation.name == "pack":
-        return _component(program, *operation.operands[component][:2])
-    if operation.name not in ("add", "subtract", "multiply", "divide"):
+    if name == "multiply" and a.primvar is None:
+        a, b = b, a
+    if name in ("multiply", "divide"):
+        if b.primvar is not None or (name == "divide" and not b.row[2]):
+            return None
+        factor = b.row[2] if name == "multiply" else 1 / b.row[2]
+        return Form(a.primvar, (a.row[0] * factor, a.row[1] * factor, a.row[2] * factor))
+    if a.primvar is not None and b.primvar is not None and a.primvar != b.primvar:
         return None
-    return _combined(operation.name, [_operand(program, o, component) for o in operation.operands])
-
-
-def _operand(program: Program, operand: Operand, component: int) -> tuple[int | None, Row] | None:
-    number, first, step = operand
-    return _component(program, number, first + step * component)
-
-
-def _combined(name: str, parts: Sequence[tuple[int | None, Row] | None]) -> tuple[int | None, Row] | None:
-    if parts[0] is None or parts[1] is None:
-        return None
-    (of_a, a), (of_b, b) = parts[0], parts[1]
-    if of_a is not None and of_b is not None and of_a != of_b:
-        return None
-    of = of_b if of_a is None else of_a
-    if name in ("add", "subtract"):
-        return of, a + b if name == "add" else a - b
-    if name == "multiply" and of_a is None:
-        return of, b * a[2]
-    if of_b is not None or (name == "divide" and not b[2]):
-        return None
-    return of, a * b[2] if name == "multiply" else a / b[2]
+    sign = 1 if name == "add" else -1
+    x, y, z = (p + sign * q for p, q in zip(a.row, b.row, strict=True))
+    return Form(b.primvar if a.primvar is None else a.primvar, (x, y, z))

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...description import PatternInput, Surface, TextureFile
 from ..core_inputs import filled
-from .affine import affine_of
+from .affine import Affine, AffineForms
 from .compiling import Graph
 from .node import NO_SHIFT, Node
 from .program import Value
@@ -41,6 +41,11 @@ class TapeSurroundings:
     object_space: bool = False
     images: list[Any] = field(default_factory=list)
     _numbers: dict[tuple[Any, ...], int] = field(default_factory=dict)
+    _forms: AffineForms | None = None
+
+    def _worn(self, node: Node) -> Affine | None:
+        self._forms = self._forms or AffineForms(node.program)
+        return self._forms.of(node.read("texcoord", NO_SHIFT))
 
     def primvar(self, name: str) -> int:
         return self.outside.primvar(name)
@@ -51,7 +56,7 @@ class TapeSurroundings:
     def image(self, file: TextureFile, width: int, node: Node) -> int | None:
         wraps = [WRAPS.get(node.text(mode, "periodic"), "REPEAT") for mode in ("uaddressmode", "vaddressmode")]
         closest = node.text("filtertype") == "closest"
-        worn = affine_of(node.read("texcoord", NO_SHIFT)) if node.own.category == "image" else None
+        worn = self._worn(node) if node.own.category == "image" else None
         key = (file, "r" if width == 1 else "rgb", width == 4, *wraps, closest, worn)
         if key not in self._numbers:
             color = self.outside.texture(file, "r" if width == 1 else "rgb")
