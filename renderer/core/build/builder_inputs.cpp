@@ -25,6 +25,7 @@ int32_t SceneBuilder::add_surface(const SurfaceInput& constants, std::vector<Inp
 }
 
 int SceneBuilder::add_tape(Tape tape) {
+  tape.is_placed = tape.asks_place();
   scene_->tapes.push_back(std::move(tape));
   return int(scene_->tapes.size()) - 1;
 }

@@ -126,6 +126,16 @@ struct Tape {
   };
   std::vector<Output> outputs;
   bool asks_object_space = false;
+  bool is_placed = true;  // asks_place()
+
+  // It needs more of its place than primvars there: corners, edges, matrices.
+  bool asks_place() const {
+    for (const Instruction& i : code) {
+      if (i.op < PatternOp::kPrimvar || i.op == PatternOp::kImage) continue;
+      if (i.op != PatternOp::kPrimvar || i.data % kShiftRange != 0) return true;
+    }
+    return false;
+  }
 };
 
 }  // namespace primray

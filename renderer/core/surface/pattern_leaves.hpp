@@ -22,6 +22,7 @@ class PatternLeaves {
  public:
   PRIMRAY_INLINE PatternLeaves(const PatternPlace<W>& place, const Tape& tape)
       : place_(place), scene_(place.scene), point_(place.point), tape_(tape) {
+    if (!tape.is_placed) return;
     stand();
     if (scene_.object_spaces.any()) find_space();
   }
@@ -58,7 +59,6 @@ class PatternLeaves {
   using I = vint<W>;
   using V = vvec3<W>;
 
-  // A map with its inverse to come.
   struct Space {
     AffineLanes<W> m;
     PRIMRAY_INLINE V point(const V& p) const { return m.vector(p) + m.o; }

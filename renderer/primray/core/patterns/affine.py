@@ -1,5 +1,7 @@
-"""Coordinates that are a primvar's two numbers moved, turned and scaled by constants: for these it is known before rendering how
-finely an image can be seen."""
+"""Coordinates that are a primvar's two numbers moved, turned and scaled by constants.
+
+For these it is known before rendering how finely an image can be seen.
+"""
 
 from __future__ import annotations
 
