@@ -22,7 +22,8 @@ DEFAULT = np.array([0.25, 0.5, 0.75], np.float32)
 
 
 def texels(height: int, width: int, channels: int = 3) -> Floats:
-    return np.random.default_rng(3).uniform(0.1, 0.9, (height, width, channels)).astype(np.float32)
+    """Such as 16 bits hold exactly."""
+    return (np.random.default_rng(3).integers(20, 236, (height, width, channels)) / 255).astype(np.float32)
 
 
 def image(graph: Graph, at: Operand, type: str = "color3", changes: Mapping[str, Operand] = NOTHING) -> NodeOutput:
