@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from tests import described
 
-from primray.description import Floats, NodeOutput, Operand, TextureFile
+from primray.description import Floats, NodeOutput, Operand, Pattern, TextureFile
 
 from .oracle.numbers import Rows
 from .pictured import Graph, Strip, emitting, render_strips
@@ -138,7 +139,7 @@ def test_levels_follow_the_footprint(through: str) -> None:
     if through == "scaled":
         at = place2d(graph, place2d(graph, at, 7.0), 1 / 7)
     if through == "tiled":  # jumps in between are no slopes
-        whole = graph.add("floor", "vector2", {"in": place2d(graph, at, 5.0)})
+        whole = graph.add("floor", "vector2", {"in": place2d(graph, at, 64.0)})
         at = graph.add("subtract", "vector2", {"in1": place2d(graph, at, 1.0), "in2": whole})
     if through == "position":
         p = graph.add("position", "vector3", {"space": "object"})
@@ -150,6 +151,27 @@ def test_levels_follow_the_footprint(through: str) -> None:
     # 16 pixels see 2 x 1 images of 256 texels: 32 x 16 of them make a pixel; one level up or down is a factor of 2.
     expected = 1 / np.sqrt(32 * 16)
     assert expected / 2.2 < found < expected * 2.2
+
+
+@pytest.mark.parametrize("through", ["affine", "position"])
+def test_levels_that_are_kept(through: str) -> None:
+    """Only those that can be seen, where coordinates are a primvar's two numbers moved about; else all."""
+    graph = Graph()
+    at: NodeOutput = graph.add("texcoord", "vector2", {"index": (0.0,)})
+    if through == "affine":
+        at = graph.add("rotate2d", "vector2", {"in": place2d(graph, at, 2.0), "amount": (30.0,)})
+    else:
+        p = graph.add("position", "vector3", {"space": "object"})
+        x, y = (graph.add("extract", "float", {"in": p, "index": (float(k),)}) for k in range(2))
+        at = graph.add("combine2", "vector2", {"in1": x, "in2": y})
+    surface = emitting(graph.nodes, image(graph, at, "float"))
+    camera = described.orthographic(described.translation(0, 0, 1), 9)
+    made = described.describe(
+        [(plane((st(),)), np.eye(4))], [replace(surface, pattern=Pattern(tuple(graph.nodes)))], camera=camera,
+        resolution=(16, 16), textures={FILE: described.image(texels(256, 256, 1))},
+    )  # fmt: skip
+    (kept,) = made.build().texture_images
+    assert kept["first_level"] == (4 if through == "affine" else 0)
 
 
 def test_height_to_normal_is_its_slope() -> None:
