@@ -113,7 +113,9 @@ class Case:
     outputs: Mapping[str, tuple[NodeOutput, str]]
 
 
-def evaluate(cases: Sequence[Case], isa: str | None = None, lanes: int = 0) -> list[dict[str, Rows]]:
+def evaluate(
+    cases: Sequence[Case], isa: str | None = None, lanes: int = 0, textures: Textures | None = None
+) -> list[dict[str, Rows]]:
     """By case and output, (N, width): what is positive of it, less what is negative."""
     strips: list[Strip] = []
     places: list[list[tuple[str, int, int]]] = []
@@ -125,7 +127,7 @@ def evaluate(cases: Sequence[Case], isa: str | None = None, lanes: int = 0) -> l
                 places[-1].append((name, len(strips), width))
                 strips += [Strip(emitting(graph.nodes, part, sign), case.primvars) for sign in (1.0, -1.0)]
     count = len(next(iter(cases[0].primvars.values())))
-    picture = render_strips(strips, count, isa, lanes)
+    picture = render_strips(strips, count, isa, lanes, textures)
     found: list[dict[str, Rows]] = []
     for of in places:
         made: dict[str, list[Rows]] = {}

@@ -44,7 +44,7 @@ def sampled(pixels: Floats, st: Floats, **changes: Operand) -> Rows:
     return render_strips(strips, len(st), textures={FILE: described.image(pixels)})[0]
 
 
-def bilinear(pixels: Floats, st: Floats, wrap: str) -> Rows:
+def bilinear(pixels: Floats, st: Floats | Rows, wrap: str) -> Rows:
     """Between texel centres; row 0 on top."""
     p = pixels[::-1].astype(np.float64)
     h, w = p.shape[:2]
