@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -185,10 +186,45 @@ def test_sphere() -> None:
 
 
 def test_frame_and_time() -> None:
-    """Those of the description."""
+    """Those of the description: 36 is one second and a half."""
     graph = Graph()
     frame, time = graph.add("frame", "float", {}), graph.add("time", "float", {"fps": (24.0,)})
-    both = graph.add("combine3", "color3", {"in1": frame, "in2": time, "in3": (1.0,)})
-    surface = emitting(graph.nodes, both)
-    assert isinstance(surface.pattern, Pattern)
-    np.testing.assert_array_equal(seen(graph, both, np.eye(4))[0, 0], [0, 0, 1])
+    surface = emitting(graph.nodes, graph.add("combine3", "color3", {"in1": frame, "in2": time, "in3": (1.0,)}))
+    surface = replace(surface, pattern=Pattern(tuple(graph.nodes)))
+    made = described.describe(
+        [(plane(), np.eye(4))], [surface], camera=described.orthographic(described.translation(0, 0, 1), 1)
+    )
+    made = replace(made, description=replace(made.description, time_code=36.0))
+    np.testing.assert_array_equal(described.render(made.build(), 1, max_depth=1).pixels()[0, 0, :3], [36, 1.5, 1])
+
+
+def test_color_of_geometry() -> None:
+    """displayColor, of which a colour with alpha has 1."""
+    graph = Graph()
+    color = graph.add("geomcolor", "color4", {"index": (0.0,)})
+    alpha = graph.add("extract", "float", {"in": color, "index": (3.0,)})
+    values = np.array([[0.25, 0.5, 0.75]], np.float32)
+    for source, want in ((color, [0.25, 0.5, 0.75]), (alpha, [1, 1, 1])):
+        surface = replace(emitting(graph.nodes, source), pattern=Pattern(tuple(graph.nodes)))
+        shape = plane((Primvar("displayColor", Interpolation.CONSTANT, values),))
+        camera = described.orthographic(described.translation(0, 0, 1), 1)
+        made = described.describe([(shape, np.eye(4))], [surface], camera=camera)
+        np.testing.assert_array_equal(described.render(made.build(), 1, max_depth=1).pixels()[0, 0, :3], want)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_holes_know_their_place(place: str) -> None:
+    """A cut-out where its own x is negative: the filter has no ray to ask."""
+    graph, source = output("position", {"space": "object"})
+    x = graph.add("extract", "float", {"in": source, "index": (0.0,)})
+    there = graph.add("ifgreater", "float", {"value1": x, "value2": (0.0,), "in1": (1.0,), "in2": (0.0,)})
+    white = emitting(graph.nodes, there)
+    surface = replace(white, inputs=(("opacity", white.inputs[0][1]),), emissive_color=(1.0, 1.0, 1.0), opacity_threshold=0.5)
+    matrix = described.translation(1e5, 0, 0)
+    camera = described.orthographic(matrix @ described.translation(0, 0, 1), SIZE / 2)
+    mesh = plane()
+    made = described.describe([(mesh, matrix)], [surface], camera=camera, resolution=(SIZE, SIZE))
+    if place == "instanced":
+        made = instanced(mesh, surface, matrix, camera)
+    found = described.render(made.build(), 1, max_depth=1).pixels()[..., 0]
+    np.testing.assert_array_equal(found, np.broadcast_to(np.arange(SIZE) >= SIZE / 2, found.shape))
