@@ -245,6 +245,10 @@ CODES: dict[str, Code] = {
     "too-far": Code(Severity.ERROR, Kind.MISSING,
         "Geometry too large or too far away for floats (1e18 times the rest of the scene) is missing.",
         "Move what lies this far away closer, or make it invisible."),
+    "pattern-not-computed": Code(Severity.ERROR, Kind.MISSING,
+        "A material's pattern has a node that means nothing here, or needs more at a time than there is room for: one value "
+        "stands for each input that reads it.",
+        "Take the named node out, or split the material."),
     "far-edges": Code(Severity.WARNING, Kind.APPROXIMATED,
         "Triangles reach so far beyond what is usual in the scene that floats blur their edges.",
         "Cut the shape into smaller ones, or leave out what reaches this far."),

@@ -35,6 +35,7 @@ bool is_hole(const CutoutGroup& cutouts, const FilterHit& hit) {
   const InputSource* opacity = s ? s->find(InputField::kOpacity) : nullptr;
   if (!opacity) return false;
   InputReader<1> reader(scene, yes, point, vfloat<1>(0.0f));
+  reader.run_tape(*s, [](InputField f) { return f == InputField::kOpacity; });
   return !(reader.read(*opacity).x[0] >= s->constants.opacity_threshold);
 }
 

@@ -165,7 +165,7 @@ class FirstHitTask {
       LaneRows<W> varying;
       if (any_inputs(scene_, hit, it.surface)) {
         const F width = p.cone_width + p.cone_spread * hits.t, cosine = abs(dot(it.ng, p.ray.d));
-        rows = evaluate_inputs(scene_, hit, hits, it.surface, width * width / max(cosine, 0.05f), it.ng, it.ns, varying);
+        rows = evaluate_inputs(scene_, hit, hits, it.surface, width * width / max(cosine, 0.05f), it.p, it.ng, it.ns, varying);
       }
       active = surface(hit, hits, it, rows);
       if (!any(active)) return;

@@ -82,8 +82,9 @@ void bind_scene(nb::module_& m) {
       .def("__init__", [](SceneBuilder* b, std::unique_ptr<Scene> scene) { new (b) SceneBuilder(std::move(scene)); })
       .def("keeps_levels", &SceneBuilder::keeps_levels)
       .def("set_primvar_names", &SceneBuilder::set_primvar_names)
-      .def("add_surface", [](SceneBuilder& b, const SurfaceInput& constants,
-                             std::vector<InputSource> varying) { return b.add_surface(constants, std::move(varying)); })
+      .def("add_surface", [](SceneBuilder& b, const SurfaceInput& constants, std::vector<InputSource> varying,
+                             int tape) { return b.add_surface(constants, std::move(varying), tape); })
+      .def("add_tape", [](SceneBuilder& b, Tape tape) { return b.add_tape(std::move(tape)); })
       .def("add_texture", &SceneBuilder::add_texture)
       .def("set_texture_image", &set_texture_image)
       .def("add_placement_primvar", [](SceneBuilder& b, int name, int width,

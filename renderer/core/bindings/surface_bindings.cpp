@@ -1,11 +1,72 @@
 // Surfaces for Python: their constants, and where the inputs that vary come from.
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+#include "base/error.hpp"
 #include "bindings/inputs.hpp"
 #include "bsdf/surface.hpp"
 #include "bsdf/surface_inputs.hpp"
+#include "pattern/tape.hpp"
 
 namespace primray {
 
+namespace {
+
+// One row an instruction: operation, width, steps, result, four operands, data.
+constexpr size_t kCodeColumns = 9;
+
+std::vector<Instruction> code_of(std::span<const int32_t> rows) {
+  std::vector<Instruction> code;
+  for (size_t i = 0; i + kCodeColumns <= rows.size(); i += kCodeColumns) {
+    const int32_t* row = &rows[i];
+    if (row[0] < 0 || row[0] >= int32_t(PatternOp::kCount) || row[1] < 1 || row[3] < 0 || row[3] + row[1] > kMostRegisters)
+      throw Error("internal", "an instruction of a tape means nothing");
+    Instruction made;
+    made.op = PatternOp(row[0]), made.width = uint8_t(row[1]), made.steps = uint16_t(row[2]), made.out = uint16_t(row[3]);
+    for (size_t k = 0; k < 4; ++k) {
+      if (row[4 + k] < 0 || row[4 + k] >= kMostRegisters) throw Error("internal", "a tape reads no register");
+      made.in[k] = uint16_t(row[4 + k]);
+    }
+    made.data = row[8];
+    code.push_back(made);
+  }
+  return code;
+}
+
+std::vector<Tape::Output> outputs_of(std::span<const int32_t> rows) {
+  if (rows.size() > size_t(3 * kMostOutputs)) throw Error("internal", "a tape has too many outputs");
+  std::vector<Tape::Output> outputs;
+  for (size_t i = 0; i + 3 <= rows.size(); i += 3) outputs.push_back({rows[i], rows[i + 1], rows[i + 2]});
+  return outputs;
+}
+
+void bind_tape(nb::module_& m) {
+  nb::list names;
+  for (const std::string_view name : kPatternOpNames) names.append(std::string(name));
+  m.attr("pattern_operations") = names;
+  m.attr("pattern_registers") = kMostRegisters;
+  nb::class_<PatternImage> image(m, "PatternImage");
+  image.def(nb::init<>())
+      .def_rw("color", &PatternImage::color)
+      .def_rw("alpha", &PatternImage::alpha)
+      .def_rw("wrap_s", &PatternImage::wrap_s)
+      .def_rw("wrap_t", &PatternImage::wrap_t)
+      .def_rw("closest", &PatternImage::closest)
+      .def_rw("primvar", &PatternImage::primvar);
+  def_numbers(image, "st_transform", &PatternImage::st_transform);
+  nb::class_<Tape>(m, "Tape")
+      .def(nb::init<>())
+      .def_prop_rw("code", nullptr, [](Tape& t, InArray<int32_t> rows) { t.code = code_of(span_of(rows)); })
+      .def_prop_rw("constants", nullptr, [](Tape& t, std::vector<float> values) { t.constants = std::move(values); })
+      .def_prop_rw("images", nullptr, [](Tape& t, std::vector<PatternImage> images) { t.images = std::move(images); })
+      .def_prop_rw("outputs", nullptr, [](Tape& t, InArray<int32_t> rows) { t.outputs = outputs_of(span_of(rows)); })
+      .def_rw("asks_object_space", &Tape::asks_object_space);
+}
+
+}  // namespace
+
 void bind_surface(nb::module_& m) {
+  bind_tape(m);
   nb::class_<SurfaceInput> surface(m, "SurfaceInput");
   surface.def(nb::init<>())
       .def_rw("lambert", &SurfaceInput::lambert)
@@ -28,6 +89,7 @@ void bind_surface(nb::module_& m) {
       .def_rw("primvar", &InputSource::primvar)
       .def_rw("tangents", &InputSource::tangents)
       .def_rw("texture", &InputSource::texture)
+      .def_rw("output", &InputSource::output)
       .def_rw("wrap_s", &InputSource::wrap_s)
       .def_rw("wrap_t", &InputSource::wrap_t);
   def_numbers(source, "fallback", &InputSource::fallback);

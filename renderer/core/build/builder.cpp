@@ -97,6 +97,7 @@ void SceneBuilder::add_mesh(const MeshInput& mesh, const daffine& group_from_obj
       if (moves) table.normal_stride.resize(table.surface.size(), 0);
       if (normals_move) table.normal_stride.back() = int32_t(mesh.normals.size());
       s.primvars.of_mesh.insert(s.primvars.of_mesh.end(), s.primvars.names, -1);
+      note_object_space(s.object_spaces.of_mesh, size_t(row->second), surface, group_from_object);
     }
     s.triangle_mesh.push_back(row->second);
   }

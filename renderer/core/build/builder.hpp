@@ -26,7 +26,9 @@ class SceneBuilder {
   // How many names of primvars the surfaces' inputs read; before any shape.
   void set_primvar_names(int count) { scene_->primvars.names = count; }
   // Inputs that vary, beside the surface's constants; textures by their number.
-  int32_t add_surface(const SurfaceInput& constants, std::vector<InputSource> varying = {});
+  int32_t add_surface(const SurfaceInput& constants, std::vector<InputSource> varying = {}, int tape = -1);
+  // What inputs may read outputs of; its number. Before the surfaces.
+  int add_tape(Tape tape);
   // A texture without its images yet: `channels` 1 or 3; `finest_only` for those that cut-outs read.
   int add_texture(int channels, bool udim, bool finest_only);
   // Until the next begin_prototype, shapes go to the current group: the static one at first.
@@ -43,6 +45,7 @@ class SceneBuilder {
     if (!record) return false;
     auto& records = scene_->curved.records<K>();
     add_curved_row(scene_->groups.back().curved.of<K>(), records.size(), surface);
+    note_object_space(scene_->object_spaces.of_curved, scene_->curved.rows() - 1, surface, group_from_object);
     records.push_back(*record);
     return true;
   }
@@ -101,6 +104,8 @@ class SceneBuilder {
   void place_points(std::span<const float> points, const daffine& group_from_object, float* to) const;
   void add_curved_row(CurvedRange& range, size_t record, int32_t surface);
   int32_t append_primvar(std::span<const float> values);
+  // The shape's own space, of a row whose surface asks for it.
+  void note_object_space(std::vector<int32_t>& of, size_t row, int32_t surface, const daffine& group_from_object);
   void add_mesh_steps(const MeshInput& mesh, const daffine& group_from_object);
   // The later times of the current group's moving vertices, after all of its vertices.
   void end_group();

@@ -12,7 +12,7 @@ SceneBuilder::SceneBuilder(std::unique_ptr<Scene> scene) : scene_(std::move(scen
   if (s.moves() || s.geometry_lights.any()) throw Error("internal", "what moves, or is a light, is not opened again");
   group_origin_ = s.origin, group_scale_ = s.scale;
   s.positions.resize(s.positions.size() - 4), s.indices.pop_back();  // what finish() adds; their memory stays
-  s.surfaces = {}, s.surface_inputs_of.clear(), s.surface_inputs.clear();
+  s.surfaces = {}, s.surface_inputs_of.clear(), s.surface_inputs.clear(), s.tapes.clear();
   LinkTable links = std::move(s.lights.links);
   s.lights = {}, s.lights.links = std::move(links);
   s.emitters = {}, s.outlines = {};
@@ -31,6 +31,11 @@ bool SceneBuilder::restand_mesh(size_t row, const MeshInput& mesh, const daffine
     keeps_accel_ = false;
   }
   place_points(mesh.points, group_from_object, s.positions.data() + 3 * size_t(s.meshes.vertex_base.at(row)));
+  if (row < s.object_spaces.of_mesh.size() && s.object_spaces.of_mesh[row] > 0) {
+    const daffine group_from_world{
+        {group_scale_, 0, 0}, {0, group_scale_, 0}, {0, 0, group_scale_}, group_origin_ * -group_scale_};
+    s.object_spaces.put(size_t(s.object_spaces.of_mesh[row]), group_from_world * group_from_object);
+  }
   const PlacedNormals placed(group_from_object);
   const int order[3] = {0, mirrored ? 2 : 1, mirrored ? 1 : 2};
   float* to = s.normals.data() + s.meshes.normal_base[row];

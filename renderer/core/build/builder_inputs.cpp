@@ -17,11 +17,26 @@ int32_t SceneBuilder::append_primvar(std::span<const float> values) {
   return at;
 }
 
-int32_t SceneBuilder::add_surface(const SurfaceInput& constants, std::vector<InputSource> varying) {
+int32_t SceneBuilder::add_surface(const SurfaceInput& constants, std::vector<InputSource> varying, int tape) {
   Scene& s = *scene_;
   s.surface_inputs_of.push_back(varying.empty() ? -1 : int32_t(s.surface_inputs.size()));
-  if (!varying.empty()) s.surface_inputs.push_back({constants, std::move(varying)});
+  if (!varying.empty()) s.surface_inputs.push_back({constants, std::move(varying), tape});
   return s.surfaces.add(constants);
+}
+
+int SceneBuilder::add_tape(Tape tape) {
+  tape.is_placed = tape.asks_place();
+  scene_->tapes.push_back(std::move(tape));
+  return int(scene_->tapes.size()) - 1;
+}
+
+void SceneBuilder::note_object_space(std::vector<int32_t>& of, size_t row, int32_t surface, const daffine& group_from_object) {
+  Scene& s = *scene_;
+  const int32_t inputs = s.surface_inputs_of.at(size_t(surface));
+  const int tape = inputs < 0 ? -1 : s.surface_inputs[size_t(inputs)].tape;
+  if (tape < 0 || !s.tapes[size_t(tape)].asks_object_space) return;
+  of.resize(row + 1, 0);
+  of[row] = s.object_spaces.add(group_from_outside_.back() * group_from_object);
 }
 
 void SceneBuilder::add_mesh_primvar(int name, PrimvarKind kind, int width, std::span<const float> values) {

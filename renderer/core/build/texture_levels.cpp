@@ -62,8 +62,24 @@ std::vector<double> widths_on_instances(const Scene& s) {
   return least;
 }
 
+// A texture that a surface reads: the primvar that gives its st (-1: what else), and what becomes of it.
+struct TextureRead {
+  int texture, primvar;
+  const float* st_transform;
+};
+
+template <class F>
+void for_reads(const Scene& s, const SurfaceInputs& inputs, const F& f) {
+  for (const InputSource& source : inputs.sources)
+    if (source.texture >= 0) f(TextureRead{source.texture, source.primvar, source.st_transform});
+  if (inputs.tape < 0) return;
+  for (const PatternImage& image : s.tapes[size_t(inputs.tape)].images)
+    for (const int32_t texture : {image.color, image.alpha})
+      if (texture >= 0) f(TextureRead{texture, image.primvar, image.st_transform});
+}
+
 // One triangle that wears a texture; `width`: of the narrowest cone on it, in its own lengths.
-void wear(const Scene& s, const InputSource& source, Texture& texture, uint32_t mesh, size_t triangle, const uint32_t* corner,
+void wear(const Scene& s, const TextureRead& source, Texture& texture, uint32_t mesh, size_t triangle, const uint32_t* corner,
           double area2, double width) {
   const PrimvarTable& t = s.primvars;
   const int32_t primvar = source.primvar < 0 ? -1 : t.of_mesh[size_t(mesh) * t.names + source.primvar];
@@ -114,23 +130,24 @@ void measure_footprints(Scene& s) {
       // A triangle is no nearer than its plane, nor than a sphere about its corner that holds it.
       const double distance = std::max(std::fabs(dot(n, to)) / area2, length(to) - std::max(length(e1), length(e2)));
       const double width = g == 0 ? cone_at(s.camera, distance) : on_instances[g];
-      for (const InputSource& source : s.surface_inputs[inputs].sources)
-        if (source.texture >= 0) wear(s, source, s.textures[source.texture], mesh, t, corner, area2, width);
+      for_reads(s, s.surface_inputs[inputs], [&](const TextureRead& read) {
+        wear(s, read, s.textures[size_t(read.texture)], mesh, t, corner, area2, width);
+      });
     }
   }
   // Curved shapes have one st for all of them; an instance's primvar stands for st as well.
   for (const int32_t surface : s.curved.surface) {
     const int32_t inputs = s.surface_inputs_of[surface];
     if (inputs < 0) continue;
-    for (const InputSource& source : s.surface_inputs[inputs].sources)
-      if (source.texture >= 0) s.textures[source.texture].least_footprint = 0;
+    for_reads(s, s.surface_inputs[inputs],
+              [&](const TextureRead& read) { s.textures[size_t(read.texture)].least_footprint = 0; });
   }
   for (const SurfaceInputs& inputs : s.surface_inputs) {
-    for (const InputSource& source : inputs.sources) {
-      if (source.texture < 0 || source.primvar < 0) continue;
-      for (size_t i = source.primvar; i < s.primvars.of_placement.size(); i += s.primvars.names)
-        if (s.primvars.of_placement[i] >= 0) s.textures[source.texture].least_footprint = 0;
-    }
+    for_reads(s, inputs, [&](const TextureRead& read) {
+      if (read.primvar < 0) return;
+      for (size_t i = size_t(read.primvar); i < s.primvars.of_placement.size(); i += size_t(s.primvars.names))
+        if (s.primvars.of_placement[i] >= 0) s.textures[size_t(read.texture)].least_footprint = 0;
+    });
   }
 }
 

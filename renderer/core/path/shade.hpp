@@ -103,7 +103,7 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
   if (any_inputs(scene, hit, it.surface)) {
     // Whatever the angle, as much area as the cone cuts out of the surface.
     const F width = p.cone_width + p.cone_spread * hits.t, cosine = abs(dot(it.ng, p.ray.d));
-    rows = evaluate_inputs(scene, hit, hits, it.surface, width * width / max(cosine, kGrazing), it.ng, it.ns, varying);
+    rows = evaluate_inputs(scene, hit, hits, it.surface, width * width / max(cosine, kGrazing), it.p, it.ng, it.ns, varying);
   }
   if (scene.has_emission) gathered += select(hit, emitted(scene, hit, hits, it, rows, p), V(F(0.0f)));
   add_to_slots(round, active, p.slot, p.beta * gathered);

@@ -135,7 +135,7 @@ class Photons {
       SurfaceRows<W> rows(scene_.surfaces, it.surface);
       LaneRows<W> varying;
       if (any_inputs(scene_, alive, it.surface))
-        rows = evaluate_inputs(scene_, alive, hits, it.surface, F(0.0f), it.ng, it.ns, varying);
+        rows = evaluate_inputs(scene_, alive, hits, it.surface, F(0.0f), it.p, it.ng, it.ns, varying);
       const V wo = -rays.d;
       const B front = dot(it.ng, wo) > F(0.0f);
       const F side = select(front, F(1.0f), F(-1.0f));

@@ -21,6 +21,7 @@
 #include "light/light.hpp"
 #include "math/matrix.hpp"
 #include "motion/motion_table.hpp"
+#include "pattern/tape.hpp"
 #include "ray/grouped_hit.hpp"
 #include "scene/camera.hpp"
 #include "scene/curved/curved_shapes.hpp"
@@ -28,6 +29,7 @@
 #include "scene/emitter_table.hpp"
 #include "scene/geometry_light_table.hpp"
 #include "scene/light_outline_table.hpp"
+#include "scene/object_spaces.hpp"
 #include "scene/primvars.hpp"
 #include "texture/texture.hpp"
 
@@ -92,6 +94,8 @@ struct Scene {
   // Of the surfaces whose inputs vary: by surface, the index of its inputs, or -1.
   std::vector<int32_t> surface_inputs_of;
   std::vector<SurfaceInputs> surface_inputs;
+  std::vector<Tape> tapes;
+  ObjectSpaces object_spaces;
   std::vector<Texture> textures;
   PrimvarTable primvars;
   LightTable lights;

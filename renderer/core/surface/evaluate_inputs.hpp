@@ -6,6 +6,7 @@
 #pragma once
 
 #include "bsdf/surface_inputs.hpp"
+#include "surface/run_pattern.hpp"
 #include "surface/surface_point.hpp"
 
 namespace primray {
@@ -115,31 +116,37 @@ PRIMRAY_INLINE vvec3<W> broadcast(const float* c) {
   return {vfloat<W>(c[0]), vfloat<W>(c[1]), vfloat<W>(c[2])};
 }
 
+// Each lane in its own tile of a set: calls read(lanes, image, s and t within it) for those that have an image.
+template <int W, class Read>
+PRIMRAY_INLINE void for_tiles(const Texture& texture, vbool<W> active, vfloat<W> s, vfloat<W> t, const Read& read) {
+  using I = vint<W>;
+  const I column = floor_to_int(clamp(s, -1.0f, float(kTileColumns))), row = floor_to_int(clamp(t, -1.0f, float(kTileRows)));
+  const vbool<W> inside = (column >= I(0)) & (column < I(kTileColumns)) & (row >= I(0)) & (row < I(kTileRows));
+  const I tile = select(inside, gather<W>(texture.tiles.data(), select(inside, row * I(kTileColumns) + column, I(0))), I(-1));
+  for (vbool<W> left = active & (tile >= I(0)); any(left);) {
+    const int image = tile[__builtin_ctz(bits(left))];
+    const vbool<W> same = left & (tile == I(image));
+    left &= !same;
+    read(same, texture.images[image], s - to_float(column), t - to_float(row));
+  }
+}
+
 // texture(st') scale + bias.
 template <int W>
 PRIMRAY_INLINE vvec3<W> read_texture(const Scene& scene, vbool<W> active, const InputSource& source, const StLanes<W>& st,
                                      vfloat<W> footprint) {
   using F = vfloat<W>;
-  using I = vint<W>;
   const Texture& texture = scene.textures[source.texture];
   const float* m = source.st_transform;
   const F s = st.s * m[0] + st.t * m[1] + m[2], t = st.s * m[3] + st.t * m[4] + m[5];
   footprint = footprint * __builtin_fabsf(m[0] * m[4] - m[1] * m[3]);
   const vvec3<W> scale = broadcast<W>(source.scale), bias = broadcast<W>(source.bias);
   if (!texture.udim) return read_image(texture.images[0], source.wrap_s, source.wrap_t, s, t, footprint) * scale + bias;
-  // Each lane in its own tile.
-  const I column = floor_to_int(clamp(s, -1.0f, float(kTileColumns))), row = floor_to_int(clamp(t, -1.0f, float(kTileRows)));
-  const vbool<W> inside = (column >= I(0)) & (column < I(kTileColumns)) & (row >= I(0)) & (row < I(kTileRows));
-  const I tile = select(inside, gather<W>(texture.tiles.data(), select(inside, row * I(kTileColumns) + column, I(0))), I(-1));
   vvec3<W> r = broadcast<W>(source.missing);
-  for (vbool<W> left = active & (tile >= I(0)); any(left);) {
-    const int image = tile[__builtin_ctz(bits(left))];
-    const vbool<W> same = left & (tile == I(image));
-    left &= !same;
-    const vvec3<W> c =
-        read_image(texture.images[image], Wrap::kClamp, Wrap::kClamp, s - to_float(column), t - to_float(row), footprint);
+  for_tiles(texture, active, s, t, [&](vbool<W> same, const TextureImage& image, F in_s, F in_t) {
+    const vvec3<W> c = read_image(image, Wrap::kClamp, Wrap::kClamp, in_s, in_t, footprint);
     r = select(same, c * scale + bias, r);
-  }
+  });
   return r;
 }
 
@@ -151,6 +158,16 @@ class InputReader {
   PRIMRAY_INLINE InputReader(const Scene& scene, vbool<W> active, const SurfacePoint<W>& point, vfloat<W> footprint)
       : scene_(scene), active_(active), point_(point), footprint_(footprint) {}
 
+  // Before what reads outputs of the tape of `inputs`, of which `wants(field)` names those that will be read. `hits`, `p`,
+  // `ns`: see PatternPlace.
+  template <class Wants>
+  PRIMRAY_INLINE void run_tape(const SurfaceInputs& inputs, const Wants& wants, const Hits<W>* hits = nullptr,
+                               const vvec3<W>* p = nullptr, const vvec3<W>* ns = nullptr) {
+    if (inputs.tape < 0) return;
+    const Tape& tape = scene_.tapes[size_t(inputs.tape)];
+    run_pattern<W>({scene_, active_, point_, footprint_, hits, p, ns}, tape, tape_end(inputs, tape, wants), outputs_);
+  }
+
   PRIMRAY_INLINE const StLanes<W>& st(int name, const float* fallback) {
     if (!has_st_ || st_name_ != name || st_fallback_[0] != fallback[0] || st_fallback_[1] != fallback[1]) {
       st_ = StLanes<W>(scene_, active_, point_, name, fallback);
@@ -159,6 +176,7 @@ class InputReader {
     return st_;
   }
   __attribute__((noinline)) vvec3<W> read(const InputSource& source) {
+    if (source.output >= 0) return outputs_[source.output];
     if (source.texture >= 0) {
       const StLanes<W>& c = st(source.primvar, source.fallback);
       const vfloat<W> per_area = abs(c.area2()) / max(point_.area2, 1e-30f);
@@ -178,6 +196,7 @@ class InputReader {
   int st_name_ = -1;
   float st_fallback_[2] = {};
   StLanes<W> st_;
+  vvec3<W> outputs_[kMostOutputs];  // of the tape
 };
 
 // Normal maps: `tangent_normal` in the frame of dp/ds, dp/dt and the shading normal `ns`, both tangents made perpendicular to
@@ -206,11 +225,20 @@ PRIMRAY_INLINE vvec3<W> not_negative(const vvec3<W>& c) {
   return {kept(c.x), kept(c.y), kept(c.z)};
 }
 
-// Rows of the surfaces at the hits `h`, and their normals `ns` where a normal map bends them. `footprint` as in InputReader.
+// `bent`, a vector in world space, as a shading normal in place of `ns`; one that has no direction is none.
+template <int W>
+PRIMRAY_INLINE vvec3<W> unit_normal(const vvec3<W>& bent, const vvec3<W>& ns) {
+  const vfloat<W> size2 = dot(bent, bent);
+  const vbool<W> good = (size2 > vfloat<W>(1e-12f)) & (size2 < vfloat<W>(1e30f));
+  return select(good, bent * (1.0f / sqrt(select(good, size2, 1.0f))), ns);
+}
+
+// Rows of the surfaces at the hits `h`, where they are `p`, and their normals `ns` where a normal map bends them. `footprint`
+// as in InputReader.
 template <int W>
 __attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbool<W> active, const Hits<W>& h, vint<W> surface,
-                                                         vfloat<W> footprint, const vvec3<W>& ng, vvec3<W>& ns,
-                                                         LaneRows<W>& out) {
+                                                         vfloat<W> footprint, const vvec3<W>& p, const vvec3<W>& ng,
+                                                         vvec3<W>& ns, LaneRows<W>& out) {
   using I = vint<W>;
   const SurfacePoint<W> point(scene, active, h);
   for (int i = 0; i < W; ++i)
@@ -224,11 +252,14 @@ __attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbo
     const SurfaceInputs& inputs = scene.surface_inputs[k];
     SurfaceValues<W> values(inputs.constants);
     InputReader<W> reader(scene, same, point, footprint);
+    const auto wants = [&](InputField f) { return f != InputField::kOpacity || !(inputs.constants.opacity_threshold > 0); };
+    reader.run_tape(inputs, wants, &h, &p, &ns);
     for (const InputSource& source : inputs.sources) {
-      if (source.field == InputField::kOpacity && inputs.constants.opacity_threshold > 0) continue;  // decided by the filter
+      if (!wants(source.field)) continue;  // decided by the filter
       const vvec3<W> x = reader.read(source);
       if (source.field == InputField::kNormal) {
-        const vvec3<W> n = bend_normal(point, reader.st(source.tangents, source.fallback), x, ns);
+        const vvec3<W> n =
+            source.output >= 0 ? unit_normal(x, ns) : bend_normal(point, reader.st(source.tangents, source.fallback), x, ns);
         // One that points into the surface is no normal of it.
         ns = select(same & (dot(n, ng) > vfloat<W>(0.0f)), n, ns);
       } else {

@@ -33,6 +33,7 @@ PRIMRAY_INLINE vvec3<W> triangle_emission(const Scene& scene, vbool<W> active, v
     const SurfaceInputs& inputs = scene.surface_inputs[k];
     const InputSource *emission = inputs.find(InputField::kEmissiveColor), *opacity = inputs.find(InputField::kOpacity);
     InputReader<W> reader(scene, same, point, vfloat<W>(0.0f));
+    reader.run_tape(inputs, [](InputField f) { return f == InputField::kEmissiveColor || f == InputField::kOpacity; });
     const float* constant = &scene.surfaces.rows[size_t(surface[__builtin_ctz(bits(same))]) * kSurfaceFields];
     vvec3<W> L = emission ? not_negative(reader.read(*emission)) : broadcast<W>(constant + kEmission);
     L = select(own, one, L);

@@ -22,7 +22,7 @@ def filled(made: Any, **values: Any) -> Any:
 
 def surface_input(core: Any, surface: Surface) -> Any:
     """The SurfaceInput of a surface: its constants."""
-    constants = {f.name: getattr(surface, f.name) for f in fields(surface) if f.name not in ("path", "inputs")}
+    constants = {f.name: getattr(surface, f.name) for f in fields(surface) if f.name not in ("path", "inputs", "pattern")}
     return filled(core.SurfaceInput(), **constants)
 
 

@@ -65,7 +65,7 @@ def hand_over(
     low, high = world_boxes(d, boxes, prototype_boxes)
     scale = power_of_two_scale(scene_reach(d, low, high, origin))
     builder = core.SceneBuilder(origin, scale)
-    inputs, lights = SurfaceUpload(core, builder, textures), LightUpload(core, builder)
+    inputs, lights = SurfaceUpload(core, builder, textures, d.time_code or 0.0), LightUpload(core, builder)
     if record is not None:
         note_names(record, description, shapes, inputs)
     builder.reserve_triangles(*points_and_triangles(shapes))
@@ -73,6 +73,7 @@ def hand_over(
         builder.set_links(d.linked.members.astype(np.uint8))
     headers = {file: [(0, replace(tiles[0][1], stored=NO_TEXELS))] for file, tiles in textures.items()}
     surfaces = inputs.add_surfaces(d.surfaces)
+    warnings.extend(inputs.warnings)
     handing = ShapeUpload(core, builder, inputs, lights, surfaces, shapes, full_boxes, warnings, record)
     handing.add(d.static, origin, scale)
     rows = handing.rows_of_last()

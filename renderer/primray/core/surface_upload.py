@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Floats
-from ..description import Input, Primvar, Surface, TextureFile, TextureInput, Wrap
+from ..description import Input, PatternInput, Primvar, Surface, TextureFile, TextureInput, Wrap
 from ..textures.texture import Texture
 from .core_inputs import filled, surface_input
+from .patterns.compiling import UnknownNodeError
+from .patterns.tape_upload import Outside, TooLargeError, tape_of
 
 Textures = Mapping[TextureFile, Sequence[tuple[int, Texture]]]  # tile numbers, or 0 for a file that is no set of tiles
 MutableTextures = MutableMapping[TextureFile, list[tuple[int, Texture]]]
@@ -38,14 +40,24 @@ def with_readable_inputs(surface: Surface, textures: Textures) -> Surface:
     unreadable = [(name, i) for name, i in surface.inputs if isinstance(i, TextureInput) and not textures.get(i.file)]
     if not unreadable:
         return surface
-    constants: dict[str, Any] = {}
-    for name, texture in unreadable:
-        assert isinstance(texture, TextureInput)
-        if name != "normal":  # without a map the normal is the surface's own
-            value = channels_of(texture.fallback, texture.channels)
-            constants[name] = value if isinstance(getattr(surface, name), tuple) else value[0]
-    kept = tuple(item for item in surface.inputs if item not in unreadable)
-    return replace(surface, inputs=kept, **constants)
+    fallbacks = {name: channels_of(i.fallback, i.channels) for name, i in unreadable if isinstance(i, TextureInput)}
+    return with_constants(surface, fallbacks)
+
+
+def with_constants(surface: Surface, values: Mapping[str, tuple[float, float, float]]) -> Surface:
+    """The surface with these in place of its inputs of these names; without a map the normal is the surface's own."""
+    constants: dict[str, Any] = {
+        name: value if isinstance(getattr(surface, name), tuple) else value[0]
+        for name, value in values.items()
+        if name != "normal"
+    }
+    return replace(surface, inputs=tuple(item for item in surface.inputs if item[0] not in values), **constants)
+
+
+def without_pattern(surface: Surface) -> Surface:
+    """The surface with the fallbacks of what reads its pattern, as constants."""
+    fallbacks = {name: three(i.fallback) for name, i in surface.inputs if isinstance(i, PatternInput)}
+    return replace(with_constants(surface, fallbacks), pattern=None)
 
 
 def channels_of(rgba: Sequence[float], channels: str) -> tuple[float, float, float]:
@@ -88,12 +100,14 @@ class TextureKey:
 class SurfaceUpload:
     """Numbers of primvars' names and of textures while surfaces are handed over, and afterwards their values."""
 
-    def __init__(self, core: Any, builder: Any, textures: MutableTextures) -> None:
+    def __init__(self, core: Any, builder: Any, textures: MutableTextures, frame: float = 0.0) -> None:
         self._core = core
         self._builder = builder
         self._textures = textures
         self._names: dict[str, int] = {}
         self._numbers: dict[TextureKey, int] = {}
+        self._outside = Outside(core, self._name, self._pattern_texture, frame)
+        self.warnings: list[tuple[str, str, str]] = []  # code, prim path, message
 
     def name_primvars(self, names: Sequence[str]) -> dict[str, int]:
         """Before the surfaces: more names that are read, and their numbers."""
@@ -101,20 +115,37 @@ class SurfaceUpload:
 
     def add_surfaces(self, surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
         """Before any shape; the surfaces as the core has them."""
-        readable = tuple(with_readable_inputs(s, self._textures) for s in surfaces)
-        for surface in readable:
-            cutout = is_cutout(surface)
-            sources = [self._source(name, i, cutout and name == "opacity") for name, i in surface.inputs]
-            self._builder.add_surface(surface_input(self._core, surface), sources)
+        taken = tuple(self._add_surface(with_readable_inputs(s, self._textures)) for s in surfaces)
         self._builder.set_primvar_names(len(self._names))
-        return readable
+        return taken
+
+    def _add_surface(self, surface: Surface) -> Surface:
+        """As the core has it."""
+        tape, outputs = -1, dict[str, int]()
+        if surface.pattern is not None:
+            try:
+                made, outputs = tape_of(surface, self._outside)
+                tape = self._builder.add_tape(made)
+            except (UnknownNodeError, TooLargeError) as error:
+                message = f"Its pattern cannot be computed: {error}. One value stands for each input that reads it"
+                self.warnings.append(("pattern-not-computed", surface.path, message))
+                surface = without_pattern(surface)
+        cutout = is_cutout(surface)
+        sources = [self._source(name, i, cutout and name == "opacity", outputs.get(name, -1)) for name, i in surface.inputs]
+        self._builder.add_surface(surface_input(self._core, surface), sources, tape)
+        return surface
+
+    def _pattern_texture(self, file: TextureFile, channels: str) -> int | None:
+        return self._texture(file, channels, False) if self._textures.get(file) else None
 
     def _name(self, name: str) -> int:
         return self._names.setdefault(name, len(self._names))
 
-    def _source(self, field: str, value: Input, finest_only: bool) -> Any:
+    def _source(self, field: str, value: Input, finest_only: bool, output: int) -> Any:
         """An InputSource."""
         source = filled(self._core.InputSource(), field=self._core.InputField[field])
+        if isinstance(value, PatternInput):
+            return filled(source, output=output, fallback=three(value.fallback))
         if not isinstance(value, TextureInput):
             filled(source, primvar=self._name(value.name), fallback=three(value.fallback))
             return filled(source, tangents=self._name(NORMAL_ST)) if field == "normal" else source
@@ -124,7 +155,7 @@ class SurfaceUpload:
             source,
             primvar=st,
             fallback=three(value.st.fallback),
-            texture=self._texture(value, finest_only),
+            texture=self._texture(value.file, value.channels, finest_only),
             wrap_s=self._wrap(value.wrap_s, texture.wrap_s),
             wrap_t=self._wrap(value.wrap_t, texture.wrap_t),
             st_transform=value.st_transform,
@@ -138,11 +169,11 @@ class SurfaceUpload:
         """The core's Wrap."""
         return self._core.Wrap[(of_file if wrap is Wrap.USE_METADATA else wrap).name]
 
-    def _texture(self, value: TextureInput, finest_only: bool) -> int:
-        key = TextureKey(value.file, value.channels, finest_only)
+    def _texture(self, file: TextureFile, channels: str, finest_only: bool) -> int:
+        key = TextureKey(file, channels, finest_only)
         if key not in self._numbers:
-            tiles = self._textures[value.file]
-            grey = value.channels != "rgb" or all(texture.shape[2] <= 2 for _, texture in tiles)
+            tiles = self._textures[file]
+            grey = channels != "rgb" or all(texture.shape[2] <= 2 for _, texture in tiles)
             udim = any(number for number, _ in tiles)
             self._numbers[key] = self._builder.add_texture(1 if grey else 3, udim, finest_only)
         return self._numbers[key]

@@ -12,9 +12,11 @@ from .frame import Frame, PixelWindow
 from .geometry import Interpolation, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
 from .lighting import IesProfile, Light, LightType, Linked, Portal, Shadow, Shaping
 from .motion import CameraMotion, Exposure, MatrixMotion, MotionSteps, PointMotion
+from .patterns import NodeOutput, Operand, Pattern, PatternInput, PatternNode
 from .placement import Instances, MatrixInstances, MovingInstances, Placement, PointInstances
 from .scene import Placed, Prototype, SceneDescription
-from .shading import Input, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
+from .shading import Input, PrimvarInput, Surface, TextureInput, Wrap
+from .texture_file import TextureFile
 
 __all__ = [
     "AovRequest",
@@ -37,6 +39,11 @@ __all__ = [
     "Mesh",
     "MotionSteps",
     "MovingInstances",
+    "NodeOutput",
+    "Operand",
+    "Pattern",
+    "PatternInput",
+    "PatternNode",
     "PixelWindow",
     "Placed",
     "Placement",

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from ..arrays import Doubles, Floats
 from .motion import MatrixMotion
-from .shading import TextureFile
+from .texture_file import TextureFile
 
 Color = tuple[float, float, float]
 

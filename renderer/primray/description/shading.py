@@ -1,11 +1,12 @@
-"""The seam's surfaces: UsdPreviewSurface's inputs, each a constant, a primvar or a texture. Part of description.py."""
+"""The seam's surfaces: UsdPreviewSurface's inputs, each a constant, a primvar, a texture or a pattern."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
 
-from ..color.color_space import REC709, ColorSpace
+from .patterns import Pattern, PatternInput
+from .texture_file import TextureFile
 
 
 class Wrap(Enum):
@@ -16,15 +17,6 @@ class Wrap(Enum):
     CLAMP = "clamp"
     REPEAT = "repeat"
     MIRROR = "mirror"
-
-
-@dataclass(frozen=True)
-class TextureFile:
-    path: str  # resolved by Ar: a file, or "package.usdz[member]"; "" where nothing was found; with <UDIM> for a set of tiles
-    color_space: str | ColorSpace  # "auto", "raw" (numbers), "sRGB", or a name that only the OCIO configuration knows
-    tiles: tuple[tuple[int, str], ...] = ()  # of a <UDIM> path: (1001 ... 1100, resolved path)
-    target: ColorSpace = REC709  # where its colours are wanted: the rendering space
-    is_color: bool = True  # else three channels are three numbers: curves are undone, and nothing mixes them
 
 
 @dataclass(frozen=True)
@@ -55,16 +47,16 @@ class TextureInput:
     bias: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
 
-Input = PrimvarInput | TextureInput
+Input = PrimvarInput | TextureInput | PatternInput
 
 
 @dataclass(frozen=True)
 class Surface:
     """UsdPreviewSurface's inputs, or a Lambert surface of `diffuse_color` (exactly albedo / pi).
 
-    The fields are constants. `inputs` names those that vary, by field name, or "normal" (tangent space, -1 to 1); their
-    constants then stand where nothing else is known. `thin`: what is not opaque lets light straight through (else it
-    refracts by `ior`; needs closed geometry).
+    The fields are constants. `inputs` names those that vary, by field name, or "normal" (tangent space, -1 to 1; a pattern's is
+    in world space); their constants then stand where nothing else is known. `thin`: what is not opaque lets light straight
+    through (else it refracts by `ior`; needs closed geometry).
     """
 
     path: str  # the material's prim path, "" for one made from displayColor
@@ -83,3 +75,4 @@ class Surface:
     ior: float = 1.5
     thin: bool = False
     inputs: tuple[tuple[str, Input], ...] = ()
+    pattern: Pattern | None = None  # what its PatternInputs read

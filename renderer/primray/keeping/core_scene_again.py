@@ -71,7 +71,8 @@ def _are_alike(one: Surface, other: Surface) -> bool:
     """Whether shapes that wear them are handed over alike."""
     if one is other:
         return True
-    return one.inputs == other.inputs and is_cutout(one) == is_cutout(other) and is_hole(one) == is_hole(other)
+    alike = one.inputs == other.inputs and one.pattern == other.pattern
+    return alike and is_cutout(one) == is_cutout(other) and is_hole(one) == is_hole(other)
 
 
 def _placed_again(
@@ -110,7 +111,7 @@ def _built(
     core, d = module(), uploaded.description
     builder = core.SceneBuilder(scene._scene)
     textures = {**uploaded.textures, **images}
-    SurfaceUpload(core, builder, textures).add_surfaces(d.surfaces)
+    SurfaceUpload(core, builder, textures, d.time_code or 0.0).add_surfaces(d.surfaces)
     for row, old, new in moved:
         shape = now.shapes[new.shape]
         if not isinstance(shape, Mesh) or not builder.restand_mesh(row, _placed(shape), matrix(old.matrix), matrix(new.matrix)):

@@ -47,7 +47,7 @@ def counts_alike(one: SceneDescription, other: SceneDescription) -> bool:
     return not differing(one, other) - {*long, "static", "camera", "time_code"} and (
         all(len(getattr(one, name)) == len(getattr(other, name)) for name in long)
         and [p.shape for p in one.static] == [p.shape for p in other.static]
-        and [s.inputs for s in one.surfaces] == [s.inputs for s in other.surfaces]
+        and [(s.inputs, s.pattern) for s in one.surfaces] == [(s.inputs, s.pattern) for s in other.surfaces]
         and [light.texture for light in one.lights] == [light.texture for light in other.lights]
     )
 

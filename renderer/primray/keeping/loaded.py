@@ -37,7 +37,8 @@ class Loaded:
             return True
         if changed & {"shapes", "prototypes", "placements"} or _light_files(self.given) != _light_files(description):
             return False
-        return not self.images or [s.inputs for s in self.given.surfaces] == [s.inputs for s in description.surfaces]
+        before, now = ([(s.inputs, s.pattern) for s in d.surfaces] for d in (self.given, description))
+        return not self.images or before == now
 
     def of(self, description: SceneDescription) -> Loaded:
         """Of a description that it serves."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from .. import core
 from ..description import Mesh, Placement, SceneDescription, Shape, Sphere, SubdivisionMesh, TextureInput
+from ..description.pattern_reads import pattern_files
 from ..refine.dice import estimated_triangles
 from ..refine.footprint import Footprint, footprints
 from ..settings import DEFAULT_DICING_RATE
@@ -152,6 +153,7 @@ def texture_files(description: SceneDescription) -> dict[str, None]:
     files = [light.texture for light in description.lights if light.texture is not None]
     for surface in description.surfaces:
         files += [made.file for _, made in surface.inputs if isinstance(made, TextureInput)]
+        files += pattern_files(surface.pattern) if surface.pattern else ()
     return dict.fromkeys(path for file in files for path in ([tile for _, tile in file.tiles] or [file.path]) if path)
 
 

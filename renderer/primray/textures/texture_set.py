@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..description import LightType, SceneDescription, TextureFile, TextureInput, Wrap
+from ..description.pattern_reads import pattern_files
 from ..diagnostics import Diagnostics
 from ..errors import AssetError, LimitError
 from .texture import ReadAsset, Texture, load_texture
@@ -89,6 +90,10 @@ def _uses(description: SceneDescription) -> dict[TextureFile, _Use]:
                 use = uses.setdefault(reads.file, _Use())
                 use.channels |= set(reads.channels)
                 use.surface = use.surface or surface.path
+        for file, channels in pattern_files(surface.pattern).items() if surface.pattern else ():
+            use = uses.setdefault(file, _Use())
+            use.channels |= channels
+            use.surface = use.surface or surface.path
     return uses
 
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "base/error.hpp"
+#include "build/inputs/pattern_means.hpp"
 #include "surface/evaluate_inputs.hpp"
 
 namespace primray {
@@ -47,11 +48,15 @@ vec3 mean_of(const Scene& scene, const InputSource& source) {
 
 void note_inputs(Scene& scene) {
   scene.has_inputs = !scene.surface_inputs.empty();
+  const auto check = [&](int texture) {
+    if (texture >= 0 && !scene.textures[texture].udim && scene.textures[texture].images.empty())
+      throw Error("internal", "a texture was given no image");
+  };
+  for (const Tape& tape : scene.tapes)
+    for (const PatternImage& image : tape.images) check(image.color), check(image.alpha);
+  if (!scene.tapes.empty()) note_pattern_means(scene);
   for (const SurfaceInputs& inputs : scene.surface_inputs) {
-    for (const InputSource& source : inputs.sources) {
-      if (source.texture >= 0 && !scene.textures[source.texture].udim && scene.textures[source.texture].images.empty())
-        throw Error("internal", "a texture was given no image");
-    }
+    for (const InputSource& source : inputs.sources) check(source.texture);
     scene.has_emission |= inputs.find(InputField::kEmissiveColor) != nullptr;
     const InputSource* opacity = inputs.find(InputField::kOpacity);
     const SurfaceInput& s = inputs.constants;

@@ -29,7 +29,7 @@ struct ShadowStep {
     if (any_inputs(scene, active, it.surface)) {
       // Normal maps bend no light that goes straight on, and shadow rays have no cones.
       vvec3<W> unbent = it.ns;
-      rows = evaluate_inputs(scene, active, hits, it.surface, vfloat<W>(0.0f), it.ng, unbent, varying);
+      rows = evaluate_inputs(scene, active, hits, it.surface, vfloat<W>(0.0f), it.p, it.ng, unbent, varying);
     }
     through = straight_transmittance(Bsdf<W>(rows, active, wo, front));
   }

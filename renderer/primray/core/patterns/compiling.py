@@ -1,0 +1,86 @@
+"""A surface's pattern to a tape: what the wanted outputs need of the graph, in order, and of that nothing twice."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from ...description import NodeOutput, Pattern, PatternNode
+from ...description.pattern_reads import GEOMPROPS
+from .node import NO_SHIFT, Node, Outputs, Surroundings
+from .nodes import NO_MEANING, NODES
+from .program import Program, Value
+
+
+class UnknownNodeError(Exception):
+    """A node that computes nothing here, and why."""
+
+
+@dataclass
+class Graph:
+    """A pattern while it is compiled: by node and shift, the values of its outputs."""
+
+    pattern: Pattern
+    around: Surroundings
+    program: Program = field(default_factory=Program)
+    _values: dict[tuple[int, int], Outputs] = field(default_factory=dict)
+    _steps: dict[int, list[Value]] = field(default_factory=dict)
+
+    def value(self, source: NodeOutput, shift: int = NO_SHIFT) -> Value:
+        for node in self._missing(source.node, shift):
+            self._compile(node, shift)
+        made = self._values[source.node, shift]
+        return made[source.output] if isinstance(made, dict) else made
+
+    def _missing(self, node: int, shift: int) -> list[int]:
+        """It and what it reads, as far as they have no value yet, in order."""
+        found: set[int] = set()
+        left = [node]
+        while left:
+            number = left.pop()
+            if number in found or (number, shift) in self._values:
+                continue
+            found.add(number)
+            left.extend(v.node for _, v in self.pattern.nodes[number].inputs if isinstance(v, NodeOutput))
+        return sorted(found)
+
+    def _compile(self, number: int, shift: int) -> None:
+        own = self.pattern.nodes[number]
+        if shift != NO_SHIFT:
+            for node in self._missing(number, NO_SHIFT):
+                self._compile(node, NO_SHIFT)
+        before = self.program.steps, self.program.steps_here
+        self.program.steps, self.program.steps_here = [], None if shift == NO_SHIFT else iter(self._steps[number])
+        made = self._written(own, shift)
+        if shift == NO_SHIFT:
+            self._steps[number] = self.program.steps
+        self.program.steps, self.program.steps_here = before
+        self._values[number, shift] = made
+
+    def _written(self, own: PatternNode, shift: int) -> Outputs:
+        write = NODES.get(own.category)
+        if write is None or own.type in NO_MEANING:
+            raise UnknownNodeError(f"{own.signature or own.category} {NO_MEANING.get(own.type, 'is not known')}")
+        inputs = dict(own.inputs)
+
+        def read(name: str, shift: int) -> Value:
+            operand = inputs[name]
+            if isinstance(operand, NodeOutput):
+                return self.value(operand, shift)
+            if isinstance(operand, tuple):
+                return self.program.constant(*operand)
+            if isinstance(operand, str) and operand in GEOMPROPS:
+                return self._geometry(operand, shift)
+            raise UnknownNodeError(f"{own.signature or own.category} has no number as its {name}")
+
+        try:
+            return write(Node(self.program, own, shift, self.around, read))
+        except KeyError as missing:
+            raise UnknownNodeError(f"{own.signature or own.category} has no input {missing}") from missing
+
+    def _geometry(self, name: str, shift: int) -> Value:
+        category, space = GEOMPROPS[name]
+        made = self._written(
+            PatternNode(category, "vector2" if category == "texcoord" else "vector3", "", (("space", space),)), shift
+        )
+        assert isinstance(made, Value)
+        return made

@@ -1,0 +1,177 @@
+"""What a tape computes, as values that are each computed once: the same operation of the same operands is one value.
+
+A value is some numbers in a row; one of a single number stands for all where more are wanted. Operators write programs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+Numbers = tuple[float, ...]
+Operand = tuple[int, int, int]  # an operation, the component of its result that is first, and 1 or 0: it advances, or stays
+
+# What may be known while compiling: of constants, by component.
+FOLDED: dict[str, Callable[..., float]] = {
+    "add": lambda a, b: a + b,
+    "subtract": lambda a, b: a - b,
+    "multiply": lambda a, b: a * b,
+    "divide": lambda a, b: a / b if b else 0.0,
+    "min": min,
+    "max": max,
+    "sin": math.sin,
+    "cos": math.cos,
+}
+# What jumps from value to value: a little way off it counts as it is here, else differences would be of jumps.
+STEPS = {"floor", "less", "not_above", "equal", "cell2", "cell3", "flake"}
+
+
+class Operation(NamedTuple):
+    name: str  # of the core's pattern_operations, or "pack": operands side by side
+    width: int
+    operands: tuple[Operand, ...]
+    data: int | Numbers = 0  # numbers: of constants
+
+
+@dataclass(slots=True, eq=False)
+class Value:
+    """`width` numbers from `first` on of an operation's result."""
+
+    program: Program
+    operation: int
+    first: int
+    width: int
+
+    def __getitem__(self, component: int) -> Value:
+        return Value(self.program, self.operation, self.first + range(self.width)[component], 1)
+
+    def part(self, first: int, width: int) -> Value:
+        return Value(self.program, self.operation, self.first + first, width)
+
+    @property
+    def components(self) -> list[Value]:
+        return [self[c] for c in range(self.width)]
+
+    @property
+    def constant(self) -> Numbers | None:
+        """Its numbers, where they are known."""
+        operation = self.program.operations[self.operation]
+        return operation.data[self.first : self.first + self.width] if isinstance(operation.data, tuple) else None
+
+    def __add__(self, other: Value | float) -> Value:
+        return self.program.apply("add", self, other)
+
+    def __radd__(self, other: float) -> Value:
+        return self.program.apply("add", other, self)
+
+    def __sub__(self, other: Value | float) -> Value:
+        return self.program.apply("subtract", self, other)
+
+    def __rsub__(self, other: float) -> Value:
+        return self.program.apply("subtract", other, self)
+
+    def __mul__(self, other: Value | float) -> Value:
+        return self.program.apply("multiply", self, other)
+
+    def __rmul__(self, other: float) -> Value:
+        return self.program.apply("multiply", other, self)
+
+    def __truediv__(self, other: Value | float) -> Value:
+        return self.program.apply("divide", self, other)
+
+    def __rtruediv__(self, other: float) -> Value:
+        return self.program.apply("divide", other, self)
+
+    def __neg__(self) -> Value:
+        return 0.0 - self
+
+
+class Program:
+    def __init__(self) -> None:
+        self.operations: list[Operation] = []
+        self._numbers: dict[Operation, int] = {}
+        self.steps: list[Value] = []  # of the node that is being written, as they came
+        self.steps_here: Iterator[Value] | None = None  # a little way off: those of the same node here
+
+    def constant(self, *numbers: float) -> Value:
+        return self._value(Operation("constant", len(numbers), (), tuple(map(float, numbers))))
+
+    def apply(self, name: str, *operands: Value | float, width: int = 0, data: int = 0) -> Value:
+        """By component, or of `width` components whatever the operands have."""
+        is_step = name in STEPS
+        if is_step and self.steps_here is not None:
+            return next(self.steps_here)
+        values = [o if isinstance(o, Value) else self.constant(o) for o in operands]
+        width = width or max(v.width for v in values)
+        if name in FOLDED and (known := self._folded(name, values, width)) is not None:
+            return self.constant(*known)
+        read = tuple((v.operation, v.first, int(v.width > 1)) for v in values)
+        value = self._value(Operation(name, width, read, data))
+        if is_step:
+            self.steps.append(value)
+        return value
+
+    def pack(self, parts: Sequence[Value]) -> Value:
+        """All their numbers in a row."""
+        numbers = [v for part in parts for v in part.components]
+        if all(v.constant is not None for v in numbers):
+            return self.constant(*(n for v in numbers for n in v.constant or ()))
+        first = numbers[0]
+        if all((v.operation, v.first) == (first.operation, first.first + c) for c, v in enumerate(numbers)):
+            return Value(self, first.operation, first.first, len(numbers))
+        return self._value(Operation("pack", len(numbers), tuple((v.operation, v.first, 0) for v in numbers)))
+
+    def wide(self, value: Value, width: int) -> Value:
+        """One number as `width` of them."""
+        return value if value.width == width else self.pack([value] * width)
+
+    def _folded(self, name: str, values: Sequence[Value], width: int) -> list[float] | None:
+        known = [v.constant for v in values]
+        if any(numbers is None for numbers in known):
+            return None
+        each = [numbers * width if len(numbers) == 1 else numbers for numbers in known if numbers is not None]
+        return [float(FOLDED[name](*(numbers[c] for numbers in each))) for c in range(width)]
+
+    def _value(self, operation: Operation) -> Value:
+        number = self._numbers.get(operation)
+        if number is None:
+            number = self._numbers[operation] = len(self.operations)
+            self.operations.append(operation)
+        return Value(self, number, 0, operation.width)
+
+    # Functions of any number of components.
+    def select(self, condition: Value, yes: Value | float, no: Value | float) -> Value:
+        return self.apply("select", condition, yes, no)
+
+    def less(self, a: Value | float, b: Value | float) -> Value:
+        return self.apply("less", a, b)
+
+    def not_above(self, a: Value | float, b: Value | float) -> Value:
+        return self.apply("not_above", a, b)
+
+    def mix(self, a: Value | float, b: Value | float, share: Value | float) -> Value:
+        return self.apply("mix", a, b, share)
+
+    def clamp(self, x: Value, low: Value | float, high: Value | float) -> Value:
+        return self.apply("min", self.apply("max", x, low), high)
+
+    def floor(self, x: Value) -> Value:
+        return self.apply("floor", x)
+
+    def fract(self, x: Value) -> Value:
+        return x - self.floor(x)
+
+    def sqrt(self, x: Value) -> Value:
+        return self.apply("sqrt", x)
+
+    def dot(self, a: Value, b: Value) -> Value:
+        return self.apply("dot", a, b, width=1, data=a.width)
+
+    def cross(self, a: Value, b: Value) -> Value:
+        return self.apply("cross", a, b, width=3)
+
+    def normalize(self, x: Value) -> Value:
+        """0 where it has no direction."""
+        return x / self.sqrt(self.dot(x, x))

@@ -1,0 +1,112 @@
+"""Hands the tapes of surfaces with patterns to the core's builder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ...description import PatternInput, Surface, TextureFile
+from ..core_inputs import filled
+from .affine import Affine, AffineForms
+from .compiling import Graph
+from .node import NO_SHIFT, Node
+from .program import Value
+from .registers import assemble
+
+# Inputs that are asked for alone, by cut-outs and by lights: first on the tape, so that nothing else is run for them.
+FIRST = ("opacity", "emissive_color")
+WRAPS = {"constant": "CLAMP", "clamp": "CLAMP", "periodic": "REPEAT", "mirror": "MIRROR"}
+
+
+class TooLargeError(Exception):
+    """A pattern takes more registers than there are."""
+
+
+@dataclass(frozen=True)
+class Outside:
+    """What a tape shares with the other surfaces' inputs."""
+
+    core: Any
+    primvar: Callable[[str], int]  # numbers of names
+    texture: Callable[[TextureFile, str], int | None]  # numbers of textures, by channels; None where a file cannot be read
+    frame: float
+
+
+@dataclass
+class TapeSurroundings:
+    outside: Outside
+    object_space: bool = False
+    images: list[Any] = field(default_factory=list)
+    _numbers: dict[tuple[Any, ...], int] = field(default_factory=dict)
+    _forms: AffineForms | None = None
+
+    def _worn(self, node: Node) -> Affine | None:
+        self._forms = self._forms or AffineForms(node.program)
+        return self._forms.of(node.read("texcoord", NO_SHIFT))
+
+    def primvar(self, name: str) -> int:
+        return self.outside.primvar(name)
+
+    def frame(self) -> float:
+        return self.outside.frame
+
+    def image(self, file: TextureFile, width: int, node: Node) -> int | None:
+        wraps = [WRAPS.get(node.text(mode, "periodic"), "REPEAT") for mode in ("uaddressmode", "vaddressmode")]
+        closest = node.text("filtertype") == "closest"
+        worn = self._worn(node) if node.own.category == "image" else None
+        key = (file, "r" if width == 1 else "rgb", width == 4, *wraps, closest, worn)
+        if key not in self._numbers:
+            color = self.outside.texture(file, "r" if width == 1 else "rgb")
+            alpha = self.outside.texture(file, "a") if width == 4 else -1
+            if color is None or alpha is None:
+                return None
+            wrap = self.outside.core.Wrap
+            made = filled(self.outside.core.PatternImage(), color=color, alpha=alpha, closest=closest)
+            if worn is not None:
+                filled(made, primvar=worn.primvar, st_transform=worn.transform)
+            self.images.append(filled(made, wrap_s=wrap[wraps[0]], wrap_t=wrap[wraps[1]]))
+            self._numbers[key] = len(self.images) - 1
+        return self._numbers[key]
+
+
+def pattern_inputs(surface: Surface) -> list[tuple[str, PatternInput]]:
+    """Those that read the surface's pattern, as they stand on its tape."""
+    found = [(name, reads) for name, reads in surface.inputs if isinstance(reads, PatternInput)]
+    return sorted(found, key=lambda item: FIRST.index(item[0]) if item[0] in FIRST else len(FIRST))
+
+
+def tape_of(surface: Surface, outside: Outside) -> tuple[Any, dict[str, int]]:
+    """A core's Tape of the surface's pattern, and by input the number of its output.
+
+    Raises UnknownNodeError and TooLargeError.
+    """
+    assert surface.pattern is not None
+    around = TapeSurroundings(outside)
+    graph = Graph(surface.pattern, around)
+    wanted = pattern_inputs(surface)
+    outputs = [_three_or_one(graph.value(reads.source)) for _, reads in wanted]
+    numbers = {name: i for i, name in enumerate(outside.core.pattern_operations)}
+    code, constants, found, used = assemble(graph.program.operations, outputs, numbers)
+    if used > outside.core.pattern_registers:
+        raise TooLargeError(f"it keeps {used} numbers at a time, {outside.core.pattern_registers} are possible")
+    tape = filled(
+        outside.core.Tape(),
+        code=_rows(code, 9),
+        constants=constants,
+        images=around.images,
+        outputs=_rows(found, 3),
+        asks_object_space=around.object_space,
+    )
+    return tape, {name: i for i, (name, _) in enumerate(wanted)}
+
+
+def _three_or_one(value: Value) -> Value:
+    """What inputs take: a colour, or one number."""
+    return value.part(0, 3) if value.width >= 3 else value[0]
+
+
+def _rows(values: Sequence[Sequence[int]], columns: int) -> Any:
+    return np.array(values, np.int32).reshape(-1, columns)
