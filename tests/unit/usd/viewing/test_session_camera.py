@@ -93,4 +93,4 @@ def test_inside_a_mask(tmp_path: Path) -> None:
     stage = open_once(str(tmp_path / "m.usda"), primray.RenderSettings(mask=("/rig", "/s"))).stage
     camera, shapes = seen(stage, usd.place_camera(stage, PLACE, seen(stage, "/rig/cam")[0]))
     assert np.allclose(camera.world_from_camera, PLACE)
-    assert shapes == ["/s"]
+    assert shapes == ["/rig/cam/on_camera", "/s"]
