@@ -193,7 +193,7 @@ def _can_vary(made: Input) -> bool:
 
 def _stand_in(made: Input) -> tuple[float, ...]:
     """The constant that an input gives where neither file nor primvar is there."""
-    if isinstance(made, PrimvarInput):
+    if not isinstance(made, TextureInput):
         return made.fallback
     return _of_channels(made)
 

@@ -1,0 +1,55 @@
+"""What a pattern reads from outside of itself: primvars of shapes, files of texels."""
+
+from __future__ import annotations
+
+from .patterns import Pattern, PatternNode
+from .texture_file import TextureFile
+
+COLOR_PRIMVAR = "displayColor"  # what geomcolor means
+# Names of geometry that an input may have in place of a value, as MaterialX calls them: category and space.
+GEOMPROPS = {
+    "UV0": ("texcoord", ""), "Pobject": ("position", "object"), "Pworld": ("position", "world"),
+    "Nobject": ("normal", "object"), "Nworld": ("normal", "world"), "Tobject": ("tangent", "object"),
+    "Tworld": ("tangent", "world"), "Bobject": ("bitangent", "object"), "Bworld": ("bitangent", "world"),
+    "Vworld": ("viewdirection", "world"),
+}  # fmt: skip
+_BY_SET = {"texcoord": 2, "tangent": 2, "bitangent": 2}  # nodes that read a set of texture coordinates, and its numbers
+_CHANNELS = {"float": "r", "color4": "rgba", "vector4": "rgba"}
+
+
+def primvar_of_set(index: int) -> str:
+    """The primvar of a numbered set of texture coordinates."""
+    return "st" if index == 0 else f"st{index}"
+
+
+def pattern_primvars(pattern: Pattern) -> dict[str, int]:
+    """The primvars that it reads, and how many numbers of each."""
+    found: dict[str, int] = {}
+    for node in pattern.nodes:
+        for name, width in _primvars_of(node):
+            found[name] = max(found.get(name, 0), width)
+    return found
+
+
+def _primvars_of(node: PatternNode) -> list[tuple[str, int]]:
+    inputs = dict(node.inputs)
+    found = [(primvar_of_set(0), 2) for v in inputs.values() if isinstance(v, str) and GEOMPROPS.get(v, ("", ""))[0] in _BY_SET]
+    if node.category in _BY_SET:
+        index = inputs.get("index", (0.0,))
+        found.append((primvar_of_set(int(index[0]) if isinstance(index, tuple) else 0), 2))
+    if node.category == "geomcolor":
+        found.append((COLOR_PRIMVAR, 4 if node.type == "color4" else 3))
+    name = inputs.get("geomprop")
+    if node.category == "geompropvalue" and isinstance(name, str) and name:
+        found.append((name, int(node.type[-1]) if node.type[-1].isdigit() else 1))
+    return found
+
+
+def pattern_files(pattern: Pattern) -> dict[TextureFile, set[str]]:
+    """The files that it reads, and which channels of each, in order of use."""
+    found: dict[TextureFile, set[str]] = {}
+    for node in pattern.nodes:
+        for _, value in node.inputs:
+            if isinstance(value, TextureFile) and value.path:
+                found.setdefault(value, set()).update(_CHANNELS.get(node.type, "rgb"))
+    return found
