@@ -1,0 +1,164 @@
+"""A graph of primitive nodes while it is built: library nodes are expanded, constants folded, equal nodes are one.
+
+An operand is a tuple of numbers, a text, a file, or the output of a node that is built already.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from ...description import NodeOutput, Operand, PatternNode, TextureFile
+from .definitions import WIDTHS, Definition, FromInterface, FromStep, definition, graph
+from .folding import folded
+
+MOST_NODES = 20_000  # of one material
+DEEPEST = 32  # definitions in definitions
+_FILES = ("image", "hextiledimage", "hextilednormalmap")
+
+Outputs = dict[str, Operand]
+
+
+class TooManyNodesError(Exception):
+    """A material whose graph would be larger than MOST_NODES."""
+
+
+@dataclass
+class Expressions:
+    """Of one material."""
+
+    nodes: list[PatternNode] = field(default_factory=list)
+    _known: dict[tuple[object, ...], int] = field(default_factory=dict)
+
+    def node(self, name: str, inputs: Mapping[str, Operand], path: str = "", depth: int = 0) -> Outputs:
+        """What a library node gives for these inputs, others being at their defaults; KeyError if there is no such node."""
+        found = definition(name)
+        if found is None:
+            raise KeyError(name)
+        full = {i.name: inputs.get(i.name, i.default) for i in found.inputs}
+        implementation = graph(name)
+        if implementation is None or depth > DEEPEST:
+            return self._primitive(found, full, path)
+        made: list[Outputs] = []
+
+        def operand(source: object) -> Operand | None:
+            if isinstance(source, FromInterface):
+                return full.get(source.name)
+            if isinstance(source, FromStep):
+                return made[source.step].get(source.output)
+            return source  # type: ignore[return-value]
+
+        for step in implementation.steps:
+            given = {key: value for key, source in step.inputs if (value := operand(source)) is not None}
+            made.append(self.node(step.definition, given, path, depth + 1))
+        outputs = {key: operand(source) for key, source in implementation.outputs}
+        return {key: value for key, value in outputs.items() if value is not None}
+
+    def _primitive(self, found: Definition, inputs: Mapping[str, Operand | None], path: str) -> Outputs:
+        if found.category in _FILES and not _is_file(inputs.get("file")):
+            default = inputs.get("default")
+            return {found.outputs[0][0]: default} if default is not None else {}
+        simple = _simplified(found, inputs)
+        if simple is None:
+            simple = folded(found, inputs)
+        if simple is not None:
+            return {found.outputs[0][0]: simple}
+        given = tuple((key, value) for key, value in inputs.items() if value is not None)
+        key = (found.name, given)
+        index = self._known.get(key)
+        if index is None:
+            if len(self.nodes) >= MOST_NODES:
+                raise TooManyNodesError
+            index = self._known[key] = len(self.nodes)
+            self.nodes.append(PatternNode(found.category, found.type, found.name, given, path))
+        return {name: NodeOutput(index, name) for name, _ in found.outputs}
+
+    def width(self, value: Operand) -> int:
+        """How many numbers an operand has; 0 of what is none."""
+        if isinstance(value, tuple):
+            return len(value)
+        if not isinstance(value, NodeOutput):
+            return 0
+        node = self.nodes[value.node]
+        found = definition(node.signature)
+        kinds = dict(found.outputs) if found else {}
+        return WIDTHS.get(kinds.get(value.output, node.type), 0)
+
+    def apply(self, name: str, **inputs: Operand) -> Operand:
+        """The first output of a library node."""
+        return next(iter(self.node(name, inputs).values()))
+
+
+def _is_file(value: object) -> bool:
+    return isinstance(value, TextureFile) and value.path != ""
+
+
+def _simplified(found: Definition, inputs: Mapping[str, Operand | None]) -> Operand | None:
+    rule = _RULES.get(found.category)
+    return rule(found, inputs) if rule else None
+
+
+_Rule = Callable[[Definition, Mapping[str, Operand | None]], Operand | None]
+
+
+def _all(value: object, number: float) -> bool:
+    return isinstance(value, tuple) and all(x == number for x in value)
+
+
+def _as_wide(found: Definition, name: str, inputs: Mapping[str, Operand | None]) -> Operand | None:
+    """The input, where it has as many numbers as the node gives."""
+    kinds = {i.name: i.type for i in found.inputs}
+    return inputs.get(name) if WIDTHS.get(kinds[name]) == WIDTHS.get(found.type) else None
+
+
+def _neutral(number: float, *, either: bool) -> _Rule:
+    def rule(found: Definition, inputs: Mapping[str, Operand | None]) -> Operand | None:
+        if _all(inputs.get("in2"), number):
+            return _as_wide(found, "in1", inputs)
+        return _as_wide(found, "in2", inputs) if either and _all(inputs.get("in1"), number) else None
+
+    return rule
+
+
+def _product(found: Definition, inputs: Mapping[str, Operand | None]) -> Operand | None:
+    if found.type.startswith("matrix"):
+        return None
+    if _all(inputs.get("in1"), 0.0) or _all(inputs.get("in2"), 0.0):
+        return (0.0,) * WIDTHS.get(found.type, 1)
+    return _neutral(1.0, either=True)(found, inputs)
+
+
+def _mixture(found: Definition, inputs: Mapping[str, Operand | None]) -> Operand | None:
+    for number, name in ((0.0, "bg"), (1.0, "fg")):
+        if _all(inputs.get("mix"), number):
+            return _as_wide(found, name, inputs)
+    return inputs.get("fg") if inputs.get("fg") == inputs.get("bg") else None
+
+
+def _choice(holds: Callable[[float, float], bool]) -> _Rule:
+    def rule(found: Definition, inputs: Mapping[str, Operand | None]) -> Operand | None:
+        a, b = inputs.get("value1"), inputs.get("value2")
+        if not isinstance(a, tuple) or not isinstance(b, tuple) or "in1" not in inputs:
+            return None
+        return inputs.get("in1" if holds(a[0], b[0]) else "in2")
+
+    return rule
+
+
+def _same(name: str) -> _Rule:
+    return lambda _found, inputs: inputs.get(name)
+
+
+_RULES: dict[str, _Rule] = {
+    "multiply": _product,
+    "divide": _neutral(1.0, either=False),
+    "add": _neutral(0.0, either=True),
+    "subtract": _neutral(0.0, either=False),
+    "power": _neutral(1.0, either=False),
+    "mix": _mixture,
+    "ifgreater": _choice(lambda a, b: a > b),
+    "ifgreatereq": _choice(lambda a, b: a >= b),
+    "ifequal": _choice(lambda a, b: a == b),
+    "constant": _same("value"),
+    "dot": _same("in"),
+}

@@ -1,0 +1,35 @@
+"""What primitive nodes give for constants, in double precision: channels, arithmetic, adjustments, compositing. What depends on
+where a surface is seen, and what is not worth it (noise, matrices), stays a node.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from ..definitions import WIDTHS, Definition
+from .adjustments import ADJUSTMENTS
+from .arithmetic import ARITHMETIC
+from .channels import CHANNELS
+from .compositing import COMPOSITING
+from .kinds import Constants, Fold, Numbers
+
+_FOLDS: dict[str, Fold] = {**ARITHMETIC, **CHANNELS, **ADJUSTMENTS, **COMPOSITING}
+
+
+def folded(node: Definition, inputs: Mapping[str, object]) -> Numbers | None:
+    """The value of a node whose inputs are all numbers; None where it cannot be told, or is not finite."""
+    fold = _FOLDS.get(node.category)
+    width = WIDTHS.get(node.type, 0)
+    if fold is None or not width or len(node.outputs) > 1:
+        return None
+    constants: Constants = {}
+    for name, value in inputs.items():
+        if not isinstance(value, tuple):
+            return None
+        constants[name] = value
+    try:
+        made = fold(constants, width)
+    except (ArithmeticError, ValueError, KeyError, IndexError):
+        return None
+    return made if len(made) == width and all(map(math.isfinite, made)) else None
