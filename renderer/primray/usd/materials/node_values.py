@@ -49,7 +49,7 @@ class NodeValues:
 
     def inputs_of(self, node: Node, found: Definition) -> dict[str, Operand]:
         """Those of a node's inputs that the network says anything of, by name."""
-        known = {i.name: i for i in found.inputs}
+        known = found.by_name
         given: dict[str, Operand] = {}
         for full in property_names(node.prim):
             if not full.startswith("inputs:"):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 from .documents import library
@@ -65,11 +65,33 @@ class Definition:
     inputs: tuple[InputDefinition, ...]
     outputs: tuple[tuple[str, str], ...]  # names and types
 
-    @property
+    @cached_property
     def type(self) -> str:
         return self.outputs[0][1]
 
-    @property
+    @cached_property
+    def width(self) -> int:
+        """How many numbers the first output has; 0 where it has none."""
+        return WIDTHS.get(self.type, 0)
+
+    @cached_property
+    def as_wide(self) -> frozenset[str]:
+        """The inputs that have as many numbers as the first output."""
+        return frozenset(i.name for i in self.inputs if self.width and WIDTHS.get(i.type) == self.width)
+
+    @cached_property
+    def defaults(self) -> dict[str, Default]:
+        return {i.name: i.default for i in self.inputs}
+
+    @cached_property
+    def by_name(self) -> dict[str, InputDefinition]:
+        return {i.name: i for i in self.inputs}
+
+    @cached_property
+    def output_widths(self) -> dict[str, int]:
+        return {name: WIDTHS.get(kind, 0) for name, kind in self.outputs}
+
+    @cached_property
     def gives_colors(self) -> bool:
         return any(kind in COLORS for _, kind in self.outputs)
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from ...description import NodeOutput, Operand, PatternNode, TextureFile
-from .definitions import WIDTHS, Definition, FromInterface, FromStep, definition, graph
+from .definitions import Definition, FromInterface, FromStep, definition, graph
 from .folding import folded
 
 MOST_NODES = 20_000  # of one material
@@ -35,41 +35,40 @@ class Expressions:
         found = definition(name)
         if found is None:
             raise KeyError(name)
-        full = {i.name: inputs.get(i.name, i.default) for i in found.inputs}
         implementation = graph(name)
         if implementation is None or depth > DEEPEST:
-            return self._primitive(found, full, path)
+            defaults = found.defaults
+            known = {key: value for key, value in inputs.items() if key in defaults}
+            return self._primitive(found, {**defaults, **known}, path)
         made: list[Outputs] = []
-
-        def operand(source: object) -> Operand | None:
-            if isinstance(source, FromInterface):
-                return full.get(source.name)
-            if isinstance(source, FromStep):
-                return made[source.step].get(source.output)
-            return source  # type: ignore[return-value]
-
         for step in implementation.steps:
-            given = {key: value for key, source in step.inputs if (value := operand(source)) is not None}
+            given: dict[str, Operand] = {}
+            for key, source in step.inputs:
+                value = _operand(source, inputs, found, made)
+                if value is not None:
+                    given[key] = value
             made.append(self.node(step.definition, given, path, depth + 1))
-        outputs = {key: operand(source) for key, source in implementation.outputs}
+        outputs = {key: _operand(source, inputs, found, made) for key, source in implementation.outputs}
         return {key: value for key, value in outputs.items() if value is not None}
 
-    def _primitive(self, found: Definition, inputs: Mapping[str, Operand | None], path: str) -> Outputs:
+    def _primitive(self, found: Definition, inputs: dict[str, Operand | None], path: str) -> Outputs:
+        name = found.outputs[0][0]
         if found.category in _FILES and not _is_file(inputs.get("file")):
             default = inputs.get("default")
-            return {found.outputs[0][0]: default} if default is not None else {}
-        simple = _simplified(found, inputs)
+            return {name: default} if default is not None else {}
+        rule = _RULES.get(found.category)
+        simple = rule(found, inputs) if rule else None
         if simple is None:
             simple = folded(found, inputs)
         if simple is not None:
-            return {found.outputs[0][0]: simple}
-        given = tuple((key, value) for key, value in inputs.items() if value is not None)
-        key = (found.name, given)
+            return {name: simple}
+        key = (found.name, *inputs.values())  # in the definition's order
         index = self._known.get(key)
         if index is None:
             if len(self.nodes) >= MOST_NODES:
                 raise TooManyNodesError
             index = self._known[key] = len(self.nodes)
+            given = tuple((key, value) for key, value in inputs.items() if value is not None)
             self.nodes.append(PatternNode(found.category, found.type, found.name, given, path))
         return {name: NodeOutput(index, name) for name, _ in found.outputs}
 
@@ -79,10 +78,8 @@ class Expressions:
             return len(value)
         if not isinstance(value, NodeOutput):
             return 0
-        node = self.nodes[value.node]
-        found = definition(node.signature)
-        kinds = dict(found.outputs) if found else {}
-        return WIDTHS.get(kinds.get(value.output, node.type), 0)
+        found = definition(self.nodes[value.node].signature)
+        return found.output_widths.get(value.output, 0) if found else 0
 
     def apply(self, name: str, **inputs: Operand) -> Operand:
         """The first output of a library node."""
@@ -93,22 +90,26 @@ def _is_file(value: object) -> bool:
     return isinstance(value, TextureFile) and value.path != ""
 
 
-def _simplified(found: Definition, inputs: Mapping[str, Operand | None]) -> Operand | None:
-    rule = _RULES.get(found.category)
-    return rule(found, inputs) if rule else None
+def _operand(source: object, inputs: Mapping[str, Operand], found: Definition, made: list[Outputs]) -> Operand | None:
+    """What a step of a definition's graph is given."""
+    if type(source) is FromStep:
+        return made[source.step].get(source.output)
+    if type(source) is FromInterface:
+        value = inputs.get(source.name)
+        return found.defaults.get(source.name) if value is None else value
+    return source  # type: ignore[return-value]
 
 
 _Rule = Callable[[Definition, Mapping[str, Operand | None]], Operand | None]
 
 
 def _all(value: object, number: float) -> bool:
-    return isinstance(value, tuple) and all(x == number for x in value)
+    return type(value) is tuple and value.count(number) == len(value)
 
 
 def _as_wide(found: Definition, name: str, inputs: Mapping[str, Operand | None]) -> Operand | None:
     """The input, where it has as many numbers as the node gives."""
-    kinds = {i.name: i.type for i in found.inputs}
-    return inputs.get(name) if WIDTHS.get(kinds[name]) == WIDTHS.get(found.type) else None
+    return inputs.get(name) if name in found.as_wide else None
 
 
 def _neutral(number: float, *, either: bool) -> _Rule:
@@ -124,7 +125,7 @@ def _product(found: Definition, inputs: Mapping[str, Operand | None]) -> Operand
     if found.type.startswith("matrix"):
         return None
     if _all(inputs.get("in1"), 0.0) or _all(inputs.get("in2"), 0.0):
-        return (0.0,) * WIDTHS.get(found.type, 1)
+        return (0.0,) * (found.width or 1)
     return _neutral(1.0, either=True)(found, inputs)
 
 

@@ -7,12 +7,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from ..definitions import WIDTHS, Definition
+from ..definitions import Definition
 from .adjustments import ADJUSTMENTS
 from .arithmetic import ARITHMETIC
 from .channels import CHANNELS
 from .compositing import COMPOSITING
-from .kinds import Constants, Fold, Numbers
+from .kinds import Fold, Numbers
 
 _FOLDS: dict[str, Fold] = {**ARITHMETIC, **CHANNELS, **ADJUSTMENTS, **COMPOSITING}
 
@@ -20,16 +20,14 @@ _FOLDS: dict[str, Fold] = {**ARITHMETIC, **CHANNELS, **ADJUSTMENTS, **COMPOSITIN
 def folded(node: Definition, inputs: Mapping[str, object]) -> Numbers | None:
     """The value of a node whose inputs are all numbers; None where it cannot be told, or is not finite."""
     fold = _FOLDS.get(node.category)
-    width = WIDTHS.get(node.type, 0)
+    width = node.width
     if fold is None or not width or len(node.outputs) > 1:
         return None
-    constants: Constants = {}
-    for name, value in inputs.items():
-        if not isinstance(value, tuple):
+    for value in inputs.values():
+        if type(value) is not tuple:
             return None
-        constants[name] = value
     try:
-        made = fold(constants, width)
+        made = fold(inputs, width)  # type: ignore[arg-type]
     except (ArithmeticError, ValueError, KeyError, IndexError):
         return None
     return made if len(made) == width and all(map(math.isfinite, made)) else None
