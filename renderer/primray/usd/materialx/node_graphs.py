@@ -10,6 +10,7 @@ from typing import Any
 
 from pxr import Sdf
 
+from .growth import fault
 from .writing import (
     ROOT,
     connect,
@@ -59,6 +60,8 @@ class NodeGraphs:
         self._written: set[str] = set()
         self._graphs = {graph.getName(): graph for graph in own(document, "nodegraph")}
         self._definitions = {definition.getName() for definition in own(document, "nodedef")}
+        if wrong := fault(self._graphs, self._definitions):
+            raise ValueError(wrong)
 
     def implementing(self, definition: Any) -> Any:
         """The document's graph that implements a nodedef, None where it has none."""

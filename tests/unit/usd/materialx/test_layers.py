@@ -139,3 +139,24 @@ def test_includes_without_end_are_bounded(tmp_path: Path) -> None:
     (tmp_path / "40.mtlx").write_text("<materialx/>")
     with pytest.raises(AssetError, match="includes more than"):
         layer_of_document(str(tmp_path / "0.mtlx"))
+
+
+def doubling(depth: int, last: str) -> str:
+    """Nodes of the file's own, each two of the next."""
+    parts = []
+    output = '<output name="out" type="float" nodename="a"/>'
+    for i in range(depth):
+        inner = f"n{i + 1}" if i + 1 < depth else last
+        nodes = "".join(f'<{inner} name="{k}" type="float"/>' for k in ("a", "b"))
+        parts.append(f'<nodedef name="ND_n{i}" node="n{i}"><output name="out" type="float"/></nodedef>')
+        parts.append(
+            f'<nodegraph name="NG_n{i}" nodedef="ND_n{i}">{nodes}<output name="out" type="float" nodename="a"/></nodegraph>'
+        )
+    return f'<materialx version="1.39">{"".join(parts)}</materialx>'
+
+
+@pytest.mark.parametrize(("text", "why"), [(doubling(40, "noise2d"), "more than"), (doubling(3, "n0"), "itself")])
+def test_graphs_that_grow_without_end_are_refused(tmp_path: Path, text: str, why: str) -> None:
+    (tmp_path / "looks.mtlx").write_text(text)
+    with pytest.raises(AssetError, match=why):
+        layer_of_document(str(tmp_path / "looks.mtlx"))
