@@ -144,7 +144,6 @@ def test_includes_without_end_are_bounded(tmp_path: Path) -> None:
 def doubling(depth: int, last: str) -> str:
     """Nodes of the file's own, each two of the next."""
     parts = []
-    output = '<output name="out" type="float" nodename="a"/>'
     for i in range(depth):
         inner = f"n{i + 1}" if i + 1 < depth else last
         nodes = "".join(f'<{inner} name="{k}" type="float"/>' for k in ("a", "b"))

@@ -15,6 +15,7 @@ from ....description import Input, PrimvarInput, Surface, TextureInput
 from ....diagnostics import Diagnostic, Diagnostics
 from ...materials.fed_inputs import FedInputs
 from ...materials.known_material import known_material
+from ...materials.mdl.by_name import mdl_material, module_of
 from ...materials.network import Constant, Node, as_numbers, constant_color, find_source, node_path, parameter
 from ...materials.network_nodes import NO_PRIMVAR, NODES, NodeKind, reader_input, texture_input
 from ...materials.node_values import definition_of
@@ -109,7 +110,9 @@ def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Mate
                 return _preview_surface(source, path, ctx)
             if source.id.startswith("ND_") and (made := known_material(source, path, ctx)) is not None:
                 return Material(made.surface, made.hidden)
-            others.append(f"{source.id or 'a shader without id'} ({output.GetBaseName()})")
+            if module_of(source) and (mdl := mdl_material(source, path, ctx)) is not None:
+                return Material(*mdl)
+            others.append(f"{source.id or module_of(source) or 'a shader without id'} ({output.GetBaseName()})")
     reason = f"The surface shader is {', '.join(others)}" if others else "No surface output leads to a shader"
     ctx.warn("shader-ignored", path, f"{reason}: displayColor is used.", "outputs:surface")
     return Material(None)
