@@ -25,7 +25,8 @@ def pruned(nodes: Sequence[PatternNode], inputs: Mapping[str, Input]) -> tuple[P
         return NodeOutput(number[operand.node], operand.output) if isinstance(operand, NodeOutput) else operand
 
     kept = tuple(
-        replace(nodes[index], inputs=tuple((name, moved(operand)) for name, operand in nodes[index].inputs)) for index in number
+        PatternNode(n.category, n.type, n.signature, tuple([(name, moved(operand)) for name, operand in n.inputs]), n.path)
+        for n in map(nodes.__getitem__, number)
     )
     made = {
         name: replace(found, source=NodeOutput(number[found.source.node], found.source.output))

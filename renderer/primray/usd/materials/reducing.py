@@ -45,14 +45,19 @@ class Reducer:
         made = self._texture(found, width) if found is not None else None
         return made or PatternInput(value, self.stand_in(value, width))
 
-    def normal(self, value: NodeOutput) -> Input:
-        """A normal: in tangent space where a map says it there; a pattern's is in world space."""
+    def normal(self, value: NodeOutput) -> Input | None:
+        """A normal: in tangent space where a map says it there; a pattern's is in world space. None of a map that has no texels
+        and would turn the surface round."""
         node = self._nodes[value.node]
         inputs = dict(node.inputs)
         frame = (inputs.get("normal"), inputs.get("tangent"), inputs.get("bitangent"))
         scale = inputs.get("scale")
         if node.category == "normalmap" and frame == ("Nworld", "Tworld", "Bworld") and isinstance(scale, tuple):
             given = inputs.get("in")
+            if isinstance(given, tuple):
+                x, y = (scale * 2)[:2]
+                tangent = ((2.0 * given[0] - 1.0) * x, (2.0 * given[1] - 1.0) * y, 2.0 * given[2] - 1.0)
+                return PrimvarInput(NO_PRIMVAR, tangent) if tangent[2] > 0 else None
             found = self._scaled(given) if isinstance(given, NodeOutput) else None
             if found is not None and len(found.scale) == 3:
                 x, y = (scale * 2)[:2]

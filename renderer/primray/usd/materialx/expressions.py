@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 
 from ...description import NodeOutput, Operand, PatternNode, TextureFile
 from .definitions import Definition, FromInterface, FromStep, definition, graph
@@ -15,6 +16,8 @@ from .folding import folded
 MOST_NODES = 20_000  # of one material
 DEEPEST = 32  # definitions in definitions
 _FILES = ("image", "hextiledimage", "hextilednormalmap")
+
+_GIVEN = -1  # in place of a node
 
 Outputs = dict[str, Operand]
 
@@ -30,24 +33,41 @@ class Expressions:
     nodes: list[PatternNode] = field(default_factory=list)
     _known: dict[tuple[object, ...], int] = field(default_factory=dict)
 
-    def node(self, name: str, inputs: Mapping[str, Operand], path: str = "", depth: int = 0) -> Outputs:
+    def node(self, name: str, inputs: Mapping[str, Operand], path: str = "") -> Outputs:
         """What a library node gives for these inputs, others being at their defaults; KeyError if there is no such node."""
         found = definition(name)
         if found is None:
             raise KeyError(name)
-        implementation = graph(name)
+        defaults = found.defaults
+        given = {key: value for key, value in inputs.items() if key in defaults}
+        if graph(name) is None:
+            return self._primitive(found, {**defaults, **given}, path)
+        left = _left_of(name, frozenset(given))
+        made: list[Outputs] = []
+
+        def actual(operand: Operand | None) -> Operand | None:
+            if type(operand) is not NodeOutput:
+                return operand
+            return given[operand.output] if operand.node == _GIVEN else made[operand.node].get(operand.output)
+
+        for step, operands in left.steps:
+            made.append(self._primitive(step, {key: actual(operand) for key, operand in operands}, path))
+        return {key: value for key, operand in left.outputs if (value := actual(operand)) is not None}
+
+    def expanded(self, found: Definition, inputs: Mapping[str, Operand], depth: int = 0) -> Outputs:
+        """What a library node gives, by the graph that implements it, all the way down to primitives."""
+        implementation = graph(found.name)
         if implementation is None or depth > DEEPEST:
-            defaults = found.defaults
-            known = {key: value for key, value in inputs.items() if key in defaults}
-            return self._primitive(found, {**defaults, **known}, path)
+            return self._primitive(found, {**found.defaults, **inputs}, "")
         made: list[Outputs] = []
         for step in implementation.steps:
+            inner = definition(step.definition)
             given: dict[str, Operand] = {}
             for key, source in step.inputs:
                 value = _operand(source, inputs, found, made)
                 if value is not None:
                     given[key] = value
-            made.append(self.node(step.definition, given, path, depth + 1))
+            made.append(self.expanded(inner, given, depth + 1) if inner else {})
         outputs = {key: _operand(source, inputs, found, made) for key, source in implementation.outputs}
         return {key: value for key, value in outputs.items() if value is not None}
 
@@ -86,8 +106,32 @@ class Expressions:
         return next(iter(self.node(name, inputs).values()))
 
 
+@dataclass(frozen=True)
+class _Left:
+    """The primitives that are left of a library node when what is not given is at its default; operands of the node _GIVEN are
+    what is given, by name."""
+
+    steps: tuple[tuple[Definition, tuple[tuple[str, Operand | None], ...]], ...]
+    outputs: tuple[tuple[str, Operand], ...]
+
+
+@cache
+def _left_of(name: str, given: frozenset[str]) -> _Left:
+    """Found once for all nodes of a kind with the same inputs given: most of a large graph falls away."""
+    found = definition(name)
+    assert found is not None
+    trial = Expressions()
+    outputs = trial.expanded(found, {key: NodeOutput(_GIVEN, key) for key in sorted(given)})
+    steps = []
+    for node in trial.nodes:
+        own = definition(node.signature)
+        assert own is not None
+        steps.append((own, tuple({**dict.fromkeys(own.defaults), **dict(node.inputs)}.items())))
+    return _Left(tuple(steps), tuple(outputs.items()))
+
+
 def _is_file(value: object) -> bool:
-    return isinstance(value, TextureFile) and value.path != ""
+    return (isinstance(value, TextureFile) and value.path != "") or (isinstance(value, NodeOutput) and value.node == _GIVEN)
 
 
 def _operand(source: object, inputs: Mapping[str, Operand], found: Definition, made: list[Outputs]) -> Operand | None:
