@@ -145,28 +145,24 @@ def _compose(
     """Anew where its references to MaterialX documents have been led elsewhere: before variants are chosen, which may be of
     such a document, and after, since they may bring more."""
     _check_sublayers(root)
-    others: Redirection | None = None
-    for chosen in (False, True):
+    others = Redirection()
+    stage = _populated(root, base, composition, path, others)
+    for choices in ([], composition.choices):
+        choose_variants(stage, choices)
         for _ in range(_MOST_ROUNDS):
+            if not refers_to_documents(stage) or not others.redirect(stage, diagnostics):
+                break
             stage = _populated(root, base, composition, path, others)
-            if chosen:
-                choose_variants(stage, composition.choices)
-            if not refers_to_documents(stage):
-                break
-            others = others or Redirection()
-            if not others.redirect(stage, diagnostics):
-                break
+            choose_variants(stage, choices)
     check_population(stage, composition)
     return stage
 
 
-def _populated(
-    root: Sdf.Layer, base: Usd.Stage | None, composition: Composition, path: str, others: Redirection | None
-) -> Usd.Stage:
+def _populated(root: Sdf.Layer, base: Usd.Stage | None, composition: Composition, path: str, others: Redirection) -> Usd.Stage:
     session = _session(*_session_layers(base, composition, others))
     context = base.GetPathResolverContext() if base is not None else None
     try:
-        stage = populate(others.of(root) if others else root, session, context, composition)
+        stage = populate(others.of(root), session, context, composition)
         if base is not None:
             _follow(stage, base)
         add_load_rules(stage, composition.load)
@@ -194,14 +190,14 @@ def _session(*weaker: str) -> Sdf.Layer:
     return session
 
 
-def _session_layers(base: Usd.Stage | None, composition: Composition, others: Redirection | None) -> list[str]:
+def _session_layers(base: Usd.Stage | None, composition: Composition, others: Redirection) -> list[str]:
     """Identifiers, strongest first, of what stands in the session."""
     found = []
     if composition.session_layer is not None:
         found.append(open_layer(composition.session_layer))
     if base is not None:
         found.append(base.GetSessionLayer())
-    return [str((others.of(layer) if others else layer).identifier) for layer in found]
+    return [str(others.of(layer).identifier) for layer in found]
 
 
 def _root_layer(path: str) -> Sdf.Layer:

@@ -7,7 +7,8 @@ import math
 import pytest
 
 from primray.description import NodeOutput, Operand
-from primray.usd.materialx.definitions import definition, library
+from primray.usd.materialx.definitions import definition
+from primray.usd.materialx.documents import library
 from primray.usd.materialx.expressions import Expressions
 
 CASES: dict[str, tuple[dict[str, Operand], tuple[float, ...]]] = {
