@@ -11,10 +11,10 @@ from .adapters.rendering.render_settings import products
 from .facts.dependencies import Dependencies, dependencies, files_to_watch, write_usdz
 from .facts.left_out import left_out
 from .facts.stage_facts import stage_facts
-from .opening.asset import read_asset
 from .opening.reading_anew import read_anew
 from .opening.stage import open_stage
 from .opening.stage_metadata import used_files
+from .querying.asset import read_asset
 from .translate import camera_paths, translate
 from .viewing.session_camera import has_camera, is_session_camera, place_camera
 

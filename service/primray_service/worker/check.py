@@ -12,13 +12,15 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from primray.diagnostic_codes import CODES
-from primray.errors import StageOpenError
+from primray.errors import AssetError, StageOpenError
 from primray.fidelity import Kind
 from primray.usd.facts.expansion import expansion
 from primray.usd.facts.layer_content import DAMAGED as DAMAGED_LAYER
 from primray.usd.facts.layer_content import LayerContent, layer_content
 from primray.usd.facts.nesting import nesting_depth
 from primray.usd.facts.scene_facts import MissingLayer, SceneFacts, layer_file, scene_facts
+from primray.usd.materialx.documents import names_in
+from primray.usd.materialx.stand_ins import is_document
 
 from ..limits import Limits
 from ..problems import Problem
@@ -154,6 +156,21 @@ class _Check:
                 self.leads_to[name, path] = leads_to if leads_to in self.contents else None
                 is_needed = path not in content.identifiers and path not in content.composition and "#" not in path
                 if found is None and is_needed and not content.has_variables:
+                    self.not_uploaded.append((name, path))
+        self._resolve_documents()
+
+    def _resolve_documents(self) -> None:
+        """What MaterialX documents name, alike; of one that cannot be read, composing tells."""
+        for container, file in self.files.walk():
+            name = container.shown(file.name)
+            if not is_document(name):
+                continue
+            try:
+                named = names_in(str(self.root / name))
+            except AssetError:
+                continue
+            for path in (*named.documents, *named.files):
+                if find(container, file.name, path) is None and "<" not in path:
                     self.not_uploaded.append((name, path))
 
     def _warn_of_unreadable(self) -> None:

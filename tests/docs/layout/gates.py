@@ -88,6 +88,8 @@ def one_gate_per_dependency(path: PurePosixPath, text: str) -> Iterator[str]:
             root = module.split(".")[0]
             if root == "pxr" and not is_under(path, USD):
                 yield "imports pxr outside primray/usd"
+            if root == "MaterialX" and not is_under(path, f"{USD}/materialx"):
+                yield "imports MaterialX outside usd/materialx"
             if root in WEB and path.name != "app.py" and not any(is_under(path, folder) for folder in HTTP):
                 yield f"imports {root} outside app.py, http/ and routes/"
             if root in HTTP_SERVER and str(path) not in SERVERS:

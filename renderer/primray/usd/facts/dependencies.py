@@ -11,6 +11,7 @@ from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
 from ...diagnostics import Diagnostics
 from ...errors import StageOpenError
+from ..materialx.files import files_of_documents
 from ..opening.file_names import FileNames
 from ..opening.stage import open_layer, usd_messages
 from ..querying.messages import tf_message
@@ -38,6 +39,8 @@ def dependencies(path: str) -> Dependencies:
             if composed not in layers:
                 more_layers, more_assets, more_missing = _all_of(composed)
                 layers, assets, missing = layers | more_layers, assets | more_assets, missing | more_missing
+        named, not_there = files_of_documents(assets)
+        assets, missing = assets | named, missing | not_there
         fixed = sorted({found for layer in layers for found in _fixed_paths(layer)})
     files = (root, *sorted((layers | assets) - {root}))
     return Dependencies(files, tuple(fixed), tuple(sorted(missing)))
@@ -128,4 +131,5 @@ def files_to_watch(path: str) -> set[str]:
         return {_file(root)}
     finally:
         delegate.TakeUncoalescedDiagnostics()
+    assets |= files_of_documents(assets)[0]
     return {_file(root)} | layers | assets | {_file(found) for found in missing if os.path.isabs(found)}

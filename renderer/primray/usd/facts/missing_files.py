@@ -48,7 +48,8 @@ def _note_light(prim: Usd.Prim, name: str, diagnostics: Diagnostics) -> None:
 
 
 def _lacked_by(shader: Usd.Prim) -> Iterator[str]:
-    if shader_id(shader) != "UsdUVTexture":
+    name = shader_id(shader)
+    if name != "UsdUVTexture" and not name.startswith("ND_"):
         return
     given = UsdShade.Shader(shader).GetInput("file")
     sources: list[Usd.Attribute] = computed(given.GetValueProducingAttributes, []) if given else []

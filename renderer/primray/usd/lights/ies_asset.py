@@ -8,7 +8,7 @@ from ...description.lighting import IesProfile
 from ...errors import AssetError
 from ...lfs_pointer import WHAT_IT_IS, is_pointer
 from ...textures.ies import MAX_BYTES, IesError, IesFile, parse_ies
-from ..opening.asset import read_asset
+from ..querying.asset import read_asset
 from ..resolving.context import Context
 
 FILE = "inputs:shaping:ies:file"

@@ -197,7 +197,7 @@ def _coordinates(node: Node, name: str, default: PrimvarInput, ctx: Context) -> 
             why = "leads back to itself" if kind is NodeKind.TRANSFORM else f"comes from {source.id or 'a shader without id'}"
             ctx.warn("shader-ignored", node_path(node, ctx), f"{name} {why}: (0, 0) is used.", f"inputs:{name}")
             return PrimvarInput(NO_PRIMVAR, (0.0, 0.0)), transform
-        transform = _after(transform, _transform_2d(source, ctx))
+        transform = affine_product(transform, _transform_2d(source, ctx))
         passed.append(source.prim.GetPath())
         node, name = source, "in"
 
@@ -223,7 +223,7 @@ def _transform_2d(node: Node, ctx: Context) -> Affine:
     return (c * sx, 0.0 - s * sy, tx, s * sx, c * sy, ty)
 
 
-def _after(outer: Affine, inner: Affine) -> Affine:
+def affine_product(outer: Affine, inner: Affine) -> Affine:
     """outer * inner."""
     a, b, c, d, e, f = outer
     g, h, i, j, k, m = inner

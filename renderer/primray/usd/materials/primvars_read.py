@@ -19,6 +19,7 @@ from .network_nodes import NODES, is_reader, primvar_name
 
 SURFACE_SHADERS = frozenset({"UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader"})
 COLOR_INPUTS = ("diffuseColor", "emissiveColor", "specularColor")
+_COLORS = ("_color3", "_color4")  # MaterialX's readers of colours
 SHOWN_COLOR = "primvars:displayColor"  # of shapes without a material
 
 
@@ -30,7 +31,13 @@ def primvars_read(shaders: Iterable[Usd.Prim], ctx: Context) -> tuple[frozenset[
     ids = [shader_id(prim) for prim in prims]
     readers = [(prim, name) for prim, name in zip(prims, ids, strict=True) if is_reader(name)]
     names = frozenset(f"primvars:{name}" for prim, _ in readers if (name := primvar_name(Node(prim, ""), silent)))
-    colors = {SHOWN_COLOR}
+    if any(name.startswith("ND_geomcolor") for name in ids):
+        names |= {SHOWN_COLOR}
+    colors = {SHOWN_COLOR} | {
+        f"primvars:{name}"
+        for prim, kind in readers
+        if kind.endswith(_COLORS) and (name := primvar_name(Node(prim, ""), silent))
+    }
     if any(NODES[name].width >= 3 for _, name in readers):  # others read no colours: nothing is asked of surfaces
         surfaces = [prim for prim, name in zip(prims, ids, strict=True) if name in SURFACE_SHADERS]
         colors |= _fed(surfaces, COLOR_INPUTS, silent)

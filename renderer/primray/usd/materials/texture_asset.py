@@ -19,11 +19,11 @@ from ..resolving.resolve import ResolvedPrim
 from .network import Constant, Node, node_path, parameter, text
 
 
-def texture_file(node: Node, ctx: Context, *, is_color: bool = True) -> TextureFile:
-    """What the node reads, as colours or numbers; its path is "" where there is no file, which is noted."""
-    found = parameter(node, "file", ctx)
-    made = _file(node, found, ctx)
-    return in_space(made, _color_space(node, found, is_color, ctx), is_color, ctx)
+def texture_file(node: Node, ctx: Context, *, is_color: bool = True, name: str = "file") -> TextureFile:
+    """What the node reads by that input, as colours or numbers; its path is "" where there is no file, which is noted."""
+    found = parameter(node, name, ctx)
+    made = _file(node, found, name, ctx)
+    return in_space(made, _color_space(node, found, name, is_color, ctx), is_color, ctx)
 
 
 def missing_text(path: str) -> str:
@@ -51,25 +51,25 @@ def light_texture(path: str, attribute: Usd.Attribute, prim: ResolvedPrim, ctx: 
     return in_space(TextureFile(path, "auto"), "auto" if space is None else space, True, ctx)
 
 
-def _file(node: Node, found: Constant | None, ctx: Context) -> TextureFile:
+def _file(node: Node, found: Constant | None, name: str, ctx: Context) -> TextureFile:
     if found is None or not isinstance(found.value, Sdf.AssetPath) or not found.value.path:
-        ctx.warn("texture-unset", node_path(node, ctx), "It names no file: its fallback is used.", "inputs:file")
+        ctx.warn("texture-unset", node_path(node, ctx), "It names no file: its fallback is used.", f"inputs:{name}")
         return TextureFile("", "auto")
     asset = found.value
     if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
-        return _tiles(node, asset, found.attribute, ctx)
+        return _tiles(node, asset, found.attribute, name, ctx)
     if not asset.resolvedPath:
-        ctx.warn("asset-missing", node_path(node, ctx), missing_text(asset.path), "inputs:file")
+        ctx.warn("asset-missing", node_path(node, ctx), missing_text(asset.path), f"inputs:{name}")
     return TextureFile(str(asset.resolvedPath), "auto")
 
 
-def _tiles(node: Node, asset: Sdf.AssetPath, attribute: Usd.Attribute, ctx: Context) -> TextureFile:
+def _tiles(node: Node, asset: Sdf.AssetPath, attribute: Usd.Attribute, name: str, ctx: Context) -> TextureFile:
     layer = _authoring_layer(attribute, ctx)
     found = UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layer)  # 1001 to 1100, ten in U and ten in V
     tiles = [(int(number), str(path)) for path, number in found]
     if not tiles:
         message = missing_text(asset.path)
-        ctx.warn("asset-missing", node_path(node, ctx), message, "inputs:file")
+        ctx.warn("asset-missing", node_path(node, ctx), message, f"inputs:{name}")
         return TextureFile("", "auto")
     number, first = tiles[0]
     before, _, after = first.rpartition(str(number))
@@ -83,11 +83,11 @@ def _authoring_layer(attribute: Usd.Attribute, ctx: Context) -> Sdf.Layer | None
     return None
 
 
-def _color_space(node: Node, found: Constant | None, is_color: bool, ctx: Context) -> str | ColorSpace:
+def _color_space(node: Node, found: Constant | None, name: str, is_color: bool, ctx: Context) -> str | ColorSpace:
     said = _source_color_space(node, ctx)
     if said not in (None, "auto"):
         return said or "auto"
-    attributes = [node.prim.GetAttribute("inputs:file")] + ([found.attribute] if found else [])
+    attributes = [node.prim.GetAttribute(f"inputs:{name}")] + ([found.attribute] if found else [])
     own = [attribute for attribute in attributes if attribute and color_space_name(attribute)]
     asked = own if said == "auto" or not is_color else own or attributes[-1:]
     for attribute in asked:

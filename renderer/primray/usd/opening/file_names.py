@@ -11,6 +11,8 @@ import re
 
 from pxr import Ar, Usd
 
+from ..materialx.stand_ins import without_marks
+
 IN_MEMORY = "a layer in memory"
 _ANONYMOUS = re.compile(r"anon:0x[0-9a-fA-F]+(?::([^\s@<>'\"\]]+))?")
 # What is said of a layer stack where nothing was chosen for the session, and of a reference's target: USD's own to know.
@@ -30,6 +32,7 @@ class FileNames:
 
     def in_text(self, text: str) -> str:
         """The text with its files named so."""
+        text = without_marks(text)
         if self._known is not None and "/" in text:
             text = self._known.sub(lambda found: self._prefixes[found[0]], text)
         text = _OURS.sub("", text)

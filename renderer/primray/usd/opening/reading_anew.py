@@ -8,7 +8,8 @@ from collections.abc import Collection
 from pxr import Ar, Sdf, Tf
 
 from ...diagnostics import Diagnostics
-from ...errors import StageOpenError
+from ...errors import AssetError, StageOpenError
+from ..materialx.redirecting import make_anew
 from ..querying.messages import tf_message
 from .file_names import FileNames
 from .stage import usd_messages
@@ -23,6 +24,10 @@ def read_anew(root: str, files: Collection[str]) -> None:
             file = _file(layer)
             if file in files:
                 _read(layer, names.in_text(file))
+        try:
+            make_anew(files)
+        except AssetError as error:
+            raise StageOpenError(error.message, where=names.in_text(error.where)) from None
 
 
 def _file(layer: Sdf.Layer) -> str:

@@ -17,6 +17,8 @@ from ...composition import Composition
 from ...diagnostics import Diagnostics
 from ...errors import InvalidSceneError, LimitError, PrimrayError, StageOpenError
 from ...lfs_pointer import WHAT_IT_IS, is_pointer_file
+from ..materialx.redirecting import Redirection, is_of_documents, refers_to_documents
+from ..materialx.stand_ins import without_marks
 from ..querying.guarded import noting
 from ..querying.messages import error_text, scene_errors, tf_message
 from ..querying.stage_values import wrong_rate
@@ -28,6 +30,7 @@ USD_DEFAULTS = Composition()
 # Every value is looked up in every layer of a stack: 1000 spheres in 1000 sublayers open and translate in 1.3 s, 3000 in 3000
 # in minutes.
 MAX_SUBLAYERS = 4000
+_MOST_ROUNDS = 8  # of documents that bring layers with more documents
 # USD says so of bindings that it takes all the same.
 _BOUND_WITHOUT_API = re.compile(r"Found material bindings on prim at path \((.*)\) but MaterialBindingAPI is not applied")
 _BOUND = "Its material is bound and used, though MaterialBindingAPI is not applied."
@@ -79,9 +82,9 @@ def open_stage(
     A Usd.Stage is taken as it is, or, where `composition` asks for more, composed anew from its layers and left unchanged.
     """
     diagnostics.name_files(_names_of(source).in_text)
-    if isinstance(source, Usd.Stage) and composition == USD_DEFAULTS:
+    if isinstance(source, Usd.Stage) and composition == USD_DEFAULTS and not refers_to_documents(source):
         return _noted(lambda: source, diagnostics, composition)
-    return _noted(lambda: _composed(source, composition), diagnostics, composition)
+    return _noted(lambda: _composed(source, composition, diagnostics), diagnostics, composition)
 
 
 def check_again(stage: Usd.Stage, diagnostics: Diagnostics, composition: Composition = USD_DEFAULTS) -> None:
@@ -90,21 +93,21 @@ def check_again(stage: Usd.Stage, diagnostics: Diagnostics, composition: Composi
     _noted(lambda: stage, diagnostics, composition)
 
 
-def _composed(source: str | os.PathLike[str] | Usd.Stage, composition: Composition) -> Usd.Stage:
+def _composed(source: str | os.PathLike[str] | Usd.Stage, composition: Composition, diagnostics: Diagnostics) -> Usd.Stage:
     if isinstance(source, Usd.Stage):
-        return _compose(source.GetRootLayer(), source, composition, "")
+        return _compose(source.GetRootLayer(), source, composition, "", diagnostics)
     path = os.fspath(source)
-    return _compose(_root_layer(path), None, composition, path)
+    return _compose(_root_layer(path), None, composition, path, diagnostics)
 
 
 def _noted(opened: Callable[[], Usd.Stage], diagnostics: Diagnostics, composition: Composition) -> Usd.Stage:
     """The stage, with what there is to tell of it as a whole."""
     composed: list[str] = []
-    with usd_messages(diagnostics, lambda text: any(line in text for line in composed)):
+    with usd_messages(diagnostics, lambda text: is_of_documents(text) or any(line in without_marks(text) for line in composed)):
         stage = opened()
         for error in stage.GetCompositionErrors():
             text = error_text(error)
-            composed.append(text)
+            composed.append(without_marks(text))
             diagnostics.add("composition-error", _site(error), _with_pointers(text))
     if composition.load is not None:
         note_unloaded(stage, diagnostics)
@@ -136,12 +139,30 @@ def _check_sublayers(root: Sdf.Layer) -> None:
         )
 
 
-def _compose(root: Sdf.Layer, base: Usd.Stage | None, composition: Composition, path: str) -> Usd.Stage:
+def _compose(
+    root: Sdf.Layer, base: Usd.Stage | None, composition: Composition, path: str, diagnostics: Diagnostics
+) -> Usd.Stage:
+    """Anew where its references to MaterialX documents have been led elsewhere: before variants are chosen, which may be of
+    such a document, and after, since they may bring more."""
     _check_sublayers(root)
-    session = _session(*_session_layers(base, composition))
+    others = Redirection()
+    stage = _populated(root, base, composition, path, others)
+    for choices in ([], composition.choices):
+        choose_variants(stage, choices)
+        for _ in range(_MOST_ROUNDS):
+            if not refers_to_documents(stage) or not others.redirect(stage, diagnostics):
+                break
+            stage = _populated(root, base, composition, path, others)
+            choose_variants(stage, choices)
+    check_population(stage, composition)
+    return stage
+
+
+def _populated(root: Sdf.Layer, base: Usd.Stage | None, composition: Composition, path: str, others: Redirection) -> Usd.Stage:
+    session = _session(*_session_layers(base, composition, others))
     context = base.GetPathResolverContext() if base is not None else None
     try:
-        stage = populate(root, session, context, composition)
+        stage = populate(others.of(root), session, context, composition)
         if base is not None:
             _follow(stage, base)
         add_load_rules(stage, composition.load)
@@ -150,8 +171,6 @@ def _compose(root: Sdf.Layer, base: Usd.Stage | None, composition: Composition, 
             message = f"timeCodesPerSecond is {rate}, no number: USD cannot open the stage."
             raise InvalidSceneError(message, where=path or root.identifier, code="time-metadata") from None
         raise StageOpenError(f"USD cannot open it: {tf_message(error)}", where=path) from None
-    choose_variants(stage, composition.choices)
-    check_population(stage, composition)
     return stage
 
 
@@ -171,14 +190,14 @@ def _session(*weaker: str) -> Sdf.Layer:
     return session
 
 
-def _session_layers(base: Usd.Stage | None, composition: Composition) -> list[str]:
+def _session_layers(base: Usd.Stage | None, composition: Composition, others: Redirection) -> list[str]:
     """Identifiers, strongest first, of what stands in the session."""
     found = []
     if composition.session_layer is not None:
-        found.append(open_layer(composition.session_layer).identifier)
+        found.append(open_layer(composition.session_layer))
     if base is not None:
-        found.append(base.GetSessionLayer().identifier)
-    return found
+        found.append(base.GetSessionLayer())
+    return [str(others.of(layer).identifier) for layer in found]
 
 
 def _root_layer(path: str) -> Sdf.Layer:

@@ -15,6 +15,7 @@ from pxr import Sdf, Tf, Usd, UsdUtils
 
 from ...diagnostics import Diagnostics
 from ...errors import InvalidSceneError
+from ..materialx.stand_ins import without_marks
 from ..querying.stage_values import (
     authored_meters_per_unit,
     authored_up_axis,
@@ -122,7 +123,7 @@ def layer_names(stage: Usd.Stage) -> list[str]:
     """What the stage is composed of, strongest layer stack first; layers in memory that hold nothing are left out."""
     local = stage.GetLayerStack()
     rest = sorted((layer for layer in stage.GetUsedLayers() if layer not in local), key=lambda layer: str(layer.identifier))
-    return [str(layer.identifier) for layer in (*local, *rest) if not _is_empty(layer)]
+    return [without_marks(str(layer.identifier)) for layer in (*local, *rest) if not _is_empty(layer)]
 
 
 def _is_empty(layer: Sdf.Layer) -> bool:

@@ -169,3 +169,15 @@ def has_expression_variables(layer: Sdf.Layer) -> bool:
         return bool(layer.expressionVariables)
     except FAILURES:
         return True
+
+
+def asset_of_expression(path: str, layer: Sdf.Layer, stage: Usd.Stage) -> str:
+    """An asset path as authored in a layer of the stage; of an expression, its value, "" where it has none."""
+    if not path.startswith("`"):
+        return path
+    variables = {**(layer_value(layer, "expressionVariables") or {}), **(stage_value(stage, "expressionVariables") or {})}
+    try:
+        value = Sdf.VariableExpression(path).Evaluate(variables).value
+    except FAILURES:
+        return ""
+    return value if isinstance(value, str) else ""

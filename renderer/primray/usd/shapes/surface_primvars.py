@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ...aov_names import WIDE
-from ...description import Input, Interpolation, PrimvarInput, Surface
+from ...description import Interpolation, PatternInput, PrimvarInput, Surface, TextureInput
 from ...description import Primvar as SeamPrimvar
+from ...description.pattern_reads import pattern_primvars
 from ..resolving.context import Context
 from ..resolving.resolve import ResolvedPrim
 from .primvars import Primvar, Sizes, as_colors, finite, is_per_point, per_corner, read_raw_primvar
@@ -30,15 +31,18 @@ def names_read(surfaces: Iterable[Surface]) -> dict[str, int]:
     wanted: dict[str, int] = {}
     for surface in surfaces:
         for field, reads in surface.inputs:
-            primvar = _primvar_of(reads)
-            if primvar.name:
-                wanted[primvar.name] = max(wanted.get(primvar.name, 0), len(primvar.fallback))
-            if field == "normal" and primvar is reads:
+            if not isinstance(reads, PatternInput):
+                primvar = _primvar_of(reads)
+                if primvar.name:
+                    wanted[primvar.name] = max(wanted.get(primvar.name, 0), len(primvar.fallback))
+            if field == "normal" and isinstance(reads, PrimvarInput):
                 wanted.setdefault(TANGENT_ST, 2)
+        for name, width in pattern_primvars(surface.pattern).items() if surface.pattern else ():
+            wanted[name] = max(wanted.get(name, 0), width)
     return wanted
 
 
-def _primvar_of(reads: Input) -> PrimvarInput:
+def _primvar_of(reads: PrimvarInput | TextureInput) -> PrimvarInput:
     return reads if isinstance(reads, PrimvarInput) else reads.st
 
 

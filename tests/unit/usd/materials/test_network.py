@@ -138,7 +138,7 @@ def test_outputs_that_a_texture_does_not_have(image: str) -> None:
 
 
 def test_nodes_that_are_not_known() -> None:
-    for identifier, code in (("ND_noise2d_color3", "shader-ignored"), ("UsdTransform2d", "connection-type")):
+    for identifier, code in (("ND_no_such_node", "shader-ignored"), ("UsdTransform2d", "connection-type")):
         surface, found = surface_of(
             material("color3f inputs:diffuseColor.connect = </m/n.outputs:result>", node("n", identifier, ""))
         )
@@ -196,7 +196,7 @@ def test_emission_from_a_texture_needs_no_default_light(image: str) -> None:
 
 
 def test_other_networks_leave_the_display_color() -> None:
-    for identifier in ("ND_standard_surface_surfaceshader", "PxrSurface", "arnold:standard_surface"):
+    for identifier in ("ND_gooch_shade", "PxrSurface", "arnold:standard_surface"):
         red = "color3f[] primvars:displayColor = [(1, 0, 0)]\n rel material"
         surface, found = surface_of(material("", shader=identifier).replace("rel material", red))
         assert (surface.path, surface.lambert, surface.diffuse_color) == ("", True, (1, 0, 0))
@@ -209,7 +209,7 @@ def test_of_several_networks_the_one_that_is_known() -> None:
     outputs = (
         f"token outputs:surface.connect = </m/o.outputs:out>\n {known.replace('outputs:surface', 'outputs:glslfx:surface', 1)}"
     )
-    text = material("float inputs:roughness = 0.25", node("o", "ND_open_pbr_surface_surfaceshader", "", "token outputs:out"))
+    text = material("float inputs:roughness = 0.25", node("o", "ND_surface", "", "token outputs:out"))
     surface, found = surface_of(text.replace(known, outputs))
     assert (surface.path, surface.roughness, found) == ("/m", 0.25, [])
 

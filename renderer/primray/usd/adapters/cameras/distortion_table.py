@@ -9,7 +9,7 @@ from ....description import TextureFile
 from ....errors import PrimrayError
 from ....lens.distortion import DirectionTable
 from ....textures.texture import load_texture
-from ...opening.asset import read_asset
+from ...querying.asset import read_asset
 
 NOWHERE = 1e-3  # shorter than this is no direction
 UNIT = 0.05  # so far from a length of 1 it is something else than a direction

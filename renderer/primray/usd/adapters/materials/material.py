@@ -7,14 +7,19 @@ A material whose surface shader is anything else has no surface of ours: the sha
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, field, replace
 
 from pxr import Sdf, Usd, UsdShade
 
 from ....description import Input, PrimvarInput, Surface, TextureInput
 from ....diagnostics import Diagnostic, Diagnostics
+from ...materials.fed_inputs import FedInputs
+from ...materials.known_material import known_material
+from ...materials.mdl.by_name import mdl_material, module_of
 from ...materials.network import Constant, Node, as_numbers, constant_color, find_source, node_path, parameter
 from ...materials.network_nodes import NO_PRIMVAR, NODES, NodeKind, reader_input, texture_input
+from ...materials.node_values import definition_of
 from ...materials.primvars_read import COLOR_INPUTS, SURFACE_SHADERS
 from ...querying.guarded import property_names
 from ...resolving.color_scope import ColorScope
@@ -45,6 +50,8 @@ _SLOTS = {
     "ior": _Slot("ior", (1.5,), 0.0),
     "normal": _Slot("normal", (0.0, 0.0, 1.0)),
 }
+_SURFACE = re.compile(r"outputs:.+:surface")
+_OUTPUTS = {"mtlx:surface": 0, "surface": 1}
 _OTHER_INPUTS = frozenset({"useSpecularWorkflow", "opacityMode", "opacityThreshold", "displacement", "occlusion"})
 
 
@@ -58,10 +65,11 @@ class Material:
 
 @dataclass
 class _Inputs:
-    """The Surface's fields, as far as the shader has them."""
+    """The Surface's fields, as far as the shader has them; `nodes`: of what MaterialX's nodes feed."""
 
     constants: dict[str, tuple[float, ...]] = field(default_factory=dict)
     varying: dict[str, Input] = field(default_factory=dict)
+    nodes: FedInputs | None = None
 
 
 MaterialKey = tuple[Sdf.Path, tuple[tuple[str, ColorScope], ...]]  # path, and the colour scopes handed down to it
@@ -93,16 +101,22 @@ def translated(key: MaterialKey, ctx: Context) -> tuple[Material, list[Diagnosti
 
 
 def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Material:
-    """By the first surface output, the universal one before those of renderers, that leads to a shader known here."""
+    """By the first surface output that leads to a shader known here: MaterialX's, then the universal one, then others."""
     _note_outputs(usd_material, path, ctx)
-    outputs = sorted(usd_material.GetSurfaceOutputs(), key=lambda output: output.GetBaseName() != "surface")
+    prim = usd_material.GetPrim()
+    names = [str(name) for name in property_names(prim)]  # GetSurfaceOutputs says the same, in twenty times as long
+    outputs = [name.removeprefix("outputs:") for name in names if name == "outputs:surface" or _SURFACE.fullmatch(name)]
     others = []
-    for output in outputs:
-        source = find_source(output.GetAttr(), ctx)
+    for output in sorted(outputs, key=lambda name: _OUTPUTS.get(name, 2)):
+        source = find_source(prim.GetAttribute(f"outputs:{output}"), ctx)
         if isinstance(source, Node):
             if source.id in SURFACE_SHADERS:
                 return _preview_surface(source, path, ctx)
-            others.append(f"{source.id or 'a shader without id'} ({output.GetBaseName()})")
+            if source.id.startswith("ND_") and (made := known_material(source, path, ctx)) is not None:
+                return Material(made.surface, made.hidden)
+            if module_of(source) and (mdl := mdl_material(source, path, ctx)) is not None:
+                return Material(*mdl)
+            others.append(f"{source.id or module_of(source) or 'a shader without id'} ({output})")
     reason = f"The surface shader is {', '.join(others)}" if others else "No surface output leads to a shader"
     ctx.warn("shader-ignored", path, f"{reason}: displayColor is used.", "outputs:surface")
     return Material(None)
@@ -135,6 +149,7 @@ def _preview_surface(shader: Node, path: str, ctx: Context) -> Material:
                 return Material(Surface(path), hidden=True)
             constants.pop("opacity", None)
         threshold = 0.0
+    pattern, varying = (None, found.varying) if found.nodes is None else found.nodes.pattern_of(found.varying)
     mode = parameter(shader, "opacityMode", ctx) if "opacityMode" in names else None
     workflow = parameter(shader, "useSpecularWorkflow", ctx) if "useSpecularWorkflow" in names else None
     return Material(
@@ -143,7 +158,8 @@ def _preview_surface(shader: Node, path: str, ctx: Context) -> Material:
             use_specular_workflow=workflow is not None and bool(workflow.value),
             presence=mode is not None and mode.value in ("presence", 1),  # MaterialX numbers the modes
             opacity_threshold=max(threshold, 0.0),
-            inputs=tuple(found.varying.items()),
+            inputs=tuple(varying.items()),
+            pattern=pattern,
             **{name: value[0] if len(value) == 1 else value for name, value in constants.items()},  # type: ignore[arg-type]
         )
     )
@@ -152,7 +168,16 @@ def _preview_surface(shader: Node, path: str, ctx: Context) -> Material:
 def _read_slot(shader: Node, name: str, found: _Inputs, path: str, ctx: Context) -> None:
     slot = _SLOTS[name]
     source = find_source(shader.prim.GetAttribute(f"inputs:{name}"), ctx)
-    if isinstance(source, Node):
+    if isinstance(source, Node) and source.id not in NODES and definition_of(source) is not None:
+        found.nodes = found.nodes or FedInputs(ctx)
+        fed = found.nodes.read(shader, source, name, len(slot.default))
+        if isinstance(fed, tuple) and slot.field != "normal":
+            found.constants[slot.field] = _clamped(fed, slot)
+        elif fed is not None and not isinstance(fed, tuple):
+            found.varying[slot.field] = fed
+            if slot.field != "normal":
+                found.constants[slot.field] = _clamped(_stand_in(fed), slot)
+    elif isinstance(source, Node):
         made = _varying(source, name, slot, path, ctx)
         if made is not None and _can_vary(made):
             found.varying[slot.field] = made
@@ -193,7 +218,7 @@ def _can_vary(made: Input) -> bool:
 
 def _stand_in(made: Input) -> tuple[float, ...]:
     """The constant that an input gives where neither file nor primvar is there."""
-    if isinstance(made, PrimvarInput):
+    if not isinstance(made, TextureInput):
         return made.fallback
     return _of_channels(made)
 

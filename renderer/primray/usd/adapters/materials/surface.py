@@ -78,7 +78,7 @@ def make_surface(appearance: Appearance, is_closed: Callable[[], bool]) -> Surfa
     varying = dict(surface.inputs) if surface.inputs else {}
     if surface.opacity < 1 or ("opacity" in varying and surface.opacity_threshold == 0):
         straight = surface.ior == 1 and "ior" not in varying
-        surface = replace(surface, thin=straight or not is_closed())
+        surface = replace(surface, thin=surface.thin or straight or not is_closed())
     return surface
 
 

@@ -17,9 +17,9 @@ from ....arrays import Doubles
 from ....description import Interpolation, Mesh, Primvar, PrimvarInput, Surface, TextureFile, TextureInput, Wrap
 from ....textures.texture_matrix import read_matrix
 from ...materials.texture_asset import in_space
-from ...opening.asset import read_asset
 from ...opening.stage import scratch_copy
 from ...opening.stage_metadata import up_axis
+from ...querying.asset import read_asset
 from ...querying.stage_values import start_time_code
 from ...querying.standing import standing_in_world
 from ...querying.time_varying import EARLIEST, earliest_value

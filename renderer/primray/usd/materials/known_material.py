@@ -1,0 +1,44 @@
+"""A material whose surface shader is a MaterialX node that is known by name: read, reduced, and told of what has no effect."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ...description import Surface
+from ..materialx.expressions import MOST_NODES, TooManyNodesError
+from ..resolving.context import Context
+from ..resolving.notes import note_unknown_schemas
+from .known_surfaces.as_preview import as_preview, is_hole
+from .known_surfaces.by_name import READS
+from .known_surfaces.record import Reader
+from .network import Node, node_path
+from .node_values import NodeValues, definition_of
+
+
+@dataclass(frozen=True)
+class KnownMaterial:
+    """`surface` is None where nothing of it can be read."""
+
+    surface: Surface | None
+    hidden: bool = False
+
+
+def known_material(shader: Node, path: str, ctx: Context) -> KnownMaterial | None:
+    """None where the shader is no surface that is known."""
+    found = definition_of(shader)
+    if found is None or found.name not in READS:
+        return None
+    note_unknown_schemas(shader.prim, node_path(shader, ctx), ctx)
+    values = NodeValues(ctx)
+    try:
+        given = values.inputs_of(shader, found)
+        defaults = {i.name: i.default for i in found.inputs if i.default is not None}
+        known = READS[found.name](Reader({**defaults, **given}, values.expressions))
+        surface, unused = as_preview(known, values.expressions, path)
+    except TooManyNodesError:
+        ctx.warn("shader-ignored", path, f"Its network has more than {MOST_NODES:,} nodes: displayColor is used.")
+        return KnownMaterial(None)
+    if unused:
+        names = ", ".join(sorted(unused))
+        ctx.warn("material-input", node_path(shader, ctx), f"No effect yet, or not all of theirs, have: {names}.")
+    return KnownMaterial(surface, is_hole(known))

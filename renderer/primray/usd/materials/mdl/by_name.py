@@ -1,0 +1,57 @@
+"""The stock modules by their files, and a material that is of one of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+
+from pxr import Sdf
+
+from ....description import Surface
+from ...querying.guarded import default_value
+from ...resolving.context import Context
+from ..known_surfaces.as_preview import as_preview, is_hole
+from ..known_surfaces.record import KnownSurface
+from ..network import Node, node_path
+from ..node_values import NodeValues
+from . import gltf_material, omni_glass, omni_pbr, omni_surface, preview_surface
+from .inputs import MdlInputs
+
+_Read = Callable[[MdlInputs], KnownSurface]
+_MODULES: dict[str, tuple[_Read, Collection[str]]] = {
+    "OmniPBR.mdl": (omni_pbr.read, omni_pbr.AT_REST),
+    "OmniPBR_Opacity.mdl": (omni_pbr.read, omni_pbr.AT_REST),
+    "OmniPBR_ClearCoat.mdl": (omni_pbr.read, omni_pbr.AT_REST),
+    "OmniGlass.mdl": (omni_glass.read, omni_glass.AT_REST),
+    "OmniGlass_Opacity.mdl": (omni_glass.read, omni_glass.AT_REST),
+    "OmniSurface.mdl": (omni_surface.read, omni_surface.AT_REST),
+    "OmniSurfaceBase.mdl": (omni_surface.read, omni_surface.AT_REST),
+    "OmniSurfaceLite.mdl": (omni_surface.read, omni_surface.AT_REST),
+    "OmniSurfaceLiteBase.mdl": (omni_surface.read, omni_surface.AT_REST),
+    "OmniSurfacePresets.mdl": (omni_surface.read, omni_surface.AT_REST),
+    "UsdPreviewSurface.mdl": (preview_surface.read, preview_surface.AT_REST),
+    "gltf/pbr.mdl": (gltf_material.read, gltf_material.AT_REST),
+    "pbr.mdl": (gltf_material.read, gltf_material.AT_REST),
+}
+
+
+def module_of(shader: Node) -> str:
+    """The path of the MDL module that a shader is of, "" where it is of none."""
+    asset = default_value(shader.prim.GetAttribute("info:mdl:sourceAsset"))
+    return str(asset.path) if isinstance(asset, Sdf.AssetPath) else ""
+
+
+def mdl_material(shader: Node, path: str, ctx: Context) -> tuple[Surface, bool] | None:
+    """The surface, and whether it is cut out altogether; None where the module is none of these."""
+    module = module_of(shader)
+    found = _MODULES.get(module) or _MODULES.get(module.rpartition("/")[2])
+    if found is None:
+        return None
+    read, at_rest = found
+    inputs = MdlInputs(shader, NodeValues(ctx))
+    known = read(inputs)
+    surface, unused = as_preview(known, inputs.expressions, path)
+    names = sorted({*unused, *inputs.unread(at_rest)})
+    rest = f" No effect have: {', '.join(names)}." if names else ""
+    message = f"{module.rpartition('/')[2]} is translated by its documented inputs, not interpreted.{rest}"
+    ctx.warn("mdl-material", node_path(shader, ctx), message)
+    return surface, is_hole(known)

@@ -1,0 +1,104 @@
+"""Inputs of an MDL shader as operands: numbers, colours, switches, and textures at the place that the material says."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+from pxr import Sdf
+
+from ....description import Operand, TextureFile
+from ...materialx.definitions import InputDefinition
+from ...materialx.expressions import Expressions
+from ...querying.guarded import property_names
+from ..network import Constant, Node, find_source
+from ..node_values import NodeValues
+from ..texture_asset import texture_file
+
+_IMAGE = {1: "float", 3: "color3", 4: "color4"}
+_TYPES = {1: "float", 2: "vector2", 3: "color3"}
+
+
+@dataclass
+class MdlInputs:
+    """Of one shader. `read`: the names that have been asked for."""
+
+    shader: Node
+    values: NodeValues
+    st: Operand = "UV0"
+    read: set[str] = field(default_factory=set)
+
+    @property
+    def expressions(self) -> Expressions:
+        return self.values.expressions
+
+    def has(self, name: str) -> bool:
+        """Whether the shader says anything of it."""
+        self.read.add(name)
+        attribute = self.shader.prim.GetAttribute(f"inputs:{name}")
+        return bool(attribute and find_source(attribute, self.values.ctx) is not None)
+
+    def constant(self, name: str, *default: float) -> tuple[float, ...]:
+        """As many numbers as the default has."""
+        self.read.add(name)
+        attribute = self.shader.prim.GetAttribute(f"inputs:{name}")
+        found = find_source(attribute, self.values.ctx) if attribute else None
+        if not isinstance(found, Constant):
+            return default
+        made = self.values.constant(found, InputDefinition(name, _TYPES[len(default)], default), self.shader)
+        return made if isinstance(made, tuple) else default
+
+    def is_on(self, name: str, default: bool = False) -> bool:
+        return self.constant(name, float(default))[0] != 0
+
+    def image(self, name: str, width: int, default: tuple[float, ...], *, is_color: bool = False) -> Operand | None:
+        """The texture that an input names itself, or that the lookup it is connected to does; None where there is none."""
+        self.read.add(name)
+        attribute = self.shader.prim.GetAttribute(f"inputs:{name}")
+        found = find_source(attribute, self.values.ctx) if attribute else None
+        if isinstance(found, Node):
+            lookup = next((n for n in ("texture", "tex", "file") if found.prim.GetAttribute(f"inputs:{n}")), None)
+            return self._image(found, lookup, width, default, is_color) if lookup else None
+        names_file = isinstance(found, Constant) and isinstance(found.value, Sdf.AssetPath)
+        return self._image(self.shader, name, width, default, is_color) if names_file else None
+
+    def _image(self, node: Node, name: str, width: int, default: tuple[float, ...], is_color: bool) -> Operand | None:
+        file = texture_file(node, self.values.ctx, is_color=is_color, name=name)
+        if not isinstance(file, TextureFile) or not file.path:
+            return None
+        kind = _IMAGE[width]
+        return self.expressions.apply(f"ND_image_{kind}", file=file, default=default, texcoord=self.st)
+
+    def unread(self, at_rest: Collection[str]) -> list[str]:
+        """Names that the shader has, and nothing here has asked for."""
+        names = {str(n)[7:] for n in property_names(self.shader.prim) if n.startswith("inputs:")}
+        return sorted(names - self.read - set(at_rest))
+
+    def normal(self, name: str, strength: float) -> Operand:
+        """A tangent-space map in world space."""
+        texels = self.image(name, 3, (0.5, 0.5, 1.0))
+        if texels is None:
+            return "Nworld"
+        as_vector = self.expressions.apply("ND_convert_color3_vector3", **{"in": texels})
+        return self.expressions.apply("ND_normalmap_float", **{"in": as_vector, "scale": (strength,)})
+
+    def scaled(self, color: Operand, by: Operand) -> Operand:
+        return self.expressions.apply("ND_multiply_color3FA", in1=color, in2=by)
+
+    def product(self, a: Operand, b: Operand) -> Operand:
+        return self.expressions.apply("ND_multiply_color3", in1=a, in2=b)
+
+    def channel(self, color: Operand, index: int) -> Operand:
+        return self.expressions.apply("ND_extract_color3", **{"in": color, "index": (float(index),)})
+
+    def mixed(self, a: Operand, b: Operand | None, by: float) -> Operand:
+        """From a to b, where there is a b."""
+        return a if b is None else self.expressions.apply("ND_mix_float", bg=a, fg=b, mix=(by,))
+
+    def place(self, translate: str, rotate: str, scale: str) -> None:
+        """Textures from here on are where these say: scaled, turned, moved."""
+        e = self.expressions
+        st = e.apply("ND_multiply_vector2", in1="UV0", in2=self.constant(scale, 1.0, 1.0))
+        turn = self.constant(rotate, 0.0)
+        st = e.apply("ND_rotate2d_vector2", **{"in": st, "amount": (-turn[0],)}) if turn != (0.0,) else st
+        self.st = e.apply("ND_add_vector2", in1=st, in2=self.constant(translate, 0.0, 0.0))

@@ -1,0 +1,75 @@
+"""OmniPBR and its variants (NVIDIA, "OmniPBR Base Material")."""
+
+from __future__ import annotations
+
+from ....description import Operand
+from ..known_surfaces.record import BLACK, ONE, KnownSurface
+from .inputs import MdlInputs
+
+AT_REST = (
+    "ao_texture",
+    "ao_to_diffuse",
+    "bump_factor",
+    "project_uvw",
+    "world_or_object",
+    "uv_space_index",
+    "excludeFromWhiteMode",
+)
+
+
+def read(m: MdlInputs) -> KnownSurface:
+    m.place("texture_translate", "texture_rotate", "texture_scale")
+    roughness, metalness = _roughness_and_metalness(m)
+    emission: Operand = BLACK
+    if m.is_on("enable_emission"):
+        color: Operand = m.constant("emissive_color", 1.0, 0.1, 0.1)
+        for name in ("emissive_color_texture", "emissive_mask_texture"):
+            texels = m.image(name, 3, (1.0, 1.0, 1.0), is_color=True)
+            color = m.product(color, texels) if texels is not None else color
+        emission = m.scaled(color, m.constant("emissive_intensity", 40.0))
+    return KnownSurface(
+        base_color=_base_color(m),
+        metalness=metalness,
+        roughness=roughness,
+        specular_weight=(2.0 * m.constant("specular_level", 0.5)[0],),  # 0.5 is an index of refraction of 1.5
+        emission=emission,
+        opacity=_opacity(m),
+        cutoff=m.constant("opacity_threshold", 0.0)[0],
+        normal=m.normal("normalmap_texture", m.constant("bump_factor", 1.0)[0]),
+    )
+
+
+def _base_color(m: MdlInputs) -> Operand:
+    texels = m.image("diffuse_texture", 3, (1.0, 1.0, 1.0), is_color=True)
+    color: Operand = m.constant("diffuse_color_constant", 0.2, 0.2, 0.2)
+    if texels is not None:
+        color = m.scaled(texels, m.constant("albedo_brightness", 1.0))
+        added = m.constant("albedo_add", 0.0)
+        color = m.expressions.apply("ND_add_color3FA", in1=color, in2=added)
+        grey = m.constant("albedo_desaturation", 0.0)
+        if grey != (0.0,):
+            kept = (1.0 - grey[0],)
+            color = m.expressions.apply("ND_saturate_color3", **{"in": color, "amount": kept})
+    return m.product(color, m.constant("diffuse_tint", 1.0, 1.0, 1.0))
+
+
+def _roughness_and_metalness(m: MdlInputs) -> tuple[Operand, Operand]:
+    roughness: Operand = m.constant("reflection_roughness_constant", 0.5)
+    metalness: Operand = m.constant("metallic_constant", 0.0)
+    by = m.constant("reflection_roughness_texture_influence", 0.0)[0], m.constant("metallic_texture_influence", 0.0)[0]
+    if m.is_on("enable_ORM_texture"):
+        packed = m.image("ORM_texture", 3, (1.0, 0.5, 0.0))
+        if packed is not None:  # occlusion, roughness, metalness
+            return m.mixed(roughness, m.channel(packed, 1), by[0]), m.mixed(metalness, m.channel(packed, 2), by[1])
+        return roughness, metalness
+    rough = m.image("reflectionroughness_texture", 1, (0.5,)) if by[0] else None
+    metal = m.image("metallic_texture", 1, (0.0,)) if by[1] else None
+    return m.mixed(roughness, rough, by[0]), m.mixed(metalness, metal, by[1])
+
+
+def _opacity(m: MdlInputs) -> Operand:
+    if not m.is_on("enable_opacity"):
+        return ONE
+    opacity: Operand = m.constant("opacity_constant", 1.0)
+    texels = m.image("opacity_texture", 1, (1.0,)) if m.is_on("enable_opacity_texture") else None
+    return opacity if texels is None else m.expressions.apply("ND_multiply_float", in1=texels, in2=opacity)

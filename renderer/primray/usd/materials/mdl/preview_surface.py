@@ -1,0 +1,24 @@
+"""UsdPreviewSurface.mdl: MDL's own version of UsdPreviewSurface."""
+
+from __future__ import annotations
+
+from ..known_surfaces.record import KnownSurface
+from .inputs import MdlInputs
+
+AT_REST = ("occlusion", "displacement", "opacityMode")
+
+
+def read(m: MdlInputs) -> KnownSurface:
+    base = m.image("diffuseColor", 3, (0.18, 0.18, 0.18), is_color=True)
+    return KnownSurface(
+        base_color=m.constant("diffuseColor", 0.18, 0.18, 0.18) if base is None else base,
+        metalness=m.constant("metallic", 0.0),
+        roughness=m.constant("roughness", 0.5),
+        ior=m.constant("ior", 1.5),
+        coat=m.constant("clearcoat", 0.0),
+        coat_roughness=m.constant("clearcoatRoughness", 0.01),
+        emission=m.constant("emissiveColor", 0.0, 0.0, 0.0),
+        opacity=m.constant("opacity", 1.0),
+        cutoff=m.constant("opacityThreshold", 0.0)[0],
+        normal=m.normal("normal", 1.0),
+    )

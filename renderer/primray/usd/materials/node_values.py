@@ -1,0 +1,159 @@
+"""A UsdShade network of MaterialX's nodes as operands: what gives an input its value, through interfaces and node graphs.
+
+What leads back to itself, too deep, or to a node that nobody knows is noted, and counts as not connected.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from pxr import Sdf
+
+from ...description import Operand, TextureFile
+from ..materialx.definitions import CLOSURES, COLORS, WIDTHS, Definition, InputDefinition, definition
+from ..materialx.expressions import Expressions, Outputs
+from ..querying.guarded import property_names
+from ..resolving.context import Context
+from .network import Constant, Node, as_numbers, constant_color, find_source, node_path
+from .texture_asset import texture_file
+
+DEEPEST = 120  # nodes in a row
+_AS_MATERIALX = {
+    "UsdUVTexture": "ND_UsdUVTexture_23",
+    "UsdTransform2d": "ND_UsdTransform2d",
+    "UsdPrimvarReader_float": "ND_UsdPrimvarReader_float",
+    "UsdPrimvarReader_float2": "ND_UsdPrimvarReader_vector2",
+    "UsdPrimvarReader_float3": "ND_UsdPrimvarReader_vector3",
+    "UsdPrimvarReader_float4": "ND_UsdPrimvarReader_vector4",
+    "UsdPrimvarReader_int": "ND_UsdPrimvarReader_integer",
+    "UsdPrimvarReader_normal": "ND_UsdPrimvarReader_vector3",
+    "UsdPrimvarReader_point": "ND_UsdPrimvarReader_vector3",
+    "UsdPrimvarReader_vector": "ND_UsdPrimvarReader_vector3",
+}
+
+
+def definition_of(node: Node) -> Definition | None:
+    """The definition of a node's shader."""
+    name = node.id
+    return definition(_AS_MATERIALX.get(name, name)) if name else None
+
+
+@dataclass
+class NodeValues:
+    """Of one material's network."""
+
+    ctx: Context
+    expressions: Expressions = field(default_factory=Expressions)
+    _made: dict[Sdf.Path, Outputs | None] = field(default_factory=dict)
+    _above: list[Sdf.Path] = field(default_factory=list)
+
+    def inputs_of(self, node: Node, found: Definition) -> dict[str, Operand]:
+        """Those of a node's inputs that the network says anything of, by name."""
+        known = found.by_name
+        given: dict[str, Operand] = {}
+        for full in property_names(node.prim):
+            if not full.startswith("inputs:"):
+                continue
+            name = str(full[7:])
+            if name not in known:
+                self.ctx.warn("unknown-input", node_path(node, self.ctx), f"{node.id} has no {name}.", str(full))
+            elif known[name].type not in CLOSURES:
+                value = self._input(node, known[name], found)
+                if value is not None:
+                    given[name] = value
+        return given
+
+    def _input(self, node: Node, wanted: InputDefinition, found: Definition) -> Operand | None:
+        if wanted.type == "filename":
+            file = texture_file(node, self.ctx, is_color=found.gives_colors)
+            return _as_numbers(file) if not found.gives_colors else file
+        source = find_source(node.prim.GetAttribute(f"inputs:{wanted.name}"), self.ctx)
+        if isinstance(source, Node):
+            return self.output(source, WIDTHS.get(wanted.type, 0), node, wanted.name)
+        return None if source is None else self.constant(source, wanted, node)
+
+    def output(self, source: Node, width: int, reader: Node, name: str) -> Operand | None:
+        """What an output of a node gives, as so many numbers; None, noted, where it cannot."""
+        outputs = self._outputs(source, reader, name)
+        if outputs is None:
+            return None
+        value = outputs.get(source.output)
+        if value is None and len(outputs) == 1 and source.output in ("out", "result"):
+            value = next(iter(outputs.values()))
+        if value is None:
+            self._note("shader-connection", source, f"{source.id} has no output {source.output}.")
+            return None
+        return self._fitted(value, width, reader, name)
+
+    def _outputs(self, source: Node, reader: Node, name: str) -> Outputs | None:
+        path = source.prim.GetPath()
+        if path in self._made:
+            return self._made[path]
+        if path in self._above or len(self._above) >= DEEPEST:
+            why = "leads back to itself" if path in self._above else f"comes through more than {DEEPEST} nodes"
+            self._note("shader-connection", reader, f"{name} {why}: its default is used.", f"inputs:{name}")
+            return None
+        found = definition_of(source)
+        if found is None or found.type in CLOSURES:
+            what = source.id or "a shader without id"
+            self._note("shader-ignored", reader, f"{name} comes from {what}: its default is used.", f"inputs:{name}")
+            made = None
+        else:
+            self._above.append(path)
+            given = self.inputs_of(source, found)
+            self._above.pop()
+            made = self.expressions.node(found.name, given, node_path(source, self.ctx))
+        self._made[path] = made
+        return made
+
+    def constant(self, source: Constant, wanted: InputDefinition, node: Node) -> Operand | None:
+        """A value as the input's type has it, colours in the rendering space; None, noted, where it is of another."""
+        if wanted.type not in WIDTHS:
+            return str(source.value) if isinstance(source.value, str) else None
+        values = as_numbers(_flat(source.value))
+        width = WIDTHS[wanted.type]
+        if values is not None and len(values) == 1 and width > 1 and not wanted.type.startswith("matrix"):
+            values = values * width
+        if values is None or len(values) != width:
+            message = f"{wanted.name} = {source.value!r} is not {width} finite numbers: its default is used."
+            self._note("wrong-type", node, message, f"inputs:{wanted.name}")
+            return None
+        return constant_color(values, source, self.ctx) if wanted.type in COLORS else values
+
+    def _fitted(self, value: Operand, width: int, reader: Node, name: str) -> Operand | None:
+        """The value as an input of another width takes it: one number for all, or the first of them."""
+        has = self.expressions.width(value)
+        if not width or has == width or not has:
+            return value if bool(width) == bool(has) else None
+        if has == 1 and width in (2, 3, 4):
+            kind = {2: "vector2", 3: "color3", 4: "color4"}[width]
+            return self.expressions.apply(f"ND_convert_float_{kind}", **{"in": value})
+        if width == 1 and has in (2, 3, 4):
+            self._note("connection-type", reader, f"{name} is fed {has} numbers: the first is used.", f"inputs:{name}")
+            kind = {2: "vector2", 3: "color3", 4: "color4"}[has]
+            return self.expressions.apply(f"ND_extract_{kind}", **{"in": value, "index": (0.0,)})
+        if (has, width) in ((4, 3), (3, 4)):
+            return self.expressions.apply(f"ND_convert_color{has}_color{width}", **{"in": value})
+        message = f"{name} wants {width} numbers and is fed {has}: its default is used."
+        self._note("connection-type", reader, message, f"inputs:{name}")
+        return None
+
+    def _note(self, code: str, node: Node, message: str, attribute: str = "") -> None:
+        self.ctx.warn(code, node_path(node, self.ctx), message, attribute)
+
+
+def _as_numbers(file: Operand) -> Operand:
+    """The file of an image that gives no colours: numbers as they are, unless a space is said."""
+    if isinstance(file, TextureFile) and file.color_space == "auto":
+        return replace(file, color_space="raw", is_color=False)
+    return file
+
+
+def _flat(value: object) -> object:
+    if isinstance(value, bool):
+        return float(value)
+    try:
+        rows = [tuple(row) for row in value]  # type: ignore[attr-defined]
+    except TypeError:
+        return value
+    return [x for row in rows for x in row]

@@ -1,0 +1,281 @@
+"""Operands as a surface's inputs: one texture or primvar where that says the same, else an output of the pattern.
+
+An image whose coordinates are a primvar through an affine map, scaled and shifted by constants, is a TextureInput: it needs no
+pattern, and is filtered as textures are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ...description import Input, NodeOutput, Operand, PatternInput, PatternNode, PrimvarInput, TextureFile, TextureInput, Wrap
+from ...description.pattern_reads import primvar_of_set
+from .network_nodes import IDENTITY, NO_PRIMVAR, Affine, affine_product
+
+Numbers = tuple[float, ...]
+_WRAPS = {"periodic": Wrap.REPEAT, "clamp": Wrap.CLAMP, "mirror": Wrap.MIRROR}
+_WIDTHS = {"float": 1, "color3": 3, "vector3": 3, "color4": 4, "vector4": 4}
+
+
+@dataclass(frozen=True)
+class _Scaled:
+    """Channels of an image node's texels ("r", "rgb", "rgba" ...) times a scale, plus a bias: a number for each channel."""
+
+    image: int
+    channels: str
+    scale: Numbers
+    bias: Numbers
+
+
+class Reducer:
+    def __init__(self, nodes: list[PatternNode]) -> None:
+        self._nodes = nodes
+
+    def input(self, value: NodeOutput, width: int) -> Input:
+        """What varies as a surface's input of 1 or 3 numbers."""
+        node = self._nodes[value.node]
+        if node.category == "geompropvalue":
+            inputs = dict(node.inputs)
+            name, default = inputs.get("geomprop"), inputs.get("default")
+            if isinstance(name, str) and name and isinstance(default, tuple) and len(default) == width:
+                return PrimvarInput(name, default)
+        found = self._scaled(value)
+        made = self._texture(found, width) if found is not None else None
+        return made or PatternInput(value, self.stand_in(value, width))
+
+    def normal(self, value: NodeOutput) -> Input | None:
+        """A normal: in tangent space where a map says it there; a pattern's is in world space. None of a map that has no texels
+        and would turn the surface round."""
+        node = self._nodes[value.node]
+        inputs = dict(node.inputs)
+        frame = (inputs.get("normal"), inputs.get("tangent"), inputs.get("bitangent"))
+        scale = inputs.get("scale")
+        if node.category == "normalmap" and frame == ("Nworld", "Tworld", "Bworld") and isinstance(scale, tuple):
+            given = inputs.get("in")
+            if isinstance(given, tuple):
+                x, y = (scale * 2)[:2]
+                tangent = ((2.0 * given[0] - 1.0) * x, (2.0 * given[1] - 1.0) * y, 2.0 * given[2] - 1.0)
+                return PrimvarInput(NO_PRIMVAR, tangent) if tangent[2] > 0 else None
+            found = self._scaled(given) if isinstance(given, NodeOutput) else None
+            if found is not None and len(found.scale) == 3:
+                x, y = (scale * 2)[:2]
+                by = (2.0 * x, 2.0 * y, 2.0)
+                scales = tuple(a * b for a, b in zip(found.scale, by, strict=True))
+                biases = tuple(a * b - c for a, b, c in zip(found.bias, by, (x, y, 1.0), strict=True))
+                made = self._texture(_Scaled(found.image, found.channels, scales, biases), 3)
+                if made is not None:
+                    return made
+        return PatternInput(value, (0.0, 0.0, 1.0))
+
+    def stand_in(self, value: NodeOutput, width: int) -> Numbers:
+        """A constant for what varies: what an image gives where there is none, else the middle grey of numbers from 0 to 1."""
+        found = self._scaled(value)
+        if found is None:
+            return (0.5,) * width
+        default = self._default(found)
+        return default if len(default) == width else (default * width)[:width]
+
+    def _default(self, found: _Scaled) -> Numbers:
+        default = dict(self._nodes[found.image].inputs).get("default", (0.0,))
+        assert isinstance(default, tuple)
+        places = ["rgba".index(channel) for channel in found.channels]
+        full = (*default, *(0.0,) * 3, 1.0) if len(default) == 1 else (*default, 0.0, 0.0, 1.0)
+        return tuple(full[p] * s + b for p, s, b in zip(places, found.scale, found.bias, strict=True))
+
+    def _texture(self, found: _Scaled, width: int) -> TextureInput | None:
+        inputs = dict(self._nodes[found.image].inputs)
+        file, default = inputs["file"], inputs["default"]
+        same = len(set(found.channels)) == 1
+        channels = "rgb" if found.channels == "rgb" else found.channels[0] if same else ""
+        if not isinstance(file, TextureFile) or not channels or len(found.channels) != width or not isinstance(default, tuple):
+            return None
+        if channels != "rgb" and (len(set(found.scale)) > 1 or len(set(found.bias)) > 1):
+            return None
+        wraps = [self._wrap(inputs.get(name), default) for name in ("uaddressmode", "vaddressmode")]
+        st = self._coordinates(inputs["texcoord"])
+        if None in wraps or st is None or inputs.get("filtertype") == "closest" or inputs.get("layer", "") != "":
+            return None
+        scale, bias, fallback = [1.0] * 4, [0.0] * 4, [0.0, 0.0, 0.0, 1.0]
+        for place, s, b, d in zip(found.channels, found.scale, found.bias, self._default(found), strict=True):
+            index = "rgba".index(place)
+            scale[index], bias[index], fallback[index] = s, b, d
+        return TextureInput(
+            file, channels, st[0], st[1], wraps[0], wraps[1],  # type: ignore[arg-type]
+            tuple(fallback), tuple(scale), tuple(bias),  # type: ignore[arg-type]
+        )  # fmt: skip
+
+    def _wrap(self, mode: Operand | None, default: Numbers) -> Wrap | None:
+        """None where outside of the image there is another colour than black."""
+        if mode == "constant":
+            return None if any(default) else Wrap.BLACK
+        return _WRAPS.get(mode) if isinstance(mode, str) else None
+
+    def _scaled(self, value: NodeOutput) -> _Scaled | None:
+        """None where the value is more than an image, scaled and shifted."""
+        node = self._nodes[value.node]
+        inputs = dict(node.inputs)
+        if node.category == "image":
+            width = _WIDTHS.get(node.type)
+            return _Scaled(value.node, "rgba"[:width], (1.0,) * width, (0.0,) * width) if width else None
+        if node.category in ("extract", "convert"):
+            return self._channels(node, inputs)
+        rule = _SCALES.get(node.category)
+        varying = [name for name, operand in inputs.items() if isinstance(operand, NodeOutput)]
+        if rule is None or len(varying) != 1 or not all(isinstance(v, tuple) for k, v in inputs.items() if k != varying[0]):
+            return None
+        source = inputs[varying[0]]
+        found = self._scaled(source) if isinstance(source, NodeOutput) else None
+        return rule(found, varying[0], inputs) if found else None
+
+    def _channels(self, node: PatternNode, inputs: dict[str, Operand]) -> _Scaled | None:
+        source = inputs["in"]
+        found = self._scaled(source) if isinstance(source, NodeOutput) else None
+        if found is None:
+            return None
+        if node.category == "extract":
+            index = inputs["index"]
+            at = int(index[0]) if isinstance(index, tuple) else -1
+            places = [at] if 0 <= at < len(found.channels) else []
+        else:
+            width, has = _WIDTHS.get(node.type, 0), len(found.channels)
+            places = [0] * width if has == 1 else [0, 1, 2] if width == 3 and has >= 3 else []
+        if not places:
+            return None
+        return _Scaled(
+            found.image,
+            "".join(found.channels[p] for p in places),
+            tuple(found.scale[p] for p in places),
+            tuple(found.bias[p] for p in places),
+        )
+
+    def _coordinates(self, value: Operand) -> tuple[PrimvarInput, Affine] | None:
+        """A primvar and the matrix applied to it, or None; what is constant is a primvar that no shape has."""
+        if isinstance(value, tuple):
+            return PrimvarInput(NO_PRIMVAR, value), IDENTITY
+        if value == "UV0":
+            return PrimvarInput(primvar_of_set(0), (0.0, 0.0)), IDENTITY
+        if not isinstance(value, NodeOutput):
+            return None
+        node = self._nodes[value.node]
+        inputs = dict(node.inputs)
+        if node.category == "texcoord":
+            index = inputs.get("index", (0.0,))
+            if not isinstance(index, tuple) or node.type != "vector2":
+                return None
+            return PrimvarInput(primvar_of_set(int(index[0])), (0.0, 0.0)), IDENTITY
+        if node.category == "geompropvalue":
+            name, default = inputs.get("geomprop"), inputs.get("default")
+            if node.type != "vector2" or not isinstance(name, str) or not isinstance(default, tuple):
+                return None
+            return PrimvarInput(name, default), IDENTITY
+        return self._moved(node, inputs)
+
+    def _moved(self, node: PatternNode, inputs: dict[str, Operand]) -> tuple[PrimvarInput, Affine] | None:
+        rule = _MOVES.get(node.category)
+        name = next((n for n in ("in", "in1") if n in inputs), "")
+        if node.category in ("add", "multiply") and isinstance(inputs.get("in1"), tuple):
+            name = "in2"
+        others = [v for k, v in inputs.items() if k != name]
+        if rule is None or node.type != "vector2" or not name or not all(isinstance(v, tuple) for v in others):
+            return None
+        inner = self._coordinates(inputs[name])
+        other = next((v for v in others if isinstance(v, tuple)), (0.0, 0.0))
+        moved = rule((other * 2)[:2]) if inner else None
+        return (inner[0], affine_product(moved, inner[1])) if inner and moved else None
+
+
+def _turned(amount: Numbers) -> Affine:
+    """MaterialX's rotate2d turns coordinates clockwise."""
+    c, s = math.cos(math.radians(amount[0])), math.sin(math.radians(amount[0]))
+    return (c, s, 0.0, -s, c, 0.0)
+
+
+_MOVES: dict[str, Callable[[Numbers], Affine | None]] = {
+    "add": lambda by: (1.0, 0.0, by[0], 0.0, 1.0, by[1]),
+    "subtract": lambda by: (1.0, 0.0, -by[0], 0.0, 1.0, -by[1]),
+    "multiply": lambda by: (by[0], 0.0, 0.0, 0.0, by[1], 0.0),
+    "divide": lambda by: (1.0 / by[0], 0.0, 0.0, 0.0, 1.0 / by[1], 0.0) if by[0] and by[1] else None,
+    "rotate2d": _turned,
+}
+
+
+def _constant(inputs: dict[str, Operand], name: str, width: int) -> Numbers:
+    value = inputs[name]
+    assert isinstance(value, tuple)
+    return value * width if len(value) == 1 else value
+
+
+def _linear(found: _Scaled, scale: Numbers, bias: Numbers) -> _Scaled | None:
+    if len(scale) != len(found.scale) or len(bias) != len(found.bias):
+        return None
+    return _Scaled(
+        found.image,
+        found.channels,
+        tuple(a * b for a, b in zip(found.scale, scale, strict=True)),
+        tuple(a * b + c for a, b, c in zip(found.bias, scale, bias, strict=True)),
+    )
+
+
+_Rule = Callable[[_Scaled, str, dict[str, Operand]], "_Scaled | None"]
+
+
+def _times(found: _Scaled, varying: str, inputs: dict[str, Operand]) -> _Scaled | None:
+    n = len(found.scale)
+    return _linear(found, _constant(inputs, "in2" if varying == "in1" else "in1", n), (0.0,) * n)
+
+
+def _over(found: _Scaled, varying: str, inputs: dict[str, Operand]) -> _Scaled | None:
+    n = len(found.scale)
+    by = _constant(inputs, "in2", n) if varying == "in1" else ()
+    return _linear(found, tuple(1.0 / x for x in by), (0.0,) * n) if by and all(by) else None
+
+
+def _plus(found: _Scaled, varying: str, inputs: dict[str, Operand]) -> _Scaled | None:
+    n = len(found.scale)
+    return _linear(found, (1.0,) * n, _constant(inputs, "in2" if varying == "in1" else "in1", n))
+
+
+def _less(found: _Scaled, varying: str, inputs: dict[str, Operand]) -> _Scaled | None:
+    n = len(found.scale)
+    if varying == "in1":
+        return _linear(found, (1.0,) * n, tuple(-x for x in _constant(inputs, "in2", n)))
+    return _linear(found, (-1.0,) * n, _constant(inputs, "in1", n))
+
+
+def _inverted(found: _Scaled, varying: str, inputs: dict[str, Operand]) -> _Scaled | None:
+    n = len(found.scale)
+    return _linear(found, (-1.0,) * n, _constant(inputs, "amount", n)) if varying == "in" else None
+
+
+def _mixed(found: _Scaled, varying: str, inputs: dict[str, Operand]) -> _Scaled | None:
+    n = len(found.scale)
+    fg, bg, mix = (_constant(inputs, name, n) if name != varying else () for name in ("fg", "bg", "mix"))
+    if varying == "mix":
+        n = len(fg)
+        return _linear(found, tuple(f - b for f, b in zip(fg, bg, strict=True)), bg) if n == len(found.scale) else None
+    kept = mix if varying == "fg" else tuple(1.0 - m for m in mix)
+    return _linear(found, kept, tuple((1.0 - k) * o for k, o in zip(kept, bg if varying == "fg" else fg, strict=True)))
+
+
+def _remapped(found: _Scaled, varying: str, inputs: dict[str, Operand]) -> _Scaled | None:
+    if varying != "in":
+        return None
+    n = len(found.scale)
+    low, high, to, end = (_constant(inputs, name, n) for name in ("inlow", "inhigh", "outlow", "outhigh"))
+    if any(h == x for h, x in zip(high, low, strict=True)):
+        return None
+    by = tuple((e - t) / (h - x) for e, t, h, x in zip(end, to, high, low, strict=True))
+    return _linear(found, by, tuple(t - x * b for t, x, b in zip(to, low, by, strict=True)))
+
+
+_SCALES: dict[str, _Rule] = {
+    "multiply": _times,
+    "divide": _over,
+    "add": _plus,
+    "subtract": _less,
+    "invert": _inverted,
+    "mix": _mixed,
+    "remap": _remapped,
+}

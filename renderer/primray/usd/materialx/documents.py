@@ -1,0 +1,161 @@
+"""Bytes of a .mtlx to a document of the MaterialX package, with what it includes, upgraded to its present version.
+
+The package's reader recurses into elements and follows includes without end, so both are bounded before it sees them.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from pxr import Ar
+
+from ...errors import AssetError, PrimrayError
+from ..querying.asset import read_asset
+
+MOST_BYTES = 64 << 20  # of a document with all that it includes
+MOST_ELEMENTS = 200_000
+MOST_INCLUDES = 256
+_MARKUP = re.compile(
+    r"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<\?.*?\?>|(?P<doctype><!)|(?P<end></)[^>]*>"
+    r"|<(?P<name>[^\s/>\"'<=]+)(?:[^>\"'/]++|\"[^\"]*\"|'[^']*'|/(?!>))*+(?P<single>/)?>",
+    re.DOTALL,
+)
+DEEPEST = 64  # elements in elements, and documents in documents
+
+
+def _bad(message: str, path: str) -> AssetError:
+    return AssetError(message, where=path, code="materialx-document")
+
+
+@cache
+def library() -> Any:
+    """The standard library's document, read once a process."""
+    import MaterialX as mx
+
+    made = mx.createDocument()
+    mx.loadLibraries(mx.getDefaultDataLibraryFolders(), mx.getDefaultDataSearchPath(), made)
+    return made
+
+
+def read_document(path: str) -> Any:
+    """The document at a path that Ar resolved; AssetError where it cannot be read."""
+    import MaterialX as mx
+
+    document = mx.createDocument()
+    document.setDataLibrary(library())
+    reader = _Reader(mx)
+    try:
+        reader.read(document, path, ())
+    except PrimrayError:
+        raise
+    except Exception as error:  # the package raises its own and Python's, of any class
+        raise _bad(str(error) or type(error).__name__, path) from None
+    return document
+
+
+@dataclass(frozen=True)
+class Named:
+    """What a document names itself, as it says it with its prefixes: documents that it includes, and files."""
+
+    documents: tuple[str, ...]
+    files: tuple[str, ...]
+
+
+def names_in(path: str) -> Named:
+    """Of the document at a resolved path, reading no other; AssetError where it cannot be read."""
+    import MaterialX as mx
+
+    document = mx.createDocument()
+    included: list[str] = []
+    options = mx.XmlReadOptions()
+    options.readXIncludeFunction = lambda _document, name, _search, _options: included.append(name.asString())
+    try:
+        mx.readFromXmlString(document, checked_text(path, MOST_BYTES, MOST_ELEMENTS)[0], mx.FileSearchPath(), options)
+        found = [element for element in document.traverseTree() if element.getAttribute("type") == "filename"]
+        files = [name for element in found if (name := element.getResolvedValueString())]
+    except PrimrayError:
+        raise
+    except Exception as error:
+        raise _bad(str(error) or type(error).__name__, path) from None
+    return Named(tuple(dict.fromkeys(included)), tuple(dict.fromkeys(files)))
+
+
+class _Reader:
+    """Of one document and what it includes."""
+
+    def __init__(self, mx: Any) -> None:
+        self._mx = mx
+        self._bytes = self._elements = self._includes = 0
+
+    def read(self, document: Any, path: str, above: tuple[str, ...]) -> None:
+        if path in above:
+            raise _bad("it includes itself", path)
+        if len(above) > DEEPEST or self._includes > MOST_INCLUDES:
+            raise _bad(f"it includes more than {MOST_INCLUDES} documents, or through more than {DEEPEST}", path)
+        text, size, elements = checked_text(path, MOST_BYTES - self._bytes, MOST_ELEMENTS - self._elements)
+        self._bytes += size
+        self._elements += elements
+        options = self._mx.XmlReadOptions()
+        options.readXIncludeFunction = self._include(path, (*above, path))
+        self._mx.readFromXmlString(document, text, self._mx.FileSearchPath(), options)
+
+    def _include(self, path: str, above: tuple[str, ...]) -> Callable[[Any, Any, Any, Any], None]:
+        def read(document: Any, name: Any, _search: Any, _options: Any) -> None:
+            self._includes += 1
+            self.read(document, beside(name.asString(), path), above)
+
+        return read
+
+
+def checked_text(path: str, most_bytes: int, most_elements: int) -> tuple[str, int, int]:
+    """The document's text, known to be of a size and depth that can be read; how many bytes and elements it has."""
+    try:
+        raw = read_asset(path, most_bytes)
+    except PrimrayError as error:
+        raise _bad(error.message, path) from None
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise _bad("it is not text in UTF-8", path) from None
+    return text, len(raw), _elements(text, path, most_elements)
+
+
+def _elements(text: str, path: str, most: int) -> int:
+    """How many there are; AssetError where they are too many, too deep, or no elements.
+
+    Looser than XML, as the package's reader is: a value may have "<" in it.
+    """
+    count = depth = position = 0
+    while (position := text.find("<", position)) >= 0:
+        found = _MARKUP.match(text, position)
+        if found is None:
+            raise _bad(f"it is no XML: what begins at character {position} has no end", path)
+        if found["doctype"]:
+            raise _bad("it declares a document type, which MaterialX does not have", path)
+        if found["name"]:
+            count += 1
+            depth += 0 if found["single"] else 1
+        elif found["end"]:
+            depth -= 1
+        if depth > DEEPEST or count > most:
+            raise _bad(f"it has more than {MOST_ELEMENTS} elements, or more than {DEEPEST} in one another", path)
+        position = found.end()
+    return count
+
+
+def beside(name: str, includer: str) -> str:
+    """The path of what a document names: from where the document is, in the same package where that is in one."""
+    if Ar.IsPackageRelativePath(includer):
+        package, inner = Ar.SplitPackageRelativePathInner(includer)
+        beside = os.path.normpath(os.path.join(os.path.dirname(inner), name)).replace(os.sep, "/")
+        return str(Ar.JoinPackageRelativePath(package, beside))
+    resolver = Ar.GetResolver()
+    found = str(resolver.Resolve(resolver.CreateIdentifier(name, Ar.ResolvedPath(includer))))
+    if not found:
+        raise _bad(f"it names {name}, which cannot be found", includer)
+    return found

@@ -1,0 +1,209 @@
+"""A graph of primitive nodes while it is built: library nodes are expanded, constants folded, equal nodes are one.
+
+An operand is a tuple of numbers, a text, a file, or the output of a node that is built already.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+
+from ...description import NodeOutput, Operand, PatternNode, TextureFile
+from .definitions import Definition, FromInterface, FromStep, definition, graph
+from .folding import folded
+
+MOST_NODES = 20_000  # of one material
+DEEPEST = 32  # definitions in definitions
+_FILES = ("image", "hextiledimage", "hextilednormalmap")
+
+_GIVEN = -1  # in place of a node
+
+Outputs = dict[str, Operand]
+
+
+class TooManyNodesError(Exception):
+    """A material whose graph would be larger than MOST_NODES."""
+
+
+@dataclass
+class Expressions:
+    """Of one material."""
+
+    nodes: list[PatternNode] = field(default_factory=list)
+    _known: dict[tuple[object, ...], int] = field(default_factory=dict)
+
+    def node(self, name: str, inputs: Mapping[str, Operand], path: str = "") -> Outputs:
+        """What a library node gives for these inputs, others being at their defaults; KeyError if there is no such node."""
+        found = definition(name)
+        if found is None:
+            raise KeyError(name)
+        defaults = found.defaults
+        given = {key: value for key, value in inputs.items() if key in defaults}
+        if graph(name) is None:
+            return self._primitive(found, {**defaults, **given}, path)
+        left = _left_of(name, frozenset(given))
+        made: list[Outputs] = []
+
+        def actual(operand: Operand | None) -> Operand | None:
+            if type(operand) is not NodeOutput:
+                return operand
+            return given[operand.output] if operand.node == _GIVEN else made[operand.node].get(operand.output)
+
+        for step, operands in left.steps:
+            made.append(self._primitive(step, {key: actual(operand) for key, operand in operands}, path))
+        return {key: value for key, operand in left.outputs if (value := actual(operand)) is not None}
+
+    def expanded(self, found: Definition, inputs: Mapping[str, Operand], depth: int = 0) -> Outputs:
+        """What a library node gives, by the graph that implements it, all the way down to primitives."""
+        implementation = graph(found.name)
+        if implementation is None or depth > DEEPEST:
+            return self._primitive(found, {**found.defaults, **inputs}, "")
+        made: list[Outputs] = []
+        for step in implementation.steps:
+            inner = definition(step.definition)
+            given: dict[str, Operand] = {}
+            for key, source in step.inputs:
+                value = _operand(source, inputs, found, made)
+                if value is not None:
+                    given[key] = value
+            made.append(self.expanded(inner, given, depth + 1) if inner else {})
+        outputs = {key: _operand(source, inputs, found, made) for key, source in implementation.outputs}
+        return {key: value for key, value in outputs.items() if value is not None}
+
+    def _primitive(self, found: Definition, inputs: dict[str, Operand | None], path: str) -> Outputs:
+        name = found.outputs[0][0]
+        if found.category in _FILES and not _is_file(inputs.get("file")):
+            default = inputs.get("default")
+            return {name: default} if default is not None else {}
+        rule = _RULES.get(found.category)
+        simple = rule(found, inputs) if rule else None
+        if simple is None:
+            simple = folded(found, inputs)
+        if simple is not None:
+            return {name: simple}
+        key = (found.name, *inputs.values())  # in the definition's order
+        index = self._known.get(key)
+        if index is None:
+            if len(self.nodes) >= MOST_NODES:
+                raise TooManyNodesError
+            index = self._known[key] = len(self.nodes)
+            given = tuple((key, value) for key, value in inputs.items() if value is not None)
+            self.nodes.append(PatternNode(found.category, found.type, found.name, given, path))
+        return {name: NodeOutput(index, name) for name, _ in found.outputs}
+
+    def width(self, value: Operand) -> int:
+        """How many numbers an operand has; 0 of what is none."""
+        if isinstance(value, tuple):
+            return len(value)
+        if not isinstance(value, NodeOutput):
+            return 0
+        found = definition(self.nodes[value.node].signature)
+        return found.output_widths.get(value.output, 0) if found else 0
+
+    def apply(self, name: str, **inputs: Operand) -> Operand:
+        """The first output of a library node."""
+        return next(iter(self.node(name, inputs).values()))
+
+
+@dataclass(frozen=True)
+class _Left:
+    """The primitives that are left of a library node when what is not given is at its default; operands of the node _GIVEN are
+    what is given, by name."""
+
+    steps: tuple[tuple[Definition, tuple[tuple[str, Operand | None], ...]], ...]
+    outputs: tuple[tuple[str, Operand], ...]
+
+
+@cache
+def _left_of(name: str, given: frozenset[str]) -> _Left:
+    """Found once for all nodes of a kind with the same inputs given: most of a large graph falls away."""
+    found = definition(name)
+    assert found is not None
+    trial = Expressions()
+    outputs = trial.expanded(found, {key: NodeOutput(_GIVEN, key) for key in sorted(given)})
+    steps = []
+    for node in trial.nodes:
+        own = definition(node.signature)
+        assert own is not None
+        steps.append((own, tuple({**dict.fromkeys(own.defaults), **dict(node.inputs)}.items())))
+    return _Left(tuple(steps), tuple(outputs.items()))
+
+
+def _is_file(value: object) -> bool:
+    return (isinstance(value, TextureFile) and value.path != "") or (isinstance(value, NodeOutput) and value.node == _GIVEN)
+
+
+def _operand(source: object, inputs: Mapping[str, Operand], found: Definition, made: list[Outputs]) -> Operand | None:
+    """What a step of a definition's graph is given."""
+    if type(source) is FromStep:
+        return made[source.step].get(source.output)
+    if type(source) is FromInterface:
+        value = inputs.get(source.name)
+        return found.defaults.get(source.name) if value is None else value
+    return source  # type: ignore[return-value]
+
+
+_Rule = Callable[[Definition, Mapping[str, Operand | None]], Operand | None]
+
+
+def _all(value: object, number: float) -> bool:
+    return type(value) is tuple and value.count(number) == len(value)
+
+
+def _as_wide(found: Definition, name: str, inputs: Mapping[str, Operand | None]) -> Operand | None:
+    """The input, where it has as many numbers as the node gives."""
+    return inputs.get(name) if name in found.as_wide else None
+
+
+def _neutral(number: float, *, either: bool) -> _Rule:
+    def rule(found: Definition, inputs: Mapping[str, Operand | None]) -> Operand | None:
+        if _all(inputs.get("in2"), number):
+            return _as_wide(found, "in1", inputs)
+        return _as_wide(found, "in2", inputs) if either and _all(inputs.get("in1"), number) else None
+
+    return rule
+
+
+def _product(found: Definition, inputs: Mapping[str, Operand | None]) -> Operand | None:
+    if found.type.startswith("matrix"):
+        return None
+    if _all(inputs.get("in1"), 0.0) or _all(inputs.get("in2"), 0.0):
+        return (0.0,) * (found.width or 1)
+    return _neutral(1.0, either=True)(found, inputs)
+
+
+def _mixture(found: Definition, inputs: Mapping[str, Operand | None]) -> Operand | None:
+    for number, name in ((0.0, "bg"), (1.0, "fg")):
+        if _all(inputs.get("mix"), number):
+            return _as_wide(found, name, inputs)
+    return inputs.get("fg") if inputs.get("fg") == inputs.get("bg") else None
+
+
+def _choice(holds: Callable[[float, float], bool]) -> _Rule:
+    def rule(found: Definition, inputs: Mapping[str, Operand | None]) -> Operand | None:
+        a, b = inputs.get("value1"), inputs.get("value2")
+        if not isinstance(a, tuple) or not isinstance(b, tuple) or "in1" not in inputs:
+            return None
+        return inputs.get("in1" if holds(a[0], b[0]) else "in2")
+
+    return rule
+
+
+def _same(name: str) -> _Rule:
+    return lambda _found, inputs: inputs.get(name)
+
+
+_RULES: dict[str, _Rule] = {
+    "multiply": _product,
+    "divide": _neutral(1.0, either=False),
+    "add": _neutral(0.0, either=True),
+    "subtract": _neutral(0.0, either=False),
+    "power": _neutral(1.0, either=False),
+    "mix": _mixture,
+    "ifgreater": _choice(lambda a, b: a > b),
+    "ifgreatereq": _choice(lambda a, b: a >= b),
+    "ifequal": _choice(lambda a, b: a == b),
+    "constant": _same("value"),
+    "dot": _same("in"),
+}

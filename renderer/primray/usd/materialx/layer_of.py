@@ -1,0 +1,27 @@
+"""A document as the content of a layer: what USD's own plugin usdMtlx makes of it, with a default prim."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pxr import Sdf
+
+from .looks import write_looks
+from .materials import write_materials
+from .node_graphs import NodeGraphs, own
+from .writing import ROOT
+
+
+def write_layer(document: Any, layer: Sdf.Layer) -> None:
+    """Write a document of the MaterialX package to an empty layer."""
+    with Sdf.ChangeBlock():
+        space = document.getActiveColorSpace()
+        if space:
+            layer.pseudoRoot.SetInfo("customLayerData", {"colorSpace": space})
+        graphs = NodeGraphs(layer, document)
+        graphs.of_definitions()
+        write_materials(layer, document, graphs)
+        if own(document, "look"):
+            write_looks(layer, document)
+        if layer.GetPrimAtPath(ROOT):
+            layer.pseudoRoot.SetInfo("defaultPrim", ROOT.name)

@@ -1,0 +1,177 @@
+"""A stage's references to MaterialX documents, led to layers that are made of them.
+
+USD knows no format for .mtlx, and a stage's layers are others' too. So the layers that refer to documents are copied, and those
+that refer to these, up to the root: the stage is composed of the copies.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from pxr import Ar, Sdf, Usd
+
+from ...diagnostics import Diagnostics
+from ...errors import AssetError
+from ..querying.messages import error_text
+from ..querying.stage_values import asset_of_expression
+from .documents import read_document
+from .layer_of import write_layer
+from .stand_ins import anchor, is_document, is_stand_in, new_layer
+
+_held: dict[str, list[Sdf.Layer]] = {}  # by a stage's root: what its other variants and payloads may ask for
+
+
+@dataclass
+class _Record:
+    """What a stand-in is made of: a document or a layer, and what was led elsewhere in the layer's copy."""
+
+    source: str
+    updates: dict[str, str] | None = None  # None: of a document
+
+
+_records: dict[str, _Record] = {}  # by stand-ins' identifiers
+
+
+def refers_to_documents(stage: Usd.Stage) -> bool:
+    """Whether something of the stage is missing for being a MaterialX document."""
+    return any(".mtlx" in error_text(error).lower() for error in stage.GetCompositionErrors())
+
+
+def is_of_documents(message: str) -> bool:
+    """Whether USD says no more than that it has no format for MaterialX: what that comes to, the stage's errors tell."""
+    return "Cannot determine file format" in message and ".mtlx" in message.lower()
+
+
+class Redirection:
+    """Of one stage: the layers that stand in for others."""
+
+    def __init__(self) -> None:
+        self._copies: dict[str, Sdf.Layer] = {}  # by the identifiers of what they are copies of
+        self._documents: dict[str, Sdf.Layer | None] = {}  # by resolved path; None: cannot be read
+
+    def of(self, layer: Sdf.Layer) -> Sdf.Layer:
+        return self._copies.get(str(layer.identifier), layer)
+
+    def redirect(self, stage: Usd.Stage, diagnostics: Diagnostics) -> bool:
+        """Lead references to stand-ins; whether there were any, so that the stage is to be composed anew."""
+        layers = [layer for layer in stage.GetUsedLayers() if layer]
+        named = {layer: _dependencies(layer, stage) for layer in layers}
+        changes: dict[Sdf.Layer, dict[str, Sdf.Layer]] = {}
+        for layer, paths in named.items():
+            for authored, path in paths.items():
+                made = self._document(layer, path, diagnostics) if is_document(path) else None
+                if made is not None:
+                    changes.setdefault(layer, {})[authored] = made
+        if not changes:
+            return False
+        for layer in _leading_to(set(changes), named):
+            changes.setdefault(layer, {})
+            if not is_stand_in(layer):
+                self._copies[str(layer.identifier)] = _copy(layer)
+        for layer, updates in changes.items():
+            self._update(layer, named[layer], updates)
+        _hold(self.of(stage.GetRootLayer()), [*self._copies.values(), *filter(None, self._documents.values())])
+        return True
+
+    def _update(self, layer: Sdf.Layer, paths: dict[str, str], documents: dict[str, Sdf.Layer]) -> None:
+        copy = self.of(layer)
+        for authored, path in paths.items():
+            other = _found(layer, path)
+            target = documents.get(authored) or (self._copies.get(str(other.identifier)) if other else None)
+            if target is not None:
+                copy.UpdateCompositionAssetDependency(authored, target.identifier)
+                record = _records.get(str(copy.identifier))
+                if record is not None and record.updates is not None:
+                    record.updates[authored] = str(target.identifier)
+        if copy is not layer:
+            anchor(copy, str(layer.identifier))
+
+    def _document(self, layer: Sdf.Layer, path: str, diagnostics: Diagnostics) -> Sdf.Layer | None:
+        resolved = str(layer.ComputeAbsolutePath(path))
+        if resolved not in self._documents:
+            try:
+                there = Ar.GetResolver().Resolve(resolved)  # else the stage's error tells
+                self._documents[resolved] = layer_of_document(resolved) if there else None
+            except AssetError as error:
+                self._documents[resolved] = None
+                diagnostics.add(error.code, "", f"{error.where}: {error.message}.")
+        return self._documents[resolved]
+
+
+def layer_of_document(path: str) -> Sdf.Layer:
+    """A stand-in for the document at a resolved path; AssetError where it cannot be read."""
+    layer = new_layer(path)
+    _write_document(layer, path)
+    _records[str(layer.identifier)] = _Record(path)
+    return layer
+
+
+def make_anew(files: Collection[str]) -> None:
+    """Stand-ins for these files (absolute paths), from what the files hold now; AssetError where a document cannot be read."""
+    any_document = any(is_document(file) for file in files)  # which others may include
+    for identifier, record in list(_records.items()):
+        layer = Sdf.Layer.Find(identifier)
+        if not layer:
+            del _records[identifier]
+        elif record.updates is None and (any_document or _file(record.source) in files):
+            layer.Clear()
+            _write_document(layer, record.source)
+        elif record.updates is not None and _file(record.source) in files:
+            layer.TransferContent(Sdf.Layer.FindOrOpen(record.source))
+            for authored, target in record.updates.items():
+                layer.UpdateCompositionAssetDependency(authored, target)
+            anchor(layer, record.source)
+
+
+def _file(path: str) -> str:
+    return os.path.abspath(str(Ar.SplitPackageRelativePathOuter(path)[0]))
+
+
+def _write_document(layer: Sdf.Layer, path: str) -> None:
+    """Give an empty stand-in the document's content."""
+    document = read_document(path)
+    try:
+        write_layer(document, layer)
+    except Exception as error:  # of elements that are not what their document says they are: of any class
+        raise AssetError(f"it cannot be made a layer: {error}", where=path, code="materialx-document") from None
+    anchor(layer, path)
+
+
+def _hold(root: Sdf.Layer, layers: list[Sdf.Layer]) -> None:
+    for identifier in [identifier for identifier in _held if Sdf.Layer.Find(identifier) is None]:
+        del _held[identifier]
+    _held[str(root.identifier)] = [layer for layer in layers if layer != root]
+
+
+def _dependencies(layer: Sdf.Layer, stage: Usd.Stage) -> dict[str, str]:
+    """What a layer names as sublayers, references and payloads: as authored, and as it is found."""
+    return {path: asset_of_expression(path, layer, stage) for path in layer.GetCompositionAssetDependencies() if path}
+
+
+def _found(layer: Sdf.Layer, path: str) -> Sdf.Layer | None:
+    return Sdf.Layer.FindRelativeToLayer(layer, path) if path else None
+
+
+def _leading_to(layers: set[Sdf.Layer], named: dict[Sdf.Layer, dict[str, str]]) -> set[Sdf.Layer]:
+    """These layers, and those that name them, directly or through others."""
+    namers: dict[Sdf.Layer, set[Sdf.Layer]] = {}
+    for layer, paths in named.items():
+        for path in paths.values():
+            other = _found(layer, path)
+            if other:
+                namers.setdefault(other, set()).add(layer)
+    found, waiting = set(layers), list(layers)
+    while waiting:
+        for namer in namers.get(waiting.pop(), set()) - found:
+            found.add(namer)
+            waiting.append(namer)
+    return found
+
+
+def _copy(layer: Sdf.Layer) -> Sdf.Layer:
+    made = new_layer(str(layer.identifier))
+    made.TransferContent(layer)
+    _records[str(made.identifier)] = _Record(str(layer.identifier), {})
+    return made
