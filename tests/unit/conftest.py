@@ -15,7 +15,7 @@ from primray.core import Splits
 from primray.description import Camera, Light, LightType, Projection, SceneDescription, TextureFile
 from primray.diagnostics import Diagnostics
 from primray.errors import StageOpenError
-from primray.render.render import EachAnew
+from primray.render.render import OpenedFrames
 from primray.report.summary import ImageSize
 from primray.sampling.error import Estimate, FrameError
 from primray.sampling.error_curve import Row
@@ -155,7 +155,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
             monkeypatch.setattr(primray, name, module, raising=False)
 
     # What frames keep is of real stages: tests/unit/keeping.
-    monkeypatch.setattr("primray.keeping.frames._kept", EachAnew)
+    monkeypatch.setattr("primray.keeping.frames._kept", OpenedFrames)
     install(
         "usd",
         open_stage=fake.open_stage,

@@ -6,14 +6,14 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-from ..render.render import EachAnew, OnInterrupt, rendered_frames
+from ..render.render import OnInterrupt, OpenedFrames, rendered_frames
 from ..settings import RenderSettings
 
 if TYPE_CHECKING:
     from ..checkpoints.checkpointing import Checkpointing
     from ..images.image import Image
     from ..render.prepare import OpenedStage
-    from ..render.render import Open, OpenedFrames
+    from ..render.render import Open
     from ..render.snapshots import Snapshots
     from ..sampling.sampling import Progress
 
@@ -73,13 +73,10 @@ def quiet_frames(
 
 def _opening(frames: Iterable[RenderSettings]) -> Open:
     """One frame alone leaves nothing to another; of an iterator nobody knows."""
-    return EachAnew if isinstance(frames, Sequence) and len(frames) == 1 else _kept
+    return OpenedFrames if isinstance(frames, Sequence) and len(frames) == 1 else _kept
 
 
 def _kept(stage: Any, settings: RenderSettings) -> OpenedFrames:
     from .kept_stage import KeptStage
 
-    return KeptStage(stage, settings, most_memory=KEPT_PART)
-
-
-KEPT_PART = 0.125  # of the machine's memory: of a larger process nothing is kept beside the frame that is rendered
+    return KeptStage(stage, settings, is_frugal=True)

@@ -15,19 +15,18 @@ if TYPE_CHECKING:
     from ..settings import RenderSettings
 
 
+KEPT_PART = 0.125  # of the memory there is: of a larger process nothing is kept
+
+
 class FrugalSteps(KeptSteps):
-    """`part`: of the machine's memory."""
-
-    def __init__(self, part: float) -> None:
-        self._most_bytes = part * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-        super().__init__()
-
     def build(
         self, description: SceneDescription, textures: Textures, settings: RenderSettings, shapes: list[Shape]
     ) -> CoreScene:
         scene = super().build(description, textures, settings, shapes)
-        most = self._most_bytes if settings.max_memory_bytes is None else min(self._most_bytes, settings.max_memory_bytes / 8)
-        if resident_bytes() > most:
+        there_is = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        if settings.max_memory_bytes is not None:
+            there_is = min(there_is, settings.max_memory_bytes)
+        if resident_bytes() > KEPT_PART * there_is:
             self.forget()
         return scene
 

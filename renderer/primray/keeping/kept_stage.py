@@ -2,76 +2,57 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ..render.prepare import OpenedStage, open_once, prepare
-from ..render.render import OnInterrupt, render_opened
+from ..render.prepare import prepare
+from ..render.render import OpenedFrames
 from .frugal_steps import FrugalSteps
 from .kept_steps import KeptSteps
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator
 
-    from ..checkpoints.checkpointing import Checkpointing
     from ..diagnostics import Diagnostics
-    from ..images.image import Image
-    from ..render.render import Tell
-    from ..render.snapshots import Snapshots
+    from ..render.steps import Steps
     from ..report.prepared import Prepared
     from ..report.report import Costs
-    from ..sampling.sampling import Progress
     from ..settings import RenderSettings
 
 
-class KeptStage:
-    """`opened`: the stage, as it was composed for the settings it was opened with. `most_memory`: a part of the machine's;
-    where the process has more, nothing is kept beside the picture that is rendered."""
+class KeptStage(OpenedFrames):
+    """`opened`: the stage, as it was composed for the settings it was opened with. `is_frugal`: where the process is large,
+    nothing is kept beside the picture that is rendered."""
 
-    def __init__(self, stage: Any, settings: RenderSettings, *, most_memory: float | None = None) -> None:
+    def __init__(self, stage: Any, settings: RenderSettings, *, is_frugal: bool = False) -> None:
         from ..usd.keeping import StageChanges
 
+        super().__init__(stage, settings)
         self._composition = settings.composition
-        self.opened = stage if isinstance(stage, OpenedStage) else open_once(stage, settings)
         self._changes = StageChanges(self.opened.stage)
-        self._steps = KeptSteps() if most_memory is None else FrugalSteps(most_memory)
-        self._is_told = False  # how long opening took
+        self._steps = FrugalSteps() if is_frugal else KeptSteps()
 
     def forget(self) -> None:
         self._steps.forget()
+
+    @contextmanager
+    def steps(self, costs: Costs) -> Iterator[Steps]:
+        with super().steps(costs):
+            self._catch_up(costs)
+            with self._steps.whole():
+                yield self._steps
 
     def prepare(
         self, settings: RenderSettings, costs: Costs, diagnostics: Diagnostics, *, fingerprinted: bool = False
     ) -> Prepared:
         """As render.prepare."""
-        self._catch_up(costs)
-        stage, opening = self.opened.stage, self.opened.diagnostics
-        with self._steps.whole():
-            return prepare(stage, opening, settings, costs, diagnostics, fingerprinted=fingerprinted, steps=self._steps)
-
-    def render(
-        self,
-        settings: RenderSettings,
-        progress: Progress | None,
-        on_interrupt: OnInterrupt,
-        checkpointing: Checkpointing | None,
-        snapshots: Sequence[Snapshots],
-        tell: Tell,
-    ) -> Image:
-        """As render.render_opened."""
-        from ..report.report import Costs
-
-        costs = Costs()
-        self._catch_up(costs)
-        with self._steps.whole():
-            return render_opened(
-                self.opened, settings, costs, progress, on_interrupt, checkpointing, snapshots, tell, self._steps
-            )
+        with self.steps(costs) as steps:
+            stage, opening = self.opened.stage, self.opened.diagnostics
+            return prepare(stage, opening, settings, costs, diagnostics, fingerprinted=fingerprinted, steps=steps)
 
     def _catch_up(self, costs: Costs) -> None:
         """With edits, of which opening may have something else to tell."""
-        if not self._is_told:
-            costs.stages_s["open"], self._is_told = self.opened.seconds, True
         changes = self._changes.take()
         self._steps.changes.add(changes)
         if changes.others:

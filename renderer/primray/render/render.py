@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import asdict, replace
 from itertools import chain, repeat
-from typing import TYPE_CHECKING, Any, Literal, Protocol, Unpack
+from typing import TYPE_CHECKING, Any, Literal, Unpack
 
 from ..errors import RenderCancelled, SettingsError
 from ..report.prepared import Prepared
@@ -88,29 +88,19 @@ def _in_parts(
     return image
 
 
-class OpenedFrames(Protocol):
-    """A stage that is open, and renders pictures of it; what one leaves to the next is its own matter."""
-
-    @property
-    def opened(self) -> OpenedStage: ...
-
-    def render(
-        self,
-        settings: RenderSettings,
-        progress: Progress | None,
-        on_interrupt: OnInterrupt,
-        checkpointing: Checkpointing | None,
-        snapshots: Sequence[Snapshots],
-        tell: Tell,
-    ) -> Image: ...
-
-
-class EachAnew:
-    """Nothing is kept from one picture to the next, but the open stage."""
+class OpenedFrames:
+    """A stage that is open, and renders pictures of it. Nothing is kept from one to the next, but the open stage."""
 
     def __init__(self, stage: str | os.PathLike[str] | OpenedStage | Any, settings: RenderSettings) -> None:
         self.opened = stage if isinstance(stage, OpenedStage) else open_once(stage, settings)
         self._is_told = False  # how long opening took
+
+    @contextmanager
+    def steps(self, costs: Costs) -> Iterator[Steps | None]:
+        """What a picture is prepared with, as for `prepare`."""
+        if not self._is_told:
+            costs.stages_s["open"], self._is_told = self.opened.seconds, True
+        yield None
 
     def render(
         self,
@@ -121,12 +111,12 @@ class EachAnew:
         snapshots: Sequence[Snapshots],
         tell: Tell,
     ) -> Image:
+        """As render_opened."""
         from ..report.report import Costs
 
         costs = Costs()
-        if not self._is_told:
-            costs.stages_s["open"], self._is_told = self.opened.seconds, True
-        return render_opened(self.opened, settings, costs, progress, on_interrupt, checkpointing, snapshots, tell)
+        with self.steps(costs) as steps:
+            return render_opened(self.opened, settings, costs, progress, on_interrupt, checkpointing, snapshots, tell, steps)
 
 
 Open = Callable[[Any, RenderSettings], OpenedFrames]
@@ -141,7 +131,7 @@ def rendered_frames(
     checkpointing: Iterable[Checkpointing | None] = (),
     snapshots: Sequence[Snapshots] = (),
     is_quiet: bool = False,
-    opening: Open = EachAnew,
+    opening: Open = OpenedFrames,
 ) -> Iterator[Image]:
     """Pictures of one stage, opened once. `is_quiet`: no warnings, no log, no bar, for callers that show these themselves."""
     from ..notices.announcement import Announcer

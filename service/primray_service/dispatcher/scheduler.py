@@ -13,6 +13,7 @@ from collections.abc import Coroutine, Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
+from ..executor.end_tasks import end_tasks
 from ..store.base import Claim, Lost
 from .checks import check_scene
 from .context import Context
@@ -86,8 +87,7 @@ class Scheduler:
             pass
         finally:
             await self._end_all()
-            keeping.cancel()
-            await asyncio.wait([keeping])
+            await end_tasks([keeping])
 
     async def _pause(self) -> None:
         with suppress(TimeoutError):
@@ -127,9 +127,8 @@ class Scheduler:
         for running in list(self._running.values()):
             running.kill("lost")
         while self._tasks:
-            for task in self._tasks:
-                task.cancel()
-            await asyncio.wait(self._tasks, timeout=1.0)
+            await end_tasks(self._tasks)
+            await asyncio.sleep(0)  # until each has been taken from the set
 
     def _spawn(self, work: Coroutine[Any, Any, None], name: str) -> asyncio.Task[None]:
         task = asyncio.create_task(work, name=name)

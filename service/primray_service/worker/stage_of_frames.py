@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from primray.diagnostics import Diagnostics
-from primray.keeping.frugal_steps import resident_bytes
+from primray.keeping.frugal_steps import KEPT_PART, resident_bytes
 from primray.keeping.kept_stage import KeptStage
 from primray.render import Prepared, prepare
 from primray.render.prepare import composing_settings
 from primray.report.report import Costs
 from primray.settings import RenderSettings
-
-KEPT_PART = 0.125  # of the memory allowed: of a larger process it goes before sampling begins, as that of a single frame does
 
 
 class StageOfFrames:

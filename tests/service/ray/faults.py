@@ -3,7 +3,8 @@
     python -m tests.service.ray.faults --kills 100
 
 The server and its jobs are on PostgreSQL; two nodes of one core render, behind their walls. What jobs are to have made is known
-from a server that renders itself and that nobody disturbs.
+from a server that renders itself and that nobody disturbs. Frames in parts that stop by their error are told as other pixels
+still: after how many samples they stop depends on when parts came in.
 """
 
 from __future__ import annotations

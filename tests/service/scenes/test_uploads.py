@@ -305,7 +305,7 @@ def test_keeping_and_removing_wait_for_whoever_else_does(verb: str, server: Runn
         assert response.status_code in (201, 204)
         done.set()
 
-    lock = os.open(server.data / "scenes", os.O_RDONLY)
+    lock = os.open(server.data / "scenes.lock", os.O_RDWR)
     fcntl.flock(lock, fcntl.LOCK_EX)
     working = threading.Thread(target=work)
     working.start()

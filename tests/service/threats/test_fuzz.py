@@ -119,10 +119,10 @@ def hold(start_server: Any, tmp_path: Path, count: int, seed: int) -> Sent:
     assert server.failures() == []
     assert os.listdir(server.data / "incoming") == []
     until = time.monotonic() + 20
-    while (count_of_workers(server) > 2 or len(os.listdir(server.data / "slots")) > 4) and time.monotonic() < until:
+    while (count_of_workers(server) > 3 or len(os.listdir(server.data / "slots")) > 5) and time.monotonic() < until:
         time.sleep(0.2)
-    assert count_of_workers(server) <= 2, workers_of(server)
-    assert len(os.listdir(server.data / "slots")) <= 4
+    assert count_of_workers(server) <= 3, workers_of(server)
+    assert len(os.listdir(server.data / "slots")) <= 5
     assert len(os.listdir(f"/proc/{server.process.pid}/fd")) < before + 40
     return sent
 

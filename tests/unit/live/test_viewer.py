@@ -88,7 +88,7 @@ def test_an_order_interrupts_and_the_picture_is_made_anew(watched: Callable[[int
 
 
 def test_the_exposure_interrupts_nothing(watched: Callable[[int], Watched]) -> None:
-    one = watched(512)
+    one = watched(4096)
     one.until(lambda s: s["phase"] == "rendering" and s.get("samples", 0) > 3)
     before = len(one.states)
     one.viewer.tell({"do": "exposure", "stops": 1.5})
@@ -101,11 +101,11 @@ def test_the_exposure_interrupts_nothing(watched: Callable[[int], Watched]) -> N
 
 
 def test_what_cannot_be_done_does_not_end_the_picture(watched: Callable[[int], Watched]) -> None:
-    one = watched(256)
+    one = watched(4096)
     before = one.until(lambda s: s["phase"] == "rendering" and s.get("samples", 0) > 3)
     one.viewer.tell({"do": "variant", "prim": "/s", "set": "v", "name": "none such"})
     one.until(lambda s: s["problem"] is not None and s["problem"]["code"] == "unknown-variant", before)
-    one.until(lambda s: s.get("samples") == 256.0, before)
+    one.until(lambda s: s.get("samples") == 4096.0, before)
 
 
 def test_a_defect_is_told_and_the_viewer_lives_on(watched: Callable[[int], Watched], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,6 @@ import asyncio
 import logging
 import time
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import asdict
 from typing import Any
 
@@ -21,6 +20,7 @@ from ...jobs import Json
 from ...limits import Limits
 from ...problems import Problem
 from ..base import Capacity, Chunk, Handle, OnMessage
+from ..end_tasks import end_tasks
 from ..slots import Slots
 from . import protocol
 from .link import Link, NotConnected
@@ -178,9 +178,7 @@ class RayExecutor:
         if self._runs:
             await asyncio.wait([run.ended for run in self._runs.values()], timeout=2.0)
         if self._keeping is not None:
-            self._keeping.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._keeping
+            await end_tasks([self._keeping])
         if self._link is not None:
             await self._link.close()
             self._lost("the server stops")

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 from primray.report.report import settings_as_json
 
+from ....executor.end_tasks import end_tasks
 from ....jobs import TERMINAL, Frame, FrameState, Job, JobState, Part, PartState, Scene
 from ....store.base import Claim
 from ...chunks import adoption, commands
@@ -386,10 +387,7 @@ class ParallelFrame:
         tasks: list[asyncio.Task[PartEnd] | asyncio.Task[Found | Outcome]] = list(self._parts)
         if self._merging is not None:
             tasks.append(self._merging[0])
-        for task in tasks:
-            task.cancel()
-        if tasks:
-            await asyncio.wait(tasks)
+        await end_tasks(tasks)
         if self._merging is not None:
             await self._merging[1].close()
         self._merging = None
