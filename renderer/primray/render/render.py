@@ -258,6 +258,6 @@ class _Watched:
         self.stopped = False
 
     def __call__(self, fraction: float, samples: int, rays: int) -> bool:
-        if self.progress is not None and self.progress(fraction, samples, rays) is False:
+        if not self.stopped and self.progress is not None and self.progress(fraction, samples, rays) is False:
             self.stopped = True
         return not self.stopped and not self.asked.asked
