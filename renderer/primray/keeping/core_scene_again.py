@@ -63,6 +63,8 @@ def build_again(
 def _may_stay(uploaded: Uploaded, before: SceneDescription, now: SceneDescription, changed: frozenset[str]) -> bool:
     if not (changed <= AGAIN and uploaded.may_stay and now.exposure is None and now.camera_motion is None):
         return False
+    if not np.array_equal(uploaded.origin, rebasing_origin(now.camera)):
+        return False
     return len(before.surfaces) == len(now.surfaces) and all(map(_are_alike, before.surfaces, now.surfaces))
 
 
@@ -81,21 +83,19 @@ def _placed_again(
     if len(before.static) != len(now.static):
         return None
     numbers = [i for i, (a, b) in enumerate(zip(before.static, now.static, strict=True)) if a is not b]
+    if not numbers:
+        return replace(uploaded, description=d), []
     moved = [(uploaded.rows[i], before.static[i], now.static[i]) for i in numbers]
     if any(row < 0 or a.shape != b.shape or a.instance != b.instance for row, a, b in moved):
         return None
-    low, high = uploaded.low, uploaded.high
-    if moved:
-        own = uploaded.boxes[[b.shape for _, _, b in moved]]
-        low, high = low.copy(), high.copy()
-        with np.errstate(invalid="ignore", over="ignore"):
-            low[numbers], high[numbers] = transformed_boxes(np.array([b.matrix for _, _, b in moved]), own[:, 0], own[:, 1])
-            reach = np.maximum(np.abs(low[numbers] - uploaded.origin), np.abs(high[numbers] - uploaded.origin)).max()
-        if not reach * uploaded.scale < OUTLYING:
-            return None
-    if not np.array_equal(rebasing_origin(d.camera, low, high), uploaded.origin):
-        return None
-    if power_of_two_scale(scene_reach(d, low, high, uploaded.origin)) != uploaded.scale:
+    own = uploaded.boxes[[b.shape for _, _, b in moved]]
+    low, high = uploaded.low.copy(), uploaded.high.copy()
+    with np.errstate(invalid="ignore", over="ignore"):
+        low[numbers], high[numbers] = transformed_boxes(np.array([b.matrix for _, _, b in moved]), own[:, 0], own[:, 1])
+        reach = (
+            np.maximum(np.abs(low[numbers] - uploaded.origin), np.abs(high[numbers] - uploaded.origin)).max() * uploaded.scale
+        )
+    if not reach < OUTLYING or power_of_two_scale(scene_reach(d, low, high, uploaded.origin)) != uploaded.scale:
         return None
     return replace(uploaded, description=d, low=low, high=high), moved
 
