@@ -151,6 +151,9 @@ def camera(stage: Usd.Stage, r: random.Random) -> str:
         return "no camera"
     if r.random() < 0.5:
         return _set(prim, "focalLength", r.uniform(25, 60))
+    if r.random() < 0.5:  # to where lengths are measured from the same point, mostly
+        here = prim.GetAttribute("xformOp:translate").Get()
+        return _set(prim, "xformOp:translate", here + Gf.Vec3d(*(r.uniform(-0.05, 0.05) for _ in range(3))))
     near = 9.0 + r.uniform(-0.001, 0.001) if r.random() < 0.5 else r.uniform(7, 12)
     return _set(prim, "xformOp:translate", Gf.Vec3d(r.uniform(-1, 1), r.uniform(0, 2), near))
 

@@ -29,6 +29,7 @@ from ..description.placement import Box, chunks, named_levels, placed_box, trans
 from ..lens.distortion import Distortion
 from ..refine.far_geometry import FARTHEST, OUTLYING, FarInstances, usual_boxes, usual_union
 from ..refine.moving import by_clock
+from ..refine.rebasing import rebasing_origin
 from ..refine.skewed import bake_skewed
 from .core_inputs import filled
 from .light_upload import LightUpload
@@ -61,7 +62,7 @@ def hand_over(
     full_boxes = shape_boxes(core, shapes)
     boxes = usual_boxes(full_boxes, shapes)
     prototype_boxes = boxes_of_prototypes(d, boxes)
-    origin = d.camera.world_from_camera[:3, 3]
+    origin = rebasing_origin(d.camera)
     low, high = world_boxes(d, boxes, prototype_boxes)
     scale = power_of_two_scale(scene_reach(d, low, high, origin))
     builder = core.SceneBuilder(origin, scale)

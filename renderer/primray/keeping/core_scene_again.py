@@ -25,6 +25,7 @@ from ..core.surface_upload import SurfaceUpload, is_cutout, is_hole
 from ..description import Mesh, Placed, SceneDescription, Surface, TextureFile
 from ..description.placement import transformed_boxes
 from ..refine.far_geometry import OUTLYING
+from ..refine.rebasing import rebasing_origin
 from ..settings import DEFAULT_FILTER_WIDTH, RenderSettings
 from ..textures.texture import Texture
 
@@ -62,7 +63,7 @@ def build_again(
 def _may_stay(uploaded: Uploaded, before: SceneDescription, now: SceneDescription, changed: frozenset[str]) -> bool:
     if not (changed <= AGAIN and uploaded.may_stay and now.exposure is None and now.camera_motion is None):
         return False
-    if not np.array_equal(uploaded.origin, now.camera.world_from_camera[:3, 3]):
+    if not np.array_equal(uploaded.origin, rebasing_origin(now.camera)):
         return False
     return len(before.surfaces) == len(now.surfaces) and all(map(_are_alike, before.surfaces, now.surfaces))
 

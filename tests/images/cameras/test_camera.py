@@ -21,6 +21,7 @@ from tests.described import (
 )
 
 from primray.description import Camera, Doubles, LightType, Projection, Shape, Sphere
+from primray.refine.rebasing import rebasing_origin
 
 RESOLUTION = (640, 400)
 VIEW = look_at([3.0, -2.0, 5.0], [0.1, 0.3, -0.2])
@@ -52,7 +53,7 @@ def trace(
     o, d, near, far = kernels().camera_rays(scene, pixel, film, lens_numbers)
     return (
         pixel + film.astype(np.float64),
-        o + camera.world_from_camera[:3, 3],
+        o + rebasing_origin(camera),
         d.astype(np.float64),
         near.astype(float),
         far.astype(float),

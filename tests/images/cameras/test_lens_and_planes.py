@@ -26,6 +26,7 @@ from tests.described import (
 from tests.kernels.scenes import SCENES
 
 from primray.description import Camera, CameraMotion, Doubles, Exposure, LightType, Sphere, Surface
+from primray.refine.rebasing import rebasing_origin
 
 RESOLUTION = (640, 400)
 VIEW = look_at([3.0, -2.0, 5.0], [0.1, 0.3, -0.2])
@@ -44,8 +45,8 @@ def rays(
     scene = describe([(ground(), np.eye(4))], [lambert(0.5)], camera=camera, resolution=RESOLUTION).build()
     more = {"lanes": lanes} if lanes else {}
     o, d, near, far = kernels().camera_rays(scene, pixel, film, numbers, **more)
-    rotate = camera.world_from_camera[:3, :3]
-    o, d = o.astype(np.float64) @ rotate, d.astype(np.float64) @ rotate
+    rotate, eye = camera.world_from_camera[:3, :3], camera.world_from_camera[:3, 3]
+    o, d = (o.astype(np.float64) + rebasing_origin(camera) - eye) @ rotate, d.astype(np.float64) @ rotate
     depth = -d[:, 2]
     return o, d / depth[:, None], near * depth, far * depth
 

@@ -13,6 +13,7 @@ from tests.images.motion.motion_scenes import exposed
 from primray.camera import camera_as_json, camera_of
 from primray.description import Camera, CameraMotion, Doubles, LightType
 from primray.lens.distortion import DirectionTable, Distortion, DistortionModel
+from primray.refine.rebasing import rebasing_origin
 
 RESOLUTION = (160, 100)
 K = (-0.2, 0.05, 0.002, -0.003, -0.004, 0.01, 0.002, 0.001, 0.001, -0.002, 0.0015, 0.0003)
@@ -154,7 +155,7 @@ def test_rays_go_where_points_project(name: str, radius: float) -> None:
     on_plane = LENSES[name].model is DistortionModel.RATIONAL
     per_length = -(d @ view[:3, 2]) if on_plane else np.ones(len(d))
     # Lens points are in the focal plane's frame: what is in focus is `focus` along the axis, or from the lens's middle.
-    start = o.astype(np.float64)
+    start = o.astype(np.float64) + rebasing_origin(camera) - view[:3, 3]
     if on_plane:
         p = start + d * (4.0 / per_length)[:, None]
     else:

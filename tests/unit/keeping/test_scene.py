@@ -45,11 +45,16 @@ def turned(stage: Usd.Stage) -> None:
     stage.GetPrimAtPath("/eyes/cam").GetAttribute("focalLength").Set(50.0)
 
 
+def nudged(stage: Usd.Stage) -> None:
+    place = stage.GetPrimAtPath("/eyes/cam").GetAttribute("xformOp:translate")
+    place.Set(place.Get() + Gf.Vec3d(0.001, 0.001, -0.001))
+
+
 def moved(stage: Usd.Stage) -> None:
     stage.GetPrimAtPath("/world/g0/m2").GetAttribute("xformOp:translate").Set(Gf.Vec3d(0.1, 0.2, 0.3))
 
 
-@pytest.mark.parametrize("edit", [lit, rough, turned, moved])
+@pytest.mark.parametrize("edit", [lit, rough, turned, nudged, moved])
 def test_a_value_is_translated_and_built_by_itself(edit, stage: Usd.Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = primray.Scene(stage)
     scene.render(SETTINGS)
