@@ -32,6 +32,7 @@ int SceneBuilder::add_tape(Tape tape) {
 
 void SceneBuilder::note_object_space(std::vector<int32_t>& of, size_t row, int32_t surface, const daffine& group_from_object) {
   Scene& s = *scene_;
+  if (s.tapes.empty()) return;
   const int32_t inputs = s.surface_inputs_of.at(size_t(surface));
   const int tape = inputs < 0 ? -1 : s.surface_inputs[size_t(inputs)].tape;
   if (tape < 0 || !s.tapes[size_t(tape)].asks_object_space) return;

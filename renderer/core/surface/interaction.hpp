@@ -26,6 +26,8 @@ struct Interaction {
 // Multiples of 2^-24 times the largest coordinate involved. Barycentric interpolation, the instance's transform and its inverse
 // in Embree each round a few times; 16 is a choice with room for that, neither derived nor the smallest that works.
 constexpr float kOffsetUlps = 16 * 0x1p-24f;
+// In a coordinate plane through the origin nothing rounds, but a ray that starts in a triangle's plane meets it at distance 0.
+constexpr float kLeastReach = 0x1p-32f;
 // Rounding of a normal's direction: some ulps, times |e1| |e2| / |e1 x e2| for thin triangles; beyond that thin, light may
 // come through rather than slivers be black.
 constexpr float kNormalUlps = 4 * 0x1p-24f, kThinnest = 64;
@@ -193,7 +195,7 @@ PRIMRAY_INLINE Interaction<W> interact(const Scene& scene, vbool<W> active, cons
   if (any(is_triangle & !instanced)) {
     const vfloat<W> bound = plane.reach(p0, e1, e2);
     // A triangle so thin that its plane is lost in rounding has no such bound.
-    reach = select(is_triangle & (bound < reach), bound, reach);
+    reach = select(is_triangle & (bound < reach), max(bound, plane.size * kLeastReach), reach);
     if (any_from_ray) p = select(from_ray & is_triangle, p - ng * dot(ng, p - p0), p);
     // Between two times rounding is that of both.
     if (motion.any) reach = select(motion.moves, max(reach, max_component(motion.sizes)), reach);
