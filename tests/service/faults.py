@@ -310,10 +310,8 @@ class Moments:
         return 1_000_000 * (len(jobs) - len(live)) + checkpoints
 
 
-def undisturbed(
-    folder: Path, new_database: Callable[[], Database], jobs: Sequence[Spec], settings: Mapping[str, Any] | None = None
-) -> dict[str, Made]:
-    service = Service(folder, new_database(), settings)
+def undisturbed(folder: Path, new_database: Callable[[], Database], jobs: Sequence[Spec]) -> dict[str, Made]:
+    service = Service(folder, new_database())
     store = open_store(service.url)
     try:
         scenes = put_scenes(store, service.data)

@@ -102,6 +102,11 @@ class Checkpoint:
         """Of the film."""
         return self.about.frame.size
 
+    def curve(self, target_error: float | None, metric: Metric) -> ErrorCurve:
+        """What was measured, for a render with this target: what was due for another one is not for this."""
+        same_target = self.target == (target_error, metric.value)
+        return ErrorCurve(metric, tuple(replace(row, due=row.due and same_target) for row in self.rows))
+
 
 def identity(settings: RenderSettings, scene: Mapping[str, str]) -> dict[str, Any]:
     """What two renders of the same pixels have in common, by names that an error can use; `settings` are resolved."""
@@ -318,9 +323,7 @@ def resume(scene: core.CoreScene, settings: RenderSettings, about: About, checkp
     sampling = Sampling(scene, core.Film(scene, checkpoint.film), checkpoint.splits, schedule)
     sampling.done = done
     sampling.plan = checkpoint.plan
-    same_target = checkpoint.target == (settings.target_error, settings.error_metric.value)
-    rows = tuple(replace(row, due=row.due and same_target) for row in checkpoint.rows)
-    sampling.curve = ErrorCurve(settings.error_metric, rows)
+    sampling.curve = checkpoint.curve(settings.target_error, settings.error_metric)
     sampling.busy_lanes, sampling.shaded_lanes = checkpoint.lanes
     sampling.seconds, sampling.earlier_rays = checkpoint.seconds, sampling.film.rays
     if checkpoint.under_way:

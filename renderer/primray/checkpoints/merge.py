@@ -41,16 +41,22 @@ class Merged:
 
 def merge(paths: Sequence[Path]) -> Merged:
     """CheckpointError, naming the file, unless all are whole parts of the same picture and no sample is in two of them."""
-    for path in paths:
-        check(path)
     costs = Costs()
     with costs.stage("render"):
-        gathering = Gathering()
-        for path in paths:
-            gathering.add(path)
+        gathering = gathered(paths)
         sampling = gathering.sampling(gathering.settings(all_of(gathering.ranges)))
         sampling.run()  # takes no sample: they are all there; measures
     return picture_of_parts(gathering, sampling, costs, {"parts": [str(path) for path in paths]})
+
+
+def gathered(paths: Sequence[Path]) -> Gathering:
+    """CheckpointError as of `merge`."""
+    for path in paths:
+        check(path)
+    gathering = Gathering()
+    for path in paths:
+        gathering.add(path)
+    return gathering
 
 
 def all_of(ranges: tuple[Range, ...]) -> dict[str, Any]:

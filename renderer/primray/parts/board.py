@@ -6,6 +6,7 @@ from ..sampling.schedule import FIRST_ANCHOR
 from ..settings import SAMPLE_BLOCK
 
 Range = tuple[int, int]
+MOST_AHEAD = 2  # parts for each slot that have come and lie beyond the goal: each is as large as a film
 
 
 class Board:
@@ -28,6 +29,11 @@ class Board:
     def left(self, end: int) -> int:
         """Samples below `end` that nobody has taken."""
         return end - sum(max(min(b, end) - a, 0) for a, b in self._taken)
+
+    def reach(self, goal: int, expected: int | None, most: int) -> int:
+        """Below which number samples are given out: the goal; beyond it once all of those are taken, so that nobody waits for
+        a measurement. `expected`: where the frame should end, if that is known."""
+        return goal if self.left(goal) else min(max(2 * goal, expected or 0), most)
 
     def next_part(self, goal: int, end: int, samples: int) -> Range | None:
         """The first that is free, of at most so many samples, below `end`; None where there is none.

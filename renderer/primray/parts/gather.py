@@ -22,9 +22,10 @@ from ..sampling.sampling import Progress, Sampling
 from ..sampling.schedule import Schedule, Stop
 from ..settings import RenderSettings
 from .asked import as_told, by_samples, check
-from .board import Range
+from .board import MOST_AHEAD, Range
 from .executor import PartsExecutor
 from .handing_out import Arrived, HandingOut
+from .judging import judged
 from .pace import Pace
 
 NOT_WHOLE = ("checkpoint-missing", "checkpoint-damaged")
@@ -94,11 +95,10 @@ class _Frame:
         return self._schedule.expected_end(self._curve, None)
 
     def _next_part(self, slots: int) -> Range | None:
-        board, end = self._out.board, self._goal
-        if board.left(end) == 0:
-            if len(self._waiting) >= 2 * slots:  # each is as large as a film
-                return None
-            end = min(max(2 * end, self._expected_end() or 0), self._schedule.settings.most_samples)
+        board = self._out.board
+        end = board.reach(self._goal, self._expected_end(), self._schedule.settings.most_samples)
+        if end > self._goal and len(self._waiting) >= MOST_AHEAD * slots:
+            return None
         return board.next_part(self._goal, end, self._pace.samples(board.left(end), slots, self._time_left_s()))
 
     def _merge_within(self, end: int) -> None:
@@ -119,9 +119,7 @@ class _Frame:
     def _judged(self) -> Sampling | None:
         """Once all samples up to the goal are there: the sampling, if the error measured then is the end of it."""
         while self.gathering.ranges == ((0, self._goal),):
-            sampling = self.gathering.sampling(self.gathering.settings(by_samples(self._asked)))
-            sampling.curve = self._curve
-            stop = sampling.judge()
+            sampling, stop = judged(self.gathering, by_samples(self._asked), self._curve)
             self._curve = sampling.curve
             if stop is not None:
                 return sampling

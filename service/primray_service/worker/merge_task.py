@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from primray.checkpoints.merge import Merged, merge
-from primray.sampling.error import Estimate
-from primray.sampling.error_curve import fewest_samples
+from primray.parts.judging import merge_and_judge
 from primray.settings import SAMPLE_BLOCK
 
 from .channel import Channel
@@ -20,7 +19,7 @@ from .render_watch import in_rec709
 def merge_parts(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
     """Leaves a checkpoint of all of their samples and a preview, and says what the error is."""
     channel.send("phase", phase="opening")
-    merged = merge([job / str(name) for name in command["parts"]])
+    merged, judged = _merged([job / str(name) for name in command["parts"]], command)
     number = int(command["number"]) + 1
     file = out / f"checkpoint-{number}.prc"
     merged.save_checkpoint(file)
@@ -32,9 +31,18 @@ def merge_parts(command: Mapping[str, Any], job: Path, out: Path, channel: Chann
     for row in report["convergence"][-1:]:
         if _is_known(row["ci95"]):
             channel.send("row", **{("t_s" if name == "seconds" else name): value for name, value in row.items()})
-    error, is_met = _error_of(report["error"], command, samples)
-    found = {"ranges": report["sample_ranges"], "rays": int(report["rays"]), "error": error, "target_met": is_met}
+    error = _error_of(report["error"], command)
+    found = {"ranges": report["sample_ranges"], "rays": int(report["rays"]), "error": error, "judged": judged}
     channel.leave("done", outputs=[], report={"samples": int(report["samples"]), "parts": found})
+
+
+def _merged(paths: list[Path], command: Mapping[str, Any]) -> tuple[Merged, dict[str, Any] | None]:
+    """And what the error decides, where one is asked for."""
+    if command["target"] is None:
+        return merge(paths), None
+    merged, found = merge_and_judge(paths, command["most"], float(command["target"]), str(command["metric"]))
+    is_met = found.stop is not None and found.stop.reason == "target-error"
+    return merged, {"target_met": is_met, "goal": found.goal, "expected": found.expected}
 
 
 def _send_preview(merged: Merged, samples: int, out: Path, channel: Channel) -> None:
@@ -47,14 +55,13 @@ def _send_preview(merged: Merged, samples: int, out: Path, channel: Channel) -> 
     channel.send("preview", **{"pass": preview.passes, "file": file, "bytes": size, "samples": preview.samples})
 
 
-def _error_of(errors: Mapping[str, Any], command: Mapping[str, Any], samples: int) -> tuple[dict[str, Any] | None, bool]:
-    """In the metric that is asked for, as progress tells it; and whether it is known to be the target's or less."""
-    found, target = errors.get(command["metric"]), command.get("target")
+def _error_of(errors: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, Any] | None:
+    """In the metric that is asked for, as progress tells it."""
+    found = errors.get(command["metric"])
     if not found or not _is_known(found["ci95"]):
-        return None, False
-    error = {"metric": command["metric"], "estimate": found["estimate"], "ci95": found["ci95"], "target": target}
-    fewest = fewest_samples(Estimate(found["estimate"], *found["ci95"]))
-    return error | {"kind": "estimated"}, target is not None and found["estimate"] <= target and samples >= fewest
+        return None
+    error = {"metric": command["metric"], "estimate": found["estimate"], "ci95": found["ci95"], "target": command.get("target")}
+    return error | {"kind": "estimated"}
 
 
 def _is_known(interval: list[float]) -> bool:

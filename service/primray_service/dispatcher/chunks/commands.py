@@ -106,6 +106,7 @@ def merge_chunk(chunk_id: str, job: Job, frame: Frame, parts: Sequence[Part], da
         "number": frame.checkpoint,
         "metric": stop.get("metric", "relmse"),
         "target": stop.get("target_error"),
+        "most": stop.get("max_samples"),
         "limits": asdict(limits),
     }
     return Chunk(chunk_id, "check", command, inputs, load_cpu_s=MERGE_CPU_S)
@@ -113,9 +114,9 @@ def merge_chunk(chunk_id: str, job: Job, frame: Frame, parts: Sequence[Part], da
 
 def _settings_of(job: Job, frame: Frame, capacity: Capacity, asked: Asked) -> RenderSettings:
     settings = frame_settings(job.settings, frame, capacity)
-    if asked.taken is None:
-        return settings
-    return replace(settings, spp=asked.taken, time_limit_s=None, adaptive=False)
+    if job.parallel is not None:  # in one place too: the picture is not to depend on how many there are
+        settings = replace(settings, adaptive=False)
+    return settings if asked.taken is None else replace(settings, spp=asked.taken, time_limit_s=None)
 
 
 def spent_s(frame: Frame) -> float:

@@ -1,17 +1,23 @@
-"""Workers of a test that take samples of a frame in parts: a checkpoint says which samples it holds, and nothing else."""
+"""Workers of a test that take samples of a frame in parts: a checkpoint says which samples it holds, and when their
+error was measured."""
 
 from __future__ import annotations
 
 import asyncio
 import itertools
 import json
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, field
 
+from tests.service.dispatcher.parts.one_render import Seen, judge
 from tests.service.dispatcher.scripted import Script, Worker
 
 Range = tuple[int, int]
 Hook = Callable[[Worker, str], Awaitable[None]]  # may raise Dies; the second says where the worker is
+
+
+def holding(samples: Range, seen: Sequence[Seen] = ()) -> bytes:
+    return json.dumps({"samples": samples, "seen": seen}).encode()
 
 
 async def no_hook(worker: Worker, where: str) -> None:
@@ -50,7 +56,7 @@ class Pieces:
             worker.checkpoint(b"half")
             worker.say("yielded", number=worker.number)
             return
-        worker.checkpoint(json.dumps([[first, end]]).encode())
+        worker.checkpoint(holding((first, end)))
         await self.hook(worker, "saved")
         self.taken.append((first, end))
         stop = {"reason": "samples", "target_met": None}
@@ -58,21 +64,26 @@ class Pieces:
 
     async def _merge(self, worker: Worker) -> None:
         held = [json.loads(worker.chunk.inputs[name].read_bytes()) for name in worker.command["parts"]]
-        ranges = sorted(tuple(span) for spans in held for span in spans)
+        ranges = sorted(tuple(each["samples"]) for each in held)
         assert all(a[1] == b[0] for a, b in itertools.pairwise(ranges)), ranges
         end = ranges[-1][1]
         await self.hook(worker, "merging")
-        worker.checkpoint(json.dumps([[ranges[0][0], end]]).encode())
+        target = worker.command["target"]
+        judged = None
+        if target is not None:
+            judged = judge(end, [tuple(row) for row in held[0]["seen"]], self.error_at, target, worker.command["most"])
+        worker.checkpoint(holding((ranges[0][0], end), () if judged is None else judged.seen))
         await self.hook(worker, "merged")
         estimate = self.error_at(end)
-        error = {"metric": "relmse", "estimate": estimate, "ci95": [estimate, estimate], "kind": "estimated"}
-        error["target"] = target = worker.command["target"]
-        met = target is not None and estimate <= target
-        found = {"ranges": [[ranges[0][0], end]], "rays": 10, "error": error, "target_met": met}
+        error = {"metric": "relmse", "estimate": estimate, "ci95": [estimate, estimate], "kind": "estimated", "target": target}
+        found = {"ranges": [[ranges[0][0], end]], "rays": 10, "error": error, "judged": None}
+        if judged is not None:
+            met = judged.over == "target-error"
+            found["judged"] = {"target_met": met, "goal": judged.goal, "expected": judged.expected}
         worker.say("done", outputs=[], report={"samples": end, "parts": found})
 
     async def _picture(self, worker: Worker) -> None:
-        [(first, end)] = json.loads(worker.went_on_from)
+        first, end = json.loads(worker.went_on_from)["samples"]
         worker.sampling()
         await self.hook(worker, "picture")
         if not worker.command["picture_only"]:

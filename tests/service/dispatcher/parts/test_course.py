@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import random
 from dataclasses import replace
 
-from primray_service.dispatcher.frames.parts.course import Course
+import pytest
+from tests.service.dispatcher.parts.one_render import Seen, end_of_one, judge, noisy
+
+from primray_service.dispatcher.frames.parts.course import Course, Judged
 from primray_service.jobs import Frame, Json, Part, PartState
 
 FRAME = Frame("job_x", 0, None)
@@ -29,7 +33,7 @@ def test_by_samples_it_is_over_when_all_are_merged() -> None:
     while (following := course.next_part(FRAME)) is not None:
         course.ledger.put(replace(following, state=PartState.DONE))
     assert not is_over(course)
-    course.merged(16, 0.1, target_met=False)
+    course.merged(16, None)
     assert is_over(course)
     assert course.end == (16, False)
 
@@ -48,7 +52,7 @@ def test_what_came_back_goes_before_what_is_new() -> None:
 def test_by_an_error_it_is_over_when_that_is_met_whatever_runs() -> None:
     course = begun({"target_error": 0.1}, parts=(part(0, 8, PartState.DONE), part(8, 16, PartState.RUNNING)))
     assert not course.is_sampled(FRAME, runs=True, merges=True)
-    assert [gone.first for gone in course.merged(8, 0.05, target_met=True)] == [0]
+    assert [gone.first for gone in course.merged(8, Judged(True, 8, 8))] == [0]
     assert course.is_sampled(FRAME, runs=True, merges=False)
     assert course.next_part(FRAME) is None
     assert course.end == (8, False)
@@ -59,7 +63,7 @@ def test_by_time_it_is_over_with_what_is_merged() -> None:
     course.at(10.0, 86_400.0)
     assert course.is_out_of_time
     assert not is_over(course)  # there is one to merge
-    course.merged(8, 0.5, target_met=False)
+    course.merged(8, None)
     assert is_over(course)
     assert course.end == (8, True)
 
@@ -79,3 +83,97 @@ def test_what_is_allowed_in_any_case_ends_it_too() -> None:
     course.at(10.0, 10.0)
     assert is_over(course)
     assert course.end == (8, True)
+
+
+def test_what_was_merged_before_is_judged_first() -> None:
+    """A server died before it could say what the error decides: nobody guesses."""
+    course = begun({"target_error": 0.1, "max_seconds": 10.0}, merged=16, parts=(part(16, 24, PartState.DONE),))
+    course.at(1.0, 86_400.0)
+    assert (course.goal, course.next_part(FRAME), course.to_merge()) == (None, None, [])
+    assert not is_over(course)
+    course.merged(16, Judged(False, 24, 24))
+    assert [found.first for found in course.to_merge()] == [16]
+
+
+def test_places_render_ahead_of_a_measurement_but_not_far() -> None:
+    course = begun({"target_error": 0.1})
+    given = []
+    while (following := course.next_part(FRAME)) is not None:
+        given.append((following.first, following.end))
+        course.ledger.put(replace(following, state=PartState.DONE))
+    assert given == [(0, 4), (4, 8), (8, 12), (12, 16)]
+    assert [found.end for found in course.to_merge()] == [4, 8]
+    assert [gone.first for gone in course.merged(8, Judged(False, 10, 10))] == [0, 4, 8]
+    assert course.next_part(FRAME) == part(8, 10, PartState.WAITING)
+
+
+class Farm:
+    """Parts under way, that come in any order: some are lost, some come long after all others."""
+
+    def __init__(self, stop: Json, places: int, seed: int) -> None:
+        self.rng = random.Random(seed)
+        self.target, self.most = stop["target_error"], stop["max_samples"]
+        self.stop = stop
+        self.places = places
+        self.error_at = noisy(seed % 7)
+        self.merged = 0
+        self.seen: tuple[Seen, ...] = ()
+        self.under_way: list[Part] = []
+        self.taken = 0
+        self.course = Course(stop, places)
+        self.course.begin(FRAME, ())
+
+    def run(self) -> tuple[int, bool]:
+        """How the frame ended."""
+        while not self.course.is_sampled(FRAME, runs=bool(self.under_way), merges=False):
+            self._give_out()
+            if self.under_way and self.rng.random() < 0.8:
+                self._ends(self.under_way.pop(self.rng.randrange(min(len(self.under_way), 3))))
+            if self.rng.random() < 0.5:
+                self._merge()
+            if self.rng.random() < 0.05:
+                self._dies()
+        return self.course.end
+
+    def _give_out(self) -> None:
+        while len(self.under_way) < self.places and (part := self.course.next_part(FRAME)) is not None:
+            assert all(part.end <= other.first or part.first >= other.end for other in self._of_use())
+            self.course.ledger.put(replace(part, state=PartState.RUNNING))
+            self.under_way.append(part)
+
+    def _of_use(self) -> list[Part]:
+        return [part for part in self.under_way if not self.course.ledger.is_cut(part)]
+
+    def _ends(self, part: Part) -> None:
+        self.course.known = replace(self.course.known, sample_s=self.rng.choice((None, 1e-3, 0.2, 10.0)))
+        is_lost = self.rng.random() < 0.2
+        self.taken += part.samples
+        self.course.ledger.ends(replace(part, state=PartState.WAITING if is_lost else PartState.DONE))
+
+    def _merge(self) -> None:
+        parts = self.course.to_merge()
+        if parts or self.course.goal is None:
+            for part in parts:
+                assert part.first == self.merged
+                self.merged = part.end
+            found = judge(self.merged, self.seen, self.error_at, self.target, self.most)
+            self.seen = found.seen
+            self.course.merged(self.merged, Judged(found.over == "target-error", found.goal, found.expected))
+
+    def _dies(self) -> None:
+        """The server; another one finds what is merged, and rows of parts, of which nobody takes any now."""
+        left = [part for part in self.course.ledger.parts if self.rng.random() < 0.9]
+        self.course = Course(self.stop, self.places)
+        self.course.begin(
+            replace(FRAME, merged=self.merged),
+            [part if part.state is PartState.DONE else replace(part, state=PartState.WAITING) for part in left],
+        )
+        self.under_way = []
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_by_an_error_it_ends_where_one_render_does(seed: int) -> None:
+    """However many places there are, in whatever order parts come, whatever is lost, however often the server dies."""
+    stop: Json = {"target_error": (0.05, 0.013, 0.004)[seed % 3], "max_samples": (None, None, 97)[seed // 3 % 3]}
+    farm = Farm(stop, 1 + seed % 5, seed)
+    assert farm.run()[0] == end_of_one(farm.error_at, farm.target, farm.most)

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
+from tests.service.dispatcher.parts.one_render import end_of_one, noisy
 from tests.service.dispatcher.parts.pieces import Pieces
 from tests.service.dispatcher.play import play
 from tests.service.dispatcher.rig import Rig
@@ -109,7 +110,7 @@ def test_where_there_is_one_place_a_frame_is_rendered_whole(tmp_path: Path) -> N
     assert len(play(tmp_path, script, act).workers) == 1
 
 
-def test_a_target_error_is_measured_as_parts_come_in(tmp_path: Path) -> None:
+def test_by_an_error_it_ends_where_one_render_does(tmp_path: Path) -> None:
     pieces = Pieces(pause_s=0.02)
 
     async def act(rig: Rig, executor: ScriptedExecutor) -> None:
@@ -122,10 +123,116 @@ def test_a_target_error_is_measured_as_parts_come_in(tmp_path: Path) -> None:
 
     executor = play(tmp_path, pieces.script, act, slots=3)
     [(first, end)] = pieces.shown
-    assert first == 0
-    assert 100 <= end <= 150  # 1 / samples is the error
+    assert (first, end) == (0, end_of_one(pieces.error_at, 0.01))
     picture = executor.workers[-1].command["settings"]
     assert (picture["spp"], picture["target_error"], picture["adaptive"]) == (end, 0.01, False)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_by_an_error_it_ends_there_whatever_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+    """Workers are killed at random, before and after they have saved, and the server is stopped in the middle of it."""
+    for module in (part_run, run_completion):
+        monkeypatch.setattr(module, "FIRST_PAUSE_S", 0.001)
+    chance = random.Random(seed)
+
+    async def hook(worker: Worker, where: str) -> None:
+        await asyncio.sleep(0.03 * chance.random())
+        if chance.random() < 0.2:
+            raise killed_outside()
+
+    pieces = Pieces(hook, noisy(seed))
+    jobs: list[str] = []
+
+    async def begin(rig: Rig, executor: ScriptedExecutor) -> None:
+        jobs.append(rig.submit(rig.scene(), settings={"stop": {"target_error": 0.01}}, parallel=3).id)
+        await rig.until(lambda: rig.frame(jobs[0]).merged >= (8, 16, 32, 64)[seed])
+
+    async def go_on(rig: Rig, executor: ScriptedExecutor) -> None:
+        [ended] = await rig.ended(jobs[0], timeout_s=120)
+        assert ended.state is JobState.SUCCEEDED, ended.error
+        assert ended.result is not None
+        assert ended.result["stop"] == {"reason": "target-error", "target_met": True}
+        assert [path.suffix for path in rig.data.frame(ended.id, 0).iterdir()].count(".prc") == 1
+
+    play(tmp_path, pieces.script, begin, slots=4)
+    play(tmp_path, pieces.script, go_on, slots=4)
+    assert pieces.shown[-1] == (0, end_of_one(pieces.error_at, 0.01))
+
+
+def test_a_frame_that_had_met_its_error_when_the_server_stopped_takes_no_more_samples(tmp_path: Path) -> None:
+    stopping = True
+
+    async def hook(worker: Worker, where: str) -> None:
+        if stopping and where == "picture":
+            await worker.hears("yield")
+            raise killed_outside()
+
+    pieces = Pieces(hook)
+    end = end_of_one(pieces.error_at, 0.01)
+    jobs: list[str] = []
+
+    async def begin(rig: Rig, executor: ScriptedExecutor) -> None:
+        jobs.append(rig.submit(rig.scene(), settings={"stop": {"target_error": 0.01}}, parallel=2).id)
+        await rig.until(lambda: rig.frame(jobs[0]).merged == end)
+        await rig.until(lambda: any(not worker.has_left and worker.command["do"] == "render" for worker in executor.workers))
+
+    async def go_on(rig: Rig, executor: ScriptedExecutor) -> None:
+        [ended] = await rig.ended(jobs[0])
+        assert ended.state is JobState.SUCCEEDED, ended.error
+        assert parts_of(executor) == []
+
+    play(tmp_path, pieces.script, begin, slots=2)
+    stopping = False
+    play(tmp_path, pieces.script, go_on, slots=2)
+    assert pieces.shown == [(0, end)]
+
+
+def test_parts_that_are_done_just_as_they_are_not_wanted_any_more_do_no_harm(tmp_path: Path) -> None:
+    """Those across the next goal, and those beyond the end: their workers have left all that they were to leave."""
+    pieces = Pieces()
+    late: list[int] = []
+
+    async def script(worker: Worker) -> None:
+        if not worker.command.get("part") or (first := worker.command["settings"]["sample_range"][0]) < 8:
+            await pieces.script(worker)
+            return
+        worker.sampling()
+        try:
+            await asyncio.sleep(0.3)
+        except asyncio.CancelledError:
+            late.append(first)
+        await Pieces().script(worker)
+
+    async def act(rig: Rig, executor: ScriptedExecutor) -> None:
+        [ended] = await rig.ended(rig.submit(rig.scene(), settings={"stop": {"target_error": 0.1}}, parallel=3).id)
+        assert ended.state is JobState.SUCCEEDED, ended.error
+
+    play(tmp_path, script, act, slots=3)
+    assert late
+    assert pieces.shown == [(0, end_of_one(pieces.error_at, 0.1))]
+
+
+@pytest.mark.parametrize("goal", [8, 17, 1 << 40, None])
+def test_a_merge_that_would_be_judged_where_no_render_is_is_not_believed(tmp_path: Path, goal: int | None) -> None:
+    pieces = Pieces()
+
+    async def script(worker: Worker) -> None:
+        if worker.command["do"] != "merge":
+            await pieces.script(worker)
+            return
+        worker.checkpoint(b"{}")
+        end = 8 if len(worker.command["parts"]) == 2 else 4
+        found = {"ranges": [[0, end]], "rays": 1, "error": None}
+        found["judged"] = {"target_met": False, "goal": goal if end == 8 or goal is None else 8, "expected": None}
+        worker.say("done", outputs=[], report={"samples": 1, "parts": found})
+
+    async def act(rig: Rig, executor: ScriptedExecutor) -> None:
+        [ended] = await rig.ended(rig.submit(rig.scene(), settings={"stop": {"target_error": 0.01}}, parallel="auto").id)
+        assert ended.state is JobState.FAILED
+        assert ended.error is not None
+        assert ended.error["type"] == "/problems/render-failed"
+
+    play(tmp_path, script, act, slots=2)
 
 
 def test_a_time_limit_ends_it_with_what_is_merged(tmp_path: Path) -> None:

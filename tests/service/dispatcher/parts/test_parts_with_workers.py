@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import json
+from collections.abc import Awaitable, Callable
+from functools import cache
 from pathlib import Path
+from typing import Any
 
+import pytest
 from tests.service.dispatcher.rig import MakeExecutor, Rig, dispatching
 
 from primray import RenderSettings, render
-from primray.images.image import pixels_sha256
+from primray.images.image import Image, pixels_sha256
 from primray_service.executor.local import LocalExecutor
 from primray_service.files import DataDirectory
 from primray_service.jobs import Job, JobState
@@ -17,6 +21,7 @@ from primray_service.limits import Limits
 
 SCENE = Path(__file__).parents[4] / "scenes/features/glass/scene.usda"
 SIZE = (64, 48)
+TARGET = 0.0005
 
 
 def local(slots: int) -> MakeExecutor:
@@ -32,33 +37,61 @@ def pixels(job: Job) -> str:
     return str(job.result["pixels_sha256"][0]["sha256"])
 
 
-def of_the_library(samples: int) -> str:
-    settings = RenderSettings(resolution=SIZE, spp=samples, seed=5, adaptive=False)
-    return pixels_sha256(render(str(SCENE), settings).pixels)
+@cache
+def of_the_library(**ends: Any) -> Image:
+    return render(str(SCENE), RenderSettings(resolution=SIZE, seed=5, adaptive=False, **ends))
 
 
-def test_the_picture_has_the_bits_of_one_render(tmp_path: Path) -> None:
-    """By samples, of an odd number too, and by an error."""
-
-    async def act(rig: Rig) -> None:
-        scene = rig.scene(SCENE.read_bytes())
-        asked = {"resolution": list(SIZE), "seed": 5}
-        by_samples = rig.submit(scene, settings={**asked, "stop": {"max_samples": 65}}, parallel="auto")
-        by_error = rig.submit(scene, settings={**asked, "stop": {"target_error": 0.02}}, parallel=2)
-        first, second = await rig.ended(by_samples.id, by_error.id, timeout_s=240)
-        assert pixels(first) == of_the_library(65)
-        assert rig.frame(second.id).merged > 0
-        report = json.loads((rig.data.outputs(second.id) / "report.json").read_bytes())
-        assert second.result is not None
-        assert second.result["stop"] == {"reason": "target-error", "target_met": True}
-        [samples] = set(report["samples_per_pixel"])
-        assert pixels(second) == of_the_library(samples)
-        assert second.effective_settings is not None
-        assert second.effective_settings["settings"]["sample_range"] is None
-        assert (rig.data.frame(second.id, 0) / "preview.raw").is_file()
-
+def served(root: Path, slots: int, act: Callable[[Rig], Awaitable[None]]) -> None:
     async def run() -> None:
-        async with dispatching(tmp_path, local(2)) as rig:
+        async with dispatching(root, local(slots)) as rig:
             await act(rig)
 
     asyncio.run(run())
+
+
+def report_of(rig: Rig, job: Job) -> Any:
+    return json.loads((rig.data.outputs(job.id) / "report.json").read_bytes())
+
+
+ASKED = {"resolution": list(SIZE), "seed": 5}
+
+
+def test_the_picture_has_the_bits_of_one_render(tmp_path: Path) -> None:
+    """An odd number of samples too."""
+
+    async def act(rig: Rig) -> None:
+        scene = rig.scene(SCENE.read_bytes())
+        [job] = await rig.ended(
+            rig.submit(scene, settings={**ASKED, "stop": {"max_samples": 65}}, parallel="auto").id, timeout_s=240
+        )
+        assert pixels(job) == pixels_sha256(of_the_library(spp=65).pixels)
+        assert job.effective_settings is not None
+        assert job.effective_settings["settings"]["sample_range"] is None
+        assert (rig.data.frame(job.id, 0) / "preview.raw").is_file()
+
+    served(tmp_path, 2, act)
+
+
+@pytest.mark.parametrize("parallel", [1, 2, 3])
+def test_by_an_error_it_has_the_bits_of_one_render_with_that_error(tmp_path: Path, parallel: int) -> None:
+    """And its measurements, in whatever moments parts came."""
+    one = of_the_library(target_error=TARGET)
+    [samples] = set(one.report["samples_per_pixel"])
+    assert samples & (samples - 1), "between two anchors"
+
+    async def act(rig: Rig) -> None:
+        scene = rig.scene(SCENE.read_bytes())
+        asked = {**ASKED, "stop": {"target_error": TARGET}}
+        [job] = await rig.ended(rig.submit(scene, settings=asked, parallel=parallel).id, timeout_s=240)
+        assert job.result is not None, job.error
+        report = report_of(rig, job)
+        assert report["samples_per_pixel"] == [samples, samples]
+        assert pixels(job) == pixels_sha256(one.pixels)
+        assert job.result["stop"] == {"reason": "target-error", "target_met": True}
+        assert rig.frame(job.id).merged == (samples if parallel > 1 else 0)
+        if parallel > 1:  # a frame in one place has a first look too
+            assert [row["samples"] for row in report["convergence"]] == [row["samples"] for row in one.report["convergence"]]
+        assert report["error"] == one.report["error"]
+
+    served(tmp_path, 3, act)

@@ -7,6 +7,8 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from primray.sampling.schedule import FIRST_ANCHOR
+
 from .... import ids
 from ....executor.base import Ended
 from ....jobs import Frame, Job, Json, Part
@@ -18,6 +20,8 @@ from ...chunks.messages import Checkpoint, Done, NotBelieved, mapping, number, w
 from ...context import Context
 from .. import run_completion
 from ..outcomes import Broken, Circumstances, Outcome, Picture, outcome_of
+from .course import Judged
+from .cutting import rules_of
 
 SILENT_S = 900.0
 LOOK_S = 5.0
@@ -30,14 +34,14 @@ class Found:
     checkpoint: Checkpoint
     rays: int
     error: Json | None
-    target_met: bool
+    judged: Judged | None  # where an error was asked for
 
 
 class MergeRun:
-    """Of parts that follow what is merged without a gap, up to sample `end`."""
+    """Of parts that follow what is merged without a gap, up to sample `end`; without any, what is merged is judged again."""
 
     def __init__(self, context: Context, job: Job, frame: Frame, parts: Sequence[Part]) -> None:
-        self.end = parts[-1].end
+        self.end = parts[-1].end if parts else frame.merged
         self._context = context
         self._job = job
         self._frame = frame
@@ -82,7 +86,22 @@ class MergeRun:
         error = said.get("error")
         if error is not None and number(mapping(error).get("estimate")) < 0:
             raise NotBelieved("an error is not below 0")
-        return Found(checkpoint, whole(said.get("rays")), error, said.get("target_met") is True)
+        return Found(checkpoint, whole(said.get("rays")), error, self._judged(said.get("judged")))
+
+    def _judged(self, said: object) -> Judged | None:
+        """There is a next goal unless it is over, and samples have doubled there at most."""
+        rules = rules_of(self._job.settings.get("stop", {}))
+        if rules.target is None:
+            return None
+        found = mapping(said)
+        expected = found.get("expected")
+        judged = Judged(
+            found.get("target_met") is True, whole(found.get("goal")), None if expected is None else whole(expected)
+        )
+        is_over = judged.target_met or self.end >= rules.most
+        if not is_over and not self.end < judged.goal <= max(2 * self.end, FIRST_ANCHOR):
+            raise NotBelieved("no render would measure its error next there")
+        return judged
 
     def kill(self, why: str) -> None:
         if self.run is not None:

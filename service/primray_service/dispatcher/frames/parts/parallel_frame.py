@@ -210,7 +210,7 @@ class ParallelFrame:
             return None if self._parts else Again(self.frame, "shutdown")
         if self.is_canceling:
             self._kill_parts("cancel")
-            return None if self._parts or self._merging is not None or self._course.ledger.to_merge() else GivenUp()
+            return None if self._parts or self._merging is not None or self._course.to_merge() else GivenUp()
         if not self._is_sampled:
             return None
         self._kill_parts("enough")
@@ -255,7 +255,7 @@ class ParallelFrame:
             end, run = task.result(), self._parts.pop(task)
             self._has_freed = True
             self._told.hear([run], self._loop.time())
-            self._take_part(end)
+            await self._take_part(end)
             self.has_given_way = self.has_given_way or run.going
             self._holds_slot = self._holds_slot or not (self._parts or run.going)
         if self._merging is not None and self._merging[0].done():
@@ -266,14 +266,18 @@ class ParallelFrame:
                 self._merging = None
                 await merge.close()
 
-    def _take_part(self, end: PartEnd) -> None:
-        self._course.ledger.put(end.part)
+    async def _take_part(self, end: PartEnd) -> None:
+        is_cut = not self._course.ledger.ends(end.part)
+        if is_cut:
+            await remove_merged(self._context, self.job.id, [end.part.checkpoint_file])
         if end.ended is not None:
             self._count(end.ended.cpu_s, end.ended.peak_rss_bytes)
-        if end.outcome is None:
+        if end.outcome is None and not is_cut:
             self._course.took(end.part.samples, end.sampled_s, end.load_s)
         elif isinstance(end.outcome, Broken):
             self._failed = end.outcome
+        elif end.outcome is None:
+            return
         elif not isinstance(end.outcome, Again) or end.outcome.why == "gone":
             self.kill("gone")
         elif end.outcome.why not in NOT_LOST:
@@ -284,8 +288,9 @@ class ParallelFrame:
         self.frame = replace(frame, cpu_s=frame.cpu_s + cpu_s, peak_rss_bytes=max(frame.peak_rss_bytes, peak_rss_bytes))
 
     def _merge_if_due(self) -> None:
-        parts = self._course.ledger.to_merge()
-        if not parts or self._merging is not None or self._course.target_met or self.going or self._kill_for:
+        parts = self._course.to_merge()
+        nothing_is_new = not parts and self._course.goal is not None
+        if nothing_is_new or self._merging is not None or self._course.target_met or self.going or self._kill_for:
             return
         merge = MergeRun(self._context, self.job, self.frame, parts)
         task = asyncio.create_task(merge.live(), name="merge")
@@ -326,18 +331,20 @@ class ParallelFrame:
         else:
             gone = [part.checkpoint_file for part in self._note(merge, found)] + [before.checkpoint_file]
             self.frame = replace(taken, progress=before.progress | {"spent_s": self._elapsed_s})
+            for run in self._parts.values():
+                if self._course.ledger.is_cut(run.part):
+                    run.kill("enough")
             await remove_merged(self._context, self.job.id, gone)
             await self._take_preview(merge)
 
     def _note(self, merge: MergeRun, found: Found) -> list[Part]:
-        """Parts that are merged now."""
+        """Parts that are merged now, or cut."""
         assert merge.run is not None
-        estimate = None if found.error is None else float(found.error["estimate"])
         self._told.error = found.error
         self._told.merged(found.rays, merge.end)
         self._told.inbox.convergence = merge.run.inbox.convergence
         self._told.inbox.has_news = True
-        return self._course.merged(merge.end, estimate, target_met=found.target_met)
+        return self._course.merged(merge.end, found.judged)
 
     async def _take_preview(self, merge: MergeRun) -> None:
         number = await adopt_preview_of(self._context, self.job.id, self.frame.number, merge)

@@ -168,6 +168,8 @@ class PartRun:
         about = Circumstances(False, run.killed_for, disk_is_full, run.chunk.command["checkpoint"] is not None)
         outcome = outcome_of(self._counted, last, ended, about, context.limits_of_chunks)
         if isinstance(outcome, Picture):
+            if self._kill_for:  # too late: what it has left was not taken
+                return Again(self._counted, self._kill_for)
             stop = outcome.done.report.get("stop")
             if not isinstance(stop, dict) or stop.get("reason") != "samples":
                 return Again(self._counted, "yield")

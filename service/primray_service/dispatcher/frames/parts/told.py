@@ -9,7 +9,6 @@ from primray.settings import SAMPLE_BLOCK
 from ....jobs import Json
 from ...chunks.inbox import Inbox
 from .course import Course
-from .cutting import expected_end
 from .part_run import PartRun
 
 # What a part's settings say otherwise than the frame's.
@@ -61,7 +60,7 @@ class Told:
         ledger, rules, known = course.ledger, course.rules, course.known
         now = [run.inbox.progress for run in running if run.inbox is not None and run.inbox.progress is not None]
         taken = ledger.taken() + sum(float(said.get("samples_done") or 0.0) for said in now)
-        end = expected_end(rules, known)
+        end = course.expected_end
         parts = [taken / end] if end else []
         if rules.seconds:
             parts.append(elapsed_s / rules.seconds)
