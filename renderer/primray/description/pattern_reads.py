@@ -14,6 +14,7 @@ GEOMPROPS = {
     "Vworld": ("viewdirection", "world"),
 }  # fmt: skip
 _BY_SET = {"texcoord": 2, "tangent": 2, "bitangent": 2}  # nodes that read a set of texture coordinates, and its numbers
+_READS_PRIMVARS = frozenset({*_BY_SET, "geomcolor", "geompropvalue"})
 _CHANNELS = {"float": "r", "color4": "rgba", "vector4": "rgba"}
 
 
@@ -32,8 +33,10 @@ def pattern_primvars(pattern: Pattern) -> dict[str, int]:
 
 
 def _primvars_of(node: PatternNode) -> list[tuple[str, int]]:
+    found = [(primvar_of_set(0), 2) for _, v in node.inputs if type(v) is str and GEOMPROPS.get(v, ("", ""))[0] in _BY_SET]
+    if node.category not in _READS_PRIMVARS:
+        return found
     inputs = dict(node.inputs)
-    found = [(primvar_of_set(0), 2) for v in inputs.values() if isinstance(v, str) and GEOMPROPS.get(v, ("", ""))[0] in _BY_SET]
     if node.category in _BY_SET:
         index = inputs.get("index", (0.0,))
         found.append((primvar_of_set(int(index[0]) if isinstance(index, tuple) else 0), 2))

@@ -9,6 +9,7 @@ from pxr import Sdf, Usd
 
 from ...description import Surface
 from ..adapters.materials.material import Material, MaterialKey, Materials, translated
+from ..materials.network import ShaderIds
 from ..querying.guarded import authored_attributes, connections
 from ..querying.traversal import everything_in_instances
 from ..resolving.context import Context
@@ -26,6 +27,7 @@ class MaterialsAgain:
     def surfaces(self, edited: set[Sdf.Path], ctx: Context) -> SurfaceTable:
         """The table with other values for what reads these prims; what is kept of materials is that of now."""
         known = ctx.kept.of(Materials)
+        ctx.kept.of(ShaderIds).clear()  # an edit may be of one
         if ctx.kept.of(LightShapes):
             raise NotKnownError
         if self.beyond is None:

@@ -7,15 +7,19 @@ none, so that the input's own value holds (UsdShade, "Connections and value reso
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
-from pxr import Sdf, Usd, UsdShade
+from pxr import Gf, Sdf, Usd, UsdShade
 
 from ..querying.guarded import connections, shader_id
-from ..resolving.color_spaces import color_in_rendering_space, scope_at
+from ..resolving.color_spaces import color_in_rendering_space, scope_of
 from ..resolving.context import Context
 from ..resolving.read import value
+
+# Not those of halves, which memoryview does not know.
+VECTORS = frozenset({Gf.Vec2f, Gf.Vec3f, Gf.Vec4f, Gf.Vec2d, Gf.Vec3d, Gf.Vec4d, Gf.Vec2i, Gf.Vec3i, Gf.Vec4i})
 
 
 @dataclass(frozen=True)
@@ -24,52 +28,66 @@ class Constant:
     value: Any
 
 
+class ShaderIds(dict[Sdf.Path, str]):
+    """What all shaders of the stage are, as far as it has been asked: USD takes ten microseconds to say so."""
+
+
 @dataclass(frozen=True)
 class Node:
     """A shader node, and the output of it that is asked for (its name without "outputs:")."""
 
     prim: Usd.Prim
     output: str
+    known: str | None = field(default=None, compare=False)  # its id, where that has been asked for before
+
+    @cached_property
+    def id(self) -> str:
+        return shader_id(self.prim) if self.known is None else self.known
 
     @property
-    def id(self) -> str:
-        return shader_id(self.prim)
+    def path(self) -> Sdf.Path:
+        path: Sdf.Path = self.prim.GetPath()
+        return path
 
 
 def find_source(attribute: Usd.Attribute, ctx: Context) -> Constant | Node | None:
     """What gives the attribute its value; None where nothing does."""
-    return _follow(attribute, ctx, [])
+    return _follow(attribute, ctx, ())
 
 
-def _follow(attribute: Usd.Attribute, ctx: Context, passed: list[Sdf.Path]) -> Constant | Node | None:
-    path = attribute.GetPath()
-    if path in passed:
+def _follow(attribute: Usd.Attribute, ctx: Context, passed: tuple[Sdf.Path, ...]) -> Constant | Node | None:
+    """`passed`: the attributes before, each of which is connected to the next."""
+    if passed and attribute.GetPath() in passed:
         _note(attribute, "The connections lead back to where they began: none counts.", ctx)
         return None
     sources = connections(attribute)
     if len(sources) > 1:
         _note(attribute, "It has several connections: only the first counts.", ctx)
     if sources:
-        found = _target(attribute, sources[0], ctx, [*passed, path])
+        found = _target(attribute, sources[0], ctx, passed)
         if found is not None:
             return found
     raw = value(attribute, ctx.when)
     return None if raw is None else Constant(attribute, raw)
 
 
-def _target(attribute: Usd.Attribute, path: Sdf.Path, ctx: Context, passed: list[Sdf.Path]) -> Constant | Node | None:
-    prim = attribute.GetStage().GetPrimAtPath(path.GetPrimPath())
+def _target(attribute: Usd.Attribute, path: Sdf.Path, ctx: Context, passed: tuple[Sdf.Path, ...]) -> Constant | Node | None:
+    at = path.GetPrimPath()
+    prim = ctx.stage.GetPrimAtPath(at)
     if not prim:
         _note(attribute, f"It is connected to {path}, which does not exist.", ctx)
         return None
-    kind = UsdShade.Utils.GetType(path.name)
-    if kind == UsdShade.AttributeType.Output and prim.IsA(UsdShade.Shader):
-        return Node(prim, str(path.name).removeprefix("outputs:"))
-    further = prim.GetAttribute(path.name)
-    if not further or kind == UsdShade.AttributeType.Invalid:
+    name: str = path.name
+    is_output = name.startswith("outputs:")
+    if is_output:
+        known = ctx.kept.of(ShaderIds).get(at)
+        if known is not None or prim.IsA(UsdShade.Shader):
+            return Node(prim, name.removeprefix("outputs:"), known)
+    further = prim.GetAttribute(name)
+    if not further or not (is_output or name.startswith("inputs:")):
         _note(attribute, f"It is connected to {path}, which does not exist.", ctx)
         return None
-    return _follow(further, ctx, passed)
+    return _follow(further, ctx, (*passed, attribute.GetPath()))
 
 
 def _note(attribute: Usd.Attribute, message: str, ctx: Context) -> None:
@@ -77,7 +95,7 @@ def _note(attribute: Usd.Attribute, message: str, ctx: Context) -> None:
 
 
 def node_path(node: Node, ctx: Context) -> str:
-    return ctx.shown(str(node.prim.GetPath()))
+    return ctx.shown(str(node.path))
 
 
 def parameter(node: Node, name: str, ctx: Context) -> Constant | None:
@@ -111,16 +129,21 @@ def numbers(node: Node, name: str, default: tuple[float, ...], ctx: Context, *, 
 def as_numbers(raw: Any) -> tuple[float, ...] | None:
     """A number or a vector of them as a tuple; None when it is neither, or not finite."""
     try:
-        values = (float(raw),) if isinstance(raw, int | float) else tuple(float(x) for x in raw)
+        values = (float(raw),) if isinstance(raw, (int, float)) else tuple(map(float, _listed(raw)))
     except (TypeError, ValueError):
         return None
     return values if all(map(math.isfinite, values)) else None
 
 
+def _listed(raw: Any) -> Any:
+    """A vector's numbers at once: USD's own iteration asks for one after the other, and for one more than there are."""
+    return memoryview(raw).tolist() if type(raw) in VECTORS else raw
+
+
 def constant_color(values: tuple[float, ...], source: Constant, ctx: Context) -> tuple[float, ...]:
     """The first three of a constant's numbers in the rendering space, by the space of the attribute that holds them."""
     r, g, b = values[:3]
-    rgb = color_in_rendering_space((r, g, b), source.attribute, scope_at(source.attribute.GetPrim(), ctx), ctx)
+    rgb = color_in_rendering_space((r, g, b), source.attribute, scope_of(source.attribute, ctx), ctx)
     return (*rgb, *values[3:])
 
 

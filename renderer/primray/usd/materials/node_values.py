@@ -14,7 +14,7 @@ from ..materialx.definitions import CLOSURES, COLORS, WIDTHS, Definition, InputD
 from ..materialx.expressions import Expressions, Outputs
 from ..querying.guarded import property_names
 from ..resolving.context import Context
-from .network import Constant, Node, as_numbers, constant_color, find_source, node_path
+from .network import VECTORS, Constant, Node, as_numbers, constant_color, find_source, node_path
 from .texture_asset import texture_file
 
 DEEPEST = 120  # nodes in a row
@@ -54,11 +54,12 @@ class NodeValues:
         for full in property_names(node.prim):
             if not full.startswith("inputs:"):
                 continue
-            name = str(full[7:])
-            if name not in known:
+            name = full[7:]
+            wanted = known.get(name)
+            if wanted is None:
                 self.ctx.warn("unknown-input", node_path(node, self.ctx), f"{node.id} has no {name}.", str(full))
-            elif known[name].type not in CLOSURES:
-                value = self._input(node, known[name], found)
+            elif wanted.type not in CLOSURES:
+                value = self._input(node, wanted, found)
                 if value is not None:
                     given[name] = value
         return given
@@ -86,7 +87,7 @@ class NodeValues:
         return self._fitted(value, width, reader, name)
 
     def _outputs(self, source: Node, reader: Node, name: str) -> Outputs | None:
-        path = source.prim.GetPath()
+        path = source.path
         if path in self._made:
             return self._made[path]
         if path in self._above or len(self._above) >= DEEPEST:
@@ -102,7 +103,7 @@ class NodeValues:
             self._above.append(path)
             given = self.inputs_of(source, found)
             self._above.pop()
-            made = self.expressions.node(found.name, given, node_path(source, self.ctx))
+            made = self.expressions.node(found.name, given, self.ctx.shown(str(path)))
         self._made[path] = made
         return made
 
@@ -123,8 +124,10 @@ class NodeValues:
     def _fitted(self, value: Operand, width: int, reader: Node, name: str) -> Operand | None:
         """The value as an input of another width takes it: one number for all, or the first of them."""
         has = self.expressions.width(value)
-        if not width or has == width or not has:
-            return value if bool(width) == bool(has) else None
+        if has == width:
+            return value
+        if not width or not has:
+            return None
         if has == 1 and width in (2, 3, 4):
             kind = {2: "vector2", 3: "color3", 4: "color4"}[width]
             return self.expressions.apply(f"ND_convert_float_{kind}", **{"in": value})
@@ -150,8 +153,11 @@ def _as_numbers(file: Operand) -> Operand:
 
 
 def _flat(value: object) -> object:
-    if isinstance(value, bool):
+    """The rows of a matrix in one list; what else there is as it is."""
+    if isinstance(value, (int, float)):
         return float(value)
+    if type(value) in VECTORS:
+        return value
     try:
         rows = [tuple(row) for row in value]  # type: ignore[attr-defined]
     except TypeError:

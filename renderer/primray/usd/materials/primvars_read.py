@@ -14,7 +14,7 @@ from pxr import Usd
 from ...diagnostics import Diagnostics
 from ..querying.guarded import shader_id
 from ..resolving.context import Context
-from .network import Node, find_source
+from .network import Node, ShaderIds, find_source
 from .network_nodes import NODES, is_reader, primvar_name
 
 SURFACE_SHADERS = frozenset({"UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader"})
@@ -29,6 +29,7 @@ def primvars_read(shaders: Iterable[Usd.Prim], ctx: Context) -> tuple[frozenset[
     silent = replace(ctx, diagnostics=Diagnostics())  # most will be read again, for the shapes that they are bound to
     prims = list(shaders)
     ids = [shader_id(prim) for prim in prims]
+    ctx.kept.of(ShaderIds).update(zip([prim.GetPath() for prim in prims], ids, strict=True))
     readers = [(prim, name) for prim, name in zip(prims, ids, strict=True) if is_reader(name)]
     names = frozenset(f"primvars:{name}" for prim, _ in readers if (name := primvar_name(Node(prim, ""), silent)))
     if any(name.startswith("ND_geomcolor") for name in ids):

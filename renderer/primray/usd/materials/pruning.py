@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from ...description import Input, NodeOutput, Operand, Pattern, PatternInput, PatternNode
+from ...description import Input, NodeOutput, Pattern, PatternInput, PatternNode
 
 
 def pruned(nodes: Sequence[PatternNode], inputs: Mapping[str, Input]) -> tuple[Pattern | None, dict[str, Input]]:
@@ -19,19 +19,29 @@ def pruned(nodes: Sequence[PatternNode], inputs: Mapping[str, Input]) -> tuple[P
         if index not in read:
             read.add(index)
             waiting += [operand.node for _, operand in nodes[index].inputs if isinstance(operand, NodeOutput)]
-    number = {index: place for place, index in enumerate(sorted(read))}
+    order = sorted(read)
+    number = {index: place for place, index in enumerate(order)}
+    same = next((place for place, index in enumerate(order) if place != index), len(order))  # so many stay as they are
 
-    def moved(operand: Operand) -> Operand:
-        return NodeOutput(number[operand.node], operand.output) if isinstance(operand, NodeOutput) else operand
-
-    kept = tuple(
-        PatternNode(n.category, n.type, n.signature, tuple([(name, moved(operand)) for name, operand in n.inputs]), n.path)
-        for n in map(nodes.__getitem__, number)
-    )
+    kept = [_moved(nodes[index], number) for index in order[same:]]
     made = {
         name: replace(found, source=NodeOutput(number[found.source.node], found.source.output))
         if isinstance(found, PatternInput)
         else found
         for name, found in inputs.items()
     }
-    return Pattern(kept), made
+    return Pattern((*nodes[:same], *kept)), made
+
+
+def _moved(node: PatternNode, number: Mapping[int, int]) -> PatternNode:
+    """As it is, where it reads no other."""
+    for _, operand in node.inputs:
+        if type(operand) is NodeOutput:
+            break
+    else:
+        return node
+    inputs = [
+        (pair[0], NodeOutput(number[pair[1].node], pair[1].output)) if type(pair[1]) is NodeOutput else pair
+        for pair in node.inputs
+    ]
+    return PatternNode(node.category, node.type, node.signature, tuple(inputs), node.path)

@@ -19,7 +19,7 @@ _FILES = ("image", "hextiledimage", "hextilednormalmap")
 
 _GIVEN = -1  # in place of a node
 
-Outputs = dict[str, Operand]
+Outputs = Mapping[str, Operand]
 
 
 class TooManyNodesError(Exception):
@@ -31,7 +31,7 @@ class Expressions:
     """Of one material."""
 
     nodes: list[PatternNode] = field(default_factory=list)
-    _known: dict[tuple[object, ...], int] = field(default_factory=dict)
+    _known: dict[tuple[object, ...], Outputs] = field(default_factory=dict)
 
     def node(self, name: str, inputs: Mapping[str, Operand], path: str = "") -> Outputs:
         """What a library node gives for these inputs, others being at their defaults; KeyError if there is no such node."""
@@ -41,24 +41,20 @@ class Expressions:
         defaults = found.defaults
         given = {key: value for key, value in inputs.items() if key in defaults}
         if graph(name) is None:
-            return self._primitive(found, {**defaults, **given}, path)
+            return self._of_inputs(found, {**defaults, **given}, path)
         left = _left_of(name, frozenset(given))
         made: list[Outputs] = []
-
-        def actual(operand: Operand | None) -> Operand | None:
-            if type(operand) is not NodeOutput:
-                return operand
-            return given[operand.output] if operand.node == _GIVEN else made[operand.node].get(operand.output)
-
-        for step, operands in left.steps:
-            made.append(self._primitive(step, {key: actual(operand) for key, operand in operands}, path))
-        return {key: value for key, operand in left.outputs if (value := actual(operand)) is not None}
+        for step in left.steps:
+            values = [_actual(o, given, made) if type(o) is NodeOutput else o for o in step.operands]
+            made.append(self._primitive(step.definition, step.names, values, path))
+        actual = ((key, _actual(o, given, made) if type(o) is NodeOutput else o) for key, o in left.outputs)
+        return {key: value for key, value in actual if value is not None}
 
     def expanded(self, found: Definition, inputs: Mapping[str, Operand], depth: int = 0) -> Outputs:
         """What a library node gives, by the graph that implements it, all the way down to primitives."""
         implementation = graph(found.name)
         if implementation is None or depth > DEEPEST:
-            return self._primitive(found, {**found.defaults, **inputs}, "")
+            return self._of_inputs(found, {**found.defaults, **inputs}, "")
         made: list[Outputs] = []
         for step in implementation.steps:
             inner = definition(step.definition)
@@ -71,26 +67,28 @@ class Expressions:
         outputs = {key: _operand(source, inputs, found, made) for key, source in implementation.outputs}
         return {key: value for key, value in outputs.items() if value is not None}
 
-    def _primitive(self, found: Definition, inputs: dict[str, Operand | None], path: str) -> Outputs:
+    def _of_inputs(self, found: Definition, inputs: Mapping[str, Operand | None], path: str) -> Outputs:
+        return self._primitive(found, tuple(inputs), list(inputs.values()), path)
+
+    def _primitive(self, found: Definition, names: tuple[str, ...], values: list[Operand | None], path: str) -> Outputs:
+        """Its inputs' names and values, in the definition's order."""
         name = found.outputs[0][0]
-        if found.category in _FILES and not _is_file(inputs.get("file")):
-            default = inputs.get("default")
+        if found.category in _FILES and not _is_file(values[names.index("file")] if "file" in names else None):
+            default = values[names.index("default")] if "default" in names else None
             return {name: default} if default is not None else {}
-        rule = _RULES.get(found.category)
-        simple = rule(found, inputs) if rule else None
-        if simple is None:
-            simple = folded(found, inputs)
+        simple = _simple(found, names, values)
         if simple is not None:
             return {name: simple}
-        key = (found.name, *inputs.values())  # in the definition's order
-        index = self._known.get(key)
-        if index is None:
-            if len(self.nodes) >= MOST_NODES:
+        key = (found.name, *values)
+        outputs = self._known.get(key)
+        if outputs is None:
+            index = len(self.nodes)
+            if index >= MOST_NODES:
                 raise TooManyNodesError
-            index = self._known[key] = len(self.nodes)
-            given = tuple((key, value) for key, value in inputs.items() if value is not None)
-            self.nodes.append(PatternNode(found.category, found.type, found.name, given, path))
-        return {name: NodeOutput(index, name) for name, _ in found.outputs}
+            given = tuple([pair for pair in zip(names, values, strict=True) if pair[1] is not None])
+            self.nodes.append(PatternNode(found.category, found.type, found.name, given, path))  # type: ignore[arg-type]
+            outputs = self._known[key] = {output: NodeOutput(index, output) for output, _ in found.outputs}
+        return outputs
 
     def width(self, value: Operand) -> int:
         """How many numbers an operand has; 0 of what is none."""
@@ -107,11 +105,20 @@ class Expressions:
 
 
 @dataclass(frozen=True)
+class _Step:
+    """A primitive, with all inputs that its definition has, in order."""
+
+    definition: Definition
+    names: tuple[str, ...]
+    operands: tuple[Operand | None, ...]
+
+
+@dataclass(frozen=True)
 class _Left:
     """The primitives that are left of a library node when what is not given is at its default; operands of the node _GIVEN are
     what is given, by name."""
 
-    steps: tuple[tuple[Definition, tuple[tuple[str, Operand | None], ...]], ...]
+    steps: tuple[_Step, ...]
     outputs: tuple[tuple[str, Operand], ...]
 
 
@@ -126,8 +133,27 @@ def _left_of(name: str, given: frozenset[str]) -> _Left:
     for node in trial.nodes:
         own = definition(node.signature)
         assert own is not None
-        steps.append((own, tuple({**dict.fromkeys(own.defaults), **dict(node.inputs)}.items())))
+        operands = {**dict.fromkeys(own.defaults), **dict(node.inputs)}
+        steps.append(_Step(own, tuple(operands), tuple(operands.values())))
     return _Left(tuple(steps), tuple(outputs.items()))
+
+
+def _actual(operand: NodeOutput, given: Mapping[str, Operand], made: list[Outputs]) -> Operand | None:
+    """What an operand of a step stands for."""
+    return given[operand.output] if operand.node == _GIVEN else made[operand.node].get(operand.output)
+
+
+def _simple(found: Definition, names: tuple[str, ...], values: list[Operand | None]) -> Operand | None:
+    """What a node gives that needs none, None where it does."""
+    rule = _RULES.get(found.category)
+    if rule is not None:
+        simple = rule(found, dict(zip(names, values, strict=True)))
+        if simple is not None:
+            return simple
+    for value in values:
+        if type(value) is not tuple:
+            return None
+    return folded(found, dict(zip(names, values, strict=True)))  # of constants alone
 
 
 def _is_file(value: object) -> bool:

@@ -45,17 +45,31 @@ def scope_below(above: ColorScope, prim: Usd.Prim, schemas: list[str], ctx: Cont
     return ColorScope(name or above.name, (*own, *(d for d in above.definitions if d.name not in {o.name for o in own})))
 
 
+def scope_of(attribute: Usd.Attribute, ctx: Context) -> ColorScope:
+    """At the attribute's prim."""
+    found = ctx.kept.of(_Known).scopes.get((attribute.GetPrimPath(), ctx.outer_colors))
+    return scope_at(attribute.GetPrim(), ctx) if found is None else found
+
+
 def scope_at(prim: Usd.Prim, ctx: Context) -> ColorScope:
     """By namespace; a prototype's root stands for its instance, above which `ctx.outer_colors` tells what there is."""
-    if not prim or prim.IsPseudoRoot():
+    if not prim:
         return NOWHERE
-    if prim.IsPrototype():
-        return outer_scope(str(prim.GetPath()), ctx.outer_colors)
     key, known = (prim.GetPath(), ctx.outer_colors), ctx.kept.of(_Known).scopes
-    if key not in known:
-        schemas = applied_schemas(prim)
-        known[key] = scope_below(scope_at(prim.GetParent(), ctx), prim, schemas, ctx)
-    return known[key]
+    found = known.get(key)
+    if found is None:
+        found = known[key] = _scope_at(prim, ctx)
+    return found
+
+
+def _scope_at(prim: Usd.Prim, ctx: Context) -> ColorScope:
+    path = prim.GetPath()
+    if path.IsAbsoluteRootPath():
+        return NOWHERE
+    if path.IsRootPrimPath() and prim.IsPrototype():
+        return outer_scope(str(path), ctx.outer_colors)
+    schemas = applied_schemas(prim)
+    return scope_below(scope_at(prim.GetParent(), ctx), prim, schemas, ctx)
 
 
 def outer_scope(path: str, outer: tuple[tuple[str, ColorScope], ...]) -> ColorScope:

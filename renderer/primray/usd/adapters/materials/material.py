@@ -102,9 +102,10 @@ def translated(key: MaterialKey, ctx: Context) -> tuple[Material, list[Diagnosti
 
 def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Material:
     """By the first surface output that leads to a shader known here: MaterialX's, then the universal one, then others."""
-    _note_outputs(usd_material, path, ctx)
     prim = usd_material.GetPrim()
     names = [str(name) for name in property_names(prim)]  # GetSurfaceOutputs says the same, in twenty times as long
+    if any(name.endswith((":displacement", ":volume")) for name in names):
+        _note_outputs(usd_material, path, ctx)
     outputs = [name.removeprefix("outputs:") for name in names if name == "outputs:surface" or _SURFACE.fullmatch(name)]
     others = []
     for output in sorted(outputs, key=lambda name: _OUTPUTS.get(name, 2)):
