@@ -20,9 +20,11 @@ from ..querying.asset import read_asset
 MOST_BYTES = 64 << 20  # of a document with all that it includes
 MOST_ELEMENTS = 200_000
 MOST_INCLUDES = 256
+# What is looked ahead at is not taken back, so that no text takes longer than its length. Possessive repetition would say so,
+# but is wrong in Python 3.11.2.
 _MARKUP = re.compile(
     r"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<\?.*?\?>|(?P<doctype><!)|(?P<end></)[^>]*>"
-    r"|<(?P<name>[^\s/>\"'<=]+)(?:[^>\"'/]++|\"[^\"]*\"|'[^']*'|/(?!>))*+(?P<single>/)?>",
+    r"|<(?P<name>[^\s/>\"'<=]+)(?=(?P<body>(?:[^>\"'/]+|\"[^\"]*\"|'[^']*'|/(?!>))*))(?P=body)(?P<single>/)?>",
     re.DOTALL,
 )
 DEEPEST = 64  # elements in elements, and documents in documents
