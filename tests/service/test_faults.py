@@ -9,6 +9,7 @@ from tests.service.postgres import Server, postgres_server
 __all__ = ["postgres_server"]
 
 
+@pytest.mark.long
 def test_a_few_kills_on_sqlite() -> None:
     found = study("sqlite", kills=4, seed=3, weight=1.0, every_s=0.7)
     assert found.wrong == []

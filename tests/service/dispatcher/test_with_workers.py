@@ -42,8 +42,8 @@ def asked(samples: int, seed: int = 5) -> dict[str, object]:
 
 @pytest.fixture(scope="module")
 def expected() -> str:
-    """The bits of 4096 samples, by the library."""
-    image = render(str(SCENE), RenderSettings(resolution=SIZE, spp=4096, seed=5))
+    """The bits of 2048 samples, by the library."""
+    image = render(str(SCENE), RenderSettings(resolution=SIZE, spp=2048, seed=5))
     return pixels_sha256(image.pixels)
 
 
@@ -58,7 +58,7 @@ def test_whatever_happens_to_workers_the_bits_are_the_same(tmp_path: Path, expec
 
     async def act(rig: Rig) -> None:
         scene = rig.scene(SCENE.read_bytes())
-        killed = rig.submit(scene, settings=asked(4096))
+        killed = rig.submit(scene, settings=asked(2048))
         await rig.until(lambda: rig.frame(killed.id).checkpoint > 0)
         for pid in descendants(os.getpid()):
             with contextlib.suppress(ProcessLookupError):
@@ -67,14 +67,14 @@ def test_whatever_happens_to_workers_the_bits_are_the_same(tmp_path: Path, expec
         assert rig.dispatcher.metrics.restarts["kill"] == 1
         assert pixels(job) == expected
 
-        low = rig.submit(scene, settings=asked(4096), priority=10)
+        low = rig.submit(scene, settings=asked(2048), priority=10)
         await rig.until(lambda: rig.frame(low.id).phase == "sampling")
         high = rig.submit(scene, settings=asked(16, seed=6), priority=90)
         first, second = await rig.ended(high.id, low.id, timeout_s=180)
         assert first.state is JobState.SUCCEEDED
         assert pixels(second) == expected
 
-        alone = rig.submit(scene, settings=asked(4096))
+        alone = rig.submit(scene, settings=asked(2048))
         [job] = await rig.ended(alone.id, timeout_s=180)
         assert pixels(job) == expected
         assert job.usage["cpu_s"] > 0.1
@@ -125,11 +125,11 @@ def test_cancel_is_quick_and_keeps_the_picture_and_continue_goes_on(tmp_path: Pa
         assert ended.result["stop"]["reason"] == "interrupted"
         assert rig.frame(job.id).checkpoint > 0
 
-        rig.store.continue_job(job.id, {"max_samples": 4096}, time.time(), NO_QUOTAS)
+        rig.store.continue_job(job.id, {"max_samples": 2048}, time.time(), NO_QUOTAS)
         rig.dispatcher.wake()
         [again] = await rig.ended(job.id, timeout_s=180)
         assert again.attempt == 2
-        if float(ended.progress["samples_done"]) < 4096:
+        if float(ended.progress["samples_done"]) < 2048:
             assert pixels(again) == expected
 
     async def run() -> None:
