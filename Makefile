@@ -35,15 +35,14 @@ demo: setup  ## render a showcase scene to out/, as EXR and PNG
 	$(BIN)/primray render $(SHOWCASE) --spp 32 -o out/$(DEMO).exr -o out/$(DEMO).png
 	@echo "The picture: out/$(DEMO).png (to look at) and out/$(DEMO).exr (scene-linear float)"
 
-# The service's tests wait more than they compute: they run beside the others, two files at a time, and are shown after them. The
-# others have what these leave of the processor, since servers are waited for. A file's tests stay together, since they share its
-# servers; the service's in their order, since by count the longest files would come last. Some tests are made from sets, whose
-# order both processes must have alike. A shell lets what runs in its background ignore Ctrl-C, which some of them press.
+# The service's tests wait more than they compute: they run beside the others, two files at a time, and are shown after them. A
+# file's tests stay together, since they share its servers; in their order, since by count the longest files would come last. A
+# shell lets what runs in its background ignore Ctrl-C, which some of them press.
 BESIDE = $(BIN)/python -c 'import os, signal, sys; signal.signal(signal.SIGINT, signal.SIG_DFL); os.execv(sys.executable, [sys.executable, *sys.argv[1:]])'
-TWO := -n 2 --dist loadfile
+TWO := -n 2 --dist loadfile --no-loadscope-reorder
 define TESTS
-mkdir -p build; $(BESIDE) -m pytest $(TWO) --no-loadscope-reorder tests/service >build/service-tests.log 2>&1 & service=$$!; \
-PYTHONHASHSEED=0 nice -n 10 $(BIN)/python -m pytest $(TWO) --ignore=tests/service; others=$$?; wait $$service; service=$$?; \
+mkdir -p build; $(BESIDE) -m pytest $(TWO) tests/service >build/service-tests.log 2>&1 & service=$$!; \
+$(BIN)/python -m pytest --ignore=tests/service; others=$$?; wait $$service; service=$$?; \
 echo tests/service; cat build/service-tests.log; [ $$others = 0 ] && [ $$service = 0 ]
 endef
 
