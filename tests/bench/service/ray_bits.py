@@ -36,11 +36,6 @@ ENDS: dict[str, dict[str, Any]] = {
 Row = dict[str, Any]
 
 
-def scenes() -> list[Path]:
-    found = [SCENES / name / "scene.usda" for name in STAGES]
-    return [path for path in found if path.exists()] or sorted(SCENES.glob("*/scene.usda"))[:5]
-
-
 def digest(client: httpx2.Client, scene: str, settings: dict[str, Any], parallel: int | None) -> tuple[str, int]:
     """Of a job's picture, and its samples a pixel, where that has most."""
     more: dict[str, Any] = {} if parallel is None else {"parallel": parallel}
@@ -53,7 +48,7 @@ def digest(client: httpx2.Client, scene: str, settings: dict[str, Any], parallel
 
 def rows(workers: int, client: httpx2.Client) -> list[Row]:
     found: list[Row] = []
-    for path in scenes():
+    for path in (SCENES / name / "scene.usda" for name in STAGES):
         scene = upload(client, path.read_bytes())
         for end, settings in ENDS.items():
             parallel = None if settings["adaptive"] else workers
