@@ -146,3 +146,9 @@ def test_sphere_is_exact() -> None:
     n = (q + w * t[:, None])[both] @ inverse[:3, :3]
     n /= np.linalg.norm(n, axis=1)[:, None]
     assert np.sum(n * h["ng"][both], axis=1).min() > 1 - 1e-6
+
+
+def test_the_clock_by_which_packets_or_single_rays_are_chosen_goes_on() -> None:
+    """One that stood still would choose packets always; no picture would show it, only its time."""
+    before = kernels().entry_clock()
+    assert kernels().entry_clock() > before

@@ -2,6 +2,7 @@
 #include "bindings/arrays.hpp"
 #include "bindings/testing/rows.hpp"
 #include "bvh/interleaved.hpp"
+#include "path/rays/entry_choice.hpp"
 
 namespace primray {
 namespace {
@@ -35,6 +36,7 @@ nb::dict intersect_stream(const Scene& scene, InArray<double> o_, InFloats d_) {
 
 void bind_hierarchy(nb::module_& m) {
   m.def("has_hierarchy", [](const Scene& scene) { return scene.triangle_bvh.any(); });
+  m.def("entry_clock", [] { return EntryChoice::now(); });
   m.def("intersect_stream", &intersect_stream, nb::arg("scene"), nb::arg("o"), nb::arg("d"));
 }
 

@@ -19,7 +19,7 @@ class EntryChoice {
     return measuring() ? (trials_ & 1) : packet_;
   }
   bool measuring() const { return trials_ < kTrials; }
-  static uint64_t now() { return 0; }
+  static uint64_t now() { return __rdtsc(); }
   // Cycles that `rays` rays took by the way that packet() named.
   void record(uint64_t cycles, int rays) {
     cost_[trials_ & 1][trials_ / 2] = float(cycles) / float(rays);
