@@ -32,6 +32,9 @@ void bind_facts(nb::module_& m) {
   nb::enum_<InputField> inputs(m, "InputField");
   for_each_input([&](InputField field, const char* name, InputRange, auto) { inputs.value(name, field); });
   inputs.value("normal", InputField::kNormal);
+  int own = 0;
+  for_each_open_pbr_input(
+      [&](const char* name, InputRange, auto) { inputs.value(open_pbr_name(name).c_str(), open_pbr_field(own++)); });
   nb::enum_<LightType> lights(m, "LightType");
   for_light_types([&]<class T>(T) { lights.value(T::kName, T::kType); });
   nb::enum_<DomeFormat>(m, "DomeFormat")

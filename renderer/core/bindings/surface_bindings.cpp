@@ -63,10 +63,25 @@ void bind_tape(nb::module_& m) {
       .def_rw("asks_object_space", &Tape::asks_object_space);
 }
 
+// A colour or a number of the inputs that `member` finds.
+template <class Inputs, class Member>
+void def_input(nb::class_<Inputs>& c, const char* name, Member member) {
+  using Value = std::remove_cvref_t<decltype(member(std::declval<Inputs&>()))>;
+  c.def_prop_rw(name, nullptr, [member](Inputs& s, nb::handle v) {
+    if constexpr (std::is_same_v<Value, vec3>)
+      member(s) = vec3_of(v);
+    else
+      member(s) = nb::cast<Value>(v);
+  });
+}
+
 }  // namespace
 
 void bind_surface(nb::module_& m) {
   bind_tape(m);
+  nb::class_<OpenPbrInput> open_pbr(m, "OpenPbrInput");
+  open_pbr.def(nb::init<>());
+  for_each_open_pbr_input([&](const char* name, InputRange, auto member) { def_input<OpenPbrInput>(open_pbr, name, member); });
   nb::class_<SurfaceInput> surface(m, "SurfaceInput");
   surface.def(nb::init<>())
       .def_rw("lambert", &SurfaceInput::lambert)
@@ -74,15 +89,9 @@ void bind_surface(nb::module_& m) {
       .def_rw("opacity_threshold", &SurfaceInput::opacity_threshold)
       .def_rw("presence", &SurfaceInput::presence)
       .def_rw("thin", &SurfaceInput::thin);
-  for_each_input([&](InputField, const char* name, InputRange, auto member) {
-    using Value = std::remove_cvref_t<decltype(member(std::declval<SurfaceInput&>()))>;
-    surface.def_prop_rw(name, nullptr, [member](SurfaceInput& s, nb::handle v) {
-      if constexpr (std::is_same_v<Value, vec3>)
-        member(s) = vec3_of(v);
-      else
-        member(s) = nb::cast<Value>(v);
-    });
-  });
+  surface.def_prop_rw("open_pbr", nullptr, [](SurfaceInput& s, const OpenPbrInput& o) { s.open_pbr = o; });
+  for_each_input(
+      [&](InputField, const char* name, InputRange, auto member) { def_input<SurfaceInput>(surface, name, member); });
   nb::class_<InputSource> source(m, "InputSource");
   source.def(nb::init<>())
       .def_rw("field", &InputSource::field)

@@ -1,4 +1,5 @@
-// The one surface model: UsdPreviewSurface's diffuse, specular, clearcoat and transmission lobes, and plain Lambert.
+// UsdPreviewSurface's diffuse, specular, clearcoat and transmission lobes, and plain Lambert; OpenPBR's lobes are beside them
+// in bsdf_with_open_pbr.hpp.
 //
 // In a local frame whose +z is the shading normal on the side of wo (unit, away from the surface; so is wi). f_cos = f |cos
 // theta_i|. Base layer as the specification has it: diffuse albedo / pi (1 - F(wo.h)) plus GGX with F = lerp(F0, F90, (1 -
@@ -9,25 +10,12 @@
 // is kept as L / n^2, so no factor appears.
 #pragma once
 
-#include "bsdf/albedo.hpp"
+#include "bsdf/basics/albedo.hpp"
+#include "bsdf/basics/scattering.hpp"
 #include "bsdf/ggx.hpp"
 #include "bsdf/surface.hpp"
 
 namespace primray {
-
-template <int W>
-struct BsdfEval {
-  vvec3<W> diffuse, specular;  // f_cos, by lobe because lights may weigh them apart
-  vfloat<W> pdf;
-};
-
-template <int W>
-struct BsdfSample {
-  vvec3<W> wi, weight;  // weight = f_cos / pdf
-  vfloat<W> pdf;        // per solid angle; 0 for a delta lobe
-  vbool<W> is_delta, transmits, straight;
-  vvec3<W> diffuse_share;  // of f_cos; 0 for a delta lobe
-};
 
 template <int W>
 PRIMRAY_INLINE vfloat<W> pow5(vfloat<W> x) {
@@ -112,6 +100,9 @@ struct Bsdf {
     p_diffuse = select(preview, w_diffuse * scale, vfloat<W>(1.0f));
     p_specular = w_specular * scale, p_coat = w_coat * scale;
   }
+
+  // Lanes in which directions below the surface get light that no delta lobe brings.
+  static vbool<W> lets_through() { return vbool<W>(false); }
 
   PRIMRAY_INLINE vvec3<W> specular_albedo(vfloat<W> cos_theta) const {
     const LobeAlbedo<W> a = ggx_albedo(cos_theta, roughness);

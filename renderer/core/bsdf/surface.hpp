@@ -1,11 +1,14 @@
-// Surfaces as a table of floats, one row each, reduced from UsdPreviewSurface's inputs to what the BSDF evaluates.
+// Surfaces as a table of floats, one row each, reduced from UsdPreviewSurface's inputs to what the BSDF evaluates. An OpenPBR
+// surface has a row of its own beside (open_pbr/row.hpp); its row here says what others ask of any surface.
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <type_traits>
 #include <vector>
 
-#include "bsdf/varying_inputs.hpp"
+#include "bsdf/basics/varying_inputs.hpp"
+#include "bsdf/open_pbr/row.hpp"
 
 namespace primray {
 
@@ -25,6 +28,7 @@ struct SurfaceInput : VaryingInputs<vec3, float> {
   bool use_specular_workflow = false;
   bool presence = false, thin = false;
   float opacity_threshold = 0;  // above 0: a cut-out, whole where it is at all
+  std::optional<OpenPbrInput> open_pbr;
 };
 
 // Columns of a row.
@@ -43,9 +47,10 @@ enum SurfaceField : int {
   kClearcoatAlpha,
   kClearcoatRoughness,
   kClearcoatF0,
+  kOpenPbrRow,  // of an OpenPBR surface, in its own table
   kSurfaceFields
 };
-enum SurfaceFlag : int32_t { kPreview = 1, kEmits = 2, kThin = 4 };
+enum SurfaceFlag : int32_t { kPreview = 1, kEmits = 2, kThin = 4, kOpenPbr = 8 };
 
 // The same on lanes, all of one surface.
 template <int W>
@@ -69,9 +74,6 @@ struct SurfaceValues : VaryingInputs<vvec3<W>, vfloat<W>> {
     });
   }
 };
-
-// Below this width the float half vector is too coarse for the lobe's peak (alpha 1e-4 is roughness 0.01): a mirror.
-constexpr float kMinAlpha = 1e-4f;
 
 // Columns of W rows of the surface `s`, whose constants `v` may vary. What is not opaque with an opacity threshold is not
 // there at all, so what is there is opaque.
@@ -119,11 +121,46 @@ PRIMRAY_INLINE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>
   row[kClearcoatF0] = f0;
 }
 
+// The same of an OpenPBR surface, whose row is number `at`, in about the words of the other model.
+template <int W>
+PRIMRAY_RARE void reduce_surface(const SurfaceInput& s, const SurfaceValues<W>& v, const OpenPbrValues<W>& o,
+                                 const vfloat<W> (&open)[kOpenPbrFields], vfloat<W> at, vfloat<W> (&row)[kSurfaceFields]) {
+  using F = vfloat<W>;
+  reduce_surface(s, v, row);
+  const F one(1.0f), zero(0.0f), passes = (one - o.base_metalness) * o.transmission_weight;
+  const auto put = [&](int field, const vvec3<W>& c) { row[field] = c.x, row[field + 1] = c.y, row[field + 2] = c.z; };
+  const auto get = [&](int field) { return vvec3<W>(open[field], open[field + 1], open[field + 2]); };
+  row[kFlags] = F(float(kPreview | kOpenPbr | (s.thin ? kThin : 0))) +
+                select(max_component(v.emissive_color) > zero, F(float(kEmits)), zero);
+  put(kDiffuse, get(kOpenDiffuse) * (open[kOpenDiffuseWeight] * (one - o.base_metalness) * (one - o.transmission_weight)));
+  const F e = (open[kOpenEta] - 1.0f) / (open[kOpenEta] + 1.0f);
+  const vvec3<W> f0 = get(kOpenSpecularColor) * (e * e), metal = get(kOpenMetal) * open[kOpenMetalWeight];
+  put(kF0, f0 + (metal - f0) * o.base_metalness), put(kF90, vvec3<W>(one));
+  row[kAlpha] = select(open[kOpenAlphaT] > zero, sqrt(open[kOpenAlphaT] * open[kOpenAlphaB]), zero);
+  row[kRoughness] = open[kOpenRoughness];
+  row[kTransmission] = passes;
+  row[kIor] = open[kOpenEta];
+  const F coat = (o.coat_ior - 1.0f) / (o.coat_ior + 1.0f);
+  row[kClearcoat] = o.coat_weight;
+  row[kClearcoatAlpha] = sqrt(open[kOpenCoatAlphaT] * open[kOpenCoatAlphaB]);
+  row[kClearcoatRoughness] = open[kOpenCoatRoughness], row[kClearcoatF0] = coat * coat;
+  row[kOpenPbrRow] = at;
+}
+
 struct SurfaceTable {
-  std::vector<float> rows;  // kSurfaceFields floats a surface; kFlags holds the flags as a float (exact)
+  std::vector<float> rows;      // kSurfaceFields floats a surface; kFlags holds the flags as a float (exact)
+  std::vector<float> open_pbr;  // kOpenPbrFields floats each
   int32_t add(const SurfaceInput& s) {
     vfloat<1> row[kSurfaceFields];
-    reduce_surface<1>(s, SurfaceValues<1>(s), row);
+    if (s.open_pbr) {
+      const OpenPbrValues<1> values(*s.open_pbr);
+      vfloat<1> open[kOpenPbrFields];
+      reduce_open_pbr<1>(values, s.thin, open);
+      reduce_surface<1>(s, SurfaceValues<1>(s), values, open, vfloat<1>(float(open_pbr.size() / kOpenPbrFields)), row);
+      for (const vfloat<1>& f : open) open_pbr.push_back(f[0]);
+    } else {
+      reduce_surface<1>(s, SurfaceValues<1>(s), row);
+    }
     for (const vfloat<1>& f : row) rows.push_back(f[0]);
     return int32_t(rows.size() / kSurfaceFields) - 1;
   }
@@ -134,9 +171,10 @@ template <int W>
 struct SurfaceRows {
   const float* rows;
   vint<W> base;
-  PRIMRAY_INLINE SurfaceRows(const float* r, vint<W> b) : rows(r), base(b) {}
+  const float* open_pbr;  // rows of the OpenPBR surfaces among them
+  PRIMRAY_INLINE SurfaceRows(const float* r, vint<W> b, const float* o) : rows(r), base(b), open_pbr(o) {}
   PRIMRAY_INLINE SurfaceRows(const SurfaceTable& table, vint<W> surface)
-      : rows(table.rows.data()), base(surface * vint<W>(kSurfaceFields)) {}
+      : rows(table.rows.data()), base(surface * vint<W>(kSurfaceFields)), open_pbr(table.open_pbr.data()) {}
   PRIMRAY_INLINE vfloat<W> operator()(int field) const { return gather<W>(rows + field, base); }
   // Three of these in one; no color is a row's last.
   PRIMRAY_INLINE vvec3<W> color(int field) const {

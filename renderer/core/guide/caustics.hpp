@@ -15,16 +15,17 @@ constexpr float kMostBoost = 1e7f;
 constexpr float kDiffuseDensity = 1;
 
 // Surfaces that scatter widely enough for another density to serve them.
-template <int W>
-PRIMRAY_INLINE vbool<W> follows_caustics(const Bsdf<W>& b) {
+template <int W, class Lobes>
+PRIMRAY_INLINE vbool<W> follows_caustics(const Lobes& b) {
   if (!b.any_preview) return vbool<W>(true);
-  return (!b.preview) | (b.p_diffuse > vfloat<W>(0.1f)) | ((!b.mirror) & (b.alpha > vfloat<W>(kFollowsAlpha)));
+  return !b.lets_through() &
+         ((!b.preview) | (b.p_diffuse > vfloat<W>(0.1f)) | ((!b.mirror) & (b.alpha > vfloat<W>(kFollowsAlpha))));
 }
 
 // How much of the light from about unit `wi` (local), a lobe with that squared width, is sent on towards `wo`, over what a
 // white Lambert surface sends; less where the surface's own lobe is the narrower one.
-template <int W>
-PRIMRAY_INLINE vfloat<W> suits(const Bsdf<W>& b, const vvec3<W>& wo, const vvec3<W>& wi, vfloat<W> width2) {
+template <int W, class Lobes>
+PRIMRAY_INLINE vfloat<W> suits(const Lobes& b, const vvec3<W>& wo, const vvec3<W>& wi, vfloat<W> width2) {
   const vbool<W> above = wi.z > vfloat<W>(0.0f);
   if (!b.any_preview) return select(above, vfloat<W>(1.0f), vfloat<W>(0.0f));
   const vvec3<W> h = wo + wi;
@@ -37,8 +38,8 @@ PRIMRAY_INLINE vfloat<W> suits(const Bsdf<W>& b, const vvec3<W>& wo, const vvec3
 // As Bsdf::sample, but `own` is the density without photons, for MIS: those lead to what casts caustics, not to lights, and
 // light samples need not ask them. `sample(lobe)` and `density(wi, by the BSDF)` are what is sampled without them, by the BSDF
 // or by another guide as well. `splits`, by which roulette multiplies, takes in how much denser than that the sampling was.
-template <int W, class Sample, class Density>
-PRIMRAY_RARE BsdfSample<W> sample_guided(const CausticLanes<W>& guide, const Bsdf<W>& bsdf, const Frame<vfloat<W>>& frame,
+template <int W, class Lobes, class Sample, class Density>
+PRIMRAY_RARE BsdfSample<W> sample_guided(const CausticLanes<W>& guide, const Lobes& bsdf, const Frame<vfloat<W>>& frame,
                                          const vvec3<W>& wo, vfloat<W> lobe, const Pair<W>& u, int path_splits,
                                          const Sample& sample, const Density& density, vfloat<W>& splits, vfloat<W>& own) {
   const vfloat<W> zero(0.0f), rest = 1.0f - guide.share;

@@ -11,13 +11,14 @@
 namespace primray {
 
 // Which lanes stand where the guide knows something, on surfaces that scatter widely and let nothing pass.
-template <int W>
+template <int W, class Lobes>
 PRIMRAY_RARE GuidePlace<W> find_place(const Guide& guide, vbool<W> scatters, const vvec3<W>& p, const vvec3<W>& ng,
-                                      const Bsdf<W>& bsdf) {
+                                      const Lobes& bsdf) {
   const vfloat<W> one(1.0f);
   vbool<W> wide = scatters;
   if (bsdf.any_preview) {
     const vbool<W> opaque = (bsdf.p_diffuse + bsdf.p_specular + bsdf.p_coat > vfloat<W>(0.9999f)) & (bsdf.presence >= one);
+    wide &= !bsdf.lets_through();
     wide &= (!bsdf.preview) | (opaque & !bsdf.mirror & (bsdf.p_diffuse > vfloat<W>(0.3f)));
   }
   GuidePlace<W> place = guide.place_of<W>(p, ng);
@@ -43,9 +44,9 @@ PRIMRAY_RARE vbool<W> choose_guide(const GuidePlace<W>& place, vfloat<W>& u) {
 }
 
 // Draws the direction of lanes `by_guide` in place of the BSDF's, and weighs by both densities wherever there are both.
-template <int W>
+template <int W, class Lobes>
 PRIMRAY_RARE void sample_guided(const Guide& guide, const GuidePlace<W>& place, vbool<W> by_guide, const Pair<W>& u,
-                                const Frame<vfloat<W>>& frame, const vvec3<W>& wo, const Bsdf<W>& bsdf, BsdfSample<W>& s) {
+                                const Frame<vfloat<W>>& frame, const vvec3<W>& wo, const Lobes& bsdf, BsdfSample<W>& s) {
   const vbool<W> known = place.region >= vint<W>(0);
   if (!any(known)) return;
   const GuidePlace<W> valid{max(place.region, vint<W>(0)), place.side};

@@ -17,21 +17,21 @@ struct ChosenLight {
   bool any_shiny = false;
 };
 
-template <int W>
-PRIMRAY_INLINE void choose_light_at(const Round& round, vbool<W> scatters, const Vertex<W>& v, const PathLanes<W>& p,
+template <int W, class Lobes>
+PRIMRAY_INLINE void choose_light_at(const Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p,
                                     const vvec3<W>& from, ChosenLight<W>& chosen) {
   const LightTable& lights = round.scene.lights;
   const vuint<W> number = lights.count > 1 ? p.sampler.bits_of(p.vertex + vint<W>(1), Purpose::kLightChoice) : vuint<W>(0u);
   const bool linked = lights.links.any();
   chosen.any_shiny =
       v.bsdf.any_preview && lights.by_tree() && !linked && find_shiny(scatters, v.bsdf, v.frame.to_world(v.wo), chosen.shiny);
-  chosen.choice = linked ? choose_linked_light(lights, scatters, from, v.frame.n, number, v.it.link)
-                         : choose_light(lights, scatters, from, v.frame.n, number, chosen.any_shiny ? &chosen.shiny : nullptr);
+  chosen.choice = linked ? choose_linked_light(lights, scatters, from, facing(v), number, v.it.link)
+                         : choose_light(lights, scatters, from, facing(v), number, chosen.any_shiny ? &chosen.shiny : nullptr);
 }
 
 // A point of that light, seen from `from`: of domes with portals and of lights that are geometry by ways of their own.
-template <int W>
-PRIMRAY_INLINE LightSample<W> sample_point(const Round& round, vbool<W> useful, vint<W> light, const Vertex<W>& v,
+template <int W, class Lobes>
+PRIMRAY_INLINE LightSample<W> sample_point(const Round& round, vbool<W> useful, vint<W> light, const Vertex<W, Lobes>& v,
                                            const PathLanes<W>& p, const vvec3<W>& from) {
   using B = vbool<W>;
   const Scene& scene = round.scene;
@@ -51,7 +51,7 @@ PRIMRAY_INLINE LightSample<W> sample_point(const Round& round, vbool<W> useful, 
     if (any(sphere)) sample_sphere(scene, sphere, light, from, u.u, u.v, p.ray.time, s);
     if (any(mesh)) {
       const vuint<W> bits = p.sampler.bits_of(bounce, Purpose::kEmitter);
-      sample_mesh(scene, mesh, light, from, v.frame.n, bits, u.u, u.v, p.ray.time, s);
+      sample_mesh(scene, mesh, light, from, facing(v), bits, u.u, u.v, p.ray.time, s);
     }
   }
   return s;
@@ -66,10 +66,10 @@ PRIMRAY_INLINE vvec3<W> reflected_of(const LightTable& lights, vint<W> light, co
 }
 
 // The weight of this way to the light against rays that meet it by themselves.
-template <int W>
+template <int W, class Lobes>
 PRIMRAY_INLINE vfloat<W> light_weight(const Round& round, vbool<W> useful, vbool<W> special, const ChosenLight<W>& chosen,
-                                      const LightSample<W>& s, vfloat<W> pdf, vfloat<W> scattered_pdf, const Vertex<W>& v,
-                                      const vvec3<W>& from) {
+                                      const LightSample<W>& s, vfloat<W> pdf, vfloat<W> scattered_pdf,
+                                      const Vertex<W, Lobes>& v, const vvec3<W>& from) {
   const LightTable& lights = round.scene.lights;
   const vint<W> light = chosen.choice.light;
   vbool<W> alone = s.is_delta | special;
@@ -79,15 +79,15 @@ PRIMRAY_INLINE vfloat<W> light_weight(const Round& round, vbool<W> useful, vbool
   vfloat<W> known_pdf = pdf;
   if (chosen.any_shiny) {
     const vbool<W> m = useful & chosen.shiny.shiny;
-    known_pdf = select(m, s.pdf * probability_of(lights, light, m, from, v.frame.n), pdf);
+    known_pdf = select(m, s.pdf * probability_of(lights, light, m, from, facing(v)), pdf);
   }
   return select(alone, vfloat<W>(1.0f), mis_weight(known_pdf, scattered_pdf));
 }
 
 // Moves the start of rays in lanes `below`, below the triangle's plane, out to `o`, with the direction from there on to the
 // same point of the light; which of them get out.
-template <int W>
-PRIMRAY_INLINE vbool<W> lift_to_light(Round& round, vbool<W> below, const Vertex<W>& v, const PathLanes<W>& p,
+template <int W, class Lobes>
+PRIMRAY_INLINE vbool<W> lift_to_light(Round& round, vbool<W> below, const Vertex<W, Lobes>& v, const PathLanes<W>& p,
                                       const vvec3<W>& from, LightSample<W>& s, vvec3<W>& o) {
   const vbool<W> lifted = start_lifted(round, below, v, s.wi, p.ray.time, o);
   const vvec3<W> to = s.wi * s.t - (o - from);
@@ -97,8 +97,18 @@ PRIMRAY_INLINE vbool<W> lift_to_light(Round& round, vbool<W> below, const Vertex
   return lifted;
 }
 
-template <int W>
-void sample_light(Round& round, vbool<W> scatters, const Vertex<W>& v, const PathLanes<W>& p) {
+// Starts rays of lanes `m` on the other side of the surface, towards the same point of the light.
+template <int W, class Lobes>
+PRIMRAY_RARE void start_beyond(vbool<W> m, const Vertex<W, Lobes>& v, const vvec3<W>& from, LightSample<W>& s, vvec3<W>& o) {
+  o = select(m, v.it.p - v.ng * v.it.offset, o);
+  const vvec3<W> to = s.wi * s.t - (o - from);
+  const vfloat<W> t = length(to);
+  const vbool<W> near = m & (t < vfloat<W>(kInfinity)) & (t > vfloat<W>(0.0f));
+  s.wi = select(near, to * (1.0f / t), s.wi), s.t = select(near, t, s.t);
+}
+
+template <int W, class Lobes>
+void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
   using B = vbool<W>;
   using V = vvec3<W>;
   const LightTable& lights = round.scene.lights;
@@ -112,7 +122,8 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W>& v, const Pat
   LightSample<W> s = sample_point(round, useful, light, v, p, from);
   const V wi = v.frame.to_local(s.wi);
   const B above = dot(v.ng, s.wi) > vfloat<W>(0.0f);
-  useful &= (s.pdf > vfloat<W>(0.0f)) & (wi.z > vfloat<W>(0.0f)) & (above | v.it.smooth);
+  const B beyond = v.bsdf.lets_through() & (wi.z < vfloat<W>(0.0f)) & !above;  // through the surface
+  useful &= (s.pdf > vfloat<W>(0.0f)) & (((wi.z > vfloat<W>(0.0f)) & (above | v.it.smooth)) | beyond);
   if (!any(useful)) return;
   const BsdfEval<W> f = v.bsdf.eval(v.wo, wi);
   const V reflected = reflected_of(lights, light, f);
@@ -124,7 +135,9 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W>& v, const Pat
   const V carried = p.beta * reflected * s.L * (weight / pdf);
   useful &= max_component(carried) > vfloat<W>(0.0f);
   V o = from;
-  if (const B below = useful & !above; any(below)) useful &= above | lift_to_light(round, below, v, p, from, s, o);
+  if (any(useful & beyond)) start_beyond(useful & beyond, v, from, s, o);
+  if (const B below = useful & !above & !beyond; any(below))
+    useful &= above | beyond | lift_to_light(round, below, v, p, from, s, o);
   Worker& w = round.worker;
   if (any(useful & special))
     w.special_shadows->append(useful & special, o, s.wi, s.t * kNearlyOne, carried, p.slot, light, p.ray.time, round.needs);
@@ -133,8 +146,8 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W>& v, const Pat
 }
 
 // One sample of the lights; at a path's first surface that is no mirror, as many as pilots found worth their rays.
-template <int W>
-void sample_lights(Round& round, vbool<W> scatters, const Vertex<W>& v, const PathLanes<W>& p) {
+template <int W, class Lobes>
+void sample_lights(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
   const int samples = round.settings.light_samples;
   const vbool<W> more = scatters & (p.vertex == vint<W>(0)) & !v.bsdf.mirror;
   if (samples == 1 || !any(more)) return sample_light(round, scatters, v, p);

@@ -29,9 +29,9 @@ constexpr float kRouletteDeepKeep = 0.999f;
 
 // A direction by the BSDF, the guide or photons. `splits`: among how many paths each sample is split, photons change it.
 // `own`: where photons are asked, the density without them.
-template <int W>
-PRIMRAY_INLINE BsdfSample<W> sample_direction(const Round& round, const Vertex<W>& v, const PathLanes<W>& p, vfloat<W>& splits,
-                                              vfloat<W>& own) {
+template <int W, class Lobes>
+PRIMRAY_INLINE BsdfSample<W> sample_direction(const Round& round, const Vertex<W, Lobes>& v, const PathLanes<W>& p,
+                                              vfloat<W>& splits, vfloat<W>& own) {
   const Guide* guide = round.settings.guide;
   const vint<W> bounce = p.vertex + vint<W>(1);
   Pair<W> u = p.sampler.link(bounce + vint<W>(round.first_link()));
@@ -49,8 +49,8 @@ PRIMRAY_INLINE BsdfSample<W> sample_direction(const Round& round, const Vertex<W
 }
 
 // Starts the rays of `n` on the side that they leave to; which of them leave to where `s` says.
-template <int W>
-PRIMRAY_INLINE vbool<W> leave_surface(Round& round, vbool<W> scatters, const Vertex<W>& v, const BsdfSample<W>& s,
+template <int W, class Lobes>
+PRIMRAY_INLINE vbool<W> leave_surface(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const BsdfSample<W>& s,
                                       vfloat<W> time, PathLanes<W>& n) {
   const vfloat<W> zero(0.0f), out = dot(v.ng, n.ray.d);
   n.ray.o = v.it.p + v.ng * (v.it.offset * select(out > zero, vfloat<W>(1.0f), vfloat<W>(-1.0f)));
@@ -63,8 +63,8 @@ PRIMRAY_INLINE vbool<W> leave_surface(Round& round, vbool<W> scatters, const Ver
 }
 
 // What a scene asks paths to carry from vertex to vertex.
-template <int W>
-PRIMRAY_INLINE void carry_on(const Round& round, const Vertex<W>& v, const PathLanes<W>& p, const BsdfSample<W>& s,
+template <int W, class Lobes>
+PRIMRAY_INLINE void carry_on(const Round& round, const Vertex<W, Lobes>& v, const PathLanes<W>& p, const BsdfSample<W>& s,
                              PathLanes<W>& n) {
   using F = vfloat<W>;
   const Scene& scene = round.scene;
@@ -73,7 +73,7 @@ PRIMRAY_INLINE void carry_on(const Round& round, const Vertex<W>& v, const PathL
     n.cone_width = p.cone_width + p.cone_spread * dot(v.it.p - p.ray.o, p.ray.d);
     n.cone_spread = p.cone_spread + select(s.pdf > F(0.0f), kLobeSpread / sqrt(max(s.pdf, 1e-6f)), F(0.0f));
   }
-  if (round.needs.normals) n.normal = select(s.straight, p.normal, v.frame.n);
+  if (round.needs.normals) n.normal = select(s.straight, p.normal, facing(v));
   if (round.needs.links) n.link = select(s.straight, p.link, v.it.link);
   if (scene.lights.lobe_factors) n.diffuse_share = select(s.straight, p.diffuse_share, s.diffuse_share);
   // What was guided counts as its surface would have sent it, until it next scatters widely.
@@ -113,8 +113,8 @@ PRIMRAY_INLINE void look_for_sky(Round& round, vbool<W> last, const PathLanes<W>
     round.worker.shadows.append(lit, n.ray.o, n.ray.d, vfloat<W>(kInfinity), carried, n.slot, n.ray.time, round.needs);
 }
 
-template <int W>
-void scatter_once(Round& round, vbool<W> scatters, const Vertex<W>& v, const PathLanes<W>& p) {
+template <int W, class Lobes>
+void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
   using F = vfloat<W>;
   using I = vint<W>;
   using B = vbool<W>;
@@ -154,8 +154,8 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W>& v, const Pat
 }
 
 // A path at its first surface that is no mirror is split, which spends more on what comes after than on finding that surface.
-template <int W>
-void scatter(Round& round, vbool<W> scatters, const Vertex<W>& v, const PathLanes<W>& p) {
+template <int W, class Lobes>
+void scatter(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
   const int splits = round.settings.splits;
   const vbool<W> split = scatters & (p.vertex == vint<W>(0)) & !v.bsdf.mirror;
   if (splits == 1 || !any(split)) return scatter_once(round, scatters, v, p);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "bsdf/bsdf_with_open_pbr.hpp"
 #include "path/emission.hpp"
 #include "path/outline_rays.hpp"
 #include "path/sample_light.hpp"
@@ -68,18 +69,39 @@ PRIMRAY_INLINE vbool<W> is_side_certain(Round& round, vbool<W> hit, const PathLa
   return certain;
 }
 
-template <int W>
-void go_on(Round& round, vbool<W> scatters, const Vertex<W>& v, const PathLanes<W>& p) {
+template <int W, class Lobes>
+void go_on(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
   if (round.scene.lights.count > 0) sample_lights(round, scatters & (p.depth < vint<W>(round.settings.max_depth)), v, p);
   scatter(round, scatters, v, p);
 }
 
-template <int W>
-PRIMRAY_RARE void go_on_guided(Round& round, vbool<W> scatters, Vertex<W>& v, const PathLanes<W>& p) {
+template <int W, class Lobes>
+PRIMRAY_RARE void go_on_guided(Round& round, vbool<W> scatters, Vertex<W, Lobes>& v, const PathLanes<W>& p) {
   const auto sends = [&](const vvec3<W>& w, vfloat<W> width2) { return suits(v.bsdf, v.wo, v.frame.to_local(w), width2); };
-  const CausticLanes<W> guide(*round.settings.caustics, scatters & follows_caustics(v.bsdf), v.it.p, sends);
+  const CausticLanes<W> guide(*round.settings.caustics, scatters & follows_caustics<W>(v.bsdf), v.it.p, sends);
   if (any(guide.share > vfloat<W>(0.0f))) v.caustics = &guide;
   go_on(round, scatters, v, p);
+}
+
+// Light is sampled and paths are sent on from the hits `it`.
+template <class Lobes, int W>
+PRIMRAY_INLINE void scatter_at(Round& round, vbool<W> scatters, const PathLanes<W>& p, const Hits<W>& hits,
+                               const Interaction<W>& it, const SurfaceRows<W>& rows, const vvec3<W>& ng,
+                               const Frame<vfloat<W>>& frame, vbool<W> front) {
+  const IntegratorSettings& settings = round.settings;
+  const vvec3<W> wo = frame.to_local(-p.ray.d);
+  Vertex<W, Lobes> v{it, ng, frame, wo, Lobes(rows, scatters, wo, front), hits, {vint<W>(-1), vint<W>(0)}, nullptr};
+  v.bsdf.diffuse *= it.color;
+  if (settings.guide) v.place = find_place(*settings.guide, scatters, it.p, ng, v.bsdf);
+  if (settings.caustics) return go_on_guided(round, scatters, v, p);
+  go_on(round, scatters, v, p);
+}
+template <int W>
+PRIMRAY_RARE void scatter_with_open_pbr(Round& round, vbool<W> scatters, const PathLanes<W>& p, const Hits<W>& hits,
+                                        const Interaction<W>& it, const SurfaceRows<W>& rows, const vvec3<W>& ng,
+                                        Frame<vfloat<W>> frame, vbool<W> front) {
+  align_tangent(rows, scatters, frame);
+  scatter_at<BsdfWithOpenPbr<W>>(round, scatters, p, hits, it, rows, ng, frame, front);
 }
 
 // One vertex of the paths at [at, at + W).
@@ -119,12 +141,8 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
   // A shading normal that faces away from the viewer cannot be seen: use the true one.
   const V ns = it.ns * side;
   const Frame<F> frame(select(dot(ns, wo) > F(1e-4f), ns, ng));
-  const V wo_local = frame.to_local(wo);
-  Vertex<W> v{it, ng, frame, wo_local, Bsdf<W>(rows, scatters, wo_local, front), hits, {vint<W>(-1), vint<W>(0)}, nullptr};
-  v.bsdf.diffuse *= it.color;
-  if (settings.guide) v.place = find_place(*settings.guide, scatters, it.p, ng, v.bsdf);
-  if (settings.caustics) return go_on_guided(round, scatters, v, p);
-  go_on(round, scatters, v, p);
+  if (!scene.surfaces.open_pbr.empty()) return scatter_with_open_pbr(round, scatters, p, hits, it, rows, ng, frame, front);
+  scatter_at<Bsdf<W>>(round, scatters, p, hits, it, rows, ng, frame, front);
 }
 
 template <int W>

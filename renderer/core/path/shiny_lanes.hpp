@@ -12,8 +12,8 @@ constexpr float kShiny = 0.04f, kDullAlpha = 0.6f;
 constexpr float kLeastRest = 0.02f;
 
 // Which of the lanes `scatters` are, seen along unit wo (of the world), and how they reflect; whether there are any.
-template <int W>
-PRIMRAY_RARE bool find_shiny(vbool<W> scatters, const Bsdf<W>& b, const vvec3<W>& wo, ShinyLanes<W>& s) {
+template <int W, class Lobes>
+PRIMRAY_RARE bool find_shiny(vbool<W> scatters, const Lobes& b, const vvec3<W>& wo, ShinyLanes<W>& s) {
   const vbool<W> by_coat = b.any_coat ? b.p_coat > b.p_specular : vbool<W>(false);
   const vfloat<W> alpha = b.any_coat ? select(by_coat, b.coat_alpha, b.alpha) : b.alpha;
   s.specular = select(by_coat, b.p_coat, b.p_specular), s.rest = max(1.0f - s.specular, kLeastRest);

@@ -12,21 +12,29 @@ namespace primray {
 // How far inside a triangle, of the way to its middle, a hit on its edge is looked at again.
 constexpr float kWithin = 0x1p-12f;
 
-template <int W>
+// `Lobes`: a Bsdf, or one with OpenPBR's where the scene has such surfaces.
+template <int W, class Lobes>
 struct Vertex {
   Interaction<W> it;
   vvec3<W> ng;  // on the side where the ray came from
   Frame<vfloat<W>> frame;
   vvec3<W> wo;  // in that frame
-  Bsdf<W> bsdf;
+  Lobes bsdf;
   const Hits<W>& hits;
   GuidePlace<W> place;              // region -1: scattered by the BSDF alone
   const CausticLanes<W>* caustics;  // null: no ray is guided into them
 };
 
+// The side by which lights are chosen: none where light from both is sent on.
+template <int W, class Lobes>
+PRIMRAY_INLINE vvec3<W> facing(const Vertex<W, Lobes>& v) {
+  return select(v.bsdf.lets_through(), vvec3<W>(vfloat<W>(0.0f)), v.frame.n);
+}
+
 // The density of `wi` (of the world) without photons.
-template <int W>
-PRIMRAY_INLINE vfloat<W> scattered_density(const Round& round, const Vertex<W>& v, const vvec3<W>& wi, vfloat<W> by_bsdf) {
+template <int W, class Lobes>
+PRIMRAY_INLINE vfloat<W> scattered_density(const Round& round, const Vertex<W, Lobes>& v, const vvec3<W>& wi,
+                                           vfloat<W> by_bsdf) {
   return round.settings.guide ? mixed_pdf(*round.settings.guide, v.place, wi, by_bsdf) : by_bsdf;
 }
 
@@ -44,8 +52,9 @@ vbool<W> sees_within(Round& round, vbool<W> m, const PathLanes<W>& p, const Hits
 
 // Which rays along `wi` of lanes `below`, smooth ones and below the triangle's plane, go out all the same: from `o`. Nothing
 // may stand on the way there, or light would come through it.
-template <int W>
-vbool<W> start_lifted(Round& round, vbool<W> below, const Vertex<W>& v, const vvec3<W>& wi, vfloat<W> time, vvec3<W>& o) {
+template <int W, class Lobes>
+vbool<W> start_lifted(Round& round, vbool<W> below, const Vertex<W, Lobes>& v, const vvec3<W>& wi, vfloat<W> time,
+                      vvec3<W>& o) {
   vvec3<W> shift;
   vbool<W> lifted = lift_to_smooth(round.scene, below, v.hits, v.it.offset, v.ng, wi, shift);
   if (!any(lifted)) return lifted;

@@ -114,7 +114,7 @@ struct PatternImage {
 // Registers that a tape may use.
 constexpr int kMostRegisters = 1024;
 // Outputs of a tape: one for each input of a surface at most.
-constexpr int kMostOutputs = 16;
+constexpr int kMostOutputs = 40;
 
 struct Tape {
   std::vector<Instruction> code;

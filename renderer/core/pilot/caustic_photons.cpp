@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "accel/query.hpp"
-#include "bsdf/bsdf.hpp"
+#include "bsdf/bsdf_with_open_pbr.hpp"
 #include "guide/caustic_tree.hpp"
 #include "guide/caustics.hpp"
 #include "light/selection/selection.hpp"
@@ -140,11 +140,12 @@ class Photons {
       const B front = dot(it.ng, wo) > F(0.0f);
       const F side = select(front, F(1.0f), F(-1.0f));
       const V ng = it.ng * side, ns = it.ns * side;
-      const Frame<F> frame(select(dot(ns, wo) > F(1e-4f), ns, ng));
+      Frame<F> frame(select(dot(ns, wo) > F(1e-4f), ns, ng));
+      if (!scene_.surfaces.open_pbr.empty()) align_tangent(rows, alive, frame);
       const V local = frame.to_local(wo);
-      const Bsdf<W> bsdf(rows, alive, local, front);
+      const BsdfWithOpenPbr<W> bsdf(rows, alive, local, front);
       const B there = alive & scattered;
-      keep(there, there & (lanes.corner == I(0)) & follows_caustics(bsdf), it.p, source, way + it.surface, weight, landed);
+      keep(there, there & (lanes.corner == I(0)) & follows_caustics<W>(bsdf), it.p, source, way + it.surface, weight, landed);
       if (!bsdf.any_preview) return;
       const Pair<W> u = sampler.link(I(vertex));
       const F lobe = sampler.single(I(vertex), Purpose::kLobe);

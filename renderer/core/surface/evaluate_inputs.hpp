@@ -23,6 +23,7 @@ PRIMRAY_INLINE bool any_inputs(const Scene& scene, vbool<W> m, vint<W> surface) 
 template <int W>
 struct LaneRows {
   alignas(64) float rows[W * kSurfaceFields];
+  alignas(64) float open_pbr[W * kOpenPbrFields];
 };
 
 // One primvar at W points: offsets of its values at the three corners, equal where it does not vary over a triangle.
@@ -233,6 +234,30 @@ PRIMRAY_INLINE vvec3<W> unit_normal(const vvec3<W>& bent, const vvec3<W>& ns) {
   return select(good, bent * (1.0f / sqrt(select(good, size2, 1.0f))), ns);
 }
 
+// Rows of OpenPBR surfaces whose inputs vary stand by their lanes; those of lanes whose inputs do not are copied there.
+template <int W>
+PRIMRAY_RARE void put_open_pbr(const SurfaceInput& s, const SurfaceValues<W>& values, const OpenPbrValues<W>& open, vbool<W> m,
+                               vfloat<W> (&row)[kSurfaceFields], LaneRows<W>& out) {
+  vfloat<W> columns[kOpenPbrFields];
+  reduce_open_pbr(open, s.thin, columns);
+  reduce_surface(s, values, open, columns, to_float(lane_numbers<W>()), row);
+  for (uint32_t b = bits(m); b; b &= b - 1) {
+    const int i = __builtin_ctz(b);
+    for (int f = 0; f < kOpenPbrFields; ++f) out.open_pbr[i * kOpenPbrFields + f] = columns[f][i];
+  }
+}
+template <int W>
+PRIMRAY_RARE void copy_open_pbr(const SurfaceTable& table, vbool<W> m, LaneRows<W>& out) {
+  for (uint32_t b = bits(m); b; b &= b - 1) {
+    const int i = __builtin_ctz(b);
+    float* row = out.rows + i * kSurfaceFields;
+    if (!(int(row[kFlags]) & kOpenPbr)) continue;
+    std::memcpy(out.open_pbr + i * kOpenPbrFields, table.open_pbr.data() + int(row[kOpenPbrRow]) * kOpenPbrFields,
+                kOpenPbrFields * sizeof(float));
+    row[kOpenPbrRow] = float(i);
+  }
+}
+
 // Rows of the surfaces at the hits `h`, where they are `p`, and their normals `ns` where a normal map bends them. `footprint`
 // as in InputReader.
 template <int W>
@@ -245,12 +270,15 @@ __attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbo
     std::memcpy(out.rows + i * kSurfaceFields, scene.surfaces.rows.data() + surface[i] * kSurfaceFields,
                 kSurfaceFields * sizeof(float));
   const I number = gather<W>(scene.surface_inputs_of.data(), surface);
+  if (!scene.surfaces.open_pbr.empty()) copy_open_pbr(scene.surfaces, active & !(number >= I(0)), out);
   for (vbool<W> left = active & (number >= I(0)); any(left);) {
     const int k = number[__builtin_ctz(bits(left))];
     const vbool<W> same = left & (number == I(k));
     left &= !same;
     const SurfaceInputs& inputs = scene.surface_inputs[k];
     SurfaceValues<W> values(inputs.constants);
+    std::optional<OpenPbrValues<W>> open;
+    if (inputs.constants.open_pbr) open.emplace(*inputs.constants.open_pbr);
     InputReader<W> reader(scene, same, point, footprint);
     const auto wants = [&](InputField f) { return f != InputField::kOpacity || !(inputs.constants.opacity_threshold > 0); };
     reader.run_tape(inputs, wants, &h, &p, &ns);
@@ -262,18 +290,24 @@ __attribute__((noinline)) SurfaceRows<W> evaluate_inputs(const Scene& scene, vbo
             source.output >= 0 ? unit_normal(x, ns) : bend_normal(point, reader.st(source.tangents, source.fallback), x, ns);
         // One that points into the surface is no normal of it.
         ns = select(same & (dot(n, ng) > vfloat<W>(0.0f)), n, ns);
+      } else if (source.field >= InputField::kOpenPbr) {
+        if (open) open->set(source.field, x);
       } else {
         values.set(source.field, x);
       }
     }
     vfloat<W> row[kSurfaceFields];
-    reduce_surface(inputs.constants, values, row);
+    if (open) {
+      put_open_pbr(inputs.constants, values, *open, same, row, out);
+    } else {
+      reduce_surface(inputs.constants, values, row);
+    }
     for (uint32_t b = bits(same); b; b &= b - 1) {
       const int i = __builtin_ctz(b);
       for (int f = 0; f < kSurfaceFields; ++f) out.rows[i * kSurfaceFields + f] = row[f][i];
     }
   }
-  return SurfaceRows<W>(out.rows, lane_numbers<W>() * I(kSurfaceFields));
+  return SurfaceRows<W>(out.rows, lane_numbers<W>() * I(kSurfaceFields), out.open_pbr);
 }
 
 }  // namespace primray

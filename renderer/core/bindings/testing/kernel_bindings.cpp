@@ -6,7 +6,7 @@
 #include "accel/build.hpp"
 #include "accel/query.hpp"
 #include "bindings/testing/rows.hpp"
-#include "bsdf/bsdf.hpp"
+#include "bsdf/bsdf_with_open_pbr.hpp"
 #include "build/inputs/input_facts.hpp"
 #include "light/selection/portal.hpp"
 #include "sampler/sampler.hpp"
@@ -17,6 +17,14 @@
 namespace primray {
 namespace {
 
+// The lobes of a table's first surface, as renders of its scene have them.
+template <int W, class F>
+auto with_lobes(const SurfaceTable& table, const vvec3<W>& wo, vint<W> front, const F& f) {
+  const vbool<W> all(true), in_front = front != vint<W>(0);
+  if (table.open_pbr.empty()) return f(Bsdf<W>(table, vint<W>(0), all, wo, in_front));
+  return f(BsdfWithOpenPbr<W>(table, vint<W>(0), all, wo, in_front));
+}
+
 nb::tuple bsdf_eval(const SurfaceInput& surface, InFloats wo_, InFloats wi_, InInts front_, int lanes) {
   SurfaceTable table;
   table.add(surface);
@@ -26,8 +34,7 @@ nb::tuple bsdf_eval(const SurfaceInput& surface, InFloats wo_, InFloats wi_, InI
   Column<float> diffuse(n, 3), specular(n, 3), pdf(n);
   for_rows(n, lanes, [&]<int W>(size_t at) {
     const vvec3<W> o = wo.vector<W>(at);
-    const Bsdf<W> bsdf(table, vint<W>(0), vbool<W>(true), o, front.number<W>(at) != vint<W>(0));
-    const BsdfEval<W> e = bsdf.eval(o, wi.vector<W>(at));
+    const BsdfEval<W> e = with_lobes(table, o, front.number<W>(at), [&](const auto& b) { return b.eval(o, wi.vector<W>(at)); });
     diffuse.put(at, e.diffuse), specular.put(at, e.specular), pdf.put(at, e.pdf);
   });
   return nb::make_tuple(diffuse.array(), specular.array(), pdf.array());
@@ -43,8 +50,8 @@ nb::tuple bsdf_sample(const SurfaceInput& surface, InFloats wo_, InInts front_, 
   Column<int32_t> is_delta(n), transmits(n);
   for_rows(n, lanes, [&]<int W>(size_t at) {
     const vvec3<W> o = wo.vector<W>(at), r = u.vector<W>(at);
-    const Bsdf<W> bsdf(table, vint<W>(0), vbool<W>(true), o, front.number<W>(at) != vint<W>(0));
-    const BsdfSample<W> s = bsdf.sample(o, r.x, r.y, r.z);
+    const BsdfSample<W> s =
+        with_lobes(table, o, front.number<W>(at), [&](const auto& b) { return b.sample(o, r.x, r.y, r.z); });
     wi.put(at, s.wi), weight.put(at, s.weight), pdf.put(at, s.pdf), is_delta.put(at, s.is_delta),
         transmits.put(at, s.transmits);
   });
@@ -61,7 +68,8 @@ nb::tuple bsdf_lobes(const SurfaceInput& surface, InFloats wo_, InInts front_, i
   Column<float> chances(n, 4), straight(n, 3);
   for_rows(n, lanes, [&]<int W>(size_t at) {
     const vvec3<W> o = wo.vector<W>(at);
-    const Bsdf<W> b(table, vint<W>(0), vbool<W>(true), o, front.number<W>(at) != vint<W>(0));
+    const auto as_base = [](const auto& b) { return Bsdf<W>(b); };
+    const Bsdf<W> b = with_lobes(table, o, front.number<W>(at), as_base);
     const vfloat<W> zero(0.0f), one(1.0f);
     chances.put(at, b.any_preview ? b.p_diffuse : one, 0), chances.put(at, b.any_preview ? b.p_specular : zero, 1);
     chances.put(at, b.any_preview ? b.p_coat : zero, 2), chances.put(at, b.presence, 3);

@@ -83,12 +83,24 @@ void average_row(const Scene& scene, int32_t surface, float (&row)[kSurfaceField
   }
   const SurfaceInputs& inputs = scene.surface_inputs[number];
   SurfaceValues<1> values(inputs.constants);
+  std::optional<OpenPbrValues<1>> open;
+  if (inputs.constants.open_pbr) open.emplace(*inputs.constants.open_pbr);
   for (const InputSource& source : inputs.sources) {
-    const vec3 mean = mean_of(scene, source);
-    values.set(source.field, vvec3<1>{vfloat<1>(mean.x), vfloat<1>(mean.y), vfloat<1>(mean.z)});
+    const vec3 m = mean_of(scene, source);
+    const vvec3<1> mean{vfloat<1>(m.x), vfloat<1>(m.y), vfloat<1>(m.z)};
+    if (source.field < InputField::kOpenPbr)
+      values.set(source.field, mean);
+    else if (open)
+      open->set(source.field, mean);
   }
-  vfloat<1> columns[kSurfaceFields];
-  reduce_surface(inputs.constants, values, columns);
+  vfloat<1> columns[kSurfaceFields], open_columns[kOpenPbrFields];
+  if (open) {
+    reduce_open_pbr(*open, inputs.constants.thin, open_columns);
+    const vfloat<1> at(scene.surfaces.rows[size_t(surface) * kSurfaceFields + kOpenPbrRow]);
+    reduce_surface(inputs.constants, values, *open, open_columns, at, columns);
+  } else {
+    reduce_surface(inputs.constants, values, columns);
+  }
   for (int i = 0; i < kSurfaceFields; ++i) row[i] = columns[i][0];
 }
 

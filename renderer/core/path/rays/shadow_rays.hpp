@@ -3,7 +3,7 @@
 #pragma once
 
 #include "accel/query.hpp"
-#include "bsdf/bsdf.hpp"
+#include "bsdf/bsdf_with_open_pbr.hpp"
 #include "emitter/emitter.hpp"
 #include "light/shadow.hpp"
 #include "path/rays/ray_recorder.hpp"
@@ -11,6 +11,11 @@
 #include "surface/interaction.hpp"
 
 namespace primray {
+
+template <int W>
+PRIMRAY_RARE vvec3<W> straight_with_open_pbr(const SurfaceRows<W>& rows, vbool<W> active, const vvec3<W>& wo, vbool<W> front) {
+  return straight_transmittance(BsdfWithOpenPbr<W>(rows, active, wo, front));
+}
 
 // What a shadow ray met, and the part of its light that goes straight on.
 template <int W>
@@ -31,7 +36,8 @@ struct ShadowStep {
       vvec3<W> unbent = it.ns;
       rows = evaluate_inputs(scene, active, hits, it.surface, vfloat<W>(0.0f), it.p, it.ng, unbent, varying);
     }
-    through = straight_transmittance(Bsdf<W>(rows, active, wo, front));
+    through = scene.surfaces.open_pbr.empty() ? straight_transmittance(Bsdf<W>(rows, active, wo, front))
+                                              : straight_with_open_pbr(rows, active, wo, front);
   }
   // Goes on from the point that was hit, as far as is left: to the same end, since that may lie so close to its light's surface
   // that a ray beside it would meet that.

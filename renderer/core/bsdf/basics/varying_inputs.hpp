@@ -17,7 +17,8 @@ enum class InputField : int32_t {
   kClearcoatRoughness,
   kOpacity,
   kIor,
-  kNormal,  // no value: it bends the shading normal
+  kNormal,   // no value: it bends the shading normal
+  kOpenPbr,  // the first of an OpenPBR surface's own (open_pbr/inputs.hpp)
 };
 
 // What a value from outside is kept in, as far as the model means anything there.

@@ -1,7 +1,7 @@
 // Directional albedos by table (albedo_table.hpp), interpolated on lanes.
 #pragma once
 
-#include "bsdf/albedo_table.hpp"
+#include "bsdf/basics/albedo_table.hpp"
 #include "math/vec3.hpp"
 
 namespace primray {

@@ -1,0 +1,105 @@
+// What lobes send on of light from one direction: tables.hpp, interpolated on lanes.
+#pragma once
+
+#include "bsdf/basics/albedo.hpp"
+#include "bsdf/open_pbr/tables.hpp"
+
+namespace primray {
+
+// A place between nodes of an axis with `count` of them, x counting nodes.
+template <int W>
+struct NodePlace {
+  vint<W> first;
+  vfloat<W> part;
+  PRIMRAY_INLINE NodePlace(vfloat<W> x, int count) {
+    const vfloat<W> kept = clamp(x, 0.0f, float(count - 1));
+    first = min(truncate(kept), count - 2), part = kept - to_float(first);
+  }
+};
+
+template <int W>
+PRIMRAY_INLINE vfloat<W> between(vfloat<W> a, vfloat<W> b, vfloat<W> part) {
+  return a + (b - a) * part;
+}
+
+// The axes of make_tables.py.
+template <int W>
+struct AlbedoAxes {
+  vfloat<W> mu, roughness, alpha, x;  // x: 0 at grazing angles, 1 head-on
+  PRIMRAY_INLINE AlbedoAxes(vfloat<W> cosine, vfloat<W> r)
+      : mu(clamp(cosine, 0.0f, 1.0f)), roughness(clamp(r, kAlbedoSmoothest, 1.0f)), alpha(roughness * roughness) {
+    x = sqrt(min(mu * (1.0f + 3.0f * alpha) / (mu + 3.0f * alpha), 1.0f));
+  }
+  PRIMRAY_INLINE NodePlace<W> row(int count) const {
+    return {(roughness - kAlbedoSmoothest) * (float(count - 1) / (1.0f - kAlbedoSmoothest)), count};
+  }
+  PRIMRAY_INLINE NodePlace<W> column(int count) const { return {x * float(count - 1), count}; }
+};
+
+// Of a table by (outer, roughness, cosine).
+template <int W>
+PRIMRAY_INLINE vfloat<W> read_albedo(const float* table, const NodePlace<W>& outer, const NodePlace<W>& row,
+                                     const NodePlace<W>& column, int rows, int columns) {
+  const auto plane = [&](const vint<W>& of) {
+    const vint<W> at = (of * vint<W>(rows) + row.first) * vint<W>(columns) + column.first;
+    const vfloat<W> low = between(gather<W>(table, at), gather<W>(table + 1, at), column.part);
+    const vfloat<W> high = between(gather<W>(table + columns, at), gather<W>(table + columns + 1, at), column.part);
+    return between(low, high, row.part);
+  };
+  return between(plane(outer.first), plane(outer.first + vint<W>(1)), outer.part);
+}
+
+// What an isotropic lobe of F = 1 reflects.
+template <int W>
+PRIMRAY_INLINE vfloat<W> whole_albedo(vfloat<W> cosine, vfloat<W> roughness) {
+  const LobeAlbedo<W> a = ggx_albedo(cosine, roughness);
+  return a.f0 + a.f90;
+}
+
+// The cosine at which a smooth interface reflects what the rough one does on the whole, over whole_albedo(); `eta` at least 1.
+template <int W>
+PRIMRAY_INLINE vfloat<W> fresnel_cosine(vfloat<W> cosine, vfloat<W> roughness, vfloat<W> eta) {
+  const AlbedoAxes<W> axes(cosine, roughness);
+  const NodePlace<W> outer(safe_sqrt((eta - 1.0f) / (eta + 1.0f) * (1 / 0.6f)) * float(kReflectionEtas - 1), kReflectionEtas);
+  const vfloat<W> steps = read_albedo(kReflectionTable, outer, axes.row(kReflectionRoughnesses),
+                                      axes.column(kReflectionCosines), kReflectionRoughnesses, kReflectionCosines);
+  const vfloat<W> excess = steps * (kPerStep * (kReflectionHigh - kReflectionLow)) + kReflectionLow;
+  return clamp(axes.mu + excess * axes.alpha / (axes.roughness + 0.05f), 0.0f, 1.0f);
+}
+
+// What an isotropic dielectric's single scattering reflects and transmits together.
+template <int W>
+PRIMRAY_INLINE vfloat<W> passing_albedo(vfloat<W> cosine, vfloat<W> roughness, vfloat<W> eta) {
+  const AlbedoAxes<W> axes(cosine, roughness);
+  const NodePlace<W> outer(((eta - 1.0f) / (eta + 1.0f) + 0.6f) * (float(kPassingEtas - 1) / 1.2f), kPassingEtas);
+  return kPerStep * read_albedo(kPassingTable, outer, axes.row(kPassingRoughnesses), axes.column(kPassingCosines),
+                                kPassingRoughnesses, kPassingCosines);
+}
+
+// What an anisotropic lobe of F = 1 reflects, over what the isotropic one does.
+template <int W>
+PRIMRAY_INLINE vfloat<W> brushed_ratio(const vvec3<W>& wo, vfloat<W> roughness, vfloat<W> anisotropy) {
+  const AlbedoAxes<W> axes(wo.z, roughness);
+  const vfloat<W> side2 = wo.x * wo.x + wo.y * wo.y, cos2 = wo.x * wo.x / max(side2, 1e-12f);
+  constexpr float kLeastRoot = 0.141421356f;  // of 1 - kMostAnisotropy
+  const vfloat<W> root = safe_sqrt(1.0f - anisotropy);
+  const NodePlace<W> outer((1.0f - root) * (float(kBrushedAnisotropies - 1) / (1 - kLeastRoot)), kBrushedAnisotropies);
+  const NodePlace<W> row = axes.row(kBrushedRoughnesses), column = axes.column(kBrushedCosines);
+  const NodePlace<W> azimuth(cos2 * float(kBrushedAzimuths - 1), kBrushedAzimuths);
+  // Azimuths are one more axis within the cosines'.
+  const auto at_cosine = [&](vint<W> of, vint<W> r, vint<W> c) {
+    const vint<W> at =
+        ((of * vint<W>(kBrushedRoughnesses) + r) * vint<W>(kBrushedCosines) + c) * vint<W>(kBrushedAzimuths) + azimuth.first;
+    return between(gather<W>(kBrushedTable, at), gather<W>(kBrushedTable + 1, at), azimuth.part);
+  };
+  const vint<W> one(1);
+  const auto plane = [&](vint<W> of) {
+    const auto line = [&](vint<W> r) {
+      return between(at_cosine(of, r, column.first), at_cosine(of, r, column.first + one), column.part);
+    };
+    return between(line(row.first), line(row.first + one), row.part);
+  };
+  return (kPerStep * kBrushedHigh) * between(plane(outer.first), plane(outer.first + one), outer.part);
+}
+
+}  // namespace primray

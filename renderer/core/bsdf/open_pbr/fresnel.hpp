@@ -1,0 +1,57 @@
+// What interfaces reflect of unpolarized light, by the cosine with the (micro)normal.
+#pragma once
+
+#include "math/vec3.hpp"
+
+namespace primray {
+
+template <int W>
+PRIMRAY_INLINE vfloat<W> fifth_power(vfloat<W> x) {
+  const vfloat<W> x2 = x * x;
+  return x2 * x2 * x;
+}
+
+// Of a dielectric, `eta` being the index beyond over the one before: 1 where all is reflected.
+template <int W>
+PRIMRAY_INLINE vfloat<W> dielectric_fresnel(vfloat<W> cosine, vfloat<W> eta) {
+  const vfloat<W> c = clamp(cosine, 0.0f, 1.0f), inverse = 1.0f / eta, sin2 = (1.0f - c * c) * inverse * inverse;
+  const vfloat<W> t = eta * safe_sqrt(1.0f - sin2), e2 = eta * eta * c;
+  const vfloat<W> s = (c - t) / max(c + t, 1e-20f), p = (e2 - t) / max(e2 + t, 1e-20f);
+  return select(sin2 >= vfloat<W>(1.0f), vfloat<W>(1.0f), 0.5f * (s * s + p * p));
+}
+
+// E_F: the hemispherical mean of that for eta from 1 to 5, within 8e-4 of quadrature.
+template <int W>
+PRIMRAY_INLINE vfloat<W> mean_fresnel(vfloat<W> eta) {
+  const vfloat<W> e = (eta - 1.0f) / (eta + 1.0f);
+  return e * (0.56522418f + e * (-1.19131499f + e * (4.22872656f + e * (-5.11220986f + e * 2.64015372f))));
+}
+
+// The part of the light within a coat of relative index `eta` that its surface sends back (OpenPBR 1.1.1, "Darkening", K_r).
+template <int W>
+PRIMRAY_INLINE vfloat<W> internal_reflection(vfloat<W> eta) {
+  const vbool<W> denser = eta >= vfloat<W>(1.0f);
+  const vfloat<W> mean = mean_fresnel(select(denser, eta, 1.0f / eta));
+  return select(denser, 1.0f - (1.0f - mean) / (eta * eta), mean);
+}
+
+// Kutz et al. 2021, "Novel Aspects of the Adobe Standard Material": Schlick's curve from `f0` up, tinted where the cosine is
+// 1/7.
+template <int W>
+struct MetalFresnel {
+  vvec3<W> f0, dip;  // dip: what the tint takes away there, over mu (1 - mu)^6
+
+  PRIMRAY_INLINE MetalFresnel() = default;
+  PRIMRAY_INLINE MetalFresnel(const vvec3<W>& reflected, const vvec3<W>& tint) : f0(reflected) {
+    constexpr float kMu = 1.0f / 7, kLeft = 6.0f / 7, kFifth = kLeft * kLeft * kLeft * kLeft * kLeft;
+    const vvec3<W> one(vfloat<W>(1.0f)), schlick = f0 + (one - f0) * vfloat<W>(kFifth);
+    dip = schlick * (one - tint) * vfloat<W>(1 / (kMu * kFifth * kLeft));
+  }
+  PRIMRAY_INLINE vvec3<W> operator()(vfloat<W> cosine) const {
+    const vfloat<W> mu = clamp(cosine, 0.0f, 1.0f), left = 1.0f - mu, fifth = fifth_power(left);
+    const vvec3<W> f = f0 + (vvec3<W>(vfloat<W>(1.0f)) - f0) * fifth - dip * (mu * fifth * left);
+    return {clamp(f.x, 0.0f, 1.0f), clamp(f.y, 0.0f, 1.0f), clamp(f.z, 0.0f, 1.0f)};
+  }
+};
+
+}  // namespace primray

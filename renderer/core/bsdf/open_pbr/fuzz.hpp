@@ -1,0 +1,51 @@
+// The fuzz lobe: Zeltner, Burley and Chiang 2022, "Practical Multiple-Scattering Sheen Using Linearly Transformed Cosines"
+// (fuzz_table.cpp has their figures).
+#pragma once
+
+#include "bsdf/open_pbr/tables.hpp"
+#include "math/transcendental.hpp"
+
+namespace primray {
+
+template <int W>
+struct Fuzz {
+  vfloat<W> a, b;       // of the inverse transformation (x, y, z) -> (a x + b z, a y, z), in the plane of the view
+  vfloat<W> reflected;  // of all light, by a white one
+  vfloat<W> cos_phi, sin_phi;
+
+  PRIMRAY_INLINE Fuzz() = default;
+  PRIMRAY_INLINE Fuzz(const vvec3<W>& wo, vfloat<W> roughness) {
+    const vfloat<W> y = clamp(roughness, 0.0f, 1.0f) * float(kFuzzNodes - 1),
+                    x = clamp(wo.z, 0.0f, 1.0f) * float(kFuzzNodes - 1);
+    const vint<W> yi = min(truncate(y), kFuzzNodes - 2), xi = min(truncate(x), kFuzzNodes - 2);
+    const vfloat<W> fy = y - to_float(yi), fx = x - to_float(xi);
+    const vint<W> at = (yi * vint<W>(kFuzzNodes) + xi) * vint<W>(3);
+    const auto read = [&](int k) {
+      const float* t = kFuzzTable + k;
+      const vfloat<W> p = gather<W>(t, at), q = gather<W>(t + 3, at);
+      const vfloat<W> r = gather<W>(t + 3 * kFuzzNodes, at), s = gather<W>(t + 3 * kFuzzNodes + 3, at);
+      const vfloat<W> low = p + (q - p) * fx, high = r + (s - r) * fx;
+      return low + (high - low) * fy;
+    };
+    // A smooth one reflects nothing, and its figures say nothing of where.
+    a = max(read(0), 1e-3f), b = read(1), reflected = read(2);
+    const vfloat<W> side2 = wo.x * wo.x + wo.y * wo.y, scale = 1.0f / sqrt(max(side2, 1e-12f));
+    const vbool<W> aside = side2 > vfloat<W>(1e-12f);
+    cos_phi = select(aside, wo.x * scale, 1.0f), sin_phi = select(aside, wo.y * scale, 0.0f);
+  }
+  // Of directions wi above the surface, per solid angle; also the lobe's own shape, with the cosine in it.
+  PRIMRAY_INLINE vfloat<W> density(const vvec3<W>& wi) const {
+    const vfloat<W> x = cos_phi * wi.x + sin_phi * wi.y, y = cos_phi * wi.y - sin_phi * wi.x;
+    const vfloat<W> u = a * x + b * wi.z, v = a * y, z = max(wi.z, 0.0f), q = u * u + v * v + z * z;
+    return a * a * z * kInvPi / max(q * q, 1e-20f);
+  }
+  PRIMRAY_INLINE vvec3<W> sample(vfloat<W> u, vfloat<W> v) const {
+    const vfloat<W> r = sqrt(u);
+    const SinCos<W> phi = sincos_turns(v);
+    const vfloat<W> z = safe_sqrt(1.0f - u), x = (r * phi.cos - b * z) / a, y = r * phi.sin / a;
+    const vvec3<W> w = normalize(vvec3<W>(x, y, z));
+    return {cos_phi * w.x - sin_phi * w.y, cos_phi * w.y + sin_phi * w.x, w.z};
+  }
+};
+
+}  // namespace primray
