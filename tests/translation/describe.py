@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from primray.description import Input, PointMotion, PrimvarInput, SceneDescription, TextureInput
+from primray.description import Input, OpenPbr, PointMotion, PrimvarInput, SceneDescription, TextureInput
 from primray.diagnostics import Diagnostic
 
 LONGEST = 36  # longer arrays are summarised
@@ -21,7 +21,7 @@ SPARSE |= {"blades", "blade_rotation_deg", "clipping_planes", "shutter", "pixels
 SPARSE |= {"shaping", "shadow", "light_link", "shadow_link", "visible_to_camera", "linked", "link_row"}
 SPARSE |= {"rendering_space", "target", "is_color", "pattern"}
 SPARSE |= {"texture_format", "portals", "normalize", "own_color", "shows_own", "light", "photometric"}
-SPARSE |= {"motion", "exposure", "camera_motion", "motion_steps", "diffusion"}
+SPARSE |= {"open_pbr", "motion", "exposure", "camera_motion", "motion_steps", "diffusion"}
 SPARSE |= {"distortion", "natural_vignetting", "rim", "channel_magnification", "channel_focus_shift"}
 
 
@@ -39,7 +39,7 @@ def _dotted(attribute: str) -> str:
 
 
 def _plain(value: Any) -> Any:
-    if isinstance(value, TextureInput | PrimvarInput):
+    if isinstance(value, TextureInput | PrimvarInput | OpenPbr):
         return _input(value)
     if isinstance(value, PointMotion):
         value = dataclasses.replace(value, points=value.points.reshape(-1, 3))  # of all times
@@ -58,7 +58,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _input(value: Input) -> Any:
+def _input(value: Input | OpenPbr) -> Any:
     """What differs from the default, vectors in one line."""
     authored = {f.name: getattr(value, f.name) for f in dataclasses.fields(value) if getattr(value, f.name) != f.default}
     vectors = {n: " ".join(str(_rounded(x)) for x in v) for n, v in authored.items() if isinstance(v, tuple)}

@@ -22,8 +22,12 @@ def filled(made: Any, **values: Any) -> Any:
 
 def surface_input(core: Any, surface: Surface) -> Any:
     """The SurfaceInput of a surface: its constants."""
-    constants = {f.name: getattr(surface, f.name) for f in fields(surface) if f.name not in ("path", "inputs", "pattern")}
-    return filled(core.SurfaceInput(), **constants)
+    names = [f.name for f in fields(surface) if f.name not in ("path", "inputs", "pattern", "open_pbr")]
+    made = filled(core.SurfaceInput(), **{name: getattr(surface, name) for name in names})
+    lobes = surface.open_pbr
+    if lobes is not None:
+        made.open_pbr = filled(core.OpenPbrInput(), **{f.name: getattr(lobes, f.name) for f in fields(lobes)})
+    return made
 
 
 def integrator_settings(core: Any, settings: RenderSettings, **values: Any) -> Any:

@@ -22,6 +22,7 @@ from .patterns.tape_upload import Outside, TooLargeError, tape_of
 Textures = Mapping[TextureFile, Sequence[tuple[int, Texture]]]  # tile numbers, or 0 for a file that is no set of tiles
 MutableTextures = MutableMapping[TextureFile, list[tuple[int, Texture]]]
 
+DIRECTIONS = ("normal", "tangent")  # inputs that no constant stands for
 NORMAL_ST = "st"  # spans the tangents of a normal that no texture gives
 
 
@@ -45,13 +46,14 @@ def with_readable_inputs(surface: Surface, textures: Textures) -> Surface:
 
 
 def with_constants(surface: Surface, values: Mapping[str, tuple[float, float, float]]) -> Surface:
-    """The surface with these in place of its inputs of these names; without a map the normal is the surface's own."""
-    constants: dict[str, Any] = {
-        name: value if isinstance(getattr(surface, name), tuple) else value[0]
+    """The surface with these in place of its inputs of these names; without a map normal and tangent are the surface's own."""
+    constants = {
+        name: value if isinstance(surface.constant(name), tuple) else value[0]
         for name, value in values.items()
-        if name != "normal"
+        if name not in DIRECTIONS
     }
-    return replace(surface, inputs=tuple(item for item in surface.inputs if item[0] not in values), **constants)
+    left = tuple(item for item in surface.inputs if item[0] not in values)
+    return replace(surface, inputs=left).with_constants(constants)
 
 
 def without_pattern(surface: Surface) -> Surface:

@@ -12,6 +12,7 @@ from .frame import Frame, PixelWindow
 from .geometry import Interpolation, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
 from .lighting import IesProfile, Light, LightType, Linked, Portal, Shadow, Shaping
 from .motion import CameraMotion, Exposure, MatrixMotion, MotionSteps, PointMotion
+from .open_pbr import OpenPbr
 from .patterns import NodeOutput, Operand, Pattern, PatternInput, PatternNode
 from .placement import Instances, MatrixInstances, MovingInstances, Placement, PointInstances
 from .scene import Placed, Prototype, SceneDescription
@@ -40,6 +41,7 @@ __all__ = [
     "MotionSteps",
     "MovingInstances",
     "NodeOutput",
+    "OpenPbr",
     "Operand",
     "Pattern",
     "PatternInput",

@@ -1,10 +1,13 @@
-"""The seam's surfaces: UsdPreviewSurface's inputs, each a constant, a primvar, a texture or a pattern."""
+"""The seam's surfaces: UsdPreviewSurface's inputs, or OpenPBR's, each a constant, a primvar, a texture or a pattern."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from enum import Enum
+from typing import Any
 
+from .open_pbr import PREFIX, OpenPbr
 from .patterns import Pattern, PatternInput
 from .texture_file import TextureFile
 
@@ -52,11 +55,12 @@ Input = PrimvarInput | TextureInput | PatternInput
 
 @dataclass(frozen=True)
 class Surface:
-    """UsdPreviewSurface's inputs, or a Lambert surface of `diffuse_color` (exactly albedo / pi).
+    """UsdPreviewSurface's inputs, a Lambert surface of `diffuse_color` (exactly albedo / pi), or `open_pbr`'s lobes.
 
-    The fields are constants. `inputs` names those that vary, by field name, or "normal" (tangent space, -1 to 1; a pattern's is
-    in world space); their constants then stand where nothing else is known. `thin`: what is not opaque lets light straight
-    through (else it refracts by `ior`; needs closed geometry).
+    The fields are constants. `inputs` names those that vary, by field name ("open_pbr_" and its name for one of OpenPBR's),
+    "normal" (tangent space, -1 to 1; a pattern's is in world space) or "tangent" (of anisotropy: a pattern's, in world space);
+    their constants then stand where nothing else is known. `thin`: what is not opaque lets light straight through (else it
+    refracts by its index; needs closed geometry).
     """
 
     path: str  # the material's prim path, "" for one made from displayColor
@@ -74,5 +78,45 @@ class Surface:
     presence: bool = False  # opacityMode "presence": opacity scales everything, else it scales the diffuse part only
     ior: float = 1.5
     thin: bool = False
+    open_pbr: OpenPbr | None = None  # of a surface's other fields, emission, opacity and thin then have an effect
     inputs: tuple[tuple[str, Input], ...] = ()
     pattern: Pattern | None = None  # what its PatternInputs read
+
+    @property
+    def varying(self) -> frozenset[str]:
+        """Names of inputs that are no constants."""
+        return frozenset(name for name, _ in self.inputs)
+
+    @property
+    def transmits(self) -> bool:
+        """Whether light goes through what is there of it."""
+        if self.open_pbr is not None:
+            return self.open_pbr.transmission_weight > 0 or f"{PREFIX}transmission_weight" in self.varying
+        return self.opacity < 1 or ("opacity" in self.varying and self.opacity_threshold == 0)
+
+    @property
+    def bends_nothing(self) -> bool:
+        """Whether what it lets through goes straight on, and its two sides are as one."""
+        lobes = self.open_pbr
+        if lobes is None:
+            return self.ior == 1 and "ior" not in self.varying
+        names = ("specular_ior", "coat_weight", "subsurface_weight")
+        at_rest = (lobes.specular_ior, lobes.coat_weight, lobes.subsurface_weight) == (1.0, 0.0, 0.0)
+        return at_rest and not any(PREFIX + name in self.varying for name in names)
+
+    def constant(self, name: str) -> float | tuple[float, float, float]:
+        """What stands for an input, by the name that it has among those that vary.
+
+        Raises AttributeError for a surface that has no such input.
+        """
+        holder = self.open_pbr if name.startswith(PREFIX) else self
+        value: float | tuple[float, float, float] = getattr(holder, name.removeprefix(PREFIX))
+        return value
+
+    def with_constants(self, values: Mapping[str, float | tuple[float, float, float]]) -> Surface:
+        """With these, by names as `constant` takes them."""
+        lobes = {name.removeprefix(PREFIX): value for name, value in values.items() if name.startswith(PREFIX)}
+        own: dict[str, Any] = {name: value for name, value in values.items() if not name.startswith(PREFIX)}
+        if lobes and self.open_pbr is not None:
+            own["open_pbr"] = replace(self.open_pbr, **lobes)  # type: ignore[arg-type]
+        return replace(self, **own)

@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from ..description import SceneDescription, Shape, TextureFile, TextureInput, Wrap
+from ..description.open_pbr import PREFIX
 from ..diagnostics import Diagnostics
 from .texture import Texture
 
@@ -33,6 +34,7 @@ def note_textures_outside(description: SceneDescription, textures: Textures, dia
 def _sentence(name: str, reads: TextureInput) -> str:
     unsaid = Wrap.USE_METADATA in (reads.wrap_s, reads.wrap_t)
     why = "no wrap is named, which is black: --default-wrap repeat shows it" if unsaid else "its wraps are black"
+    name = name.removeprefix(PREFIX)
     return f"{name} is black: all its texture coordinates are outside 0 to 1, where {why}. ({reads.file.path})"
 
 

@@ -79,6 +79,6 @@ def _replaced(surfaces: list[Surface], before: Material, now: Material) -> list[
     return found
 
 
-def _asks(surface: Surface) -> tuple[bool, bool, float]:
+def _asks(surface: Surface) -> tuple[bool, bool, bool, float]:
     """What decides whether a shape's surface is thin, and what of it is a hole."""
-    return surface.opacity < 1, surface.ior == 1, surface.opacity_threshold
+    return surface.transmits, surface.bends_nothing, surface.thin, surface.opacity_threshold

@@ -75,10 +75,8 @@ def make_surface(appearance: Appearance, is_closed: Callable[[], bool]) -> Surfa
     if appearance.material is None or appearance.material.surface is None:
         return _display_surface(appearance)
     surface = appearance.material.surface
-    varying = dict(surface.inputs) if surface.inputs else {}
-    if surface.opacity < 1 or ("opacity" in varying and surface.opacity_threshold == 0):
-        straight = surface.ior == 1 and "ior" not in varying
-        surface = replace(surface, thin=surface.thin or straight or not is_closed())
+    if surface.transmits:
+        surface = replace(surface, thin=surface.thin or surface.bends_nothing or not is_closed())
     return surface
 
 

@@ -31,7 +31,7 @@ def sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     if radius == 0 or is_hidden(appearance):
         return None
     surface = make_surface(appearance, lambda: True)
-    if _is_left_handed(prim, ctx) and not surface.thin and (surface.opacity < 1 or "opacity" in dict(surface.inputs)):
+    if surface.transmits and not surface.thin and _is_left_handed(prim, ctx):
         ctx.warn("shape-input", prim.path, "orientation = leftHanded is ignored: the sphere's inside is inside.", "orientation")
     return Sphere(prim.path, radius, ctx.surfaces.index_of(surface), constant_primvars(prim, (surface,), ctx))
 
