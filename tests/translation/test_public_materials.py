@@ -28,7 +28,7 @@ def translated(path: str) -> tuple[SceneDescription, tuple[tuple[str, str], ...]
 
 def diffuse(description: SceneDescription, material: str) -> TextureInput:
     [surface] = [s for s in description.surfaces if s.path.endswith(material)]
-    found = dict(surface.inputs)["diffuse_color"]
+    found = dict(surface.inputs)["diffuse_color" if surface.open_pbr is None else "open_pbr_base_color"]
     assert isinstance(found, TextureInput)
     return found
 
@@ -159,7 +159,7 @@ def test_two_networks_and_a_missing_file() -> None:
     assert "shader-ignored" not in {code for code, _ in found}
     assert diffuse(description, "materials/left").file.path.endswith("maps/wall_left.ACEScg.exr")
     [ground] = [s for s in description.surfaces if s.path.endswith("materials/ground")]
-    assert (ground.inputs, ground.diffuse_color) == ((), (0, 0, 0))  # UsdUVTexture's default fallback
+    assert (ground.inputs, ground.constant("open_pbr_base_color")) == ((), (0, 0, 0))  # the image's default
 
 
 def test_a_box_of_constants_and_one_of_display_colors() -> None:

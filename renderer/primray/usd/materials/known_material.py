@@ -8,7 +8,7 @@ from ...description import Surface
 from ..materialx.expressions import MOST_NODES, TooManyNodesError
 from ..resolving.context import Context
 from ..resolving.notes import note_unknown_schemas
-from .known_surfaces.as_preview import as_preview, is_hole
+from .known_surfaces.as_open_pbr import as_open_pbr, is_hole
 from .known_surfaces.by_name import READS
 from .known_surfaces.record import Reader
 from .network import Node, node_path
@@ -34,11 +34,10 @@ def known_material(shader: Node, path: str, ctx: Context) -> KnownMaterial | Non
         given = values.inputs_of(shader, found)
         defaults = {i.name: i.default for i in found.inputs if i.default is not None}
         known = READS[found.name](Reader({**defaults, **given}, values.expressions))
-        surface, unused = as_preview(known, values.expressions, path)
+        surface, told = as_open_pbr(known, values.expressions, path)
     except TooManyNodesError:
         ctx.warn("shader-ignored", path, f"Its network has more than {MOST_NODES:,} nodes: displayColor is used.")
         return KnownMaterial(None)
-    if unused:
-        names = ", ".join(sorted(unused))
-        ctx.warn("material-input", node_path(shader, ctx), f"No effect yet, or not all of theirs, have: {names}.")
+    if sentences := told.sentences():
+        ctx.warn("material-input", node_path(shader, ctx), sentences)
     return KnownMaterial(surface, is_hole(known))

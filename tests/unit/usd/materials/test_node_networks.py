@@ -21,7 +21,7 @@ def fed(nodes: str, name: str = "base_color", kind: str = "color3f", source: str
     return surface
 
 
-def varying(surface: Surface, name: str = "diffuse_color") -> object:
+def varying(surface: Surface, name: str = "open_pbr_base_color") -> object:
     return dict(surface.inputs)[name]
 
 
@@ -67,7 +67,7 @@ def test_constants_fold(case: str) -> None:
     surface, _ = surface_of(
         material("color3f inputs:base_color.connect = </m/n.outputs:out>\n float inputs:base = 1", nodes, shader=STANDARD)
     )
-    assert surface.diffuse_color == pytest.approx(expected)
+    assert surface.constant("open_pbr_base_color") == pytest.approx(expected)
     assert (surface.inputs, surface.pattern) == ((), None)
 
 
@@ -110,7 +110,7 @@ def test_scales_and_biases_of_an_image_stay_a_texture(image: str) -> None:
 def test_a_channel_of_an_image_is_a_texture(image: str) -> None:
     nodes = node("n", "ND_extract_color4", given("color4f in < i", "int index = 3"), "float outputs:out")
     nodes += node("i", "ND_image_color4", f"asset inputs:file = @{image}@", "color4f outputs:out")
-    made = varying(fed(nodes, "specular_roughness", "float"), "roughness")
+    made = varying(fed(nodes, "specular_roughness", "float"), "open_pbr_specular_roughness")
     assert isinstance(made, TextureInput)
     assert made.channels == "a"
 
@@ -176,7 +176,7 @@ def test_node_graphs_of_node_graphs_are_passed_through() -> None:
         }}
     }}
     """
-    assert fed(graph, source="a").diffuse_color == (0.5, 0.25, 0.0)
+    assert fed(graph, source="a").constant("open_pbr_base_color") == (0.5, 0.25, 0.0)
 
 
 FAULTS = {

@@ -3,31 +3,70 @@
 from __future__ import annotations
 
 from ....description import Operand
-from .record import WHITE, ZERO, KnownSurface, Reader
+from .record import BLACK, ONE, WHITE, ZERO, KnownSurface, Reader
+from .reflectivity import head_on, ior_of, under_coat
+from .roughness import by_aspect
+from .standard_surface import fuzz_roughness
 
 SHADERS = ("ND_disney_principled",)
+_MOST = 0.08  # what is reflected head-on where specular is 1
+_COAT_IOR = (1.5,)
+_SHEEN_ROUGHNESS = (0.3,)  # MaterialX's sheen_bsdf, where nothing says otherwise
+_CALLED = {"subsurface_weight": "subsurface"}
 
 
 def read(r: Reader) -> KnownSurface:
-    r.rest(specularTint=ZERO, anisotropic=ZERO, sheen=ZERO)
-    one_minus = r.expressions.apply("ND_invert_float", **{"in": r["clearcoatGloss"], "amount": (1.0,)})
+    base, metal, transmission = r["baseColor"], r["metallic"], r["specTrans"]
+    weight, ior = _reflectivity(r)
+    roughness, anisotropy = by_aspect(r, r["roughness"], r["anisotropic"])
+    _tell(r)
     return KnownSurface(
-        base_color=r["baseColor"],
-        metalness=r["metallic"],
-        specular_weight=r.expressions.apply("ND_multiply_float", in1=r["specular"], in2=(_f0_to_weight(r["ior"]),)),
-        roughness=r["roughness"],
-        ior=r["ior"],
-        transmission=r["specTrans"],
-        transmission_color=r["baseColor"] if r["specTrans"] != ZERO else WHITE,
-        subsurface=r["subsurface"],
-        subsurface_color=r["baseColor"],
-        coat=r["clearcoat"],
-        coat_roughness=one_minus,
+        base_color=base,
+        base_metalness=metal,
+        specular_weight=weight,
+        specular_color=r.mixed_colors(r.mixed_colors(WHITE, base, r["specularTint"]), WHITE, metal),
+        specular_roughness=roughness,
+        specular_roughness_anisotropy=anisotropy,
+        specular_ior=under_coat(r, ior, r["clearcoat"], _COAT_IOR) if transmission == ZERO else ior,
+        transmission_weight=transmission,
+        transmission_color=base,
+        subsurface_weight=r["subsurface"],
+        subsurface_color=base,
+        subsurface_radius_scale=r["subsurfaceDistance"],
+        fuzz_weight=r["sheen"],
+        fuzz_color=r.mixed_colors(WHITE, base, r["sheenTint"]),
+        fuzz_roughness=fuzz_roughness(r, _SHEEN_ROUGHNESS),
+        coat_weight=r["clearcoat"],
+        coat_roughness=r.one_minus(r["clearcoatGloss"]),
+        coat_ior=_COAT_IOR,
+        coat_darkening=ZERO,
+        coat_roughening=ZERO,
         unused=tuple(r.unused),
+        near=tuple(r.near),
+        called=_CALLED,
     )
 
 
-def _f0_to_weight(ior: Operand) -> float:
-    """`specular` is 12.5 times what is reflected head-on (0.08 of it), whatever the ior is."""
-    n = ior[0] if isinstance(ior, tuple) and ior[0] != 1.0 else 1.5
-    return 0.08 / ((n - 1.0) / (n + 1.0)) ** 2
+def _tell(r: Reader) -> None:
+    metal, transmission = r["metallic"], r["specTrans"]
+    r.nearly(sheen=ZERO, clearcoat=ZERO)
+    if metal == ONE:
+        return
+    r.nearly(specularTint=ZERO)
+    if transmission != ZERO:
+        r.near.append("roughness")  # what passes is not roughened there
+    elif r["baseColor"] != BLACK and r["subsurface"] != ONE:
+        r.near.append("roughness")  # of the diffuse part: Burley's is brighter towards the edge
+
+
+def _reflectivity(r: Reader) -> tuple[Operand, Operand]:
+    """specular_weight and the index: `specular` says what is reflected head-on, whatever the index of what passes is."""
+    specular, ior = r["specular"], r["ior"]
+    if r["specTrans"] != ZERO:
+        said = head_on(ior[0]) / _MOST if isinstance(ior, tuple) else None
+        if r["metallic"] != ONE and (said is None or not isinstance(specular, tuple) or abs(specular[0] - said) > 1e-6):
+            r.near.append("specular")
+        return ONE, ior
+    if isinstance(specular, tuple):
+        return ONE, (ior_of(_MOST * specular[0]),)
+    return r.mixed(specular, ONE, r["metallic"]), (ior_of(_MOST),)

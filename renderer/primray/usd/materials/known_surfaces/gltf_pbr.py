@@ -1,36 +1,124 @@
-"""Khronos' gltf_pbr."""
+"""Khronos' gltf_pbr, by the graph that MaterialX gives it."""
 
 from __future__ import annotations
 
+import math
+
 from ....description import Operand
-from .record import WHITE, ZERO, KnownSurface, Reader
+from .record import BLACK, ONE, WHITE, ZERO, KnownSurface, Reader
+from .reflectivity import head_on, ior_of, under_coat, weighed
+from .roughness import by_strength
+from .standard_surface import fuzz_roughness
 
 SHADERS = ("ND_gltf_pbr_surfaceshader",)
-_OPAQUE, _MASK, _BLEND = (0.0,), (1.0,), (2.0,)
+_OPAQUE, _MASK = (0.0,), (1.0,)
+_COAT_IOR = (1.5,)
+_ABBE = 20.0  # KHR_materials_dispersion: dispersion = 20 / V
+_CALLED = {"transmission_depth": "attenuation_distance", "coat_normal": "clearcoat_normal"}
 
 
 def read(r: Reader) -> KnownSurface:
-    r.rest(sheen_color=(0.0, 0.0, 0.0), iridescence=ZERO, anisotropy_strength=ZERO, dispersion=ZERO)
-    if r["transmission"] != ZERO:
-        r.rest(thickness=ZERO)
-    if r["clearcoat"] != ZERO:
-        r.rest(clearcoat_normal="Nworld")
-    mode, cutoff = r["alpha_mode"], r["alpha_cutoff"]
-    opacity: Operand = (1.0,) if mode == _OPAQUE else r["alpha"]
+    metal, transmission, coat = r["metallic"], r["transmission"], r["clearcoat"]
+    ior, tint = _reflectivity(r)
+    weight, factor = weighed(r, r["specular"], metal, transmission)
+    roughness, anisotropy = by_strength(r, r["roughness"], r["anisotropy_strength"])
+    sheen, sheen_color = _sheen(r)
+    _tell(r)
+    color, depth = _attenuation(r)
+    scale, abbe = _dispersion(r)
     return KnownSurface(
         base_color=r["base_color"],
-        metalness=r["metallic"],
-        specular_weight=r["specular"],
-        specular_color=r["specular_color"],
-        roughness=r["roughness"],
-        ior=r["ior"],
-        transmission=r["transmission"],
-        transmission_color=r["base_color"] if r["transmission"] != ZERO else WHITE,
-        coat=r["clearcoat"],
+        base_metalness=metal,
+        specular_weight=weight,
+        specular_color=r.mixed_colors(r.scaled(tint, factor), WHITE, metal),
+        specular_roughness=roughness,
+        specular_roughness_anisotropy=anisotropy,
+        specular_ior=under_coat(r, ior, coat, _COAT_IOR) if transmission == ZERO else ior,
+        transmission_weight=transmission,
+        transmission_color=color,
+        transmission_depth=depth,
+        transmission_dispersion_scale=scale,
+        transmission_dispersion_abbe_number=abbe,
+        fuzz_weight=sheen,
+        fuzz_color=sheen_color,
+        fuzz_roughness=fuzz_roughness(r, r.times(r["sheen_roughness"], r["sheen_roughness"])),
+        coat_weight=coat,
         coat_roughness=r["clearcoat_roughness"],
-        emission=r.scaled("emissive", "emissive_strength"),
-        opacity=opacity,
-        cutoff=max(cutoff[0], 1e-6) if mode == _MASK and isinstance(cutoff, tuple) else 0.0,
+        coat_ior=_COAT_IOR,
+        coat_darkening=ZERO,
+        coat_roughening=ZERO,
+        thin_film_weight=r["iridescence"],
+        thin_film_thickness=r.times(r["iridescence_thickness"], (0.001,)),
+        thin_film_ior=r["iridescence_ior"],
+        emission=r.scaled(r["emissive"], r["emissive_strength"]),
+        opacity=ONE if r["alpha_mode"] == _OPAQUE else r["alpha"],
+        cutoff=_cutoff(r),
         normal=r["normal"],
+        tangent=r.turned(r["tangent"], r["normal"], r.times(r["anisotropy_rotation"], (-180.0 / math.pi,))),
+        coat_normal=r["clearcoat_normal"],
         unused=tuple(r.unused),
+        near=tuple(r.near),
+        called=_CALLED,
     )
+
+
+def _tell(r: Reader) -> None:
+    metal = r["metallic"]
+    r.nearly(sheen_color=BLACK)
+    if metal != ONE:
+        if r["specular"] != ZERO or r["transmission"] != ZERO:
+            r.nearly(specular=ONE)
+        if r["clearcoat"] != ZERO and r["transmission"] != ZERO:
+            r.near.append("clearcoat")
+
+
+def _cutoff(r: Reader) -> float:
+    cutoff = r["alpha_cutoff"]
+    return max(cutoff[0], 1e-6) if r["alpha_mode"] == _MASK and isinstance(cutoff, tuple) else 0.0
+
+
+def _reflectivity(r: Reader) -> tuple[Operand, Operand]:
+    """The index and a tint: specular_color scales what is reflected head-on alone, so a grey one is another index."""
+    ior, color = r["ior"], r["specular_color"]
+    if r["metallic"] == ONE or color == WHITE:
+        return ior, WHITE
+    if not isinstance(color, tuple) or not isinstance(ior, tuple):
+        r.near.append("specular_color")
+        return ior, color
+    most = max(color)
+    if min(color) < most or most <= 0 or r["transmission"] != ZERO:
+        r.near.append("specular_color")
+    if r["transmission"] != ZERO:
+        return ior, color
+    tint = tuple(x / most for x in color) if most > 0 else WHITE
+    return (ior_of(min(head_on(ior[0]) * most, 1.0)),), tint
+
+
+def _sheen(r: Reader) -> tuple[Operand, Operand]:
+    """A weight and a colour whose brightest channel is 1."""
+    color, e = r["sheen_color"], r.expressions
+    if color == BLACK:
+        return ZERO, WHITE
+    red, green, blue = (e.apply("ND_extract_color3", **{"in": color, "index": (float(i),)}) for i in range(3))
+    most = e.apply("ND_max_float", in1=e.apply("ND_max_float", in1=red, in2=green), in2=blue)
+    divisor = e.apply("ND_max_float", in1=most, in2=(1e-6,))
+    return most, e.apply("ND_divide_color3FA", in1=color, in2=divisor)
+
+
+def _attenuation(r: Reader) -> tuple[Operand, Operand]:
+    """The colour of what passes, and the depth at which it has it: a tint by the base's colour where there is no depth."""
+    distance, color = r.inputs.get("attenuation_distance"), r["attenuation_color"]
+    if r["thickness"] == ZERO or distance is None or distance == ZERO or color == WHITE:
+        return r["base_color"], ZERO
+    if r["base_color"] == WHITE:
+        return color, distance
+    if r["transmission"] != ZERO:
+        r.unused.append("attenuation_distance")
+    return r["base_color"], ZERO
+
+
+def _dispersion(r: Reader) -> tuple[Operand, Operand]:
+    value = r["dispersion"]
+    if isinstance(value, tuple) and value[0] > 1.0:
+        return ONE, (_ABBE / value[0],)
+    return value, (_ABBE,)

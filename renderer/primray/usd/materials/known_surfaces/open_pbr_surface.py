@@ -2,35 +2,28 @@
 
 from __future__ import annotations
 
-from .record import BLACK, WHITE, ZERO, KnownSurface, Reader
+from dataclasses import fields
+
+from ....description import OpenPbr
+from .record import KnownSurface, Reader
 
 SHADERS = ("ND_open_pbr_surface_surfaceshader",)
+_OURS = ("coat_roughening",)
+_INTERIOR = (
+    "transmission_depth",
+    "transmission_scatter",
+    "transmission_scatter_anisotropy",
+    "subsurface_radius",
+    "subsurface_radius_scale",
+)
+_GEOMETRY = ("opacity", "thin_walled", "normal", "tangent", "coat_normal", "coat_tangent")
 
 
 def read(r: Reader) -> KnownSurface:
-    r.rest(base_diffuse_roughness=ZERO, specular_roughness_anisotropy=ZERO, fuzz_weight=ZERO, thin_film_weight=ZERO)
-    if r["transmission_weight"] != ZERO:
-        r.rest(transmission_depth=ZERO, transmission_scatter=BLACK, transmission_dispersion_scale=ZERO)
-    if r["coat_weight"] != ZERO:
-        r.rest(coat_roughness_anisotropy=ZERO, geometry_coat_normal="Nworld")
+    same = [f.name for f in fields(OpenPbr) if f.name not in _OURS]
     return KnownSurface(
-        base_color=r.scaled("base_color", "base_weight"),
-        metalness=r["base_metalness"],
-        specular_weight=r["specular_weight"],
-        specular_color=r["specular_color"],
-        roughness=r["specular_roughness"],
-        ior=r["specular_ior"],
-        transmission=r["transmission_weight"],
-        transmission_color=r["transmission_color"] if r["transmission_weight"] != ZERO else WHITE,
-        subsurface=r["subsurface_weight"],
-        subsurface_color=r["subsurface_color"],
-        coat=r["coat_weight"],
-        coat_color=r["coat_color"],
-        coat_roughness=r["coat_roughness"],
-        coat_ior=r["coat_ior"],
-        emission=r.scaled("emission_color", "emission_luminance"),
-        opacity=r["geometry_opacity"],
-        thin_walled=r["geometry_thin_walled"],
-        normal=r["geometry_normal"],
-        unused=tuple(r.unused),
+        **{name: r[name] for name in (*same, *_INTERIOR)},  # type: ignore[arg-type]
+        **{name: r[f"geometry_{name}"] for name in _GEOMETRY},  # type: ignore[arg-type]
+        emission=r.scaled(r["emission_color"], r["emission_luminance"]),
+        called={name: f"geometry_{name}" for name in _GEOMETRY},
     )

@@ -9,7 +9,7 @@ from pxr import Sdf
 from ....description import Surface
 from ...querying.guarded import default_value
 from ...resolving.context import Context
-from ..known_surfaces.as_preview import as_preview, is_hole
+from ..known_surfaces.as_open_pbr import as_open_pbr, is_hole, told
 from ..known_surfaces.record import KnownSurface
 from ..network import Node, node_path
 from ..node_values import NodeValues
@@ -21,6 +21,7 @@ _MODULES: dict[str, tuple[_Read, Collection[str]]] = {
     "OmniPBR.mdl": (omni_pbr.read, omni_pbr.AT_REST),
     "OmniPBR_Opacity.mdl": (omni_pbr.read, omni_pbr.AT_REST),
     "OmniPBR_ClearCoat.mdl": (omni_pbr.read, omni_pbr.AT_REST),
+    "OmniPBR_ClearCoat_Opacity.mdl": (omni_pbr.read, omni_pbr.AT_REST),
     "OmniGlass.mdl": (omni_glass.read, omni_glass.AT_REST),
     "OmniGlass_Opacity.mdl": (omni_glass.read, omni_glass.AT_REST),
     "OmniSurface.mdl": (omni_surface.read, omni_surface.AT_REST),
@@ -49,9 +50,8 @@ def mdl_material(shader: Node, path: str, ctx: Context) -> tuple[Surface, bool] 
     read, at_rest = found
     inputs = MdlInputs(shader, NodeValues(ctx))
     known = read(inputs)
-    surface, unused = as_preview(known, inputs.expressions, path)
-    names = sorted({*unused, *inputs.unread(at_rest)})
-    rest = f" No effect have: {', '.join(names)}." if names else ""
-    message = f"{module.rpartition('/')[2]} is translated by its documented inputs, not interpreted.{rest}"
+    surface, not_had = as_open_pbr(known, inputs.expressions, path)
+    sentences = told((*not_had.unused, *inputs.unread(at_rest)), not_had.near).sentences()
+    message = f"{module.rpartition('/')[2]} is translated by its documented inputs, not interpreted. {sentences}".rstrip()
     ctx.warn("mdl-material", node_path(shader, ctx), message)
     return surface, is_hole(known)

@@ -11,6 +11,7 @@ from ....description import Operand, TextureFile
 from ...materialx.definitions import InputDefinition
 from ...materialx.expressions import Expressions
 from ...querying.guarded import property_names
+from ..known_surfaces.record import NORMAL, Reader
 from ..network import Constant, Node, find_source
 from ..node_values import NodeValues
 from ..texture_asset import texture_file
@@ -31,6 +32,11 @@ class MdlInputs:
     @property
     def expressions(self) -> Expressions:
         return self.values.expressions
+
+    @property
+    def reader(self) -> Reader:
+        """Of no inputs: for what known surfaces have in common."""
+        return Reader({}, self.expressions)
 
     def has(self, name: str) -> bool:
         """Whether the shader says anything of it."""
@@ -78,7 +84,7 @@ class MdlInputs:
         """A tangent-space map in world space."""
         texels = self.image(name, 3, (0.5, 0.5, 1.0))
         if texels is None:
-            return "Nworld"
+            return NORMAL
         as_vector = self.expressions.apply("ND_convert_color3_vector3", **{"in": texels})
         return self.expressions.apply("ND_normalmap_float", **{"in": as_vector, "scale": (strength,)})
 

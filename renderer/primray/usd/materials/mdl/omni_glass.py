@@ -11,10 +11,10 @@ AT_REST = ("depth", "reflection_color", "excludeFromWhiteMode")
 def read(m: MdlInputs) -> KnownSurface:
     return KnownSurface(
         base_color=(1.0, 1.0, 1.0),
-        transmission=ONE,
+        transmission_weight=ONE,
         transmission_color=m.constant("glass_color", 1.0, 1.0, 1.0),
-        ior=m.constant("glass_ior", 1.491),
-        roughness=m.constant("frosting_roughness", 0.0),
+        specular_ior=m.constant("glass_ior", 1.491),
+        specular_roughness=m.constant("frosting_roughness", 0.0),
         thin_walled=m.constant("thin_walled", 0.0),
         normal=m.normal("normal_map_texture", m.constant("normal_map_strength", 1.0)[0]),
     )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from ....description import Operand
-from ..known_surfaces.record import BLACK, ONE, KnownSurface
+from ..known_surfaces.record import BLACK, ONE, WHITE, ZERO, KnownSurface
+from ..known_surfaces.reflectivity import ior_of, under_coat
 from .inputs import MdlInputs
 
 AT_REST = (
@@ -15,6 +16,7 @@ AT_REST = (
     "uv_space_index",
     "excludeFromWhiteMode",
 )
+_MOST = 0.08  # what is reflected head-on where specular_level is 1
 
 
 def read(m: MdlInputs) -> KnownSurface:
@@ -27,15 +29,29 @@ def read(m: MdlInputs) -> KnownSurface:
             texels = m.image(name, 3, (1.0, 1.0, 1.0), is_color=True)
             color = m.product(color, texels) if texels is not None else color
         emission = m.scaled(color, m.constant("emissive_intensity", 40.0))
+    coat = m.constant("clearcoat_weight", 1.0) if m.is_on("enable_clearcoat") else ZERO
+    coat_ior, tint = m.constant("clearcoat_ior", 1.56), m.constant("clearcoat_tint", *WHITE)
+    ior = (ior_of(_MOST * m.constant("specular_level", 0.5)[0]),)
+    others = [name for name in ("clearcoat_transparency", "clearcoat_flatten") if m.constant(name, 1.0) != ONE]
     return KnownSurface(
         base_color=_base_color(m),
-        metalness=metalness,
-        roughness=roughness,
-        specular_weight=(2.0 * m.constant("specular_level", 0.5)[0],),  # 0.5 is an index of refraction of 1.5
+        base_metalness=metalness,
+        specular_roughness=roughness,
+        specular_ior=under_coat(m.reader, ior, coat, coat_ior),
+        coat_weight=coat,
+        coat_color=tint,
+        coat_roughness=m.constant("clearcoat_reflection_roughness", 0.0),
+        coat_ior=coat_ior,
+        coat_darkening=ZERO,
+        coat_roughening=ZERO,
+        coat_normal=m.normal("clearcoat_normalmap_texture", m.constant("clearcoat_bump_factor", 1.0)[0]),
         emission=emission,
         opacity=_opacity(m),
         cutoff=m.constant("opacity_threshold", 0.0)[0],
         normal=m.normal("normalmap_texture", m.constant("bump_factor", 1.0)[0]),
+        unused=() if coat == ZERO else tuple(others),
+        near=() if coat == ZERO or tint == WHITE else ("clearcoat_tint",),
+        called={"coat_normal": "clearcoat_normalmap_texture"},
     )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ..known_surfaces.record import KnownSurface
+from ..known_surfaces.record import ZERO, KnownSurface
+from ..known_surfaces.reflectivity import under_coat
 from .inputs import MdlInputs
 
 AT_REST = ("occlusion", "displacement", "opacityMode")
@@ -10,13 +11,17 @@ AT_REST = ("occlusion", "displacement", "opacityMode")
 
 def read(m: MdlInputs) -> KnownSurface:
     base = m.image("diffuseColor", 3, (0.18, 0.18, 0.18), is_color=True)
+    ior, coat = m.constant("ior", 1.5), m.constant("clearcoat", 0.0)
     return KnownSurface(
         base_color=m.constant("diffuseColor", 0.18, 0.18, 0.18) if base is None else base,
-        metalness=m.constant("metallic", 0.0),
-        roughness=m.constant("roughness", 0.5),
-        ior=m.constant("ior", 1.5),
-        coat=m.constant("clearcoat", 0.0),
+        base_metalness=m.constant("metallic", 0.0),
+        specular_roughness=m.constant("roughness", 0.5),
+        specular_ior=under_coat(m.reader, ior, coat, ior),
+        coat_weight=coat,
         coat_roughness=m.constant("clearcoatRoughness", 0.01),
+        coat_ior=ior,
+        coat_darkening=ZERO,
+        coat_roughening=ZERO,
         emission=m.constant("emissiveColor", 0.0, 0.0, 0.0),
         opacity=m.constant("opacity", 1.0),
         cutoff=m.constant("opacityThreshold", 0.0)[0],

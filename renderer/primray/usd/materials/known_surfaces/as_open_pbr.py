@@ -1,0 +1,176 @@
+"""A known surface as what can be rendered: OpenPBR's lobes. What has no effect yet, or nearly its own, is named.
+
+Nothing else knows how a record becomes a Surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, fields, replace
+
+from ....description import Input, NodeOutput, OpenPbr, Operand, PatternInput, Surface, TextureInput
+from ....description.open_pbr import PREFIX
+from ...materialx.expressions import Expressions
+from ..pruning import pruned
+from ..reducing import Reducer
+from .record import BLACK, NORMAL, ONE, TANGENT, ZERO, KnownSurface
+
+_ANY = (0.0, 1e30)
+_UNIT = (0.0, 1.0)
+_RANGES = {
+    "emissive_color": _ANY,
+    "specular_weight": _ANY,
+    "specular_ior": _ANY,
+    "coat_ior": _ANY,
+    "thin_film_ior": _ANY,
+    "thin_film_thickness": _ANY,
+    "transmission_dispersion_abbe_number": _ANY,
+    "subsurface_scatter_anisotropy": (-1.0, 1.0),
+}  # others _UNIT
+_LOBES = ("transmission", "subsurface", "fuzz", "coat", "thin_film")  # each with a weight, first words of their inputs' names
+
+
+@dataclass(frozen=True)
+class Told:
+    """Inputs by their models' names."""
+
+    unused: tuple[str, ...]
+    near: tuple[str, ...]
+
+    def sentences(self) -> str:
+        """ "" where there is nothing to tell."""
+        parts = (("Approximated", self.near), ("No effect yet, or not all of theirs, have", self.unused))
+        return " ".join(f"{what}: {', '.join(names)}." for what, names in parts if names)
+
+
+def told(unused: Iterable[str], near: Iterable[str]) -> Told:
+    without = sorted(set(unused))
+    return Told(tuple(without), tuple(sorted(set(near).difference(without))))
+
+
+@dataclass
+class _Made:
+    constants: dict[str, float | tuple[float, ...]] = field(default_factory=dict)
+    varying: dict[str, Input] = field(default_factory=dict)
+
+
+def as_open_pbr(known: KnownSurface, expressions: Expressions, path: str) -> tuple[Surface, Told]:
+    """The Surface of a material, and what of it is not as its model has it."""
+    known = _without_hidden(known)
+    unused, near = _not_had(known)
+    made = _Made()
+    reducer = Reducer(expressions.nodes)
+    lobes = {} if known.unlit else _lobes(known)
+    _take(made, "emissive_color", known.emission, 3, reducer)
+    _take(made, "opacity", ONE if known.cutoff and isinstance(known.opacity, tuple) else known.opacity, 1, reducer)
+    for name, value in lobes.items():
+        _take(made, PREFIX + name, value, _WIDTHS[name], reducer)
+    if not known.unlit:
+        _directions(made, known, expressions, unused)
+    pattern, inputs = pruned(expressions.nodes, made.varying)
+    surface = Surface(
+        path,
+        lambert=known.unlit,
+        diffuse_color=BLACK if known.unlit else Surface.diffuse_color,
+        presence=known.opacity != ONE and known.cutoff == 0.0,
+        opacity_threshold=known.cutoff if "opacity" in inputs else 0.0,
+        thin=known.opacity != ONE if known.unlit else known.thin_walled != ZERO,
+        open_pbr=None if known.unlit else OpenPbr(),
+        inputs=tuple(inputs.items()),
+        pattern=pattern,
+    )
+    return surface.with_constants(made.constants), told((*known.unused, *unused), (*known.near, *near))  # type: ignore[arg-type]
+
+
+def is_hole(known: KnownSurface) -> bool:
+    """Whether a cut-out leaves nothing of it."""
+    return known.cutoff > 0 and isinstance(known.opacity, tuple) and known.opacity[0] < known.cutoff
+
+
+def _without_hidden(known: KnownSurface) -> KnownSurface:
+    """Without lobes that nothing is seen of: under metal, or where all light passes."""
+    if known.base_metalness == ONE:
+        return replace(known, transmission_weight=ZERO, subsurface_weight=ZERO)
+    return replace(known, subsurface_weight=ZERO) if known.transmission_weight == ONE else known
+
+
+def _lobes(known: KnownSurface) -> dict[str, Operand]:
+    """The inputs of those that there are; a depth's colour is none of the surface."""
+    off = tuple(f"{lobe}_" for lobe in _LOBES if getattr(known, f"{lobe}_weight") == ZERO)
+    found = {name: getattr(known, name) for name in _WIDTHS if not name.startswith(off)}
+    if known.transmission_depth != ZERO:
+        found.pop("transmission_color", None)
+    return found
+
+
+_WIDTHS = {f.name: len(f.default) if isinstance(f.default, tuple) else 1 for f in fields(OpenPbr)}
+
+
+def _take(made: _Made, name: str, value: Operand, width: int, reducer: Reducer) -> None:
+    """A constant in its range, or what varies and a constant in its place."""
+    if isinstance(value, NodeOutput):
+        found = reducer.input(value, width)
+        made.varying[name] = found
+        value = _constant_of(found)
+    assert isinstance(value, tuple)
+    low, high = _RANGES.get(name.removeprefix(PREFIX), _UNIT)
+    inside = tuple(min(max(x, low), high) for x in value)
+    made.constants[name] = inside[0] if width == 1 else inside * width if len(inside) == 1 else inside
+
+
+def _constant_of(found: Input) -> tuple[float, ...]:
+    if not isinstance(found, TextureInput):
+        return found.fallback
+    return found.fallback[:3] if found.channels == "rgb" else (found.fallback["rgba".index(found.channels)],)
+
+
+def _not_had(known: KnownSurface) -> tuple[list[str], list[str]]:
+    """Fields that have no effect yet, and fields that have nearly theirs, by their models' names."""
+    unused, near = [], []
+    if known.transmission_weight != ZERO:
+        unused += [
+            n for n, rest in (("transmission_depth", ZERO), ("transmission_scatter", BLACK)) if getattr(known, n) != rest
+        ]
+    if known.subsurface_weight != ZERO and known.thin_walled == ZERO:
+        near.append("subsurface_weight")  # seen as if all of it came out where it went in
+    if known.coat_weight != ZERO:
+        if known.coat_normal not in (None, known.normal):
+            unused.append("coat_normal")
+        if known.coat_roughness_anisotropy != ZERO and known.coat_tangent not in (None, _tangent(known)):
+            unused.append("coat_tangent")
+    called = known.called
+    return [called.get(name, name) for name in unused], [called.get(name, name) for name in near]
+
+
+def _directions(made: _Made, known: KnownSurface, e: Expressions, unused: list[str]) -> None:
+    """Normal and tangent, as far as they are not the shape's own, or, of the tangent, matter."""
+    normal = _normal(known, e, unused)
+    if normal is not None:
+        made.varying["normal"] = normal
+    coat = known.coat_weight != ZERO and known.coat_roughness_anisotropy != ZERO
+    if known.specular_roughness_anisotropy == ZERO and not coat:
+        return
+    tangent = _tangent(known)
+    if tangent == TANGENT:
+        tangent = e.apply("ND_tangent_vector3", space="world")
+    if isinstance(tangent, NodeOutput):
+        made.varying["tangent"] = PatternInput(tangent, (1.0, 0.0, 0.0))
+    else:
+        unused.append(known.called.get("tangent", "tangent"))
+
+
+def _tangent(known: KnownSurface) -> Operand:
+    """The base's, or the coat's where that alone is anisotropic."""
+    coats = known.coat_tangent
+    return known.tangent if coats is None or known.specular_roughness_anisotropy != ZERO else coats
+
+
+def _normal(known: KnownSurface, e: Expressions, unused: list[str]) -> Input | None:
+    value = known.normal
+    if isinstance(value, NodeOutput):
+        node = e.nodes[value.node]
+        is_own = node.category == "normal" and dict(node.inputs).get("space") == "world"
+        return None if is_own else Reducer(e.nodes).normal(value)
+    if value != NORMAL:
+        unused.append(known.called.get("normal", "normal"))
+    return None
