@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,22 +11,24 @@ from tests.kernels.scenes import SCENES
 from tests.textured import FILE, glowing, plate, primvar, texture, with_primvars
 
 from primray import core
-from primray.description import Input, Interpolation, Placed, PrimvarInput, Prototype, Surface, TextureFile
+from primray.core.surface_upload import DIRECTIONS
+from primray.description import Input, Interpolation, OpenPbr, Placed, PrimvarInput, Prototype, Surface, TextureFile
+from primray.description.open_pbr import PREFIX
 
 INPUT_FIELDS = [field.name for field in core.module().InputField]
 
 
 def numbers(surface: Surface, name: str) -> tuple[float, ...]:
-    value = getattr(surface, name)
+    value = surface.constant(name)
     return value if isinstance(value, tuple) else (value,)
 
 
 def connected(surface: Surface) -> Surface:
     """Every input a primvar that nothing has; the constants themselves are other ones."""
-    inputs = tuple((name, PrimvarInput("nobody's", numbers(surface, name))) for name in INPUT_FIELDS if name != "normal")
-    blank = Surface(surface.path)
-    constants = {f.name: getattr(blank, f.name) for f in fields(blank) if f.name in INPUT_FIELDS}
-    return replace(surface, inputs=inputs, **constants)
+    names = [n for n in INPUT_FIELDS if n not in DIRECTIONS and (surface.open_pbr is not None or not n.startswith(PREFIX))]
+    inputs = tuple((name, PrimvarInput("nobody's", numbers(surface, name))) for name in names)
+    blank = Surface(surface.path, open_pbr=OpenPbr())
+    return replace(surface, inputs=inputs).with_constants({name: blank.constant(name) for name in names})
 
 
 @pytest.mark.parametrize("lanes", [1, core.lanes()])

@@ -13,7 +13,8 @@ EDGE = 1.0 / 7.0  # the cosine at which OpenPBR's specular_color tints metals ("
 
 def head_on(ior: float) -> float:
     """What an interface reflects head-on."""
-    return ((ior - 1.0) / (ior + 1.0)) ** 2
+    n = max(ior, 0.0)
+    return ((n - 1.0) / (n + 1.0)) ** 2
 
 
 def ior_of(reflected: float) -> float:
