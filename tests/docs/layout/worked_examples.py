@@ -152,10 +152,10 @@ EXAMPLES: dict[str, Example] = {
             Edit(
                 f"{CORE}/bsdf/bsdf.hpp", "    vvec3<W> g(vfloat<W>(0.0f));\n", "    g = vvec3<W>(sheen_value(sheen, cos_in));\n"
             ),
-            Edit(f"{CORE}/bsdf/varying_inputs.hpp", "enum class InputField : int32_t {\n", "  kSheen,\n"),
-            Edit(f"{CORE}/bsdf/varying_inputs.hpp", "  Number metallic, ", "sheen, "),
+            Edit(f"{CORE}/bsdf/basics/varying_inputs.hpp", "enum class InputField : int32_t {\n", "  kSheen,\n"),
+            Edit(f"{CORE}/bsdf/basics/varying_inputs.hpp", "  Number metallic, ", "sheen, "),
             Edit(
-                f"{CORE}/bsdf/varying_inputs.hpp",
+                f"{CORE}/bsdf/basics/varying_inputs.hpp",
                 "  constexpr InputRange unit;\n",
                 '  f(InputField::kSheen, "sheen", unit, [](auto& v) -> auto& { return v.sheen; });\n',
             ),

@@ -21,9 +21,12 @@ _GEOMETRY = ("opacity", "thin_walled", "normal", "tangent", "coat_normal", "coat
 
 def read(r: Reader) -> KnownSurface:
     same = [f.name for f in fields(OpenPbr) if f.name not in _OURS]
+    # The coat's colour is the square of what one way through it leaves ("Coat", "Emission").
+    through = r.expressions.apply("ND_power_color3FA", in1=r["coat_color"], in2=(0.5,))
+    shining = r.scaled(r["emission_color"], r["emission_luminance"])
     return KnownSurface(
         **{name: r[name] for name in (*same, *_INTERIOR)},  # type: ignore[arg-type]
         **{name: r[f"geometry_{name}"] for name in _GEOMETRY},  # type: ignore[arg-type]
-        emission=r.scaled(r["emission_color"], r["emission_luminance"]),
+        emission=r.shining_through(shining, r["coat_weight"], through),
         called={name: f"geometry_{name}" for name in _GEOMETRY},
     )

@@ -54,7 +54,7 @@ class KnownSurface:
     subsurface_radius: Operand = ONE
     subsurface_radius_scale: Operand = (1.0, 0.5, 0.25)
 
-    emission: Operand = BLACK  # nits
+    emission: Operand = BLACK  # nits, as seen
     opacity: Operand = ONE  # of the whole surface: where it is there at all
     cutoff: float = 0.0  # above 0: opacity below it is a hole, else a whole surface
     thin_walled: Operand = ZERO
@@ -96,6 +96,13 @@ class Reader:
     def mixed_colors(self, a: Operand, b: Operand, by: Operand) -> Operand:
         """From a to b."""
         return self.expressions.apply("ND_mix_color3", bg=a, fg=b, mix=by)
+
+    def shining_through(self, emission: Operand, coat: Operand, passes: Operand) -> Operand:
+        """Emission below a coat that lets so much of it through."""
+        if coat == ZERO or passes == WHITE:
+            return emission
+        left = self.mixed_colors(WHITE, passes, coat)
+        return self.expressions.apply("ND_multiply_color3", in1=emission, in2=left)
 
     def one_minus(self, value: Operand) -> Operand:
         return self.expressions.apply("ND_invert_float", **{"in": value, "amount": ONE})

@@ -60,7 +60,7 @@ def read(r: Reader) -> KnownSurface:
         thin_film_weight=ZERO if r["thin_film_thickness"] == ZERO else ONE,
         thin_film_thickness=r.times(r["thin_film_thickness"], (0.001,)),
         thin_film_ior=r["thin_film_IOR"],
-        emission=r.scaled(r["emission_color"], r["emission"]),
+        emission=r.shining_through(r.scaled(r["emission_color"], r["emission"]), coat, r["coat_color"]),
         opacity=r.mean(r["opacity"]),
         thin_walled=r["thin_walled"],
         normal=r["normal"],
