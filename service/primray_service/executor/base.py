@@ -2,7 +2,7 @@
 holds it.
 
 A chunk is one process's work: the check of a scene; a frame, or a range of its samples, from its last checkpoint until it
-ends or is told to yield; or putting such ranges together, which is short and counts as a check. Its worker sends messages
+ends or is told to yield; or putting such ranges together. Its worker sends messages
 (worker/protocol.py) while it runs and leaves files in a folder. At-least-once: the same chunk may run twice, in parallel
 even, after a server or a node died; whoever adopts results does so once (store.accept_checkpoint, accept_part).
 """
@@ -41,7 +41,7 @@ class Chunk:
     another; it is one tenant's."""
 
     id: str
-    kind: str  # "render"; "check", of merges too
+    kind: str  # "render", of parts and their merges too; "check"
     command: Json  # the worker's first line: worker/protocol.py
     inputs: Mapping[str, Path] = field(default_factory=dict)
     folders: Mapping[str, Path] = field(default_factory=dict)  # folders whose files are all inputs, by the path to find them at

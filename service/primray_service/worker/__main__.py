@@ -83,23 +83,23 @@ def give_way(nice: int) -> None:
 
 
 def check(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
-    """A scene; or parts of a frame are put together, which is as short, and has its own slot too."""
-    if command["do"] == "merge":
-        from .merge_task import merge_parts
-
-        merge_parts(command, job, out, channel)
-        return
     from .check import check_scene
 
     check_scene(command, job, out, channel)
 
 
 def renders() -> Do:
-    """Frames of one job, whose stage is kept from one to the next."""
+    """Frames of one job, whose stage is kept from one to the next; their parts, and the merges of these."""
+    from .merge_task import merge_parts
     from .render_task import render_frame
     from .stage_of_frames import StageOfFrames
 
-    return partial(render_frame, StageOfFrames())
+    render = partial(render_frame, StageOfFrames())
+
+    def do(command: Mapping[str, Any], job: Path, out: Path, channel: Channel) -> None:
+        (merge_parts if command["do"] == "merge" else render)(command, job, out, channel)
+
+    return do
 
 
 main(sys.argv[1:])

@@ -21,7 +21,7 @@ def merge_parts(command: Mapping[str, Any], job: Path, out: Path, channel: Chann
     channel.send("phase", phase="opening")
     merged, judged = _merged([job / str(name) for name in command["parts"]], command)
     number = int(command["number"]) + 1
-    file = out / f"checkpoint-{number}.prc"
+    file = out / f"merged-{number}.prc"  # not a name that parts use: the next of them may run here before this one is taken
     merged.save_checkpoint(file)
     report = merged.image.report
     samples, seconds = int(report["sample_ranges"][-1][1]), float(report["sampling_s"])
@@ -33,7 +33,8 @@ def merge_parts(command: Mapping[str, Any], job: Path, out: Path, channel: Chann
             channel.send("row", **{("t_s" if name == "seconds" else name): value for name, value in row.items()})
     error = _error_of(report["error"], command)
     found = {"ranges": report["sample_ranges"], "rays": int(report["rays"]), "error": error, "judged": judged}
-    channel.leave("done", outputs=[], report={"samples": int(report["samples"]), "parts": found})
+    report = {"samples": int(report["samples"]), "parts": found}
+    channel.done(stay=bool(command.get("stay")), outputs=[], report=report)
 
 
 def _merged(paths: list[Path], command: Mapping[str, Any]) -> tuple[Merged, dict[str, Any] | None]:

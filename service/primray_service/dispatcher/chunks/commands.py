@@ -71,7 +71,7 @@ def render_chunk(
         load_cpu_s=limits.load_cpu_s,
         group=group,
         more_follow=asked.more,
-        scene=f"{job.tenant}/{scene.id}",
+        scene=_open_scene(job, scene),
         keep_s=limits.scene_kept_s,
     )
 
@@ -91,25 +91,47 @@ def part_chunk(
         sample_range=(part.first, part.end),
     )
     command = whole.command | {"settings": settings_as_json(settings), "outputs": [], "part": True}
-    return replace(whole, command=command, group=f"{job.id}/{job.attempt}/parts", more_follow=True)
+    return replace(whole, command=command, group=_group_of_parts(job), more_follow=True)
 
 
-def merge_chunk(chunk_id: str, job: Job, frame: Frame, parts: Sequence[Part], data: DataDirectory, limits: Limits) -> Chunk:
-    """What the frame's checkpoint has, if it has any, and what these parts have: one checkpoint."""
+def merge_chunk(
+    chunk_id: str, job: Job, frame: Frame, parts: Sequence[Part], scene: Scene, data: DataDirectory, limits: Limits
+) -> Chunk:
+    """What the frame's checkpoint has, if it has any, and what these parts have: one checkpoint. Its worker is one that
+    rendered parts, where one waits: a start would take longer than the merge."""
     folder, stop = data.job(job.id), job.settings.get("stop", {})
-    inputs = {f"part-{part.first}.prc": folder / part.checkpoint_file for part in parts}
-    if frame.merged:
-        inputs = {CHECKPOINT: folder / frame.checkpoint_file} | inputs
+    merged = {CHECKPOINT: folder / frame.checkpoint_file} if frame.merged else {}
+    merged |= {f"part-{part.first}.prc": folder / part.checkpoint_file for part in parts}
+    _, inputs, folders = _files(scene, data)  # or they would be taken from the worker, and its next part would miss them
     command: Json = {
         "do": "merge",
-        "parts": list(inputs),
+        "parts": list(merged),
         "number": frame.checkpoint,
         "metric": stop.get("metric", "relmse"),
         "target": stop.get("target_error"),
         "most": stop.get("max_samples"),
         "limits": asdict(limits),
     }
-    return Chunk(chunk_id, "check", command, inputs, load_cpu_s=MERGE_CPU_S)
+    return Chunk(
+        chunk_id,
+        "render",
+        command,
+        inputs | merged,
+        folders,
+        load_cpu_s=MERGE_CPU_S,
+        group=_group_of_parts(job),
+        more_follow=True,
+        scene=_open_scene(job, scene),
+        keep_s=limits.scene_kept_s,
+    )
+
+
+def _group_of_parts(job: Job) -> str:
+    return f"{job.id}/{job.attempt}/parts"
+
+
+def _open_scene(job: Job, scene: Scene) -> str:
+    return f"{job.tenant}/{scene.id}"
 
 
 def _settings_of(job: Job, frame: Frame, capacity: Capacity, asked: Asked) -> RenderSettings:

@@ -38,6 +38,41 @@ def test_by_samples_it_is_over_when_all_are_merged() -> None:
     assert course.end == (16, False)
 
 
+def test_a_merge_is_awaited_where_all_samples_are_there() -> None:
+    course = begun({"max_samples": 16}, parts=(part(0, 8, PartState.DONE), part(8, 16, PartState.RUNNING)))
+    assert not course.is_merge_awaited(FRAME, runs=True)
+    course.ledger.put(part(8, 16, PartState.DONE))
+    assert course.is_merge_awaited(FRAME, runs=False)
+    course.merged(16, None)
+    assert not course.is_merge_awaited(FRAME, runs=False)
+
+
+def test_a_merge_is_awaited_where_an_error_decides() -> None:
+    """At the goal, whatever runs beyond it; and of what another dispatcher has merged."""
+    course = begun({"target_error": 0.1}, parts=(part(0, 4, PartState.DONE), part(4, 8, PartState.RUNNING)))
+    assert course.goal == 8
+    assert not course.is_merge_awaited(FRAME, runs=True)
+    course.ledger.put(part(4, 8, PartState.DONE))
+    course.ledger.put(part(8, 16, PartState.RUNNING))
+    assert course.is_merge_awaited(FRAME, runs=True)
+    assert begun({"target_error": 0.1}, merged=16).is_merge_awaited(FRAME, runs=False)
+
+
+def test_a_merge_is_awaited_when_time_is_over() -> None:
+    course = begun({"max_seconds": 10.0}, parts=(part(0, 8, PartState.DONE), part(8, 16, PartState.RUNNING)))
+    course.at(11.0, 1e6)
+    assert not course.is_merge_awaited(FRAME, runs=True)
+    assert course.is_merge_awaited(FRAME, runs=False)
+
+
+def test_a_place_that_would_be_idle_merges() -> None:
+    """All is given out, and more than one part has come."""
+    course = begun({"max_samples": 24}, parts=(part(0, 8, PartState.DONE), part(8, 16, PartState.DONE)))
+    assert not course.is_merge_awaited(FRAME, runs=True)
+    course.ledger.put(part(16, 24, PartState.RUNNING))
+    assert course.is_merge_awaited(FRAME, runs=True)
+
+
 def test_an_odd_sample_is_the_pictures() -> None:
     course = begun({"max_samples": 17}, merged=16)
     assert is_over(course)

@@ -15,14 +15,24 @@ from tests.service.dispatcher.rig import Rig
 from tests.service.dispatcher.scripted import ScriptedExecutor, Worker, killed_outside, segfault
 
 from primray_service.dispatcher.frames import run_completion
-from primray_service.dispatcher.frames.parts import part_run
-from primray_service.jobs import JobState
+from primray_service.dispatcher.frames.parts import merge_pace, part_run
+from primray_service.jobs import JobState, PartState
 
 TO_64 = {"stop": {"max_samples": 64}}
 
 
 def parts_of(executor: ScriptedExecutor) -> list[Worker]:
     return [worker for worker in executor.workers if worker.command.get("part")]
+
+
+def has_first_samples(rig: Rig, job: str) -> bool:
+    """They are merged, or in a part that is done."""
+    done = [part for part in rig.store.parts(job, 0) if part.state is PartState.DONE]
+    return rig.frame(job).merged > 0 or any(part.first == 0 for part in done)
+
+
+def merges_of(executor: ScriptedExecutor) -> list[Worker]:
+    return [worker for worker in executor.workers if worker.command["do"] == "merge"]
 
 
 def test_a_frame_is_cut_merged_and_shown_once(tmp_path: Path) -> None:
@@ -49,6 +59,7 @@ def test_a_frame_is_cut_merged_and_shown_once(tmp_path: Path) -> None:
     assert [first for first, _ in ends] == [0, *(end for _, end in ends[:-1])]
     assert ends[-1][1] == 64
     assert len(ends) > 3
+    assert len(merges_of(executor)) <= 3, "a place was idle at the end"
     assert len({worker.command["settings"]["sample_range"][0] for worker in parts_of(executor)}) == len(ends)
 
 
@@ -94,6 +105,46 @@ def test_parallel_is_the_most_that_run_at_a_time(tmp_path: Path) -> None:
 
     play(tmp_path, pieces.script, act, slots=4)
     assert most == 2
+    assert pieces.shown == [(0, 64)]
+
+
+def test_a_merge_takes_a_place(tmp_path: Path) -> None:
+    """By an error there are merges while parts run."""
+
+    async def hook(worker: Worker, where: str) -> None:
+        await asyncio.sleep(0.05 if where == "merging" else 0.0)
+
+    pieces = Pieces(hook, pause_s=0.005)
+
+    async def act(rig: Rig, executor: ScriptedExecutor) -> None:
+        job = rig.submit(rig.scene(), settings={"stop": {"target_error": 0.001}}, parallel=2)
+        [ended] = await rig.ended(job.id)
+        assert ended.state is JobState.SUCCEEDED, ended.error
+
+    executor = play(tmp_path, pieces.script, act, slots=2)
+    assert len(merges_of(executor)) > 3
+    assert executor.most_running == 2
+
+
+@pytest.mark.parametrize("watched", [False, True])
+def test_where_somebody_looks_there_are_merges_meanwhile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, watched: bool
+) -> None:
+    monkeypatch.setattr(merge_pace, "GUESS_S", 0.01)  # so after 0.1 s if watched, else after 10 s
+    monkeypatch.setattr(merge_pace, "SHARE", 0.001)
+    pieces = Pieces(pause_s=0.15)
+
+    async def act(rig: Rig, executor: ScriptedExecutor) -> None:
+        job = rig.submit(rig.scene(), settings=TO_64, parallel=2)
+        if watched:
+            await rig.until(lambda: bool(executor.workers))
+            rig.dispatcher.ask_preview(job.id, 0)
+        [ended] = await rig.ended(job.id)
+        assert ended.state is JobState.SUCCEEDED, ended.error
+
+    merges = merges_of(play(tmp_path, pieces.script, act, slots=2))
+    early = [merge for merge in merges if "part-0.prc" in merge.command["parts"] and len(merge.command["parts"]) < 4]
+    assert bool(early) == watched
     assert pieces.shown == [(0, 64)]
 
 
@@ -251,7 +302,7 @@ def test_a_time_limit_ends_it_with_what_is_merged(tmp_path: Path) -> None:
     assert pieces.shown[-1][0] == 0
 
 
-def test_canceling_keeps_what_is_merged(tmp_path: Path) -> None:
+def test_canceling_keeps_what_parts_have_taken(tmp_path: Path) -> None:
     async def hook(worker: Worker, where: str) -> None:
         if where == "sampling" and worker.command["settings"]["sample_range"][0] > 16:
             await asyncio.sleep(60)
@@ -260,7 +311,7 @@ def test_canceling_keeps_what_is_merged(tmp_path: Path) -> None:
 
     async def act(rig: Rig, executor: ScriptedExecutor) -> None:
         job = rig.submit(rig.scene(), settings=TO_64, parallel="auto")
-        await rig.until(lambda: rig.frame(job.id).merged > 0 and len(rig.store.parts(job.id, 0)) > 0)
+        await rig.until(lambda: has_first_samples(rig, job.id))
         rig.store.request_cancel(job.id, time.time())
         rig.dispatcher.wake()
         [ended] = await rig.ended(job.id)
@@ -372,7 +423,7 @@ def test_a_server_that_stops_goes_on_with_the_parts_that_are_done(tmp_path: Path
 
     async def begin(rig: Rig, executor: ScriptedExecutor) -> None:
         jobs.append(rig.submit(rig.scene(), settings=TO_64, parallel="auto").id)
-        await rig.until(lambda: rig.frame(jobs[0]).merged > 0)
+        await rig.until(lambda: has_first_samples(rig, jobs[0]))
 
     async def go_on(rig: Rig, executor: ScriptedExecutor) -> None:
         [ended] = await rig.ended(jobs[0])

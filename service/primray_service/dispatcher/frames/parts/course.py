@@ -77,6 +77,18 @@ class Course:
     def to_merge(self) -> list[Part]:
         return [] if self.goal is None else self.ledger.to_merge(self.goal)
 
+    def is_merge_awaited(self, frame: Frame, *, runs: bool) -> bool:
+        """The error decides by the next merge, or it makes the frame whole; or places that wait for others' parts can put
+        together what is there, so that less is left to do then. `runs`: parts do."""
+        if self.target_met:
+            return False
+        if self.goal is None:
+            return True
+        parts = self.to_merge()
+        if not parts:
+            return False
+        return parts[-1].end == self.goal or ((len(parts) > 1 or not runs) and self.next_part(frame) is None)
+
     def at(self, elapsed_s: float, allowed_s: float) -> None:
         """A time limit that was asked for decides how large parts are; what is allowed in any case only ends the frame."""
         left = allowed_s - elapsed_s

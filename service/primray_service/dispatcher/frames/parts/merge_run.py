@@ -1,5 +1,4 @@
-"""Putting parts of a frame together: a chunk of its own kind, which believes nothing of the checkpoints that it reads, and
-whose word is checked as any worker's."""
+"""Putting parts of a frame together: a chunk in a worker that renders such parts, whose word is checked as any worker's."""
 
 from __future__ import annotations
 
@@ -11,7 +10,7 @@ from primray.sampling.schedule import FIRST_ANCHOR
 
 from .... import ids
 from ....executor.base import Ended
-from ....jobs import Frame, Job, Json, Part
+from ....jobs import Frame, Job, Json, Part, Scene
 from ....problems import Problem
 from ...chunks import commands
 from ...chunks.bringing import bring
@@ -40,12 +39,13 @@ class Found:
 class MergeRun:
     """Of parts that follow what is merged without a gap, up to sample `end`; without any, what is merged is judged again."""
 
-    def __init__(self, context: Context, job: Job, frame: Frame, parts: Sequence[Part]) -> None:
+    def __init__(self, context: Context, job: Job, frame: Frame, parts: Sequence[Part], scene: Scene | None) -> None:
         self.end = parts[-1].end if parts else frame.merged
         self._context = context
         self._job = job
         self._frame = frame
         self._parts = parts
+        self._scene = scene
         self.run: ChunkRun | None = None
         self.ended: Ended | None = None
 
@@ -53,10 +53,12 @@ class MergeRun:
         """Its files are there until `close`."""
         context = self._context
         try:
+            if self._scene is None:
+                raise Problem("internal", "The scene is not on the server any more; upload it again.")
             files = [part.checkpoint_file for part in self._parts] + [self._frame.checkpoint_file]
-            await bring(context, None, self._job.id, files)
-            chunk_id = f"m{ids.ulid(time.time())}"
-            chunk = commands.merge_chunk(chunk_id, self._job, self._frame, self._parts, context.data, context.limits)
+            await bring(context, self._scene, self._job.id, files)
+            about = (self._job, self._frame, self._parts, self._scene)
+            chunk = commands.merge_chunk(f"m{ids.ulid(time.time())}", *about, context.data, context.limits)
             run = self.run = ChunkRun(context.executor, chunk, self._frame.convergence)
         except (Problem, ValueError, OSError) as error:
             return run_completion.not_begun(self._frame, error, context.limits)
@@ -66,8 +68,8 @@ class MergeRun:
                 run.kill("silent")
         self.ended = ended = await run.ended()
         context.metrics.worker_cpu_s += ended.cpu_s
-        about = Circumstances(False, run.killed_for, await context.look_at_disk(), had_checkpoint=True)
-        outcome = outcome_of(self._frame, run.inbox.last, ended, about, context.limits_of_chunks)
+        circumstances = Circumstances(False, run.killed_for, await context.look_at_disk(), had_checkpoint=True)
+        outcome = outcome_of(self._frame, run.inbox.last, ended, circumstances, context.limits_of_chunks)
         if not isinstance(outcome, Picture):
             return outcome
         try:

@@ -27,6 +27,7 @@ from ..shared_jobs import SharedJob, SharedJobs
 from .adopting import adopt_merge, adopt_preview_of, remove_merged, unusable
 from .course import Course
 from .ledger import waits_again
+from .merge_pace import MergePace
 from .merge_run import Found, MergeRun
 from .part_run import PartEnd, PartRun
 from .told import Told
@@ -62,6 +63,7 @@ class ParallelFrame:
         self._wants_preview = False
         self._has_freed = False  # slots, since others were told
         self._course = Course(self.job.settings.get("stop", {}), places)
+        self._merges = MergePace(self._loop.time(), places)
         capacity = context.executor.capacity()
         asked = settings_as_json(commands.frame_settings(self.job.settings, self.frame, capacity))
         self._told = Told(self._loop.time(), self.frame.convergence, asked)
@@ -79,13 +81,19 @@ class ParallelFrame:
     def slots(self) -> int:
         if self._picture is not None:
             return self._picture.slots
-        return len(self._parts) + self._holds_slot
+        return self._used + self._holds_slot
+
+    @property
+    def _used(self) -> int:
+        """Slots that its chunks have."""
+        return len(self._parts) + (self._merging is not None)
 
     @property
     def wants_slot(self) -> bool:
         if self._is_ending or not self._has_read or self._picture is not None or self._holds_slot:
             return False
-        return len(self._parts) < self._places and (self._course.next_part(self.frame) is not None or self._is_sampled)
+        has_work = self._is_merge_due or self._course.next_part(self.frame) is not None or self._is_sampled
+        return self._used < self._places and has_work
 
     def take_slot(self) -> None:
         """It is free, and this frame's now."""
@@ -101,7 +109,7 @@ class ParallelFrame:
         found = [
             Running((*self.key, run.part.first), *about, run.sampled_s, run.going or self.going) for run in self._parts.values()
         ]
-        return found + [Running(self.key, *about, 0.0, going=True)] * self._holds_slot
+        return found + [Running(self.key, *about, 0.0, going=True)] * (self._holds_slot + (self._merging is not None))
 
     def saw(self, job: Job | None) -> None:
         """The job's row as it is now."""
@@ -129,8 +137,9 @@ class ParallelFrame:
         self._news.set()
 
     def ask_preview(self) -> None:
-        """What is merged has one already; the picture's worker writes another."""
+        """Merges leave them, and are made more often for it; the picture's worker writes another."""
         self._wants_preview = True
+        self._merges.is_watched(self._loop.time())
         if self._picture is not None:
             self._picture.ask_preview()
 
@@ -189,7 +198,6 @@ class ParallelFrame:
             self._follow_clock()
             if (end := self._end_now()) is not None:
                 return end
-            self._merge_if_due()
             self._use_slot()
             if self._has_freed or self.wants_slot:
                 self._has_freed = False
@@ -235,12 +243,15 @@ class ParallelFrame:
         return self._spent_s + (0.0 if since is None else self._loop.time() - since)
 
     def _use_slot(self) -> None:
-        """For a part; it is kept for the picture while there is none and the last samples are merged."""
+        """For a merge or a part; it is kept for the picture while nothing runs."""
+        if self._is_merge_due and (self._holds_slot or self.is_canceling):
+            self._merge()
+            return
         if not self._holds_slot or self._is_ending or self._is_sampled:
             return
         part = self._course.next_part(self.frame)
-        if part is None or len(self._parts) >= self._places:
-            self._holds_slot = not self._parts
+        if part is None or self._used >= self._places:
+            self._holds_slot = not self._used
             return
         self._holds_slot = False
         run = PartRun(self._context, self.job, self.frame, part, self._scene, self._news.set)
@@ -257,14 +268,18 @@ class ParallelFrame:
             self._told.hear([run], self._loop.time())
             await self._take_part(end)
             self.has_given_way = self.has_given_way or run.going
-            self._holds_slot = self._holds_slot or not (self._parts or run.going)
+            keeps = not run.going and (not self._used or self._is_merge_due)
+            self._holds_slot = self._holds_slot or keeps
         if self._merging is not None and self._merging[0].done():
             task_of_merge, merge = self._merging
             try:
                 await self._take_merge(merge, task_of_merge.result())
             finally:
                 self._merging = None
+                self._merges.ended(self._loop.time())
+                self._has_freed = True
                 await merge.close()
+            self._holds_slot = self._holds_slot or not self._parts
 
     async def _take_part(self, end: PartEnd) -> None:
         is_cut = not self._course.ledger.ends(end.part)
@@ -287,15 +302,24 @@ class ParallelFrame:
         frame = self.frame
         self.frame = replace(frame, cpu_s=frame.cpu_s + cpu_s, peak_rss_bytes=max(frame.peak_rss_bytes, peak_rss_bytes))
 
-    def _merge_if_due(self) -> None:
-        parts = self._course.to_merge()
-        nothing_is_new = not parts and self._course.goal is not None
-        if nothing_is_new or self._merging is not None or self._course.target_met or self.going or self._kill_for:
-            return
-        merge = MergeRun(self._context, self.job, self.frame, parts)
+    @property
+    def _is_merge_due(self) -> bool:
+        """Before any part: something waits for it, or it is its turn."""
+        if self._merging is not None or self.going or self._kill_for or self._failed is not None:
+            return False
+        waiting = len(self._course.to_merge())
+        if self.is_canceling:
+            return waiting > 0 and not self._parts
+        is_awaited = self._course.is_merge_awaited(self.frame, runs=bool(self._parts))
+        return is_awaited or self._merges.is_due(waiting, self._loop.time())
+
+    def _merge(self) -> None:
+        self._holds_slot = False
+        merge = MergeRun(self._context, self.job, self.frame, self._course.to_merge(), self._scene)
         task = asyncio.create_task(merge.live(), name="merge")
         task.add_done_callback(lambda _: self._news.set())
         self._merging = task, merge
+        self._merges.began(self._loop.time())
 
     async def _take_merge(self, merge: MergeRun, found: Found | Outcome) -> None:
         if merge.ended is not None:
