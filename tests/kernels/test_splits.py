@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import pytest
 from tests.bench.peers.scene import Camera, Lamp, Look, Scene
 from tests.bench.peers.scenes import cove
 from tests.bench.peers.shapes import ball, rectangle
 from tests.bench.peers.write_usd import CAMERA, write_usd
 
 from primray import core
+from primray.core.isa_class import module
 from primray.diagnostics import Diagnostics
 from primray.render import open_once, prepare
 from primray.report.report import Costs
@@ -27,12 +31,38 @@ def balls(radiance: float) -> Scene:
     return scene
 
 
-def chosen(scene: Scene, folder: Path) -> core.Splits:
+def built(scene: Scene, folder: Path) -> tuple[core.CoreScene, RenderSettings]:
     path = folder / "scene.usdc"
     write_usd(scene, path)
     settings = RenderSettings(resolution=scene.resolution, camera=CAMERA, max_depth=scene.depth)
     opened = open_once(path, settings)
-    return core.choose_splits(prepare(opened.stage, opened.diagnostics, settings, Costs(), Diagnostics()).scene, settings)
+    return prepare(opened.stage, opened.diagnostics, settings, Costs(), Diagnostics()).scene, settings
+
+
+def chosen(scene: Scene, folder: Path) -> core.Splits:
+    return core.choose_splits(*built(scene, folder))
+
+
+def test_a_scene_that_stays_asks_its_pilot_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For each depth: what another depth found is not taken for it; and anew for a quick look."""
+    scene, settings = built(cove(), tmp_path)
+    asked: list[int] = []
+    pilot = module().choose_splits
+
+    def counting(of: Any, how: Any, lanes: int) -> Any:
+        asked.append(how.max_depth)
+        return pilot(of, how, lanes)
+
+    monkeypatch.setattr(module(), "choose_splits", counting)
+    found = [core.choose_splits(scene, settings) for _ in range(2)]
+    direct = core.choose_splits(scene, replace(settings, max_depth=1))
+    assert found == [(8, 1), (8, 1)]
+    assert direct != found[0]
+    assert asked == [settings.max_depth, 1]
+    assert core.choose_splits(scene, replace(settings, spp=1)) == (1, 1)
+    scene.forget_guides()
+    assert core.choose_splits(scene, settings) == (8, 1)
+    assert asked == [settings.max_depth, 1, settings.max_depth]
 
 
 def test_edges_of_shadows_count(tmp_path: Path) -> None:

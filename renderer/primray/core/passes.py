@@ -30,14 +30,8 @@ class Pass:
 
 
 def choose_splits(scene: CoreScene, settings: RenderSettings) -> Splits:
-    """What a pilot finds best; a function of scene and depth alone, but for a quick look."""
-    if settings.is_quick_look:
-        return Splits()
-    try:
-        pilot = integrator_settings(module(), settings, caustics=scene.caustics(settings))
-        return Splits(*module().choose_splits(scene._scene, pilot, lanes()))
-    except module().CoreError as error:
-        raise_as_ours(error)
+    """As `CoreScene.splits`."""
+    return scene.splits(settings)
 
 
 def render_pass(

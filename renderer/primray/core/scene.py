@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from ..color.color_space import REC709, ColorSpace
 from ..description.placement import Box
 from ..settings import RenderSettings
+from .core_errors import raise_as_ours
 from .core_inputs import integrator_settings
 from .isa_class import lanes, module
 from .limits import max_depth, threads
@@ -43,6 +44,20 @@ class CoreScene:
         self.uploaded: Any = None  # scene_upload.Uploaded, of scenes that may be built again
         self._guides: dict[tuple[int, Splits], Any] = {}
         self._caustics: dict[int, Any] = {}
+        self._splits: dict[int, Splits] = {}
+
+    def splits(self, settings: RenderSettings) -> Splits:
+        """What a pilot finds best, once: a function of scene and depth alone, but for a quick look."""
+        if settings.is_quick_look:
+            return Splits()
+        depth = max_depth(settings)
+        if depth not in self._splits:
+            pilot = integrator_settings(module(), settings, caustics=self.caustics(settings))
+            try:
+                self._splits[depth] = Splits(*module().choose_splits(self._scene, pilot, lanes()))
+            except module().CoreError as error:
+                raise_as_ours(error)
+        return self._splits[depth]
 
     def guide(self, settings: RenderSettings, splits: Splits) -> Any:
         """Where light comes from, learnt once from paths of their own; None where that would not pay, and for a quick look."""
@@ -70,6 +85,7 @@ class CoreScene:
         """What was learnt, as if the scene were new: for renders of another depth."""
         self._guides.clear()
         self._caustics.clear()
+        self._splits.clear()
 
     @property
     def memory_bytes(self) -> int:

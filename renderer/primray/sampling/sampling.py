@@ -90,7 +90,7 @@ class Sampling:
                 self.aim()
             if self._render_pass(progress, pause) == "paused":
                 return False
-        if not (self.schedule.pilot and self.rows):
+        if not self.schedule.is_part and not (self.schedule.pilot and self.rows):
             self._measure_at_end()
         return True
 

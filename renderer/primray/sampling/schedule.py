@@ -53,6 +53,7 @@ class Schedule:
     settings: RenderSettings
     resumable: bool = False  # measure at anchors what any error metric may be told by later
     pilot: bool = False  # measure at every anchor, and at the end only where there was none
+    is_part: bool = False  # of a frame, whose error is measured when it is merged: nothing is at the end
     first_look: bool = False  # for those who watch: a first pass of one block, whose error is looked at
     # Of earlier runs, of a render that goes on from a checkpoint: what a time limit (unless told to) doesn't count.
     earlier_seconds: float = 0.0

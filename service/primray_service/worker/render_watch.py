@@ -110,7 +110,8 @@ class Numbers:
 
 
 class Watch:
-    """Between the sampling and the server: progress, rows, previews (where it `shows` any), checkpoints, being told to stop."""
+    """Between the sampling and the server: progress, rows, previews, checkpoints, being told to stop. `shows`: previews, and
+    the error; no part of a frame does."""
 
     def __init__(self, sampling: Sampling, saver: Saver, channel: Channel, out: Path, *, shows: bool = True) -> None:
         self._sampling = sampling
@@ -133,7 +134,7 @@ class Watch:
         """Sample until something stops it, "stopped", or it "gave way". `fraction` was reached by earlier runs."""
         sampling = self._sampling
         sampling.most_fraction = min(max(fraction, 0.0), 0.99)
-        sampling.schedule = replace(sampling.schedule, first_look=True)
+        sampling.schedule = replace(sampling.schedule, first_look=self._shows, is_part=not self._shows)
         sampling.on_pass = self._on_pass
         try:
             while not sampling.run(self._on_progress, self._is_paused):

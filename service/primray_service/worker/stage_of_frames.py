@@ -12,9 +12,12 @@ from primray.settings import RenderSettings
 
 
 class StageOfFrames:
+    """Made before there is one: what the process has then, libraries mostly, is not the stage's."""
+
     def __init__(self) -> None:
         self._kept: KeptStage | None = None
         self._file = ""
+        self._bytes_before = resident_bytes()
 
     def prepare(
         self, file: str, settings: RenderSettings, costs: Costs, diagnostics: Diagnostics, *, more_follow: bool
@@ -28,6 +31,9 @@ class StageOfFrames:
                 opened = found.opened
                 return prepare(opened.stage, opened.diagnostics, settings, costs, diagnostics, fingerprinted=True)
         prepared = found.prepare(settings, costs, diagnostics, fingerprinted=True)
-        if more_follow and (settings.max_memory_bytes is None or resident_bytes() <= KEPT_PART * settings.max_memory_bytes):
+        if more_follow and self._is_small(settings.max_memory_bytes):
             self._kept, self._file = found, file
         return prepared
+
+    def _is_small(self, most_bytes: int | None) -> bool:
+        return most_bytes is None or resident_bytes() - self._bytes_before <= KEPT_PART * most_bytes

@@ -25,6 +25,19 @@ def test_a_first_look_changes_nothing(values: dict[str, float]) -> None:
     assert decided == [(row.samples, row.error.relmse) for row in plain.rows if row.decides]
 
 
+def test_a_part_of_a_frame_does_not_measure_at_its_end() -> None:
+    """Whoever merges it does; its samples are the same."""
+    plain = resuming.run(sample_range=(8, 24))
+    part = resuming.begin(sample_range=(8, 24))
+    part.schedule = replace(part.schedule, is_part=True)
+    assert part.run()
+    assert part.rows == ()
+    assert part.stop is not None
+    assert plain.stop is not None
+    assert part.stop.reason == plain.stop.reason == "samples"
+    assert part.film.image()[0].tobytes() == plain.film.image()[0].tobytes()
+
+
 def test_passes_are_told() -> None:
     sampling = resuming.begin(spp=20)
     sampling.schedule = replace(sampling.schedule, first_look=True)
