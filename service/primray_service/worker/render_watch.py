@@ -29,7 +29,7 @@ PHASES = {
     "build": "building",
     "write": "writing",
 }
-PROGRESS_EVERY_S = 0.5
+PROGRESS_EVERY_S, PART_PROGRESS_EVERY_S = 0.5, 1.0  # parts: there are more of them
 PREVIEW_EVERY_S = 0.5  # at most, and at most a tenth of the time
 MOST_WARNINGS = 1000
 # Seconds from the last sample to the end of all work: encoding the files, a second for 4 megapixels.
@@ -162,7 +162,7 @@ class Watch:
     def _on_progress(self, fraction: float, samples: int, rays: int) -> bool:
         now = time.monotonic()
         if now >= self._next_progress:
-            self._next_progress = now + PROGRESS_EVERY_S
+            self._next_progress = now + (PROGRESS_EVERY_S if self._shows else PART_PROGRESS_EVERY_S)
             self._send_rows()
             self._send_progress(fraction)
         return not self._channel.stop

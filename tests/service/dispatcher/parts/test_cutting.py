@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from primray.settings import SAMPLE_BLOCK
-from primray_service.dispatcher.frames.parts.cutting import LEAST, Known, next_samples, rules_of
+from primray_service.dispatcher.frames.parts.cutting import LEAST, LEAST_S, Known, next_samples, rules_of
 
 
 def cut(most: int, known: Known) -> list[int]:
@@ -25,9 +25,16 @@ def test_parts_are_all_samples_and_the_last_are_short(most: int, places: int, sa
     sizes = cut(rules.most, Known(places, sample_s=sample_s, load_s=load_s))
     assert sum(sizes) == rules.most == most // SAMPLE_BLOCK * SAMPLE_BLOCK
     assert all(size % SAMPLE_BLOCK == 0 for size in sizes)
-    assert all(later <= earlier + LEAST for earlier, later in itertools.pairwise(sizes))
+    shortest = max(LEAST_S, load_s) / sample_s / 2 if sample_s else 0.0
+    assert all(later <= earlier + max(LEAST, shortest) for earlier, later in itertools.pairwise(sizes))
+    assert min(sizes) >= min(shortest, rules.most)
     if most >= 16 * places and sample_s is None:
         assert sizes[-1] <= 2 * LEAST
+
+
+def test_the_last_parts_are_worth_their_cost() -> None:
+    """34 samples of 0.04 s are left to two places: 0.68 s for each, and none of a moment after that."""
+    assert cut(34, Known(2, sample_s=0.04)) == [18, 16]
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from primray.settings import DEFAULT_SPP, MAX_SPP, SAMPLE_BLOCK
 from ....jobs import Json
 
 LEAST = 4
-LEAST_S = 1.0  # of sampling: below, parts are mostly overhead
+LEAST_S = 1.0  # of sampling: below, much of a part is overhead; half of it at the end, where others would be idle else
 
 
 @dataclass(frozen=True)
@@ -43,16 +43,18 @@ class Known:
 
 def next_samples(left: int, known: Known) -> int:
     """Of the next part, where so many are wanted that nobody has taken; 0: none is to be given out now."""
-    size = left / (2 * known.places)
+    size, shortest = left / (2 * known.places), 0.0
     if known.sample_s:
         least = max(LEAST_S, known.load_s) / known.sample_s
-        size = max(size, min(least, left / known.places))
+        shortest = least / 2
+        size = max(size, min(least, left / known.places), shortest)
     if known.left_s is not None:
         size = _in_time(size, known)
+        shortest = min(size, shortest)
     if size <= 0:
         return 0
     samples = min(max(_blocks(size), LEAST), left)
-    return left if left - samples < LEAST else samples
+    return left if left - samples < max(LEAST, shortest) else samples
 
 
 def _in_time(size: float, known: Known) -> float:

@@ -73,6 +73,12 @@ class _Parts:
         self.bytes = 0
         self.refs: list[Any] = []
 
+    def add(self, data: bytes) -> None:
+        """All of a part, or of the last one; not after `write`."""
+        self.sha256.update(data)
+        self.bytes += len(data)
+        self.refs.append(self._put(data))
+
     def write(self, data: bytes) -> int:
         self.sha256.update(data)
         self.bytes += len(data)
@@ -92,8 +98,8 @@ class _Parts:
 
 def _send_file(path: Path, parts: _Parts) -> None:
     with _opened(path) as file:
-        while data := file.read(2**20):
-            parts.write(data)
+        while data := file.read(PART_BYTES):
+            parts.add(data)
 
 
 def _send_folder(folder: Path, files: list[Path], parts: _Parts) -> None:

@@ -142,7 +142,7 @@ class GivenChunk:
             (self._folder / "log.txt").write_bytes(item.log)
             return {**item.told, "log_file": True}
         elif isinstance(item, Part | FileEnd):
-            if isinstance(item, FileEnd) or len(item.data) > IN_LOOP_BYTES:
+            if isinstance(item, Part) and len(item.data) > IN_LOOP_BYTES:
                 await asyncio.to_thread(self._received.take, item)
             else:
                 self._received.take(item)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from pathlib import Path
+from typing import Any
 
 from ..node.items import FileEnd, Part
 
@@ -14,6 +15,7 @@ class Received:
 
     def __init__(self, out: Path) -> None:
         self._out = out
+        self._sha256: dict[str, Any] = {}  # of what has come of files so far
 
     def take(self, item: Part | FileEnd) -> None:
         """ValueError for what our tasks do not send, and for bytes that were changed on the way."""
@@ -22,13 +24,12 @@ class Received:
             raise ValueError(f"{name!r} is no name of a worker's file")
         partial = self._out / f".{name}.partial"
         if isinstance(item, Part):
+            self._sha256.setdefault(name, hashlib.sha256()).update(item.data)
             with open(partial, "ab") as file:
                 file.write(item.data)
             return
-        with open(partial, "ab+") as file:
-            file.seek(0)
-            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+        sha256 = self._sha256.pop(name, hashlib.sha256()).hexdigest()
         if sha256 != item.sha256:
-            partial.unlink()
+            partial.unlink(missing_ok=True)
             raise ValueError(f"{name} has come with another content than it was sent with")
         os.replace(partial, self._out / name)

@@ -99,7 +99,7 @@ class NodeCache:
                 _unpack(stream, partial / "it")
             else:
                 with open(partial / "it", "xb") as file:
-                    while data := stream.read(2**20):
+                    while data := stream.next_part():
                         file.write(data)
             stream.require_whole()
             os.rename(partial / "it", path)
@@ -152,14 +152,18 @@ class _Stream:
         self._part = memoryview(b"")
         self._sha256 = hashlib.sha256()
 
+    def next_part(self) -> bytes:
+        """Nothing at the end."""
+        ref = next(self._refs, None)
+        if ref is None:
+            return b""
+        data = self._read(ref)
+        self._sha256.update(data)
+        return data
+
     def read(self, size: int) -> bytes:
         if not self._part:
-            ref = next(self._refs, None)
-            if ref is None:
-                return b""
-            data = self._read(ref)
-            self._sha256.update(data)
-            self._part = memoryview(data)
+            self._part = memoryview(self.next_part())
         found, self._part = self._part[:size], self._part[size:]
         return bytes(found)
 
