@@ -7,9 +7,9 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdShade
 
 import primray
-from primray.core import passes
+from primray.core import isa_class, passes
 
-MOST = passes.lanes()
+MOST = isa_class.lanes()
 MATERIALS: tuple[dict[str, object], ...] = (
     {"base_color": (0.7, 0.1, 0.1)},
     {"base_metalness": 1.0, "specular_roughness": 0.0},

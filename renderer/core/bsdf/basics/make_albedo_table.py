@@ -1,7 +1,7 @@
 """Writes albedo_table.hpp: directional albedos of the GGX reflection lobe, by quadrature in double precision.
 
-Run from the repository: python renderer/core/bsdf/basics/make_albedo_table.py (a minute). Reflection with Schlick's Fresnel term
-is linear in F0 and F90, so two numbers for each (roughness, cosine mu) give the albedo of any surface: E = T (F0 + (F90 - F0)
+Run from the repository: python renderer/core/bsdf/basics/make_albedo_table.py (a minute). Reflection with Schlick's term is
+linear in F0 and F90, so two numbers for each (roughness, cosine mu) give the albedo of any surface: E = T (F0 + (F90 - F0)
 (1 - M)^5). T, the albedo for F = 1, and M, the cosine with the normals that counts for Fresnel's term, are functions of
 mu / alpha near grazing: columns are even in sqrt(mu (1 + 3 alpha) / (mu + 3 alpha)), rows in roughness, from the least one
 that is no mirror. M exceeds mu by about alpha log(1 / alpha) at the horizon and is stored as (M - mu) / (roughness^2 /

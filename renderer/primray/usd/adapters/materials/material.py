@@ -15,8 +15,7 @@ from pxr import Sdf, Usd, UsdShade
 from ....description import Input, PrimvarInput, Surface, TextureInput
 from ....diagnostics import Diagnostic, Diagnostics
 from ...materials.fed_inputs import FedInputs
-from ...materials.known_material import known_material
-from ...materials.mdl.by_name import mdl_material, module_of
+from ...materials.mdl.module import module_of
 from ...materials.network import Constant, Node, as_numbers, constant_color, find_source, node_path, parameter
 from ...materials.network_nodes import NO_PRIMVAR, NODES, NodeKind, reader_input, texture_input
 from ...materials.node_values import definition_of
@@ -113,14 +112,29 @@ def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Mate
         if isinstance(source, Node):
             if source.id in SURFACE_SHADERS:
                 return _preview_surface(source, path, ctx)
-            if source.id.startswith("ND_") and (made := known_material(source, path, ctx)) is not None:
-                return Material(made.surface, made.hidden)
-            if module_of(source) and (mdl := mdl_material(source, path, ctx)) is not None:
-                return Material(*mdl)
+            if (made := _of_other_model(source, path, ctx)) is not None:
+                return made
             others.append(f"{source.id or module_of(source) or 'a shader without id'} ({output})")
     reason = f"The surface shader is {', '.join(others)}" if others else "No surface output leads to a shader"
     ctx.warn("shader-ignored", path, f"{reason}: displayColor is used.", "outputs:surface")
     return Material(None)
+
+
+def _of_other_model(source: Node, path: str, ctx: Context) -> Material | None:
+    """Of a MaterialX surface or an MDL module that is known; imported where there is one, as most stages have none."""
+    if source.id.startswith("ND_"):
+        from ...materials.known_material import known_material
+
+        made = known_material(source, path, ctx)
+        if made is not None:
+            return Material(made.surface, made.hidden)
+    if module_of(source):
+        from ...materials.mdl.by_name import mdl_material
+
+        mdl = mdl_material(source, path, ctx)
+        if mdl is not None:
+            return Material(*mdl)
+    return None
 
 
 def _note_outputs(usd_material: UsdShade.Material, path: str, ctx: Context) -> None:

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
-from pxr import Sdf
-
 from ....description import Surface
-from ...querying.guarded import default_value
 from ...resolving.context import Context
 from ..known_surfaces.as_open_pbr import as_open_pbr, is_hole, told
 from ..known_surfaces.record import KnownSurface
@@ -15,6 +12,7 @@ from ..network import Node, node_path
 from ..node_values import NodeValues
 from . import gltf_material, omni_glass, omni_pbr, omni_surface, preview_surface
 from .inputs import MdlInputs
+from .module import module_of
 
 _Read = Callable[[MdlInputs], KnownSurface]
 _MODULES: dict[str, tuple[_Read, Collection[str]]] = {
@@ -33,12 +31,6 @@ _MODULES: dict[str, tuple[_Read, Collection[str]]] = {
     "gltf/pbr.mdl": (gltf_material.read, gltf_material.AT_REST),
     "pbr.mdl": (gltf_material.read, gltf_material.AT_REST),
 }
-
-
-def module_of(shader: Node) -> str:
-    """The path of the MDL module that a shader is of, "" where it is of none."""
-    asset = default_value(shader.prim.GetAttribute("info:mdl:sourceAsset"))
-    return str(asset.path) if isinstance(asset, Sdf.AssetPath) else ""
 
 
 def mdl_material(shader: Node, path: str, ctx: Context) -> tuple[Surface, bool] | None:
