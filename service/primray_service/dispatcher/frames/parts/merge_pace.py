@@ -5,7 +5,7 @@ from __future__ import annotations
 GUESS_S = 0.5  # that a merge takes, before there was one
 SHARE, SHARE_WATCHED = 0.02, 0.1  # of one place's time, for merges
 WATCHED_S = 15.0  # after somebody asked for a preview
-MOST_WAITING = 4  # parts for each place: each is as large as a film
+MOST_WAITING = 2  # parts for each place: films that are on their way at once
 
 
 class MergePace:
