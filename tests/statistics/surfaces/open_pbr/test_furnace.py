@@ -28,7 +28,11 @@ FURNACES: dict[str, tuple[dict[str, Any], float, float]] = {
         f"brushed metal {a}": ({**METAL, "specular_roughness": 0.5, "specular_roughness_anisotropy": a}, 6e-3, 6e-3)
         for a in (0.3, 0.6, 0.9)
     },
-    "brushed dielectric": ({"base_color": WHITE, "specular_roughness": 0.6, "specular_roughness_anisotropy": 0.7}, 1.2e-2, 2e-2),
+    "brushed dielectric": (
+        {"base_color": WHITE, "specular_roughness": 0.6, "specular_roughness_anisotropy": 0.7},
+        1.2e-2,
+        2e-2,
+    ),
     **{f"glass {r}": ({**GLASS, "specular_roughness": r}, 2e-3, 4e-3) for r in (0.0, 0.2, 0.5, 1.0)},
     "dense glass": ({**GLASS, "specular_roughness": 0.4, "specular_ior": 2.4}, 2e-3, 4e-3),
     "brushed glass": ({**GLASS, "specular_roughness": 0.4, "specular_roughness_anisotropy": 0.6}, 1.5e-2, 1.5e-2),
