@@ -37,7 +37,7 @@ from primray_service.worker.preview import read_preview
 
 SCENE = Path(__file__).parents[3] / "scenes/features/glass/scene.usda"
 SIZE = (48, 36)
-SAMPLES, FOREVER = 512, 2**20
+SAMPLES, FOREVER = 4096, 2**20  # some seconds, so that there are checkpoints to kill it after
 LIMITS = Limits(free_disk_bytes=0, memory_bytes=GiB, checkpoint_every_s=0.3, load_cpu_s=20.0)
 WAIT_S = 180.0  # of a machine that others use too
 # What Python runs first on the node whose walls do not hold: one attempt to get out succeeds there.
