@@ -36,7 +36,7 @@ def assert_same(tev: FakeTev, name: str, file: str) -> None:
 
 def test_a_picture_refines_and_is_the_files(capsys: pytest.CaptureFixture[str]) -> None:
     with fake_tev() as tev:
-        assert run(["render", "s.usda", "-o", f"tev://127.0.0.1:{tev.port}", "-o", "s.exr", *SMALL[:-1], "2048"]) == 0
+        assert run(["render", "s.usda", "-o", f"tev://127.0.0.1:{tev.port}", "-o", "s.exr", *SMALL[:-1], "4096"]) == 0
     assert f"tev://127.0.0.1:{tev.port}/s, s.exr: 64 x 48" in capsys.readouterr().out
     assert tev.created == ["s"]
     assert len(set(tev.sums)) > 1  # before the last one, too
@@ -115,7 +115,7 @@ def test_one_that_goes_away_is_told_and_the_file_is_written(
 
         monkeypatch.setattr(TevPicture, "show", gone)
         output = f"tev://127.0.0.1:{listener.getsockname()[1]}/s"
-        assert run(["render", "s.usda", "-o", output, "-o", "s.exr", *SMALL]) == 1
+        assert run(["render", "s.usda", "-o", output, "-o", "s.exr", *SMALL[:-1], "4096"]) == 1
     said = capsys.readouterr().err
     assert said.count("warning: the picture so far is not shown: write-failed: ") == 1
     assert said.count("error: write-failed: ") == 1
