@@ -18,11 +18,6 @@
 namespace primray {
 
 template <int W>
-PRIMRAY_INLINE vfloat<W> pow5(vfloat<W> x) {
-  const vfloat<W> x2 = x * x;
-  return x2 * x2 * x;
-}
-template <int W>
 PRIMRAY_INLINE vvec3<W> lerp(const vvec3<W>& a, const vvec3<W>& b, vfloat<W> t) {
   return a + (b - a) * t;
 }

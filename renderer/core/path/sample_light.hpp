@@ -84,16 +84,22 @@ PRIMRAY_INLINE vfloat<W> light_weight(const Round& round, vbool<W> useful, vbool
   return select(alone, vfloat<W>(1.0f), mis_weight(known_pdf, scattered_pdf));
 }
 
+// Turns rays of lanes `m`, which go from `o` now and went from `from`, to the same point of the light.
+template <int W>
+PRIMRAY_INLINE void aim_from(vbool<W> m, const vvec3<W>& from, const vvec3<W>& o, LightSample<W>& s) {
+  const vvec3<W> to = s.wi * s.t - (o - from);
+  const vfloat<W> t = length(to);
+  const vbool<W> near = m & (t < vfloat<W>(kInfinity)) & (t > vfloat<W>(0.0f));
+  s.wi = select(near, to * (1.0f / t), s.wi), s.t = select(near, t, s.t);
+}
+
 // Moves the start of rays in lanes `below`, below the triangle's plane, out to `o`, with the direction from there on to the
 // same point of the light; which of them get out.
 template <int W, class Lobes>
 PRIMRAY_INLINE vbool<W> lift_to_light(Round& round, vbool<W> below, const Vertex<W, Lobes>& v, const PathLanes<W>& p,
                                       const vvec3<W>& from, LightSample<W>& s, vvec3<W>& o) {
   const vbool<W> lifted = start_lifted(round, below, v, s.wi, p.ray.time, o);
-  const vvec3<W> to = s.wi * s.t - (o - from);
-  const vfloat<W> t = length(to);
-  const vbool<W> near = lifted & (t < vfloat<W>(kInfinity)) & (t > vfloat<W>(0.0f));
-  s.wi = select(near, to * (1.0f / t), s.wi), s.t = select(near, t, s.t);
+  aim_from(lifted, from, o, s);
   return lifted;
 }
 
@@ -101,10 +107,7 @@ PRIMRAY_INLINE vbool<W> lift_to_light(Round& round, vbool<W> below, const Vertex
 template <int W, class Lobes>
 PRIMRAY_RARE void start_beyond(vbool<W> m, const Vertex<W, Lobes>& v, const vvec3<W>& from, LightSample<W>& s, vvec3<W>& o) {
   o = select(m, v.it.p - v.ng * v.it.offset, o);
-  const vvec3<W> to = s.wi * s.t - (o - from);
-  const vfloat<W> t = length(to);
-  const vbool<W> near = m & (t < vfloat<W>(kInfinity)) & (t > vfloat<W>(0.0f));
-  s.wi = select(near, to * (1.0f / t), s.wi), s.t = select(near, t, s.t);
+  aim_from(m, from, o, s);
 }
 
 template <int W, class Lobes>

@@ -6,6 +6,13 @@
 
 namespace primray {
 
+// Of one minus a cosine, in Schlick's term.
+template <int W>
+PRIMRAY_INLINE vfloat<W> pow5(vfloat<W> x) {
+  const vfloat<W> x2 = x * x;
+  return x2 * x2 * x;
+}
+
 // E = F0 * f0 + F90 * f90 of a GGX lobe.
 template <int W>
 struct LobeAlbedo {

@@ -1,15 +1,9 @@
 // What interfaces reflect of unpolarized light, by the cosine with the (micro)normal.
 #pragma once
 
-#include "math/vec3.hpp"
+#include "bsdf/basics/albedo.hpp"
 
 namespace primray {
-
-template <int W>
-PRIMRAY_INLINE vfloat<W> fifth_power(vfloat<W> x) {
-  const vfloat<W> x2 = x * x;
-  return x2 * x2 * x;
-}
 
 // Of a dielectric, `eta` being the index beyond over the one before: 1 where all is reflected.
 template <int W>
@@ -48,7 +42,7 @@ struct MetalFresnel {
     dip = schlick * (one - tint) * vfloat<W>(1 / (kMu * kFifth * kLeft));
   }
   PRIMRAY_INLINE vvec3<W> operator()(vfloat<W> cosine) const {
-    const vfloat<W> mu = clamp(cosine, 0.0f, 1.0f), left = 1.0f - mu, fifth = fifth_power(left);
+    const vfloat<W> mu = clamp(cosine, 0.0f, 1.0f), left = 1.0f - mu, fifth = pow5(left);
     const vvec3<W> f = f0 + (vvec3<W>(vfloat<W>(1.0f)) - f0) * fifth - dip * (mu * fifth * left);
     return {clamp(f.x, 0.0f, 1.0f), clamp(f.y, 0.0f, 1.0f), clamp(f.z, 0.0f, 1.0f)};
   }

@@ -122,17 +122,16 @@ struct OpenPbr {
       metal_albedo = metal_reflects(cosine) * metal_part;
     }
     diffuse_part = opaque_part * row(kOpenDiffuseWeight);
-    const V left = white - V(min(reflected.x, one), min(reflected.y, one), min(reflected.z, one));
+    diffuse_left = white - V(min(reflected.x, one), min(reflected.y, one), min(reflected.z, one));
     diffuse = row.color(kOpenDiffuse), behind = row.color(kOpenBehind);
     const F diffuse_roughness = row(kOpenDiffuseRoughness);
     any_rough_diffuse = has(diffuse_roughness);
     if (any_rough_diffuse) eon = Eon<W>(diffuse_roughness, wo.z);
-    diffuse_left = left;
     any_behind = has(max_component(behind) * opaque_part);
 
     const V below = any_coat ? layers(2.0f * coat_inverse) : V(fuzz_left);
-    const F w_diffuse = luminance(diffuse * left * below) * diffuse_part,
-            w_behind = luminance(behind * left * below) * opaque_part;
+    const F w_diffuse = luminance(diffuse * diffuse_left * below) * diffuse_part,
+            w_behind = luminance(behind * diffuse_left * below) * opaque_part;
     const V shiny = specular_color * (reflected * opaque_part + glass_reflects * glass_part) + metal_albedo;
     const F w_specular = luminance(shiny * select(within, white, below));
     const V through = select(thin, pane_transmits(dielectric(cosine, outer, above), tint), (white - glass_reflects) * tint);
@@ -317,12 +316,9 @@ struct OpenPbr {
     }
     const F weight = row(kOpenCoat);
     any_coat = any(m & (weight > zero));
-    coat = coat_left = one, coat_inverse = zero, coat_weight_ = zero;
+    coat = zero, coat_left = one, coat_inverse = zero, coat_weight_ = zero;
     coat_log = V(zero), darkening = V(one);
-    if (!any_coat) {
-      coat = zero;
-      return;
-    }
+    if (!any_coat) return;
     coat_eta = row(kOpenCoatEta), coat_log = row.color(kOpenCoatLog);
     const F roughness = row(kOpenCoatRoughness), anisotropy = row(kOpenCoatAnisotropy);
     coat_facets = Facets<W>(row(kOpenCoatAlphaT), row(kOpenCoatAlphaB), wo);
@@ -340,7 +336,6 @@ struct OpenPbr {
     const auto dark = [&](F b) { return one + ((one - k) / max(one - min(b, one) * k, 1e-6f) - one) * amount; };
     darkening = {dark(base.x), dark(base.y), dark(base.z)};
     coat_weight_ = select(within, zero, weight * fuzz_left * albedo);
-    coat = weight;
   }
   // 1 / cosine, refracted into the coat.
   PRIMRAY_INLINE F inverse_within(F cosine) const {
