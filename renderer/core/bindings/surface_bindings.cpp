@@ -87,6 +87,7 @@ void bind_surface(nb::module_& m) {
       .def_rw("lambert", &SurfaceInput::lambert)
       .def_rw("use_specular_workflow", &SurfaceInput::use_specular_workflow)
       .def_rw("opacity_threshold", &SurfaceInput::opacity_threshold)
+      .def_rw("dielectric_priority", &SurfaceInput::dielectric_priority)
       .def_rw("presence", &SurfaceInput::presence)
       .def_rw("thin", &SurfaceInput::thin);
   surface.def_prop_rw("open_pbr", nullptr, [](SurfaceInput& s, const OpenPbrInput& o) { s.open_pbr = o; });

@@ -32,6 +32,8 @@ PRIMRAY_INLINE vvec3<W> divide(const vvec3<W>& a, const vvec3<W>& b) {
 
 template <int W>
 struct Bsdf {
+  static constexpr bool kInMedium = false;
+
   vbool<W> preview;  // else Lambert
   bool any_preview;
   vvec3<W> diffuse;

@@ -25,10 +25,12 @@ struct BsdfWithOpenPbr : Bsdf<W> {
 
   BsdfWithOpenPbr(const SurfaceTable& table, vint<W> surface, vbool<W> active, const V& wo, vbool<W> front)
       : BsdfWithOpenPbr(SurfaceRows<W>(table, surface), active, wo, front) {}
-  BsdfWithOpenPbr(const SurfaceRows<W>& field, vbool<W> active, const V& wo, vbool<W> front)
+  // `beside` and `deep` as of OpenPbr.
+  BsdfWithOpenPbr(const SurfaceRows<W>& field, vbool<W> active, const V& wo, vbool<W> front, F beside = F(1.0f),
+                  vbool<W> deep = vbool<W>(false))
       : Bsdf<W>(field, active, wo, front), is_open_pbr(false) {
     is_open_pbr = active & ((truncate(field(kFlags)) & vint<W>(kOpenPbr)) != vint<W>(0));
-    if (any(is_open_pbr)) set_open_pbr(field, active, wo, front);
+    if (any(is_open_pbr)) set_open_pbr(field, active, wo, front, beside, deep);
   }
 
   vbool<W> lets_through() const { return open_pbr ? is_open_pbr & open_pbr->lets_through() : vbool<W>(false); }
@@ -52,17 +54,19 @@ struct BsdfWithOpenPbr : Bsdf<W> {
 
  private:
   // Also what others ask of any surface.
-  __attribute__((noinline)) void set_open_pbr(const SurfaceRows<W>& field, vbool<W> active, const V& wo, vbool<W> front) {
+  __attribute__((noinline)) void set_open_pbr(const SurfaceRows<W>& field, vbool<W> active, const V& wo, vbool<W> front,
+                                              F beside, vbool<W> deep) {
     const vbool<W> m = is_open_pbr;
     all_open_pbr = !any(active & !m);
     const vint<W> row = select(m, truncate(field(kOpenPbrRow)), vint<W>(0));
     const OpenPbrRows<W> rows{field.open_pbr, row * vint<W>(kOpenPbrFields)};
-    const OpenPbr<W>& o = open_pbr.emplace(rows, m, m & this->thin, wo, front);
+    const OpenPbr<W>& o = open_pbr.emplace(rows, m, m & this->thin, wo, front, beside, deep);
     this->p_diffuse = select(m, o.p_diffuse + o.p_behind + o.p_fuzz, this->p_diffuse);
     this->p_specular = select(m, o.p_specular, this->p_specular), this->p_coat = select(m, o.p_coat, this->p_coat);
     this->mirror = select(m, o.mirror, this->mirror);
     this->transmission = select(m, o.straight_transmittance(wo), this->transmission);
     this->coat_keep = select(m, F(1.0f), this->coat_keep);
+    this->thin = this->thin | (m & o.matched);  // light goes straight on
   }
   BsdfSample<W> sample_open_pbr(const V& wo, F lobe, F u, F v) const {
     if (!this->any_presence) return open_pbr->sample(wo, lobe, u, v);
@@ -79,7 +83,8 @@ struct BsdfWithOpenPbr : Bsdf<W> {
             select(m, a.is_delta, b.is_delta),
             select(m, a.transmits, b.transmits),
             select(m, a.straight, b.straight),
-            select(m, a.diffuse_share, b.diffuse_share)};
+            select(m, a.diffuse_share, b.diffuse_share),
+            select(m, a.enters, b.enters)};
   }
 };
 

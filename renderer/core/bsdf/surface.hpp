@@ -27,7 +27,8 @@ struct SurfaceInput : VaryingInputs<vec3, float> {
   bool lambert = true;
   bool use_specular_workflow = false;
   bool presence = false, thin = false;
-  float opacity_threshold = 0;  // above 0: a cut-out, whole where it is at all
+  float opacity_threshold = 0;    // above 0: a cut-out, whole where it is at all
+  float dielectric_priority = 0;  // of bodies that overlap the higher one is there
   std::optional<OpenPbrInput> open_pbr;
 };
 

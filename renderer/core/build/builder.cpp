@@ -10,6 +10,7 @@
 #include "base/error.hpp"
 #include "build/emitters/emitters.hpp"
 #include "build/inputs/input_facts.hpp"
+#include "build/inputs/interiors.hpp"
 #include "build/inputs/placed_normals.hpp"
 #include "build/lights/light_outlines.hpp"
 #include "build/lights/light_rows.hpp"
@@ -233,6 +234,7 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
     s.has_thin |= ((flags & kThin) && row[kTransmission] > 0) || row[kPresence] < 1;
   }
   note_inputs(s);
+  note_bodies(s);
   s.has_emission |= s.geometry_lights.any();
   if (!s.lights.portals.empty()) s.lights.portals.resize(s.lights.domes.size());
   s.lights.analytic_count = s.lights.count;
@@ -244,6 +246,7 @@ std::unique_ptr<Scene> SceneBuilder::finish() {
   s.only_domes_found = !s.has_emission && !s.lights.needs_hit_test && !s.lights.domes.empty();
   if (s.needs_left_out()) throw Error("settings-error", "the scene needs a feature that this core was built without");
   if (!keeps_accel_) build_accel(s);
+  find_bodies(s);
   s.outlines = find_light_outlines(s);
   return std::move(scene_);
 }

@@ -15,7 +15,7 @@ SceneBuilder::SceneBuilder(std::unique_ptr<Scene> scene) : scene_(std::move(scen
   s.surfaces = {}, s.surface_inputs_of.clear(), s.surface_inputs.clear(), s.tapes.clear();
   LinkTable links = std::move(s.lights.links);
   s.lights = {}, s.lights.links = std::move(links);
-  s.emitters = {}, s.outlines = {};
+  s.emitters = {}, s.outlines = {}, s.interiors = {};
   s.camera = {}, s.distortion.reset();
   s.has_emission = s.has_thin = false;
 }

@@ -21,7 +21,11 @@ int32_t SceneBuilder::add_surface(const SurfaceInput& constants, std::vector<Inp
   Scene& s = *scene_;
   s.surface_inputs_of.push_back(varying.empty() ? -1 : int32_t(s.surface_inputs.size()));
   if (!varying.empty()) s.surface_inputs.push_back({constants, std::move(varying), tape});
-  return s.surfaces.add(constants);
+  std::vector<float>& priorities = s.interiors.priorities;
+  const int32_t row = s.surfaces.add(constants);
+  if (constants.dielectric_priority != 0) priorities.resize(size_t(row), 0.0f);
+  if (constants.dielectric_priority != 0 || !priorities.empty()) priorities.push_back(constants.dielectric_priority);
+  return row;
 }
 
 int SceneBuilder::add_tape(Tape tape) {

@@ -69,6 +69,13 @@ PRIMRAY_INLINE PathLanes<W> camera_paths(const Round& round, int slots) {
 }
 
 template <int W>
+PRIMRAY_RARE void put_camera_bodies(Round& round, int at, const Compaction<W>& kept) {
+  Inside<W> inside;
+  for (int k = 0; k < kMostBodies; ++k) inside.bodies.inside[k] = vint<W>(round.scene.interiors.camera[k]);
+  round.worker.inside->pool->put(at, kept, inside);
+}
+
+template <int W>
 void refill(Round& round, int slots) {
   PathPool& pool = *round.worker.pool;
   round.first_camera = pool.count;
@@ -80,7 +87,9 @@ void refill(Round& round, int slots) {
     vbool<W> starts = lane_numbers<W>() < vint<W>(n);
     // What a lens does not see is a sample of nothing.
     if (round.scene.camera.distortion) starts &= paths.ray.tfar >= vfloat<W>(0.0f);
-    pool.append(Compaction<W>(starts), paths, round.needs);
+    const Compaction<W> kept(starts);
+    if (round.follows_bodies()) put_camera_bodies(round, pool.count, kept);
+    pool.append(kept, paths, round.needs);
     round.next_slot += n;
   }
   round.worker.camera_rays += pool.count - round.first_camera;

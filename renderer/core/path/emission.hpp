@@ -6,6 +6,7 @@
 
 #include "light/selection/linked_selection.hpp"
 #include "light/selection/portal.hpp"
+#include "medium/medium.hpp"
 #include "path/rays/pool.hpp"
 #include "scene/scene.hpp"
 
@@ -97,10 +98,12 @@ PRIMRAY_RARE LocalHit<W> moving_light_hit(const LightTable& lights, int i, size_
   return light_hit<W>(lights, i, stances.point_to_row(from), stances.vector_to_row(ray.d), L);
 }
 
-// Adds what area and distant lights send back along the rays to `gathered`.
+// Adds what area and distant lights send back along the rays to `gathered`, through `medium` where there is one, which begins
+// `lead` before the rays.
 template <int W>
 PRIMRAY_INLINE MetLights<W> meet_lights(const LightTable& lights, vbool<W> active, vbool<W> hit, const PathLanes<W>& p,
-                                        vfloat<W> t_surface, vvec3<W>& gathered) {
+                                        vfloat<W> t_surface, vvec3<W>& gathered, const Medium<W>* medium = nullptr,
+                                        vfloat<W> lead = vfloat<W>(0.0f)) {
   using F = vfloat<W>;
   MetLights<W> seen;
   if (!lights.needs_hit_test) return seen;
@@ -131,6 +134,7 @@ PRIMRAY_INLINE MetLights<W> meet_lights(const LightTable& lights, vbool<W> activ
       met &= (t * kNearlyOne <= t_surface) & (t >= p.ray.tnear) & (t <= p.ray.tfar);
     }
     if (!any(met)) return;
+    if (medium) L *= medium->left_after(type == LightType::kDistant ? F(kInfinity) : t + lead);
     L *= lobe_factor({row[kDiffuseFactor], row[kSpecularFactor]}, p);
     if (lights.has_shaping) L *= met_shaping(lights, row, path < 0 ? p.ray.d : to_row(lights, size_t(path), p.ray));
     const vbool<W> direct = met & sees_body & ((t < seen.nearest) | vbool<W>(type == LightType::kDistant));

@@ -5,6 +5,7 @@
 
 #include "path/add_to_film.hpp"
 #include "path/camera_rays.hpp"
+#include "path/cross_media.hpp"
 #include "path/outline_rays.hpp"
 #include "path/shade.hpp"
 #include "path/trace.hpp"
@@ -16,6 +17,13 @@ inline void clear_slots(Worker& w, int slots) {
   for (float* sums : {w.r, w.g, w.b, w.a}) std::fill_n(sums, slots, 0.0f);
 }
 
+inline void clear_queues(Round& round) {
+  Worker& w = round.worker;
+  w.next->count = 0;
+  w.shadows.count = 0;
+  if (round.has_special()) w.special_shadows->rays.count = 0;
+}
+
 // Rounds, until no path is left.
 template <int W>
 void run_rounds(Round& round, int slots) {
@@ -24,6 +32,8 @@ void run_rounds(Round& round, int slots) {
     refill<W>(round, slots);
     if (round.worker.pool->count == 0) break;
     trace<W>(round);
+    clear_queues(round);
+    if (round.follows_bodies()) cross_media<W>(round);
     shade<W>(round);
     trace_shadows<W>(round);
   }

@@ -45,10 +45,12 @@ struct Round {
         needs(path_needs(s, asked)),
         samples(task.count[0] + task.count[1]) {
     if (has_special() && !worker.special_shadows) worker.special_shadows = std::make_unique<SpecialShadowQueue>();
+    if (follows_bodies() && !worker.inside) worker.inside = std::make_unique<InsideStore>();
     if (scene.camera.flawed) worker.weights.resize(Worker::kSlots, vec3(1.0f));
   }
 
   bool has_special() const { return scene.lights.has_special(); }
+  bool follows_bodies() const { return scene.interiors.followed; }
 
   // The film point's number in the chain that it and the directions after it make: each even link shares a point of a sequence
   // with the next. The parts of a split path have indices of their own, so there their first two directions do.
@@ -67,6 +69,18 @@ PRIMRAY_INLINE vfloat<W> time_of(const Round& round, vfloat<W> u, vint<W> x, vin
   const vfloat<W> time = motion.opens + u * motion.length;
   if (!motion.rolls) return time;
   return min(max(time + to_float(x) * motion.per_column + to_float(y) * motion.per_row, 0.0f), vfloat<W>(1.0f));
+}
+
+// Whether the paths at `at` were in a medium: cross_media() has seen to lights that those rays meet.
+template <int W>
+PRIMRAY_RARE vbool<W> has_crossed_medium(const Round& round, int at) {
+  return round.worker.inside->pool->template at<W>(at).medium(round.scene).exists();
+}
+
+// What of radiance that they meet the paths at `at` bring (medium/bodies.hpp).
+template <int W>
+PRIMRAY_RARE vfloat<W> radiance_met(const Round& round, int at) {
+  return radiance_from(round.scene, round.worker.inside->pool->template at<W>(at).bodies);
 }
 
 // Adds `c` to the slots of lanes `m`; most paths bring nothing from most vertices.

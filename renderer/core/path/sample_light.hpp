@@ -110,6 +110,16 @@ PRIMRAY_RARE void start_beyond(vbool<W> m, const Vertex<W, Lobes>& v, const vvec
   aim_from(m, from, o, s);
 }
 
+// Before shadow rays of those lanes are queued.
+template <int W>
+PRIMRAY_RARE void put_shadow_bodies(Round& round, vbool<W> special, vbool<W> other, vbool<W> beyond, const Crossing<W>& c,
+                                    vfloat<W> lead) {
+  Worker& w = round.worker;
+  const BodiesAround<W> around{select(beyond, c.boundary.beyond, c.boundary.here), lead};
+  if (any(special)) w.inside->special_shadows.put(w.special_shadows->rays.count, Compaction<W>(special), around);
+  w.inside->shadows.put(w.shadows.count, Compaction<W>(other), around);
+}
+
 template <int W, class Lobes>
 void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
   using B = vbool<W>;
@@ -135,13 +145,18 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   if (round.has_special()) special = (LightRow<W>(lights, light).flags() & vint<W>(kSpecial)) != vint<W>(0);
   const vfloat<W> scattered_pdf = scattered_density(round, v, s.wi, f.pdf);
   const vfloat<W> weight = light_weight(round, useful, special, chosen, s, pdf, scattered_pdf, v, from);
-  const V carried = p.beta * reflected * s.L * (weight / pdf);
+  V carried = p.beta * reflected * s.L * (weight / pdf);
+  const bool crosses = v.crossing != nullptr;
+  if (crosses && !round.scene.has_thin)
+    carried = carried * v.crossing->left_towards(round.scene, beyond, s.t + lead_of(v.it.offset, v.ng, s.wi));
   useful &= max_component(carried) > vfloat<W>(0.0f);
   V o = from;
   if (any(useful & beyond)) start_beyond(useful & beyond, v, from, s, o);
   if (const B below = useful & !above & !beyond; any(below))
     useful &= above | beyond | lift_to_light(round, below, v, p, from, s, o);
   Worker& w = round.worker;
+  if (crosses)
+    put_shadow_bodies(round, useful & special, useful & !special, beyond, *v.crossing, lead_of(v.it.offset, v.ng, s.wi));
   if (any(useful & special))
     w.special_shadows->append(useful & special, o, s.wi, s.t * kNearlyOne, carried, p.slot, light, p.ray.time, round.needs);
   useful &= !special;

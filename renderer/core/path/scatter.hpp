@@ -104,13 +104,32 @@ PRIMRAY_INLINE vfloat<W> play_roulette(const Round& round, vbool<W> straight, vf
   return survive;
 }
 
+// What becomes of a path among bodies that goes on as `s` says.
+template <int W>
+PRIMRAY_RARE void put_inside(Round& round, const Compaction<W>& kept, const Crossing<W>& crossing, const BsdfSample<W>& s,
+                             vfloat<W> lead) {
+  Inside<W> inside = crossing.after(s);
+  inside.lead = lead;
+  round.worker.inside->next->put(round.worker.next->count, kept, inside);
+}
+template <int W>
+PRIMRAY_RARE void look_for_sky_inside(Round& round, vbool<W> lit, const Crossing<W>& crossing, const BsdfSample<W>& s,
+                                      vfloat<W> lead, vvec3<W>& carried) {
+  const Inside<W> inside = crossing.after(s);
+  if (!round.scene.has_thin)
+    carried = carried * inside.medium(round.scene).left_after(vfloat<W>(kInfinity)) * radiance_from(round.scene, inside.bodies);
+  round.worker.inside->shadows.put(round.worker.shadows.count, Compaction<W>(lit), BodiesAround<W>{inside.bodies, lead});
+}
+
 // Of last rays only whether they meet the sky counts: a shadow ray tells that for less.
 template <int W>
-PRIMRAY_INLINE void look_for_sky(Round& round, vbool<W> last, const PathLanes<W>& n) {
-  const vvec3<W> carried = n.beta * meet_domes(round.scene.lights, last, n);
+PRIMRAY_INLINE void look_for_sky(Round& round, vbool<W> last, const PathLanes<W>& n, const Crossing<W>* crossing,
+                                 const BsdfSample<W>& s, vfloat<W> lead) {
+  vvec3<W> carried = n.beta * meet_domes(round.scene.lights, last, n);
   const vbool<W> lit = last & (max_component(carried) > vfloat<W>(0.0f));
-  if (any(lit))
-    round.worker.shadows.append(lit, n.ray.o, n.ray.d, vfloat<W>(kInfinity), carried, n.slot, n.ray.time, round.needs);
+  if (!any(lit)) return;
+  if (crossing) look_for_sky_inside(round, lit, *crossing, s, lead, carried);
+  round.worker.shadows.append(lit, n.ray.o, n.ray.d, vfloat<W>(kInfinity), carried, n.slot, n.ray.time, round.needs);
 }
 
 template <int W, class Lobes>
@@ -126,7 +145,8 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   n.beta = p.beta * s.weight;
   B alive = leave_surface(round, scatters, v, s, p.ray.time, n) & (max_component(n.beta) > F(0.0f));
   n.vertex = p.vertex + I(1);
-  n.depth = p.depth + select(s.straight, I(0), I(1));
+  // What enters below a surface has not scattered from it before it comes out.
+  n.depth = p.depth + select(s.straight | s.enters, I(0), I(1));
   alive &= n.depth <= I(round.settings.max_depth);
   // The last vertex only looks for light: without any that a ray could meet, there is nothing to look for.
   const B last = n.depth == I(round.settings.max_depth);
@@ -138,19 +158,24 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   const F survive = play_roulette(round, s.straight, expected, n, alive);
   // Nor are there lights for it that light sampling does not find.
   if (scene.only_met_lights_found)
-    alive &= (!last) | s.straight | may_meet(scene.lights.hierarchy, alive & last & !s.straight, n.ray.o, n.ray.d, n.bsdf_pdf);
+    alive &= (!last) | s.straight | s.enters |
+             may_meet(scene.lights.hierarchy, alive & last & !s.straight, n.ray.o, n.ray.d, n.bsdf_pdf);
   if (!any(alive)) return;
   // What the camera does not see beyond its far plane it does not see through a gap either.
   n.ray.tnear = F(0.0f);
   n.ray.tfar = select(s.straight & (p.depth == I(0)), p.ray.tfar - dot(n.ray.o - p.ray.o, p.ray.d), F(kInfinity));
-  if (const B sky = alive & last & !s.straight; scene.only_domes_found && any(sky)) {
-    look_for_sky(round, sky, n);
+  // No light is sampled on a walk below a surface.
+  if (v.crossing) n.bsdf_pdf = select(v.crossing->inside.walks(), F(0.0f), n.bsdf_pdf);
+  if (const B sky = alive & last & !(s.straight | s.enters); scene.only_domes_found && any(sky)) {
+    look_for_sky(round, sky, n, v.crossing, s, v.crossing ? lead_of(v.it.offset, v.ng, n.ray.d) : F(0.0f));
     alive &= !sky;
     if (!any(alive)) return;
   }
-  if (round.settings.log)
+  if (round.settings.log && !Lobes::kInMedium)
     keep_vertex(*round.settings.log, alive & (s.pdf > F(0.0f)), v.it.p, v.ng, v.frame.n, s.pdf, survive, n);
-  round.worker.next->append(Compaction<W>(alive), n, round.needs);
+  const Compaction<W> kept(alive);
+  if (v.crossing) put_inside(round, kept, *v.crossing, s, lead_of(v.it.offset, v.ng, n.ray.d));
+  round.worker.next->append(kept, n, round.needs);
 }
 
 // A path at its first surface that is no mirror is split, which spends more on what comes after than on finding that surface.

@@ -26,13 +26,14 @@ PRIMRAY_RARE void see_through(Round& round, vbool<W> seen, const PathLanes<W>& p
   }
 }
 
-// Light that comes back along the ray from lights it meets, and from afar. A body that is met leaves nothing of `hit`.
+// Light that comes back along the ray from lights it meets, and from afar. A body that is met leaves nothing of `hit`. `looks`:
+// lanes that have not met lights on their way through a medium (path/cross_media.hpp).
 template <int W>
-PRIMRAY_INLINE vvec3<W> gather_met_light(Round& round, vbool<W> active, const PathLanes<W>& p, const Hits<W>& hits,
-                                         vbool<W>& hit) {
+PRIMRAY_INLINE vvec3<W> gather_met_light(Round& round, vbool<W> active, vbool<W> looks, const PathLanes<W>& p,
+                                         const Hits<W>& hits, vbool<W>& hit) {
   const LightTable& lights = round.scene.lights;
   vvec3<W> gathered(vfloat<W>(0.0f));
-  const MetLights<W> met = meet_lights(lights, active, hit, p, hits.t, gathered);
+  const MetLights<W> met = meet_lights(lights, looks, hit, p, hits.t, gathered);
   const vbool<W> covered = met.covered;
   if (const vbool<W> camera = covered & (p.vertex == vint<W>(0)); round.outlined && any(camera))
     gathered = select(is_outlined(round, camera, p.slot, met.light), vvec3<W>(vfloat<W>(0.0f)), gathered);
@@ -71,7 +72,9 @@ PRIMRAY_INLINE vbool<W> is_side_certain(Round& round, vbool<W> hit, const PathLa
 
 template <int W, class Lobes>
 void go_on(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
-  if (round.scene.lights.count > 0) sample_lights(round, scatters & (p.depth < vint<W>(round.settings.max_depth)), v, p);
+  vbool<W> lit = scatters & (p.depth < vint<W>(round.settings.max_depth));
+  if (v.crossing) lit &= !v.crossing->inside.walks();
+  if (round.scene.lights.count > 0) sample_lights(round, lit, v, p);
   scatter(round, scatters, v, p);
 }
 
@@ -84,13 +87,15 @@ PRIMRAY_RARE void go_on_guided(Round& round, vbool<W> scatters, Vertex<W, Lobes>
 }
 
 // Light is sampled and paths are sent on from the hits `it`.
-template <class Lobes, int W>
+template <class Lobes, int W, class... More>
 PRIMRAY_INLINE void scatter_at(Round& round, vbool<W> scatters, const PathLanes<W>& p, const Hits<W>& hits,
                                const Interaction<W>& it, const SurfaceRows<W>& rows, const vvec3<W>& ng,
-                               const Frame<vfloat<W>>& frame, vbool<W> front) {
+                               const Frame<vfloat<W>>& frame, vbool<W> front, const Crossing<W>* crossing,
+                               const More&... more) {
   const IntegratorSettings& settings = round.settings;
   const vvec3<W> wo = frame.to_local(-p.ray.d);
-  Vertex<W, Lobes> v{it, ng, frame, wo, Lobes(rows, scatters, wo, front), hits, {vint<W>(-1), vint<W>(0)}, nullptr};
+  Vertex<W, Lobes> v{it,      ng,      frame, wo, Lobes(rows, scatters, wo, front, more...), hits, {vint<W>(-1), vint<W>(0)},
+                     nullptr, crossing};
   v.bsdf.diffuse *= it.color;
   if (settings.guide) v.place = find_place(*settings.guide, scatters, it.p, ng, v.bsdf);
   if (settings.caustics) return go_on_guided(round, scatters, v, p);
@@ -101,7 +106,87 @@ PRIMRAY_RARE void scatter_with_open_pbr(Round& round, vbool<W> scatters, const P
                                         const Interaction<W>& it, const SurfaceRows<W>& rows, const vvec3<W>& ng,
                                         Frame<vfloat<W>> frame, vbool<W> front) {
   align_tangent(rows, scatters, frame);
-  scatter_at<BsdfWithOpenPbr<W>>(round, scatters, p, hits, it, rows, ng, frame, front);
+  const Crossing<W>* const none = nullptr;
+  scatter_at<BsdfWithOpenPbr<W>>(round, scatters, p, hits, it, rows, ng, frame, front, none);
+}
+
+// Where what has scattered below a surface comes out again: light is sampled and paths go on as from a white Lambert surface.
+template <int W>
+PRIMRAY_RARE void come_out(Round& round, vbool<W> lanes, const PathLanes<W>& p, const Hits<W>& hits, Interaction<W> it,
+                           const Inside<W>& inside) {
+  using F = vfloat<W>;
+  static const std::vector<float> white = [] {
+    SurfaceTable table;
+    SurfaceInput lambert;
+    lambert.diffuse_color = vec3(1.0f);
+    table.add(lambert);
+    return table.rows;
+  }();
+  Crossing<W> crossing{{inside.bodies, {}, {}}, Boundary<W>(inside.bodies), {}};
+  it.color = vvec3<W>(F(1.0f));
+  // As if a path had come from outside, head-on.
+  PathLanes<W> outside = p;
+  const Frame<F> frame(it.ns);
+  outside.ray.d = -it.ns;
+  scatter_at<Bsdf<W>>(round, lanes, outside, hits, it, SurfaceRows<W>(white.data(), vint<W>(0), nullptr), it.ng, frame,
+                      vbool<W>(true), &crossing);
+}
+
+// Boundaries that are not there, since another body of a higher priority is: paths go on as they came.
+template <int W>
+PRIMRAY_RARE void pass_unseen(Round& round, vbool<W> lanes, const PathLanes<W>& p, const Interaction<W>& it, const vvec3<W>& ng,
+                              const Inside<W>& inside) {
+  using F = vfloat<W>;
+  PathLanes<W> n = p;
+  const F way = dot(it.p - p.ray.o, p.ray.d);
+  n.ray.o = it.p - ng * it.offset;
+  n.ray.tnear = F(0.0f);
+  n.ray.tfar = p.ray.tfar - dot(n.ray.o - p.ray.o, p.ray.d);
+  n.vertex = p.vertex + vint<W>(1);
+  n.travelled = p.travelled + way, n.cone_width = p.cone_width + p.cone_spread * way;
+  const Compaction<W> kept(lanes);
+  round.worker.inside->next->put(round.worker.next->count, kept, inside);
+  round.worker.next->append(kept, n, round.needs);
+}
+
+// A mean free path below a surface of fewer of its offsets than this is none: light comes out where it went in.
+constexpr float kLeastOffsets = 64;
+
+// The same among bodies (medium/bodies.hpp), of paths from `at` on in the pool; `hit`: lanes that met a surface.
+template <int W>
+PRIMRAY_RARE void scatter_inside(Round& round, int at, vbool<W> hit, vbool<W> scatters, PathLanes<W> p, const Hits<W>& hits,
+                                 const Interaction<W>& it, const SurfaceRows<W>& rows, const vvec3<W>& ng,
+                                 Frame<vfloat<W>> frame, vbool<W> front) {
+  using F = vfloat<W>;
+  using V = vvec3<W>;
+  const Scene& scene = round.scene;
+  Inside<W> inside = round.worker.inside->pool->template at<W>(at);
+  const vbool<W> is_open = hit & ((truncate(rows(kFlags)) & vint<W>(kOpenPbr)) != vint<W>(0));
+  const OpenPbrRows<W> row{rows.open_pbr, select(is_open, truncate(rows(kOpenPbrRow)), vint<W>(0)) * vint<W>(kOpenPbrFields)};
+  const vbool<W> deep = is_open & (row(kOpenBelow) > F(0.0f)), walks = inside.walks();
+  const vbool<W> leaves = deep & walks & !front & (p.depth < vint<W>(round.settings.max_depth));
+  // A walk that meets a front has come out unseen.
+  scatters &= !(walks & deep);
+  Crossing<W> crossing{inside, Boundary<W>(scene, scatters, inside.bodies, it.surface, front), {}};
+  const Boundary<W>& b = crossing.boundary;
+  vbool<W> enterable = deep;
+  if (any(deep)) {
+    const V none(F(0.0f)), extinction = row.color(kOpenBelowExtinction) * scene.interiors.per_length;
+    crossing.entered.extinction = select(deep, extinction, none);
+    crossing.entered.scattering = crossing.entered.extinction * row.color(kOpenBelowAlbedo);
+    crossing.entered.phase = row(kOpenBelowPhase);
+    enterable &= min(min(extinction.x, extinction.y), extinction.z) * it.offset * kLeastOffsets < F(1.0f);
+  }
+  if (const vbool<W> m = b.missed & !walks & (inside.bodies.top() < vint<W>(0)); any(m))
+    p.beta = select(m, p.beta * medium_of(scene, b.here).left_after(hits.t + inside.lead), p.beta);
+  align_tangent(rows, scatters, frame);
+  const vbool<W> kinds[3] = {leaves, b.unseen, scatters & !b.unseen};
+  for_kinds(round.settings.splits > 1, kinds, [&](int kind, vbool<W> lanes) {
+    if (kind == 0) return come_out(round, lanes, p, hits, it, inside);
+    if (kind == 1)
+      return pass_unseen(round, lanes, p, it, ng, Inside<W>{b.beyond, inside.below, lead_of(it.offset, ng, p.ray.d)});
+    scatter_at<BsdfWithOpenPbr<W>>(round, lanes, p, hits, it, rows, ng, frame, front, &crossing, b.beside, enterable);
+  });
 }
 
 // One vertex of the paths at [at, at + W).
@@ -116,7 +201,9 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
   Hits<W> hits = pool.hits<W>(at);
   hits.time = p.ray.time;
   vbool<W> hit = active & (hits.geom != vint<W>(-1));
-  V gathered = gather_met_light(round, active, p, hits, hit);
+  const vbool<W> looks = round.follows_bodies() ? active & !has_crossed_medium<W>(round, at) : active;
+  V gathered = gather_met_light(round, active, looks, p, hits, hit);
+  if (round.follows_bodies()) gathered = gathered * radiance_met<W>(round, at);
   if (!any(hit)) return add_to_slots(round, active, p.slot, p.beta * gathered);
 
   Interaction<W> it = interact(scene, hit, p.ray, hits);
@@ -127,36 +214,41 @@ void shade_lanes(Round& round, int at, vbool<W> active) {
     const F width = p.cone_width + p.cone_spread * hits.t, cosine = abs(dot(it.ng, p.ray.d));
     rows = evaluate_inputs(scene, hit, hits, it.surface, width * width / max(cosine, kGrazing), it.p, it.ng, it.ns, varying);
   }
-  if (scene.has_emission) gathered += select(hit, emitted(scene, hit, hits, it, rows, p), V(F(0.0f)));
+  if (scene.has_emission) {
+    V shines = select(hit, emitted(scene, hit, hits, it, rows, p), V(F(0.0f)));
+    if (round.follows_bodies()) shines = shines * radiance_met<W>(round, at);
+    gathered += shines;
+  }
   add_to_slots(round, active, p.slot, p.beta * gathered);
 
   const V wo = -p.ray.d;
   const F facing = dot(it.ng, wo);
   const vbool<W> scatters = hit & is_side_certain(round, hit, p, hits, it, facing) &
                             ((p.depth < vint<W>(settings.max_depth)) | vbool<W>(scene.has_thin));
-  if (!any(scatters)) return;
+  const bool among_bodies = round.follows_bodies();
+  if (!any(among_bodies ? hit : scatters)) return;
   const vbool<W> front = facing > F(0.0f);
   const F side = select(front, F(1.0f), F(-1.0f));
   const V ng = it.ng * side;
   // A shading normal that faces away from the viewer cannot be seen: use the true one.
   const V ns = it.ns * side;
   const Frame<F> frame(select(dot(ns, wo) > F(1e-4f), ns, ng));
+  if (among_bodies) return scatter_inside(round, at, hit, scatters, p, hits, it, rows, ng, frame, front);
   if (!scene.surfaces.open_pbr.empty()) return scatter_with_open_pbr(round, scatters, p, hits, it, rows, ng, frame, front);
-  scatter_at<Bsdf<W>>(round, scatters, p, hits, it, rows, ng, frame, front);
+  const Crossing<W>* const none = nullptr;
+  scatter_at<Bsdf<W>>(round, scatters, p, hits, it, rows, ng, frame, front, none);
 }
 
 template <int W>
 void shade(Round& round) {
   Worker& w = round.worker;
   PathPool& pool = *w.pool;
-  w.next->count = 0;
-  w.shadows.count = 0;
-  if (round.has_special()) w.special_shadows->rays.count = 0;
   for (int at = 0; at < pool.count; at += W) {
     w.busy_lanes += std::min(W, pool.count - at), w.shaded_lanes += W;
     shade_lanes(round, at, lane_numbers<W>() < vint<W>(pool.count - at));
   }
   std::swap(w.pool, w.next);
+  if (w.inside) std::swap(w.inside->pool, w.inside->next);
 }
 
 }  // namespace primray

@@ -9,6 +9,7 @@
 #include "bsdf/bsdf.hpp"
 #include "film/film.hpp"
 #include "light/selection/selection.hpp"
+#include "path/interiors/inside_columns.hpp"
 #include "path/rays/entry_choice.hpp"
 #include "path/rays/pool.hpp"
 #include "sampler/sampler.hpp"
@@ -34,6 +35,7 @@ struct Worker {
   PathPool* next = &pools[1];
   ShadowQueue shadows;
   std::unique_ptr<SpecialShadowQueue> special_shadows;  // of scenes with special lights
+  std::unique_ptr<InsideStore> inside;                  // of scenes whose bodies are followed
   static constexpr int kSlots = kTile * kTile * kBlock * kReplicates;
   alignas(64) float r[kSlots], g[kSlots], b[kSlots], a[kSlots];
   std::vector<vec3> weights;  // of samples, behind a lens that takes some of their light

@@ -27,6 +27,13 @@ PRIMRAY_RARE void trace_shadow_stream(Round& round) {
 }
 
 template <int W>
+PRIMRAY_RARE vbool<W> pass_thin_shadows(Round& round, int at, vbool<W> active, const Rays<W>& rays, vvec3<W>& carried) {
+  BodiesAround<W> around;
+  if (round.follows_bodies()) around = round.worker.inside->shadows.at<W>(at);
+  return pass_thin(round.scene, round.recorder, active, rays, carried, round.follows_bodies() ? &around : nullptr);
+}
+
+template <int W>
 void trace_shadow_lanes(Round& round) {
   Worker& w = round.worker;
   const ShadowQueue& q = w.shadows;
@@ -37,7 +44,7 @@ void trace_shadow_lanes(Round& round) {
     vvec3<W> carried = carried_at<W>(q, at);
     vbool<W> blocked;
     if (round.scene.has_thin) {
-      blocked = !pass_thin(round.scene, round.recorder, active, rays, carried);
+      blocked = !pass_thin_shadows(round, at, active, rays, carried);
     } else {
       const bool packet = w.shadow_entry.packet(), measuring = w.shadow_entry.measuring();
       if (round.recorder) round.recorder->record(true, packet, active, rays);
@@ -59,7 +66,10 @@ void trace_special_shadows(Round& round) {
     const vint<W> light = select(active, load<W>(q.light + at), vint<W>(q.light[at]));
     Rays<W> rays = q.rays.rays<W>(at);
     if (round.needs.time) rays.time = load<W>(q.rays.time + at);
-    const vvec3<W> left = pass_special(round.scene, round.recorder, active, rays, light);
+    BodiesAround<W> around;
+    const bool follows = round.follows_bodies() && round.scene.has_thin;
+    if (follows) around = round.worker.inside->special_shadows.at<W>(at);
+    const vvec3<W> left = pass_special(round.scene, round.recorder, active, rays, light, follows ? &around : nullptr);
     add_to_slots(round, active, load<W>(q.rays.slot + at), carried * left);
   }
 }

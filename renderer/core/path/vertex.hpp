@@ -4,6 +4,7 @@
 #include "accel/query.hpp"
 #include "guide/caustics.hpp"
 #include "guide/guided_scattering.hpp"
+#include "path/interiors/crossing.hpp"
 #include "path/round.hpp"
 #include "surface/smooth_origin.hpp"
 
@@ -23,6 +24,7 @@ struct Vertex {
   const Hits<W>& hits;
   GuidePlace<W> place;              // region -1: scattered by the BSDF alone
   const CausticLanes<W>* caustics;  // null: no ray is guided into them
+  const Crossing<W>* crossing;      // null: no bodies are followed
 };
 
 // The side by which lights are chosen: none where light from both is sent on.

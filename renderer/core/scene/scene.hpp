@@ -28,6 +28,7 @@
 #include "scene/embree_records.hpp"
 #include "scene/emitter_table.hpp"
 #include "scene/geometry_light_table.hpp"
+#include "scene/interiors.hpp"
 #include "scene/light_outline_table.hpp"
 #include "scene/object_spaces.hpp"
 #include "scene/primvars.hpp"
@@ -104,6 +105,7 @@ struct Scene {
   Camera camera;
   std::unique_ptr<Distortion> distortion;  // the camera's
   LightOutlines outlines;
+  Interiors interiors;
   MotionTable motion;
 
   // world = origin + p / scale, in scene units.

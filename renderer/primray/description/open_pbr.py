@@ -26,11 +26,16 @@ class OpenPbr:
     specular_roughness_anisotropy: float = 0.0
     specular_ior: float = 1.5
     transmission_weight: float = 0.0
-    transmission_color: Color = (1.0, 1.0, 1.0)  # a tint of the surface: white where a depth says what it colours
+    transmission_color: Color = (1.0, 1.0, 1.0)  # a tint of the surface, or what white light keeps after transmission_depth
+    transmission_depth: float = 0.0  # world units, as subsurface_radius is; 0: the surface has a tint and no interior
+    transmission_scatter: Color = (0.0, 0.0, 0.0)  # times 1 / transmission_depth
+    transmission_scatter_anisotropy: float = 0.0
     transmission_dispersion_scale: float = 0.0
     transmission_dispersion_abbe_number: float = 20.0
     subsurface_weight: float = 0.0
     subsurface_color: Color = (0.8, 0.8, 0.8)
+    subsurface_radius: float = 1.0
+    subsurface_radius_scale: Color = (1.0, 0.5, 0.25)
     subsurface_scatter_anisotropy: float = 0.0
     fuzz_weight: float = 0.0
     fuzz_color: Color = (1.0, 1.0, 1.0)

@@ -78,6 +78,7 @@ class Surface:
     presence: bool = False  # opacityMode "presence": opacity scales everything, else it scales the diffuse part only
     ior: float = 1.5
     thin: bool = False
+    dielectric_priority: float = 0.0  # of OpenPBR's bodies that overlap the higher one is there, of equals that entered last
     open_pbr: OpenPbr | None = None  # of a surface's other fields, emission, opacity and thin then have an effect
     inputs: tuple[tuple[str, Input], ...] = ()
     pattern: Pattern | None = None  # what its PatternInputs read
@@ -100,8 +101,8 @@ class Surface:
         lobes = self.open_pbr
         if lobes is None:
             return self.ior == 1 and "ior" not in self.varying
-        names = ("specular_ior", "coat_weight", "subsurface_weight")
-        at_rest = (lobes.specular_ior, lobes.coat_weight, lobes.subsurface_weight) == (1.0, 0.0, 0.0)
+        names = ("specular_ior", "coat_weight", "subsurface_weight", "transmission_depth")
+        at_rest = tuple(getattr(lobes, name) for name in names) == (1.0, 0.0, 0.0, 0.0)
         return at_rest and not any(PREFIX + name in self.varying for name in names)
 
     def constant(self, name: str) -> float | tuple[float, float, float]:

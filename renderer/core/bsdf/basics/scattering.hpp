@@ -16,7 +16,8 @@ struct BsdfSample {
   vvec3<W> wi, weight;  // weight = f_cos / pdf
   vfloat<W> pdf;        // per solid angle; 0 for a delta lobe
   vbool<W> is_delta, transmits, straight;
-  vvec3<W> diffuse_share;  // of f_cos; 0 for a delta lobe
+  vvec3<W> diffuse_share;             // of f_cos; 0 for a delta lobe
+  vbool<W> enters = vbool<W>(false);  // below an opaque surface, where it scatters until it comes out
 };
 
 }  // namespace primray

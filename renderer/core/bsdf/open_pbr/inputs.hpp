@@ -1,8 +1,9 @@
 // The inputs of an OpenPBR surface, by the names of its text (OpenPBR 1.1.1): one list, for constants, for lanes and for
 // Python.
 //
-// Beside these a surface has its emission, below coat and fuzz, its opacity, its normal and whether it is thin-walled, which
-// all surfaces have. `coat_roughening` is our own: how much of the coat's roughness the base takes on (the text: all of it).
+// Lengths are in world units. Beside these a surface has its emission, below coat and fuzz, its opacity, its normal and whether
+// it is thin-walled, which all surfaces have. `coat_roughening` is our own: how much of the coat's roughness the base takes on
+// (the text: all of it).
 #pragma once
 
 #include <string>
@@ -22,10 +23,15 @@ struct OpenPbrInputs {
   Color specular_color;
   Number specular_roughness, specular_roughness_anisotropy, specular_ior;
   Number transmission_weight;
-  Color transmission_color;  // of one pass
+  Color transmission_color;  // of one pass, or of a way of transmission_depth through the interior
+  Number transmission_depth;
+  Color transmission_scatter;
+  Number transmission_scatter_anisotropy;
   Number transmission_dispersion_scale, transmission_dispersion_abbe_number;
   Number subsurface_weight;
   Color subsurface_color;
+  Number subsurface_radius;
+  Color subsurface_radius_scale;
   Number subsurface_scatter_anisotropy;
   Number fuzz_weight;
   Color fuzz_color;
@@ -51,10 +57,15 @@ struct OpenPbrInput : OpenPbrInputs<vec3, float> {
                       .specular_ior = 1.5f,
                       .transmission_weight = 0,
                       .transmission_color{1, 1, 1},
+                      .transmission_depth = 0,
+                      .transmission_scatter{0, 0, 0},
+                      .transmission_scatter_anisotropy = 0,
                       .transmission_dispersion_scale = 0,
                       .transmission_dispersion_abbe_number = 20,
                       .subsurface_weight = 0,
                       .subsurface_color{0.8f, 0.8f, 0.8f},
+                      .subsurface_radius = 1,
+                      .subsurface_radius_scale{1, 0.5f, 0.25f},
                       .subsurface_scatter_anisotropy = 0,
                       .fuzz_weight = 0,
                       .fuzz_color{1, 1, 1},
@@ -88,10 +99,15 @@ PRIMRAY_INLINE void for_each_open_pbr_input(const F& f) {
   PRIMRAY_INPUT(specular_ior, kIors);
   PRIMRAY_INPUT(transmission_weight, unit);
   PRIMRAY_INPUT(transmission_color, unit);
+  PRIMRAY_INPUT(transmission_depth, kNotNegative);
+  PRIMRAY_INPUT(transmission_scatter, kNotNegative);
+  PRIMRAY_INPUT(transmission_scatter_anisotropy, signed_unit);
   PRIMRAY_INPUT(transmission_dispersion_scale, unit);
   PRIMRAY_INPUT(transmission_dispersion_abbe_number, kNotNegative);
   PRIMRAY_INPUT(subsurface_weight, unit);
   PRIMRAY_INPUT(subsurface_color, unit);
+  PRIMRAY_INPUT(subsurface_radius, kNotNegative);
+  PRIMRAY_INPUT(subsurface_radius_scale, kNotNegative);
   PRIMRAY_INPUT(subsurface_scatter_anisotropy, signed_unit);
   PRIMRAY_INPUT(fuzz_weight, unit);
   PRIMRAY_INPUT(fuzz_color, unit);

@@ -8,24 +8,13 @@
 
 #include "bsdf/basics/scattering.hpp"
 #include "bsdf/open_pbr/albedos.hpp"
+#include "bsdf/open_pbr/dispersion.hpp"
 #include "bsdf/open_pbr/eon.hpp"
 #include "bsdf/open_pbr/fuzz.hpp"
 #include "bsdf/open_pbr/row.hpp"
 #include "bsdf/open_pbr/thin_film.hpp"
 
 namespace primray {
-
-// Where the rows of W lanes stand.
-template <int W>
-struct OpenPbrRows {
-  const float* rows;
-  vint<W> base;
-  PRIMRAY_INLINE vfloat<W> operator()(int field) const { return gather<W>(rows + field, base); }
-  PRIMRAY_INLINE vvec3<W> color(int field) const {
-    const FourLanes<float, W> c = gather_four<W>(rows + field, base);
-    return {c.x, c.y, c.z};
-  }
-};
 
 template <int W>
 struct OpenPbr {
@@ -49,24 +38,32 @@ struct OpenPbr {
   Fuzz<W> fuzz;
   Facets<W> coat_facets;
   // Chances of the lobes, and which lobes there are in some lane.
-  F p_diffuse, p_behind, p_fuzz, p_specular, p_coat, p_transmit;
-  bool any_rough_diffuse, any_behind, any_fuzz, any_rough, any_coat, any_glass, any_metal, any_film, any_dispersion, any_thin;
+  F p_diffuse, p_behind, p_fuzz, p_specular, p_coat, p_transmit, p_enter;
+  V enters;   // what of the light enters below an opaque surface (interior.hpp)
+  B matched;  // boundaries of interiors that do not reflect: light goes straight on
+  bool any_enters, any_rough_diffuse, any_behind, any_fuzz, any_rough, any_coat, any_glass, any_metal, any_film, any_dispersion,
+      any_thin;
 
-  // Surfaces `row`, seen along wo (local) from the geometry's front or back, in lanes `m`.
-  OpenPbr(const OpenPbrRows<W>& row, B m, B thin_walls, const V& wo, B front) : thin(thin_walls) {
+  // Surfaces `row`, seen along wo (local) from the geometry's front or back, in lanes `m`. `beside`: index of what is outside
+  // of them; `deep`: where an opaque surface may be entered.
+  OpenPbr(const OpenPbrRows<W>& row, B m, B thin_walls, const V& wo, B front, F beside = F(1.0f), B deep = B(false))
+      : thin(thin_walls) {
     const F one(1.0f), zero(0.0f);
     const V white(one);
     const F metalness = row(kOpenMetalness), passes = row(kOpenTransmission);
     within = m & !front & !thin & (passes > zero);
     const auto has = [&](F weight) { return any(m & (weight > zero)); };
     any_glass = has(passes * (one - metalness)), any_metal = has(metalness), any_thin = any(m & thin);
-    const F outer = row(kOpenEta), roughness = row(kOpenRoughness), anisotropy = row(kOpenAnisotropy);
+    const F own = row(kOpenEta), roughness = row(kOpenRoughness), anisotropy = row(kOpenAnisotropy);
+    const F outer = select(beside == one, own, own / (one + (beside - one) * (one - row(kOpenCoat))));
     eta = select(within, 1.0f / outer, outer);
     const F alpha_t = row(kOpenAlphaT), alpha_b = row(kOpenAlphaB);
     mirror = m & (alpha_t == zero);
     any_rough = any(m & !mirror);
     clear = mirror | (m & !thin & (max(alpha_t, alpha_b) * abs(outer - one) < F(2 * kMinAlpha)));
     facets = Facets<W>(max(alpha_t, kMinAlpha), max(alpha_b, kMinAlpha), wo);
+    matched = m & !thin & (passes > zero) & (outer == one) & clear;
+    if (any(matched)) matched &= max_component(row.color(kOpenExtinction)) > zero;
     film = row(kOpenFilm);
     any_film = has(film);
     above = row(kOpenAbove);
@@ -121,9 +118,16 @@ struct OpenPbr {
       metal_gain = white + f0 * ((one - whole) / max(whole, 0.05f));
       metal_albedo = metal_reflects(cosine) * metal_part;
     }
+    F below_weight = select(m & deep & front, row(kOpenBelow), zero);
+    any_enters = has(below_weight * opaque_part);
     diffuse_part = opaque_part * row(kOpenDiffuseWeight);
     diffuse_left = white - V(min(reflected.x, one), min(reflected.y, one), min(reflected.z, one));
     diffuse = row.color(kOpenDiffuse), behind = row.color(kOpenBehind);
+    if (any_enters) {
+      const B aside = below_weight > zero;
+      diffuse = select(aside, row.color(kOpenAside), diffuse);
+      diffuse_part = select(aside, opaque_part * row(kOpenAsideWeight), diffuse_part);
+    }
     const F diffuse_roughness = row(kOpenDiffuseRoughness);
     any_rough_diffuse = has(diffuse_roughness);
     if (any_rough_diffuse) eon = Eon<W>(diffuse_roughness, wo.z);
@@ -139,9 +143,19 @@ struct OpenPbr {
     // Rough glass: albedos are only about what there is, and each lobe must be found.
     w_transmit = max(w_transmit, select(mirror, zero, 0.05f * luminance(tint * below) * glass_part));
     const F w_coat = any_coat ? coat_weight_ : zero, w_fuzz = any_fuzz ? luminance(fuzz_color) : zero;
-    const F total = w_diffuse + w_behind + w_specular + w_transmit + w_coat + w_fuzz, scale = 1.0f / max(total, 1e-20f);
+    F w_enter(zero);
+    enters = V(zero);
+    if (any_enters) {
+      // Light that enters crosses the coat here, and where it comes out: there as if under a cosine of 2/3.
+      const V across = any_coat ? layers(coat_inverse + inverse_within(F(2.0f / 3))) : below;
+      enters = diffuse_left * across * (below_weight * opaque_part);
+      w_enter = luminance(row.color(kOpenBelowColor) * enters);
+    }
+    const F total = w_diffuse + w_behind + w_specular + w_transmit + w_coat + w_fuzz + w_enter,
+            scale = 1.0f / max(total, 1e-20f);
     p_diffuse = w_diffuse * scale, p_behind = w_behind * scale, p_fuzz = w_fuzz * scale;
     p_specular = w_specular * scale, p_coat = w_coat * scale, p_transmit = w_transmit * scale;
+    p_enter = w_enter * scale;
   }
 
   // All but the delta lobes.
@@ -189,11 +203,15 @@ struct OpenPbr {
     const F at_coat = at_specular + p_specular, at_transmit = at_coat + p_coat;
     const B is_behind = (lobe >= at_behind) & (lobe < at_fuzz), is_fuzz = (lobe >= at_fuzz) & (lobe < at_specular);
     const B is_specular = (lobe >= at_specular) & (lobe < at_coat), is_coat = (lobe >= at_coat) & (lobe < at_transmit);
-    const B passes = lobe >= at_transmit;
+    B passes = lobe >= at_transmit, is_enter(false);
+    if (any_enters) {
+      is_enter = (lobe < at_transmit + p_enter) & passes & (p_enter > zero);
+      passes &= !is_enter;
+    }
     const F r = sqrt(u);
     const SinCos<W> phi = sincos_turns(v);
     V wi{r * phi.cos, r * phi.sin, sqrt(one - u)};
-    wi.z = select(is_behind, -wi.z, wi.z);
+    wi.z = select(is_behind | is_enter, -wi.z, wi.z);
     if (any_fuzz) wi = select(is_fuzz, fuzz.sample(u, v), wi);
     const B pane = passes & thin, about = (is_specular | pane) & !mirror;
     if (any_rough && any(about)) {
@@ -210,10 +228,10 @@ struct OpenPbr {
     if (any_glass && any(passes)) {
       F index = eta;
       if (any_dispersion) {
-        const F third = clamp((lobe - at_transmit) * (3.0f / max(p_transmit, 1e-12f)), 0.0f, 2.999f);
+        const F third = clamp((lobe - at_transmit - p_enter) * (3.0f / max(p_transmit, 1e-12f)), 0.0f, 2.999f);
         const vint<W> k = truncate(third);
         const B disperses = dispersion > zero;
-        index = select(disperses, index_of(select_channel(k)), eta);
+        index = select(disperses, index_of(channel_of(k)), eta);
         const auto only = [&](int c) { return select(disperses, select(k == vint<W>(c), F(3.0f), zero), one); };
         channels = {only(0), only(1), only(2)};
       }
@@ -229,26 +247,35 @@ struct OpenPbr {
     wi = select(is_mirror, V(-wo.x, -wo.y, wo.z), wi);
     BsdfEval<W> e = eval(wo, wi);
     // About a steep facet light may go to the side where its lobe has no density: it is lost.
-    const B down = passes | is_behind, lost = (down & (wi.z >= zero)) | ((!down) & (wi.z <= zero));
+    const B down = passes | is_behind | is_enter, lost = (down & (wi.z >= zero)) | ((!down) & (wi.z <= zero));
     e.pdf = select(lost, zero, e.pdf);
     const V sum = e.diffuse + e.specular, tiny(F(1e-30f));
     V weight = select(e.pdf > zero, sum * (1.0f / max(e.pdf, 1e-30f)), V(zero));
-    const B is_delta = is_mirror | is_clear;
+    const B is_delta = is_mirror | is_clear | is_enter;
     if (any(is_delta)) {
       const V base = select(within, V(one), above_base(wo.z));
       weight = select(is_mirror, reflects(wo.z) * base * (1.0f / max(p_specular, 1e-20f)), weight);
       if (any(is_clear))
         weight = select(is_clear, clear_transmission(wo, wi) * channels * (1.0f / max(p_transmit, 1e-20f)), weight);
     }
+    if (any_enters) weight = select(is_enter, enters * (1.0f / max(p_enter, 1e-20f)), weight);
     const V share{e.diffuse.x / max(sum.x, tiny.x), e.diffuse.y / max(sum.y, tiny.y), e.diffuse.z / max(sum.z, tiny.z)};
-    return {wi, weight, select(is_delta, zero, e.pdf), is_delta, down, is_clear & thin, select(is_delta, V(zero), share)};
+    BsdfSample<W> made{wi,
+                       weight,
+                       select(is_delta, zero, e.pdf),
+                       is_delta,
+                       down,
+                       is_clear & (thin | matched),
+                       select(is_delta, V(zero), share)};
+    made.enters = is_enter;
+    return made;
   }
 
-  // What thin walls that are not rough let straight through.
+  // What thin walls that are not rough, and boundaries without reflection, let straight through.
   PRIMRAY_INLINE V straight_transmittance(const V& wo) const {
     const V zero(F(0.0f));
-    if (!any_glass || !any_thin) return zero;
-    return select(thin & mirror, clear_transmission(wo, -wo), zero);
+    if (!any_glass || !(any_thin || any(matched))) return zero;
+    return select((thin & mirror) | matched, clear_transmission(wo, -wo), zero);
   }
 
   // Lanes in which directions below the surface get light that no delta lobe brings.
@@ -406,21 +433,11 @@ struct OpenPbr {
     return through * above_passing(abs(wi.z)) * glass_part;
   }
 
-  // The index for a channel's wavelength (0, 1, 2), by Cauchy's formula: 611, 549 and 464 nm, where the primaries of Rec.709
-  // are.
+  // The index for a channel's wavelength.
   PRIMRAY_INLINE F index_of(F square) const {
-    // n = n_d + (n_d - 1) / V (1 / l^2 - 1 / l_d^2) / (1 / l_F^2 - 1 / l_C^2)
-    const F outer = select(within, 1.0f / eta, eta), n = outer + (outer - 1.0f) * dispersion * square;
+    const F n = dispersed_index(select(within, 1.0f / eta, eta), dispersion, square);
     return select(within, 1.0f / n, n);
   }
-  PRIMRAY_INLINE static F select_channel(vint<W> k) {
-    return select(k == vint<W>(0), F(kChannels[0]), select(k == vint<W>(1), F(kChannels[1]), F(kChannels[2])));
-  }
-  static constexpr double per_square(double nm) { return 1 / (nm * nm); }
-  static constexpr double kRange = per_square(486.1) - per_square(656.3);
-  static constexpr float kChannels[3] = {float((per_square(611) - per_square(587.6)) / kRange),
-                                         float((per_square(549) - per_square(587.6)) / kRange),
-                                         float((per_square(464) - per_square(587.6)) / kRange)};
 
   // Rough transmission towards wi below the surface in lanes `m`; `h`: of wi's mirror image above it.
   __attribute__((noinline)) void add_transmission(const V& wo, const V& wi, B m, const V& h, BsdfEval<W>& r) const {

@@ -3,6 +3,7 @@
 
 #include "bsdf/open_pbr/fresnel.hpp"
 #include "bsdf/open_pbr/inputs.hpp"
+#include "bsdf/open_pbr/interior.hpp"
 #include "bsdf/open_pbr/microfacets.hpp"
 #include "bsdf/open_pbr/tables.hpp"
 
@@ -13,17 +14,25 @@ constexpr float kMinAlpha = 1e-4f;
 
 // Columns of a row; colours have three.
 enum OpenPbrField : int {
-  kOpenDiffuse,                           // albedo of the diffuse reflection, before its weight
-  kOpenBehind = kOpenDiffuse + 3,         // of the diffuse transmission of thin walls
-  kOpenMetal = kOpenBehind + 3,           // F0 of the metal
-  kOpenSpecularColor = kOpenMetal + 3,    // of the dielectric's reflection, and edge tint of the metal's
-  kOpenTint = kOpenSpecularColor + 3,     // what passes once through a translucent base keeps
-  kOpenFuzzColor = kOpenTint + 3,         //
-  kOpenCoatLog = kOpenFuzzColor + 3,      // log2 of what passes a coat once, head-on
-  kOpenBaseAlbedo = kOpenCoatLog + 3,     // of what is below the coat, head-on
-  kOpenTangent = kOpenBaseAlbedo + 3,     // 0: any
-  kOpenDiffuseWeight = kOpenTangent + 3,  //
-  kOpenDiffuseRoughness,                  //
+  kOpenDiffuse,                         // albedo of the diffuse reflection, before its weight
+  kOpenBehind = kOpenDiffuse + 3,       // of the diffuse transmission of thin walls
+  kOpenMetal = kOpenBehind + 3,         // F0 of the metal
+  kOpenSpecularColor = kOpenMetal + 3,  // of the dielectric's reflection, and edge tint of the metal's
+  kOpenTint = kOpenSpecularColor + 3,   // what passes once through a translucent base keeps
+  kOpenFuzzColor = kOpenTint + 3,       //
+  kOpenCoatLog = kOpenFuzzColor + 3,    // log2 of what passes a coat once, head-on
+  kOpenBaseAlbedo = kOpenCoatLog + 3,   // of what is below the coat, head-on
+  kOpenTangent = kOpenBaseAlbedo + 3,   // 0: any
+  // The interior of a closed body, per world unit of length (interior.hpp): of what is transmitted, and of what scatters below
+  // an opaque surface.
+  kOpenExtinction = kOpenTangent + 3,
+  kOpenScattering = kOpenExtinction + 3,
+  kOpenBelowExtinction = kOpenScattering + 3,
+  kOpenBelowAlbedo = kOpenBelowExtinction + 3,  // of one scattering
+  kOpenBelowColor = kOpenBelowAlbedo + 3,       // of all that comes out
+  kOpenAside = kOpenBelowColor + 3,             // albedo of the diffuse reflection beside that
+  kOpenDiffuseWeight = kOpenAside + 3,          // with kOpenDiffuse
+  kOpenDiffuseRoughness,                        //
   kOpenMetalness,
   kOpenMetalWeight,   //
   kOpenTransmission,  //
@@ -48,6 +57,10 @@ enum OpenPbrField : int {
   kOpenFilmThickness,
   kOpenFilmIor,  //
   kOpenAbove,    // index of what is above the base
+  kOpenPhase,    // mean cosine of scatterings in the interior
+  kOpenBelow,    // weight of what scatters below an opaque surface; 0 where that is thin-walled or has no depth
+  kOpenBelowPhase,
+  kOpenAsideWeight,
   kOpenPbrFields
 };
 
@@ -60,7 +73,7 @@ PRIMRAY_INLINE void reduce_open_pbr(const OpenPbrValues<W>& v, bool thin, vfloat
   const auto lerp = [](auto a, auto b, F t) { return a + (b - a) * t; };
   const auto put = [&](int field, const V& c) { row[field] = c.x, row[field + 1] = c.y, row[field + 2] = c.z; };
   const F s = v.subsurface_weight, g = v.subsurface_scatter_anisotropy;
-  // Closed bodies: what scatters below the surface comes out where it went in, in its colour.
+  // Where light does not enter (interior.hpp), what scatters below comes out where it went in, in its colour.
   const V base = v.base_color, below = v.subsurface_color * (thin ? 0.5f * (1.0f - g) : one);
   // The weight is apart, as the text has it, where that alone is diffuse.
   const vbool<W> mixed = s > zero;
@@ -71,7 +84,15 @@ PRIMRAY_INLINE void reduce_open_pbr(const OpenPbrValues<W>& v, bool thin, vfloat
   const V metal = base * v.base_weight;
   put(kOpenMetal, metal), put(kOpenSpecularColor, v.specular_color);
   row[kOpenMetalness] = v.base_metalness, row[kOpenMetalWeight] = min(v.specular_weight, one);
-  row[kOpenTransmission] = v.transmission_weight, put(kOpenTint, v.transmission_color);
+  const Interior<W> inside = thin ? Interior<W>{} : transmission_interior(v);
+  put(kOpenExtinction, inside.extinction), put(kOpenScattering, inside.scattering), row[kOpenPhase] = inside.phase;
+  row[kOpenTransmission] = v.transmission_weight;
+  put(kOpenTint, select((v.transmission_depth > zero) & !vbool<W>(thin), V(one), v.transmission_color));
+  const Interior<W> under = subsurface_interior(v);
+  row[kOpenBelow] = select(under.exists() & !vbool<W>(thin), s, zero), row[kOpenBelowPhase] = under.phase;
+  put(kOpenBelowExtinction, under.extinction), put(kOpenBelowAlbedo, under.scattering),
+      put(kOpenBelowColor, v.subsurface_color);
+  put(kOpenAside, base), row[kOpenAsideWeight] = v.base_weight * (one - s);
   const F abbe = max(v.transmission_dispersion_abbe_number, 1.0f);
   row[kOpenDispersion] = thin ? zero : v.transmission_dispersion_scale / abbe;
 
@@ -118,5 +139,17 @@ PRIMRAY_INLINE void reduce_open_pbr(const OpenPbrValues<W>& v, bool thin, vfloat
   row[kOpenFilm] = select(v.thin_film_thickness > zero, v.thin_film_weight, zero);
   row[kOpenFilmThickness] = v.thin_film_thickness, row[kOpenFilmIor] = v.thin_film_ior;
 }
+
+// Where the rows of W lanes stand.
+template <int W>
+struct OpenPbrRows {
+  const float* rows;
+  vint<W> base;
+  PRIMRAY_INLINE vfloat<W> operator()(int field) const { return gather<W>(rows + field, base); }
+  PRIMRAY_INLINE vvec3<W> color(int field) const {
+    const FourLanes<float, W> c = gather_four<W>(rows + field, base);
+    return {c.x, c.y, c.z};
+  }
+};
 
 }  // namespace primray

@@ -75,33 +75,54 @@ vec3 average_emission(const Scene& scene, int32_t surface) {
   return {row[0], row[1], row[2]};
 }
 
+namespace {
+
+// The inputs of a surface that varies, all with their means.
+struct MeanInputs {
+  const SurfaceInput& constants;
+  SurfaceValues<1> values;
+  std::optional<OpenPbrValues<1>> open;
+
+  MeanInputs(const Scene& scene, const SurfaceInputs& inputs) : constants(inputs.constants), values(inputs.constants) {
+    if (inputs.constants.open_pbr) open.emplace(*inputs.constants.open_pbr);
+    for (const InputSource& source : inputs.sources) {
+      const vec3 m = mean_of(scene, source);
+      const vvec3<1> mean{vfloat<1>(m.x), vfloat<1>(m.y), vfloat<1>(m.z)};
+      if (source.field < InputField::kOpenPbr)
+        values.set(source.field, mean);
+      else if (open)
+        open->set(source.field, mean);
+    }
+  }
+};
+
+}  // namespace
+
 void average_row(const Scene& scene, int32_t surface, float (&row)[kSurfaceFields]) {
   const int32_t number = scene.surface_inputs_of[surface];
   if (number < 0) {
     std::copy_n(&scene.surfaces.rows[size_t(surface) * kSurfaceFields], int(kSurfaceFields), row);
     return;
   }
-  const SurfaceInputs& inputs = scene.surface_inputs[number];
-  SurfaceValues<1> values(inputs.constants);
-  std::optional<OpenPbrValues<1>> open;
-  if (inputs.constants.open_pbr) open.emplace(*inputs.constants.open_pbr);
-  for (const InputSource& source : inputs.sources) {
-    const vec3 m = mean_of(scene, source);
-    const vvec3<1> mean{vfloat<1>(m.x), vfloat<1>(m.y), vfloat<1>(m.z)};
-    if (source.field < InputField::kOpenPbr)
-      values.set(source.field, mean);
-    else if (open)
-      open->set(source.field, mean);
-  }
+  const MeanInputs means(scene, scene.surface_inputs[number]);
   vfloat<1> columns[kSurfaceFields], open_columns[kOpenPbrFields];
-  if (open) {
-    reduce_open_pbr(*open, inputs.constants.thin, open_columns);
+  if (means.open) {
+    reduce_open_pbr(*means.open, means.constants.thin, open_columns);
     const vfloat<1> at(scene.surfaces.rows[size_t(surface) * kSurfaceFields + kOpenPbrRow]);
-    reduce_surface(inputs.constants, values, *open, open_columns, at, columns);
+    reduce_surface(means.constants, means.values, *means.open, open_columns, at, columns);
   } else {
-    reduce_surface(inputs.constants, values, columns);
+    reduce_surface(means.constants, means.values, columns);
   }
   for (int i = 0; i < kSurfaceFields; ++i) row[i] = columns[i][0];
+}
+
+void average_interior(const Scene& scene, int32_t surface, float* open) {
+  const MeanInputs means(scene, scene.surface_inputs[scene.surface_inputs_of[surface]]);
+  vfloat<1> columns[kOpenPbrFields];
+  reduce_open_pbr(*means.open, means.constants.thin, columns);
+  for (const int color : {kOpenExtinction, kOpenScattering})
+    for (int c = 0; c < 3; ++c) open[color + c] = columns[color + c][0];
+  open[kOpenPhase] = columns[kOpenPhase][0];
 }
 
 }  // namespace primray

@@ -12,5 +12,7 @@ void note_inputs(Scene& scene);
 vec3 average_emission(const Scene& scene, int32_t surface);
 // The row of a surface whose inputs all have their means.
 void average_row(const Scene& scene, int32_t surface, float (&row)[kSurfaceFields]);
+// Puts what is inside bodies of an OpenPBR surface into the columns `open` of its row, by the means of what varies.
+void average_interior(const Scene& scene, int32_t surface, float* open);
 
 }  // namespace primray

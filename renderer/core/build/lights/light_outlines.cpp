@@ -168,6 +168,7 @@ LightOutlines find_light_outlines(const Scene& scene) {
   const Camera& camera = scene.camera;
   // Out of focus nothing has an outline. Through a pane lights are seen as bodies by the paths alone.
   if (!scene.lights.needs_hit_test || camera.orthographic || camera.lens_radius > 0 || scene.has_thin) return made;
+  if (scene.interiors.around_camera()) return made;
   // Where what moves ends there is no one place.
   if (camera.moves || scene.lights.motion.any()) return made;
   if (camera.distortion || camera.flawed) return made;  // its pixels are not where a pinhole's are, or as bright

@@ -152,6 +152,14 @@ struct PathPool {
   }
 };
 
+// Moves hits to `at`: the lanes that `c` holds.
+template <int W>
+PRIMRAY_INLINE void put_hits(PathPool& pool, int at, const Compaction<W>& c, const Hits<W>& h) {
+  c.append(pool.t + at, h.t), c.append(pool.ngx + at, h.ng.x), c.append(pool.ngy + at, h.ng.y), c.append(pool.ngz + at, h.ng.z);
+  c.append(pool.u + at, h.u), c.append(pool.v + at, h.v), c.append(pool.prim + at, h.prim), c.append(pool.geom + at, h.geom);
+  c.append(pool.inst + at, h.inst), c.append(pool.inst_prim + at, h.inst_prim);
+}
+
 // Shadow rays with what they carry if nothing blocks them. From a vertex a path sends so many to lights, and one to a dome in
 // place of its last scattered ray; a path that splits takes the pool's room of all its parts.
 struct ShadowQueue {

@@ -6,6 +6,7 @@
 #include "bsdf/bsdf_with_open_pbr.hpp"
 #include "emitter/emitter.hpp"
 #include "light/shadow.hpp"
+#include "medium/bodies.hpp"
 #include "path/rays/ray_recorder.hpp"
 #include "surface/evaluate_inputs.hpp"
 #include "surface/interaction.hpp"
@@ -13,8 +14,9 @@
 namespace primray {
 
 template <int W>
-PRIMRAY_RARE vvec3<W> straight_with_open_pbr(const SurfaceRows<W>& rows, vbool<W> active, const vvec3<W>& wo, vbool<W> front) {
-  return straight_transmittance(BsdfWithOpenPbr<W>(rows, active, wo, front));
+PRIMRAY_RARE vvec3<W> straight_with_open_pbr(const SurfaceRows<W>& rows, vbool<W> active, const vvec3<W>& wo, vbool<W> front,
+                                             vfloat<W> beside) {
+  return straight_transmittance(BsdfWithOpenPbr<W>(rows, active, wo, front, beside));
 }
 
 // What a shadow ray met, and the part of its light that goes straight on.
@@ -24,7 +26,9 @@ struct ShadowStep {
   vbool<W> front;
   vvec3<W> through;
 
-  PRIMRAY_INLINE ShadowStep(const Scene& scene, vbool<W> active, const Rays<W>& rays, const Hits<W>& hits)
+  // `around`: the bodies around the ray, where they are followed; left as they are behind what was met.
+  PRIMRAY_INLINE ShadowStep(const Scene& scene, vbool<W> active, const Rays<W>& rays, const Hits<W>& hits,
+                            BodiesAround<W>* around)
       : it(interact(scene, active, rays, hits)), front(dot(it.ng, rays.d) < vfloat<W>(0.0f)), through(vfloat<W>(0.0f)) {
     if (!scene.has_thin) return;
     const vfloat<W> z = clamp(abs(dot(it.ns, rays.d)), 0.0f, 1.0f);
@@ -36,8 +40,19 @@ struct ShadowStep {
       vvec3<W> unbent = it.ns;
       rows = evaluate_inputs(scene, active, hits, it.surface, vfloat<W>(0.0f), it.p, it.ng, unbent, varying);
     }
-    through = scene.surfaces.open_pbr.empty() ? straight_transmittance(Bsdf<W>(rows, active, wo, front))
-                                              : straight_with_open_pbr(rows, active, wo, front);
+    if (around)
+      cross(scene, active, rays, hits.t, rows, wo, *around);
+    else
+      through = scene.surfaces.open_pbr.empty() ? straight_transmittance(Bsdf<W>(rows, active, wo, front))
+                                                : straight_with_open_pbr(rows, active, wo, front, vfloat<W>(1.0f));
+  }
+  PRIMRAY_RARE void cross(const Scene& scene, vbool<W> active, const Rays<W>& rays, vfloat<W> t, const SurfaceRows<W>& rows,
+                          const vvec3<W>& wo, BodiesAround<W>& around) {
+    const vvec3<W> left = medium_of(scene, around.bodies).left_after(t + around.lead), one(vfloat<W>(1.0f));
+    const Boundary<W> b(scene, active, around.bodies, it.surface, front);
+    through = select(b.unseen, one, straight_with_open_pbr(rows, active, wo, front, b.beside)) * left;
+    around.bodies = select(active, b.beyond, around.bodies);
+    around.lead = select(active, lead_of(it.offset, it.ng, rays.d), around.lead);
   }
   // Goes on from the point that was hit, as far as is left: to the same end, since that may lie so close to its light's surface
   // that a ray beside it would meet that.
@@ -53,19 +68,28 @@ struct ShadowStep {
   }
 };
 
-// Follows shadow rays through surfaces that let light straight through; what arrives is left in `carried`.
+// Of the light of rays that have nothing before them any more.
 template <int W>
-PRIMRAY_RARE vbool<W> pass_thin(const Scene& scene, RayRecorder* recorder, vbool<W> active, Rays<W> rays, vvec3<W>& carried) {
+PRIMRAY_RARE vvec3<W> left_at_end(const Scene& scene, const BodiesAround<W>& around, const Rays<W>& rays) {
+  return medium_of(scene, around.bodies).left_after(rays.tfar + around.lead) * radiance_from(scene, around.bodies);
+}
+
+// Follows shadow rays through surfaces that let light straight through; what arrives is left in `carried`. `around`: see
+// ShadowStep.
+template <int W>
+PRIMRAY_RARE vbool<W> pass_thin(const Scene& scene, RayRecorder* recorder, vbool<W> active, Rays<W> rays, vvec3<W>& carried,
+                                BodiesAround<W>* around) {
   const vfloat<W> zero(0.0f);
   vbool<W> arrived(false);
   while (any(active)) {
     if (recorder) recorder->record(false, true, active, rays);
     const Hits<W> hits = intersect(scene, true, active, rays);
     const vbool<W> hit = active & (hits.geom != vint<W>(-1));
+    if (around) carried = select(active & !hit, carried * left_at_end(scene, *around, rays), carried);
     arrived |= active & !hit;
     active = hit;
     if (!any(active)) break;
-    const ShadowStep<W> step(scene, active, rays, hits);
+    const ShadowStep<W> step(scene, active, rays, hits, around);
     // Lanes that have arrived keep what they carry.
     carried = select(active, carried * step.through, carried);
     active &= max_component(carried) > zero;
@@ -80,7 +104,8 @@ PRIMRAY_RARE vbool<W> pass_thin(const Scene& scene, RayRecorder* recorder, vbool
 // weighs by its distance; hits on what casts no shadow of the light are passed. A light that is geometry always hides its own
 // far side, which is no shadow.
 template <int W>
-PRIMRAY_RARE vvec3<W> pass_special(const Scene& scene, RayRecorder* recorder, vbool<W> active, Rays<W> rays, vint<W> light) {
+PRIMRAY_RARE vvec3<W> pass_special(const Scene& scene, RayRecorder* recorder, vbool<W> active, Rays<W> rays, vint<W> light,
+                                   BodiesAround<W>* around) {
   const vfloat<W> zero(0.0f), one(1.0f);
   const vint<W> none(-1);
   const LightTable& lights = scene.lights;
@@ -93,9 +118,11 @@ PRIMRAY_RARE vvec3<W> pass_special(const Scene& scene, RayRecorder* recorder, vb
   while (any(active)) {
     if (recorder) recorder->record(false, true, active, rays);
     const Hits<W> hits = intersect(scene, true, active, rays);
-    active &= hits.geom != none;
+    const vbool<W> free = active & (hits.geom == none);
+    if (around) open = select(free, open * left_at_end(scene, *around, rays), open);
+    active &= !free;
     if (!any(active)) break;
-    const ShadowStep<W> step(scene, active, rays, hits);
+    const ShadowStep<W> step(scene, active, rays, hits, around);
     if (any(active & has_body)) {
       const vbool<W> own = active & has_body & (emitter_light(scene, active, hits, step.it) == light);
       hidden |= own, active &= !own;

@@ -21,13 +21,7 @@ from .outcomes import Again, Broken, GivenUp, Outcome
 from .shared_jobs import SharedJob
 from .totals import frame_result, target_warning
 
-FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.25, 5.0
-
-
-async def pause_after(kills: int) -> None:
-    """Before what was killed, or could not begin, again and again is tried once more: a cluster may be away for a while."""
-    if kills > 1:
-        await asyncio.sleep(min(FIRST_PAUSE_S * 2.0 ** (kills - 2), LONGEST_PAUSE_S))
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.25, 5.0  # before a frame whose worker was killed again and again is tried once more
 
 
 def not_begun(frame: Frame, error: Exception, limits: Limits) -> Outcome:
@@ -91,7 +85,8 @@ class RunCompletion:
     async def again(self, outcome: Again) -> None:
         context, frame = self.context, outcome.frame
         await self._log(f"goes on later: {outcome.why}")
-        await pause_after(frame.kills)
+        if frame.kills > 1:
+            await asyncio.sleep(min(FIRST_PAUSE_S * 2.0 ** (frame.kills - 2), LONGEST_PAUSE_S))
         if outcome.drop_checkpoint and frame.checkpoint_file:
             await context.calls.disk(context.data.remove, context.data.job(self.job.id) / frame.checkpoint_file)
         async with self.shared.lock:

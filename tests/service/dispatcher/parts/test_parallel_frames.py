@@ -12,13 +12,11 @@ from tests.service.dispatcher.parts.one_render import end_of_one, noisy
 from tests.service.dispatcher.parts.pieces import Pieces
 from tests.service.dispatcher.play import play
 from tests.service.dispatcher.rig import Rig
-from tests.service.dispatcher.scripted import ScriptedExecutor, ScriptedHandle, Worker, killed_outside, segfault
+from tests.service.dispatcher.scripted import ScriptedExecutor, Worker, killed_outside, segfault
 
 from primray_service.dispatcher.frames import run_completion
-from primray_service.dispatcher.frames.parts import cutting, merge_pace
-from primray_service.executor.base import Chunk, OnMessage
+from primray_service.dispatcher.frames.parts import cutting, merge_pace, part_run
 from primray_service.jobs import JobState, PartState
-from primray_service.problems import Problem
 
 TO_64 = {"stop": {"max_samples": 64}}
 
@@ -68,7 +66,8 @@ def test_a_frame_is_cut_merged_and_shown_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_whatever_is_lost_is_given_out_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
     """Workers are killed at random, before and after they have saved; every sample is in the picture once."""
-    monkeypatch.setattr(run_completion, "FIRST_PAUSE_S", 0.001)
+    for module in (part_run, run_completion):
+        monkeypatch.setattr(module, "FIRST_PAUSE_S", 0.001)
     chance = random.Random(seed)
 
     async def hook(worker: Worker, where: str) -> None:
@@ -151,30 +150,6 @@ def test_where_somebody_looks_there_are_merges_meanwhile(
     assert pieces.shown == [(0, 64)]
 
 
-def test_a_cluster_that_is_away_for_a_while_costs_no_frame_that_waits_for_a_merge(tmp_path: Path) -> None:
-    """Asked again without a pause, it would have refused 50 times within milliseconds."""
-    pieces = Pieces()
-    refusals: list[float] = []
-
-    async def act(rig: Rig, executor: ScriptedExecutor) -> None:
-        taken = executor.submit
-
-        def submit(chunk: Chunk, on_message: OnMessage) -> ScriptedHandle:
-            now = asyncio.get_running_loop().time()
-            if chunk.command["do"] == "merge" and (not refusals or now < refusals[0] + 1.5):
-                refusals.append(now)
-                raise Problem("unavailable", "The cluster is away.")
-            return taken(chunk, on_message)
-
-        executor.submit = submit  # type: ignore[method-assign]
-        job = rig.submit(rig.scene(), settings={"stop": {"target_error": 0.01}}, parallel=2)
-        [ended] = await rig.ended(job.id)
-        assert ended.state is JobState.SUCCEEDED, ended.error
-
-    play(tmp_path, pieces.script, act, slots=2)
-    assert 2 <= len(refusals) <= 6
-
-
 def test_where_there_is_one_place_a_frame_is_rendered_whole(tmp_path: Path) -> None:
     async def script(worker: Worker) -> None:
         assert not worker.command.get("part")
@@ -209,7 +184,8 @@ def test_by_an_error_it_ends_where_one_render_does(tmp_path: Path) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_by_an_error_it_ends_there_whatever_is_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
     """Workers are killed at random, before and after they have saved, and the server is stopped in the middle of it."""
-    monkeypatch.setattr(run_completion, "FIRST_PAUSE_S", 0.001)
+    for module in (part_run, run_completion):
+        monkeypatch.setattr(module, "FIRST_PAUSE_S", 0.001)
     chance = random.Random(seed)
 
     async def hook(worker: Worker, where: str) -> None:

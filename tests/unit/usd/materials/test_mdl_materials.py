@@ -93,10 +93,11 @@ CASES: dict[str, tuple[str, str, dict[str, Any], str]] = {
             "specular_ior": 2.25,
             "subsurface_weight": 0.5,
             "subsurface_color": (1.0, 1.0, 1.0),
+            "subsurface_radius_scale": (1.0, 1.0, 1.0),
             "fuzz_weight": 0.5,
             "fuzz_roughness": 0.3**0.4,
         },
-        " Approximated: specular_retro_reflection_weight, subsurface_weight.",
+        " Approximated: specular_retro_reflection_weight.",
     ),
     "OmniSurface with a film": (
         "OmniSurfaceBase.mdl",

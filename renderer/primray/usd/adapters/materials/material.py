@@ -24,6 +24,7 @@ from ...querying.guarded import property_names
 from ...resolving.color_scope import ColorScope
 from ...resolving.context import Context
 from ...resolving.notes import note_unknown_schemas
+from ...resolving.read import number
 from ...resolving.resolve import Inherited
 
 
@@ -51,6 +52,7 @@ _SLOTS = {
 }
 _SURFACE = re.compile(r"outputs:.+:surface")
 _OUTPUTS = {"mtlx:surface": 0, "surface": 1}
+PRIORITY = "primray:dielectric:priority"  # of bodies that overlap the higher one is there
 _OTHER_INPUTS = frozenset({"useSpecularWorkflow", "opacityMode", "opacityThreshold", "displacement", "occlusion"})
 
 
@@ -113,7 +115,7 @@ def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Mate
             if source.id in SURFACE_SHADERS:
                 return _preview_surface(source, path, ctx)
             if (made := _of_other_model(source, path, ctx)) is not None:
-                return made
+                return _with_priority(made, prim, ctx) if PRIORITY in names else made
             others.append(f"{source.id or module_of(source) or 'a shader without id'} ({output})")
     reason = f"The surface shader is {', '.join(others)}" if others else "No surface output leads to a shader"
     ctx.warn("shader-ignored", path, f"{reason}: displayColor is used.", "outputs:surface")
@@ -135,6 +137,13 @@ def _of_other_model(source: Node, path: str, ctx: Context) -> Material | None:
         if mdl is not None:
             return Material(*mdl)
     return None
+
+
+def _with_priority(made: Material, prim: Usd.Prim, ctx: Context) -> Material:
+    if made.surface is None:
+        return made
+    priority = number(prim, PRIORITY, ctx.when, 0.0, ctx.diagnostics)
+    return replace(made, surface=replace(made.surface, dielectric_priority=priority))
 
 
 def _note_outputs(usd_material: UsdShade.Material, path: str, ctx: Context) -> None:

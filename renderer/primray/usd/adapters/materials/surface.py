@@ -65,19 +65,16 @@ def _varies(prim: ResolvedPrim, name: str) -> bool:
     return bool(attribute.HasAuthoredValue() and interpolation(UsdGeom.Primvar(attribute)) != "constant")
 
 
-def surface_of(appearance: Appearance, is_closed: Callable[[], bool], ctx: Context) -> int:
-    """The index of the appearance's surface."""
-    return ctx.surfaces.index_of(make_surface(appearance, is_closed))
-
-
-def make_surface(appearance: Appearance, is_closed: Callable[[], bool]) -> Surface:
+def make_surface(appearance: Appearance, is_closed: Callable[[], bool], path: str, ctx: Context) -> Surface:
     """The appearance's surface on a shape; `is_closed` is asked only where something shines through."""
     if appearance.material is None or appearance.material.surface is None:
         return _display_surface(appearance)
     surface = appearance.material.surface
-    if surface.transmits:
-        surface = replace(surface, thin=surface.thin or surface.bends_nothing or not is_closed())
-    return surface
+    if surface.transmits and not (surface.thin or surface.bends_nothing) and not is_closed():
+        if surface.open_pbr is not None and surface.open_pbr.transmission_depth > 0:
+            ctx.warn("open-interior", path, f"{surface.path} has an interior, but the mesh is not closed: its walls are thin.")
+        return replace(surface, thin=True)
+    return replace(surface, thin=True) if surface.transmits and surface.bends_nothing else surface
 
 
 @lru_cache(maxsize=1024)

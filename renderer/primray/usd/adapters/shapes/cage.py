@@ -29,7 +29,7 @@ def cage(prim: ResolvedPrim, found: Cage, ctx: Context) -> SubdivisionMesh | Non
         colors = _colors(prim, found, varying, ctx) if varying.any() else None
     if colors is None:
         parts = [replace(part, color=FALLBACK_COLOR) if part.varying_color else part for part in parts]
-    surfaces = _surfaces(parts, part_of_face, found)
+    surfaces = _surfaces(parts, part_of_face, found, prim.path, ctx)
     if not surfaces:
         return None
     creases = found.creases
@@ -55,11 +55,11 @@ def cage(prim: ResolvedPrim, found: Cage, ctx: Context) -> SubdivisionMesh | Non
     )
 
 
-def _surfaces(parts: list[Appearance], part_of_face: Ints, found: Cage) -> dict[int, Surface]:
+def _surfaces(parts: list[Appearance], part_of_face: Ints, found: Cage, path: str, ctx: Context) -> dict[int, Surface]:
     """By part, of those that are drawn."""
     worn = [0] if len(parts) == 1 else np.unique(part_of_face).tolist()
     used = [part for part in worn if not is_hidden(parts[part])]
-    return {part: make_surface(parts[part], lambda: is_closed_cage(found)) for part in used}
+    return {part: make_surface(parts[part], lambda: is_closed_cage(found), path, ctx) for part in used}
 
 
 def _indices(surfaces: dict[int, Surface], part_of_face: Ints, ctx: Context) -> int | Ints:

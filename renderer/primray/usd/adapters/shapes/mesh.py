@@ -52,7 +52,7 @@ def _shape(prim: ResolvedPrim, geometry: Polygons, appearance: Appearance, ctx: 
     colors = _colors(prim, geometry, ctx) if appearance.varying_color else None
     if appearance.varying_color and colors is None:
         appearance = replace(appearance, color=FALLBACK_COLOR)
-    surface = make_surface(appearance, lambda: is_closed(geometry.points, geometry.triangles.points))
+    surface = make_surface(appearance, lambda: is_closed(geometry.points, geometry.triangles.points), prim.path, ctx)
     return seam_mesh(
         prim.path,
         geometry.points,
@@ -102,7 +102,7 @@ def _with_subsets(prim: ResolvedPrim, geometry: Polygons, found: FaceParts, ctx:
         return None
     closed = is_closed(geometry.points, geometry.triangles.points)
     used = np.unique(of_triangle[visible])
-    surfaces = {int(part): make_surface(parts[part], lambda: closed) for part in used}
+    surfaces = {int(part): make_surface(parts[part], lambda: closed, prim.path, ctx) for part in used}
     index_of_part = np.full(len(parts), -1, np.int32)
     for part, surface in surfaces.items():
         index_of_part[part] = ctx.surfaces.index_of(surface)

@@ -29,7 +29,7 @@ def point_sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     appearance = appearance_of(prim, prim.material, ctx)
     if is_hidden(appearance):
         return None
-    surface = make_surface(appearance, lambda: True)
+    surface = make_surface(appearance, lambda: True, prim.path, ctx)
     return Sphere(prim.path, 1.0, ctx.surfaces.index_of(surface), constant_primvars(prim, (surface,), ctx))
 
 

@@ -25,6 +25,11 @@ _RANGES = {
     "thin_film_ior": _ANY,
     "thin_film_thickness": _ANY,
     "transmission_dispersion_abbe_number": _ANY,
+    "transmission_depth": _ANY,
+    "transmission_scatter": _ANY,
+    "subsurface_radius": _ANY,
+    "subsurface_radius_scale": _ANY,
+    "transmission_scatter_anisotropy": (-1.0, 1.0),
     "subsurface_scatter_anisotropy": (-1.0, 1.0),
 }  # others _UNIT
 _LOBES = ("transmission", "subsurface", "fuzz", "coat", "thin_film")  # each with a weight, first words of their inputs' names
@@ -95,12 +100,9 @@ def _without_hidden(known: KnownSurface) -> KnownSurface:
 
 
 def _lobes(known: KnownSurface) -> dict[str, Operand]:
-    """The inputs of those that there are; a depth's colour is none of the surface."""
+    """The inputs of those that there are."""
     off = tuple(f"{lobe}_" for lobe in _LOBES if getattr(known, f"{lobe}_weight") == ZERO)
-    found = {name: getattr(known, name) for name in _WIDTHS if not name.startswith(off)}
-    if known.transmission_depth != ZERO:
-        found.pop("transmission_color", None)
-    return found
+    return {name: getattr(known, name) for name in _WIDTHS if not name.startswith(off)}
 
 
 _WIDTHS = {f.name: len(f.default) if isinstance(f.default, tuple) else 1 for f in fields(OpenPbr)}
@@ -127,12 +129,15 @@ def _constant_of(found: Input) -> tuple[float, ...]:
 def _not_had(known: KnownSurface) -> tuple[list[str], list[str]]:
     """Fields that have no effect yet, and fields that have nearly theirs, by their models' names."""
     unused, near = [], []
-    if known.transmission_weight != ZERO:
+    if known.thin_walled != ZERO and known.transmission_weight != ZERO:
         unused += [
             n for n, rest in (("transmission_depth", ZERO), ("transmission_scatter", BLACK)) if getattr(known, n) != rest
         ]
-    if known.subsurface_weight != ZERO and known.thin_walled == ZERO:
-        near.append("subsurface_weight")  # seen as if all of it came out where it went in
+    elif known.transmission_weight != ZERO and known.transmission_depth == ZERO and known.transmission_scatter != BLACK:
+        unused.append("transmission_scatter")
+    interior = ("transmission_color", "transmission_depth", "transmission_scatter", "transmission_scatter_anisotropy")
+    if known.transmission_weight != ZERO and known.transmission_depth != ZERO and known.thin_walled == ZERO:
+        near += [n for n in interior if isinstance(getattr(known, n), NodeOutput)]  # bodies have one interior: of the means
     if known.coat_weight != ZERO:
         if known.coat_normal not in (None, known.normal):
             unused.append("coat_normal")

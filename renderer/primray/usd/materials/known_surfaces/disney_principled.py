@@ -52,7 +52,7 @@ def _tell(r: Reader) -> None:
     r.nearly(sheen=ZERO, clearcoat=ZERO)
     if metal == ONE:
         return
-    r.nearly(specularTint=ZERO)
+    r.nearly(specularTint=ZERO, subsurface=ZERO)  # Burley's diffusion; here light walks
     if transmission != ZERO:
         r.near.append("roughness")  # what passes is not roughened there
     elif r["baseColor"] != BLACK and r["subsurface"] != ONE:

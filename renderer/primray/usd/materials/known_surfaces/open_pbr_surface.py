@@ -9,13 +9,6 @@ from .record import KnownSurface, Reader
 
 SHADERS = ("ND_open_pbr_surface_surfaceshader",)
 _OURS = ("coat_roughening",)
-_INTERIOR = (
-    "transmission_depth",
-    "transmission_scatter",
-    "transmission_scatter_anisotropy",
-    "subsurface_radius",
-    "subsurface_radius_scale",
-)
 _GEOMETRY = ("opacity", "thin_walled", "normal", "tangent", "coat_normal", "coat_tangent")
 
 
@@ -25,7 +18,7 @@ def read(r: Reader) -> KnownSurface:
     through = r.expressions.apply("ND_power_color3FA", in1=r["coat_color"], in2=(0.5,))
     shining = r.scaled(r["emission_color"], r["emission_luminance"])
     return KnownSurface(
-        **{name: r[name] for name in (*same, *_INTERIOR)},  # type: ignore[arg-type]
+        **{name: r[name] for name in same},  # type: ignore[arg-type]
         **{name: r[f"geometry_{name}"] for name in _GEOMETRY},  # type: ignore[arg-type]
         emission=r.shining_through(shining, r["coat_weight"], through),
         called={name: f"geometry_{name}" for name in _GEOMETRY},

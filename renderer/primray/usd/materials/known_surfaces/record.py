@@ -16,7 +16,7 @@ NORMAL, TANGENT = "Nworld", "Tworld"  # the shape's own
 @dataclass(frozen=True)
 class KnownSurface:
     """OpenPBR's inputs by their names and with their defaults (coat_roughening is ours, see OpenPbr), colours in the rendering
-    space; what is of the whole surface or of its interior after them."""
+    space; what is of the whole surface after them."""
 
     base_weight: Operand = ONE
     base_color: Operand = (0.8, 0.8, 0.8)
@@ -29,10 +29,15 @@ class KnownSurface:
     specular_ior: Operand = (1.5,)
     transmission_weight: Operand = ZERO
     transmission_color: Operand = WHITE
+    transmission_depth: Operand = ZERO  # scene units, as subsurface_radius is
+    transmission_scatter: Operand = BLACK
+    transmission_scatter_anisotropy: Operand = ZERO
     transmission_dispersion_scale: Operand = ZERO
     transmission_dispersion_abbe_number: Operand = (20.0,)
     subsurface_weight: Operand = ZERO
     subsurface_color: Operand = (0.8, 0.8, 0.8)
+    subsurface_radius: Operand = ONE
+    subsurface_radius_scale: Operand = (1.0, 0.5, 0.25)
     subsurface_scatter_anisotropy: Operand = ZERO
     fuzz_weight: Operand = ZERO
     fuzz_color: Operand = WHITE
@@ -47,12 +52,6 @@ class KnownSurface:
     thin_film_weight: Operand = ZERO
     thin_film_thickness: Operand = (0.5,)  # micrometres
     thin_film_ior: Operand = (1.4,)
-
-    transmission_depth: Operand = ZERO  # scene units, as subsurface_radius is
-    transmission_scatter: Operand = BLACK
-    transmission_scatter_anisotropy: Operand = ZERO
-    subsurface_radius: Operand = ONE
-    subsurface_radius_scale: Operand = (1.0, 0.5, 0.25)
 
     emission: Operand = BLACK  # nits, as seen
     opacity: Operand = ONE  # of the whole surface: where it is there at all

@@ -18,7 +18,7 @@ from ...chunks.chunk_run import ChunkRun
 from ...chunks.messages import Checkpoint, Done, NotBelieved, mapping, number, whole
 from ...context import Context
 from .. import run_completion
-from ..outcomes import Again, Broken, Circumstances, Outcome, Picture, outcome_of
+from ..outcomes import Broken, Circumstances, Outcome, Picture, outcome_of
 from .course import Judged
 from .cutting import rules_of
 
@@ -51,12 +51,6 @@ class MergeRun:
 
     async def live(self) -> Found | Outcome:
         """Its files are there until `close`."""
-        found = await self._merge()
-        if isinstance(found, Again):
-            await run_completion.pause_after(found.frame.kills)
-        return found
-
-    async def _merge(self) -> Found | Outcome:
         context = self._context
         try:
             if self._scene is None:

@@ -24,6 +24,7 @@ from .ledger import waits_again
 SILENT_S = 900.0
 YIELD_S = 60.0
 LOOK_S = 5.0
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.25, 5.0
 
 
 @dataclass(frozen=True)
@@ -192,7 +193,8 @@ class PartRun:
                 self.part = replace(self.part, crashes=frame.crashes, kills=frame.kills)
                 if outcome.drop_checkpoint:
                     self.part = replace(self.part, checkpoint_file="")
-                await run_completion.pause_after(frame.kills)
+                if frame.kills > 1:
+                    await asyncio.sleep(min(FIRST_PAUSE_S * 2.0 ** (frame.kills - 2), LONGEST_PAUSE_S))
         claimed = replace(self.part, claim=self._claim)
         accepted = await context.calls.store(context.store.accept_part, context.fence, self._frame, claimed)
         if isinstance(outcome, Picture) and accepted:

@@ -68,7 +68,12 @@ CASES: dict[str, tuple[str, dict[str, Any], list[str]]] = {
     ),
     "subsurface": (
         "float inputs:subsurface = 1",
-        {"subsurface_weight": 1.0, "subsurface_color": (0.16, 0.16, 0.16), "specular_ior": 1.5},
+        {
+            "subsurface_weight": 1.0,
+            "subsurface_color": (0.16, 0.16, 0.16),
+            "subsurface_radius_scale": (1.0, 1.0, 1.0),
+            "specular_ior": 1.5,
+        },
         near("subsurface"),
     ),
 }

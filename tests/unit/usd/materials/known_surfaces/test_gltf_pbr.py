@@ -96,12 +96,14 @@ ATTENUATION = f"""{GLASS} float inputs:thickness = 1
     """
 
 
-@pytest.mark.parametrize("base", ["(1, 1, 1)", "(1, 0, 0)"])
-def test_attenuation_has_no_effect_yet(base: str) -> None:
-    surface, told = known(SHADER, f"{ATTENUATION} color3f inputs:base_color = {base}")
-    assert told == unused("attenuation_distance")
-    assert surface.open_pbr is not None
-    assert surface.open_pbr.transmission_color == ((1.0, 1.0, 1.0) if base == "(1, 1, 1)" else (1.0, 0.0, 0.0))
+def test_attenuation_fills_what_has_a_thickness() -> None:
+    surface, told = known(SHADER, f"{ATTENUATION} color3f inputs:base_color = (1, 1, 1)")
+    assert (lobes(surface)["transmission_color"], lobes(surface)["transmission_depth"], told) == ((1.0, 0.5, 0.0), 2.0, [])
+
+
+def test_glass_that_its_base_tints_has_no_interior_besides() -> None:
+    surface, told = known(SHADER, f"{ATTENUATION} color3f inputs:base_color = (1, 0, 0)")
+    assert (lobes(surface)["transmission_color"], told) == ((1.0, 0.0, 0.0), unused("attenuation_distance"))
 
 
 def test_what_has_no_thickness_does_not_attenuate() -> None:

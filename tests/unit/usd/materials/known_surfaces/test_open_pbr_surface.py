@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 
 import pytest
-from tests.unit.usd.known_surface_text import close, known, lobes, near, unused
+from tests.unit.usd.known_surface_text import close, known, lobes, unused
 
 from primray.description import OpenPbr, PatternInput
 
@@ -54,16 +54,27 @@ def test_opacity_is_how_much_is_there_whatever_passes_through() -> None:
     assert lobes(surface) == {"transmission_weight": 0.5}
 
 
-def test_a_depth_has_no_effect_and_takes_the_tint_with_it() -> None:
+def test_a_depth_fills_the_interior_but_of_thin_walls() -> None:
     text = "float inputs:transmission_weight = 1\n color3f inputs:transmission_color = (1, 0.5, 0)\n"
     assert lobes(known(SHADER, text)[0])["transmission_color"] == (1.0, 0.5, 0.0)
-    surface, told = known(SHADER, f"{text} float inputs:transmission_depth = 2")
-    assert (lobes(surface), told) == ({"transmission_weight": 1.0}, unused("transmission_depth"))
+    deep = f"{text} float inputs:transmission_depth = 2\n color3f inputs:transmission_scatter = (0.5, 0.25, 0)\n"
+    surface, told = known(SHADER, deep)
+    inside = {"transmission_depth": 2.0, "transmission_scatter": (0.5, 0.25, 0.0), "transmission_color": (1.0, 0.5, 0.0)}
+    assert (lobes(surface), told) == ({"transmission_weight": 1.0, **inside}, [])
+    assert known(SHADER, f"{deep} bool inputs:geometry_thin_walled = 1")[1] == unused(
+        "transmission_depth", "transmission_scatter"
+    )
 
 
-def test_subsurface_is_approximated_but_in_thin_walls() -> None:
+def test_scattering_without_a_depth_has_no_effect() -> None:
+    text = "float inputs:transmission_weight = 1\n color3f inputs:transmission_scatter = (0.5, 0.25, 0)\n"
+    assert known(SHADER, text)[1] == unused("transmission_scatter")
+
+
+def test_subsurface_has_a_radius() -> None:
     text = "float inputs:subsurface_weight = 0.5\n float inputs:subsurface_radius = 3\n"
-    assert known(SHADER, text)[1] == near("subsurface_weight")
+    surface, told = known(SHADER, text)
+    assert (lobes(surface), told) == ({"subsurface_weight": 0.5, "subsurface_radius": 3.0}, [])
     surface, told = known(SHADER, f"{text} bool inputs:geometry_thin_walled = 1")
     assert (surface.thin, told) == (True, [])
 

@@ -1,0 +1,62 @@
+// What is inside closed bodies of an OpenPBR material: coefficients of a homogeneous medium from the inputs.
+#pragma once
+
+#include "bsdf/open_pbr/inputs.hpp"
+#include "math/transcendental.hpp"
+
+namespace primray {
+
+// Per world unit of length.
+template <int W>
+struct Interior {
+  vvec3<W> extinction{vfloat<W>(0.0f)};
+  vvec3<W> scattering{vfloat<W>(0.0f)};  // of what scatters below an opaque surface: over the extinction
+  vfloat<W> phase{0.0f};                 // mean cosine of a scattering (Henyey and Greenstein)
+  PRIMRAY_INLINE vbool<W> exists() const { return max_component(extinction) > vfloat<W>(0.0f); }
+};
+
+// Beyond this the phase function is a peak that nothing resolves.
+constexpr float kMostPhase = 0.98f;
+// Nothing is denser: a mean free path of this many world units is as good as none.
+constexpr float kLeastPath = 1e-12f;
+
+// "Translucent base": transmission_color is what white light keeps after transmission_depth; scattering that would be more
+// than the extinction shifts absorption by as much gray as it takes. A channel of 0 keeps e^-85 of the light.
+template <int W>
+PRIMRAY_INLINE Interior<W> transmission_interior(const OpenPbrValues<W>& v) {
+  using F = vfloat<W>;
+  using V = vvec3<W>;
+  const F zero(0.0f);
+  const vbool<W> deep = v.transmission_depth > zero;
+  const F per_length = select(deep, 1.0f / max(v.transmission_depth, kLeastPath), zero);
+  const auto absorbed = [&](F x) { return -0.693147181f * log2_cosine(x, (1.0f - x) * (1.0f + x)) * per_length; };
+  const V total{absorbed(v.transmission_color.x), absorbed(v.transmission_color.y), absorbed(v.transmission_color.z)};
+  const V scattering = v.transmission_scatter * per_length;
+  V absorption = total - scattering;
+  absorption = absorption - V(min(min(min(absorption.x, absorption.y), absorption.z), 0.0f));
+  return {absorption + scattering, scattering, clamp(v.transmission_scatter_anisotropy, -kMostPhase, kMostPhase)};
+}
+
+// "Subsurface": mean free paths of subsurface_radius times its scale, and the albedo of one scattering with which a half-space
+// has subsurface_color, by van de Hulst's formula; exact where light comes from all around, as it does below a diffuse
+// boundary.
+template <int W>
+PRIMRAY_INLINE Interior<W> subsurface_interior(const OpenPbrValues<W>& v) {
+  using F = vfloat<W>;
+  const F zero(0.0f), g = clamp(v.subsurface_scatter_anisotropy, -kMostPhase, kMostPhase);
+  const auto extinction = [&](F scale) {
+    const F path = v.subsurface_radius * scale;
+    return 1.0f / max(path, kLeastPath);
+  };
+  const auto albedo = [&](F c) {
+    const F s = 4.09712f + 4.20863f * c - sqrt(9.59217f + 41.6808f * c + 17.7126f * c * c), s2 = s * s;
+    return clamp((1.0f - s2) / (1.0f - g * s2), 0.0f, 1.0f);
+  };
+  const vvec3<W>& scale = v.subsurface_radius_scale;
+  const vbool<W> deep = v.subsurface_radius * max_component(scale) > F(kLeastPath);
+  const vvec3<W> t{extinction(scale.x), extinction(scale.y), extinction(scale.z)};
+  const vvec3<W>& c = v.subsurface_color;
+  return {select(deep, t, vvec3<W>(zero)), {albedo(c.x), albedo(c.y), albedo(c.z)}, g};
+}
+
+}  // namespace primray

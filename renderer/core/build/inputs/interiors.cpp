@@ -1,0 +1,141 @@
+// See interiors.hpp.
+#include "build/inputs/interiors.hpp"
+
+#include <algorithm>
+#include <map>
+#include <numeric>
+
+#include "accel/query.hpp"
+#include "build/inputs/input_facts.hpp"
+#include "medium/bodies.hpp"
+#include "surface/interaction.hpp"
+
+namespace primray {
+namespace {
+
+// Boundaries that a ray is followed through, and lights that are looked at one by one.
+constexpr int kMostBoundaries = 256, kMostLights = 4096;
+
+bool has(const float* row, int color) { return std::max({row[color], row[color + 1], row[color + 2]}) > 0; }
+
+// Bodies of meshes that wear several surfaces, by the first of those.
+void join_bodies(const Scene& scene, Interiors& interiors) {
+  const MeshTable& meshes = scene.meshes;
+  std::vector<int32_t> first(interiors.is_body.size());
+  std::iota(first.begin(), first.end(), 0);
+  const auto root = [&](int32_t s) {
+    while (first[size_t(s)] != s) s = first[size_t(s)];
+    return s;
+  };
+  bool joined = false;
+  for (size_t i = 1; i < meshes.surface.size(); ++i) {
+    const int32_t a = meshes.surface[i - 1], b = meshes.surface[i];
+    if (meshes.vertex_base[i] != meshes.vertex_base[i - 1] || !interiors.is_body[size_t(a)] || !interiors.is_body[size_t(b)])
+      continue;
+    const int32_t low = std::min(root(a), root(b)), high = std::max(root(a), root(b));
+    first[size_t(high)] = low, joined |= low != high;
+  }
+  if (!joined) return;
+  for (size_t i = 0; i < first.size(); ++i) first[i] = root(int32_t(i));
+  interiors.bodies = std::move(first);
+}
+
+// The surface of a body that `p` is in, as a ray finds it, and how far its boundary is.
+struct Found {
+  float distance;
+  int32_t surface;
+};
+
+std::vector<Found> bodies_along(const Scene& scene, const vec3& p, const vec3& d) {
+  const vfloat<1> far(kInfinity), zero(0.0f);
+  const auto lane = [](const vec3& v) { return vvec3<1>(vfloat<1>(v.x), vfloat<1>(v.y), vfloat<1>(v.z)); };
+  const vbool<1> one(true);
+  Rays<1> ray{lane(p), lane(d), zero, far};
+  std::map<int32_t, int> depth;
+  std::vector<Found> found;
+  for (int k = 0; k < kMostBoundaries; ++k) {
+    const Hits<1> hits = intersect(scene, false, one, ray);
+    if (hits.geom[0] == -1) break;
+    const Interaction<1> it = interact(scene, one, ray, hits);
+    const bool front = dot(it.ng, ray.d)[0] < 0;
+    const int32_t surface = it.surface[0];
+    if (scene.interiors.is_body[size_t(surface)]) {
+      int& entered = depth[scene.interiors.bodies.empty() ? surface : scene.interiors.bodies[size_t(surface)]];
+      if (front) {
+        ++entered;
+      } else if (--entered < 0) {
+        found.push_back({length(it.p - lane(p))[0], surface});
+        entered = 0;
+      }
+    }
+    ray.o = it.p + it.ng * (it.offset * (front ? -1.0f : 1.0f));
+  }
+  return found;
+}
+
+// Those that two of three rays find: one may slip past an edge, or out of an open mesh. The innermost first.
+std::vector<Found> bodies_at(const Scene& scene, const vec3& p) {
+  const vec3 directions[3] = {{0.4621f, 0.7214f, 0.5158f}, {-0.8037f, 0.2113f, 0.5562f}, {0.1873f, -0.5229f, -0.8316f}};
+  std::map<int32_t, std::vector<float>> seen;
+  for (const vec3& d : directions) {
+    std::map<int32_t, float> nearest;
+    for (const Found& f : bodies_along(scene, p, d * (1 / std::sqrt(dot(d, d))))) nearest.emplace(f.surface, f.distance);
+    for (const auto& [surface, distance] : nearest) seen[surface].push_back(distance);
+  }
+  std::vector<Found> bodies;
+  for (auto& [surface, distances] : seen)
+    if (distances.size() >= 2) bodies.push_back({*std::min_element(distances.begin(), distances.end()), surface});
+  std::sort(bodies.begin(), bodies.end(), [](const Found& a, const Found& b) { return a.distance < b.distance; });
+  return bodies;
+}
+
+}  // namespace
+
+void note_bodies(Scene& scene) {
+  Interiors& interiors = scene.interiors;
+  std::vector<float> priorities = std::move(interiors.priorities);
+  interiors = {};
+  interiors.priorities = std::move(priorities);
+  if (scene.surfaces.open_pbr.empty()) return;
+  const size_t count = scene.surfaces.rows.size() / kSurfaceFields;
+  interiors.per_length = float(1 / scene.scale);
+  interiors.is_body.assign(count, 0);
+  int bodies = 0;
+  bool media = false;
+  for (size_t i = 0; i < count; ++i) {
+    const float* row = &scene.surfaces.rows[i * kSurfaceFields];
+    const int flags = int(row[kFlags]);
+    if (!(flags & kOpenPbr) || (flags & kThin)) continue;
+    float* open = &scene.surfaces.open_pbr[size_t(row[kOpenPbrRow]) * kOpenPbrFields];
+    if (scene.surface_inputs_of[i] >= 0) average_interior(scene, int32_t(i), open);
+    media |= open[kOpenBelow] > 0;
+    if (!(row[kTransmission] > 0)) continue;
+    interiors.is_body[i] = 1, ++bodies;
+    const bool filled = has(open, kOpenExtinction);
+    media |= filled;
+    scene.has_thin |= filled && open[kOpenEta] == 1;
+  }
+  interiors.followed = media || bodies > 1;
+  if (bodies > 1) join_bodies(scene, interiors);
+}
+
+void find_bodies(Scene& scene) {
+  Interiors& interiors = scene.interiors;
+  if (!interiors.followed || std::count(interiors.is_body.begin(), interiors.is_body.end(), 1) == 0) return;
+  const std::vector<Found> around = bodies_at(scene, scene.camera.world_from_camera.o);
+  BodyLanes<1> stack;
+  for (size_t i = around.size(); i-- > 0;) stack.add(scene, vbool<1>(true), vint<1>(around[i].surface));
+  for (int k = 0; k < kMostBodies; ++k) interiors.camera[k] = stack.inside[k][0];
+  const float index = index_in(scene, stack)[0];
+  interiors.camera_index2 = index * index;
+  const LightTable& lights = scene.lights;
+  interiors.lit = scene.emitters.any() || lights.analytic_count > kMostLights;
+  for (int i = 0; i < lights.analytic_count && !interiors.lit; ++i) {
+    const float* row = lights.row(i);
+    const LightType type = LightType(int(row[kType]));
+    if (type == LightType::kDistant || type == LightType::kDome) continue;
+    interiors.lit = !bodies_at(scene, {row[kOrigin], row[kOrigin + 1], row[kOrigin + 2]}).empty();
+  }
+}
+
+}  // namespace primray

@@ -1,0 +1,87 @@
+// Homogeneous media on lanes: what they leave of light on its way, where in them it scatters, and whereto.
+//
+// Distances are drawn by the extinction of one channel and weighed by the mean of all three's densities, each by how much of it
+// the path carries (one-sample multiple importance sampling; Miller, Georgiev and Jarosz 2019, "A null-scattering path integral
+// formulation of light transport", spectral MIS). What a channel carries on then never exceeds the sum of what came.
+#pragma once
+
+#include "math/transcendental.hpp"
+#include "math/vec3.hpp"
+
+namespace primray {
+
+template <int W>
+PRIMRAY_INLINE vfloat<W> exp_of_minus(vfloat<W> x) {
+  return exp2(-1.44269504f * x);
+}
+
+// What light that is met beyond all surfaces has crossed: an interior that does not end is taken for one that its mesh leaves
+// open, and takes nothing away, unless it scatters.
+constexpr float kEndless = 1e30f;
+
+template <int W>
+struct Medium {
+  vvec3<W> extinction{vfloat<W>(0.0f)}, scattering{vfloat<W>(0.0f)};  // per unit of the core's lengths
+  vfloat<W> phase{0.0f};                                              // mean cosine of a scattering
+  PRIMRAY_INLINE vbool<W> exists() const { return max_component(extinction) > vfloat<W>(0.0f); }
+  PRIMRAY_INLINE vbool<W> scatters() const { return max_component(scattering) > vfloat<W>(0.0f); }
+  // Of a way of length `t`.
+  PRIMRAY_INLINE vvec3<W> left_after(vfloat<W> t) const {
+    const vfloat<W> way = min(t, kEndless);
+    const vvec3<W> left{exp_of_minus(extinction.x * way), exp_of_minus(extinction.y * way), exp_of_minus(extinction.z * way)};
+    return select((t >= vfloat<W>(kEndless)) & !scatters(), vvec3<W>(vfloat<W>(1.0f)), left);
+  }
+};
+
+// Where paths go on after at most `end`.
+template <int W>
+struct MediumStep {
+  vbool<W> scatters;  // before the end, at `t`
+  vfloat<W> t;
+  vvec3<W> beta;  // what the path carries from there on
+};
+
+// Draws it by `u` and `channel` in [0, 1), of paths that carry `beta`.
+template <int W>
+PRIMRAY_INLINE MediumStep<W> step_in(const Medium<W>& medium, const vvec3<W>& beta, vfloat<W> end, vfloat<W> u,
+                                     vfloat<W> channel) {
+  using F = vfloat<W>;
+  using V = vvec3<W>;
+  const F sum = beta.x + beta.y + beta.z, scale = 1.0f / max(sum, 1e-30f), x = channel * sum;
+  const V& e = medium.extinction;
+  const F rate = select(x < beta.x, e.x, select(x < beta.x + beta.y, e.y, e.z));
+  // -ln(1 - u) / rate.
+  const F t = -0.693147181f * log2_cosine(1.0f - u, u * (2.0f - u)) / max(rate, 1e-30f);
+  MediumStep<W> s;
+  s.scatters = t < min(end, kEndless);
+  s.t = select(s.scatters, t, end);
+  const F way = min(s.t, kEndless);
+  const V left{exp_of_minus(e.x * way), exp_of_minus(e.y * way), exp_of_minus(e.z * way)};
+  const F by_scattering = dot(beta, e * left) * scale, by_end = dot(beta, left) * scale;
+  const V at_scattering = beta * medium.scattering * left * (1.0f / max(by_scattering, 1e-30f));
+  s.beta = select(s.scatters, at_scattering, beta * left * (1.0f / max(by_end, 1e-30f)));
+  return s;
+}
+
+// Henyey and Greenstein's phase function with mean cosine g (1941, "Diffuse radiation in the galaxy"), per solid angle.
+template <int W>
+PRIMRAY_INLINE vfloat<W> phase_density(vfloat<W> cosine, vfloat<W> g) {
+  const vfloat<W> q = max(1.0f + g * g - 2.0f * g * cosine, 1e-12f);
+  return (1.0f - g * g) * 0.0795774715f / (q * sqrt(q));
+}
+
+// A direction by it about +z, which light goes on along.
+template <int W>
+PRIMRAY_INLINE vvec3<W> sample_phase(vfloat<W> g, vfloat<W> u, vfloat<W> v) {
+  using F = vfloat<W>;
+  const F even = 1.0f - 2.0f * u, q = (1.0f - g * g) / (1.0f + g * even);
+  const vbool<W> flat = abs(g) < F(1e-3f);
+  // Near 0 the first terms of its series.
+  const F peaked = (1.0f + g * g - q * q) / select(flat, F(1.0f), 2.0f * g);
+  const F cosine = clamp(select(flat, even + 1.5f * g * (1.0f - even * even), peaked), -1.0f, 1.0f);
+  const F sine = safe_sqrt(1.0f - cosine * cosine);
+  const SinCos<W> phi = sincos_turns(v);
+  return {sine * phi.cos, sine * phi.sin, cosine};
+}
+
+}  // namespace primray

@@ -1,0 +1,39 @@
+// What scatters in a medium, in the place of a surface's lobes: all directions are sent on, by the phase function.
+#pragma once
+
+#include "bsdf/bsdf.hpp"
+#include "bsdf/surface.hpp"
+#include "medium/medium.hpp"
+
+namespace primray {
+
+// In a frame whose +z points back along the ray.
+template <int W>
+struct PhaseLobes : Bsdf<W> {
+  static constexpr bool kInMedium = true;
+  vfloat<W> phase;
+
+  explicit PhaseLobes(vfloat<W> mean_cosine)
+      : Bsdf<W>(plain(), vbool<W>(false), {vfloat<W>(0.0f), vfloat<W>(0.0f), vfloat<W>(1.0f)}, vbool<W>(true)),
+        phase(mean_cosine) {}
+
+  static vbool<W> lets_through() { return vbool<W>(true); }
+  PRIMRAY_INLINE BsdfEval<W> eval(const vvec3<W>&, const vvec3<W>& wi) const {
+    const vfloat<W> density = phase_density(-wi.z, phase);
+    return {vvec3<W>(density), vvec3<W>(vfloat<W>(0.0f)), density};
+  }
+  PRIMRAY_INLINE BsdfSample<W> sample(const vvec3<W>&, vfloat<W>, vfloat<W> u, vfloat<W> v) const {
+    const vbool<W> never(false);
+    const vvec3<W> one(vfloat<W>(1.0f)), on = sample_phase(phase, u, v), wi{on.x, on.y, -on.z};
+    return {wi, one, phase_density(on.z, phase), never, wi.z < vfloat<W>(0.0f), never, one};
+  }
+
+ private:
+  // Of surfaces nothing is asked here.
+  static SurfaceRows<W> plain() {
+    static const float row[kSurfaceFields] = {};
+    return SurfaceRows<W>(row, vint<W>(0), nullptr);
+  }
+};
+
+}  // namespace primray

@@ -1,0 +1,64 @@
+"""Paths among bodies have the same bits at any number of lanes and threads, split or not, in parts or in one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
+
+import primray
+from primray.core import CoreScene, isa_class, passes
+from primray.core.scene import Splits
+
+MOST = isa_class.lanes()
+GLASS = {"transmission_weight": 1.0, "specular_roughness": 0.0}
+AIR = {**GLASS, "specular_weight": 0.0, "transmission_depth": 0.3}
+SKIN = {"subsurface_weight": 1.0, "subsurface_color": (0.9, 0.6, 0.4), "subsurface_radius": 0.2}
+# Material, centre, radius: bodies beside each other, in each other and across each other.
+BODIES: tuple[tuple[dict[str, object], tuple[float, float, float], float], ...] = (
+    (SKIN, (-1.5, 0.0, 0.0), 0.5),
+    ({**SKIN, "subsurface_weight": 0.6, "subsurface_scatter_anisotropy": 0.6, "coat_weight": 1.0}, (-0.5, 0.1, 0.2), 0.45),
+    ({"base_color": (0.1, 0.2, 0.8)}, (-1.5, 0.1, 0.2), 0.2),  # within the first
+    ({**AIR, "transmission_color": (0.9, 0.5, 0.4), "transmission_scatter": (0.5, 0.6, 0.9)}, (0.5, 0.0, 0.0), 0.5),
+    ({**GLASS, "transmission_depth": 0.5, "transmission_color": (0.3, 0.8, 0.5)}, (1.4, 0.0, 0.0), 0.5),
+    ({**GLASS, "specular_ior": 1.2}, (1.4, 0.1, 0.1), 0.3),  # within the last one
+    ({**GLASS, "specular_ior": 1.33, "specular_roughness": 0.2}, (1.0, 0.3, 0.3), 0.35),  # across two
+    ({}, (0.0, -100.6, 0.0), 100.0),
+)
+TYPES = {bool: Sdf.ValueTypeNames.Bool, float: Sdf.ValueTypeNames.Float, tuple: Sdf.ValueTypeNames.Color3f}
+
+
+def bodies() -> Usd.Stage:
+    stage = Usd.Stage.CreateInMemory()
+    for k, (inputs, centre, radius) in enumerate(BODIES):
+        ball = UsdGeom.Sphere.Define(stage, f"/ball{k}")
+        ball.CreateRadiusAttr(radius)
+        ball.AddTranslateOp().Set(Gf.Vec3d(centre))
+        material = UsdShade.Material.Define(stage, f"/m{k}")
+        shader = UsdShade.Shader.Define(stage, f"/m{k}/s")
+        shader.CreateIdAttr("ND_open_pbr_surface_surfaceshader")
+        for name, value in inputs.items():
+            shader.CreateInput(name, TYPES[type(value)]).Set(value)
+        material.CreateSurfaceOutput("mtlx").ConnectToSource(shader.CreateOutput("out", Sdf.ValueTypeNames.Token))
+        UsdShade.MaterialBindingAPI.Apply(ball.GetPrim()).Bind(material)
+    UsdLux.DomeLight.Define(stage, "/sky").CreateIntensityAttr(0.5)
+    lamp = UsdLux.SphereLight.Define(stage, "/lamp")
+    lamp.CreateRadiusAttr(0.3)
+    lamp.CreateIntensityAttr(20)
+    lamp.AddTranslateOp().Set((2, 3, 4))
+    return stage
+
+
+@pytest.mark.parametrize("splits", [1, 4])
+def test_lanes_and_threads_do_not_show(monkeypatch: pytest.MonkeyPatch, splits: int) -> None:
+    stage = bodies()
+    monkeypatch.setattr(CoreScene, "splits", lambda *_: Splits(splits, splits))
+    pictures = []
+    for lanes, threads in ((1, 1), (4, 2), (0, 1)):
+        settings = primray.RenderSettings(resolution=(48, 27), spp=16, threads=threads)
+        monkeypatch.setattr(passes, "lanes", lambda lanes=lanes: lanes or MOST)
+        pictures.append(np.asarray(primray.render(stage, settings).pixels))
+    assert np.isfinite(pictures[0]).all()
+    assert pictures[0][..., :3].mean() > 0.2
+    for other in pictures[1:]:
+        np.testing.assert_array_equal(pictures[0], other)
