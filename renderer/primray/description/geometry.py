@@ -94,6 +94,14 @@ class SubdivisionMesh:
         return _used(self.points, self.face_points)
 
 
+@dataclass(frozen=True, eq=False)
+class DisplacedMesh(SubdivisionMesh):
+    """A cage, or polygons as a bilinear one, of which some surface moves the points once they are diced."""
+
+    # CORNER: along which polygons are moved, 3 numbers; then 3 for each time of their motion, if they turn. None: its own.
+    normals: Primvar | None = None
+
+
 @dataclass(frozen=True, slots=True)
 class Sphere:
     """An exact sphere about the object-space origin."""
@@ -121,4 +129,4 @@ def _box_of(points: Floats) -> tuple[Doubles, Doubles]:
     return low.astype(np.float64), high.astype(np.float64)
 
 
-Shape = Mesh | SubdivisionMesh | Sphere
+Shape = Mesh | SubdivisionMesh | DisplacedMesh | Sphere
