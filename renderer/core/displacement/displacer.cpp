@@ -23,7 +23,6 @@ int32_t surface_of(const DisplacedShape& shape, int32_t face) {
 Displacer::Displacer() {
   Group group;
   scene_.groups.push_back(std::move(group));
-  scene_.has_inputs = true;
 }
 
 int Displacer::add_tape(Tape tape) {

@@ -25,8 +25,9 @@ FACE_VARYING_RULES = ("none", "cornersOnly", "cornersPlus1", "cornersPlus2", "bo
 MAX_TRIANGLES = 1 << 24
 FLATNESS = 0.1
 BYTES_PER_TRIANGLE = 300  # at the peak of dicing and building: 170 measured without primvars
-# Of what is displaced, edges are so many times as long: it has no other detail than its vertices.
-DISPLACED_EDGES = 0.5
+# Of what is displaced, edges are so many times as long, and faces of the cage in more parts: it has no other detail than its
+# vertices, and often is one face.
+DISPLACED_EDGES, DISPLACED_LEVELS = 0.5, 2
 MAX_BATCH = 64  # cages that a thread takes at a time
 NO_INTS = np.zeros(0, np.int32)
 NO_FLOATS = np.zeros(0, np.float32)
@@ -54,6 +55,14 @@ class Dicing:
     max_level: int = MAX_LEVEL
     max_triangles: int = MAX_TRIANGLES
     flatness: float = FLATNESS
+
+
+def dicing_for(cage: SubdivisionMesh, dicing: Dicing) -> Dicing:
+    """Of this cage."""
+    if not isinstance(cage, DisplacedMesh):
+        return dicing
+    further = DISPLACED_LEVELS if dicing.min_level < dicing.max_level else 0
+    return replace(dicing, pixels=dicing.pixels * DISPLACED_EDGES, max_level=dicing.max_level + further, flatness=0.0)
 
 
 def dicing_of(settings: RenderSettings) -> Dicing:
@@ -86,7 +95,7 @@ def dice(
     shapes = list(description.shapes)
     for k, cage in cages.items():
         shapes[k] = _mesh(cage, made[k])
-        warnings += _warnings(cage, made[k], pixels, dicing)
+        warnings += _warnings(cage, made[k], dicing_for(cage, replace(dicing, pixels=pixels)))
     return replace(description, shapes=tuple(shapes)), warnings
 
 
@@ -120,10 +129,10 @@ def _dice_some(
     return [core.dice(core_arrays(cage, footprint, dicing, moved)) for cage, footprint, moved in cages]
 
 
-def _warnings(cage: SubdivisionMesh, made: dict[str, Any], pixels: float, dicing: Dicing) -> Warnings:
+def _warnings(cage: SubdivisionMesh, made: dict[str, Any], dicing: Dicing) -> Warnings:
     out: Warnings = []
     if made["level_limited"] and dicing.min_level < dicing.max_level:
-        sentence = f"Edges cover more than {pixels:g} pixels even at level {dicing.max_level}, the finest."
+        sentence = f"Edges cover more than {dicing.pixels:g} pixels even at level {dicing.max_level}, the finest."
         out.append(("dicing-limited", cage.path, sentence))
     if made["non_manifold_edges"] and getattr(cage, "normals", None) is None:
         sentence = f"{made['non_manifold_edges']} edges do not join two faces that run the same way round: they are sharp."
@@ -142,7 +151,7 @@ def core_arrays(
     cage: SubdivisionMesh, footprint: Footprint, dicing: Dicing, displacement: dict[str, Any] | None = None
 ) -> dict[str, Any]:
     """What the core's dice() reads; `displacement`: of a DisplacedMesh."""
-    displaces = isinstance(cage, DisplacedMesh)
+    dicing = dicing_for(cage, dicing)
     channels = primvars_of(cage, Interpolation.CORNER)
     if isinstance(cage, DisplacedMesh) and cage.normals is not None:
         channels = [*channels, cage.normals]
@@ -173,8 +182,8 @@ def core_arrays(
         "views": np.ascontiguousarray(footprint.views, np.float64),
         "sweeps": np.ascontiguousarray(footprint.sweeps, np.float64),
         "density": footprint.density,
-        "pixels": dicing.pixels * (DISPLACED_EDGES if displaces else 1.0),
-        "flatness": 0.0 if displaces else dicing.flatness,
+        "pixels": dicing.pixels,
+        "flatness": dicing.flatness,
         "faces_differ": not isinstance(cage.surface, int) or bool(primvars_of(cage, Interpolation.FACE)),
         "min_level": dicing.min_level,
         "max_level": dicing.max_level,

@@ -341,6 +341,27 @@ def test_jumps_are_not_refined_for_ever() -> None:
     assert len(flat.triangles) < len(mesh.triangles) < 12 * len(flat.triangles)
 
 
+@pytest.mark.parametrize("orientation", ["rightHanded", "leftHanded"])
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_mirrored_and_turned_over(scheme: str, orientation: str) -> None:
+    """Outwards is where the shape's own normals point, wherever it stands; a graph reads them as they are there."""
+    body = f"""uniform token orientation = "{orientation}"
+    double3 xformOp:scale = (-2, 1, 1)
+    uniform token[] xformOpOrder = ["xformOp:scale"]
+    """
+    nodes = node("n", "ND_normal_vector3", 'string inputs:space = "SPACE"', "float3 outputs:out") + node(
+        "z", "ND_extract_vector3", "float3 inputs:in.connect = </m/n.outputs:out>\n int inputs:index = 2", "float outputs:out"
+    )
+    material = materialx("float inputs:displacement.connect = </m/z.outputs:out>\n float inputs:scale = 0.25", nodes)
+    text = QUADS.replace("SCHEME", scheme).replace("BODY", body)
+    up = 1 if orientation == "rightHanded" else -1
+    constant = only(text + preview("float inputs:displacement = 0.25"), uniform(2))
+    np.testing.assert_allclose(constant.points[:, 2], 0.25 * up, atol=1e-6)
+    for space in ("object", "world"):
+        read = only(text + material.replace("SPACE", space), uniform(2))
+        np.testing.assert_allclose(read.points[:, 2], 0.25, atol=1e-6)  # a normal down, by what is then negative
+
+
 def test_limits_make_edges_longer_and_are_told() -> None:
     (mesh,), warnings = diced(QUADS.replace("SCHEME", "none") + WAVES, Dicing(1.0, max_triangles=1000))
     assert len(mesh.triangles) <= 1000
