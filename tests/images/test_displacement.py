@@ -78,6 +78,83 @@ def test_a_texture_is_a_relief(scheme: str, tmp_path: Path) -> None:
     assert off.max() < 0.08  # at creases between texels, within a vertex of them
 
 
+def test_tiles(tmp_path: Path) -> None:
+    """Of a set, each with a height of its own; where there is none, the fallback."""
+    for tile, height in ((1001, 0.25), (1002, 0.5), (1012, 0.75)):
+        oiio.ImageBuf(np.full((4, 4, 1), height, np.float32)).write(str(tmp_path / f"h.{tile}.exr"), "float")
+    nodes = node(
+        "t",
+        "UsdUVTexture",
+        f'asset inputs:file = @{tmp_path / "h.<UDIM>.exr"}@\n token inputs:sourceColorSpace = "raw"\n'
+        " float4 inputs:fallback = (2, 2, 2, 1)\n float2 inputs:st.connect = </m/st.outputs:result>",
+        "float outputs:r",
+    ) + node("st", "UsdPrimvarReader_float2", 'string inputs:varname = "wide"', "float2 outputs:result")
+    wide = """texCoord2f[] primvars:wide = [(0,0), (1,0), (2,0), (0,1), (1,1), (2,1), (0,2), (1,2), (2,2)] (
+        interpolation = "vertex"
+    )"""
+    text = QUADS.replace("SCHEME", "none").replace("BODY", wide)
+    material = preview("float inputs:displacement.connect = </m/t.outputs:r>", nodes)
+    found = heights(picture(ABOVE + DOME + text + material, "depth"))
+    for row, column, height in ((16, 16, 0.25), (16, 48, 0.5), (48, 48, 0.75), (48, 16, 2)):
+        np.testing.assert_allclose(found[row - 8 : row + 8, column - 8 : column + 8], height, atol=1e-5)
+
+
+def test_a_document(tmp_path: Path) -> None:
+    """MaterialX, by a graph that is no single texture: the higher one of an image and a ramp."""
+    texels = np.zeros((4, 4, 1), np.float32)
+    texels[:, 2:] = 0.75
+    oiio.ImageBuf(texels).write(str(tmp_path / "h.exr"), "float")
+    (tmp_path / "look.mtlx").write_text("""<?xml version="1.0"?>
+<materialx version="1.39">
+  <nodegraph name="g">
+    <image name="i" type="float"><input name="file" type="filename" value="h.exr"/></image>
+    <texcoord name="st" type="vector2"/>
+    <extract name="t" type="float">
+      <input name="in" type="vector2" nodename="st"/><input name="index" type="integer" value="1"/>
+    </extract>
+    <max name="m" type="float"><input name="in1" type="float" nodename="i"/><input name="in2" type="float" nodename="t"/></max>
+    <output name="out" type="float" nodename="m"/>
+  </nodegraph>
+  <standard_surface name="s" type="surfaceshader"/>
+  <displacement name="d" type="displacementshader">
+    <input name="displacement" type="float" nodegraph="g" output="out"/><input name="scale" type="float" value="2"/>
+  </displacement>
+  <surfacematerial name="M" type="material">
+    <input name="surfaceshader" type="surfaceshader" nodename="s"/>
+    <input name="displacementshader" type="displacementshader" nodename="d"/>
+  </surfacematerial>
+</materialx>
+""")
+    mesh = QUADS.replace("SCHEME", "none").replace("BODY", "").replace("</m>", "</look/Materials/M>")
+    look = 'def "look" (\n references = @./look.mtlx@</MaterialX>\n) {\n}\n'
+    (tmp_path / "stage.usda").write_text(f'#usda 1.0\n(\n upAxis = "Y"\n)\n{ABOVE}{DOME}{look}{mesh}')
+    settings = RenderSettings(resolution=(64, 64), spp=4, aovs=("depth",))
+    found = heights(primray.render(tmp_path / "stage.usda", settings))
+    t = (np.arange(64) + 0.5) / 64
+    np.testing.assert_allclose(found[:, 12:20], np.broadcast_to(2 * t[:, None], (64, 8)), atol=0.02)
+    np.testing.assert_allclose(found[:, 44:52], np.broadcast_to(np.maximum(1.5, 2 * t)[:, None], (64, 8)), atol=0.03)
+
+
+def test_what_glows_and_moves() -> None:
+    """Displaced meshes give light as any others, and are blurred as they go."""
+    glow = preview("float inputs:displacement = 0.5\n color3f inputs:emissiveColor = (2, 2, 2)")
+    still = ABOVE + QUADS.replace("SCHEME", "none") + glow
+    image = picture(still, "depth", size=32)
+    np.testing.assert_allclose(image.pixels[..., :3], 2, rtol=1e-5)
+    moves = """double3 xformOp:translate.timeSamples = {
+        0: (0, 0, 0),
+        1: (0, 0, 2),
+    }
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+    """
+    shutter = ABOVE.replace("token projection", "double shutter:open = 0\n double shutter:close = 1\n token projection")
+    moving = shutter + QUADS.replace("SCHEME", "none").replace("BODY", moves) + glow
+    settings = RenderSettings(resolution=(32, 32), spp=4, aovs=("depth",), time_code=0.0)
+    image = primray.render(stage_of(moving), settings)
+    assert image.report["motion"]["moving"]
+    assert image.pixels[..., 3].min() == 1
+
+
 NOISE = POSITION + node(
     "n", "ND_noise3d_float", "float3 inputs:position.connect = </NAME/big.outputs:out>", "float outputs:out"
 )
