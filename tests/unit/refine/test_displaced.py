@@ -368,3 +368,37 @@ def test_limits_make_edges_longer_and_are_told() -> None:
     assert [code for code, _, _ in warnings] == ["dicing-limited"]
     (mesh,), warnings = diced(QUADS.replace("SCHEME", "none") + WAVES, Dicing(0.01, max_level=3))
     assert [(code, path) for code, path, _ in warnings] == [("dicing-limited", "/plane")]
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+def test_vectors_are_measured_along_tangents(scheme: str) -> None:
+    """A shift of the whole along st's own direction makes no edge longer."""
+    shifted = materialx("vector3f inputs:displacement = (0.25, 0, 0)", kind="vector3")
+    still = materialx("vector3f inputs:displacement = (0, 0, 0.001)", kind="vector3")
+    (moved,), told = diced(QUADS.replace("SCHEME", scheme) + shifted, Dicing(4.0))
+    (flat,), _ = diced(QUADS.replace("SCHEME", scheme) + still, Dicing(4.0))
+    assert told == []
+    assert len(flat.triangles) / 4 <= len(moved.triangles) <= 4 * len(flat.triangles)
+
+
+def test_vectors_on_a_cage_need_no_more_levels_than_they_are_long() -> None:
+    """Tangents turn with the surface: vertices of coarse levels do not stand out among fine ones."""
+    nodes = node(
+        "n",
+        "ND_noise2d_vector3",
+        "float2 inputs:texcoord.connect = </m/big.outputs:out>\n vector3f inputs:amplitude = (0.2, 0.2, 0.3)",
+        "float3 outputs:out",
+    )
+    nodes += node(
+        "big",
+        "ND_multiply_vector2FA",
+        "float2 inputs:in1.connect = </m/st.outputs:out>\n float inputs:in2 = 5",
+        "float2 outputs:out",
+    )
+    nodes += node("st", "ND_texcoord_vector2", "", "float2 outputs:out")
+    material = materialx("vector3f inputs:displacement.connect = </m/n.outputs:out>", nodes, kind="vector3")
+    dicing = Dicing(16.0)
+    (moved,), told = diced(QUADS.replace("SCHEME", "catmullClark") + material, dicing)
+    (flat,), _ = diced(QUADS.replace("SCHEME", "catmullClark") + preview("float inputs:displacement = 0.001"), dicing)
+    assert told == []
+    assert len(moved.triangles) < 12 * len(flat.triangles)

@@ -11,6 +11,7 @@ namespace {
 
 constexpr double kAligned = 0.999;           // a cosine
 constexpr double kTorn = 1e-2;               // how much of their length corners' vectors may differ by
+constexpr double kTurned = 0.1;              // likewise, where their tangents differ: of faces that are still large they do
 constexpr size_t kAtOnce = size_t(1) << 14;  // corners that are asked for at a time
 
 // Directions in which st grows, summed up over a vertex's corners.
@@ -115,6 +116,7 @@ void Mover::add(const Level& level, const std::vector<uint8_t>& is_new) {
     for (size_t k = 0; k < kMovedNumbers; ++k) moved_[kMovedNumbers * at + k] /= count;
     for (size_t k = 0; k < 3; ++k) shift_[3 * at + k] /= count;
   }
+  if (is_tangential_) turn(level);
 }
 
 void Mover::ask(const Level& level, size_t first, size_t count) {
@@ -154,14 +156,6 @@ void Mover::take(const Level& level, size_t first, size_t count, const std::vect
     dvec3 by = n * double(m[2]) + dvec3(m[3], m[4], m[5]);
     if (m[0] != 0 || m[1] != 0) {
       is_tangential_ = true;
-      // Along the face's own edge: to measure edges by, that is near enough.
-      TangentSum sum;
-      const float corner[3][2] = {{0, 0}, {1, 0}, {0, 1}};
-      const auto at = [&](int k) { return vector_at(mesh_.points, level.surface.output[t.vertex[k]]); };
-      sum.add(at(t.next(c)) - at(c), at(t.previous(c)) - at(c), corner[0], corner[1], corner[2], 1);
-      dvec3 tangent, bitangent;
-      sum.at_right_angles(n, tangent, bitangent);
-      by += tangent * double(m[0]) + bitangent * double(m[1]);
     }
     int32_t& asked = counts_[size_t(t.vertex[c])];
     if (asked > 0) {
@@ -171,6 +165,69 @@ void Mover::take(const Level& level, size_t first, size_t count, const std::vect
     ++asked;
     shift_[3 * v] += float(by.x), shift_[3 * v + 1] += float(by.y), shift_[3 * v + 2] += float(by.z);
   }
+}
+
+const std::vector<float>& Mover::st_values() const {
+  if (how_.st.kind == ValuePlace::Kind::kFaceVarying) return mesh_.face_varying[size_t(how_.st.at)];
+  return how_.st.kind == ValuePlace::Kind::kVertex ? mesh_.vertex_values : mesh_.varying_values;
+}
+
+size_t Mover::st_width() const {
+  if (how_.st.kind == ValuePlace::Kind::kFaceVarying) return size_t(mesh_.channel_widths[size_t(how_.st.at)]);
+  return size_t(how_.st.kind == ValuePlace::Kind::kVertex ? mesh_.vertex_width : mesh_.varying_width);
+}
+
+const float* Mover::st_of(const Level& level, int c) const {
+  if (how_.st.kind != ValuePlace::Kind::kFaceVarying)
+    return &st_values()[size_t(level.surface.output[level.surface.topology.vertex[c]]) * st_width() + size_t(how_.st.at)];
+  const Layer& layer = level.values[size_t(how_.st.at)];
+  return &st_values()[size_t(layer.output[layer.topology.vertex[c]]) * st_width()];
+}
+
+// Along tangents of a level's faces: nearer to those of the end with every level, also at the vertices of levels before.
+void Mover::turn(const Level& level) {
+  const Topology& t = level.surface.topology;
+  const size_t vertices = mesh_.points.size() / 3;
+  struct Frame {
+    TangentSum sum;
+    dvec3 n{0.0};
+  };
+  std::vector<Frame> frames(vertices);
+  is_turned_.assign(vertices, 0);
+  const auto at = [&](int c) { return vector_at(mesh_.points, level.surface.output[t.vertex[c]]); };
+  const auto sum_at = [&](int c) {
+    TangentSum sum;
+    const int next = t.next(c), previous = t.previous(c);
+    if (how_.st.kind != ValuePlace::Kind::kNone)
+      sum.add(at(next) - at(c), at(previous) - at(c), st_of(level, c), st_of(level, next), st_of(level, previous), 1);
+    return sum;
+  };
+  const auto for_corners = [&](const auto& f) {
+    for (int face = 0; face < t.faces(); ++face)
+      for (int c = t.begin(face), end = c + t.size(face); level.is_active[face] && c < end; ++c)
+        f(c, size_t(level.surface.output[t.vertex[c]]));
+  };
+  for_corners([&](int c, size_t v) {
+    const TangentSum sum = sum_at(c);
+    frames[v].sum.s += sum.s, frames[v].sum.t += sum.t, frames[v].n += vector_at(mesh_.normals, normal_of(level, c));
+  });
+  const auto vector_of = [&](const TangentSum& sum, const dvec3& n, size_t v) {
+    const float* m = &moved_[kMovedNumbers * v];
+    dvec3 tangent, bitangent;
+    sum.at_right_angles(n, tangent, bitangent);
+    return tangent * double(m[0]) + bitangent * double(m[1]) + n * double(m[2]) + dvec3(m[3], m[4], m[5]);
+  };
+  for (size_t v = 0; v < vertices; ++v) {
+    const double l = length(frames[v].n);
+    if (!(l > 0)) continue;
+    frames[v].n = frames[v].n * (1 / l);
+    const dvec3 by = vector_of(frames[v].sum, frames[v].n, v);
+    shift_[3 * v] = float(by.x), shift_[3 * v + 1] = float(by.y), shift_[3 * v + 2] = float(by.z);
+  }
+  for_corners([&](int c, size_t v) {
+    const dvec3 mean = vector_at(shift_, int(v)), own = vector_of(sum_at(c), frames[v].n, v);
+    if (length(own - mean) > kTurned * std::max(length(own), length(mean))) is_turned_[v] = 1;
+  });
 }
 
 dvec3 Mover::point(const std::vector<float>& points, int vertex) const {
@@ -189,11 +246,8 @@ void Mover::move(const Triangles& t, std::vector<float>& points, const std::vect
   std::vector<TangentSum> sums(is_tangential_ ? vertices : 0);
   if (is_tangential_ && how_.st.kind != ValuePlace::Kind::kNone) {
     const bool by_corner = how_.st.kind == ValuePlace::Kind::kFaceVarying;
-    const bool by_vertex = how_.st.kind == ValuePlace::Kind::kVertex;
-    const std::vector<float>& values =
-        by_corner ? mesh_.face_varying[size_t(how_.st.at)] : (by_vertex ? mesh_.vertex_values : mesh_.varying_values);
-    const size_t width =
-        size_t(by_corner ? mesh_.channel_widths[size_t(how_.st.at)] : (by_vertex ? mesh_.vertex_width : mesh_.varying_width));
+    const std::vector<float>& values = st_values();
+    const size_t width = st_width();
     const std::vector<int32_t>& rows = by_corner ? t.values[size_t(how_.st.at)] : t.points;
     const size_t column = by_corner ? 0 : size_t(how_.st.at);
     for (size_t i = 0; i < t.points.size(); ++i) {

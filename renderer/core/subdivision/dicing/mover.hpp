@@ -64,7 +64,7 @@ class Mover {
   // Where a vertex comes to lie, nearly: `points` are those of the frame or of a step.
   dvec3 point(const std::vector<float>& points, int vertex) const;
   // Corners of a vertex say so different things that edges to it stay as long as they are, however fine.
-  bool is_torn(int vertex) const { return is_torn_[size_t(vertex)] != 0; }
+  bool is_torn(int vertex) const { return is_torn_[size_t(vertex)] || (is_tangential_ && is_turned_[size_t(vertex)]); }
   // Of all vertices, at the frame.
   std::vector<float> points() const;
   void finish(Triangles& triangles);
@@ -74,9 +74,13 @@ class Mover {
   void ask(const Level& level, size_t first, size_t count);
   void take(const Level& level, size_t first, size_t count, const std::vector<float>& moved);
   double spacing(const dvec3& p) const;
+  const float* st_of(const Level& level, int corner) const;
+  void turn(const Level& level);
   bool are_aligned(const Level& level, int a, int b) const;
   bool says_the_same(const Level& level, int a, int b) const;
   int normal_of(const Level& level, int corner) const;
+  const std::vector<float>& st_values() const;
+  size_t st_width() const;
   void move(const Triangles& t, std::vector<float>& points, const std::vector<float>& normals) const;
 
   const Displacing& how_;
@@ -86,7 +90,7 @@ class Mover {
   Moved mesh_;
   std::vector<float> moved_;  // by vertex, kMovedNumbers
   std::vector<float> shift_;  // by vertex: the vector at the frame, nearly
-  std::vector<uint8_t> is_torn_;
+  std::vector<uint8_t> is_torn_, is_turned_;
   std::vector<int32_t> corners_;
   std::vector<int32_t> counts_;  // of a level's vertices: corners that have been asked for
   bool is_tangential_ = false;
