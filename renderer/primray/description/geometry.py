@@ -100,6 +100,15 @@ class DisplacedMesh(SubdivisionMesh):
 
     # CORNER: along which polygons are moved, 3 numbers; then 3 for each time of their motion, if they turn. None: its own.
     normals: Primvar | None = None
+    reach: float = 0.0  # how far its points move at most, as far as that is known before anything is read
+
+    def drawn_points(self) -> Floats:
+        """And how far they may go, along each axis."""
+        points = super().drawn_points()
+        if self.reach == 0:
+            return points
+        ways = np.concatenate([np.eye(3, dtype=np.float32), -np.eye(3, dtype=np.float32)]) * np.float32(self.reach)
+        return (points[None] + ways[:, None]).reshape(-1, 3)
 
 
 @dataclass(frozen=True, slots=True)

@@ -338,7 +338,7 @@ def test_jumps_are_not_refined_for_ever() -> None:
     (flat,), _ = diced(CUBE.replace("SCHEME", "none") + preview("float inputs:displacement = 0.001"), Dicing(4.0))
     assert warnings == []
     assert holes(mesh) == 0
-    assert len(flat.triangles) < len(mesh.triangles) < 12 * len(flat.triangles)
+    assert len(mesh.triangles) < 4 * len(flat.triangles)  # from farther away
 
 
 @pytest.mark.parametrize("orientation", ["rightHanded", "leftHanded"])

@@ -111,6 +111,21 @@ def test_what_is_not_displaced_is_told(text: str, path: str) -> None:
     assert surface.displacement is None
 
 
+@pytest.mark.parametrize(
+    ("material", "reach"),
+    [
+        (preview("float inputs:displacement = -0.5"), 0.5),
+        (preview("float inputs:displacement.connect = </m/t.outputs:r>", IMAGE), 2),
+        (materialx("vector3f inputs:displacement = (3, 0, 4)", kind="vector3"), 5),
+    ],
+)
+def test_boxes_hold_what_is_displaced(material: str, reach: float) -> None:
+    """As far as it is known, for cameras that look at all there is."""
+    (shape,) = described(PLANE + material)[0].shapes
+    low, high = shape.box()
+    np.testing.assert_allclose([low, high], [[-reach] * 3, [2 + reach, 2 + reach, reach]])
+
+
 @pytest.mark.parametrize("scheme", ["none", "catmullClark"])
 def test_shapes_are_cages_only_where_something_displaces_them(scheme: str) -> None:
     cube = CUBE.replace("SCHEME", scheme)

@@ -13,6 +13,7 @@ from ....arrays import Ints
 from ....description import DisplacedMesh, Interpolation, Primvar, SubdivisionMesh, Surface
 from ...resolving.context import Context
 from ...resolving.resolve import ResolvedPrim
+from ...shapes.displacement_reach import reach_of
 from ...shapes.primvars import read_display_color
 from ...shapes.subdivision import Cage, is_closed_cage, on_cage
 from ...shapes.surface_primvars import cage_primvars
@@ -35,7 +36,7 @@ def cage(prim: ResolvedPrim, found: Cage, ctx: Context, parts_of: FaceParts | No
         return None
     creases = found.creases
     moves = any(surface.displacement is not None for surface in surfaces.values())
-    return (DisplacedMesh if moves else SubdivisionMesh)(
+    made = (DisplacedMesh if moves else SubdivisionMesh)(
         prim.path,
         found.scheme,
         found.points,
@@ -55,6 +56,9 @@ def cage(prim: ResolvedPrim, found: Cage, ctx: Context, parts_of: FaceParts | No
         cage_primvars(prim, surfaces.values(), found, ctx),
         motion=found.motion,
     )
+    if not isinstance(made, DisplacedMesh):
+        return made
+    return replace(made, reach=max(reach_of(surface, made.primvars) for surface in surfaces.values()))
 
 
 def _surfaces(parts: list[Appearance], part_of_face: Ints, found: Cage) -> dict[int, Surface]:
