@@ -166,7 +166,7 @@ def pipeline(monkeypatch: pytest.MonkeyPatch) -> FakePipeline:
     )
     install(
         "core",
-        dice=lambda description, settings: (description, fake.dicing),
+        dice=lambda description, settings, textures: (description, fake.dicing),
         build=fake.build,
         isa=lambda: "v4",
         lanes=lambda: 16,

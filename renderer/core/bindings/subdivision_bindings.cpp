@@ -1,7 +1,9 @@
-// dice() for Python: a cage's arrays in, as description.py has them, and a dictionary of arrays out.
+// dice() for Python: a cage's arrays in, as description.py has them, and a dictionary of arrays out; and what displaces it.
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
 
 #include "bindings/arrays.hpp"
+#include "displacement/displacer.hpp"
 #include "subdivision/dicing/dice.hpp"
 
 namespace primray {
@@ -67,6 +69,37 @@ DiceInput input_of(nb::handle d) {
   return in;
 }
 
+ValuePlace place_in(nb::handle pair) {
+  return {ValuePlace::Kind(nb::cast<int>(pair[nb::int_(0)])), nb::cast<int>(pair[nb::int_(1)])};
+}
+
+DisplacedShape shape_of(nb::handle d, const DiceInput& in) {
+  DisplacedShape shape;
+  shape.surfaces = span_in<int32_t>(d, "surfaces");
+  shape.world_from_object = affine_of(nb::cast<InArray<double>>(d["world_from_object"]));
+  for (const nb::handle p : d["primvars"]) {
+    using Kind = CagePrimvar::Kind;
+    CagePrimvar& made = shape.primvars.emplace_back();
+    made.name = number_in<int>(p, "name"), made.kind = Kind(number_in<int>(p, "kind"));
+    made.at = number_in<int>(p, "at"), made.width = number_in<int>(p, "width");
+    made.values = span_in<float>(p, "values");
+    made.row_width =
+        made.kind == Kind::kVertex ? in.vertex_width : (made.kind == Kind::kVarying ? in.varying_width : made.width);
+  }
+  return shape;
+}
+
+// Of a cage that `dice` is given under this name, or None.
+void set_displacing(nb::handle d, DiceInput& in) {
+  if (d.is_none()) return;
+  Displacing& how = in.displacing.emplace();
+  how.st = place_in(d["st"]), how.normals = number_in<int>(d, "normals"), how.faces_differ = in.faces_differ;
+  Displacer* displacer = nb::cast<Displacer*>(d["displacer"]);
+  how.displace = [displacer, shape = shape_of(d, in)](const CornerRows& rows, std::span<float> out) {
+    displacer->displace(shape, rows, out);
+  };
+}
+
 template <class T>
 nb::object rows_of(std::vector<T> values, int width) {
   const size_t n = width ? values.size() / width : 0;
@@ -98,7 +131,8 @@ nb::dict as_dict(Diced d, const DiceInput& in) {
 
 // None where the result would have more than max_triangles.
 nb::object dice_cage(nb::dict arrays) {
-  const DiceInput in = input_of(arrays);
+  DiceInput in = input_of(arrays);
+  set_displacing(arrays["displacement"], in);
   Diced diced;
   {
     const nb::gil_scoped_release release;
@@ -117,6 +151,22 @@ int64_t estimate_cage(nb::dict arrays) {
 }  // namespace
 
 void bind_subdivision(nb::module_& m) {
+  nb::class_<Displacer>(m, "Displacer")
+      .def(nb::init<>())
+      .def("add_tape", [](Displacer& d, Tape tape) { return d.add_tape(std::move(tape)); })
+      .def("add_surface", [](Displacer& d, const SurfaceInput& constants, std::vector<InputSource> varying,
+                             int tape) { return d.add_surface(constants, std::move(varying), tape); })
+      .def("add_texture", [](Displacer& d, int channels, bool udim, bool) { return d.add_texture(channels, udim); })
+      .def("set_texture_image",
+           [](Displacer& d, int texture, int tile, InArray<float> pixels) {
+             d.set_texture_image(texture, tile, span_of(pixels), int(pixels.shape(1)), int(pixels.shape(0)));
+           })
+      .def("set_primvar_names", &Displacer::set_primvar_names)
+      .def("set_directions", [](Displacer& d, const std::vector<int>& along) {
+        std::vector<DisplacedAlong> made;
+        for (const int a : along) made.push_back(DisplacedAlong(a));
+        d.set_directions(std::move(made));
+      });
   m.def("dice", &dice_cage, nb::arg("cage"));
   m.def("estimated_triangles", &estimate_cage, nb::arg("cage"));
 }

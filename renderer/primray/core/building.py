@@ -8,19 +8,24 @@ from ..description import SceneDescription, Shape
 from ..refine import dice as dicing
 from ..settings import DEFAULT_FILTER_WIDTH, RenderSettings
 from .core_errors import raise_as_ours
+from .dicing.displacement import displacements
 from .isa_class import module
 from .limits import threads
 from .pixel_filter import inverse_cdf
 from .scene import CoreScene
 from .scene_record import SceneRecord
 from .scene_upload import Uploaded, hand_over, noted_emitters
-from .surface_upload import MutableTextures
+from .surface_upload import MutableTextures, Textures
 
 
-def dice(description: SceneDescription, settings: RenderSettings) -> tuple[SceneDescription, dicing.Warnings]:
-    """The description with triangles for subdivision cages, and what is coarser or sharper than the stage says."""
+def dice(
+    description: SceneDescription, settings: RenderSettings, textures: Textures | None = None
+) -> tuple[SceneDescription, dicing.Warnings]:
+    """The description with triangles for subdivision cages, and what is coarser or sharper than the stage says; `textures`, of
+    which those that displace cages are read: every TextureFile that could be."""
     try:
-        return dicing.dice(module(), description, dicing.dicing_of(settings), threads(settings))
+        displaced = displacements(module(), description, textures or {})
+        return dicing.dice(module(), description, dicing.dicing_of(settings), threads(settings), displaced)
     except module().CoreError as error:
         raise_as_ours(error)
 

@@ -117,7 +117,8 @@ class SurfaceUpload:
 
     def add_surfaces(self, surfaces: Sequence[Surface]) -> tuple[Surface, ...]:
         """Before any shape; the surfaces as the core has them."""
-        taken = tuple(self._add_surface(with_readable_inputs(s, self._textures)) for s in surfaces)
+        still = (surface.without_displacement() for surface in surfaces)
+        taken = tuple(self._add_surface(with_readable_inputs(s, self._textures)) for s in still)
         self._builder.set_primvar_names(len(self._names))
         return taken
 
@@ -139,6 +140,10 @@ class SurfaceUpload:
 
     def _pattern_texture(self, file: TextureFile, channels: str) -> int | None:
         return self._texture(file, channels, False) if self._textures.get(file) else None
+
+    def number_of(self, name: str) -> int | None:
+        """Of a primvar that some surface reads."""
+        return self._names.get(name)
 
     def _name(self, name: str) -> int:
         return self._names.setdefault(name, len(self._names))

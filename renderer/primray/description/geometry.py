@@ -94,6 +94,23 @@ class SubdivisionMesh:
         return _used(self.points, self.face_points)
 
 
+@dataclass(frozen=True, eq=False)
+class DisplacedMesh(SubdivisionMesh):
+    """A cage, or polygons as a bilinear one, of which some surface moves the points once they are diced."""
+
+    # CORNER: along which polygons are moved, 3 numbers; then 3 for each time of their motion, if they turn. None: its own.
+    normals: Primvar | None = None
+    reach: float = 0.0  # how far its points move at most, as far as that is known before anything is read
+
+    def drawn_points(self) -> Floats:
+        """And how far they may go, along each axis."""
+        points = super().drawn_points()
+        if self.reach == 0:
+            return points
+        ways = np.concatenate([np.eye(3, dtype=np.float32), -np.eye(3, dtype=np.float32)]) * np.float32(self.reach)
+        return (points[None] + ways[:, None]).reshape(-1, 3)
+
+
 @dataclass(frozen=True, slots=True)
 class Sphere:
     """An exact sphere about the object-space origin."""
@@ -121,4 +138,4 @@ def _box_of(points: Floats) -> tuple[Doubles, Doubles]:
     return low.astype(np.float64), high.astype(np.float64)
 
 
-Shape = Mesh | SubdivisionMesh | Sphere
+Shape = Mesh | SubdivisionMesh | DisplacedMesh | Sphere

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .patterns import Pattern, PatternNode
+from .patterns import NodeOutput, Pattern, PatternNode
 from .texture_file import TextureFile
 
 COLOR_PRIMVAR = "displayColor"  # what geomcolor means
@@ -56,3 +56,33 @@ def pattern_files(pattern: Pattern) -> dict[TextureFile, set[str]]:
             if isinstance(value, TextureFile) and value.path:
                 found.setdefault(value, set()).update(_CHANNELS.get(node.type, "rgb"))
     return found
+
+
+def reads_world_space(pattern: Pattern, node: int) -> bool:
+    """Whether a node's outputs depend on where in the world a shape stands, or how."""
+    return any(
+        type(value) is str and (value == "world" or GEOMPROPS.get(value, ("", ""))[1] == "world")
+        for above in nodes_above(pattern, node)
+        for _, value in above.inputs
+    )
+
+
+def reads_view(pattern: Pattern, node: int) -> bool:
+    """Whether a node's outputs depend on where they are seen from."""
+    return any(
+        above.category == "viewdirection"
+        or any(type(v) is str and GEOMPROPS.get(v, ("", ""))[0] == "viewdirection" for _, v in above.inputs)
+        for above in nodes_above(pattern, node)
+    )
+
+
+def nodes_above(pattern: Pattern, node: int) -> list[PatternNode]:
+    """It, and what it reads."""
+    found: set[int] = set()
+    left = [node]
+    while left:
+        number = left.pop()
+        if number not in found:
+            found.add(number)
+            left += [v.node for _, v in pattern.nodes[number].inputs if isinstance(v, NodeOutput)]
+    return [pattern.nodes[number] for number in sorted(found)]

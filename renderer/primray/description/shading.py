@@ -52,6 +52,10 @@ class TextureInput:
 
 Input = PrimvarInput | TextureInput | PatternInput
 
+# What moves a surface before it is seen, in the units of the shape's own space: one number along the normal; three along the
+# tangent of the primvar st, across it and along the normal; three along the axes of that space.
+DISPLACEMENTS = ("displacement", "displacement_tangent", "displacement_object")
+
 
 @dataclass(frozen=True)
 class Surface:
@@ -59,8 +63,8 @@ class Surface:
 
     The fields are constants. `inputs` names those that vary, by field name ("open_pbr_" and its name for one of OpenPBR's),
     "normal" (tangent space, -1 to 1; a pattern's is in world space) or "tangent" (of anisotropy: a pattern's, in world space);
-    their constants then stand where nothing else is known. `thin`: what is not opaque lets light straight through (else it
-    refracts by its index; needs closed geometry).
+    their constants then stand where nothing else is known. One of DISPLACEMENTS has none: it is there, or is not. `thin`: what
+    is not opaque lets light straight through (else it refracts by its index; needs closed geometry).
     """
 
     path: str  # the material's prim path, "" for one made from displayColor
@@ -87,6 +91,19 @@ class Surface:
     def varying(self) -> frozenset[str]:
         """Names of inputs that are no constants."""
         return frozenset(name for name, _ in self.inputs)
+
+    @property
+    def displacement(self) -> tuple[str, Input] | None:
+        """Which of DISPLACEMENTS moves it, and by what."""
+        return next((item for item in self.inputs if item[0] in DISPLACEMENTS), None)
+
+    def without_displacement(self) -> Surface:
+        """What is left once shapes that wear it have been moved."""
+        if self.displacement is None:
+            return self
+        left = tuple(item for item in self.inputs if item[0] not in DISPLACEMENTS)
+        reads_pattern = any(isinstance(reads, PatternInput) for _, reads in left)
+        return replace(self, inputs=left, pattern=self.pattern if reads_pattern else None)
 
     @property
     def transmits(self) -> bool:

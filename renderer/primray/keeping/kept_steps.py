@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 SHAPED = frozenset({"shapes", "static", "prototypes", "placements"})
 LOOKED_AT = frozenset({"camera", "camera_motion", "exposure", "resolution", "pixels", "pixel_aspect_ratio"})
 
+DISPLACED = frozenset({"surfaces", "time_code"})  # and of those that materials move, where they end up
+
 
 def lasting(settings: RenderSettings) -> RenderSettings:
     """Without what is for sampling alone."""
@@ -141,11 +143,16 @@ class KeptSteps(Steps):
         self._digests = description, found
         return found
 
-    def dice(self, description: SceneDescription, settings: RenderSettings) -> tuple[SceneDescription, Limits]:
+    def dice(
+        self, description: SceneDescription, textures: Textures, settings: RenderSettings
+    ) -> tuple[SceneDescription, Limits]:
         kept, self._diced = self._diced, None
         asked = settings.dicing_rate, settings.max_memory_bytes
-        if kept is None or kept.asked != asked or differing(kept.given, description) & (SHAPED | LOOKED_AT):
-            made, limits = super().dice(description, settings)
+        is_displaced = any(surface.displacement is not None for surface in description.surfaces)
+        counting = SHAPED | LOOKED_AT | DISPLACED if is_displaced else SHAPED | LOOKED_AT
+        if kept is None or kept.asked != asked or differing(kept.given, description) & counting:
+            at_hand = self._at_hand(textures) if is_displaced else textures
+            made, limits = super().dice(description, at_hand, settings)
         else:
             made, limits = replace(description, shapes=kept.made.shapes), kept.limits
         self._diced = _Diced(description, asked, made, limits)

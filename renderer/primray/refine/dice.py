@@ -8,12 +8,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from ..arrays import Floats, Ints
-from ..description import Interpolation, Mesh, PointMotion, Primvar, SceneDescription, SubdivisionMesh
+from ..description import DisplacedMesh, Interpolation, Mesh, PointMotion, Primvar, SceneDescription, SubdivisionMesh
 from ..settings import RenderSettings
 from .footprint import EVERYWHERE, MAX_LEVEL, OUTSIDE, Footprint, footprints
 
@@ -25,12 +25,24 @@ FACE_VARYING_RULES = ("none", "cornersOnly", "cornersPlus1", "cornersPlus2", "bo
 MAX_TRIANGLES = 1 << 24
 FLATNESS = 0.1
 BYTES_PER_TRIANGLE = 300  # at the peak of dicing and building: 170 measured without primvars
+# Of what is displaced, edges are so many times as long, and faces of the cage in more parts: it has no other detail than its
+# vertices, and often is one face.
+DISPLACED_EDGES, DISPLACED_LEVELS = 0.5, 2
 MAX_BATCH = 64  # cages that a thread takes at a time
 NO_INTS = np.zeros(0, np.int32)
 NO_FLOATS = np.zeros(0, np.float32)
 NO_COLUMNS = np.zeros((0, 0), np.float32)
 
 Warnings = list[tuple[str, str, str]]  # code, prim path, message
+
+
+class Displacements(Protocol):
+    """What displaces shapes."""
+
+    warnings: Warnings
+
+    def of(self, number: int, shape: DisplacedMesh) -> dict[str, Any]:
+        """What the core's dice() reads of it, of the description's shape of that number."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +57,14 @@ class Dicing:
     flatness: float = FLATNESS
 
 
+def dicing_for(cage: SubdivisionMesh, dicing: Dicing) -> Dicing:
+    """Of this cage."""
+    if not isinstance(cage, DisplacedMesh):
+        return dicing
+    further = DISPLACED_LEVELS if dicing.min_level < dicing.max_level else 0
+    return replace(dicing, pixels=dicing.pixels * DISPLACED_EDGES, max_level=dicing.max_level + further, flatness=0.0)
+
+
 def dicing_of(settings: RenderSettings) -> Dicing:
     """Within half of the memory that is allowed, where a limit is set."""
     limit = MAX_TRIANGLES
@@ -53,14 +73,17 @@ def dicing_of(settings: RenderSettings) -> Dicing:
     return Dicing(settings.dicing_rate, max_triangles=limit)
 
 
-def dice(core: Any, description: SceneDescription, dicing: Dicing, threads: int) -> tuple[SceneDescription, Warnings]:
+def dice(
+    core: Any, description: SceneDescription, dicing: Dicing, threads: int, displaced: Displacements | None = None
+) -> tuple[SceneDescription, Warnings]:
     """The description with triangles for cages, and what had to be approximated. Edges are longer where there is no room."""
     prints = footprints(description)
     if not prints:
         return description, []
     cages = {k: s for k, s in enumerate(description.shapes) if isinstance(s, SubdivisionMesh)}
-    made, pixels = _within_limit(core, cages, prints, dicing, threads)
-    warnings: Warnings = []
+    moved = {k: displaced.of(k, s) for k, s in cages.items() if displaced is not None and isinstance(s, DisplacedMesh)}
+    made, pixels = _within_limit(core, cages, prints, moved, dicing, threads)
+    warnings: Warnings = [] if displaced is None else displaced.warnings
     if pixels > dicing.pixels:
         warnings.append(
             (
@@ -72,12 +95,17 @@ def dice(core: Any, description: SceneDescription, dicing: Dicing, threads: int)
     shapes = list(description.shapes)
     for k, cage in cages.items():
         shapes[k] = _mesh(cage, made[k])
-        warnings += _warnings(cage, made[k], pixels, dicing)
+        warnings += _warnings(cage, made[k], dicing_for(cage, replace(dicing, pixels=pixels)))
     return replace(description, shapes=tuple(shapes)), warnings
 
 
 def _within_limit(
-    core: Any, cages: dict[int, SubdivisionMesh], prints: dict[int, Footprint], dicing: Dicing, threads: int
+    core: Any,
+    cages: dict[int, SubdivisionMesh],
+    prints: dict[int, Footprint],
+    moved: dict[int, dict[str, Any]],
+    dicing: Dicing,
+    threads: int,
 ) -> tuple[dict[int, dict[str, Any]], float]:
     """The core's results and the pixels that it took: doubled until all cages together have few enough triangles."""
     pixels = dicing.pixels
@@ -88,23 +116,25 @@ def _within_limit(
         while True:
             limit = dicing.max_triangles if pixels < 1e6 else 1 << 31
             now = replace(dicing, pixels=pixels, max_triangles=limit)
-            jobs = [pool.submit(_dice_some, core, [(cages[k], prints[k]) for k in some], now) for some in batches]
+            jobs = [pool.submit(_dice_some, core, [(cages[k], prints[k], moved.get(k)) for k in some], now) for some in batches]
             made = dict(zip(cages, (each for job in jobs for each in job.result()), strict=True))
             if all(m is not None for m in made.values()) and sum(len(m["triangles"]) for m in made.values()) <= limit:
                 return made, pixels
             pixels *= 2
 
 
-def _dice_some(core: Any, cages: Sequence[tuple[SubdivisionMesh, Footprint]], dicing: Dicing) -> list[Any]:
-    return [core.dice(core_arrays(cage, footprint, dicing)) for cage, footprint in cages]
+def _dice_some(
+    core: Any, cages: Sequence[tuple[SubdivisionMesh, Footprint, dict[str, Any] | None]], dicing: Dicing
+) -> list[Any]:
+    return [core.dice(core_arrays(cage, footprint, dicing, moved)) for cage, footprint, moved in cages]
 
 
-def _warnings(cage: SubdivisionMesh, made: dict[str, Any], pixels: float, dicing: Dicing) -> Warnings:
+def _warnings(cage: SubdivisionMesh, made: dict[str, Any], dicing: Dicing) -> Warnings:
     out: Warnings = []
     if made["level_limited"] and dicing.min_level < dicing.max_level:
-        sentence = f"Edges cover more than {pixels:g} pixels even at level {dicing.max_level}, the finest."
+        sentence = f"Edges cover more than {dicing.pixels:g} pixels even at level {dicing.max_level}, the finest."
         out.append(("dicing-limited", cage.path, sentence))
-    if made["non_manifold_edges"]:
+    if made["non_manifold_edges"] and getattr(cage, "normals", None) is None:
         sentence = f"{made['non_manifold_edges']} edges do not join two faces that run the same way round: they are sharp."
         out.append(("cage-topology", cage.path, sentence))
     if made["unknown_creases"]:
@@ -117,8 +147,14 @@ def estimated_triangles(core: Any, cage: SubdivisionMesh, footprint: Footprint, 
     return int(core.estimated_triangles(core_arrays(cage, footprint, Dicing(pixels))))
 
 
-def core_arrays(cage: SubdivisionMesh, footprint: Footprint, dicing: Dicing) -> dict[str, Any]:
-    """What the core's dice() reads."""
+def core_arrays(
+    cage: SubdivisionMesh, footprint: Footprint, dicing: Dicing, displacement: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """What the core's dice() reads; `displacement`: of a DisplacedMesh."""
+    dicing = dicing_for(cage, dicing)
+    channels = primvars_of(cage, Interpolation.CORNER)
+    if isinstance(cage, DisplacedMesh) and cage.normals is not None:
+        channels = [*channels, cage.normals]
     hidden = np.flatnonzero(cage.surface < 0).astype(np.int32) if isinstance(cage.surface, np.ndarray) else NO_INTS
     camera = footprint.projected
     return {
@@ -138,7 +174,7 @@ def core_arrays(cage: SubdivisionMesh, footprint: Footprint, dicing: Dicing) -> 
         "corner_sharpnesses": _floats(cage.corner_sharpnesses),
         "vertex_values": _side_by_side(primvars_of(cage, Interpolation.POINT), len(cage.points)),
         "varying_values": _side_by_side(primvars_of(cage, Interpolation.VARYING), len(cage.points)),
-        "face_varying": [_channel(p) for p in primvars_of(cage, Interpolation.CORNER)],
+        "face_varying": [_channel(p) for p in channels],
         "orthographic": camera.orthographic,
         "pixels_per_unit": camera.pixels_per_unit,
         "window": EVERYWHERE if camera.sees_around else camera.window,
@@ -152,6 +188,7 @@ def core_arrays(cage: SubdivisionMesh, footprint: Footprint, dicing: Dicing) -> 
         "min_level": dicing.min_level,
         "max_level": dicing.max_level,
         "max_triangles": dicing.max_triangles,
+        "displacement": displacement,
     }
 
 
@@ -188,7 +225,7 @@ def _channel(primvar: Primvar) -> tuple[Ints, Floats]:
 
 def _mesh(cage: SubdivisionMesh, made: dict[str, Any]) -> Mesh:
     triangles: Ints = made["triangles"]
-    primvars = {id(p): _diced(p, k, cage, made) for p, k in _numbered(cage)}
+    primvars = {id(p): _diced(p, k, cage, made) for p, k in numbered(cage)}
     normals: Floats = made["normals"]
     if len(made["normal_indices"]):
         normals = normals[made["normal_indices"].ravel()]
@@ -218,7 +255,7 @@ def _motion(motion: PointMotion, made: dict[str, Any], rows: Ints | None) -> Poi
     return PointMotion(motion.times, np.stack(made["step_points"]), normals if rows is None else normals[:, rows])
 
 
-def _numbered(cage: SubdivisionMesh) -> list[tuple[Primvar, int]]:
+def numbered(cage: SubdivisionMesh) -> list[tuple[Primvar, int]]:
     """Colours and primvars with their place: the first column of those by point, the channel of those by corner."""
     out: list[tuple[Primvar, int]] = []
     if cage.colors is None and not cage.primvars:

@@ -16,6 +16,7 @@ from ..arrays import Doubles
 from ..description import (
     Camera,
     CameraMotion,
+    DisplacedMesh,
     Frame,
     MovingInstances,
     Placed,
@@ -202,7 +203,8 @@ def _bounding_sphere(cage: SubdivisionMesh) -> tuple[Doubles, float]:
     steps = cage.points[None] if cage.motion is None else cage.motion.points
     used = steps[:, np.unique(cage.face_points)].reshape(-1, 3).astype(np.float64)
     low, high = used.min(axis=0), used.max(axis=0)
-    return (low + high) / 2, float(np.linalg.norm(high - low)) / 2
+    reach = cage.reach if isinstance(cage, DisplacedMesh) else 0.0
+    return (low + high) / 2, float(np.linalg.norm(high - low)) / 2 + reach
 
 
 def _densities(matrices: Doubles, center: Doubles, radius: float, camera: Projected, pose: Pose) -> Doubles:

@@ -79,7 +79,7 @@ def prepare(
     check_memory(description, settings, images, film_copies=int(fingerprinted))
     digests = steps.fingerprint(description, textures) if fingerprinted else {}
     with costs.stage("dice"):
-        description, limits = steps.dice(description, settings)
+        description, limits = steps.dice(description, textures, settings)
     for code, path, message in limits:
         diagnostics.add(code, path, message)
 

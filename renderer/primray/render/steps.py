@@ -44,12 +44,12 @@ class Steps:
         return fingerprint(description, textures)
 
     def dice(
-        self, description: SceneDescription, settings: RenderSettings
+        self, description: SceneDescription, textures: Textures, settings: RenderSettings
     ) -> tuple[SceneDescription, list[tuple[str, str, str]]]:
         """And code, path and message of what had to be approximated."""
         from .. import core
 
-        return core.dice(description, settings)
+        return core.dice(description, settings, textures)
 
     def count(
         self, description: SceneDescription, settings: RenderSettings, images: list[ImageSize]

@@ -10,7 +10,7 @@ from typing import Any, get_args
 import numpy as np
 
 from .. import core
-from ..description import Mesh, Placement, SceneDescription, Shape, Sphere, SubdivisionMesh, TextureInput
+from ..description import DisplacedMesh, Mesh, Placement, SceneDescription, Shape, Sphere, SubdivisionMesh, TextureInput
 from ..description.pattern_reads import pattern_files
 from ..refine.dice import estimated_triangles
 from ..refine.footprint import Footprint, footprints
@@ -19,6 +19,7 @@ from ..settings import DEFAULT_DICING_RATE
 # Peak bytes, fitted to what `python -m tests.bench.setup.memory` measures there: arrays of the description are counted
 # exactly and stand twice while the core copies them; these come on top.
 TRIANGLE_BYTES = 120  # Embree's hierarchy, and what building it takes
+DISPLACED_TRIANGLE_BYTES = 60  # half a vertex with what moves it, where it was and its normals, in double at last
 DICED_TRIANGLE_BYTES = 70  # half a vertex with its normal, and three indices, twice, and dicing
 DICED_MOMENT_BYTES = 24  # half a vertex with its normal, twice: for each other time that a cage is diced for
 SHAPE_BYTES = 2000
@@ -175,7 +176,8 @@ def _triangles(shape: Shape, footprint: Footprint | None, dicing_rate: float) ->
 
 def _diced_bytes(cage: SubdivisionMesh) -> int:
     """Of a triangle."""
-    return DICED_TRIANGLE_BYTES + (0 if cage.motion is None else len(cage.motion.times) * DICED_MOMENT_BYTES)
+    moved = DISPLACED_TRIANGLE_BYTES if isinstance(cage, DisplacedMesh) else 0
+    return moved + DICED_TRIANGLE_BYTES + (0 if cage.motion is None else len(cage.motion.times) * DICED_MOMENT_BYTES)
 
 
 def _array_bytes(shapes: tuple[Shape, ...]) -> int:

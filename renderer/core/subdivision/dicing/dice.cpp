@@ -7,6 +7,7 @@
 
 #include "subdivision/dicing/flatness.hpp"
 #include "subdivision/dicing/level.hpp"
+#include "subdivision/dicing/moved_normals.hpp"
 #include "subdivision/limit.hpp"
 #include "subdivision/masks.hpp"
 
@@ -22,6 +23,9 @@ constexpr int kEstimatedFrom = 3, kEstimatedFaces = 4096;
 
 // The cosine: no face whose normals differ by more is flat (flatness.hpp).
 constexpr double kTwoDegrees = 0.99939;
+
+// Levels beyond those that a face takes as it lies, where a displacement jumps at one of its corners: no level ends a jump.
+constexpr double kLevelsOfJumps = 2;
 
 class Dicer {
  public:
@@ -45,6 +49,7 @@ class Dicer {
 
   Diced run() {
     begin();
+    if (in_.displacing) mover_.emplace(*in_.displacing, in_.footprint, in_.pixels, moved());
     for (;;) {
       if (has_limits()) add_new_vertices(levels_.back());
       if (!choose(levels_.back())) break;
@@ -56,7 +61,8 @@ class Dicer {
       refine();
     }
     out_.level = int(levels_.size()) - 1;
-    out_.triangles = stitch(levels_, out_.points);
+    out_.triangles = stitch(levels_, mover_ ? mover_->points() : out_.points);
+    if (mover_) mover_->finish(out_.triangles);
     return std::move(out_);
   }
 
@@ -76,6 +82,13 @@ class Dicer {
       steps_.push_back(doubles(in_.steps.subspan(at, in_.points.size())));
     out_.step_points.resize(steps_.size()), out_.step_normals.resize(steps_.size());
     points_ = doubles(in_.points), vertex_ = doubles(in_.vertex_values), varying_ = doubles(in_.varying_values);
+  }
+
+  Moved moved() {
+    std::vector<int> widths;
+    for (const FaceVarying& channel : in_.face_varying) widths.push_back(channel.width);
+    return {out_.points,         out_.normals,      out_.step_points, out_.step_normals, out_.vertex_values,
+            out_.varying_values, out_.face_varying, in_.vertex_width, in_.varying_width, std::move(widths)};
   }
 
   void add_channel(Level& level, const Cage& cage, const FaceVarying& channel) {
@@ -113,10 +126,11 @@ class Dicer {
     if (level.corner_normal.empty()) out_.normals.reserve(out_.normals.size() + 3 * more);
     for (int v = 0; v < t.vertices(); ++v)
       if (is_new[v]) add_vertex(level, v);
+    for (size_t k = 0; k < level.values.size(); ++k) add_new_values(level, int(k), is_new);
     if (!level.corner_normal.empty())
       for (int c = 0; c < t.corners(); ++c)
         if (is_new[t.vertex[c]] && level.corner_normal[c] < 0) add_corner_normals(level, c);
-    for (size_t k = 0; k < level.values.size(); ++k) add_new_values(level, int(k), is_new);
+    if (mover_) mover_->add(level, is_new);
   }
 
   void add_new_values(Level& level, int channel, const std::vector<uint8_t>& is_new) {
@@ -174,6 +188,7 @@ class Dicer {
     const int first = int(out_.normals.size() / 3);
     if (linear_) {
       level.corner_normal[corner] = first;
+      if (in_.displacing && in_.displacing->normals >= 0) return add_given_normals(level, corner, in_.displacing->normals);
       add_normal(bilinear_normal(t, corner, points_), out_.normals);
       for (size_t k = 0; k < steps_.size(); ++k) add_normal(bilinear_normal(t, corner, steps_[k]), out_.step_normals[k]);
       return;
@@ -185,6 +200,21 @@ class Dicer {
     limit_.normals(t, corner, points_, fan_);
     for (const dvec3& n : fan_.normals) add_normal(n, out_.normals);
     for (size_t i = 0; i < fan_.of_corner.size(); ++i) level.corner_normal[limit_.fan().corners[i]] = first + fan_.of_corner[i];
+  }
+
+  // Those along which the surface is displaced, as a primvar has them: of the frame, then of the steps, if they turn.
+  void add_given_normals(const Level& level, int corner, int channel) {
+    const Layer& layer = level.values[channel];
+    const int width = in_.face_varying[channel].width;
+    const float* row = &out_.face_varying[channel][size_t(layer.output[layer.topology.vertex[corner]]) * width];
+    const auto given = [&](size_t time) {
+      const float* n = row + (int(3 * time) < width ? 3 * time : 0);
+      const dvec3 v(n[0], n[1], n[2]);
+      const double l = length(v);
+      return l > 1e-12 ? v * (1 / l) : bilinear_normal(level.surface.topology, corner, time ? steps_[time - 1] : points_);
+    };
+    add_normal(given(0), out_.normals);
+    for (size_t k = 0; k < steps_.size(); ++k) add_normal(given(k + 1), out_.step_normals[k]);
   }
 
   static dvec3 point(const Values& from, int v) {
@@ -220,9 +250,33 @@ class Dicer {
 
   // Of all times the most.
   double wanted_levels(const Level& level, int f) {
+    if (mover_) return moved_levels(level, f);
     double levels = wanted_levels(level, f, points_);
     for (const Values& step : steps_) levels = std::max(levels, wanted_levels(level, f, step));
     return levels;
+  }
+
+  // The same of a surface that is displaced: no level says that finer ones are flat.
+  double moved_levels(const Level& level, int f) {
+    const Topology& t = level.surface.topology;
+    double longest = 0, as_it_lies = 0;
+    bool jumps = false;
+    for (size_t k = 0; k <= steps_.size(); ++k) {
+      const std::vector<float>& points = k ? out_.step_points[k - 1] : out_.points;
+      const auto measured = [&](const auto& point) {
+        corners_.clear();
+        for (int c = t.begin(f), end = c + t.size(f); c < end; ++c)
+          corners_.push_back(point(level.surface.output[t.vertex[c]]));
+        return face_pixels(in_.footprint, corners_);
+      };
+      longest = std::max(longest, measured([&](int v) {
+                           jumps |= mover_->is_torn(v);
+                           return mover_->point(points, v);
+                         }));
+      if (jumps) as_it_lies = std::max(as_it_lies, measured([&](int v) { return vector_at(points, v); }));
+    }
+    const auto levels = [&](double pixels) { return pixels > in_.pixels ? std::log2(pixels / in_.pixels) : 0; };
+    return jumps ? std::min(levels(longest), levels(as_it_lies * std::exp2(kLevelsOfJumps))) : levels(longest);
   }
 
   // Further levels that the length of a face's edges asks for, or fewer until it is flat; 0 where it is drawn as it is.
@@ -366,6 +420,7 @@ class Dicer {
   Diced out_;
   int64_t drawn_ = 0;
   std::optional<Flatness> flatness_;
+  std::optional<Mover> mover_;
   std::vector<LevelValues> level_values_;
   FanNormals fan_;
   Values row_;

@@ -2,15 +2,18 @@
 //
 // Levels are made one after the other: a face goes on while one of its edges covers too many pixels and it is not flat
 // (flatness.hpp), and takes its neighbours along as far as its masks rest on them. Each vertex goes to its limit at the level
-// where it first appears, whatever the levels around it, so that neighbours agree on it to the bit.
+// where it first appears, whatever the levels around it, so that neighbours agree on it to the bit. Where materials displace it
+// (mover.hpp), edges count as long as they are then.
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "subdivision/cage.hpp"
 #include "subdivision/dicing/footprint.hpp"
+#include "subdivision/dicing/mover.hpp"
 #include "subdivision/dicing/stitch.hpp"
 #include "subdivision/face_varying.hpp"
 
@@ -37,6 +40,7 @@ struct DiceInput {
   bool faces_differ = false;  // in what they carry: their outlines show
   int min_level = 0, max_level = 0;
   int64_t max_triangles = 0;
+  std::optional<Displacing> displacing;  // no face is flat then
 };
 
 struct Diced {

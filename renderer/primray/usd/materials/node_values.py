@@ -47,8 +47,9 @@ class NodeValues:
     _made: dict[Sdf.Path, Outputs | None] = field(default_factory=dict)
     _above: list[Sdf.Path] = field(default_factory=list)
 
-    def inputs_of(self, node: Node, found: Definition) -> dict[str, Operand]:
-        """Those of a node's inputs that the network says anything of, by name."""
+    def inputs_of(self, node: Node, found: Definition, beside: frozenset[str] = frozenset()) -> dict[str, Operand]:
+        """Those of a node's inputs that the network says anything of, by name; `beside`: those that the definition does not
+        have, and somebody else reads."""
         known = found.by_name
         given: dict[str, Operand] = {}
         for full in property_names(node.prim):
@@ -56,6 +57,8 @@ class NodeValues:
                 continue
             name = full[7:]
             wanted = known.get(name)
+            if name in beside and wanted is None:
+                continue
             if wanted is None:
                 self.ctx.warn("unknown-input", node_path(node, self.ctx), f"{node.id} has no {name}.", str(full))
             elif wanted.type not in CLOSURES:

@@ -33,6 +33,16 @@ def pruned(nodes: Sequence[PatternNode], inputs: Mapping[str, Input]) -> tuple[P
     return Pattern((*nodes[:same], *kept)), made
 
 
+def appended(pattern: Pattern | None, more: Pattern, reads: PatternInput) -> tuple[Pattern, PatternInput]:
+    """Both graphs as one, and what reads the second."""
+    if pattern is None:
+        return more, reads
+    first = len(pattern.nodes)
+    number = {place: first + place for place in range(len(more.nodes))}
+    nodes = (*pattern.nodes, *(_moved(node, number) for node in more.nodes))
+    return Pattern(nodes), replace(reads, source=replace(reads.source, node=number[reads.source.node]))
+
+
 def _moved(node: PatternNode, number: Mapping[int, int]) -> PatternNode:
     """As it is, where it reads no other."""
     for _, operand in node.inputs:

@@ -23,7 +23,7 @@ from .subdivision import Cage, on_cage
 from .triangulate import Triangles
 
 NO_SIZES = Sizes(0, 0, 0)  # of shapes that take constant primvars only
-TANGENT_ST = "st"  # spans the tangents of a normal that no texture gives
+TANGENT_ST = "st"  # spans the tangents of a normal that no texture gives, and of a displacement
 
 
 def names_read(surfaces: Iterable[Surface]) -> dict[str, int]:
@@ -35,7 +35,7 @@ def names_read(surfaces: Iterable[Surface]) -> dict[str, int]:
                 primvar = _primvar_of(reads)
                 if primvar.name:
                     wanted[primvar.name] = max(wanted.get(primvar.name, 0), len(primvar.fallback))
-            if field == "normal" and isinstance(reads, PrimvarInput):
+            if (field == "normal" and isinstance(reads, PrimvarInput)) or field == "displacement_tangent":
                 wanted.setdefault(TANGENT_ST, 2)
         for name, width in pattern_primvars(surface.pattern).items() if surface.pattern else ():
             wanted[name] = max(wanted.get(name, 0), width)

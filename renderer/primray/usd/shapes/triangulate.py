@@ -135,7 +135,7 @@ def _of_size(points: Points, indices: Ints, corners: Ints, faces: Ints) -> tuple
     n = corners.shape[1]
     if n == 3:
         return corners, faces, False
-    bends = _quad_bends if n == 4 else _bends
+    bends = quad_bends if n == 4 else _bends
     bent = np.concatenate([bends(points[indices[block]].astype(np.float64)) for block in _blocks(corners)])
     if not bent.any():
         return _fans(corners), np.repeat(faces, n - 2), n == 4  # a quad's triangles are two of its corners
@@ -166,7 +166,7 @@ def _fans(corners: Ints) -> Ints:
     return fan.reshape(-1, 3)
 
 
-def _quad_bends(p: Doubles) -> Mask:
+def quad_bends(p: Doubles) -> Mask:
     """`_bends` of quads (F, 4, 3): their Newell normal is the sum of two opposite corners' own."""
     edge = p[:, _NEXT] - p
     own = cross(edge[:, _BEFORE], edge)

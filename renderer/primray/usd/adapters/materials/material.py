@@ -50,6 +50,7 @@ _SLOTS = {
     "ior": _Slot("ior", (1.5,), 0.0),
     "normal": _Slot("normal", (0.0, 0.0, 1.0)),
 }
+_DISPLACEMENT = "inputs:displacement"
 _SURFACE = re.compile(r"outputs:.+:surface")
 _OUTPUTS = {"mtlx:surface": 0, "surface": 1}
 PRIORITY = "primray:dielectric:priority"  # of bodies that overlap the higher one is there
@@ -105,21 +106,36 @@ def _translate(usd_material: UsdShade.Material, path: str, ctx: Context) -> Mate
     """By the first surface output that leads to a shader known here: MaterialX's, then the universal one, then others."""
     prim = usd_material.GetPrim()
     names = [str(name) for name in property_names(prim)]  # GetSurfaceOutputs says the same, in twenty times as long
-    if any(name.endswith((":displacement", ":volume")) for name in names):
-        _note_outputs(usd_material, path, ctx)
+    if any(name.endswith(":volume") for name in names):
+        _note_volumes(usd_material, path, ctx)
+    made, shader = _surface(prim, names, path, ctx)
+    moves = any(name.endswith(":displacement") for name in names)
+    if not moves and (shader is None or shader.id not in SURFACE_SHADERS or not shader.prim.HasAttribute(_DISPLACEMENT)):
+        return made
+    if made.surface is None:
+        if moves:
+            ctx.warn("displacement", path, "Without a surface that is known nothing is displaced.")
+        return made
+    from ...materials.displacement import displaced
+
+    return replace(made, surface=displaced(made.surface, prim, names, shader, path, ctx))
+
+
+def _surface(prim: Usd.Prim, names: list[str], path: str, ctx: Context) -> tuple[Material, Node | None]:
+    """And the shader that it comes from."""
     outputs = [name.removeprefix("outputs:") for name in names if name == "outputs:surface" or _SURFACE.fullmatch(name)]
     others = []
     for output in sorted(outputs, key=lambda name: _OUTPUTS.get(name, 2)):
         source = find_source(prim.GetAttribute(f"outputs:{output}"), ctx)
         if isinstance(source, Node):
             if source.id in SURFACE_SHADERS:
-                return _preview_surface(source, path, ctx)
+                return _preview_surface(source, path, ctx), source
             if (made := _of_other_model(source, path, ctx)) is not None:
-                return _with_priority(made, prim, ctx) if PRIORITY in names else made
+                return _with_priority(made, prim, ctx) if PRIORITY in names else made, source
             others.append(f"{source.id or module_of(source) or 'a shader without id'} ({output})")
     reason = f"The surface shader is {', '.join(others)}" if others else "No surface output leads to a shader"
     ctx.warn("shader-ignored", path, f"{reason}: displayColor is used.", "outputs:surface")
-    return Material(None)
+    return Material(None), None
 
 
 def _of_other_model(source: Node, path: str, ctx: Context) -> Material | None:
@@ -146,16 +162,13 @@ def _with_priority(made: Material, prim: Usd.Prim, ctx: Context) -> Material:
     return replace(made, surface=replace(made.surface, dielectric_priority=priority))
 
 
-def _note_outputs(usd_material: UsdShade.Material, path: str, ctx: Context) -> None:
-    """What a material has besides its surface; UsdPreviewSurface's own displacement is noted by its input."""
+def _note_volumes(usd_material: UsdShade.Material, path: str, ctx: Context) -> None:
     for context in ("", "mtlx"):
-        for output in (usd_material.GetDisplacementOutput(context), usd_material.GetVolumeOutput(context)):
-            source = find_source(output.GetAttr(), ctx) if output else None
-            if isinstance(source, Node) and source.id not in SURFACE_SHADERS:
-                is_volume = output.GetBaseName().endswith("volume")
-                what = "Volumes are not rendered" if is_volume else "The surface is rendered where its mesh is"
-                message = f"{what}: {source.id or 'a shader without id'} is ignored."
-                ctx.warn("shader-ignored" if is_volume else "displacement", path, message, str(output.GetFullName()))
+        output = usd_material.GetVolumeOutput(context)
+        source = find_source(output.GetAttr(), ctx) if output else None
+        if isinstance(source, Node):
+            message = f"Volumes are not rendered: {source.id or 'a shader without id'} is ignored."
+            ctx.warn("shader-ignored", path, message, str(output.GetFullName()))
 
 
 def _preview_surface(shader: Node, path: str, ctx: Context) -> Material:
@@ -287,10 +300,6 @@ def _note_inputs(shader: Node, names: set[str], path: str, ctx: Context) -> None
     unknown = sorted(names - _SLOTS.keys() - _OTHER_INPUTS)
     for name in unknown:
         ctx.warn("unknown-input", path, f"{shader.id} has no {name}.", f"inputs:{name}")
-    if "displacement" in names:
-        source = find_source(shader.prim.GetAttribute("inputs:displacement"), ctx)
-        if isinstance(source, Node) or (isinstance(source, Constant) and source.value != 0):
-            ctx.warn("displacement", path, "The surface is rendered where its mesh is.", "inputs:displacement")
 
 
 def _shown(values: tuple[float, ...]) -> str:

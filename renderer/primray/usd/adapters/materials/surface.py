@@ -91,6 +91,19 @@ def _display_surface(appearance: Appearance) -> Surface:
     )
 
 
+def undisplaced(surface: Surface, path: str, ctx: Context) -> Surface:
+    """Of a shape that has no points that could be moved: told where that shows."""
+    if surface.displacement is None:
+        return surface
+    ctx.warn("displacement", path, "Only meshes are displaced: the surface is rendered where the shape is.")
+    return surface.without_displacement()
+
+
+def displaces(appearance: Appearance) -> bool:
+    made = appearance.material
+    return made is not None and made.surface is not None and made.surface.displacement is not None and not made.hidden
+
+
 def is_hidden(appearance: Appearance) -> bool:
     return appearance.material is not None and appearance.material.hidden
 

@@ -10,18 +10,20 @@ from dataclasses import replace
 import numpy as np
 
 from ....arrays import Ints
-from ....description import Interpolation, Primvar, SubdivisionMesh, Surface
+from ....description import DisplacedMesh, Interpolation, Primvar, SubdivisionMesh, Surface
 from ...resolving.context import Context
 from ...resolving.resolve import ResolvedPrim
+from ...shapes.displacement_reach import reach_of
 from ...shapes.primvars import read_display_color
 from ...shapes.subdivision import Cage, is_closed_cage, on_cage
 from ...shapes.surface_primvars import cage_primvars
 from ..materials.surface import FALLBACK_COLOR, Appearance, is_hidden, make_surface
-from .face_parts import face_parts
+from .face_parts import FaceParts, face_parts
 
 
-def cage(prim: ResolvedPrim, found: Cage, ctx: Context) -> SubdivisionMesh | None:
-    whole = face_parts(prim, found.sizes.faces, ctx)
+def cage(prim: ResolvedPrim, found: Cage, ctx: Context, parts_of: FaceParts | None = None) -> SubdivisionMesh | None:
+    """One that some material displaces as a DisplacedMesh."""
+    whole = face_parts(prim, found.sizes.faces, ctx) if parts_of is None else parts_of
     parts, part_of_face = whole.appearances, whole.of_face[found.faces]
     colors = None
     if any(part.varying_color for part in parts):
@@ -33,7 +35,8 @@ def cage(prim: ResolvedPrim, found: Cage, ctx: Context) -> SubdivisionMesh | Non
     if not surfaces:
         return None
     creases = found.creases
-    return SubdivisionMesh(
+    moves = any(surface.displacement is not None for surface in surfaces.values())
+    made = (DisplacedMesh if moves else SubdivisionMesh)(
         prim.path,
         found.scheme,
         found.points,
@@ -53,6 +56,9 @@ def cage(prim: ResolvedPrim, found: Cage, ctx: Context) -> SubdivisionMesh | Non
         cage_primvars(prim, surfaces.values(), found, ctx),
         motion=found.motion,
     )
+    if not isinstance(made, DisplacedMesh):
+        return made
+    return replace(made, reach=max(reach_of(surface, made.primvars) for surface in surfaces.values()))
 
 
 def _surfaces(parts: list[Appearance], part_of_face: Ints, found: Cage, path: str, ctx: Context) -> dict[int, Surface]:

@@ -18,7 +18,7 @@ from ...shapes import tessellate
 from ...shapes.seam_mesh import PolygonMotion, Values, seam_mesh
 from ...shapes.surface_primvars import constant_primvars
 from ...shapes.tessellate import Tessellated
-from ..materials.surface import FALLBACK_COLOR, Appearance, appearance_of, is_hidden, make_surface
+from ..materials.surface import FALLBACK_COLOR, Appearance, appearance_of, is_hidden, make_surface, undisplaced
 
 
 class _Shared(dict[Call, Tessellated | None]):
@@ -30,7 +30,7 @@ def sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     appearance = _appearance(prim, ctx)
     if radius == 0 or is_hidden(appearance):
         return None
-    surface = make_surface(appearance, lambda: True, prim.path, ctx)
+    surface = undisplaced(make_surface(appearance, lambda: True, prim.path, ctx), prim.path, ctx)
     if surface.transmits and not surface.thin and _is_left_handed(prim, ctx):
         ctx.warn("shape-input", prim.path, "orientation = leftHanded is ignored: the sphere's inside is inside.", "orientation")
     return Sphere(prim.path, radius, ctx.surfaces.index_of(surface), constant_primvars(prim, (surface,), ctx))
@@ -53,7 +53,7 @@ def tessellated(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     if prim.type_name not in ("Cube", "Plane"):
         ctx.warn("tessellated", prim.path, f"{prim.type_name} is rendered with {tessellate.AROUND} segments around.")
     normals = None if made.normals is None else Values(made.normals, "corner")
-    surface = make_surface(appearance, lambda: prim.type_name != "Plane", prim.path, ctx)
+    surface = undisplaced(make_surface(appearance, lambda: prim.type_name != "Plane", prim.path, ctx), prim.path, ctx)
     primvars = constant_primvars(prim, (surface,), ctx)
     of_surface = ctx.surfaces.index_of(surface)
     mesh: Mesh = seam_mesh(prim.path, made.points, made.triangles, normals, None, of_surface, primvars, motion)

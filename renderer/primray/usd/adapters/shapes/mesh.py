@@ -22,8 +22,9 @@ from ...shapes.seam_mesh import Values, keep_triangles, seam_mesh
 from ...shapes.subdivision import Cage, make_cage
 from ...shapes.surface_primvars import mesh_primvars, moved
 from ...shapes.topology import topology_of
-from ..materials.surface import FALLBACK_COLOR, Appearance, appearance_of, is_hidden, make_surface
+from ..materials.surface import FALLBACK_COLOR, Appearance, appearance_of, displaces, is_hidden, make_surface
 from .cage import cage
+from .displaced import displaced_polygons
 from .face_parts import FaceParts, face_parts
 
 
@@ -42,8 +43,15 @@ def mesh(prim: ResolvedPrim, ctx: Context) -> Mesh | SubdivisionMesh | None:
     if isinstance(geometry, Cage):
         return cage(prim, geometry, ctx)
     if prim.subsets:
-        return _with_subsets(prim, geometry, face_parts(prim, geometry.sizes.faces, ctx), ctx)
-    return _shape(prim, geometry, appearance_of(prim, prim.material, ctx), ctx)
+        parts = face_parts(prim, geometry.sizes.faces, ctx)
+        if any(displaces(parts.appearances[k]) for k in np.unique(parts.of_face[geometry.triangles.faces]).tolist()):
+            return displaced_polygons(prim, geometry, parts, ctx)
+        return _with_subsets(prim, geometry, parts, ctx)
+    appearance = appearance_of(prim, prim.material, ctx)
+    if displaces(appearance):
+        whole = FaceParts([appearance], np.zeros(geometry.sizes.faces, np.int32))
+        return displaced_polygons(prim, geometry, whole, ctx)
+    return _shape(prim, geometry, appearance, ctx)
 
 
 def _shape(prim: ResolvedPrim, geometry: Polygons, appearance: Appearance, ctx: Context) -> Mesh | None:

@@ -19,7 +19,7 @@ from ...resolving.read import array, read
 from ...resolving.resolve import ResolvedPrim
 from ...shapes.instance_primvars import instance_primvars
 from ...shapes.surface_primvars import constant_primvars
-from ..materials.surface import appearance_of, is_hidden, make_surface
+from ..materials.surface import appearance_of, is_hidden, make_surface, undisplaced
 
 POINT = "Points: sphere"  # the adapter table's name for one of them
 DEFAULT_WIDTH = 1.0  # Hydra's, where none is authored
@@ -29,7 +29,7 @@ def point_sphere(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     appearance = appearance_of(prim, prim.material, ctx)
     if is_hidden(appearance):
         return None
-    surface = make_surface(appearance, lambda: True, prim.path, ctx)
+    surface = undisplaced(make_surface(appearance, lambda: True, prim.path, ctx), prim.path, ctx)
     return Sphere(prim.path, 1.0, ctx.surfaces.index_of(surface), constant_primvars(prim, (surface,), ctx))
 
 

@@ -1,0 +1,1 @@
+"""What the core is given to dice with, beside cages."""

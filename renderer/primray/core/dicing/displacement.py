@@ -1,0 +1,140 @@
+"""What displaces cages, handed to the core: textures, patterns and primvars, as surfaces read them, for dicing alone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ...arrays import Doubles, Floats
+from ...description import (
+    DisplacedMesh,
+    Input,
+    Interpolation,
+    PatternInput,
+    Primvar,
+    PrimvarInput,
+    SceneDescription,
+    Surface,
+    TextureInput,
+)
+from ...description.pattern_reads import reads_world_space
+from ...description.shading import DISPLACEMENTS
+from ...refine.dice import Warnings, numbered, primvars_of
+from ..surface_upload import SurfaceUpload, Textures, channels_of
+
+# In the order of the core's enumerations (displacer.hpp, mover.hpp).
+_KINDS = (Interpolation.CONSTANT, Interpolation.FACE, Interpolation.POINT, Interpolation.VARYING, Interpolation.CORNER)
+_PLACES = (None, Interpolation.POINT, Interpolation.VARYING, Interpolation.CORNER)
+_STILL = 0  # the core's first surface: of what is not displaced
+_NO_PRIMVAR = ""
+_TANGENTS = "st"
+_CARRIER = "emissive_color"  # an input of three numbers of any size, in whose place the displacement is handed over
+
+
+def displacements(core: Any, description: SceneDescription, textures: Textures) -> Displacements | None:
+    """Of all shapes that are displaced; None where there are none."""
+    if not any(isinstance(shape, DisplacedMesh) for shape in description.shapes):
+        return None
+    return Displacements(core, description, textures)
+
+
+class Displacements:
+    def __init__(self, core: Any, description: SceneDescription, textures: Textures) -> None:
+        self.warnings: Warnings = []
+        self._description = description
+        self._displacer = core.Displacer()
+        surfaces = description.surfaces
+        worn = {i for s in description.shapes if isinstance(s, DisplacedMesh) for i in np.unique(s.surface).tolist() if i >= 0}
+        moving = [i for i in sorted(worn) if surfaces[i].displacement is not None]
+        self._upload = SurfaceUpload(
+            core, self._displacer, {file: list(tiles) for file, tiles in textures.items()}, description.time_code or 0.0
+        )
+        taken = self._upload.add_surfaces([Surface(""), *(_carrying(surfaces[i], textures) for i in moving)])
+        self._upload.add_images()
+        self._numbers = np.zeros(max(len(surfaces), 1) + 1, np.int32)  # the last one: of faces that are not drawn
+        directions = [_STILL]
+        for number, i in enumerate(moving, start=1):
+            found = surfaces[i].displacement
+            assert found is not None
+            directions.append(1 + DISPLACEMENTS.index(found[0]))
+            self._numbers[i] = number
+            if not taken[number].inputs:
+                self._note(surfaces[i].path)
+        self._displacer.set_directions(directions)
+        self._places = _places(description)
+
+    def _note(self, path: str) -> None:
+        said = next((message for _, at, message in self._upload.warnings if at == path), "")
+        why = said.partition(". ")[0] or "Its displacement cannot be read"
+        self.warnings.append(("displacement", path, f"{why}. The surface is rendered where its mesh is."))
+
+    def of(self, number: int, shape: DisplacedMesh) -> dict[str, Any]:
+        """What the core's dice() reads of it, of the description's shape of that number."""
+        matrix = self._places.get(number)
+        numbers = np.atleast_1d(self._numbers[np.asarray(shape.surface)])
+        if matrix is None:
+            self._note_space(shape)
+        placed = numbered(shape)
+        read = [
+            (p, at, name) for p, at in placed if p is not shape.colors and (name := self._upload.number_of(p.name)) is not None
+        ]
+        return {
+            "displacer": self._displacer,
+            "surfaces": np.ascontiguousarray(numbers, np.int32),
+            "world_from_object": np.ascontiguousarray(np.eye(4) if matrix is None else matrix, np.float64),
+            "primvars": [_cage_primvar(p, at, name) for p, at, name in read],
+            "st": next((_place(p, at) for p, at in placed if p.name == _TANGENTS and p.values.shape[1] >= 2), (0, 0)),
+            "normals": -1 if shape.normals is None else len(primvars_of(shape, Interpolation.CORNER)),
+        }
+
+    def _note_space(self, shape: DisplacedMesh) -> None:
+        for i in np.unique(shape.surface).tolist():
+            surface = self._description.surfaces[i]
+            value = surface.displacement[1] if i >= 0 and surface.displacement is not None else None
+            pattern = surface.pattern if isinstance(value, PatternInput) else None
+            if pattern is not None and isinstance(value, PatternInput) and reads_world_space(pattern, value.source.node):
+                message = f"{surface.path} reads world space, but the shape stands in several places: its own space is read."
+                self.warnings.append(("displacement-space", shape.path, message))
+
+
+def _carrying(surface: Surface, textures: Textures) -> Surface:
+    """A surface that has its displacement and nothing else."""
+    assert surface.displacement is not None
+    value: Input = surface.displacement[1]
+    if isinstance(value, TextureInput) and not textures.get(value.file):
+        value = PrimvarInput(_NO_PRIMVAR, channels_of(value.fallback, value.channels))
+    pattern = surface.pattern if isinstance(value, PatternInput) else None
+    return Surface(surface.path, inputs=((_CARRIER, value),), pattern=pattern)
+
+
+def _places(description: SceneDescription) -> dict[int, Doubles]:
+    """By shape, where it stands, of those that stand once."""
+    inside = {placed.shape for prototype in description.prototypes for placed in prototype.shapes}
+    found: dict[int, Doubles] = {}
+    for placed in description.static:
+        if placed.shape in found:
+            inside.add(placed.shape)
+        found[placed.shape] = placed.matrix
+    return {shape: matrix for shape, matrix in found.items() if shape not in inside and np.linalg.det(matrix[:3, :3]) != 0}
+
+
+def _cage_primvar(primvar: Primvar, at: int, name: int) -> dict[str, Any]:
+    kind = primvar.interpolation
+    values: Floats = primvar.values
+    if kind is Interpolation.FACE and primvar.indices is not None:
+        values = values[primvar.indices]
+    given = values if kind in (Interpolation.CONSTANT, Interpolation.FACE) else values[:0]
+    return {
+        "name": name,
+        "kind": _KINDS.index(kind),
+        "at": at,
+        "width": values.shape[1],
+        "values": np.ascontiguousarray(np.where(np.isfinite(given), given, 0), np.float32),
+    }
+
+
+def _place(primvar: Primvar, at: int) -> tuple[int, int]:
+    """The core's ValuePlace; tangents need a primvar that varies over faces."""
+    kind = primvar.interpolation
+    return (_PLACES.index(kind), at) if kind in _PLACES else (0, 0)

@@ -1,0 +1,19 @@
+"""A polygonal mesh that some material displaces: a cage that keeps its corners, for the dicer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ....description import DisplacedMesh, SubdivisionMesh
+from ...resolving.context import Context
+from ...resolving.resolve import ResolvedPrim
+from ...shapes.polygon_cage import cage_of, welded
+from ...shapes.polygons import Polygons
+from .cage import cage
+from .face_parts import FaceParts
+
+
+def displaced_polygons(prim: ResolvedPrim, geometry: Polygons, parts: FaceParts, ctx: Context) -> SubdivisionMesh | None:
+    found, normals = cage_of(geometry)
+    made = cage(prim, found, ctx, parts)
+    return welded(replace(made, normals=normals)) if isinstance(made, DisplacedMesh) else made

@@ -1,0 +1,139 @@
+"""What displaces a material's surface: its displacement terminal, or the `displacement` of the UsdPreviewSurface that it has.
+
+UsdPreviewSurface's and MaterialX's scalar go along the normal, MaterialX's vector along the tangent, across it and along the
+normal; with `inputs:space` = "object" along the axes of the shape's own space, which its definition does not have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from pxr import Usd
+
+from ...description import Input, NodeOutput, Operand, Pattern, PatternInput, PrimvarInput, Surface
+from ...description.pattern_reads import reads_view
+from ..materialx.expressions import MOST_NODES, TooManyNodesError
+from ..resolving.context import Context
+from .fed_inputs import FedInputs
+from .network import Constant, Node, as_numbers, find_source, node_path, text
+from .network_nodes import NO_PRIMVAR, NODES, NodeKind, reader_input, texture_input
+from .node_values import NodeValues, definition_of
+from .primvars_read import SURFACE_SHADERS
+from .pruning import appended, pruned
+from .reducing import Reducer
+
+TERMINALS = ("outputs:mtlx:displacement", "outputs:displacement")  # which of them counts, if there are both
+ALONG_NORMAL, ALONG_TANGENTS, ALONG_AXES = "displacement", "displacement_tangent", "displacement_object"
+_STAYS = "the surface is rendered where its mesh is"
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A displacement, by its name among a surface's inputs, and what it reads."""
+
+    name: str
+    value: Input
+    pattern: Pattern | None = None
+
+
+def displaced(
+    surface: Surface, material: Usd.Prim, names: Sequence[str], shader: Node | None, path: str, ctx: Context
+) -> Surface:
+    """The surface, with what displaces it; `names`: the material's properties, `shader`: of its surface."""
+    found = _found(material, names, shader, path, ctx)
+    if found is None:
+        return surface
+    value, pattern = found.value, surface.pattern
+    if found.pattern is not None and isinstance(value, PatternInput):
+        if reads_view(found.pattern, value.source.node):
+            ctx.warn("displacement", path, f"Its displacement depends on the view: {_STAYS}.")
+            return surface
+        pattern, value = appended(surface.pattern, found.pattern, value)
+    return replace(surface, inputs=(*surface.inputs, (found.name, value)), pattern=pattern)
+
+
+def _found(material: Usd.Prim, names: Sequence[str], shader: Node | None, path: str, ctx: Context) -> _Found | None:
+    terminals = [name for name in TERMINALS if name in names]
+    for terminal in terminals:
+        source = find_source(material.GetAttribute(terminal), ctx)
+        if isinstance(source, Node):
+            return _of_shader(source, terminal, path, ctx)
+    others = sorted(name for name in names if name.startswith("outputs:") and name.endswith(":displacement"))
+    for terminal in (name for name in others if name not in terminals):
+        source = find_source(material.GetAttribute(terminal), ctx)
+        if isinstance(source, Node):
+            _note_unknown(source, terminal, path, ctx)
+    return _of_preview(shader, ctx) if shader is not None and shader.id in SURFACE_SHADERS else None
+
+
+def _of_shader(shader: Node, terminal: str, path: str, ctx: Context) -> _Found | None:
+    if shader.id in SURFACE_SHADERS:
+        return _of_preview(shader, ctx)
+    definition = definition_of(shader)
+    if definition is None or definition.category != "displacement":
+        _note_unknown(shader, terminal, path, ctx)
+        return None
+    values = NodeValues(ctx)
+    try:
+        given = {**definition.defaults, **values.inputs_of(shader, definition, beside=frozenset(["space"]))}
+        wide = len(definition.defaults["displacement"] or ()) == 3
+        product = "ND_multiply_vector3FA" if wide else "ND_multiply_float"
+        value = values.expressions.apply(product, in1=_operand(given["displacement"]), in2=_operand(given["scale"]))
+    except TooManyNodesError:
+        ctx.warn("displacement", path, f"It is fed by more than {MOST_NODES:,} nodes: {_STAYS}.", terminal)
+        return None
+    along = ALONG_NORMAL
+    if wide:
+        along = ALONG_AXES if text(shader, "space", "tangent", ctx) == "object" else ALONG_TANGENTS
+    if not isinstance(value, NodeOutput):
+        return _of_constant(along, value if isinstance(value, tuple) else ())
+    reduced = Reducer(values.expressions.nodes).input(value, 3 if wide else 1)
+    pattern, inputs = pruned(values.expressions.nodes, {along: reduced})
+    return _Found(along, inputs[along], pattern)
+
+
+def _operand(value: Operand | None) -> Operand:
+    return (0.0,) if value is None else value
+
+
+def _note_unknown(shader: Node, terminal: str, path: str, ctx: Context) -> None:
+    message = f"{shader.id or 'A shader without id'} is no displacement that is known: {_STAYS}."
+    ctx.warn("displacement", path, message, terminal)
+
+
+def _of_constant(along: str, value: tuple[float, ...]) -> _Found | None:
+    return _Found(along, PrimvarInput(NO_PRIMVAR, value)) if any(value) else None
+
+
+def _of_preview(shader: Node, ctx: Context) -> _Found | None:
+    """UsdPreviewSurface's own input."""
+    attribute = shader.prim.GetAttribute("inputs:displacement")
+    source = find_source(attribute, ctx) if attribute else None
+    if isinstance(source, Constant):
+        values = as_numbers(source.value)
+        if values is None or len(values) != 1:
+            message = f"displacement = {source.value!r} is not a finite number: {_STAYS}."
+            ctx.warn("wrong-type", node_path(shader, ctx), message, "inputs:displacement")
+            return None
+        return _of_constant(ALONG_NORMAL, values)
+    if source is None:
+        return None
+    kind = NODES[source.id].kind if source.id in NODES else None
+    made: Input | tuple[float, ...] | None = None
+    if kind is NodeKind.READER:
+        made = reader_input(source, 1, ctx)
+    elif kind in (NodeKind.TEXTURE, NodeKind.IMAGE):
+        made = texture_input(source, 1, ctx)
+    elif kind is None and definition_of(source) is not None:
+        fed = FedInputs(ctx)
+        made = fed.read(shader, source, "displacement", 1)
+        if isinstance(made, PatternInput):
+            pattern, inputs = fed.pattern_of({ALONG_NORMAL: made})
+            return _Found(ALONG_NORMAL, inputs[ALONG_NORMAL], pattern)
+    else:
+        message = f"displacement comes from {source.id or 'a shader without id'}: {_STAYS}."
+        ctx.warn("displacement", node_path(shader, ctx), message, "inputs:displacement")
+    if isinstance(made, tuple):
+        return _of_constant(ALONG_NORMAL, made)
+    return None if made is None else _Found(ALONG_NORMAL, made)

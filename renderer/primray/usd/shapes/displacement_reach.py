@@ -1,0 +1,24 @@
+"""How far a displacement goes at most, as far as that is known before textures are read: their texels count as 0 to 1."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from ...description import Primvar, PrimvarInput, Surface, TextureInput
+
+
+def reach_of(surface: Surface, primvars: Collection[Primvar]) -> float:
+    """0 for what is not known: a graph."""
+    if surface.displacement is None:
+        return 0.0
+    value = surface.displacement[1]
+    if isinstance(value, TextureInput):
+        at = ["rgba".index(channel) for channel in value.channels]
+        bias, scale = np.array(value.bias)[at], np.array(value.scale)[at]
+        return float(np.linalg.norm(np.maximum(np.abs(bias), np.abs(scale + bias))))
+    if not isinstance(value, PrimvarInput):
+        return 0.0
+    found = next((p.values for p in primvars if p.name == value.name), np.array([value.fallback], np.float32))
+    return float(np.linalg.norm(found[:, : len(value.fallback)], axis=1).max(initial=0.0))

@@ -1,0 +1,127 @@
+"""Polygons as a bilinear cage, which is diced where some material displaces them: quads stay, other faces are triangles.
+
+Their corners, and values over them, are those of the polygons. Points in one place where faces end are one point: they would
+part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...arrays import Floats, Ints
+from ...description import DisplacedMesh, Interpolation, PointMotion
+from ...description import Primvar as SeamPrimvar
+from .polygons import Polygons
+from .seam_mesh import Values
+from .subdivision import Cage
+from .triangulate import quad_bends
+
+
+def cage_of(polygons: Polygons) -> tuple[Cage, SeamPrimvar | None]:
+    """And the normals along which it is displaced, None for the faces' own."""
+    triangles = polygons.triangles
+    counts, rows = _faces(polygons)
+    face_points = triangles.points.ravel()[rows].astype(np.int32)
+    first = rows[np.cumsum(counts) - counts]
+    motion = polygons.motion
+    found = Cage(
+        polygons.points,
+        counts,
+        face_points,
+        triangles.faces[first // 3],
+        triangles.corners.ravel()[rows].astype(np.int32),
+        polygons.sizes,
+        holes=None,
+        creases=None,
+        corner_points=None,
+        corner_sharpnesses=None,
+        scheme="bilinear",
+        boundary="edgeAndCorner",
+        face_varying="all",
+        triangle_rule="catmullClark",
+        motion=None if motion is None else PointMotion(motion.times, motion.points),
+    )
+    if polygons.normals is None:
+        return found, None
+    times = [polygons.normals, *(motion.normals if motion is not None else ())]
+    columns = [_by_corner(values, face_points, rows) for values in times]
+    return found, SeamPrimvar("", Interpolation.CORNER, np.ascontiguousarray(np.concatenate(columns, axis=1), np.float32))
+
+
+def _by_corner(values: Values, face_points: Ints, rows: Ints) -> Floats:
+    of_values: Ints = {"point": face_points, "corner": rows, "face": rows // 3}[values.per]
+    return np.asarray(values.array[of_values], np.float32)
+
+
+def _faces(polygons: Polygons) -> tuple[Ints, Ints]:
+    """(F,) the corners of each face, and, one after the other, the triangles' corners that they are."""
+    points, faces = polygons.triangles.points, polygons.triangles.faces
+    of_face = np.bincount(faces)[faces] if len(faces) else faces
+    first = np.flatnonzero((of_face[:-1] == 2) & (faces[:-1] == faces[1:]))
+    a, b = points[first], points[first + 1]
+    alone_a = (a[:, :, None] != b[:, None, :]).all(axis=2)
+    alone_b = (b[:, :, None] != a[:, None, :]).all(axis=2)
+    whole = (alone_a.sum(axis=1) == 1) & (alone_b.sum(axis=1) == 1)
+    first, at, across = first[whole], alone_a[whole].argmax(axis=1), alone_b[whole].argmax(axis=1)
+    start = 3 * first
+    quads = np.stack([start + at, start + (at + 1) % 3, start + 3 + across, start + (at + 2) % 3], axis=1)
+    corners = polygons.points[points.ravel()[quads]].astype(np.float64)
+    flat = ~quad_bends(corners).any(axis=1) if len(quads) else np.zeros(0, bool)
+    first, quads = first[flat], quads[flat]
+    rows = np.concatenate([np.arange(3 * len(points)).reshape(-1, 3), np.full((len(points), 1), -1)], axis=1)
+    rows[first] = quads
+    keep = np.ones(len(points), bool)
+    keep[first + 1] = False
+    rows = rows[keep]
+    counts = (rows >= 0).sum(axis=1).astype(np.int32)
+    return counts, rows[rows >= 0].astype(np.int32)
+
+
+def welded(mesh: DisplacedMesh) -> DisplacedMesh:
+    """With one point for those in one place at which faces end."""
+    joined = _joined(mesh)
+    if joined is None:
+        return mesh
+    before = mesh.face_points
+
+    def by_corner(primvar: SeamPrimvar) -> SeamPrimvar:
+        if primvar.interpolation not in (Interpolation.POINT, Interpolation.VARYING):
+            return primvar
+        indices = before if primvar.indices is None else primvar.indices[before]
+        return SeamPrimvar(primvar.name, Interpolation.CORNER, primvar.values, indices)
+
+    return replace(
+        mesh,
+        face_points=joined,
+        colors=None if mesh.colors is None else by_corner(mesh.colors),
+        primvars=tuple(by_corner(primvar) for primvar in mesh.primvars),
+    )
+
+
+def _joined(mesh: DisplacedMesh) -> Ints | None:
+    """The points of faces, None where nothing is joined: there is nothing to join, or a face would have a point twice."""
+    start = np.cumsum(mesh.face_counts) - mesh.face_counts
+    following = np.arange(1, len(mesh.face_points) + 1)
+    following[start + mesh.face_counts - 1] = start
+    a = mesh.face_points.astype(np.int64)
+    b = a[following]
+    size = len(mesh.points)
+    _, edge, uses = np.unique(np.minimum(a, b) * size + np.maximum(a, b), return_inverse=True, return_counts=True)
+    ends = uses[edge.reshape(-1)] == 1
+    boundary = np.unique(np.concatenate([a[ends], b[ends]]))
+    if len(boundary) == 0:
+        return None
+    steps = mesh.points[None] if mesh.motion is None else np.concatenate([mesh.points[None], mesh.motion.points])
+    places = steps[:, boundary].transpose(1, 0, 2).reshape(len(boundary), -1) + np.float32(0)
+    _, where, place = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    if len(where) == len(boundary):
+        return None
+    to = np.arange(size)
+    to[boundary] = boundary[where[place.reshape(-1)]]
+    joined = to[mesh.face_points].astype(np.int32)
+    face = np.repeat(np.arange(len(mesh.face_counts)), mesh.face_counts)
+    order = np.lexsort((joined, face))
+    again = (joined[order[1:]] == joined[order[:-1]]) & (face[order[1:]] == face[order[:-1]])
+    return None if again.any() else joined
