@@ -121,7 +121,7 @@ template <int W>
 struct Boundary {
   vbool<W> is_body, unseen, missed;  // missed: its back was met by a path that had not entered
   BodyLanes<W> here, beyond;         // on the path's side, on the other
-  vfloat<W> beside;                  // index of what is outside of the body there
+  vfloat<W> beside;                  // index of what is outside of the surface there
 
   // None.
   PRIMRAY_INLINE explicit Boundary(const BodyLanes<W>& now)
@@ -129,7 +129,7 @@ struct Boundary {
   PRIMRAY_INLINE Boundary(const Scene& scene, vbool<W> hit, const BodyLanes<W>& now, vint<W> surface, vbool<W> front)
       : here(now), beyond(now) {
     is_body = hit & (gather<W>(scene.interiors.is_body.data(), surface) != vint<W>(0));
-    unseen = missed = vbool<W>(false), beside = vfloat<W>(1.0f);
+    unseen = missed = vbool<W>(false), beside = index_in(scene, now);
     if (!any(is_body)) return;
     const vbool<W> has = now.has(scene, surface), enters = is_body & front, leaves = is_body & !front;
     if (any(enters & has)) here.remove(scene, enters & has, surface);

@@ -149,8 +149,9 @@ PRIMRAY_RARE void pass_unseen(Round& round, vbool<W> lanes, const PathLanes<W>& 
   round.worker.next->append(kept, n, round.needs);
 }
 
-// A mean free path below a surface of fewer of its offsets than this is none: light comes out where it went in.
-constexpr float kLeastOffsets = 64;
+// A mean free path below a surface of fewer of its offsets than this is none: light comes out where it went in. A channel whose
+// own is shorter than the second has that.
+constexpr float kLeastOffsets = 64, kLeastSteps = 8;
 
 // The same among bodies (medium/bodies.hpp), of paths from `at` on in the pool; `hit`: lanes that met a surface.
 template <int W>
@@ -171,8 +172,11 @@ PRIMRAY_RARE void scatter_inside(Round& round, int at, vbool<W> hit, vbool<W> sc
   const Boundary<W>& b = crossing.boundary;
   vbool<W> enterable = deep;
   if (any(deep)) {
-    const V none(F(0.0f)), extinction = row.color(kOpenBelowExtinction) * scene.interiors.per_length;
-    crossing.entered.extinction = select(deep, extinction, none);
+    // Shorter steps would be lost in the rounding of what they start from.
+    const F most = 1.0f / (kLeastSteps * max(it.offset, 1e-30f));
+    const V extinction = row.color(kOpenBelowExtinction) * scene.interiors.per_length;
+    const V capped{min(extinction.x, most), min(extinction.y, most), min(extinction.z, most)};
+    crossing.entered.extinction = select(deep, capped, V(F(0.0f)));
     crossing.entered.scattering = crossing.entered.extinction * row.color(kOpenBelowAlbedo);
     crossing.entered.phase = row(kOpenBelowPhase);
     enterable &= min(min(extinction.x, extinction.y), extinction.z) * it.offset * kLeastOffsets < F(1.0f);

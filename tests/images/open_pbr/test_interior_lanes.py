@@ -23,6 +23,8 @@ BODIES: tuple[tuple[dict[str, object], tuple[float, float, float], float], ...] 
     ({**GLASS, "transmission_depth": 0.5, "transmission_color": (0.3, 0.8, 0.5)}, (1.4, 0.0, 0.0), 0.5),
     ({**GLASS, "specular_ior": 1.2}, (1.4, 0.1, 0.1), 0.3),  # within the last one
     ({**GLASS, "specular_ior": 1.33, "specular_roughness": 0.2}, (1.0, 0.3, 0.3), 0.35),  # across two
+    ({"specular_roughness": 0.1}, (1.6, -0.1, -0.1), 0.2),  # no body of its own, in one: it meets that one's index
+    ({**GLASS, "geometry_thin_walled": True}, (1.2, -0.25, 0.2), 0.2),
     ({}, (0.0, -100.6, 0.0), 100.0),
 )
 TYPES = {bool: Sdf.ValueTypeNames.Bool, float: Sdf.ValueTypeNames.Float, tuple: Sdf.ValueTypeNames.Color3f}

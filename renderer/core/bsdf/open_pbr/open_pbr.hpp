@@ -55,7 +55,8 @@ struct OpenPbr {
     const auto has = [&](F weight) { return any(m & (weight > zero)); };
     any_glass = has(passes * (one - metalness)), any_metal = has(metalness), any_thin = any(m & thin);
     const F own = row(kOpenEta), roughness = row(kOpenRoughness), anisotropy = row(kOpenAnisotropy);
-    const F outer = select(beside == one, own, own / (one + (beside - one) * (one - row(kOpenCoat))));
+    const F ratio = own / (one + (beside - one) * (one - row(kOpenCoat)));
+    const F outer = select(beside == one, own, select((ratio < one) & !(passes > zero), 1.0f / ratio, ratio));
     eta = select(within, 1.0f / outer, outer);
     const F alpha_t = row(kOpenAlphaT), alpha_b = row(kOpenAlphaB);
     mirror = m & (alpha_t == zero);
