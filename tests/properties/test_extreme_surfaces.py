@@ -21,7 +21,12 @@ WIDE = (
     "thin_film_ior",
     "thin_film_thickness",
     "transmission_dispersion_abbe_number",
+    "transmission_depth",
+    "transmission_scatter",
+    "subsurface_radius",
+    "subsurface_radius_scale",
 )
+SIGNED = ("subsurface_scatter_anisotropy", "transmission_scatter_anisotropy")
 
 
 @pytest.mark.parametrize("shader", READS)
@@ -43,5 +48,5 @@ def test_extreme_inputs(shader: str) -> None:
         for name, value in values.items():
             for number in value if isinstance(value, tuple) else (value,):
                 assert math.isfinite(number), (name, text)
-                low = -1.0 if name == "subsurface_scatter_anisotropy" else 0.0
+                low = -1.0 if name in SIGNED else 0.0
                 assert low <= number <= (1e30 if name in WIDE or name == "emissive_color" else 1.0), (name, text)

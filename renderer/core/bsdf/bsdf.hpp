@@ -32,7 +32,8 @@ PRIMRAY_INLINE vvec3<W> divide(const vvec3<W>& a, const vvec3<W>& b) {
 
 template <int W>
 struct Bsdf {
-  static constexpr bool kInMedium = false;
+  static constexpr bool kInMedium = false;     // no surface
+  static constexpr bool kAmongBodies = false;  // path/interiors may follow bodies there
 
   vbool<W> preview;  // else Lambert
   bool any_preview;

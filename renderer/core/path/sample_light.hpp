@@ -146,7 +146,7 @@ void sample_light(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   const vfloat<W> scattered_pdf = scattered_density(round, v, s.wi, f.pdf);
   const vfloat<W> weight = light_weight(round, useful, special, chosen, s, pdf, scattered_pdf, v, from);
   V carried = p.beta * reflected * s.L * (weight / pdf);
-  const bool crosses = v.crossing != nullptr;
+  const bool crosses = Lobes::kAmongBodies && v.crossing;
   if (crosses && !round.scene.has_thin)
     carried = carried * v.crossing->left_towards(round.scene, beyond, s.t + lead_of(v.it.offset, v.ng, s.wi));
   useful &= max_component(carried) > vfloat<W>(0.0f);

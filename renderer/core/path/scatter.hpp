@@ -165,16 +165,17 @@ void scatter_once(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, co
   n.ray.tnear = F(0.0f);
   n.ray.tfar = select(s.straight & (p.depth == I(0)), p.ray.tfar - dot(n.ray.o - p.ray.o, p.ray.d), F(kInfinity));
   // No light is sampled on a walk below a surface.
-  if (v.crossing) n.bsdf_pdf = select(v.crossing->inside.walks(), F(0.0f), n.bsdf_pdf);
+  const bool crosses = Lobes::kAmongBodies && v.crossing;
+  if (crosses) n.bsdf_pdf = select(v.crossing->inside.walks(), F(0.0f), n.bsdf_pdf);
   if (const B sky = alive & last & !(s.straight | s.enters); scene.only_domes_found && any(sky)) {
-    look_for_sky(round, sky, n, v.crossing, s, v.crossing ? lead_of(v.it.offset, v.ng, n.ray.d) : F(0.0f));
+    look_for_sky(round, sky, n, crosses ? v.crossing : nullptr, s, crosses ? lead_of(v.it.offset, v.ng, n.ray.d) : F(0.0f));
     alive &= !sky;
     if (!any(alive)) return;
   }
   if (round.settings.log && !Lobes::kInMedium)
     keep_vertex(*round.settings.log, alive & (s.pdf > F(0.0f)), v.it.p, v.ng, v.frame.n, s.pdf, survive, n);
   const Compaction<W> kept(alive);
-  if (v.crossing) put_inside(round, kept, *v.crossing, s, lead_of(v.it.offset, v.ng, n.ray.d));
+  if (crosses) put_inside(round, kept, *v.crossing, s, lead_of(v.it.offset, v.ng, n.ray.d));
   round.worker.next->append(kept, n, round.needs);
 }
 

@@ -73,7 +73,9 @@ PRIMRAY_INLINE vbool<W> is_side_certain(Round& round, vbool<W> hit, const PathLa
 template <int W, class Lobes>
 void go_on(Round& round, vbool<W> scatters, const Vertex<W, Lobes>& v, const PathLanes<W>& p) {
   vbool<W> lit = scatters & (p.depth < vint<W>(round.settings.max_depth));
-  if (v.crossing) lit &= !v.crossing->inside.walks();
+  if constexpr (Lobes::kAmongBodies) {
+    if (v.crossing) lit &= !v.crossing->inside.walks();
+  }
   if (round.scene.lights.count > 0) sample_lights(round, lit, v, p);
   scatter(round, scatters, v, p);
 }
@@ -110,6 +112,13 @@ PRIMRAY_RARE void scatter_with_open_pbr(Round& round, vbool<W> scatters, const P
   scatter_at<BsdfWithOpenPbr<W>>(round, scatters, p, hits, it, rows, ng, frame, front, none);
 }
 
+// A Lambert surface from which light goes out among bodies.
+template <int W>
+struct WhiteLobes : Bsdf<W> {
+  static constexpr bool kAmongBodies = true;
+  using Bsdf<W>::Bsdf;
+};
+
 // Where what has scattered below a surface comes out again: light is sampled and paths go on as from a white Lambert surface.
 template <int W>
 PRIMRAY_RARE void come_out(Round& round, vbool<W> lanes, const PathLanes<W>& p, const Hits<W>& hits, Interaction<W> it,
@@ -128,8 +137,8 @@ PRIMRAY_RARE void come_out(Round& round, vbool<W> lanes, const PathLanes<W>& p, 
   PathLanes<W> outside = p;
   const Frame<F> frame(it.ns);
   outside.ray.d = -it.ns;
-  scatter_at<Bsdf<W>>(round, lanes, outside, hits, it, SurfaceRows<W>(white.data(), vint<W>(0), nullptr), it.ng, frame,
-                      vbool<W>(true), &crossing);
+  scatter_at<WhiteLobes<W>>(round, lanes, outside, hits, it, SurfaceRows<W>(white.data(), vint<W>(0), nullptr), it.ng, frame,
+                            vbool<W>(true), &crossing);
 }
 
 // Boundaries that are not there, since another body of a higher priority is: paths go on as they came.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 import time
 from typing import Any
 
@@ -299,3 +300,27 @@ def test_an_open_mesh_has_no_interior_and_says_so() -> None:
 """
     with pytest.warns(primray.RenderWarning, match="open-interior"):
         np.testing.assert_allclose(seen(sheet, material("m", filled()), SKY, spp=16), COLOR, rtol=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_strangest_interiors_are_finite_and_end(seed: int) -> None:
+    rng = random.Random(seed)
+    numbers = (0.0, 1e-30, 1e-6, 0.5, 1.0, 1e6, 1e30)
+
+    def some() -> tuple[float, ...]:
+        return tuple(rng.choice(numbers) for _ in range(3))
+
+    inside = {"transmission_depth": rng.choice(numbers), "transmission_scatter": some(), "transmission_color": some()}
+    below = {"subsurface_weight": 1.0, "subsurface_radius": rng.choice(numbers), "subsurface_radius_scale": some()}
+    phases = {
+        "transmission_scatter_anisotropy": rng.choice((-1.0, 1.0)),
+        "subsurface_scatter_anisotropy": rng.choice((-1.0, 1.0)),
+    }
+    inputs = {
+        **inside,
+        **below,
+        **phases,
+        "transmission_weight": rng.choice((0.0, 0.5, 1.0)),
+        "specular_weight": rng.choice((0.0, 1.0)),
+    }
+    assert np.isfinite(seen(ball(5.0), material("m", inputs), SKY, spp=2)).all()

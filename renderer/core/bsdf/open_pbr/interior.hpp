@@ -18,7 +18,7 @@ struct Interior {
 // Beyond this the phase function is a peak that nothing resolves.
 constexpr float kMostPhase = 0.98f;
 // Nothing is denser: a mean free path of this many world units is as good as none.
-constexpr float kLeastPath = 1e-12f;
+constexpr float kLeastPath = 1e-12f, kDensest = 1e12f;
 
 // "Translucent base": transmission_color is what white light keeps after transmission_depth; scattering that would be more
 // than the extinction shifts absorption by as much gray as it takes. A channel of 0 keeps e^-85 of the light.
@@ -31,7 +31,8 @@ PRIMRAY_INLINE Interior<W> transmission_interior(const OpenPbrValues<W>& v) {
   const F per_length = select(deep, 1.0f / max(v.transmission_depth, kLeastPath), zero);
   const auto absorbed = [&](F x) { return -0.693147181f * log2_cosine(x, (1.0f - x) * (1.0f + x)) * per_length; };
   const V total{absorbed(v.transmission_color.x), absorbed(v.transmission_color.y), absorbed(v.transmission_color.z)};
-  const V scattering = v.transmission_scatter * per_length;
+  const V asked = v.transmission_scatter * per_length;
+  const V scattering{min(asked.x, kDensest), min(asked.y, kDensest), min(asked.z, kDensest)};
   V absorption = total - scattering;
   absorption = absorption - V(min(min(min(absorption.x, absorption.y), absorption.z), 0.0f));
   return {absorption + scattering, scattering, clamp(v.transmission_scatter_anisotropy, -kMostPhase, kMostPhase)};

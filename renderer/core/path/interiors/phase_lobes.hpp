@@ -10,7 +10,7 @@ namespace primray {
 // In a frame whose +z points back along the ray.
 template <int W>
 struct PhaseLobes : Bsdf<W> {
-  static constexpr bool kInMedium = true;
+  static constexpr bool kInMedium = true, kAmongBodies = true;
   vfloat<W> phase;
 
   explicit PhaseLobes(vfloat<W> mean_cosine)
