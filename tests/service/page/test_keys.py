@@ -16,7 +16,7 @@ def test_a_key_is_asked_for_and_exchanged(open_page, start_server):
     field.wait_for()
     field.fill("wrong")
     page.keyboard.press("Enter")
-    page.get_by_text("A valid API key is needed").wait_for()
+    page.get_by_text("A valid API key is needed").first.wait_for()  # on the page, and soon in the dialog
     field.fill(key)
     page.keyboard.press("Enter")
     page.get_by_text("There are no jobs yet.").wait_for()
