@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
+from pxr import Gf, Usd, UsdGeom
 
 import primray
 from primray.core import CoreScene, isa_class, passes
 from primray.core.scene import Splits
+
+from .worn import light, wear
 
 MOST = isa_class.lanes()
 GLASS = {"transmission_weight": 1.0, "specular_roughness": 0.0}
@@ -27,7 +29,6 @@ BODIES: tuple[tuple[dict[str, object], tuple[float, float, float], float], ...] 
     ({**GLASS, "geometry_thin_walled": True}, (1.2, -0.25, 0.2), 0.2),
     ({}, (0.0, -100.6, 0.0), 100.0),
 )
-TYPES = {bool: Sdf.ValueTypeNames.Bool, float: Sdf.ValueTypeNames.Float, tuple: Sdf.ValueTypeNames.Color3f}
 
 
 def bodies() -> Usd.Stage:
@@ -36,18 +37,8 @@ def bodies() -> Usd.Stage:
         ball = UsdGeom.Sphere.Define(stage, f"/ball{k}")
         ball.CreateRadiusAttr(radius)
         ball.AddTranslateOp().Set(Gf.Vec3d(centre))
-        material = UsdShade.Material.Define(stage, f"/m{k}")
-        shader = UsdShade.Shader.Define(stage, f"/m{k}/s")
-        shader.CreateIdAttr("ND_open_pbr_surface_surfaceshader")
-        for name, value in inputs.items():
-            shader.CreateInput(name, TYPES[type(value)]).Set(value)
-        material.CreateSurfaceOutput("mtlx").ConnectToSource(shader.CreateOutput("out", Sdf.ValueTypeNames.Token))
-        UsdShade.MaterialBindingAPI.Apply(ball.GetPrim()).Bind(material)
-    UsdLux.DomeLight.Define(stage, "/sky").CreateIntensityAttr(0.5)
-    lamp = UsdLux.SphereLight.Define(stage, "/lamp")
-    lamp.CreateRadiusAttr(0.3)
-    lamp.CreateIntensityAttr(20)
-    lamp.AddTranslateOp().Set((2, 3, 4))
+        wear(ball, f"/m{k}", inputs, "ND_open_pbr_surface_surfaceshader")
+    light(stage)
     return stage
 
 

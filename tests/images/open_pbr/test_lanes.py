@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pxr import Sdf, Usd, UsdGeom, UsdLux, UsdShade
+from pxr import Usd, UsdGeom
 
 import primray
 from primray.core import isa_class, passes
+
+from .worn import light, wear
 
 MOST = isa_class.lanes()
 MATERIALS: tuple[dict[str, object], ...] = (
@@ -24,7 +26,6 @@ MATERIALS: tuple[dict[str, object], ...] = (
     {"thin_film_weight": 1.0, "specular_roughness": 0.1},
     {},
 )
-TYPES = {bool: Sdf.ValueTypeNames.Bool, float: Sdf.ValueTypeNames.Float, tuple: Sdf.ValueTypeNames.Color3f}
 
 
 def spheres() -> Usd.Stage:
@@ -36,18 +37,8 @@ def spheres() -> Usd.Stage:
         ball.AddTranslateOp().Set((k % 4 - 1.5, k // 4 - 1.0, 0.0))
         if k == len(MATERIALS) - 1:
             break
-        material = UsdShade.Material.Define(stage, f"/m{k}")
-        shader = UsdShade.Shader.Define(stage, f"/m{k}/s")
-        shader.CreateIdAttr("ND_open_pbr_surface_surfaceshader" if inputs else "UsdPreviewSurface")
-        for name, value in inputs.items():
-            shader.CreateInput(name, TYPES[type(value)]).Set(value)
-        material.CreateSurfaceOutput("mtlx").ConnectToSource(shader.CreateOutput("out", Sdf.ValueTypeNames.Token))
-        UsdShade.MaterialBindingAPI.Apply(ball.GetPrim()).Bind(material)
-    UsdLux.DomeLight.Define(stage, "/sky").CreateIntensityAttr(0.5)
-    lamp = UsdLux.SphereLight.Define(stage, "/lamp")
-    lamp.CreateRadiusAttr(0.3)
-    lamp.CreateIntensityAttr(20)
-    lamp.AddTranslateOp().Set((2, 3, 4))
+        wear(ball, f"/m{k}", inputs, "ND_open_pbr_surface_surfaceshader" if inputs else "UsdPreviewSurface")
+    light(stage)
     return stage
 
 
