@@ -11,7 +11,7 @@ from typing import Any
 
 from primray.errors import LimitError, SettingsError
 from primray.render.frame_numbers import parse_frames
-from primray.settings import DIFFUSION, AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderSettings
+from primray.settings import DIFFUSION, AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderSettings, StopAt
 
 from . import ids
 from .api.models import JobPatch, JobRequest, Settings, StopRules
@@ -24,6 +24,7 @@ _RANGE = re.compile(rf"\s*({_NUMBER})\s*(?:[:-]\s*({_NUMBER})\s*(?:x\s*({_NUMBER
 # RenderSettings' names of what the API calls otherwise; what it says of others is of the member of the same name.
 _MEMBERS = (
     ("unknown-aov", "settings.aovs"),  # first: its message names things that others are called by
+    ("denoised picture", "settings.stop_at"),
     ("resolution", "settings.resolution"),
     ("pixels", "settings.resolution"),
     ("samples per pixel", "settings.stop.max_samples"),
@@ -161,6 +162,9 @@ def check_parallel(request: JobRequest) -> None:
     if request.parallel is not None and request.settings.adaptive:
         why = "a frame that is rendered in several places has the same samples in each pixel; leave out adaptive, or parallel"
         raise Problem("parallel-adaptive", f"parallel: {why}.", member="parallel")
+    if request.parallel is not None and (request.settings.denoise or request.settings.stop_at == "denoised"):
+        why = "a denoised picture needs its whole frame in one place; leave out denoise, or parallel"
+        raise Problem("parallel-denoise", f"parallel: {why}.", member="parallel")
 
 
 def check_stop(stop: StopRules, limits: Limits, member: str) -> None:
@@ -186,6 +190,8 @@ def render_settings(settings: Settings) -> RenderSettings:
         error_metric=Metric(stop.metric),
         time_limit_s=stop.max_seconds,
         adaptive=settings.adaptive,
+        denoise=settings.denoise,
+        stop_at=StopAt(settings.stop_at),
         max_depth=settings.max_depth,
         filter=Filter(settings.filter),
         filter_width=settings.filter_width,
@@ -245,7 +251,10 @@ def changes_of(patch: JobPatch, limits: Limits) -> Json:
 
 # Members since version 0.2.0: left at their defaults, they are no part of a request whose key may come again.
 NEW_MEMBERS = ("name", "parallel")
-NEW_SETTINGS = ("auto_camera", "default_wrap", "motion_blur", "shutter", "motion_error", *DIFFUSION, "eye", "lens_flaws")
+NEW_SETTINGS = (
+    *("auto_camera", "default_wrap", "motion_blur", "shutter", "motion_error", *DIFFUSION, "eye", "lens_flaws"),
+    *("denoise", "stop_at"),
+)
 
 
 def fingerprint(request: JobRequest) -> str:

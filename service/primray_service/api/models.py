@@ -67,6 +67,12 @@ class Settings(Sent):
     default_wrap: Literal["black", "clamp", "repeat", "mirror"] = Field(
         "black", description="Outside of textures whose wrap neither the stage nor the file names."
     )
+    denoise: bool = Field(
+        False, description="A denoised picture beside the record, with its error; previews of outputs show it."
+    )
+    stop_at: Literal["picture", "denoised"] = Field(
+        "picture", description="Whose error stop.target_error is of; a denoised picture's is measured as relmse or rmse."
+    )
     purposes: list[Literal["default", "render", "proxy", "guide"]] | None = Field(None, min_length=1, max_length=4)
     strict: bool = Field(False, description="Refuse a scene with warnings.")
     dicing_rate: float | None = Field(None, gt=0, le=1e6)

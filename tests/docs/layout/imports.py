@@ -44,6 +44,7 @@ ORDER = (
     "sampling",
     "images",
     "diffusing",
+    "denoising",
     "report",
     "checkpoints",
     "parts",

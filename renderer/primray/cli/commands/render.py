@@ -13,7 +13,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from ...errors import PrimrayError, SettingsError
 from ...render.frame_names import FrameName, check_names, default_name, frame_name, name_of_frame
-from ...settings import DEFAULT_DICING_RATE, DEFAULT_MOTION_ERROR, AutoCamera, DefaultWrap, Filter, Metric, RenderSettings
+from ...settings import (
+    DEFAULT_DICING_RATE,
+    DEFAULT_MOTION_ERROR,
+    AutoCamera,
+    DefaultWrap,
+    Filter,
+    Metric,
+    RenderSettings,
+    StopAt,
+)
 from .. import option_values
 from ..on_ray import ray_executor, require_parts
 from ..pictures import Looks, check_outputs, save, write
@@ -54,6 +63,8 @@ def render(
     target_error: render_flags.TargetError = None,
     error_metric: render_flags.ErrorMetric = Metric.RELMSE,
     time_limit: render_flags.TimeLimit = None,
+    denoise: render_flags.Denoise = False,
+    stop_at: render_flags.StopAtWhich = StopAt.PICTURE,
     sample_range: output_flags.SampleRange = None,
     checkpoint: output_flags.Checkpoint = None,
     checkpoint_every: output_flags.CheckpointEvery = None,
@@ -120,6 +131,8 @@ def render(
         target_error=target_error,
         error_metric=error_metric,
         time_limit_s=time_limit,
+        denoise=denoise,
+        stop_at=stop_at,
         adaptive=adaptive,
         sample_range=option_values.sample_range_of(sample_range),
         max_depth=max_depth,
