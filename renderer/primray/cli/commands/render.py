@@ -13,7 +13,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from ...errors import PrimrayError, SettingsError
 from ...render.frame_names import FrameName, check_names, default_name, frame_name, name_of_frame
-from ...settings import DEFAULT_DICING_RATE, DEFAULT_MOTION_ERROR, AutoCamera, DefaultWrap, Filter, Metric, RenderSettings
+from ...settings import (
+    DEFAULT_DICING_RATE,
+    DEFAULT_MOTION_ERROR,
+    AutoCamera,
+    DefaultWrap,
+    Filter,
+    Metric,
+    RenderContext,
+    RenderSettings,
+)
 from .. import option_values
 from ..on_ray import ray_executor, require_parts
 from ..pictures import Looks, check_outputs, save, write
@@ -91,6 +100,7 @@ def render(
     json: output_flags.Json = False,
     no_default_light: stage_flags.NoDefaultLight = False,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
+    render_context: stage_flags.MaterialContext = RenderContext.MTLX,
     purposes: stage_flags.Purposes = None,
     variants: stage_flags.Variants = None,
     no_payloads: stage_flags.NoPayloads = False,
@@ -126,6 +136,7 @@ def render(
         seed=seed,
         default_light=not no_default_light,
         default_wrap=default_wrap,
+        render_context=render_context,
         rendering_color_space=rendering_color_space,
         purposes=option_values.purposes_of(purposes),
         variants=tuple(variants or ()),
