@@ -77,6 +77,8 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "no_motion_blur": (FLAG, ("--no-motion-blur", "--disable-motionblur")),
     "shutter": (SPAN, ("--shutter",)),
     "motion_error": (_number, ("--motion-error",)),
+    "bit_depth": (_whole, ("--bit-depth",)),
+    "half": (LIST, ("--half",)),
     "stereo": (FLAG, ("--stereo",)),
     "diffusion": (_number, ("--diffusion",)),
     "diffusion_glare": (_number, ("--diffusion-glare",)),

@@ -107,7 +107,8 @@ def _prepare(
         diagnostics.raise_if_strict()
     left_out = {} if scene.bounds is not None else usd.left_out(stage, settings)
     camera, frame, lights = description.camera, description.frame, len(description.lights)
-    return Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, motion, left_out)
+    name = usd.stage_name(stage)
+    return Prepared(scene, settings, counted, camera, frame, digests, description.aovs, lights, motion, left_out, name)
 
 
 def check_memory(

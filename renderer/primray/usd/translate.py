@@ -65,6 +65,7 @@ from .walking.walk import walk
 # (adapters.point_instancer); cameras and render settings are not found by place, but chosen (view.py).
 SHAPES: dict[str, ShapeAdapter] = {
     "Mesh": mesh,
+    "TetMesh": mesh,
     "Sphere": sphere,
     "Cube": tessellated,
     "Cone": tessellated,

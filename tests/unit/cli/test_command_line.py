@@ -156,7 +156,7 @@ def test_diagnostics_are_grouped_on_stderr(pipeline: FakePipeline, capsys: pytes
         (["--frames", "1:2", "-o", "a.exr"], "frames", 2),
         (["--max-memory", "lots"], "max-memory", 2),
         (["--view", "Filmic"], "unknown-view", 2),
-        (["-o", "a.tiff"], "unknown-extension", 2),
+        (["-o", "a.gif"], "unknown-extension", 2),
         (["-o", "no/such/a.exr"], "output-folder", 2),
         (["--report", "no/such/r.json"], "output-folder", 2),
         (["--res", "99999", "99999"], "limit", 4),
