@@ -11,7 +11,7 @@ from typing import Any
 
 from primray.errors import LimitError, SettingsError
 from primray.render.frame_numbers import parse_frames
-from primray.settings import DIFFUSION, AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderSettings, StopAt
+from primray.settings import DIFFUSION, AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, RenderSettings, StopAt
 
 from . import ids
 from .api.models import JobPatch, JobRequest, Settings, StopRules
@@ -149,6 +149,7 @@ def check_settings(settings: Settings, limits: Limits) -> None:
         if width * height > limits.image_pixels:
             raise over_limit(member, f"{limits.image_pixels} pixels are allowed", limits.image_pixels)
     check_stop(settings.stop, limits, "settings.stop")
+    check_denoising(settings)
     try:
         render_settings(settings)
     except LimitError as error:
@@ -165,6 +166,11 @@ def check_parallel(request: JobRequest) -> None:
     if request.parallel is not None and (request.settings.denoise or request.settings.stop_at == "denoised"):
         why = "a denoised picture needs its whole frame in one place; leave out denoise, or parallel"
         raise Problem("parallel-denoise", f"parallel: {why}.", member="parallel")
+
+
+def check_denoising(settings: Settings) -> None:
+    if settings.stop_at == "denoised" and settings.stop.target_error is None:
+        raise invalid("settings.stop_at", "a frame stops at an error of its denoised picture: name it by stop.target_error")
 
 
 def check_stop(stop: StopRules, limits: Limits, member: str) -> None:
@@ -198,6 +204,7 @@ def render_settings(settings: Settings) -> RenderSettings:
         seed=settings.seed,
         default_light=settings.default_light,
         default_wrap=DefaultWrap(settings.default_wrap),
+        render_context=RenderContext(settings.render_context),
         motion_blur=settings.motion_blur,
         shutter=settings.shutter,
         lens_flaws=tuple(settings.lens_flaws),
@@ -252,8 +259,17 @@ def changes_of(patch: JobPatch, limits: Limits) -> Json:
 # Members since version 0.2.0: left at their defaults, they are no part of a request whose key may come again.
 NEW_MEMBERS = ("name", "parallel")
 NEW_SETTINGS = (
-    *("auto_camera", "default_wrap", "motion_blur", "shutter", "motion_error", *DIFFUSION, "eye", "lens_flaws"),
-    *("denoise", "stop_at"),
+    "auto_camera",
+    "default_wrap",
+    "render_context",
+    "motion_blur",
+    "shutter",
+    "motion_error",
+    *DIFFUSION,
+    "eye",
+    "lens_flaws",
+    "denoise",
+    "stop_at",
 )
 
 

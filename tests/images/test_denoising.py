@@ -147,13 +147,14 @@ def test_the_command_line_tells_both(
     assert json.loads(Path("r.json").read_text())["settings"]["stop_at"] == "denoised"
 
 
+@needs_package
 @pytest.mark.parametrize(
     ("values", "why"),
     [
-        ({"stop_at": "denoised"}, "name it by target_error"),
+        ({"stop_at": "denoised", "spp": 2}, "name it by target_error"),
         ({"stop_at": "denoised", "target_error": 0.1, "error_metric": "display"}, "not on a display"),
     ],
 )
 def test_settings_that_make_no_sense(values: dict[str, Any], why: str) -> None:
     with pytest.raises(SettingsError, match=why):
-        primray.RenderSettings(**values)
+        _render(**values)

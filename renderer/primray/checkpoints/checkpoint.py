@@ -47,6 +47,7 @@ OF_SCENE = (
     "time_code",
     "default_light",
     "default_wrap",
+    "render_context",
     "motion_blur",
     "shutter",
     "motion_error",

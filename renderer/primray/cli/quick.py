@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from ..settings import AutoCamera, DefaultWrap, Filter, Metric, StopAt
+from ..settings import AutoCamera, DefaultWrap, Filter, Metric, RenderContext, StopAt
 from .option_values import ColorCorrection, Complexity
 
 FLAG, SWITCH = "flag", "switch"  # True; True by the first name, False by the second
@@ -93,6 +93,7 @@ TABLE: dict[str, tuple[Kind, tuple[str, ...]]] = {
     "json": (FLAG, ("--json",)),
     "no_default_light": (FLAG, ("--no-default-light", "--disableCameraLight")),
     "default_wrap": (DefaultWrap, ("--default-wrap",)),
+    "render_context": (RenderContext, ("--render-context",)),
     "purposes": (str, ("--purposes", "--purpose")),
     "variants": (LIST, ("--variant", "--variants")),
     "no_payloads": (FLAG, ("--no-payloads",)),

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from ..errors import SettingsError
 from ..settings import RenderSettings, StopAt
+from .denoiser import check_denoiser
 
 if TYPE_CHECKING:
     from ..core import CoreScene
@@ -13,6 +15,16 @@ if TYPE_CHECKING:
 
 # The interval's upper end may be so many times the target: else the estimate is chance.
 MOST_DOUBT = 2.0
+
+
+def check_denoising(settings: RenderSettings) -> None:
+    """SettingsError for what cannot be denoised. Ask before rendering."""
+    if not settings.denoises:
+        return
+    check_denoiser()
+    if settings.stop_at is StopAt.DENOISED and settings.target_error is None:
+        sentence = "a render stops at an error of the denoised picture: name it by target_error"
+        raise SettingsError(sentence, where="stop_at", code="denoised-target")
 
 
 class DenoisedTarget:
@@ -40,8 +52,8 @@ class DenoisedTarget:
 
 
 def denoised_target(scene: CoreScene, settings: RenderSettings) -> DenoisedTarget | None:
-    """None where the target is the picture's own error's."""
-    if settings.stop_at is not StopAt.DENOISED:
+    """None where the target is the picture's own error's, or there is none."""
+    if settings.stop_at is not StopAt.DENOISED or settings.target_error is None:
         return None
     from .denoised import Denoising
 

@@ -163,7 +163,7 @@ def render_opened(
     steps: Steps | None = None,
 ) -> Image:
     """One picture of a stage; `steps` as for `prepare`."""
-    from ..denoising.target import denoised_target
+    from ..denoising.target import check_denoising, denoised_target
     from ..diagnostics import Diagnostics
     from ..sampling import pauses
     from ..sampling.sampling import Sampling
@@ -171,10 +171,7 @@ def render_opened(
     diagnostics = Diagnostics()
     if checkpointing is not None:
         checkpointing.check()
-    if settings.denoises:
-        from ..denoising.denoiser import check_denoiser
-
-        check_denoiser()
+    check_denoising(settings)
     fingerprinted = checkpointing is not None
     prepared = prepare(opened.stage, opened.diagnostics, settings, costs, diagnostics, fingerprinted=fingerprinted, steps=steps)
     tell(diagnostics)  # before hours of sampling

@@ -92,6 +92,7 @@ def settings_as_json(settings: RenderSettings) -> dict[str, Any]:
     values["stop_at"] = settings.stop_at.value
     values["error_metric"] = settings.error_metric.value
     values["default_wrap"] = settings.default_wrap.value
+    values["render_context"] = settings.render_context.value
     values["eye"] = settings.eye.value if settings.eye is not None else None
     values = {name: value for name, value in values.items() if value is not None or name not in SELDOM}
     values["sample_range"] = list(settings.sample_range) if settings.sample_range else None

@@ -105,7 +105,7 @@ class Sampling:
     def judge(self) -> Stop | None:
         """Where a pass has ended: measure what is due there, and say whether that is the end."""
         self._measure_at_boundary()
-        if self.judge_by is not None and self.done > 0 and self._is_met(self.judge_by):
+        if self.judge_by is not None and self.schedule.is_judged(self.done) and self._is_met(self.judge_by):
             return Stop("target-error", True)
         return self.schedule.stop(self.done, self._row_here(), self.seconds)
 

@@ -102,6 +102,10 @@ class Schedule:
             return Measurement.DUE
         return Measurement.AT_END if done >= self.settings.most_samples else None
 
+    def is_judged(self, done: int) -> bool:
+        """Whether a `Judge` is asked here: where any render of these samples would ask it."""
+        return done >= FIRST_LOOK and (done == _next_look(done - 1) or done >= self.settings.most_samples)
+
     def next_goal(self, done: int, expected: int | None, seconds: float) -> int:
         """The next pass's end, in samples a pixel: where a measurement is due, or before it where time is short."""
         most = self.settings.most_samples

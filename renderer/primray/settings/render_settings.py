@@ -12,7 +12,7 @@ from ..camera_choice import Matrix
 from ..composition import Composition
 from ..errors import SettingsError
 from ..lens.diffusion import fault_of
-from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric, StopAt
+from .choices import AutoCamera, DefaultWrap, Eye, Filter, Metric, RenderContext, StopAt
 from .limits import (
     DEFAULT_DICING_RATE,
     DEFAULT_MOTION_ERROR,
@@ -80,6 +80,7 @@ class RenderSettings:
     seed: int = 0
     default_light: bool = True
     default_wrap: DefaultWrap = DefaultWrap.BLACK
+    render_context: RenderContext = RenderContext.MTLX  # of a material's outputs, which is taken first
     rendering_color_space: str | None = None  # a linear RGB space; None: RenderSettings' renderingColorSpace, else Rec.709
     purposes: tuple[str, ...] | None = None  # None: RenderSettings' includedPurposes, else default and render
     aovs: tuple[str, ...] | None = None  # outputs beside the picture (aov_names.AOVS); None: what the stage's product orders
@@ -215,9 +216,6 @@ class RenderSettings:
         usable = seconds is None or (math.isfinite(seconds) and seconds > 0)
         require(usable, f"the time limit must be above 0 seconds, not {seconds}", "time_limit_s")
         if self.stop_at is StopAt.DENOISED:
-            require(
-                target is not None, "a render stops at an error of the denoised picture: name it by target_error", "stop_at"
-            )
             known = self.error_metric is not Metric.DISPLAY
             require(known, "the error of a denoised picture is known as relmse and rmse, not on a display", "stop_at")
         if self.sample_range is not None:

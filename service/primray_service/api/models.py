@@ -73,6 +73,9 @@ class Settings(Sent):
     stop_at: Literal["picture", "denoised"] = Field(
         "picture", description="Whose error stop.target_error is of; a denoised picture's is measured as relmse or rmse."
     )
+    render_context: Literal["mtlx", "universal"] = Field(
+        "mtlx", description="Of a material that has both, the surface output that counts."
+    )
     purposes: list[Literal["default", "render", "proxy", "guide"]] | None = Field(None, min_length=1, max_length=4)
     strict: bool = Field(False, description="Refuse a scene with warnings.")
     dicing_rate: float | None = Field(None, gt=0, le=1e6)

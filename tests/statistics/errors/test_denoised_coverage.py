@@ -20,7 +20,7 @@ from primray.denoising import denoiser
 from primray.denoising.denoised import Denoising
 
 RESULTS = Path(__file__).resolve().parents[2] / "bench" / "results" / "denoised-coverage.json"
-REFERENCE_SPP, QUICK_REFERENCE_SPP = 1 << 15, 1 << 11
+REFERENCE_SPP, QUICK_REFERENCE_SPP = 1 << 13, 1 << 11
 SAMPLES = (4, 16, 64, 256)
 ROUGH = ("sphere",)  # whose few pixels about a bright rim hold all of the relative error
 
@@ -65,7 +65,7 @@ def test_a_few_renders(name: str) -> None:
 
 @pytest.mark.long
 def test_many_renders() -> None:
-    cells = {name: [study(case(name, REFERENCE_SPP), spp, 50) for spp in SAMPLES] for name in STAGES}
+    cells = {name: [study(case(name, REFERENCE_SPP), spp, 40) for spp in SAMPLES] for name in STAGES}
     usual = [cell for name, row in cells.items() if name not in ROUGH for cell in row]
     assert np.mean([cell["coverage"] for cell in usual]) >= 0.88, cells
     assert all(abs(cell["ratio"] - 1) < 0.25 + cell["two_standard_errors"] for cell in usual), cells
@@ -74,7 +74,7 @@ def test_many_renders() -> None:
 def main() -> None:
     cells = {}
     for name in sys.argv[1:] or STAGES:
-        cells[name] = [study(case(name, REFERENCE_SPP), spp, 100) for spp in SAMPLES]
+        cells[name] = [study(case(name, REFERENCE_SPP), spp, 40) for spp in SAMPLES]
         for cell in cells[name]:
             print(name, json.dumps(cell), flush=True)
     every = [(name, cell["coverage"]) for name, row in cells.items() for cell in row]

@@ -20,6 +20,7 @@ from ...settings import (
     DefaultWrap,
     Filter,
     Metric,
+    RenderContext,
     RenderSettings,
     StopAt,
 )
@@ -105,6 +106,7 @@ def render(
     json: output_flags.Json = False,
     no_default_light: stage_flags.NoDefaultLight = False,
     default_wrap: stage_flags.WrapByDefault = DefaultWrap.BLACK,
+    render_context: stage_flags.MaterialContext = RenderContext.MTLX,
     purposes: stage_flags.Purposes = None,
     variants: stage_flags.Variants = None,
     no_payloads: stage_flags.NoPayloads = False,
@@ -142,6 +144,7 @@ def render(
         seed=seed,
         default_light=not no_default_light,
         default_wrap=default_wrap,
+        render_context=render_context,
         rendering_color_space=rendering_color_space,
         purposes=option_values.purposes_of(purposes),
         variants=tuple(variants or ()),
