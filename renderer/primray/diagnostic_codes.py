@@ -99,7 +99,7 @@ CODES: dict[str, Code] = {
         "Curves whose vertices do not fit their type, basis or order are missing; the others of the prim are drawn.",
         "Correct what the message names; `curveVertexCounts` of cubic curves follow from basis and wrap."),
     "curve-widths": Code(Severity.WARNING, Kind.DEFAULTED,
-        "Curves without widths, or with widths that do not fit them or are negative: drawn in the width that the message gives.",
+        "Curves without widths, or with ones that do not fit them or are negative: drawn as wide as the message says.",
         "Author `widths`, in object space, and their interpolation."),
     "curve-lights": Code(Severity.INFO, Kind.NOTE,
         "Curves that emit light are not sampled as lights: rays find them by chance (noise).",

@@ -6,13 +6,16 @@ Neighbouring quads share their vertices, so a strip has no cracks, whatever the 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ..arrays import Doubles, Floats, Ints
+from ..arrays import Doubles, Floats
 from ..description import Interpolation, Mesh, PointMotion, Primvar, Ribbons, SceneDescription
 from .footprint import Footprint, footprints
+
+Ints = npt.NDArray[np.integer[Any]]
 
 MAX_QUADS = 1024  # of a segment
 STRAIGHT = 1e-5  # how far a segment is off its chord, in parts of its size, and counts as straight

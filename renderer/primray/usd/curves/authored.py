@@ -7,12 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...arrays import Floats, Ints
+from ...arrays import Floats
 from ..paths.points import PointPath, point_path
 from ..resolving.context import Context
 from ..resolving.read import array, read
 from ..resolving.resolve import ResolvedPrim
 from ..shapes.topology import LARGEST
+from .curve_set import Ints
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...arrays import Doubles, Ints
+from ...arrays import Doubles
 from ..shapes.primvars import Sizes
-from .curve_set import EVENLY, CurveSet, ends_of, run_lengths
+from .curve_set import EVENLY, CurveSet, Ints, ends_of, run_lengths
 
 Mask = npt.NDArray[np.bool_]
 

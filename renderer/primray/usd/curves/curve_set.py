@@ -7,11 +7,15 @@ are left out, so arrays of what is drawn may be shorter than those of what is au
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from ...arrays import Doubles, Floats, Ints
+from ...arrays import Doubles, Floats
 from ..shapes.primvars import Sizes
+
+Ints = npt.NDArray[np.integer[Any]]
 
 # Control points of a segment whose value goes evenly from its first end to its last.
 EVENLY = np.array([[1.0, 0.0], [2 / 3, 1 / 3], [1 / 3, 2 / 3], [0.0, 1.0]])

@@ -20,8 +20,8 @@ from ..shapes.surface_primvars import read_primvars
 from .curve_set import CurveSet
 
 STORMS_WIDTH = 1.0  # where none is authored
-# Nobody means tubes of a unit by lines without widths, tool paths or guides: they are so thin that, where all of a prim's curves
-# fill a picture, they cover a pixel or two.
+# Nobody means tubes of a unit by lines without widths, tool paths or guides: they are so thin that, where all of a prim's
+# curves fill a picture, they cover a pixel or two.
 THIN = 1 / 500
 DISPLAY_COLOR = "displayColor"
 
@@ -58,7 +58,7 @@ def radii_of(widths: Primvar, curves: CurveSet) -> Floats | None:
     if at is None:
         return None
     halves = np.nan_to_num(at[:, 0] * np.float32(0.5), nan=0.0, posinf=0.0, neginf=0.0)
-    return np.maximum(halves, np.float32(0))
+    return np.asarray(np.maximum(halves, np.float32(0)))
 
 
 def fitting(primvar: Primvar, curves: CurveSet) -> Primvar | None:
@@ -149,4 +149,3 @@ def _on_curves(name: str, primvar: Primvar, curves: CurveSet) -> SeamPrimvar:
     if kind == "vertex":
         return SeamPrimvar(name, Interpolation.POINT, curves.controls(values))
     return SeamPrimvar(name, Interpolation.CORNER, values[curves.ends])
-

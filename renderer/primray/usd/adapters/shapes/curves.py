@@ -32,7 +32,7 @@ def basis_curves_of(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     authored = read_curves(prim, ctx)
     if authored is None:
         return None
-    kind, basis, wrap = (_allowed(prim, *each, ctx) for each in _TOKENS)
+    kind, basis, wrap = (_allowed(prim, name, default, allowed, ctx) for name, default, allowed in _TOKENS)
     curves = basis_curves(authored.counts, len(authored.points), authored.good, kind, basis, wrap)
     why = f"their vertices do not fit {kind} curves of the basis {basis}, {wrap}, or are not finite"
     note_left_out(len(authored.counts), len(curves.drawn), why, prim, ctx)
