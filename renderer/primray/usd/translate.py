@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -21,6 +18,7 @@ from ..description import (
     SceneDescription,
 )
 from ..diagnostics import Diagnostics
+from ..garbage import without_collection
 from ..settings import RenderSettings
 from .adapters.cameras.shutter import Shutter
 from .adapters.lights.light import light
@@ -68,6 +66,7 @@ from .walking.walk import walk
 # (adapters.point_instancer); cameras and render settings are not found by place, but chosen (view.py).
 SHAPES: dict[str, ShapeAdapter] = {
     "Mesh": mesh,
+    "TetMesh": mesh,
     "Sphere": sphere,
     "Cube": tessellated,
     "Cone": tessellated,
@@ -94,18 +93,6 @@ def translate(stage: Usd.Stage, settings: RenderSettings) -> tuple[SceneDescript
     with usd_messages(diagnostics), without_collection():
         description = _translate(stage, settings, diagnostics, names)
     return description, with_names(diagnostics, names)
-
-
-@contextmanager
-def without_collection() -> Iterator[None]:
-    """Without Python's search for cyclic garbage, which goes over all that was made again and again: a tenth of the time."""
-    was_on = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_on:
-            gc.enable()
 
 
 def with_names(diagnostics: Diagnostics, names: dict[str, str]) -> Diagnostics:

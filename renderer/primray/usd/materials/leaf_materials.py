@@ -16,6 +16,7 @@ from ..resolving.context import Context
 from ..resolving.prim_kinds import PrimKind
 from ..resolving.resolve import Binding, ResolvedPrim, as_bound, bind_materials, inner_or_outer
 
+HAVE_SUBSETS = frozenset({"Mesh", "TetMesh"})  # prim types
 MAX_EXPRESSED = 1024  # instances that a collection's expression may make prototypes of their own
 
 
@@ -67,7 +68,7 @@ def bind_leaves(shapes: list[ResolvedPrim], by_collection: bool, ctx: Context) -
         if key and key not in asked:
             asked[key] = len(prims)
             prims.append(as_bound(leaf.prim, leaf.inherited))
-        if leaf.type_name == "Mesh" and (place := _place(leaf)) not in subsets:
+        if leaf.type_name in HAVE_SUBSETS and (place := _place(leaf)) not in subsets:
             subsets[place] = subsets_of(as_bound(leaf.prim, leaf.inherited), ctx)
     for place, owned in subsets.items():
         for subset in owned:
@@ -78,7 +79,7 @@ def bind_leaves(shapes: list[ResolvedPrim], by_collection: bool, ctx: Context) -
         outer = leaf.inherited.outer
         key = key_of(leaf)
         leaf.material = _material(bindings[asked[key]] if key else None, outer)
-        if leaf.type_name == "Mesh" and (owned := subsets[place := _place(leaf)]):
+        if leaf.type_name in HAVE_SUBSETS and (owned := subsets[place := _place(leaf)]):
             leaf.subsets = tuple(replace(s, material=_material(bindings[asked[place, s.path]], outer)) for s in owned)
 
 

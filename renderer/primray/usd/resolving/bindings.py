@@ -13,16 +13,18 @@ from .context import Context
 
 BINDING = "material:binding"
 NO_MATERIAL = "which is no Material"
+FACE, TETRAHEDRON = "face", "tetrahedron"
 
 
 @dataclass(frozen=True)
 class Subset:
-    """A GeomSubset of faces; a later one in its mesh's list is stronger."""
+    """A GeomSubset of faces, or of tetrahedra; a later one in its mesh's list is stronger."""
 
     path: str
     prim: Usd.Prim
     family: str = ""
     material: Usd.Prim | None = None
+    element: str = FACE
 
 
 @dataclass
@@ -116,9 +118,9 @@ def subsets_of(mesh: Usd.Prim, ctx: Context) -> list[Subset]:
         if not is_meant and not any(name.startswith(BINDING) for name in names):
             continue
         note_bindings(child, path, binding_names(names), ctx)
-        element = default_value(child.GetAttribute("elementType"))
-        if element != "face":
+        element = str(default_value(child.GetAttribute("elementType")))
+        if element != FACE and not (element == TETRAHEDRON and type_name(mesh) == "TetMesh"):
             ctx.warn("subset-ignored", path, f"It holds elements of the type {element}, not faces.", "elementType")
             continue
-        (meant if is_meant else others).append(Subset(path, child, family))
+        (meant if is_meant else others).append(Subset(path, child, family, element=element))
     return others + meant

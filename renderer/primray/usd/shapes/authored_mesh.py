@@ -7,7 +7,7 @@ and what they have to say are in topology.py, polygons.py and subdivision.py, wh
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +40,17 @@ _SUBDIVISION = frozenset(_NAMES.split())
 _PLAIN = AuthoredSubdivision()  # what most have: one for all
 
 
+class Owned(Protocol):
+    """A surface whose faces belong to something else that has numbers: tetrahedra."""
+
+    @property
+    def points(self) -> Ints:
+        """One row each."""
+
+    def owners(self) -> Ints:
+        """(F,) the number of the one that each face belongs to; -1 for none."""
+
+
 @dataclass(frozen=True, eq=False)
 class AuthoredMesh:
     path: str
@@ -52,6 +63,8 @@ class AuthoredMesh:
     scheme: str  # subdivisionScheme
     normals: AuthoredPrimvar | None  # of polygons: limit surfaces have their own
     subdivision: AuthoredSubdivision | None  # None: polygons
+    face_indices: str = "faceVertexIndices"  # what `indices` are authored as
+    tets: Owned | None = None  # of a TetMesh
 
 
 def read_mesh(prim: ResolvedPrim, when: When) -> AuthoredMesh:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...arrays import Floats, Ints
 from ..resolving.context import Context
-from .authored_mesh import AuthoredMesh
+from .authored_mesh import AuthoredMesh, Owned
 from .normals import shading_normals
 from .pairs import paired
 from .primvars import Sizes, checked_vectors
@@ -24,6 +24,7 @@ class Polygons:
     normals: Values | None  # unit length; None: faceted
     sizes: Sizes  # as authored
     motion: PolygonMotion | None = None
+    tets: Owned | None = None  # of a TetMesh
 
 
 def make_polygons(mesh: AuthoredMesh, topology: Topology, ctx: Context) -> Polygons | None:
@@ -33,7 +34,8 @@ def make_polygons(mesh: AuthoredMesh, topology: Topology, ctx: Context) -> Polyg
         return None
     triangles = paired(flipped(triangles) if mesh.is_left_handed else triangles)
     sizes = topology.sizes
-    return Polygons(points, triangles, normals_of(mesh, points, triangles, sizes, ctx), sizes)
+    normals = normals_of(mesh, points, triangles, sizes, ctx)
+    return Polygons(points, triangles, normals, sizes, tets=mesh.tets)
 
 
 def normals_of(mesh: AuthoredMesh, points: Floats, triangles: Triangles, sizes: Sizes, ctx: Context) -> Values | None:
@@ -48,7 +50,7 @@ def _triangulated(mesh: AuthoredMesh, topology: Topology, ctx: Context) -> tuple
     key = b"" if fan is None else topology.points.tobytes()
     if fan is not None and key in faces.made:
         return faces.made[key], fan.triangles
-    points, usable = usable_faces(topology, mesh.path, ctx)
+    points, usable = usable_faces(topology, mesh.path, ctx, mesh.face_indices)
     if fan is not None and usable is None and fan.fits(points):
         faces.made[key] = np.frombuffer(key, points.dtype).reshape(points.shape)  # these bytes are kept anyway
         return faces.made[key], fan.triangles

@@ -91,7 +91,7 @@ def _faces(counts: Ints, indices: Ints, path: str, ctx: Context) -> Faces | None
     return Faces(counts, indices, low, high, least >= 3, len(indices) <= SHARED_CORNERS)
 
 
-def usable_faces(topology: Topology, path: str, ctx: Context) -> tuple[Floats, Flags | None]:
+def usable_faces(topology: Topology, path: str, ctx: Context, named: str = "faceVertexIndices") -> tuple[Floats, Flags | None]:
     """The points with 0 for those that are not finite, and the faces that can be rendered; None for all of them."""
     points, faces = topology.points, topology.faces
     in_range = faces.low >= 0 and faces.high < len(points)
@@ -100,7 +100,7 @@ def usable_faces(topology: Topology, path: str, ctx: Context) -> tuple[Floats, F
         return points, None
     counts, indices = faces.counts, faces.indices
     bad_corner = (indices < 0) | (indices >= len(points))
-    reasons = {} if in_range else {"faceVertexIndices": "indices out of range"}
+    reasons = {} if in_range else {named: "indices out of range"}
     if not all_finite:
         finite = np.asarray((np.abs(points) <= LARGEST).all(axis=1))
         bad_corner |= ~finite[np.clip(indices, 0, len(points) - 1)]

@@ -27,7 +27,6 @@ NOT_RENDERED = {
             *(f"trimCurve:{name}" for name in ("counts", "orders", "vertexCounts", "knots", "ranges", "points")),
         )
     ),
-    "TetMesh": ("TetMesh.tetVertexIndices", "TetMesh.surfaceFaceVertexIndices"),
 }
 CASES = [
     pytest.param(kind, row.partition(".")[2], marks=pytest.mark.conforms(row, state="not rendered"), id=row)

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ....arrays import Ints
+from ...resolving.bindings import TETRAHEDRON, Subset
 from ...resolving.context import Context
 from ...resolving.read import array, read, token
 from ...resolving.resolve import ResolvedPrim
+from ...shapes.authored_mesh import Owned
 from ..materials.surface import Appearance, appearance_of
 
 
@@ -21,14 +23,13 @@ class FaceParts:
     of_face: Ints
 
 
-def face_parts(prim: ResolvedPrim, faces: int, ctx: Context) -> FaceParts:
+def face_parts(prim: ResolvedPrim, faces: int, ctx: Context, tets: Owned | None = None) -> FaceParts:
     parts = [appearance_of(prim, prim.material, ctx)]
     of_face = np.zeros(faces, np.int32)
     families: list[str | None] = [None]  # of each part; the mesh's own is in none
     for subset in prim.subsets:
-        indices = array(read(subset.prim, "indices", ctx.when), 1, "i")
-        if indices is None or (len(indices) and (indices.min() < 0 or indices.max() >= faces)):
-            ctx.warn("subset-ignored", subset.path, f"Its indices are not faces of the mesh, which has {faces}.", "indices")
+        indices = _faces_of(subset, faces, tets, ctx)
+        if indices is None:
             continue
         held = np.array([family == subset.family for family in families])[of_face[indices]]
         if held.any():
@@ -41,6 +42,19 @@ def face_parts(prim: ResolvedPrim, faces: int, ctx: Context) -> FaceParts:
     if prim.subsets:
         _note_incomplete(prim, of_face, ctx)
     return FaceParts(parts, of_face)
+
+
+def _faces_of(subset: Subset, faces: int, tets: Owned | None, ctx: Context) -> Ints | None:
+    """The faces that it holds; None, noted, where it names others. What holds tetrahedra has their faces on the surface."""
+    indices = array(read(subset.prim, "indices", ctx.when), 1, "i")
+    by_tet = subset.element == TETRAHEDRON
+    what, count = ("tetrahedra", 0 if tets is None else len(tets.points)) if by_tet else ("faces", faces)
+    if indices is None or (len(indices) and (indices.min() < 0 or indices.max() >= count)):
+        ctx.warn("subset-ignored", subset.path, f"Its indices are not {what} of the mesh, which has {count}.", "indices")
+        return None
+    if not by_tet or tets is None:
+        return indices
+    return np.flatnonzero(np.isin(tets.owners(), indices)).astype(np.int32)
 
 
 def _note_incomplete(prim: ResolvedPrim, of_face: Ints, ctx: Context) -> None:

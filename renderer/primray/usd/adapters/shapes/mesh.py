@@ -1,4 +1,5 @@
-"""UsdGeomMesh to triangles: topology checked face by face, normals and colours brought to triangles, surfaces assigned.
+"""UsdGeomMesh, and the surface of a TetMesh, to triangles: topology checked face by face, normals and colours brought to
+triangles, surfaces assigned.
 
 `doubleSided` has no effect: both sides of every surface shade, as in other path tracers.
 """
@@ -26,6 +27,7 @@ from ..materials.surface import FALLBACK_COLOR, Appearance, appearance_of, displ
 from .cage import cage
 from .displaced import displaced_polygons
 from .face_parts import FaceParts, face_parts
+from .tet_mesh import read_tet_mesh
 
 
 class _Shared(dict[tuple[str, float], Polygons | Cage]):
@@ -43,7 +45,7 @@ def mesh(prim: ResolvedPrim, ctx: Context) -> Mesh | SubdivisionMesh | None:
     if isinstance(geometry, Cage):
         return cage(prim, geometry, ctx)
     if prim.subsets:
-        parts = face_parts(prim, geometry.sizes.faces, ctx)
+        parts = face_parts(prim, geometry.sizes.faces, ctx, geometry.tets)
         if any(displaces(parts.appearances[k]) for k in np.unique(parts.of_face[geometry.triangles.faces]).tolist()):
             return displaced_polygons(prim, geometry, parts, ctx)
         return _with_subsets(prim, geometry, parts, ctx)
@@ -75,7 +77,9 @@ def _shape(prim: ResolvedPrim, geometry: Polygons, appearance: Appearance, ctx: 
 
 def _geometry(prim: ResolvedPrim, ctx: Context) -> Polygons | Cage | None:
     """The prim is read once; the rest is made from that."""
-    authored = read_mesh(prim, ctx.when)
+    authored = read_tet_mesh(prim, ctx) if prim.type_name == "TetMesh" else read_mesh(prim, ctx.when)
+    if authored is None:
+        return None
     path = mesh_path(prim, authored, ctx)
     if path is not None:
         authored = with_points(authored, path, path.here)
