@@ -300,7 +300,10 @@ def hairs() -> Described:
     shapes += [(strands(20, k, k), translation(0.6 * (k - 1), 0, 0.3 * k)) for k in range(3)]
     shapes.append((strands(8, 0, 3), translation(0, 0, 0.8) @ scaling(1, 1.5, 0.6)))
     matrices = [translation(0.7 * k - 1, 0.1, 0.9) @ rotation([0, 1, 0], 50 * k) @ scaling(0.7, 0.7, 0.7) for k in range(4)]
-    lights = [light(LightType.RECT, translation(0, 2.5, 0) @ rotation([1, 0, 0], -90), 4.0), light(LightType.DOME, emission=0.3)]
+    lights = [
+        light(LightType.RECT, translation(0, 2.5, 0) @ rotation([1, 0, 0], -90), 4.0),
+        light(LightType.DOME, emission=0.3),
+    ]
     return describe(
         shapes, [*colored, METAL], lights, perspective(VIEW, 0.4, ASPECT), RESOLUTION,
         [Prototype("/p", (Placed(len(shapes), np.eye(4)),))], [strands(5, 1, 4)], [placement(0, matrices)],

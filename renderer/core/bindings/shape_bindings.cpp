@@ -59,8 +59,8 @@ void bind_shapes(nb::module_& m, nb::class_<SceneBuilder>& builder) {
   def_array(curves, "times", &HeldCurves::held_times, &HeldCurves::times);
   def_array(curves, "step_points", &HeldCurves::held_step_points, &HeldCurves::step_points);
   builder
-      .def("add_curves", [](SceneBuilder& b, const HeldCurves& input,
-                            InArray<double> matrix) { b.add_curves(input, affine_of(matrix)); })
+      .def("add_curves",
+           [](SceneBuilder& b, const HeldCurves& input, InArray<double> matrix) { b.add_curves(input, affine_of(matrix)); })
       .def("add_mesh",
            [](SceneBuilder& b, const HeldMesh& input, InArray<double> matrix) { b.add_mesh(input, affine_of(matrix)); })
       .def("restand_mesh", [](SceneBuilder& b, size_t row, const HeldMesh& input, InArray<double> before,

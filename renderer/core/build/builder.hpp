@@ -122,7 +122,7 @@ class SceneBuilder {
   void set_flaws(const CameraInput& camera);
 
   std::unique_ptr<Scene> scene_;
-  std::vector<std::vector<float>> later_points_;  // of the current group, by time from the second on
+  std::vector<std::vector<float>> later_points_;    // of the current group, by time from the second on
   std::vector<std::vector<float>> later_controls_;  // likewise of curves
   // Of the current group.
   dvec3 group_origin_;

@@ -81,7 +81,8 @@ void SceneBuilder::add_curves(const CurvesInput& input, const daffine& group_fro
   Group& group = s.groups.back();
   CurveGroup& curves = group.curves;
   const size_t count = input.points.size() / 4;
-  if (table.points.size() + input.points.size() >= kMostNumbers) throw Error("too-large", "more than 536 million control points");
+  if (table.points.size() + input.points.size() >= kMostNumbers)
+    throw Error("too-large", "more than 536 million control points");
   const bool moves = !input.times.empty();
   if (!moves && curves.moving.segments > 0) throw Error("internal", "curves that stand still come after moving ones");
 

@@ -43,7 +43,8 @@ namespace primray {
 constexpr uint32_t kTriangleGeometry = 0, kCutoutGeometry = 2, kMovingGeometry = 4, kMovingCutoutGeometry = 5,
                    kCurveGeometry = 6, kCurveEndGeometry = 7, kMovingCurveGeometry = 8, kMovingCurveEndGeometry = 9,
                    kFirstPlacement = 1 << kGeometryBits;
-static_assert(kPairGeometry < kFirstPlacement && kMovingCurveEndGeometry < kFirstPlacement && CurvedKinds::kLastGeometry < kFirstPlacement);
+static_assert(kPairGeometry < kFirstPlacement && kMovingCurveEndGeometry < kFirstPlacement &&
+              CurvedKinds::kLastGeometry < kFirstPlacement);
 
 enum class Attribute : int32_t { kNone = 0, kTriangle = 1, kVertex = 2, kCorner = 3 };
 

@@ -48,9 +48,10 @@ PRIMRAY_INLINE FourLanes<float, W> gather_control(const CurveTable& table, vint<
   const auto at = [&](vint<W> p) { return gather_four<W>(table.points.data(), p * vint<W>(4)); };
   if (!motion.any) return at(point);
   const FourLanes<float, W> a = at(point + select(motion.moves, motion.segment * motion.stride, vint<W>(0)));
-  const FourLanes<float, W> b =
-      at(point + select(motion.moves, (motion.segment + vint<W>(1)) * motion.stride, vint<W>(0)));
-  const auto mix = [&](vfloat<W> x, vfloat<W> y) { return select(motion.moves, x * (1.0f - motion.within) + y * motion.within, x); };
+  const FourLanes<float, W> b = at(point + select(motion.moves, (motion.segment + vint<W>(1)) * motion.stride, vint<W>(0)));
+  const auto mix = [&](vfloat<W> x, vfloat<W> y) {
+    return select(motion.moves, x * (1.0f - motion.within) + y * motion.within, x);
+  };
   return {mix(a.x, b.x), mix(a.y, b.y), mix(a.z, b.z), mix(a.w, b.w)};
 }
 
@@ -69,8 +70,7 @@ struct CurvePoint {
     using V = vvec3<W>;
     const I zero(0);
     VertexMotion<W> motion;
-    const vbool<W> moves =
-        in.is(place.is, kMovingCurveGeometry) | in.is(place.is, kMovingCurveEndGeometry);
+    const vbool<W> moves = in.is(place.is, kMovingCurveGeometry) | in.is(place.is, kMovingCurveEndGeometry);
     if (any(moves))
       motion.set(scene.motion, moves, in.base(scene, &Group::clock),
                  in.base(scene, [](const Group& g) { return g.curves.moving_points; }), h.time);

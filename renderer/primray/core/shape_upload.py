@@ -115,7 +115,7 @@ class ShapeUpload:
 
     def _in_order(self, placed: Sequence[Placed]) -> Iterable[tuple[int, Placed]]:
         """With their numbers, as the core wants them: first the meshes with triangles in pairs; one kind after another."""
-        kinds = {kind: order for order, kind in enumerate(CURVED) if kind in self._kinds}
+        kinds = {kind: order for order, kind in enumerate((*CURVED, Curves)) if kind in self._kinds}
         if not self._paired and len(kinds) < 2:
             return enumerate(placed)
 
@@ -160,12 +160,14 @@ class ShapeUpload:
 
     def _add_curved(self, shape: Shape, world_from_object: npt.NDArray[np.float64], light: int | None) -> None:
         kind = type(shape)
-        if kind not in CURVED:
+        if kind not in (*CURVED, Curves):
             raise ValueError(f"{shape.path} is not diced")
         if isinstance(shape.surface, int) and self._hole[shape.surface]:
             return
         self._wear(shape)
-        if not CURVED[kind](self._core, self._builder, shape, world_from_object):
+        if isinstance(shape, Curves):
+            add_curves(self._core, self._builder, shape, self._hole, world_from_object)
+        elif not CURVED[kind](self._builder, shape, world_from_object):
             message = f"A {kind.__name__.lower()} with a singular matrix is left out"
             self._warnings.append(("singular-transform", shape.path, message))
         for name, kind_of, width, values in self._inputs.primvars(shape.primvars):
@@ -221,28 +223,28 @@ class ShapeUpload:
             self._builder.set_light_of_shape(light, world_from_object)
 
 
-def add_sphere(core: Any, builder: Any, sphere: Sphere, world_from_object: Doubles) -> bool:
+def add_sphere(builder: Any, sphere: Sphere, world_from_object: Doubles) -> bool:
     """Whether it is there, or need not be."""
     return bool(builder.add_sphere(sphere.radius, sphere.surface, world_from_object)) or sphere.radius == 0
 
 
-def add_curves(core: Any, builder: Any, curves: Curves, world_from_object: Doubles) -> bool:
+def add_curves(core: Any, builder: Any, curves: Curves, holes: Flags, world_from_object: Doubles) -> None:
+    surfaces = np.atleast_1d(np.asarray(curves.surface, np.int32))
     made = filled(
         core.CurvesInput(),
         points=np.ascontiguousarray(curves.controls, np.float32),
         segments=np.ascontiguousarray(curves.segments, np.int32),
-        surfaces=np.atleast_1d(np.asarray(curves.surface, np.int32)),
+        surfaces=np.where((surfaces >= 0) & holes[surfaces], np.int32(-1), surfaces),
         closed=curves.closed,
         joined=curves.joined,
     )
     if (motion := curves.motion) is not None:
         filled(made, times=handed_over(motion.times), step_points=np.ascontiguousarray(motion.points, np.float32))
     builder.add_curves(made, world_from_object)
-    return True
 
 
 # What hands a shape to the core that is not made of triangles, by its kind.
-CURVED: dict[type, Callable[[Any, Any, Any, Doubles], bool]] = {Sphere: add_sphere, Curves: add_curves}
+CURVED: dict[type, Callable[[Any, Any, Doubles], bool]] = {Sphere: add_sphere}
 
 
 def core_from_object(world_from_object: Doubles, center: Doubles, scale: float) -> Doubles:

@@ -148,9 +148,7 @@ class Curves:
 
     def box(self) -> tuple[Doubles, Doubles]:
         """Of the control points' balls, which holds the tubes."""
-        radii = self.controls[:, 3:]
-        low, high = (self.controls[:, :3] - radii).min(axis=0), (self.controls[:, :3] + radii).max(axis=0)
-        return low.astype(np.float64), high.astype(np.float64)
+        return _box_of_balls(self.controls)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,15 +168,19 @@ class Ribbons:
 
     def box(self) -> tuple[Doubles, Doubles]:
         """Of the control points' balls."""
-        halves = self.controls[:, 3:]
-        low, high = (self.controls[:, :3] - halves).min(axis=0), (self.controls[:, :3] + halves).max(axis=0)
-        return low.astype(np.float64), high.astype(np.float64)
+        return _box_of_balls(self.controls)
 
 
 def _used(points: Floats, indices: Ints) -> Floats:
     is_used = np.zeros(len(points), bool)
     is_used[indices] = True
     return points if is_used.all() else points[is_used]
+
+
+def _box_of_balls(balls: Floats) -> tuple[Doubles, Doubles]:
+    """Of (N, 4): centres and radii."""
+    centres, radii = balls[:, :3].astype(np.float64), balls[:, 3:]
+    return (centres - radii).min(axis=0), (centres + radii).max(axis=0)
 
 
 def _box_of(points: Floats) -> tuple[Doubles, Doubles]:

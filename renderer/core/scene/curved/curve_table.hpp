@@ -46,6 +46,11 @@ struct CurveTable {
   std::vector<int32_t> set_point;
 
   Fact<built::kCurves> any = false;
+
+  void shrink() {
+    points.shrink_to_fit(), first_point.shrink_to_fit(), run.shrink_to_fit(), ends.shrink_to_fit();
+    row.shrink_to_fit(), curve.shrink_to_fit();
+  }
 };
 
 // The first of the two values of a segment in a set that has one for every end of its segments: `point` and `curve` counted

@@ -15,7 +15,8 @@ from ..querying.guarded import element_size, metadatum
 from ..resolving.context import Context
 from ..resolving.read import When, array, as_columns, value
 from ..resolving.resolve import ResolvedPrim
-from ..shapes.primvars import Primvar, note_clamped_color, read_authored
+from ..shapes.authored_mesh import read_normals
+from ..shapes.primvars import Primvar, checked_vectors, note_clamped_color, read_authored
 from ..shapes.surface_primvars import read_primvars
 from .curve_set import CurveSet
 
@@ -116,6 +117,13 @@ def _thin(points: Floats) -> float:
 
 def _controls(curves: CurveSet) -> int:
     return 3 * int(curves.segments.sum()) + len(curves.segments)
+
+
+def control_normals(prim: ResolvedPrim, curves: CurveSet, ctx: Context) -> Floats | None:
+    """(3 S + C, 3) of curves that are ribbons; None of tubes, noted where normals do not fit."""
+    authored = read_normals(prim, ctx.when)
+    found = None if authored is None else checked_vectors(authored, curves.sizes, prim.path, ctx)
+    return None if found is None else at_controls(found, curves)
 
 
 def curve_primvars(

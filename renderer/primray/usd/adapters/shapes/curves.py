@@ -1,4 +1,4 @@
-"""UsdGeomBasisCurves to tubes: points and widths to control points, primvars along, surfaces assigned."""
+"""UsdGeomBasisCurves to tubes, or with normals to ribbons: points and widths to control points, primvars along, surfaces."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....arrays import Floats
-from ....description import Curves, PrimvarInput, Shape, Surface
+from ....description import Curves, PrimvarInput, Ribbons, Shape, Surface
 from ...curves.authored import AuthoredCurves, note_left_out, read_curves
 from ...curves.basis import BEZIER, BSPLINE, CATMULL_ROM, basis_curves
 from ...curves.curve_set import CurveSet
-from ...curves.values import DISPLAY_COLOR, curve_primvars, radii
-from ...paths.curves import moving_controls
+from ...curves.moving import moving_controls, with_normals
+from ...curves.values import DISPLAY_COLOR, control_normals, curve_primvars, radii
 from ...resolving.context import Context
 from ...resolving.read import token
 from ...resolving.resolve import ResolvedPrim
@@ -26,6 +26,7 @@ class CurveGeometry:
     authored: AuthoredCurves
     curves: CurveSet
     radii: Floats  # (3 S + C,) at the frame
+    normals: Floats | None = None  # (3 S + C, 3) of ribbons
 
 
 def basis_curves_of(prim: ResolvedPrim, ctx: Context) -> Shape | None:
@@ -38,7 +39,8 @@ def basis_curves_of(prim: ResolvedPrim, ctx: Context) -> Shape | None:
     note_left_out(len(authored.counts), len(curves.drawn), why, prim, ctx)
     if not len(curves.drawn):
         return None
-    return tubes(prim, CurveGeometry(authored, curves, radii(prim, curves, authored.points, ctx)), ctx)
+    normals = control_normals(prim, curves, ctx)
+    return drawn(prim, CurveGeometry(authored, curves, radii(prim, curves, authored.points, ctx), normals), ctx)
 
 
 _TOKENS = (
@@ -56,25 +58,23 @@ def _allowed(prim: ResolvedPrim, name: str, default: str, allowed: tuple[str, ..
     return default
 
 
-def tubes(prim: ResolvedPrim, geometry: CurveGeometry, ctx: Context) -> Curves | None:
+def drawn(prim: ResolvedPrim, geometry: CurveGeometry, ctx: Context) -> Curves | Ribbons | None:
     appearance = _colored(appearance_of(prim, prim.material, ctx))
     if is_hidden(appearance) or not geometry.radii.any():
         return None
-    surface = undisplaced(make_surface(appearance, lambda: True, prim.path, ctx), prim.path, ctx)
-    if emits(surface):
+    is_tube = geometry.normals is None
+    surface = undisplaced(make_surface(appearance, lambda: is_tube, prim.path, ctx), prim.path, ctx)
+    if is_tube and emits(surface):
         ctx.warn("curve-lights", prim.path, "Its curves emit light that rays find by chance: expect noise.")
     curves = geometry.curves
     controls = np.column_stack([curves.controls(geometry.authored.points), geometry.radii])
-    return Curves(
-        prim.path,
-        controls,
-        curves.segments.astype(np.int32),
-        ctx.surfaces.index_of(surface),
-        curves.closed,
-        curves.joined,
-        curve_primvars(prim, (surface,), curves, ctx),
-        motion=moving_controls(prim, geometry.authored, curves, controls, ctx),
-    )
+    segments, number = curves.segments.astype(np.int32), ctx.surfaces.index_of(surface)
+    primvars = curve_primvars(prim, (surface,), curves, ctx)
+    motion = moving_controls(prim, geometry.authored, curves, controls, ctx)
+    if geometry.normals is None:
+        return Curves(prim.path, controls, segments, number, curves.closed, curves.joined, primvars, motion=motion)
+    motion = None if motion is None else with_normals(motion, geometry.normals)
+    return Ribbons(prim.path, controls, geometry.normals, segments, number, primvars, motion=motion)
 
 
 def _colored(appearance: Appearance) -> Appearance:

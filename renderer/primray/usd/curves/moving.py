@@ -6,15 +6,21 @@ import numpy as np
 
 from ...arrays import Floats
 from ...description import PointMotion
-from ..curves.authored import AuthoredCurves
-from ..curves.curve_set import CurveSet
-from ..curves.values import fitting, name_of_widths, radii_of, read_widths
 from ..moving.steps import fractions
+from ..paths.changes import bends, moves
+from ..paths.meshes import finite_points
+from ..paths.point_steps import point_steps
 from ..resolving.context import Context
 from ..resolving.resolve import ResolvedPrim
-from .changes import bends, moves
-from .meshes import finite_points
-from .point_steps import point_steps
+from .authored import AuthoredCurves
+from .curve_set import CurveSet
+from .values import fitting, name_of_widths, radii_of, read_widths
+
+
+def with_normals(motion: PointMotion, normals: Floats) -> PointMotion:
+    """Of ribbons, whose normals stay as they are at the frame."""
+    steps = np.broadcast_to(normals, (len(motion.times), *normals.shape))
+    return PointMotion(motion.times, np.concatenate([motion.points, steps], axis=2))
 
 
 def moving_controls(
