@@ -9,9 +9,10 @@ from ..aov_names import AovRequest
 from ..arrays import Doubles, Floats, Ints
 from ..camera import Camera, Projection
 from .frame import Frame, PixelWindow
-from .geometry import DisplacedMesh, Interpolation, Mesh, Primvar, Shape, Sphere, SubdivisionMesh
+from .geometry import DisplacedMesh, Interpolation, Mesh, NurbsPatch, Primvar, Shape, Sphere, SubdivisionMesh
 from .lighting import IesProfile, Light, LightType, Linked, Portal, Shadow, Shaping
 from .motion import CameraMotion, Exposure, MatrixMotion, MotionSteps, PointMotion
+from .nurbs import Direction, TrimCurve
 from .open_pbr import OpenPbr
 from .patterns import NodeOutput, Operand, Pattern, PatternInput, PatternNode
 from .placement import Instances, MatrixInstances, MovingInstances, Placement, PointInstances
@@ -23,6 +24,7 @@ __all__ = [
     "AovRequest",
     "Camera",
     "CameraMotion",
+    "Direction",
     "DisplacedMesh",
     "Doubles",
     "Exposure",
@@ -42,6 +44,7 @@ __all__ = [
     "MotionSteps",
     "MovingInstances",
     "NodeOutput",
+    "NurbsPatch",
     "OpenPbr",
     "Operand",
     "Pattern",
@@ -66,5 +69,6 @@ __all__ = [
     "Surface",
     "TextureFile",
     "TextureInput",
+    "TrimCurve",
     "Wrap",
 ]

@@ -19,6 +19,7 @@ from ..description import (
     DisplacedMesh,
     Frame,
     MovingInstances,
+    NurbsPatch,
     Placed,
     Placement,
     Projection,
@@ -91,8 +92,8 @@ def _scale_and_window(camera: Camera, frame: Frame) -> tuple[float, Window]:
 
 
 def footprints(description: SceneDescription) -> dict[int, Footprint]:
-    """Of every cage, by its index in `shapes`."""
-    cages = {k: s for k, s in enumerate(description.shapes) if isinstance(s, SubdivisionMesh)}
+    """Of every cage and patch, by its index in `shapes`."""
+    cages = {k: s for k, s in enumerate(description.shapes) if isinstance(s, SubdivisionMesh | NurbsPatch)}
     if not cages:
         return {}
     exposure = description.exposure
@@ -164,7 +165,7 @@ def _nested(outer: Placement, inner: Placement, camera: Projected) -> Callable[[
     return lambda: (compose(nearest, rows) for rows in _stands(inner))
 
 
-def _footprint(cage: SubdivisionMesh, seen: Sequence[_Seen], camera: Projected) -> Footprint:
+def _footprint(cage: SubdivisionMesh | NurbsPatch, seen: Sequence[_Seen], camera: Projected) -> Footprint:
     """The placements that give a unit of the cage most pixels become views, as many for each pose of the camera."""
     center, radius = _bounding_sphere(cage)
     found, rest = [], 0.0
@@ -197,11 +198,13 @@ def _chunks(seen: Sequence[_Seen], pose: Pose) -> Iterator[Doubles]:
             yield made[np.isfinite(made).all(axis=(1, 2))]
 
 
-def _bounding_sphere(cage: SubdivisionMesh) -> tuple[Doubles, float]:
-    if len(cage.face_points) == 0:
-        return np.zeros(3), 0.0
+def _bounding_sphere(cage: SubdivisionMesh | NurbsPatch) -> tuple[Doubles, float]:
     steps = cage.points[None] if cage.motion is None else cage.motion.points
-    used = steps[:, np.unique(cage.face_points)].reshape(-1, 3).astype(np.float64)
+    if isinstance(cage, SubdivisionMesh):
+        if len(cage.face_points) == 0:
+            return np.zeros(3), 0.0
+        steps = steps[:, np.unique(cage.face_points)]
+    used = steps.reshape(-1, 3).astype(np.float64)
     low, high = used.min(axis=0), used.max(axis=0)
     reach = cage.reach if isinstance(cage, DisplacedMesh) else 0.0
     return (low + high) / 2, float(np.linalg.norm(high - low)) / 2 + reach

@@ -30,6 +30,7 @@ from .adapters.rendering.render_var import aovs_of_variables
 from .adapters.shapes.draw_mode import DRAW_MODES
 from .adapters.shapes.implicit import sphere, tessellated
 from .adapters.shapes.mesh import mesh
+from .adapters.shapes.nurbs_patch import nurbs_patch
 from .adapters.shapes.point_instancer import point_instances
 from .adapters.shapes.points import POINT, point_sphere
 from .assembling.bounds import scene_bounds
@@ -68,6 +69,7 @@ from .walking.walk import walk
 SHAPES: dict[str, ShapeAdapter] = {
     "Mesh": mesh,
     "TetMesh": mesh,
+    "NurbsPatch": nurbs_patch,
     "Sphere": sphere,
     "Cube": tessellated,
     "Cone": tessellated,

@@ -51,9 +51,11 @@ class Sizes:
     faces: int
     points: int
     corners: int
+    varying: int | None = None  # where that is not a value a point
 
     def of(self, interpolation: str) -> int:
-        return {"constant": 1, "uniform": self.faces, "vertex": self.points, "varying": self.points}.get(
+        varying = self.points if self.varying is None else self.varying
+        return {"constant": 1, "uniform": self.faces, "vertex": self.points, "varying": varying}.get(
             interpolation, self.corners
         )
 

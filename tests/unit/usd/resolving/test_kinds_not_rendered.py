@@ -21,14 +21,6 @@ NOT_RENDERED = {
     "BasisCurves": (*CURVES, "BasisCurves.type", "BasisCurves.basis", "BasisCurves.wrap"),
     "NurbsCurves": ("NurbsCurves.order", "NurbsCurves.knots", "NurbsCurves.ranges", "NurbsCurves.pointWeights"),
     "HermiteCurves": ("HermiteCurves.tangents",),
-    "NurbsPatch": tuple(
-        f"NurbsPatch.{name}"
-        for name in (
-            *("uVertexCount", "vVertexCount", "uOrder", "vOrder", "uKnots", "vKnots", "uForm", "vForm", "uRange", "vRange"),
-            "pointWeights",
-            *(f"trimCurve:{name}" for name in ("counts", "orders", "vertexCounts", "knots", "ranges", "points")),
-        )
-    ),
 }
 CASES = [
     pytest.param(kind, row.partition(".")[2], marks=pytest.mark.conforms(row, state="not rendered"), id=row)
